@@ -1,0 +1,40 @@
+// Errors are values: what was wrong, where, and the bound it broke.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <tl/expected.hpp>
+
+namespace marble {
+
+enum class ErrorCode {
+  invalid_argument,     ///< the input breaks a documented rule; `field` and `index` say where
+  failed_precondition,  ///< the call does not fit the state of its object (an update of another shape, say)
+  resource_exhausted,   ///< a configured limit was reached
+  not_found,            ///< a file or a name does not exist
+  unavailable,          ///< the server cannot be reached or is draining; safe to retry
+  cancelled,            ///< the caller gave up before an answer was there
+  deadline_exceeded,    ///< the deadline passed before an answer was there
+  permission_denied,    ///< the caller is not allowed to do this, or did not say who it is
+  internal,             ///< a bug in Marble
+};
+
+/// Lower-case name of a code, as in logs and command-line output: "invalid_argument".
+[[nodiscard]] const char* to_string(ErrorCode code);
+
+struct Error {
+  ErrorCode code = ErrorCode::internal;
+  std::string field;        ///< path of the offending field, e.g. "A.row_indices"; empty if none
+  std::int64_t index = -1;  ///< position in that field, 0-based; -1 if the field as a whole is meant
+  std::string value;        ///< the offending value as text, e.g. "nan"; may be empty
+  std::string bound;        ///< the rule that was broken, e.g. "must be < 12 (rows)"
+
+  /// One line for people: "A.row_indices[3] = 12: must be in [0, 12)".
+  [[nodiscard]] std::string message() const;
+};
+
+template <class T>
+using Expected = tl::expected<T, Error>;
+using tl::unexpected;
+
+}  // namespace marble

@@ -1,0 +1,47 @@
+// Solver options: one table (options.def), from which everything else follows.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "marble/error.h"
+
+namespace marble {
+
+struct Options {
+#define MARBLE_OPTION(type, name, default_value, low, high, unit, doc) type name = default_value;
+#include "marble/options.def"
+#undef MARBLE_OPTION
+};
+
+enum class OptionType { real, integer, boolean, choice };
+
+/// Description of one option, for schemas, help texts and conversions.
+struct OptionInfo {
+  std::string_view name;
+  OptionType type;
+  double default_value;  ///< booleans as 0 or 1, choices as their position in `choices`
+  double low, high;      ///< closed range
+  std::string_view unit; ///< "s" for seconds; empty for a pure number
+  std::string_view doc;
+  std::span<const std::string_view> choices;  ///< names of a choice's values; empty otherwise
+};
+
+/// All options in the order of options.def.
+[[nodiscard]] std::span<const OptionInfo> option_table();
+
+/// Sets one option from a number (booleans 0/1, choices by position); checks type and range.
+[[nodiscard]] Expected<void> set_option(Options& options, std::string_view name, double value);
+
+/// Sets one option from text, as on a command line: "1e-6", "true", "paper".
+[[nodiscard]] Expected<void> set_option_text(Options& options, std::string_view name, std::string_view text);
+
+/// Reads one option as a number. The name must exist.
+[[nodiscard]] double get_option(const Options& options, std::string_view name);
+
+/// Checks every option against its range.
+[[nodiscard]] Expected<void> validate(const Options& options);
+
+}  // namespace marble

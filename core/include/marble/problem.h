@@ -1,0 +1,113 @@
+// The problem Marble solves, as borrowed and validated views of the caller's arrays.
+//
+//   min ½ zᵀQz + gᵀz + c₀   s.t.   A z + b = 0,   C z + d ≥ 0,   0 ≤ L z + l  ⊥  R z + r ≥ 0
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "marble/error.h"
+
+namespace marble {
+
+/// Row and column numbers. 32 bits: no LCQP that fits a solver's memory needs more.
+using Index = std::int32_t;
+
+/// A sparse matrix in compressed column form; borrows its arrays.
+/// Row indices ascend strictly within a column. An absent matrix is all zeros and empty spans.
+struct SparseMatrixView {
+  Index rows = 0;
+  Index columns = 0;
+  std::span<const Index> column_pointers;  ///< columns + 1 entries, from 0 to the number of entries
+  std::span<const Index> row_indices;      ///< one per entry, in [0, rows)
+  std::span<const double> values;          ///< one per entry, finite
+
+  [[nodiscard]] Index entries() const { return static_cast<Index>(values.size()); }
+};
+
+/// How the symmetric matrix Q is given.
+enum class HessianForm {
+  full,            ///< both triangles; checked to be symmetric
+  upper_triangle,  ///< only entries with row ≤ column; the mirror image is implied
+};
+
+/// Unchecked parts of a problem. Every span must outlive the `Problem` made from it.
+/// A matrix with no rows may be left default-constructed.
+struct ProblemView {
+  SparseMatrixView Q;  ///< n × n, symmetric; may be indefinite (the answer is then local)
+  HessianForm hessian_form = HessianForm::full;
+  std::span<const double> g;  ///< n, linear cost; its size defines n
+  double c0 = 0.0;            ///< constant cost
+  SparseMatrixView A;         ///< n_e × n
+  std::span<const double> b;  ///< n_e
+  SparseMatrixView C;         ///< n_i × n
+  std::span<const double> d;  ///< n_i
+  SparseMatrixView L;         ///< n_c × n
+  std::span<const double> l;  ///< n_c
+  SparseMatrixView R;         ///< n_c × n
+  std::span<const double> r;  ///< n_c
+};
+
+/// A validated problem: shapes agree, indices are in range and sorted, numbers are finite, Q is symmetric.
+/// Still borrows the caller's arrays. Inner code re-checks nothing.
+class Problem {
+ public:
+  /// Checks everything and names the first fault: field, index, value and the bound it broke.
+  [[nodiscard]] static Expected<Problem> create(const ProblemView& view);
+
+  [[nodiscard]] const ProblemView& view() const { return view_; }
+  [[nodiscard]] Index variables() const { return static_cast<Index>(view_.g.size()); }
+  [[nodiscard]] Index equalities() const { return static_cast<Index>(view_.b.size()); }
+  [[nodiscard]] Index inequalities() const { return static_cast<Index>(view_.d.size()); }
+  [[nodiscard]] Index pairs() const { return static_cast<Index>(view_.l.size()); }
+
+ private:
+  explicit Problem(const ProblemView& view) : view_(view) {}
+  ProblemView view_;
+};
+
+/// A sparse matrix that owns its arrays.
+struct SparseMatrix {
+  Index rows = 0;
+  Index columns = 0;
+  std::vector<Index> column_pointers;
+  std::vector<Index> row_indices;
+  std::vector<double> values;
+
+  [[nodiscard]] SparseMatrixView view() const {
+    return {rows, columns, column_pointers, row_indices, values};
+  }
+};
+
+/// Entries in any order; duplicates are added up when the matrix is made.
+struct Triplets {
+  std::vector<Index> rows, columns;
+  std::vector<double> values;
+
+  void add(Index row, Index column, double value) {
+    rows.push_back(row);
+    columns.push_back(column);
+    values.push_back(value);
+  }
+};
+
+/// Sorts triplets into compressed columns. `name` is used in errors: "<name>.i", "<name>.j", "<name>.v".
+[[nodiscard]] Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entries,
+                                              const char* name);
+
+/// A problem that owns its arrays: what readers and generators produce.
+struct OwnedProblem {
+  std::string name;
+  SparseMatrix Q, A, C, L, R;
+  HessianForm hessian_form = HessianForm::full;
+  std::vector<double> g, b, d, l, r;
+  double c0 = 0.0;
+  std::vector<double> initial_z;  ///< n or empty: where a solve should start
+
+  [[nodiscard]] ProblemView view() const {
+    return {Q.view(), hessian_form, g, c0, A.view(), b, C.view(), d, L.view(), l, R.view(), r};
+  }
+};
+
+}  // namespace marble

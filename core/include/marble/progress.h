@@ -1,0 +1,39 @@
+// What a solve tells while it runs.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+namespace marble {
+
+/// Largest violations in the user's own (unscaled) units; 0 where there is no such constraint.
+struct Violations {
+  double equality = 0.0;         ///< max |A z + b|
+  double inequality = 0.0;       ///< max(0, −(C z + d))
+  double complementarity = 0.0;  ///< max over pairs of |min(s, t)| with s = L z + l, t = R z + r
+};
+
+/// One row of the iteration table.
+struct Progress {
+  std::int32_t iteration = 0;        ///< Newton steps taken so far
+  std::int32_t outer_iteration = 0;  ///< changes of κ, ρ or the multiplier estimates so far
+  double objective = 0.0;            ///< ½ zᵀQz + gᵀz + c₀ at the iterate
+  Violations violations;
+  double kkt_residual = 0.0;        ///< ∞-norm of the residual (13) of the scaled problem
+  double kappa = 0.0;               ///< relaxation parameter κ
+  double rho = 0.0;                 ///< penalty ρ
+  double step_length = 0.0;         ///< accepted step length in (0, 1]; 0 before the first step
+  double regularization = 0.0;      ///< δ of the factorization that gave the step
+  std::int32_t factorizations = 0;  ///< all factorizations so far, rejected ones included
+  double elapsed_s = 0.0;           ///< since the solve began, seconds
+  std::span<const double> z;        ///< the iterate (n, unscaled); valid only during the call
+};
+
+/// Receives progress on the solving thread; must return quickly and must not throw.
+class ProgressSink {
+ public:
+  virtual ~ProgressSink() = default;
+  virtual void report(const Progress& progress) = 0;
+};
+
+}  // namespace marble

@@ -1,0 +1,47 @@
+// The solver: set up once per sparsity pattern, solve as often as the vectors change.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <stop_token>
+
+#include "marble/error.h"
+#include "marble/options.h"
+#include "marble/problem.h"
+#include "marble/progress.h"
+#include "marble/solution.h"
+
+namespace marble {
+
+/// What may accompany one solve; all of it optional, and free of cost when unused.
+struct SolveControls {
+  ProgressSink* progress = nullptr;    ///< told after every iteration
+  std::stop_token stop;                ///< looked at in every iteration
+  std::span<const double> initial_z;   ///< n or empty: where to start (user units)
+};
+
+/// Owns a scaled copy of the problem, the symbolic factorization and all workspace.
+/// One thread at a time may use a Solver; different Solvers are independent.
+class Solver {
+ public:
+  /// Scales, analyses and allocates. Options must be valid.
+  [[nodiscard]] static Expected<Solver> create(const Problem& problem, const Options& options = {});
+
+  Solver(Solver&&) noexcept;
+  Solver& operator=(Solver&&) noexcept;
+  ~Solver();
+
+  /// Runs to an end and says which. Never throws for reasons of the data.
+  [[nodiscard]] Solution solve(const SolveControls& controls = {});
+
+ private:
+  struct State;
+  explicit Solver(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+/// Validates, sets up and solves in one call.
+[[nodiscard]] Expected<Solution> solve(const ProblemView& problem, const Options& options = {},
+                                       const SolveControls& controls = {});
+
+}  // namespace marble
