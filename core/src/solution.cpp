@@ -4,15 +4,24 @@ namespace marble {
 
 const char* to_string(Status status) {
   switch (status) {
-    case Status::solved: return "solved";
-    case Status::solved_reduced: return "solved_reduced";
-    case Status::iteration_limit: return "iteration_limit";
-    case Status::time_limit: return "time_limit";
-    case Status::cancelled: return "cancelled";
-    case Status::infeasible: return "infeasible";
-    case Status::locally_infeasible: return "locally_infeasible";
-    case Status::unbounded: return "unbounded";
-    case Status::numerical_failure: return "numerical_failure";
+    case Status::solved:
+      return "solved";
+    case Status::solved_reduced:
+      return "solved_reduced";
+    case Status::iteration_limit:
+      return "iteration_limit";
+    case Status::time_limit:
+      return "time_limit";
+    case Status::cancelled:
+      return "cancelled";
+    case Status::infeasible:
+      return "infeasible";
+    case Status::locally_infeasible:
+      return "locally_infeasible";
+    case Status::unbounded:
+      return "unbounded";
+    case Status::numerical_failure:
+      return "numerical_failure";
   }
   return "unknown";
 }

@@ -10,6 +10,12 @@
 
 namespace marble {
 
+/// How the relaxation is followed to κ → 0.
+enum class Path {
+  fast,   ///< ρ at its maximum, κ lowered superlinearly, merit on the residual: a few factorizations
+  paper,  ///< Algorithm 1 as printed: ρ raised, κ lowered by kappa_factor, filter line search
+};
+
 struct Options {
 #define MARBLE_OPTION(type, name, default_value, low, high, unit, doc) type name = default_value;
 #include "marble/options.def"
@@ -22,9 +28,9 @@ enum class OptionType { real, integer, boolean, choice };
 struct OptionInfo {
   std::string_view name;
   OptionType type;
-  double default_value;  ///< booleans as 0 or 1, choices as their position in `choices`
-  double low, high;      ///< closed range
-  std::string_view unit; ///< "s" for seconds; empty for a pure number
+  double default_value;   ///< booleans as 0 or 1, choices as their position in `choices`
+  double low, high;       ///< closed range
+  std::string_view unit;  ///< "s" for seconds; empty for a pure number
   std::string_view doc;
   std::span<const std::string_view> choices;  ///< names of a choice's values; empty otherwise
 };

@@ -11,15 +11,15 @@ namespace marble {
 
 /// Why a solve ended. Every status comes with the best iterate and its violations.
 enum class Status {
-  solved,             ///< all tolerances met
-  solved_reduced,     ///< feasible to 100 × the tolerances, but no further progress was possible
-  iteration_limit,    ///< option max_iterations reached
-  time_limit,         ///< option time_limit_s reached
-  cancelled,          ///< the stop token was triggered
-  infeasible,         ///< the relaxation without complementarity is infeasible; `certificate` proves it
-  locally_infeasible, ///< a stationary point of the violation: no feasible point near
-  unbounded,          ///< `certificate` is a feasible direction of unbounded descent
-  numerical_failure,  ///< no acceptable step within the bounded number of tries
+  solved,              ///< all tolerances met
+  solved_reduced,      ///< feasible to 100 × the tolerances, but no further progress was possible
+  iteration_limit,     ///< option max_iterations reached
+  time_limit,          ///< option time_limit_s reached
+  cancelled,           ///< the stop token was triggered
+  infeasible,          ///< the relaxation without complementarity is infeasible; `certificate` proves it
+  locally_infeasible,  ///< a stationary point of the violation: no feasible point near
+  unbounded,           ///< `certificate` is a feasible direction of unbounded descent
+  numerical_failure,   ///< no acceptable step within the bounded number of tries
 };
 
 [[nodiscard]] const char* to_string(Status status);
@@ -38,13 +38,14 @@ struct Times {
 /// All vectors in the user's units, with Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0 at a solution.
 struct Solution {
   Status status = Status::numerical_failure;
-  std::string detail;  ///< one sentence: the numbers that justify the status
-  std::vector<double> z;                                      ///< n
-  std::vector<double> equality_multipliers;                   ///< y, n_e, free sign
-  std::vector<double> inequality_multipliers;                 ///< ν ≥ 0, n_i
-  std::vector<double> complementarity_multipliers_L;          ///< ξ, n_c; sign free where s = 0 < t, 0 where s > 0
-  std::vector<double> complementarity_multipliers_R;          ///< η, n_c; sign free where t = 0 < s, 0 where t > 0
-  std::vector<double> certificate;  ///< for infeasible: (y, ν, ξ, η) stacked; for unbounded: direction (n); else empty
+  std::string detail;                                 ///< one sentence: the numbers that justify the status
+  std::vector<double> z;                              ///< n
+  std::vector<double> equality_multipliers;           ///< y, n_e, free sign
+  std::vector<double> inequality_multipliers;         ///< ν ≥ 0, n_i
+  std::vector<double> complementarity_multipliers_L;  ///< ξ, n_c; sign free where s = 0 < t, 0 where s > 0
+  std::vector<double> complementarity_multipliers_R;  ///< η, n_c; sign free where t = 0 < s, 0 where t > 0
+  std::vector<double>
+      certificate;  ///< for infeasible: (y, ν, ξ, η) stacked; for unbounded: direction (n); else empty
   double objective = 0.0;
   Violations violations;
   double kkt_residual = 0.0;  ///< max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|, unscaled

@@ -1,0 +1,43 @@
+// Dense backend: LAPACK's Cholesky factorization of H + ρAᵀA, for problems that would fill in anyway.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "kkt.h"
+
+namespace marble {
+
+class DenseKkt final : public Kkt {
+ public:
+  explicit DenseKkt(const ScaledProblem& problem);
+  /// Cost in the units of SparseKkt::flops, without building anything.
+  [[nodiscard]] static double estimated_flops(const ScaledProblem& problem);
+
+  [[nodiscard]] bool factor(const RowWeights& weights) override;
+  void solve(VectorRef x, VectorRef y) override;
+  [[nodiscard]] std::string_view name() const override { return "dense"; }
+  [[nodiscard]] double flops() const override { return flops_; }
+  [[nodiscard]] double bytes() const override;
+
+ private:
+  using Matrix = Eigen::MatrixXd;
+  // A row of `weighted_`: scale · (c · rows_[left] + s · rows_[right]).
+  struct Term {
+    Index left, right;
+    double left_factor, right_factor;
+  };
+  void add_terms(double sign);
+
+  Index variables_, equalities_, inequalities_, pairs_;
+  double rho_ = 1.0, flops_ = 0.0;
+  Matrix hessian_;   // Q, upper triangle
+  Matrix rows_;      // [A; C; L; R]
+  Matrix weighted_;  // its rows turned and scaled by √|k|
+  Matrix system_;    // H + ρAᵀA, upper triangle
+  Matrix factor_;
+  std::vector<Term> terms_;
+  Vector residual_;
+};
+
+}  // namespace marble

@@ -1,0 +1,48 @@
+#include "kkt.h"
+
+#include <algorithm>
+
+#include "dense_kkt.h"
+#include "sparse_kkt.h"
+
+namespace marble {
+namespace {
+
+constexpr Index kTiny = 12;              // below this nothing beats a dense factorization
+constexpr double kWorthAnalysing = 1e8;  // a pattern with more assembly work than this is not even built
+constexpr Index kLongRow = 16;
+
+double condensed_work(const RowMatrix& matrix) {
+  double work = 0.0;
+  for (Index row = 0; row < matrix.rows; ++row)
+    work += static_cast<double>(matrix.row_size(row)) * matrix.row_size(row);
+  return work;
+}
+
+bool has_long_rows(const RowMatrix& matrix) {
+  for (Index row = 0; row < matrix.rows; ++row) {
+    if (matrix.row_size(row) > std::max(kLongRow, matrix.columns / 8)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p) {
+  if (p.variables() <= kTiny) return std::make_unique<DenseKkt>(p);
+  std::unique_ptr<Kkt> best;
+  const auto consider = [&best](std::unique_ptr<Kkt> candidate) {
+    if (!best || candidate->flops() < best->flops()) best = std::move(candidate);
+  };
+  if (condensed_work(p.C) + condensed_work(p.L) + condensed_work(p.R) < kWorthAnalysing) {
+    consider(std::make_unique<SparseKkt>(p, KeptRows::none));
+  }
+  if (has_long_rows(p.C) || has_long_rows(p.L) || has_long_rows(p.R)) {
+    consider(std::make_unique<SparseKkt>(p, KeptRows::dense));
+  }
+  if (!best) consider(std::make_unique<SparseKkt>(p, KeptRows::all));
+  if (DenseKkt::estimated_flops(p) < best->flops()) return std::make_unique<DenseKkt>(p);
+  return best;
+}
+
+}  // namespace marble

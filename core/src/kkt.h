@@ -1,0 +1,51 @@
+// The one linear system of the solver, whatever asks for it:
+//
+//   [ H   Aᵀ   ] [x]   [f]          H = Q + δI + Σ_r k_r e_r e_rᵀ
+//   [ A  −I/ρ  ] [y] = [h]
+//
+// over the rows e_r of the inequalities and the pairs, each with its weight k_r. A pair has two rows, turned
+// by an angle: c·L_i + s·R_i with weight `first` and s·L_i − c·R_i with weight `second`. A row enters H as a
+// rank-one term or is kept as a row of its own, [e_r, −1/k_r]: the backend decides once, by the fill each way
+// causes.
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include "scaling.h"
+
+namespace marble {
+
+struct RowWeights {
+  explicit RowWeights(const ScaledProblem& problem)
+      : inequality(problem.inequalities()),
+        first(problem.pairs()),
+        second(problem.pairs()),
+        cosine(problem.pairs()),
+        sine(problem.pairs()) {}
+
+  double rho = 1.0;      ///< ρ of the equality rows, > 0
+  double delta = 0.0;    ///< δ ≥ 0
+  Vector inequality;     ///< n_i, ≥ 0
+  Vector first, second;  ///< n_c, weights along the turned rows; a negative one makes H lose convexity
+  Vector cosine, sine;   ///< n_c, of the angle; c² + s² = 1
+};
+
+/// Factorizes and solves the system above. Allocates only in its constructor.
+class Kkt {
+ public:
+  virtual ~Kkt() = default;
+  /// Assembles and factorizes in place. True if the inertia is right, which means that H + ρAᵀA is positive
+  /// definite: n positive and n_e negative pivots (plus what the kept rows' own signs ask for).
+  [[nodiscard]] virtual bool factor(const RowWeights& weights) = 0;
+  /// Solves for (x, y) in place of (f, h), with one step of iterative refinement.
+  virtual void solve(VectorRef x, VectorRef y) = 0;
+  [[nodiscard]] virtual std::string_view name() const = 0;  ///< "sparse condensed", ...
+  [[nodiscard]] virtual double flops() const = 0;           ///< estimate for one factorization with assembly
+  [[nodiscard]] virtual double bytes() const = 0;           ///< memory of the factor and its workspace
+};
+
+/// Analyses the problem's pattern and picks the cheapest backend for it.
+std::unique_ptr<Kkt> make_kkt(const ScaledProblem& problem);
+
+}  // namespace marble

@@ -1,0 +1,148 @@
+#include "line_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "retraction.h"
+
+namespace marble {
+namespace {
+
+// Constants of Wächter and Biegler (2006), section 4, but for the Armijo fraction, which is IPOPT's default.
+constexpr double kThetaFraction = 1e-5;  // γ_θ
+constexpr double kPhiFraction = 1e-8;    // γ_φ
+constexpr double kSwitchDelta = 1.0;     // δ
+constexpr double kSwitchTheta = 1.1;     // s_θ
+constexpr double kSwitchPhi = 2.3;       // s_φ
+constexpr double kArmijo = 1e-8;         // η_φ
+constexpr double kSmallestStep = 1e-8;
+constexpr std::size_t kFilterCapacity = 256;  // the oldest entry makes room: allocation stays out of the loop
+
+}  // namespace
+
+FilterLineSearch::FilterLineSearch(const ScaledProblem&) : capacity_(kFilterCapacity) {
+  filter_.reserve(capacity_);
+}
+
+void FilterLineSearch::reset() {
+  filter_.clear();
+  started_ = false;
+}
+
+FilterLineSearch::Measures FilterLineSearch::measure(const Subproblem& sub, const Images& at,
+                                                     const Images& along, const Iterate& x, const Iterate& d,
+                                                     double alpha) const {
+  const double softness = 1.0 / sub.rho;
+  Measures m{0.0, at.objective + alpha * (at.gradient.dot(d.z()) + 0.5 * alpha * along.gradient.dot(d.z()))};
+  // θ and the terms of φ that e = (λ − α)/ρ brings, for one constraint with value c(z) − h.
+  const auto add_constraint = [&](double value, double estimate, double lambda) {
+    const double e = softness * (lambda - estimate);
+    m.theta += std::abs(value - e);
+    m.phi += e * (estimate + 0.5 * sub.rho * e);
+  };
+  for (Eigen::Index i = 0; i < at.equality.size(); ++i) {
+    add_constraint(at.equality[i] + alpha * along.equality[i], sub.equality_estimate[i],
+                   x.y()[i] + alpha * d.y()[i]);
+  }
+  double log_sum = 0.0;
+  for (Eigen::Index i = 0; i < at.inequality.size(); ++i) {
+    const Retraction w(x.v()[i] + alpha * d.v()[i], sub.kappa);
+    log_sum += std::log(w.positive);
+    add_constraint(at.inequality[i] + alpha * along.inequality[i] - w.positive, sub.inequality_estimate[i],
+                   x.lambda_w()[i] + alpha * d.lambda_w()[i]);
+  }
+  m.phi -= sub.kappa * log_sum;
+  for (Eigen::Index i = 0; i < at.left.size(); ++i) {
+    const Retraction h(x.sigma()[i] + alpha * d.sigma()[i], sub.kappa);
+    add_constraint(at.left[i] + alpha * along.left[i] - h.positive, sub.left_estimate[i],
+                   x.lambda_L()[i] + alpha * d.lambda_L()[i]);
+    add_constraint(at.right[i] + alpha * along.right[i] - h.negative, sub.right_estimate[i],
+                   x.lambda_R()[i] + alpha * d.lambda_R()[i]);
+  }
+  return m;
+}
+
+double FilterLineSearch::slope(const Subproblem& sub, const Images& at, const Iterate& x, const Iterate& d) {
+  // d/dα of φ at 0; ∂φ/∂λ = (α + ρe)/ρ = λ/ρ.
+  double slope = at.gradient.dot(d.z());
+  for (Eigen::Index i = 0; i < at.inequality.size(); ++i) {
+    slope -= sub.kappa * d.v()[i] / Retraction(x.v()[i], sub.kappa).root;  // p′/p = 1/√(v² + 4κ)
+  }
+  const double from_multipliers = x.y().dot(d.y()) + x.lambda_w().dot(d.lambda_w()) +
+                                  x.lambda_L().dot(d.lambda_L()) + x.lambda_R().dot(d.lambda_R());
+  return slope + from_multipliers / sub.rho;
+}
+
+bool FilterLineSearch::acceptable(const Measures& trial) const {
+  return trial.theta <= theta_max_ &&
+         std::none_of(filter_.begin(), filter_.end(), [&](const Measures& entry) {
+           return trial.theta >= entry.theta && trial.phi >= entry.phi;
+         });
+}
+
+void FilterLineSearch::add(const Measures& current) {
+  if (filter_.size() == capacity_) filter_.erase(filter_.begin());
+  filter_.push_back({(1.0 - kThetaFraction) * current.theta, current.phi - kPhiFraction * current.theta});
+}
+
+double FilterLineSearch::search(const Subproblem& sub, const Images& at, const Images& along,
+                                const Iterate& x, const Iterate& d) {
+  const Measures current = measure(sub, at, along, x, d, 0.0);
+  if (!started_) {
+    theta_max_ = 1e4 * std::max(1.0, current.theta);
+    theta_min_ = 1e-4 * std::max(1.0, current.theta);
+    started_ = true;
+  }
+  const double descent = slope(sub, at, x, d);
+  // Differences below this are rounding: near a solution neither measure can be seen to fall.
+  const double noise = 10.0 * std::numeric_limits<double>::epsilon() * std::abs(current.phi);
+  const double theta_noise = 1e-15 * static_cast<double>(x.all.size());
+  for (double alpha = 1.0; alpha >= kSmallestStep; alpha *= 0.5) {
+    const Measures trial = measure(sub, at, along, x, d, alpha);
+    if (!std::isfinite(trial.theta) || !std::isfinite(trial.phi) || !acceptable(trial)) continue;
+    const bool switching =
+        descent < 0.0 && current.theta <= theta_min_ &&
+        alpha * std::pow(-descent, kSwitchPhi) > kSwitchDelta * std::pow(current.theta, kSwitchTheta);
+    if (switching) {
+      if (trial.phi <= current.phi + kArmijo * alpha * descent + noise) return alpha;
+      continue;
+    }
+    if (trial.theta <= (1.0 - kThetaFraction) * current.theta + theta_noise ||
+        trial.phi <= current.phi - kPhiFraction * current.theta + noise) {
+      add(current);
+      return alpha;
+    }
+  }
+  return 0.0;
+}
+
+double residual_norm(const Subproblem& sub, const Images& at, const Images& along, const Iterate& x,
+                     const Iterate& d, double alpha) {
+  const double softness = 1.0 / sub.rho;
+  double norm = (at.stationarity + alpha * along.stationarity).lpNorm<Eigen::Infinity>();
+  const auto take = [&norm](double value) { norm = std::max(norm, std::abs(value)); };
+  const auto primal = [&](double value, double estimate, double lambda) {
+    take(value + softness * (estimate - lambda));
+  };
+  for (Eigen::Index i = 0; i < at.equality.size(); ++i) {
+    primal(at.equality[i] + alpha * along.equality[i], sub.equality_estimate[i], x.y()[i] + alpha * d.y()[i]);
+  }
+  for (Eigen::Index i = 0; i < at.inequality.size(); ++i) {
+    const Retraction w(x.v()[i] + alpha * d.v()[i], sub.kappa);
+    const double lambda = x.lambda_w()[i] + alpha * d.lambda_w()[i];
+    take(lambda + w.negative);
+    primal(at.inequality[i] + alpha * along.inequality[i] - w.positive, sub.inequality_estimate[i], lambda);
+  }
+  for (Eigen::Index i = 0; i < at.left.size(); ++i) {
+    const Retraction h(x.sigma()[i] + alpha * d.sigma()[i], sub.kappa);
+    const double left = x.lambda_L()[i] + alpha * d.lambda_L()[i];
+    const double right = x.lambda_R()[i] + alpha * d.lambda_R()[i];
+    take(h.negative_slope() * right - h.slope() * left);
+    primal(at.left[i] + alpha * along.left[i] - h.positive, sub.left_estimate[i], left);
+    primal(at.right[i] + alpha * along.right[i] - h.negative, sub.right_estimate[i], right);
+  }
+  return norm;
+}
+
+}  // namespace marble

@@ -1,0 +1,78 @@
+#include "linear_algebra.h"
+
+#include <numeric>
+
+namespace marble {
+
+RowMatrix by_rows(const SparseMatrixView& matrix, Index rows, Index columns) {
+  RowMatrix result;
+  result.rows = rows;
+  result.columns = columns;
+  result.row_pointers.assign(static_cast<std::size_t>(rows) + 1, 0);
+  result.column_indices.resize(matrix.values.size());
+  result.values.resize(matrix.values.size());
+  for (const Index row : matrix.row_indices) ++result.row_pointers[row + 1];
+  std::partial_sum(result.row_pointers.begin(), result.row_pointers.end(), result.row_pointers.begin());
+  if (matrix.values.empty()) return result;
+  std::vector<Index> next(result.row_pointers.begin(), result.row_pointers.end() - 1);
+  for (Index column = 0; column < columns; ++column) {
+    for (Index k = matrix.column_pointers[column]; k < matrix.column_pointers[column + 1]; ++k) {
+      const Index slot = next[matrix.row_indices[k]]++;
+      result.column_indices[slot] = column;
+      result.values[slot] = matrix.values[k];
+    }
+  }
+  return result;
+}
+
+void multiply(const RowMatrix& matrix, ConstVectorRef x, VectorRef out) {
+  for (Index row = 0; row < matrix.rows; ++row) {
+    double sum = 0.0;
+    for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
+      sum += matrix.values[k] * x[matrix.column_indices[k]];
+    }
+    out[row] = sum;
+  }
+}
+
+void add_transposed(const RowMatrix& matrix, ConstVectorRef y, VectorRef out) {
+  for (Index row = 0; row < matrix.rows; ++row) {
+    const double scale = y[row];
+    if (scale == 0.0) continue;
+    for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
+      out[matrix.column_indices[k]] += scale * matrix.values[k];
+    }
+  }
+}
+
+SymmetricMatrix upper_triangle(const SparseMatrixView& matrix, Index size) {
+  SymmetricMatrix result;
+  result.size = size;
+  result.column_pointers.assign(static_cast<std::size_t>(size) + 1, 0);
+  if (matrix.values.empty()) return result;
+  for (Index column = 0; column < size; ++column) {
+    for (Index k = matrix.column_pointers[column]; k < matrix.column_pointers[column + 1]; ++k) {
+      if (matrix.row_indices[k] > column) break;  // rows ascend: the rest is the mirror image
+      result.row_indices.push_back(matrix.row_indices[k]);
+      result.values.push_back(matrix.values[k]);
+    }
+    result.column_pointers[column + 1] = static_cast<Index>(result.values.size());
+  }
+  return result;
+}
+
+void multiply(const SymmetricMatrix& matrix, ConstVectorRef x, VectorRef out) {
+  out.setZero();
+  for (Index column = 0; column < matrix.size; ++column) {
+    double sum = 0.0;
+    for (Index k = matrix.column_pointers[column]; k < matrix.column_pointers[column + 1]; ++k) {
+      const Index row = matrix.row_indices[k];
+      const double value = matrix.values[k];
+      sum += value * x[row];
+      if (row != column) out[row] += value * x[column];
+    }
+    out[column] += sum;
+  }
+}
+
+}  // namespace marble

@@ -1,0 +1,52 @@
+// The few sparse products the solver needs, on matrices stored by rows.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "marble/problem.h"
+
+namespace marble {
+
+using Vector = Eigen::VectorXd;
+using VectorRef = Eigen::Ref<Vector>;
+using ConstVectorRef = Eigen::Ref<const Vector>;
+
+/// A sparse matrix in compressed row form: one row is one constraint.
+struct RowMatrix {
+  Index rows = 0;
+  Index columns = 0;
+  std::vector<Index> row_pointers{0};
+  std::vector<Index> column_indices;
+  std::vector<double> values;
+
+  [[nodiscard]] Index row_size(Index row) const { return row_pointers[row + 1] - row_pointers[row]; }
+};
+
+/// Rows of a column-compressed matrix; O(entries).
+RowMatrix by_rows(const SparseMatrixView& matrix, Index rows, Index columns);
+
+/// out = M x
+void multiply(const RowMatrix& matrix, ConstVectorRef x, VectorRef out);
+/// out += Mᵀ y
+void add_transposed(const RowMatrix& matrix, ConstVectorRef y, VectorRef out);
+
+/// A symmetric matrix by its upper triangle, compressed by columns.
+struct SymmetricMatrix {
+  Index size = 0;
+  std::vector<Index> column_pointers{0};
+  std::vector<Index> row_indices;
+  std::vector<double> values;
+};
+
+/// Takes the upper triangle of Q, whichever way it is given; O(entries).
+SymmetricMatrix upper_triangle(const SparseMatrixView& matrix, Index size);
+
+/// out = M x
+void multiply(const SymmetricMatrix& matrix, ConstVectorRef x, VectorRef out);
+
+/// max |x_i|, 0 for an empty vector
+inline double max_abs(ConstVectorRef x) { return x.size() == 0 ? 0.0 : x.lpNorm<Eigen::Infinity>(); }
+
+}  // namespace marble

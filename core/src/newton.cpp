@@ -1,0 +1,96 @@
+#include "newton.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "retraction.h"
+
+namespace marble {
+
+Newton::Newton(const ScaledProblem& problem, Kkt& kkt)
+    : problem_(problem),
+      kkt_(kkt),
+      weights_(problem),
+      pivot_(problem.pairs()),
+      inequality_rhs_(problem.inequalities()),
+      left_rhs_(problem.pairs()),
+      right_rhs_(problem.pairs()) {}
+
+bool Newton::factor(const Subproblem& sub, const Iterate& x, double delta, bool clip) {
+  weights_.rho = sub.rho;
+  weights_.delta = delta;
+  for (Eigen::Index i = 0; i < weights_.inequality.size(); ++i) {
+    const Retraction w(x.v()[i], sub.kappa);
+    weights_.inequality[i] = 1.0 / (1.0 / sub.rho + w.positive / w.negative);
+  }
+  for (Eigen::Index i = 0; i < pivot_.size(); ++i) {
+    const Retraction h(x.sigma()[i], sub.kappa);
+    const double a = h.slope();
+    const double b = h.negative_slope();
+    double q = -h.curvature() * (x.lambda_L()[i] + x.lambda_R()[i]);
+    q = (clip ? std::max(q, 0.0) : q) + delta;
+    const double u = std::sqrt(a * a + b * b);
+    pivot_[i] = u * u + q / sub.rho;
+    if (pivot_[i] <= 0.0) return false;
+    weights_.first[i] = sub.rho;
+    weights_.second[i] = q / pivot_[i];
+    weights_.cosine[i] = b / u;
+    weights_.sine[i] = a / u;
+  }
+  return kkt_.factor(weights_);
+}
+
+void Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r, Iterate& d,
+                       Images& images) {
+  // W e + (a, −b)·r₃/π of one pair, for e = (e_L, e_R).
+  const auto pair_image = [&](Eigen::Index i, double e_L, double e_R, double& out_L, double& out_R) {
+    const Retraction h(x.sigma()[i], sub.kappa);
+    const double c = weights_.cosine[i];
+    const double s = weights_.sine[i];
+    const double along_first = weights_.first[i] * (c * e_L + s * e_R);
+    const double along_second = weights_.second[i] * (s * e_L - c * e_R);
+    const double from_sigma = r.sigma()[i] / pivot_[i];
+    out_L = c * along_first + s * along_second + h.slope() * from_sigma;
+    out_R = s * along_first - c * along_second - h.negative_slope() * from_sigma;
+  };
+
+  for (Eigen::Index i = 0; i < inequality_rhs_.size(); ++i) {
+    const Retraction w(x.v()[i], sub.kappa);
+    inequality_rhs_[i] = weights_.inequality[i] * (r.lambda_w()[i] - w.positive / w.negative * r.v()[i]);
+  }
+  for (Eigen::Index i = 0; i < pivot_.size(); ++i) {
+    pair_image(i, r.lambda_L()[i], r.lambda_R()[i], left_rhs_[i], right_rhs_[i]);
+  }
+  images.stationarity = r.z();  // borrowed as workspace for the right-hand side
+  add_transposed(problem_.C, inequality_rhs_, images.stationarity);
+  add_transposed(problem_.L, left_rhs_, images.stationarity);
+  add_transposed(problem_.R, right_rhs_, images.stationarity);
+  d.z() = -images.stationarity;
+  d.y() = -r.y();
+  kkt_.solve(d.z(), d.y());
+
+  images.evaluate_rows(problem_, d.z());
+  for (Eigen::Index i = 0; i < inequality_rhs_.size(); ++i) {
+    const Retraction w(x.v()[i], sub.kappa);
+    const double reach = images.inequality[i] + r.lambda_w()[i];  // C dz + r₄
+    const double dlambda = weights_.inequality[i] * (reach - w.positive / w.negative * r.v()[i]);
+    d.lambda_w()[i] = dlambda;
+    // Rows r₄ and r₂ both give dv; divide by the slope that is not small.
+    d.v()[i] =
+        x.v()[i] >= 0.0 ? (reach - dlambda / sub.rho) / w.slope() : (dlambda + r.v()[i]) / w.negative_slope();
+  }
+  for (Eigen::Index i = 0; i < pivot_.size(); ++i) {
+    const Retraction h(x.sigma()[i], sub.kappa);
+    const double e_L = images.left[i] + r.lambda_L()[i];
+    const double e_R = images.right[i] + r.lambda_R()[i];
+    double dL = 0.0;
+    double dR = 0.0;
+    pair_image(i, e_L, e_R, dL, dR);
+    d.lambda_L()[i] = dL;
+    d.lambda_R()[i] = dR;
+    d.sigma()[i] = (h.slope() * e_L - h.negative_slope() * e_R - r.sigma()[i] / sub.rho) / pivot_[i];
+  }
+  images.evaluate_duals(problem_, d);
+}
+
+}  // namespace marble

@@ -1,0 +1,188 @@
+#include "path.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "retraction.h"
+
+namespace marble {
+namespace {
+
+constexpr double kFastRegularization = 1e-9;  // δ of every factorization on the fast path
+constexpr double kEstimateUpdate = 0.1;  // a step that cuts the primal residual to this renews the estimates
+constexpr double kMeritDecrease = 1e-4;  // ‖r‖∞ must fall by this fraction of the step
+constexpr int kPatience = 50;            // steps at one κ before the path retreats to a larger one
+constexpr int kFirstPatience = 100;      // the first κ has nothing to retreat to
+constexpr double kSmallestMeritStep = 0.0625;
+
+double largest(const Violations& v) { return std::max({v.equality, v.inequality, v.complementarity}); }
+
+}  // namespace
+
+PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& options)
+    : problem_(problem),
+      options_(options),
+      newton_(problem, kkt),
+      sub_(problem),
+      schedule_(options, sub_),
+      regularization_(options.path == Path::fast ? kFastRegularization : 0.0, options.regularization_initial),
+      filter_(problem),
+      x_(problem),
+      r_(problem),
+      d_(problem),
+      best_(problem),
+      inner_solution_(problem),
+      images_(problem),
+      direction_images_(problem),
+      reported_z_(problem.variables()) {}
+
+// Algorithm 1. Line numbers are the paper's.
+Ending PathEngine::run(ConstVectorRef initial_z, Run& run) {
+  start(initial_z);  // lines 1–2
+  StallDetector stall;
+  while (true) {
+    residual(sub_, images_, x_, r_);  // line 4
+    residual_norm_ = max_abs(r_.all);
+    violations_ = violations(problem_, images_);
+    report(run);
+    if (within_tolerances(violations_, options_) && residual_norm_ <= options_.stationarity_tolerance) {
+      return {Status::solved, describe(violations_), {}};  // line 22
+    }
+    remember_best();
+    if (const auto reason = run.interrupted()) {
+      if (has_best_) x_ = best_;
+      return {*reason, "stopped early; " + describe(violations_), {}};
+    }
+    if (schedule_.inner_converged(sub_, residual_norm_)) {  // lines 20–29
+      if (schedule_.exhausted(sub_) && stall.stalled(largest(violations_) + residual_norm_)) {
+        return explain_end(problem_, options_, x_, violations_, residual_norm_, true);
+      }
+      mark_inner_solution();
+      schedule_.advance(sub_, x_);
+      filter_.reset();
+      images_.evaluate(problem_, x_);  // sheds the rounding that advance() gathered
+      ++run.outer_iterations;
+      residual(sub_, images_, x_, r_);
+      residual_norm_ = max_abs(r_.all);
+    } else if (options_.path == Path::fast &&
+               ++inner_steps_ > (inner_solution_kappa_ > 0.0 ? kPatience : kFirstPatience)) {
+      if (!retreat()) return explain_end(problem_, options_, x_, violations_, residual_norm_, false);
+    }
+    if (!step(run))
+      return explain_end(problem_, options_, x_, violations_, residual_norm_, false);  // lines 5–19
+    ++run.iterations;
+  }
+}
+
+void PathEngine::start(ConstVectorRef initial_z) {
+  schedule_ = Schedule(options_, sub_);
+  sub_.take_estimates(d_);
+  x_.all.setZero();
+  x_.z() = initial_z;
+  images_.evaluate(problem_, x_);
+  x_.sigma() = images_.left - images_.right;  // the point of the curve nearest to (s, t)
+  x_.v() = images_.inequality;
+  for (Eigen::Index i = 0; i < images_.inequality.size(); ++i) {
+    x_.lambda_w()[i] = -Retraction(x_.v()[i], sub_.kappa).negative;  // (12): r₂ = 0
+  }
+  images_.evaluate(problem_, x_);
+  d_.all.setZero();
+  sub_.take_estimates(d_);
+  filter_.reset();
+  has_best_ = false;
+  inner_solution_kappa_ = 0.0;
+  inner_steps_ = 0;
+  step_length_ = 0.0;
+}
+
+void PathEngine::mark_inner_solution() {
+  inner_solution_.all = x_.all;
+  inner_solution_kappa_ = sub_.kappa;
+  inner_steps_ = 0;
+}
+
+bool PathEngine::retreat() {
+  if (inner_solution_kappa_ == 0.0 || !schedule_.retreat(sub_, inner_solution_kappa_)) return false;
+  x_.all = inner_solution_.all;
+  sub_.take_estimates(x_);
+  images_.evaluate(problem_, x_);
+  residual(sub_, images_, x_, r_);
+  residual_norm_ = max_abs(r_.all);
+  inner_steps_ = 0;
+  return true;
+}
+
+bool PathEngine::step(Run& run) {
+  const bool clip = options_.path == Path::fast;
+  for (regularization_.begin();;) {
+    ++run.factorizations;
+    const bool inertia_right = run.timed(&Times::factorization_s, [&] {
+      return newton_.factor(sub_, x_, regularization_.current(), clip);  // lines 7–10
+    });
+    if (inertia_right) {
+      newton_.direction(sub_, x_, r_, d_, direction_images_);                     // line 11
+      step_length_ = run.timed(&Times::line_search_s, [&] { return search(); });  // line 12
+      if (step_length_ > 0.0) break;
+    }
+    if (!regularization_.raise() || run.interrupted()) return false;  // line 16
+  }
+  regularization_.accept();
+  accept(step_length_);
+  return true;
+}
+
+double PathEngine::search() {
+  if (!d_.all.allFinite()) return 0.0;
+  if (options_.path == Path::paper) return filter_.search(sub_, images_, direction_images_, x_, d_);
+  for (double alpha = 1.0; alpha >= kSmallestMeritStep; alpha *= 0.5) {
+    const double norm = residual_norm(sub_, images_, direction_images_, x_, d_, alpha);
+    if (norm <= (1.0 - kMeritDecrease * alpha) * residual_norm_) return alpha;
+  }
+  return kSmallestMeritStep;
+}
+
+void PathEngine::accept(double alpha) {
+  const double before = options_.path == Path::fast ? primal_residual() : 0.0;
+  images_.advance(alpha, direction_images_, d_.z());
+  x_.all += alpha * d_.all;
+  if (options_.path != Path::fast) return;
+  residual(sub_, images_, x_, r_);
+  if (primal_residual() <= kEstimateUpdate * before) sub_.take_estimates(x_);
+}
+
+double PathEngine::primal_residual() const {
+  return std::max({max_abs(r_.y()), max_abs(r_.lambda_w()), max_abs(r_.lambda_L()), max_abs(r_.lambda_R())});
+}
+
+void PathEngine::remember_best() {
+  const bool feasible = within_tolerances(violations_, options_);
+  const bool better = !has_best_ || (feasible ? !within_tolerances(best_violations_, options_) ||
+                                                    images_.objective < best_objective_
+                                              : largest(violations_) < largest(best_violations_));
+  if (!better) return;
+  best_.all = x_.all;
+  best_violations_ = violations_;
+  best_objective_ = images_.objective;
+  has_best_ = true;
+}
+
+void PathEngine::report(Run& run) const {
+  if (run.sink() == nullptr) return;
+  reported_z_ = x_.z().cwiseProduct(problem_.variable_scale);
+  Progress progress;
+  progress.iteration = run.iterations;
+  progress.outer_iteration = run.outer_iterations;
+  progress.objective = images_.objective / problem_.cost_scale + problem_.c0;
+  progress.violations = violations_;
+  progress.kkt_residual = residual_norm_;
+  progress.kappa = sub_.kappa;
+  progress.rho = sub_.rho;
+  progress.step_length = step_length_;
+  progress.regularization = regularization_.current();
+  progress.factorizations = run.factorizations;
+  progress.elapsed_s = run.elapsed_s();
+  progress.z = {reported_z_.data(), static_cast<std::size_t>(reported_z_.size())};
+  run.sink()->report(progress);
+}
+
+}  // namespace marble

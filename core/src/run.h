@@ -1,0 +1,54 @@
+// One run of the solver: its clock, its counters, and the two ways it talks to the outside.
+#pragma once
+
+#include <chrono>
+#include <optional>
+
+#include "marble/options.h"
+#include "marble/solver.h"
+
+namespace marble {
+
+class Run {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  Run(const Options& options, const SolveControls& controls)
+      : options_(options), controls_(controls), start_(Clock::now()) {}
+
+  std::int32_t iterations = 0;
+  std::int32_t outer_iterations = 0;
+  std::int32_t factorizations = 0;
+  Times times;
+
+  [[nodiscard]] ProgressSink* sink() const { return controls_.progress; }
+  [[nodiscard]] double elapsed_s() const { return seconds(Clock::now() - start_); }
+
+  /// Why the run must end now for reasons that have nothing to do with the iterate.
+  [[nodiscard]] std::optional<Status> interrupted() const {
+    if (controls_.stop.stop_requested()) return Status::cancelled;
+    if (iterations >= options_.max_iterations) return Status::iteration_limit;
+    if (elapsed_s() >= options_.time_limit_s) return Status::time_limit;
+    return std::nullopt;
+  }
+
+  /// Adds the time of one call to a part of `times`.
+  template <class Part>
+  auto timed(double Times::*into, Part&& part) {
+    const auto begin = Clock::now();
+    auto result = part();
+    times.*into += seconds(Clock::now() - begin);
+    return result;
+  }
+
+ private:
+  [[nodiscard]] static double seconds(Clock::duration duration) {
+    return std::chrono::duration<double>(duration).count();
+  }
+
+  const Options& options_;
+  const SolveControls& controls_;
+  Clock::time_point start_;
+};
+
+}  // namespace marble

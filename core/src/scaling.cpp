@@ -1,0 +1,129 @@
+#include "scaling.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace marble {
+namespace {
+
+// Keeps a scale factor inside what doubles bear well, whatever the data.
+constexpr double kSmallestScale = 1e-8;
+constexpr double kLargestScale = 1e8;
+
+double root_inverse(double norm) {
+  return norm > 0.0 ? 1.0 / std::sqrt(std::clamp(norm, kSmallestScale, kLargestScale)) : 1.0;
+}
+
+void absorb_norms(const RowMatrix& matrix, Vector& row_norm, Vector& column_norm) {
+  for (Index row = 0; row < matrix.rows; ++row) {
+    for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
+      const double size = std::abs(matrix.values[k]);
+      row_norm[row] = std::max(row_norm[row], size);
+      column_norm[matrix.column_indices[k]] = std::max(column_norm[matrix.column_indices[k]], size);
+    }
+  }
+}
+
+void absorb_norms(const SymmetricMatrix& matrix, Vector& norm) {
+  for (Index column = 0; column < matrix.size; ++column) {
+    for (Index k = matrix.column_pointers[column]; k < matrix.column_pointers[column + 1]; ++k) {
+      const double size = std::abs(matrix.values[k]);
+      norm[column] = std::max(norm[column], size);
+      norm[matrix.row_indices[k]] = std::max(norm[matrix.row_indices[k]], size);
+    }
+  }
+}
+
+void apply(RowMatrix& matrix, const Vector& row_factor, const Vector& column_factor) {
+  for (Index row = 0; row < matrix.rows; ++row) {
+    for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
+      matrix.values[k] *= row_factor[row] * column_factor[matrix.column_indices[k]];
+    }
+  }
+}
+
+void apply(SymmetricMatrix& matrix, const Vector& factor) {
+  for (Index column = 0; column < matrix.size; ++column) {
+    for (Index k = matrix.column_pointers[column]; k < matrix.column_pointers[column + 1]; ++k) {
+      matrix.values[k] *= factor[column] * factor[matrix.row_indices[k]];
+    }
+  }
+}
+
+// One constraint block while it is being equilibrated.
+struct Block {
+  RowMatrix* matrix;
+  Vector* scale;
+  Vector norm;
+};
+
+void equilibrate(ScaledProblem& p, int passes) {
+  Block blocks[] = {{&p.A, &p.equality_scale, {}},
+                    {&p.C, &p.inequality_scale, {}},
+                    {&p.L, &p.left_scale, {}},
+                    {&p.R, &p.right_scale, {}}};
+  for (Block& block : blocks) block.scale->setOnes(block.matrix->rows);
+  p.variable_scale.setOnes(p.variables());
+  Vector column_norm(p.variables());
+  for (int pass = 0; pass < passes; ++pass) {
+    column_norm.setZero();
+    absorb_norms(p.Q, column_norm);
+    for (Block& block : blocks) {
+      block.norm.setZero(block.matrix->rows);
+      absorb_norms(*block.matrix, block.norm, column_norm);
+    }
+    column_norm = column_norm.unaryExpr(&root_inverse);
+    p.variable_scale.array() *= column_norm.array();
+    apply(p.Q, column_norm);
+    for (Block& block : blocks) {
+      block.norm = block.norm.unaryExpr(&root_inverse);
+      block.scale->array() *= block.norm.array();
+      apply(*block.matrix, block.norm, column_norm);
+    }
+  }
+}
+
+double cost_scale(const ScaledProblem& p) {
+  Vector norm = Vector::Zero(p.variables());
+  absorb_norms(p.Q, norm);
+  const double size = std::max(norm.mean(), max_abs(p.g));
+  return size > 0.0 ? 1.0 / std::clamp(size, kSmallestScale, kLargestScale) : 1.0;
+}
+
+Vector copy(std::span<const double> values) {
+  return Eigen::Map<const Vector>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
+}  // namespace
+
+ScaledProblem scale(const Problem& problem, int passes) {
+  const ProblemView& view = problem.view();
+  const Index n = problem.variables();
+  ScaledProblem p;
+  p.Q = upper_triangle(view.Q, n);
+  p.A = by_rows(view.A, problem.equalities(), n);
+  p.C = by_rows(view.C, problem.inequalities(), n);
+  p.L = by_rows(view.L, problem.pairs(), n);
+  p.R = by_rows(view.R, problem.pairs(), n);
+  p.g = copy(view.g);
+  p.b = copy(view.b);
+  p.d = copy(view.d);
+  p.l = copy(view.l);
+  p.r = copy(view.r);
+  p.c0 = view.c0;
+
+  equilibrate(p, passes);
+  p.g.array() *= p.variable_scale.array();
+  p.b.array() *= p.equality_scale.array();
+  p.d.array() *= p.inequality_scale.array();
+  p.l.array() *= p.left_scale.array();
+  p.r.array() *= p.right_scale.array();
+  if (passes > 0) {
+    p.cost_scale = cost_scale(p);
+    p.g *= p.cost_scale;
+    for (double& value : p.Q.values) value *= p.cost_scale;
+  }
+  return p;
+}
+
+}  // namespace marble

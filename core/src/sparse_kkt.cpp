@@ -1,0 +1,355 @@
+#include "sparse_kkt.h"
+
+#include <amd.h>
+extern "C" {  // ldl.h forgets to say so
+#include <ldl.h>
+}
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace marble {
+namespace {
+
+// A kept row with weight 0 must drop out: −1/k would be infinite, this decouples it to rounding.
+constexpr double kSmallestWeight = 1e-20;
+
+double minus_inverse(double weight) {
+  return -1.0 / (std::abs(weight) < kSmallestWeight ? kSmallestWeight : weight);
+}
+
+// Collects the coordinates of the upper triangle and tells each term's position in the compressed pattern.
+class PatternBuilder {
+ public:
+  explicit PatternBuilder(Index size) : columns_(static_cast<std::size_t>(size)) {}
+  void add(Index a, Index b) { columns_[std::max(a, b)].push_back(std::min(a, b)); }
+
+  void compress() {
+    pointers.assign(1, 0);
+    for (std::vector<Index>& column : columns_) {
+      std::sort(column.begin(), column.end());
+      column.erase(std::unique(column.begin(), column.end()), column.end());
+      rows.insert(rows.end(), column.begin(), column.end());
+      pointers.push_back(static_cast<Index>(rows.size()));
+    }
+  }
+  [[nodiscard]] Index slot(Index a, Index b) const {
+    const Index column = std::max(a, b);
+    const auto begin = rows.begin() + pointers[column];
+    const auto end = rows.begin() + pointers[column + 1];
+    return static_cast<Index>(std::lower_bound(begin, end, std::min(a, b)) - rows.begin());
+  }
+
+  std::vector<Index> pointers, rows;
+
+ private:
+  std::vector<std::vector<Index>> columns_;
+};
+
+}  // namespace
+
+SparseKkt::SparseKkt(const ScaledProblem& problem, KeptRows kept)
+    : kept_(kept), variables_(problem.variables()), equalities_(problem.equalities()) {
+  gather_rows(problem, kept);
+  build_pattern(problem);
+}
+
+void SparseKkt::gather_rows(const ScaledProblem& problem, KeptRows kept) {
+  const Index long_row = std::max<Index>(16, variables_ / 8);
+  const auto keep = [&](std::size_t length) {
+    return kept == KeptRows::all || (kept == KeptRows::dense && static_cast<Index>(length) > long_row);
+  };
+  inequality_rows_.resize(problem.inequalities());
+  for (Index i = 0; i < problem.inequalities(); ++i) {
+    Row& row = inequality_rows_[i];
+    const auto begin = problem.C.row_pointers[i];
+    const auto end = problem.C.row_pointers[i + 1];
+    row.columns.assign(problem.C.column_indices.begin() + begin, problem.C.column_indices.begin() + end);
+    row.values.assign(problem.C.values.begin() + begin, problem.C.values.begin() + end);
+    row.kept = keep(row.columns.size());
+  }
+  pair_rows_.resize(problem.pairs());
+  for (Index i = 0; i < problem.pairs(); ++i) {
+    Row& row = pair_rows_[i];
+    Index p = problem.L.row_pointers[i];
+    Index q = problem.R.row_pointers[i];
+    const Index p_end = problem.L.row_pointers[i + 1];
+    const Index q_end = problem.R.row_pointers[i + 1];
+    while (p < p_end || q < q_end) {
+      const Index left = p < p_end ? problem.L.column_indices[p] : variables_;
+      const Index right = q < q_end ? problem.R.column_indices[q] : variables_;
+      row.columns.push_back(std::min(left, right));
+      row.values.push_back(left <= right ? problem.L.values[p++] : 0.0);
+      row.second_values.push_back(right <= left ? problem.R.values[q++] : 0.0);
+    }
+    row.kept = keep(row.columns.size());
+  }
+}
+
+void SparseKkt::build_pattern(const ScaledProblem& problem) {
+  const Index n = variables_;
+  size_ = n + equalities_;
+  std::vector<Index> first_kept;  // number of the (first) own row of each kept constraint, in row order
+  for (const Row& row : inequality_rows_) {
+    first_kept.push_back(size_);
+    if (row.kept) size_ += 1;
+  }
+  for (const Row& row : pair_rows_) {
+    first_kept.push_back(size_);
+    if (row.kept) size_ += 2;
+  }
+
+  PatternBuilder pattern(size_);
+  const auto visit_constants = [&](auto&& visit) {
+    for (Index column = 0; column < n; ++column) {
+      for (Index k = problem.Q.column_pointers[column]; k < problem.Q.column_pointers[column + 1]; ++k) {
+        visit(problem.Q.row_indices[k], column, problem.Q.values[k]);
+      }
+    }
+    for (Index row = 0; row < equalities_; ++row) {
+      for (Index k = problem.A.row_pointers[row]; k < problem.A.row_pointers[row + 1]; ++k) {
+        visit(problem.A.column_indices[k], n + row, problem.A.values[k]);
+      }
+    }
+  };
+  const auto visit_row = [&](Row& row, Index own, auto&& visit) {
+    const std::size_t length = row.columns.size();
+    if (row.kept) {
+      for (std::size_t k = 0; k < length; ++k) visit(row.columns[k], own, row.slots);
+      if (!row.second_values.empty() || length == 0) {
+        for (std::size_t k = 0; k < length; ++k) visit(row.columns[k], own + 1, row.second_slots);
+      }
+    } else {
+      for (std::size_t a = 0; a < length; ++a) {
+        for (std::size_t b = 0; b <= a; ++b) visit(row.columns[a], row.columns[b], row.slots);
+      }
+    }
+  };
+  const auto visit_rows = [&](auto&& visit) {
+    std::size_t number = 0;
+    for (Row& row : inequality_rows_) visit_row(row, first_kept[number++], visit);
+    for (Row& row : pair_rows_) visit_row(row, first_kept[number++], visit);
+  };
+
+  for (Index i = 0; i < size_; ++i) pattern.add(i, i);
+  visit_constants([&](Index a, Index b, double) { pattern.add(a, b); });
+  visit_rows([&](Index a, Index b, std::vector<Index>&) { pattern.add(a, b); });
+  pattern.compress();
+  order_and_analyse(pattern.pointers, pattern.rows);
+
+  // From the pattern's slots to those of the permuted matrix.
+  std::vector<Index> moved(pattern.rows.size());
+  std::vector<Index> next = column_pointers_;
+  row_indices_.resize(pattern.rows.size());
+  for (Index column = 0; column < size_; ++column) {
+    for (Index k = pattern.pointers[column]; k < pattern.pointers[column + 1]; ++k) {
+      const Index a = inverse_permutation_[pattern.rows[k]];
+      const Index b = inverse_permutation_[column];
+      moved[k] = next[std::max(a, b)]++;
+      row_indices_[moved[k]] = std::min(a, b);
+    }
+  }
+  const auto slot = [&](Index a, Index b) { return moved[pattern.slot(a, b)]; };
+
+  constant_.assign(row_indices_.size(), 0.0);
+  values_.resize(row_indices_.size());
+  visit_constants([&](Index a, Index b, double value) { constant_[slot(a, b)] += value; });
+  visit_rows([&](Index a, Index b, std::vector<Index>& slots) { slots.push_back(slot(a, b)); });
+  for (Index i = 0; i < n + equalities_; ++i) diagonal_slots_.push_back(slot(i, i));
+  std::size_t number = 0;
+  for (Row& row : inequality_rows_) {
+    const Index own = first_kept[number++];
+    if (row.kept) row.diagonal = slot(own, own);
+  }
+  for (Row& row : pair_rows_) {
+    const Index own = first_kept[number++];
+    if (!row.kept) continue;
+    row.diagonal = slot(own, own);
+    row.second_diagonal = slot(own + 1, own + 1);
+  }
+}
+
+void SparseKkt::order_and_analyse(const std::vector<Index>& columns, const std::vector<Index>& rows) {
+  const auto size = static_cast<std::size_t>(size_);
+  permutation_.resize(size);
+  inverse_permutation_.resize(size);
+  if (amd_order(size_, columns.data(), rows.data(), permutation_.data(), nullptr, nullptr) < AMD_OK) {
+    std::iota(permutation_.begin(), permutation_.end(), 0);
+  }
+  for (Index i = 0; i < size_; ++i) inverse_permutation_[permutation_[i]] = i;
+
+  column_pointers_.assign(size + 1, 0);
+  for (Index column = 0; column < size_; ++column) {
+    for (Index k = columns[column]; k < columns[column + 1]; ++k) {
+      ++column_pointers_[std::max(inverse_permutation_[rows[k]], inverse_permutation_[column]) + 1];
+    }
+  }
+  std::partial_sum(column_pointers_.begin(), column_pointers_.end(), column_pointers_.begin());
+
+  // The elimination tree needs the permuted row indices; their order within a column does not matter to LDL.
+  std::vector<Index> permuted_rows(rows.size());
+  std::vector<Index> next = column_pointers_;
+  for (Index column = 0; column < size_; ++column) {
+    for (Index k = columns[column]; k < columns[column + 1]; ++k) {
+      const Index a = inverse_permutation_[rows[k]];
+      const Index b = inverse_permutation_[column];
+      permuted_rows[next[std::max(a, b)]++] = std::min(a, b);
+    }
+  }
+  factor_pointers_.resize(size + 1);
+  parent_.resize(size);
+  factor_counts_.resize(size);
+  flag_.resize(size);
+  ldl_symbolic(size_, column_pointers_.data(), permuted_rows.data(), factor_pointers_.data(), parent_.data(),
+               factor_counts_.data(), flag_.data(), nullptr, nullptr);
+  flops_ = static_cast<double>(rows.size());
+  for (const Index count : factor_counts_) flops_ += static_cast<double>(count) * (count + 2.0);
+  for (const auto* group : {&inequality_rows_, &pair_rows_}) {
+    for (const Row& row : *group) {
+      const auto length = static_cast<double>(row.columns.size());
+      flops_ += row.kept ? 2.0 * length : length * (length + 1.0);
+    }
+  }
+
+  const auto entries = static_cast<std::size_t>(factor_pointers_.back());
+  factor_rows_.resize(entries);
+  factor_values_.resize(entries);
+  pivots_.resize(size);
+  dense_column_.resize(size);
+  pattern_.resize(size);
+  right_side_.resize(size_);
+  solution_.resize(size_);
+  residual_.resize(size_);
+}
+
+void SparseKkt::add_condensed(const Row& row, double left_left, double left_right, double right_right) {
+  std::size_t k = 0;
+  const std::size_t length = row.columns.size();
+  if (row.second_values.empty()) {
+    for (std::size_t a = 0; a < length; ++a) {
+      const double weighted = left_left * row.values[a];
+      for (std::size_t b = 0; b <= a; ++b) values_[row.slots[k++]] += weighted * row.values[b];
+    }
+    return;
+  }
+  for (std::size_t a = 0; a < length; ++a) {
+    const double on_left = left_left * row.values[a] + left_right * row.second_values[a];
+    const double on_right = left_right * row.values[a] + right_right * row.second_values[a];
+    for (std::size_t b = 0; b <= a; ++b) {
+      values_[row.slots[k++]] += on_left * row.values[b] + on_right * row.second_values[b];
+    }
+  }
+}
+
+void SparseKkt::assemble(const RowWeights& weights) {
+  values_ = constant_;
+  for (Index i = 0; i < variables_; ++i) values_[diagonal_slots_[i]] += weights.delta;
+  for (Index i = 0; i < equalities_; ++i) values_[diagonal_slots_[variables_ + i]] = -1.0 / weights.rho;
+  for (std::size_t i = 0; i < inequality_rows_.size(); ++i) {
+    const Row& row = inequality_rows_[i];
+    const double weight = weights.inequality[static_cast<Index>(i)];
+    if (!row.kept) {
+      if (weight != 0.0) add_condensed(row, weight, 0.0, 0.0);
+      continue;
+    }
+    for (std::size_t k = 0; k < row.slots.size(); ++k) values_[row.slots[k]] = row.values[k];
+    values_[row.diagonal] = minus_inverse(weight);
+  }
+  for (std::size_t i = 0; i < pair_rows_.size(); ++i) {
+    const Row& row = pair_rows_[i];
+    const auto index = static_cast<Index>(i);
+    const double c = weights.cosine[index];
+    const double s = weights.sine[index];
+    const double first = weights.first[index];
+    const double second = weights.second[index];
+    if (!row.kept) {
+      add_condensed(row, first * c * c + second * s * s, (first - second) * c * s,
+                    first * s * s + second * c * c);
+      continue;
+    }
+    for (std::size_t k = 0; k < row.slots.size(); ++k) {
+      values_[row.slots[k]] = c * row.values[k] + s * row.second_values[k];
+      values_[row.second_slots[k]] = s * row.values[k] - c * row.second_values[k];
+    }
+    values_[row.diagonal] = minus_inverse(first);
+    values_[row.second_diagonal] = minus_inverse(second);
+  }
+}
+
+Index SparseKkt::kept_negative_weights(const RowWeights& weights) const {
+  const auto negative = [](double weight) { return weight <= -kSmallestWeight ? 1 : 0; };
+  Index count = 0;
+  for (std::size_t i = 0; i < pair_rows_.size(); ++i) {
+    if (!pair_rows_[i].kept) continue;
+    count += negative(weights.first[static_cast<Index>(i)]) + negative(weights.second[static_cast<Index>(i)]);
+  }
+  return count;
+}
+
+bool SparseKkt::factor(const RowWeights& weights) {
+  assemble(weights);
+  const Index done = ldl_numeric(size_, column_pointers_.data(), row_indices_.data(), values_.data(),
+                                 factor_pointers_.data(), parent_.data(), factor_counts_.data(),
+                                 factor_rows_.data(), factor_values_.data(), pivots_.data(),
+                                 dense_column_.data(), pattern_.data(), flag_.data(), nullptr, nullptr);
+  if (done != size_) return false;
+  // Haynsworth: a kept row with k > 0 asks for a negative pivot, one with k < 0 for a positive one.
+  const auto positive =
+      static_cast<Index>(std::count_if(pivots_.begin(), pivots_.end(), [](double d) { return d > 0.0; }));
+  return positive == variables_ + kept_negative_weights(weights);
+}
+
+void SparseKkt::back_substitute(Vector& x) const {
+  // LDL takes its read-only arrays without const.
+  auto* pointers = const_cast<Index*>(factor_pointers_.data());
+  auto* rows = const_cast<Index*>(factor_rows_.data());
+  auto* values = const_cast<double*>(factor_values_.data());
+  ldl_lsolve(size_, x.data(), pointers, rows, values);
+  ldl_dsolve(size_, x.data(), const_cast<double*>(pivots_.data()));
+  ldl_ltsolve(size_, x.data(), pointers, rows, values);
+}
+
+void SparseKkt::solve(VectorRef x, VectorRef y) {
+  right_side_.setZero();
+  for (Index i = 0; i < variables_; ++i) right_side_[inverse_permutation_[i]] = x[i];
+  for (Index i = 0; i < equalities_; ++i) right_side_[inverse_permutation_[variables_ + i]] = y[i];
+  solution_ = right_side_;
+  back_substitute(solution_);
+
+  residual_ = right_side_;
+  for (Index column = 0; column < size_; ++column) {
+    double sum = 0.0;
+    for (Index k = column_pointers_[column]; k < column_pointers_[column + 1]; ++k) {
+      const Index row = row_indices_[k];
+      sum += values_[k] * solution_[row];
+      if (row != column) residual_[row] -= values_[k] * solution_[column];
+    }
+    residual_[column] -= sum;
+  }
+  back_substitute(residual_);
+  solution_ += residual_;
+
+  for (Index i = 0; i < variables_; ++i) x[i] = solution_[inverse_permutation_[i]];
+  for (Index i = 0; i < equalities_; ++i) y[i] = solution_[inverse_permutation_[variables_ + i]];
+}
+
+std::string_view SparseKkt::name() const {
+  switch (kept_) {
+    case KeptRows::none:
+      return "sparse condensed";
+    case KeptRows::dense:
+      return "sparse, dense rows kept";
+    case KeptRows::all:
+      break;
+  }
+  return "sparse full";
+}
+
+double SparseKkt::bytes() const {
+  constexpr double entry = sizeof(double) + sizeof(Index);
+  return entry * (static_cast<double>(factor_values_.size()) + 2.0 * static_cast<double>(values_.size())) +
+         10.0 * sizeof(double) * size_;
+}
+
+}  // namespace marble

@@ -1,0 +1,63 @@
+#include "termination.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "certificate.h"
+
+namespace marble {
+namespace {
+
+constexpr int kPatience = 12;             // outer iterations without progress before a path counts as stuck
+constexpr double kReducedFactor = 100.0;  // solved_reduced: this times the tolerances
+
+}  // namespace
+
+bool within_tolerances(const Violations& violations, const Options& options, double factor) {
+  return violations.equality <= factor * options.equality_tolerance &&
+         violations.inequality <= factor * options.inequality_tolerance &&
+         violations.complementarity <= factor * options.complementarity_tolerance;
+}
+
+bool StallDetector::stalled(double violation) {
+  if (violation < 0.9 * best_) {
+    best_ = violation;
+    since_best_ = 0;
+  } else {
+    ++since_best_;
+  }
+  return since_best_ >= kPatience;
+}
+
+Ending explain_end(const ScaledProblem& p, const Options& options, const Iterate& x,
+                   const Violations& violations, double residual_norm, bool stalled) {
+  const std::string where = describe(violations);
+  if (std::vector<double> proof = infeasibility_certificate(p, x); !proof.empty()) {
+    return {Status::infeasible,
+            "the constraints contradict each other even without complementarity; " + where, std::move(proof)};
+  }
+  if (std::vector<double> direction = unbounded_direction(p, x); !direction.empty()) {
+    return {Status::unbounded, "the objective falls without bound along the certificate; " + where,
+            std::move(direction)};
+  }
+  char residual_text[64];
+  std::snprintf(residual_text, sizeof residual_text, "scaled KKT residual %.2e; ", residual_norm);
+  if (within_tolerances(violations, options, kReducedFactor) && residual_norm <= 1e-2) {
+    return {Status::solved_reduced, "no further progress was possible; " + (residual_text + where), {}};
+  }
+  if (stalled) {
+    return {Status::locally_infeasible,
+            "the violation is stationary: no feasible point near; " + (residual_text + where),
+            {}};
+  }
+  return {Status::numerical_failure, "no acceptable step; " + (residual_text + where), {}};
+}
+
+std::string describe(const Violations& violations) {
+  char text[160];
+  std::snprintf(text, sizeof text, "violations: equality %.2e, inequality %.2e, complementarity %.2e",
+                violations.equality, violations.inequality, violations.complementarity);
+  return text;
+}
+
+}  // namespace marble
