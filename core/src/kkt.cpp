@@ -34,7 +34,8 @@ std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p) {
   const auto consider = [&best](std::unique_ptr<Kkt> candidate) {
     if (!best || candidate->flops() < best->flops()) best = std::move(candidate);
   };
-  if (condensed_work(p.C) + condensed_work(p.L) + condensed_work(p.R) < kWorthAnalysing) {
+  const double work = condensed_work(p.C) + condensed_work(p.L) + condensed_work(p.R);
+  if (work < std::min(kWorthAnalysing, 2.0 * DenseKkt::estimated_flops(p))) {
     consider(std::make_unique<SparseKkt>(p, KeptRows::none));
   }
   if (has_long_rows(p.C) || has_long_rows(p.L) || has_long_rows(p.R)) {

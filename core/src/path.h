@@ -19,6 +19,7 @@ class PathEngine {
 
   /// The iterate run() ended with, or the best one where it was interrupted.
   [[nodiscard]] const Iterate& iterate() const { return x_; }
+  [[nodiscard]] double kappa() const { return sub_.kappa; }
 
  private:
   void start(ConstVectorRef initial_z);

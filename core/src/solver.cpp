@@ -1,8 +1,10 @@
 #include "marble/solver.h"
 
 #include <cmath>
+#include <cstdio>
 #include <string>
 
+#include "active_set.h"
 #include "path.h"
 
 namespace marble {
@@ -40,6 +42,7 @@ struct Solver::State {
         problem(scale(user_problem, options.scaling_passes)),
         kkt(make_kkt(problem)),
         path(problem, *kkt, options),
+        active_set(problem, *kkt),
         initial_z(problem.variables()) {}
 
   [[nodiscard]] Solution answer(const Ending& ending, const Iterate& x, const Run& run) const;
@@ -48,6 +51,7 @@ struct Solver::State {
   ScaledProblem problem;
   std::unique_ptr<Kkt> kkt;
   PathEngine path;
+  ActiveSet active_set;
   Vector initial_z;
   double setup_s = 0.0;
 };
@@ -100,6 +104,14 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
     state_->initial_z = z.cwiseQuotient(state_->problem.variable_scale);
   }
   const Ending ending = state_->path.run(state_->initial_z, run);
+  state_->active_set.start_from_path(state_->path.iterate(), state_->path.kappa());
+  int f0 = run.factorizations;
+  bool ok = state_->active_set.solve(run, 100);
+  std::printf("polish %d fac %d err %.1e obj %.8g (path %s %.8g, %d)\n", ok, run.factorizations - f0,
+              state_->active_set.error(),
+              state_->active_set.images().objective / state_->problem.cost_scale + state_->problem.c0,
+              to_string(ending.status), 0.0, f0);
+  if (ok) return state_->answer({Status::solved, "", {}}, state_->active_set.x(), run);
   return state_->answer(ending, state_->path.iterate(), run);
 }
 

@@ -1,0 +1,79 @@
+// The active-set engine: solves the convex QP that is left of the problem once every pair's zero side is
+// chosen.
+//
+// A partition fixes one side of each pair at 0; the other side, like every inequality, must stay ≥ 0. The
+// engine guesses which of those hold with equality, solves the equality-constrained problem that leaves by
+// one factorization, and exchanges all rows whose sign is wrong (primal-dual active set). Where that cycles
+// it falls back to a semismooth Newton method with exact line search on the proximal augmented Lagrangian,
+// which converges for every convex piece. Polish, warm start and local search all use it.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "kkt.h"
+#include "residual.h"
+#include "run.h"
+
+namespace marble {
+
+/// Which rows are held at zero, and for pairs, which side the partition fixes there.
+struct WorkingSet {
+  explicit WorkingSet(const ScaledProblem& p)
+      : left_fixed(p.pairs()), active_inequality(p.inequalities()), active_free_side(p.pairs()) {}
+  std::vector<std::uint8_t> left_fixed;  ///< n_c: 1 if s = 0 is fixed and t ≥ 0 free, 0 the other way round
+  std::vector<std::uint8_t> active_inequality;  ///< n_i: 1 if (C z + d)_i = 0
+  std::vector<std::uint8_t> active_free_side;   ///< n_c: 1 if the free side is 0 too (a biactive pair)
+  bool operator==(const WorkingSet&) const = default;
+};
+
+class ActiveSet {
+ public:
+  ActiveSet(const ScaledProblem& problem, Kkt& kkt);
+
+  /// Reads the partition and the active rows off an interior iterate, and starts from it.
+  void start_from_path(const Iterate& iterate, double kappa);
+  /// Starts from a point and multipliers with the working set that belongs to them.
+  void start_from(const Iterate& iterate, const WorkingSet& set);
+
+  /// Solves the current piece to full accuracy with at most `budget` factorizations. True if it succeeded:
+  /// x() then satisfies the piece's optimality conditions to rounding, with every sign right but those of the
+  /// fixed sides.
+  [[nodiscard]] bool solve(Run& run, int budget);
+
+  /// Moves pair i to the other branch: the free side becomes the fixed one.
+  void flip(Index pair);
+
+  [[nodiscard]] const Iterate& x() const { return x_; }  ///< z, y and λ; σ and v are not used
+  [[nodiscard]] const Images& images() const { return images_; }
+  [[nodiscard]] const WorkingSet& set() const { return set_; }
+  /// Largest entry of the stationarity, and of the violation of fixed and free rows, at x(), scaled.
+  [[nodiscard]] double error() const;
+
+ private:
+  enum class Exchange { none, some, cycled };
+  void set_weights(double rho, double delta);
+  [[nodiscard]] bool factor(Run& run, double rho, double delta);
+  [[nodiscard]] bool solve_equalities();
+  [[nodiscard]] bool exchange();
+  [[nodiscard]] bool augmented_lagrangian(Run& run, int budget);
+  [[nodiscard]] double exact_step(double slope, double curvature);
+  void clear_inactive_multipliers();
+
+  template <class Visit>
+  void for_each_row(Visit&& visit);  // visit(image, direction image, λ, dλ, active flag or null if fixed)
+
+  const ScaledProblem& problem_;
+  Kkt& kkt_;
+  RowWeights weights_;
+  WorkingSet set_;
+  Iterate x_, d_, center_;
+  Images images_, direction_images_;
+  Vector gradient_;
+  struct Breakpoint {
+    double step, slope;
+  };
+  std::vector<Breakpoint> breakpoints_;
+};
+
+}  // namespace marble

@@ -1,0 +1,37 @@
+#include "marble/error.h"
+
+namespace marble {
+
+const char* to_string(ErrorCode code) {
+  switch (code) {
+    case ErrorCode::invalid_argument:
+      return "invalid_argument";
+    case ErrorCode::failed_precondition:
+      return "failed_precondition";
+    case ErrorCode::resource_exhausted:
+      return "resource_exhausted";
+    case ErrorCode::not_found:
+      return "not_found";
+    case ErrorCode::unavailable:
+      return "unavailable";
+    case ErrorCode::cancelled:
+      return "cancelled";
+    case ErrorCode::deadline_exceeded:
+      return "deadline_exceeded";
+    case ErrorCode::permission_denied:
+      return "permission_denied";
+    case ErrorCode::internal:
+      return "internal";
+  }
+  return "unknown";
+}
+
+std::string Error::message() const {
+  std::string text = field;
+  if (index >= 0) text += "[" + std::to_string(index) + "]";
+  if (!value.empty()) text += (text.empty() ? "" : " = ") + value;
+  if (!bound.empty()) text += (text.empty() ? "" : ": ") + bound;
+  return text.empty() ? to_string(code) : text;
+}
+
+}  // namespace marble

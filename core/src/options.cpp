@@ -1,0 +1,141 @@
+#include "marble/options.h"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <type_traits>
+
+namespace marble {
+namespace {
+
+// What an option type needs to be shown, parsed and checked. A new choice adds one specialisation with its
+// names.
+template <class T>
+struct OptionTraits;
+template <>
+struct OptionTraits<double> {
+  static constexpr OptionType kind = OptionType::real;
+  static constexpr std::span<const std::string_view> choices = {};
+};
+template <>
+struct OptionTraits<int> {
+  static constexpr OptionType kind = OptionType::integer;
+  static constexpr std::span<const std::string_view> choices = {};
+};
+template <>
+struct OptionTraits<bool> {
+  static constexpr OptionType kind = OptionType::boolean;
+  static constexpr std::span<const std::string_view> choices = {};
+};
+template <>
+struct OptionTraits<Path> {
+  static constexpr OptionType kind = OptionType::choice;
+  static constexpr std::string_view names[] = {"fast", "paper"};
+  static constexpr std::span<const std::string_view> choices = names;
+};
+
+constexpr OptionInfo kTable[] = {
+#define MARBLE_OPTION(type, name, default_value, low, high, unit, doc) \
+  {#name,                                                              \
+   OptionTraits<type>::kind,                                           \
+   static_cast<double>(default_value),                                 \
+   static_cast<double>(low),                                           \
+   static_cast<double>(high),                                          \
+   unit,                                                               \
+   doc,                                                                \
+   OptionTraits<type>::choices},
+#include "marble/options.def"
+#undef MARBLE_OPTION
+};
+
+std::string text_of(double value) {
+  std::array<char, 32> buffer;
+  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
+  return {buffer.data(), end};
+}
+
+Error fault(std::string_view name, std::string value, std::string bound) {
+  return {ErrorCode::invalid_argument, std::string(name), -1, std::move(value), std::move(bound)};
+}
+
+Expected<const OptionInfo*> find(std::string_view name) {
+  for (const OptionInfo& info : kTable) {
+    if (info.name == name) return &info;
+  }
+  return unexpected(fault(name, {}, "is not an option"));
+}
+
+std::string join(std::span<const std::string_view> names) {
+  std::string text;
+  for (const std::string_view name : names) text += (text.empty() ? "" : ", ") + std::string(name);
+  return text;
+}
+
+Expected<void> check(const OptionInfo& info, double value) {
+  if (!(value >= info.low && value <= info.high)) {  // also catches NaN
+    const bool choice = info.type == OptionType::choice;
+    return unexpected(fault(info.name, text_of(value),
+                            choice ? "must be one of " + join(info.choices)
+                                   : "must be in [" + text_of(info.low) + ", " + text_of(info.high) + "]"));
+  }
+  if (info.type != OptionType::real && value != std::floor(value)) {
+    return unexpected(fault(info.name, text_of(value), "must be a whole number"));
+  }
+  return {};
+}
+
+}  // namespace
+
+std::span<const OptionInfo> option_table() { return kTable; }
+
+Expected<void> set_option(Options& options, std::string_view name, double value) {
+  const auto info = find(name);
+  if (!info) return unexpected(info.error());
+  if (auto valid = check(**info, value); !valid) return valid;
+#define MARBLE_OPTION(type, member, default_value, low, high, unit, doc) \
+  if (name == #member) options.member = static_cast<type>(value);
+#include "marble/options.def"
+#undef MARBLE_OPTION
+  return {};
+}
+
+Expected<void> set_option_text(Options& options, std::string_view name, std::string_view text) {
+  const auto info = find(name);
+  if (!info) return unexpected(info.error());
+  const OptionInfo& option = **info;
+  if (option.type == OptionType::choice) {
+    for (std::size_t i = 0; i < option.choices.size(); ++i) {
+      if (option.choices[i] == text) return set_option(options, name, static_cast<double>(i));
+    }
+    return unexpected(fault(name, std::string(text), "must be one of " + join(option.choices)));
+  }
+  if (option.type == OptionType::boolean) {
+    if (text == "true" || text == "1") return set_option(options, name, 1.0);
+    if (text == "false" || text == "0") return set_option(options, name, 0.0);
+    return unexpected(fault(name, std::string(text), "must be true or false"));
+  }
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) {
+    return unexpected(fault(name, std::string(text), "must be a number"));
+  }
+  return set_option(options, name, value);
+}
+
+double get_option(const Options& options, std::string_view name) {
+#define MARBLE_OPTION(type, member, default_value, low, high, unit, doc) \
+  if (name == #member) return static_cast<double>(options.member);
+#include "marble/options.def"
+#undef MARBLE_OPTION
+  return std::nan("");
+}
+
+Expected<void> validate(const Options& options) {
+  for (const OptionInfo& info : kTable) {
+    if (auto valid = check(info, get_option(options, info.name)); !valid) return valid;
+  }
+  return {};
+}
+
+}  // namespace marble

@@ -1,0 +1,243 @@
+#include "marble/problem.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <string>
+
+namespace marble {
+namespace {
+
+// Q given in full may differ from its transpose by this much of the larger entry: rounding, not a mistake.
+constexpr double kSymmetryTolerance = 1e-12;
+
+std::string text_of(double value) {
+  char buffer[32];
+  return {buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr};
+}
+
+Error fault(std::string field, std::int64_t index, std::string value, std::string bound) {
+  return {ErrorCode::invalid_argument, std::move(field), index, std::move(value), std::move(bound)};
+}
+
+Expected<void> check_finite(std::span<const double> values, const std::string& field) {
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (!std::isfinite(values[i])) {
+      return unexpected(fault(field, static_cast<std::int64_t>(i), text_of(values[i]), "must be finite"));
+    }
+  }
+  return {};
+}
+
+bool absent(const SparseMatrixView& m) {
+  return m.rows == 0 && m.column_pointers.empty() && m.row_indices.empty() && m.values.empty();
+}
+
+Expected<void> check_matrix(const SparseMatrixView& m, const std::string& name, std::size_t rows,
+                            std::size_t n, const char* rows_rule) {
+  if (absent(m) && (rows == 0 || name == "Q")) return {};
+  const auto number = [](auto value) { return std::to_string(value); };
+  if (m.rows < 0 || static_cast<std::size_t>(m.rows) != rows) {
+    return unexpected(
+        fault(name + ".rows", -1, number(m.rows), "must be " + number(rows) + " (" + rows_rule + ")"));
+  }
+  if (m.columns < 0 || static_cast<std::size_t>(m.columns) != n) {
+    return unexpected(
+        fault(name + ".columns", -1, number(m.columns), "must be " + number(n) + " (variables)"));
+  }
+  if (m.column_pointers.size() != n + 1) {
+    return unexpected(fault(name + ".column_pointers", -1, number(m.column_pointers.size()) + " entries",
+                            "must have " + number(n + 1) + " entries (columns + 1)"));
+  }
+  if (m.row_indices.size() != m.values.size()) {
+    return unexpected(
+        fault(name + ".values", -1, number(m.values.size()) + " entries",
+              "must have " + number(m.row_indices.size()) + " entries, as many as row_indices"));
+  }
+  if (m.values.size() > static_cast<std::size_t>(std::numeric_limits<Index>::max())) {
+    return unexpected(
+        fault(name + ".values", -1, number(m.values.size()) + " entries", "must have less than 2^31"));
+  }
+  const auto entries = static_cast<Index>(m.values.size());
+  if (m.column_pointers[0] != 0) {
+    return unexpected(fault(name + ".column_pointers", 0, number(m.column_pointers[0]), "must be 0"));
+  }
+  for (std::size_t j = 0; j < n; ++j) {
+    const Index begin = m.column_pointers[j];
+    const Index end = m.column_pointers[j + 1];
+    if (end < begin || end > entries) {
+      return unexpected(fault(name + ".column_pointers", static_cast<std::int64_t>(j) + 1, number(end),
+                              "must be in [" + number(begin) + ", " + number(entries) + "]"));
+    }
+    for (Index k = begin; k < end; ++k) {
+      const Index row = m.row_indices[k];
+      if (row < 0 || row >= m.rows) {
+        return unexpected(
+            fault(name + ".row_indices", k, number(row), "must be in [0, " + number(rows) + ")"));
+      }
+      if (k > begin && row <= m.row_indices[k - 1]) {
+        return unexpected(fault(name + ".row_indices", k, number(row),
+                                "must be greater than the entry before it in column " + number(j)));
+      }
+    }
+  }
+  if (m.column_pointers[n] != entries) {
+    return unexpected(fault(name + ".column_pointers", static_cast<std::int64_t>(n),
+                            number(m.column_pointers[n]), "must be " + number(entries) + " (entries)"));
+  }
+  return check_finite(m.values, name + ".values");
+}
+
+// One sweep over the columns: as rows ascend, the mirror image of the next entry below the diagonal of column
+// r is always the next unread one of that column.
+Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
+  const auto asymmetric = [&](Index k, Index row, Index column, double mirror) {
+    return unexpected(fault("Q.values", k, text_of(q.values[k]),
+                            "Q must be symmetric: entry (" + std::to_string(row) + ", " +
+                                std::to_string(column) + ") differs from its mirror image " +
+                                text_of(mirror)));
+  };
+  if (q.values.empty()) return {};
+  std::vector<Index> next(q.column_pointers.begin(), q.column_pointers.end() - 1);
+  for (Index column = 0; column < q.columns; ++column) {
+    for (Index k = q.column_pointers[column]; k < q.column_pointers[column + 1]; ++k) {
+      const Index row = q.row_indices[k];
+      if (form == HessianForm::upper_triangle) {
+        if (row > column) {
+          return unexpected(
+              fault("Q.row_indices", k, std::to_string(row),
+                    "must be <= " + std::to_string(column) + " (its column): upper triangle only"));
+        }
+        continue;
+      }
+      if (row >= column) break;
+      Index& mirror = next[row];
+      // Entries of column `row` above or on its diagonal were matched when they were columns themselves.
+      while (mirror < q.column_pointers[row + 1] && q.row_indices[mirror] <= row) ++mirror;
+      if (mirror < q.column_pointers[row + 1] && q.row_indices[mirror] < column) {
+        return asymmetric(mirror, q.row_indices[mirror], row, 0.0);
+      }
+      const bool present = mirror < q.column_pointers[row + 1] && q.row_indices[mirror] == column;
+      const double below = present ? q.values[mirror] : 0.0;
+      const double size = std::max(std::abs(q.values[k]), std::abs(below));
+      if (std::abs(q.values[k] - below) > kSymmetryTolerance * size) return asymmetric(k, row, column, below);
+      if (present) ++mirror;
+    }
+  }
+  if (form == HessianForm::upper_triangle) return {};
+  for (Index column = 0; column < q.columns;
+       ++column) {  // entries below the diagonal that nothing above matched
+    for (Index k = next[column]; k < q.column_pointers[column + 1]; ++k) {
+      if (q.row_indices[k] > column && q.values[k] != 0.0)
+        return asymmetric(k, q.row_indices[k], column, 0.0);
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+Expected<Problem> Problem::create(const ProblemView& view) {
+  const std::size_t n = view.g.size();
+  constexpr auto kMost = static_cast<std::size_t>(std::numeric_limits<Index>::max() / 8);
+  if (n == 0)
+    return unexpected(fault("g", -1, "0 entries", "must have at least 1 entry: there must be a variable"));
+  const struct {
+    const char* name;
+    std::span<const double> values;
+  } vectors[] = {{"g", view.g}, {"b", view.b}, {"d", view.d}, {"l", view.l}, {"r", view.r}};
+  for (const auto& vector : vectors) {
+    if (vector.values.size() > kMost) {
+      return unexpected(fault(vector.name, -1, std::to_string(vector.values.size()) + " entries",
+                              "must have at most " + std::to_string(kMost) + " entries"));
+    }
+  }
+  if (view.r.size() != view.l.size()) {
+    return unexpected(fault("r", -1, std::to_string(view.r.size()) + " entries",
+                            "must have " + std::to_string(view.l.size()) + " entries, as many as l"));
+  }
+  const struct {
+    const char* name;
+    const SparseMatrixView& matrix;
+    std::size_t rows;
+    const char* rule;
+  } matrices[] = {{"Q", view.Q, n, "variables"},
+                  {"A", view.A, view.b.size(), "entries of b"},
+                  {"C", view.C, view.d.size(), "entries of d"},
+                  {"L", view.L, view.l.size(), "entries of l"},
+                  {"R", view.R, view.r.size(), "entries of r"}};
+  for (const auto& m : matrices) {
+    if (auto valid = check_matrix(m.matrix, m.name, m.rows, n, m.rule); !valid)
+      return unexpected(valid.error());
+  }
+  for (const auto& vector : vectors) {
+    if (auto valid = check_finite(vector.values, vector.name); !valid) return unexpected(valid.error());
+  }
+  if (!std::isfinite(view.c0)) return unexpected(fault("c0", -1, text_of(view.c0), "must be finite"));
+  if (auto valid = check_symmetry(view.Q, view.hessian_form); !valid) return unexpected(valid.error());
+  return Problem(view);
+}
+
+Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entries, const char* name) {
+  const std::string prefix = name;
+  if (rows < 0) return unexpected(fault(prefix + ".rows", -1, std::to_string(rows), "must be >= 0"));
+  if (columns < 0) return unexpected(fault(prefix + ".cols", -1, std::to_string(columns), "must be >= 0"));
+  const std::size_t count = entries.values.size();
+  if (count > static_cast<std::size_t>(std::numeric_limits<Index>::max())) {
+    return unexpected(
+        fault(prefix + ".v", -1, std::to_string(count) + " entries", "must have less than 2^31"));
+  }
+  if (entries.rows.size() != count) {
+    return unexpected(fault(prefix + ".i", -1, std::to_string(entries.rows.size()) + " entries",
+                            "must have " + std::to_string(count) + " entries, as many as v"));
+  }
+  if (entries.columns.size() != count) {
+    return unexpected(fault(prefix + ".j", -1, std::to_string(entries.columns.size()) + " entries",
+                            "must have " + std::to_string(count) + " entries, as many as v"));
+  }
+  const auto check_range = [](const std::vector<Index>& indices, Index end,
+                              const std::string& field) -> Expected<void> {
+    for (std::size_t k = 0; k < indices.size(); ++k) {
+      if (indices[k] < 0 || indices[k] >= end) {
+        return unexpected(fault(field, static_cast<std::int64_t>(k), std::to_string(indices[k]),
+                                "must be in [0, " + std::to_string(end) + ")"));
+      }
+    }
+    return {};
+  };
+  if (auto valid = check_range(entries.rows, rows, prefix + ".i"); !valid) return unexpected(valid.error());
+  if (auto valid = check_range(entries.columns, columns, prefix + ".j"); !valid)
+    return unexpected(valid.error());
+  if (auto valid = check_finite(entries.values, prefix + ".v"); !valid) return unexpected(valid.error());
+
+  std::vector<std::size_t> order(count);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return entries.columns[a] != entries.columns[b] ? entries.columns[a] < entries.columns[b]
+                                                    : entries.rows[a] < entries.rows[b];
+  });
+  SparseMatrix result;
+  result.rows = rows;
+  result.columns = columns;
+  result.column_pointers.assign(static_cast<std::size_t>(columns) + 1, 0);
+  Index last_row = -1;
+  Index last_column = -1;
+  for (const std::size_t k : order) {
+    if (entries.rows[k] == last_row && entries.columns[k] == last_column) {
+      result.values.back() += entries.values[k];
+      continue;
+    }
+    last_row = entries.rows[k];
+    last_column = entries.columns[k];
+    result.row_indices.push_back(last_row);
+    result.values.push_back(entries.values[k]);
+    ++result.column_pointers[last_column + 1];
+  }
+  std::partial_sum(result.column_pointers.begin(), result.column_pointers.end(),
+                   result.column_pointers.begin());
+  return result;
+}
+
+}  // namespace marble
