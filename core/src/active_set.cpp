@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "retraction.h"
-
 namespace marble {
 namespace {
 
@@ -63,12 +61,12 @@ void ActiveSet::for_each_row(Visit&& visit) {
   }
 }
 
-void ActiveSet::start_from_path(const Iterate& iterate, double kappa) {
+void ActiveSet::start_from_path(const Iterate& iterate) {
   x_.all = iterate.all;
   images_.evaluate(problem_, x_);
   for (Eigen::Index i = 0; i < images_.inequality.size(); ++i) {
-    const Retraction w(iterate.v()[i], kappa);
-    set_.active_inequality[i] = w.positive < w.negative;
+    set_.active_inequality[i] =
+        iterate.v()[i] < 0.0;  // p(v) < p(−v): the slack is smaller than its multiplier
   }
   for (Eigen::Index i = 0; i < images_.left.size(); ++i) {
     const bool left = images_.left[i] < images_.right[i];
@@ -80,10 +78,10 @@ void ActiveSet::start_from_path(const Iterate& iterate, double kappa) {
   clear_inactive_multipliers();
 }
 
-void ActiveSet::start_from(const Iterate& iterate, const WorkingSet& set) {
+void ActiveSet::restore(const Iterate& iterate, const WorkingSet& set) {
   x_.all = iterate.all;
   set_ = set;
-  clear_inactive_multipliers();
+  images_.evaluate(problem_, x_);
 }
 
 void ActiveSet::flip(Index pair) {

@@ -32,9 +32,9 @@ class ActiveSet {
   ActiveSet(const ScaledProblem& problem, Kkt& kkt);
 
   /// Reads the partition and the active rows off an interior iterate, and starts from it.
-  void start_from_path(const Iterate& iterate, double kappa);
-  /// Starts from a point and multipliers with the working set that belongs to them.
-  void start_from(const Iterate& iterate, const WorkingSet& set);
+  void start_from_path(const Iterate& iterate);
+  /// Goes back to a point that solve() found, with the working set it had then.
+  void restore(const Iterate& iterate, const WorkingSet& set);
 
   /// Solves the current piece to full accuracy with at most `budget` factorizations. True if it succeeded:
   /// x() then satisfies the piece's optimality conditions to rounding, with every sign right but those of the

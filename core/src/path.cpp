@@ -36,47 +36,29 @@ PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& op
       direction_images_(problem),
       reported_z_(problem.variables()) {}
 
-// Algorithm 1. Line numbers are the paper's.
-Ending PathEngine::run(ConstVectorRef initial_z, Run& run) {
-  start(initial_z);  // lines 1–2
-  StallDetector stall;
+// Algorithm 1; start() is lines 1–2. Line numbers are the paper's.
+std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
   while (true) {
-    residual(sub_, images_, x_, r_);  // line 4
-    residual_norm_ = max_abs(r_.all);
-    violations_ = violations(problem_, images_);
+    evaluate();  // line 4
     report(run);
-    if (within_tolerances(violations_, options_) && residual_norm_ <= options_.stationarity_tolerance) {
-      return {Status::solved, describe(violations_), {}};  // line 22
-    }
+    if (solved()) return Ending{Status::solved, describe(violations_), {}};  // line 22
     remember_best();
-    if (const auto reason = run.interrupted()) {
-      if (has_best_) x_ = best_;
-      return {*reason, "stopped early; " + describe(violations_), {}};
-    }
+    if (const auto reason = run.interrupted()) return give_best(*reason);
     if (schedule_.inner_converged(sub_, residual_norm_)) {  // lines 20–29
-      if (schedule_.exhausted(sub_) && stall.stalled(largest(violations_) + residual_norm_)) {
-        return explain_end(problem_, options_, x_, violations_, residual_norm_, true);
-      }
-      mark_inner_solution();
-      schedule_.advance(sub_, x_);
-      filter_.reset();
-      images_.evaluate(problem_, x_);  // sheds the rounding that advance() gathered
-      ++run.outer_iterations;
-      residual(sub_, images_, x_, r_);
-      residual_norm_ = max_abs(r_.all);
-    } else if (options_.path == Path::fast &&
-               ++inner_steps_ > (inner_solution_kappa_ > 0.0 ? kPatience : kFirstPatience)) {
-      if (!retreat()) return explain_end(problem_, options_, x_, violations_, residual_norm_, false);
+      if (schedule_.exhausted(sub_) && stall_.stalled(largest(violations_) + residual_norm_))
+        return explain(true);
+      if (sub_.kappa <= kappa_end && kappa_end > options_.kappa_min) return std::nullopt;
+      begin_subproblem(run);
+    } else if (lost()) {
+      if (!retreat()) return explain(false);
+      if (kappa_end > options_.kappa_min) return std::nullopt;
     }
-    if (!step(run))
-      return explain_end(problem_, options_, x_, violations_, residual_norm_, false);  // lines 5–19
-    ++run.iterations;
+    if (!step(run)) return explain(false);  // lines 5–19
   }
 }
 
 void PathEngine::start(ConstVectorRef initial_z) {
   schedule_ = Schedule(options_, sub_);
-  sub_.take_estimates(d_);
   x_.all.setZero();
   x_.z() = initial_z;
   images_.evaluate(problem_, x_);
@@ -87,18 +69,40 @@ void PathEngine::start(ConstVectorRef initial_z) {
   }
   images_.evaluate(problem_, x_);
   d_.all.setZero();
-  sub_.take_estimates(d_);
+  sub_.take_estimates(d_);  // [α, β] ← 0
   filter_.reset();
+  stall_ = {};
   has_best_ = false;
   inner_solution_kappa_ = 0.0;
   inner_steps_ = 0;
   step_length_ = 0.0;
 }
 
-void PathEngine::mark_inner_solution() {
+void PathEngine::evaluate() {
+  residual(sub_, images_, x_, r_);
+  residual_norm_ = max_abs(r_.all);
+  violations_ = violations(problem_, images_);
+}
+
+bool PathEngine::solved() const {
+  return within_tolerances(violations_, options_) && residual_norm_ <= options_.stationarity_tolerance;
+}
+
+void PathEngine::begin_subproblem(Run& run) {
   inner_solution_.all = x_.all;
   inner_solution_kappa_ = sub_.kappa;
   inner_steps_ = 0;
+  schedule_.advance(sub_, x_);
+  filter_.reset();
+  images_.evaluate(problem_, x_);  // sheds the rounding that Images::advance gathered
+  evaluate();
+  ++run.outer_iterations;
+}
+
+// The fast path lowers κ boldly; too many steps at one κ say that it was too bold.
+bool PathEngine::lost() {
+  if (options_.path != Path::fast) return false;
+  return ++inner_steps_ > (inner_solution_kappa_ > 0.0 ? kPatience : kFirstPatience);
 }
 
 bool PathEngine::retreat() {
@@ -106,10 +110,18 @@ bool PathEngine::retreat() {
   x_.all = inner_solution_.all;
   sub_.take_estimates(x_);
   images_.evaluate(problem_, x_);
-  residual(sub_, images_, x_, r_);
-  residual_norm_ = max_abs(r_.all);
+  evaluate();
   inner_steps_ = 0;
   return true;
+}
+
+Ending PathEngine::give_best(Status reason) {
+  x_.all = best_.all;
+  return {reason, "stopped early; " + describe(best_violations_), {}};
+}
+
+Ending PathEngine::explain(bool stalled) const {
+  return explain_end(problem_, options_, x_, violations_, residual_norm_, stalled);
 }
 
 bool PathEngine::step(Run& run) {
@@ -128,6 +140,7 @@ bool PathEngine::step(Run& run) {
   }
   regularization_.accept();
   accept(step_length_);
+  ++run.iterations;
   return true;
 }
 

@@ -14,23 +14,33 @@ class PathEngine {
   /// Allocates everything that run() needs.
   PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& options);
 
-  /// Follows the path from z (scaled) until it ends, and says why.
-  Ending run(ConstVectorRef initial_z, Run& run);
+  /// Begins a new path at z (scaled).
+  void start(ConstVectorRef initial_z);
 
-  /// The iterate run() ended with, or the best one where it was interrupted.
+  /// Follows the path and says why it ended; nothing if it is worth a polish now and may be followed further
+  /// after: when the inner loop at κ ≤ kappa_end has ended, or the path got lost before.
+  [[nodiscard]] std::optional<Ending> follow(Run& run, double kappa_end);
+
+  /// The iterate follow() ended with, or the best one where it was interrupted.
   [[nodiscard]] const Iterate& iterate() const { return x_; }
-  [[nodiscard]] double kappa() const { return sub_.kappa; }
+  /// Its violations (user units) and its objective (scaled).
+  [[nodiscard]] const Violations& violations_at() const { return violations_; }
+  [[nodiscard]] double objective() const { return images_.objective; }
 
  private:
-  void start(ConstVectorRef initial_z);
+  void evaluate();
+  [[nodiscard]] bool solved() const;
+  void begin_subproblem(Run& run);
+  [[nodiscard]] bool lost();
+  [[nodiscard]] bool retreat();
+  [[nodiscard]] Ending give_best(Status reason);
+  [[nodiscard]] Ending explain(bool stalled) const;
   [[nodiscard]] bool step(Run& run);
   [[nodiscard]] double search();
   void accept(double alpha);
   void report(Run& run) const;
   void remember_best();
   [[nodiscard]] double primal_residual() const;
-  void mark_inner_solution();
-  [[nodiscard]] bool retreat();
 
   const ScaledProblem& problem_;
   const Options& options_;
@@ -39,6 +49,7 @@ class PathEngine {
   Schedule schedule_;
   Regularization regularization_;
   FilterLineSearch filter_;
+  StallDetector stall_;
   Iterate x_, r_, d_, best_;
   Iterate inner_solution_;             // where the last inner loop ended, to come back to
   double inner_solution_kappa_ = 0.0;  // its κ; 0 while there is none

@@ -1,14 +1,21 @@
 #include "marble/solver.h"
 
 #include <cmath>
-#include <cstdio>
 #include <string>
 
-#include "active_set.h"
 #include "path.h"
+#include "polish.h"
 
 namespace marble {
 namespace {
+
+constexpr double kPolishKappa = 1e-6;  // the partition shows by here
+constexpr int kPolishBudget = 100;     // factorizations
+constexpr double kPolishLoss = 1e-3;  // a feasible path point may be this much lower than its exact neighbour
+
+bool ended_by_force(Status status) {
+  return status == Status::cancelled || status == Status::time_limit || status == Status::iteration_limit;
+}
 
 std::vector<double> unscaled(ConstVectorRef values, const Vector& scale, double factor) {
   std::vector<double> result(static_cast<std::size_t>(values.size()));
@@ -42,19 +49,48 @@ struct Solver::State {
         problem(scale(user_problem, options.scaling_passes)),
         kkt(make_kkt(problem)),
         path(problem, *kkt, options),
-        active_set(problem, *kkt),
+        polish(problem, *kkt),
         initial_z(problem.variables()) {}
 
+  Ending engines(Run& run);
+  [[nodiscard]] bool polished(Run& run);
   [[nodiscard]] Solution answer(const Ending& ending, const Iterate& x, const Run& run) const;
 
   Options options;
   ScaledProblem problem;
   std::unique_ptr<Kkt> kkt;
   PathEngine path;
-  ActiveSet active_set;
+  Polish polish;
   Vector initial_z;
+  const Iterate* best = nullptr;  // of the engine that gave the answer
   double setup_s = 0.0;
 };
+
+// The path down to a κ that shows the partition, polish; if that fails, the rest of the path, polish.
+Ending Solver::State::engines(Run& run) {
+  path.start(initial_z);
+  std::optional<Ending> end = path.follow(run, kPolishKappa);
+  if (!end && polished(run)) return {Status::solved, describe(violations(problem, polish.images())), {}};
+  if (!end) end = path.follow(run, options.kappa_min);
+  if (ended_by_force(end->status)) {
+    best = &path.iterate();
+    return *end;
+  }
+  if (polished(run)) return {Status::solved, describe(violations(problem, polish.images())), {}};
+  best = &path.iterate();
+  return *end;
+}
+
+bool Solver::State::polished(Run& run) {
+  if (!options.polish || !polish.run(path.iterate(), run, kPolishBudget)) return false;
+  const Violations exact = violations(problem, polish.images());
+  const double slack = kPolishLoss * std::max(1.0, std::abs(path.objective()));
+  const bool worse = within_tolerances(path.violations_at(), options) &&
+                     polish.images().objective > path.objective() + slack;
+  if (worse || !within_tolerances(exact, options)) return false;
+  best = &polish.x();
+  return true;
+}
 
 Solution Solver::State::answer(const Ending& ending, const Iterate& x, const Run& run) const {
   Images images(problem);
@@ -103,16 +139,8 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
     const Eigen::Map<const Vector> z(controls.initial_z.data(), state_->problem.variables());
     state_->initial_z = z.cwiseQuotient(state_->problem.variable_scale);
   }
-  const Ending ending = state_->path.run(state_->initial_z, run);
-  state_->active_set.start_from_path(state_->path.iterate(), state_->path.kappa());
-  int f0 = run.factorizations;
-  bool ok = state_->active_set.solve(run, 100);
-  std::printf("polish %d fac %d err %.1e obj %.8g (path %s %.8g, %d)\n", ok, run.factorizations - f0,
-              state_->active_set.error(),
-              state_->active_set.images().objective / state_->problem.cost_scale + state_->problem.c0,
-              to_string(ending.status), 0.0, f0);
-  if (ok) return state_->answer({Status::solved, "", {}}, state_->active_set.x(), run);
-  return state_->answer(ending, state_->path.iterate(), run);
+  const Ending ending = state_->engines(run);
+  return state_->answer(ending, *state_->best, run);
 }
 
 Expected<Solution> solve(const ProblemView& view, const Options& options, const SolveControls& controls) {
