@@ -180,6 +180,15 @@ Expected<Problem> Problem::create(const ProblemView& view) {
   return Problem(view);
 }
 
+Expected<void> Problem::check_initial_point(std::span<const double> z, Index variables) {
+  if (z.empty()) return {};
+  if (z.size() != static_cast<std::size_t>(variables)) {
+    return unexpected(fault("initial_z", -1, std::to_string(z.size()) + " entries",
+                            "must have " + std::to_string(variables) + " entries (variables)"));
+  }
+  return check_finite(z, "initial_z");
+}
+
 Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entries, const char* name) {
   const std::string prefix = name;
   if (rows < 0) return unexpected(fault(prefix + ".rows", -1, std::to_string(rows), "must be >= 0"));

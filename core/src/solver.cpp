@@ -1,7 +1,6 @@
 #include "marble/solver.h"
 
 #include <cmath>
-#include <string>
 
 #include "path.h"
 #include "polish.h"
@@ -22,23 +21,6 @@ std::vector<double> unscaled(ConstVectorRef values, const Vector& scale, double 
   for (Eigen::Index i = 0; i < values.size(); ++i)
     result[static_cast<std::size_t>(i)] = factor * values[i] * scale[i];
   return result;
-}
-
-Expected<void> check_initial_point(std::span<const double> z, Index variables) {
-  if (z.empty()) return {};
-  const auto fault = [](std::int64_t index, std::string value, std::string bound) {
-    return unexpected(
-        Error{ErrorCode::invalid_argument, "initial_z", index, std::move(value), std::move(bound)});
-  };
-  if (z.size() != static_cast<std::size_t>(variables)) {
-    return fault(-1, std::to_string(z.size()) + " entries",
-                 "must have " + std::to_string(variables) + " entries");
-  }
-  for (std::size_t i = 0; i < z.size(); ++i) {
-    if (!std::isfinite(z[i]))
-      return fault(static_cast<std::int64_t>(i), std::to_string(z[i]), "must be finite");
-  }
-  return {};
 }
 
 }  // namespace
@@ -130,7 +112,7 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options) 
 }
 
 Expected<Solution> Solver::solve(const SolveControls& controls) {
-  if (auto valid = check_initial_point(controls.initial_z, state_->problem.variables()); !valid) {
+  if (auto valid = Problem::check_initial_point(controls.initial_z, state_->problem.variables()); !valid) {
     return unexpected(valid.error());
   }
   Run run(state_->options, controls);

@@ -56,6 +56,9 @@ class Problem {
   /// Checks everything and names the first fault: field, index, value and the bound it broke.
   [[nodiscard]] static Expected<Problem> create(const ProblemView& view);
 
+  /// Whether `z` can be a point to start from: empty, or n finite numbers. The error's field is "initial_z".
+  [[nodiscard]] static Expected<void> check_initial_point(std::span<const double> z, Index variables);
+
   [[nodiscard]] const ProblemView& view() const { return view_; }
   [[nodiscard]] Index variables() const { return static_cast<Index>(view_.g.size()); }
   [[nodiscard]] Index equalities() const { return static_cast<Index>(view_.b.size()); }

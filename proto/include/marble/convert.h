@@ -1,0 +1,49 @@
+// The one border between messages and the core's values. Arrays are mapped, not copied, on the way in.
+#pragma once
+
+#include "marble/error.h"
+#include "marble/options.h"
+#include "marble/problem.h"
+#include "marble/progress.h"
+#include "marble/solution.h"
+#include "marble/v1/options.pb.h"
+#include "marble/v1/problem.pb.h"
+#include "marble/v1/progress.pb.h"
+#include "marble/v1/solution.pb.h"
+
+namespace marble {
+
+/// Views of a message's arrays; the message must outlive them. Checks nothing: Problem::create does.
+[[nodiscard]] ProblemView view_of(const v1::Problem& message);
+
+/// Copies a problem into a message.
+void to_message(const ProblemView& problem, v1::Problem* message);
+
+/// Path in the request of a field named by the core: "A.row_indices" → "equality_matrix.row_indices".
+[[nodiscard]] std::string message_field(const std::string& core_field);
+/// The way back; a path that is none of a problem's comes back as it is.
+[[nodiscard]] std::string core_field(const std::string& message_field);
+
+/// Absent fields keep their defaults; ranges are checked. Error fields are option names.
+[[nodiscard]] Expected<Options> options_of(const v1::SolveOptions& message);
+/// Sets every field, so that the message says all that was used.
+void to_message(const Options& options, v1::SolveOptions* message);
+/// Describes every option, from the option table.
+void to_message(const OptionInfo& option, v1::OptionSchema* message);
+
+void to_message(const Violations& violations, v1::Violations* message);
+[[nodiscard]] Violations violations_of(const v1::Violations& message);
+
+/// Everything but z and skipped, which belong to the stream.
+void to_message(const Progress& progress, v1::Progress* message);
+/// z views the message, which must outlive it.
+[[nodiscard]] Progress progress_of(const v1::Progress& message);
+
+[[nodiscard]] v1::Status to_message(Status status);
+[[nodiscard]] Status status_of(v1::Status status);
+
+/// Everything but the queue and total times and the options, which the service knows.
+void to_message(const Solution& solution, v1::Solution* message);
+[[nodiscard]] Solution solution_of(const v1::Solution& message);
+
+}  // namespace marble

@@ -1,0 +1,269 @@
+#include "marble/convert.h"
+
+#include <utility>
+
+namespace marble {
+namespace {
+
+template <class Field>
+auto span_of(const Field& field) {
+  return std::span(field.data(), static_cast<std::size_t>(field.size()));
+}
+
+template <class Field, class Values>
+void assign(Field* field, const Values& values) {
+  field->Assign(values.begin(), values.end());
+}
+
+SparseMatrixView view_of(const v1::SparseMatrix& m) {
+  return {m.rows(), m.columns(), span_of(m.column_pointers()), span_of(m.row_indices()), span_of(m.values())};
+}
+
+void to_message(const SparseMatrixView& matrix, v1::SparseMatrix* message) {
+  message->set_rows(matrix.rows);
+  message->set_columns(matrix.columns);
+  assign(message->mutable_column_pointers(), matrix.column_pointers);
+  assign(message->mutable_row_indices(), matrix.row_indices);
+  assign(message->mutable_values(), matrix.values);
+}
+
+// The core speaks the letters of the equation, the message the field's terms.
+constexpr std::pair<const char*, const char*> kFieldNames[] = {
+    {"Q", "hessian"},           {"g", "gradient"},        {"c0", "constant"},
+    {"A", "equality_matrix"},   {"b", "equality_offset"}, {"C", "inequality_matrix"},
+    {"d", "inequality_offset"}, {"L", "left_matrix"},     {"l", "left_offset"},
+    {"R", "right_matrix"},      {"r", "right_offset"},
+};
+
+using google::protobuf::FieldDescriptor;
+
+const FieldDescriptor* field_of(const OptionInfo& option) {
+  return v1::SolveOptions::descriptor()->FindFieldByName(std::string(option.name));
+}
+
+}  // namespace
+
+ProblemView view_of(const v1::Problem& m) {
+  ProblemView view;
+  if (m.has_hessian()) view.Q = view_of(m.hessian());
+  view.hessian_form =
+      m.hessian_form() == v1::HESSIAN_FORM_UPPER_TRIANGLE ? HessianForm::upper_triangle : HessianForm::full;
+  view.g = span_of(m.gradient());
+  view.c0 = m.constant();
+  if (m.has_equality_matrix()) view.A = view_of(m.equality_matrix());
+  view.b = span_of(m.equality_offset());
+  if (m.has_inequality_matrix()) view.C = view_of(m.inequality_matrix());
+  view.d = span_of(m.inequality_offset());
+  if (m.has_left_matrix()) view.L = view_of(m.left_matrix());
+  view.l = span_of(m.left_offset());
+  if (m.has_right_matrix()) view.R = view_of(m.right_matrix());
+  view.r = span_of(m.right_offset());
+  return view;
+}
+
+void to_message(const ProblemView& problem, v1::Problem* message) {
+  to_message(problem.Q, message->mutable_hessian());
+  message->set_hessian_form(problem.hessian_form == HessianForm::full ? v1::HESSIAN_FORM_FULL
+                                                                      : v1::HESSIAN_FORM_UPPER_TRIANGLE);
+  assign(message->mutable_gradient(), problem.g);
+  message->set_constant(problem.c0);
+  to_message(problem.A, message->mutable_equality_matrix());
+  assign(message->mutable_equality_offset(), problem.b);
+  to_message(problem.C, message->mutable_inequality_matrix());
+  assign(message->mutable_inequality_offset(), problem.d);
+  to_message(problem.L, message->mutable_left_matrix());
+  assign(message->mutable_left_offset(), problem.l);
+  to_message(problem.R, message->mutable_right_matrix());
+  assign(message->mutable_right_offset(), problem.r);
+}
+
+std::string message_field(const std::string& field) {
+  const std::size_t dot = field.find('.');
+  const std::string head = field.substr(0, dot);
+  for (const auto& [core, message] : kFieldNames) {
+    if (head == core) return dot == std::string::npos ? message : message + field.substr(dot);
+  }
+  return field;
+}
+
+std::string core_field(const std::string& field) {
+  const std::size_t dot = field.find('.');
+  const std::string head = field.substr(0, dot);
+  for (const auto& [core, message] : kFieldNames) {
+    if (head == message) return dot == std::string::npos ? core : core + field.substr(dot);
+  }
+  return field;
+}
+
+Expected<Options> options_of(const v1::SolveOptions& message) {
+  Options options;
+  const auto* reflection = message.GetReflection();
+  for (const OptionInfo& option : option_table()) {
+    const FieldDescriptor* field = field_of(option);
+    if (field == nullptr || !reflection->HasField(message, field)) continue;
+    double value = 0.0;
+    switch (option.type) {
+      case OptionType::real:
+        value = reflection->GetDouble(message, field);
+        break;
+      case OptionType::integer:
+        value = reflection->GetInt32(message, field);
+        break;
+      case OptionType::boolean:
+        value = reflection->GetBool(message, field) ? 1.0 : 0.0;
+        break;
+      case OptionType::choice: {
+        const int number = reflection->GetEnumValue(message, field);
+        if (number == 0) continue;  // UNSPECIFIED is the same as absent
+        value = number - 1.0;
+        break;
+      }
+    }
+    if (auto set = set_option(options, option.name, value); !set) return unexpected(set.error());
+  }
+  return options;
+}
+
+void to_message(const Options& options, v1::SolveOptions* message) {
+  const auto* reflection = message->GetReflection();
+  for (const OptionInfo& option : option_table()) {
+    const FieldDescriptor* field = field_of(option);
+    if (field == nullptr) continue;
+    const double value = get_option(options, option.name);
+    switch (option.type) {
+      case OptionType::real:
+        reflection->SetDouble(message, field, value);
+        break;
+      case OptionType::integer:
+        reflection->SetInt32(message, field, static_cast<std::int32_t>(value));
+        break;
+      case OptionType::boolean:
+        reflection->SetBool(message, field, value != 0.0);
+        break;
+      case OptionType::choice:
+        reflection->SetEnumValue(message, field, static_cast<int>(value) + 1);
+        break;
+    }
+  }
+}
+
+void to_message(const OptionInfo& option, v1::OptionSchema* message) {
+  message->set_name(std::string(option.name));
+  switch (option.type) {
+    case OptionType::real:
+      message->set_type(v1::OptionSchema::TYPE_REAL);
+      break;
+    case OptionType::integer:
+      message->set_type(v1::OptionSchema::TYPE_INTEGER);
+      break;
+    case OptionType::boolean:
+      message->set_type(v1::OptionSchema::TYPE_BOOLEAN);
+      break;
+    case OptionType::choice:
+      message->set_type(v1::OptionSchema::TYPE_CHOICE);
+      break;
+  }
+  message->set_default_value(option.default_value);
+  message->set_low(option.low);
+  message->set_high(option.high);
+  message->set_unit(std::string(option.unit));
+  message->set_doc(std::string(option.doc));
+  for (const std::string_view choice : option.choices) message->add_choices(std::string(choice));
+}
+
+void to_message(const Violations& violations, v1::Violations* message) {
+  message->set_equality(violations.equality);
+  message->set_inequality(violations.inequality);
+  message->set_complementarity(violations.complementarity);
+}
+
+Violations violations_of(const v1::Violations& message) {
+  return {message.equality(), message.inequality(), message.complementarity()};
+}
+
+void to_message(const Progress& progress, v1::Progress* message) {
+  message->set_iteration(progress.iteration);
+  message->set_outer_iteration(progress.outer_iteration);
+  message->set_objective(progress.objective);
+  to_message(progress.violations, message->mutable_violations());
+  message->set_kkt_residual(progress.kkt_residual);
+  message->set_kappa(progress.kappa);
+  message->set_rho(progress.rho);
+  message->set_step_length(progress.step_length);
+  message->set_regularization(progress.regularization);
+  message->set_factorizations(progress.factorizations);
+  message->set_elapsed_s(progress.elapsed_s);
+}
+
+Progress progress_of(const v1::Progress& message) {
+  Progress progress;
+  progress.iteration = message.iteration();
+  progress.outer_iteration = message.outer_iteration();
+  progress.objective = message.objective();
+  progress.violations = violations_of(message.violations());
+  progress.kkt_residual = message.kkt_residual();
+  progress.kappa = message.kappa();
+  progress.rho = message.rho();
+  progress.step_length = message.step_length();
+  progress.regularization = message.regularization();
+  progress.factorizations = message.factorizations();
+  progress.elapsed_s = message.elapsed_s();
+  progress.z = span_of(message.z());
+  return progress;
+}
+
+v1::Status to_message(Status status) { return static_cast<v1::Status>(static_cast<int>(status) + 1); }
+
+Status status_of(v1::Status status) {
+  const int number = static_cast<int>(status) - 1;
+  const bool known = number >= 0 && number <= static_cast<int>(Status::numerical_failure);
+  return known ? static_cast<Status>(number) : Status::numerical_failure;
+}
+
+static_assert(static_cast<int>(Status::solved) + 1 == v1::STATUS_SOLVED &&
+                  static_cast<int>(Status::numerical_failure) + 1 == v1::STATUS_NUMERICAL_FAILURE,
+              "both enumerations list the statuses in the same order");
+
+void to_message(const Solution& solution, v1::Solution* message) {
+  message->set_status(to_message(solution.status));
+  message->set_detail(solution.detail);
+  assign(message->mutable_z(), solution.z);
+  assign(message->mutable_equality_multipliers(), solution.equality_multipliers);
+  assign(message->mutable_inequality_multipliers(), solution.inequality_multipliers);
+  assign(message->mutable_complementarity_multipliers_l(), solution.complementarity_multipliers_L);
+  assign(message->mutable_complementarity_multipliers_r(), solution.complementarity_multipliers_R);
+  assign(message->mutable_certificate(), solution.certificate);
+  message->set_objective(solution.objective);
+  to_message(solution.violations, message->mutable_violations());
+  message->set_kkt_residual(solution.kkt_residual);
+  message->set_iterations(solution.iterations);
+  message->set_factorizations(solution.factorizations);
+  v1::Times* times = message->mutable_times();
+  times->set_setup_s(solution.times.setup_s);
+  times->set_factorization_s(solution.times.factorization_s);
+  times->set_line_search_s(solution.times.line_search_s);
+  times->set_solve_s(solution.times.solve_s);
+}
+
+Solution solution_of(const v1::Solution& message) {
+  const auto vector_of = [](const auto& field) { return std::vector<double>(field.begin(), field.end()); };
+  Solution solution;
+  solution.status = status_of(message.status());
+  solution.detail = message.detail();
+  solution.z = vector_of(message.z());
+  solution.equality_multipliers = vector_of(message.equality_multipliers());
+  solution.inequality_multipliers = vector_of(message.inequality_multipliers());
+  solution.complementarity_multipliers_L = vector_of(message.complementarity_multipliers_l());
+  solution.complementarity_multipliers_R = vector_of(message.complementarity_multipliers_r());
+  solution.certificate = vector_of(message.certificate());
+  solution.objective = message.objective();
+  solution.violations = violations_of(message.violations());
+  solution.kkt_residual = message.kkt_residual();
+  solution.iterations = message.iterations();
+  solution.factorizations = message.factorizations();
+  solution.times = {message.times().setup_s(), message.times().factorization_s(),
+                    message.times().line_search_s(), message.times().solve_s()};
+  return solution;
+}
+
+}  // namespace marble

@@ -1,0 +1,60 @@
+#include "status.h"
+
+#include <cmath>
+
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
+
+namespace marble::server {
+namespace {
+
+grpc::StatusCode code_of(ErrorCode code) {
+  switch (code) {
+    case ErrorCode::invalid_argument:
+      return grpc::StatusCode::INVALID_ARGUMENT;
+    case ErrorCode::failed_precondition:
+      return grpc::StatusCode::FAILED_PRECONDITION;
+    case ErrorCode::resource_exhausted:
+      return grpc::StatusCode::RESOURCE_EXHAUSTED;
+    case ErrorCode::not_found:
+      return grpc::StatusCode::NOT_FOUND;
+    case ErrorCode::unavailable:
+      return grpc::StatusCode::UNAVAILABLE;
+    case ErrorCode::cancelled:
+      return grpc::StatusCode::CANCELLED;
+    case ErrorCode::deadline_exceeded:
+      return grpc::StatusCode::DEADLINE_EXCEEDED;
+    case ErrorCode::permission_denied:
+      return grpc::StatusCode::PERMISSION_DENIED;
+    case ErrorCode::internal:
+      return grpc::StatusCode::INTERNAL;
+  }
+  return grpc::StatusCode::UNKNOWN;
+}
+
+}  // namespace
+
+grpc::Status to_status(const Error& error, double retry_delay_s) {
+  const grpc::StatusCode code = code_of(error.code);
+  google::rpc::Status details;
+  details.set_code(code);
+  details.set_message(error.message());
+  if (error.code == ErrorCode::invalid_argument) {
+    google::rpc::BadRequest bad_request;
+    auto* violation = bad_request.add_field_violations();
+    violation->set_field(error.index < 0 ? error.field
+                                         : error.field + "[" + std::to_string(error.index) + "]");
+    violation->set_description(error.value.empty() ? error.bound : "is " + error.value + ", " + error.bound);
+    details.add_details()->PackFrom(bad_request);
+  }
+  if (error.code == ErrorCode::resource_exhausted || error.code == ErrorCode::unavailable) {
+    google::rpc::RetryInfo retry;
+    retry.mutable_retry_delay()->set_seconds(static_cast<std::int64_t>(retry_delay_s));
+    retry.mutable_retry_delay()->set_nanos(
+        static_cast<std::int32_t>(1e9 * (retry_delay_s - std::floor(retry_delay_s))));
+    details.add_details()->PackFrom(retry);
+  }
+  return {code, error.message(), details.SerializeAsString()};
+}
+
+}  // namespace marble::server

@@ -1,0 +1,14 @@
+// The one place where errors become gRPC statuses.
+#pragma once
+
+#include <grpcpp/support/status.h>
+
+#include "marble/error.h"
+
+namespace marble::server {
+
+/// The status with its details: BadRequest with field path and rule for invalid_argument, RetryInfo with
+/// `retry_delay_s` for resource_exhausted and unavailable.
+[[nodiscard]] grpc::Status to_status(const Error& error, double retry_delay_s = 0.0);
+
+}  // namespace marble::server
