@@ -1,0 +1,77 @@
+#include "status.h"
+
+#include <charconv>
+
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
+#include "marble/convert.h"
+
+namespace marble::client {
+namespace {
+
+ErrorCode code_of(grpc::StatusCode code) {
+  switch (code) {
+    case grpc::StatusCode::INVALID_ARGUMENT:
+      return ErrorCode::invalid_argument;
+    case grpc::StatusCode::FAILED_PRECONDITION:
+      return ErrorCode::failed_precondition;
+    case grpc::StatusCode::RESOURCE_EXHAUSTED:
+      return ErrorCode::resource_exhausted;
+    case grpc::StatusCode::NOT_FOUND:
+      return ErrorCode::not_found;
+    case grpc::StatusCode::UNAVAILABLE:
+      return ErrorCode::unavailable;
+    case grpc::StatusCode::CANCELLED:
+      return ErrorCode::cancelled;
+    case grpc::StatusCode::DEADLINE_EXCEEDED:
+      return ErrorCode::deadline_exceeded;
+    case grpc::StatusCode::PERMISSION_DENIED:
+    case grpc::StatusCode::UNAUTHENTICATED:
+      return ErrorCode::permission_denied;
+    default:
+      return ErrorCode::internal;
+  }
+}
+
+// "solve.problem.equality_matrix.values[3]" → field "A.values", index 3.
+void take_field(std::string path, Error& error) {
+  for (const char* prefix : {"solve.", "problem."}) {
+    if (path.rfind(prefix, 0) == 0) path.erase(0, std::string(prefix).size());
+  }
+  if (!path.empty() && path.back() == ']') {
+    const std::size_t open = path.rfind('[');
+    std::from_chars(path.data() + open + 1, path.data() + path.size() - 1, error.index);
+    path.erase(open);
+  }
+  error.field = core_field(path);
+}
+
+// "is 12, must be in [0, 12)" → value and bound.
+void take_description(const std::string& description, Error& error) {
+  const std::size_t comma = description.find(", ");
+  if (description.rfind("is ", 0) == 0 && comma != std::string::npos) {
+    error.value = description.substr(3, comma - 3);
+    error.bound = description.substr(comma + 2);
+  } else {
+    error.bound = description;
+  }
+}
+
+}  // namespace
+
+Error to_error(const grpc::Status& status) {
+  Error error;
+  error.code = code_of(status.error_code());
+  error.bound = status.error_message();
+  google::rpc::Status details;
+  if (!details.ParseFromString(status.error_details())) return error;
+  for (const auto& any : details.details()) {
+    google::rpc::BadRequest bad_request;
+    if (!any.UnpackTo(&bad_request) || bad_request.field_violations().empty()) continue;
+    take_field(bad_request.field_violations(0).field(), error);
+    take_description(bad_request.field_violations(0).description(), error);
+  }
+  return error;
+}
+
+}  // namespace marble::client
