@@ -1,0 +1,15 @@
+// The subcommands. Each adds itself to the program and leaves its exit code in `exit_code` when it ran.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace marble::cli {
+
+void add_solve(CLI::App& program, int& exit_code);
+void add_convert(CLI::App& program, int& exit_code);
+void add_example(CLI::App& program, int& exit_code);
+void add_health(CLI::App& program, int& exit_code);
+void add_info(CLI::App& program, int& exit_code);
+void add_options(CLI::App& program, int& exit_code);
+
+}  // namespace marble::cli

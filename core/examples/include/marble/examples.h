@@ -1,0 +1,115 @@
+// The three robotics problems of the paper (section VI.B), generated: contact, state-triggered and progress
+// constraints. Formulas cite the paper's equations; sizes with the default parameters are those of its Table
+// I.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "marble/problem.h"
+
+namespace marble::examples {
+
+/// A planar hopper, a body and a foot joined by a leg force, that tracks a speed over two steps up and two
+/// down.
+struct HopperParameters {
+  int steps = 60;                                                 ///< horizon, >= 1
+  double step_s = 0.05;                                           ///< seconds
+  double gravity = 9.81;                                          ///< m/s²
+  double body_mass = 1.0;                                         ///< kg
+  double foot_mass = 0.3;                                         ///< kg
+  double friction = 0.8;                                          ///< μ of (16)
+  std::array<double, 4> stair_x = {0.75, 1.15, 1.85, 2.25};       ///< m, where the ground's height jumps
+  std::array<double, 4> stair_rise = {0.15, 0.15, -0.15, -0.15};  ///< m, by how much
+  double leg_reach_x = 0.30;                                      ///< m, largest |x_body − x_foot|
+  double leg_shortest = 0.35;                                     ///< m
+  double leg_longest = 0.85;                                      ///< m
+  std::array<double, 4> position = {0.0, 0.6, 0.0,
+                                    0.0};  ///< x, z of body, x, z of foot before the first step
+  std::array<double, 4> velocity = {0.0, 0.0, 0.0, 0.0};  ///< the same of the velocities
+  std::array<double, 2> last_force = {0.0, 9.81};         ///< leg force before the first step, N
+  double reference_x = 0.0;  ///< m, where the tracked point is before the first step
+  double speed = 1.0;        ///< m/s of the tracked point
+  double tracking_weight = 20.0;
+  double force_weight = 0.005;
+  double force_rate_weight = 0.01;
+};
+
+/// Variables of one step of the hopper, in the order they have in z: step k holds entries 26k … 26k + 25.
+enum HopperVariable {
+  kBodyX,
+  kBodyZ,
+  kFootX,
+  kFootZ,
+  kBodyVx,
+  kBodyVz,
+  kFootVx,
+  kFootVz,
+  kForceX,
+  kForceZ,  // leg force on the body
+  kSlipPlus,
+  kSlipMinus,  // v_t⁺, v_t⁻ of (14)
+  kNormalForce,
+  kFrictionForce,
+  kSign,                       // 4 signs of (17)
+  kSignPlus = kSign + 4,       // their 4 multipliers λ⁺
+  kSignMinus = kSignPlus + 4,  // and λ⁻
+  kHopperVariables = kSignMinus + 4
+};
+
+[[nodiscard]] OwnedProblem hopper(const HopperParameters& parameters = {});
+
+/// A rocket, linearised about upright, that must be in front of its tower, engine turned away, once it is
+/// low.
+struct RocketParameters {
+  int steps = 40;  ///< horizon, >= 2
+  double step_s = 0.25;
+  double gravity = 9.81;
+  double mass = 1.0;
+  double half_length = 2.0;
+  double trigger_altitude = 18.0;  ///< m; below it the constraints (22)–(24) hold
+  std::array<double, 7> initial = {13.0, 25.5, 0.0, -4.0, -4.0, 0.0, 0.0};  ///< x, y, θ, vx, vy, ω, gimbal α
+  double catch_x = 0.5, catch_y = 6.0;
+  double largest_angle = 0.35, largest_gimbal = 0.25, largest_rate = 0.5, fastest_descent = 6.0;
+  double least_thrust = 0.4, most_thrust = 1.6;  ///< of the weight
+  double thrust_weight = 4.0, gimbal_rate_weight = 400.0, angle_weight = 400.0, rate_weight = 400.0;
+  double gimbal_weight = 400.0, x_weight = 0.5, vx_weight = 1.0, final_angle_weight = 2000.0,
+         final_rate_weight = 2000.0;
+};
+
+[[nodiscard]] OwnedProblem rocket(const RocketParameters& parameters = {});
+
+/// A window the quadrotor must fly through.
+struct Gate {
+  std::array<double, 3> center;       ///< m
+  double yaw;                         ///< rad, of its normal
+  std::array<double, 3> half_extent;  ///< m, along its own axes
+};
+
+/// A quadrotor, linearised about hover, that flies through gates in their order.
+struct GatesParameters {
+  int steps = 30;  ///< horizon, >= 2
+  double step_s = 0.12;
+  double gravity = 9.81;
+  double mass = 1.0;
+  std::array<double, 9> initial = {0.0, 0.0, 1.0, 0, 0,
+                                   0,   0,   0,   0};      ///< position, velocity, roll, pitch, yaw
+  std::array<double, 6> final = {6.0, 0.0, 1.0, 0, 0, 0};  ///< position, velocity
+  std::vector<Gate> gates = {{{1.5, 0.9, 1.3}, 0.4, {0.15, 0.3, 0.3}},
+                             {{2.9, -0.6, 1.7}, -0.8, {0.15, 0.3, 0.3}},
+                             {{4.0, 0.7, 0.9}, 0.9, {0.15, 0.3, 0.3}},
+                             {{5.2, -0.5, 1.4}, -0.5, {0.15, 0.3, 0.3}}};
+  double largest_tilt = 0.6, largest_yaw = 0.6;                          ///< rad
+  double most_thrust = 8.0, largest_rate = 4.0, largest_yaw_rate = 2.0;  ///< deviation m/s², rad/s
+  double velocity_weight = 1.0, angle_weight = 10.0, thrust_weight = 2.0, rate_weight = 4.0;
+};
+
+[[nodiscard]] OwnedProblem gates(const GatesParameters& parameters = {});
+
+/// Parameters moved by a few percent, the same for a seed on every machine; seed 0 is the nominal problem.
+[[nodiscard]] HopperParameters vary(HopperParameters parameters, std::uint64_t seed);
+[[nodiscard]] RocketParameters vary(RocketParameters parameters, std::uint64_t seed);
+[[nodiscard]] GatesParameters vary(GatesParameters parameters, std::uint64_t seed);
+
+}  // namespace marble::examples
