@@ -17,7 +17,8 @@ Triplets identity(Index n, double value) {
   return entries;
 }
 
-// State x, control u, force f a step: x' = x + u + f/2, 0 <= f _|_ x + 1/2 >= 0, |u| <= 1, the cost pulls x to a wave.
+// State x, control u, force f a step: x' = x + u + f/2, 0 <= f _|_ x + 1/2 >= 0, |u| <= 1, the cost pulls x
+// to a wave.
 OwnedProblem chain(Index steps) {
   const Index n = 3 * steps;
   OwnedProblem p;

@@ -105,11 +105,12 @@ TEST_F(SolveStream, CancelTakesAWaitingJobOutOfTheQueue) {
   EXPECT_EQ(counters().running(), 1);
 }
 
-TEST_F(SolveStream, AKilledClientFreesItsWorkerAndItsPlaceInTheQueue) {
+TEST_F(SolveStream, AKilledClientFreesItsWorker) {
   start({"--workers", "1"});
   const TemporaryDirectory directory;
   ChildProcess client({STREAM_CLIENT_BINARY, server().address()}, directory.file("client"));
-  ASSERT_TRUE(eventually([&] { return client.output().find("running") != std::string::npos; })) << client.output();
+  ASSERT_TRUE(eventually([&] { return client.output().find("running") != std::string::npos; }))
+      << client.output();
   EXPECT_EQ(counters().running(), 1);
   client.send(SIGKILL);
   EXPECT_EQ(client.wait(), -SIGKILL);

@@ -18,8 +18,8 @@
 
 namespace marble::testing {
 
-/// Looks again and again until `condition` holds. False only if it never did: the limit guards against hanging
-/// for ever and is far beyond any time a test means.
+/// Looks again and again until `condition` holds. False only if it never did: the limit guards against
+/// hanging for ever and is far beyond any time a test means.
 template <class Condition>
 [[nodiscard]] bool eventually(Condition&& condition, std::chrono::seconds limit = std::chrono::seconds(120)) {
   const auto end = std::chrono::steady_clock::now() + limit;
@@ -59,12 +59,14 @@ class TemporaryDirectory {
 
 class ChildProcess {
  public:
-  /// Starts `arguments[0]` with standard output and error appended to `output_file`. `environment` holds "NAME=value"
-  /// on top of this process's own. Call it on the main thread: the child is killed when the calling thread ends.
+  /// Starts `arguments[0]` with standard output and error appended to `output_file`. `environment` holds
+  /// "NAME=value" on top of this process's own. Call it on the main thread: the child is killed when the
+  /// calling thread ends.
   ChildProcess(std::vector<std::string> arguments, std::string output_file,
                std::vector<std::string> environment = {})
       : output_file_(std::move(output_file)) {
-    for (char** own = environ; *own != nullptr; ++own) environment.emplace_back(*own);  // the first of a name wins
+    for (char** own = environ; *own != nullptr; ++own)
+      environment.emplace_back(*own);  // the first of a name wins
     const std::vector<char*> argv = pointers(arguments);
     const std::vector<char*> envp = pointers(environment);
     const int output = open(output_file_.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);

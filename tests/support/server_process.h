@@ -11,8 +11,8 @@ namespace marble::testing {
 
 class ServerProcess {
  public:
-  /// Starts the server at `binary` and waits until it answers. `flags` come after --listen 127.0.0.1:0, unless they
-  /// have a --listen of their own.
+  /// Starts the server at `binary` and waits until it answers. `flags` come after --listen 127.0.0.1:0,
+  /// unless they have a --listen of their own.
   explicit ServerProcess(const std::string& binary, const std::vector<std::string>& flags = {})
       : process_(arguments(binary, flags, directory_.file("address")), directory_.file("log")) {
     const std::string file = directory_.file("address");

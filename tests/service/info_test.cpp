@@ -1,0 +1,101 @@
+// GetInfo, health and reflection: what the server tells about itself.
+#include "marble/options.h"
+#include "service_test.h"
+
+namespace marble::testing {
+namespace {
+
+class Info : public ServiceTest {
+ protected:
+  v1::GetInfoResponse info() {
+    const auto stub = v1::Server::NewStub(channel());
+    grpc::ClientContext context;
+    v1::GetInfoResponse response;
+    EXPECT_TRUE(stub->GetInfo(&context, {}, &response).ok());
+    return response;
+  }
+};
+
+TEST_F(Info, TellsTheLimitsInForce) {
+  start({"--workers", "3", "--queue-jobs", "7", "--queue-bytes", "5000000", "--message-bytes", "1000000"});
+  const v1::GetInfoResponse response = info();
+  EXPECT_FALSE(response.version().empty());
+  EXPECT_EQ(response.workers(), 3);
+  EXPECT_EQ(response.limits().queue_jobs(), 7);
+  EXPECT_EQ(response.limits().queue_bytes(), 5'000'000);
+  EXPECT_EQ(response.limits().message_bytes(), 1'000'000);
+  EXPECT_GE(response.uptime_s(), 0.0);
+}
+
+TEST_F(Info, TellsEveryOptionOfTheTable) {
+  start();
+  const v1::GetInfoResponse response = info();
+  ASSERT_EQ(response.options_size(), static_cast<int>(option_table().size()));
+  for (int i = 0; i < response.options_size(); ++i) {
+    const OptionInfo& option = option_table()[static_cast<std::size_t>(i)];
+    EXPECT_EQ(response.options(i).name(), option.name);
+    EXPECT_EQ(response.options(i).default_value(), option.default_value);
+    EXPECT_EQ(response.options(i).choices_size(), static_cast<int>(option.choices.size()));
+  }
+}
+
+TEST_F(Info, CountersAddUp) {
+  start({"--workers", "1", "--queue-jobs", "1"});
+  v1::SolveResponse response;
+  EXPECT_TRUE(solve(example_request(), &response).ok());
+  EXPECT_TRUE(solve(long_request(2), &response).ok());
+  EXPECT_FALSE(solve(v1::SolveRequest(), &response).ok());
+  {
+    Stream running(solver(), long_request());
+    ASSERT_TRUE(running.read_until(Event::kStarted));
+    Stream waiting(solver(), long_request());
+    ASSERT_TRUE(waiting.read_until(Event::kAccepted));
+    EXPECT_FALSE(solve(example_request(), &response).ok());
+    const v1::Counters now = counters();
+    EXPECT_EQ(now.running(), 1);
+    EXPECT_EQ(now.queued(), 1);
+    EXPECT_EQ(now.accepted_total(), 4);
+  }
+  ASSERT_TRUE(eventually_idle());
+  const v1::Counters now = counters();
+  EXPECT_EQ(now.accepted_total(), 4);
+  EXPECT_EQ(now.answered_total(), 2);
+  EXPECT_EQ(now.solved_total(), 1);
+  EXPECT_EQ(now.cancelled_total(), 2);
+  EXPECT_EQ(now.refused_total(), 2);
+}
+
+TEST_F(Info, HealthSaysServing) {
+  start();
+  EXPECT_EQ(health(), "SERVING");
+  for (const std::string service : {"marble.v1.Solver", "marble.v1.Server"}) {
+    const std::string request = std::string("\x0a") + static_cast<char>(service.size()) + service;
+    const RawAnswer answer = raw_call(channel(), "/grpc.health.v1.Health/Check", request);
+    EXPECT_TRUE(answer.status.ok()) << answer.status.error_message();
+    EXPECT_EQ(answer.bytes, "\x08\x01") << service;
+  }
+}
+
+TEST_F(Info, ReflectionListsTheServices) {
+  start();
+  const std::string list_services = "\x3a\x01*";
+  const RawAnswer answer =
+      raw_call(channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", list_services);
+  ASSERT_TRUE(answer.status.ok()) << answer.status.error_message();
+  for (const char* service : {"marble.v1.Solver", "marble.v1.Server", "grpc.health.v1.Health"}) {
+    EXPECT_NE(answer.bytes.find(service), std::string::npos) << service;
+  }
+}
+
+TEST_F(Info, ReflectionKnowsTheDetailsOfErrors) {
+  start();
+  const std::string symbol = "google.rpc.BadRequest";
+  const std::string file_of_symbol = std::string("\x22") + static_cast<char>(symbol.size()) + symbol;
+  const RawAnswer answer =
+      raw_call(channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", file_of_symbol);
+  ASSERT_TRUE(answer.status.ok());
+  EXPECT_NE(answer.bytes.find("field_violations"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace marble::testing

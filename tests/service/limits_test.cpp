@@ -1,0 +1,117 @@
+// Limits: a full queue, deadlines in the queue and mid-solve, messages beyond their size.
+#include "service_test.h"
+
+namespace marble::testing {
+namespace {
+
+class Limits : public ServiceTest {};
+
+constexpr auto kDeadline =
+    std::chrono::milliseconds(1500);  // long enough to get started, short enough to wait for
+
+TEST_F(Limits, AFullQueueRefusesAndTellsWhenToRetry) {
+  start({"--workers", "1", "--queue-jobs", "1"});
+  Stream running(solver(), long_request());
+  ASSERT_TRUE(running.read_until(Event::kStarted));
+  Stream waiting(solver(), long_request());
+  const auto accepted = waiting.next();
+  ASSERT_TRUE(accepted && accepted->has_accepted());
+  EXPECT_EQ(accepted->accepted().queue_position(), 0);
+  v1::SolveResponse response;
+  const grpc::Status refused = solve(example_request(), &response);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  const auto retry = retry_info(refused);
+  ASSERT_TRUE(retry.has_value());
+  EXPECT_GT(retry->retry_delay().seconds() + retry->retry_delay().nanos(), 0);
+  running.cancel();
+  ASSERT_TRUE(waiting.read_until(Event::kStarted)) << "room for the next";
+  EXPECT_EQ(counters().refused_total(), 1);
+}
+
+TEST_F(Limits, ARefusedStreamGetsTheSameStatusAndNoEvent) {
+  start({"--workers", "1", "--queue-jobs", "0"});
+  Stream running(solver(), long_request());
+  ASSERT_TRUE(running.read_until(Event::kStarted));
+  Stream refused(solver(), example_request());
+  EXPECT_FALSE(refused.next().has_value());
+  const grpc::Status status = refused.finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_TRUE(retry_info(status).has_value());
+}
+
+TEST_F(Limits, JobsRunInTheOrderTheyCame) {
+  start({"--workers", "1"});
+  Stream running(solver(), long_request());
+  ASSERT_TRUE(running.read_until(Event::kStarted));
+  Stream second(solver(), long_request());
+  ASSERT_TRUE(second.read_until(Event::kAccepted));
+  Stream third(solver(), long_request());
+  const auto accepted = third.next();
+  ASSERT_TRUE(accepted && accepted->has_accepted());
+  EXPECT_EQ(accepted->accepted().queue_position(), 1);
+  running.cancel();
+  EXPECT_TRUE(second.read_until(Event::kStarted));
+  EXPECT_EQ(counters().queued(), 1);
+}
+
+TEST_F(Limits, TheQueueIsBoundedInBytes) {
+  const std::int64_t one_job = static_cast<std::int64_t>(long_request().ByteSizeLong());
+  start({"--workers", "1", "--queue-bytes", std::to_string(one_job + 100'000)});
+  Stream running(solver(), long_request());
+  ASSERT_TRUE(running.read_until(Event::kStarted));
+  v1::SolveResponse response;
+  const grpc::Status refused = solve(long_request(), &response);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_NE(refused.error_message().find("bytes"), std::string::npos) << refused.error_message();
+  running.cancel();
+  ASSERT_TRUE(eventually_idle());
+  EXPECT_TRUE(solve(long_request(1), &response).ok()) << "the bytes of finished jobs are free again";
+}
+
+TEST_F(Limits, AJobWhoseDeadlinePassesInTheQueueNeverStarts) {
+  start({"--workers", "1", "--log-format", "json"});
+  Stream running(solver(), long_request());
+  ASSERT_TRUE(running.read_until(Event::kStarted));
+  v1::SolveRequest late = example_request();
+  late.set_request_id("late");
+  Stream waiting(solver(), late, kDeadline);
+  const auto accepted = waiting.next();
+  ASSERT_TRUE(accepted && accepted->has_accepted());
+  EXPECT_FALSE(waiting.next().has_value()) << "nothing follows, not even started";
+  EXPECT_EQ(waiting.finish().error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
+  EXPECT_TRUE(eventually([&] { return counters().queued() == 0; }))
+      << "its place is free while the other still runs";
+  EXPECT_EQ(counters().running(), 1);
+  ASSERT_TRUE(eventually([&] { return !server().log_lines({"\"request\":\"late\""}).empty(); }));
+  const auto lines = server().log_lines({"\"request\":\"late\""});
+  EXPECT_NE(lines[0].find("\"status\":\"deadline_exceeded\""), std::string::npos) << lines[0];
+}
+
+TEST_F(Limits, ADeadlineStopsARunningSolveAndFreesItsWorker) {
+  start({"--workers", "1"});
+  Stream stream(solver(), long_request(), kDeadline);
+  ASSERT_TRUE(stream.read_until(Event::kStarted));
+  EXPECT_EQ(stream.finish().error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
+  EXPECT_TRUE(eventually_idle());
+  EXPECT_EQ(counters().cancelled_total(), 1);
+  EXPECT_TRUE(lives());
+}
+
+TEST_F(Limits, ADeadlineStopsAUnarySolveToo) {
+  start({"--workers", "1"});
+  v1::SolveResponse response;
+  EXPECT_EQ(solve(long_request(), &response, kDeadline).error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
+  EXPECT_TRUE(eventually_idle());
+  EXPECT_TRUE(lives());
+}
+
+TEST_F(Limits, AMessageBeyondTheLimitIsRefused) {
+  start({"--message-bytes", "100000"});
+  v1::SolveResponse response;
+  const grpc::Status status = solve(long_request(), &response);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_TRUE(lives());
+}
+
+}  // namespace
+}  // namespace marble::testing

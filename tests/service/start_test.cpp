@@ -1,0 +1,83 @@
+// Starting: addresses, settings, and refusals in words.
+#include "service_test.h"
+
+namespace marble::testing {
+namespace {
+
+class Start : public ServiceTest {
+ protected:
+  /// Runs the server to its end; for what must not start.
+  int run(const std::vector<std::string>& flags, const std::vector<std::string>& environment = {}) {
+    std::vector<std::string> arguments = {MARBLE_SERVER_BINARY};
+    arguments.insert(arguments.end(), flags.begin(), flags.end());
+    ChildProcess process(arguments, directory_.file("output"), environment);
+    const int code = process.wait();
+    output_ = process.output();
+    return code;
+  }
+  [[nodiscard]] bool said(const std::string& text) const { return output_.find(text) != std::string::npos; }
+
+  TemporaryDirectory directory_;
+  std::string output_;
+};
+
+TEST_F(Start, ASecondServerOnThePortFailsAndNamesIt) {
+  start();
+  EXPECT_EQ(run({"--listen", server().address()}), 1);
+  EXPECT_TRUE(said(server().address())) << output_;
+  EXPECT_TRUE(said("in use")) << output_;
+  EXPECT_TRUE(lives());
+}
+
+TEST_F(Start, TheAddressThatFailedIsTheOneNamed) {
+  start();
+  EXPECT_EQ(run({"--listen", "127.0.0.1:0", "--listen", server().address()}), 1);
+  EXPECT_TRUE(said(server().address())) << output_;
+}
+
+TEST_F(Start, ListensOnEveryAddressGiven) {
+  start({"--listen", "127.0.0.1:0", "--listen", "unix:" + directory_.file("socket")});
+  ASSERT_EQ(server().addresses().size(), 2U);
+  for (const std::string& address : server().addresses()) {
+    const auto stub = v1::Solver::NewStub(connect(address));
+    grpc::ClientContext context;
+    v1::SolveResponse response;
+    EXPECT_TRUE(stub->Solve(&context, example_request(), &response).ok()) << address;
+  }
+}
+
+TEST_F(Start, RefusesOtherAddressesWithoutInsecure) {
+  for (const char* address : {"0.0.0.0:0", "[::]:0", "192.0.2.1:50051", "example.org:1",
+                              "127.0.0.1.example.org:1", "dns:///0.0.0.0:0", "ipv4:0.0.0.0:0"}) {
+    EXPECT_EQ(run({"--listen", address}), 2) << address;
+    EXPECT_TRUE(said("--insecure")) << output_;
+  }
+}
+
+TEST_F(Start, ListensAnywhereWhenTold) {
+  start({"--listen", "0.0.0.0:0", "--insecure"});
+  EXPECT_TRUE(server().running());
+}
+
+TEST_F(Start, RefusesUnknownFlagsAndValuesOutOfRange) {
+  EXPECT_EQ(run({"--no-such-flag"}), 2);
+  EXPECT_EQ(run({"--workers", "-1"}), 2);
+  EXPECT_EQ(run({"--workers", "many"}), 2);
+  EXPECT_EQ(run({"--log-level", "shout"}), 2);
+  EXPECT_EQ(run({"--drain-grace-s", "nan"}), 2);
+}
+
+TEST_F(Start, RefusesAnEnvironmentOutOfRange) {
+  EXPECT_EQ(run({}, {"MARBLE_WORKERS=-1"}), 2);
+  EXPECT_TRUE(said("MARBLE_WORKERS") || said("workers")) << output_;
+}
+
+TEST_F(Start, HelpAndVersionAreNoErrors) {
+  EXPECT_EQ(run({"--help"}), 0);
+  EXPECT_TRUE(said("--queue-jobs") && said("--drain-grace-s") && said("MARBLE_WORKERS")) << output_;
+  EXPECT_EQ(run({"--version"}), 0);
+  EXPECT_TRUE(said("marble-server ")) << output_;
+}
+
+}  // namespace
+}  // namespace marble::testing
