@@ -45,7 +45,7 @@ struct Job {
   Clock::time_point deadline = Clock::time_point::max();
   Clock::time_point accepted = Clock::now();
   JobObserver* observer = nullptr;
-  std::stop_source stop;
+  std::stop_source stop = {};
 };
 
 }  // namespace marble::server

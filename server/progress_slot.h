@@ -1,12 +1,12 @@
-// The newest progress of one solve: the worker overwrites, the stream takes when it can. Nobody waits for a
-// reader.
+// The newest progress of one solve: the worker puts rows in, the stream takes them when it can. The worker
+// never waits; a reader that does not keep up costs bounded memory and loses the oldest rows.
 #pragma once
 
 #include <absl/base/thread_annotations.h>
 #include <absl/synchronization/mutex.h>
 
+#include <algorithm>
 #include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "marble/progress.h"
@@ -15,37 +15,49 @@ namespace marble::server {
 
 class ProgressSlot {
  public:
-  struct Entry {
-    Progress progress;         ///< its z is empty; see below
-    std::vector<double> z;     ///< the iterate, if it was asked for
-    std::int64_t skipped = 0;  ///< entries that were overwritten before anyone took them
+  static constexpr std::size_t kMostRows = 128;
+
+  struct Rows {
+    std::vector<Progress> rows;    ///< oldest first; their z are empty
+    std::vector<double> newest_z;  ///< the iterate of the last row, if it was asked for
+    std::int64_t skipped = 0;      ///< rows of this solve that were dropped so far
   };
+
+  ProgressSlot() { ring_.reserve(kMostRows); }
 
   void put(const Progress& progress, bool with_iterate) {
     absl::MutexLock lock(&mutex_);
-    if (full_) ++entry_.skipped;
-    entry_.progress = progress;
-    entry_.progress.z = {};
-    if (with_iterate) {
-      entry_.z.assign(progress.z.begin(), progress.z.end());
+    if (ring_.size() < kMostRows) {
+      ring_.push_back(progress);
     } else {
-      entry_.z.clear();
+      ring_[oldest_] = progress;
+      oldest_ = (oldest_ + 1) % kMostRows;
+      ++skipped_;
     }
-    full_ = true;
+    ring_[newest()].z = {};
+    newest_z_.assign(progress.z.begin(), with_iterate ? progress.z.end() : progress.z.begin());
   }
 
-  /// The newest entry since the last take, or nothing. `skipped` counts from the start of the solve.
-  [[nodiscard]] std::optional<Entry> take() {
+  /// What came since the last take; no rows if nothing did.
+  [[nodiscard]] Rows take() {
     absl::MutexLock lock(&mutex_);
-    if (!full_) return std::nullopt;
-    full_ = false;
-    return entry_;
+    std::rotate(ring_.begin(), ring_.begin() + static_cast<std::ptrdiff_t>(oldest_), ring_.end());
+    Rows taken{ring_, newest_z_, skipped_};
+    ring_.clear();
+    oldest_ = 0;
+    return taken;
   }
 
  private:
+  [[nodiscard]] std::size_t newest() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return (oldest_ + ring_.size() - 1) % ring_.size();
+  }
+
   absl::Mutex mutex_;
-  bool full_ ABSL_GUARDED_BY(mutex_) = false;
-  Entry entry_ ABSL_GUARDED_BY(mutex_);
+  std::vector<Progress> ring_ ABSL_GUARDED_BY(mutex_);
+  std::size_t oldest_ ABSL_GUARDED_BY(mutex_) = 0;  // not 0 only while the ring is full
+  std::vector<double> newest_z_ ABSL_GUARDED_BY(mutex_);
+  std::int64_t skipped_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace marble::server

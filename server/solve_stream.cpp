@@ -109,11 +109,11 @@ SolveStreamCall::Next SolveStreamCall::choose_next() {
       message_.mutable_started()->set_queue_s(queue_s_);
       return Next::write;
     }
-    if (const auto entry = slot_.take()) {
-      v1::Progress* progress = message_.mutable_progress();
-      to_message(entry->progress, progress);
-      progress->mutable_z()->Assign(entry->z.begin(), entry->z.end());
-      progress->set_skipped(entry->skipped);
+    if (const ProgressSlot::Rows taken = slot_.take(); !taken.rows.empty()) {
+      v1::ProgressRows* progress = message_.mutable_progress();
+      for (const Progress& row : taken.rows) to_message(row, progress->add_rows());
+      progress->mutable_rows()->rbegin()->mutable_z()->Assign(taken.newest_z.begin(), taken.newest_z.end());
+      progress->set_skipped(taken.skipped);
       return Next::write;
     }
     if (result_due_) {

@@ -44,7 +44,7 @@ void deliver(const v1::SolveStreamResponse& event, const RemoteControls& control
   } else if (event.has_started() && controls.events.started) {
     controls.events.started(event.started().queue_s());
   } else if (event.has_progress() && controls.progress != nullptr) {
-    controls.progress->report(progress_of(event.progress()));
+    for (const v1::Progress& row : event.progress().rows()) controls.progress->report(progress_of(row));
   }
 }
 

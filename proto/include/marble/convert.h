@@ -34,7 +34,7 @@ void to_message(const OptionInfo& option, v1::OptionSchema* message);
 void to_message(const Violations& violations, v1::Violations* message);
 [[nodiscard]] Violations violations_of(const v1::Violations& message);
 
-/// Everything but z and skipped, which belong to the stream.
+/// Everything but z, which is sent only where it was asked for.
 void to_message(const Progress& progress, v1::Progress* message);
 /// z views the message, which must outlive it.
 [[nodiscard]] Progress progress_of(const v1::Progress& message);
