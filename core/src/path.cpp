@@ -41,7 +41,7 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
   while (true) {
     evaluate();  // line 4
     report(run);
-    if (solved()) return Ending{Status::solved, describe(violations_), {}};  // line 22
+    if (solved() && solved_afresh()) return Ending{Status::solved, describe(violations_), {}};  // line 22
     remember_best();
     if (const auto reason = run.interrupted()) return give_best(*reason);
     if (schedule_.inner_converged(sub_, residual_norm_)) {  // lines 20–29
@@ -86,6 +86,13 @@ void PathEngine::evaluate() {
 
 bool PathEngine::solved() const {
   return within_tolerances(violations_, options_) && residual_norm_ <= options_.stationarity_tolerance;
+}
+
+// Images::advance gathers rounding, most of it after large steps: no point is called solved on its word.
+bool PathEngine::solved_afresh() {
+  images_.evaluate(problem_, x_);
+  evaluate();
+  return solved();
 }
 
 void PathEngine::begin_subproblem(Run& run) {

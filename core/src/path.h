@@ -30,6 +30,7 @@ class PathEngine {
  private:
   void evaluate();
   [[nodiscard]] bool solved() const;
+  [[nodiscard]] bool solved_afresh();
   void begin_subproblem(Run& run);
   [[nodiscard]] bool lost();
   [[nodiscard]] bool retreat();

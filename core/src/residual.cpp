@@ -72,18 +72,27 @@ void residual(const Subproblem& sub, const Images& images, const Iterate& x, Ite
   }
 }
 
+namespace {
+
+// Unlike std::max, lets a NaN win: a broken point must never look feasible.
+void raise(double& worst, double value) {
+  if (!(value <= worst)) worst = value;
+}
+
+}  // namespace
+
 Violations violations(const ScaledProblem& p, const Images& images) {
   Violations worst;
   for (Eigen::Index i = 0; i < images.equality.size(); ++i) {
-    worst.equality = std::max(worst.equality, std::abs(images.equality[i]) / p.equality_scale[i]);
+    raise(worst.equality, std::abs(images.equality[i]) / p.equality_scale[i]);
   }
   for (Eigen::Index i = 0; i < images.inequality.size(); ++i) {
-    worst.inequality = std::max(worst.inequality, -images.inequality[i] / p.inequality_scale[i]);
+    raise(worst.inequality, -images.inequality[i] / p.inequality_scale[i]);
   }
   for (Eigen::Index i = 0; i < images.left.size(); ++i) {
     const double s = images.left[i] / p.left_scale[i];
     const double t = images.right[i] / p.right_scale[i];
-    worst.complementarity = std::max(worst.complementarity, std::abs(std::min(s, t)));
+    raise(worst.complementarity, std::abs(std::min(s, t)));
   }
   return worst;
 }
