@@ -64,7 +64,8 @@ Ending Solver::State::engines(Run& run) {
 }
 
 bool Solver::State::polished(Run& run) {
-  if (!options.polish || !polish.run(path.iterate(), run, kPolishBudget)) return false;
+  if (!options.polish || !polish.run(path.iterate(), run, kPolishBudget, options.local_search_budget))
+    return false;
   const Violations exact = violations(problem, polish.images());
   const double slack = kPolishLoss * std::max(1.0, std::abs(path.objective()));
   const bool worse = within_tolerances(path.violations_at(), options) &&
