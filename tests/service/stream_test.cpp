@@ -30,12 +30,14 @@ TEST_F(SolveStream, ProgressAdvancesAndCountsWhatItSkipped) {
   while (const auto event = stream.next()) {
     if (event->has_result()) result = event->result();
     if (!event->has_progress()) continue;
-    EXPECT_GT(event->progress().iteration(), last);
+    for (const v1::Progress& row : event->progress().rows()) {
+      EXPECT_GT(row.iteration(), last);
+      EXPECT_EQ(row.z_size(), 0);
+      last = row.iteration();
+      ++told;
+    }
     EXPECT_GE(event->progress().skipped(), skipped);
-    EXPECT_EQ(event->progress().z_size(), 0);
-    last = event->progress().iteration();
     skipped = event->progress().skipped();
-    ++told;
   }
   ASSERT_TRUE(result.has_value());
   EXPECT_EQ(result->solution().iterations(), 200);
@@ -52,9 +54,12 @@ TEST_F(SolveStream, AttachesTheIterateWhenAsked) {
   int with_iterate = 0;
   while (const auto event = stream.next()) {
     if (!event->has_progress()) continue;
-    const bool turn = event->progress().iteration() % 10 == 0;
-    EXPECT_EQ(event->progress().z_size(), turn ? request.solve().problem().gradient_size() : 0);
-    with_iterate += turn ? 1 : 0;
+    const auto& rows = event->progress().rows();
+    for (int i = 0; i < rows.size(); ++i) {
+      const bool turn = i + 1 == rows.size() && rows[i].iteration() % 10 == 0;
+      EXPECT_EQ(rows[i].z_size(), turn ? request.solve().problem().gradient_size() : 0);
+      with_iterate += turn ? 1 : 0;
+    }
   }
   EXPECT_TRUE(stream.finish().ok());
   EXPECT_GE(with_iterate, 1);
@@ -67,7 +72,7 @@ TEST_F(SolveStream, KeepsTheAskedIntervalBetweenProgress) {
   request.set_progress_interval_s(1e6);
   Stream stream(solver(), request);
   int told = 0;
-  for (const Event& event : stream.drain()) told += event.has_progress() ? 1 : 0;
+  for (const Event& event : stream.drain()) told += event.progress().rows_size();
   EXPECT_EQ(told, 1) << "the first, and no second within the interval";
 }
 
@@ -130,11 +135,13 @@ TEST_F(SolveStream, AStalledReaderCostsTheSolveNothing) {
   const std::vector<Event> events = stalled.drain();
   ASSERT_TRUE(stalled.finish().ok());
   ASSERT_GE(events.size(), 4U);
-  EXPECT_LT(events.size(), 900U) << "what nobody read was not kept";
-  const Event& last_progress = events[events.size() - 2];
-  ASSERT_TRUE(last_progress.has_progress());
-  EXPECT_GT(last_progress.progress().skipped(), 0);
-  EXPECT_EQ(last_progress.progress().iteration(), 1000);
+  int rows = 0;
+  for (const Event& event : events) rows += event.progress().rows_size();
+  const v1::ProgressRows& last = events[events.size() - 2].progress();
+  EXPECT_LT(rows, 1001) << "what nobody read was not kept";
+  EXPECT_EQ(rows + last.skipped(), 1001) << "but counted";
+  ASSERT_GT(last.rows_size(), 0);
+  EXPECT_EQ(last.rows().rbegin()->iteration(), 1000);
   ASSERT_TRUE(events.back().has_result()) << "the result always comes";
 }
 
