@@ -72,6 +72,7 @@ void PathEngine::start(ConstVectorRef initial_z) {
   sub_.take_estimates(d_);  // [α, β] ← 0
   filter_.reset();
   stall_ = {};
+  reported_iteration_ = -1;
   has_best_ = false;
   inner_solution_kappa_ = 0.0;
   inner_steps_ = 0;
@@ -186,8 +187,10 @@ void PathEngine::remember_best() {
   has_best_ = true;
 }
 
-void PathEngine::report(Run& run) const {
-  if (run.sink() == nullptr) return;
+void PathEngine::report(Run& run) {
+  // A path that is followed on begins where its last row was told.
+  if (run.sink() == nullptr || run.iterations == reported_iteration_) return;
+  reported_iteration_ = run.iterations;
   reported_z_ = x_.z().cwiseProduct(problem_.variable_scale);
   Progress progress;
   progress.iteration = run.iterations;

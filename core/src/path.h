@@ -39,7 +39,7 @@ class PathEngine {
   [[nodiscard]] bool step(Run& run);
   [[nodiscard]] double search();
   void accept(double alpha);
-  void report(Run& run) const;
+  void report(Run& run);
   void remember_best();
   [[nodiscard]] double primal_residual() const;
 
@@ -60,7 +60,8 @@ class PathEngine {
   double best_objective_ = 0.0;
   bool has_best_ = false;
   double residual_norm_ = 0.0, step_length_ = 0.0;
-  mutable Vector reported_z_;
+  Vector reported_z_;
+  std::int32_t reported_iteration_ = -1;
 };
 
 }  // namespace marble

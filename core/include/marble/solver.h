@@ -15,9 +15,9 @@ namespace marble {
 
 /// What may accompany one solve; all of it optional, and free of cost when unused.
 struct SolveControls {
-  ProgressSink* progress = nullptr;   ///< told after every iteration
-  std::stop_token stop;               ///< looked at in every iteration
-  std::span<const double> initial_z;  ///< n or empty: where to start (user units)
+  ProgressSink* progress = nullptr;        ///< told after every iteration
+  std::stop_token stop = {};               ///< looked at in every iteration
+  std::span<const double> initial_z = {};  ///< n or empty: where to start (user units)
 };
 
 /// Owns a scaled copy of the problem, the symbolic factorization and all workspace.

@@ -30,14 +30,14 @@ struct JobEvents {
 struct RemoteControls {
   ProgressSink* progress =
       nullptr;  ///< told of progress; rows may be skipped where the network is slower than the solver
-  double progress_interval_s = 0.0;   ///< least time between two rows, seconds, >= 0
-  std::stop_token stop;               ///< gives the call up; the server stops within one iteration
-  std::span<const double> initial_z;  ///< n or empty: where to start
+  double progress_interval_s = 0.0;        ///< least time between two rows, seconds, >= 0
+  std::stop_token stop = {};               ///< gives the call up; the server stops within one iteration
+  std::span<const double> initial_z = {};  ///< n or empty: where to start
   std::optional<std::chrono::duration<double>>
       deadline;              ///< from now; the server gives up what cannot meet it
   std::string request_id;    ///< for the server's log; at most 128 bytes of printable ASCII
   std::string problem_name;  ///< for logs and dashboards; at most 256 bytes
-  JobEvents events;
+  JobEvents events = {};
 };
 
 /// A solution with what the server adds to it.

@@ -1,0 +1,22 @@
+// Small LCQPs with known global optima.
+#pragma once
+
+#include <vector>
+
+#include "marble/problem.h"
+
+namespace marble::testing {
+
+struct SmallProblem {
+  OwnedProblem problem;
+  double optimum;  ///< of the global solution
+};
+
+/// About twenty: problems of the MacMPEC collection (S. Leyffer) in encodings of our own, and hand-made ones
+/// for every missing block and for degenerate solutions. Built anew at each call.
+[[nodiscard]] std::vector<SmallProblem> small_problems();
+
+/// The public example of the paper's solver: min zᵀz, z₁ = 1, z₂ ≥ 1, 0 ≤ z₃ + 1 ⊥ z₄ − 1 ≥ 0; optimum 3.
+[[nodiscard]] SmallProblem public_example();
+
+}  // namespace marble::testing
