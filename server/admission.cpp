@@ -10,9 +10,6 @@
 namespace marble::server {
 namespace {
 
-constexpr std::size_t kLongestRequestId = 128;
-constexpr std::size_t kLongestName = 256;
-
 std::string new_job_id() {
   thread_local absl::BitGen generator;
   char text[17];
@@ -34,19 +31,20 @@ Clock::time_point deadline_of(const grpc::CallbackServerContext& context) {
 
 }  // namespace
 
-Expected<std::shared_ptr<Job>> make_job(const v1::SolveRequest& request,
+Expected<std::shared_ptr<Job>> make_job(std::shared_ptr<const v1::SolveRequest> message,
                                         const grpc::CallbackServerContext& context) {
+  const v1::SolveRequest& request = *message;
   const std::string& id = request.request_id();
   if (id.size() > kLongestRequestId) {
-    return unexpected(
-        fault("request_id", std::to_string(id.size()) + " bytes", "must have at most 128 bytes"));
+    return unexpected(fault("request_id", std::to_string(id.size()) + " bytes",
+                            "must have at most " + std::to_string(kLongestRequestId) + " bytes"));
   }
   if (!std::all_of(id.begin(), id.end(), [](unsigned char c) { return c >= 0x20 && c < 0x7f; })) {
     return unexpected(fault("request_id", "", "must be printable ASCII"));
   }
   if (request.problem().name().size() > kLongestName) {
     return unexpected(fault("problem.name", std::to_string(request.problem().name().size()) + " bytes",
-                            "must have at most 256 bytes"));
+                            "must have at most " + std::to_string(kLongestName) + " bytes"));
   }
   auto options = options_of(request.options());
   if (!options) {
@@ -71,6 +69,7 @@ Expected<std::shared_ptr<Job>> make_job(const v1::SolveRequest& request,
                                        .request_id = id,
                                        .name = request.problem().name(),
                                        .peer = context.peer(),
+                                       .request = message,
                                        .problem = *problem,
                                        .options = *options,
                                        .initial_z = initial_z,

@@ -10,9 +10,9 @@
 
 namespace marble::server {
 
-/// Checks everything about the request; the job borrows its arrays. Error fields are paths from the request's
+/// Checks everything about the request, which the job then keeps. Error fields are paths from the request's
 /// root.
-[[nodiscard]] Expected<std::shared_ptr<Job>> make_job(const v1::SolveRequest& request,
+[[nodiscard]] Expected<std::shared_ptr<Job>> make_job(std::shared_ptr<const v1::SolveRequest> request,
                                                       const grpc::CallbackServerContext& context);
 
 }  // namespace marble::server

@@ -3,6 +3,9 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cctype>
+#include <iomanip>
+#include <iostream>
+#include <sstream>
 
 #include "marble/version.h"
 
@@ -19,6 +22,13 @@ std::string variable_name(std::string name) {
   return "MARBLE_" + name;
 }
 
+template <class Number>
+std::string text_of(Number number) {
+  std::ostringstream text;
+  text << std::setprecision(17) << number;
+  return text.str();
+}
+
 template <class Type>
 void add_setting(CLI::App& app, const std::string& name, Type& value, Type low, Type high,
                  const std::string& unit, const std::string& doc) {
@@ -26,9 +36,17 @@ void add_setting(CLI::App& app, const std::string& name, Type& value, Type low, 
   if constexpr (std::is_same_v<Type, bool>) {
     app.add_flag(flag_name(name), value, text)->envname(variable_name(name));
   } else {
+    // CLI::Range lets "nan" pass, which is neither below nor above.
+    const CLI::Validator range(
+        [low, high](const std::string& given) {
+          Type number{};
+          const bool inside = CLI::detail::lexical_cast(given, number) && number >= low && number <= high;
+          return inside ? std::string() : given + " is not in [" + text_of(low) + ", " + text_of(high) + "]";
+        },
+        "in [" + text_of(low) + ", " + text_of(high) + "]");
     app.add_option(flag_name(name), value, text)
         ->envname(variable_name(name))
-        ->check(CLI::Range(low, high))
+        ->check(range)
         ->capture_default_str();
   }
 }

@@ -20,6 +20,7 @@ grpc::ServerUnaryReactor* InfoService::GetInfo(grpc::CallbackServerContext* cont
   message->set_solved_total(counters.solved);
   message->set_refused_total(counters.refused);
   message->set_cancelled_total(counters.cancelled);
+  message->set_failed_total(counters.failed);
   message->set_queued(counters.queued);
   message->set_running(counters.running);
   response->set_uptime_s(std::chrono::duration<double>(Clock::now() - start_).count());

@@ -2,14 +2,12 @@
 // never waits; a reader that does not keep up costs bounded memory and loses the oldest rows.
 #pragma once
 
-#include <absl/base/thread_annotations.h>
-#include <absl/synchronization/mutex.h>
-
 #include <algorithm>
 #include <cstdint>
 #include <vector>
 
 #include "marble/progress.h"
+#include "mutex.h"
 
 namespace marble::server {
 
@@ -26,7 +24,7 @@ class ProgressSlot {
   ProgressSlot() { ring_.reserve(kMostRows); }
 
   void put(const Progress& progress, bool with_iterate) {
-    absl::MutexLock lock(&mutex_);
+    const MutexLock lock(mutex_);
     if (ring_.size() < kMostRows) {
       ring_.push_back(progress);
     } else {
@@ -40,7 +38,7 @@ class ProgressSlot {
 
   /// What came since the last take; no rows if nothing did.
   [[nodiscard]] Rows take() {
-    absl::MutexLock lock(&mutex_);
+    const MutexLock lock(mutex_);
     std::rotate(ring_.begin(), ring_.begin() + static_cast<std::ptrdiff_t>(oldest_), ring_.end());
     Rows taken{ring_, newest_z_, skipped_};
     ring_.clear();
@@ -53,7 +51,7 @@ class ProgressSlot {
     return (oldest_ + ring_.size() - 1) % ring_.size();
   }
 
-  absl::Mutex mutex_;
+  Mutex mutex_;
   std::vector<Progress> ring_ ABSL_GUARDED_BY(mutex_);
   std::size_t oldest_ ABSL_GUARDED_BY(mutex_) = 0;  // not 0 only while the ring is full
   std::vector<double> newest_z_ ABSL_GUARDED_BY(mutex_);

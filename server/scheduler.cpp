@@ -22,8 +22,7 @@ Expected<Solution> solve_job(Job& job) {
     controls.initial_z = job.initial_z;
     return solver->solve(controls);
   } catch (const std::bad_alloc&) {
-    return unexpected(
-        Error{ErrorCode::resource_exhausted, "problem", -1, "", "does not fit the server's memory"});
+    return unexpected(out_of_memory());
   } catch (const std::exception& error) {
     return unexpected(Error{ErrorCode::internal, "", -1, "", error.what()});
   }
@@ -41,19 +40,19 @@ Scheduler::Scheduler(const SchedulerLimits& limits, const Log& log)
 Scheduler::~Scheduler() {
   drain(std::chrono::duration<double>(0.0));
   {
-    absl::MutexLock lock(&mutex_);
+    const MutexLock lock(mutex_);
     stopping_ = true;
   }
+  work_.notify_all();
   for (std::thread& worker : workers_) worker.join();
 }
 
 Expected<int> Scheduler::admit(std::shared_ptr<Job> job) {
-  absl::MutexLock lock(&mutex_);
-  const auto refuse = [&](ErrorCode code, std::string field, std::string value, std::string bound) {
-    ++counters_.refused;
+  const MutexLock lock(mutex_);
+  const auto refuse = [](ErrorCode code, std::string field, std::string value, std::string bound) {
     return unexpected(Error{code, std::move(field), -1, std::move(value), std::move(bound)});
   };
-  if (draining_) return refuse(ErrorCode::unavailable, "", "", "the server is draining; retry elsewhere");
+  if (closed_) return refuse(ErrorCode::unavailable, "", "", "the server is draining; retry elsewhere");
   if (counters_.queued + counters_.running >= limits_.queue_jobs + limits_.workers) {
     return refuse(ErrorCode::resource_exhausted, "queue_jobs", std::to_string(counters_.queued) + " waiting",
                   "the queue holds at most " + std::to_string(limits_.queue_jobs) + " jobs");
@@ -67,13 +66,14 @@ Expected<int> Scheduler::admit(std::shared_ptr<Job> job) {
   ++counters_.accepted;
   ++counters_.queued;
   if (!queue_.push(std::move(job))) std::terminate();  // the bound above is the tighter one
+  work_.notify_one();
   return before;
 }
 
 void Scheduler::cancel(const std::shared_ptr<Job>& job) {
   job->stop.request_stop();
   {
-    absl::MutexLock lock(&mutex_);
+    const MutexLock lock(mutex_);
     if (!queue_.remove(job.get())) return;
     --counters_.queued;
     ++finishing_;
@@ -87,13 +87,13 @@ void Scheduler::cancel(const std::shared_ptr<Job>& job) {
 }
 
 void Scheduler::count_refused() {
-  absl::MutexLock lock(&mutex_);
+  const MutexLock lock(mutex_);
   ++counters_.refused;
 }
 
 std::shared_ptr<Job> Scheduler::next() {
-  absl::MutexLock lock(&mutex_);
-  mutex_.Await(absl::Condition(this, &Scheduler::work_or_stop));
+  const MutexLock lock(mutex_);
+  while (!stopping_ && queue_.size() == 0) work_.wait(mutex_);
   std::shared_ptr<Job> job = queue_.pop();
   if (job != nullptr) {
     --counters_.queued;
@@ -119,7 +119,7 @@ void Scheduler::run(Job& job) {
     outcome.solution = solve_job(job);
   }
   {
-    absl::MutexLock lock(&mutex_);
+    const MutexLock lock(mutex_);
     --counters_.running;
     ++finishing_;
     running_.erase(
@@ -129,26 +129,37 @@ void Scheduler::run(Job& job) {
   finish(job, std::move(outcome), true);
 }
 
-void Scheduler::finish(const Job& job, Outcome outcome, bool ran) {
+void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
   outcome.total_s = seconds(Clock::now() - job.accepted);
   if (!ran) outcome.queue_s = outcome.total_s;
+  outcome.retry_delay_s = retry_delay_s();
   log_end(job, outcome);
-  const bool answered = outcome.solution.has_value() &&
-                        !(job.stop.stop_requested() && outcome.solution->status == Status::cancelled);
-  const bool solved = outcome.solution.has_value() && is_solved(outcome.solution->status);
+  job.request = nullptr;  // before its bytes are counted free: an answer may wait long for its reader
   {
-    absl::MutexLock lock(&mutex_);
+    const MutexLock lock(mutex_);
     bytes_ -= job.bytes;
-    if (outcome.solution.has_value() && (answered || draining_)) {
-      ++counters_.answered;
-      counters_.solved += solved ? 1 : 0;
-    } else {
-      ++counters_.cancelled;
-    }
+    count(job, outcome);
   }
-  job.observer->finished(std::move(outcome));  // the RPC may be gone after this, and the job's views with it
-  absl::MutexLock lock(&mutex_);
-  --finishing_;
+  job.observer->finished(std::move(outcome));
+  job.observer = nullptr;
+  {
+    const MutexLock lock(mutex_);
+    --finishing_;
+  }
+  progress_.notify_all();
+}
+
+void Scheduler::count(const Job& job, const Outcome& outcome) {
+  if (!outcome.solution) {
+    const ErrorCode code = outcome.solution.error().code;
+    const bool failed = code == ErrorCode::internal || code == ErrorCode::resource_exhausted;
+    ++(failed ? counters_.failed : counters_.cancelled);
+    return;
+  }
+  const bool given_up =
+      outcome.solution->status == Status::cancelled && job.stop.stop_requested() && !closed_;
+  ++(given_up ? counters_.cancelled : counters_.answered);
+  if (is_solved(outcome.solution->status)) ++counters_.solved;
 }
 
 void Scheduler::log_end(const Job& job, const Outcome& outcome) const {
@@ -179,12 +190,19 @@ void Scheduler::log_end(const Job& job, const Outcome& outcome) const {
   }
 }
 
+void Scheduler::close() {
+  const MutexLock lock(mutex_);
+  closed_ = true;
+}
+
 void Scheduler::drain(std::chrono::duration<double> grace) {
+  const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(grace);
   std::vector<std::shared_ptr<Job>> waiting;
   {
-    absl::MutexLock lock(&mutex_);
-    draining_ = true;
-    mutex_.AwaitWithTimeout(absl::Condition(this, &Scheduler::idle_or_hurried), absl::Seconds(grace.count()));
+    const MutexLock lock(mutex_);
+    closed_ = true;
+    while (!hurried_ && !idle() && progress_.wait_until(mutex_, end) == std::cv_status::no_timeout) {
+    }
     while (std::shared_ptr<Job> job = queue_.pop()) {
       --counters_.queued;
       ++finishing_;
@@ -198,22 +216,25 @@ void Scheduler::drain(std::chrono::duration<double> grace) {
         Error{ErrorCode::unavailable, "", -1, "", "the server is draining; the job was not started"});
     finish(*job, std::move(outcome), false);
   }
-  absl::MutexLock lock(&mutex_);
-  mutex_.Await(absl::Condition(this, &Scheduler::idle));
+  const MutexLock lock(mutex_);
+  while (!idle()) progress_.wait(mutex_);
 }
 
 void Scheduler::hurry() {
-  absl::MutexLock lock(&mutex_);
-  hurried_ = true;
+  {
+    const MutexLock lock(mutex_);
+    hurried_ = true;
+  }
+  progress_.notify_all();
 }
 
 Counters Scheduler::counters() const {
-  absl::MutexLock lock(&mutex_);
+  const MutexLock lock(mutex_);
   return counters_;
 }
 
 double Scheduler::retry_delay_s() const {
-  absl::MutexLock lock(&mutex_);
+  const MutexLock lock(mutex_);
   return std::clamp(mean_solve_s_ * (counters_.queued + 1) / limits_.workers, 0.01, 10.0);
 }
 

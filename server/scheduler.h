@@ -2,9 +2,6 @@
 // one.
 #pragma once
 
-#include <absl/base/thread_annotations.h>
-#include <absl/synchronization/mutex.h>
-
 #include <cstdint>
 #include <memory>
 #include <thread>
@@ -13,6 +10,7 @@
 #include "job.h"
 #include "job_queue.h"
 #include "log.h"
+#include "mutex.h"
 
 namespace marble::server {
 
@@ -23,7 +21,7 @@ struct SchedulerLimits {
 };
 
 struct Counters {
-  std::int64_t accepted = 0, answered = 0, solved = 0, refused = 0, cancelled = 0;
+  std::int64_t accepted = 0, answered = 0, solved = 0, refused = 0, cancelled = 0, failed = 0;
   int queued = 0, running = 0;
 };
 
@@ -43,11 +41,13 @@ class Scheduler {
   /// within an iteration. Does nothing to a finished one.
   void cancel(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Counts a request that was refused before it became a job.
+  /// Counts a request that did not become a job, whoever refused it.
   void count_refused() ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Admits nothing more, then returns when every accepted job is answered. After `grace` running solves are
-  /// stopped and give their best iterate, waiting ones are answered with unavailable.
+  /// Admits nothing more from now on.
+  void close() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Closes, then returns when every accepted job is answered. After `grace` running solves are stopped and
+  /// give their best iterate, waiting ones are answered with unavailable.
   void drain(std::chrono::duration<double> grace) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Ends the grace of a drain that is under way now.
   void hurry() ABSL_LOCKS_EXCLUDED(mutex_);
@@ -61,28 +61,25 @@ class Scheduler {
   void work() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::shared_ptr<Job> next() ABSL_LOCKS_EXCLUDED(mutex_);
   void run(Job& job) ABSL_LOCKS_EXCLUDED(mutex_);
-  void finish(const Job& job, Outcome outcome, bool ran) ABSL_LOCKS_EXCLUDED(mutex_);
+  void finish(Job& job, Outcome outcome, bool ran) ABSL_LOCKS_EXCLUDED(mutex_);
+  void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void log_end(const Job& job, const Outcome& outcome) const;
   [[nodiscard]] bool idle() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     return counters_.queued == 0 && counters_.running == 0 && finishing_ == 0;
   }
-  [[nodiscard]] bool work_or_stop() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    return stopping_ || queue_.size() > 0;
-  }
-  [[nodiscard]] bool idle_or_hurried() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    return hurried_ || idle();
-  }
 
   const SchedulerLimits limits_;
   const Log& log_;
-  mutable absl::Mutex mutex_;
+  mutable Mutex mutex_;
+  Condition work_;      // something was queued, or stopping_
+  Condition progress_;  // something ended, or hurried_
   JobQueue<Job> queue_ ABSL_GUARDED_BY(mutex_);
   std::vector<std::shared_ptr<Job>> running_ ABSL_GUARDED_BY(mutex_);
   std::int64_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   int finishing_ ABSL_GUARDED_BY(mutex_) = 0;  // left queue or worker, observer not yet told
   Counters counters_ ABSL_GUARDED_BY(mutex_);
   double mean_solve_s_ ABSL_GUARDED_BY(mutex_) = 0.0;
-  bool draining_ ABSL_GUARDED_BY(mutex_) = false;
+  bool closed_ ABSL_GUARDED_BY(mutex_) = false;
   bool hurried_ ABSL_GUARDED_BY(mutex_) = false;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   std::vector<std::thread> workers_;

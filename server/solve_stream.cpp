@@ -1,64 +1,82 @@
 #include "solve_stream.h"
 
+#include <utility>
+
 #include "admission.h"
 #include "marble/convert.h"
+#include "reply.h"
 #include "status.h"
+#include "wire.h"
 
 namespace marble::server {
+namespace {
 
-SolveStreamCall::SolveStreamCall(Scheduler& scheduler, const Log& log,
-                                 const grpc::CallbackServerContext& context,
-                                 const v1::SolveStreamRequest& request)
-    : scheduler_(scheduler),
-      progress_interval_s_(request.progress_interval_s()),
-      iterate_every_(request.iterate_every()) {
-  const auto refuse = [&](const Error& error, double retry_delay_s) {
-    log_refusal(log, context.peer(), request.solve(), error);
-    Finish(to_status(error, retry_delay_s));
+Expected<void> check_progress(const v1::SolveStreamRequest& request) {
+  const auto fault = [](const char* field, std::string value) {
+    return unexpected(Error{ErrorCode::invalid_argument, field, -1, std::move(value), "must be >= 0"});
   };
-  auto job = make_job(request.solve(), context);
-  if (job && !(progress_interval_s_ >= 0.0)) {
-    job = unexpected(Error{ErrorCode::invalid_argument, "progress_interval_s", -1,
-                           std::to_string(progress_interval_s_), "must be >= 0"});
-  } else if (job && iterate_every_ < 0) {
-    job = unexpected(Error{ErrorCode::invalid_argument, "iterate_every", -1, std::to_string(iterate_every_),
-                           "must be >= 0"});
-  } else if (!job) {
+  if (!(request.progress_interval_s() >= 0.0)) {
+    return fault("progress_interval_s", std::to_string(request.progress_interval_s()));
+  }
+  if (request.iterate_every() < 0) return fault("iterate_every", std::to_string(request.iterate_every()));
+  return {};
+}
+
+}  // namespace
+
+grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(Scheduler& scheduler, const Log& log,
+                                                                   const grpc::CallbackServerContext& context,
+                                                                   const grpc::ByteBuffer* request) {
+  const std::shared_ptr<SolveStreamCall> call(new SolveStreamCall(scheduler));
+  call->self_ = call;
+  v1::SolveStreamRequest message;
+  auto admitted = parse(request, &message);
+  const std::string request_id = message.solve().request_id();
+  if (admitted) admitted = call->admit(message, context);
+  if (!admitted) {
+    scheduler.count_refused();
+    log_refusal(log, context.peer(), request_id, admitted.error());
+    call->Finish(to_status(admitted.error(), scheduler.retry_delay_s()));
+  } else {
+    call->go_on();
+  }
+  return call.get();
+}
+
+Expected<void> SolveStreamCall::admit(v1::SolveStreamRequest& request,
+                                      const grpc::CallbackServerContext& context) {
+  if (const auto valid = check_progress(request); !valid) return valid;
+  progress_interval_s_ = request.progress_interval_s();
+  iterate_every_ = request.iterate_every();
+  (void)request.mutable_solve();  // an absent one is an empty one, and refused as such
+  auto job = make_job(std::shared_ptr<const v1::SolveRequest>(request.release_solve()), context);
+  if (!job) {
     Error error = job.error();
     error.field = "solve." + error.field;
-    job = unexpected(std::move(error));
+    return unexpected(std::move(error));
   }
-  if (!job) {
-    scheduler_.count_refused();
-    refuse(job.error(), 0.0);
-    return;
-  }
+  (*job)->observer = self_;
   job_ = *job;
-  job_->observer = this;
-  // A worker may take the job, and even finish it, before admit() returns: "accepted" must go out before all
-  // that.
+  // A worker may take the job, and even finish it, before its place is known: nothing goes out before
+  // "accepted".
   {
-    absl::MutexLock lock(&mutex_);
+    const MutexLock lock(mutex_);
     writing_ = true;
   }
-  const auto position = scheduler_.admit(job_);
-  if (!position) {
-    refuse(position.error(), scheduler_.retry_delay_s());
-    return;
+  const auto place = scheduler_.admit(*job);
+  if (!place) {
+    job_ = nullptr;
+    return unexpected(place.error());
   }
-  {
-    absl::MutexLock lock(&mutex_);
-    writing_ = false;
-    accepted_due_ = true;
-    queue_position_ = *position;
-  }
-  go_on();
+  const MutexLock lock(mutex_);
+  writing_ = false;
+  queue_position_ = *place;
+  return {};
 }
 
 void SolveStreamCall::started(double queue_s) {
   {
-    absl::MutexLock lock(&mutex_);
-    started_due_ = true;
+    const MutexLock lock(mutex_);
     queue_s_ = queue_s;
   }
   go_on();
@@ -73,9 +91,8 @@ void SolveStreamCall::report(const Progress& progress) {
 
 void SolveStreamCall::finished(Outcome outcome) {
   {
-    absl::MutexLock lock(&mutex_);
-    status_ = fill_response(*job_, std::move(outcome), scheduler_, &result_);
-    result_due_ = status_.ok();
+    const MutexLock lock(mutex_);
+    outcome_ = std::move(outcome);
     over_ = true;
   }
   go_on();
@@ -83,7 +100,7 @@ void SolveStreamCall::finished(Outcome outcome) {
 
 void SolveStreamCall::OnWriteDone(bool ok) {
   {
-    absl::MutexLock lock(&mutex_);
+    const MutexLock lock(mutex_);
     writing_ = false;
     if (!ok) broken_ = true;
   }
@@ -94,58 +111,50 @@ void SolveStreamCall::OnCancel() {
   if (job_ != nullptr) scheduler_.cancel(job_);
 }
 
-SolveStreamCall::Next SolveStreamCall::choose_next() {
-  if (writing_ || finishing_) return Next::nothing;
-  if (!broken_) {
-    message_.Clear();
-    if (accepted_due_) {
-      accepted_due_ = false;
-      message_.mutable_accepted()->set_job_id(job_->id);
-      message_.mutable_accepted()->set_queue_position(queue_position_);
-      return Next::write;
-    }
-    if (started_due_) {
-      started_due_ = false;
-      message_.mutable_started()->set_queue_s(queue_s_);
-      return Next::write;
-    }
-    if (const ProgressSlot::Rows taken = slot_.take(); !taken.rows.empty()) {
-      v1::ProgressRows* progress = message_.mutable_progress();
-      for (const Progress& row : taken.rows) to_message(row, progress->add_rows());
-      progress->mutable_rows()->rbegin()->mutable_z()->Assign(taken.newest_z.begin(), taken.newest_z.end());
-      progress->set_skipped(taken.skipped);
-      return Next::write;
-    }
-    if (result_due_) {
-      result_due_ = false;
-      message_.mutable_result()->Swap(&result_);
-      return Next::write;
-    }
+void SolveStreamCall::OnDone() { const auto last = std::move(self_); }
+
+bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
+  if (broken_) return false;
+  if (queue_position_) {
+    event->mutable_accepted()->set_job_id(job_->id);
+    event->mutable_accepted()->set_queue_position(*std::exchange(queue_position_, std::nullopt));
+    return true;
   }
-  return over_ ? Next::finish : Next::nothing;
+  if (queue_s_) {
+    event->mutable_started()->set_queue_s(*std::exchange(queue_s_, std::nullopt));
+    return true;
+  }
+  if (const ProgressSlot::Rows taken = slot_.take(); !taken.rows.empty()) {
+    v1::ProgressRows* progress = event->mutable_progress();
+    for (const Progress& row : taken.rows) to_message(row, progress->add_rows());
+    progress->mutable_rows()->rbegin()->mutable_z()->Assign(taken.newest_z.begin(), taken.newest_z.end());
+    progress->set_skipped(taken.skipped);
+    return true;
+  }
+  if (outcome_) {
+    status_ = fill_response(*job_, *std::exchange(outcome_, std::nullopt), event->mutable_result());
+    return status_.ok();
+  }
+  return false;
 }
 
 // gRPC may react within StartWrite or Finish, on this very thread: no lock is held there.
 void SolveStreamCall::go_on() {
+  v1::SolveStreamResponse event;
   grpc::Status status;
-  const v1::SolveStreamResponse* message = nullptr;
+  bool write = false;
   {
-    absl::MutexLock lock(&mutex_);
-    switch (choose_next()) {
-      case Next::nothing:
-        return;
-      case Next::write:
-        writing_ = true;
-        message = &message_;
-        break;
-      case Next::finish:
-        finishing_ = true;
-        status = status_;
-        break;
-    }
+    const MutexLock lock(mutex_);
+    if (writing_ || finishing_) return;
+    write = next_event(&event);
+    if (!write && !over_) return;
+    writing_ = write;
+    finishing_ = !write;
+    status = status_;
   }
-  if (message != nullptr) {
-    StartWrite(message);
+  if (write) {
+    bytes_ = serialize(event);
+    StartWrite(&bytes_);
   } else {
     Finish(status);
   }

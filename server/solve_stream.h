@@ -1,67 +1,63 @@
 // One streamed solve: accepted → started → progress … → result, with one write in flight.
 #pragma once
 
-#include <absl/base/thread_annotations.h>
-#include <absl/synchronization/mutex.h>
+#include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
-#include "marble/v1/service.pb.h"
+#include <optional>
+
+#include "mutex.h"
 #include "progress_slot.h"
 #include "scheduler.h"
 
 namespace marble::server {
 
-/// Fills the response from a job's outcome, or tells the status of the error it ended with.
-[[nodiscard]] grpc::Status fill_response(const Job& job, Outcome outcome, const Scheduler& scheduler,
-                                         v1::SolveResponse* response);
-/// One line for a request that did not become a job.
-void log_refusal(const Log& log, const std::string& peer, const v1::SolveRequest& request,
-                 const Error& error);
-
-/// Deletes itself when gRPC is done with it, which is not before the job has finished.
-class SolveStreamCall final : public grpc::ServerWriteReactor<v1::SolveStreamResponse>,
+/// Owns itself until gRPC is done with it; its job owns it too, until it has finished.
+class SolveStreamCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
                               public JobObserver,
                               public ProgressSink {
  public:
-  SolveStreamCall(Scheduler& scheduler, const Log& log, const grpc::CallbackServerContext& context,
-                  const v1::SolveStreamRequest& request);
+  /// Parses, checks and admits the request, or refuses it.
+  static grpc::ServerWriteReactor<grpc::ByteBuffer>* begin(Scheduler& scheduler, const Log& log,
+                                                           const grpc::CallbackServerContext& context,
+                                                           const grpc::ByteBuffer* request);
 
   // From gRPC.
   void OnWriteDone(bool ok) override ABSL_LOCKS_EXCLUDED(mutex_);
   void OnCancel() override;
-  void OnDone() override { delete this; }
+  void OnDone() override;
 
-  // From the worker.
+  // From the scheduler.
   void started(double queue_s) override ABSL_LOCKS_EXCLUDED(mutex_);
   ProgressSink* progress() override { return this; }
   void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
   void finished(Outcome outcome) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
-  enum class Next { nothing, write, finish };
-  [[nodiscard]] Next choose_next() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  explicit SolveStreamCall(Scheduler& scheduler) : scheduler_(scheduler) {}
+  [[nodiscard]] Expected<void> admit(v1::SolveStreamRequest& request,
+                                     const grpc::CallbackServerContext& context) ABSL_LOCKS_EXCLUDED(mutex_);
   void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool next_event(v1::SolveStreamResponse* event) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   Scheduler& scheduler_;
-  const double progress_interval_s_;
-  const int iterate_every_;
+  double progress_interval_s_ = 0.0;  // constant once admitted, like job_
+  int iterate_every_ = 0;
   std::shared_ptr<Job> job_;
+  std::shared_ptr<SolveStreamCall> self_;
   ProgressSlot slot_;
   double last_progress_s_ = -1.0;  // worker only
+  grpc::ByteBuffer bytes_;         // the write in flight; belongs to whoever set writing_
 
-  absl::Mutex mutex_;
-  v1::SolveStreamResponse message_ ABSL_GUARDED_BY(mutex_);  // the write in flight
+  Mutex mutex_;
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
-  bool broken_ ABSL_GUARDED_BY(mutex_) = false;  // a write failed: nobody reads any more
-  bool accepted_due_ ABSL_GUARDED_BY(mutex_) = false;
-  bool started_due_ ABSL_GUARDED_BY(mutex_) = false;
-  bool result_due_ ABSL_GUARDED_BY(mutex_) = false;
-  bool over_ ABSL_GUARDED_BY(mutex_) = false;       // the job has finished
-  bool finishing_ ABSL_GUARDED_BY(mutex_) = false;  // Finish was called or is about to be
-  int queue_position_ ABSL_GUARDED_BY(mutex_) = 0;
-  double queue_s_ ABSL_GUARDED_BY(mutex_) = 0.0;
-  v1::SolveResponse result_ ABSL_GUARDED_BY(mutex_);
-  grpc::Status status_ ABSL_GUARDED_BY(mutex_);
+  bool broken_ ABSL_GUARDED_BY(mutex_) = false;                // a write failed: nobody reads any more
+  bool finishing_ ABSL_GUARDED_BY(mutex_) = false;             // Finish was called or is about to be
+  std::optional<int> queue_position_ ABSL_GUARDED_BY(mutex_);  // accepted, to be told
+  std::optional<double> queue_s_ ABSL_GUARDED_BY(mutex_);      // started, to be told
+  std::optional<Outcome> outcome_ ABSL_GUARDED_BY(mutex_);     // finished, to be told
+  grpc::Status status_ ABSL_GUARDED_BY(mutex_);                // of a finished job
+  bool over_ ABSL_GUARDED_BY(mutex_) = false;                  // the job has finished
 };
 
 }  // namespace marble::server

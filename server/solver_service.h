@@ -6,14 +6,16 @@
 
 namespace marble::server {
 
-class SolverService final : public v1::Solver::CallbackService {
+/// The methods take and give bytes; see wire.h.
+class SolverService final : public v1::Solver::WithRawCallbackMethod_Solve<
+                                v1::Solver::WithRawCallbackMethod_SolveStream<v1::Solver::Service>> {
  public:
   SolverService(Scheduler& scheduler, const Log& log) : scheduler_(scheduler), log_(log) {}
 
-  grpc::ServerUnaryReactor* Solve(grpc::CallbackServerContext* context, const v1::SolveRequest* request,
-                                  v1::SolveResponse* response) override;
-  grpc::ServerWriteReactor<v1::SolveStreamResponse>* SolveStream(
-      grpc::CallbackServerContext* context, const v1::SolveStreamRequest* request) override;
+  grpc::ServerUnaryReactor* Solve(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
+                                  grpc::ByteBuffer* response) override;
+  grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStream(grpc::CallbackServerContext* context,
+                                                          const grpc::ByteBuffer* request) override;
 
  private:
   Scheduler& scheduler_;

@@ -6,14 +6,14 @@ namespace {
 
 class Start : public ServiceTest {
  protected:
-  /// Runs the server to its end; for what must not start.
+  /// Runs the server to its end; for what must not start. -1 if it did.
   int run(const std::vector<std::string>& flags, const std::vector<std::string>& environment = {}) {
     std::vector<std::string> arguments = {MARBLE_SERVER_BINARY};
     arguments.insert(arguments.end(), flags.begin(), flags.end());
     ChildProcess process(arguments, directory_.file("output"), environment);
-    const int code = process.wait();
+    const bool ended = eventually([&] { return !process.running(); }, std::chrono::seconds(20));
     output_ = process.output();
-    return code;
+    return ended ? process.wait() : -1;
   }
   [[nodiscard]] bool said(const std::string& text) const { return output_.find(text) != std::string::npos; }
 
@@ -26,6 +26,23 @@ TEST_F(Start, ASecondServerOnThePortFailsAndNamesIt) {
   EXPECT_EQ(run({"--listen", server().address()}), 1);
   EXPECT_TRUE(said(server().address())) << output_;
   EXPECT_TRUE(said("in use")) << output_;
+  EXPECT_TRUE(lives());
+}
+
+TEST_F(Start, ASecondServerLeavesTheUnixSocketToTheFirst) {
+  const std::string address = "unix:" + directory_.file("socket");
+  start({"--listen", address});
+  EXPECT_EQ(run({"--listen", address}), 1);
+  EXPECT_TRUE(said("in use")) << output_;
+  EXPECT_TRUE(lives());
+}
+
+TEST_F(Start, AUnixSocketLeftBehindIsTakenOver) {
+  const std::string address = "unix:" + directory_.file("socket");
+  start({"--listen", address});
+  server().send(SIGKILL);
+  EXPECT_EQ(server().wait(), -SIGKILL);
+  start({"--listen", address});
   EXPECT_TRUE(lives());
 }
 

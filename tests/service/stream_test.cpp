@@ -123,6 +123,16 @@ TEST_F(SolveStream, AKilledClientFreesItsWorker) {
   EXPECT_TRUE(lives());
 }
 
+TEST_F(SolveStream, AFrozenClientCountsAsDeadAndFreesItsWorker) {
+  start({"--workers", "1", "--keepalive-s", "1"});
+  const TemporaryDirectory directory;
+  ChildProcess client({STREAM_CLIENT_BINARY, server().address()}, directory.file("client"));
+  ASSERT_TRUE(eventually([&] { return client.output().find("running") != std::string::npos; }));
+  client.send(SIGSTOP);  // its connection stays open, and nobody answers on it
+  EXPECT_TRUE(eventually_idle());
+  EXPECT_TRUE(lives());
+}
+
 TEST_F(SolveStream, AStalledReaderCostsTheSolveNothing) {
   start({"--workers", "1"});
   v1::SolveStreamRequest request;

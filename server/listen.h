@@ -1,0 +1,27 @@
+// The gRPC server on its addresses.
+#pragma once
+
+#include <grpcpp/server.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config.h"
+#include "marble/error.h"
+
+namespace marble::server {
+
+struct Listening {
+  std::unique_ptr<grpc::Server> server;
+  std::vector<std::string> addresses;  ///< as configured, with the port that was taken in place of 0
+};
+
+/// Starts serving the services, health and reflection. The error's value is the address that could not be
+/// had.
+[[nodiscard]] Expected<Listening> listen(const Config& config, const std::vector<grpc::Service*>& services);
+
+/// Tells health checkers of every service whether to send work here.
+void set_serving(const grpc::Server& server, bool serving);
+
+}  // namespace marble::server

@@ -1,0 +1,36 @@
+// One unary solve.
+#pragma once
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/server_callback.h>
+
+#include "scheduler.h"
+
+namespace marble::server {
+
+/// Owns itself until gRPC is done with it; its job owns it too, until it has finished.
+class SolveCall final : public grpc::ServerUnaryReactor, public JobObserver {
+ public:
+  /// Parses, checks and admits the request, or refuses it.
+  static grpc::ServerUnaryReactor* begin(Scheduler& scheduler, const Log& log,
+                                         const grpc::CallbackServerContext& context,
+                                         const grpc::ByteBuffer* request, grpc::ByteBuffer* response);
+
+  // From gRPC.
+  void OnCancel() override;
+  void OnDone() override;
+  // From the scheduler.
+  void finished(Outcome outcome) override;
+
+ private:
+  SolveCall(Scheduler& scheduler, grpc::ByteBuffer* response) : scheduler_(scheduler), response_(response) {}
+  [[nodiscard]] Expected<void> admit(std::shared_ptr<const v1::SolveRequest> request,
+                                     const grpc::CallbackServerContext& context);
+
+  Scheduler& scheduler_;
+  grpc::ByteBuffer* const response_;
+  std::shared_ptr<Job> job_;  // constant once admitted
+  std::shared_ptr<SolveCall> self_;
+};
+
+}  // namespace marble::server

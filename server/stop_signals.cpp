@@ -1,0 +1,59 @@
+#include "stop_signals.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <stdexcept>
+
+namespace marble::server {
+namespace {
+
+// A handler can reach nothing else.
+int write_end = -1;
+
+void pass_on(int signal) {
+  const int saved = errno;
+  const auto byte = static_cast<unsigned char>(signal);
+  [[maybe_unused]] const auto written = write(write_end, &byte, 1);  // a full pipe is full of signals anyway
+  errno = saved;
+}
+
+void handle(int signal, void (*handler)(int)) {
+  struct sigaction action = {};
+  action.sa_handler = handler;
+  action.sa_flags = SA_RESTART;
+  sigaction(signal, &action, nullptr);
+}
+
+}  // namespace
+
+StopSignals::StopSignals() {
+  int ends[2];
+  if (pipe2(ends, O_CLOEXEC) != 0) throw std::runtime_error("no pipe for signals");
+  read_end_ = ends[0];
+  write_end = ends[1];
+  fcntl(write_end, F_SETFL, O_NONBLOCK);
+  handle(SIGTERM, pass_on);
+  handle(SIGINT, pass_on);
+  handle(SIGPIPE, SIG_IGN);
+}
+
+StopSignals::~StopSignals() {
+  handle(SIGTERM, SIG_IGN);  // whoever asks again while the process ends is being served
+  handle(SIGINT, SIG_IGN);
+  close(read_end_);
+  close(write_end);
+}
+
+int StopSignals::wait() {
+  unsigned char byte = 0;
+  while (read(read_end_, &byte, 1) < 0 && errno == EINTR) {
+  }
+  return byte;
+}
+
+void StopSignals::wake() { pass_on(0); }
+
+}  // namespace marble::server

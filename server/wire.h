@@ -1,0 +1,35 @@
+// Messages from and to bytes. The service parses its requests itself: gRPC would answer what it cannot parse
+// with UNIMPLEMENTED, and would own the message, which here belongs to the job.
+#pragma once
+
+#include <grpcpp/impl/codegen/proto_utils.h>
+#include <grpcpp/support/byte_buffer.h>
+#include <grpcpp/support/proto_buffer_reader.h>
+
+#include <string>
+
+#include "marble/error.h"
+
+namespace marble::server {
+
+/// Parses a call's request and frees its bytes, so that both are not held for the time of the call. (gRPC
+/// shows a request as const, but it is the call's own, and nobody else looks at it.)
+template <class Message>
+[[nodiscard]] Expected<void> parse(const grpc::ByteBuffer* bytes, Message* message) {
+  auto* own = const_cast<grpc::ByteBuffer*>(bytes);
+  const grpc::Status status = grpc::SerializationTraits<Message>::Deserialize(own, message);
+  own->Clear();
+  if (status.ok()) return {};
+  return unexpected(Error{ErrorCode::invalid_argument, "", -1, "",
+                          "the request is not a " + message->GetTypeName() + " message"});
+}
+
+template <class Message>
+[[nodiscard]] grpc::ByteBuffer serialize(const Message& message) {
+  grpc::ByteBuffer bytes;
+  bool own = false;
+  if (!grpc::SerializationTraits<Message>::Serialize(message, &bytes, &own).ok()) bytes.Clear();
+  return bytes;
+}
+
+}  // namespace marble::server
