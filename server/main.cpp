@@ -19,8 +19,7 @@ namespace {
 
 using namespace marble::server;
 
-constexpr std::chrono::seconds kLastAnswers{
-    5};  // for answers on their way to slow readers when all jobs are done
+constexpr std::chrono::seconds kLastAnswers{5};  // for answers on their way to slow readers
 
 bool write_lines(const std::string& path, const std::vector<std::string>& lines) {
   // Renamed into place, so that whoever waits for the file never reads half of it.
@@ -84,7 +83,8 @@ int main(int argc, char** argv) {
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
-  listening->server->Shutdown(std::chrono::system_clock::now() + kLastAnswers);
+  solver_service.wait_for_answers(kLastAnswers);
+  listening->server->Shutdown(std::chrono::system_clock::now());
   listening->server->Wait();
   const Counters counters = scheduler.counters();
   log.info("stopped",

@@ -7,18 +7,18 @@
 
 namespace marble::server {
 
-grpc::ServerUnaryReactor* SolveCall::begin(Scheduler& scheduler, const Log& log,
+grpc::ServerUnaryReactor* SolveCall::begin(const ServiceParts& parts,
                                            const grpc::CallbackServerContext& context,
                                            const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  const std::shared_ptr<SolveCall> call(new SolveCall(scheduler, response));
+  const std::shared_ptr<SolveCall> call(new SolveCall(parts, response));
   call->self_ = call;
   const auto message = std::make_shared<v1::SolveRequest>();
   auto admitted = parse(request, message.get());
   if (admitted) admitted = call->admit(message, context);
   if (!admitted) {
-    scheduler.count_refused();
-    log_refusal(log, context.peer(), message->request_id(), admitted.error());
-    call->Finish(to_status(admitted.error(), scheduler.retry_delay_s()));
+    parts.scheduler.count_refused();
+    log_refusal(parts.log, context.peer(), message->request_id(), admitted.error());
+    call->Finish(to_status(admitted.error(), parts.scheduler.retry_delay_s()));
   }
   return call.get();
 }

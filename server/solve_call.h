@@ -4,7 +4,7 @@
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
-#include "scheduler.h"
+#include "service_parts.h"
 
 namespace marble::server {
 
@@ -12,7 +12,7 @@ namespace marble::server {
 class SolveCall final : public grpc::ServerUnaryReactor, public JobObserver {
  public:
   /// Parses, checks and admits the request, or refuses it.
-  static grpc::ServerUnaryReactor* begin(Scheduler& scheduler, const Log& log,
+  static grpc::ServerUnaryReactor* begin(const ServiceParts& parts,
                                          const grpc::CallbackServerContext& context,
                                          const grpc::ByteBuffer* request, grpc::ByteBuffer* response);
 
@@ -23,10 +23,12 @@ class SolveCall final : public grpc::ServerUnaryReactor, public JobObserver {
   void finished(Outcome outcome) override;
 
  private:
-  SolveCall(Scheduler& scheduler, grpc::ByteBuffer* response) : scheduler_(scheduler), response_(response) {}
+  SolveCall(const ServiceParts& parts, grpc::ByteBuffer* response)
+      : token_(parts.calls), scheduler_(parts.scheduler), response_(response) {}
   [[nodiscard]] Expected<void> admit(std::shared_ptr<const v1::SolveRequest> request,
                                      const grpc::CallbackServerContext& context);
 
+  const LiveCalls::Token token_;
   Scheduler& scheduler_;
   grpc::ByteBuffer* const response_;
   std::shared_ptr<Job> job_;  // constant once admitted

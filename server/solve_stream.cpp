@@ -24,19 +24,19 @@ Expected<void> check_progress(const v1::SolveStreamRequest& request) {
 
 }  // namespace
 
-grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(Scheduler& scheduler, const Log& log,
+grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const ServiceParts& parts,
                                                                    const grpc::CallbackServerContext& context,
                                                                    const grpc::ByteBuffer* request) {
-  const std::shared_ptr<SolveStreamCall> call(new SolveStreamCall(scheduler));
+  const std::shared_ptr<SolveStreamCall> call(new SolveStreamCall(parts));
   call->self_ = call;
   v1::SolveStreamRequest message;
   auto admitted = parse(request, &message);
   const std::string request_id = message.solve().request_id();
   if (admitted) admitted = call->admit(message, context);
   if (!admitted) {
-    scheduler.count_refused();
-    log_refusal(log, context.peer(), request_id, admitted.error());
-    call->Finish(to_status(admitted.error(), scheduler.retry_delay_s()));
+    parts.scheduler.count_refused();
+    log_refusal(parts.log, context.peer(), request_id, admitted.error());
+    call->Finish(to_status(admitted.error(), parts.scheduler.retry_delay_s()));
   } else {
     call->go_on();
   }

@@ -8,7 +8,7 @@
 
 #include "mutex.h"
 #include "progress_slot.h"
-#include "scheduler.h"
+#include "service_parts.h"
 
 namespace marble::server {
 
@@ -18,7 +18,7 @@ class SolveStreamCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
                               public ProgressSink {
  public:
   /// Parses, checks and admits the request, or refuses it.
-  static grpc::ServerWriteReactor<grpc::ByteBuffer>* begin(Scheduler& scheduler, const Log& log,
+  static grpc::ServerWriteReactor<grpc::ByteBuffer>* begin(const ServiceParts& parts,
                                                            const grpc::CallbackServerContext& context,
                                                            const grpc::ByteBuffer* request);
 
@@ -34,12 +34,13 @@ class SolveStreamCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
   void finished(Outcome outcome) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
-  explicit SolveStreamCall(Scheduler& scheduler) : scheduler_(scheduler) {}
+  explicit SolveStreamCall(const ServiceParts& parts) : token_(parts.calls), scheduler_(parts.scheduler) {}
   [[nodiscard]] Expected<void> admit(v1::SolveStreamRequest& request,
                                      const grpc::CallbackServerContext& context) ABSL_LOCKS_EXCLUDED(mutex_);
   void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool next_event(v1::SolveStreamResponse* event) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
+  const LiveCalls::Token token_;
   Scheduler& scheduler_;
   double progress_interval_s_ = 0.0;  // constant once admitted, like job_
   int iterate_every_ = 0;

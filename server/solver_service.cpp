@@ -7,12 +7,12 @@ namespace marble::server {
 
 grpc::ServerUnaryReactor* SolverService::Solve(grpc::CallbackServerContext* context,
                                                const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  return SolveCall::begin(scheduler_, log_, *context, request, response);
+  return SolveCall::begin(parts_, *context, request, response);
 }
 
 grpc::ServerWriteReactor<grpc::ByteBuffer>* SolverService::SolveStream(grpc::CallbackServerContext* context,
                                                                        const grpc::ByteBuffer* request) {
-  return SolveStreamCall::begin(scheduler_, log_, *context, request);
+  return SolveStreamCall::begin(parts_, *context, request);
 }
 
 }  // namespace marble::server

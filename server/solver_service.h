@@ -2,7 +2,7 @@
 #pragma once
 
 #include "marble/v1/service.grpc.pb.h"
-#include "scheduler.h"
+#include "service_parts.h"
 
 namespace marble::server {
 
@@ -10,7 +10,10 @@ namespace marble::server {
 class SolverService final : public v1::Solver::WithRawCallbackMethod_Solve<
                                 v1::Solver::WithRawCallbackMethod_SolveStream<v1::Solver::Service>> {
  public:
-  SolverService(Scheduler& scheduler, const Log& log) : scheduler_(scheduler), log_(log) {}
+  SolverService(Scheduler& scheduler, const Log& log) : parts_{scheduler, log, calls_} {}
+
+  /// Waits until every answer is sent, or for `limit`.
+  void wait_for_answers(std::chrono::steady_clock::duration limit) { calls_.wait_for_none(limit); }
 
   grpc::ServerUnaryReactor* Solve(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
                                   grpc::ByteBuffer* response) override;
@@ -18,8 +21,8 @@ class SolverService final : public v1::Solver::WithRawCallbackMethod_Solve<
                                                           const grpc::ByteBuffer* request) override;
 
  private:
-  Scheduler& scheduler_;
-  const Log& log_;
+  LiveCalls calls_;
+  const ServiceParts parts_;
 };
 
 }  // namespace marble::server

@@ -90,8 +90,9 @@ TEST_F(Drain, AfterTheGraceRunningJobsGiveTheirBestIterate) {
 
 TEST_F(Drain, AfterTheGraceWaitingJobsMayBeRetriedElsewhere) {
   start({"--workers", "1", "--drain-grace-s", "0.1"});
-  Stream running(solver(), long_request()), waiting(solver(), long_request());
+  Stream running(solver(), long_request());
   ASSERT_TRUE(running.read_until(Event::kStarted));
+  Stream waiting(solver(), long_request());
   ASSERT_TRUE(waiting.read_until(Event::kAccepted));
   server().terminate();
   EXPECT_EQ(read_to_the_end(running).solved_as, v1::STATUS_CANCELLED);
