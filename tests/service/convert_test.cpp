@@ -1,0 +1,195 @@
+#include "marble/convert.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "marble/v1/service.pb.h"
+#include "problems.h"
+
+namespace marble {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+
+FieldDescriptor::CppType type_of(OptionType type) {
+  switch (type) {
+    case OptionType::real:
+      return FieldDescriptor::CPPTYPE_DOUBLE;
+    case OptionType::integer:
+      return FieldDescriptor::CPPTYPE_INT32;
+    case OptionType::boolean:
+      return FieldDescriptor::CPPTYPE_BOOL;
+    case OptionType::choice:
+      return FieldDescriptor::CPPTYPE_ENUM;
+  }
+  return FieldDescriptor::CPPTYPE_MESSAGE;
+}
+
+TEST(Convert, SolveOptionsHasExactlyTheTablesOptionsWithTheirTypes) {
+  const auto* message = v1::SolveOptions::descriptor();
+  EXPECT_EQ(message->field_count(), static_cast<int>(option_table().size()));
+  for (const OptionInfo& option : option_table()) {
+    const FieldDescriptor* field = message->FindFieldByName(std::string(option.name));
+    ASSERT_NE(field, nullptr) << option.name;
+    EXPECT_EQ(field->cpp_type(), type_of(option.type)) << option.name;
+    EXPECT_TRUE(field->has_presence()) << option.name;
+    if (option.type != OptionType::choice) continue;
+    const auto* choices = field->enum_type();
+    ASSERT_EQ(choices->value_count(), static_cast<int>(option.choices.size()) + 1) << option.name;
+    for (int i = 0; i < static_cast<int>(option.choices.size()); ++i) {
+      std::string name =
+          option.name.data() + std::string("_").append(option.choices[static_cast<std::size_t>(i)]);
+      for (char& c : name) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+      ASSERT_NE(choices->FindValueByNumber(i + 1), nullptr);
+      EXPECT_EQ(choices->FindValueByNumber(i + 1)->name(), name);
+    }
+  }
+}
+
+TEST(Convert, OptionsComeBackAsTheyWere) {
+  Options options;
+  for (const OptionInfo& option : option_table()) {
+    const double middle = option.type == OptionType::real ? 0.5 * (option.low + option.high) : option.high;
+    ASSERT_TRUE(set_option(options, option.name, middle)) << option.name;
+  }
+  v1::SolveOptions message;
+  to_message(options, &message);
+  const auto back = options_of(message);
+  ASSERT_TRUE(back.has_value()) << back.error().message();
+  for (const OptionInfo& option : option_table()) {
+    EXPECT_EQ(get_option(*back, option.name), get_option(options, option.name)) << option.name;
+  }
+}
+
+TEST(Convert, AbsentOptionsHaveTheirDefaults) {
+  const auto options = options_of(v1::SolveOptions());
+  ASSERT_TRUE(options.has_value());
+  for (const OptionInfo& option : option_table()) {
+    EXPECT_EQ(get_option(*options, option.name), option.default_value) << option.name;
+  }
+}
+
+TEST(Convert, AnUnspecifiedChoiceIsAnAbsentOne) {
+  v1::SolveOptions message;
+  message.set_path(v1::PATH_UNSPECIFIED);
+  const auto options = options_of(message);
+  ASSERT_TRUE(options.has_value());
+  EXPECT_EQ(options->path, Options().path);
+}
+
+TEST(Convert, OptionsOutOfRangeAreNamed) {
+  v1::SolveOptions message;
+  message.set_kappa_min(-1.0);
+  const auto options = options_of(message);
+  ASSERT_FALSE(options.has_value());
+  EXPECT_EQ(options.error().code, ErrorCode::invalid_argument);
+  EXPECT_EQ(options.error().field, "kappa_min");
+}
+
+TEST(Convert, AProblemIsViewedInPlace) {
+  const v1::SolveRequest request = testing::example_request();
+  const v1::Problem& message = request.problem();
+  const ProblemView view = view_of(message);
+  EXPECT_EQ(view.g.data(), message.gradient().data());
+  EXPECT_EQ(view.Q.values.data(), message.hessian().values().data());
+  EXPECT_EQ(view.Q.row_indices.data(), message.hessian().row_indices().data());
+  EXPECT_EQ(view.R.column_pointers.data(), message.right_matrix().column_pointers().data());
+  EXPECT_EQ(view.r.data(), message.right_offset().data());
+}
+
+TEST(Convert, AProblemComesBackAsItWas) {
+  v1::Problem message = testing::long_request().problem();
+  message.set_constant(7.5);
+  message.set_hessian_form(v1::HESSIAN_FORM_UPPER_TRIANGLE);
+  v1::Problem copy;
+  to_message(view_of(message), &copy);
+  copy.set_name(message.name());
+  EXPECT_EQ(copy.SerializeAsString(), message.SerializeAsString());
+}
+
+TEST(Convert, FieldNamesHaveAWayBack) {
+  const auto* problem = v1::Problem::descriptor();
+  for (const char* core : {"Q", "g", "c0", "A", "b", "C", "d", "L", "l", "R", "r"}) {
+    const std::string name = message_field(core);
+    EXPECT_NE(problem->FindFieldByName(name), nullptr) << core << " → " << name;
+    EXPECT_EQ(core_field(name), core);
+    EXPECT_EQ(core_field(name + ".values"), std::string(core) + ".values");
+    EXPECT_EQ(message_field(std::string(core) + ".row_indices"), name + ".row_indices");
+  }
+  EXPECT_EQ(message_field("something_else"), "something_else");
+}
+
+TEST(Convert, EveryStatusHasItsNamesakeAndComesBack) {
+  for (int i = 0; i <= static_cast<int>(Status::numerical_failure); ++i) {
+    const auto status = static_cast<Status>(i);
+    std::string name = std::string("STATUS_") + to_string(status);
+    for (char& c : name) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+    EXPECT_EQ(v1::Status_Name(to_message(status)), name);
+    EXPECT_EQ(status_of(to_message(status)), status);
+  }
+}
+
+TEST(Convert, ASolutionComesBackAsItWas) {
+  Solution solution;
+  solution.status = Status::unbounded;
+  solution.detail = "because";
+  solution.z = {1.0, -0.0, std::numeric_limits<double>::denorm_min()};
+  solution.equality_multipliers = {2.0};
+  solution.inequality_multipliers = {3.0, 4.0};
+  solution.complementarity_multipliers_L = {5.0};
+  solution.complementarity_multipliers_R = {6.0};
+  solution.certificate = {7.0, 8.0, 9.0};
+  solution.objective = -1.25;
+  solution.violations = {1e-9, 2e-9, 3e-9};
+  solution.kkt_residual = 4e-9;
+  solution.iterations = 12;
+  solution.factorizations = 34;
+  solution.times = {0.1, 0.2, 0.3, 0.4};
+  v1::Solution message;
+  to_message(solution, &message);
+  const Solution back = solution_of(message);
+  EXPECT_EQ(back.status, solution.status);
+  EXPECT_EQ(back.detail, solution.detail);
+  EXPECT_EQ(back.z, solution.z);
+  EXPECT_EQ(back.equality_multipliers, solution.equality_multipliers);
+  EXPECT_EQ(back.inequality_multipliers, solution.inequality_multipliers);
+  EXPECT_EQ(back.complementarity_multipliers_L, solution.complementarity_multipliers_L);
+  EXPECT_EQ(back.complementarity_multipliers_R, solution.complementarity_multipliers_R);
+  EXPECT_EQ(back.certificate, solution.certificate);
+  EXPECT_EQ(back.objective, solution.objective);
+  EXPECT_EQ(back.violations.complementarity, solution.violations.complementarity);
+  EXPECT_EQ(back.kkt_residual, solution.kkt_residual);
+  EXPECT_EQ(back.iterations, solution.iterations);
+  EXPECT_EQ(back.factorizations, solution.factorizations);
+  EXPECT_EQ(back.times.solve_s, solution.times.solve_s);
+}
+
+TEST(Convert, ProgressComesBackAsItWas) {
+  const Progress progress = {.iteration = 1,
+                             .outer_iteration = 2,
+                             .objective = 3.0,
+                             .violations = {4.0, 5.0, 6.0},
+                             .kkt_residual = 7.0,
+                             .kappa = 8.0,
+                             .rho = 9.0,
+                             .step_length = 0.5,
+                             .regularization = 11.0,
+                             .factorizations = 12,
+                             .elapsed_s = 13.0,
+                             .z = {}};
+  v1::Progress message;
+  to_message(progress, &message);
+  v1::Progress again;
+  to_message(progress_of(message), &again);
+  EXPECT_EQ(again.SerializeAsString(), message.SerializeAsString());
+  for (int i = 0; i < v1::Progress::descriptor()->field_count(); ++i) {
+    const FieldDescriptor* field = v1::Progress::descriptor()->field(i);
+    if (field->name() == "z") continue;
+    EXPECT_TRUE(message.GetReflection()->HasField(message, field))
+        << field->name() << " was not carried over";
+  }
+}
+
+}  // namespace
+}  // namespace marble

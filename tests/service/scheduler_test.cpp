@@ -1,0 +1,173 @@
+// The scheduler with real workers and real solves, and observers in place of RPCs.
+#include "scheduler.h"
+
+#include <gtest/gtest.h>
+
+#include <future>
+#include <set>
+
+#include "marble/convert.h"
+#include "problems.h"
+#include "support/child_process.h"
+
+namespace marble::server {
+namespace {
+
+using testing::eventually;
+
+class Waiter final : public JobObserver {
+ public:
+  void started(double) override { started_.set_value(); }
+  void finished(Outcome outcome) override { outcome_.set_value(std::move(outcome)); }  // throws if told twice
+  void wait_started() { started_.get_future().wait(); }
+  Outcome wait() { return outcome_.get_future().get(); }
+
+ private:
+  std::promise<void> started_;
+  std::promise<Outcome> outcome_;
+};
+
+struct Request {
+  std::shared_ptr<Waiter> waiter = std::make_shared<Waiter>();
+  std::shared_ptr<Job> job;
+};
+
+Request make(const v1::SolveRequest& message) {
+  Request request;
+  const auto owned = std::make_shared<const v1::SolveRequest>(message);
+  request.job = std::make_shared<Job>(Job{.id = "id",
+                                          .request_id = {},
+                                          .name = {},
+                                          .peer = {},
+                                          .request = owned,
+                                          .problem = Problem::create(view_of(owned->problem())).value(),
+                                          .options = options_of(owned->options()).value(),
+                                          .initial_z = {},
+                                          .bytes = 100});
+  request.job->observer = request.waiter;
+  return request;
+}
+
+class SchedulerTest : public ::testing::Test {
+ protected:
+  Log log_{"text", "off"};
+};
+
+TEST_F(SchedulerTest, AnswersAndLetsGoOfRequestAndObserver) {
+  Scheduler scheduler({.workers = 1, .queue_jobs = 1, .queue_bytes = 1000}, log_);
+  const Request request = make(testing::example_request());
+  const std::weak_ptr<const v1::SolveRequest> message = request.job->request;
+  ASSERT_TRUE(scheduler.admit(request.job).has_value());
+  const Outcome outcome = request.waiter->wait();
+  ASSERT_TRUE(outcome.solution.has_value());
+  EXPECT_EQ(outcome.solution->status, Status::solved);
+  EXPECT_TRUE(message.expired());
+  EXPECT_TRUE(eventually([&] { return request.waiter.use_count() == 1; }));
+}
+
+TEST_F(SchedulerTest, RefusesBeyondJobsAndBytes) {
+  Scheduler scheduler({.workers = 1, .queue_jobs = 5, .queue_bytes = 250}, log_);
+  const Request running = make(testing::long_request()), waiting = make(testing::long_request());
+  const Request third = make(testing::example_request());
+  ASSERT_EQ(scheduler.admit(running.job), 0);
+  running.waiter->wait_started();
+  ASSERT_EQ(scheduler.admit(waiting.job), 0);
+  const auto refused = scheduler.admit(third.job);
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error().code, ErrorCode::resource_exhausted);
+  EXPECT_EQ(refused.error().field, "queue_bytes");
+  scheduler.cancel(running.job);
+  scheduler.cancel(waiting.job);
+}
+
+TEST_F(SchedulerTest, AWaitingJobIsCancelledAtOnceAndNeverStarts) {
+  Scheduler scheduler({.workers = 1, .queue_jobs = 5, .queue_bytes = 1000}, log_);
+  const Request running = make(testing::long_request()), waiting = make(testing::long_request());
+  ASSERT_TRUE(scheduler.admit(running.job).has_value());
+  running.waiter->wait_started();
+  ASSERT_TRUE(scheduler.admit(waiting.job).has_value());
+  scheduler.cancel(waiting.job);
+  const Outcome outcome = waiting.waiter->wait();
+  ASSERT_FALSE(outcome.solution.has_value());
+  EXPECT_EQ(outcome.solution.error().code, ErrorCode::cancelled);
+  EXPECT_EQ(scheduler.counters().running, 1);
+  scheduler.cancel(running.job);
+  EXPECT_EQ(running.waiter->wait().solution->status, Status::cancelled);
+}
+
+TEST_F(SchedulerTest, AJobThatIsLateNeverStarts) {
+  Scheduler scheduler({.workers = 1, .queue_jobs = 5, .queue_bytes = 1000}, log_);
+  const Request late = make(testing::long_request());
+  late.job->deadline = Clock::now();
+  ASSERT_TRUE(scheduler.admit(late.job).has_value());
+  const Outcome outcome = late.waiter->wait();
+  ASSERT_FALSE(outcome.solution.has_value());
+  EXPECT_EQ(outcome.solution.error().code, ErrorCode::deadline_exceeded);
+}
+
+TEST_F(SchedulerTest, CancellingAFinishedJobDoesNothing) {
+  Scheduler scheduler({.workers = 1, .queue_jobs = 5, .queue_bytes = 1000}, log_);
+  const Request request = make(testing::example_request());
+  ASSERT_TRUE(scheduler.admit(request.job).has_value());
+  EXPECT_TRUE(request.waiter->wait().solution.has_value());
+  scheduler.cancel(request.job);
+  EXPECT_EQ(scheduler.counters().answered, 1);
+  EXPECT_EQ(scheduler.counters().cancelled, 0);
+}
+
+TEST_F(SchedulerTest, AfterCloseNothingIsAdmitted) {
+  Scheduler scheduler({.workers = 1, .queue_jobs = 5, .queue_bytes = 1000}, log_);
+  scheduler.close();
+  const auto refused = scheduler.admit(make(testing::example_request()).job);
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error().code, ErrorCode::unavailable);
+}
+
+TEST_F(SchedulerTest, DrainAnswersEveryJobExactlyOnce) {
+  std::vector<Request> requests;
+  Scheduler scheduler({.workers = 2, .queue_jobs = 50, .queue_bytes = 100'000}, log_);
+  for (int i = 0; i < 20; ++i) {
+    requests.push_back(make(i < 2 ? testing::long_request() : testing::example_request()));
+    ASSERT_TRUE(scheduler.admit(requests.back().job).has_value());
+  }
+  scheduler.drain(std::chrono::duration<double>(0.0));
+  for (const Request& request : requests) {
+    const Outcome outcome = request.waiter->wait();
+    if (!outcome.solution) {
+      EXPECT_EQ(outcome.solution.error().code, ErrorCode::unavailable);
+    }
+  }
+  const Counters counters = scheduler.counters();
+  EXPECT_EQ(counters.accepted, 20);
+  EXPECT_EQ(counters.answered + counters.cancelled, 20);
+  EXPECT_EQ(counters.queued + counters.running, 0);
+}
+
+TEST_F(SchedulerTest, ManyThreadsAdmitAndCancelAndEveryJobEndsOnce) {
+  Scheduler scheduler({.workers = 2, .queue_jobs = 8, .queue_bytes = 100'000}, log_);
+  std::vector<std::thread> threads;
+  std::atomic<int> admitted = 0, refused = 0;
+  for (int t = 0; t < 4; ++t) {
+    threads.emplace_back([&, t] {
+      for (int i = 0; i < 50; ++i) {
+        const Request request = make(i % 5 == 0 ? testing::long_request(50) : testing::example_request());
+        if (!scheduler.admit(request.job)) {
+          ++refused;
+          continue;
+        }
+        ++admitted;
+        if ((i + t) % 3 == 0) scheduler.cancel(request.job);
+        (void)request.waiter->wait();
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  scheduler.drain(std::chrono::duration<double>(0.0));
+  const Counters counters = scheduler.counters();
+  EXPECT_EQ(admitted + refused, 200);
+  EXPECT_EQ(counters.accepted, admitted);
+  EXPECT_EQ(counters.answered + counters.cancelled, admitted);
+}
+
+}  // namespace
+}  // namespace marble::server
