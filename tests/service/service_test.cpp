@@ -124,6 +124,17 @@ void ServiceTest::start(const std::vector<std::string>& flags) {
   info_ = v1::Server::NewStub(channel_);
 }
 
+void ServiceTest::TearDown() {
+  if (server_ == nullptr) return;
+  if (server_->running()) {
+    server_->terminate();
+    ASSERT_TRUE(eventually([&] { return !server_->log_lines({"draining"}).empty(); }));
+    server_->terminate();  // no grace
+    EXPECT_EQ(server_->wait(), 0);
+  }
+  EXPECT_TRUE(server_->log_lines({"Sanitizer"}).empty()) << server_->log();
+}
+
 grpc::Status ServiceTest::solve(const v1::SolveRequest& request, v1::SolveResponse* response,
                                 std::optional<std::chrono::milliseconds> deadline) {
   grpc::ClientContext context;
