@@ -11,6 +11,8 @@ namespace {
 constexpr Index kTiny = 12;              // below this nothing beats a dense factorization
 constexpr double kWorthAnalysing = 1e8;  // a pattern with more assembly work than this is not even built
 constexpr Index kLongRow = 16;
+constexpr double kNearlyFull = 0.3;
+constexpr Index kLargestDense = 2000;
 
 double condensed_work(const RowMatrix& matrix) {
   double work = 0.0;
@@ -26,10 +28,19 @@ bool has_long_rows(const RowMatrix& matrix) {
   return false;
 }
 
+// Data this full would fill any sparse factor: analysing one would only cost time.
+bool nearly_full(const ScaledProblem& p) {
+  const auto entries = [](const auto& matrix) { return static_cast<double>(matrix.values.size()); };
+  const double n = p.variables();
+  const double rows = 0.5 * n + p.equalities() + p.inequalities() + 2.0 * p.pairs();
+  return n <= kLargestDense &&
+         entries(p.Q) + entries(p.A) + entries(p.C) + entries(p.L) + entries(p.R) > kNearlyFull * rows * n;
+}
+
 }  // namespace
 
 std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p) {
-  if (p.variables() <= kTiny) return std::make_unique<DenseKkt>(p);
+  if (p.variables() <= kTiny || nearly_full(p)) return std::make_unique<DenseKkt>(p);
   std::unique_ptr<Kkt> best;
   const auto consider = [&best](std::unique_ptr<Kkt> candidate) {
     if (!best || candidate->flops() < best->flops()) best = std::move(candidate);

@@ -30,9 +30,8 @@ void FilterLineSearch::reset() {
   started_ = false;
 }
 
-FilterLineSearch::Measures FilterLineSearch::measure(const Subproblem& sub, const Images& at,
-                                                     const Images& along, const Iterate& x, const Iterate& d,
-                                                     double alpha) const {
+Measures measure(const Subproblem& sub, const Images& at, const Images& along, const Iterate& x,
+                 const Iterate& d, double alpha) {
   const double softness = 1.0 / sub.rho;
   Measures m{0.0, at.objective + alpha * (at.gradient.dot(d.z()) + 0.5 * alpha * along.gradient.dot(d.z()))};
   // θ and the terms of φ that e = (λ − α)/ρ brings, for one constraint with value c(z) − h.
@@ -63,7 +62,7 @@ FilterLineSearch::Measures FilterLineSearch::measure(const Subproblem& sub, cons
   return m;
 }
 
-double FilterLineSearch::slope(const Subproblem& sub, const Images& at, const Iterate& x, const Iterate& d) {
+double phi_slope(const Subproblem& sub, const Images& at, const Iterate& x, const Iterate& d) {
   // d/dα of φ at 0; ∂φ/∂λ = (α + ρe)/ρ = λ/ρ.
   double slope = at.gradient.dot(d.z());
   for (Eigen::Index i = 0; i < at.inequality.size(); ++i) {
@@ -94,7 +93,7 @@ double FilterLineSearch::search(const Subproblem& sub, const Images& at, const I
     theta_min_ = 1e-4 * std::max(1.0, current.theta);
     started_ = true;
   }
-  const double descent = slope(sub, at, x, d);
+  const double descent = phi_slope(sub, at, x, d);
   // Differences below this are rounding: near a solution neither measure can be seen to fall.
   const double noise = 10.0 * std::numeric_limits<double>::epsilon() * std::abs(current.phi);
   const double theta_noise = 1e-15 * static_cast<double>(x.all.size());

@@ -11,6 +11,18 @@
 
 namespace marble {
 
+/// What the filter compares points by.
+struct Measures {
+  double theta, phi;
+};
+
+/// θ and φ at x + αd, from the images of both.
+Measures measure(const Subproblem& sub, const Images& at, const Images& along, const Iterate& x,
+                 const Iterate& d, double alpha);
+
+/// dφ/dα at α = 0.
+double phi_slope(const Subproblem& sub, const Images& at, const Iterate& x, const Iterate& d);
+
 class FilterLineSearch {
  public:
   explicit FilterLineSearch(const ScaledProblem& problem);
@@ -23,13 +35,6 @@ class FilterLineSearch {
                 const Iterate& d);
 
  private:
-  struct Measures {
-    double theta, phi;
-  };
-  [[nodiscard]] Measures measure(const Subproblem& sub, const Images& at, const Images& along,
-                                 const Iterate& x, const Iterate& d, double alpha) const;
-  [[nodiscard]] static double slope(const Subproblem& sub, const Images& at, const Iterate& x,
-                                    const Iterate& d);
   [[nodiscard]] bool acceptable(const Measures& trial) const;
   void add(const Measures& current);
 

@@ -117,7 +117,7 @@ void SparseKkt::build_pattern(const ScaledProblem& problem) {
     const std::size_t length = row.columns.size();
     if (row.kept) {
       for (std::size_t k = 0; k < length; ++k) visit(row.columns[k], own, row.slots);
-      if (!row.second_values.empty() || length == 0) {
+      if (!row.second_values.empty()) {
         for (std::size_t k = 0; k < length; ++k) visit(row.columns[k], own + 1, row.second_slots);
       }
     } else {
