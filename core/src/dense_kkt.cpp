@@ -108,7 +108,8 @@ bool DenseKkt::factor(const RowWeights& weights) {
   factor_ = system_;
   int info = 0;
   dpotrf_("U", &variables_, factor_.data(), &variables_, &info);
-  return info == 0;
+  // OpenBLAS lets a NaN pass as a pivot; from there it spreads to the last one.
+  return info == 0 && factor_(variables_ - 1, variables_ - 1) > 0.0;
 }
 
 void DenseKkt::solve(VectorRef x, VectorRef y) {

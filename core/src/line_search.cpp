@@ -119,8 +119,11 @@ double FilterLineSearch::search(const Subproblem& sub, const Images& at, const I
 double residual_norm(const Subproblem& sub, const Images& at, const Images& along, const Iterate& x,
                      const Iterate& d, double alpha) {
   const double softness = 1.0 / sub.rho;
-  double norm = (at.stationarity + alpha * along.stationarity).lpNorm<Eigen::Infinity>();
-  const auto take = [&norm](double value) { norm = std::max(norm, std::abs(value)); };
+  double norm = (at.stationarity + alpha * along.stationarity).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+  const auto take = [&norm](double value) {  // unlike std::max, a NaN wins and stays
+    const double size = std::abs(value);
+    if (size > norm || std::isnan(size)) norm = size;
+  };
   const auto primal = [&](double value, double estimate, double lambda) {
     take(value + softness * (estimate - lambda));
   };

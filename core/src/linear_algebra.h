@@ -46,7 +46,9 @@ SymmetricMatrix upper_triangle(const SparseMatrixView& matrix, Index size);
 /// out = M x
 void multiply(const SymmetricMatrix& matrix, ConstVectorRef x, VectorRef out);
 
-/// max |x_i|, 0 for an empty vector
-inline double max_abs(ConstVectorRef x) { return x.size() == 0 ? 0.0 : x.lpNorm<Eigen::Infinity>(); }
+/// max |x_i|, 0 for an empty vector, NaN if any entry is.
+inline double max_abs(ConstVectorRef x) {
+  return x.size() == 0 ? 0.0 : x.cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+}
 
 }  // namespace marble

@@ -74,9 +74,9 @@ void residual(const Subproblem& sub, const Images& images, const Iterate& x, Ite
 
 namespace {
 
-// Unlike std::max, lets a NaN win: a broken point must never look feasible.
+// Unlike std::max, lets a NaN win and stay: a broken point must never look feasible.
 void raise(double& worst, double value) {
-  if (!(value <= worst)) worst = value;
+  if (value > worst || std::isnan(value)) worst = value;
 }
 
 }  // namespace
@@ -92,7 +92,7 @@ Violations violations(const ScaledProblem& p, const Images& images) {
   for (Eigen::Index i = 0; i < images.left.size(); ++i) {
     const double s = images.left[i] / p.left_scale[i];
     const double t = images.right[i] / p.right_scale[i];
-    raise(worst.complementarity, std::abs(std::min(s, t)));
+    raise(worst.complementarity, std::abs(t < s || std::isnan(t) ? t : s));
   }
   return worst;
 }
