@@ -136,7 +136,7 @@ bool ActiveSet::solve_equalities() {
       if (weights_.first[i] > 0.0) error = std::max(error, std::abs(images_.left[i]));
       if (weights_.second[i] > 0.0) error = std::max(error, std::abs(images_.right[i]));
     }
-    if (!std::isfinite(error) || max_abs(x_.z()) > kRunaway) return false;
+    if (!std::isfinite(error) || !(max_abs(x_.z()) <= kRunaway)) return false;
     if (error <= kExactTolerance) return true;
     if (error > 0.5 * last) return error <= kSignTolerance;  // as exact as it gets
     last = error;
@@ -211,8 +211,8 @@ bool ActiveSet::augmented_lagrangian(Run& run, int budget) {
     const double size = 1.0 + max_abs(images_.stationarity);
     if (max_abs(gradient_) <= kSafeTolerance * size) {
       // Inner problem solved: is the whole one? If the multipliers only grow, the piece is infeasible.
-      const double outer =
-          std::max(max_abs(x_.all - center_.all) / kSafeRho, kSafeDelta * max_abs(x_.z() - center_.z()));
+      const double outer = std::max((x_.all - center_.all).lpNorm<Eigen::Infinity>() / kSafeRho,
+                                    kSafeDelta * (x_.z() - center_.z()).lpNorm<Eigen::Infinity>());
       if (outer <= kSafeTolerance) break;
       outer_without_progress = outer > 0.5 * outer_error ? outer_without_progress + 1 : 0;
       if (outer_without_progress >= 5) return false;
@@ -232,7 +232,7 @@ bool ActiveSet::augmented_lagrangian(Run& run, int budget) {
     const double curvature = step.z().dot(direction_images_.gradient) + kSafeDelta * step.z().squaredNorm() +
                              kSafeRho * direction_images_.equality.squaredNorm();
     x_.z() += exact_step(slope, curvature) * step.z();
-    if (max_abs(x_.z()) > kRunaway) return false;
+    if (!(max_abs(x_.z()) <= kRunaway)) return false;
   }
   // The active set is known: make the point exact.
   if (run.factorizations >= last || run.interrupted()) return false;
