@@ -28,9 +28,9 @@ const char* to_string(ErrorCode code) {
 
 std::string Error::message() const {
   std::string text = field;
-  if (index >= 0) text += "[" + std::to_string(index) + "]";
-  if (!value.empty()) text += (text.empty() ? "" : " = ") + value;
-  if (!bound.empty()) text += (text.empty() ? "" : ": ") + bound;
+  if (index >= 0) text.append("[").append(std::to_string(index)).append("]");
+  if (!value.empty()) text.append(text.empty() ? "" : " = ").append(value);
+  if (!bound.empty()) text.append(text.empty() ? "" : ": ").append(bound);
   return text.empty() ? to_string(code) : text;
 }
 

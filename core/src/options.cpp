@@ -68,16 +68,18 @@ Expected<const OptionInfo*> find(std::string_view name) {
 
 std::string join(std::span<const std::string_view> names) {
   std::string text;
-  for (const std::string_view name : names) text += (text.empty() ? "" : ", ") + std::string(name);
+  for (const std::string_view name : names) text.append(text.empty() ? "" : ", ").append(name);
   return text;
+}
+
+std::string range_of(const OptionInfo& info) {
+  if (info.type == OptionType::choice) return "must be one of " + join(info.choices);
+  return "must be in [" + text_of(info.low) + ", " + text_of(info.high) + "]";
 }
 
 Expected<void> check(const OptionInfo& info, double value) {
   if (!(value >= info.low && value <= info.high)) {  // also catches NaN
-    const bool choice = info.type == OptionType::choice;
-    return unexpected(fault(info.name, text_of(value),
-                            choice ? "must be one of " + join(info.choices)
-                                   : "must be in [" + text_of(info.low) + ", " + text_of(info.high) + "]"));
+    return unexpected(fault(info.name, text_of(value), range_of(info)));
   }
   if (info.type != OptionType::real && value != std::floor(value)) {
     return unexpected(fault(info.name, text_of(value), "must be a whole number"));
@@ -108,7 +110,7 @@ Expected<void> set_option_text(Options& options, std::string_view name, std::str
     for (std::size_t i = 0; i < option.choices.size(); ++i) {
       if (option.choices[i] == text) return set_option(options, name, static_cast<double>(i));
     }
-    return unexpected(fault(name, std::string(text), "must be one of " + join(option.choices)));
+    return unexpected(fault(name, std::string(text), range_of(option)));
   }
   if (option.type == OptionType::boolean) {
     if (text == "true" || text == "1") return set_option(options, name, 1.0);
@@ -117,8 +119,11 @@ Expected<void> set_option_text(Options& options, std::string_view name, std::str
   }
   double value = 0.0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) {
+  if (error == std::errc::invalid_argument || end != text.data() + text.size()) {
     return unexpected(fault(name, std::string(text), "must be a number"));
+  }
+  if (error == std::errc::result_out_of_range) {  // too large or too small for a double
+    return unexpected(fault(name, std::string(text), range_of(option)));
   }
   return set_option(options, name, value);
 }

@@ -114,8 +114,12 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
       }
       if (row >= column) break;
       Index& mirror = next[row];
-      // Entries of column `row` above or on its diagonal were matched when they were columns themselves.
-      while (mirror < q.column_pointers[row + 1] && q.row_indices[mirror] <= row) ++mirror;
+      // Entries of column `row` above or on its diagonal were matched when they were columns themselves;
+      // stored zeros need no mirror image.
+      while (mirror < q.column_pointers[row + 1] &&
+             (q.row_indices[mirror] <= row || (q.row_indices[mirror] < column && q.values[mirror] == 0.0))) {
+        ++mirror;
+      }
       if (mirror < q.column_pointers[row + 1] && q.row_indices[mirror] < column) {
         return asymmetric(mirror, q.row_indices[mirror], row, 0.0);
       }
@@ -236,6 +240,10 @@ Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entri
   for (const std::size_t k : order) {
     if (entries.rows[k] == last_row && entries.columns[k] == last_column) {
       result.values.back() += entries.values[k];
+      if (!std::isfinite(result.values.back())) {
+        return unexpected(fault(prefix + ".v", static_cast<std::int64_t>(k), text_of(entries.values[k]),
+                                "must leave the sum of the entries at its place finite"));
+      }
       continue;
     }
     last_row = entries.rows[k];
