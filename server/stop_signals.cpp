@@ -23,7 +23,6 @@ void pass_on(int signal) {
 void handle(int signal, void (*handler)(int)) {
   struct sigaction action = {};
   action.sa_handler = handler;
-  action.sa_flags = SA_RESTART;
   sigaction(signal, &action, nullptr);
 }
 
