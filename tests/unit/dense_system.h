@@ -1,10 +1,12 @@
-// The KKT system (13) written out in full with dense matrices: what the condensed solver is held against.
+// The residual (13), its Jacobian and the condensed matrix written out with dense matrices and the formulas
+// as they stand in the paper: what the solver's own code is held against. Shares only the data with it.
 #pragma once
 
 #include <Eigen/Dense>
+#include <cmath>
 
+#include "kkt.h"
 #include "residual.h"
-#include "retraction.h"
 
 namespace marble::testing {
 
@@ -27,35 +29,92 @@ inline Eigen::MatrixXd dense(const SymmetricMatrix& m) {
   return out;
 }
 
+// The retraction (4) as printed; good to about 1e-9 while |σ| and √κ are of a size.
+inline double p(double sigma, double kappa) { return 0.5 * (sigma + std::sqrt(sigma * sigma + 4.0 * kappa)); }
+inline double p_slope(double sigma, double kappa) {
+  return 0.5 * (1.0 + sigma / std::sqrt(sigma * sigma + 4.0 * kappa));
+}
+inline double p_curvature(double sigma, double kappa) {
+  return 2.0 * kappa / std::pow(sigma * sigma + 4.0 * kappa, 1.5);
+}
+
+/// r(x) of (13) with equality constraints, in the segments of Iterate.
+inline Vector literal_residual(const ScaledProblem& problem, const Subproblem& sub, const Iterate& x) {
+  const Eigen::MatrixXd A = dense(problem.A), C = dense(problem.C), L = dense(problem.L),
+                        R = dense(problem.R);
+  const auto every = [&sub](const auto& values, double sign, double (*f)(double, double)) {
+    return Vector(values.unaryExpr([&](double value) { return f(sign * value, sub.kappa); }));
+  };
+  Iterate r(problem);
+  r.z() = dense(problem.Q) * x.z() + problem.g + A.transpose() * x.y() + C.transpose() * x.lambda_w() +
+          L.transpose() * x.lambda_L() + R.transpose() * x.lambda_R();
+  r.sigma() = every(x.sigma(), -1.0, p_slope).cwiseProduct(x.lambda_R()) -
+              every(x.sigma(), 1.0, p_slope).cwiseProduct(x.lambda_L());
+  r.v() = x.lambda_w() + every(x.v(), -1.0, p);
+  r.y() = (sub.equality_estimate - x.y()) / sub.rho + A * x.z() + problem.b;
+  r.lambda_w() =
+      (sub.inequality_estimate - x.lambda_w()) / sub.rho + C * x.z() + problem.d - every(x.v(), 1.0, p);
+  r.lambda_L() =
+      (sub.left_estimate - x.lambda_L()) / sub.rho + L * x.z() + problem.l - every(x.sigma(), 1.0, p);
+  r.lambda_R() =
+      (sub.right_estimate - x.lambda_R()) / sub.rho + R * x.z() + problem.r - every(x.sigma(), -1.0, p);
+  return r.all;
+}
+
+/// q = −p″(σ)(λ_L + λ_R), at least 0 if clipped.
+inline double pair_curvature(const Subproblem& sub, const Iterate& x, Index i, bool clip) {
+  const double q = -p_curvature(x.sigma()[i], sub.kappa) * (x.lambda_L()[i] + x.lambda_R()[i]);
+  return clip && q < 0.0 ? 0.0 : q;
+}
+
 /// Jacobian of the residual (13), rows and columns in the segments of Iterate, with δ on z and σ.
-inline Eigen::MatrixXd full_jacobian(const ScaledProblem& p, const Subproblem& sub, const Iterate& x,
-                                     double delta) {
-  const Index n = p.variables(), n_c = p.pairs(), n_i = p.inequalities(), n_e = p.equalities();
+inline Eigen::MatrixXd full_jacobian(const ScaledProblem& problem, const Subproblem& sub, const Iterate& x,
+                                     double delta, bool clip = false) {
+  const Index n = problem.variables(), n_c = problem.pairs(), n_i = problem.inequalities(),
+              n_e = problem.equalities();
   const Index sigma = n, v = sigma + n_c, y = v + n_i, w = y + n_e, left = w + n_i, right = left + n_c;
   Eigen::MatrixXd J = Eigen::MatrixXd::Zero(right + n_c, right + n_c);
-  J.topLeftCorner(n, n) = dense(p.Q) + delta * Eigen::MatrixXd::Identity(n, n);
+  J.topLeftCorner(n, n) = dense(problem.Q) + delta * Eigen::MatrixXd::Identity(n, n);
   const auto couple = [&](const RowMatrix& m, Index at) {
     J.block(at, 0, m.rows, n) = dense(m);
     J.block(0, at, n, m.rows) = dense(m).transpose();
     J.block(at, at, m.rows, m.rows).diagonal().setConstant(-1.0 / sub.rho);
   };
-  couple(p.A, y);
-  couple(p.C, w);
-  couple(p.L, left);
-  couple(p.R, right);
+  couple(problem.A, y);
+  couple(problem.C, w);
+  couple(problem.L, left);
+  couple(problem.R, right);
   for (Index i = 0; i < n_i; ++i) {
-    const Retraction r(x.v()[i], sub.kappa);
-    J(v + i, v + i) = -r.negative_slope();
+    J(v + i, v + i) = -p_slope(-x.v()[i], sub.kappa);
     J(v + i, w + i) = 1.0;
-    J(w + i, v + i) = -r.slope();
+    J(w + i, v + i) = -p_slope(x.v()[i], sub.kappa);
   }
   for (Index i = 0; i < n_c; ++i) {
-    const Retraction h(x.sigma()[i], sub.kappa);
-    J(sigma + i, sigma + i) = -h.curvature() * (x.lambda_L()[i] + x.lambda_R()[i]) + delta;
-    J(sigma + i, left + i) = J(left + i, sigma + i) = -h.slope();
-    J(sigma + i, right + i) = J(right + i, sigma + i) = h.negative_slope();
+    J(sigma + i, sigma + i) = pair_curvature(sub, x, i, clip) + delta;
+    J(sigma + i, left + i) = J(left + i, sigma + i) = -p_slope(x.sigma()[i], sub.kappa);
+    J(sigma + i, right + i) = J(right + i, sigma + i) = p_slope(-x.sigma()[i], sub.kappa);
   }
   return J;
+}
+
+/// [H Aᵀ; A −I/ρ] with H = Q + δI + Σ k e eᵀ, as kkt.h defines it.
+inline Eigen::MatrixXd dense_system(const ScaledProblem& problem, const RowWeights& weights) {
+  const Index n = problem.variables(), n_e = problem.equalities();
+  const Eigen::MatrixXd A = dense(problem.A), C = dense(problem.C), L = dense(problem.L),
+                        R = dense(problem.R);
+  Eigen::MatrixXd K = Eigen::MatrixXd::Zero(n + n_e, n + n_e);
+  Eigen::MatrixXd H = dense(problem.Q) + weights.delta * Eigen::MatrixXd::Identity(n, n);
+  H += C.transpose() * weights.inequality.asDiagonal() * C;
+  for (Index i = 0; i < problem.pairs(); ++i) {
+    const Eigen::RowVectorXd first = weights.cosine[i] * L.row(i) + weights.sine[i] * R.row(i);
+    const Eigen::RowVectorXd second = weights.sine[i] * L.row(i) - weights.cosine[i] * R.row(i);
+    H += weights.first[i] * first.transpose() * first + weights.second[i] * second.transpose() * second;
+  }
+  K.topLeftCorner(n, n) = H;
+  K.topRightCorner(n, n_e) = A.transpose();
+  K.bottomLeftCorner(n_e, n) = A;
+  K.bottomRightCorner(n_e, n_e).diagonal().setConstant(-1.0 / weights.rho);
+  return K;
 }
 
 }  // namespace marble::testing

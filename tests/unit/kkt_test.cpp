@@ -2,16 +2,17 @@
 
 #include <gtest/gtest.h>
 
-#include "dense_kkt.h"
 #include "dense_system.h"
-#include "sparse_kkt.h"
-#include "support/random_problem.h"
+#include "random_setting.h"
 
 namespace marble {
 namespace {
 
-using testing::dense;
+using testing::all_shapes;
+using testing::backends;
+using testing::dense_system;
 using testing::random_problem;
+using testing::scaled;
 
 RowWeights random_weights(const ScaledProblem& p, unsigned seed, bool with_zeros) {
   std::srand(seed);
@@ -32,33 +33,6 @@ RowWeights random_weights(const ScaledProblem& p, unsigned seed, bool with_zeros
   return weights;
 }
 
-Eigen::MatrixXd dense_system(const ScaledProblem& p, const RowWeights& weights) {
-  const Index n = p.variables(), n_e = p.equalities();
-  const Eigen::MatrixXd A = dense(p.A), C = dense(p.C), L = dense(p.L), R = dense(p.R);
-  Eigen::MatrixXd K = Eigen::MatrixXd::Zero(n + n_e, n + n_e);
-  Eigen::MatrixXd H = dense(p.Q) + weights.delta * Eigen::MatrixXd::Identity(n, n);
-  H += C.transpose() * weights.inequality.asDiagonal() * C;
-  for (Index i = 0; i < p.pairs(); ++i) {
-    const Eigen::RowVectorXd first = weights.cosine[i] * L.row(i) + weights.sine[i] * R.row(i);
-    const Eigen::RowVectorXd second = weights.sine[i] * L.row(i) - weights.cosine[i] * R.row(i);
-    H += weights.first[i] * first.transpose() * first + weights.second[i] * second.transpose() * second;
-  }
-  K.topLeftCorner(n, n) = H;
-  K.topRightCorner(n, n_e) = A.transpose();
-  K.bottomLeftCorner(n_e, n) = A;
-  K.bottomRightCorner(n_e, n_e).diagonal().setConstant(-1.0 / weights.rho);
-  return K;
-}
-
-std::vector<std::unique_ptr<Kkt>> backends(const ScaledProblem& p) {
-  std::vector<std::unique_ptr<Kkt>> all;
-  all.push_back(std::make_unique<SparseKkt>(p, KeptRows::none));
-  all.push_back(std::make_unique<SparseKkt>(p, KeptRows::dense));
-  all.push_back(std::make_unique<SparseKkt>(p, KeptRows::all));
-  all.push_back(std::make_unique<DenseKkt>(p));
-  return all;
-}
-
 void expect_solves(Kkt& kkt, const ScaledProblem& p, const RowWeights& weights) {
   ASSERT_TRUE(kkt.factor(weights)) << kkt.name();
   Vector x = Vector::Random(p.variables());
@@ -76,7 +50,7 @@ TEST(Kkt, EveryBackendSolvesTheSystemAndTheNextWithTheSamePattern) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const OwnedProblem problem =
         random_problem({.variables = 30, .equalities = 5, .inequalities = 12, .pairs = 9}, seed);
-    const ScaledProblem p = scale(Problem::create(problem.view()).value(), 10);
+    const ScaledProblem p = scaled(problem);
     for (const auto& kkt : backends(p)) {
       expect_solves(*kkt, p, random_weights(p, 1, false));
       expect_solves(*kkt, p, random_weights(p, 2, true));
@@ -85,12 +59,119 @@ TEST(Kkt, EveryBackendSolvesTheSystemAndTheNextWithTheSamePattern) {
   }
 }
 
+TEST(Kkt, EveryBackendSolvesEveryShape) {
+  for (const auto& sizes : all_shapes()) {
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+      const ScaledProblem p = scaled(random_problem(sizes, seed));
+      for (const auto& kkt : backends(p)) expect_solves(*kkt, p, random_weights(p, 4, seed % 2 == 0));
+    }
+  }
+}
+
+TEST(Kkt, WeightsOfZeroDropTheirRows) {
+  const ScaledProblem p = scaled(random_problem({.variables = 20, .equalities = 4}, 2));
+  for (const auto& kkt : backends(p)) {
+    RowWeights weights = random_weights(p, 5, false);
+    weights.inequality.setZero();
+    weights.first.setZero();
+    weights.second.setZero();
+    expect_solves(*kkt, p, weights);
+  }
+}
+
+TEST(Kkt, NegativeWeightsThatLeaveConvexityAreSolvedWith) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const ScaledProblem p = scaled(random_problem({.variables = 20, .equalities = 4}, seed));
+    RowWeights weights = random_weights(p, static_cast<unsigned>(seed), false);
+    weights.delta = 1.0;
+    weights.second *= -0.01;
+    for (const auto& kkt : backends(p)) expect_solves(*kkt, p, weights);
+  }
+}
+
+TEST(Kkt, SurvivesTheWeightsOfAnExactActiveSet) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const ScaledProblem p =
+        scaled(random_problem({.variables = 20, .equalities = 3, .inequalities = 4, .pairs = 3}, seed));
+    RowWeights weights(p);
+    weights.rho = 1e8;
+    weights.delta = 1e-8;
+    weights.inequality.setConstant(1e8);
+    weights.first.setConstant(1e8);
+    weights.second.setZero();
+    weights.cosine.setOnes();
+    weights.sine.setZero();
+    const Eigen::MatrixXd K = dense_system(p, weights);
+    for (const auto& kkt : backends(p)) {
+      ASSERT_TRUE(kkt->factor(weights)) << kkt->name();
+      // A right-hand side whose solution is known and of moderate size.
+      const Vector x = Vector::Random(p.variables());
+      const Vector y = Vector::Random(p.equalities());
+      Vector expected(x.size() + y.size());
+      expected << x, y;
+      const Vector right = K * expected;
+      Vector found_x = right.head(x.size());
+      Vector found_y = right.tail(y.size());
+      kkt->solve(found_x, found_y);
+      EXPECT_LT(max_abs(found_x - x), 1e-6) << kkt->name() << " seed " << seed;
+    }
+  }
+}
+
+TEST(Kkt, AFactorizationDoesNotDependOnTheOnesBefore) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const ScaledProblem p =
+        scaled(random_problem({.variables = 30, .equalities = 5, .inequalities = 12, .pairs = 9}, seed));
+    const RowWeights other = random_weights(p, 7, true);
+    RowWeights hopeless = random_weights(p, 8, false);
+    hopeless.second *= -100.0;
+    const RowWeights wanted = random_weights(p, 9, false);
+    const auto used = backends(p);
+    const auto fresh = backends(p);
+    for (std::size_t i = 0; i < used.size(); ++i) {
+      EXPECT_TRUE(used[i]->factor(other));
+      EXPECT_FALSE(used[i]->factor(hopeless));
+      Vector solutions[2];
+      std::size_t side = 0;
+      for (Kkt* kkt : {used[i].get(), fresh[i].get()}) {
+        ASSERT_TRUE(kkt->factor(wanted));
+        Vector x = Vector::LinSpaced(p.variables(), -1.0, 2.0);
+        Vector y = Vector::LinSpaced(p.equalities(), 1.0, 3.0);
+        kkt->solve(x, y);
+        solutions[side++] = x;
+      }
+      EXPECT_TRUE((solutions[0].array() == solutions[1].array()).all()) << used[i]->name();
+    }
+  }
+}
+
+TEST(Kkt, ANegativeWeightOnAKeptRowIsToldFromANegativePivotOfTheRest) {
+  // H = q + k for one variable and one pair whose L is 1: convex while q + k > 0, however the row is treated.
+  OwnedProblem problem;
+  problem.g = {0.0};
+  Triplets one, none;
+  one.add(0, 0, 1.0);
+  problem.Q = compress(1, 1, one, "Q").value();
+  problem.L = compress(1, 1, one, "L").value();
+  problem.R = compress(1, 1, none, "R").value();
+  problem.l = problem.r = {0.0};
+  const ScaledProblem p = scaled(problem, 0);
+  RowWeights weights(p);
+  weights.cosine.setOnes();
+  weights.sine.setZero();
+  weights.second.setZero();
+  for (const double k : {-3.0, -1.5, -0.5, 0.0, 0.5}) {
+    weights.first.setConstant(k);
+    for (const auto& kkt : backends(p)) EXPECT_EQ(kkt->factor(weights), 1.0 + k > 0.0) << kkt->name() << k;
+  }
+}
+
 TEST(Kkt, NegativeWeightsAreWrongInertiaOnlyWhenTheyOutweighTheRest) {
   int right = 0;
   int wrong = 0;
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {
     const OwnedProblem problem = random_problem({}, seed);
-    const ScaledProblem p = scale(Problem::create(problem.view()).value(), 10);
+    const ScaledProblem p = scaled(problem);
     RowWeights weights = random_weights(p, static_cast<unsigned>(seed), false);
     weights.second *= seed % 2 == 0 ? -1.0 : -0.001;
     const Eigen::MatrixXd K = dense_system(p, weights);
@@ -121,14 +202,14 @@ TEST(Kkt, DenseRowsAreNotMultipliedOut) {
   problem.Q = compress(n, n, hessian, "Q").value();
   problem.C = compress(1, n, row, "C").value();
   problem.d = {1.0};
-  const ScaledProblem p = scale(Problem::create(problem.view()).value(), 10);
+  const ScaledProblem p = scaled(problem);
   EXPECT_EQ(make_kkt(p)->name(), "sparse, dense rows kept");
 }
 
 TEST(Kkt, FullProblemsTakeTheDenseBackend) {
   const OwnedProblem problem =
       random_problem({.variables = 80, .equalities = 0, .inequalities = 40, .pairs = 40, .density = 1.0}, 1);
-  const ScaledProblem p = scale(Problem::create(problem.view()).value(), 10);
+  const ScaledProblem p = scaled(problem);
   EXPECT_EQ(make_kkt(p)->name(), "dense");
 }
 

@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
+#include "dense_system.h"
 #include "newton.h"
-#include "support/random_problem.h"
+#include "random_setting.h"
 
 namespace marble {
 namespace {
@@ -57,6 +60,17 @@ TEST(ResidualNorm, AlongAStepIsThatOfTheMovedIterate) {
   }
 }
 
+TEST(ResidualNorm, IsNoNumberIfAnyEntryIsNone) {
+  const Step sound(1);
+  for (Eigen::Index i = 0; i < sound.d.all.size(); ++i) {
+    Step step(1);
+    step.d.all[i] = std::numeric_limits<double>::quiet_NaN();
+    step.along.evaluate_rows(step.problem, step.d.z());
+    step.along.evaluate_duals(step.problem, step.d);
+    EXPECT_TRUE(std::isnan(residual_norm(step.sub, step.at, step.along, step.x, step.d, 1.0))) << i;
+  }
+}
+
 TEST(FilterLineSearch, AcceptsNewtonStepsOfConvexSubproblems) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Step step(seed);
@@ -65,33 +79,164 @@ TEST(FilterLineSearch, AcceptsNewtonStepsOfConvexSubproblems) {
   }
 }
 
-TEST(FilterLineSearch, RefusesAStepThatWorsensBothMeasures) {
-  Step step(3);
-  // Straight away from feasibility and uphill: against the Newton step, far.
-  step.d.all *= -1e3;
-  step.along.evaluate_rows(step.problem, step.d.z());
-  step.along.evaluate_duals(step.problem, step.d);
-  FilterLineSearch filter(step.problem);
-  const double alpha = filter.search(step.sub, step.at, step.along, step.x, step.d);
-  EXPECT_LT(alpha, 1e-2);
+TEST(Measures, AreTheLiteralSumsAtTheMovedPoint) {
+  for (const auto& sizes : testing::all_shapes()) {
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+      const testing::Setting s(sizes, seed);
+      const ScaledProblem& p = s.problem;
+      Iterate d(p);
+      d.all.setRandom();
+      Images along(p);
+      along.evaluate_rows(p, d.z());
+      along.evaluate_duals(p, d);
+      for (const double alpha : {0.0, 0.25, 1.0}) {
+        Iterate moved = s.x;
+        moved.all += alpha * d.all;
+        Iterate r(p);
+        r.all = testing::literal_residual(p, s.sub, moved);
+        const double theta = r.y().lpNorm<1>() + r.lambda_w().lpNorm<1>() + r.lambda_L().lpNorm<1>() +
+                             r.lambda_R().lpNorm<1>();
+        const auto penalty = [&](const Vector& lambda, const Vector& estimate) {
+          const Vector e = (lambda - estimate) / s.sub.rho;
+          return estimate.dot(e) + 0.5 * s.sub.rho * e.squaredNorm();
+        };
+        const Vector z = moved.z();
+        double phi = 0.5 * z.dot(testing::dense(p.Q) * z) + p.g.dot(z);
+        for (const double v : Vector(moved.v())) phi -= s.sub.kappa * std::log(testing::p(v, s.sub.kappa));
+        phi += penalty(moved.y(), s.sub.equality_estimate) +
+               penalty(moved.lambda_w(), s.sub.inequality_estimate) +
+               penalty(moved.lambda_L(), s.sub.left_estimate) +
+               penalty(moved.lambda_R(), s.sub.right_estimate);
+        const Measures m = measure(s.sub, s.images, along, s.x, d, alpha);
+        EXPECT_NEAR(m.theta, theta, 1e-12 * (1.0 + theta));
+        EXPECT_NEAR(m.phi, phi, 1e-12 * (1.0 + std::abs(phi)));
+      }
+    }
+  }
 }
 
-TEST(FilterLineSearch, NeverGoesBackToAPointItsFilterHolds) {
-  Step step(5);
-  FilterLineSearch filter(step.problem);
-  double previous = step.norm_after(0.0);
-  // Newton steps with the filter in between: the residual must come down, which it could not if points
-  // recurred.
-  for (int i = 0; i < 30; ++i) {
+TEST(Measures, SlopeIsTheFiniteDifferenceOfPhi) {
+  for (const auto& sizes : testing::all_shapes()) {
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+      const testing::Setting s(sizes, seed);
+      Iterate d(s.problem);
+      d.all.setRandom();
+      Images along(s.problem);
+      along.evaluate_rows(s.problem, d.z());
+      along.evaluate_duals(s.problem, d);
+      const double h = 1e-6;
+      const double difference =
+          (measure(s.sub, s.images, along, s.x, d, h).phi - measure(s.sub, s.images, along, s.x, d, -h).phi) /
+          (2.0 * h);
+      EXPECT_NEAR(phi_slope(s.sub, s.images, s.x, d), difference, 1e-7);
+    }
+  }
+}
+
+// A random direction, which the filter knows nothing about.
+void turn_at_random(Step& step, double length) {
+  step.d.all = length * Vector::Random(step.d.all.size());
+  step.along.evaluate_rows(step.problem, step.d.z());
+  step.along.evaluate_duals(step.problem, step.d);
+}
+
+TEST(FilterLineSearch, RefusesStepsThatWorsenBothMeasures) {
+  int tried = 0;
+  for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+    Step step(seed);
+    turn_at_random(step, 1.0);
+    const Measures now = measure(step.sub, step.at, step.along, step.x, step.d, 0.0);
+    bool worse_everywhere = true;
+    for (double alpha = 1.0; alpha > 1e-9; alpha *= 0.5) {
+      const Measures then = measure(step.sub, step.at, step.along, step.x, step.d, alpha);
+      worse_everywhere = worse_everywhere && then.theta > now.theta && then.phi > now.phi;
+    }
+    if (!worse_everywhere) continue;
+    ++tried;
+    FilterLineSearch filter(step.problem);
+    EXPECT_EQ(filter.search(step.sub, step.at, step.along, step.x, step.d), 0.0) << seed;
+  }
+  EXPECT_GT(tried, 20);
+}
+
+TEST(FilterLineSearch, EveryAcceptedStepImprovesOneOfTheMeasures) {
+  int accepted = 0;
+  for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+    Step step(seed);
+    turn_at_random(step, seed % 2 == 0 ? 1.0 : 10.0);
+    const Measures now = measure(step.sub, step.at, step.along, step.x, step.d, 0.0);
+    FilterLineSearch filter(step.problem);
     const double alpha = filter.search(step.sub, step.at, step.along, step.x, step.d);
-    if (alpha == 0.0) break;
+    if (alpha == 0.0) continue;
+    ++accepted;
+    const Measures then = measure(step.sub, step.at, step.along, step.x, step.d, alpha);
+    EXPECT_TRUE(then.theta < now.theta || then.phi < now.phi) << seed;
+  }
+  EXPECT_GT(accepted, 50);
+}
+
+TEST(FilterLineSearch, NeverAcceptsAPointThatOneItHasLeftDominates) {
+  int accepted = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Step step(seed);
+    FilterLineSearch filter(step.problem);
+    std::vector<Measures> left;
+    for (int i = 0; i < 60; ++i) {
+      turn_at_random(step, 0.5);
+      const Measures now = measure(step.sub, step.at, step.along, step.x, step.d, 0.0);
+      // So far from feasible no step is judged by φ alone, and every point left enters the filter.
+      ASSERT_GT(now.theta, 0.1);
+      const double alpha = filter.search(step.sub, step.at, step.along, step.x, step.d);
+      if (alpha == 0.0) continue;
+      ++accepted;
+      left.push_back(now);
+      const Measures then = measure(step.sub, step.at, step.along, step.x, step.d, alpha);
+      for (const Measures& entry : left) EXPECT_FALSE(then.theta >= entry.theta && then.phi >= entry.phi);
+      step.x.all += alpha * step.d.all;
+      step.at.evaluate(step.problem, step.x);
+    }
+  }
+  EXPECT_GT(accepted, 100);
+}
+
+TEST(FilterLineSearch, DoesNotGoBackToAPointItHasLeftUntilReset) {
+  int tried = 0;
+  for (std::uint64_t seed = 1; seed <= 100; ++seed) {
+    Step step(seed);
+    turn_at_random(step, 0.5);
+    FilterLineSearch used(step.problem);
+    const double alpha = used.search(step.sub, step.at, step.along, step.x, step.d);
+    if (alpha == 0.0) continue;
     step.x.all += alpha * step.d.all;
     step.at.evaluate(step.problem, step.x);
-    residual(step.sub, step.at, step.x, step.r);
-    ASSERT_TRUE(step.newton.factor(step.sub, step.x, 1e-6, true));
-    step.newton.direction(step.sub, step.x, step.r, step.d, step.along);
+    step.d.all *= -alpha;
+    step.along.evaluate_rows(step.problem, step.d.z());
+    step.along.evaluate_duals(step.problem, step.d);
+    FilterLineSearch fresh(step.problem);
+    if (fresh.search(step.sub, step.at, step.along, step.x, step.d) != 1.0) continue;
+    ++tried;  // one that knows nothing would go straight back
+    EXPECT_LT(used.search(step.sub, step.at, step.along, step.x, step.d), 1.0) << seed;
+    used.reset();
+    EXPECT_EQ(used.search(step.sub, step.at, step.along, step.x, step.d), 1.0) << seed;
   }
-  EXPECT_LT(max_abs(step.r.all), 1e-2 * previous);
+  EXPECT_GT(tried, 5);
+}
+
+TEST(FilterLineSearch, ConvergesWithNewtonSteps) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    Step step(seed);
+    FilterLineSearch filter(step.problem);
+    for (int i = 0; i < 60; ++i) {
+      const double alpha = filter.search(step.sub, step.at, step.along, step.x, step.d);
+      if (alpha == 0.0) break;
+      step.x.all += alpha * step.d.all;
+      step.at.evaluate(step.problem, step.x);
+      residual(step.sub, step.at, step.x, step.r);
+      ASSERT_TRUE(step.newton.factor(step.sub, step.x, 1e-6, true));
+      step.newton.direction(step.sub, step.x, step.r, step.d, step.along);
+    }
+    EXPECT_LT(max_abs(step.r.all), 1e-6) << seed;
+  }
 }
 
 TEST(FilterLineSearch, RefusesStepsThatAreNotNumbers) {

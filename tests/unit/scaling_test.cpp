@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "residual.h"
+#include "dense_system.h"
+#include "random_setting.h"
 #include "support/independent_check.h"
-#include "support/random_problem.h"
 
 namespace marble {
 namespace {
@@ -60,13 +60,101 @@ TEST(Scaling, ViolationsAreInTheUsersUnits) {
   }
 }
 
+Eigen::MatrixXd dense(const SparseMatrix& m) {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(m.rows, m.columns);
+  for (Index j = 0; j < m.columns; ++j) {
+    for (Index k = m.column_pointers[j]; k < m.column_pointers[j + 1]; ++k)
+      out(m.row_indices[k], j) = m.values[k];
+  }
+  return out;
+}
+
+Vector vector(const std::vector<double>& values) {
+  return Eigen::Map<const Vector>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
 TEST(Scaling, NoPassesLeaveTheDataAsTheyAre) {
-  const OwnedProblem problem = random_problem({}, 3);
-  const ScaledProblem p = scale(Problem::create(problem.view()).value(), 0);
-  EXPECT_EQ(p.cost_scale, 1.0);
-  EXPECT_TRUE(p.variable_scale.isOnes());
-  EXPECT_EQ(std::vector<double>(p.g.begin(), p.g.end()), problem.g);
-  EXPECT_EQ(std::vector<double>(p.b.begin(), p.b.end()), problem.b);
+  for (const auto& sizes : testing::all_shapes()) {
+    const OwnedProblem problem = random_problem(sizes, 3);
+    const ScaledProblem p = testing::scaled(problem, 0);
+    EXPECT_EQ(p.cost_scale, 1.0);
+    EXPECT_TRUE(p.variable_scale.isOnes(0.0) && p.equality_scale.isOnes(0.0));
+    EXPECT_EQ(testing::dense(p.Q), dense(problem.Q));
+    EXPECT_EQ(testing::dense(p.A), dense(problem.A));
+    EXPECT_EQ(testing::dense(p.C), dense(problem.C));
+    EXPECT_EQ(testing::dense(p.L), dense(problem.L));
+    EXPECT_EQ(testing::dense(p.R), dense(problem.R));
+    EXPECT_EQ(p.g, vector(problem.g));
+    EXPECT_EQ(p.b, vector(problem.b));
+    EXPECT_EQ(p.d, vector(problem.d));
+    EXPECT_EQ(p.l, vector(problem.l));
+    EXPECT_EQ(p.r, vector(problem.r));
+    EXPECT_EQ(p.c0, problem.c0);
+  }
+}
+
+TEST(Scaling, UndoneTheImagesAreThoseOfTheUsersData) {
+  for (const auto& sizes : testing::all_shapes()) {
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+      OwnedProblem problem = random_problem(sizes, seed);
+      for (double& value : problem.A.values) value *= 1e3;
+      for (double& value : problem.R.values) value *= 1e-4;
+      for (double& value : problem.g) value *= 1e5;
+      const ScaledProblem p = testing::scaled(problem);
+      const Iterate x = random_iterate(p, static_cast<unsigned>(seed));
+      Images images(p);
+      images.evaluate(p, x);
+      const Vector z = x.z().cwiseProduct(p.variable_scale);
+      const auto expect_same = [](const Vector& unscaled, const Vector& direct) {
+        EXPECT_LT(max_abs(unscaled - direct), 1e-12 * (1.0 + max_abs(direct)));
+      };
+      expect_same(images.equality.cwiseQuotient(p.equality_scale), dense(problem.A) * z + vector(problem.b));
+      expect_same(images.inequality.cwiseQuotient(p.inequality_scale),
+                  dense(problem.C) * z + vector(problem.d));
+      expect_same(images.left.cwiseQuotient(p.left_scale), dense(problem.L) * z + vector(problem.l));
+      expect_same(images.right.cwiseQuotient(p.right_scale), dense(problem.R) * z + vector(problem.r));
+      const Vector gradient = dense(problem.Q) * z + vector(problem.g);
+      expect_same(images.gradient.cwiseQuotient(p.variable_scale) / p.cost_scale, gradient);
+      // The multipliers' own units: stationarity of the user's problem with y = E_A ȳ / c and so on.
+      const double cost = 1.0 / p.cost_scale;
+      Vector stationarity = gradient;
+      const auto add = [&](const SparseMatrix& m, const Vector& lambda, const Vector& row_scale) {
+        if (m.rows > 0) stationarity += cost * (dense(m).transpose() * lambda.cwiseProduct(row_scale));
+      };
+      add(problem.A, x.y(), p.equality_scale);
+      add(problem.C, x.lambda_w(), p.inequality_scale);
+      add(problem.L, x.lambda_L(), p.left_scale);
+      add(problem.R, x.lambda_R(), p.right_scale);
+      expect_same(cost * images.stationarity.cwiseQuotient(p.variable_scale), stationarity);
+    }
+  }
+}
+
+TEST(Scaling, ColumnsEndNearNormOneToo) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    OwnedProblem problem = random_problem({}, seed);
+    for (double& value : problem.Q.values) value *= 1e-5;
+    const ScaledProblem p = testing::scaled(problem);
+    Vector norm = Vector::Zero(p.variables());
+    for (const Eigen::MatrixXd& m : {Eigen::MatrixXd(testing::dense(p.Q) / p.cost_scale), testing::dense(p.A),
+                                     testing::dense(p.C), testing::dense(p.L), testing::dense(p.R)}) {
+      for (Index j = 0; j < p.variables(); ++j) norm[j] = std::max(norm[j], max_abs(m.col(j)));
+    }
+    EXPECT_LT(norm.maxCoeff(), 1.1) << seed;
+    EXPECT_GT(norm.minCoeff(), 0.9) << seed;
+  }
+}
+
+TEST(Scaling, BringsTheCostToSizeOne) {
+  for (const double size : {1e-6, 1.0, 1e6}) {
+    OwnedProblem problem = random_problem({}, 2);
+    for (double& value : problem.Q.values) value *= size;
+    for (double& value : problem.g) value *= size;
+    const ScaledProblem p = testing::scaled(problem);
+    double column_norms = 0.0;
+    for (Index j = 0; j < p.variables(); ++j) column_norms += max_abs(testing::dense(p.Q).col(j));
+    EXPECT_NEAR(std::max(column_norms / p.variables(), max_abs(p.g)), 1.0, 1e-12) << size;
+  }
 }
 
 TEST(Scaling, ZeroRowsAndColumnsKeepScaleOne) {
