@@ -9,6 +9,8 @@
 namespace marble::cli {
 namespace {
 
+constexpr const char* kNoPlace = "the binary format (message marble.v1.Problem) has no place for them";
+
 int convert(const std::string& in, const std::string& out) {
   const auto format = format_of_path(out);
   if (!format) {
@@ -19,6 +21,9 @@ int convert(const std::string& in, const std::string& out) {
   if (!file) {
     std::cerr << "marble: " << in << ": " << file.error().message() << '\n';
     return kBadInput;
+  }
+  if (*format == FileFormat::binary && (!file->problem.initial_z.empty() || file->best_known_objective)) {
+    std::cerr << "marble: " << out << ": x0 and best_known_objective are left out: " << kNoPlace << '\n';
   }
   std::ofstream stream(out, std::ios::binary);
   stream << write_problem(*file, *format);
@@ -39,8 +44,7 @@ void add_convert(CLI::App& program, int& exit_code) {
   command->add_option("IN", *in, ".json, .pb or .bin; - is standard input")->required();
   command->add_option("OUT", *out, "its extension tells the format: .json, or .pb and .bin for binary")
       ->required();
-  command->footer(
-      "The binary format is the message marble.v1.Problem; it has no place for x0 and best_known_objective.");
+  command->footer(std::string("x0 and best_known_objective: ") + kNoPlace + ".");
   command->callback([in, out, &exit_code] { exit_code = convert(*in, *out); });
 }
 

@@ -27,8 +27,10 @@ int run(const ExampleArguments& arguments) {
   if (arguments.name == "hopper") file.problem = generate(arguments, &examples::hopper);
   if (arguments.name == "rocket") file.problem = generate(arguments, &examples::rocket);
   if (arguments.name == "gates") file.problem = generate(arguments, &examples::gates);
-  std::cout << write_problem(file, FileFormat::json);
-  return std::cout ? kAllSolved : kBadInput;
+  std::cout << write_problem(file, FileFormat::json) << std::flush;
+  if (std::cout) return kAllSolved;
+  std::cerr << "marble: standard output cannot be written\n";
+  return kBadInput;
 }
 
 }  // namespace

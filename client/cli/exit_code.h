@@ -14,6 +14,10 @@ enum ExitCode {
   kUnreachable = 3,  // the server cannot be reached, or refused
 };
 
+inline constexpr const char* kExitCodes =
+    "Exit codes: 0 all solved, 1 some not solved, 2 usage or bad file, 3 server unreachable or refused;\n"
+    "of several outcomes the highest.";
+
 /// The worse of two outcomes of one command.
 [[nodiscard]] inline int worse(int a, int b) { return std::max(a, b); }
 
@@ -27,9 +31,13 @@ enum ExitCode {
     case ErrorCode::cancelled:
     case ErrorCode::deadline_exceeded:
       return kNotSolved;
-    default:
-      return kUnreachable;
+    case ErrorCode::resource_exhausted:
+    case ErrorCode::unavailable:
+    case ErrorCode::permission_denied:
+    case ErrorCode::internal:
+      break;
   }
+  return kUnreachable;
 }
 
 }  // namespace marble::cli

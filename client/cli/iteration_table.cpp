@@ -9,6 +9,7 @@ namespace marble::cli {
 namespace {
 
 constexpr int kRowsBetweenHeaders = 40;
+constexpr double kTroublesomeRegularization = 1e-8;
 constexpr const char* kBold = "\033[1m";
 constexpr const char* kYellow = "\033[33m";
 constexpr const char* kPlain = "\033[0m";
@@ -27,7 +28,7 @@ void IterationTable::report(const Progress& p) {
                  "regular.", "fact", colours_ ? kPlain : "");
   }
   // A raised regularization is where a solve has trouble: make it stand out.
-  const bool trouble = colours_ && p.regularization > 1e-8;
+  const bool trouble = colours_ && p.regularization > kTroublesomeRegularization;
   std::fprintf(stderr, "%s%5d %14.7e %9.2e %9.2e %9.2e %9.2e %9.2e %8.1e %7.4f %8.1e %5d%s\n",
                trouble ? kYellow : "", p.iteration, p.objective, p.violations.equality,
                p.violations.inequality, p.violations.complementarity, p.kkt_residual, p.kappa, p.rho,

@@ -7,7 +7,7 @@
 
 namespace marble::cli {
 
-/// True if standard error is a terminal that wants colours (and NO_COLOR is not set).
+/// Whether standard error is a terminal that wants colours (NO_COLOR is not set).
 [[nodiscard]] bool colours_wanted();
 
 class IterationTable final : public ProgressSink {

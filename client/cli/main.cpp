@@ -1,21 +1,22 @@
 #include <csignal>
+#include <exception>
+#include <iostream>
 
 #include "commands.h"
 #include "exit_code.h"
-#include "marble/version.h"
 
 int main(int argc, char** argv) {
   using namespace marble::cli;
-  std::signal(SIGPIPE, SIG_DFL);
+  std::signal(SIGPIPE, SIG_DFL);  // marble example hopper | head ends quietly
   CLI::App program(
       "Solves quadratic programs with complementarity constraints, on a Marble server or in process.",
       "marble");
-  program.set_version_flag("--version", std::string("marble ") + marble::kVersion);
   program.require_subcommand(1);
   program.get_formatter()->column_width(36);
   program.footer(
-      "Exit codes: 0 all solved, 1 some not solved, 2 usage or bad file, 3 server unreachable or refused.\n"
-      "The server is --server ADDR, else MARBLE_SERVER, else 127.0.0.1:50051; unix:PATH works too.");
+      std::string(kExitCodes) +
+      "\nThe server is --server ADDR, else MARBLE_SERVER, else 127.0.0.1:50051; ADDR is host:port or "
+      "unix:PATH.");
   int exit_code = kAllSolved;
   add_solve(program, exit_code);
   add_convert(program, exit_code);
@@ -23,10 +24,14 @@ int main(int argc, char** argv) {
   add_health(program, exit_code);
   add_info(program, exit_code);
   add_options(program, exit_code);
+  add_version(program, exit_code);
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return program.exit(error) == 0 ? 0 : kBadInput;
+    return program.exit(error) == 0 ? kAllSolved : kBadInput;
+  } catch (const std::exception& error) {
+    std::cerr << "marble: " << error.what() << '\n';
+    return kBadInput;
   }
   return exit_code;
 }

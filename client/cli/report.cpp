@@ -10,7 +10,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ...) {
-  char text[512];
+  char text[256];
   va_list arguments;
   va_start(arguments, pattern);
   std::vsnprintf(text, sizeof text, pattern, arguments);
@@ -18,14 +18,16 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
   return text;
 }
 
+// File names may hold any bytes.
+std::string line(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
 }  // namespace
 
-std::string summary(const std::string& file, const ProblemFile& problem, const Answer& answer) {
+std::string summary(const ProblemFile& problem, const Answer& s) {
   const OwnedProblem& p = problem.problem;
-  const Solution& s = answer.solution;
-  std::string text;
-  text += format("%s: %s  (%zu variables, %zu equalities, %zu inequalities, %zu pairs)\n",
-                 p.name.empty() ? file.c_str() : p.name.c_str(), to_string(s.status), p.g.size(), p.b.size(),
+  // Names and details may be of any length: they are never formatted.
+  std::string text = p.name + ": " + to_string(s.status);
+  text += format("  (%zu variables, %zu equalities, %zu inequalities, %zu pairs)\n", p.g.size(), p.b.size(),
                  p.d.size(), p.l.size());
   text += format("  objective       %.10g", s.objective);
   if (problem.best_known_objective) text += format("   (best known %.10g)", *problem.best_known_objective);
@@ -35,15 +37,14 @@ std::string summary(const std::string& file, const ProblemFile& problem, const A
   text += format("  work            %d iterations, %d factorizations\n", s.iterations, s.factorizations);
   text +=
       format("  time            %.3f ms solve, %.3f ms set-up", 1e3 * s.times.solve_s, 1e3 * s.times.setup_s);
-  if (!answer.job_id.empty())
-    text += format(", %.3f ms in the queue  (job %s)", 1e3 * answer.queue_s, answer.job_id.c_str());
+  if (!s.job_id.empty())
+    text += format(", %.3f ms in the queue", 1e3 * s.queue_s) + "  (job " + s.job_id + ")";
   text += "\n";
   if (!is_solved(s.status)) text += "  why             " + s.detail + "\n";
   return text;
 }
 
-std::string json_line(const std::string& file, const ProblemFile& problem, const Answer& answer) {
-  const Solution& s = answer.solution;
+std::string json_line(const std::string& file, const ProblemFile& problem, const Answer& s) {
   Json json;
   json["name"] = problem.problem.name;
   json["file"] = file;
@@ -65,19 +66,19 @@ std::string json_line(const std::string& file, const ProblemFile& problem, const
   json["factorizations"] = s.factorizations;
   json["solve_seconds"] = s.times.solve_s;
   json["setup_seconds"] = s.times.setup_s;
-  json["queue_seconds"] = answer.queue_s;
-  if (!answer.job_id.empty()) json["job_id"] = answer.job_id;
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  json["queue_seconds"] = s.queue_s;
+  if (!s.job_id.empty()) json["job_id"] = s.job_id;
+  return line(json);
 }
 
-std::string json_line(const std::string& file, const Error& error) {
+std::string json_line(const std::string& file, const std::string& name, const Error& error) {
   Json json;
-  json["name"] = nullptr;
+  json["name"] = name.empty() ? Json(nullptr) : Json(name);
   json["file"] = file;
   json["status"] = "error";
   json["error"] = {{"code", to_string(error.code)}, {"field", error.field}, {"index", error.index},
                    {"value", error.value},          {"bound", error.bound}, {"message", error.message()}};
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return line(json);
 }
 
 }  // namespace marble::cli

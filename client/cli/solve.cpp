@@ -1,12 +1,11 @@
-#include <unistd.h>
-
-#include <csignal>
+#include <cstdio>
 #include <iostream>
 #include <memory>
-#include <thread>
+#include <optional>
 
 #include "commands.h"
 #include "exit_code.h"
+#include "interrupt.h"
 #include "iteration_table.h"
 #include "marble/client.h"
 #include "marble/problem_file.h"
@@ -22,37 +21,9 @@ struct SolveArguments {
   bool local = false;
   bool quiet = false;
   std::vector<std::string> options;
-  double time_limit_s = 0.0;
+  std::string time_limit_s;
   std::string output = "text";
-  bool json() const { return output == "json"; }
-};
-
-// Ctrl-C asks the running solve to stop with its best iterate; a second one ends the program as usual.
-class StopOnInterrupt {
- public:
-  StopOnInterrupt() {
-    sigemptyset(&signals_);
-    sigaddset(&signals_, SIGINT);
-    sigaddset(&signals_, SIGUSR2);  // ends the watch
-    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
-    watch_ = std::thread([this] {
-      int signal = 0;
-      sigwait(&signals_, &signal);
-      if (signal != SIGINT) return;
-      source_.request_stop();
-      pthread_sigmask(SIG_UNBLOCK, &signals_, nullptr);
-    });
-  }
-  ~StopOnInterrupt() {
-    pthread_kill(watch_.native_handle(), SIGUSR2);
-    watch_.join();
-  }
-  [[nodiscard]] std::stop_token token() const { return source_.get_token(); }
-
- private:
-  sigset_t signals_;
-  std::stop_source source_;
-  std::thread watch_;
+  [[nodiscard]] bool json() const { return output == "json"; }
 };
 
 Expected<Options> parse_options(const SolveArguments& arguments) {
@@ -66,79 +37,107 @@ Expected<Options> parse_options(const SolveArguments& arguments) {
       return unexpected(set.error());
     }
   }
-  if (arguments.time_limit_s > 0.0) {
-    if (auto set = set_option(options, "time_limit_s", arguments.time_limit_s); !set)
+  if (!arguments.time_limit_s.empty()) {
+    auto set = set_option_text(options, "time_limit_s", arguments.time_limit_s);
+    if (!set) {
+      set.error().field = "--time-limit";
       return unexpected(set.error());
+    }
   }
   return options;
 }
 
-Expected<Answer> solve_locally(const ProblemFile& file, const Options& options, ProgressSink* sink,
-                               std::stop_token stop) {
-  auto solution = marble::solve(file.problem.view(), options, {sink, stop, file.problem.initial_z});
-  if (!solution) return unexpected(solution.error());
-  return Answer{std::move(*solution), 0.0, ""};
-}
+// Where the solving is done: on a server, or here if there is no client.
+class Engine {
+ public:
+  Engine(std::optional<Client> client, bool tells_progress)
+      : client_(std::move(client)), tells_progress_(tells_progress) {}
 
-Expected<Answer> solve_remotely(Client& client, const ProblemFile& file, const Options& options,
-                                ProgressSink* sink, std::stop_token stop) {
-  RemoteControls controls;
-  controls.progress = sink;
-  controls.stop = stop;
-  controls.initial_z = file.problem.initial_z;
-  controls.problem_name = file.problem.name.substr(0, 256);
-  auto remote = client.solve(file.problem.view(), options, controls);
-  if (!remote) return unexpected(remote.error());
-  return Answer{std::move(remote->solution), remote->queue_s, std::move(remote->job_id)};
-}
+  [[nodiscard]] Expected<Answer> solve(const ProblemFile& file, const Options& options,
+                                       std::stop_token stop) const {
+    IterationTable table(colours_wanted());
+    const SolveControls controls{tells_progress_ ? &table : nullptr, std::move(stop), file.problem.initial_z};
+    return client_ ? remote(file.problem, options, controls) : local(file.problem, options, controls);
+  }
 
-void tell_error(const SolveArguments& arguments, const std::string& file, const Error& error) {
+ private:
+  [[nodiscard]] static Expected<Answer> local(const OwnedProblem& problem, const Options& options,
+                                              const SolveControls& controls) {
+    auto solution = marble::solve(problem.view(), options, controls);
+    if (!solution) return unexpected(solution.error());
+    return Answer{std::move(*solution), "", 0.0, 0.0, 0};
+  }
+
+  [[nodiscard]] Expected<Answer> remote(const OwnedProblem& problem, const Options& options,
+                                        const SolveControls& controls) const {
+    CallControls call;
+    call.problem_name = problem.name;
+    if (tells_progress_) {
+      call.accepted = [](const std::string& job_id, int position) {
+        if (position > 0) std::fprintf(stderr, "job %s waits behind %d\n", job_id.c_str(), position);
+      };
+    }
+    auto answer = client_->solve(problem.view(), options, controls, call);
+    if (answer && answer->progress_skipped > 0) {
+      std::fprintf(stderr, "(%lld more iterations; the connection was slower than the solver)\n",
+                   static_cast<long long>(answer->progress_skipped));
+    }
+    if (!answer && answer.error().code == ErrorCode::unavailable)
+      answer.error().bound = "server " + client_->address() + ": " + answer.error().bound;
+    return answer;
+  }
+
+  std::optional<Client> client_;
+  bool tells_progress_;
+};
+
+int tell_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
+               const Error& error) {
   std::cerr << "marble: " << file << ": " << error.message() << '\n';
-  if (arguments.json()) std::cout << json_line(file, error) << '\n' << std::flush;
+  if (arguments.json()) std::cout << json_line(file, name, error) << '\n' << std::flush;
+  return exit_code_of(error);
 }
 
 int solve_file(const SolveArguments& arguments, const std::string& path, const Options& options,
-               Client* client, std::stop_token stop) {
-  auto file = read_problem(path);
-  if (!file) {
-    tell_error(arguments, path, file.error());
-    return exit_code_of(file.error());
-  }
-  IterationTable table(colours_wanted());
-  ProgressSink* sink = arguments.quiet ? nullptr : &table;
-  auto answer = client == nullptr ? solve_locally(*file, options, sink, stop)
-                                  : solve_remotely(*client, *file, options, sink, stop);
-  if (!answer) {
-    const Error& error = answer.error();
-    const bool no_server = error.code == ErrorCode::unavailable;
-    tell_error(arguments, no_server ? "server " + client->address() : path, error);
-    return exit_code_of(error);
-  }
-  if (arguments.json()) {
-    std::cout << json_line(path, *file, *answer) << '\n' << std::flush;
-  } else {
-    std::cout << summary(path, *file, *answer) << std::flush;
-  }
-  return is_solved(answer->solution.status) ? kAllSolved : kNotSolved;
+               const Engine& engine, std::stop_token stop) {
+  const auto file = read_problem(path);
+  if (!file) return tell_error(arguments, path, "", file.error());
+  if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
+  const auto answer = engine.solve(*file, options, std::move(stop));
+  if (!answer) return tell_error(arguments, path, file->problem.name, answer.error());
+  std::cout << (arguments.json() ? json_line(path, *file, *answer) + "\n" : summary(*file, *answer))
+            << std::flush;
+  return is_solved(answer->status) ? kAllSolved : kNotSolved;
+}
+
+int usage_error(const Error& error, const char* hint) {
+  std::cerr << "marble: " << error.message() << hint << '\n';
+  return kBadInput;
 }
 
 int run(const SolveArguments& arguments) {
   const auto options = parse_options(arguments);
-  if (!options) {
-    std::cerr << "marble: " << options.error().message() << "  (marble options lists them all)\n";
-    return kBadInput;
-  }
-  std::unique_ptr<Client> client;
+  if (!options) return usage_error(options.error(), "  (marble options lists them all)");
+  std::optional<Client> client;
   if (!arguments.local) {
-    client = std::make_unique<Client>(arguments.server.empty() ? default_server_address() : arguments.server);
+    auto connected = Client::connect(arguments.server.empty() ? default_server_address() : arguments.server);
+    if (!connected) return usage_error(connected.error(), "");
+    client = std::move(*connected);
   }
-  const StopOnInterrupt interrupt;
+  const Engine engine(std::move(client), !arguments.quiet);
+  const Interrupt interrupt;
   int exit_code = kAllSolved;
   for (const std::string& path : arguments.files) {
-    exit_code = worse(exit_code, solve_file(arguments, path, *options, client.get(), interrupt.token()));
-    if (interrupt.token().stop_requested()) break;
+    // One outcome a file, also after Ctrl-C: programs count the lines.
+    const int outcome = interrupt.token().stop_requested()
+                            ? tell_error(arguments, path, "",
+                                         {ErrorCode::cancelled, "", -1, "", "not solved: interrupted before"})
+                            : solve_file(arguments, path, *options, engine, interrupt.token());
+    exit_code = worse(exit_code, outcome);
   }
-  return exit_code;
+  if (std::cout) return exit_code;
+  std::cerr << "marble: standard output cannot be written\n";
+  return worse(exit_code, kBadInput);
 }
 
 }  // namespace
@@ -147,24 +146,25 @@ void add_solve(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<SolveArguments>();
   CLI::App* command = program.add_subcommand("solve", "Solve problem files, in their order");
   command->add_option("FILE", arguments->files, ".json, .pb or .bin; - is standard input")->required();
-  CLI::Option* server =
-      command->add_option("--server", arguments->server, "address of the server: host:port or unix:PATH");
+  CLI::Option* server = command->add_option(
+      "--server", arguments->server,
+      "address of the server: host:port or unix:PATH; default MARBLE_SERVER, else 127.0.0.1:50051");
   command->add_flag("--local", arguments->local, "solve in this process, without a server")->excludes(server);
   command
       ->add_option("--option", arguments->options,
                    "a solver option, name=value; may be repeated (see: marble options)")
       ->allow_extra_args(false);
-  command
-      ->add_option("--time-limit", arguments->time_limit_s,
-                   "seconds for each solve; the best iterate is returned")
-      ->check(CLI::Range(1e-9, 1e9));
+  command->add_option("--time-limit", arguments->time_limit_s,
+                      "seconds for each solve; the best iterate is returned");
   command->add_option("--output", arguments->output, "text: a summary; json: one object a line")
       ->check(CLI::IsMember({"text", "json"}))
       ->capture_default_str();
   command->add_flag("--quiet", arguments->quiet, "no iteration table");
   command->footer(
-      "The iteration table goes to standard error, answers to standard output.\n"
-      "Exit codes: 0 all solved, 1 some not solved, 2 usage or bad file, 3 server unreachable or refused.");
+      std::string("The iteration table goes to standard error, answers to standard output.\n"
+                  "Ctrl-C stops the solve: a local one answers with its best iterate, a remote one is given "
+                  "up.\n") +
+      kExitCodes);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }
 

@@ -1,59 +1,8 @@
 // The contract of the program `marble`: exit codes, what goes to which stream, and what a bad file is told.
-#include <gtest/gtest.h>
-
-#include <nlohmann/json.hpp>
-
-#include "support/server_process.h"
+#include "cli_test.h"
 
 namespace marble::testing {
 namespace {
-
-using Json = nlohmann::json;
-
-class Cli : public ::testing::Test {
- protected:
-  struct Result {
-    int exit_code;
-    std::string out, err;
-    [[nodiscard]] std::vector<Json> lines() const {
-      std::vector<Json> all;
-      std::istringstream stream(out);
-      for (std::string line; std::getline(stream, line);) all.push_back(Json::parse(line));
-      return all;
-    }
-  };
-
-  // Runs marble by a shell, so that the streams can be told apart and standard input be given.
-  Result run(const std::string& arguments, const std::string& input = "/dev/null",
-             const std::string& before = "") {
-    const std::string out = directory_.file("out " + std::to_string(++runs_));
-    const std::string err = directory_.file("err " + std::to_string(runs_));
-    const std::string command =
-        before + " '" MARBLE_BINARY "' " + arguments + " <'" + input + "' >'" + out + "' 2>'" + err + "'";
-    ChildProcess shell({"/bin/sh", "-c", command}, directory_.file("shell"));
-    const int code = shell.wait();
-    return {code, read_file(out), read_file(err)};
-  }
-  std::string file(const std::string& name, const std::string& content) {
-    const std::string path = directory_.file(name);
-    std::ofstream(path, std::ios::binary) << content;
-    return path;
-  }
-  static std::string quoted(const std::string& path) { return "'" + path + "'"; }
-
-  TemporaryDirectory directory_;
-  int runs_ = 0;
-};
-
-// min z₁² + z₂² − 2z₁ + 1, 0 ≤ z₂ ⊥ z₂ − z₁ ≥ 0; optimum ½.
-constexpr const char* kGood =
-    R"({"n":2,"c0":1,"g":[-2,0],"Q":{"rows":2,"cols":2,"i":[0,1],"j":[0,1],"v":[2,2]},)"
-    R"("L":{"rows":1,"cols":2,"i":[0],"j":[1],"v":[1]},"l":[0],)"
-    R"("R":{"rows":1,"cols":2,"i":[0,0],"j":[0,1],"v":[-1,1]},"r":[0],"best_known_objective":0.5})";
-
-// min z, z ≥ 2, z ≤ 1.
-constexpr const char* kInfeasible =
-    R"({"n":1,"g":[1],"C":{"rows":2,"cols":1,"i":[0,1],"j":[0,0],"v":[1,-1]},"d":[-2,1]})";
 
 TEST_F(Cli, SolvesLocallyAndExitsZero) {
   const Result result = run("solve --local " + quoted(file("good.json", kGood)));
@@ -94,9 +43,10 @@ TEST_F(Cli, JsonIsOneObjectALineInTheOrderOfTheFiles) {
 }
 
 TEST_F(Cli, NotSolvedExitsOne) {
-  const Result result = run("solve --local --quiet --output json " + quoted(file("no.json", kInfeasible)));
+  const Result result = run("solve --local --quiet --output json " + quoted(file("no.json", kUnsolvable)));
   EXPECT_EQ(result.exit_code, 1);
-  EXPECT_EQ(result.lines().at(0)["status"], "infeasible");
+  EXPECT_NE(result.lines().at(0)["status"], "solved");
+  EXPECT_EQ(result.lines().at(0)["z"].size(), 1U) << "the best iterate";
   const Result limited =
       run("solve --local --quiet --option max_iterations=1 " + quoted(file("good.json", kGood)));
   EXPECT_EQ(limited.exit_code, 1);
@@ -124,14 +74,6 @@ TEST_F(Cli, HelpDocumentsTheExitCodes) {
               std::string::npos)
         << result.out;
   }
-}
-
-TEST_F(Cli, AnUnreachableServerExitsThree) {
-  const Result result = run("solve --quiet --server 127.0.0.1:1 " + quoted(file("good.json", kGood)));
-  EXPECT_EQ(result.exit_code, 3);
-  EXPECT_NE(result.err.find("127.0.0.1:1"), std::string::npos) << result.err;
-  EXPECT_EQ(run("health --server 127.0.0.1:1").exit_code, 3);
-  EXPECT_EQ(run("info", "/dev/null", "MARBLE_SERVER=unix:/nonexistent").exit_code, 3);
 }
 
 TEST_F(Cli, StandardInputIsAFileToo) {
@@ -171,124 +113,81 @@ TEST_F(Cli, ExamplesAreTheSameForASeed) {
 TEST_F(Cli, OptionsAreListedWithDefaultAndRange) {
   const Result result = run("options");
   EXPECT_EQ(result.exit_code, 0);
-  EXPECT_NE(result.out.find("path = fast   in fast, paper"), std::string::npos) << result.out;
-  EXPECT_NE(result.out.find("kappa_factor = 0.5   in [0.001, 0.99]"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("path                       fast     in fast, paper"), std::string::npos)
+      << result.out;
+  EXPECT_NE(result.out.find("kappa_factor               0.5      in [0.001, 0.99]"), std::string::npos)
+      << result.out;
 }
 
-struct BadFile {
-  const char* name;
-  std::string content;
-  const char* message;  // part of what must be said, after the file's name
-};
-
-// Noise that is the same each time.
-std::string noise(std::size_t size) {
-  std::string bytes(size, '\0');
-  std::uint32_t state = 12345;
-  for (char& byte : bytes) {
-    state = state * 1664525U + 1013904223U;
-    byte = static_cast<char>(state >> 24);
-  }
-  return bytes;
-}
-
-std::string with(const char* key, const std::string& value) {
-  Json json = Json::parse(kGood);
-  json.erase(key);
-  std::string text = json.dump();
-  text.insert(1, std::string("\"") + key + "\":" + value + ",");
-  return text;
-}
-
-class BadFiles : public Cli, public ::testing::WithParamInterface<BadFile> {};
-
-TEST_P(BadFiles, GetAnErrorThatNamesFileFieldAndRuleLocallyAndRemotely) {
-  const std::string path = file(std::string(GetParam().name) + ".json", GetParam().content);
-  ServerProcess server(MARBLE_SERVER_BINARY);
-  for (const std::string& where : {std::string("--local"), "--server " + server.address()}) {
-    const Result result = run("solve --quiet --output json " + where + " " + quoted(path));
-    EXPECT_EQ(result.exit_code, 2) << where;
-    EXPECT_NE(result.err.find(std::string(GetParam().name) + ".json: "), std::string::npos) << result.err;
-    EXPECT_NE(result.err.find(GetParam().message), std::string::npos) << result.err;
-    EXPECT_LT(result.err.size(), 1000U);
-    EXPECT_EQ(result.lines().at(0)["status"], "error");
-  }
-  EXPECT_EQ(run("health --server " + server.address()).out, "serving\n");
-}
-
-INSTANTIATE_TEST_SUITE_P(
-    Kinds, BadFiles,
-    ::testing::Values(
-        BadFile{"truncated", std::string(kGood).substr(0, 90), "is not JSON"},
-        BadFile{"noise", noise(10'000'000), "is not JSON"}, BadFile{"empty", "", "is not JSON"},
-        BadFile{"array", "[1, 2]", "must be a JSON object"},
-        BadFile{"no_variables", with("n", "0"), "n = 0: must be a whole number in [1, 2^28)"},
-        BadFile{"huge_n", with("n", "1e300"), "n = 1e+300: must be a whole number"},
-        BadFile{"text_n", with("n", "\"two\""), "n = \"two\": must be a number"},
-        BadFile{"short_gradient", with("g", "[1]"), "g = 1 entries: must have 2 entries"},
-        BadFile{"nan", with("g", "[1, NaN]"), "is not JSON"},
-        BadFile{"null_entry", with("g", "[1, null]"), "g[1] = null: must be a finite number"},
-        BadFile{"infinite", with("g", "[1, 1e999]"), "is not JSON"},
-        BadFile{"row_out_of_range", with("L", R"({"rows":1,"cols":2,"i":[1],"j":[0],"v":[1]})"),
-                "L.i[0] = 1: must be in [0, 1)"},
-        BadFile{"column_out_of_range", with("L", R"({"rows":1,"cols":2,"i":[0],"j":[2],"v":[1]})"),
-                "L.j[0] = 2: must be in [0, 2)"},
-        BadFile{"negative_index", with("L", R"({"rows":1,"cols":2,"i":[-1],"j":[0],"v":[1]})"),
-                "L.i[0] = -1: must be in [0, 1)"},
-        BadFile{"fractional_index", with("L", R"({"rows":1,"cols":2,"i":[0.5],"j":[0],"v":[1]})"),
-                "L.i[0] = 0.5: must be a whole number"},
-        BadFile{"wrong_columns", with("L", R"({"rows":1,"cols":3,"i":[0],"j":[0],"v":[1]})"),
-                "L.cols = 3: must be 2 (n)"},
-        BadFile{"huge_columns", with("L", R"({"rows":1,"cols":200000000,"i":[0],"j":[0],"v":[1]})"),
-                "L.cols = 200000000: must be 2 (n)"},
-        BadFile{"rows_without_offsets", with("L", R"({"rows":2,"cols":2,"i":[0],"j":[0],"v":[1]})"),
-                "L.rows = 2: must be 1"},
-        BadFile{"negative_rows", with("L", R"({"rows":-1,"cols":2,"i":[],"j":[],"v":[]})"),
-                "L.rows = -1: must be"},
-        BadFile{"missing_values", with("L", R"({"rows":1,"cols":2,"i":[0],"j":[0]})"), "L.v: is missing"},
-        BadFile{"uneven_triplets", with("L", R"({"rows":1,"cols":2,"i":[0],"j":[0,1],"v":[1,1]})"),
-                "L.i = 1 entries: must have 2 entries"},
-        BadFile{"uneven_pairs", with("r", "[0, 1]"), "r = 2 entries: must have 1 entries"},
-        BadFile{"asymmetric", with("Q", R"({"rows":2,"cols":2,"i":[0,0],"j":[0,1],"v":[2,1]})"),
-                "Q must be symmetric"},
-        BadFile{"deep", std::string(100'000, '['), "is not JSON"}),
-    [](const auto& parameter) { return parameter.param.name; });
-
-TEST_F(Cli, TruncatedBinaryIsRefused) {
-  const std::string json = file("good.json", kGood);
-  const std::string binary = directory_.file("good.pb");
-  ASSERT_EQ(run("convert " + quoted(json) + " " + quoted(binary)).exit_code, 0);
-  const std::string content = read_file(binary);
-  const Result cut =
-      run("solve --local --quiet " + quoted(file("cut.pb", content.substr(0, content.size() / 2))));
-  EXPECT_EQ(cut.exit_code, 2);
-  EXPECT_NE(cut.err.find("cut.pb: "), std::string::npos) << cut.err;
-  EXPECT_EQ(run("solve --local --quiet " + quoted(file("noise.pb", noise(10'000'000)))).exit_code, 2);
-}
-
-TEST_F(Cli, TalksToAServerOverTcpAndUnixSocketAndByEnvironment) {
-  const std::string socket = "unix:" + directory_.file("socket");
-  ServerProcess server(MARBLE_SERVER_BINARY, {"--listen", "127.0.0.1:0", "--listen", socket});
+TEST_F(Cli, ABadFileDoesNotStopTheRestAndTheWorstOutcomeIsTheExitCode) {
+  const std::string unsolved = quoted(file("no.json", kUnsolvable));
+  const std::string missing = quoted(directory_.file("missing.json"));
   const std::string good = quoted(file("good.json", kGood));
-  for (const std::string& address : {server.address(), socket}) {
-    const Result result = run("solve --server '" + address + "' " + good);
-    EXPECT_EQ(result.exit_code, 0) << result.err;
-    EXPECT_NE(result.out.find("in the queue"), std::string::npos) << result.out;
-    EXPECT_NE(result.err.find("kappa"), std::string::npos) << "the same table as a local solve";
-  }
-  EXPECT_EQ(run("solve --quiet " + good, "/dev/null", "MARBLE_SERVER='" + server.address() + "'").exit_code,
-            0);
-  const Result info = run("info --output json --server " + server.address());
-  EXPECT_EQ(info.exit_code, 0);
-  EXPECT_EQ(info.lines().at(0)["solved"], 3);
+  const Result result =
+      run("solve --local --quiet --output json " + missing + " " + unsolved + " '/' " + good);
+  EXPECT_EQ(result.exit_code, 2);
+  const auto lines = result.lines();
+  ASSERT_EQ(lines.size(), 4U);
+  EXPECT_EQ(lines[0]["error"]["code"], "not_found");
+  EXPECT_NE(lines[1]["status"], "solved");
+  EXPECT_FALSE(lines[1].contains("error")) << "an answer, not an error";
+  EXPECT_EQ(lines[2]["error"]["code"], "not_found") << "a directory";
+  EXPECT_EQ(lines[3]["status"], "solved");
 }
 
-TEST_F(Cli, RemoteTableHasEveryIteration) {
-  ServerProcess server(MARBLE_SERVER_BINARY);
-  const std::string rocket = quoted(file("rocket.json", run("example rocket").out));
-  const Result local = run("solve --local " + rocket);
-  const Result remote = run("solve --server " + server.address() + " " + rocket);
-  EXPECT_EQ(local.err, remote.err);
+TEST_F(Cli, ErrorsOfAFileAreStructured) {
+  Json json = Json::parse(kGood);
+  json["L"]["j"][0] = 5;
+  const Json line =
+      run("solve --local --quiet --output json " + quoted(file("bad.json", json.dump()))).lines().at(0);
+  EXPECT_EQ(line["file"], directory_.file("bad.json"));
+  EXPECT_EQ(line["error"]["code"], "invalid_argument");
+  EXPECT_EQ(line["error"]["field"], "L.j");
+  EXPECT_EQ(line["error"]["index"], 0);
+  EXPECT_EQ(line["error"]["value"], "5");
+  EXPECT_EQ(line["error"]["bound"], "must be in [0, 2)");
+  EXPECT_EQ(line["error"]["message"], "L.j[0] = 5: must be in [0, 2)");
+}
+
+TEST_F(Cli, TheBestKnownObjectiveIsPassedOn) {
+  const std::string good = quoted(file("good.json", kGood));
+  EXPECT_EQ(run("solve --local --quiet --output json " + good).lines().at(0)["best_known_objective"], 0.5);
+  EXPECT_NE(run("solve --local --quiet " + good).out.find("(best known 0.5)"), std::string::npos);
+}
+
+TEST_F(Cli, TheTimeLimitIsAnAnswer) {
+  const Result result =
+      run("solve --local --quiet --time-limit 0 --output json " + quoted(file("good.json", kGood)));
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_EQ(result.lines().at(0)["status"], "time_limit");
+  EXPECT_EQ(result.lines().at(0)["z"].size(), 2U);
+  EXPECT_EQ(run("solve --local --time-limit nan " + quoted(file("good.json", kGood))).exit_code, 2);
+}
+
+TEST_F(Cli, StandardInputMayBeBinary) {
+  const std::string binary = directory_.file("good.pb");
+  ASSERT_EQ(run("convert " + quoted(file("good.json", kGood)) + " " + quoted(binary)).exit_code, 0);
+  const Result result = run("solve --local --quiet -", binary);
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("good: solved"), std::string::npos) << result.out;
+}
+
+TEST_F(Cli, ConvertSaysWhatTheBinaryFormatCannotHold) {
+  Json json = Json::parse(kGood);
+  json.erase("best_known_objective");
+  const std::string out = " " + quoted(directory_.file("out.pb"));
+  EXPECT_EQ(run("convert " + quoted(file("plain.json", json.dump())) + out).err, "");
+  json["x0"] = {0.5, 0.5};
+  const Result result = run("convert " + quoted(file("start.json", json.dump())) + out);
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_NE(result.err.find("x0 and best_known_objective are left out"), std::string::npos) << result.err;
+}
+
+TEST_F(Cli, SaysItsVersion) {
+  const Result version = run("version");
+  EXPECT_EQ(version.exit_code, 0);
+  EXPECT_EQ(version.out.rfind("marble ", 0), 0U);
+  EXPECT_EQ(run("--version").out, version.out);
 }
 
 }  // namespace

@@ -1,52 +1,47 @@
 #include "marble/client.h"
 
-#include <grpcpp/grpcpp.h>
+#include <grpcpp/client_context.h>
 
 #include <cstdlib>
+#include <new>
 
+#include "channel.h"
 #include "grpc/health/v1/health.grpc.pb.h"
 #include "marble/convert.h"
 #include "marble/v1/service.grpc.pb.h"
+#include "request.h"
 #include "status.h"
 
 namespace marble {
 namespace {
 
-// The server enforces its own limit; the client must not be the one that cannot read an answer.
-constexpr int kNoLimit = -1;
-constexpr std::chrono::seconds kQuickCall{5};  // for calls that no solve stands behind
+constexpr std::chrono::duration<double> kQuickCall{5.0};  // for calls that no solve stands behind
+constexpr std::chrono::duration<double> kLongestDeadline{std::int32_t{0x7fffffff}};
 
-std::shared_ptr<grpc::Channel> connect(const std::string& address) {
-  grpc::ChannelArguments arguments;
-  arguments.SetMaxReceiveMessageSize(kNoLimit);
-  arguments.SetMaxSendMessageSize(kNoLimit);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+// gRPC takes a time before 1970 for "never": what is negative has passed now.
+void set_deadline(std::chrono::duration<double> from_now, grpc::ClientContext& context) {
+  if (!(from_now < kLongestDeadline)) from_now = kLongestDeadline;  // also NaN
+  if (from_now.count() < 0.0) from_now = std::chrono::duration<double>::zero();
+  context.set_deadline(std::chrono::system_clock::now() +
+                       std::chrono::duration_cast<std::chrono::system_clock::duration>(from_now));
 }
 
-void apply(const RemoteControls& controls, grpc::ClientContext& context) {
-  if (!controls.deadline) return;
-  const auto length = std::chrono::duration_cast<std::chrono::system_clock::duration>(*controls.deadline);
-  context.set_deadline(std::chrono::system_clock::now() + length);
+RemoteSolution remote_solution(const v1::SolveResponse& response) {
+  const v1::Times& times = response.solution().times();
+  return {solution_of(response.solution()), response.job_id(), times.queue_s(), times.total_s(), 0};
 }
 
-Expected<RemoteSolution> remote_solution(const v1::SolveResponse& response) {
-  RemoteSolution remote;
-  remote.solution = solution_of(response.solution());
-  remote.job_id = response.job_id();
-  remote.queue_s = response.solution().times().queue_s();
-  remote.total_s = response.solution().times().total_s();
-  return remote;
-}
-
-void deliver(const v1::SolveStreamResponse& event, const RemoteControls& controls) {
-  if (event.has_accepted() && controls.events.accepted) {
-    controls.events.accepted(event.accepted().job_id(), event.accepted().queue_position());
-  } else if (event.has_started() && controls.events.started) {
-    controls.events.started(event.started().queue_s());
-  } else if (event.has_progress() && controls.progress != nullptr) {
-    for (const v1::Progress& row : event.progress().rows()) controls.progress->report(progress_of(row));
+void deliver(const v1::SolveStreamResponse& event, ProgressSink* progress, const CallControls& call) {
+  if (event.has_accepted() && call.accepted) {
+    call.accepted(event.accepted().job_id(), event.accepted().queue_position());
+  } else if (event.has_started() && call.started) {
+    call.started(event.started().queue_s());
+  } else if (event.has_progress() && progress != nullptr) {
+    for (const v1::Progress& row : event.progress().rows()) progress->report(progress_of(row));
   }
 }
+
+Error out_of_memory() { return {ErrorCode::resource_exhausted, "", -1, "", "this process is out of memory"}; }
 
 }  // namespace
 
@@ -56,9 +51,9 @@ std::string default_server_address() {
 }
 
 struct Client::Connection {
-  explicit Connection(std::string server_address)
-      : address(std::move(server_address)),
-        channel(connect(address)),
+  explicit Connection(const std::string& server_address)
+      : address(server_address),
+        channel(client::open_channel(address)),
         solver(v1::Solver::NewStub(channel)),
         server(v1::Server::NewStub(channel)),
         health(grpc::health::v1::Health::NewStub(channel)) {}
@@ -72,19 +67,22 @@ struct Client::Connection {
   }
 
   [[nodiscard]] Expected<RemoteSolution> streamed(const v1::SolveStreamRequest& request,
-                                                  grpc::ClientContext& context,
-                                                  const RemoteControls& controls) const {
+                                                  grpc::ClientContext& context, ProgressSink* progress,
+                                                  const CallControls& call) const {
     const auto reader = solver->SolveStream(&context, request);
     v1::SolveStreamResponse event;
     std::optional<RemoteSolution> answer;
+    std::int64_t skipped = 0;
     while (reader->Read(&event)) {
-      deliver(event, controls);
-      if (event.has_result()) answer = *remote_solution(event.result());
+      deliver(event, progress, call);
+      if (event.has_progress()) skipped = event.progress().skipped();
+      if (event.has_result()) answer = remote_solution(event.result());
     }
     const grpc::Status status = reader->Finish();
     if (!status.ok()) return unexpected(client::to_error(status));
     if (!answer)
       return unexpected(Error{ErrorCode::internal, "", -1, "", "the stream ended without a result"});
+    answer->progress_skipped = skipped;
     return std::move(*answer);
   }
 
@@ -95,41 +93,45 @@ struct Client::Connection {
   std::unique_ptr<grpc::health::v1::Health::Stub> health;
 };
 
-Client::Client(const std::string& address) : connection_(std::make_unique<Connection>(address)) {}
+Expected<Client> Client::connect(const std::string& address) {
+  if (auto valid = client::check_address(address); !valid) return unexpected(valid.error());
+  return Client(std::make_unique<Connection>(address));
+}
+
+Client::Client(std::unique_ptr<Connection> connection) : connection_(std::move(connection)) {}
 Client::Client(Client&&) noexcept = default;
 Client& Client::operator=(Client&&) noexcept = default;
 Client::~Client() = default;
 
 Expected<RemoteSolution> Client::solve(const ProblemView& problem, const Options& options,
-                                       const RemoteControls& controls) {
-  v1::SolveStreamRequest request;
-  v1::SolveRequest* solve = request.mutable_solve();
-  to_message(problem, solve->mutable_problem());
-  solve->mutable_problem()->set_name(controls.problem_name);
-  to_message(options, solve->mutable_options());
-  solve->mutable_initial_point()->mutable_z()->Assign(controls.initial_z.begin(), controls.initial_z.end());
-  solve->set_request_id(controls.request_id);
-  request.set_progress_interval_s(controls.progress_interval_s);
-
+                                       const SolveControls& controls, const CallControls& call) const try {
+  const auto request = client::make_request(problem, options, controls, call);
+  if (!request) return unexpected(request.error());
   grpc::ClientContext context;
-  apply(controls, context);
+  if (call.deadline) set_deadline(*call.deadline, context);
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
-  const bool stream = controls.progress != nullptr || controls.events.accepted || controls.events.started;
-  return stream ? connection_->streamed(request, context, controls) : connection_->unary(*solve, context);
+  const bool stream = controls.progress != nullptr || call.accepted || call.started;
+  auto answer = stream ? connection_->streamed(*request, context, controls.progress, call)
+                       : connection_->unary(request->solve(), context);
+  if (!answer && answer.error().code == ErrorCode::cancelled && controls.stop.stop_requested())
+    answer.error().bound = "cancelled by the caller";
+  return answer;
+} catch (const std::bad_alloc&) {
+  return unexpected(out_of_memory());
 }
 
-Expected<bool> Client::healthy() {
+Expected<bool> Client::healthy() const {
   grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + kQuickCall);
+  set_deadline(kQuickCall, context);
   grpc::health::v1::HealthCheckResponse response;
   const grpc::Status status = connection_->health->Check(&context, {}, &response);
   if (!status.ok()) return unexpected(client::to_error(status));
   return response.status() == grpc::health::v1::HealthCheckResponse::SERVING;
 }
 
-Expected<ServerInfo> Client::info() {
+Expected<ServerInfo> Client::info() const {
   grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + kQuickCall);
+  set_deadline(kQuickCall, context);
   v1::GetInfoResponse response;
   const grpc::Status status = connection_->server->GetInfo(&context, {}, &response);
   if (!status.ok()) return unexpected(client::to_error(status));
@@ -145,6 +147,7 @@ Expected<ServerInfo> Client::info() {
                     .solved = counters.solved_total(),
                     .refused = counters.refused_total(),
                     .cancelled = counters.cancelled_total(),
+                    .failed = counters.failed_total(),
                     .queued = counters.queued(),
                     .running = counters.running(),
                     .uptime_s = response.uptime_s()};

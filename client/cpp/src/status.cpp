@@ -1,6 +1,7 @@
 #include "status.h"
 
 #include <charconv>
+#include <string_view>
 
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
@@ -20,6 +21,7 @@ ErrorCode code_of(grpc::StatusCode code) {
     case grpc::StatusCode::NOT_FOUND:
       return ErrorCode::not_found;
     case grpc::StatusCode::UNAVAILABLE:
+    case grpc::StatusCode::UNIMPLEMENTED:  // somebody answers there, but no Marble server
       return ErrorCode::unavailable;
     case grpc::StatusCode::CANCELLED:
       return ErrorCode::cancelled;
@@ -35,15 +37,17 @@ ErrorCode code_of(grpc::StatusCode code) {
 
 // "solve.problem.equality_matrix.values[3]" → field "A.values", index 3.
 void take_field(std::string path, Error& error) {
-  for (const char* prefix : {"solve.", "problem."}) {
-    if (path.rfind(prefix, 0) == 0) path.erase(0, std::string(prefix).size());
+  for (const std::string_view prefix : {"solve.", "problem.", "options."}) {
+    if (path.rfind(prefix, 0) == 0) path.erase(0, prefix.size());
   }
   if (!path.empty() && path.back() == ']') {
     const std::size_t open = path.rfind('[');
-    std::from_chars(path.data() + open + 1, path.data() + path.size() - 1, error.index);
-    path.erase(open);
+    if (open != std::string::npos) {
+      std::from_chars(path.data() + open + 1, path.data() + path.size() - 1, error.index);
+      path.erase(open);
+    }
   }
-  error.field = core_field(path);
+  error.field = path == "initial_point.z" ? "initial_z" : core_field(path);
 }
 
 // "is 12, must be in [0, 12)" → value and bound.

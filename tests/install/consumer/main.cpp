@@ -18,7 +18,7 @@ int main() {
   const auto solution = marble::solve(problem.view());
   if (!solution) return std::puts(solution.error().message().c_str()), 1;
   std::printf("%s, objective %.6f\n", marble::to_string(solution->status), solution->objective);
-  const auto healthy = marble::Client("127.0.0.1:1").healthy();
+  const auto healthy = marble::Client::connect("127.0.0.1:1")->healthy();
   const bool refused = !healthy && healthy.error().code == marble::ErrorCode::unavailable;
   return std::abs(solution->objective - 0.5) < 1e-6 && refused ? 0 : 1;
 }

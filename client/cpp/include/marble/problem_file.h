@@ -15,21 +15,29 @@ struct ProblemFile {
   std::optional<double> best_known_objective;  ///< JSON only, where the file has it
 };
 
-enum class FileFormat { json, binary };
+enum class FileFormat {
+  json,    ///< keys n, c0, g, Q, A, b, C, d, L, l, R, r, x0, name, best_known_objective; others are ignored
+  binary,  ///< marble.v1.Problem; has no place for x0 and best_known_objective
+};
 
 /// By its extension: .json is JSON; .pb and .bin are binary; nothing else is known.
 [[nodiscard]] Expected<FileFormat> format_of_path(const std::string& path);
 
-/// Parses and checks everything. Errors name the field as the format does ("A.j" in JSON), the index and the
-/// bound. A problem without a name is called `name`.
+/// By how it starts: JSON starts with a brace or a bracket, everything else is taken for binary.
+[[nodiscard]] FileFormat format_of_content(std::string_view content);
+
+/// Parses and checks everything. Errors name the field and the index as the format does ("A.j" in JSON,
+/// "equality_matrix.row_indices" in the message) and the bound. A problem without a name is called `name`.
+/// Never throws; resource_exhausted if there is too little memory.
 [[nodiscard]] Expected<ProblemFile> parse_problem(std::string_view content, FileFormat format,
                                                   const std::string& name);
 
-/// Reads a file; "-" is standard input. Binary content is told from JSON by its first byte where the path
-/// tells nothing. Errors as parse_problem; not_found if it cannot be read.
+/// Reads a file; "-" is standard input. The content decides the format where the extension does not. Errors
+/// as parse_problem; not_found if it cannot be read. A problem without a name is called as its file.
 [[nodiscard]] Expected<ProblemFile> read_problem(const std::string& path);
 
-/// One line of JSON, or the binary message. Doubles keep every bit.
+/// One line of JSON, or the binary message. Doubles keep every bit. Q given by its upper triangle is written
+/// in full in JSON. The problem must be valid.
 [[nodiscard]] std::string write_problem(const ProblemFile& file, FileFormat format);
 
 }  // namespace marble

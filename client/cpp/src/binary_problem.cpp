@@ -1,0 +1,61 @@
+#include "binary_problem.h"
+
+#include <limits>
+
+#include "marble/convert.h"
+#include "message_text.h"
+
+namespace marble::client {
+namespace {
+
+SparseMatrix owned(const SparseMatrixView& view) {
+  return {view.rows,
+          view.columns,
+          {view.column_pointers.begin(), view.column_pointers.end()},
+          {view.row_indices.begin(), view.row_indices.end()},
+          {view.values.begin(), view.values.end()}};
+}
+
+std::vector<double> owned(std::span<const double> values) { return {values.begin(), values.end()}; }
+
+}  // namespace
+
+Expected<ProblemFile> parse_binary(std::string_view content, const std::string& name) {
+  v1::Problem message;
+  if (content.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()) ||
+      !message.ParseFromArray(content.data(), static_cast<int>(content.size()))) {
+    return unexpected(Error{ErrorCode::invalid_argument, "", -1, "",
+                            "is not a marble.v1.Problem message (truncated, or of another format)"});
+  }
+  const ProblemView view = view_of(message);
+  if (const auto valid = Problem::create(view); !valid) {
+    Error error = valid.error();
+    error.field = message_field(error.field);
+    return unexpected(std::move(error));
+  }
+  ProblemFile file;
+  file.problem = {.name = message.name().empty() ? name : message.name(),
+                  .Q = owned(view.Q),
+                  .A = owned(view.A),
+                  .C = owned(view.C),
+                  .L = owned(view.L),
+                  .R = owned(view.R),
+                  .hessian_form = view.hessian_form,
+                  .g = owned(view.g),
+                  .b = owned(view.b),
+                  .d = owned(view.d),
+                  .l = owned(view.l),
+                  .r = owned(view.r),
+                  .c0 = view.c0,
+                  .initial_z = {}};
+  return file;
+}
+
+std::string write_binary(const ProblemFile& file) {
+  v1::Problem message;
+  to_message(file.problem.view(), &message);
+  message.set_name(message_text(file.problem.name, kLongestName));
+  return message.SerializeAsString();
+}
+
+}  // namespace marble::client

@@ -1,0 +1,39 @@
+// The text of a JSON problem file, as parts whose sizes nobody has compared yet.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "marble/error.h"
+#include "marble/problem.h"
+
+namespace marble::client {
+
+struct JsonMatrix {
+  bool present = false;  ///< null counts as absent
+  std::optional<Index> rows, columns;
+  bool has_i = false, has_j = false, has_v = false;
+  Triplets entries;
+};
+
+struct JsonVector {
+  bool present = false;  ///< null counts as absent
+  std::vector<double> values;
+};
+
+struct JsonParts {
+  std::string name;
+  std::optional<Index> n;
+  std::optional<double> c0, best_known_objective;
+  JsonVector g, b, d, l, r, x0;
+  JsonMatrix Q, A, C, L, R;
+};
+
+/// One pass, no tree: memory is in proportion to the numbers of the known keys, however the text is nested.
+/// Checks types and that numbers are finite and sizes are sizes; errors name field and index.
+[[nodiscard]] Expected<JsonParts> read_json_parts(std::string_view text);
+
+}  // namespace marble::client

@@ -1,0 +1,15 @@
+// Text that a message may carry.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace marble::client {
+
+inline constexpr std::size_t kLongestName = 256;  // bytes of Problem.name
+
+/// At most `longest` bytes of `text`, cut between characters, with ? for every byte that is not UTF-8: a
+/// message with such a byte cannot be parsed, and file names may hold any.
+[[nodiscard]] std::string message_text(std::string_view text, std::size_t longest);
+
+}  // namespace marble::client

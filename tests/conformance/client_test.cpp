@@ -1,0 +1,180 @@
+// What the client promises beyond the solver's own contract: stop tokens, deadlines, events, addresses.
+#include "marble/client.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "marble/convert.h"
+#include "problems.h"
+#include "support/server_process.h"
+#include "support/small_problems.h"
+
+namespace marble::testing {
+namespace {
+
+class ClientTest : public ::testing::Test {
+ protected:
+  // A solve that does not end by itself.
+  Expected<RemoteSolution> solve_long(const SolveControls& controls, const CallControls& call = {}) {
+    return client_->solve(view_of(request_.problem()), options_of(request_.options()).value(), controls,
+                          call);
+  }
+  [[nodiscard]] bool server_becomes_idle() {
+    return eventually([this] {
+      const auto info = client_->info();
+      return info && info->running == 0 && info->queued == 0;
+    });
+  }
+
+  v1::SolveRequest request_ = long_request();
+  OwnedProblem example_ = public_example().problem;
+  ServerProcess server_{MARBLE_SERVER_BINARY, {"--workers", "1"}};
+  Expected<Client> client_ = Client::connect(server_.address());
+};
+
+struct StopAfter final : ProgressSink {
+  explicit StopAfter(int rows) : left(rows) {}
+  void report(const Progress& progress) override {
+    on_calling_thread = on_calling_thread && std::this_thread::get_id() == caller;
+    last_z_size = progress.z.size();
+    if (--left == 0) source.request_stop();
+  }
+  int left;
+  std::stop_source source;
+  std::thread::id caller = std::this_thread::get_id();
+  bool on_calling_thread = true;
+  std::size_t last_z_size = 0;
+};
+
+TEST_F(ClientTest, AStopTokenGivesARunningSolveUp) {
+  StopAfter sink(3);
+  const auto answer = solve_long({&sink, sink.source.get_token(), {}});
+  ASSERT_FALSE(answer.has_value());
+  EXPECT_EQ(answer.error().code, ErrorCode::cancelled);
+  EXPECT_TRUE(sink.on_calling_thread);
+  EXPECT_TRUE(server_becomes_idle());
+}
+
+TEST_F(ClientTest, AStopTokenGivesAUnarySolveUp) {
+  std::stop_source source;
+  std::thread stopper([&] {
+    EXPECT_TRUE(eventually([this] { return client_->info()->running == 1; }));
+    source.request_stop();
+  });
+  const auto answer = solve_long({nullptr, source.get_token(), {}});
+  stopper.join();
+  ASSERT_FALSE(answer.has_value());
+  EXPECT_EQ(answer.error().code, ErrorCode::cancelled);
+  EXPECT_TRUE(server_becomes_idle());
+}
+
+TEST_F(ClientTest, ATokenThatIsStoppedAlreadyStartsNothing) {
+  std::stop_source source;
+  source.request_stop();
+  const auto answer = client_->solve(example_.view(), {}, {nullptr, source.get_token(), {}});
+  ASSERT_FALSE(answer.has_value());
+  EXPECT_EQ(answer.error().code, ErrorCode::cancelled);
+}
+
+TEST_F(ClientTest, TheDeadlineIsHard) {
+  for (const double seconds : {0.2, 0.0, -1.0, -1e300}) {
+    const auto answer = solve_long({}, {.deadline = std::chrono::duration<double>(seconds)});
+    ASSERT_FALSE(answer.has_value());
+    EXPECT_EQ(answer.error().code, ErrorCode::deadline_exceeded) << seconds;
+  }
+  EXPECT_TRUE(server_becomes_idle());
+  EXPECT_TRUE(client_->solve(example_.view(), {}, {}, {.deadline = std::chrono::duration<double>(1e300)})
+                  .has_value());
+}
+
+TEST_F(ClientTest, EventsTellTheJob) {
+  std::string accepted;
+  int position = -1;
+  double queued = -1.0;
+  CallControls call;
+  call.accepted = [&](const std::string& id, int place) { accepted = id, position = place; };
+  call.started = [&](double queue_s) { queued = queue_s; };
+  const auto answer = client_->solve(example_.view(), {}, {}, call);
+  ASSERT_TRUE(answer.has_value()) << answer.error().message();
+  EXPECT_FALSE(accepted.empty());
+  EXPECT_EQ(accepted, answer->job_id);
+  EXPECT_EQ(position, 0);
+  EXPECT_GE(queued, 0.0);
+  EXPECT_GE(answer->total_s, answer->times.solve_s);
+}
+
+TEST_F(ClientTest, IteratesComeWhenAskedFor) {
+  StopAfter sink(5);
+  ASSERT_FALSE(solve_long({&sink, sink.source.get_token(), {}}, {.iterate_every = 1}).has_value());
+  EXPECT_EQ(sink.last_z_size, 6000U);
+}
+
+TEST_F(ClientTest, NameAndRequestIdReachTheLog) {
+  CallControls call;
+  call.problem_name = "the problem \xff" + std::string(300, 'x');
+  call.request_id = "request 17";
+  ASSERT_TRUE(client_->solve(example_.view(), {}, {}, call).has_value());
+  EXPECT_TRUE(eventually([this] { return !server_.log_lines({"request 17", "the problem ?xxx"}).empty(); }));
+}
+
+TEST_F(ClientTest, ARequestIdThatIsNoneIsRefusedHere) {
+  for (const std::string& id : {std::string("a\nb"), std::string(129, 'x'), std::string("\xc3\xa4")}) {
+    const auto answer = client_->solve(example_.view(), {}, {}, {.request_id = id});
+    ASSERT_FALSE(answer.has_value());
+    EXPECT_EQ(answer.error().code, ErrorCode::invalid_argument);
+    EXPECT_EQ(answer.error().field, "request_id");
+  }
+}
+
+TEST_F(ClientTest, AStreamsOwnFieldsAreCheckedToo) {
+  StopAfter sink(1'000'000);
+  const auto answer = client_->solve(example_.view(), {}, {&sink, {}, {}}, {.progress_interval_s = -1.0});
+  ASSERT_FALSE(answer.has_value());
+  EXPECT_EQ(answer.error().field, "progress_interval_s");
+}
+
+TEST_F(ClientTest, OneConnectionServesManyThreads) {
+  std::vector<std::thread> threads;
+  std::atomic<int> solved = 0;
+  for (int i = 0; i < 4; ++i) {
+    threads.emplace_back([&, this] {
+      for (int k = 0; k < 10; ++k) {
+        const auto answer = client_->solve(example_.view());
+        solved += answer && is_solved(answer->status) ? 1 : 0;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(solved, 40);
+  EXPECT_EQ(client_->info()->solved, 40);
+}
+
+TEST_F(ClientTest, AServerThatIsGoneIsUnavailable) {
+  EXPECT_TRUE(client_->healthy().value());
+  server_.send(SIGKILL);
+  server_.wait();
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(client_->solve(example_.view()).error().code, ErrorCode::unavailable);
+    EXPECT_EQ(client_->healthy().error().code, ErrorCode::unavailable);
+    EXPECT_EQ(client_->info().error().code, ErrorCode::unavailable);
+  }
+}
+
+TEST(ClientAddress, MustBeHostAndPortOrASocketsPath) {
+  for (const char* address : {"127.0.0.1:50051", "localhost:1", "[::1]:65535", "unix:/a path/socket",
+                              "unix:relative", "dns:///solver.example:443"})
+    EXPECT_TRUE(Client::connect(address).has_value()) << address;
+  for (const std::string& address :
+       {std::string(), std::string("localhost"), std::string("localhost:0"), std::string("localhost:65536"),
+        std::string("localhost:1x"), std::string(":1"), std::string("unix:"),
+        "unix:" + std::string(200, 'x')}) {
+    const auto client = Client::connect(address);
+    ASSERT_FALSE(client.has_value()) << address;
+    EXPECT_EQ(client.error().code, ErrorCode::invalid_argument);
+    EXPECT_EQ(client.error().field, "address");
+  }
+}
+
+}  // namespace
+}  // namespace marble::testing
