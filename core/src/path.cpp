@@ -17,6 +17,10 @@ constexpr double kSmallestMeritStep = 0.0625;
 
 double largest(const Violations& v) { return std::max({v.equality, v.inequality, v.complementarity}); }
 
+Regularization first_regularization(const Options& options) {
+  return {options.path == Path::fast ? kFastRegularization : 0.0, options.regularization_initial};
+}
+
 }  // namespace
 
 PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& options)
@@ -25,7 +29,7 @@ PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& op
       newton_(problem, kkt),
       sub_(problem),
       schedule_(options, sub_),
-      regularization_(options.path == Path::fast ? kFastRegularization : 0.0, options.regularization_initial),
+      regularization_(first_regularization(options)),
       filter_(problem),
       x_(problem),
       r_(problem),
@@ -59,6 +63,7 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
 
 void PathEngine::start(ConstVectorRef initial_z) {
   schedule_ = Schedule(options_, sub_);
+  regularization_ = first_regularization(options_);
   x_.all.setZero();
   x_.z() = initial_z;
   images_.evaluate(problem_, x_);
@@ -85,8 +90,10 @@ void PathEngine::evaluate() {
   violations_ = violations(problem_, images_);
 }
 
+// Multiplier times slack of an inequality is κ by (12), which no violation shows.
 bool PathEngine::solved() const {
-  return within_tolerances(violations_, options_) && residual_norm_ <= options_.stationarity_tolerance;
+  return within_tolerances(violations_, options_) && residual_norm_ <= options_.stationarity_tolerance &&
+         (problem_.inequalities() == 0 || sub_.kappa <= options_.stationarity_tolerance);
 }
 
 // Images::advance gathers rounding, most of it after large steps: no point is called solved on its word.

@@ -71,8 +71,10 @@ Verdict judge(const ProblemView& p, const Solution& x) {
   add_transposed(p.C, x.inequality_multipliers, -1.0, sum);
   add_transposed(p.L, x.complementarity_multipliers_L, -1.0, sum);
   add_transposed(p.R, x.complementarity_multipliers_R, -1.0, sum);
-  for (std::size_t i = 0; i < p.g.size(); ++i)
+  for (std::size_t i = 0; i < p.g.size(); ++i) {
     worsen(v.stationarity, std::abs(sum.value[i]) / (1.0 + sum.size[i]));
+    worsen(v.absolute_stationarity, std::abs(sum.value[i]));
+  }
 
   for (const double row : times(p.A, z, p.b)) worsen(v.equality, std::abs(row));
   const double size =

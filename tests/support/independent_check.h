@@ -11,8 +11,9 @@ struct Verdict {
   double inequality = 0.0;       ///< max −(C z + d)
   double complementarity = 0.0;  ///< max |min(s, t)|
   double stationarity = 0.0;  ///< max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη| over (1 + the largest term in it)
-  double wrong_sign = 0.0;  ///< max −ν
-  double slackness = 0.0;   ///< max of |ν·(Cz + d)|, |ξ·s|, |η·t|, over (1 + largest multiplier)
+  double absolute_stationarity = 0.0;  ///< the same without the denominator
+  double wrong_sign = 0.0;             ///< max −ν
+  double slackness = 0.0;  ///< max of |ν·(Cz + d)|, |ξ·s|, |η·t|, over (1 + largest multiplier)
   double objective = 0.0;
 
   [[nodiscard]] double infeasibility() const;

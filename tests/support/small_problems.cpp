@@ -1,6 +1,7 @@
 #include "support/small_problems.h"
 
-#include <initializer_list>
+#include <algorithm>
+#include <iterator>
 #include <string>
 
 namespace marble::testing {
@@ -48,6 +49,52 @@ class Builder {
   OwnedProblem p_;
   Triplets hessian_, equalities_, inequalities_, left_, right_;
 };
+
+// Two copies of: x² − 2x + y² over x ≥ 0 and y minimising (y − x)² s.t. ½ ≤ y ≤ 1½, with multipliers u and v.
+SmallProblem ex9_2_6() {
+  Builder b("ex9_2_6", {-2, 0, 0, 0, -2, 0, 0, 0});
+  for (Index copy = 0; copy < 2; ++copy) {
+    const auto first = static_cast<std::size_t>(4 * copy);
+    const auto row = [first](double x, double y, double u, double v, double constant) {
+      Row all(9, 0.0);
+      const double terms[] = {x, y, u, v};
+      std::copy(std::begin(terms), std::end(terms), all.begin() + static_cast<std::ptrdiff_t>(first));
+      all[8] = constant;
+      return all;
+    };
+    b.quadratic(4 * copy, 4 * copy, 2).quadratic(4 * copy + 1, 4 * copy + 1, 2);
+    b.equal(row(-2, 2, -1, 1, 0)).at_least(row(1, 0, 0, 0, 0)).at_least(row(0, 1, 0, 0, 0));
+    b.pair(row(0, 1, 0, 0, -0.5), row(0, 0, 1, 0, 0)).pair(row(0, -1, 0, 0, 1.5), row(0, 0, 0, 1, 0));
+  }
+  return b.optimum(-1.0);
+}
+
+// ½ (x₁ + x₂ + y₁ − 15)² + ½ (x₁ + x₂ + y₂ − 15)², 0 ≤ x ≤ 10, 0 ≤ y ⊥ Nx + My − (36, 25) ≥ 0.
+SmallProblem flp2() {
+  Builder b("flp2", {-30, -30, -15, -15});
+  b.constant(225).quadratic(0, 0, 2).quadratic(0, 1, 2).quadratic(1, 1, 2);
+  for (const Index y : {2, 3}) b.quadratic(0, y, 1).quadratic(1, y, 1).quadratic(y, y, 1);
+  b.at_least({1, 0, 0, 0, 0}).at_least({-1, 0, 0, 0, 10});
+  b.at_least({0, 1, 0, 0, 0}).at_least({0, -1, 0, 0, 10});
+  b.pair({0, 0, 1, 0, 0}, {8.0 / 3.0, 2, 2, 8.0 / 3.0, -36});
+  b.pair({0, 0, 0, 1, 0}, {2, 1.25, 1.25, 2, -25});
+  return b.optimum(0.0);
+}
+
+// (y₁ − 2)² + y₂² over a design x and y minimising 0.01 y₁² + y₂² s.t. three constraints that x moves:
+// z = (y, x, multipliers).
+SmallProblem sl1() {
+  Builder b("sl1", {-4, 0, 0, 0, 0, 0, 0, 0});
+  b.constant(4).quadratic(0, 0, 2).quadratic(1, 1, 2);
+  b.equal({0.02, 0, 0, 0, 0, -10, -1, 0, 0}).equal({0, 2, 0, 0, 0, -1, 0, -1, 0});
+  b.at_least({0, 0, 1, 0, 0, 0, 0, 0, -10});
+  b.at_least({0, 0, 0, 1, 0, 0, 0, 0, -0.01}).at_least({0, 0, 0, -1, 0, 0, 0, 0, 10});
+  b.at_least({0, 0, 0, 0, 1, 0, 0, 0, 0}).at_least({0, 0, 0, 0, -1, 0, 0, 0, 1});
+  b.pair({10, 1, -1, 0, 0, 0, 0, 0, -10}, {0, 0, 0, 0, 0, 1, 0, 0, 0});
+  b.pair({1, 0, 0, -1, 0, 0, 0, 0, -2}, {0, 0, 0, 0, 0, 0, 1, 0, 0});
+  b.pair({0, 1, 0, 0, -50, 0, 0, 0, 0}, {0, 0, 0, 0, 0, 0, 0, 1, 0});
+  return b.optimum(1e-4);
+}
 
 }  // namespace
 
@@ -120,6 +167,35 @@ std::vector<SmallProblem> small_problems() {
                     .pair({-1, -1, 0, 0, 0, 7}, {0, 0, 0, 0, 1, 0})
                     .optimum(17.0));
 
+  // x² + (y − 10)² over y ≤ x ≤ 15 and y minimising (x + 2y − 30)² s.t. x + y ≤ 20, 0 ≤ y ≤ 20.
+  all.push_back(Builder("ex9_2_2", {0, -20, 0, 0, 0})
+                    .quadratic(0, 0, 2)
+                    .quadratic(1, 1, 2)
+                    .constant(100)
+                    .equal({2, 4, 1, -1, 1, -60})
+                    .at_least({1, -1, 0, 0, 0, 0})
+                    .at_least({1, 0, 0, 0, 0, 0})
+                    .at_least({-1, 0, 0, 0, 0, 15})
+                    .pair({-1, -1, 0, 0, 0, 20}, {0, 0, 1, 0, 0, 0})
+                    .pair({0, 1, 0, 0, 0, 0}, {0, 0, 0, 1, 0, 0})
+                    .pair({0, -1, 0, 0, 0, 20}, {0, 0, 0, 0, 1, 0})
+                    .optimum(100.0));
+  // (x − 3)² + (y − 2)² over 0 ≤ x ≤ 8 and y minimising (y − 5)² in a triangle.
+  all.push_back(Builder("ex9_2_5", {-6, -4, 0, 0, 0})
+                    .quadratic(0, 0, 2)
+                    .quadratic(1, 1, 2)
+                    .constant(13)
+                    .equal({0, 2, 1, -2, 2, -10})
+                    .at_least({1, 0, 0, 0, 0, 0})
+                    .at_least({-1, 0, 0, 0, 0, 8})
+                    .pair({2, -1, 0, 0, 0, 1}, {0, 0, 1, 0, 0, 0})
+                    .pair({-1, 2, 0, 0, 0, -2}, {0, 0, 0, 1, 0, 0})
+                    .pair({-1, -2, 0, 0, 0, 14}, {0, 0, 0, 0, 1, 0})
+                    .optimum(5.0));
+  all.push_back(ex9_2_6());
+  all.push_back(flp2());
+  all.push_back(sl1());
+
   // Without pairs.
   all.push_back(Builder("unconstrained", {-2, 4}).quadratic(0, 0, 2).quadratic(1, 1, 2).optimum(-5.0));
   all.push_back(
@@ -167,6 +243,19 @@ std::vector<SmallProblem> small_problems() {
                     .constant(1)
                     .pair({0, 1e3, 0}, {-1e-3, 1e3, 0})
                     .optimum(0.5));
+  all.push_back(Builder("duplicate pair", {-1, -2})
+                    .quadratic(0, 0, 1)
+                    .quadratic(1, 1, 2)
+                    .constant(1.5)
+                    .pair({1, 0, 0}, {0, 1, 0})
+                    .pair({0, 3, 0}, {2, 0, 0})
+                    .optimum(0.5));
+  all.push_back(Builder("a pair's side without variables", {-2, -2})
+                    .quadratic(0, 0, 2)
+                    .quadratic(1, 1, 2)
+                    .constant(2)
+                    .pair({0, 0, 1}, {1, 0, 0})
+                    .optimum(1.0));
   all.push_back(Builder("two chained pairs", {-2, -4, 0})
                     .quadratic(0, 0, 2)
                     .quadratic(1, 1, 2)

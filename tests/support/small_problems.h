@@ -12,7 +12,7 @@ struct SmallProblem {
   double optimum;  ///< of the global solution
 };
 
-/// About twenty: problems of the MacMPEC collection (S. Leyffer) in encodings of our own, and hand-made ones
+/// Some twenty-five: problems of the MacMPEC collection (S. Leyffer) in encodings of our own, and hand-made ones
 /// for every missing block and for degenerate solutions. Built anew at each call.
 [[nodiscard]] std::vector<SmallProblem> small_problems();
 

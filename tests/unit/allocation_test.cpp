@@ -1,78 +1,121 @@
-// The loop allocates nothing after set-up. In a program of its own, because it replaces malloc's front door.
-#include <dlfcn.h>
+// The solve allocates nothing but its answer. In a program of its own, because it replaces malloc's front
+// door.
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <cstdlib>
+#include <new>
 
 #include "marble/examples.h"
 #include "marble/solver.h"
+#include "support/allocation_guard.h"
 #include "support/random_problem.h"
-
-namespace {
-
-std::atomic<bool> counting = false;
-std::atomic<int> allocations = 0;
-
-void count() {
-  if (counting.load(std::memory_order_relaxed)) allocations.fetch_add(1, std::memory_order_relaxed);
-}
-
-}  // namespace
-
-// Every C++ allocation, Eigen's included, ends in malloc.
-extern "C" void* malloc(std::size_t size) {
-  static auto* const real = reinterpret_cast<void* (*)(std::size_t)>(dlsym(RTLD_NEXT, "malloc"));
-  count();
-  return real(size);
-}
 
 namespace marble {
 namespace {
+
+using testing::allocations;
 
 // Counts from the first report to the last: what lies between is the loop.
 class CountingSink : public ProgressSink {
  public:
   void report(const Progress&) override {
-    if (rows++ == 0) {
-      allocations = 0;
-      counting = true;
-    }
-    until_last = allocations;
+    const std::int64_t now = allocations();
+    if (rows++ == 0) first = now;
+    last = now;
   }
   int rows = 0;
-  int until_last = 0;
+  std::int64_t first = 0;
+  std::int64_t last = 0;
 };
 
-void expect_none(const OwnedProblem& p, Path path) {
-  Options options;
-  options.path = path;
-  Solver solver = Solver::create(Problem::create(p.view()).value(), options).value();
-  CountingSink sink;
-  const Solution s = solver.solve({.progress = &sink}).value();
-  counting = false;
-  EXPECT_GT(sink.rows, 5) << p.name;
-  EXPECT_EQ(sink.until_last, 0) << p.name << " in " << s.iterations << " iterations";
+Solver make(const OwnedProblem& p, const Options& options) {
+  return Solver::create(Problem::create(p.view()).value(), options).value();
 }
 
-TEST(Allocation, TheCounterCounts) {
-  allocations = 0;
-  counting = true;
-  free(malloc(17));
-  counting = false;
-  EXPECT_EQ(allocations, 1);
+void expect_none_in_loop(const OwnedProblem& p, Options options) {
+  for (const Path path : {Path::fast, Path::paper}) {
+    options.path = path;
+    Solver solver = make(p, options);
+    CountingSink sink;
+    const Solution s = solver.solve({.progress = &sink}).value();
+    EXPECT_GT(sink.rows, 5) << p.name;
+    EXPECT_EQ(sink.last - sink.first, 0) << p.name << " in " << s.iterations << " iterations";
+  }
+}
+
+OwnedProblem dense_problem() {
+  return testing::random_problem(
+      {.variables = 40, .equalities = 5, .inequalities = 20, .pairs = 20, .density = 1.0}, 1);
+}
+
+void* volatile escaped;  // lest the compiler drops an allocation nobody looks at
+
+TEST(AllocationGuard, CountsEveryWayToTheHeap) {
+  const auto expect_one = [](auto&& allocate) {
+    const std::int64_t before = allocations();
+    escaped = allocate();
+    EXPECT_EQ(allocations() - before, 1);
+    return escaped;
+  };
+  std::free(expect_one([] { return std::malloc(17); }));
+  std::free(expect_one([] { return std::calloc(3, 5); }));
+  std::free(expect_one([] { return std::aligned_alloc(64, 128); }));
+  std::free(expect_one([] {
+    void* memory = nullptr;
+    return posix_memalign(&memory, 32, 96) == 0 ? memory : nullptr;
+  }));
+  void* grown = std::malloc(8);
+  std::free(expect_one([grown] { return std::realloc(grown, 4096); }));
+  ::operator delete(expect_one([] { return ::operator new(24); }));
 }
 
 TEST(Allocation, NoneInTheLoopOfASparseProblem) {
-  expect_none(examples::rocket(), Path::fast);
-  expect_none(examples::hopper({.steps = 20}), Path::paper);
+  expect_none_in_loop(examples::rocket(), {});
+  expect_none_in_loop(examples::hopper({.steps = 20}), {});
 }
 
-TEST(Allocation, NoneInTheLoopOfADenseProblem) {
-  const OwnedProblem p = testing::random_problem(
-      {.variables = 40, .equalities = 5, .inequalities = 20, .pairs = 20, .density = 1.0}, 1);
-  expect_none(p, Path::fast);
-  expect_none(p, Path::paper);
+TEST(Allocation, NoneInTheLoopOfADenseProblem) { expect_none_in_loop(dense_problem(), {}); }
+
+TEST(Allocation, NoneInTheLoopOfAProblemWhoseLinesSearchAndRetry) {
+  OwnedProblem p = testing::random_problem(
+      {.variables = 30, .equalities = 5, .inequalities = 60, .pairs = 8, .indefinite = true}, 3);
+  Options options;
+  options.max_iterations = 200;
+  expect_none_in_loop(p, options);
+}
+
+TEST(Allocation, NoneInAnyFactorizationOfPolishAndLocalSearch) {
+  // What a solve allocates beyond its loop is its answer: no more when it factorizes more.
+  for (const OwnedProblem& p : {examples::hopper({.steps = 20}), dense_problem()}) {
+    std::int64_t counts[2];
+    int factorizations[2];
+    for (const int searched : {0, 1}) {
+      Options options;
+      options.local_search_budget = searched == 0 ? 0 : 200;
+      Solver solver = make(p, options);
+      const std::int64_t before = allocations();
+      const Solution s = solver.solve().value();
+      counts[searched] = allocations() - before;
+      factorizations[searched] = s.factorizations;
+      EXPECT_EQ(s.status, Status::solved) << p.name;
+    }
+    EXPECT_GT(factorizations[1], factorizations[0]) << p.name << ": the search had nothing to do";
+    EXPECT_EQ(counts[0], counts[1]) << p.name;
+  }
+}
+
+TEST(Allocation, AProgressSinkAndAStopTokenAddNone) {
+  const OwnedProblem p = examples::rocket();
+  Solver solver = make(p, {});
+  const auto count = [&solver](const SolveControls& controls) {
+    const std::int64_t before = allocations();
+    EXPECT_TRUE(solver.solve(controls).has_value());
+    return allocations() - before;
+  };
+  CountingSink sink;
+  const std::stop_source source;
+  const std::int64_t plain = count({});
+  EXPECT_EQ(count({.progress = &sink, .stop = source.get_token()}), plain);
 }
 
 }  // namespace

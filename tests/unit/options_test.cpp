@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <set>
 
 namespace marble {
 namespace {
@@ -54,6 +55,47 @@ TEST(Options, BadTextSaysWhatWouldBeGood) {
             "kappa_factor = half: must be a number");
   EXPECT_EQ(set_option_text(options, "kapa_factor", "1").error().message(), "kapa_factor: is not an option");
   EXPECT_EQ(set_option_text(options, "kappa_factor", "1e999").error().field, "kappa_factor");
+}
+
+TEST(Options, TextThatIsNotWhollyTheValueIsRefusedAndChangesNothing) {
+  Options options;
+  for (const char* text : {"", " 1", "1 ", "1,5", "0x1", "+1", "--1", "1e", "nan", "inf", "-inf", "1e999"}) {
+    EXPECT_FALSE(set_option_text(options, "rho_max", text).has_value()) << '"' << text << '"';
+  }
+  EXPECT_EQ(options.rho_max, Options{}.rho_max);
+  EXPECT_EQ(set_option_text(options, "rho_max", "1e999").error().message(),
+            "rho_max = 1e999: must be in [1e-06, 1e+12]");
+  for (const char* text : {"", "2", "True", "yes"}) {
+    EXPECT_EQ(set_option_text(options, "polish", text).error().bound, "must be true or false") << text;
+  }
+}
+
+TEST(Options, EveryOneIsSetByItsOwnText) {
+  for (const OptionInfo& option : option_table()) {
+    Options options;
+    const bool choice = option.type == OptionType::choice;
+    EXPECT_EQ(choice, !option.choices.empty()) << option.name;
+    if (choice) {
+      EXPECT_EQ(option.choices.size(), static_cast<std::size_t>(option.high - option.low) + 1);
+      for (std::size_t i = 0; i < option.choices.size(); ++i) {
+        EXPECT_TRUE(set_option_text(options, option.name, option.choices[i]).has_value());
+        EXPECT_EQ(get_option(options, option.name), static_cast<double>(i));
+      }
+    } else if (option.type == OptionType::boolean) {
+      for (const auto& [text, value] : {std::pair{"false", 0.0}, {"true", 1.0}, {"0", 0.0}, {"1", 1.0}}) {
+        EXPECT_TRUE(set_option_text(options, option.name, text).has_value());
+        EXPECT_EQ(get_option(options, option.name), value) << option.name;
+      }
+    } else {
+      EXPECT_TRUE(set_option_text(options, option.name, "1").has_value() || option.high < 1.0) << option.name;
+    }
+  }
+}
+
+TEST(Options, NamesAreUnique) {
+  std::set<std::string_view> names;
+  for (const OptionInfo& option : option_table())
+    EXPECT_TRUE(names.insert(option.name).second) << option.name;
 }
 
 TEST(Options, ValidateFindsWhatWasSetAroundTheChecks) {

@@ -10,10 +10,8 @@ OwnedProblem hopper(const HopperParameters& p) {
   for (const double rise : p.stair_rise) rise_sum += rise;
 
   for (int k = 0; k < p.steps; ++k) {
-    const auto at = [k](int variable) { return static_cast<Index>(kHopperVariables * k + variable); };
-    const auto before = [k](int variable) {
-      return static_cast<Index>(kHopperVariables * (k - 1) + variable);
-    };
+    const auto at = [k](int variable) { return hopper_index(k, variable); };
+    const auto before = [k](int variable) { return hopper_index(k - 1, variable); };
     // Symplectic Euler: a value is its predecessor plus h times its rate; the first predecessor is the
     // initial state.
     const auto integrate = [&](int variable, double initial, const Terms& rate, double constant_rate) {
@@ -66,6 +64,19 @@ OwnedProblem hopper(const HopperParameters& p) {
     }
   }
   return model.problem();
+}
+
+HopperParameters advance(HopperParameters p, std::span<const double> z, int ticks) {
+  const auto reached = [&](int variable) {
+    return z[static_cast<std::size_t>(hopper_index(ticks - 1, variable))];
+  };
+  for (int i = 0; i < 4; ++i) {
+    p.position[static_cast<std::size_t>(i)] = reached(kBodyX + i);
+    p.velocity[static_cast<std::size_t>(i)] = reached(kBodyVx + i);
+  }
+  p.last_force = {reached(kForceX), reached(kForceZ)};
+  p.reference_x += p.speed * p.step_s * ticks;
+  return p;
 }
 
 }  // namespace marble::examples

@@ -28,7 +28,7 @@ struct SparseMatrixView {
 
 /// How the symmetric matrix Q is given.
 enum class HessianForm {
-  full,            ///< both triangles; checked to be symmetric
+  full,            ///< both triangles; mirror images may differ by 1e-12 of the larger one
   upper_triangle,  ///< only entries with row ≤ column; the mirror image is implied
 };
 
@@ -95,7 +95,8 @@ struct Triplets {
   }
 };
 
-/// Sorts triplets into compressed columns. `name` is used in errors: "<name>.i", "<name>.j", "<name>.v".
+/// Sorts triplets into compressed columns in O(entries log entries). `name` is used in errors: "<name>.i",
+/// "<name>.j", "<name>.v", with the position among the triplets; sums of duplicates must be finite too.
 [[nodiscard]] Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entries,
                                               const char* name);
 

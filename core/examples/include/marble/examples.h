@@ -1,18 +1,18 @@
 // The three robotics problems of the paper (section VI.B), generated: contact, state-triggered and progress
-// constraints. Formulas cite the paper's equations; sizes with the default parameters are those of its Table
-// I.
+// constraints. Formulas cite the paper's equations; sizes with default parameters are those of its Table I.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "marble/problem.h"
 
 namespace marble::examples {
 
-/// A planar hopper, a body and a foot joined by a leg force, that tracks a speed over two steps up and two
-/// down.
+/// A planar hopper, a body and a foot joined by a leg force, that follows a moving point over two steps up
+/// and two down.
 struct HopperParameters {
   int steps = 60;                                                 ///< horizon, >= 1
   double step_s = 0.05;                                           ///< seconds
@@ -36,7 +36,7 @@ struct HopperParameters {
   double force_rate_weight = 0.01;
 };
 
-/// Variables of one step of the hopper, in the order they have in z: step k holds entries 26k … 26k + 25.
+/// Variables of one step of the hopper, in the order they have in z.
 enum HopperVariable {
   kBodyX,
   kBodyZ,
@@ -58,10 +58,19 @@ enum HopperVariable {
   kHopperVariables = kSignMinus + 4
 };
 
+/// Where a variable of step k, from 0, is in z: the body's height after the first step is
+/// z[hopper_index(0, kBodyZ)], the second sign of step 7 is z[hopper_index(7, kSign + 1)].
+[[nodiscard]] constexpr Index hopper_index(int step, int variable) {
+  return static_cast<Index>(kHopperVariables * step + variable);
+}
+
 [[nodiscard]] OwnedProblem hopper(const HopperParameters& parameters = {});
 
-/// A rocket, linearised about upright, that must be in front of its tower, engine turned away, once it is
-/// low.
+/// One tick of a receding horizon: the parameters once the first `ticks` steps of the trajectory z have been
+/// followed, 1 <= ticks <= parameters.steps. State, last force and reference move on; all else stays.
+[[nodiscard]] HopperParameters advance(HopperParameters parameters, std::span<const double> z, int ticks = 1);
+
+/// A rocket, linearised about upright, that once it is low must be in front of its tower, engine turned away.
 struct RocketParameters {
   int steps = 40;  ///< horizon, >= 2
   double step_s = 0.25;
