@@ -12,8 +12,8 @@ struct SmallProblem {
   double optimum;  ///< of the global solution
 };
 
-/// Some twenty-five: problems of the MacMPEC collection (S. Leyffer) in encodings of our own, and hand-made ones
-/// for every missing block and for degenerate solutions. Built anew at each call.
+/// Some twenty-five: problems of the MacMPEC collection (S. Leyffer) in encodings of our own, and hand-made
+/// ones for every missing block and for degenerate solutions. Built anew at each call.
 [[nodiscard]] std::vector<SmallProblem> small_problems();
 
 /// The public example of the paper's solver: min zᵀz, z₁ = 1, z₂ ≥ 1, 0 ≤ z₃ + 1 ⊥ z₄ − 1 ≥ 0; optimum 3.
