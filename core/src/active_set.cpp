@@ -17,9 +17,15 @@ constexpr double kSignTolerance =
 constexpr double kRunaway = 1e12;  // a point this far out left along a direction nothing bounds
 
 // The globally convergent fallback.
-constexpr double kSafeRho = 1e5;
+constexpr double kSafeRho =
+    1e7;  // at 1e5 feasible pieces with large multipliers look infeasible (gates, rocket)
 constexpr double kSafeDelta = 1e-7;
 constexpr double kSafeTolerance = 1e-9;
+constexpr double kRounding = 1e-6;  // ρ times a row's rounding shows in the gradient
+constexpr double kTie =
+    1e-14;  // a slack this small counts as active: rows at 0 would come and go by rounding
+constexpr double kFullStep = 1e-3;  // only rounding keeps the minimum of one set of rows from a step of 1
+constexpr double kElasticDelta = 1e-6;
 constexpr int kExchanges = 8;  // plain exchanges before the fallback takes over
 
 }  // namespace
@@ -29,6 +35,7 @@ ActiveSet::ActiveSet(const ScaledProblem& problem, Kkt& kkt)
       kkt_(kkt),
       weights_(problem),
       set_(problem),
+      factored_set_(problem),
       x_(problem),
       d_(problem),
       center_(problem),
@@ -112,6 +119,7 @@ void ActiveSet::set_weights(double rho, double delta) {
 
 bool ActiveSet::factor(Run& run, double rho, double delta) {
   set_weights(rho, delta);
+  factored_set_ = set_;
   ++run.factorizations;
   return run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); });
 }
@@ -183,56 +191,97 @@ bool ActiveSet::solve(Run& run, int budget) {
   return augmented_lagrangian(run, last - run.factorizations);
 }
 
+void ActiveSet::start_from_point(ConstVectorRef z) {
+  x_.all.setZero();
+  x_.z() = z;
+  images_.evaluate(problem_, x_);
+  for (Eigen::Index i = 0; i < images_.left.size(); ++i)
+    set_.left_fixed[i] = images_.left[i] < images_.right[i];
+}
+
+bool ActiveSet::relax(Run& run, double rho, bool trust_set, int budget) {
+  center_.all.setZero();
+  const int last = run.factorizations + budget;
+  const double delta =
+      rho >= kExactRho ? kExactDelta : kElasticDelta;  // there the exact solve's factor serves too
+  if (!minimize(run, rho, delta, trust_set, last)) return false;
+  if ((weights_.rho != rho || weights_.delta != delta || factored_set_ != set_) && !factor(run, rho, delta))
+    return false;
+  const double violation_cost = x_.y().squaredNorm() + x_.lambda_w().squaredNorm() +
+                                x_.lambda_L().squaredNorm() + x_.lambda_R().squaredNorm();
+  images_.objective = x_.z().dot(0.5 * images_.gradient + problem_.g);
+  elastic_objective_ = images_.objective + 0.5 * delta * x_.z().squaredNorm() + 0.5 / rho * violation_cost;
+  return std::isfinite(elastic_objective_);
+}
+
+// λ(z) = α + ρc, clipped at 0 for free rows, and the gradient; d_ holds the unclipped values.
+void ActiveSet::evaluate_penalty(double rho, double delta, bool choose_rows) {
+  images_.evaluate_rows(problem_, x_.z());
+  images_.equality += problem_.b;
+  images_.inequality += problem_.d;
+  images_.left += problem_.l;
+  images_.right += problem_.r;
+  x_.y() = center_.y() + rho * images_.equality;
+  d_.lambda_w() = center_.lambda_w() + rho * images_.inequality;
+  d_.lambda_L() = center_.lambda_L() + rho * images_.left;
+  d_.lambda_R() = center_.lambda_R() + rho * images_.right;
+  const double tie = kTie * rho;
+  for_each_row([=](double, double, double& lambda, double unclipped, std::uint8_t* active) {
+    if (active != nullptr && choose_rows) *active = unclipped < tie;
+    lambda = active == nullptr || *active != 0 ? unclipped : 0.0;
+  });
+  images_.evaluate_duals(problem_, x_);
+  gradient_ = images_.stationarity + problem_.g + delta * (x_.z() - center_.z());
+}
+
 // min over z of f(z) + ½δ‖z − z_c‖² + Σ ½ρ(c + α/ρ)² over fixed rows and equalities, with min(0, ·) over free
-// rows, by semismooth Newton with exact line search; then α ← λ, z_c ← z.
+// rows, by semismooth Newton with exact line search. After a full step that changes no row it is solved.
+bool ActiveSet::minimize(Run& run, double rho, double delta, bool trust_set, int last) {
+  evaluate_penalty(rho, delta, !trust_set);
+  for (bool full_step = false;; trust_set = false) {
+    const double size = (1.0 + kRounding * rho) * (1.0 + max_abs(images_.stationarity));
+    if (!trust_set && (max_abs(gradient_) <= kSafeTolerance * size || (full_step && set_ == factored_set_)))
+      return true;
+    const bool factored =
+        trust_set && set_ == factored_set_ && rho == weights_.rho && delta == weights_.delta;
+    if (run.interrupted() || (!factored && (run.factorizations >= last || !factor(run, rho, delta))))
+      return false;
+    d_.z() = -gradient_;
+    d_.y().setZero();
+    kkt_.solve(d_.z(), d_.y());
+    direction_images_.evaluate_rows(problem_, d_.z());
+    double alpha = 1.0;
+    if (!trust_set) {
+      const double slope = gradient_.dot(d_.z());
+      if (!(slope < 0.0)) return false;
+      multiply(problem_.Q, d_.z(), direction_images_.gradient);
+      const double curvature = d_.z().dot(direction_images_.gradient) + delta * d_.z().squaredNorm() +
+                               rho * direction_images_.equality.squaredNorm();
+      alpha = exact_step(rho, slope, curvature);
+    }
+    full_step = std::abs(alpha - 1.0) <= kFullStep;
+    x_.z() += alpha * d_.z();
+    if (!(max_abs(x_.z()) <= kRunaway)) return false;
+    evaluate_penalty(rho, delta, true);
+  }
+}
+
+// Minimises, then α ← λ, z_c ← z, until neither moves.
 bool ActiveSet::augmented_lagrangian(Run& run, int budget) {
   const int last = run.factorizations + budget;
   x_.all = center_.all;
   double outer_error = std::numeric_limits<double>::infinity();
   int outer_without_progress = 0;
-  while (run.factorizations < last && !run.interrupted()) {
-    // λ(z) = α + ρc, clipped at 0 for free rows; d_ holds the unclipped values meanwhile.
-    images_.evaluate_rows(problem_, x_.z());
-    images_.equality += problem_.b;
-    images_.inequality += problem_.d;
-    images_.left += problem_.l;
-    images_.right += problem_.r;
-    x_.y() = center_.y() + kSafeRho * images_.equality;
-    d_.lambda_w() = center_.lambda_w() + kSafeRho * images_.inequality;
-    d_.lambda_L() = center_.lambda_L() + kSafeRho * images_.left;
-    d_.lambda_R() = center_.lambda_R() + kSafeRho * images_.right;
-    for_each_row([](double, double, double& lambda, double unclipped, std::uint8_t* active) {
-      if (active != nullptr) *active = unclipped < 0.0;
-      lambda = active != nullptr ? std::min(0.0, unclipped) : unclipped;
-    });
-    images_.evaluate_duals(problem_, x_);
-    gradient_ = images_.stationarity + problem_.g + kSafeDelta * (x_.z() - center_.z());
-
-    const double size = 1.0 + max_abs(images_.stationarity);
-    if (max_abs(gradient_) <= kSafeTolerance * size) {
-      // Inner problem solved: is the whole one? If the multipliers only grow, the piece is infeasible.
-      const double outer = std::max((x_.all - center_.all).lpNorm<Eigen::Infinity>() / kSafeRho,
-                                    kSafeDelta * (x_.z() - center_.z()).lpNorm<Eigen::Infinity>());
-      if (outer <= kSafeTolerance) break;
-      outer_without_progress = outer > 0.5 * outer_error ? outer_without_progress + 1 : 0;
-      if (outer_without_progress >= 5) return false;
-      outer_error = std::min(outer, outer_error);
-      center_.all = x_.all;
-      continue;
-    }
-    if (!factor(run, kSafeRho, kSafeDelta)) return false;
-    Iterate& step = d_;
-    step.z() = -gradient_;
-    step.y().setZero();
-    kkt_.solve(step.z(), step.y());
-    direction_images_.evaluate_rows(problem_, step.z());
-    const double slope = gradient_.dot(step.z());
-    if (!(slope < 0.0)) return false;
-    multiply(problem_.Q, step.z(), direction_images_.gradient);
-    const double curvature = step.z().dot(direction_images_.gradient) + kSafeDelta * step.z().squaredNorm() +
-                             kSafeRho * direction_images_.equality.squaredNorm();
-    x_.z() += exact_step(slope, curvature) * step.z();
-    if (!(max_abs(x_.z()) <= kRunaway)) return false;
+  while (true) {
+    if (!minimize(run, kSafeRho, kSafeDelta, false, last)) return false;
+    const double outer = std::max((x_.all - center_.all).lpNorm<Eigen::Infinity>() / kSafeRho,
+                                  kSafeDelta * (x_.z() - center_.z()).lpNorm<Eigen::Infinity>());
+    if (outer <= kSafeTolerance) break;
+    // If the multipliers only grow, the piece is infeasible.
+    outer_without_progress = outer > 0.5 * outer_error ? outer_without_progress + 1 : 0;
+    if (outer_without_progress >= 5) return false;
+    outer_error = std::min(outer, outer_error);
+    center_.all = x_.all;
   }
   // The active set is known: make the point exact.
   if (run.factorizations >= last || run.interrupted()) return false;
@@ -244,14 +293,14 @@ bool ActiveSet::augmented_lagrangian(Run& run, int budget) {
 }
 
 // Root of the derivative of the piecewise quadratic along the step: linear between breakpoints, ascending.
-double ActiveSet::exact_step(double slope, double curvature) {
+double ActiveSet::exact_step(double rho, double slope, double curvature) {
   breakpoints_.clear();
   for_each_row([&](double, double rate, double&, double unclipped, const std::uint8_t* active) {
-    const double bend = kSafeRho * rate * rate;
-    if (active == nullptr || unclipped < 0.0) curvature += bend;
-    if (active == nullptr || rate == 0.0) return;
-    const double at = -unclipped / (kSafeRho * rate);  // where α + ρc changes its sign
-    if (at > 0.0) breakpoints_.push_back({at, unclipped < 0.0 ? -bend : bend});
+    const double bend = rho * rate * rate;
+    if (active == nullptr || *active != 0) curvature += bend;
+    if (active == nullptr || rate == 0.0 || (*active != 0) != (rate > 0.0)) return;
+    const double at = std::max(0.0, -unclipped / (rho * rate));  // where α + ρc changes its sign
+    breakpoints_.push_back({at, *active != 0 ? -bend : bend});
   });
   std::sort(breakpoints_.begin(), breakpoints_.end(),
             [](const Breakpoint& a, const Breakpoint& b) { return a.step < b.step; });

@@ -41,8 +41,21 @@ class ActiveSet {
   /// fixed sides.
   [[nodiscard]] bool solve(Run& run, int budget);
 
+  /// Reads the partition off z: the smaller side of a pair is fixed, violated rows are active.
+  void start_from_point(ConstVectorRef z);
+  /// Solves the elastic version of the current piece, in which every violation costs ½ρ·violation²: it always
+  /// has a solution, one only thanks to a small proximal term. With `trust_set` the active rows are taken to
+  /// be right, and one factorization proves it if they are; else they are those that z violates. True if
+  /// solved; the factor at hand is then the one of this solution.
+  [[nodiscard]] bool relax(Run& run, double rho, bool trust_set, int budget);
+  /// After relax(): the objective with the cost of all violations and the proximal term.
+  [[nodiscard]] double elastic_objective() const { return elastic_objective_; }
+  [[nodiscard]] double rho() const { return weights_.rho; }  ///< of the last factorization
+
   /// Moves pair i to the other branch: the free side becomes the fixed one.
   void flip(Index pair);
+  /// Other rows, same point.
+  void set_working_set(const WorkingSet& set) { set_ = set; }
 
   [[nodiscard]] const Iterate& x() const { return x_; }  ///< z, y and λ; σ and v are not used
   [[nodiscard]] const Images& images() const { return images_; }
@@ -57,7 +70,9 @@ class ActiveSet {
   [[nodiscard]] bool solve_equalities();
   [[nodiscard]] bool exchange();
   [[nodiscard]] bool augmented_lagrangian(Run& run, int budget);
-  [[nodiscard]] double exact_step(double slope, double curvature);
+  [[nodiscard]] bool minimize(Run& run, double rho, double delta, bool trust_set, int last);
+  void evaluate_penalty(double rho, double delta, bool choose_rows);
+  [[nodiscard]] double exact_step(double rho, double slope, double curvature);
   void clear_inactive_multipliers();
 
   template <class Visit>
@@ -66,7 +81,8 @@ class ActiveSet {
   const ScaledProblem& problem_;
   Kkt& kkt_;
   RowWeights weights_;
-  WorkingSet set_;
+  WorkingSet set_, factored_set_;
+  double elastic_objective_ = 0.0;
   Iterate x_, d_, center_;
   Images images_, direction_images_;
   Vector gradient_;

@@ -11,8 +11,6 @@ void dsymv_(const char* uplo, const int* n, const double* alpha, const double* a
 void dpotrf_(const char* uplo, const int* n, double* a, const int* lda, int* info);
 void dpotrs_(const char* uplo, const int* n, const int* nrhs, const double* a, const int* lda, double* b,
              const int* ldb, int* info);
-// Only OpenBLAS has it: its threads would fight the caller's, and change the order of sums.
-void openblas_set_num_threads(int threads) __attribute__((weak));
 }
 
 namespace marble {
@@ -56,7 +54,7 @@ DenseKkt::DenseKkt(const ScaledProblem& problem)
       system_(variables_, variables_),
       factor_(variables_, variables_),
       residual_(variables_) {
-  if (openblas_set_num_threads != nullptr) openblas_set_num_threads(1);
+  keep_blas_to_one_thread();
   terms_.reserve(static_cast<std::size_t>(rows_.rows()));
   for (Index column = 0; column < variables_; ++column) {
     for (Index k = problem.Q.column_pointers[column]; k < problem.Q.column_pointers[column + 1]; ++k) {
@@ -129,6 +127,14 @@ void DenseKkt::solve(VectorRef x, VectorRef y) {
   y *= -1.0;
   y.noalias() += A * x;
   y *= rho_;
+}
+
+void DenseKkt::solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) {
+  x.setZero();
+  for (std::size_t k = 0; k < indices.size(); ++k) x[indices[k]] = values[k];
+  const int one = 1;
+  int info = 0;
+  dpotrs_("U", &variables_, &one, factor_.data(), &variables_, x.data(), &variables_, &info);
 }
 
 double DenseKkt::bytes() const {

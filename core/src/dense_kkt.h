@@ -16,6 +16,7 @@ class DenseKkt final : public Kkt {
 
   [[nodiscard]] bool factor(const RowWeights& weights) override;
   void solve(VectorRef x, VectorRef y) override;
+  void solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) override;
   [[nodiscard]] std::string_view name() const override { return "dense"; }
   [[nodiscard]] double flops() const override { return flops_; }
   [[nodiscard]] double bytes() const override;

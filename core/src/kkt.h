@@ -10,6 +10,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string_view>
 
 #include "scaling.h"
@@ -40,6 +41,9 @@ class Kkt {
   [[nodiscard]] virtual bool factor(const RowWeights& weights) = 0;
   /// Solves for (x, y) in place of (f, h), with one step of iterative refinement.
   virtual void solve(VectorRef x, VectorRef y) = 0;
+  /// x for a right-hand side f with few entries and h = 0, without the refinement: for the many solves of a
+  /// local search.
+  virtual void solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) = 0;
   [[nodiscard]] virtual std::string_view name() const = 0;  ///< "sparse condensed", ...
   [[nodiscard]] virtual double flops() const = 0;           ///< estimate for one factorization with assembly
   [[nodiscard]] virtual double bytes() const = 0;           ///< memory of the factor and its workspace

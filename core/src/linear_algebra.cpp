@@ -2,7 +2,13 @@
 
 #include <numeric>
 
+extern "C" void openblas_set_num_threads(int threads) __attribute__((weak));  // only OpenBLAS has it
+
 namespace marble {
+
+void keep_blas_to_one_thread() {
+  if (openblas_set_num_threads != nullptr) openblas_set_num_threads(1);
+}
 
 RowMatrix by_rows(const SparseMatrixView& matrix, Index rows, Index columns) {
   RowMatrix result;

@@ -46,6 +46,9 @@ SymmetricMatrix upper_triangle(const SparseMatrixView& matrix, Index size);
 /// out = M x
 void multiply(const SymmetricMatrix& matrix, ConstVectorRef x, VectorRef out);
 
+/// BLAS's own threads would fight the caller's, and change the order of sums.
+void keep_blas_to_one_thread();
+
 /// max |x_i|, 0 for an empty vector, NaN if any entry is.
 inline double max_abs(ConstVectorRef x) {
   return x.size() == 0 ? 0.0 : x.cwiseAbs().maxCoeff<Eigen::PropagateNaN>();

@@ -11,9 +11,17 @@ namespace {
 constexpr double kFastRegularization = 1e-9;  // δ of every factorization on the fast path
 constexpr double kEstimateUpdate = 0.1;  // a step that cuts the primal residual to this renews the estimates
 constexpr double kMeritDecrease = 1e-4;  // ‖r‖∞ must fall by this fraction of the step
-constexpr int kPatience = 50;            // steps at one κ before the path retreats to a larger one
-constexpr int kFirstPatience = 100;      // the first κ has nothing to retreat to
+constexpr int kPatience = 15;            // steps at one κ before the path retreats to a larger one
+constexpr int kFirstPatience = 25;       // the first κ has nothing to retreat to
+constexpr int kLastResort = 4;           // times as many where no other engine is left to try
 constexpr double kSmallestMeritStep = 0.0625;
+
+// lean(): measured on contact and its variants.
+constexpr double kLeanKappa = 1e-3;
+constexpr double kLeanRho = 1e-3;
+constexpr double kLeanFactor = 4.0;
+constexpr int kLeanSteps = 3;
+constexpr double kLeanTolerance = 1e-3;
 
 double largest(const Violations& v) { return std::max({v.equality, v.inequality, v.complementarity}); }
 
@@ -38,14 +46,14 @@ PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& op
       inner_solution_(problem),
       images_(problem),
       direction_images_(problem),
-      reported_z_(problem.variables()) {}
+      reporter_(problem) {}
 
 // Algorithm 1; start() is lines 1–2. Line numbers are the paper's.
 std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
   while (true) {
     evaluate();  // line 4
     report(run);
-    if (solved() && solved_afresh()) return Ending{Status::solved, describe(violations_), {}};  // line 22
+    if (solved() && solved_afresh()) return Ending{Status::solved, {}, {}};  // line 22
     remember_best();
     if (const auto reason = run.interrupted()) return give_best(*reason);
     if (schedule_.inner_converged(sub_, residual_norm_)) {  // lines 20–29
@@ -53,7 +61,7 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
         return explain(true);
       if (sub_.kappa <= kappa_end && kappa_end > options_.kappa_min) return std::nullopt;
       begin_subproblem(run);
-    } else if (lost()) {
+    } else if (lost(kappa_end <= options_.kappa_min)) {
       if (!retreat()) return explain(false);
       if (kappa_end > options_.kappa_min) return std::nullopt;
     }
@@ -63,6 +71,7 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
 
 void PathEngine::start(ConstVectorRef initial_z) {
   schedule_ = Schedule(options_, sub_);
+  leaning_ = false;
   regularization_ = first_regularization(options_);
   x_.all.setZero();
   x_.z() = initial_z;
@@ -77,11 +86,28 @@ void PathEngine::start(ConstVectorRef initial_z) {
   sub_.take_estimates(d_);  // [α, β] ← 0
   filter_.reset();
   stall_ = {};
-  reported_iteration_ = -1;
   has_best_ = false;
   inner_solution_kappa_ = 0.0;
   inner_steps_ = 0;
   step_length_ = 0.0;
+}
+
+void PathEngine::lean(Run& run, ConstVectorRef initial_z, double rho_end) {
+  start(initial_z);
+  leaning_ = true;
+  x_.lambda_w().setZero();
+  images_.evaluate(problem_, x_);
+  sub_.kappa = kLeanKappa;
+  for (sub_.rho = kLeanRho; sub_.rho < rho_end; sub_.rho *= kLeanFactor) {
+    for (int i = 0; i < kLeanSteps; ++i) {
+      evaluate();
+      report(run);
+      if (run.interrupted() || residual_norm_ <= kLeanTolerance) break;
+      if (!step(run)) break;
+    }
+  }
+  evaluate();
+  report(run);
 }
 
 void PathEngine::evaluate() {
@@ -115,9 +141,10 @@ void PathEngine::begin_subproblem(Run& run) {
 }
 
 // The fast path lowers κ boldly; too many steps at one κ say that it was too bold.
-bool PathEngine::lost() {
+bool PathEngine::lost(bool last_resort) {
   if (options_.path != Path::fast) return false;
-  return ++inner_steps_ > (inner_solution_kappa_ > 0.0 ? kPatience : kFirstPatience);
+  const int patience = inner_solution_kappa_ > 0.0 ? kPatience : kFirstPatience;
+  return ++inner_steps_ > (last_resort ? kLastResort * patience : patience);
 }
 
 bool PathEngine::retreat() {
@@ -173,7 +200,7 @@ void PathEngine::accept(double alpha) {
   const double before = options_.path == Path::fast ? primal_residual() : 0.0;
   images_.advance(alpha, direction_images_, d_.z());
   x_.all += alpha * d_.all;
-  if (options_.path != Path::fast) return;
+  if (options_.path != Path::fast || leaning_) return;
   residual(sub_, images_, x_, r_);
   if (primal_residual() <= kEstimateUpdate * before) sub_.take_estimates(x_);
 }
@@ -195,13 +222,7 @@ void PathEngine::remember_best() {
 }
 
 void PathEngine::report(Run& run) {
-  // A path that is followed on begins where its last row was told.
-  if (run.sink() == nullptr || run.iterations == reported_iteration_) return;
-  reported_iteration_ = run.iterations;
-  reported_z_ = x_.z().cwiseProduct(problem_.variable_scale);
   Progress progress;
-  progress.iteration = run.iterations;
-  progress.outer_iteration = run.outer_iterations;
   progress.objective = images_.objective / problem_.cost_scale + problem_.c0;
   progress.violations = violations_;
   progress.kkt_residual = residual_norm_;
@@ -209,10 +230,7 @@ void PathEngine::report(Run& run) {
   progress.rho = sub_.rho;
   progress.step_length = step_length_;
   progress.regularization = regularization_.current();
-  progress.factorizations = run.factorizations;
-  progress.elapsed_s = run.elapsed_s();
-  progress.z = {reported_z_.data(), static_cast<std::size_t>(reported_z_.size())};
-  run.sink()->report(progress);
+  reporter_.tell(run, x_.z(), progress);
 }
 
 }  // namespace marble

@@ -3,6 +3,7 @@
 
 #include "line_search.h"
 #include "newton.h"
+#include "reporter.h"
 #include "run.h"
 #include "schedule.h"
 #include "termination.h"
@@ -21,6 +22,10 @@ class PathEngine {
   /// after: when the inner loop at κ ≤ kappa_end has ended, or the path got lost before.
   [[nodiscard]] std::optional<Ending> follow(Run& run, double kappa_end);
 
+  /// From z, a few steps each at rising ρ < rho_end and one fixed κ: a point at which everything is soft
+  /// still, and each pair leans to the side that costs less.
+  void lean(Run& run, ConstVectorRef initial_z, double rho_end);
+
   /// The iterate follow() ended with, or the best one where it was interrupted.
   [[nodiscard]] const Iterate& iterate() const { return x_; }
   /// Its violations (user units) and its objective (scaled).
@@ -32,7 +37,7 @@ class PathEngine {
   [[nodiscard]] bool solved() const;
   [[nodiscard]] bool solved_afresh();
   void begin_subproblem(Run& run);
-  [[nodiscard]] bool lost();
+  [[nodiscard]] bool lost(bool last_resort);
   [[nodiscard]] bool retreat();
   [[nodiscard]] Ending give_best(Status reason);
   [[nodiscard]] Ending explain(bool stalled) const;
@@ -55,13 +60,13 @@ class PathEngine {
   Iterate inner_solution_;             // where the last inner loop ended, to come back to
   double inner_solution_kappa_ = 0.0;  // its κ; 0 while there is none
   int inner_steps_ = 0;
+  bool leaning_ = false;  // the estimates stay 0
   Images images_, direction_images_;
   Violations violations_, best_violations_;
   double best_objective_ = 0.0;
   bool has_best_ = false;
   double residual_norm_ = 0.0, step_length_ = 0.0;
-  Vector reported_z_;
-  std::int32_t reported_iteration_ = -1;
+  Reporter reporter_;
 };
 
 }  // namespace marble

@@ -2,19 +2,10 @@
 
 #include <cmath>
 
-#include "path.h"
-#include "polish.h"
+#include "strategy.h"
 
 namespace marble {
 namespace {
-
-constexpr double kPolishKappa = 1e-6;  // the partition shows by here
-constexpr int kPolishBudget = 100;     // factorizations
-constexpr double kPolishLoss = 1e-3;  // a feasible path point may be this much lower than its exact neighbour
-
-bool ended_by_force(Status status) {
-  return status == Status::cancelled || status == Status::time_limit || status == Status::iteration_limit;
-}
 
 std::vector<double> unscaled(ConstVectorRef values, const Vector& scale, double factor) {
   std::vector<double> result(static_cast<std::size_t>(values.size()));
@@ -30,50 +21,18 @@ struct Solver::State {
       : options(user_options),
         problem(scale(user_problem, options.scaling_passes)),
         kkt(make_kkt(problem)),
-        path(problem, *kkt, options),
-        polish(problem, *kkt),
+        strategy(problem, *kkt, options),
         initial_z(problem.variables()) {}
 
-  Ending engines(Run& run);
-  [[nodiscard]] bool polished(Run& run);
   [[nodiscard]] Solution answer(const Ending& ending, const Iterate& x, const Run& run) const;
 
   Options options;
   ScaledProblem problem;
   std::unique_ptr<Kkt> kkt;
-  PathEngine path;
-  Polish polish;
+  Strategy strategy;
   Vector initial_z;
-  const Iterate* best = nullptr;  // of the engine that gave the answer
   double setup_s = 0.0;
 };
-
-// The path down to a κ that shows the partition, polish; if that fails, the rest of the path, polish.
-Ending Solver::State::engines(Run& run) {
-  path.start(initial_z);
-  std::optional<Ending> end = path.follow(run, kPolishKappa);
-  if (!end && polished(run)) return {Status::solved, describe(violations(problem, polish.images())), {}};
-  if (!end) end = path.follow(run, options.kappa_min);
-  if (ended_by_force(end->status)) {
-    best = &path.iterate();
-    return *end;
-  }
-  if (polished(run)) return {Status::solved, describe(violations(problem, polish.images())), {}};
-  best = &path.iterate();
-  return *end;
-}
-
-bool Solver::State::polished(Run& run) {
-  if (!options.polish || !polish.run(path.iterate(), run, kPolishBudget, options.local_search_budget))
-    return false;
-  const Violations exact = violations(problem, polish.images());
-  const double slack = kPolishLoss * std::max(1.0, std::abs(path.objective()));
-  const bool worse = within_tolerances(path.violations_at(), options) &&
-                     polish.images().objective > path.objective() + slack;
-  if (worse || !within_tolerances(exact, options)) return false;
-  best = &polish.x();
-  return true;
-}
 
 Solution Solver::State::answer(const Ending& ending, const Iterate& x, const Run& run) const {
   Images images(problem);
@@ -122,8 +81,8 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
     const Eigen::Map<const Vector> z(controls.initial_z.data(), state_->problem.variables());
     state_->initial_z = z.cwiseQuotient(state_->problem.variable_scale);
   }
-  const Ending ending = state_->engines(run);
-  return state_->answer(ending, *state_->best, run);
+  const Ending ending = state_->strategy.run(run, state_->initial_z);
+  return state_->answer(ending, state_->strategy.best(), run);
 }
 
 Expected<Solution> solve(const ProblemView& view, const Options& options, const SolveControls& controls) {

@@ -310,6 +310,40 @@ void SparseKkt::back_substitute(Vector& x) const {
   ldl_ltsolve(size_, x.data(), pointers, rows, values);
 }
 
+// Most of the forward substitution has nothing to do.
+void SparseKkt::solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) {
+  double* const out = solution_.data();
+  const Index* const pointers = factor_pointers_.data();
+  const Index* const rows = factor_rows_.data();
+  const double* const factor = factor_values_.data();
+  solution_.setZero();
+  Index first = size_;
+  for (std::size_t k = 0; k < indices.size(); ++k) {
+    const Index at = inverse_permutation_[indices[k]];
+    out[at] = values[k];
+    first = std::min(first, at);
+  }
+  for (Index j = first; j < size_; ++j) {
+    const double entry = out[j];
+    if (entry == 0.0) continue;
+    for (Index k = pointers[j]; k < pointers[j + 1]; ++k) out[rows[k]] -= factor[k] * entry;
+    out[j] = entry / pivots_[j];
+  }
+  for (Index j = size_ - 1; j >= 0; --j) {
+    double even = out[j];  // two sums: one would wait for itself
+    double odd = 0.0;
+    Index k = pointers[j];
+    const Index end = pointers[j + 1];
+    for (; k + 1 < end; k += 2) {
+      even -= factor[k] * out[rows[k]];
+      odd += factor[k + 1] * out[rows[k + 1]];
+    }
+    if (k < end) even -= factor[k] * out[rows[k]];
+    out[j] = even - odd;
+  }
+  for (Index i = 0; i < variables_; ++i) x[i] = out[inverse_permutation_[i]];
+}
+
 void SparseKkt::solve(VectorRef x, VectorRef y) {
   right_side_.setZero();
   for (Index i = 0; i < variables_; ++i) right_side_[inverse_permutation_[i]] = x[i];

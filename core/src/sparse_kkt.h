@@ -21,6 +21,7 @@ class SparseKkt final : public Kkt {
 
   [[nodiscard]] bool factor(const RowWeights& weights) override;
   void solve(VectorRef x, VectorRef y) override;
+  void solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) override;
   [[nodiscard]] std::string_view name() const override;
   [[nodiscard]] double flops() const override { return flops_; }
   [[nodiscard]] double bytes() const override;

@@ -1,0 +1,303 @@
+#include "parametric.h"
+
+#include <algorithm>
+#include <cmath>
+
+extern "C" void dgesv_(const int* n, const int* nrhs, double* a, const int* lda, int* pivots, double* b,
+                       const int* ldb, int* info);
+
+namespace marble {
+namespace {
+
+constexpr int kMostEvents = 160;      // changes of the active set one candidate may cost
+constexpr int kMostChanged = 160;     // rows that may differ from the factorized working set
+constexpr double kCacheBytes = 32e6;  // of responses kept
+constexpr double kTiny = 1e-12;
+constexpr double kProximalNoise =
+    3e-5;                        // multipliers that only the proximal term of the elastic problem makes
+constexpr double kFlat = 1e-11;  // a rate this small never reaches zero
+
+}  // namespace
+
+Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
+    : problem_(problem),
+      kkt_(kkt),
+      n_i_(problem.inequalities()),
+      n_c_(problem.pairs()),
+      rows_(n_i_ + 2 * n_c_),
+      left_fixed_(n_c_),
+      active_(rows_),
+      start_fixed_(rows_),
+      fixed_(rows_),
+      is_changed_(rows_),
+      start_value_(rows_),
+      value_(rows_),
+      value_rate_(rows_),
+      capacity_(n_c_ == 0
+                    ? 0
+                    : std::min(rows_, std::max<Index>(2 * kMostChanged,
+                                                      static_cast<Index>(kCacheBytes / (8.0 * rows_))))),
+      responses_(new double[static_cast<std::size_t>(capacity_) * rows_]),
+      response_of_row_(rows_),
+      displacement_(problem.variables()),
+      bordered_(kMostChanged * kMostChanged),
+      right_side_(kMostChanged),
+      pivots_(kMostChanged) {
+  keep_blas_to_one_thread();
+  changed_.reserve(kMostChanged + 2);  // direction() refuses only then
+}
+
+void Parametric::start(const ActiveSet& optimum) {
+  rho_ = optimum.rho();
+  start_objective_ = optimum.elastic_objective();
+  const WorkingSet& set = optimum.set();
+  const Images& images = optimum.images();
+  const auto take = [this](Index row, bool fixed, bool active, double lambda, double slack) {
+    start_fixed_[row] = fixed;
+    active_[row] = active;
+    const double value = active ? -lambda : slack;
+    start_value_[row] = fixed ? value : std::max(0.0, value);
+  };
+  for (Index i = 0; i < n_i_; ++i)
+    take(i, false, set.active_inequality[i], optimum.x().lambda_w()[i], images.inequality[i]);
+  for (Index i = 0; i < n_c_; ++i) {
+    const bool left = set.left_fixed[i] != 0;
+    const bool both = set.active_free_side[i] != 0;
+    left_fixed_[i] = left;
+    take(left_row(i), left, left || both, optimum.x().lambda_L()[i], images.left[i]);
+    take(right_row(i), !left, !left || both, optimum.x().lambda_R()[i], images.right[i]);
+  }
+  std::fill(response_of_row_.begin(), response_of_row_.end(), -1);
+  used_ = 0;
+}
+
+void Parametric::reset() {
+  value_ = start_value_;
+  fixed_ = start_fixed_;
+  std::fill(is_changed_.begin(), is_changed_.end(), 0);
+  changed_.clear();
+  objective_ = start_objective_;
+  events_ = 0;
+  if (used_ + kMostChanged > capacity_ && capacity_ < rows_) {  // room for one candidate at least
+    std::fill(response_of_row_.begin(), response_of_row_.end(), -1);
+    used_ = 0;
+  }
+}
+
+// What a unit force along a row does to z.
+void Parametric::push(const RowMatrix& matrix, Index row) {
+  const auto begin = static_cast<std::size_t>(matrix.row_pointers[row]);
+  const auto count = static_cast<std::size_t>(matrix.row_size(row));
+  kkt_.solve_sparse({&matrix.column_indices[begin], count}, {&matrix.values[begin], count}, displacement_);
+}
+
+// A force f along row j adds f·e_j to the right-hand side. A slack θ in an active row, u + ν/ρ = θ, adds
+// ρθ·e_j.
+const double* Parametric::response(Index row) {
+  if (response_of_row_[row] >= 0) return &responses_[static_cast<std::size_t>(response_of_row_[row]) * rows_];
+  if (used_ == capacity_) return nullptr;
+  if (row < n_i_) {
+    push(problem_.C, row);
+  } else if (row < n_i_ + n_c_) {
+    push(problem_.L, row - n_i_);
+  } else {
+    push(problem_.R, row - n_i_ - n_c_);
+  }
+  double* out = &responses_[static_cast<std::size_t>(used_) * rows_];
+  Eigen::Map<Vector> image(out, rows_);
+  multiply(problem_.C, displacement_, image.head(n_i_));
+  multiply(problem_.L, displacement_, image.segment(n_i_, n_c_));
+  multiply(problem_.R, displacement_, image.tail(n_c_));
+  const double force = active_[row] ? rho_ : 1.0;
+  for (Index i = 0; i < rows_; ++i) out[i] *= active_[i] ? -rho_ * force : force;
+  if (active_[row]) out[row] += rho_;
+  response_of_row_[row] = used_++;
+  return out;
+}
+
+// Rates of everything while the prescribed row's slack changes at its rate, or the driven row's falls at rate
+// 1, and all other changed rows stay as they are: zero slack if they were inactive, zero multiplier if
+// active.
+bool Parametric::direction(Index prescribed, double prescribed_rate, Index driven) {
+  const int count = static_cast<int>(changed_.size());
+  if (count > kMostChanged) return false;
+  const double* fixed_part = prescribed < 0 ? nullptr : response(prescribed);
+  if (prescribed >= 0 && fixed_part == nullptr) return false;
+  for (int b = 0; b < count; ++b) {
+    const double* column = response(changed_[b].row);
+    if (column == nullptr) return false;
+    for (int a = 0; a < count; ++a) bordered_[b * count + a] = column[changed_[a].row];
+  }
+  for (int a = 0; a < count; ++a) {
+    const Index row = changed_[a].row;
+    if (!active_[row]) bordered_[a * count + a] += 1.0 / rho_;
+    right_side_[a] =
+        (row == driven ? -1.0 : 0.0) - (fixed_part == nullptr ? 0.0 : prescribed_rate * fixed_part[row]);
+  }
+  if (count > 0) {
+    const int one = 1;
+    int info = 0;
+    dgesv_(&count, &one, bordered_.data(), &count, pivots_.data(), right_side_.data(), &count, &info);
+    if (info != 0) return false;
+  }
+  if (fixed_part != nullptr) {
+    value_rate_ = prescribed_rate * Eigen::Map<const Vector>(fixed_part, rows_);
+  } else {
+    value_rate_.setZero();
+  }
+  for (int a = 0; a < count; ++a) {
+    changed_[a].rate = right_side_[a];
+    if (!std::isfinite(right_side_[a])) return false;
+  }
+  const auto column = [this](int a) {
+    return Eigen::Map<const Vector>(
+        &responses_[static_cast<std::size_t>(response_of_row_[changed_[a].row]) * rows_], rows_);
+  };
+  const double* rate = right_side_.data();
+  int a = 0;
+  for (; a + 4 <= count; a += 4) {  // four at a time: the sum is bound by memory
+    value_rate_ += rate[a] * column(a) + rate[a + 1] * column(a + 1) + rate[a + 2] * column(a + 2) +
+                   rate[a + 3] * column(a + 3);
+  }
+  for (; a < count; ++a) value_rate_ += rate[a] * column(a);
+  return true;
+}
+
+// The first row to change sign within `length`, which is shortened to it; -1 if none does.
+Index Parametric::first_event(double& length, Index driven) const {
+  Index first = -1;
+  const double* value = value_.data();
+  const double* rate = value_rate_.data();
+  for (Index i = 0; i < rows_; ++i) {
+    if (value[i] + length * rate[i] >= 0.0 || rate[i] >= -kFlat || is_changed_[i] || fixed_[i]) continue;
+    const double at = std::max(0.0, value[i]) / -rate[i];
+    if (at < length) {
+      length = at;
+      first = i;
+    }
+  }
+  for (const Changed& changed : changed_) {
+    if (changed.row == driven || fixed_[changed.row] || changed.rate >= -kFlat) continue;
+    const double at = std::max(0.0, changed.value) / -changed.rate;
+    if (at < length) {
+      length = at;
+      first = changed.row;
+    }
+  }
+  return first;
+}
+
+void Parametric::advance(double length) {
+  value_ += length * value_rate_;
+  for (Changed& changed : changed_) changed.value += length * changed.rate;
+}
+
+std::size_t Parametric::find(Index row) const {
+  std::size_t k = 0;
+  while (changed_[k].row != row) ++k;
+  return k;
+}
+
+void Parametric::toggle(Index row) {
+  ++events_;
+  value_[row] = 0.0;
+  if (is_changed_[row]) {
+    changed_.erase(changed_.begin() + static_cast<std::ptrdiff_t>(find(row)));
+  } else {
+    changed_.push_back({row, 0.0});
+  }
+  is_changed_[row] ^= 1U;
+}
+
+// Raises the slack of a fixed active row until its multiplier, negative, has come to 0.
+bool Parametric::release(Index row) {
+  fixed_[row] = 0;
+  if (value_[row] >= -kProximalNoise) {
+    value_[row] = std::max(0.0, value_[row]);
+    return true;
+  }
+  double slack = 0.0;
+  is_changed_[row] = 1;
+  for (Index event = row; event >= 0;) {
+    if (events_ > kMostEvents || !direction(row, 1.0, -1)) return false;
+    const double rate = value_rate_[row];
+    if (rate <= 1e-14) return false;
+    double length = -value_[row] / rate;
+    event = first_event(length, -1);
+    objective_ += length * (value_[row] + 0.5 * rate * length);
+    slack += length;
+    advance(length);
+    if (event >= 0) toggle(event);
+  }
+  value_[row] = 0.0;
+  changed_.push_back({row, slack});
+  return true;
+}
+
+// Lowers a row's slack to 0, where it stays as an equality. False once the objective cannot end below
+// `limit`.
+bool Parametric::drive(Index row, double limit) {
+  fixed_[row] = 1;
+  double slack = active_[row] ? 0.0 : std::max(0.0, value_[row]);
+  bool was_released = false;  // active at the start, inactive now: its own slack is the prescribed one
+  if (is_changed_[row]) {
+    slack = 0.0;
+    if (active_[row]) {
+      const std::size_t k = find(row);
+      was_released = true;
+      slack = changed_[k].value;
+      changed_.erase(changed_.begin() + static_cast<std::ptrdiff_t>(k));
+    }
+  } else if (!active_[row]) {
+    changed_.push_back({row, 0.0});
+    is_changed_[row] = 1;
+    if (slack <= kTiny) value_[row] = 0.0;
+  }
+  while (slack > kTiny) {
+    if (events_ > kMostEvents || !direction(was_released ? row : -1, -1.0, row)) return false;
+    const double multiplier = was_released ? value_[row] : changed_[find(row)].value;
+    const double rate = was_released ? value_rate_[row] : changed_[find(row)].rate;
+    double length = slack;
+    const Index event = first_event(length, row);
+    objective_ -= length * (multiplier + 0.5 * rate * length);
+    slack -= length;
+    advance(length);
+    // The objective is convex along the way: its tangent is a lower bound.
+    if (objective_ + std::max(0.0, -(multiplier + rate * length)) * slack >= limit) return false;
+    if (event < 0) break;
+    toggle(event);
+  }
+  if (was_released) is_changed_[row] = 0;
+  return objective_ < limit;
+}
+
+std::optional<double> Parametric::follow(std::span<const Move> moves, double cutoff, double climb) {
+  reset();
+  std::size_t last_drive = 0;
+  for (std::size_t k = 0; k < moves.size(); ++k) {
+    if (moves[k].drive) last_drive = k;
+  }
+  const double limit = last_drive + 1 < moves.size() ? cutoff + climb : cutoff;
+  for (const Move& move : moves) {
+    if (!(move.drive ? drive(move.row, limit) : release(move.row))) return std::nullopt;
+  }
+  if (!(objective_ < cutoff)) return std::nullopt;
+  return objective_;
+}
+
+void Parametric::read_active_rows(WorkingSet& set) const {
+  const auto active = [this](Index row) -> std::uint8_t { return active_[row] != is_changed_[row]; };
+  for (Index i = 0; i < n_i_; ++i) set.active_inequality[i] = active(i);
+  for (Index i = 0; i < n_c_; ++i)
+    set.active_free_side[i] = active(set.left_fixed[i] ? right_row(i) : left_row(i));
+}
+
+bool Parametric::probe(Index release, Index drive) {
+  if (active_[drive]) return false;
+  reset();
+  changed_.push_back({release, 0.0});
+  changed_.push_back({drive, 0.0});
+  return direction(-1, 0.0, drive);
+}
+
+}  // namespace marble

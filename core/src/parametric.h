@@ -1,0 +1,97 @@
+// Parametric active set: how the optimum of an elastic piece moves while rows are released or driven to zero.
+//
+// A row is an inequality or a side of a pair: C, then L, then R. From the optimum that ActiveSet::relax
+// found, a released row's slack grows until its multiplier is gone, a driven row's slack falls to 0 and stays
+// there; between the steps at which other rows become active or inactive everything is linear, and the
+// objective quadratic. Rows that differ from the factorized working set are bordered: what unit forces (or
+// slacks) in them do to all rows is solved for once per factorization, and a small dense system holds them
+// together. One candidate of a local search so costs a few back-substitutions instead of factorizations, and
+// is exact. (The homotopy of Best, "An algorithm for the solution of the parametric quadratic programming
+// problem", 1982.)
+#pragma once
+
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "active_set.h"
+
+namespace marble {
+
+class Parametric {
+ public:
+  struct Move {
+    Index row;
+    bool drive;  ///< to zero, and fix it there; else release
+  };
+
+  Parametric(const ScaledProblem& problem, Kkt& kkt);
+
+  /// From now on moves start at this optimum, whose factor `kkt` must hold.
+  void start(const ActiveSet& optimum);
+
+  /// Rows of pair i: the side its branch fixes, and the other one.
+  [[nodiscard]] Index fixed_row(Index pair) const {
+    return left_fixed_[pair] ? left_row(pair) : right_row(pair);
+  }
+  [[nodiscard]] Index free_row(Index pair) const {
+    return left_fixed_[pair] ? right_row(pair) : left_row(pair);
+  }
+  /// At the start: the multiplier ν of a row that is active (negative where a fixed side would like to
+  /// leave), and the slack of one that is not (0 if active).
+  [[nodiscard]] double multiplier(Index row) const { return active_[row] ? start_value_[row] : 0.0; }
+  [[nodiscard]] double slack(Index row) const { return active_[row] ? 0.0 : start_value_[row]; }
+
+  /// Makes the moves one after the other. The elastic objective at their end, or nothing as soon as it cannot
+  /// end below `cutoff`, or if too many rows change. On the way it may climb by `climb` above the cutoff
+  /// while moves that release are still to come.
+  [[nodiscard]] std::optional<double> follow(std::span<const Move> moves, double cutoff, double climb);
+  /// The working set at the end of the last follow() that succeeded, for the flipped pairs of `set`.
+  void read_active_rows(WorkingSet& set) const;
+
+  /// How fast multipliers change at the start while `drive` falls and `release` is free: false if `drive` is
+  /// active already.
+  [[nodiscard]] bool probe(Index release, Index drive);
+  [[nodiscard]] double probed_rate(Index row) const { return value_rate_[row]; }
+  [[nodiscard]] double probed_stiffness() const { return std::abs(changed_.back().rate); }  ///< of `drive`
+
+ private:
+  struct Changed {
+    Index row;
+    double value;  // its multiplier if it was inactive at the start, its slack if it was active
+    double rate = 0.0;
+  };
+  [[nodiscard]] Index left_row(Index pair) const { return n_i_ + pair; }
+  [[nodiscard]] Index right_row(Index pair) const { return n_i_ + n_c_ + pair; }
+  void reset();
+  [[nodiscard]] const double* response(Index row);
+  void push(const RowMatrix& matrix, Index row);
+  [[nodiscard]] bool direction(Index prescribed, double prescribed_rate, Index driven);
+  [[nodiscard]] Index first_event(double& length, Index driven) const;
+  void advance(double length);
+  void toggle(Index row);
+  [[nodiscard]] bool release(Index row);
+  [[nodiscard]] bool drive(Index row, double limit);
+  [[nodiscard]] std::size_t find(Index row) const;
+
+  const ScaledProblem& problem_;
+  Kkt& kkt_;
+  Index n_i_, n_c_, rows_;
+  double rho_ = 1.0, start_objective_ = 0.0, objective_ = 0.0;
+  int events_ = 0;
+  std::vector<std::uint8_t> left_fixed_, active_, start_fixed_;  // at the start
+  std::vector<std::uint8_t> fixed_, is_changed_;                 // on the way
+  Vector start_value_, value_, value_rate_;  // by row: multiplier if active at the start, else slack
+  std::vector<Changed> changed_;
+  // Responses of all rows to a unit force in a row (to a unit slack, if it is active), by order of first use.
+  Index capacity_, used_ = 0;
+  std::unique_ptr<double[]> responses_;
+  std::vector<Index> response_of_row_;
+  Vector displacement_;
+  std::vector<double> bordered_, right_side_;
+  std::vector<int> pivots_;
+};
+
+}  // namespace marble

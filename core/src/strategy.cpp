@@ -1,0 +1,170 @@
+#include "strategy.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace marble {
+namespace {
+
+constexpr double kPolishKappa = 1e-6;  // the branch shows by here
+constexpr int kExactBudget = 100;      // factorizations
+constexpr double kPathLoss = 1e-3;  // a feasible path point may be this much lower than its exact neighbour
+constexpr int kManyPulling = 10;    // pairs
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
+// Measured on contact, rocket, gates, their variants and random QPECs; see core/README.md.
+constexpr SearchPlan kNearby{.rho_first = 1e8,
+                             .rho_factor = 10.0,
+                             .rho_last = 1e8,
+                             .rho_soft = 0.0,
+                             .rho_exchange = kNever,
+                             .first_patience = 25,
+                             .flip_patience = 0,
+                             .exchange_patience = 0};
+constexpr SearchPlan kFromSoft{.rho_first = 10.0,
+                               .rho_factor = 10.0,
+                               .rho_last = 1e8,
+                               .rho_soft = 2e3,
+                               .rho_exchange = kNever,
+                               .first_patience = 80,
+                               .flip_patience = 20,
+                               .exchange_patience = 0};
+constexpr SearchPlan kFromInterior{.rho_first = 1e4,
+                                   .rho_factor = 10.0,
+                                   .rho_last = 1e7,
+                                   .rho_soft = 0.0,
+                                   .rho_exchange = 1e7,
+                                   .first_patience = 0,
+                                   .flip_patience = 3,
+                                   .exchange_patience = 12};
+constexpr double kCycleFactor = 0.3;  // each further start begins this much softer
+
+bool ended_by_force(Status status) {
+  return status == Status::cancelled || status == Status::time_limit || status == Status::iteration_limit;
+}
+
+bool is_proof(Status status) { return status == Status::infeasible || status == Status::unbounded; }
+
+}  // namespace
+
+Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options)
+    : problem_(problem),
+      options_(options),
+      path_(problem, kkt, options),
+      interior_(problem, kkt),
+      active_set_(problem, kkt),
+      search_(problem, kkt, active_set_),
+      initial_z_(problem.variables()),
+      exact_(problem),
+      exact_set_(problem) {}
+
+// The path down to a κ that shows the branch, an exact solution of it, and better branches. Where that branch
+// is infeasible, one that is not by way of an interior point method. If nothing exact comes of it, the rest
+// of the path.
+Ending Strategy::run(Run& run, ConstVectorRef initial_z) {
+  initial_z_ = initial_z;
+  has_exact_ = branch_infeasible_ = false;
+  path_.start(initial_z_);
+  std::optional<Ending> end = path_.follow(run, kPolishKappa);
+  if (end && (ended_by_force(end->status) || is_proof(end->status))) return *end;
+  if (options_.polish) {
+    if (from_path(run)) {
+      improve(run, run.factorizations + options_.local_search_budget);
+    } else if (options_.path == Path::fast) {
+      static_cast<void>(from_interior(run));
+    }
+    for (int cycle = 1; cycle < options_.starts && has_exact_; ++cycle) improve_again(run, cycle);
+    if (has_exact_) return explain_exact();
+    if (end && is_solved(end->status)) return explain_path(*end);
+  }
+  if (!end) end = path_.follow(run, options_.kappa_min);
+  if (!ended_by_force(end->status) && options_.polish && from_path(run)) return explain_exact();
+  if (end->status == Status::numerical_failure && branch_infeasible_)
+    return {Status::locally_infeasible, "no feasible branch near; " + end->detail, {}};
+  return explain_path(*end);
+}
+
+// Solves the branch at hand exactly and keeps the point if it is feasible and the best so far.
+Strategy::Outcome Strategy::make_exact(Run& run, const char* origin, int budget) {
+  const bool solved = active_set_.solve(run, budget);
+  const Violations exact = violations(problem_, active_set_.images());
+  if (!solved || !within_tolerances(exact, options_)) {
+    if (!run.interrupted()) branch_infeasible_ = true;
+    return Outcome::not_exact;
+  }
+  const double objective = active_set_.images().objective;
+  if (has_exact_ && objective >= exact_objective_) return Outcome::no_better;
+  exact_.all = active_set_.x().all;
+  exact_set_ = active_set_.set();
+  exact_objective_ = objective;
+  exact_violations_ = exact;
+  has_exact_ = true;
+  origin_ = origin;
+  return Outcome::kept;
+}
+
+bool Strategy::from_path(Run& run) {
+  const double objective = path_.objective();
+  const double slack = kPathLoss * std::max(1.0, std::abs(objective));
+  active_set_.start_from_path(path_.iterate());
+  if (make_exact(run, "path", kExactBudget) != Outcome::kept) return false;
+  has_exact_ = !within_tolerances(path_.violations_at(), options_) || exact_objective_ <= objective + slack;
+  return has_exact_;
+}
+
+bool Strategy::from_interior(Run& run) {
+  if (problem_.pairs() == 0 || !interior_.run(run, initial_z_)) return false;
+  active_set_.start_from_point(interior_.z());
+  SearchPlan plan = kFromInterior;
+  if (options_.local_search_budget == 0) plan.exchange_patience = plan.flip_patience = 0;
+  const int last = run.factorizations + 2 * kExactBudget + options_.local_search_budget;
+  return search_.run(run, plan, false, last) &&
+         make_exact(run, "interior point, local search", kExactBudget) == Outcome::kept;
+}
+
+// Few pairs that pull: better branches are a flip or two away. Many: they are found where all is soft still.
+void Strategy::improve(Run& run, int last_factorization) {
+  const int pulling = LocalSearch::pulling(active_set_);
+  if (pulling == 0 || options_.local_search_budget == 0 || run.interrupted()) return;
+  const double before = exact_objective_;
+  if (pulling >= kManyPulling && options_.path == Path::fast) improve_from_soft(run, last_factorization);
+  if (exact_objective_ < before) return;
+  active_set_.restore(exact_, exact_set_);
+  if (search_.run(run, kNearby, true, last_factorization) && search_.accepted() > 0)
+    static_cast<void>(make_exact(run, "path, local search", kExactBudget));
+}
+
+void Strategy::improve_from_soft(Run& run, int last_factorization) {
+  path_.lean(run, initial_z_, kFromSoft.rho_first);
+  active_set_.start_from_point(path_.iterate().z());
+  if (search_.run(run, kFromSoft, false, last_factorization))
+    static_cast<void>(make_exact(run, "soft start, local search", kExactBudget));
+}
+
+// Softens the best branch so far and hardens it again, softer each time.
+void Strategy::improve_again(Run& run, int cycle) {
+  if (run.interrupted()) return;
+  SearchPlan plan = kFromSoft;
+  plan.rho_first *= std::pow(kCycleFactor, cycle);
+  active_set_.restore(exact_, exact_set_);
+  const int last = run.factorizations + kExactBudget + options_.local_search_budget;
+  if (search_.run(run, plan, false, last))
+    static_cast<void>(make_exact(run, "further start, local search", kExactBudget));
+}
+
+// Text is made only here: what ends an engine need not end the run.
+Ending Strategy::explain_path(Ending end) const {
+  if (end.detail.empty()) end.detail = "path; " + describe(path_.violations_at());
+  return end;
+}
+
+Ending Strategy::explain_exact() const {
+  std::string detail;
+  detail.reserve(256);
+  detail.append(origin_).append("; ").append(describe(exact_violations_));
+  return {Status::solved, std::move(detail), {}};
+}
+
+}  // namespace marble

@@ -1,0 +1,53 @@
+// Which engine runs when: from a point to the best exact solution of a branch that the budgets allow.
+//
+//   path ──► exact solution of its branch ──► better branches: near it, or from where all is soft still
+//     └─ branch infeasible ──► interior point ──► branches near its end, exchanged until one is feasible
+//
+// With a warm start the branch of the point given comes first, and often last.
+#pragma once
+
+#include "interior.h"
+#include "local_search.h"
+#include "path.h"
+#include "termination.h"
+
+namespace marble {
+
+class Strategy {
+ public:
+  Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options);
+
+  /// From z (scaled) to an end.
+  [[nodiscard]] Ending run(Run& run, ConstVectorRef initial_z);
+
+  /// What it ended with: exact where the ending says solved by a branch, else the path's.
+  [[nodiscard]] const Iterate& best() const { return has_exact_ ? exact_ : path_.iterate(); }
+  [[nodiscard]] bool is_exact() const { return has_exact_; }
+
+ private:
+  enum class Outcome { kept, no_better, not_exact };
+  [[nodiscard]] Outcome make_exact(Run& run, const char* origin, int budget);
+  [[nodiscard]] bool from_path(Run& run);
+  [[nodiscard]] bool from_interior(Run& run);
+  void improve(Run& run, int last_factorization);
+  void improve_from_soft(Run& run, int last_factorization);
+  void improve_again(Run& run, int cycle);
+  [[nodiscard]] Ending explain_path(Ending end) const;
+  [[nodiscard]] Ending explain_exact() const;
+
+  const ScaledProblem& problem_;
+  const Options& options_;
+  PathEngine path_;
+  InteriorEngine interior_;
+  ActiveSet active_set_;
+  LocalSearch search_;
+  Vector initial_z_;
+  Iterate exact_;  // the best exact solution so far
+  WorkingSet exact_set_;
+  double exact_objective_ = 0.0;
+  Violations exact_violations_;
+  bool has_exact_ = false, branch_infeasible_ = false;
+  const char* origin_ = "";  // the engines that found it
+};
+
+}  // namespace marble
