@@ -27,6 +27,7 @@ int run(const ExampleArguments& arguments) {
   if (arguments.name == "hopper") file.problem = generate(arguments, &examples::hopper);
   if (arguments.name == "rocket") file.problem = generate(arguments, &examples::rocket);
   if (arguments.name == "gates") file.problem = generate(arguments, &examples::gates);
+  if (arguments.name == "qpec") file.problem = examples::qpec({}, arguments.seed);
   std::cout << write_problem(file, FileFormat::json) << std::flush;
   if (std::cout) return kAllSolved;
   std::cerr << "marble: standard output cannot be written\n";
@@ -37,10 +38,11 @@ int run(const ExampleArguments& arguments) {
 
 void add_example(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<ExampleArguments>();
-  CLI::App* command = program.add_subcommand("example", "Print one of the paper's robotics problems as JSON");
-  command->add_option("NAME", arguments->name, "hopper, rocket or gates")
+  CLI::App* command = program.add_subcommand(
+      "example", "Print one of the paper's robotics problems, or a random QPEC, as JSON");
+  command->add_option("NAME", arguments->name, "hopper, rocket, gates or qpec")
       ->required()
-      ->check(CLI::IsMember({"hopper", "rocket", "gates"}));
+      ->check(CLI::IsMember({"hopper", "rocket", "gates", "qpec"}));
   command->add_option("--steps", arguments->steps, "length of the horizon; default 60, 40 or 30")
       ->check(CLI::Range(2, 100000));
   command->add_option("--seed", arguments->seed, "0 is the nominal problem, any other a variation of it")

@@ -85,6 +85,22 @@ void ActiveSet::start_from_path(const Iterate& iterate) {
   clear_inactive_multipliers();
 }
 
+// Of two numbers whose product should be 0, the smaller one was: a slack against its own multiplier.
+void ActiveSet::start_from_solution(const Iterate& solution) {
+  x_.all = solution.all;
+  images_.evaluate(problem_, x_);
+  for (Eigen::Index i = 0; i < images_.inequality.size(); ++i)
+    set_.active_inequality[i] = images_.inequality[i] < -x_.lambda_w()[i];
+  for (Eigen::Index i = 0; i < images_.left.size(); ++i) {
+    const double left = images_.left[i] - std::abs(x_.lambda_L()[i]);
+    const double right = images_.right[i] - std::abs(x_.lambda_R()[i]);
+    set_.left_fixed[i] = left < right;
+    set_.active_free_side[i] =
+        left < right ? images_.right[i] < -x_.lambda_R()[i] : images_.left[i] < -x_.lambda_L()[i];
+  }
+  clear_inactive_multipliers();
+}
+
 void ActiveSet::restore(const Iterate& iterate, const WorkingSet& set) {
   x_.all = iterate.all;
   set_ = set;

@@ -41,6 +41,8 @@ class ActiveSet {
   /// fixed sides.
   [[nodiscard]] bool solve(Run& run, int budget);
 
+  /// Reads them off a solution and its multipliers, of this problem or one like it.
+  void start_from_solution(const Iterate& solution);
   /// Reads the partition off z: the smaller side of a pair is fixed, violated rows are active.
   void start_from_point(ConstVectorRef z);
   /// Solves the elastic version of the current piece, in which every violation costs ½ρ·violation²: it always

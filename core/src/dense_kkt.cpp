@@ -19,21 +19,6 @@ namespace {
 // How much faster a dense kernel does a flop than the sparse code, measured on the QPEC and flp4 problems.
 constexpr double kDenseAdvantage = 8.0;
 
-Eigen::MatrixXd stack(const ScaledProblem& p) {
-  Eigen::MatrixXd rows =
-      Eigen::MatrixXd::Zero(p.equalities() + p.inequalities() + 2 * p.pairs(), p.variables());
-  Index offset = 0;
-  for (const RowMatrix* matrix : {&p.A, &p.C, &p.L, &p.R}) {
-    for (Index row = 0; row < matrix->rows; ++row) {
-      for (Index k = matrix->row_pointers[row]; k < matrix->row_pointers[row + 1]; ++k) {
-        rows(offset + row, matrix->column_indices[k]) = matrix->values[k];
-      }
-    }
-    offset += matrix->rows;
-  }
-  return rows;
-}
-
 }  // namespace
 
 double DenseKkt::estimated_flops(const ScaledProblem& p) {
@@ -49,17 +34,30 @@ DenseKkt::DenseKkt(const ScaledProblem& problem)
       pairs_(problem.pairs()),
       flops_(estimated_flops(problem)),
       hessian_(Matrix::Zero(variables_, variables_)),
-      rows_(stack(problem)),
+      rows_(Matrix::Zero(equalities_ + inequalities_ + 2 * pairs_, variables_)),
       weighted_(rows_.rows(), variables_),
       system_(variables_, variables_),
       factor_(variables_, variables_),
       residual_(variables_) {
   keep_blas_to_one_thread();
   terms_.reserve(static_cast<std::size_t>(rows_.rows()));
+  load(problem);
+}
+
+void DenseKkt::load(const ScaledProblem& problem) {
   for (Index column = 0; column < variables_; ++column) {
     for (Index k = problem.Q.column_pointers[column]; k < problem.Q.column_pointers[column + 1]; ++k) {
       hessian_(problem.Q.row_indices[k], column) = problem.Q.values[k];
     }
+  }
+  Index offset = 0;
+  for (const RowMatrix* matrix : {&problem.A, &problem.C, &problem.L, &problem.R}) {
+    for (Index row = 0; row < matrix->rows; ++row) {
+      for (Index k = matrix->row_pointers[row]; k < matrix->row_pointers[row + 1]; ++k) {
+        rows_(offset + row, matrix->column_indices[k]) = matrix->values[k];
+      }
+    }
+    offset += matrix->rows;
   }
 }
 

@@ -14,6 +14,7 @@ class DenseKkt final : public Kkt {
   /// Cost in the units of SparseKkt::flops, without building anything.
   [[nodiscard]] static double estimated_flops(const ScaledProblem& problem);
 
+  void load(const ScaledProblem& problem) override;
   [[nodiscard]] bool factor(const RowWeights& weights) override;
   void solve(VectorRef x, VectorRef y) override;
   void solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) override;

@@ -36,6 +36,8 @@ struct RowWeights {
 class Kkt {
  public:
   virtual ~Kkt() = default;
+  /// Takes new values of the matrices, of the pattern it was made for. Allocates nothing.
+  virtual void load(const ScaledProblem& problem) = 0;
   /// Assembles and factorizes in place. True if the inertia is right, which means that H + ρAᵀA is positive
   /// definite: n positive and n_e negative pivots (plus what the kept rows' own signs ask for).
   [[nodiscard]] virtual bool factor(const RowWeights& weights) = 0;

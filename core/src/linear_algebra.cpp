@@ -17,6 +17,7 @@ RowMatrix by_rows(const SparseMatrixView& matrix, Index rows, Index columns) {
   result.row_pointers.assign(static_cast<std::size_t>(rows) + 1, 0);
   result.column_indices.resize(matrix.values.size());
   result.values.resize(matrix.values.size());
+  result.source.resize(matrix.values.size());
   for (const Index row : matrix.row_indices) ++result.row_pointers[row + 1];
   std::partial_sum(result.row_pointers.begin(), result.row_pointers.end(), result.row_pointers.begin());
   if (matrix.values.empty()) return result;
@@ -26,6 +27,7 @@ RowMatrix by_rows(const SparseMatrixView& matrix, Index rows, Index columns) {
       const Index slot = next[matrix.row_indices[k]]++;
       result.column_indices[slot] = column;
       result.values[slot] = matrix.values[k];
+      result.source[slot] = k;
     }
   }
   return result;
@@ -61,6 +63,7 @@ SymmetricMatrix upper_triangle(const SparseMatrixView& matrix, Index size) {
       if (matrix.row_indices[k] > column) break;  // rows ascend: the rest is the mirror image
       result.row_indices.push_back(matrix.row_indices[k]);
       result.values.push_back(matrix.values[k]);
+      result.source.push_back(k);
     }
     result.column_pointers[column + 1] = static_cast<Index>(result.values.size());
   }

@@ -20,6 +20,7 @@ struct RowMatrix {
   std::vector<Index> row_pointers{0};
   std::vector<Index> column_indices;
   std::vector<double> values;
+  std::vector<Index> source;  ///< where each entry was in the column-compressed original
 
   [[nodiscard]] Index row_size(Index row) const { return row_pointers[row + 1] - row_pointers[row]; }
 };
@@ -38,6 +39,7 @@ struct SymmetricMatrix {
   std::vector<Index> column_pointers{0};
   std::vector<Index> row_indices;
   std::vector<double> values;
+  std::vector<Index> source;  ///< where each entry was in the original
 };
 
 /// Takes the upper triangle of Q, whichever way it is given; O(entries).

@@ -186,11 +186,15 @@ Expected<Problem> Problem::create(const ProblemView& view) {
 
 Expected<void> Problem::check_initial_point(std::span<const double> z, Index variables) {
   if (z.empty()) return {};
-  if (z.size() != static_cast<std::size_t>(variables)) {
-    return unexpected(fault("initial_z", -1, std::to_string(z.size()) + " entries",
-                            "must have " + std::to_string(variables) + " entries (variables)"));
+  return check_numbers(z, static_cast<std::size_t>(variables), "initial_z");
+}
+
+Expected<void> check_numbers(std::span<const double> values, std::size_t size, const char* field) {
+  if (values.size() != size) {
+    return unexpected(fault(field, -1, std::to_string(values.size()) + " entries",
+                            "must have " + std::to_string(size) + " entries"));
   }
-  return check_finite(z, "initial_z");
+  return check_finite(values, field);
 }
 
 Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entries, const char* name) {

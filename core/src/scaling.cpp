@@ -126,4 +126,44 @@ ScaledProblem scale(const Problem& problem, int passes) {
   return p;
 }
 
+namespace {
+
+void replace(std::span<const double> values, const Vector& factor, double common, Vector& out) {
+  if (!values.empty()) out = common * copy(values).cwiseProduct(factor);
+}
+
+bool replace(std::span<const double> values, const Vector& row_factor, const Vector& column_factor,
+             RowMatrix& out) {
+  if (values.empty()) return false;
+  for (std::size_t k = 0; k < out.values.size(); ++k)
+    out.values[k] = values[static_cast<std::size_t>(out.source[k])];
+  apply(out, row_factor, column_factor);
+  return true;
+}
+
+bool replace(std::span<const double> values, const Vector& factor, double common, SymmetricMatrix& out) {
+  if (values.empty()) return false;
+  for (std::size_t k = 0; k < out.values.size(); ++k)
+    out.values[k] = common * values[static_cast<std::size_t>(out.source[k])];
+  apply(out, factor);
+  return true;
+}
+
+}  // namespace
+
+bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
+  if (update.c0) p.c0 = *update.c0;
+  replace(update.g, p.variable_scale, p.cost_scale, p.g);
+  replace(update.b, p.equality_scale, 1.0, p.b);
+  replace(update.d, p.inequality_scale, 1.0, p.d);
+  replace(update.l, p.left_scale, 1.0, p.l);
+  replace(update.r, p.right_scale, 1.0, p.r);
+  bool changed = replace(update.Q, p.variable_scale, p.cost_scale, p.Q);
+  changed |= replace(update.A, p.equality_scale, p.variable_scale, p.A);
+  changed |= replace(update.C, p.inequality_scale, p.variable_scale, p.C);
+  changed |= replace(update.L, p.left_scale, p.variable_scale, p.L);
+  changed |= replace(update.R, p.right_scale, p.variable_scale, p.R);
+  return changed;
+}
+
 }  // namespace marble

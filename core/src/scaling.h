@@ -32,4 +32,8 @@ struct ScaledProblem {
 /// 1 / max(mean column norm of Q̄, ‖ḡ‖∞). Zero rows and columns keep the scale 1.
 ScaledProblem scale(const Problem& problem, int passes);
 
+/// Puts new numbers into the same pattern, with the scale factors it has: those of the first problem. True if
+/// a matrix changed.
+bool rescale(const ProblemUpdate& update, ScaledProblem& problem);
+
 }  // namespace marble

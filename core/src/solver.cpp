@@ -19,18 +19,24 @@ std::vector<double> unscaled(ConstVectorRef values, const Vector& scale, double 
 struct Solver::State {
   State(const Problem& user_problem, const Options& user_options)
       : options(user_options),
+        hessian_entries(user_problem.view().Q.values.size()),
         problem(scale(user_problem, options.scaling_passes)),
         kkt(make_kkt(problem)),
         strategy(problem, *kkt, options),
-        initial_z(problem.variables()) {}
+        initial_z(problem.variables()),
+        warm_start(problem) {}
+
+  [[nodiscard]] Expected<void> take_warm_start(const Solution& solution);
 
   [[nodiscard]] Solution answer(const Ending& ending, const Iterate& x, const Run& run) const;
 
   Options options;
+  std::size_t hessian_entries;  // as the user stores them
   ScaledProblem problem;
   std::unique_ptr<Kkt> kkt;
   Strategy strategy;
   Vector initial_z;
+  Iterate warm_start;
   double setup_s = 0.0;
 };
 
@@ -58,6 +64,35 @@ Solution Solver::State::answer(const Ending& ending, const Iterate& x, const Run
   return solution;
 }
 
+Expected<void> Solver::State::take_warm_start(const Solution& solution) {
+  const double cost = problem.cost_scale;
+  const auto take = [](const std::vector<double>& values, const char* field, const Vector& scale,
+                       double factor, auto out) -> Expected<void> {
+    if (auto valid = check_numbers(values, static_cast<std::size_t>(out.size()), field); !valid) return valid;
+    for (Eigen::Index i = 0; i < out.size(); ++i)
+      out[i] = factor * values[static_cast<std::size_t>(i)] / scale[i];
+    return {};
+  };
+  Expected<void> taken = take(solution.z, "warm_start.z", problem.variable_scale, 1.0, warm_start.z());
+  if (taken) {
+    taken = take(solution.equality_multipliers, "warm_start.equality_multipliers", problem.equality_scale,
+                 cost, warm_start.y());
+  }
+  if (taken) {
+    taken = take(solution.inequality_multipliers, "warm_start.inequality_multipliers",
+                 problem.inequality_scale, -cost, warm_start.lambda_w());
+  }
+  if (taken) {
+    taken = take(solution.complementarity_multipliers_L, "warm_start.complementarity_multipliers_L",
+                 problem.left_scale, -cost, warm_start.lambda_L());
+  }
+  if (taken) {
+    taken = take(solution.complementarity_multipliers_R, "warm_start.complementarity_multipliers_R",
+                 problem.right_scale, -cost, warm_start.lambda_R());
+  }
+  return taken;
+}
+
 Solver::Solver(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Solver::Solver(Solver&&) noexcept = default;
 Solver& Solver::operator=(Solver&&) noexcept = default;
@@ -71,6 +106,33 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options) 
   return Solver(std::move(state));
 }
 
+Expected<void> Solver::update(const ProblemUpdate& update) {
+  const ScaledProblem& p = state_->problem;
+  const struct {
+    const char* field;
+    std::span<const double> values;
+    std::size_t size;
+  } parts[] = {{"g", update.g, static_cast<std::size_t>(p.g.size())},
+               {"b", update.b, static_cast<std::size_t>(p.b.size())},
+               {"d", update.d, static_cast<std::size_t>(p.d.size())},
+               {"l", update.l, static_cast<std::size_t>(p.l.size())},
+               {"r", update.r, static_cast<std::size_t>(p.r.size())},
+               {"Q.values", update.Q, state_->hessian_entries},
+               {"A.values", update.A, p.A.values.size()},
+               {"C.values", update.C, p.C.values.size()},
+               {"L.values", update.L, p.L.values.size()},
+               {"R.values", update.R, p.R.values.size()}};
+  if (update.c0) {
+    if (auto valid = check_numbers({&*update.c0, 1}, 1, "c0"); !valid) return valid;
+  }
+  for (const auto& part : parts) {
+    if (part.values.empty()) continue;
+    if (auto valid = check_numbers(part.values, part.size, part.field); !valid) return valid;
+  }
+  if (rescale(update, state_->problem)) state_->kkt->load(state_->problem);
+  return {};
+}
+
 Expected<Solution> Solver::solve(const SolveControls& controls) {
   if (auto valid = Problem::check_initial_point(controls.initial_z, state_->problem.variables()); !valid) {
     return unexpected(valid.error());
@@ -81,7 +143,11 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
     const Eigen::Map<const Vector> z(controls.initial_z.data(), state_->problem.variables());
     state_->initial_z = z.cwiseQuotient(state_->problem.variable_scale);
   }
-  const Ending ending = state_->strategy.run(run, state_->initial_z);
+  if (controls.warm_start != nullptr) {
+    if (auto taken = state_->take_warm_start(*controls.warm_start); !taken) return unexpected(taken.error());
+  }
+  const Ending ending = state_->strategy.run(run, state_->initial_z,
+                                             controls.warm_start != nullptr ? &state_->warm_start : nullptr);
   return state_->answer(ending, state_->strategy.best(), run);
 }
 

@@ -53,6 +53,7 @@ SparseKkt::SparseKkt(const ScaledProblem& problem, KeptRows kept)
     : kept_(kept), variables_(problem.variables()), equalities_(problem.equalities()) {
   gather_rows(problem, kept);
   build_pattern(problem);
+  load(problem);
 }
 
 void SparseKkt::gather_rows(const ScaledProblem& problem, KeptRows kept) {
@@ -66,7 +67,7 @@ void SparseKkt::gather_rows(const ScaledProblem& problem, KeptRows kept) {
     const auto begin = problem.C.row_pointers[i];
     const auto end = problem.C.row_pointers[i + 1];
     row.columns.assign(problem.C.column_indices.begin() + begin, problem.C.column_indices.begin() + end);
-    row.values.assign(problem.C.values.begin() + begin, problem.C.values.begin() + end);
+    row.values.resize(row.columns.size());
     row.kept = keep(row.columns.size());
   }
   pair_rows_.resize(problem.pairs());
@@ -80,9 +81,11 @@ void SparseKkt::gather_rows(const ScaledProblem& problem, KeptRows kept) {
       const Index left = p < p_end ? problem.L.column_indices[p] : variables_;
       const Index right = q < q_end ? problem.R.column_indices[q] : variables_;
       row.columns.push_back(std::min(left, right));
-      row.values.push_back(left <= right ? problem.L.values[p++] : 0.0);
-      row.second_values.push_back(right <= left ? problem.R.values[q++] : 0.0);
+      if (left <= right) ++p;
+      if (right <= left) ++q;
     }
+    row.values.resize(row.columns.size());
+    row.second_values.resize(row.columns.size());
     row.kept = keep(row.columns.size());
   }
 }
@@ -104,12 +107,12 @@ void SparseKkt::build_pattern(const ScaledProblem& problem) {
   const auto visit_constants = [&](auto&& visit) {
     for (Index column = 0; column < n; ++column) {
       for (Index k = problem.Q.column_pointers[column]; k < problem.Q.column_pointers[column + 1]; ++k) {
-        visit(problem.Q.row_indices[k], column, problem.Q.values[k]);
+        visit(problem.Q.row_indices[k], column);
       }
     }
     for (Index row = 0; row < equalities_; ++row) {
       for (Index k = problem.A.row_pointers[row]; k < problem.A.row_pointers[row + 1]; ++k) {
-        visit(problem.A.column_indices[k], n + row, problem.A.values[k]);
+        visit(problem.A.column_indices[k], n + row);
       }
     }
   };
@@ -133,7 +136,7 @@ void SparseKkt::build_pattern(const ScaledProblem& problem) {
   };
 
   for (Index i = 0; i < size_; ++i) pattern.add(i, i);
-  visit_constants([&](Index a, Index b, double) { pattern.add(a, b); });
+  visit_constants([&](Index a, Index b) { pattern.add(a, b); });
   visit_rows([&](Index a, Index b, std::vector<Index>&) { pattern.add(a, b); });
   pattern.compress();
   order_and_analyse(pattern.pointers, pattern.rows);
@@ -154,7 +157,7 @@ void SparseKkt::build_pattern(const ScaledProblem& problem) {
 
   constant_.assign(row_indices_.size(), 0.0);
   values_.resize(row_indices_.size());
-  visit_constants([&](Index a, Index b, double value) { constant_[slot(a, b)] += value; });
+  visit_constants([&](Index a, Index b) { constant_slots_.push_back(slot(a, b)); });
   visit_rows([&](Index a, Index b, std::vector<Index>& slots) { slots.push_back(slot(a, b)); });
   for (Index i = 0; i < n + equalities_; ++i) diagonal_slots_.push_back(slot(i, i));
   std::size_t number = 0;
@@ -167,6 +170,29 @@ void SparseKkt::build_pattern(const ScaledProblem& problem) {
     if (!row.kept) continue;
     row.diagonal = slot(own, own);
     row.second_diagonal = slot(own + 1, own + 1);
+  }
+}
+
+void SparseKkt::load(const ScaledProblem& problem) {
+  std::fill(constant_.begin(), constant_.end(), 0.0);
+  auto slot = constant_slots_.begin();
+  for (const auto* values : {&problem.Q.values, &problem.A.values}) {
+    for (const double value : *values) constant_[*slot++] += value;
+  }
+  for (Index i = 0; i < problem.inequalities(); ++i) {
+    const auto begin = problem.C.values.begin() + problem.C.row_pointers[i];
+    std::copy_n(begin, problem.C.row_size(i), inequality_rows_[i].values.begin());
+  }
+  const auto spread = [](const RowMatrix& matrix, Index i, const Row& row, std::vector<double>& values) {
+    Index k = matrix.row_pointers[i];
+    for (std::size_t at = 0; at < values.size(); ++at) {
+      const bool here = k < matrix.row_pointers[i + 1] && matrix.column_indices[k] == row.columns[at];
+      values[at] = here ? matrix.values[k++] : 0.0;
+    }
+  };
+  for (Index i = 0; i < problem.pairs(); ++i) {
+    spread(problem.L, i, pair_rows_[i], pair_rows_[i].values);
+    spread(problem.R, i, pair_rows_[i], pair_rows_[i].second_values);
   }
 }
 

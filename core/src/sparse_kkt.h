@@ -19,6 +19,7 @@ class SparseKkt final : public Kkt {
  public:
   SparseKkt(const ScaledProblem& problem, KeptRows kept);
 
+  void load(const ScaledProblem& problem) override;
   [[nodiscard]] bool factor(const RowWeights& weights) override;
   void solve(VectorRef x, VectorRef y) override;
   void solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) override;
@@ -55,6 +56,7 @@ class SparseKkt final : public Kkt {
   // Upper triangle of the permuted matrix, by columns.
   std::vector<Index> column_pointers_, row_indices_;
   std::vector<double> constant_, values_;
+  std::vector<Index> constant_slots_;  // of the entries of Q and A, in their order
   std::vector<Index> diagonal_slots_;  // of x and y
   std::vector<Index> permutation_, inverse_permutation_;
 

@@ -8,7 +8,7 @@
 namespace marble {
 namespace {
 
-constexpr double kPolishKappa = 1e-6;  // the branch shows by here
+constexpr double kPolishKappa = 1e-2;  // the branch shows by here
 constexpr int kExactBudget = 100;      // factorizations
 constexpr double kPathLoss = 1e-3;  // a feasible path point may be this much lower than its exact neighbour
 constexpr int kManyPulling = 10;    // pairs
@@ -39,6 +39,16 @@ constexpr SearchPlan kFromInterior{.rho_first = 1e4,
                                    .first_patience = 0,
                                    .flip_patience = 3,
                                    .exchange_patience = 12};
+constexpr SearchPlan kAfterWarmStart{.rho_first = 1e8,
+                                     .rho_factor = 10.0,
+                                     .rho_last = 1e8,
+                                     .rho_soft = 0.0,
+                                     .rho_exchange = kNever,
+                                     .first_patience = 8,
+                                     .flip_patience = 0,
+                                     .exchange_patience = 0};
+constexpr int kWarmBudget = 30;       // factorizations
+constexpr int kSmallChange = 10;      // factorizations: after more, a cold start may find better
 constexpr double kCycleFactor = 0.3;  // each further start begins this much softer
 
 bool ended_by_force(Status status) {
@@ -60,30 +70,53 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
       exact_(problem),
       exact_set_(problem) {}
 
+Ending Strategy::run(Run& run, ConstVectorRef initial_z, const Iterate* warm_start) {
+  initial_z_ = initial_z;
+  has_exact_ = branch_infeasible_ = false;
+  if (warm_start != nullptr && options_.polish && from_solution(run, *warm_start)) return explain_exact();
+  Ending end = cold(run);
+  if (has_exact_) return explain_exact();
+  if (end.status == Status::numerical_failure && branch_infeasible_)
+    return {Status::locally_infeasible, "no feasible branch near; " + end.detail, {}};
+  if (end.detail.empty()) end.detail = "path; " + describe(path_.violations_at());
+  return end;
+}
+
 // The path down to a κ that shows the branch, an exact solution of it, and better branches. Where that branch
 // is infeasible, one that is not by way of an interior point method. If nothing exact comes of it, the rest
 // of the path.
-Ending Strategy::run(Run& run, ConstVectorRef initial_z) {
-  initial_z_ = initial_z;
-  has_exact_ = branch_infeasible_ = false;
+Ending Strategy::cold(Run& run) {
   path_.start(initial_z_);
   std::optional<Ending> end = path_.follow(run, kPolishKappa);
   if (end && (ended_by_force(end->status) || is_proof(end->status))) return *end;
   if (options_.polish) {
-    if (from_path(run)) {
+    const Outcome outcome = from_path(run);
+    if (outcome == Outcome::kept) {
       improve(run, run.factorizations + options_.local_search_budget);
-    } else if (options_.path == Path::fast) {
+    } else if (outcome == Outcome::not_exact && options_.path == Path::fast) {
       static_cast<void>(from_interior(run));
     }
     for (int cycle = 1; cycle < options_.starts && has_exact_; ++cycle) improve_again(run, cycle);
-    if (has_exact_) return explain_exact();
-    if (end && is_solved(end->status)) return explain_path(*end);
+    if (has_exact_ || (end && is_solved(end->status))) return end.value_or(Ending{});
   }
   if (!end) end = path_.follow(run, options_.kappa_min);
-  if (!ended_by_force(end->status) && options_.polish && from_path(run)) return explain_exact();
-  if (end->status == Status::numerical_failure && branch_infeasible_)
-    return {Status::locally_infeasible, "no feasible branch near; " + end->detail, {}};
-  return explain_path(*end);
+  if (!ended_by_force(end->status) && options_.polish) static_cast<void>(from_path(run));
+  return *end;
+}
+
+// A branch that stays feasible after a small change, or becomes so after a few exchanges, is near the best
+// one; after more than that a cold start has its say too.
+bool Strategy::from_solution(Run& run, const Iterate& warm_start) {
+  const int before = run.factorizations;
+  active_set_.start_from_solution(warm_start);
+  if (make_exact(run, "warm start", kWarmBudget) != Outcome::kept) return false;
+  const bool small_change = run.factorizations - before <= kSmallChange;
+  if (options_.local_search_budget > 0 && LocalSearch::pulling(active_set_) > 0) {
+    if (search_.run(run, kAfterWarmStart, true, run.factorizations + options_.local_search_budget) &&
+        search_.accepted() > 0)
+      static_cast<void>(make_exact(run, "warm start, local search", kExactBudget));
+  }
+  return small_change;
 }
 
 // Solves the branch at hand exactly and keeps the point if it is feasible and the best so far.
@@ -95,7 +128,8 @@ Strategy::Outcome Strategy::make_exact(Run& run, const char* origin, int budget)
     return Outcome::not_exact;
   }
   const double objective = active_set_.images().objective;
-  if (has_exact_ && objective >= exact_objective_) return Outcome::no_better;
+  const double least_gain = 1e-12 * std::abs(exact_objective_);
+  if (has_exact_ && objective >= exact_objective_ - least_gain) return Outcome::no_better;
   exact_.all = active_set_.x().all;
   exact_set_ = active_set_.set();
   exact_objective_ = objective;
@@ -105,13 +139,17 @@ Strategy::Outcome Strategy::make_exact(Run& run, const char* origin, int budget)
   return Outcome::kept;
 }
 
-bool Strategy::from_path(Run& run) {
+// A feasible path point that is clearly lower than its exact neighbour is the better answer.
+Strategy::Outcome Strategy::from_path(Run& run) {
   const double objective = path_.objective();
   const double slack = kPathLoss * std::max(1.0, std::abs(objective));
   active_set_.start_from_path(path_.iterate());
-  if (make_exact(run, "path", kExactBudget) != Outcome::kept) return false;
-  has_exact_ = !within_tolerances(path_.violations_at(), options_) || exact_objective_ <= objective + slack;
-  return has_exact_;
+  const Outcome outcome = make_exact(run, "path", kExactBudget);
+  if (outcome != Outcome::kept || !within_tolerances(path_.violations_at(), options_) ||
+      exact_objective_ <= objective + slack)
+    return outcome;
+  has_exact_ = false;
+  return Outcome::not_exact;
 }
 
 bool Strategy::from_interior(Run& run) {
@@ -154,12 +192,7 @@ void Strategy::improve_again(Run& run, int cycle) {
     static_cast<void>(make_exact(run, "further start, local search", kExactBudget));
 }
 
-// Text is made only here: what ends an engine need not end the run.
-Ending Strategy::explain_path(Ending end) const {
-  if (end.detail.empty()) end.detail = "path; " + describe(path_.violations_at());
-  return end;
-}
-
+// Text is made only at the end: what ends an engine need not end the run.
 Ending Strategy::explain_exact() const {
   std::string detail;
   detail.reserve(256);

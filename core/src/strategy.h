@@ -17,8 +17,8 @@ class Strategy {
  public:
   Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options);
 
-  /// From z (scaled) to an end.
-  [[nodiscard]] Ending run(Run& run, ConstVectorRef initial_z);
+  /// From z (scaled) to an end; if there is a solution to start from, from its branch first.
+  [[nodiscard]] Ending run(Run& run, ConstVectorRef initial_z, const Iterate* warm_start);
 
   /// What it ended with: exact where the ending says solved by a branch, else the path's.
   [[nodiscard]] const Iterate& best() const { return has_exact_ ? exact_ : path_.iterate(); }
@@ -27,12 +27,13 @@ class Strategy {
  private:
   enum class Outcome { kept, no_better, not_exact };
   [[nodiscard]] Outcome make_exact(Run& run, const char* origin, int budget);
-  [[nodiscard]] bool from_path(Run& run);
+  [[nodiscard]] bool from_solution(Run& run, const Iterate& warm_start);
+  [[nodiscard]] Ending cold(Run& run);
+  [[nodiscard]] Outcome from_path(Run& run);
   [[nodiscard]] bool from_interior(Run& run);
   void improve(Run& run, int last_factorization);
   void improve_from_soft(Run& run, int last_factorization);
   void improve_again(Run& run, int cycle);
-  [[nodiscard]] Ending explain_path(Ending end) const;
   [[nodiscard]] Ending explain_exact() const;
 
   const ScaledProblem& problem_;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -68,6 +69,19 @@ class Problem {
  private:
   explicit Problem(const ProblemView& view) : view_(view) {}
   ProblemView view_;
+};
+
+/// Whether `values` are `size` finite numbers; the error's field is `field`.
+[[nodiscard]] Expected<void> check_numbers(std::span<const double> values, std::size_t size,
+                                           const char* field);
+
+/// New numbers for a problem whose sizes and sparsity patterns stay. What is absent stays too.
+struct ProblemUpdate {
+  std::optional<double> c0;
+  std::span<const double> g;           ///< n
+  std::span<const double> b, d, l, r;  ///< n_e, n_i, n_c, n_c
+  /// Values of the stored entries, in the order they had; of a full Q only the upper triangle is read.
+  std::span<const double> Q, A, C, L, R;
 };
 
 /// A sparse matrix that owns its arrays.

@@ -17,7 +17,10 @@ namespace marble {
 struct SolveControls {
   ProgressSink* progress = nullptr;        ///< told after every iteration
   std::stop_token stop = {};               ///< looked at in every iteration
-  std::span<const double> initial_z = {};  ///< n or empty: where to start (user units)
+  std::span<const double> initial_z = {};  ///< n or empty: where a cold start begins (user units)
+  /// An answer to this problem or one like it, of the same sizes, z and multipliers: its branch is tried
+  /// first.
+  const Solution* warm_start = nullptr;
 };
 
 /// Owns a scaled copy of the problem, the symbolic factorization and all workspace.
@@ -31,7 +34,12 @@ class Solver {
   Solver& operator=(Solver&&) noexcept;
   ~Solver();
 
-  /// Runs to an end and says which. An error only if `initial_z` has another size than n or is not finite.
+  /// New numbers in the same pattern, for solves to come. Scaling, ordering and workspace stay; an update of
+  /// vectors allocates nothing. Errors name the field and the index; nothing has changed then.
+  [[nodiscard]] Expected<void> update(const ProblemUpdate& update);
+
+  /// Runs to an end and says which. An error only if `initial_z` or `warm_start` have other sizes than the
+  /// problem or are not finite.
   [[nodiscard]] Expected<Solution> solve(const SolveControls& controls = {});
 
  private:

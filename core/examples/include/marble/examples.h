@@ -1,5 +1,6 @@
 // The three robotics problems of the paper (section VI.B), generated: contact, state-triggered and progress
 // constraints. Formulas cite the paper's equations; sizes with default parameters are those of its Table I.
+// And random QPECs, which have no structure to help.
 #pragma once
 
 #include <array>
@@ -115,6 +116,18 @@ struct GatesParameters {
 };
 
 [[nodiscard]] OwnedProblem gates(const GatesParameters& parameters = {});
+
+/// A random convex QP with equilibrium constraints, in the manner of Jiang and Ralph, "QPECgen" (1999):
+/// min ½ (x, y)ᵀQ(x, y) + gᵀ(x, y)  s.t.  C x + d ≥ 0,  0 ≤ y ⊥ N x + M y + r ≥ 0, with M positive definite
+/// and not symmetric, everything dense, and a feasible point with the given number of degenerate pairs.
+struct QpecParameters {
+  Index upper_variables = 20;  ///< x, >= 1
+  Index lower_variables = 80;  ///< y, >= 1: as many pairs
+  Index constraints = 4;       ///< on x alone
+  Index degenerate_pairs = 4;  ///< <= lower_variables
+};
+
+[[nodiscard]] OwnedProblem qpec(const QpecParameters& parameters, std::uint64_t seed);
 
 /// Parameters moved by a few percent, the same for a seed on every machine; seed 0 is the nominal problem.
 [[nodiscard]] HopperParameters vary(HopperParameters parameters, std::uint64_t seed);
