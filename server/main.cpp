@@ -20,6 +20,7 @@ namespace {
 using namespace marble::server;
 
 constexpr std::chrono::seconds kLastAnswers{5};  // for answers on their way to slow readers
+constexpr std::chrono::milliseconds kLastRefusals{200};
 
 bool write_lines(const std::string& path, const std::vector<std::string>& lines) {
   // Renamed into place, so that whoever waits for the file never reads half of it.
@@ -84,6 +85,9 @@ int main(int argc, char** argv) {
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
   solver_service.wait_for_answers(kLastAnswers);
+  // gRPC answers a call that arrives during its shutdown with CANCELLED, which nobody retries: until those who
+  // have just been answered have asked again and been refused, it waits.
+  std::this_thread::sleep_for(kLastRefusals);
   listening->server->Shutdown(std::chrono::system_clock::now());
   listening->server->Wait();
   const Counters counters = scheduler.counters();

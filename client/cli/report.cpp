@@ -40,7 +40,11 @@ std::string summary(const ProblemFile& problem, const Answer& s) {
   if (!s.job_id.empty())
     text += format(", %.3f ms in the queue", 1e3 * s.queue_s) + "  (job " + s.job_id + ")";
   text += "\n";
-  if (!is_solved(s.status)) text += "  why             " + s.detail + "\n";
+  if (is_solved(s.status)) {
+    text += "  found by        " + s.detail.substr(0, s.detail.find(';')) + "\n";
+  } else {
+    text += "  why             " + s.detail + "\n";
+  }
   return text;
 }
 
