@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "marble/examples.h"
 #include "model.h"
 
@@ -77,6 +79,18 @@ HopperParameters advance(HopperParameters p, std::span<const double> z, int tick
   p.last_force = {reached(kForceX), reached(kForceZ)};
   p.reference_x += p.speed * p.step_s * ticks;
   return p;
+}
+
+Solution shift_hopper(Solution plan) {
+  const auto shift = [](std::vector<double>& values, std::size_t per_step) {
+    if (values.size() > per_step)
+      std::copy(values.begin() + static_cast<std::ptrdiff_t>(per_step), values.end(), values.begin());
+  };
+  const std::size_t steps = plan.z.size() / kHopperVariables;
+  for (auto* values : {&plan.z, &plan.equality_multipliers, &plan.inequality_multipliers,
+                       &plan.complementarity_multipliers_L, &plan.complementarity_multipliers_R})
+    shift(*values, values->size() / steps);
+  return plan;
 }
 
 }  // namespace marble::examples

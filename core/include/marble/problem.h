@@ -77,11 +77,11 @@ class Problem {
 
 /// New numbers for a problem whose sizes and sparsity patterns stay. What is absent stays too.
 struct ProblemUpdate {
-  std::optional<double> c0;
-  std::span<const double> g;           ///< n
-  std::span<const double> b, d, l, r;  ///< n_e, n_i, n_c, n_c
+  std::optional<double> c0 = {};
+  std::span<const double> g = {};                          ///< n
+  std::span<const double> b = {}, d = {}, l = {}, r = {};  ///< n_e, n_i, n_c, n_c
   /// Values of the stored entries, in the order they had; of a full Q only the upper triangle is read.
-  std::span<const double> Q, A, C, L, R;
+  std::span<const double> Q = {}, A = {}, C = {}, L = {}, R = {};
 };
 
 /// A sparse matrix that owns its arrays.

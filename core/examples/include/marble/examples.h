@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "marble/problem.h"
+#include "marble/solution.h"
 
 namespace marble::examples {
 
@@ -70,6 +71,10 @@ enum HopperVariable {
 /// One tick of a receding horizon: the parameters once the first `ticks` steps of the trajectory z have been
 /// followed, 1 <= ticks <= parameters.steps. State, last force and reference move on; all else stays.
 [[nodiscard]] HopperParameters advance(HopperParameters parameters, std::span<const double> z, int ticks = 1);
+
+/// A plan for the tick after: its steps and multipliers one forward, the last one repeated. To start from,
+/// warm.
+[[nodiscard]] Solution shift_hopper(Solution plan);
 
 /// A rocket, linearised about upright, that once it is low must be in front of its tower, engine turned away.
 struct RocketParameters {

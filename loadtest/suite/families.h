@@ -1,0 +1,35 @@
+// The families of problems the suite runs, and what each shows.
+#pragma once
+
+#include <filesystem>
+
+#include "record.h"
+
+namespace marble::suite {
+
+struct Settings {
+  std::filesystem::path benchmarks;  ///< MacMPEC and robotics problems with references; may not exist
+  int seeds = 20;                    ///< of the random families
+  int starts = 8;                    ///< of the references where none is known
+};
+
+/// Default options on each MacMPEC problem, against the best known objective.
+[[nodiscard]] std::vector<Record> macmpec(const Settings& settings);
+/// Each MacMPEC problem with its data × (1 + 1e-3 noise), `seeds` times, against the best of `starts` starts.
+void perturbed(const Settings& settings);
+/// The paper's three problems, against the best known objective.
+void robotics(const Settings& settings);
+/// Variations of the three, against the best of `starts` starts.
+void variants(const Settings& settings);
+/// Random dense QPECs of 100 and 200 variables, against the best of `starts` starts.
+void qpecs(const Settings& settings);
+/// Vectors that change by 1e-3, 20 times in a row, warm.
+void warm(const Settings& settings);
+/// The hopper as a planner would run it: 50 ticks, warm against cold.
+void mpc(const Settings& settings);
+/// The hopper at horizons of 30 to 480 steps.
+void growth(const Settings& settings);
+/// Two solves at a time on two threads against one.
+void throughput(const Settings& settings);
+
+}  // namespace marble::suite

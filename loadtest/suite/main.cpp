@@ -1,0 +1,63 @@
+// Runs families of problems and prints what the solver reached on them.
+// Usage: suite [FAMILY ...] [--seeds N] [--starts K] [--profile FILE.svg] [--benchmarks FOLDER]
+// Families: macmpec perturbed robotics variants qpecs warm mpc growth throughput; all of them by default.
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <functional>
+#include <map>
+#include <string>
+
+#include "families.h"
+#include "peers.h"
+#include "support/shared_problems.h"
+
+int main(int argc, char** argv) {
+  using namespace marble;
+  suite::Settings settings;
+  settings.benchmarks = testing::shared_benchmarks();
+  std::string profile;
+  std::vector<std::string> wanted;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const auto value = [&]() -> const char* {
+      if (i + 1 < argc) return argv[++i];
+      std::fprintf(stderr, "suite: %s needs a value\n", argument.c_str());
+      std::exit(2);
+    };
+    if (argument == "--seeds") {
+      settings.seeds = std::max(1, std::atoi(value()));
+    } else if (argument == "--starts") {
+      settings.starts = std::max(1, std::atoi(value()));
+    } else if (argument == "--profile") {
+      profile = value();
+    } else if (argument == "--benchmarks") {
+      settings.benchmarks = value();
+    } else {
+      wanted.push_back(argument);
+    }
+  }
+
+  const auto run_macmpec = [&profile](const suite::Settings& s) {
+    const auto records = suite::macmpec(s);
+    if (!profile.empty())
+      suite::draw_performance_profile(suite::read_peers(s.benchmarks / "peers.csv", records), profile);
+  };
+  const std::pair<const char*, std::function<void(const suite::Settings&)>> families[] = {
+      {"macmpec", run_macmpec},      {"perturbed", suite::perturbed}, {"robotics", suite::robotics},
+      {"variants", suite::variants}, {"qpecs", suite::qpecs},         {"warm", suite::warm},
+      {"mpc", suite::mpc},           {"growth", suite::growth},       {"throughput", suite::throughput}};
+  for (const std::string& name : wanted) {
+    if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
+      std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());
+      return 2;
+    }
+  }
+  for (const auto& [name, run] : families) {
+    if (!wanted.empty() && std::ranges::find(wanted, name) == wanted.end()) continue;
+    std::printf("== %s\n", name);
+    run(settings);
+  }
+  return 0;
+}

@@ -1,0 +1,39 @@
+// One solve as the suite sees it, and the tables it prints.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "marble/solver.h"
+
+namespace marble::suite {
+
+struct Record {
+  std::string problem;
+  Status status = Status::numerical_failure;
+  double objective = 0.0;
+  double reference = 0.0;  ///< NaN if there is none
+  double violation = 0.0;  ///< worst, by the independent check
+  double stationarity = 0.0;
+  int factorizations = 0;
+  double milliseconds = 0.0;
+  std::string origin;  ///< the engines that found it
+
+  /// (objective − reference) / max(1, |reference|)
+  [[nodiscard]] double gap() const;
+  /// Solved, and the independent check agrees to 1e-9 of the data's size.
+  [[nodiscard]] bool feasible() const { return is_solved(status) && violation <= 1e-9; }
+};
+
+/// Solves once and judges the answer by code that shares nothing with the solver.
+[[nodiscard]] Record solve_and_judge(const std::string& name, const OwnedProblem& problem,
+                                     const Options& options, double reference);
+
+void print_header();
+void print(const Record& record);
+/// Feasible, within the gap, median and largest factorizations, median ms.
+void print_summary(const std::string& family, const std::vector<Record>& records, double gap);
+
+[[nodiscard]] double median(std::vector<double> values);
+
+}  // namespace marble::suite
