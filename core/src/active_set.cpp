@@ -41,7 +41,8 @@ ActiveSet::ActiveSet(const ScaledProblem& problem, Kkt& kkt)
       center_(problem),
       images_(problem),
       direction_images_(problem),
-      gradient_(problem.variables()) {
+      gradient_(problem.variables()),
+      anchor_(Vector::Zero(problem.variables())) {
   breakpoints_.reserve(static_cast<std::size_t>(problem.inequalities() + problem.pairs()));
 }
 
@@ -217,6 +218,7 @@ void ActiveSet::start_from_point(ConstVectorRef z) {
 
 bool ActiveSet::relax(Run& run, double rho, bool trust_set, int budget) {
   center_.all.setZero();
+  center_.z() = anchor_;
   const int last = run.factorizations + budget;
   const double delta =
       rho >= kExactRho ? kExactDelta : kElasticDelta;  // there the exact solve's factor serves too
@@ -226,7 +228,8 @@ bool ActiveSet::relax(Run& run, double rho, bool trust_set, int budget) {
   const double violation_cost = x_.y().squaredNorm() + x_.lambda_w().squaredNorm() +
                                 x_.lambda_L().squaredNorm() + x_.lambda_R().squaredNorm();
   images_.objective = x_.z().dot(0.5 * images_.gradient + problem_.g);
-  elastic_objective_ = images_.objective + 0.5 * delta * x_.z().squaredNorm() + 0.5 / rho * violation_cost;
+  elastic_objective_ =
+      images_.objective + 0.5 * delta * (x_.z() - anchor_).squaredNorm() + 0.5 / rho * violation_cost;
   return std::isfinite(elastic_objective_);
 }
 

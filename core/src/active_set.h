@@ -50,6 +50,10 @@ class ActiveSet {
   /// be right, and one factorization proves it if they are; else they are those that z violates. True if
   /// solved; the factor at hand is then the one of this solution.
   [[nodiscard]] bool relax(Run& run, double rho, bool trust_set, int budget);
+  /// Where the proximal term of relax() pulls: to the point at hand, or to 0. From an exact solution the
+  /// first leaves variables without cost where they are, and with them most active rows.
+  void anchor_here() { anchor_ = x_.z(); }
+  void anchor_at_zero() { anchor_.setZero(); }
   /// After relax(): the objective with the cost of all violations and the proximal term.
   [[nodiscard]] double elastic_objective() const { return elastic_objective_; }
   [[nodiscard]] double rho() const { return weights_.rho; }  ///< of the last factorization
@@ -87,7 +91,7 @@ class ActiveSet {
   double elastic_objective_ = 0.0;
   Iterate x_, d_, center_;
   Images images_, direction_images_;
-  Vector gradient_;
+  Vector gradient_, anchor_;
   struct Breakpoint {
     double step, slope;
   };

@@ -40,13 +40,18 @@ LocalSearch::LocalSearch(const ScaledProblem& problem, Kkt& kkt, ActiveSet& acti
   failed_exchanges_.reserve(4 * kMostExchanged * kMostCompanions);
 }
 
-bool LocalSearch::run(Run& run, const SearchPlan& plan, bool trust_set, int last_factorization) {
+bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) {
   accepted_ = 0;
   lost_ = false;
+  if (plan.from_exact) {
+    active_set_.anchor_here();
+  } else {
+    active_set_.anchor_at_zero();
+  }
   bool first = true;
   for (double rho = plan.rho_first;; rho = std::min(rho * plan.rho_factor, plan.rho_last)) {
     const int budget = std::min(first ? kFirstRelax : kRelax, last_factorization - run.factorizations);
-    if (!active_set_.relax(run, rho, first && trust_set, budget)) return false;
+    if (!active_set_.relax(run, rho, first && plan.from_exact, budget)) return false;
     parametric_.start(active_set_);
     failed_exchanges_.clear();
     failed_multiplier_.setConstant(std::numeric_limits<double>::infinity());

@@ -18,6 +18,7 @@ struct SearchPlan {
   double rho_first, rho_factor, rho_last;
   double rho_soft;        ///< flips are searched at the first ρ, up to this one, and at the last
   double rho_exchange;    ///< exchanges of two pairs are searched from here on
+  bool from_exact;        ///< `active_set` is at the exact solution of its branch, not just near a partition
   int first_patience;     ///< flips in a row that may fail at the first ρ
   int flip_patience;      ///< and at later ones
   int exchange_patience;  ///< exchanges in a row that may fail
@@ -30,7 +31,7 @@ class LocalSearch {
   /// Searches from the partition and the point of `active_set`, up to the run's given count of
   /// factorizations, and leaves `active_set` at the best elastic optimum found, for the last ρ. False if
   /// there is none.
-  [[nodiscard]] bool run(Run& run, const SearchPlan& plan, bool trust_set, int last_factorization);
+  [[nodiscard]] bool run(Run& run, const SearchPlan& plan, int last_factorization);
   /// Pairs of an exact solution whose fixed side has descent on its other side: what there is to search.
   [[nodiscard]] static int pulling(const ActiveSet& active_set);
   [[nodiscard]] int accepted() const { return accepted_; }  ///< moves, of the last run()

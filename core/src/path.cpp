@@ -50,6 +50,7 @@ PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& op
 
 // Algorithm 1; start() is lines 1–2. Line numbers are the paper's.
 std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
+  lost_ = false;
   while (true) {
     evaluate();  // line 4
     report(run);
@@ -62,6 +63,7 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
       if (sub_.kappa <= kappa_end && kappa_end > options_.kappa_min) return std::nullopt;
       begin_subproblem(run);
     } else if (lost(kappa_end <= options_.kappa_min)) {
+      lost_ = true;
       if (!retreat()) return explain(false);
       if (kappa_end > options_.kappa_min) return std::nullopt;
     }

@@ -26,6 +26,8 @@ class PathEngine {
   /// still, and each pair leans to the side that costs less.
   void lean(Run& run, ConstVectorRef initial_z, double rho_end);
 
+  /// Whether the last follow() broke off because it took too many steps at one κ.
+  [[nodiscard]] bool is_lost() const { return lost_; }
   /// The iterate follow() ended with, or the best one where it was interrupted.
   [[nodiscard]] const Iterate& iterate() const { return x_; }
   /// Its violations (user units) and its objective (scaled).
@@ -61,6 +63,7 @@ class PathEngine {
   double inner_solution_kappa_ = 0.0;  // its κ; 0 while there is none
   int inner_steps_ = 0;
   bool leaning_ = false;  // the estimates stay 0
+  bool lost_ = false;
   Images images_, direction_images_;
   Violations violations_, best_violations_;
   double best_objective_ = 0.0;

@@ -146,9 +146,14 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   if (controls.warm_start != nullptr) {
     if (auto taken = state_->take_warm_start(*controls.warm_start); !taken) return unexpected(taken.error());
   }
-  const Ending ending = state_->strategy.run(run, state_->initial_z,
-                                             controls.warm_start != nullptr ? &state_->warm_start : nullptr);
-  return state_->answer(ending, state_->strategy.best(), run);
+  std::optional<Strategy::WarmStart> warm_start;
+  if (controls.warm_start != nullptr)
+    warm_start.emplace(state_->warm_start, controls.warm_start->cold_objective);
+  const Ending ending = state_->strategy.run(run, state_->initial_z, warm_start);
+  Solution solution = state_->answer(ending, state_->strategy.best(), run);
+  const bool stayed_warm = controls.warm_start != nullptr && state_->strategy.stayed_warm();
+  solution.cold_objective = stayed_warm ? controls.warm_start->cold_objective : solution.objective;
+  return solution;
 }
 
 Expected<Solution> solve(const ProblemView& view, const Options& options, const SolveControls& controls) {

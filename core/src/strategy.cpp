@@ -8,10 +8,12 @@
 namespace marble {
 namespace {
 
-constexpr double kPolishKappa = 1e-2;  // the branch shows by here
-constexpr int kExactBudget = 100;      // factorizations
+constexpr double kBranchKappas[] = {1e-2, 1e-6};  // the branch often shows at the first, else at the second
+constexpr int kExactBudget = 100;                 // factorizations
 constexpr double kPathLoss = 1e-3;  // a feasible path point may be this much lower than its exact neighbour
 constexpr int kManyPulling = 10;    // pairs
+constexpr int kManyMorePulling =
+    30;  // after an interior point method has found a branch that the path did not
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
 // Measured on contact, rocket, gates, their variants and random QPECs; see core/README.md.
@@ -20,6 +22,7 @@ constexpr SearchPlan kNearby{.rho_first = 1e8,
                              .rho_last = 1e8,
                              .rho_soft = 0.0,
                              .rho_exchange = kNever,
+                             .from_exact = true,
                              .first_patience = 25,
                              .flip_patience = 0,
                              .exchange_patience = 0};
@@ -28,6 +31,7 @@ constexpr SearchPlan kFromSoft{.rho_first = 10.0,
                                .rho_last = 1e8,
                                .rho_soft = 2e3,
                                .rho_exchange = kNever,
+                               .from_exact = false,
                                .first_patience = 80,
                                .flip_patience = 20,
                                .exchange_patience = 0};
@@ -36,6 +40,7 @@ constexpr SearchPlan kFromInterior{.rho_first = 1e4,
                                    .rho_last = 1e7,
                                    .rho_soft = 0.0,
                                    .rho_exchange = 1e7,
+                                   .from_exact = false,
                                    .first_patience = 0,
                                    .flip_patience = 3,
                                    .exchange_patience = 12};
@@ -44,11 +49,31 @@ constexpr SearchPlan kAfterWarmStart{.rho_first = 1e8,
                                      .rho_last = 1e8,
                                      .rho_soft = 0.0,
                                      .rho_exchange = kNever,
-                                     .first_patience = 8,
+                                     .from_exact = true,
+                                     .first_patience = 3,
                                      .flip_patience = 0,
                                      .exchange_patience = 0};
-constexpr int kWarmBudget = 30;       // factorizations
-constexpr int kSmallChange = 10;      // factorizations: after more, a cold start may find better
+constexpr SearchPlan kRefresh{.rho_first = 30.0,
+                              .rho_factor = 100.0,
+                              .rho_last = 1e8,
+                              .rho_soft = 0.0,
+                              .rho_exchange = kNever,
+                              .from_exact = false,
+                              .first_patience = 8,
+                              .flip_patience = 0,
+                              .exchange_patience = 0};
+constexpr SearchPlan kMend{.rho_first = 1e8,
+                           .rho_factor = 100.0,
+                           .rho_last = 1e8,
+                           .rho_soft = 1e6,
+                           .rho_exchange = kNever,
+                           .from_exact = true,
+                           .first_patience = 10,
+                           .flip_patience = 10,
+                           .exchange_patience = 0};
+constexpr double kWarmLoss = 0.1;     // above what a cold start reached, that calls for another
+constexpr int kSmallChange = 12;      // factorizations
+constexpr int kWarmBudget = 30;       // factorizations: a change that takes more is not small
 constexpr double kCycleFactor = 0.3;  // each further start begins this much softer
 
 bool ended_by_force(Status status) {
@@ -70,10 +95,11 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
       exact_(problem),
       exact_set_(problem) {}
 
-Ending Strategy::run(Run& run, ConstVectorRef initial_z, const Iterate* warm_start) {
+Ending Strategy::run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start) {
   initial_z_ = initial_z;
   has_exact_ = branch_infeasible_ = false;
-  if (warm_start != nullptr && options_.polish && from_solution(run, *warm_start)) return explain_exact();
+  stayed_warm_ = warm_start && options_.polish && from_solution(run, *warm_start);
+  if (stayed_warm_) return explain_exact();
   Ending end = cold(run);
   if (has_exact_) return explain_exact();
   if (end.status == Status::numerical_failure && branch_infeasible_)
@@ -87,14 +113,20 @@ Ending Strategy::run(Run& run, ConstVectorRef initial_z, const Iterate* warm_sta
 // of the path.
 Ending Strategy::cold(Run& run) {
   path_.start(initial_z_);
-  std::optional<Ending> end = path_.follow(run, kPolishKappa);
-  if (end && (ended_by_force(end->status) || is_proof(end->status))) return *end;
+  std::optional<Ending> end;
+  Outcome outcome = Outcome::not_exact;
+  for (const double kappa : kBranchKappas) {
+    end = path_.follow(run, kappa);
+    if (end && (ended_by_force(end->status) || is_proof(end->status))) return *end;
+    if (options_.polish) outcome = from_path(run);
+    if (end || path_.is_lost() || outcome != Outcome::not_exact) break;
+  }
   if (options_.polish) {
-    const Outcome outcome = from_path(run);
-    if (outcome == Outcome::kept) {
+    if (outcome != Outcome::not_exact) {
       improve(run, run.factorizations + options_.local_search_budget);
-    } else if (outcome == Outcome::not_exact && options_.path == Path::fast) {
-      static_cast<void>(from_interior(run));
+    } else if (options_.path == Path::fast) {
+      if (from_interior(run) && LocalSearch::pulling(active_set_) >= kManyMorePulling)
+        improve_from_soft(run, run.factorizations + options_.local_search_budget);
     }
     for (int cycle = 1; cycle < options_.starts && has_exact_; ++cycle) improve_again(run, cycle);
     if (has_exact_ || (end && is_solved(end->status))) return end.value_or(Ending{});
@@ -104,19 +136,30 @@ Ending Strategy::cold(Run& run) {
   return *end;
 }
 
-// A branch that stays feasible after a small change, or becomes so after a few exchanges, is near the best
-// one; after more than that a cold start has its say too.
-bool Strategy::from_solution(Run& run, const Iterate& warm_start) {
+// A branch that stays feasible after a small change is near the best one. Else it is mended; and a cold start
+// has its say where that fails, or where answers have become clearly worse than a cold start's was.
+bool Strategy::from_solution(Run& run, const WarmStart& warm_start) {
   const int before = run.factorizations;
-  active_set_.start_from_solution(warm_start);
-  if (make_exact(run, "warm start", kWarmBudget) != Outcome::kept) return false;
-  const bool small_change = run.factorizations - before <= kSmallChange;
-  if (options_.local_search_budget > 0 && LocalSearch::pulling(active_set_) > 0) {
-    if (search_.run(run, kAfterWarmStart, true, run.factorizations + options_.local_search_budget) &&
-        search_.accepted() > 0)
+  const int last = before + kExactBudget + options_.local_search_budget;
+  active_set_.start_from_solution(warm_start.solution);
+  bool small_change = make_exact(run, "warm start", kWarmBudget) == Outcome::kept;
+  if (small_change) {
+    const int work = run.factorizations - before;
+    small_change = work <= kSmallChange;
+    const bool search = work > kTinyChange && options_.local_search_budget > 0;
+    const int pulling = search ? LocalSearch::pulling(active_set_) : 0;
+    const SearchPlan& plan = small_change || pulling < kManyPulling ? kAfterWarmStart : kRefresh;
+    if (pulling > 0 && search_.run(run, plan, last) && search_.accepted() > 0)
       static_cast<void>(make_exact(run, "warm start, local search", kExactBudget));
+  } else {
+    active_set_.start_from_solution(warm_start.solution);
+    if (!search_.run(run, kMend, last) ||
+        make_exact(run, "warm start, mended", kExactBudget) != Outcome::kept)
+      return false;
   }
-  return small_change;
+  const double objective = exact_objective_ / problem_.cost_scale + problem_.c0;
+  return small_change ||
+         objective <= warm_start.cold_objective + kWarmLoss * std::abs(warm_start.cold_objective);
 }
 
 // Solves the branch at hand exactly and keeps the point if it is feasible and the best so far.
@@ -158,7 +201,7 @@ bool Strategy::from_interior(Run& run) {
   SearchPlan plan = kFromInterior;
   if (options_.local_search_budget == 0) plan.exchange_patience = plan.flip_patience = 0;
   const int last = run.factorizations + 2 * kExactBudget + options_.local_search_budget;
-  return search_.run(run, plan, false, last) &&
+  return search_.run(run, plan, last) &&
          make_exact(run, "interior point, local search", kExactBudget) == Outcome::kept;
 }
 
@@ -170,14 +213,14 @@ void Strategy::improve(Run& run, int last_factorization) {
   if (pulling >= kManyPulling && options_.path == Path::fast) improve_from_soft(run, last_factorization);
   if (exact_objective_ < before) return;
   active_set_.restore(exact_, exact_set_);
-  if (search_.run(run, kNearby, true, last_factorization) && search_.accepted() > 0)
+  if (search_.run(run, kNearby, last_factorization) && search_.accepted() > 0)
     static_cast<void>(make_exact(run, "path, local search", kExactBudget));
 }
 
 void Strategy::improve_from_soft(Run& run, int last_factorization) {
   path_.lean(run, initial_z_, kFromSoft.rho_first);
   active_set_.start_from_point(path_.iterate().z());
-  if (search_.run(run, kFromSoft, false, last_factorization))
+  if (search_.run(run, kFromSoft, last_factorization))
     static_cast<void>(make_exact(run, "soft start, local search", kExactBudget));
 }
 
@@ -188,7 +231,7 @@ void Strategy::improve_again(Run& run, int cycle) {
   plan.rho_first *= std::pow(kCycleFactor, cycle);
   active_set_.restore(exact_, exact_set_);
   const int last = run.factorizations + kExactBudget + options_.local_search_budget;
-  if (search_.run(run, plan, false, last))
+  if (search_.run(run, plan, last))
     static_cast<void>(make_exact(run, "further start, local search", kExactBudget));
 }
 

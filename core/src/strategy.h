@@ -17,8 +17,16 @@ class Strategy {
  public:
   Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options);
 
+  /// A solution to start from (scaled), and the whole objective that a cold start reached before it.
+  struct WarmStart {
+    const Iterate& solution;
+    double cold_objective;
+  };
+
   /// From z (scaled) to an end; if there is a solution to start from, from its branch first.
-  [[nodiscard]] Ending run(Run& run, ConstVectorRef initial_z, const Iterate* warm_start);
+  [[nodiscard]] Ending run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start);
+  /// Whether the last run() needed no cold start.
+  [[nodiscard]] bool stayed_warm() const { return stayed_warm_; }
 
   /// What it ended with: exact where the ending says solved by a branch, else the path's.
   [[nodiscard]] const Iterate& best() const { return has_exact_ ? exact_ : path_.iterate(); }
@@ -27,7 +35,7 @@ class Strategy {
  private:
   enum class Outcome { kept, no_better, not_exact };
   [[nodiscard]] Outcome make_exact(Run& run, const char* origin, int budget);
-  [[nodiscard]] bool from_solution(Run& run, const Iterate& warm_start);
+  [[nodiscard]] bool from_solution(Run& run, const WarmStart& warm_start);
   [[nodiscard]] Ending cold(Run& run);
   [[nodiscard]] Outcome from_path(Run& run);
   [[nodiscard]] bool from_interior(Run& run);
@@ -47,7 +55,7 @@ class Strategy {
   WorkingSet exact_set_;
   double exact_objective_ = 0.0;
   Violations exact_violations_;
-  bool has_exact_ = false, branch_infeasible_ = false;
+  bool has_exact_ = false, branch_infeasible_ = false, stayed_warm_ = false;
   const char* origin_ = "";  // the engines that found it
 };
 

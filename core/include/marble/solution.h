@@ -47,6 +47,9 @@ struct Solution {
   std::vector<double>
       certificate;  ///< for infeasible: (y, ν, ξ, η) stacked; for unbounded: direction (n); else empty
   double objective = 0.0;
+  /// What a cold start last reached on the way to this answer: the objective itself, or, of a chain of warm
+  /// starts, that of its first. A warm start that ends clearly above it starts cold too.
+  double cold_objective = 0.0;
   Violations violations;
   double kkt_residual = 0.0;  ///< max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|, unscaled
   std::int32_t iterations = 0;
