@@ -72,7 +72,8 @@ constexpr SearchPlan kMend{.rho_first = 1e8,
                            .flip_patience = 10,
                            .exchange_patience = 0};
 constexpr double kWarmLoss = 0.1;     // above what a cold start reached, that calls for another
-constexpr int kSmallChange = 12;      // factorizations
+constexpr int kTinyChange = 4;        // factorizations: so little does not move the best branch
+constexpr int kSmallChange = 12;      // factorizations: so little does not call for a cold start
 constexpr int kWarmBudget = 30;       // factorizations: a change that takes more is not small
 constexpr double kCycleFactor = 0.3;  // each further start begins this much softer
 
