@@ -85,8 +85,8 @@ int main(int argc, char** argv) {
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
   solver_service.wait_for_answers(kLastAnswers);
-  // gRPC answers a call that arrives during its shutdown with CANCELLED, which nobody retries: until those who
-  // have just been answered have asked again and been refused, it waits.
+  // gRPC answers a call that arrives during its shutdown with CANCELLED, which nobody retries: until those
+  // who have just been answered have asked again and been refused, it waits.
   std::this_thread::sleep_for(kLastRefusals);
   listening->server->Shutdown(std::chrono::system_clock::now());
   listening->server->Wait();

@@ -42,6 +42,8 @@ std::string summary(const ProblemFile& problem, const Answer& s) {
   text += "\n";
   if (is_solved(s.status)) {
     text += "  found by        " + s.detail.substr(0, s.detail.find(';')) + "\n";
+    text += std::string("  stationarity    ") + to_string(s.stationarity) +
+            (s.b_stationary.value_or(false) ? ", no descent on any branch\n" : "\n");
   } else {
     text += "  why             " + s.detail + "\n";
   }
@@ -66,6 +68,8 @@ std::string json_line(const std::string& file, const ProblemFile& problem, const
                         {"inequality", s.violations.inequality},
                         {"complementarity", s.violations.complementarity}};
   json["kkt_residual"] = s.kkt_residual;
+  json["stationarity"] = to_string(s.stationarity);
+  if (s.b_stationary) json["b_stationary"] = *s.b_stationary;
   json["iterations"] = s.iterations;
   json["factorizations"] = s.factorizations;
   json["solve_seconds"] = s.times.solve_s;

@@ -3,6 +3,7 @@
 
 #include "iterate.h"
 #include "marble/progress.h"
+#include "marble/solution.h"
 
 namespace marble {
 

@@ -26,4 +26,20 @@ const char* to_string(Status status) {
   return "unknown";
 }
 
+const char* to_string(Stationarity stationarity) {
+  switch (stationarity) {
+    case Stationarity::unknown:
+      break;
+    case Stationarity::weak:
+      return "weak";
+    case Stationarity::clarke:
+      return "clarke";
+    case Stationarity::mordukhovich:
+      return "mordukhovich";
+    case Stationarity::strong:
+      return "strong";
+  }
+  return "unknown";
+}
+
 }  // namespace marble

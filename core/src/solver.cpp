@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "stationarity.h"
 #include "strategy.h"
 
 namespace marble {
@@ -53,6 +54,8 @@ Solution Solver::State::answer(const Ending& ending, const Iterate& x, const Run
   solution.inequality_multipliers = unscaled(x.lambda_w(), problem.inequality_scale, -cost);
   solution.complementarity_multipliers_L = unscaled(x.lambda_L(), problem.left_scale, -cost);
   solution.complementarity_multipliers_R = unscaled(x.lambda_R(), problem.right_scale, -cost);
+  if (is_solved(ending.status)) solution.stationarity = classify(images, x);
+  solution.b_stationary = strategy.b_stationary();
   solution.objective = cost * images.objective + problem.c0;
   solution.violations = violations(problem, images);
   solution.kkt_residual = cost * max_abs(images.stationarity.cwiseQuotient(problem.variable_scale));

@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "stationarity.h"
+
 namespace marble {
 namespace {
 
@@ -71,6 +73,10 @@ constexpr SearchPlan kMend{.rho_first = 1e8,
                            .first_patience = 10,
                            .flip_patience = 10,
                            .exchange_patience = 0};
+constexpr std::size_t kMostBiactive = 3;  // pairs whose branches are tried to decide B-stationarity
+constexpr int kMostBetterBranches = 5;    // found that way, one after the other
+constexpr int kBranchBudget = 20;         // factorizations
+constexpr double kLeastDescent = 1e-9;
 constexpr double kWarmLoss = 0.1;     // above what a cold start reached, that calls for another
 constexpr int kTinyChange = 4;        // factorizations: so little does not move the best branch
 constexpr int kSmallChange = 12;      // factorizations: so little does not call for a cold start
@@ -94,15 +100,19 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
       search_(problem, kkt, active_set_),
       initial_z_(problem.variables()),
       exact_(problem),
-      exact_set_(problem) {}
+      exact_set_(problem),
+      branch_base_(problem),
+      branch_set_(problem),
+      finish_images_(problem) {}
 
 Ending Strategy::run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start) {
   initial_z_ = initial_z;
   has_exact_ = branch_infeasible_ = false;
+  b_stationary_.reset();
   stayed_warm_ = warm_start && options_.polish && from_solution(run, *warm_start);
-  if (stayed_warm_) return explain_exact();
+  if (stayed_warm_) return finish_exact(run);
   Ending end = cold(run);
-  if (has_exact_) return explain_exact();
+  if (has_exact_) return finish_exact(run);
   if (end.status == Status::numerical_failure && branch_infeasible_)
     return {Status::locally_infeasible, "no feasible branch near; " + end.detail, {}};
   if (end.detail.empty()) end.detail = "path; " + describe(path_.violations_at());
@@ -237,6 +247,43 @@ void Strategy::improve_again(Run& run, int cycle) {
 }
 
 // Text is made only at the end: what ends an engine need not end the run.
+// Strongly stationary points are B-stationary; of others, those with few biactive pairs are tried on each
+// branch.
+Ending Strategy::finish_exact(Run& run) {
+  Images& images = finish_images_;
+  images.evaluate(problem_, exact_);
+  const std::vector<Index> biactive = biactive_pairs(images);
+  if (classify(images, exact_) == Stationarity::strong) {
+    b_stationary_ = true;
+  } else if (biactive.size() <= kMostBiactive && options_.local_search_budget > 0) {
+    for (int better = 0; better < kMostBetterBranches; ++better) {
+      const double before = exact_objective_;
+      const bool all = solves_its_branches(run, biactive);
+      if (all) b_stationary_ = true;
+      if (all || exact_objective_ >= before || run.interrupted()) break;
+    }
+  }
+  return explain_exact();
+}
+
+// Whether no branch that meets in the point has a better one; else goes there.
+bool Strategy::solves_its_branches(Run& run, std::span<const Index> biactive) {
+  branch_base_ = exact_set_;
+  const double objective = exact_objective_;
+  bool decided = true;
+  for (unsigned branch = 1; branch < 1U << biactive.size(); ++branch) {
+    branch_set_ = branch_base_;
+    for (std::size_t k = 0; k < biactive.size(); ++k) {
+      if ((branch >> k & 1U) != 0) branch_set_.left_fixed[static_cast<std::size_t>(biactive[k])] ^= 1U;
+    }
+    active_set_.restore(exact_, branch_set_);
+    const Outcome outcome = make_exact(run, "neighbouring branch", kBranchBudget);
+    if (exact_objective_ < objective - kLeastDescent * (1.0 + std::abs(objective))) return false;
+    decided = decided && outcome != Outcome::not_exact;
+  }
+  return decided;
+}
+
 Ending Strategy::explain_exact() const {
   std::string detail;
   detail.reserve(256);

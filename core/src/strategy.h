@@ -6,6 +6,9 @@
 // With a warm start the branch of the point given comes first, and often last.
 #pragma once
 
+#include <optional>
+#include <span>
+
 #include "interior.h"
 #include "local_search.h"
 #include "path.h"
@@ -30,7 +33,8 @@ class Strategy {
 
   /// What it ended with: exact where the ending says solved by a branch, else the path's.
   [[nodiscard]] const Iterate& best() const { return has_exact_ ? exact_ : path_.iterate(); }
-  [[nodiscard]] bool is_exact() const { return has_exact_; }
+  /// True if it is exact and solves every branch it belongs to; absent if that was not decided.
+  [[nodiscard]] std::optional<bool> b_stationary() const { return b_stationary_; }
 
  private:
   enum class Outcome { kept, no_better, not_exact };
@@ -42,6 +46,8 @@ class Strategy {
   void improve(Run& run, int last_factorization);
   void improve_from_soft(Run& run, int last_factorization);
   void improve_again(Run& run, int cycle);
+  [[nodiscard]] Ending finish_exact(Run& run);
+  [[nodiscard]] bool solves_its_branches(Run& run, std::span<const Index> biactive);
   [[nodiscard]] Ending explain_exact() const;
 
   const ScaledProblem& problem_;
@@ -52,10 +58,12 @@ class Strategy {
   LocalSearch search_;
   Vector initial_z_;
   Iterate exact_;  // the best exact solution so far
-  WorkingSet exact_set_;
+  WorkingSet exact_set_, branch_base_, branch_set_;
+  Images finish_images_;
   double exact_objective_ = 0.0;
   Violations exact_violations_;
   bool has_exact_ = false, branch_infeasible_ = false, stayed_warm_ = false;
+  std::optional<bool> b_stationary_;
   const char* origin_ = "";  // the engines that found it
 };
 

@@ -220,6 +220,7 @@ Status status_of(v1::Status status) {
   return known ? static_cast<Status>(number) : Status::numerical_failure;
 }
 
+static_assert(static_cast<int>(Stationarity::strong) == v1::STATIONARITY_STRONG, "the enums count alike");
 static_assert(static_cast<int>(Status::solved) + 1 == v1::STATUS_SOLVED &&
                   static_cast<int>(Status::numerical_failure) + 1 == v1::STATUS_NUMERICAL_FAILURE,
               "both enumerations list the statuses in the same order");
@@ -236,6 +237,9 @@ void to_message(const Solution& solution, v1::Solution* message) {
   message->set_objective(solution.objective);
   to_message(solution.violations, message->mutable_violations());
   message->set_kkt_residual(solution.kkt_residual);
+  message->set_stationarity(static_cast<v1::Stationarity>(static_cast<int>(solution.stationarity)));
+  if (solution.b_stationary) message->set_b_stationary(*solution.b_stationary);
+  message->set_cold_objective(solution.cold_objective);
   message->set_iterations(solution.iterations);
   message->set_factorizations(solution.factorizations);
   v1::Times* times = message->mutable_times();
@@ -259,6 +263,10 @@ Solution solution_of(const v1::Solution& message) {
   solution.objective = message.objective();
   solution.violations = violations_of(message.violations());
   solution.kkt_residual = message.kkt_residual();
+  if (v1::Stationarity_IsValid(message.stationarity()))
+    solution.stationarity = static_cast<Stationarity>(static_cast<int>(message.stationarity()));
+  if (message.has_b_stationary()) solution.b_stationary = message.b_stationary();
+  solution.cold_objective = message.cold_objective();
   solution.iterations = message.iterations();
   solution.factorizations = message.factorizations();
   solution.times = {message.times().setup_s(), message.times().factorization_s(),

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,18 @@ enum class Status {
   return status == Status::solved || status == Status::solved_reduced;
 }
 
+/// Kinds of stationary points, by the multipliers ξ, η of pairs with s = t = 0; each includes those before
+/// it.
+enum class Stationarity {
+  unknown,       ///< the point is not solved
+  weak,          ///< W: stationary with both sides as equalities, ξ and η of any sign
+  clarke,        ///< C: ξ η ≥ 0
+  mordukhovich,  ///< M: ξ, η > 0 or ξ η = 0
+  strong,        ///< S: ξ, η ≥ 0; then no direction of descent is left
+};
+
+[[nodiscard]] const char* to_string(Stationarity stationarity);
+
 /// Seconds spent, by part.
 struct Times {
   double setup_s = 0.0;          ///< scaling, ordering, symbolic analysis, allocation
@@ -46,6 +59,10 @@ struct Solution {
   std::vector<double> complementarity_multipliers_R;  ///< η, n_c; sign free where t = 0 < s, 0 where t > 0
   std::vector<double>
       certificate;  ///< for infeasible: (y, ν, ξ, η) stacked; for unbounded: direction (n); else empty
+  Stationarity stationarity = Stationarity::unknown;
+  /// B-stationary: no feasible direction of descent. True where the point is strongly stationary or solves
+  /// each of the few branches it belongs to; absent where that was not decided.
+  std::optional<bool> b_stationary;
   double objective = 0.0;
   /// What a cold start last reached on the way to this answer: the objective itself, or, of a chain of warm
   /// starts, that of its first. A warm start that ends clearly above it starts cold too.

@@ -1,0 +1,40 @@
+#include "stationarity.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace marble {
+namespace {
+
+constexpr double kZero = 1e-8;  // of sides; of multipliers relative to the largest
+
+}  // namespace
+
+std::vector<Index> biactive_pairs(const Images& images) {
+  std::vector<Index> pairs;
+  for (Index i = 0; i < static_cast<Index>(images.left.size()); ++i) {
+    if (std::max(images.left[i], images.right[i]) <= kZero) pairs.push_back(i);
+  }
+  return pairs;
+}
+
+Stationarity classify(const Images& images, const Iterate& x) {
+  const double zero = kZero * (1.0 + std::max(max_abs(x.lambda_L()), max_abs(x.lambda_R())));
+  auto kind = Stationarity::strong;
+  for (const Index i : biactive_pairs(images)) {
+    const double xi = -x.lambda_L()[i];
+    const double eta = -x.lambda_R()[i];
+    auto here = Stationarity::weak;
+    if (xi >= -zero && eta >= -zero) {
+      here = Stationarity::strong;
+    } else if (std::abs(xi) <= zero || std::abs(eta) <= zero) {
+      here = Stationarity::mordukhovich;
+    } else if (xi < 0.0 && eta < 0.0) {
+      here = Stationarity::clarke;
+    }
+    kind = std::min(kind, here);
+  }
+  return kind;
+}
+
+}  // namespace marble
