@@ -71,4 +71,27 @@ std::vector<double> unbounded_direction(const ScaledProblem& p, const Iterate& x
   return {direction.data(), direction.data() + direction.size()};
 }
 
+ScaledProblem feasibility_relaxation(const ScaledProblem& p) {
+  ScaledProblem relaxed;
+  relaxed.Q.size = p.variables();
+  relaxed.Q.column_pointers.assign(static_cast<std::size_t>(p.variables()) + 1, 0);
+  relaxed.g = Vector::Zero(p.variables());
+  relaxed.A = p.A;
+  relaxed.b = p.b;
+  relaxed.C.columns = p.variables();
+  for (const RowMatrix* matrix : {&p.C, &p.L, &p.R}) {
+    const auto entries = static_cast<Index>(relaxed.C.values.size());
+    for (Index row = 0; row < matrix->rows; ++row)
+      relaxed.C.row_pointers.push_back(entries + matrix->row_pointers[row + 1]);
+    relaxed.C.column_indices.insert(relaxed.C.column_indices.end(), matrix->column_indices.begin(),
+                                    matrix->column_indices.end());
+    relaxed.C.values.insert(relaxed.C.values.end(), matrix->values.begin(), matrix->values.end());
+    relaxed.C.rows += matrix->rows;
+  }
+  relaxed.d.resize(relaxed.C.rows);
+  relaxed.d << p.d, p.l, p.r;
+  relaxed.L.columns = relaxed.R.columns = p.variables();
+  return relaxed;
+}
+
 }  // namespace marble

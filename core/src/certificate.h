@@ -16,4 +16,8 @@ std::vector<double> infeasibility_certificate(const ScaledProblem& p, const Iter
 /// d (n, unscaled, largest entry 1), else nothing.
 std::vector<double> unbounded_direction(const ScaledProblem& p, const Iterate& x);
 
+/// The constraints without complementarity as inequalities of a problem without cost: its elastic optimum has
+/// the least violation, and violations that are left are a proof (Farkas).
+[[nodiscard]] ScaledProblem feasibility_relaxation(const ScaledProblem& p);
+
 }  // namespace marble

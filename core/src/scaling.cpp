@@ -94,40 +94,6 @@ Vector copy(std::span<const double> values) {
   return Eigen::Map<const Vector>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
-}  // namespace
-
-ScaledProblem scale(const Problem& problem, int passes) {
-  const ProblemView& view = problem.view();
-  const Index n = problem.variables();
-  ScaledProblem p;
-  p.Q = upper_triangle(view.Q, n);
-  p.A = by_rows(view.A, problem.equalities(), n);
-  p.C = by_rows(view.C, problem.inequalities(), n);
-  p.L = by_rows(view.L, problem.pairs(), n);
-  p.R = by_rows(view.R, problem.pairs(), n);
-  p.g = copy(view.g);
-  p.b = copy(view.b);
-  p.d = copy(view.d);
-  p.l = copy(view.l);
-  p.r = copy(view.r);
-  p.c0 = view.c0;
-
-  equilibrate(p, passes);
-  p.g.array() *= p.variable_scale.array();
-  p.b.array() *= p.equality_scale.array();
-  p.d.array() *= p.inequality_scale.array();
-  p.l.array() *= p.left_scale.array();
-  p.r.array() *= p.right_scale.array();
-  if (passes > 0) {
-    p.cost_scale = cost_scale(p);
-    p.g *= p.cost_scale;
-    for (double& value : p.Q.values) value *= p.cost_scale;
-  }
-  return p;
-}
-
-namespace {
-
 void replace(std::span<const double> values, const Vector& factor, double common, Vector& out) {
   if (!values.empty()) out = common * copy(values).cwiseProduct(factor);
 }
@@ -164,6 +130,40 @@ bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
   changed |= replace(update.L, p.left_scale, p.variable_scale, p.L);
   changed |= replace(update.R, p.right_scale, p.variable_scale, p.R);
   return changed;
+}
+
+ScaledProblem scale(const Problem& problem, int passes) {
+  const ProblemView& view = problem.view();
+  const Index n = problem.variables();
+  ScaledProblem p;
+  p.Q = upper_triangle(view.Q, n);
+  p.A = by_rows(view.A, problem.equalities(), n);
+  p.C = by_rows(view.C, problem.inequalities(), n);
+  p.L = by_rows(view.L, problem.pairs(), n);
+  p.R = by_rows(view.R, problem.pairs(), n);
+  p.g = copy(view.g);
+  p.b = copy(view.b);
+  p.d = copy(view.d);
+  p.l = copy(view.l);
+  p.r = copy(view.r);
+  p.c0 = view.c0;
+
+  equilibrate(p, passes);
+  p.g.array() *= p.variable_scale.array();
+  if (passes > 0) p.cost_scale = cost_scale(p);
+  // Once more from the original: the same bits as an update with the same numbers.
+  rescale({.g = view.g,
+           .b = view.b,
+           .d = view.d,
+           .l = view.l,
+           .r = view.r,
+           .Q = view.Q.values,
+           .A = view.A.values,
+           .C = view.C.values,
+           .L = view.L.values,
+           .R = view.R.values},
+          p);
+  return p;
 }
 
 }  // namespace marble

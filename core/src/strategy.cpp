@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "certificate.h"
 #include "stationarity.h"
 
 namespace marble {
@@ -77,6 +78,7 @@ constexpr std::size_t kMostBiactive = 3;  // pairs whose branches are tried to d
 constexpr int kMostBetterBranches = 5;    // found that way, one after the other
 constexpr int kBranchBudget = 20;         // factorizations
 constexpr double kLeastDescent = 1e-9;
+constexpr double kProofRho = 1e3;
 constexpr double kWarmLoss = 0.1;     // above what a cold start reached, that calls for another
 constexpr int kTinyChange = 4;        // factorizations: so little does not move the best branch
 constexpr int kSmallChange = 12;      // factorizations: so little does not call for a cold start
@@ -113,6 +115,13 @@ Ending Strategy::run(Run& run, ConstVectorRef initial_z, const std::optional<War
   if (stayed_warm_) return finish_exact(run);
   Ending end = cold(run);
   if (has_exact_) return finish_exact(run);
+  if (end.status == Status::numerical_failure || end.status == Status::locally_infeasible) {
+    if (std::vector<double> proof = prove_infeasible(run); !proof.empty())
+      return {Status::infeasible,
+              "the constraints contradict each other even without complementarity; " +
+                  describe(path_.violations_at()),
+              std::move(proof)};
+  }
   if (end.status == Status::numerical_failure && branch_infeasible_)
     return {Status::locally_infeasible, "no feasible branch near; " + end.detail, {}};
   if (end.detail.empty()) end.detail = "path; " + describe(path_.violations_at());
@@ -145,6 +154,21 @@ Ending Strategy::cold(Run& run) {
   if (!end) end = path_.follow(run, options_.kappa_min);
   if (!ended_by_force(end->status) && options_.polish) static_cast<void>(from_path(run));
   return *end;
+}
+
+// The last resort of a solve without an answer, with workspace of its own.
+std::vector<double> Strategy::prove_infeasible(Run& run) {
+  const ScaledProblem relaxed = feasibility_relaxation(problem_);
+  const std::unique_ptr<Kkt> kkt = make_kkt(relaxed);
+  ActiveSet active_set(relaxed, *kkt);
+  active_set.start_from_point(path_.iterate().z());
+  if (!active_set.relax(run, kProofRho, false, kExactBudget)) return {};
+  Iterate x(problem_);
+  x.y() = active_set.x().y();
+  x.lambda_w() = active_set.x().lambda_w().head(problem_.inequalities());
+  x.lambda_L() = active_set.x().lambda_w().segment(problem_.inequalities(), problem_.pairs());
+  x.lambda_R() = active_set.x().lambda_w().tail(problem_.pairs());
+  return infeasibility_certificate(problem_, x);
 }
 
 // A branch that stays feasible after a small change is near the best one. Else it is mended; and a cold start

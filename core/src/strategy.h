@@ -46,6 +46,7 @@ class Strategy {
   void improve(Run& run, int last_factorization);
   void improve_from_soft(Run& run, int last_factorization);
   void improve_again(Run& run, int cycle);
+  [[nodiscard]] std::vector<double> prove_infeasible(Run& run);
   [[nodiscard]] Ending finish_exact(Run& run);
   [[nodiscard]] bool solves_its_branches(Run& run, std::span<const Index> biactive);
   [[nodiscard]] Ending explain_exact() const;

@@ -1,0 +1,151 @@
+#include "parametric.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "marble/examples.h"
+#include "support/random_problem.h"
+
+namespace marble {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kBudget = 200;
+
+// An elastic piece of a problem, solved, and what a local search asks of it.
+struct Setting {
+  Setting(const OwnedProblem& p, double elastic_rho)
+      : rho(elastic_rho),
+        problem(scale(Problem::create(p.view()).value(), 10)),
+        kkt(make_kkt(problem)),
+        active_set(problem, *kkt),
+        parametric(problem, *kkt) {
+    active_set.start_from_point(Vector::Zero(problem.variables()));
+    solved = active_set.relax(run, rho, false, kBudget);
+    if (solved) parametric.start(active_set);
+  }
+
+  // The elastic optimum with some pairs on their other side, by brute force.
+  double objective_after(std::span<const Index> flipped) {
+    const auto own_kkt = make_kkt(problem);
+    ActiveSet fresh(problem, *own_kkt);
+    fresh.start_from_point(Vector::Zero(problem.variables()));
+    WorkingSet set = active_set.set();
+    for (const Index pair : flipped) set.left_fixed[static_cast<std::size_t>(pair)] ^= 1U;
+    fresh.set_working_set(set);
+    EXPECT_TRUE(fresh.relax(run, rho, false, kBudget));
+    return fresh.elastic_objective();
+  }
+
+  Options options;
+  SolveControls controls;
+  Run run{options, controls};
+  double rho;
+  ScaledProblem problem;
+  std::unique_ptr<Kkt> kkt;
+  ActiveSet active_set;
+  Parametric parametric;
+  bool solved = false;
+};
+
+void expect_flips_predicted(const OwnedProblem& p, double rho) {
+  Setting s(p, rho);
+  ASSERT_TRUE(s.solved) << p.name;
+  int predicted = 0;
+  for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
+    const Parametric::Move flip[] = {{s.parametric.fixed_row(pair), false},
+                                     {s.parametric.free_row(pair), true}};
+    const auto objective = s.parametric.follow(flip, kInfinity, 0.0);
+    if (!objective) continue;  // too many rows change
+    ++predicted;
+    const double expected = s.objective_after({&pair, 1});
+    EXPECT_NEAR(*objective, expected, 1e-6 * (1.0 + std::abs(expected))) << p.name << " pair " << pair;
+  }
+  EXPECT_GE(predicted, s.problem.pairs() * 9 / 10) << p.name;
+}
+
+TEST(Parametric, PredictsTheOptimumAfterAFlipOfAnyPair) {
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    const OwnedProblem p =
+        testing::random_problem({.variables = 20, .equalities = 4, .inequalities = 12, .pairs = 8}, seed);
+    for (const double rho : {10.0, 1e3, 1e6}) expect_flips_predicted(p, rho);
+  }
+}
+
+TEST(Parametric, PredictsFlipsOfAStructuredProblem) {
+  expect_flips_predicted(examples::hopper({.steps = 6}), 10.0);
+  expect_flips_predicted(examples::hopper({.steps = 6}), 1e4);
+}
+
+TEST(Parametric, PredictsFlipsOfADenseProblem) {
+  expect_flips_predicted(
+      examples::qpec({.upper_variables = 4, .lower_variables = 12, .degenerate_pairs = 2}, 1), 1e4);
+}
+
+TEST(Parametric, PredictsTheOptimumAfterAnExchangeInAnyOrder) {
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    const OwnedProblem p =
+        testing::random_problem({.variables = 20, .equalities = 4, .inequalities = 12, .pairs = 6}, seed);
+    Setting s(p, 1e3);
+    ASSERT_TRUE(s.solved);
+    const Index pairs[] = {static_cast<Index>(seed % 6), static_cast<Index>((seed + 2) % 6)};
+    const double expected = s.objective_after(pairs);
+    const Index e0 = s.parametric.fixed_row(pairs[0]);
+    const Index q0 = s.parametric.free_row(pairs[0]);
+    const Index e1 = s.parametric.fixed_row(pairs[1]);
+    const Index q1 = s.parametric.free_row(pairs[1]);
+    const Parametric::Move orders[][4] = {{{e0, false}, {q0, true}, {e1, false}, {q1, true}},
+                                          {{e1, false}, {q0, true}, {q1, true}, {e0, false}},
+                                          {{e0, false}, {e1, false}, {q1, true}, {q0, true}}};
+    for (const auto& moves : orders) {
+      const auto objective = s.parametric.follow(moves, kInfinity, kInfinity);
+      ASSERT_TRUE(objective.has_value());
+      EXPECT_NEAR(*objective, expected, 1e-6 * (1.0 + std::abs(expected))) << p.name;
+    }
+  }
+}
+
+TEST(Parametric, GivesUpExactlyOnWhatCannotEndBelowTheCutoff) {
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    const OwnedProblem p = testing::random_problem({.variables = 20, .inequalities = 12, .pairs = 8}, seed);
+    Setting s(p, 1e3);
+    ASSERT_TRUE(s.solved);
+    for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
+      const Parametric::Move flip[] = {{s.parametric.fixed_row(pair), false},
+                                       {s.parametric.free_row(pair), true}};
+      const auto unlimited = s.parametric.follow(flip, kInfinity, 0.0);
+      if (!unlimited) continue;
+      const double margin = 1e-9 * (1.0 + std::abs(*unlimited));
+      EXPECT_FALSE(s.parametric.follow(flip, *unlimited - margin, 0.0).has_value());
+      EXPECT_TRUE(s.parametric.follow(flip, *unlimited + margin, 0.0).has_value());
+    }
+  }
+}
+
+TEST(Parametric, TheWorkingSetItEndsWithIsTheOneOfTheNewOptimum) {
+  const OwnedProblem p = testing::random_problem({.variables = 20, .inequalities = 12, .pairs = 8}, 3);
+  Setting s(p, 1e3);
+  ASSERT_TRUE(s.solved);
+  for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
+    const Parametric::Move flip[] = {{s.parametric.fixed_row(pair), false},
+                                     {s.parametric.free_row(pair), true}};
+    ASSERT_TRUE(s.parametric.follow(flip, kInfinity, 0.0).has_value());
+    WorkingSet before = s.active_set.set();
+    WorkingSet after = before;
+    after.left_fixed[static_cast<std::size_t>(pair)] ^= 1U;
+    s.parametric.read_active_rows(after);
+    const int factorizations = s.run.factorizations;
+    s.active_set.set_working_set(after);
+    ASSERT_TRUE(s.active_set.relax(s.run, s.rho, true, kBudget));
+    EXPECT_EQ(s.run.factorizations - factorizations, 1) << "the first guess was right";
+    EXPECT_EQ(s.active_set.set(), after);
+    s.active_set.set_working_set(before);
+    ASSERT_TRUE(s.active_set.relax(s.run, s.rho, true, kBudget));
+    s.parametric.start(s.active_set);
+  }
+}
+
+}  // namespace
+}  // namespace marble
