@@ -78,6 +78,9 @@ constexpr std::size_t kMostBiactive = 3;  // pairs whose branches are tried to d
 constexpr int kMostBetterBranches = 5;    // found that way, one after the other
 constexpr int kBranchBudget = 20;         // factorizations
 constexpr double kLeastDescent = 1e-9;
+constexpr int kCheap = 150;     // factorizations within which a soft search begins again without being asked
+constexpr int kFreeStarts = 4;  // of those, at most
+constexpr int kUseless = 2;     // starts without gain that end them
 constexpr double kProofRho = 1e3;
 constexpr double kWarmLoss = 0.1;     // above what a cold start reached, that calls for another
 constexpr int kTinyChange = 4;        // factorizations: so little does not move the best branch
@@ -111,6 +114,7 @@ Ending Strategy::run(Run& run, ConstVectorRef initial_z, const std::optional<War
   initial_z_ = initial_z;
   has_exact_ = branch_infeasible_ = false;
   b_stationary_.reset();
+  searched_soft_ = false;
   stayed_warm_ = warm_start && options_.polish && from_solution(run, *warm_start);
   if (stayed_warm_) return finish_exact(run);
   Ending end = cold(run);
@@ -148,7 +152,7 @@ Ending Strategy::cold(Run& run) {
       if (from_interior(run) && LocalSearch::pulling(active_set_) >= kManyMorePulling)
         improve_from_soft(run, run.factorizations + options_.local_search_budget);
     }
-    for (int cycle = 1; cycle < options_.starts && has_exact_; ++cycle) improve_again(run, cycle);
+    start_again(run);
     if (has_exact_ || (end && is_solved(end->status))) return end.value_or(Ending{});
   }
   if (!end) end = path_.follow(run, options_.kappa_min);
@@ -253,10 +257,24 @@ void Strategy::improve(Run& run, int last_factorization) {
 }
 
 void Strategy::improve_from_soft(Run& run, int last_factorization) {
+  searched_soft_ = true;
   path_.lean(run, initial_z_, kFromSoft.rho_first);
   active_set_.start_from_point(path_.iterate().z());
   if (search_.run(run, kFromSoft, last_factorization))
     static_cast<void>(make_exact(run, "soft start, local search", kExactBudget));
+}
+
+// The starts asked for; and where a soft search was cheap, a few more while they gain.
+void Strategy::start_again(Run& run) {
+  int useless = 0;
+  for (int start = 1; has_exact_ && !run.interrupted(); ++start) {
+    const bool free =
+        searched_soft_ && start < kFreeStarts && useless < kUseless && run.factorizations < kCheap;
+    if (start >= options_.starts && !free) return;
+    const double before = exact_objective_;
+    improve_again(run, start);
+    useless = exact_objective_ < before ? 0 : useless + 1;
+  }
 }
 
 // Softens the best branch so far and hardens it again, softer each time.

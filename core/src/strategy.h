@@ -45,6 +45,7 @@ class Strategy {
   [[nodiscard]] bool from_interior(Run& run);
   void improve(Run& run, int last_factorization);
   void improve_from_soft(Run& run, int last_factorization);
+  void start_again(Run& run);
   void improve_again(Run& run, int cycle);
   [[nodiscard]] std::vector<double> prove_infeasible(Run& run);
   [[nodiscard]] Ending finish_exact(Run& run);
@@ -63,7 +64,7 @@ class Strategy {
   Images finish_images_;
   double exact_objective_ = 0.0;
   Violations exact_violations_;
-  bool has_exact_ = false, branch_infeasible_ = false, stayed_warm_ = false;
+  bool has_exact_ = false, branch_infeasible_ = false, stayed_warm_ = false, searched_soft_ = false;
   std::optional<bool> b_stationary_;
   const char* origin_ = "";  // the engines that found it
 };
