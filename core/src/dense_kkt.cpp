@@ -59,6 +59,27 @@ void DenseKkt::load(const ScaledProblem& problem) {
     }
     offset += matrix->rows;
   }
+  const auto find_singles = [](const RowMatrix& matrix, std::vector<Single>& singles) {
+    singles.assign(static_cast<std::size_t>(matrix.rows), {});
+    for (Index row = 0; row < matrix.rows; ++row) {
+      if (matrix.row_size(row) != 1) continue;
+      const auto entry = static_cast<std::size_t>(matrix.row_pointers[row]);
+      singles[static_cast<std::size_t>(row)] = {matrix.column_indices[entry], matrix.values[entry]};
+    }
+  };
+  find_singles(problem.L, left_single_);
+  find_singles(problem.R, right_single_);
+}
+
+// Weighs e = a·e_j against itself and against the row `other`: w_ee e eᵀ + w_eo (e oᵀ + o eᵀ).
+void DenseKkt::add_single(const Single& single, Index other, double single_single, double single_other) {
+  const Index j = single.column;
+  system_(j, j) += single_single * single.value * single.value;
+  if (single_other == 0.0) return;
+  const double factor = single_other * single.value;
+  for (Index k = 0; k < j; ++k) system_(k, j) += factor * rows_(other, k);
+  system_(j, j) += 2.0 * factor * rows_(other, j);
+  for (Index k = j + 1; k < variables_; ++k) system_(j, k) += factor * rows_(other, k);
 }
 
 void DenseKkt::add_terms(double sign) {
@@ -83,6 +104,23 @@ bool DenseKkt::factor(const RowWeights& weights) {
   system_.diagonal().array() += weights.delta;
   const Index left = equalities_ + inequalities_;
   const Index right = left + pairs_;
+  const auto single_pair = [this](Index i) {
+    return left_single_[static_cast<std::size_t>(i)].column >= 0 ||
+           right_single_[static_cast<std::size_t>(i)].column >= 0;
+  };
+  const auto weight_of = [&weights](Index i, double c, double s, double c2, double s2) {
+    return weights.first[i] * c * c2 + weights.second[i] * s * s2;
+  };
+  for (Index i = 0; i < pairs_; ++i) {
+    const double c = weights.cosine[i];
+    const double s = weights.sine[i];
+    const double left_right = weight_of(i, c, s, s, -c);
+    if (const Single& single = left_single_[static_cast<std::size_t>(i)]; single.column >= 0) {
+      add_single(single, right + i, weight_of(i, c, s, c, s), left_right);
+    } else if (const Single& other = right_single_[static_cast<std::size_t>(i)]; other.column >= 0) {
+      add_single(other, left + i, weight_of(i, s, c, s, c), left_right);
+    }
+  }
   for (const double sign : {1.0, -1.0}) {
     terms_.clear();
     const auto add = [&](double weight, Index a, Index b, double c, double s) {
@@ -94,10 +132,16 @@ bool DenseKkt::factor(const RowWeights& weights) {
     for (Index i = 0; i < inequalities_; ++i)
       add(weights.inequality[i], equalities_ + i, equalities_ + i, 1.0, 0.0);
     for (Index i = 0; i < pairs_; ++i) {
-      add(weights.first[i], left + i, right + i, weights.cosine[i], weights.sine[i]);
-    }
-    for (Index i = 0; i < pairs_; ++i) {
-      add(weights.second[i], left + i, right + i, weights.sine[i], -weights.cosine[i]);
+      const double c = weights.cosine[i];
+      const double s = weights.sine[i];
+      if (!single_pair(i)) {
+        add(weights.first[i], left + i, right + i, c, s);
+        add(weights.second[i], left + i, right + i, s, -c);
+      } else if (left_single_[static_cast<std::size_t>(i)].column >= 0) {
+        add(weight_of(i, s, c, s, c), right + i, right + i, 1.0, 0.0);
+      } else {
+        add(weight_of(i, c, s, c, s), left + i, left + i, 1.0, 0.0);
+      }
     }
     add_terms(sign);
   }

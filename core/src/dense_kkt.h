@@ -29,7 +29,13 @@ class DenseKkt final : public Kkt {
     Index left, right;
     double left_factor, right_factor;
   };
+  // A row with one entry: its products need no matrix multiplication.
+  struct Single {
+    Index column = -1;  // -1: not such a row
+    double value = 0.0;
+  };
   void add_terms(double sign);
+  void add_single(const Single& single, Index other, double single_single, double single_other);
 
   Index variables_, equalities_, inequalities_, pairs_;
   double rho_ = 1.0, flops_ = 0.0;
@@ -39,6 +45,7 @@ class DenseKkt final : public Kkt {
   Matrix system_;    // H + ρAᵀA, upper triangle
   Matrix factor_;
   std::vector<Term> terms_;
+  std::vector<Single> left_single_, right_single_;
   Vector residual_;
 };
 

@@ -12,6 +12,7 @@ constexpr Index kTiny = 12;              // below this nothing beats a dense fac
 constexpr double kWorthAnalysing = 1e8;  // a pattern with more assembly work than this is not even built
 constexpr Index kLongRow = 16;
 constexpr double kNearlyFull = 0.3;
+constexpr double kFilledIn = 40.0;  // flops an entry of the data
 constexpr Index kLargestDense = 2000;
 
 double condensed_work(const RowMatrix& matrix) {
@@ -52,7 +53,10 @@ std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p) {
   if (has_long_rows(p.C) || has_long_rows(p.L) || has_long_rows(p.R)) {
     consider(std::make_unique<SparseKkt>(p, KeptRows::dense));
   }
-  if (!best) consider(std::make_unique<SparseKkt>(p, KeptRows::all));
+  // The full form has more rows and less fill in each: worth its analysis where condensing filled in.
+  const auto entries = static_cast<double>(p.Q.values.size() + p.A.values.size() + p.C.values.size() +
+                                           p.L.values.size() + p.R.values.size());
+  if (!best || best->flops() > kFilledIn * entries) consider(std::make_unique<SparseKkt>(p, KeptRows::all));
   if (DenseKkt::estimated_flops(p) < best->flops()) return std::make_unique<DenseKkt>(p);
   return best;
 }

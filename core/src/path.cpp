@@ -175,6 +175,7 @@ bool PathEngine::step(Run& run) {
     const bool inertia_right = run.timed(&Times::factorization_s, [&] {
       return newton_.factor(sub_, x_, regularization_.current(), clip);  // lines 7–10
     });
+    if (!inertia_right && clip) run.nonconvex = true;  // with q ≥ 0 nothing else can spoil it
     if (inertia_right) {
       newton_.direction(sub_, x_, r_, d_, direction_images_);                     // line 11
       step_length_ = run.timed(&Times::line_search_s, [&] { return search(); });  // line 12

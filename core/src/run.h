@@ -19,6 +19,7 @@ class Run {
   std::int32_t iterations = 0;
   std::int32_t outer_iterations = 0;
   std::int32_t factorizations = 0;
+  bool nonconvex = false;            // a factorization showed that Q has negative curvature where it matters
   std::int32_t told_iteration = -1;  // the last one a sink was told of
   Times times;
 

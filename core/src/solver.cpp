@@ -48,6 +48,7 @@ Solution Solver::State::answer(const Ending& ending, const Iterate& x, const Run
   Solution solution;
   solution.status = ending.status;
   solution.detail = ending.detail;
+  if (run.nonconvex && is_solved(ending.status)) solution.detail += "; Q is not convex: a local solution";
   solution.certificate = ending.certificate;
   solution.z = unscaled(x.z(), problem.variable_scale, 1.0);
   solution.equality_multipliers = unscaled(x.y(), problem.equality_scale, cost);

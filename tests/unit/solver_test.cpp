@@ -467,6 +467,7 @@ TEST(Solver, BoundedIndefiniteProblemsEndAtALocalSolution) {
     p.C = compress(rows, static_cast<Index>(p.g.size()), box, "C").value();
     const Solution s = solve(p.view()).value();
     ASSERT_EQ(s.status, Status::solved) << p.name << ": " << s.detail;
+    EXPECT_NE(s.detail.find("not convex"), std::string::npos) << p.name << ": " << s.detail;
     const testing::Verdict verdict = judge(p.view(), s);
     EXPECT_LE(verdict.infeasibility(), 1e-6) << p.name;
     EXPECT_LE(verdict.stationarity, 1e-6) << p.name;
