@@ -34,7 +34,8 @@ LocalSearch::LocalSearch(const ScaledProblem& problem, Kkt& kkt, ActiveSet& acti
       before_(problem),
       next_(problem),
       failed_multiplier_(problem.pairs()),
-      failed_slack_(problem.pairs()) {
+      failed_slack_(problem.pairs()),
+      reporter_(problem) {
   candidates_.reserve(static_cast<std::size_t>(problem.pairs()));
   companions_.reserve(static_cast<std::size_t>(problem.pairs()));
   failed_exchanges_.reserve(4 * kMostExchanged * kMostCompanions);
@@ -150,6 +151,8 @@ bool LocalSearch::take(Run& run, std::span<const Index> pairs) {
   const bool better = active_set_.relax(run, rho, true, kTake) && active_set_.elastic_objective() < target;
   if (better) {
     ++accepted_;
+    ++run.iterations;
+    report(run);
   } else {
     active_set_.set_working_set(before_);
     lost_ = !active_set_.relax(run, rho, true, kTake);
@@ -157,6 +160,16 @@ bool LocalSearch::take(Run& run, std::span<const Index> pairs) {
   }
   parametric_.start(active_set_);
   return better;
+}
+
+// An accepted move is an iteration of the search.
+void LocalSearch::report(Run& run) {
+  Progress progress;
+  progress.objective = active_set_.images().objective / problem_.cost_scale + problem_.c0;
+  progress.violations = violations(problem_, active_set_.images());
+  progress.rho = active_set_.rho();
+  progress.step_length = 1.0;
+  reporter_.tell(run, active_set_.x().z(), progress);
 }
 
 // Pairs that pull hardest, their other side not at zero.

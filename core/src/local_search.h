@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "parametric.h"
+#include "reporter.h"
 
 namespace marble {
 
@@ -52,6 +53,7 @@ class LocalSearch {
   [[nodiscard]] double least_improvement() const;
   [[nodiscard]] double largest_violation() const;
   void sort_candidates();
+  void report(Run& run);
 
   const ScaledProblem& problem_;
   ActiveSet& active_set_;
@@ -60,6 +62,7 @@ class LocalSearch {
   std::vector<Candidate> candidates_, companions_;
   std::vector<std::pair<Candidate, Candidate>> failed_exchanges_;
   Vector failed_multiplier_, failed_slack_;  // of a pair when it last failed: not tried again where alike
+  Reporter reporter_;
   int accepted_ = 0;
   bool lost_ = false;  // a move was taken back and the optimum before it not found again
 };

@@ -19,9 +19,9 @@ struct Progress {
   std::int32_t outer_iteration = 0;  ///< changes of κ, ρ or the multiplier estimates so far
   double objective = 0.0;            ///< ½ zᵀQz + gᵀz + c₀ at the iterate
   Violations violations;
-  double kkt_residual = 0.0;        ///< ∞-norm of the residual (13) of the scaled problem
-  double kappa = 0.0;               ///< relaxation parameter κ
-  double rho = 0.0;                 ///< penalty ρ
+  double kkt_residual = 0.0;  ///< ∞-norm of the residual (13) of the scaled problem; 0 in a local search
+  double kappa = 0.0;  ///< relaxation parameter κ; 0 in a local search, whose rows are its accepted moves
+  double rho = 0.0;    ///< penalty ρ
   double step_length = 0.0;         ///< accepted step length in (0, 1]; 0 before the first step
   double regularization = 0.0;      ///< δ of the factorization that gave the step
   std::int32_t factorizations = 0;  ///< all factorizations so far, rejected ones included
