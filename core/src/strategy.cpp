@@ -149,7 +149,8 @@ Ending Strategy::cold(Run& run) {
     if (outcome != Outcome::not_exact) {
       improve(run, run.factorizations + options_.local_search_budget);
     } else if (options_.path == Path::fast) {
-      if (from_interior(run) && LocalSearch::pulling(active_set_) >= kManyMorePulling)
+      const bool feasible = from_interior(run);
+      if (!feasible || LocalSearch::pulling(active_set_) >= kManyMorePulling)
         improve_from_soft(run, run.factorizations + options_.local_search_budget);
     }
     start_again(run);
