@@ -88,13 +88,15 @@ void Parametric::reset() {
 void Parametric::push(const RowMatrix& matrix, Index row) {
   const auto begin = static_cast<std::size_t>(matrix.row_pointers[row]);
   const auto count = static_cast<std::size_t>(matrix.row_size(row));
-  kkt_.solve_sparse({&matrix.column_indices[begin], count}, {&matrix.values[begin], count}, displacement_);
+  kkt_.solve_sparse({matrix.column_indices.data() + begin, count}, {matrix.values.data() + begin, count},
+                    displacement_);
 }
 
 // A force f along row j adds f·e_j to the right-hand side. A slack θ in an active row, u + ν/ρ = θ, adds
 // ρθ·e_j.
 const double* Parametric::response(Index row) {
-  if (response_of_row_[row] >= 0) return &responses_[static_cast<std::size_t>(response_of_row_[row]) * rows_];
+  if (response_of_row_[row] >= 0)
+    return responses_.get() + static_cast<std::size_t>(response_of_row_[row]) * rows_;
   if (used_ == capacity_) return nullptr;
   if (row < n_i_) {
     push(problem_.C, row);
@@ -103,7 +105,7 @@ const double* Parametric::response(Index row) {
   } else {
     push(problem_.R, row - n_i_ - n_c_);
   }
-  double* out = &responses_[static_cast<std::size_t>(used_) * rows_];
+  double* out = responses_.get() + static_cast<std::size_t>(used_) * rows_;
   Eigen::Map<Vector> image(out, rows_);
   multiply(problem_.C, displacement_, image.head(n_i_));
   multiply(problem_.L, displacement_, image.segment(n_i_, n_c_));
@@ -151,7 +153,7 @@ bool Parametric::direction(Index prescribed, double prescribed_rate, Index drive
   }
   const auto column = [this](int a) {
     return Eigen::Map<const Vector>(
-        &responses_[static_cast<std::size_t>(response_of_row_[changed_[a].row]) * rows_], rows_);
+        responses_.get() + static_cast<std::size_t>(response_of_row_[changed_[a].row]) * rows_, rows_);
   };
   const double* rate = right_side_.data();
   int a = 0;
