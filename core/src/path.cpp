@@ -161,6 +161,7 @@ bool PathEngine::retreat() {
 
 Ending PathEngine::give_best(Status reason) {
   x_.all = best_.all;
+  violations_ = best_violations_;
   return {reason, "stopped early; " + describe(best_violations_), {}};
 }
 

@@ -104,6 +104,7 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
       active_set_(problem, kkt),
       search_(problem, kkt, active_set_),
       initial_z_(problem.variables()),
+      fallback_(problem),
       exact_(problem),
       exact_set_(problem),
       branch_base_(problem),
@@ -119,16 +120,18 @@ Ending Strategy::run(Run& run, ConstVectorRef initial_z, const std::optional<War
   if (stayed_warm_) return finish_exact(run);
   Ending end = cold(run);
   if (has_exact_) return finish_exact(run);
+  if (const auto reason = run.interrupted(); reason && !is_solved(end.status))
+    return {*reason, "stopped early; " + describe(fallback_violations_), {}};
   if (end.status == Status::numerical_failure || end.status == Status::locally_infeasible) {
     if (std::vector<double> proof = prove_infeasible(run); !proof.empty())
       return {Status::infeasible,
               "the constraints contradict each other even without complementarity; " +
-                  describe(path_.violations_at()),
+                  describe(fallback_violations_),
               std::move(proof)};
   }
   if (end.status == Status::numerical_failure && branch_infeasible_)
     return {Status::locally_infeasible, "no feasible branch near; " + end.detail, {}};
-  if (end.detail.empty()) end.detail = "path; " + describe(path_.violations_at());
+  if (end.detail.empty()) end.detail = "path; " + describe(fallback_violations_);
   return end;
 }
 
@@ -140,7 +143,7 @@ Ending Strategy::cold(Run& run) {
   std::optional<Ending> end;
   Outcome outcome = Outcome::not_exact;
   for (const double kappa : kBranchKappas) {
-    end = path_.follow(run, kappa);
+    end = follow_path(run, kappa);
     if (end && (ended_by_force(end->status) || is_proof(end->status))) return *end;
     if (options_.polish) outcome = from_path(run);
     if (end || path_.is_lost() || outcome != Outcome::not_exact) break;
@@ -156,9 +159,19 @@ Ending Strategy::cold(Run& run) {
     start_again(run);
     if (has_exact_ || (end && is_solved(end->status))) return end.value_or(Ending{});
   }
-  if (!end) end = path_.follow(run, options_.kappa_min);
+  if (!end) {
+    if (searched_soft_) path_.start(initial_z_);  // it was borrowed
+    end = follow_path(run, options_.kappa_min);
+  }
   if (!ended_by_force(end->status) && options_.polish) static_cast<void>(from_path(run));
   return *end;
+}
+
+std::optional<Ending> Strategy::follow_path(Run& run, double kappa_end) {
+  std::optional<Ending> end = path_.follow(run, kappa_end);
+  fallback_.all = path_.iterate().all;
+  fallback_violations_ = path_.violations_at();
+  return end;
 }
 
 // The last resort of a solve without an answer, with workspace of its own.
@@ -166,7 +179,7 @@ std::vector<double> Strategy::prove_infeasible(Run& run) {
   const ScaledProblem relaxed = feasibility_relaxation(problem_);
   const std::unique_ptr<Kkt> kkt = make_kkt(relaxed);
   ActiveSet active_set(relaxed, *kkt);
-  active_set.start_from_point(path_.iterate().z());
+  active_set.start_from_point(fallback_.z());
   if (!active_set.relax(run, kProofRho, false, kExactBudget)) return {};
   Iterate x(problem_);
   x.y() = active_set.x().y();

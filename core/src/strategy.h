@@ -32,7 +32,7 @@ class Strategy {
   [[nodiscard]] bool stayed_warm() const { return stayed_warm_; }
 
   /// What it ended with: exact where the ending says solved by a branch, else the path's.
-  [[nodiscard]] const Iterate& best() const { return has_exact_ ? exact_ : path_.iterate(); }
+  [[nodiscard]] const Iterate& best() const { return has_exact_ ? exact_ : fallback_; }
   /// True if it is exact and solves every branch it belongs to; absent if that was not decided.
   [[nodiscard]] std::optional<bool> b_stationary() const { return b_stationary_; }
 
@@ -41,6 +41,7 @@ class Strategy {
   [[nodiscard]] Outcome make_exact(Run& run, const char* origin, int budget);
   [[nodiscard]] bool from_solution(Run& run, const WarmStart& warm_start);
   [[nodiscard]] Ending cold(Run& run);
+  [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
   [[nodiscard]] Outcome from_path(Run& run);
   [[nodiscard]] bool from_interior(Run& run);
   void improve(Run& run, int last_factorization);
@@ -59,6 +60,8 @@ class Strategy {
   ActiveSet active_set_;
   LocalSearch search_;
   Vector initial_z_;
+  Iterate fallback_;  // what the path ended with, for solves without anything better
+  Violations fallback_violations_;
   Iterate exact_;  // the best exact solution so far
   WorkingSet exact_set_, branch_base_, branch_set_;
   Images finish_images_;

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <random>
 
+#include "marble/examples.h"
 #include "marble/solver.h"
+#include "support/independent_check.h"
 #include "support/random_problem.h"
 
 namespace marble {
@@ -133,6 +135,33 @@ TEST(Ending, IndefiniteProblemsWithoutABoundEnd) {
     const OwnedProblem p = testing::random_problem({.indefinite = true}, seed);
     const Solution s = solve(p.view()).value();
     EXPECT_LE(s.factorizations, 20000) << p.name << " " << to_string(s.status);
+  }
+}
+
+// Wherever a solve is stopped, in whichever engine, it says so and gives the best point the path had.
+TEST(Ending, ATimeLimitIsSaidWhereverItStrikes) {
+  const OwnedProblem p = examples::gates();  // its path ends infeasible, other engines take over
+  const Solution whole = solve(p.view()).value();
+  ASSERT_EQ(whole.status, Status::solved);
+  class StopAfter : public ProgressSink {
+   public:
+    explicit StopAfter(int rows) : rows_(rows) {}
+    void report(const Progress&) override {
+      if (--rows_ == 0) source.request_stop();
+    }
+    std::stop_source source;
+
+   private:
+    int rows_;
+  };
+  for (int rows = 1; rows < whole.iterations; rows += 7) {
+    StopAfter stopper(rows);
+    const Solution s =
+        solve(p.view(), {}, {.progress = &stopper, .stop = stopper.source.get_token()}).value();
+    EXPECT_EQ(s.status, Status::cancelled) << rows << ": " << s.detail;
+    EXPECT_EQ(s.detail.rfind("stopped early", 0), 0U) << s.detail;
+    const testing::Verdict verdict = testing::judge(p.view(), s);
+    EXPECT_NEAR(verdict.equality, s.violations.equality, 1e-9 * (1.0 + verdict.equality)) << rows;
   }
 }
 
