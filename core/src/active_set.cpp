@@ -43,7 +43,8 @@ ActiveSet::ActiveSet(const ScaledProblem& problem, Kkt& kkt)
       direction_images_(problem),
       gradient_(problem.variables()),
       anchor_(Vector::Zero(problem.variables())) {
-  breakpoints_.reserve(static_cast<std::size_t>(problem.inequalities() + problem.pairs()));
+  breakpoints_.reserve(static_cast<std::size_t>(problem.inequalities()) +
+                       static_cast<std::size_t>(problem.pairs()));
 }
 
 // The rows that may hold with equality: `active` points to a row's flag, or is null where the partition fixes

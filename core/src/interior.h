@@ -20,7 +20,7 @@ class InteriorEngine {
   /// interrupted.
   [[nodiscard]] bool run(Run& run, ConstVectorRef initial_z);
 
-  [[nodiscard]] ConstVectorRef z() const { return x_.z(); }
+  [[nodiscard]] auto z() const { return x_.z(); }
 
  private:
   void start(ConstVectorRef initial_z);

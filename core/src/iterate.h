@@ -33,7 +33,7 @@ class Iterate {
   // clang-format on
 
  private:
-  Index n_, n_c_, n_i_, n_e_;
+  Eigen::Index n_, n_c_, n_i_, n_e_;
 };
 
 }  // namespace marble

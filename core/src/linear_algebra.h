@@ -11,7 +11,7 @@ namespace marble {
 
 using Vector = Eigen::VectorXd;
 using VectorRef = Eigen::Ref<Vector>;
-using ConstVectorRef = Eigen::Ref<const Vector>;
+using ConstVectorRef = const Eigen::Ref<const Vector>&;
 
 /// A sparse matrix in compressed row form: one row is one constraint.
 struct RowMatrix {

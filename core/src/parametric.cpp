@@ -40,7 +40,7 @@ Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
       responses_(new double[static_cast<std::size_t>(capacity_) * rows_]),
       response_of_row_(rows_),
       displacement_(problem.variables()),
-      bordered_(kMostChanged * kMostChanged),
+      bordered_(static_cast<std::size_t>(kMostChanged) * kMostChanged),
       right_side_(kMostChanged),
       pivots_(kMostChanged) {
   keep_blas_to_one_thread();

@@ -152,7 +152,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   }
   std::optional<Strategy::WarmStart> warm_start;
   if (controls.warm_start != nullptr)
-    warm_start.emplace(state_->warm_start, controls.warm_start->cold_objective);
+    warm_start = Strategy::WarmStart{&state_->warm_start, controls.warm_start->cold_objective};
   const Ending ending = state_->strategy.run(run, state_->initial_z, warm_start);
   Solution solution = state_->answer(ending, state_->strategy.best(), run);
   const bool stayed_warm = controls.warm_start != nullptr && state_->strategy.stayed_warm();

@@ -194,7 +194,7 @@ std::vector<double> Strategy::prove_infeasible(Run& run) {
 bool Strategy::from_solution(Run& run, const WarmStart& warm_start) {
   const int before = run.factorizations;
   const int last = before + kExactBudget + options_.local_search_budget;
-  active_set_.start_from_solution(warm_start.solution);
+  active_set_.start_from_solution(*warm_start.solution);
   bool small_change = make_exact(run, "warm start", kWarmBudget) == Outcome::kept;
   if (small_change) {
     const int work = run.factorizations - before;
@@ -205,7 +205,7 @@ bool Strategy::from_solution(Run& run, const WarmStart& warm_start) {
     if (pulling > 0 && search_.run(run, plan, last) && search_.accepted() > 0)
       static_cast<void>(make_exact(run, "warm start, local search", kExactBudget));
   } else {
-    active_set_.start_from_solution(warm_start.solution);
+    active_set_.start_from_solution(*warm_start.solution);
     if (!search_.run(run, kMend, last) ||
         make_exact(run, "warm start, mended", kExactBudget) != Outcome::kept)
       return false;

@@ -22,7 +22,7 @@ class Strategy {
 
   /// A solution to start from (scaled), and the whole objective that a cold start reached before it.
   struct WarmStart {
-    const Iterate& solution;
+    const Iterate* solution;
     double cold_objective;
   };
 
