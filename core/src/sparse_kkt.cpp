@@ -242,11 +242,66 @@ void SparseKkt::order_and_analyse(const std::vector<Index>& columns, const std::
   factor_rows_.resize(entries);
   factor_values_.resize(entries);
   pivots_.resize(size);
-  dense_column_.resize(size);
-  pattern_.resize(size);
+  inverse_pivots_.resize(size);
+  dense_row_.assign(size, 0.0);
+  next_.resize(size);
+  find_row_patterns(permuted_rows);
   right_side_.resize(size_);
   solution_.resize(size_);
   residual_.resize(size_);
+}
+
+// Row k of L has entries where the paths from its columns to k in the elimination tree lead (Davis, "Direct
+// Methods for Sparse Linear Systems", 2006, section 4.2). The same at every factorization: found once.
+void SparseKkt::find_row_patterns(const std::vector<Index>& rows) {
+  row_pattern_pointers_.assign(1, 0);
+  std::fill(flag_.begin(), flag_.end(), -1);
+  std::copy(factor_pointers_.begin(), factor_pointers_.end() - 1, next_.begin());
+  for (Index k = 0; k < size_; ++k) {
+    flag_[k] = k;
+    const auto begin = static_cast<std::ptrdiff_t>(row_patterns_.size());
+    for (Index at = column_pointers_[k]; at < column_pointers_[k + 1]; ++at) {
+      for (Index i = rows[at]; flag_[i] != k; i = parent_[i]) {
+        row_patterns_.push_back(i);
+        flag_[i] = k;
+      }
+    }
+    std::sort(row_patterns_.begin() + begin, row_patterns_.end());
+    row_pattern_pointers_.push_back(static_cast<Index>(row_patterns_.size()));
+    for (auto i = row_patterns_.begin() + begin; i != row_patterns_.end(); ++i) factor_rows_[next_[*i]++] = k;
+  }
+}
+
+// Up-looking LDLᵀ, as in SuiteSparse's LDL but with the patterns at hand. False at a pivot that is 0.
+bool SparseKkt::factorize() {
+  std::copy(factor_pointers_.begin(), factor_pointers_.end() - 1, next_.begin());
+  double* const row = dense_row_.data();
+  for (Index k = 0; k < size_; ++k) {
+    double pivot = 0.0;
+    for (Index at = column_pointers_[k]; at < column_pointers_[k + 1]; ++at) {
+      const Index i = row_indices_[at];
+      if (i == k) {
+        pivot = values_[at];
+      } else {
+        row[i] = values_[at];
+      }
+    }
+    for (Index at = row_pattern_pointers_[k]; at < row_pattern_pointers_[k + 1]; ++at) {
+      const Index i = row_patterns_[at];
+      const double entry = row[i];
+      row[i] = 0.0;
+      const Index end = next_[i];
+      for (Index p = factor_pointers_[i]; p < end; ++p) row[factor_rows_[p]] -= factor_values_[p] * entry;
+      const double scaled = entry * inverse_pivots_[i];
+      pivot -= scaled * entry;
+      factor_values_[end] = scaled;
+      next_[i] = end + 1;
+    }
+    if (pivot == 0.0) return false;
+    pivots_[k] = pivot;
+    inverse_pivots_[k] = 1.0 / pivot;
+  }
+  return true;
 }
 
 void SparseKkt::add_condensed(const Row& row, double left_left, double left_right, double right_right) {
@@ -315,45 +370,22 @@ Index SparseKkt::kept_negative_weights(const RowWeights& weights) const {
 
 bool SparseKkt::factor(const RowWeights& weights) {
   assemble(weights);
-  const Index done = ldl_numeric(size_, column_pointers_.data(), row_indices_.data(), values_.data(),
-                                 factor_pointers_.data(), parent_.data(), factor_counts_.data(),
-                                 factor_rows_.data(), factor_values_.data(), pivots_.data(),
-                                 dense_column_.data(), pattern_.data(), flag_.data(), nullptr, nullptr);
-  if (done != size_) return false;
+  if (!factorize()) return false;
   // Haynsworth: a kept row with k > 0 asks for a negative pivot, one with k < 0 for a positive one.
   const auto positive =
       static_cast<Index>(std::count_if(pivots_.begin(), pivots_.end(), [](double d) { return d > 0.0; }));
   return positive == variables_ + kept_negative_weights(weights);
 }
 
-void SparseKkt::back_substitute(Vector& x) const {
-  // LDL takes its read-only arrays without const.
-  auto* pointers = const_cast<Index*>(factor_pointers_.data());
-  auto* rows = const_cast<Index*>(factor_rows_.data());
-  auto* values = const_cast<double*>(factor_values_.data());
-  ldl_lsolve(size_, x.data(), pointers, rows, values);
-  ldl_dsolve(size_, x.data(), const_cast<double*>(pivots_.data()));
-  ldl_ltsolve(size_, x.data(), pointers, rows, values);
-}
-
-// Most of the forward substitution has nothing to do.
-void SparseKkt::solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) {
-  double* const out = solution_.data();
+void SparseKkt::back_substitute(double* out, Index first) const {
   const Index* const pointers = factor_pointers_.data();
   const Index* const rows = factor_rows_.data();
   const double* const factor = factor_values_.data();
-  solution_.setZero();
-  Index first = size_;
-  for (std::size_t k = 0; k < indices.size(); ++k) {
-    const Index at = inverse_permutation_[indices[k]];
-    out[at] = values[k];
-    first = std::min(first, at);
-  }
   for (Index j = first; j < size_; ++j) {
     const double entry = out[j];
     if (entry == 0.0) continue;
     for (Index k = pointers[j]; k < pointers[j + 1]; ++k) out[rows[k]] -= factor[k] * entry;
-    out[j] = entry / pivots_[j];
+    out[j] = entry * inverse_pivots_[j];
   }
   for (Index j = size_ - 1; j >= 0; --j) {
     double even = out[j];  // two sums: one would wait for itself
@@ -367,6 +399,19 @@ void SparseKkt::solve_sparse(std::span<const Index> indices, std::span<const dou
     if (k < end) even -= factor[k] * out[rows[k]];
     out[j] = even - odd;
   }
+}
+
+// Most of the forward substitution has nothing to do.
+void SparseKkt::solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) {
+  double* const out = solution_.data();
+  solution_.setZero();
+  Index first = size_;
+  for (std::size_t k = 0; k < indices.size(); ++k) {
+    const Index at = inverse_permutation_[indices[k]];
+    out[at] = values[k];
+    first = std::min(first, at);
+  }
+  back_substitute(out, first);
   for (Index i = 0; i < variables_; ++i) x[i] = out[inverse_permutation_[i]];
 }
 
@@ -375,7 +420,7 @@ void SparseKkt::solve(VectorRef x, VectorRef y) {
   for (Index i = 0; i < variables_; ++i) right_side_[inverse_permutation_[i]] = x[i];
   for (Index i = 0; i < equalities_; ++i) right_side_[inverse_permutation_[variables_ + i]] = y[i];
   solution_ = right_side_;
-  back_substitute(solution_);
+  back_substitute(solution_.data(), 0);
 
   residual_ = right_side_;
   for (Index column = 0; column < size_; ++column) {
@@ -387,7 +432,7 @@ void SparseKkt::solve(VectorRef x, VectorRef y) {
     }
     residual_[column] -= sum;
   }
-  back_substitute(residual_);
+  back_substitute(residual_.data(), 0);
   solution_ += residual_;
 
   for (Index i = 0; i < variables_; ++i) x[i] = solution_[inverse_permutation_[i]];

@@ -1,4 +1,5 @@
-// Sparse backend: SuiteSparse LDL on the AMD-ordered system, symbolic analysis once, numeric factor in place.
+// Sparse backend: LDLᵀ of the AMD-ordered system; SuiteSparse's LDL and AMD analyse it once, the numeric
+// factor is found in place.
 #pragma once
 
 #include <string_view>
@@ -45,7 +46,9 @@ class SparseKkt final : public Kkt {
   void order_and_analyse(const std::vector<Index>& columns, const std::vector<Index>& rows);
   void assemble(const RowWeights& weights);
   void add_condensed(const Row& row, double left_left, double left_right, double right_right);
-  void back_substitute(Vector& x) const;
+  void find_row_patterns(const std::vector<Index>& rows);
+  [[nodiscard]] bool factorize();
+  void back_substitute(double* out, Index first) const;
   [[nodiscard]] Index kept_negative_weights(const RowWeights& weights) const;
 
   KeptRows kept_;
@@ -61,8 +64,9 @@ class SparseKkt final : public Kkt {
   std::vector<Index> permutation_, inverse_permutation_;
 
   // LDL: factor and workspace.
-  std::vector<Index> factor_pointers_, parent_, factor_counts_, factor_rows_, flag_, pattern_;
-  std::vector<double> factor_values_, pivots_, dense_column_;
+  std::vector<Index> factor_pointers_, parent_, factor_counts_, factor_rows_, flag_, next_;
+  std::vector<Index> row_pattern_pointers_, row_patterns_;  // of L by rows
+  std::vector<double> factor_values_, pivots_, inverse_pivots_, dense_row_;
   Vector right_side_, solution_, residual_;
 };
 
