@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <utility>
 
 #include "marble/convert.h"
 
@@ -69,7 +70,7 @@ Expected<std::shared_ptr<Job>> make_job(std::shared_ptr<const v1::SolveRequest> 
                                        .request_id = id,
                                        .name = request.problem().name(),
                                        .peer = context.peer(),
-                                       .request = message,
+                                       .request = std::move(message),
                                        .problem = *problem,
                                        .options = *options,
                                        .initial_z = initial_z,

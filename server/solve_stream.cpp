@@ -45,7 +45,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const Service
 
 Expected<void> SolveStreamCall::admit(v1::SolveStreamRequest& request,
                                       const grpc::CallbackServerContext& context) {
-  if (const auto valid = check_progress(request); !valid) return valid;
+  if (auto valid = check_progress(request); !valid) return valid;
   progress_interval_s_ = request.progress_interval_s();
   iterate_every_ = request.iterate_every();
   (void)request.mutable_solve();  // an absent one is an empty one, and refused as such
