@@ -6,8 +6,12 @@ extern "C" void openblas_set_num_threads(int threads) __attribute__((weak));  //
 
 namespace marble {
 
+// Once a process: another solve may be inside BLAS already.
 void keep_blas_to_one_thread() {
-  if (openblas_set_num_threads != nullptr) openblas_set_num_threads(1);
+  [[maybe_unused]] static const bool done = [] {
+    if (openblas_set_num_threads != nullptr) openblas_set_num_threads(1);
+    return true;
+  }();
 }
 
 RowMatrix by_rows(const SparseMatrixView& matrix, Index rows, Index columns) {
