@@ -26,6 +26,10 @@ grpc::StatusCode code_of(ErrorCode code) {
       return grpc::StatusCode::DEADLINE_EXCEEDED;
     case ErrorCode::permission_denied:
       return grpc::StatusCode::PERMISSION_DENIED;
+    case ErrorCode::unauthenticated:
+      return grpc::StatusCode::UNAUTHENTICATED;
+    case ErrorCode::aborted:
+      return grpc::StatusCode::ABORTED;
     case ErrorCode::internal:
       return grpc::StatusCode::INTERNAL;
   }

@@ -34,6 +34,8 @@ inline constexpr const char* kExitCodes =
     case ErrorCode::resource_exhausted:
     case ErrorCode::unavailable:
     case ErrorCode::permission_denied:
+    case ErrorCode::unauthenticated:
+    case ErrorCode::aborted:
     case ErrorCode::internal:
       break;
   }

@@ -20,6 +20,10 @@ const char* to_string(ErrorCode code) {
       return "deadline_exceeded";
     case ErrorCode::permission_denied:
       return "permission_denied";
+    case ErrorCode::unauthenticated:
+      return "unauthenticated";
+    case ErrorCode::aborted:
+      return "aborted";
     case ErrorCode::internal:
       return "internal";
   }

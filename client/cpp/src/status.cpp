@@ -28,8 +28,11 @@ ErrorCode code_of(grpc::StatusCode code) {
     case grpc::StatusCode::DEADLINE_EXCEEDED:
       return ErrorCode::deadline_exceeded;
     case grpc::StatusCode::PERMISSION_DENIED:
-    case grpc::StatusCode::UNAUTHENTICATED:
       return ErrorCode::permission_denied;
+    case grpc::StatusCode::UNAUTHENTICATED:
+      return ErrorCode::unauthenticated;
+    case grpc::StatusCode::ABORTED:
+      return ErrorCode::aborted;
     default:
       return ErrorCode::internal;
   }

@@ -15,7 +15,9 @@ enum class ErrorCode {
   unavailable,          ///< the server cannot be reached or is draining; safe to retry
   cancelled,            ///< the caller gave up before an answer was there
   deadline_exceeded,    ///< the deadline passed before an answer was there
-  permission_denied,    ///< the caller is not allowed to do this, or did not say who it is
+  permission_denied,    ///< the caller is not allowed to do this
+  unauthenticated,      ///< the caller did not say who it is, or is not known
+  aborted,              ///< ended for a reason of its own rules: a session was idle for too long
   internal,             ///< a bug in Marble
 };
 

@@ -1,0 +1,19 @@
+// What one client may use of the server.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+
+#include "priority.h"
+
+namespace marble::server {
+
+struct Quota {
+  int running = std::numeric_limits<int>::max();                  ///< solves at once
+  int queued = std::numeric_limits<int>::max();                   ///< jobs that wait
+  int sessions = std::numeric_limits<int>::max();                 ///< open sessions
+  std::int64_t bytes = std::numeric_limits<std::int64_t>::max();  ///< of requests that wait or run
+  Priority priority = Priority::realtime;                         ///< the highest it may ask for
+};
+
+}  // namespace marble::server
