@@ -26,6 +26,13 @@ Expected<Identity> Access::identify(const grpc::CallbackServerContext& context) 
   return Identity{context.peer(), Roles::all()};
 }
 
+Expected<Identity> Access::require(const grpc::CallbackServerContext& context, Role role) const {
+  auto identity = identify(context);
+  if (identity && !identity->roles.has(role))
+    return unexpected(Error{ErrorCode::permission_denied, "", -1, "", "the role is missing"});
+  return identity;
+}
+
 Quota Access::quota_of(const std::string& /*client*/) const { return default_quota_; }
 
 }  // namespace marble::server

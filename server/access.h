@@ -17,6 +17,8 @@ class Access {
 
   /// Who calls. Errors: unauthenticated.
   [[nodiscard]] Expected<Identity> identify(const grpc::CallbackServerContext& context) const;
+  /// Who calls, if it has the role. Errors: unauthenticated, permission_denied.
+  [[nodiscard]] Expected<Identity> require(const grpc::CallbackServerContext& context, Role role) const;
   /// What the client may use.
   [[nodiscard]] Quota quota_of(const std::string& client) const;
 

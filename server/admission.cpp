@@ -11,14 +11,6 @@
 namespace marble::server {
 namespace {
 
-std::string new_job_id() {
-  thread_local absl::BitGen generator;
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx",
-                static_cast<unsigned long long>(absl::Uniform<std::uint64_t>(generator)));
-  return text;
-}
-
 Error fault(std::string field, std::string value, std::string bound) {
   return {ErrorCode::invalid_argument, std::move(field), -1, std::move(value), std::move(bound)};
 }
@@ -32,28 +24,65 @@ Clock::time_point deadline_of(const grpc::CallbackServerContext& context) {
 
 }  // namespace
 
-Expected<std::shared_ptr<Job>> make_job(std::shared_ptr<const v1::SolveRequest> message,
-                                        const grpc::CallbackServerContext& context) {
-  const v1::SolveRequest& request = *message;
-  const std::string& id = request.request_id();
-  if (id.size() > kLongestRequestId) {
-    return unexpected(fault("request_id", std::to_string(id.size()) + " bytes",
+Expected<Caller> caller_of(const Access& access, const grpc::CallbackServerContext& context, Role role) {
+  auto identity = access.require(context, role);
+  if (!identity) return unexpected(identity.error());
+  return Caller{std::move(*identity), context.peer(), deadline_of(context)};
+}
+
+std::string new_job_id() {
+  thread_local absl::BitGen generator;
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx",
+                static_cast<unsigned long long>(absl::Uniform<std::uint64_t>(generator)));
+  return text;
+}
+
+Expected<Priority> priority_of(v1::Priority asked, Priority by_default, const Quota& quota) {
+  if (asked == v1::PRIORITY_UNSPECIFIED) return std::max(by_default, quota.priority);
+  if (asked < v1::PRIORITY_REALTIME || asked > v1::PRIORITY_BATCH) {
+    return unexpected(fault("priority", std::to_string(asked), "must be in [0, 3]"));
+  }
+  const auto priority = static_cast<Priority>(asked - v1::PRIORITY_REALTIME);
+  if (priority < quota.priority) {
+    return unexpected(Error{ErrorCode::permission_denied, "priority", -1, to_string(priority),
+                            std::string("the client's highest priority is ") + to_string(quota.priority)});
+  }
+  return priority;
+}
+
+Expected<void> check_labels(const std::string& request_id, const std::string& problem_name) {
+  if (request_id.size() > kLongestRequestId) {
+    return unexpected(fault("request_id", std::to_string(request_id.size()) + " bytes",
                             "must have at most " + std::to_string(kLongestRequestId) + " bytes"));
   }
-  if (!std::all_of(id.begin(), id.end(), [](unsigned char c) { return c >= 0x20 && c < 0x7f; })) {
+  const auto printable = [](unsigned char c) { return c >= 0x20 && c < 0x7f; };
+  if (!std::all_of(request_id.begin(), request_id.end(), printable)) {
     return unexpected(fault("request_id", "", "must be printable ASCII"));
   }
-  if (request.problem().name().size() > kLongestName) {
-    return unexpected(fault("problem.name", std::to_string(request.problem().name().size()) + " bytes",
+  if (problem_name.size() > kLongestName) {
+    return unexpected(fault("problem.name", std::to_string(problem_name.size()) + " bytes",
                             "must have at most " + std::to_string(kLongestName) + " bytes"));
   }
-  auto options = options_of(request.options());
+  return {};
+}
+
+Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller& caller, JobKind kind,
+                                        std::shared_ptr<const v1::SolveRequest> message) {
+  const v1::SolveRequest& request = *message;
+  if (auto valid = check_labels(request.request_id(), request.problem().name()); !valid)
+    return unexpected(valid.error());
+  const Quota quota = parts.access.quota_of(caller.identity.client);
+  const Priority by_default = kind == JobKind::batch ? Priority::batch : Priority::interactive;
+  const auto priority = priority_of(request.priority(), by_default, quota);
+  if (!priority) return unexpected(priority.error());
+  const auto options = options_of(request.options(), parts.config.solver_defaults);
   if (!options) {
     Error error = options.error();
     error.field = "options." + error.field;
     return unexpected(std::move(error));
   }
-  auto problem = Problem::create(view_of(request.problem()));
+  const auto problem = Problem::create(view_of(request.problem()));
   if (!problem) {
     Error error = problem.error();
     error.field = "problem." + message_field(error.field);
@@ -66,16 +95,35 @@ Expected<std::shared_ptr<Job>> make_job(std::shared_ptr<const v1::SolveRequest> 
     error.field = "initial_point.z";
     return unexpected(std::move(error));
   }
-  auto job = std::make_shared<Job>(Job{.id = new_job_id(),
-                                       .request_id = id,
-                                       .name = request.problem().name(),
-                                       .peer = context.peer(),
-                                       .request = std::move(message),
-                                       .problem = *problem,
-                                       .options = *options,
-                                       .initial_z = initial_z,
-                                       .bytes = static_cast<std::int64_t>(request.ByteSizeLong()),
-                                       .deadline = deadline_of(context)});
+  auto job = std::make_shared<Job>();
+  job->record = parts.board.make({.id = new_job_id(),
+                                  .kind = kind,
+                                  .priority = *priority,
+                                  .client = caller.identity.client,
+                                  .request_id = request.request_id(),
+                                  .name = request.problem().name(),
+                                  .peer = caller.peer,
+                                  .variables = problem->variables(),
+                                  .equalities = problem->equalities(),
+                                  .inequalities = problem->inequalities(),
+                                  .pairs = problem->pairs()},
+                                 *options);
+  job->ticket = {.client = caller.identity.client,
+                 .priority = *priority,
+                 .deadline = caller.deadline,
+                 .bytes = static_cast<std::int64_t>(request.ByteSizeLong())};
+  job->quota = quota;
+  // The problem borrows the message's arrays.
+  job->work = [message = std::move(message), problem = *problem, options = *options, initial_z,
+               most_bytes = parts.config.solve_bytes,
+               record = job->record.get()](const SolveControls& given) -> Expected<Solution> {
+    auto solver = Solver::create(problem, options, most_bytes);
+    if (!solver) return unexpected(solver.error());
+    record->set_memory(solver->memory_bytes());
+    SolveControls controls = given;
+    controls.initial_z = initial_z;
+    return solver->solve(controls);
+  };
   return job;
 }
 

@@ -7,12 +7,34 @@
 
 #include "job.h"
 #include "marble/v1/service.pb.h"
+#include "service_parts.h"
 
 namespace marble::server {
 
+/// Who calls, from where, and until when.
+struct Caller {
+  Identity identity;
+  std::string peer;
+  Clock::time_point deadline = Clock::time_point::max();
+};
+
+/// Errors: unauthenticated, permission_denied without the role.
+[[nodiscard]] Expected<Caller> caller_of(const Access& access, const grpc::CallbackServerContext& context,
+                                         Role role);
+
+/// The priority asked for, else `by_default`, but no higher than the quota allows. Errors: permission_denied
+/// if more was asked for, invalid_argument if it is none.
+[[nodiscard]] Expected<Priority> priority_of(v1::Priority asked, Priority by_default, const Quota& quota);
+
+/// Checks the parts of a request that describe it. Error fields are paths from the request's root.
+[[nodiscard]] Expected<void> check_labels(const std::string& request_id, const std::string& problem_name);
+
+[[nodiscard]] std::string new_job_id();
+
 /// Checks everything about the request, which the job then keeps. Error fields are paths from the request's
-/// root.
-[[nodiscard]] Expected<std::shared_ptr<Job>> make_job(std::shared_ptr<const v1::SolveRequest> request,
-                                                      const grpc::CallbackServerContext& context);
+/// root. The job has no observer yet.
+[[nodiscard]] Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller& caller,
+                                                      JobKind kind,
+                                                      std::shared_ptr<const v1::SolveRequest> request);
 
 }  // namespace marble::server

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "marble/options.h"
+
 namespace marble::server {
 
 struct Config {
@@ -14,6 +16,7 @@ struct Config {
 #include "config.def"
 #undef MARBLE_SETTING
 #undef MARBLE_TEXT_SETTING
+  Options solver_defaults;                                ///< of requests that leave an option out
   std::vector<std::string> listen = {"127.0.0.1:50051"};  ///< host:port, port 0 for a free one, or unix:PATH
 };
 

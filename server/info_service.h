@@ -1,22 +1,20 @@
 // marble.v1.Server: what this server is and does.
 #pragma once
 
-#include "config.h"
 #include "marble/v1/service.grpc.pb.h"
-#include "scheduler.h"
+#include "service_parts.h"
 
 namespace marble::server {
 
 class InfoService final : public v1::Server::CallbackService {
  public:
-  InfoService(const Scheduler& scheduler, const Config& config) : scheduler_(scheduler), config_(config) {}
+  explicit InfoService(const ServiceParts& parts) : parts_(parts) {}
 
   grpc::ServerUnaryReactor* GetInfo(grpc::CallbackServerContext* context, const v1::GetInfoRequest* request,
                                     v1::GetInfoResponse* response) override;
 
  private:
-  const Scheduler& scheduler_;
-  const Config& config_;
+  const ServiceParts& parts_;
   const Clock::time_point start_ = Clock::now();
 };
 

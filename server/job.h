@@ -1,25 +1,17 @@
-// One admitted request on its way through queue and worker.
+// One admitted piece of work on its way through queue and worker.
 #pragma once
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
-#include <span>
 #include <stop_token>
-#include <string>
 
-#include "marble/options.h"
-#include "marble/problem.h"
-#include "marble/progress.h"
-#include "marble/solution.h"
-#include "marble/v1/service.pb.h"
+#include "job_queue.h"
+#include "job_record.h"
+#include "marble/solver.h"
 
 namespace marble::server {
-
-using Clock = std::chrono::steady_clock;
-
-constexpr std::size_t kLongestRequestId = 128;  // bytes
-constexpr std::size_t kLongestName = 256;       // bytes
 
 /// How a job ended: an answer, whatever its status, or why there is none.
 struct Outcome {
@@ -34,29 +26,30 @@ struct Outcome {
   return {ErrorCode::resource_exhausted, "problem", -1, "", "does not fit the server's memory"};
 }
 
-/// Who waits for a job. Called by one thread at a time; finished() exactly once, as the last.
+/// Who waits for a job. Called by one thread at a time, but for moved(); finished() exactly once, as the
+/// last.
 class JobObserver {
  public:
   virtual ~JobObserver() = default;
+  /// Its place in the queue has changed. Only if wants_place().
+  virtual void moved(const QueuePlace& /*place*/) {}
+  [[nodiscard]] virtual bool wants_place() const { return false; }
   /// A worker took the job.
   virtual void started(double /*queue_s*/) {}
-  /// Where progress goes; null if nobody looks, and then it costs nothing.
+  /// Where progress goes besides the job's record; null if nobody looks.
   virtual ProgressSink* progress() { return nullptr; }
   virtual void finished(Outcome outcome) = 0;
 };
 
 struct Job {
-  std::string id;
-  std::string request_id, name, peer;  ///< as the client gave them; for logs
-  std::shared_ptr<const v1::SolveRequest>
-      request;  ///< what `problem` and `initial_z` borrow; freed at the end
-  Problem problem;
-  Options options;
-  std::span<const double> initial_z;
-  std::int64_t bytes = 0;  ///< size of the request
-  Clock::time_point deadline = Clock::time_point::max();
-  Clock::time_point accepted = Clock::now();
+  std::shared_ptr<JobRecord> record;  ///< what is known of it, for others
+  Ticket ticket;
+  Quota quota;  ///< of its client
+  /// What a worker does. It owns what it needs, and is freed before the observer hears of the end.
+  std::function<Expected<Solution>(const SolveControls&)> work;
   std::shared_ptr<JobObserver> observer = nullptr;  ///< let go after finished()
+  bool is_setup = false;  ///< of a session: prepares, solves nothing, and is not counted
+  Clock::time_point accepted = Clock::now();
   std::stop_source stop = {};
 };
 

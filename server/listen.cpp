@@ -76,7 +76,7 @@ Expected<Listening> listen(const Config& config, const std::vector<grpc::Service
 void set_serving(const grpc::Server& server, bool serving) {
   grpc::HealthCheckServiceInterface* health = server.GetHealthCheckService();
   health->SetServingStatus(serving);
-  for (const char* service : {"marble.v1.Solver", "marble.v1.Server"})
+  for (const char* service : {"marble.v1.Solver", "marble.v1.Jobs", "marble.v1.Server"})
     health->SetServingStatus(service, serving);
 }
 

@@ -32,10 +32,11 @@ class Log {
     write(spdlog::level::err, event, fields);
   }
 
- private:
+  [[nodiscard]] bool enabled(spdlog::level::level_enum level) const { return logger_->should_log(level); }
   void write(spdlog::level::level_enum level, std::string_view event,
              std::initializer_list<Field> fields) const;
 
+ private:
   std::shared_ptr<spdlog::logger> logger_;
   bool json_;
 };

@@ -36,6 +36,14 @@ class ProgressSlot {
     newest_z_.assign(progress.z.begin(), with_iterate ? progress.z.end() : progress.z.begin());
   }
 
+  /// Another solve begins.
+  void reset() {
+    const MutexLock lock(mutex_);
+    ring_.clear();
+    oldest_ = 0;
+    skipped_ = 0;
+  }
+
   /// What came since the last take; no rows if nothing did.
   [[nodiscard]] Rows take() {
     const MutexLock lock(mutex_);

@@ -4,31 +4,39 @@
 #include <new>
 
 #include "marble/convert.h"
-#include "status.h"
 
 namespace marble::server {
 
 constexpr std::size_t kLargestMessage = std::numeric_limits<std::int32_t>::max();  // protobuf's own
 
-grpc::Status fill_response(const Job& job, const Outcome& outcome, v1::SolveResponse* response) {
+void fill_solution(const Outcome& outcome, const Options& options, v1::Solution* message) {
+  to_message(*outcome.solution, message);
+  to_message(options, message->mutable_options());
+  message->mutable_times()->set_queue_s(outcome.queue_s);
+  message->mutable_times()->set_total_s(outcome.total_s);
+}
+
+Expected<void> fill_response(const JobRecord& job, const Outcome& outcome, v1::SolveResponse* response) {
   if (!outcome.solution) {
     Error error = outcome.solution.error();
-    if (error.code == ErrorCode::internal) error.bound += " (job " + job.id + ")";
-    return to_status(error, outcome.retry_delay_s);
+    if (error.code == ErrorCode::internal) error.bound += " (job " + job.id() + ")";
+    return unexpected(std::move(error));
   }
   try {
-    response->set_job_id(job.id);
-    v1::Solution* solution = response->mutable_solution();
-    to_message(*outcome.solution, solution);
-    to_message(job.options, solution->mutable_options());
-    solution->mutable_times()->set_queue_s(outcome.queue_s);
-    solution->mutable_times()->set_total_s(outcome.total_s);
-    if (response->ByteSizeLong() <= kLargestMessage) return grpc::Status::OK;
-    return to_status(
-        {ErrorCode::resource_exhausted, "solution", -1, "", "the answer is too large for a message"});
+    response->set_job_id(job.id());
+    fill_solution(outcome, job.options(), response->mutable_solution());
+    if (response->ByteSizeLong() <= kLargestMessage) return {};
+    return unexpected(
+        Error{ErrorCode::resource_exhausted, "solution", -1, "", "the answer is too large for a message"});
   } catch (const std::bad_alloc&) {
-    return to_status(out_of_memory(), outcome.retry_delay_s);
+    return unexpected(out_of_memory());
   }
+}
+
+void fill_rows(const ProgressSlot::Rows& taken, v1::ProgressRows* message) {
+  for (const Progress& row : taken.rows) to_message(row, message->add_rows());
+  message->mutable_rows()->rbegin()->mutable_z()->Assign(taken.newest_z.begin(), taken.newest_z.end());
+  message->set_skipped(taken.skipped);
 }
 
 void log_refusal(const Log& log, const std::string& peer, const std::string& request_id, const Error& error) {

@@ -4,23 +4,39 @@
 #include <exception>
 #include <new>
 
-#include "marble/solver.h"
-
 namespace marble::server {
 namespace {
 
+constexpr double kNewest = 0.1;  // weight of the newest solve in the mean
+
 double seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
 
+Error too_late() {
+  return {ErrorCode::deadline_exceeded, "", -1, "", "the deadline passed while the job waited"};
+}
+
+// To the job's record, and to who waits for it.
+class ProgressSplitter final : public ProgressSink {
+ public:
+  explicit ProgressSplitter(Job& job) : record_(*job.record), observer_(job.observer->progress()) {}
+  void report(const Progress& progress) override {
+    record_.report(progress);
+    if (observer_ != nullptr) observer_->report(progress);
+  }
+
+ private:
+  JobRecord& record_;
+  ProgressSink* const observer_;
+};
+
 // Everything a job can do to itself ends here, as an error of that job alone.
-Expected<Solution> solve_job(Job& job) {
+Expected<Solution> solve(Job& job) {
   try {
-    auto solver = Solver::create(job.problem, job.options);
-    if (!solver) return unexpected(solver.error());
+    ProgressSplitter progress(job);
     SolveControls controls;
-    controls.progress = job.observer->progress();
+    controls.progress = &progress;
     controls.stop = job.stop.get_token();
-    controls.initial_z = job.initial_z;
-    return solver->solve(controls);
+    return job.work(controls);
   } catch (const std::bad_alloc&) {
     return unexpected(out_of_memory());
   } catch (const std::exception& error) {
@@ -28,12 +44,36 @@ Expected<Solution> solve_job(Job& job) {
   }
 }
 
+Error refusal(QueueRefusal why, const QueueLimits& limits, const Job& job) {
+  const auto error = [](const char* field, std::string value, std::string bound) {
+    return Error{ErrorCode::resource_exhausted, field, -1, std::move(value), std::move(bound)};
+  };
+  const std::string bytes = std::to_string(job.ticket.bytes) + " more";
+  switch (why) {
+    case QueueRefusal::jobs:
+      return error("queue_jobs", "",
+                   "the queue is full: it holds at most " + std::to_string(limits.jobs) + " jobs");
+    case QueueRefusal::bytes:
+      return error("queue_bytes", bytes,
+                   "requests may take at most " + std::to_string(limits.bytes) + " bytes together");
+    case QueueRefusal::client_jobs:
+      return error("client_queued", "",
+                   "the client \"" + job.ticket.client + "\" may have at most " +
+                       std::to_string(job.quota.queued) + " waiting jobs");
+    case QueueRefusal::client_bytes:
+      return error("client_bytes", bytes,
+                   "requests of the client \"" + job.ticket.client + "\" may take at most " +
+                       std::to_string(job.quota.bytes) + " bytes together");
+    case QueueRefusal::none:
+      break;
+  }
+  return {};
+}
+
 }  // namespace
 
-Scheduler::Scheduler(const SchedulerLimits& limits, const Log& log)
-    : limits_(limits), log_(log), queue_(static_cast<std::size_t>(limits.queue_jobs + limits.workers)) {
-  // A worker that is about to take a job counts as room in the queue, so that queue_jobs = 0 means "no
-  // waiting".
+Scheduler::Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log)
+    : limits_(limits), board_(board), log_(log), queue_(limits) {
   for (int i = 0; i < limits_.workers; ++i) workers_.emplace_back([this] { work(); });
 }
 
@@ -47,42 +87,46 @@ Scheduler::~Scheduler() {
   for (std::thread& worker : workers_) worker.join();
 }
 
-Expected<int> Scheduler::admit(std::shared_ptr<Job> job) {
+Expected<QueuePlace> Scheduler::admit(const std::shared_ptr<Job>& job,
+                                      const std::weak_ptr<RoomWaiter>& waiter) {
   const MutexLock lock(mutex_);
-  const auto refuse = [](ErrorCode code, std::string field, std::string value, std::string bound) {
-    return unexpected(Error{code, std::move(field), -1, std::move(value), std::move(bound)});
-  };
-  if (closed_) return refuse(ErrorCode::unavailable, "", "", "the server is draining; retry elsewhere");
-  if (counters_.queued + counters_.running >= limits_.queue_jobs + limits_.workers) {
-    return refuse(ErrorCode::resource_exhausted, "queue_jobs", std::to_string(counters_.queued) + " waiting",
-                  "the queue holds at most " + std::to_string(limits_.queue_jobs) + " jobs");
+  if (closed_ && !(job->ticket.reserved && !hurried_)) {
+    return unexpected(Error{ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"});
   }
-  if (bytes_ + job->bytes > limits_.queue_bytes) {
-    return refuse(ErrorCode::resource_exhausted, "queue_bytes", std::to_string(bytes_ + job->bytes),
-                  "requests may take at most " + std::to_string(limits_.queue_bytes) + " bytes together");
+  if (const auto why = queue_.push(job, job->ticket, job->quota); why != QueueRefusal::none) {
+    if (fits_alone(*job) && !waiter.expired()) room_waiters_.push_back(waiter);
+    return unexpected(refusal(why, limits_, *job));
   }
-  const int before = counters_.queued;
-  bytes_ += job->bytes;
-  ++counters_.accepted;
-  ++counters_.queued;
-  if (!queue_.push(std::move(job))) std::terminate();  // the bound above is the tighter one
+  if (!job->ticket.reserved) {
+    ++counters_.accepted;
+    board_.add(job->record);
+    job->record->set_cancel([this, weak = std::weak_ptr<Job>(job)] {
+      if (const std::shared_ptr<Job> strong = weak.lock()) cancel(strong);
+    });
+    job->record->set_place([this, weak = std::weak_ptr<Job>(job)] {
+      const std::shared_ptr<Job> strong = weak.lock();
+      return strong != nullptr ? place(*strong) : QueuePlace{};
+    });
+  }
+  job->record->queued();
+  const QueuePlace place = place_of(*job);
+  if (job->observer->wants_place()) place_listeners_.push_back({job, job->observer});
   work_.notify_one();
-  return before;
+  return place;
 }
 
+// The scheduler's lock is taken before a record's and the board's, never after.
 void Scheduler::cancel(const std::shared_ptr<Job>& job) {
   job->stop.request_stop();
   {
     const MutexLock lock(mutex_);
     if (!queue_.remove(job.get())) return;
-    --counters_.queued;
     ++finishing_;
   }
-  const bool late = Clock::now() >= job->deadline;
+  const bool late = Clock::now() >= job->ticket.deadline;
   Outcome outcome;
   outcome.solution = unexpected(
-      Error{late ? ErrorCode::deadline_exceeded : ErrorCode::cancelled, "", -1, "",
-            late ? "the deadline passed while the job waited" : "the client gave up while the job waited"});
+      late ? too_late() : Error{ErrorCode::cancelled, "", -1, "", "given up while the job waited"});
   finish(*job, std::move(outcome), false);
 }
 
@@ -91,57 +135,76 @@ void Scheduler::count_refused() {
   ++counters_.refused;
 }
 
+bool Scheduler::is_closed() const {
+  const MutexLock lock(mutex_);
+  return closed_;
+}
+
 std::shared_ptr<Job> Scheduler::next() {
   const MutexLock lock(mutex_);
-  while (!stopping_ && queue_.size() == 0) work_.wait(mutex_);
   std::shared_ptr<Job> job = queue_.pop();
-  if (job != nullptr) {
-    --counters_.queued;
-    ++counters_.running;
-    running_.push_back(job);
+  while (job == nullptr && !stopping_) {
+    work_.wait(mutex_);
+    job = queue_.pop();
   }
+  if (job != nullptr) running_.push_back(job);
   return job;
 }
 
 void Scheduler::work() {
-  while (const std::shared_ptr<Job> job = next()) run(*job);
+  while (const std::shared_ptr<Job> job = next()) run(job);
 }
 
-void Scheduler::run(Job& job) {
+void Scheduler::run(const std::shared_ptr<Job>& job) {
   const Clock::time_point begin = Clock::now();
   Outcome outcome;
-  outcome.queue_s = seconds(begin - job.accepted);
-  if (begin >= job.deadline) {
-    outcome.solution = unexpected(
-        Error{ErrorCode::deadline_exceeded, "", -1, "", "the deadline passed while the job waited"});
+  outcome.queue_s = seconds(begin - job->accepted);
+  if (job->ticket.deadline != Clock::time_point::max() &&
+      job->ticket.deadline - begin <= job->ticket.least_run) {
+    outcome.solution = unexpected(too_late());
   } else {
-    job.observer->started(outcome.queue_s);
-    outcome.solution = solve_job(job);
+    job->record->started(outcome.queue_s);
+    job->observer->started(outcome.queue_s);
+    outcome.solution = solve(*job);
   }
+  job->work = nullptr;  // before its bytes are counted free: an answer may wait long for its reader
   {
     const MutexLock lock(mutex_);
-    --counters_.running;
     ++finishing_;
-    running_.erase(
-        std::find_if(running_.begin(), running_.end(), [&](const auto& r) { return r.get() == &job; }));
-    mean_solve_s_ += 0.1 * (seconds(Clock::now() - begin) - mean_solve_s_);
+    queue_.done(job.get());
+    running_.erase(std::find(running_.begin(), running_.end(), job));
+    if (outcome.solution) {
+      double& mean = mean_run_s_[static_cast<std::size_t>(job->ticket.priority)];
+      mean += kNewest * (seconds(Clock::now() - begin) - mean);
+    }
+    if (queue_.ready()) work_.notify_one();  // its client may have been at its quota
   }
-  finish(job, std::move(outcome), true);
+  finish(*job, std::move(outcome), true);
 }
 
 void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
   outcome.total_s = seconds(Clock::now() - job.accepted);
   if (!ran) outcome.queue_s = outcome.total_s;
   outcome.retry_delay_s = retry_delay_s();
+  job.work = nullptr;
   log_end(job, outcome);
-  job.request = nullptr;  // before its bytes are counted free: an answer may wait long for its reader
+  if (job.ticket.reserved) {
+    if (!job.is_setup) job.record->answered(outcome.solution, outcome.total_s);
+  } else {
+    job.record->finished(outcome.solution, outcome.queue_s, outcome.total_s);
+    board_.finish(job.record);
+  }
+  std::vector<std::weak_ptr<RoomWaiter>> waiters;
   {
     const MutexLock lock(mutex_);
-    bytes_ -= job.bytes;
     count(job, outcome);
+    waiters.swap(room_waiters_);
   }
   job.observer->finished(std::move(outcome));
   job.observer = nullptr;
+  for (const auto& weak : waiters) {
+    if (const std::shared_ptr<RoomWaiter> waiter = weak.lock()) waiter->room();
+  }
   {
     const MutexLock lock(mutex_);
     --finishing_;
@@ -150,6 +213,10 @@ void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
 }
 
 void Scheduler::count(const Job& job, const Outcome& outcome) {
+  if (job.ticket.reserved) {
+    if (outcome.solution && !job.is_setup) ++counters_.updates;
+    return;
+  }
   if (!outcome.solution) {
     const ErrorCode code = outcome.solution.error().code;
     const bool failed = code == ErrorCode::internal || code == ErrorCode::resource_exhausted;
@@ -163,31 +230,34 @@ void Scheduler::count(const Job& job, const Outcome& outcome) {
 }
 
 void Scheduler::log_end(const Job& job, const Outcome& outcome) const {
-  const auto text = [&]() -> std::string {
-    return outcome.solution ? to_string(outcome.solution->status) : to_string(outcome.solution.error().code);
-  };
   const bool solved = outcome.solution.has_value();
-  const auto fields = {Log::Field{"job", job.id},
-                       {"request", job.request_id},
-                       {"name", job.name},
-                       {"peer", job.peer},
-                       {"n", std::int64_t{job.problem.variables()}},
-                       {"n_e", std::int64_t{job.problem.equalities()}},
-                       {"n_i", std::int64_t{job.problem.inequalities()}},
-                       {"n_c", std::int64_t{job.problem.pairs()}},
-                       {"status", text()},
-                       {"iterations", std::int64_t{solved ? outcome.solution->iterations : 0}},
-                       {"factorizations", std::int64_t{solved ? outcome.solution->factorizations : 0}},
-                       {"objective", solved ? outcome.solution->objective : 0.0},
-                       {"queue_s", outcome.queue_s},
-                       {"solve_s", solved ? outcome.solution->times.solve_s : 0.0},
-                       {"total_s", outcome.total_s},
-                       {"detail", solved ? outcome.solution->detail : outcome.solution.error().message()}};
-  if (!solved && outcome.solution.error().code == ErrorCode::internal) {
-    log_.error("job", fields);
-  } else {
-    log_.info("job", fields);
-  }
+  const bool bug = !solved && outcome.solution.error().code == ErrorCode::internal;
+  const auto level = bug                   ? spdlog::level::err
+                     : job.ticket.reserved ? spdlog::level::debug
+                                           : spdlog::level::info;
+  if (!log_.enabled(level)) return;
+  const JobDescription& what = job.record->description();
+  const char* status =
+      solved ? to_string(outcome.solution->status) : to_string(outcome.solution.error().code);
+  log_.write(level, job.ticket.reserved ? "update" : "job",
+             {{"job", what.id},
+              {"client", what.client},
+              {"priority", std::string(to_string(what.priority))},
+              {"request", what.request_id},
+              {"name", what.name},
+              {"peer", what.peer},
+              {"n", std::int64_t{what.variables}},
+              {"n_e", std::int64_t{what.equalities}},
+              {"n_i", std::int64_t{what.inequalities}},
+              {"n_c", std::int64_t{what.pairs}},
+              {"status", std::string(status)},
+              {"iterations", std::int64_t{solved ? outcome.solution->iterations : 0}},
+              {"factorizations", std::int64_t{solved ? outcome.solution->factorizations : 0}},
+              {"objective", solved ? outcome.solution->objective : 0.0},
+              {"queue_s", outcome.queue_s},
+              {"solve_s", solved ? outcome.solution->times.solve_s : 0.0},
+              {"total_s", outcome.total_s},
+              {"detail", solved ? outcome.solution->detail : outcome.solution.error().message()}});
 }
 
 void Scheduler::close() {
@@ -195,27 +265,42 @@ void Scheduler::close() {
   closed_ = true;
 }
 
+bool Scheduler::is_drained() const {
+  const MutexLock lock(mutex_);
+  return closed_ && idle();
+}
+
+void Scheduler::refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error) {
+  for (const auto& job : jobs) {
+    Outcome outcome;
+    outcome.solution = unexpected(error);
+    finish(*job, std::move(outcome), false);
+  }
+}
+
 void Scheduler::drain(std::chrono::duration<double> grace) {
   const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(grace);
   std::vector<std::shared_ptr<Job>> waiting;
+  std::vector<std::weak_ptr<RoomWaiter>> room_waiters;
   {
     const MutexLock lock(mutex_);
     closed_ = true;
+    room_waiters.swap(room_waiters_);
+  }
+  for (const auto& waiter : room_waiters) {  // to be refused
+    if (const auto strong = waiter.lock()) strong->room();
+  }
+  {
+    const MutexLock lock(mutex_);
     while (!hurried_ && !idle() && progress_.wait_until(mutex_, end) == std::cv_status::no_timeout) {
     }
-    while (std::shared_ptr<Job> job = queue_.pop()) {
-      --counters_.queued;
-      ++finishing_;
-      waiting.push_back(std::move(job));
-    }
+    hurried_ = true;  // sessions begin nothing more
+    waiting = queue_.expire(Clock::time_point::max());
+    finishing_ += static_cast<int>(waiting.size());
     for (const auto& job : running_) job->stop.request_stop();
   }
-  for (const auto& job : waiting) {
-    Outcome outcome;
-    outcome.solution = unexpected(
-        Error{ErrorCode::unavailable, "", -1, "", "the server is draining; the job was not started"});
-    finish(*job, std::move(outcome), false);
-  }
+  refuse_waiting(waiting,
+                 {ErrorCode::unavailable, "", -1, "", "the server is draining; the job was not started"});
   const MutexLock lock(mutex_);
   while (!idle()) progress_.wait(mutex_);
 }
@@ -228,14 +313,63 @@ void Scheduler::hurry() {
   progress_.notify_all();
 }
 
+void Scheduler::pulse(Clock::time_point now) {
+  std::vector<std::shared_ptr<Job>> late;
+  std::vector<std::pair<std::shared_ptr<JobObserver>, QueuePlace>> places;
+  {
+    const MutexLock lock(mutex_);
+    if (queue_.waiting() > 0) late = queue_.expire(now);
+    finishing_ += static_cast<int>(late.size());
+    const auto gone = [&](const PlaceListener& listener) {
+      const std::shared_ptr<Job> job = listener.job.lock();
+      std::shared_ptr<JobObserver> observer = listener.observer.lock();
+      if (job == nullptr || observer == nullptr || !queue_.is_waiting(job.get())) return true;
+      places.emplace_back(std::move(observer), place_of(*job));
+      return false;
+    };
+    place_listeners_.erase(std::remove_if(place_listeners_.begin(), place_listeners_.end(), gone),
+                           place_listeners_.end());
+  }
+  refuse_waiting(late, too_late());
+  for (const auto& [observer, place] : places) observer->moved(place);
+}
+
 Counters Scheduler::counters() const {
   const MutexLock lock(mutex_);
-  return counters_;
+  Counters counters = counters_;
+  counters.queued = static_cast<int>(queue_.waiting());
+  counters.running = queue_.running();
+  return counters;
 }
 
 double Scheduler::retry_delay_s() const {
   const MutexLock lock(mutex_);
-  return std::clamp(mean_solve_s_ * (counters_.queued + 1) / limits_.workers, 0.01, 10.0);
+  double work_s = 0.0;
+  for (std::size_t at = 0; at < kPriorities; ++at)
+    work_s += mean_run_s_[at] * static_cast<double>(queue_.waiting_by_priority()[at]);
+  const double one_s = *std::max_element(mean_run_s_.begin(), mean_run_s_.end());
+  return std::clamp((work_s + one_s) / limits_.workers, 0.01, 10.0);
+}
+
+QueuePlace Scheduler::place(const Job& job) const {
+  const MutexLock lock(mutex_);
+  return place_of(job);
+}
+
+// Those ahead at the mean of their priorities, and half a solve until the next worker is free.
+QueuePlace Scheduler::place_of(const Job& job) const {
+  if (!queue_.is_waiting(&job)) return {};
+  const auto ahead = queue_.ahead_of(&job);
+  QueuePlace place;
+  double work_s = 0.0;
+  for (std::size_t at = 0; at < kPriorities; ++at) {
+    place.position += static_cast<int>(ahead[at]);
+    work_s += mean_run_s_[at] * static_cast<double>(ahead[at]);
+  }
+  for (const auto& running : running_)
+    work_s += 0.5 * mean_run_s_[static_cast<std::size_t>(running->ticket.priority)];
+  if (queue_.running() + place.position >= limits_.workers) place.estimated_wait_s = work_s / limits_.workers;
+  return place;
 }
 
 }  // namespace marble::server

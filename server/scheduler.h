@@ -2,40 +2,53 @@
 // one.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <thread>
 #include <vector>
 
 #include "job.h"
-#include "job_queue.h"
+#include "job_board.h"
 #include "log.h"
 #include "mutex.h"
+#include "pulse.h"
 
 namespace marble::server {
 
-struct SchedulerLimits {
-  int workers = 1;
-  int queue_jobs = 0;            ///< jobs that may wait for a worker
-  std::int64_t queue_bytes = 0;  ///< request bytes that may wait or run
-};
-
 struct Counters {
   std::int64_t accepted = 0, answered = 0, solved = 0, refused = 0, cancelled = 0, failed = 0;
+  std::int64_t updates = 0;  ///< of sessions, answered
   int queued = 0, running = 0;
 };
 
-class Scheduler {
+/// Somebody slowed by a full queue.
+class RoomWaiter {
  public:
-  Scheduler(const SchedulerLimits& limits, const Log& log);
-  ~Scheduler();
+  virtual ~RoomWaiter() = default;
+  /// There may be room now.
+  virtual void room() = 0;
+};
+
+class Scheduler final : public Pulsed {
+ public:
+  Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log);
+  ~Scheduler() override;
   Scheduler(const Scheduler&) = delete;
   Scheduler& operator=(const Scheduler&) = delete;
 
   /// Takes the job in and returns its place in the queue; its observer will hear of it, exactly once to the
-  /// end. Errors, after which the observer hears nothing: unavailable (draining), resource_exhausted (queue
-  /// or bytes).
-  [[nodiscard]] Expected<int> admit(std::shared_ptr<Job> job) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// end. Errors, after which the observer hears nothing: unavailable (draining), resource_exhausted (queue,
+  /// bytes, or the client's quota of them; the waiter, if there is one, is then told once when it is worth
+  /// trying again, unless the job does not even fit alone).
+  [[nodiscard]] Expected<QueuePlace> admit(const std::shared_ptr<Job>& job,
+                                           const std::weak_ptr<RoomWaiter>& waiter = {})
+      ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Whether the job would be taken if there were no other.
+  [[nodiscard]] bool fits_alone(const Job& job) const {
+    return job.ticket.bytes <= std::min(limits_.bytes, job.quota.bytes);
+  }
 
   /// The client gave up, or its deadline passed: a waiting job is answered at once, a running one stops
   /// within an iteration. Does nothing to a finished one.
@@ -44,41 +57,57 @@ class Scheduler {
   /// Counts a request that did not become a job, whoever refused it.
   void count_refused() ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Admits nothing more from now on.
+  /// Admits nothing more from now on, but for updates of sessions.
   void close() ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool is_closed() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Closed, and every accepted job is answered.
+  [[nodiscard]] bool is_drained() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Closes, then returns when every accepted job is answered. After `grace` running solves are stopped and
   /// give their best iterate, waiting ones are answered with unavailable.
   void drain(std::chrono::duration<double> grace) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Ends the grace of a drain that is under way now.
   void hurry() ABSL_LOCKS_EXCLUDED(mutex_);
 
+  /// Answers waiting jobs that cannot meet their deadlines any more, and tells the others their places.
+  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+
   [[nodiscard]] Counters counters() const ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] const SchedulerLimits& limits() const { return limits_; }
+  [[nodiscard]] const QueueLimits& limits() const { return limits_; }
   /// When a refused request may be tried again: a queue's worth of the mean solve, within [10 ms, 10 s].
   [[nodiscard]] double retry_delay_s() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Where a job stands; {0, 0} unless it waits.
+  [[nodiscard]] QueuePlace place(const Job& job) const ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   void work() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::shared_ptr<Job> next() ABSL_LOCKS_EXCLUDED(mutex_);
-  void run(Job& job) ABSL_LOCKS_EXCLUDED(mutex_);
+  void run(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
+  void refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error);
   void finish(Job& job, Outcome outcome, bool ran) ABSL_LOCKS_EXCLUDED(mutex_);
   void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void log_end(const Job& job, const Outcome& outcome) const;
+  [[nodiscard]] QueuePlace place_of(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] bool idle() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    return counters_.queued == 0 && counters_.running == 0 && finishing_ == 0;
+    return queue_.waiting() == 0 && queue_.running() == 0 && finishing_ == 0;
   }
 
-  const SchedulerLimits limits_;
+  const QueueLimits limits_;
+  JobBoard& board_;
   const Log& log_;
   mutable Mutex mutex_;
-  Condition work_;      // something was queued, or stopping_
+  Condition work_;      // something was queued, a client's quota is free again, or stopping_
   Condition progress_;  // something ended, or hurried_
   JobQueue<Job> queue_ ABSL_GUARDED_BY(mutex_);
   std::vector<std::shared_ptr<Job>> running_ ABSL_GUARDED_BY(mutex_);
-  std::int64_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  struct PlaceListener {
+    std::weak_ptr<Job> job;
+    std::weak_ptr<JobObserver> observer;
+  };
+  std::vector<PlaceListener> place_listeners_ ABSL_GUARDED_BY(mutex_);
+  std::vector<std::weak_ptr<RoomWaiter>> room_waiters_ ABSL_GUARDED_BY(mutex_);
   int finishing_ ABSL_GUARDED_BY(mutex_) = 0;  // left queue or worker, observer not yet told
   Counters counters_ ABSL_GUARDED_BY(mutex_);
-  double mean_solve_s_ ABSL_GUARDED_BY(mutex_) = 0.0;
+  std::array<double, kPriorities> mean_run_s_ ABSL_GUARDED_BY(mutex_) = {};
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
   bool hurried_ ABSL_GUARDED_BY(mutex_) = false;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;

@@ -12,24 +12,27 @@ grpc::ServerUnaryReactor* SolveCall::begin(const ServiceParts& parts,
                                            const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
   const std::shared_ptr<SolveCall> call(new SolveCall(parts, response));
   call->self_ = call;
-  const auto message = std::make_shared<v1::SolveRequest>();
-  auto admitted = parse(request, message.get());
-  if (admitted) admitted = call->admit(message, context);
-  if (!admitted) {
+  std::string request_id;
+  if (const auto admitted = call->admit(request, context, request_id); !admitted) {
     parts.scheduler.count_refused();
-    log_refusal(parts.log, context.peer(), message->request_id(), admitted.error());
+    log_refusal(parts.log, context.peer(), request_id, admitted.error());
     call->Finish(to_status(admitted.error(), parts.scheduler.retry_delay_s()));
   }
   return call.get();
 }
 
-Expected<void> SolveCall::admit(std::shared_ptr<const v1::SolveRequest> request,
-                                const grpc::CallbackServerContext& context) {
-  auto job = make_job(std::move(request), context);
+Expected<void> SolveCall::admit(const grpc::ByteBuffer* request, const grpc::CallbackServerContext& context,
+                                std::string& request_id) {
+  const auto caller = caller_of(parts_.access, context, Role::solve);
+  if (!caller) return unexpected(caller.error());
+  auto message = std::make_shared<v1::SolveRequest>();
+  if (auto parsed = parse(request, message.get()); !parsed) return parsed;
+  request_id = message->request_id();
+  auto job = make_job(parts_, *caller, JobKind::solve, std::move(message));
   if (!job) return unexpected(job.error());
   (*job)->observer = self_;
   job_ = *job;
-  if (const auto place = scheduler_.admit(*job); !place) {
+  if (const auto place = parts_.scheduler.admit(*job); !place) {
     job_ = nullptr;
     return unexpected(place.error());
   }
@@ -37,16 +40,16 @@ Expected<void> SolveCall::admit(std::shared_ptr<const v1::SolveRequest> request,
 }
 
 void SolveCall::OnCancel() {
-  if (job_ != nullptr) scheduler_.cancel(job_);
+  if (job_ != nullptr) parts_.scheduler.cancel(job_);
 }
 
 void SolveCall::OnDone() { const auto last = std::move(self_); }
 
 void SolveCall::finished(Outcome outcome) {
   v1::SolveResponse message;
-  const grpc::Status status = fill_response(*job_, outcome, &message);
-  if (status.ok()) *response_ = serialize(message);
-  Finish(status);
+  const auto filled = fill_response(*job_->record, outcome, &message);
+  if (filled) *response_ = serialize(message);
+  Finish(filled ? grpc::Status::OK : to_status(filled.error(), outcome.retry_delay_s));
 }
 
 }  // namespace marble::server

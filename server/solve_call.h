@@ -24,12 +24,12 @@ class SolveCall final : public grpc::ServerUnaryReactor, public JobObserver {
 
  private:
   SolveCall(const ServiceParts& parts, grpc::ByteBuffer* response)
-      : token_(parts.calls), scheduler_(parts.scheduler), response_(response) {}
-  [[nodiscard]] Expected<void> admit(std::shared_ptr<const v1::SolveRequest> request,
-                                     const grpc::CallbackServerContext& context);
+      : token_(parts.calls), parts_(parts), response_(response) {}
+  [[nodiscard]] Expected<void> admit(const grpc::ByteBuffer* request,
+                                     const grpc::CallbackServerContext& context, std::string& request_id);
 
   const LiveCalls::Token token_;
-  Scheduler& scheduler_;
+  const ServiceParts& parts_;
   grpc::ByteBuffer* const response_;
   std::shared_ptr<Job> job_;  // constant once admitted
   std::shared_ptr<SolveCall> self_;

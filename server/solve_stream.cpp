@@ -29,11 +29,8 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const Service
                                                                    const grpc::ByteBuffer* request) {
   const std::shared_ptr<SolveStreamCall> call(new SolveStreamCall(parts));
   call->self_ = call;
-  v1::SolveStreamRequest message;
-  auto admitted = parse(request, &message);
-  const std::string request_id = message.solve().request_id();
-  if (admitted) admitted = call->admit(message, context);
-  if (!admitted) {
+  std::string request_id;
+  if (const auto admitted = call->admit(request, context, request_id); !admitted) {
     parts.scheduler.count_refused();
     log_refusal(parts.log, context.peer(), request_id, admitted.error());
     call->Finish(to_status(admitted.error(), parts.scheduler.retry_delay_s()));
@@ -43,13 +40,19 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const Service
   return call.get();
 }
 
-Expected<void> SolveStreamCall::admit(v1::SolveStreamRequest& request,
-                                      const grpc::CallbackServerContext& context) {
+Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
+                                      const grpc::CallbackServerContext& context, std::string& request_id) {
+  const auto caller = caller_of(parts_.access, context, Role::solve);
+  if (!caller) return unexpected(caller.error());
+  v1::SolveStreamRequest request;
+  if (auto parsed = parse(bytes, &request); !parsed) return parsed;
+  request_id = request.solve().request_id();
   if (auto valid = check_progress(request); !valid) return valid;
   progress_interval_s_ = request.progress_interval_s();
   iterate_every_ = request.iterate_every();
   (void)request.mutable_solve();  // an absent one is an empty one, and refused as such
-  auto job = make_job(std::shared_ptr<const v1::SolveRequest>(request.release_solve()), context);
+  auto job = make_job(parts_, *caller, JobKind::solve,
+                      std::shared_ptr<const v1::SolveRequest>(request.release_solve()));
   if (!job) {
     Error error = job.error();
     error.field = "solve." + error.field;
@@ -63,21 +66,32 @@ Expected<void> SolveStreamCall::admit(v1::SolveStreamRequest& request,
     const MutexLock lock(mutex_);
     writing_ = true;
   }
-  const auto place = scheduler_.admit(*job);
+  const auto place = parts_.scheduler.admit(*job);
   if (!place) {
     job_ = nullptr;
     return unexpected(place.error());
   }
   const MutexLock lock(mutex_);
   writing_ = false;
-  queue_position_ = *place;
+  place_ = *place;
   return {};
+}
+
+void SolveStreamCall::moved(const QueuePlace& place) {
+  {
+    const MutexLock lock(mutex_);
+    if (started_ || !accepted_ || place.position == told_place_.position) return;
+    place_ = place;
+  }
+  go_on();
 }
 
 void SolveStreamCall::started(double queue_s) {
   {
     const MutexLock lock(mutex_);
     queue_s_ = queue_s;
+    started_ = true;
+    if (accepted_) place_.reset();
   }
   go_on();
 }
@@ -108,16 +122,24 @@ void SolveStreamCall::OnWriteDone(bool ok) {
 }
 
 void SolveStreamCall::OnCancel() {
-  if (job_ != nullptr) scheduler_.cancel(job_);
+  if (job_ != nullptr) parts_.scheduler.cancel(job_);
 }
 
 void SolveStreamCall::OnDone() { const auto last = std::move(self_); }
 
 bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
   if (broken_) return false;
-  if (queue_position_) {
-    event->mutable_accepted()->set_job_id(job_->id);
-    event->mutable_accepted()->set_queue_position(*std::exchange(queue_position_, std::nullopt));
+  if (place_) {
+    told_place_ = *std::exchange(place_, std::nullopt);
+    if (accepted_) {
+      event->mutable_queued()->set_queue_position(told_place_.position);
+      event->mutable_queued()->set_estimated_wait_s(told_place_.estimated_wait_s);
+    } else {
+      event->mutable_accepted()->set_job_id(job_->record->id());
+      event->mutable_accepted()->set_queue_position(told_place_.position);
+      event->mutable_accepted()->set_estimated_wait_s(told_place_.estimated_wait_s);
+      accepted_ = true;
+    }
     return true;
   }
   if (queue_s_) {
@@ -125,15 +147,14 @@ bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
     return true;
   }
   if (const ProgressSlot::Rows taken = slot_.take(); !taken.rows.empty()) {
-    v1::ProgressRows* progress = event->mutable_progress();
-    for (const Progress& row : taken.rows) to_message(row, progress->add_rows());
-    progress->mutable_rows()->rbegin()->mutable_z()->Assign(taken.newest_z.begin(), taken.newest_z.end());
-    progress->set_skipped(taken.skipped);
+    fill_rows(taken, event->mutable_progress());
     return true;
   }
   if (outcome_) {
-    status_ = fill_response(*job_, *std::exchange(outcome_, std::nullopt), event->mutable_result());
-    return status_.ok();
+    const Outcome outcome = *std::exchange(outcome_, std::nullopt);
+    const auto filled = fill_response(*job_->record, outcome, event->mutable_result());
+    if (!filled) status_ = to_status(filled.error(), outcome.retry_delay_s);
+    return filled.has_value();
   }
   return false;
 }

@@ -6,6 +6,7 @@
 
 #include <optional>
 
+#include "marble/v1/service.pb.h"
 #include "mutex.h"
 #include "progress_slot.h"
 #include "service_parts.h"
@@ -28,20 +29,23 @@ class SolveStreamCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
   void OnDone() override;
 
   // From the scheduler.
+  [[nodiscard]] bool wants_place() const override { return true; }
+  void moved(const QueuePlace& place) override ABSL_LOCKS_EXCLUDED(mutex_);
   void started(double queue_s) override ABSL_LOCKS_EXCLUDED(mutex_);
   ProgressSink* progress() override { return this; }
   void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
   void finished(Outcome outcome) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
-  explicit SolveStreamCall(const ServiceParts& parts) : token_(parts.calls), scheduler_(parts.scheduler) {}
-  [[nodiscard]] Expected<void> admit(v1::SolveStreamRequest& request,
-                                     const grpc::CallbackServerContext& context) ABSL_LOCKS_EXCLUDED(mutex_);
+  explicit SolveStreamCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}
+  [[nodiscard]] Expected<void> admit(const grpc::ByteBuffer* bytes,
+                                     const grpc::CallbackServerContext& context, std::string& request_id)
+      ABSL_LOCKS_EXCLUDED(mutex_);
   void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool next_event(v1::SolveStreamResponse* event) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const LiveCalls::Token token_;
-  Scheduler& scheduler_;
+  const ServiceParts& parts_;
   double progress_interval_s_ = 0.0;  // constant once admitted, like job_
   int iterate_every_ = 0;
   std::shared_ptr<Job> job_;
@@ -52,13 +56,16 @@ class SolveStreamCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
 
   Mutex mutex_;
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
-  bool broken_ ABSL_GUARDED_BY(mutex_) = false;                // a write failed: nobody reads any more
-  bool finishing_ ABSL_GUARDED_BY(mutex_) = false;             // Finish was called or is about to be
-  std::optional<int> queue_position_ ABSL_GUARDED_BY(mutex_);  // accepted, to be told
-  std::optional<double> queue_s_ ABSL_GUARDED_BY(mutex_);      // started, to be told
-  std::optional<Outcome> outcome_ ABSL_GUARDED_BY(mutex_);     // finished, to be told
-  grpc::Status status_ ABSL_GUARDED_BY(mutex_);                // of a finished job
-  bool over_ ABSL_GUARDED_BY(mutex_) = false;                  // the job has finished
+  bool broken_ ABSL_GUARDED_BY(mutex_) = false;              // a write failed: nobody reads any more
+  bool finishing_ ABSL_GUARDED_BY(mutex_) = false;           // Finish was called or is about to be
+  bool accepted_ ABSL_GUARDED_BY(mutex_) = false;            // was told
+  bool started_ ABSL_GUARDED_BY(mutex_) = false;             // a worker has it: places are old
+  QueuePlace told_place_ ABSL_GUARDED_BY(mutex_);            // the newest that was told
+  std::optional<QueuePlace> place_ ABSL_GUARDED_BY(mutex_);  // accepted or moved, to be told
+  std::optional<double> queue_s_ ABSL_GUARDED_BY(mutex_);    // started, to be told
+  std::optional<Outcome> outcome_ ABSL_GUARDED_BY(mutex_);   // finished, to be told
+  grpc::Status status_ ABSL_GUARDED_BY(mutex_);              // of a finished job
+  bool over_ ABSL_GUARDED_BY(mutex_) = false;                // the job has finished
 };
 
 }  // namespace marble::server

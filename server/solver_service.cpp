@@ -1,5 +1,7 @@
 #include "solver_service.h"
 
+#include "batch_call.h"
+#include "session_call.h"
 #include "solve_call.h"
 #include "solve_stream.h"
 
@@ -13,6 +15,16 @@ grpc::ServerUnaryReactor* SolverService::Solve(grpc::CallbackServerContext* cont
 grpc::ServerWriteReactor<grpc::ByteBuffer>* SolverService::SolveStream(grpc::CallbackServerContext* context,
                                                                        const grpc::ByteBuffer* request) {
   return SolveStreamCall::begin(parts_, *context, request);
+}
+
+grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SolverService::SolveBatch(
+    grpc::CallbackServerContext* context) {
+  return BatchCall::begin(parts_, *context);
+}
+
+grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SolverService::Session(
+    grpc::CallbackServerContext* context) {
+  return SessionCall::begin(parts_, *context);
 }
 
 }  // namespace marble::server

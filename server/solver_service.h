@@ -6,23 +6,26 @@
 
 namespace marble::server {
 
-/// The methods take and give bytes; see wire.h.
-class SolverService final : public v1::Solver::WithRawCallbackMethod_Solve<
-                                v1::Solver::WithRawCallbackMethod_SolveStream<v1::Solver::Service>> {
- public:
-  SolverService(Scheduler& scheduler, const Log& log) : parts_{scheduler, log, calls_} {}
+using SolverRawService = v1::Solver::WithRawCallbackMethod_Solve<
+    v1::Solver::WithRawCallbackMethod_SolveStream<v1::Solver::WithRawCallbackMethod_SolveBatch<
+        v1::Solver::WithRawCallbackMethod_Session<v1::Solver::Service>>>>;
 
-  /// Waits until every answer is sent, or for `limit`.
-  void wait_for_answers(std::chrono::steady_clock::duration limit) { calls_.wait_for_none(limit); }
+/// The methods take and give bytes; see wire.h.
+class SolverService final : public SolverRawService {
+ public:
+  explicit SolverService(const ServiceParts& parts) : parts_(parts) {}
 
   grpc::ServerUnaryReactor* Solve(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
                                   grpc::ByteBuffer* response) override;
   grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStream(grpc::CallbackServerContext* context,
                                                           const grpc::ByteBuffer* request) override;
+  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SolveBatch(
+      grpc::CallbackServerContext* context) override;
+  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Session(
+      grpc::CallbackServerContext* context) override;
 
  private:
-  LiveCalls calls_;
-  const ServiceParts parts_;
+  const ServiceParts& parts_;
 };
 
 }  // namespace marble::server

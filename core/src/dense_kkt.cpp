@@ -184,4 +184,10 @@ double DenseKkt::bytes() const {
          (3.0 * static_cast<double>(system_.size()) + 2.0 * static_cast<double>(rows_.size()));
 }
 
+double DenseKkt::estimated_bytes(const ScaledProblem& p) {
+  const double n = p.variables();
+  const double rows = static_cast<double>(p.equalities()) + p.inequalities() + 2.0 * p.pairs();
+  return sizeof(double) * (3.0 * n * n + 2.0 * n * rows);
+}
+
 }  // namespace marble

@@ -13,6 +13,10 @@ class DenseKkt final : public Kkt {
   explicit DenseKkt(const ScaledProblem& problem);
   /// Cost in the units of SparseKkt::flops, without building anything.
   [[nodiscard]] static double estimated_flops(const ScaledProblem& problem);
+  /// Its bytes(), without building anything.
+  [[nodiscard]] static double estimated_bytes(const ScaledProblem& problem);
+
+  void allocate(const ScaledProblem& /*problem*/) override {}
 
   void load(const ScaledProblem& problem) override;
   [[nodiscard]] bool factor(const RowWeights& weights) override;

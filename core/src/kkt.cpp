@@ -1,6 +1,7 @@
 #include "kkt.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "dense_kkt.h"
 #include "sparse_kkt.h"
@@ -40,25 +41,42 @@ bool nearly_full(const ScaledProblem& p) {
 
 }  // namespace
 
-std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p) {
-  if (p.variables() <= kTiny || nearly_full(p)) return std::make_unique<DenseKkt>(p);
+std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p, double most_bytes, double& least_bytes) {
+  least_bytes = DenseKkt::estimated_bytes(p);
+  const bool dense_fits = least_bytes <= most_bytes;
+  const auto dense = [&p] {
+    auto kkt = std::make_unique<DenseKkt>(p);
+    kkt->allocate(p);
+    return kkt;
+  };
+  if (dense_fits && (p.variables() <= kTiny || nearly_full(p))) return dense();
   std::unique_ptr<Kkt> best;
-  const auto consider = [&best](std::unique_ptr<Kkt> candidate) {
+  const auto consider = [&](KeptRows kept) {
+    const double analysis = SparseKkt::analysis_bytes(p, kept);
+    if (analysis > most_bytes) {
+      least_bytes = std::min(least_bytes, analysis);
+      return;
+    }
+    auto candidate = std::make_unique<SparseKkt>(p, kept);
+    least_bytes = std::min(least_bytes, candidate->bytes());
+    if (candidate->bytes() > most_bytes) return;
     if (!best || candidate->flops() < best->flops()) best = std::move(candidate);
   };
   const double work = condensed_work(p.C) + condensed_work(p.L) + condensed_work(p.R);
-  if (work < std::min(kWorthAnalysing, 2.0 * DenseKkt::estimated_flops(p))) {
-    consider(std::make_unique<SparseKkt>(p, KeptRows::none));
-  }
-  if (has_long_rows(p.C) || has_long_rows(p.L) || has_long_rows(p.R)) {
-    consider(std::make_unique<SparseKkt>(p, KeptRows::dense));
-  }
+  if (work < std::min(kWorthAnalysing, 2.0 * DenseKkt::estimated_flops(p))) consider(KeptRows::none);
+  if (has_long_rows(p.C) || has_long_rows(p.L) || has_long_rows(p.R)) consider(KeptRows::dense);
   // The full form has more rows and less fill in each: worth its analysis where condensing filled in.
   const auto entries = static_cast<double>(p.Q.values.size() + p.A.values.size() + p.C.values.size() +
                                            p.L.values.size() + p.R.values.size());
-  if (!best || best->flops() > kFilledIn * entries) consider(std::make_unique<SparseKkt>(p, KeptRows::all));
-  if (DenseKkt::estimated_flops(p) < best->flops()) return std::make_unique<DenseKkt>(p);
+  if (!best || best->flops() > kFilledIn * entries) consider(KeptRows::all);
+  if (dense_fits && (!best || DenseKkt::estimated_flops(p) < best->flops())) return dense();
+  if (best) best->allocate(p);
   return best;
+}
+
+std::unique_ptr<Kkt> make_kkt(const ScaledProblem& problem) {
+  double unused = 0.0;
+  return make_kkt(problem, std::numeric_limits<double>::infinity(), unused);
 }
 
 }  // namespace marble

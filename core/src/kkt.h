@@ -32,10 +32,12 @@ struct RowWeights {
   Vector cosine, sine;   ///< n_c, of the angle; c² + s² = 1
 };
 
-/// Factorizes and solves the system above. Allocates only in its constructor.
+/// Factorizes and solves the system above. Allocates only in its constructor and in allocate().
 class Kkt {
  public:
   virtual ~Kkt() = default;
+  /// Takes the memory for factors and workspace, and the problem's values. Once, after the analysis.
+  virtual void allocate(const ScaledProblem& problem) = 0;
   /// Takes new values of the matrices, of the pattern it was made for. Allocates nothing.
   virtual void load(const ScaledProblem& problem) = 0;
   /// Assembles and factorizes in place. True if the inertia is right, which means that H + ρAᵀA is positive
@@ -48,10 +50,15 @@ class Kkt {
   virtual void solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) = 0;
   [[nodiscard]] virtual std::string_view name() const = 0;  ///< "sparse condensed", ...
   [[nodiscard]] virtual double flops() const = 0;           ///< estimate for one factorization with assembly
-  [[nodiscard]] virtual double bytes() const = 0;           ///< memory of the factor and its workspace
+  [[nodiscard]] virtual double bytes()
+      const = 0;  ///< memory of factor and workspace, known before allocate()
 };
 
-/// Analyses the problem's pattern and picks the cheapest backend for it.
+/// Analyses the problem's pattern and picks the cheapest backend for it that fits into `most_bytes`. Null if
+/// none does; `least_bytes` then tells what the smallest would need, as far as that is known.
+std::unique_ptr<Kkt> make_kkt(const ScaledProblem& problem, double most_bytes, double& least_bytes);
+
+/// The same without a limit.
 std::unique_ptr<Kkt> make_kkt(const ScaledProblem& problem);
 
 }  // namespace marble

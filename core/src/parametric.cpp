@@ -19,6 +19,11 @@ constexpr double kFlat = 1e-11;  // a rate this small never reaches zero
 
 }  // namespace
 
+double Parametric::response_bytes(Index pairs, double rows) {
+  const double capacity = std::max(2.0 * kMostChanged, kCacheBytes / (8.0 * std::max(1.0, rows)));
+  return pairs == 0 ? 0.0 : 8.0 * rows * std::min(rows, capacity);
+}
+
 Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
     : problem_(problem),
       kkt_(kkt),

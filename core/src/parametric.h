@@ -28,6 +28,8 @@ class Parametric {
   };
 
   Parametric(const ScaledProblem& problem, Kkt& kkt);
+  /// Memory of the responses it keeps, for a problem with this many pairs, and rows as above.
+  [[nodiscard]] static double response_bytes(Index pairs, double rows);
 
   /// From now on moves start at this optimum, whose factor `kkt` must hold.
   void start(const ActiveSet& optimum);

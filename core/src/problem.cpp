@@ -261,4 +261,37 @@ Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entri
   return result;
 }
 
+PartSizes PartSizes::of(const Problem& problem) {
+  const ProblemView& view = problem.view();
+  return {.g = view.g.size(),
+          .b = view.b.size(),
+          .d = view.d.size(),
+          .l = view.l.size(),
+          .r = view.r.size(),
+          .Q = view.Q.values.size(),
+          .A = view.A.values.size(),
+          .C = view.C.values.size(),
+          .L = view.L.values.size(),
+          .R = view.R.values.size()};
+}
+
+Expected<void> PartSizes::check(const ProblemUpdate& update) const {
+  const struct {
+    const char* field;
+    std::span<const double> values;
+    std::size_t size;
+  } parts[] = {{"g", update.g, g},        {"b", update.b, b},        {"d", update.d, d},
+               {"l", update.l, l},        {"r", update.r, r},        {"Q.values", update.Q, Q},
+               {"A.values", update.A, A}, {"C.values", update.C, C}, {"L.values", update.L, L},
+               {"R.values", update.R, R}};
+  if (update.c0) {
+    if (auto valid = check_numbers({&*update.c0, 1}, 1, "c0"); !valid) return valid;
+  }
+  for (const auto& part : parts) {
+    if (part.values.empty()) continue;
+    if (auto valid = check_numbers(part.values, part.size, part.field); !valid) return valid;
+  }
+  return {};
+}
+
 }  // namespace marble

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "parametric.h"
 #include "stationarity.h"
 #include "strategy.h"
 
@@ -15,14 +16,31 @@ std::vector<double> unscaled(ConstVectorRef values, const Vector& scale, double 
   return result;
 }
 
+// All that does not depend on the factorization: the scaled copy, the engines' vectors, and the responses
+// that a local search keeps.
+double bytes_without_factor(const Problem& problem) {
+  constexpr double kIterates = 24.0;  // counted, with images, weights and step vectors as parts of one
+  constexpr double kFixed = 400e3;    // small systems and the objects themselves
+  const ProblemView& view = problem.view();
+  double entries = 0.0;
+  for (const SparseMatrixView* matrix : {&view.Q, &view.A, &view.C, &view.L, &view.R})
+    entries += static_cast<double>(matrix->values.size());
+  const double n = problem.variables();
+  const double rows = static_cast<double>(problem.inequalities()) + 2.0 * problem.pairs();
+  const double iterate = n + problem.equalities() + 2.0 * problem.inequalities() + 3.0 * problem.pairs();
+  return entries * (sizeof(double) + 2.0 * sizeof(Index)) + kIterates * iterate * sizeof(double) +
+         Parametric::response_bytes(problem.pairs(), rows) + kFixed;
+}
+
 }  // namespace
 
 struct Solver::State {
-  State(const Problem& user_problem, const Options& user_options)
+  State(const Problem& user_problem, const Options& user_options, ScaledProblem scaled,
+        std::unique_ptr<Kkt> chosen_kkt)
       : options(user_options),
-        hessian_entries(user_problem.view().Q.values.size()),
-        problem(scale(user_problem, options.scaling_passes)),
-        kkt(make_kkt(problem)),
+        sizes(PartSizes::of(user_problem)),
+        problem(std::move(scaled)),
+        kkt(std::move(chosen_kkt)),
         strategy(problem, *kkt, options),
         initial_z(problem.variables()),
         warm_start(problem) {}
@@ -32,13 +50,14 @@ struct Solver::State {
   [[nodiscard]] Solution answer(const Ending& ending, const Iterate& x, const Run& run) const;
 
   Options options;
-  std::size_t hessian_entries;  // as the user stores them
+  PartSizes sizes;
   ScaledProblem problem;
   std::unique_ptr<Kkt> kkt;
   Strategy strategy;
   Vector initial_z;
   Iterate warm_start;
   double setup_s = 0.0;
+  std::int64_t memory_bytes = 0;
 };
 
 Solution Solver::State::answer(const Ending& ending, const Iterate& x, const Run& run) const {
@@ -102,40 +121,43 @@ Solver::Solver(Solver&&) noexcept = default;
 Solver& Solver::operator=(Solver&&) noexcept = default;
 Solver::~Solver() = default;
 
-Expected<Solver> Solver::create(const Problem& problem, const Options& options) {
+Expected<Solver> Solver::create(const Problem& problem, const Options& options, std::int64_t most_bytes) {
   if (auto valid = validate(options); !valid) return unexpected(valid.error());
   const auto begin = Run::Clock::now();
-  auto state = std::make_unique<State>(problem, options);
+  const auto refuse = [most_bytes](double bytes) {
+    return unexpected(Error{ErrorCode::resource_exhausted, "problem", -1,
+                            std::to_string(static_cast<std::int64_t>(bytes)) + " bytes of memory",
+                            "a solver may take at most " + std::to_string(most_bytes)});
+  };
+  const double own_bytes = bytes_without_factor(problem);
+  const auto limit = static_cast<double>(most_bytes);
+  if (own_bytes > limit) return refuse(own_bytes);
+  ScaledProblem scaled = scale(problem, options.scaling_passes);
+  double least_bytes = 0.0;
+  std::unique_ptr<Kkt> kkt = make_kkt(scaled, limit - own_bytes, least_bytes);
+  if (kkt == nullptr) return refuse(own_bytes + least_bytes);
+  const double factor_bytes = kkt->bytes();
+  auto state = std::make_unique<State>(problem, options, std::move(scaled), std::move(kkt));
   state->setup_s = std::chrono::duration<double>(Run::Clock::now() - begin).count();
+  state->memory_bytes = static_cast<std::int64_t>(own_bytes + factor_bytes);
   return Solver(std::move(state));
 }
 
 Expected<void> Solver::update(const ProblemUpdate& update) {
-  const ScaledProblem& p = state_->problem;
-  const struct {
-    const char* field;
-    std::span<const double> values;
-    std::size_t size;
-  } parts[] = {{"g", update.g, static_cast<std::size_t>(p.g.size())},
-               {"b", update.b, static_cast<std::size_t>(p.b.size())},
-               {"d", update.d, static_cast<std::size_t>(p.d.size())},
-               {"l", update.l, static_cast<std::size_t>(p.l.size())},
-               {"r", update.r, static_cast<std::size_t>(p.r.size())},
-               {"Q.values", update.Q, state_->hessian_entries},
-               {"A.values", update.A, p.A.values.size()},
-               {"C.values", update.C, p.C.values.size()},
-               {"L.values", update.L, p.L.values.size()},
-               {"R.values", update.R, p.R.values.size()}};
-  if (update.c0) {
-    if (auto valid = check_numbers({&*update.c0, 1}, 1, "c0"); !valid) return valid;
-  }
-  for (const auto& part : parts) {
-    if (part.values.empty()) continue;
-    if (auto valid = check_numbers(part.values, part.size, part.field); !valid) return valid;
-  }
+  if (auto valid = state_->sizes.check(update); !valid) return valid;
   if (rescale(update, state_->problem)) state_->kkt->load(state_->problem);
   return {};
 }
+
+Expected<void> Solver::set_options(const Options& options) {
+  if (auto valid = validate(options); !valid) return valid;
+  const int scaling_passes = state_->options.scaling_passes;
+  state_->options = options;
+  state_->options.scaling_passes = scaling_passes;
+  return {};
+}
+
+std::int64_t Solver::memory_bytes() const { return state_->memory_bytes; }
 
 Expected<Solution> Solver::solve(const SolveControls& controls) {
   if (auto valid = Problem::check_initial_point(controls.initial_z, state_->problem.variables()); !valid) {

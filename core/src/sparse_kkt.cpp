@@ -19,6 +19,10 @@ double minus_inverse(double weight) {
   return -1.0 / (std::abs(weight) < kSmallestWeight ? kSmallestWeight : weight);
 }
 
+bool is_kept(KeptRows kept, Index length, Index variables) {
+  return kept == KeptRows::all || (kept == KeptRows::dense && length > std::max<Index>(16, variables / 8));
+}
+
 // Collects the coordinates of the upper triangle and tells each term's position in the compressed pattern.
 class PatternBuilder {
  public:
@@ -53,14 +57,41 @@ SparseKkt::SparseKkt(const ScaledProblem& problem, KeptRows kept)
     : kept_(kept), variables_(problem.variables()), equalities_(problem.equalities()) {
   gather_rows(problem, kept);
   build_pattern(problem);
+}
+
+// A condensed row brings a coordinate and a slot for each pair of its columns.
+double SparseKkt::analysis_bytes(const ScaledProblem& problem, KeptRows kept) {
+  double coordinates = static_cast<double>(problem.Q.values.size() + problem.A.values.size());
+  for (const RowMatrix* matrix : {&problem.C, &problem.L, &problem.R}) {
+    for (Index row = 0; row < matrix->rows; ++row) {
+      const double length = matrix->row_size(row);
+      coordinates +=
+          is_kept(kept, matrix->row_size(row), problem.variables()) ? length : 0.5 * length * (length + 1.0);
+    }
+  }
+  return 4.0 * sizeof(Index) * coordinates;
+}
+
+void SparseKkt::allocate(const ScaledProblem& problem) {
+  const auto size = static_cast<std::size_t>(size_);
+  const auto entries = static_cast<std::size_t>(factor_pointers_.back());
+  constant_.assign(row_indices_.size(), 0.0);
+  values_.resize(row_indices_.size());
+  factor_rows_.resize(entries);
+  factor_values_.resize(entries);
+  pivots_.resize(size);
+  inverse_pivots_.resize(size);
+  dense_row_.assign(size, 0.0);
+  next_.resize(size);
+  find_row_patterns();
+  right_side_.resize(size_);
+  solution_.resize(size_);
+  residual_.resize(size_);
   load(problem);
 }
 
 void SparseKkt::gather_rows(const ScaledProblem& problem, KeptRows kept) {
-  const Index long_row = std::max<Index>(16, variables_ / 8);
-  const auto keep = [&](std::size_t length) {
-    return kept == KeptRows::all || (kept == KeptRows::dense && static_cast<Index>(length) > long_row);
-  };
+  const auto keep = [&](std::size_t length) { return is_kept(kept, static_cast<Index>(length), variables_); };
   inequality_rows_.resize(problem.inequalities());
   for (Index i = 0; i < problem.inequalities(); ++i) {
     Row& row = inequality_rows_[i];
@@ -155,8 +186,6 @@ void SparseKkt::build_pattern(const ScaledProblem& problem) {
   }
   const auto slot = [&](Index a, Index b) { return moved[pattern.slot(a, b)]; };
 
-  constant_.assign(row_indices_.size(), 0.0);
-  values_.resize(row_indices_.size());
   visit_constants([&](Index a, Index b) { constant_slots_.push_back(slot(a, b)); });
   visit_rows([&](Index a, Index b, std::vector<Index>& slots) { slots.push_back(slot(a, b)); });
   for (Index i = 0; i < n + equalities_; ++i) diagonal_slots_.push_back(slot(i, i));
@@ -237,23 +266,12 @@ void SparseKkt::order_and_analyse(const std::vector<Index>& columns, const std::
       flops_ += row.kept ? 2.0 * length : length * (length + 1.0);
     }
   }
-
-  const auto entries = static_cast<std::size_t>(factor_pointers_.back());
-  factor_rows_.resize(entries);
-  factor_values_.resize(entries);
-  pivots_.resize(size);
-  inverse_pivots_.resize(size);
-  dense_row_.assign(size, 0.0);
-  next_.resize(size);
-  find_row_patterns(permuted_rows);
-  right_side_.resize(size_);
-  solution_.resize(size_);
-  residual_.resize(size_);
 }
 
 // Row k of L has entries where the paths from its columns to k in the elimination tree lead (Davis, "Direct
 // Methods for Sparse Linear Systems", 2006, section 4.2). The same at every factorization: found once.
-void SparseKkt::find_row_patterns(const std::vector<Index>& rows) {
+void SparseKkt::find_row_patterns() {
+  row_patterns_.reserve(factor_rows_.size());
   row_pattern_pointers_.assign(1, 0);
   std::fill(flag_.begin(), flag_.end(), -1);
   std::copy(factor_pointers_.begin(), factor_pointers_.end() - 1, next_.begin());
@@ -261,7 +279,7 @@ void SparseKkt::find_row_patterns(const std::vector<Index>& rows) {
     flag_[k] = k;
     const auto begin = static_cast<std::ptrdiff_t>(row_patterns_.size());
     for (Index at = column_pointers_[k]; at < column_pointers_[k + 1]; ++at) {
-      for (Index i = rows[at]; flag_[i] != k; i = parent_[i]) {
+      for (Index i = row_indices_[at]; flag_[i] != k; i = parent_[i]) {
         row_patterns_.push_back(i);
         flag_[i] = k;
       }
@@ -452,9 +470,21 @@ std::string_view SparseKkt::name() const {
 }
 
 double SparseKkt::bytes() const {
-  constexpr double entry = sizeof(double) + sizeof(Index);
-  return entry * (static_cast<double>(factor_values_.size()) + 2.0 * static_cast<double>(values_.size())) +
-         10.0 * sizeof(double) * size_;
+  double slots = static_cast<double>(constant_slots_.size());
+  double row_entries = 0.0;
+  for (const auto* group : {&inequality_rows_, &pair_rows_}) {
+    for (const Row& row : *group) {
+      slots += static_cast<double>(row.slots.size() + row.second_slots.size());
+      row_entries += static_cast<double>(row.columns.size());
+    }
+  }
+  const double factor_entries = factor_pointers_.back();
+  const auto pattern_entries = static_cast<double>(row_indices_.size());
+  return factor_entries * (sizeof(double) + 2.0 * sizeof(Index)) +
+         pattern_entries * (2.0 * sizeof(double) + sizeof(Index)) + slots * sizeof(Index) +
+         row_entries * (2.0 * sizeof(double) + sizeof(Index)) +
+         static_cast<double>(inequality_rows_.size() + pair_rows_.size()) * sizeof(Row) +
+         size_ * (6.0 * sizeof(double) + 9.0 * sizeof(Index));
 }
 
 }  // namespace marble

@@ -18,8 +18,12 @@ enum class KeptRows {
 
 class SparseKkt final : public Kkt {
  public:
+  /// Orders and analyses the pattern. Nothing numeric is there before allocate().
   SparseKkt(const ScaledProblem& problem, KeptRows kept);
+  /// Memory that the analysis itself takes, before there is anything to look at.
+  [[nodiscard]] static double analysis_bytes(const ScaledProblem& problem, KeptRows kept);
 
+  void allocate(const ScaledProblem& problem) override;
   void load(const ScaledProblem& problem) override;
   [[nodiscard]] bool factor(const RowWeights& weights) override;
   void solve(VectorRef x, VectorRef y) override;
@@ -46,7 +50,7 @@ class SparseKkt final : public Kkt {
   void order_and_analyse(const std::vector<Index>& columns, const std::vector<Index>& rows);
   void assemble(const RowWeights& weights);
   void add_condensed(const Row& row, double left_left, double left_right, double right_right);
-  void find_row_patterns(const std::vector<Index>& rows);
+  void find_row_patterns();
   [[nodiscard]] bool factorize();
   void back_substitute(double* out, Index first) const;
   [[nodiscard]] Index kept_negative_weights(const RowWeights& weights) const;

@@ -61,6 +61,36 @@ ProblemView view_of(const v1::Problem& m) {
   return view;
 }
 
+ProblemUpdate update_of(const v1::ProblemUpdate& m) {
+  ProblemUpdate update;
+  if (m.has_constant()) update.c0 = m.constant();
+  update.g = span_of(m.gradient());
+  update.b = span_of(m.equality_offset());
+  update.d = span_of(m.inequality_offset());
+  update.l = span_of(m.left_offset());
+  update.r = span_of(m.right_offset());
+  update.Q = span_of(m.hessian_values());
+  update.A = span_of(m.equality_values());
+  update.C = span_of(m.inequality_values());
+  update.L = span_of(m.left_values());
+  update.R = span_of(m.right_values());
+  return update;
+}
+
+void to_message(const ProblemUpdate& update, v1::ProblemUpdate* message) {
+  if (update.c0) message->set_constant(*update.c0);
+  assign(message->mutable_gradient(), update.g);
+  assign(message->mutable_equality_offset(), update.b);
+  assign(message->mutable_inequality_offset(), update.d);
+  assign(message->mutable_left_offset(), update.l);
+  assign(message->mutable_right_offset(), update.r);
+  assign(message->mutable_hessian_values(), update.Q);
+  assign(message->mutable_equality_values(), update.A);
+  assign(message->mutable_inequality_values(), update.C);
+  assign(message->mutable_left_values(), update.L);
+  assign(message->mutable_right_values(), update.R);
+}
+
 void to_message(const ProblemView& problem, v1::Problem* message) {
   to_message(problem.Q, message->mutable_hessian());
   message->set_hessian_form(problem.hessian_form == HessianForm::full ? v1::HESSIAN_FORM_FULL
@@ -95,8 +125,8 @@ std::string core_field(const std::string& field) {
   return field;
 }
 
-Expected<Options> options_of(const v1::SolveOptions& message) {
-  Options options;
+Expected<Options> options_of(const v1::SolveOptions& message, const Options& base) {
+  Options options = base;
   const auto* reflection = message.GetReflection();
   for (const OptionInfo& option : option_table()) {
     const FieldDescriptor* field = field_of(option);

@@ -30,20 +30,21 @@ class Waiter final : public JobObserver {
 struct Request {
   std::shared_ptr<Waiter> waiter = std::make_shared<Waiter>();
   std::shared_ptr<Job> job;
+  std::weak_ptr<const v1::SolveRequest> message;
 };
 
 Request make(const v1::SolveRequest& message) {
   Request request;
   const auto owned = std::make_shared<const v1::SolveRequest>(message);
-  request.job = std::make_shared<Job>(Job{.id = "id",
-                                          .request_id = {},
-                                          .name = {},
-                                          .peer = {},
-                                          .request = owned,
-                                          .problem = Problem::create(view_of(owned->problem())).value(),
-                                          .options = options_of(owned->options()).value(),
-                                          .initial_z = {},
-                                          .bytes = 100});
+  const Problem problem = Problem::create(view_of(owned->problem())).value();
+  const Options options = options_of(owned->options()).value();
+  request.job = std::make_shared<Job>();
+  request.job->record = std::make_shared<JobRecord>(JobDescription{.id = "id"}, options, 16);
+  request.job->ticket = {.client = "client", .bytes = 100};
+  request.job->work = [owned, problem, options](const SolveControls& controls) {
+    return Solver::create(problem, options)->solve(controls);
+  };
+  request.message = owned;
   request.job->observer = request.waiter;
   return request;
 }
@@ -51,12 +52,13 @@ Request make(const v1::SolveRequest& message) {
 class SchedulerTest : public ::testing::Test {
  protected:
   Log log_{"text", "off"};
+  JobBoard board_{{}};
 };
 
 TEST_F(SchedulerTest, AnswersAndLetsGoOfRequestAndObserver) {
-  Scheduler scheduler({.workers = 1, .queue_jobs = 1, .queue_bytes = 1000}, log_);
+  Scheduler scheduler({.workers = 1, .jobs = 1, .bytes = 1000}, board_, log_);
   const Request request = make(testing::example_request());
-  const std::weak_ptr<const v1::SolveRequest> message = request.job->request;
+  const std::weak_ptr<const v1::SolveRequest> message = request.message;
   ASSERT_TRUE(scheduler.admit(request.job).has_value());
   const Outcome outcome = request.waiter->wait();
   ASSERT_TRUE(outcome.solution.has_value());
@@ -66,12 +68,12 @@ TEST_F(SchedulerTest, AnswersAndLetsGoOfRequestAndObserver) {
 }
 
 TEST_F(SchedulerTest, RefusesBeyondJobsAndBytes) {
-  Scheduler scheduler({.workers = 1, .queue_jobs = 5, .queue_bytes = 250}, log_);
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 250}, board_, log_);
   const Request running = make(testing::long_request()), waiting = make(testing::long_request());
   const Request third = make(testing::example_request());
-  ASSERT_EQ(scheduler.admit(running.job), 0);
+  ASSERT_TRUE(scheduler.admit(running.job).has_value());
   running.waiter->wait_started();
-  ASSERT_EQ(scheduler.admit(waiting.job), 0);
+  ASSERT_EQ(scheduler.admit(waiting.job)->position, 0);
   const auto refused = scheduler.admit(third.job);
   ASSERT_FALSE(refused.has_value());
   EXPECT_EQ(refused.error().code, ErrorCode::resource_exhausted);
@@ -81,7 +83,7 @@ TEST_F(SchedulerTest, RefusesBeyondJobsAndBytes) {
 }
 
 TEST_F(SchedulerTest, AWaitingJobIsCancelledAtOnceAndNeverStarts) {
-  Scheduler scheduler({.workers = 1, .queue_jobs = 5, .queue_bytes = 1000}, log_);
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_);
   const Request running = make(testing::long_request()), waiting = make(testing::long_request());
   ASSERT_TRUE(scheduler.admit(running.job).has_value());
   running.waiter->wait_started();
@@ -96,9 +98,9 @@ TEST_F(SchedulerTest, AWaitingJobIsCancelledAtOnceAndNeverStarts) {
 }
 
 TEST_F(SchedulerTest, AJobThatIsLateNeverStarts) {
-  Scheduler scheduler({.workers = 1, .queue_jobs = 5, .queue_bytes = 1000}, log_);
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_);
   const Request late = make(testing::long_request());
-  late.job->deadline = Clock::now();
+  late.job->ticket.deadline = Clock::now();
   ASSERT_TRUE(scheduler.admit(late.job).has_value());
   const Outcome outcome = late.waiter->wait();
   ASSERT_FALSE(outcome.solution.has_value());
@@ -106,7 +108,7 @@ TEST_F(SchedulerTest, AJobThatIsLateNeverStarts) {
 }
 
 TEST_F(SchedulerTest, CancellingAFinishedJobDoesNothing) {
-  Scheduler scheduler({.workers = 1, .queue_jobs = 5, .queue_bytes = 1000}, log_);
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_);
   const Request request = make(testing::example_request());
   ASSERT_TRUE(scheduler.admit(request.job).has_value());
   EXPECT_TRUE(request.waiter->wait().solution.has_value());
@@ -116,7 +118,7 @@ TEST_F(SchedulerTest, CancellingAFinishedJobDoesNothing) {
 }
 
 TEST_F(SchedulerTest, AfterCloseNothingIsAdmitted) {
-  Scheduler scheduler({.workers = 1, .queue_jobs = 5, .queue_bytes = 1000}, log_);
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_);
   scheduler.close();
   const auto refused = scheduler.admit(make(testing::example_request()).job);
   ASSERT_FALSE(refused.has_value());
@@ -125,7 +127,7 @@ TEST_F(SchedulerTest, AfterCloseNothingIsAdmitted) {
 
 TEST_F(SchedulerTest, DrainAnswersEveryJobExactlyOnce) {
   std::vector<Request> requests;
-  Scheduler scheduler({.workers = 2, .queue_jobs = 50, .queue_bytes = 100'000}, log_);
+  Scheduler scheduler({.workers = 2, .jobs = 50, .bytes = 100'000}, board_, log_);
   for (int i = 0; i < 20; ++i) {
     requests.push_back(make(i < 2 ? testing::long_request() : testing::example_request()));
     ASSERT_TRUE(scheduler.admit(requests.back().job).has_value());
@@ -144,7 +146,7 @@ TEST_F(SchedulerTest, DrainAnswersEveryJobExactlyOnce) {
 }
 
 TEST_F(SchedulerTest, ManyThreadsAdmitAndCancelAndEveryJobEndsOnce) {
-  Scheduler scheduler({.workers = 2, .queue_jobs = 8, .queue_bytes = 100'000}, log_);
+  Scheduler scheduler({.workers = 2, .jobs = 8, .bytes = 100'000}, board_, log_);
   std::vector<std::thread> threads;
   std::atomic<int> admitted = 0, refused = 0;
   for (int t = 0; t < 4; ++t) {

@@ -1,6 +1,7 @@
 // The solve allocates nothing but its answer. In a program of its own, because it replaces malloc's front
 // door.
 #include <gtest/gtest.h>
+#include <malloc.h>
 
 #include <cstdlib>
 #include <new>
@@ -116,6 +117,20 @@ TEST(Allocation, AProgressSinkAndAStopTokenAddNone) {
   const std::stop_source source;
   const std::int64_t plain = count({});
   EXPECT_EQ(count({.progress = &sink, .stop = source.get_token()}), plain);
+}
+
+TEST(Allocation, IsWhatTheSolverSaysItTakes) {
+  const auto in_use = [] {
+    const struct mallinfo2 heap = mallinfo2();
+    return static_cast<double>(heap.uordblks + heap.hblkhd);
+  };
+  for (const OwnedProblem& p : {examples::hopper(), examples::hopper({.steps = 150}), examples::rocket(),
+                                examples::gates(), examples::qpec({}, 1)}) {
+    const double before = in_use();
+    const Solver solver = make(p, {});
+    const double taken = in_use() - before;
+    EXPECT_NEAR(static_cast<double>(solver.memory_bytes()) / taken, 1.0, 0.2) << p.name;
+  }
 }
 
 }  // namespace

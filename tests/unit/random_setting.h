@@ -59,6 +59,7 @@ inline std::vector<std::unique_ptr<Kkt>> backends(const ScaledProblem& p) {
   all.push_back(std::make_unique<SparseKkt>(p, KeptRows::none));
   all.push_back(std::make_unique<SparseKkt>(p, KeptRows::dense));
   all.push_back(std::make_unique<SparseKkt>(p, KeptRows::all));
+  for (const auto& kkt : all) kkt->allocate(p);
   all.push_back(std::make_unique<DenseKkt>(p));
   return all;
 }

@@ -84,6 +84,18 @@ struct ProblemUpdate {
   std::span<const double> Q = {}, A = {}, C = {}, L = {}, R = {};
 };
 
+/// How many numbers each part of a problem has: what an update must fit.
+struct PartSizes {
+  [[nodiscard]] static PartSizes of(const Problem& problem);
+
+  /// Whether every part of the update that is there has its size and is finite. The error's field is the
+  /// part's: "g", "A.values".
+  [[nodiscard]] Expected<void> check(const ProblemUpdate& update) const;
+
+  std::size_t g = 0, b = 0, d = 0, l = 0, r = 0;  ///< n, n_e, n_i, n_c, n_c
+  std::size_t Q = 0, A = 0, C = 0, L = 0, R = 0;  ///< stored entries
+};
+
 /// A sparse matrix that owns its arrays.
 struct SparseMatrix {
   Index rows = 0;

@@ -1,6 +1,8 @@
 // The solver: set up once per sparsity pattern, solve as often as the vectors change.
 #pragma once
 
+#include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <stop_token>
@@ -27,8 +29,12 @@ struct SolveControls {
 /// One thread at a time may use a Solver; different Solvers are independent.
 class Solver {
  public:
-  /// Scales, analyses and allocates. Options must be valid.
-  [[nodiscard]] static Expected<Solver> create(const Problem& problem, const Options& options = {});
+  /// Scales, analyses and allocates. Options must be valid. A problem whose memory, known from the symbolic
+  /// factorization before anything numeric is allocated, would be more than `most_bytes` is refused with
+  /// resource_exhausted, field "problem".
+  [[nodiscard]] static Expected<Solver> create(
+      const Problem& problem, const Options& options = {},
+      std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max());
 
   Solver(Solver&&) noexcept;
   Solver& operator=(Solver&&) noexcept;
@@ -37,6 +43,12 @@ class Solver {
   /// New numbers in the same pattern, for solves to come. Scaling, ordering and workspace stay; an update of
   /// vectors allocates nothing. Errors name the field and the index; nothing has changed then.
   [[nodiscard]] Expected<void> update(const ProblemUpdate& update);
+
+  /// Other options for solves to come; scaling_passes keeps what it was set up with. Options must be valid.
+  [[nodiscard]] Expected<void> set_options(const Options& options);
+
+  /// What it takes, in bytes, by the estimate of create().
+  [[nodiscard]] std::int64_t memory_bytes() const;
 
   /// Runs to an end and says which. An error only if `initial_z` or `warm_start` have other sizes than the
   /// problem or are not finite.

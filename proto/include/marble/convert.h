@@ -9,12 +9,19 @@
 #include "marble/v1/options.pb.h"
 #include "marble/v1/problem.pb.h"
 #include "marble/v1/progress.pb.h"
+#include "marble/v1/session.pb.h"
 #include "marble/v1/solution.pb.h"
 
 namespace marble {
 
 /// Views of a message's arrays; the message must outlive them. Checks nothing: Problem::create does.
 [[nodiscard]] ProblemView view_of(const v1::Problem& message);
+
+/// Views of an update's arrays; the message must outlive them. Checks nothing: PartSizes::check does.
+[[nodiscard]] ProblemUpdate update_of(const v1::ProblemUpdate& message);
+
+/// Copies an update into a message.
+void to_message(const ProblemUpdate& update, v1::ProblemUpdate* message);
 
 /// Copies a problem into a message.
 void to_message(const ProblemView& problem, v1::Problem* message);
@@ -24,8 +31,8 @@ void to_message(const ProblemView& problem, v1::Problem* message);
 /// The way back; a path that is none of a problem's comes back as it is.
 [[nodiscard]] std::string core_field(const std::string& message_field);
 
-/// Absent fields keep their defaults; ranges are checked. Error fields are option names.
-[[nodiscard]] Expected<Options> options_of(const v1::SolveOptions& message);
+/// Absent fields stay as in `base`; ranges are checked. Error fields are option names.
+[[nodiscard]] Expected<Options> options_of(const v1::SolveOptions& message, const Options& base = {});
 /// Sets every field, so that the message says all that was used.
 void to_message(const Options& options, v1::SolveOptions* message);
 /// Describes every option, from the option table.

@@ -1,0 +1,209 @@
+#include "batch_call.h"
+
+#include <utility>
+
+#include "google/rpc/status.pb.h"
+#include "reply.h"
+#include "status.h"
+#include "wire.h"
+
+namespace marble::server {
+
+// Waits for one of the jobs.
+class BatchCall::Item final : public JobObserver {
+ public:
+  Item(std::shared_ptr<BatchCall> call, std::shared_ptr<JobRecord> record, std::int64_t tag)
+      : call_(std::move(call)), record_(std::move(record)), tag_(tag) {}
+  void finished(Outcome outcome) override { call_->answer(tag_, *record_, outcome); }
+
+ private:
+  const std::shared_ptr<BatchCall> call_;
+  const std::shared_ptr<JobRecord> record_;
+  const std::int64_t tag_;
+};
+
+grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* BatchCall::begin(
+    const ServiceParts& parts, const grpc::CallbackServerContext& context) {
+  const std::shared_ptr<BatchCall> call(new BatchCall(parts));
+  call->self_ = call;
+  auto caller = caller_of(parts.access, context, Role::solve);
+  if (!caller) {
+    parts.scheduler.count_refused();
+    log_refusal(parts.log, context.peer(), "", caller.error());
+    call->Finish(to_status(caller.error()));
+    return call.get();
+  }
+  call->caller_ = std::move(*caller);
+  parts.pulse.add(call);
+  call->go_on();
+  return call.get();
+}
+
+void BatchCall::OnReadDone(bool ok) {
+  v1::SolveBatchRequest request;
+  const auto parsed = ok ? parse(&incoming_, &request) : Expected<void>{};
+  if (ok && parsed) {
+    (void)request.mutable_solve();  // an absent one is an empty one, and refused as such
+    const std::string request_id = request.solve().request_id();
+    auto job = make_job(parts_, caller_, JobKind::batch,
+                        std::shared_ptr<const v1::SolveRequest>(request.release_solve()));
+    if (job) {
+      (*job)->observer = std::make_shared<Item>(self_, (*job)->record, request.tag());
+      take(*job, request.tag());
+    } else {
+      Error error = job.error();
+      error.field = "solve." + error.field;
+      refuse(request.tag(), request_id, error);
+    }
+  }
+  {
+    const MutexLock lock(mutex_);
+    reading_ = false;
+    if (!ok) read_all_ = true;
+    if (!parsed && !end_) end_ = parsed.error();
+  }
+  go_on();
+}
+
+// Admits the job, or holds it until there is room.
+void BatchCall::take(const std::shared_ptr<Job>& job, std::int64_t tag) {
+  {
+    const MutexLock lock(mutex_);
+    if (broken_ || end_) {
+      jobs_.erase(job->record.get());
+      job->observer = nullptr;  // it holds the call
+      return;
+    }
+    jobs_.emplace(job->record.get(), job);
+    held_ = Held{job, tag};  // before admit(): room() may come at once
+    admitting_ = true;
+  }
+  const auto place = parts_.scheduler.admit(job, self_);
+  {
+    const MutexLock lock(mutex_);
+    admitting_ = false;
+    const bool full = !place && place.error().code == ErrorCode::resource_exhausted;
+    if (full && parts_.scheduler.fits_alone(*job) && !broken_) return;
+    held_.reset();
+    if (place) {
+      if (!broken_) return;
+    } else {
+      jobs_.erase(job->record.get());
+      if (place.error().code == ErrorCode::unavailable && !end_) end_ = place.error();
+    }
+  }
+  if (place) {
+    parts_.scheduler.cancel(job);
+  } else {
+    job->observer = nullptr;
+    refuse(tag, job->record->description().request_id, place.error());
+  }
+}
+
+void BatchCall::room() {
+  std::optional<Held> held;
+  {
+    const MutexLock lock(mutex_);
+    held = std::exchange(held_, std::nullopt);
+  }
+  if (held) take(held->job, held->tag);
+  go_on();
+}
+
+void BatchCall::refuse(std::int64_t tag, const std::string& request_id, const Error& error) {
+  parts_.scheduler.count_refused();
+  log_refusal(parts_.log, caller_.peer, request_id, error);
+  v1::SolveBatchResponse response;
+  response.set_tag(tag);
+  const grpc::Status status = to_status(error, parts_.scheduler.retry_delay_s());
+  response.mutable_error()->ParseFromString(status.error_details());
+  const MutexLock lock(mutex_);
+  answers_.push_back(serialize(response));
+}
+
+void BatchCall::answer(std::int64_t tag, const JobRecord& record, const Outcome& outcome) {
+  v1::SolveBatchResponse response;
+  response.set_tag(tag);
+  if (const auto filled = fill_response(record, outcome, response.mutable_result()); !filled) {
+    response.mutable_error()->ParseFromString(
+        to_status(filled.error(), outcome.retry_delay_s).error_details());
+  }
+  {
+    const MutexLock lock(mutex_);
+    jobs_.erase(&record);
+    if (!broken_) answers_.push_back(serialize(response));
+  }
+  go_on();
+}
+
+void BatchCall::OnWriteDone(bool ok) {
+  {
+    const MutexLock lock(mutex_);
+    writing_ = false;
+    if (!ok) broken_ = true;
+  }
+  go_on();
+}
+
+void BatchCall::OnCancel() {
+  std::vector<std::shared_ptr<Job>> jobs;
+  {
+    const MutexLock lock(mutex_);
+    broken_ = true;
+    answers_.clear();
+    if (held_ && !admitting_) {
+      jobs_.erase(held_->job->record.get());
+      held_->job->observer = nullptr;
+      held_.reset();
+    }
+    for (const auto& [record, job] : jobs_) jobs.push_back(job);
+  }
+  for (const auto& job : jobs) parts_.scheduler.cancel(job);
+  go_on();
+}
+
+void BatchCall::OnDone() { const auto last = std::move(self_); }
+
+void BatchCall::pulse(Clock::time_point /*now*/) {
+  if (!parts_.scheduler.is_closed()) return;
+  {
+    const MutexLock lock(mutex_);
+    if (finishing_) return;
+    if (!end_ && !read_all_) end_ = Error{ErrorCode::unavailable, "", -1, "", "the server is draining"};
+  }
+  go_on();
+}
+
+// gRPC may react within StartRead, StartWrite or Finish, on this very thread: no lock is held there.
+void BatchCall::go_on() {
+  bool read = false;
+  bool write = false;
+  bool finish = false;
+  grpc::Status status;
+  {
+    const MutexLock lock(mutex_);
+    const std::size_t open = jobs_.size() + answers_.size();
+    read = !reading_ && !read_all_ && !end_ && !broken_ && !finishing_ && !held_ &&
+           open < static_cast<std::size_t>(parts_.config.batch_window);
+    reading_ = reading_ || read;
+    if (!writing_ && !finishing_) {
+      write = !answers_.empty() && !broken_;
+      if (write) {
+        outgoing_.Swap(&answers_.front());
+        answers_.pop_front();
+      }
+      writing_ = write;
+      finish = !write && jobs_.empty() && !held_ && (read_all_ || end_ || broken_);
+      finishing_ = finish;
+      if (finish && end_) status = to_status(*end_, 0.0);
+    }
+  }
+  if (read) StartRead(&incoming_);
+  if (write) {
+    StartWrite(&outgoing_);
+  } else if (finish) {
+    Finish(status);
+  }
+}
+
+}  // namespace marble::server

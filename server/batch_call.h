@@ -1,0 +1,69 @@
+// Many independent problems on one stream: reads while there is room, answers as they finish.
+#pragma once
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/server_callback.h>
+
+#include <deque>
+#include <optional>
+#include <unordered_map>
+
+#include "admission.h"
+#include "service_parts.h"
+
+namespace marble::server {
+
+/// Owns itself until gRPC is done with it; its jobs own it too, until they have finished. What waits, runs or
+/// is on its way back is bounded: beyond that it does not read, and HTTP/2 slows the client.
+class BatchCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
+                        public RoomWaiter,
+                        public Pulsed {
+ public:
+  static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
+      const ServiceParts& parts, const grpc::CallbackServerContext& context);
+
+  // From gRPC.
+  void OnReadDone(bool ok) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void OnWriteDone(bool ok) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void OnCancel() override ABSL_LOCKS_EXCLUDED(mutex_);
+  void OnDone() override;
+  // From the scheduler.
+  void room() override ABSL_LOCKS_EXCLUDED(mutex_);
+  // From the pulse: drain.
+  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  class Item;
+  explicit BatchCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}
+
+  void take(const std::shared_ptr<Job>& job, std::int64_t tag) ABSL_LOCKS_EXCLUDED(mutex_);
+  void answer(std::int64_t tag, const JobRecord& record, const Outcome& outcome) ABSL_LOCKS_EXCLUDED(mutex_);
+  void refuse(std::int64_t tag, const std::string& request_id, const Error& error)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
+
+  const LiveCalls::Token token_;
+  const ServiceParts& parts_;
+  Caller caller_;
+  std::shared_ptr<BatchCall> self_;
+  grpc::ByteBuffer incoming_;  // the read in flight
+  grpc::ByteBuffer outgoing_;  // the write in flight
+
+  Mutex mutex_;
+  struct Held {
+    std::shared_ptr<Job> job;
+    std::int64_t tag;
+  };
+  std::optional<Held> held_ ABSL_GUARDED_BY(mutex_);  // read, and waits for room in the queue
+  bool admitting_ ABSL_GUARDED_BY(mutex_) = false;    // the scheduler looks at it
+  std::unordered_map<const JobRecord*, std::shared_ptr<Job>> jobs_ ABSL_GUARDED_BY(mutex_);  // admitted
+  std::deque<grpc::ByteBuffer> answers_ ABSL_GUARDED_BY(mutex_);                             // to be told
+  bool reading_ ABSL_GUARDED_BY(mutex_) = false;
+  bool writing_ ABSL_GUARDED_BY(mutex_) = false;
+  bool read_all_ ABSL_GUARDED_BY(mutex_) = false;  // the client has closed its side
+  bool broken_ ABSL_GUARDED_BY(mutex_) = false;    // nobody reads any more
+  bool finishing_ ABSL_GUARDED_BY(mutex_) = false;
+  std::optional<Error> end_ ABSL_GUARDED_BY(mutex_);  // why it ends, unless the client closed it
+};
+
+}  // namespace marble::server

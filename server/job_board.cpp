@@ -1,0 +1,99 @@
+#include "job_board.h"
+
+#include <algorithm>
+
+namespace marble::server {
+
+JobBoard::Record JobBoard::make(JobDescription description, const Options& options) const {
+  return std::make_shared<JobRecord>(std::move(description), options, limits_.trace_rows);
+}
+
+void JobBoard::add(const Record& record) {
+  const MutexLock lock(mutex_);
+  const std::int64_t number = next_number_++;
+  records_.emplace(number, record);
+  active_.emplace(number, record);
+  numbers_.emplace(record->id(), number);
+}
+
+void JobBoard::finish(const Record& record) {
+  const MutexLock lock(mutex_);
+  const auto number = numbers_.find(record->id());
+  if (number == numbers_.end() || active_.erase(number->second) == 0) return;
+  ++finished_count_;
+  finished_.push_back(record);
+  while (finished_.size() > static_cast<std::size_t>(limits_.history_jobs)) {
+    remove(finished_.front()->id());
+    finished_.pop_front();
+  }
+}
+
+void JobBoard::forget(const std::string& id) {
+  const MutexLock lock(mutex_);
+  remove(id);
+}
+
+void JobBoard::remove(const std::string& id) {
+  const auto number = numbers_.find(id);
+  if (number == numbers_.end()) return;
+  records_.erase(number->second);
+  active_.erase(number->second);
+  numbers_.erase(number);
+}
+
+JobBoard::Record JobBoard::find(const std::string& id) const {
+  const MutexLock lock(mutex_);
+  const auto number = numbers_.find(id);
+  return number == numbers_.end() ? nullptr : records_.at(number->second);
+}
+
+Expected<JobBoard::Page> JobBoard::list(const Filter& filter, std::size_t limit,
+                                        const std::string& before_id) const {
+  const MutexLock lock(mutex_);
+  auto end = records_.end();
+  if (!before_id.empty()) {
+    const auto number = numbers_.find(before_id);
+    if (number == numbers_.end()) {
+      return unexpected(
+          Error{ErrorCode::not_found, "before_job_id", -1, before_id, "is no job that is remembered"});
+    }
+    end = records_.find(number->second);
+  }
+  Page page;
+  for (auto at = end; at != records_.begin();) {
+    --at;
+    if (!filter(*at->second)) continue;
+    if (page.records.size() == limit) {
+      page.more = true;
+      break;
+    }
+    page.records.push_back(at->second);
+  }
+  return page;
+}
+
+std::vector<JobBoard::Record> JobBoard::active() const {
+  const MutexLock lock(mutex_);
+  std::vector<Record> result;
+  result.reserve(active_.size());
+  for (const auto& [number, record] : active_) result.push_back(record);
+  return result;
+}
+
+JobBoard::Finished JobBoard::finished_since(std::int64_t& cursor) const {
+  const MutexLock lock(mutex_);
+  Finished result;
+  const std::int64_t oldest = finished_count_ - static_cast<std::int64_t>(finished_.size());
+  result.skipped = std::max<std::int64_t>(0, oldest - cursor);
+  const auto first = static_cast<std::size_t>(std::max(cursor, oldest) - oldest);
+  for (std::size_t at = first; at < finished_.size(); ++at) result.records.push_back(finished_[at]);
+  cursor = finished_count_;
+  return result;
+}
+
+std::int64_t JobBoard::finished() const {
+  const MutexLock lock(mutex_);
+  return finished_count_;
+}
+
+}  // namespace marble::server

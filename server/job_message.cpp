@@ -1,0 +1,59 @@
+#include "job_message.h"
+
+#include "google/rpc/status.pb.h"
+#include "marble/convert.h"
+#include "status.h"
+
+namespace marble::server {
+
+v1::Priority to_message(Priority priority) {
+  return static_cast<v1::Priority>(static_cast<int>(priority) + v1::PRIORITY_REALTIME);
+}
+
+void to_message(const JobRecord& record, v1::JobInfo* message) {
+  const JobDescription& what = record.description();
+  const JobSnapshot now = record.snapshot();
+  message->set_job_id(what.id);
+  message->set_kind(static_cast<v1::JobKind>(static_cast<int>(what.kind) + v1::JOB_KIND_SOLVE));
+  message->set_state(static_cast<v1::JobState>(static_cast<int>(now.state) + v1::JOB_STATE_QUEUED));
+  message->set_priority(to_message(what.priority));
+  message->set_client(what.client);
+  message->set_request_id(what.request_id);
+  message->set_problem_name(what.name);
+  message->set_variables(what.variables);
+  message->set_equalities(what.equalities);
+  message->set_inequalities(what.inequalities);
+  message->set_pairs(what.pairs);
+  message->set_accepted_unix_s(std::chrono::duration<double>(what.accepted.time_since_epoch()).count());
+  if (now.state == JobState::queued) {
+    const QueuePlace place = record.place();
+    message->set_queue_position(place.position);
+    message->set_estimated_wait_s(place.estimated_wait_s);
+  }
+  if (now.error) {
+    message->mutable_error()->ParseFromString(to_status(*now.error).error_details());
+  } else if (now.status) {
+    message->set_status(marble::to_message(*now.status));
+  }
+  message->set_iterations(now.iterations);
+  message->set_factorizations(now.factorizations);
+  message->set_objective(now.objective);
+  marble::to_message(now.violations, message->mutable_violations());
+  v1::Times* times = message->mutable_times();
+  times->set_queue_s(now.queue_s);
+  times->set_setup_s(now.times.setup_s);
+  times->set_factorization_s(now.times.factorization_s);
+  times->set_line_search_s(now.times.line_search_s);
+  times->set_solve_s(now.times.solve_s);
+  times->set_total_s(now.total_s);
+  message->set_updates(now.updates);
+  message->set_memory_bytes(now.memory_bytes);
+  message->set_result_bytes(now.result_bytes);
+}
+
+void to_message(const JobRecord::Trace& trace, v1::Trace* message) {
+  for (const Progress& row : trace.rows) marble::to_message(row, message->add_rows());
+  message->set_stride(trace.stride);
+}
+
+}  // namespace marble::server

@@ -1,0 +1,165 @@
+#include "jobs_service.h"
+
+#include <algorithm>
+
+#include "admission.h"
+#include "job_access.h"
+#include "job_message.h"
+#include "marble/convert.h"
+#include "reply.h"
+#include "result_call.h"
+#include "unary_call.h"
+#include "watch_call.h"
+
+namespace marble::server {
+namespace {
+
+constexpr int kDefaultPage = 100;
+constexpr int kLargestPage = 10'000;
+
+// Keeps the answer of a submitted job.
+class ResultKeeper final : public JobObserver {
+ public:
+  ResultKeeper(ResultStore& results, std::shared_ptr<JobRecord> record)
+      : results_(results), record_(std::move(record)) {}
+
+  void finished(Outcome outcome) override {
+    v1::SolveResponse response;
+    ResultStore::Result result{unexpected(Error{}), outcome.retry_delay_s};
+    if (const auto filled = fill_response(*record_, outcome, &response); filled) {
+      result.answer = response.SerializeAsString();
+    } else {
+      result.answer = unexpected(filled.error());
+    }
+    const auto bytes = result.answer ? static_cast<std::int64_t>(result.answer->size()) : 0;
+    if (results_.put(record_->id(), std::move(result), Clock::now())) record_->set_result_bytes(bytes);
+  }
+
+ private:
+  ResultStore& results_;
+  const std::shared_ptr<JobRecord> record_;
+};
+
+}  // namespace
+
+grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* context,
+                                              const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
+  const auto message = std::make_shared<v1::SolveRequest>();
+  const auto handle = [&](v1::SolveRequest& parsed, v1::SubmitResponse* out) -> Expected<void> {
+    message->Swap(&parsed);
+    auto submitted = submit(*context, message, out);
+    if (submitted) return submitted;
+    parts_.scheduler.count_refused();
+    log_refusal(parts_.log, context->peer(), message->request_id(), submitted.error());
+    return submitted;
+  };
+  return answer<v1::SolveRequest, v1::SubmitResponse>(context, request, response, handle,
+                                                      parts_.scheduler.retry_delay_s());
+}
+
+Expected<void> JobsService::submit(const grpc::CallbackServerContext& context,
+                                   std::shared_ptr<v1::SolveRequest> request,
+                                   v1::SubmitResponse* response) const {
+  auto caller = caller_of(parts_.access, context, Role::solve);
+  if (!caller) return unexpected(caller.error());
+  caller->deadline = Clock::time_point::max();  // the call's is not the job's
+  const auto job = make_job(parts_, *caller, JobKind::submitted, std::move(request));
+  if (!job) return unexpected(job.error());
+  const std::shared_ptr<JobRecord> record = (*job)->record;
+  (*job)->observer = std::make_shared<ResultKeeper>(parts_.results, record);
+  parts_.results.expect(record->id(), caller->identity.client);
+  const auto place = parts_.scheduler.admit(*job);
+  if (!place) {
+    parts_.results.forget(record->id());
+    return unexpected(place.error());
+  }
+  response->set_job_id(record->id());
+  response->set_queue_position(place->position);
+  response->set_estimated_wait_s(place->estimated_wait_s);
+  return {};
+}
+
+grpc::ServerUnaryReactor* JobsService::Result(grpc::CallbackServerContext* context,
+                                              const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
+  return ResultCall::begin(parts_, *context, request, response);
+}
+
+grpc::ServerUnaryReactor* JobsService::Delete(grpc::CallbackServerContext* context,
+                                              const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
+  const auto handle = [&](const v1::DeleteJobRequest& message, v1::DeleteJobResponse*) -> Expected<void> {
+    const auto caller = parts_.access.identify(*context);
+    if (!caller) return unexpected(caller.error());
+    const std::string& id = message.job_id();
+    const std::string owner = parts_.results.owner(id);
+    if (owner.empty() || !may_see(*caller, owner)) return unexpected(no_such_job(id));
+    if (!may_end(*caller, owner)) return unexpected(not_to_end(id));
+    if (!parts_.results.forget(id)) return unexpected(no_such_job(id));
+    if (const auto record = parts_.board.find(id); record != nullptr) record->cancel();
+    parts_.board.forget(id);
+    return {};
+  };
+  return answer<v1::DeleteJobRequest, v1::DeleteJobResponse>(context, request, response, handle);
+}
+
+grpc::ServerUnaryReactor* JobsService::List(grpc::CallbackServerContext* context,
+                                            const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
+  const auto handle = [&](const v1::ListJobsRequest& message, v1::ListJobsResponse* out) -> Expected<void> {
+    const auto caller = parts_.access.identify(*context);
+    if (!caller) return unexpected(caller.error());
+    if (message.limit() < 0 || message.limit() > kLargestPage) {
+      return unexpected(Error{ErrorCode::invalid_argument, "limit", -1, std::to_string(message.limit()),
+                              "must be in [0, " + std::to_string(kLargestPage) + "]"});
+    }
+    const auto passes = [&](const JobRecord& record) {
+      const std::string& owner = record.description().client;
+      if (!may_see(*caller, owner) || (!message.client().empty() && message.client() != owner)) return false;
+      const int state = static_cast<int>(record.snapshot().state) + v1::JOB_STATE_QUEUED;
+      const auto& states = message.states();
+      return states.empty() || std::find(states.begin(), states.end(), state) != states.end();
+    };
+    const int limit = message.limit() == 0 ? kDefaultPage : message.limit();
+    const auto page = parts_.board.list(passes, static_cast<std::size_t>(limit), message.before_job_id());
+    if (!page) return unexpected(page.error());
+    for (const auto& record : page->records) to_message(*record, out->add_jobs());
+    out->set_more(page->more);
+    return {};
+  };
+  return answer<v1::ListJobsRequest, v1::ListJobsResponse>(context, request, response, handle);
+}
+
+grpc::ServerUnaryReactor* JobsService::Get(grpc::CallbackServerContext* context,
+                                           const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
+  const auto handle = [&](const v1::GetJobRequest& message, v1::GetJobResponse* out) -> Expected<void> {
+    const auto caller = parts_.access.identify(*context);
+    if (!caller) return unexpected(caller.error());
+    const auto record = find_job(parts_.board, *caller, message.job_id());
+    if (!record) return unexpected(record.error());
+    to_message(**record, out->mutable_job());
+    marble::to_message((*record)->options(), out->mutable_options());
+    to_message((*record)->trace(), out->mutable_trace());
+    return {};
+  };
+  return answer<v1::GetJobRequest, v1::GetJobResponse>(context, request, response, handle);
+}
+
+grpc::ServerUnaryReactor* JobsService::Cancel(grpc::CallbackServerContext* context,
+                                              const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
+  const auto handle = [&](const v1::CancelJobRequest& message, v1::CancelJobResponse* out) -> Expected<void> {
+    const auto caller = parts_.access.identify(*context);
+    if (!caller) return unexpected(caller.error());
+    const auto record = find_job(parts_.board, *caller, message.job_id());
+    if (!record) return unexpected(record.error());
+    if (!may_end(*caller, (*record)->description().client)) return unexpected(not_to_end(message.job_id()));
+    (*record)->cancel();
+    to_message(**record, out->mutable_job());
+    return {};
+  };
+  return answer<v1::CancelJobRequest, v1::CancelJobResponse>(context, request, response, handle);
+}
+
+grpc::ServerWriteReactor<grpc::ByteBuffer>* JobsService::Watch(grpc::CallbackServerContext* context,
+                                                               const grpc::ByteBuffer* request) {
+  return WatchCall::begin(parts_, watchers_, *context, request);
+}
+
+}  // namespace marble::server

@@ -1,0 +1,90 @@
+// What a job's solve has told so far: a bounded trace of the whole, thinned evenly, and its newest rows for
+// whoever watches. The worker puts rows in and never waits; readers come back with a cursor.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "marble/progress.h"
+
+namespace marble::server {
+
+class ProgressHistory {
+ public:
+  static constexpr std::size_t kRecent = 128;
+
+  /// `trace_rows` may be 0: then there is no trace.
+  explicit ProgressHistory(int trace_rows) : most_rows_(static_cast<std::size_t>(trace_rows)) {}
+
+  struct Rows {
+    std::vector<Progress> rows;  ///< oldest first; their z are empty
+    std::int64_t skipped = 0;    ///< of those after the cursor, how many are not there any more
+  };
+
+  void put(const Progress& progress) {
+    newest_ = progress;
+    newest_.z = {};
+    if (recent_.size() < kRecent) {
+      recent_.push_back(newest_);
+    } else {
+      recent_[static_cast<std::size_t>(count_) % kRecent] = newest_;
+    }
+    if (most_rows_ > 0 && (count_ - first_) % stride_ == 0) {
+      trace_.push_back(newest_);
+      if (trace_.size() > most_rows_) thin();
+    }
+    ++count_;
+  }
+
+  /// Rows since the cursor, which moves on to the newest.
+  [[nodiscard]] Rows read(std::int64_t& cursor) const {
+    Rows result;
+    const std::int64_t oldest = count_ - static_cast<std::int64_t>(recent_.size());
+    result.skipped = std::max<std::int64_t>(0, oldest - cursor);
+    for (std::int64_t at = std::max(cursor, oldest); at < count_; ++at)
+      result.rows.push_back(recent_[static_cast<std::size_t>(at) % kRecent]);
+    cursor = count_;
+    return result;
+  }
+
+  /// Every stride-th row of all, oldest first, and the newest.
+  [[nodiscard]] std::vector<Progress> trace() const {
+    std::vector<Progress> rows = trace_;
+    if (most_rows_ > 0 && count_ > first_ && (count_ - 1 - first_) % stride_ != 0) rows.push_back(newest_);
+    return rows;
+  }
+  [[nodiscard]] int stride() const { return stride_; }
+  /// Rows put in so far; their number is the cursor of a reader who has seen them all.
+  [[nodiscard]] std::int64_t count() const { return count_; }
+  [[nodiscard]] const Progress& newest() const { return newest_; }
+
+  /// Another solve begins: a trace of its own. Cursors go on.
+  void begin() {
+    trace_.clear();
+    stride_ = 1;
+    first_ = count_;
+  }
+  /// Nobody will put or read rows any more: keeps the trace only.
+  void end() {
+    recent_ = {};
+    trace_.shrink_to_fit();
+  }
+
+ private:
+  // Keeps every other row.
+  void thin() {
+    std::size_t kept = 0;
+    for (std::size_t at = 0; at < trace_.size(); at += 2) trace_[kept++] = trace_[at];
+    trace_.resize(kept);
+    stride_ *= 2;
+  }
+
+  std::size_t most_rows_;
+  std::vector<Progress> trace_, recent_;
+  Progress newest_;
+  int stride_ = 1;
+  std::int64_t count_ = 0, first_ = 0;  // rows of all solves; of those before this one
+};
+
+}  // namespace marble::server

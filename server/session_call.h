@@ -1,0 +1,104 @@
+// One session on its stream: reads updates, has them solved one after the other, writes what came of them.
+#pragma once
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/server_callback.h>
+
+#include <deque>
+#include <optional>
+
+#include "admission.h"
+#include "progress_slot.h"
+#include "service_parts.h"
+#include "session.h"
+
+namespace marble::server {
+
+/// Owns itself until gRPC is done with it; its jobs own it too, until they have finished. It holds no worker
+/// and no job while there is nothing to solve.
+class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
+                          public ProgressSink,
+                          public Pulsed {
+ public:
+  static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
+      const ServiceParts& parts, const grpc::CallbackServerContext& context);
+
+  // From gRPC.
+  void OnReadDone(bool ok) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void OnWriteDone(bool ok) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void OnCancel() override ABSL_LOCKS_EXCLUDED(mutex_);
+  void OnDone() override;
+  // From the worker.
+  void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
+  // From the pulse: idle time, drain.
+  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  class SetupObserver;
+  class UpdateObserver;
+  // An update on its way; the options are those in force for it.
+  struct Update {
+    v1::SessionUpdate message;
+    Options options;
+    Clock::time_point arrival;
+    bool taken = false;  // by the solver
+  };
+
+  explicit SessionCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}
+
+  [[nodiscard]] Expected<void> take_setup(v1::SessionSetup& setup) ABSL_LOCKS_EXCLUDED(mutex_);
+  void take_update(v1::SessionUpdate& update) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void set_up_done(Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
+  void update_done(const std::shared_ptr<Update>& update, Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  // Everything that may be due: the next job, the next read, the next write, the end.
+  void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] std::shared_ptr<Job> next_job() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] std::shared_ptr<Job> make_job(Clock::time_point deadline);
+  [[nodiscard]] bool next_event(v1::SessionResponse* event) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void take_rows() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void refuse(std::int64_t sequence, const Error& error, double retry_delay_s = 0.0)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void end(const Error& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void cancel(const Error& reason) ABSL_LOCKS_EXCLUDED(mutex_);
+  void release() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  const LiveCalls::Token token_;
+  const ServiceParts& parts_;
+  Caller caller_;
+  Quota quota_;
+  std::shared_ptr<SessionCall> self_;
+  grpc::ByteBuffer incoming_;  // the read in flight
+  grpc::ByteBuffer outgoing_;  // the write in flight
+  ProgressSlot slot_;
+  double last_progress_s_ = -1.0;  // worker only
+  // Constant once set up.
+  Priority priority_ = Priority::realtime;
+  bool latest_only_ = false, tell_progress_ = false;
+  double progress_interval_s_ = 0.0;
+  int iterate_every_ = 0;
+  std::shared_ptr<JobRecord> record_;
+  std::unique_ptr<Session> session_;  // used by the job in flight
+
+  Mutex mutex_;
+  std::unique_ptr<SessionTable::Place> place_ ABSL_GUARDED_BY(mutex_);
+  Options options_ ABSL_GUARDED_BY(mutex_);  // of the newest update
+  std::deque<std::shared_ptr<Update>> waiting_ ABSL_GUARDED_BY(mutex_);
+  std::optional<v1::SessionUpdate> left_behind_ ABSL_GUARDED_BY(mutex_);  // of updates that never ran
+  std::shared_ptr<Job> job_ ABSL_GUARDED_BY(mutex_);                      // in flight
+  std::int64_t solving_ ABSL_GUARDED_BY(mutex_) = 0;                      // its sequence number
+  std::int64_t newest_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
+  bool any_update_ ABSL_GUARDED_BY(mutex_) = false;
+  std::deque<v1::SessionResponse> events_ ABSL_GUARDED_BY(mutex_);  // to be told
+  double fastest_s_ ABSL_GUARDED_BY(mutex_) = 0.0;                  // solve so far
+  Clock::time_point last_activity_ ABSL_GUARDED_BY(mutex_) = Clock::now();
+  bool set_up_ ABSL_GUARDED_BY(mutex_) = false;
+  bool reading_ ABSL_GUARDED_BY(mutex_) = false;
+  bool writing_ ABSL_GUARDED_BY(mutex_) = false;
+  bool read_all_ ABSL_GUARDED_BY(mutex_) = false;  // the client has closed its side
+  bool broken_ ABSL_GUARDED_BY(mutex_) = false;    // nobody reads any more
+  bool finishing_ ABSL_GUARDED_BY(mutex_) = false;
+  std::optional<Error> end_ ABSL_GUARDED_BY(mutex_);  // why it ends, unless the client closed it
+};
+
+}  // namespace marble::server
