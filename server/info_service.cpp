@@ -1,20 +1,53 @@
 #include "info_service.h"
 
+#include <algorithm>
+
 #include "marble/convert.h"
 #include "marble/version.h"
+#include "reply.h"
+#include "status.h"
 
 namespace marble::server {
+namespace {
 
-grpc::ServerUnaryReactor* InfoService::GetInfo(grpc::CallbackServerContext* context,
-                                               const v1::GetInfoRequest*, v1::GetInfoResponse* response) {
-  response->set_version(kVersion);
-  response->set_workers(scheduler_.limits().workers);
-  response->mutable_limits()->set_message_bytes(config_.message_bytes);
-  response->mutable_limits()->set_queue_jobs(config_.queue_jobs);
-  response->mutable_limits()->set_queue_bytes(config_.queue_bytes);
-  for (const OptionInfo& option : option_table()) to_message(option, response->add_options());
-  const Counters counters = scheduler_.counters();
-  v1::Counters* message = response->mutable_counters();
+void to_message(const Config& config, v1::Limits* message) {
+  message->set_message_bytes(config.message_bytes);
+  message->set_queue_jobs(config.queue_jobs);
+  message->set_queue_bytes(config.queue_bytes);
+  message->set_solve_bytes(config.solve_bytes);
+  message->set_sessions(config.sessions);
+  message->set_session_bytes(config.session_bytes);
+  message->set_session_idle_s(config.session_idle_s);
+  message->set_session_updates(config.session_updates);
+  message->set_batch_window(config.batch_window);
+  message->set_history_jobs(config.history_jobs);
+  message->set_trace_rows(config.trace_rows);
+  message->set_result_keep_s(config.result_keep_s);
+  message->set_result_bytes(config.result_bytes);
+}
+
+v1::Priority to_message(Priority priority) {
+  switch (priority) {
+    case Priority::realtime:
+      return v1::PRIORITY_REALTIME;
+    case Priority::interactive:
+      return v1::PRIORITY_INTERACTIVE;
+    case Priority::batch:
+      return v1::PRIORITY_BATCH;
+  }
+  return v1::PRIORITY_UNSPECIFIED;
+}
+
+/// Where the quota sets no limit, the server's is the client's.
+void to_message(const Quota& quota, const Config& config, int workers, v1::Quota* message) {
+  message->set_running(std::min(quota.running, workers));
+  message->set_queued(std::min(quota.queued, config.queue_jobs));
+  message->set_sessions(std::min(quota.sessions, config.sessions));
+  message->set_bytes(std::min(quota.bytes, config.queue_bytes));
+  message->set_priority(to_message(quota.priority));
+}
+
+void to_message(const Counters& counters, v1::Counters* message) {
   message->set_accepted_total(counters.accepted);
   message->set_answered_total(counters.answered);
   message->set_solved_total(counters.solved);
@@ -23,8 +56,34 @@ grpc::ServerUnaryReactor* InfoService::GetInfo(grpc::CallbackServerContext* cont
   message->set_failed_total(counters.failed);
   message->set_queued(counters.queued);
   message->set_running(counters.running);
-  response->set_uptime_s(std::chrono::duration<double>(Clock::now() - start_).count());
+}
+
+}  // namespace
+
+grpc::ServerUnaryReactor* InfoService::GetInfo(grpc::CallbackServerContext* context,
+                                               const v1::GetInfoRequest*, v1::GetInfoResponse* response) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  const auto identity = access_.identify(*context);
+  if (!identity) {
+    log_refusal(log_, context->peer(), "", identity.error());
+    reactor->Finish(to_status(identity.error()));
+    return reactor;
+  }
+  const int workers = scheduler_.limits().workers;
+  response->set_version(kVersion);
+  response->set_workers(workers);
+  response->set_client(identity->client);
+  for (const std::string& role : identity->roles.names()) response->add_roles(role);
+  to_message(config_, response->mutable_limits());
+  to_message(access_.quota_of(identity->client), config_, workers,
+             response->mutable_limits()->mutable_quota());
+  for (const OptionInfo& option : option_table()) {
+    v1::OptionSchema* schema = response->add_options();
+    marble::to_message(option, schema);
+    schema->set_default_value(get_option(config_.solver_defaults, option.name));
+  }
+  to_message(scheduler_.counters(), response->mutable_counters());
+  response->set_uptime_s(std::chrono::duration<double>(Clock::now() - start_).count());
   reactor->Finish(grpc::Status::OK);
   return reactor;
 }

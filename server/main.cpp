@@ -5,8 +5,10 @@
 #include <atomic>
 #include <cstdio>
 #include <fstream>
+#include <iostream>
 #include <thread>
 
+#include "access.h"
 #include "config.h"
 #include "info_service.h"
 #include "listen.h"
@@ -19,6 +21,7 @@ namespace {
 
 using namespace marble::server;
 
+constexpr int kBadConfiguration = 2;
 constexpr std::chrono::seconds kLastAnswers{5};  // for answers on their way to slow readers
 constexpr std::chrono::milliseconds kLastRefusals{200};
 
@@ -39,6 +42,18 @@ SchedulerLimits limits_of(const Config& config) {
   return {config.workers > 0 ? config.workers : cores, config.queue_jobs, config.queue_bytes};
 }
 
+int tell(const std::vector<ConfigFault>& faults) {
+  for (const ConfigFault& fault : faults) std::cerr << "marble-server: " << fault.message() << '\n';
+  return kBadConfiguration;
+}
+
+int print_new_token(const std::string& name_and_roles) {
+  const auto token = new_token(name_and_roles);
+  if (!token) return tell({{"flag --new-token", token.error()}});
+  std::cout << token->secret << '\n' << token->line << '\n';
+  return 0;
+}
+
 // Returns when every accepted job has its answer. A second signal ends the grace.
 void drain(Scheduler& scheduler, StopSignals& signals, double grace_s) {
   std::atomic<bool> drained = false;
@@ -55,15 +70,23 @@ void drain(Scheduler& scheduler, StopSignals& signals, double grace_s) {
 
 int main(int argc, char** argv) {
   int exit_code = 0;
-  const auto config = read_config(argc, argv, exit_code);
-  if (!config) return exit_code;
+  const auto command_line = parse_command_line(argc, argv, exit_code);
+  if (!command_line) return exit_code;
+  if (!command_line->new_token.empty()) return print_new_token(command_line->new_token);
+  const auto config = load_config(*command_line);
+  if (!config) return tell(config.error());
+  if (command_line->print_config || command_line->check_config) {
+    std::cout << (command_line->print_config ? to_toml(*config) : "ok\n");
+    return 0;
+  }
   StopSignals signals;
-  const Log log(config->log_format, config->log_level);
+  Log log(config->log_format, config->log_level);
+  Access access(*config);
   Scheduler scheduler(limits_of(*config), log);
   SolverService solver_service(scheduler, log);
-  InfoService info_service(scheduler, *config);
+  InfoService info_service(scheduler, *config, access, log);
 
-  const auto listening = listen(*config, {&solver_service, &info_service});
+  const auto listening = listen(*config, {&solver_service, &info_service}, log);
   if (!listening) {
     log.error("cannot_listen", {{"address", listening.error().value}, {"reason", listening.error().bound}});
     return 1;
