@@ -1,8 +1,9 @@
-// Wiring: configuration → log → scheduler → services → gRPC server; signals → drain.
+// Wiring: configuration → log → scheduler → services → gRPC server; signals → reload, drain.
 #include <grpcpp/server.h>
 
 #include <algorithm>
 #include <atomic>
+#include <csignal>
 #include <cstdio>
 #include <fstream>
 #include <iostream>
@@ -13,9 +14,10 @@
 #include "info_service.h"
 #include "listen.h"
 #include "marble/version.h"
+#include "reload.h"
 #include "scheduler.h"
+#include "signals.h"
 #include "solver_service.h"
-#include "stop_signals.h"
 
 namespace {
 
@@ -55,14 +57,16 @@ int print_new_token(const std::string& name_and_roles) {
 }
 
 // Returns when every accepted job has its answer. A second signal ends the grace.
-void drain(Scheduler& scheduler, StopSignals& signals, double grace_s) {
+void drain(Scheduler& scheduler, Signals& signals, double grace_s) {
   std::atomic<bool> drained = false;
   std::thread drainer([&] {
     scheduler.drain(std::chrono::duration<double>(grace_s));
     drained = true;
     signals.wake();
   });
-  while (signals.wait() != 0 || !drained) scheduler.hurry();
+  for (int signal = signals.wait(); signal != 0 || !drained; signal = signals.wait()) {
+    if (signal != SIGHUP) scheduler.hurry();
+  }
   drainer.join();
 }
 
@@ -79,7 +83,7 @@ int main(int argc, char** argv) {
     std::cout << (command_line->print_config ? to_toml(*config) : "ok\n");
     return 0;
   }
-  StopSignals signals;
+  Signals signals;
   Log log(config->log_format, config->log_level);
   Access access(*config);
   Scheduler scheduler(limits_of(*config), log);
@@ -102,7 +106,9 @@ int main(int argc, char** argv) {
                            {"queue_jobs", std::int64_t{scheduler.limits().queue_jobs}}});
   }
 
-  const int signal = signals.wait();
+  Reloader reloader(*command_line, *config, access, log);
+  int signal = signals.wait();
+  for (; signal == SIGHUP; signal = signals.wait()) reloader.reload();
   log.info("draining", {{"signal", std::int64_t{signal}}, {"grace_s", config->drain_grace_s}});
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
   set_serving(*listening->server, false);
