@@ -67,6 +67,11 @@ Expected<SettingValue> checked(const SettingInfo& info, SettingValue value) {
   return value;
 }
 
+template <class Type>
+void assign(Type& member, const SettingValue& value) {
+  member = static_cast<Type>(std::get<Stored<Type>>(value));
+}
+
 template <class Number>
 Expected<SettingValue> number_of(const SettingInfo& info, const std::string& text) {
   Number number{};
@@ -115,9 +120,9 @@ Expected<void> set_setting(Settings& settings, std::string_view name, const Sett
   auto valid = checked(**info, value);
   if (!valid) return unexpected(std::move(valid).error());
 #define MARBLE_SETTING(type, member, default_value, low, high, unit, doc) \
-  if (name == #member) settings.member = static_cast<type>(std::get<Stored<type>>(*valid));
+  if (name == #member) assign(settings.member, *valid);
 #define MARBLE_TEXT_SETTING(member, default_value, choices, doc) \
-  if (name == #member) settings.member = std::get<std::string>(*valid);
+  if (name == #member) assign(settings.member, *valid);
 #include "config.def"
 #undef MARBLE_SETTING
 #undef MARBLE_TEXT_SETTING

@@ -11,7 +11,7 @@ TestAuthority::TestAuthority() {
 CertificateFiles TestAuthority::issue(const std::string& common_name, const std::string& alternative_names,
                                       int days) {
   const std::string number = std::to_string(++issued_);
-  const CertificateFiles files = {directory_.file(number + ".pem"), directory_.file(number + ".key")};
+  CertificateFiles files = {directory_.file(number + ".pem"), directory_.file(number + ".key")};
   const std::string request = directory_.file(number + ".request");
   std::vector<std::string> arguments = {"req",
                                         "-newkey",

@@ -14,6 +14,7 @@ std::vector<int> faulty_lines(const std::string& text) {
   std::vector<LineFault> faults;
   static_cast<void>(parse_tokens(text, faults));
   std::vector<int> lines;
+  lines.reserve(faults.size());
   for (const LineFault& fault : faults) lines.push_back(fault.line);
   return lines;
 }
