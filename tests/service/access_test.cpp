@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <thread>
+
 namespace marble::server {
 namespace {
 
@@ -130,6 +133,22 @@ TEST(Access, AReloadCountsFromThenOn) {
   EXPECT_FALSE(access.identify(with_token(first->secret)).has_value());
   EXPECT_TRUE(access.identify(with_token(second->secret)).has_value());
   EXPECT_EQ(access.quota_of("second").running, 2);
+}
+
+TEST(Access, AReloadDisturbsNobodyWhoCallsMeanwhile) {
+  const auto token = new_token("planner:solve");
+  const Config config = config_of(*token);
+  Access access(config);
+  std::atomic<bool> reloaded = false;
+  std::thread caller([&] {
+    while (!reloaded) {
+      EXPECT_TRUE(access.identify(with_token(token->secret)).has_value());
+      EXPECT_EQ(access.quota_of("planner").running, Quota().running);
+    }
+  });
+  for (int i = 0; i < 1000; ++i) access.reload(config);
+  reloaded = true;
+  caller.join();
 }
 
 }  // namespace
