@@ -32,7 +32,8 @@ class ResultKeeper final : public JobObserver {
       result.answer = unexpected(filled.error());
     }
     const auto bytes = result.answer ? static_cast<std::int64_t>(result.answer->size()) : 0;
-    if (results_.put(record_->id(), std::move(result), Clock::now())) record_->set_result_bytes(bytes);
+    record_->set_result_bytes(bytes);  // before who waits for it hears of it
+    if (!results_.put(record_->id(), std::move(result), Clock::now())) record_->set_result_bytes(0);
   }
 
  private:

@@ -30,12 +30,13 @@ class ProgressSplitter final : public ProgressSink {
 };
 
 // Everything a job can do to itself ends here, as an error of that job alone.
-Expected<Solution> solve(Job& job) {
+Expected<Solution> solve(Job& job, TaskRunner& runner) {
   try {
     ProgressSplitter progress(job);
     SolveControls controls;
     controls.progress = &progress;
     controls.stop = job.stop.get_token();
+    controls.runner = &runner;
     return job.work(controls);
   } catch (const std::bad_alloc&) {
     return unexpected(out_of_memory());
@@ -144,7 +145,7 @@ std::shared_ptr<Job> Scheduler::next() {
   const MutexLock lock(mutex_);
   std::shared_ptr<Job> job = queue_.pop();
   while (job == nullptr && !stopping_) {
-    work_.wait(mutex_);
+    if (!help()) work_.wait(mutex_);
     job = queue_.pop();
   }
   if (job != nullptr) running_.push_back(job);
@@ -152,10 +153,41 @@ std::shared_ptr<Job> Scheduler::next() {
 }
 
 void Scheduler::work() {
-  while (const std::shared_ptr<Job> job = next()) run(job);
+  while (const std::shared_ptr<Job> job = next()) run_job(job);
 }
 
-void Scheduler::run(const std::shared_ptr<Job>& job) {
+// One task of somebody else's job, if there is one to begin. Jobs that wait go before.
+bool Scheduler::help() {
+  if (shared_tasks_.empty()) return false;
+  SharedTasks& shared = *shared_tasks_.front();
+  const std::function<void()>& task = shared.tasks[shared.next++];
+  if (shared.next == shared.tasks.size()) shared_tasks_.erase(shared_tasks_.begin());
+  ++shared.helpers;
+  mutex_.unlock();
+  task();
+  mutex_.lock();
+  --shared.helpers;
+  helped_.notify_all();
+  return true;
+}
+
+void Scheduler::run(std::span<const std::function<void()>> tasks) {
+  SharedTasks shared{tasks};
+  const MutexLock lock(mutex_);
+  shared_tasks_.push_back(&shared);
+  work_.notify_all();
+  while (shared.next < tasks.size()) {
+    const std::function<void()>& task = tasks[shared.next++];
+    if (shared.next == tasks.size())
+      shared_tasks_.erase(std::find(shared_tasks_.begin(), shared_tasks_.end(), &shared));
+    mutex_.unlock();
+    task();
+    mutex_.lock();
+  }
+  while (shared.helpers > 0) helped_.wait(mutex_);
+}
+
+void Scheduler::run_job(const std::shared_ptr<Job>& job) {
   const Clock::time_point begin = Clock::now();
   Outcome outcome;
   outcome.queue_s = seconds(begin - job->accepted);
@@ -165,7 +197,7 @@ void Scheduler::run(const std::shared_ptr<Job>& job) {
   } else {
     job->record->started(outcome.queue_s);
     job->observer->started(outcome.queue_s);
-    outcome.solution = solve(*job);
+    outcome.solution = solve(*job, *this);
   }
   job->work = nullptr;  // before its bytes are counted free: an answer may wait long for its reader
   {
@@ -185,7 +217,7 @@ void Scheduler::run(const std::shared_ptr<Job>& job) {
 void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
   outcome.total_s = seconds(Clock::now() - job.accepted);
   if (!ran) outcome.queue_s = outcome.total_s;
-  outcome.retry_delay_s = retry_delay_s();
+  if (!ran) outcome.retry_delay_s = retry_delay_s();  // what failed by itself would fail again
   job.work = nullptr;
   log_end(job, outcome);
   if (job.ticket.reserved) {

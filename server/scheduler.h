@@ -30,7 +30,7 @@ class RoomWaiter {
   virtual void room() = 0;
 };
 
-class Scheduler final : public Pulsed {
+class Scheduler final : public Pulsed, public TaskRunner {
  public:
   Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log);
   ~Scheduler() override;
@@ -68,6 +68,9 @@ class Scheduler final : public Pulsed {
   /// Ends the grace of a drain that is under way now.
   void hurry() ABSL_LOCKS_EXCLUDED(mutex_);
 
+  /// Runs pieces of a running job on its own thread, and on workers that have nothing else to do.
+  void run(std::span<const std::function<void()>> tasks) override ABSL_LOCKS_EXCLUDED(mutex_);
+
   /// Answers waiting jobs that cannot meet their deadlines any more, and tells the others their places.
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -81,7 +84,14 @@ class Scheduler final : public Pulsed {
  private:
   void work() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::shared_ptr<Job> next() ABSL_LOCKS_EXCLUDED(mutex_);
-  void run(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
+  void run_job(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
+  // Tasks of a running job; on its worker's stack, and in shared_tasks_ while there are some to begin.
+  struct SharedTasks {
+    std::span<const std::function<void()>> tasks;
+    std::size_t next = 0;
+    int helpers = 0;
+  };
+  bool help() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error);
   void finish(Job& job, Outcome outcome, bool ran) ABSL_LOCKS_EXCLUDED(mutex_);
   void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -105,6 +115,8 @@ class Scheduler final : public Pulsed {
   };
   std::vector<PlaceListener> place_listeners_ ABSL_GUARDED_BY(mutex_);
   std::vector<std::weak_ptr<RoomWaiter>> room_waiters_ ABSL_GUARDED_BY(mutex_);
+  std::vector<SharedTasks*> shared_tasks_ ABSL_GUARDED_BY(mutex_);
+  Condition helped_;                           // a helper has ended its task
   int finishing_ ABSL_GUARDED_BY(mutex_) = 0;  // left queue or worker, observer not yet told
   Counters counters_ ABSL_GUARDED_BY(mutex_);
   std::array<double, kPriorities> mean_run_s_ ABSL_GUARDED_BY(mutex_) = {};

@@ -51,7 +51,8 @@ grpc::Status to_status(const Error& error, double retry_delay_s) {
     violation->set_description(error.value.empty() ? error.bound : "is " + error.value + ", " + error.bound);
     details.add_details()->PackFrom(bad_request);
   }
-  if (error.code == ErrorCode::resource_exhausted || error.code == ErrorCode::unavailable) {
+  const bool may_help = error.code == ErrorCode::resource_exhausted || error.code == ErrorCode::unavailable;
+  if (may_help && retry_delay_s > 0.0) {
     google::rpc::RetryInfo retry;
     retry.mutable_retry_delay()->set_seconds(static_cast<std::int64_t>(retry_delay_s));
     retry.mutable_retry_delay()->set_nanos(

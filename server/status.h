@@ -7,8 +7,8 @@
 
 namespace marble::server {
 
-/// The status with its details: BadRequest with field path and rule for invalid_argument, RetryInfo with
-/// `retry_delay_s` for resource_exhausted and unavailable.
+/// The status with its details: BadRequest with field path and rule for invalid_argument, RetryInfo for
+/// resource_exhausted and unavailable where waiting helps: where `retry_delay_s` > 0.
 [[nodiscard]] grpc::Status to_status(const Error& error, double retry_delay_s = 0.0);
 
 }  // namespace marble::server

@@ -23,7 +23,28 @@ class Run {
   std::int32_t told_iteration = -1;  // the last one a sink was told of
   Times times;
 
-  [[nodiscard]] ProgressSink* sink() const { return controls_.progress; }
+  [[nodiscard]] ProgressSink* sink() const { return silent_ ? nullptr : controls_.progress; }
+  [[nodiscard]] TaskRunner* runner() const { return controls_.runner; }
+
+  /// A run of its own for one search, which counts from here; one of several that may go on at once tells no
+  /// progress.
+  [[nodiscard]] Run part(bool silent) const {
+    Run result = *this;
+    result.silent_ = silent;
+    result.begun_iterations_ = iterations;
+    result.begun_factorizations_ = factorizations;
+    result.times = {};
+    return result;
+  }
+  /// Takes over what a part has counted.
+  void add_part(const Run& part) {
+    iterations += part.iterations - part.begun_iterations_;
+    factorizations += part.factorizations - part.begun_factorizations_;
+    if (!part.silent_) told_iteration = part.told_iteration;
+    nonconvex = nonconvex || part.nonconvex;
+    times.factorization_s += part.times.factorization_s;
+    times.line_search_s += part.times.line_search_s;
+  }
   [[nodiscard]] double elapsed_s() const { return seconds(Clock::now() - start_); }
 
   /// Why the run must end now for reasons that have nothing to do with the iterate.
@@ -51,6 +72,8 @@ class Run {
   const Options& options_;
   const SolveControls& controls_;
   Clock::time_point start_;
+  bool silent_ = false;
+  std::int32_t begun_iterations_ = 0, begun_factorizations_ = 0;
 };
 
 }  // namespace marble

@@ -129,14 +129,16 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options, 
                             std::to_string(static_cast<std::int64_t>(bytes)) + " bytes of memory",
                             "a solver may take at most " + std::to_string(most_bytes)});
   };
-  const double own_bytes = bytes_without_factor(problem);
+  double own_bytes = bytes_without_factor(problem);
+  own_bytes += FurtherStarts::extra_bytes(options, own_bytes);
   const auto limit = static_cast<double>(most_bytes);
   if (own_bytes > limit) return refuse(own_bytes);
   ScaledProblem scaled = scale(problem, options.scaling_passes);
   double least_bytes = 0.0;
   std::unique_ptr<Kkt> kkt = make_kkt(scaled, limit - own_bytes, least_bytes);
   if (kkt == nullptr) return refuse(own_bytes + least_bytes);
-  const double factor_bytes = kkt->bytes();
+  const double factor_bytes = kkt->bytes() + FurtherStarts::extra_bytes(options, kkt->bytes());
+  if (own_bytes + factor_bytes > limit) return refuse(own_bytes + factor_bytes);
   auto state = std::make_unique<State>(problem, options, std::move(scaled), std::move(kkt));
   state->setup_s = std::chrono::duration<double>(Run::Clock::now() - begin).count();
   state->memory_bytes = static_cast<std::int64_t>(own_bytes + factor_bytes);

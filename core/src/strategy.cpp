@@ -82,11 +82,10 @@ constexpr int kCheap = 150;     // factorizations within which a soft search beg
 constexpr int kFreeStarts = 4;  // of those, at most
 constexpr int kUseless = 2;     // starts without gain that end them
 constexpr double kProofRho = 1e3;
-constexpr double kWarmLoss = 0.1;     // above what a cold start reached, that calls for another
-constexpr int kTinyChange = 4;        // factorizations: so little does not move the best branch
-constexpr int kSmallChange = 12;      // factorizations: so little does not call for a cold start
-constexpr int kWarmBudget = 30;       // factorizations: a change that takes more is not small
-constexpr double kCycleFactor = 0.3;  // each further start begins this much softer
+constexpr double kWarmLoss = 0.1;  // above what a cold start reached, that calls for another
+constexpr int kTinyChange = 4;     // factorizations: so little does not move the best branch
+constexpr int kSmallChange = 12;   // factorizations: so little does not call for a cold start
+constexpr int kWarmBudget = 30;    // factorizations: a change that takes more is not small
 
 bool ended_by_force(Status status) {
   return status == Status::cancelled || status == Status::time_limit || status == Status::iteration_limit;
@@ -105,8 +104,9 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
       search_(problem, kkt, active_set_),
       initial_z_(problem.variables()),
       fallback_(problem),
+      further_starts_(problem, options, active_set_, search_),
       exact_(problem),
-      exact_set_(problem),
+      candidate_(problem),
       branch_base_(problem),
       branch_set_(problem),
       finish_images_(problem) {}
@@ -210,26 +210,20 @@ bool Strategy::from_solution(Run& run, const WarmStart& warm_start) {
         make_exact(run, "warm start, mended", kExactBudget) != Outcome::kept)
       return false;
   }
-  const double objective = exact_objective_ / problem_.cost_scale + problem_.c0;
+  const double objective = exact_.objective / problem_.cost_scale + problem_.c0;
   return small_change ||
          objective <= warm_start.cold_objective + kWarmLoss * std::abs(warm_start.cold_objective);
 }
 
 // Solves the branch at hand exactly and keeps the point if it is feasible and the best so far.
 Strategy::Outcome Strategy::make_exact(Run& run, const char* origin, int budget) {
-  const bool solved = active_set_.solve(run, budget);
-  const Violations exact = violations(problem_, active_set_.images());
-  if (!solved || !within_tolerances(exact, options_)) {
+  if (!solve_exactly(problem_, options_, active_set_, run, budget, candidate_)) {
     if (!run.interrupted()) branch_infeasible_ = true;
     return Outcome::not_exact;
   }
-  const double objective = active_set_.images().objective;
-  const double least_gain = 1e-12 * std::abs(exact_objective_);
-  if (has_exact_ && objective >= exact_objective_ - least_gain) return Outcome::no_better;
-  exact_.all = active_set_.x().all;
-  exact_set_ = active_set_.set();
-  exact_objective_ = objective;
-  exact_violations_ = exact;
+  const double least_gain = 1e-12 * std::abs(exact_.objective);
+  if (has_exact_ && candidate_.objective >= exact_.objective - least_gain) return Outcome::no_better;
+  std::swap(exact_, candidate_);
   has_exact_ = true;
   origin_ = origin;
   return Outcome::kept;
@@ -242,7 +236,7 @@ Strategy::Outcome Strategy::from_path(Run& run) {
   active_set_.start_from_path(path_.iterate());
   const Outcome outcome = make_exact(run, "path", kExactBudget);
   if (outcome != Outcome::kept || !within_tolerances(path_.violations_at(), options_) ||
-      exact_objective_ <= objective + slack)
+      exact_.objective <= objective + slack)
     return outcome;
   has_exact_ = false;
   return Outcome::not_exact;
@@ -262,10 +256,10 @@ bool Strategy::from_interior(Run& run) {
 void Strategy::improve(Run& run, int last_factorization) {
   const int pulling = LocalSearch::pulling(active_set_);
   if (pulling == 0 || options_.local_search_budget == 0 || run.interrupted()) return;
-  const double before = exact_objective_;
+  const double before = exact_.objective;
   if (pulling >= kManyPulling && options_.path == Path::fast) improve_from_soft(run, last_factorization);
-  if (exact_objective_ < before) return;
-  active_set_.restore(exact_, exact_set_);
+  if (exact_.objective < before) return;
+  active_set_.restore(exact_.x, exact_.set);
   if (search_.run(run, kNearby, last_factorization) && search_.accepted() > 0)
     static_cast<void>(make_exact(run, "path, local search", kExactBudget));
 }
@@ -278,28 +272,25 @@ void Strategy::improve_from_soft(Run& run, int last_factorization) {
     static_cast<void>(make_exact(run, "soft start, local search", kExactBudget));
 }
 
-// The starts asked for; and where a soft search was cheap, a few more while they gain.
+// Where a soft search was cheap, a few more while they gain; and the starts asked for, in rounds.
 void Strategy::start_again(Run& run) {
-  int useless = 0;
-  for (int start = 1; has_exact_ && !run.interrupted(); ++start) {
-    const bool free =
-        searched_soft_ && start < kFreeStarts && useless < kUseless && run.factorizations < kCheap;
-    if (start >= options_.starts && !free) return;
-    const double before = exact_objective_;
-    improve_again(run, start);
-    useless = exact_objective_ < before ? 0 : useless + 1;
+  int done = 1;
+  for (int useless = 0; searched_soft_ && has_exact_ && !run.interrupted() && done < kFreeStarts &&
+                        useless < kUseless && run.factorizations < kCheap;
+       ++done) {
+    useless = start_further(run, done, 1) ? 0 : useless + 1;
+  }
+  while (done < options_.starts && has_exact_ && !run.interrupted()) {
+    const int count = std::min(options_.starts - done, FurtherStarts::kRound);
+    static_cast<void>(start_further(run, done, count));
+    done += count;
   }
 }
 
-// Softens the best branch so far and hardens it again, softer each time.
-void Strategy::improve_again(Run& run, int cycle) {
-  if (run.interrupted()) return;
-  SearchPlan plan = kFromSoft;
-  plan.rho_first *= std::pow(kCycleFactor, cycle);
-  active_set_.restore(exact_, exact_set_);
-  const int last = run.factorizations + kExactBudget + options_.local_search_budget;
-  if (search_.run(run, plan, last))
-    static_cast<void>(make_exact(run, "further start, local search", kExactBudget));
+bool Strategy::start_further(Run& run, int first, int count) {
+  if (!further_starts_.round(run, kFromSoft, first, count, exact_)) return false;
+  origin_ = "further start, local search";
+  return true;
 }
 
 // Text is made only at the end: what ends an engine need not end the run.
@@ -307,16 +298,16 @@ void Strategy::improve_again(Run& run, int cycle) {
 // branch.
 Ending Strategy::finish_exact(Run& run) {
   Images& images = finish_images_;
-  images.evaluate(problem_, exact_);
+  images.evaluate(problem_, exact_.x);
   const std::vector<Index> biactive = biactive_pairs(images);
-  if (classify(images, exact_) == Stationarity::strong) {
+  if (classify(images, exact_.x) == Stationarity::strong) {
     b_stationary_ = true;
   } else if (biactive.size() <= kMostBiactive && options_.local_search_budget > 0) {
     for (int better = 0; better < kMostBetterBranches; ++better) {
-      const double before = exact_objective_;
+      const double before = exact_.objective;
       const bool all = solves_its_branches(run, biactive);
       if (all) b_stationary_ = true;
-      if (all || exact_objective_ >= before || run.interrupted()) break;
+      if (all || exact_.objective >= before || run.interrupted()) break;
     }
   }
   return explain_exact();
@@ -324,17 +315,17 @@ Ending Strategy::finish_exact(Run& run) {
 
 // Whether no branch that meets in the point has a better one; else goes there.
 bool Strategy::solves_its_branches(Run& run, std::span<const Index> biactive) {
-  branch_base_ = exact_set_;
-  const double objective = exact_objective_;
+  branch_base_ = exact_.set;
+  const double objective = exact_.objective;
   bool decided = true;
   for (unsigned branch = 1; branch < 1U << biactive.size(); ++branch) {
     branch_set_ = branch_base_;
     for (std::size_t k = 0; k < biactive.size(); ++k) {
       if ((branch >> k & 1U) != 0) branch_set_.left_fixed[static_cast<std::size_t>(biactive[k])] ^= 1U;
     }
-    active_set_.restore(exact_, branch_set_);
+    active_set_.restore(exact_.x, branch_set_);
     const Outcome outcome = make_exact(run, "neighbouring branch", kBranchBudget);
-    if (exact_objective_ < objective - kLeastDescent * (1.0 + std::abs(objective))) return false;
+    if (exact_.objective < objective - kLeastDescent * (1.0 + std::abs(objective))) return false;
     decided = decided && outcome != Outcome::not_exact;
   }
   return decided;
@@ -343,7 +334,7 @@ bool Strategy::solves_its_branches(Run& run, std::span<const Index> biactive) {
 Ending Strategy::explain_exact() const {
   std::string detail;
   detail.reserve(256);
-  detail.append(origin_).append("; ").append(describe(exact_violations_));
+  detail.append(origin_).append("; ").append(describe(exact_.violations));
   return {Status::solved, std::move(detail), {}};
 }
 

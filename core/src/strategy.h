@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 
+#include "further_starts.h"
 #include "interior.h"
 #include "local_search.h"
 #include "path.h"
@@ -32,7 +33,7 @@ class Strategy {
   [[nodiscard]] bool stayed_warm() const { return stayed_warm_; }
 
   /// What it ended with: exact where the ending says solved by a branch, else the path's.
-  [[nodiscard]] const Iterate& best() const { return has_exact_ ? exact_ : fallback_; }
+  [[nodiscard]] const Iterate& best() const { return has_exact_ ? exact_.x : fallback_; }
   /// True if it is exact and solves every branch it belongs to; absent if that was not decided.
   [[nodiscard]] std::optional<bool> b_stationary() const { return b_stationary_; }
 
@@ -47,7 +48,7 @@ class Strategy {
   void improve(Run& run, int last_factorization);
   void improve_from_soft(Run& run, int last_factorization);
   void start_again(Run& run);
-  void improve_again(Run& run, int cycle);
+  [[nodiscard]] bool start_further(Run& run, int first, int count);
   [[nodiscard]] std::vector<double> prove_infeasible(Run& run);
   [[nodiscard]] Ending finish_exact(Run& run);
   [[nodiscard]] bool solves_its_branches(Run& run, std::span<const Index> biactive);
@@ -62,11 +63,10 @@ class Strategy {
   Vector initial_z_;
   Iterate fallback_;  // what the path ended with, for solves without anything better
   Violations fallback_violations_;
-  Iterate exact_;  // the best exact solution so far
-  WorkingSet exact_set_, branch_base_, branch_set_;
+  FurtherStarts further_starts_;
+  ExactSolution exact_, candidate_;  // the best one so far, and the one at hand
+  WorkingSet branch_base_, branch_set_;
   Images finish_images_;
-  double exact_objective_ = 0.0;
-  Violations exact_violations_;
   bool has_exact_ = false, branch_infeasible_ = false, stayed_warm_ = false, searched_soft_ = false;
   std::optional<bool> b_stationary_;
   const char* origin_ = "";  // the engines that found it

@@ -1,6 +1,9 @@
 // Several clients on one server: priorities, turns, quotas, and what each may see and end.
 #include <algorithm>
 
+#include "marble/convert.h"
+#include "marble/examples.h"
+#include "marble/solver.h"
 #include "secure_service_test.h"
 
 namespace marble::testing {
@@ -153,6 +156,29 @@ TEST_F(Sharing, QuotasHangOnTheName) {
             grpc::StatusCode::INVALID_ARGUMENT);
 }
 
+TEST_F(Sharing, FurtherStartsGiveTheSameAnswerWhateverTheLoad) {
+  v1::SolveRequest request;
+  const OwnedProblem p = examples::hopper({.steps = 24});
+  to_message(p.view(), request.mutable_problem());
+  request.mutable_options()->set_starts(5);
+  Options options;
+  options.starts = 5;
+  const Solution alone = marble::solve(p.view(), options).value();
+  start({"--workers", "3"});
+  const auto ask = [&] {
+    v1::SolveResponse response;
+    EXPECT_TRUE(solve(request, &response).ok());
+    const auto& z = response.solution().z();
+    EXPECT_EQ(std::vector<double>(z.begin(), z.end()), alone.z);
+  };
+  ask();
+  const Submitted one = submit(name("a"), long_request()), two = submit(name("b"), long_request());
+  ASSERT_TRUE(eventually([&] { return counters().running() == 2; }));
+  ask();
+  EXPECT_TRUE(cancel(name("a"), one.id()).ok());
+  EXPECT_TRUE(cancel(name("b"), two.id()).ok());
+}
+
 TEST_F(Sharing, RolesSayWhoSeesAndEndsWhat) {
   const Token alice = new_token("alice:solve"), bob = new_token("bob:solve");
   const Token eye = new_token("eye:observe"), root = new_token("root:admin");
@@ -205,6 +231,7 @@ TEST_F(Sharing, AProblemThatNeedsTooMuchMemoryIsRefusedInWords) {
   const grpc::Status refused = solve(long_request(), &response);
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_NE(refused.error_message().find("1048576"), std::string::npos) << refused.error_message();
+  EXPECT_FALSE(retry_info(refused).has_value()) << "waiting does not help";
   EXPECT_TRUE(solve(example_request(), &response).ok());
 }
 

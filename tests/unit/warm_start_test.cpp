@@ -108,7 +108,7 @@ TEST(Update, NamesWhatIsWrongAndChangesNothing) {
   const auto message = [&](const ProblemUpdate& update) { return solver.update(update).error().message(); };
   EXPECT_EQ(message({.g = two}), "g = 2 entries: must have 12 entries");
   EXPECT_EQ(message({.g = p.g, .d = d}), "d[3] = nan: must be finite");
-  EXPECT_EQ(message({.c0 = std::numeric_limits<double>::infinity()}), "c0[0] = inf: must be finite");
+  EXPECT_EQ(message({.c0 = std::numeric_limits<double>::infinity()}), "c0 = inf: must be finite");
   ProblemUpdate update;
   update.L = two;
   EXPECT_EQ(solver.update(update).error().field, "L.values");

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <span>
@@ -15,6 +16,14 @@
 
 namespace marble {
 
+/// Runs pieces of one solve that do not depend on each other.
+class TaskRunner {
+ public:
+  virtual ~TaskRunner() = default;
+  /// Runs every task once, on whatever threads, and returns when all have ended. No task throws.
+  virtual void run(std::span<const std::function<void()>> tasks) = 0;
+};
+
 /// What may accompany one solve; all of it optional, and free of cost when unused.
 struct SolveControls {
   ProgressSink* progress = nullptr;        ///< told after every iteration
@@ -23,6 +32,9 @@ struct SolveControls {
   /// An answer to this problem or one like it, of the same sizes, z and multipliers: its branch is tried
   /// first.
   const Solution* warm_start = nullptr;
+  /// For option starts > 1: further starts run on it, four at a time. Without one they run one after the
+  /// other; the answer is the same to the last bit.
+  TaskRunner* runner = nullptr;
 };
 
 /// Owns a scaled copy of the problem, the symbolic factorization and all workspace.

@@ -1,0 +1,114 @@
+#include "further_starts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <new>
+
+namespace marble {
+namespace {
+
+constexpr double kSofter = 0.3;       // each start begins this much softer
+constexpr int kExactBudget = 100;     // factorizations
+constexpr double kLeastGain = 1e-12;  // of the objective
+
+}  // namespace
+
+bool solve_exactly(const ScaledProblem& problem, const Options& options, ActiveSet& active_set, Run& run,
+                   int budget, ExactSolution& solution) {
+  const bool solved = active_set.solve(run, budget);
+  solution.violations = violations(problem, active_set.images());
+  if (!solved || !within_tolerances(solution.violations, options)) return false;
+  solution.x.all = active_set.x().all;
+  solution.set = active_set.set();
+  solution.objective = active_set.images().objective;
+  return true;
+}
+
+FurtherStarts::Engine::Engine(const ScaledProblem& problem, std::unique_ptr<Kkt> own_kkt)
+    : kkt(std::move(own_kkt)), active_set(problem, *kkt), search(problem, *kkt, active_set) {}
+
+FurtherStarts::FurtherStarts(const ScaledProblem& problem, const Options& options, ActiveSet& active_set,
+                             LocalSearch& search)
+    : problem_(problem),
+      options_(options),
+      active_set_(active_set),
+      search_(search),
+      attempts_(kRound, Attempt(problem)),
+      reporter_(problem) {
+  for (std::size_t i = 0; i < kRound; ++i) tasks_.emplace_back([this, i] { make_attempt(i); });
+}
+
+double FurtherStarts::extra_bytes(const Options& options, double engine_bytes) {
+  return engine_bytes * std::max(0, std::min(options.starts - 1, kRound) - 1);
+}
+
+void FurtherStarts::make_attempt(std::size_t number) {
+  SearchPlan plan = plan_;
+  plan.rho_first *= std::pow(kSofter, first_ + static_cast<int>(number));
+  Attempt& attempt = attempts_[number];
+  try {
+    if (number == 0 || !at_once_) {
+      search_from(active_set_, search_, plan, attempt);
+    } else {
+      search_from(engines_[number - 1]->active_set, engines_[number - 1]->search, plan, attempt);
+    }
+  } catch (const std::bad_alloc&) {
+    attempt.out_of_memory = true;
+  }
+}
+
+void FurtherStarts::search_from(ActiveSet& active_set, LocalSearch& search, SearchPlan plan,
+                                Attempt& attempt) const {
+  Run& run = *attempt.run;
+  if (run.interrupted()) return;
+  active_set.restore(begin_->x, begin_->set);
+  const int last = run.factorizations + kExactBudget + options_.local_search_budget;
+  attempt.succeeded = search.run(run, plan, last) &&
+                      solve_exactly(problem_, options_, active_set, run, kExactBudget, attempt.found);
+}
+
+bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count, ExactSolution& best) {
+  const auto searches = static_cast<std::size_t>(std::min(count, kRound));
+  at_once_ = run.runner() != nullptr && searches > 1;
+  while (at_once_ && engines_.size() + 1 < searches)
+    engines_.push_back(std::make_unique<Engine>(problem_, make_kkt(problem_)));
+  for (const auto& engine : engines_) engine->kkt->load(problem_);  // values may have changed since
+  begin_ = &best;
+  plan_ = plan;
+  first_ = first;
+  for (std::size_t i = 0; i < searches; ++i) {
+    attempts_[i].run.emplace(run.part(searches > 1));
+    attempts_[i].succeeded = attempts_[i].out_of_memory = false;
+  }
+  const std::span<const std::function<void()>> tasks(tasks_.data(), searches);
+  if (at_once_) {
+    run.runner()->run(tasks);
+  } else {
+    for (const auto& task : tasks) task();
+  }
+  Attempt* winner = nullptr;
+  double goal = best.objective - kLeastGain * std::abs(best.objective);
+  for (std::size_t i = 0; i < searches; ++i) {
+    Attempt& attempt = attempts_[i];
+    run.add_part(*attempt.run);
+    if (attempt.out_of_memory) throw std::bad_alloc();
+    if (!attempt.succeeded || attempt.found.objective >= goal) continue;
+    winner = &attempt;
+    goal = attempt.found.objective;
+  }
+  if (winner == nullptr) return false;
+  std::swap(best, winner->found);
+  report(run, best);
+  return true;
+}
+
+void FurtherStarts::report(Run& run, const ExactSolution& best) {
+  Progress progress;
+  progress.objective = best.objective / problem_.cost_scale + problem_.c0;
+  progress.violations = best.violations;
+  progress.step_length = 1.0;
+  reporter_.tell(run, best.x.z(), progress);
+}
+
+}  // namespace marble

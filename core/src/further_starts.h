@@ -1,0 +1,77 @@
+// Further starts: searches that each soften the best branch so far and harden it again, softer each time.
+//
+// They come in rounds. Those of a round all begin at the branch that the round before has left and do not
+// know of each other, so that they may run at once: which threads run them, and when, changes nothing.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "local_search.h"
+#include "termination.h"
+
+namespace marble {
+
+/// An exact solution of a branch that is feasible.
+struct ExactSolution {
+  explicit ExactSolution(const ScaledProblem& problem) : x(problem), set(problem) {}
+  Iterate x;
+  WorkingSet set;
+  double objective = 0.0;  ///< scaled
+  Violations violations;   ///< user units
+};
+
+/// Solves the branch at hand exactly. False if that fails or the solution is not feasible.
+[[nodiscard]] bool solve_exactly(const ScaledProblem& problem, const Options& options, ActiveSet& active_set,
+                                 Run& run, int budget, ExactSolution& solution);
+
+class FurtherStarts {
+ public:
+  static constexpr int kRound = 4;
+
+  FurtherStarts(const ScaledProblem& problem, const Options& options, ActiveSet& active_set,
+                LocalSearch& search);
+
+  /// Starts number `first` to `first` + `count` - 1, at most kRound of them, each from `best`, which is
+  /// replaced by the best of what they found if that is better. True if it was.
+  bool round(Run& run, const SearchPlan& plan, int first, int count, ExactSolution& best);
+
+  /// Memory of the engines that a round needs besides those it was made with.
+  [[nodiscard]] static double extra_bytes(const Options& options, double engine_bytes);
+
+ private:
+  // What one search needs for itself.
+  struct Engine {
+    Engine(const ScaledProblem& problem, std::unique_ptr<Kkt> own_kkt);
+    std::unique_ptr<Kkt> kkt;
+    ActiveSet active_set;
+    LocalSearch search;
+  };
+  struct Attempt {
+    explicit Attempt(const ScaledProblem& problem) : found(problem) {}
+    ExactSolution found;
+    std::optional<Run> run;
+    bool succeeded = false, out_of_memory = false;
+  };
+  void make_attempt(std::size_t number);
+  void search_from(ActiveSet& active_set, LocalSearch& search, SearchPlan plan, Attempt& attempt) const;
+  void report(Run& run, const ExactSolution& best);
+
+  const ScaledProblem& problem_;
+  const Options& options_;
+  ActiveSet& active_set_;
+  LocalSearch& search_;
+  std::vector<std::unique_ptr<Engine>> engines_;  // made when they are first needed
+  std::vector<Attempt> attempts_;
+  std::vector<std::function<void()>> tasks_;  // each makes one attempt
+  Reporter reporter_;
+  // Of the round under way.
+  const ExactSolution* begin_ = nullptr;
+  SearchPlan plan_ = {};
+  int first_ = 0;
+  bool at_once_ = false;
+};
+
+}  // namespace marble
