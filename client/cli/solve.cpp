@@ -73,7 +73,7 @@ class Engine {
     CallControls call;
     call.problem_name = problem.name;
     if (tells_progress_) {
-      call.accepted = [](const std::string& job_id, int position) {
+      call.accepted = [](const std::string& job_id, int position, double) {
         if (position > 0) std::fprintf(stderr, "job %s waits behind %d\n", job_id.c_str(), position);
       };
     }
