@@ -29,7 +29,8 @@ struct BatchProblem {
 /// live until the next call.
 using BatchSource = std::function<std::optional<BatchProblem>()>;
 
-/// Takes an answer, on the thread that called solve_batch, in the order of finishing.
+/// Takes an answer, on the thread that called solve_batch, in the order of finishing. Must not throw, nor may
+/// the source.
 using BatchSink = std::function<void(std::int64_t tag, Expected<RemoteSolution> answer)>;
 
 struct BatchControls {
