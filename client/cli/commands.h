@@ -6,6 +6,15 @@
 namespace marble::cli {
 
 void add_solve(CLI::App& program, int& exit_code);
+void add_submit(CLI::App& program, int& exit_code);
+void add_result(CLI::App& program, int& exit_code);
+void add_jobs(CLI::App& program, int& exit_code);
+void add_job(CLI::App& program, int& exit_code);
+void add_watch(CLI::App& program, int& exit_code);
+void add_cancel(CLI::App& program, int& exit_code);
+void add_delete(CLI::App& program, int& exit_code);
+void add_batch(CLI::App& program, int& exit_code);
+void add_mpc(CLI::App& program, int& exit_code);
 void add_convert(CLI::App& program, int& exit_code);
 void add_example(CLI::App& program, int& exit_code);
 void add_health(CLI::App& program, int& exit_code);

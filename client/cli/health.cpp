@@ -9,7 +9,7 @@ namespace marble::cli {
 namespace {
 
 int run(const ServerArguments& arguments) {
-  const auto client = Client::connect(arguments.server);
+  const auto client = connect(arguments);
   if (!client) return server_fails(arguments, client.error());
   const auto healthy = client->healthy();
   if (!healthy) return server_fails(arguments, healthy.error());

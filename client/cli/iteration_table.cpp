@@ -2,7 +2,6 @@
 
 #include <unistd.h>
 
-#include <cstdio>
 #include <cstdlib>
 
 namespace marble::cli {
@@ -23,13 +22,13 @@ bool colours_wanted() {
 
 void IterationTable::report(const Progress& p) {
   if (rows_++ % kRowsBetweenHeaders == 0) {
-    std::fprintf(stderr, "%s%5s %14s %9s %9s %9s %9s %9s %8s %7s %8s %5s%s\n", colours_ ? kBold : "", "iter",
+    std::fprintf(to_, "%s%5s %14s %9s %9s %9s %9s %9s %8s %7s %8s %5s%s\n", colours_ ? kBold : "", "iter",
                  "objective", "equality", "inequal.", "complem.", "residual", "kappa", "rho", "step",
                  "regular.", "fact", colours_ ? kPlain : "");
   }
   // A raised regularization is where a solve has trouble: make it stand out.
   const bool trouble = colours_ && p.regularization > kTroublesomeRegularization;
-  std::fprintf(stderr, "%s%5d %14.7e %9.2e %9.2e %9.2e %9.2e %9.2e %8.1e %7.4f %8.1e %5d%s\n",
+  std::fprintf(to_, "%s%5d %14.7e %9.2e %9.2e %9.2e %9.2e %9.2e %8.1e %7.4f %8.1e %5d%s\n",
                trouble ? kYellow : "", p.iteration, p.objective, p.violations.equality,
                p.violations.inequality, p.violations.complementarity, p.kkt_residual, p.kappa, p.rho,
                p.step_length, p.regularization, p.factorizations, trouble ? kPlain : "");

@@ -1,7 +1,7 @@
-// The iteration table, for local and remote solves alike: one row an iteration on standard error.
+// The iteration table, for local and remote solves alike: one row an iteration.
 #pragma once
 
-#include <string>
+#include <cstdio>
 
 #include "marble/progress.h"
 
@@ -12,11 +12,12 @@ namespace marble::cli {
 
 class IterationTable final : public ProgressSink {
  public:
-  explicit IterationTable(bool colours) : colours_(colours) {}
+  explicit IterationTable(bool colours, std::FILE* to = stderr) : colours_(colours), to_(to) {}
   void report(const Progress& progress) override;
 
  private:
   bool colours_;
+  std::FILE* to_;
   int rows_ = 0;
 };
 

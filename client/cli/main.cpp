@@ -16,9 +16,20 @@ int main(int argc, char** argv) {
   program.footer(
       std::string(kExitCodes) +
       "\nThe server is --server ADDR, else MARBLE_SERVER, else 127.0.0.1:50051; ADDR is host:port or "
-      "unix:PATH.");
+      "unix:PATH.\nMARBLE_TOKEN, MARBLE_TLS_CA, MARBLE_TLS_CERTIFICATE and MARBLE_TLS_KEY are the defaults "
+      "of "
+      "their options.");
   int exit_code = kAllSolved;
   add_solve(program, exit_code);
+  add_batch(program, exit_code);
+  add_submit(program, exit_code);
+  add_result(program, exit_code);
+  add_jobs(program, exit_code);
+  add_job(program, exit_code);
+  add_watch(program, exit_code);
+  add_cancel(program, exit_code);
+  add_delete(program, exit_code);
+  add_mpc(program, exit_code);
   add_convert(program, exit_code);
   add_example(program, exit_code);
   add_health(program, exit_code);

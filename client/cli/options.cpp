@@ -2,32 +2,18 @@
 
 #include <cstdio>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "commands.h"
 #include "exit_code.h"
+#include "option_text.h"
 
 namespace marble::cli {
 namespace {
 
-std::string shown(const OptionInfo& option, double value) {
-  switch (option.type) {
-    case OptionType::choice:
-      return std::string(option.choices[static_cast<std::size_t>(value)]);
-    case OptionType::boolean:
-      return value != 0.0 ? "true" : "false";
-    case OptionType::integer:
-      return std::to_string(static_cast<std::int64_t>(value));
-    case OptionType::real:
-      break;
-  }
-  return nlohmann::json(value).dump();
-}
-
 std::string range(const OptionInfo& option) {
   if (option.type == OptionType::boolean) return "true, false";
   if (option.type != OptionType::choice) {
-    return "[" + shown(option, option.low) + ", " + shown(option, option.high) + "]";
+    return "[" + option_text(option, option.low) + ", " + option_text(option, option.high) + "]";
   }
   std::string names;
   for (const std::string_view choice : option.choices)
@@ -41,13 +27,14 @@ void print_markdown(const OptionInfo& option) {
   for (const char c : option.doc) doc.append(c == '|' ? "\\|" : std::string(1, c));
   const std::string unit = option.unit.empty() ? "" : " " + std::string(option.unit);
   std::printf("| `%s` | %s%s | %s | %s |\n", std::string(option.name).c_str(),
-              shown(option, option.default_value).c_str(), unit.c_str(), range(option).c_str(), doc.c_str());
+              option_text(option, option.default_value).c_str(), unit.c_str(), range(option).c_str(),
+              doc.c_str());
 }
 
 void print_text(const OptionInfo& option) {
   const std::string unit = option.unit.empty() ? "" : " " + std::string(option.unit);
   std::printf("%-26s %-8s in %s%s\n    %s\n", std::string(option.name).c_str(),
-              shown(option, option.default_value).c_str(), range(option).c_str(), unit.c_str(),
+              option_text(option, option.default_value).c_str(), range(option).c_str(), unit.c_str(),
               std::string(option.doc).c_str());
 }
 

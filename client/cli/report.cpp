@@ -2,12 +2,11 @@
 
 #include <cstdarg>
 #include <cstdio>
-#include <nlohmann/json.hpp>
+
+#include "json.h"
 
 namespace marble::cli {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ...) {
   char text[256];
@@ -18,19 +17,20 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
   return text;
 }
 
-// File names may hold any bytes.
-std::string line(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
-
 }  // namespace
 
-std::string summary(const ProblemFile& problem, const Answer& s) {
-  const OwnedProblem& p = problem.problem;
+Subject subject_of(const std::string& path, const ProblemFile& file) {
+  const OwnedProblem& p = file.problem;
+  return {p.name, path, p.g.size(), p.b.size(), p.d.size(), p.l.size(), file.best_known_objective};
+}
+
+std::string summary(const Subject& p, const Answer& s) {
   // Names and details may be of any length: they are never formatted.
   std::string text = p.name + ": " + to_string(s.status);
-  text += format("  (%zu variables, %zu equalities, %zu inequalities, %zu pairs)\n", p.g.size(), p.b.size(),
-                 p.d.size(), p.l.size());
+  text += format("  (%zu variables, %zu equalities, %zu inequalities, %zu pairs)\n", p.variables,
+                 p.equalities, p.inequalities, p.pairs);
   text += format("  objective       %.10g", s.objective);
-  if (problem.best_known_objective) text += format("   (best known %.10g)", *problem.best_known_objective);
+  if (p.best_known_objective) text += format("   (best known %.10g)", *p.best_known_objective);
   text += format("\n  violations      equality %.1e, inequality %.1e, complementarity %.1e\n",
                  s.violations.equality, s.violations.inequality, s.violations.complementarity);
   text += format("  kkt residual    %.1e\n", s.kkt_residual);
@@ -50,10 +50,10 @@ std::string summary(const ProblemFile& problem, const Answer& s) {
   return text;
 }
 
-std::string json_line(const std::string& file, const ProblemFile& problem, const Answer& s) {
+std::string json_line(const Subject& problem, const Answer& s) {
   Json json;
-  json["name"] = problem.problem.name;
-  json["file"] = file;
+  json["name"] = problem.name;
+  if (!problem.file.empty()) json["file"] = problem.file;
   json["status"] = to_string(s.status);
   json["detail"] = s.detail;
   json["objective"] = s.objective;
@@ -84,8 +84,7 @@ std::string json_line(const std::string& file, const std::string& name, const Er
   json["name"] = name.empty() ? Json(nullptr) : Json(name);
   json["file"] = file;
   json["status"] = "error";
-  json["error"] = {{"code", to_string(error.code)}, {"field", error.field}, {"index", error.index},
-                   {"value", error.value},          {"bound", error.bound}, {"message", error.message()}};
+  json["error"] = to_json(error);
   return line(json);
 }
 

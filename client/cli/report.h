@@ -1,6 +1,7 @@
 // What is told of one solved file: a summary for people, a JSON line for programs.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "marble/client.h"
@@ -11,12 +12,20 @@ namespace marble::cli {
 /// An answer from here or from a server; the job is empty if from here.
 using Answer = RemoteSolution;
 
+/// What is known of the problem that was solved.
+struct Subject {
+  std::string name;
+  std::string file = {};  ///< empty if it was none
+  std::size_t variables = 0, equalities = 0, inequalities = 0, pairs = 0;
+  std::optional<double> best_known_objective = {};
+};
+[[nodiscard]] Subject subject_of(const std::string& path, const ProblemFile& file);
+
 /// Several lines: status, objective, violations, work, times.
-[[nodiscard]] std::string summary(const ProblemFile& problem, const Answer& answer);
+[[nodiscard]] std::string summary(const Subject& subject, const Answer& answer);
 
 /// One JSON object without a line break.
-[[nodiscard]] std::string json_line(const std::string& file, const ProblemFile& problem,
-                                    const Answer& answer);
+[[nodiscard]] std::string json_line(const Subject& subject, const Answer& answer);
 /// The same for a file without an answer; `name` is empty if it is not known.
 [[nodiscard]] std::string json_line(const std::string& file, const std::string& name, const Error& error);
 

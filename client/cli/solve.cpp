@@ -11,47 +11,50 @@
 #include "marble/problem_file.h"
 #include "marble/solver.h"
 #include "report.h"
+#include "server_arguments.h"
+#include "solver_arguments.h"
 
 namespace marble::cli {
 namespace {
 
 struct SolveArguments {
   std::vector<std::string> files;
-  std::string server;
+  ServerArguments server;
+  SolverArguments solver;
+  Priority priority = Priority::by_method;
   bool local = false;
   bool quiet = false;
-  std::vector<std::string> options;
-  std::string time_limit_s;
-  std::string output = "text";
-  [[nodiscard]] bool json() const { return output == "json"; }
+  [[nodiscard]] bool json() const { return server.json(); }
 };
 
-Expected<Options> parse_options(const SolveArguments& arguments) {
-  Options options;
-  for (const std::string& option : arguments.options) {
-    const std::size_t equals = option.find('=');
-    if (equals == std::string::npos) {
-      return unexpected(Error{ErrorCode::invalid_argument, "--option", -1, option, "must be name=value"});
+std::string about(double wait_s) {
+  char text[48] = "";
+  if (wait_s > 0.0) std::snprintf(text, sizeof text, ", about %.1f s", wait_s);
+  return text;
+}
+
+// The place in the queue, for a person who waits.
+void tell_place(CallControls& call) {
+  const auto job = std::make_shared<std::string>();
+  call.accepted = [job](const std::string& job_id, int position, double wait_s) {
+    *job = job_id;
+    if (position > 0)
+      std::fprintf(stderr, "job %s waits behind %d%s\n", job_id.c_str(), position, about(wait_s).c_str());
+  };
+  call.moved = [job](int position, double wait_s) {
+    if (position > 0) {
+      std::fprintf(stderr, "job %s waits behind %d%s\n", job->c_str(), position, about(wait_s).c_str());
+    } else {
+      std::fprintf(stderr, "job %s is next%s\n", job->c_str(), about(wait_s).c_str());
     }
-    if (auto set = set_option_text(options, option.substr(0, equals), option.substr(equals + 1)); !set) {
-      return unexpected(set.error());
-    }
-  }
-  if (!arguments.time_limit_s.empty()) {
-    auto set = set_option_text(options, "time_limit_s", arguments.time_limit_s);
-    if (!set) {
-      set.error().field = "--time-limit";
-      return unexpected(set.error());
-    }
-  }
-  return options;
+  };
 }
 
 // Where the solving is done: on a server, or here if there is no client.
 class Engine {
  public:
-  Engine(std::optional<Client> client, bool tells_progress)
-      : client_(std::move(client)), tells_progress_(tells_progress) {}
+  Engine(std::optional<Client> client, Priority priority, bool tells_progress)
+      : client_(std::move(client)), priority_(priority), tells_progress_(tells_progress) {}
 
   [[nodiscard]] Expected<Answer> solve(const ProblemFile& file, const Options& options,
                                        std::stop_token stop) const {
@@ -72,11 +75,8 @@ class Engine {
                                         const SolveControls& controls) const {
     CallControls call;
     call.problem_name = problem.name;
-    if (tells_progress_) {
-      call.accepted = [](const std::string& job_id, int position) {
-        if (position > 0) std::fprintf(stderr, "job %s waits behind %d\n", job_id.c_str(), position);
-      };
-    }
+    call.priority = priority_;
+    if (tells_progress_) tell_place(call);
     auto answer = client_->solve(problem.view(), options, controls, call);
     if (answer && answer->progress_skipped > 0) {
       std::fprintf(stderr, "(%lld more iterations; the connection was slower than the solver)\n",
@@ -88,6 +88,7 @@ class Engine {
   }
 
   std::optional<Client> client_;
+  Priority priority_;
   bool tells_progress_;
 };
 
@@ -105,26 +106,25 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
   const auto answer = engine.solve(*file, options, std::move(stop));
   if (!answer) return tell_error(arguments, path, file->problem.name, answer.error());
-  std::cout << (arguments.json() ? json_line(path, *file, *answer) + "\n" : summary(*file, *answer))
+  const Subject subject = subject_of(path, *file);
+  std::cout << (arguments.json() ? json_line(subject, *answer) + "\n" : summary(subject, *answer))
             << std::flush;
   return is_solved(answer->status) ? kAllSolved : kNotSolved;
 }
 
-int usage_error(const Error& error, const char* hint) {
-  std::cerr << "marble: " << error.message() << hint << '\n';
-  return kBadInput;
-}
-
 int run(const SolveArguments& arguments) {
-  const auto options = parse_options(arguments);
-  if (!options) return usage_error(options.error(), "  (marble options lists them all)");
+  const auto options = parse_options(arguments.solver);
+  if (!options) return option_fails(options.error());
   std::optional<Client> client;
   if (!arguments.local) {
-    auto connected = Client::connect(arguments.server.empty() ? default_server_address() : arguments.server);
-    if (!connected) return usage_error(connected.error(), "");
+    auto connected = connect(arguments.server);
+    if (!connected) {
+      std::cerr << "marble: " << connected.error().message() << '\n';
+      return kBadInput;
+    }
     client = std::move(*connected);
   }
-  const Engine engine(std::move(client), !arguments.quiet);
+  const Engine engine(std::move(client), arguments.priority, !arguments.quiet);
   const Interrupt interrupt;
   int exit_code = kAllSolved;
   for (const std::string& path : arguments.files) {
@@ -146,19 +146,11 @@ void add_solve(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<SolveArguments>();
   CLI::App* command = program.add_subcommand("solve", "Solve problem files, in their order");
   command->add_option("FILE", arguments->files, ".json, .pb or .bin; - is standard input")->required();
-  CLI::Option* server = command->add_option(
-      "--server", arguments->server,
-      "address of the server: host:port or unix:PATH; default MARBLE_SERVER, else 127.0.0.1:50051");
-  command->add_flag("--local", arguments->local, "solve in this process, without a server")->excludes(server);
-  command
-      ->add_option("--option", arguments->options,
-                   "a solver option, name=value; may be repeated (see: marble options)")
-      ->allow_extra_args(false);
-  command->add_option("--time-limit", arguments->time_limit_s,
-                      "seconds for each solve; the best iterate is returned");
-  command->add_option("--output", arguments->output, "text: a summary; json: one object a line")
-      ->check(CLI::IsMember({"text", "json"}))
-      ->capture_default_str();
+  add_server_arguments(*command, arguments->server);
+  add_priority_argument(*command, arguments->priority);
+  command->add_flag("--local", arguments->local, "solve in this process, without a server")
+      ->excludes(command->get_option("--server"));
+  add_solver_arguments(*command, arguments->solver);
   command->add_flag("--quiet", arguments->quiet, "no iteration table");
   command->footer(
       std::string("The iteration table goes to standard error, answers to standard output.\n"

@@ -2,7 +2,7 @@
 #include <poll.h>
 
 #include "cli_test.h"
-#include "marble/options.h"
+#include "long_options.h"
 #include "problems.h"
 
 namespace marble::testing {
@@ -75,39 +75,13 @@ class CtrlC : public Cli {
  protected:
   // Solves something that takes for ever, then a small problem; interrupts once iterations are shown.
   Result interrupted(const std::string& where) {
-    const v1::SolveRequest request = long_request();
-    std::string options;
-    for (const OptionInfo& option : option_table()) options += option_flag(request.options(), option);
-    const Run run = start("solve --output json " + where + options + " " +
-                          quoted(file("long.pb", request.problem().SerializeAsString())) + " " +
+    const Run run = start("solve --output json " + where + long_options() + " " +
+                          quoted(file("long.pb", long_request().problem().SerializeAsString())) + " " +
                           quoted(file("good.json", kGood)));
     EXPECT_TRUE(eventually([&] { return read_file(run.err).find("kappa") != std::string::npos; }));
     EXPECT_TRUE(run.process->running());
     run.process->send(SIGINT);
     return run.wait();
-  }
-
- private:
-  static std::string option_flag(const v1::SolveOptions& options, const OptionInfo& option) {
-    const auto* field = options.GetDescriptor()->FindFieldByName(std::string(option.name));
-    const auto* reflection = options.GetReflection();
-    if (!reflection->HasField(options, field)) return "";
-    std::string value;
-    switch (option.type) {
-      case OptionType::real:
-        value = Json(reflection->GetDouble(options, field)).dump();
-        break;
-      case OptionType::integer:
-        value = std::to_string(reflection->GetInt32(options, field));
-        break;
-      case OptionType::boolean:
-        value = reflection->GetBool(options, field) ? "true" : "false";
-        break;
-      case OptionType::choice:
-        value = option.choices[static_cast<std::size_t>(reflection->GetEnumValue(options, field) - 1)];
-        break;
-    }
-    return " --option " + std::string(option.name) + "=" + value;
   }
 };
 

@@ -93,7 +93,10 @@ TEST_F(ClientTest, EventsTellTheJob) {
   int position = -1;
   double queued = -1.0;
   CallControls call;
-  call.accepted = [&](const std::string& id, int place) { accepted = id, position = place; };
+  call.accepted = [&](const std::string& id, int place, double wait_s) {
+    accepted = id, position = place;
+    EXPECT_GE(wait_s, 0.0);
+  };
   call.started = [&](double queue_s) { queued = queue_s; };
   const auto answer = client_->solve(example_.view(), {}, {}, call);
   ASSERT_TRUE(answer.has_value()) << answer.error().message();

@@ -1,10 +1,11 @@
 #include "channel.h"
 
 #include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
 #include <sys/un.h>
 
 #include <charconv>
+
+#include "credentials.h"
 
 namespace marble::client {
 namespace {
@@ -39,8 +40,12 @@ Expected<void> check_address(const std::string& address) {
   return unexpected(bad_address(address, "must be host:port, port in [1, 65535], or unix:PATH"));
 }
 
-std::shared_ptr<grpc::Channel> open_channel(const std::string& address) {
+Expected<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
+                                                      const ConnectOptions& options) {
+  const auto credentials = make_credentials(options);
+  if (!credentials) return unexpected(credentials.error());
   grpc::ChannelArguments arguments;
+  if (!options.tls_server_name.empty()) arguments.SetSslTargetNameOverride(options.tls_server_name);
   // The server has its limit; the client must not be the one that cannot read an answer.
   arguments.SetMaxReceiveMessageSize(kNoLimit);
   arguments.SetMaxSendMessageSize(kNoLimit);
@@ -49,7 +54,7 @@ std::shared_ptr<grpc::Channel> open_channel(const std::string& address) {
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);  // as many as a long solve takes
   // http_proxy is set for browsers; a solver on loopback or in the same rack is not behind it.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  return grpc::CreateCustomChannel(address, *credentials, arguments);
 }
 
 }  // namespace marble::client

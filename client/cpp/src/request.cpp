@@ -1,41 +1,57 @@
 #include "request.h"
 
-#include <algorithm>
 #include <limits>
 
 #include "marble/convert.h"
 #include "message_text.h"
+#include "printable.h"
 
 namespace marble::client {
 namespace {
 
 constexpr std::size_t kLongestRequestId = 128;
 
-bool printable_ascii(char c) { return c >= ' ' && c <= '~'; }
-
 }  // namespace
+
+Expected<void> check_request_id(const std::string& id) {
+  if (id.size() <= kLongestRequestId && is_printable(id)) return {};
+  return unexpected(Error{ErrorCode::invalid_argument, "request_id", -1, "",
+                          "must be at most 128 bytes of printable ASCII"});
+}
+
+Expected<void> check_size(const google::protobuf::Message& message) {
+  const std::size_t bytes = message.ByteSizeLong();
+  if (bytes <= static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max())) return {};
+  return unexpected(Error{ErrorCode::resource_exhausted, "problem", -1, std::to_string(bytes) + " bytes",
+                          "must be less than 2 GiB in all"});
+}
+
+static_assert(static_cast<int>(Priority::by_method) == v1::PRIORITY_UNSPECIFIED &&
+                  static_cast<int>(Priority::batch) == v1::PRIORITY_BATCH,
+              "the enums count alike");
+
+v1::Priority to_message(Priority priority) { return static_cast<v1::Priority>(static_cast<int>(priority)); }
+
+Expected<void> fill_request(const RequestParts& parts, v1::SolveRequest* request) {
+  if (auto valid = check_request_id(parts.request_id); !valid) return valid;
+  marble::to_message(parts.problem, request->mutable_problem());
+  request->mutable_problem()->set_name(message_text(parts.problem_name, kLongestName));
+  marble::to_message(parts.options, request->mutable_options());
+  request->mutable_initial_point()->mutable_z()->Assign(parts.initial_z.begin(), parts.initial_z.end());
+  request->set_request_id(parts.request_id);
+  request->set_priority(to_message(parts.priority));
+  return check_size(*request);
+}
 
 Expected<v1::SolveStreamRequest> make_request(const ProblemView& problem, const Options& options,
                                               const SolveControls& controls, const CallControls& call) {
-  const std::string& id = call.request_id;
-  if (id.size() > kLongestRequestId || !std::all_of(id.begin(), id.end(), printable_ascii)) {
-    return unexpected(Error{ErrorCode::invalid_argument, "request_id", -1, "",
-                            "must be at most 128 bytes of printable ASCII"});
-  }
   v1::SolveStreamRequest request;
-  v1::SolveRequest* solve = request.mutable_solve();
-  to_message(problem, solve->mutable_problem());
-  solve->mutable_problem()->set_name(message_text(call.problem_name, kLongestName));
-  to_message(options, solve->mutable_options());
-  solve->mutable_initial_point()->mutable_z()->Assign(controls.initial_z.begin(), controls.initial_z.end());
-  solve->set_request_id(id);
+  const RequestParts parts{problem,         options,           controls.initial_z,
+                           call.request_id, call.problem_name, call.priority};
+  if (auto filled = fill_request(parts, request.mutable_solve()); !filled) return unexpected(filled.error());
   request.set_progress_interval_s(call.progress_interval_s);
   request.set_iterate_every(call.iterate_every);
-  const std::size_t bytes = request.ByteSizeLong();
-  if (bytes > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max())) {
-    return unexpected(Error{ErrorCode::resource_exhausted, "problem", -1, std::to_string(bytes) + " bytes",
-                            "must be less than 2 GiB in all"});
-  }
+  if (auto fits = check_size(request); !fits) return unexpected(fits.error());
   return request;
 }
 

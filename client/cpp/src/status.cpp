@@ -4,7 +4,6 @@
 #include <string_view>
 
 #include "google/rpc/error_details.pb.h"
-#include "google/rpc/status.pb.h"
 #include "marble/convert.h"
 
 namespace marble::client {
@@ -40,7 +39,7 @@ ErrorCode code_of(grpc::StatusCode code) {
 
 // "solve.problem.equality_matrix.values[3]" → field "A.values", index 3.
 void take_field(std::string path, Error& error) {
-  for (const std::string_view prefix : {"solve.", "problem.", "options."}) {
+  for (const std::string_view prefix : {"solve.", "setup.", "update.", "problem.", "options."}) {
     if (path.rfind(prefix, 0) == 0) path.erase(0, prefix.size());
   }
   if (!path.empty() && path.back() == ']') {
@@ -49,6 +48,11 @@ void take_field(std::string path, Error& error) {
       std::from_chars(path.data() + open + 1, path.data() + path.size() - 1, error.index);
       path.erase(open);
     }
+  }
+  // An update's values stand in fields of their own.
+  for (const char* part : {"equality", "inequality", "left", "right", "hessian"}) {
+    const std::string matrix = std::string(part) + (part == std::string_view("hessian") ? "" : "_matrix");
+    if (path == std::string(part) + "_values") path = matrix + ".values";
   }
   error.field = path == "initial_point.z" ? "initial_z" : core_field(path);
 }
@@ -67,12 +71,19 @@ void take_description(const std::string& description, Error& error) {
 }  // namespace
 
 Error to_error(const grpc::Status& status) {
-  Error error;
-  error.code = code_of(status.error_code());
-  error.bound = status.error_message();
   google::rpc::Status details;
-  if (!details.ParseFromString(status.error_details())) return error;
-  for (const auto& any : details.details()) {
+  // An intermediary's status has no details of ours.
+  if (!details.ParseFromString(status.error_details())) details.clear_details();
+  details.set_code(status.error_code());
+  details.set_message(status.error_message());
+  return to_error(details);
+}
+
+Error to_error(const google::rpc::Status& status) {
+  Error error;
+  error.code = code_of(static_cast<grpc::StatusCode>(status.code()));
+  error.bound = status.message();
+  for (const auto& any : status.details()) {
     google::rpc::BadRequest bad_request;
     if (!any.UnpackTo(&bad_request) || bad_request.field_violations().empty()) continue;
     take_field(bad_request.field_violations(0).field(), error);
@@ -80,5 +91,13 @@ Error to_error(const grpc::Status& status) {
   }
   return error;
 }
+
+Error to_error(const grpc::Status& status, const std::stop_token& stop) {
+  Error error = to_error(status);
+  if (error.code == ErrorCode::cancelled && stop.stop_requested()) error.bound = "cancelled by the caller";
+  return error;
+}
+
+Error out_of_memory() { return {ErrorCode::resource_exhausted, "", -1, "", "this process is out of memory"}; }
 
 }  // namespace marble::client

@@ -3,11 +3,22 @@
 
 #include <grpcpp/support/status.h>
 
+#include <stop_token>
+
+#include "google/rpc/status.pb.h"
 #include "marble/error.h"
 
 namespace marble::client {
 
 /// Reads code, message and the BadRequest detail; problem fields get their core names back ("A.row_indices").
 [[nodiscard]] Error to_error(const grpc::Status& status);
+/// The same of a status inside a stream, which goes on.
+[[nodiscard]] Error to_error(const google::rpc::Status& status);
+
+/// Says that it was the caller who gave up, where that is so.
+[[nodiscard]] Error to_error(const grpc::Status& status, const std::stop_token& stop);
+
+/// This process's, not the server's.
+[[nodiscard]] Error out_of_memory();
 
 }  // namespace marble::client

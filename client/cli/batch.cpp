@@ -1,0 +1,122 @@
+#include <cstdio>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <mutex>
+
+#include "commands.h"
+#include "exit_code.h"
+#include "interrupt.h"
+#include "marble/problem_file.h"
+#include "report.h"
+#include "server_arguments.h"
+#include "solver_arguments.h"
+
+namespace marble::cli {
+namespace {
+
+struct BatchArguments {
+  std::vector<std::string> files;
+  ServerArguments server;
+  SolverArguments solver;
+  Priority priority = Priority::by_method;
+};
+
+// Reads file after file as the server takes them, and tells answers as they come: two threads, one lock.
+class BatchRun {
+ public:
+  BatchRun(const BatchArguments& arguments, const Options& options)
+      : arguments_(arguments), options_(options) {}
+
+  int run(const Client& client, const std::stop_token& stop) {
+    const auto done = client.solve_batch(
+        [this] { return next(); },
+        [this](std::int64_t tag, const Expected<RemoteSolution>& answer) { tell(tag, answer); },
+        {.priority = arguments_.priority, .stop = stop});
+    // One outcome a file, also of those that were not reached: programs count the lines.
+    const std::lock_guard lock(mutex_);
+    Error unreached = done ? Error{} : done.error();
+    if (unreached.code == ErrorCode::cancelled) unreached.bound = "not solved: interrupted before";
+    for (; next_ < arguments_.files.size(); ++next_) tell_error(arguments_.files[next_], "", unreached);
+    return exit_code_;
+  }
+
+ private:
+  std::optional<BatchProblem> next() {
+    while (true) {
+      std::string path;
+      {
+        const std::lock_guard lock(mutex_);
+        if (next_ == arguments_.files.size()) return std::nullopt;
+        path = arguments_.files[next_];
+      }
+      auto file = read_problem(path);
+      const std::lock_guard lock(mutex_);
+      const auto tag = static_cast<std::int64_t>(next_++);
+      if (!file) {
+        tell_error(path, "", file.error());
+        continue;
+      }
+      file_ = std::move(*file);
+      subjects_[tag] = subject_of(path, file_);
+      const OwnedProblem& p = file_.problem;
+      return BatchProblem{tag, p.view(), options_, p.initial_z, p.name, ""};
+    }
+  }
+
+  void tell(std::int64_t tag, const Expected<RemoteSolution>& answer) {
+    const std::lock_guard lock(mutex_);
+    const Subject subject = std::move(subjects_.extract(tag).mapped());
+    if (!answer) return tell_error(subject.file, subject.name, answer.error());
+    if (arguments_.server.json()) {
+      std::cout << json_line(subject, *answer) << '\n' << std::flush;
+    } else {
+      std::printf("%s: %s  objective %.10g  %d factorizations  %.3f ms\n", subject.file.c_str(),
+                  to_string(answer->status), answer->objective, answer->factorizations,
+                  1e3 * answer->times.solve_s);
+      std::fflush(stdout);
+    }
+    exit_code_ = worse(exit_code_, is_solved(answer->status) ? kAllSolved : kNotSolved);
+  }
+
+  void tell_error(const std::string& path, const std::string& name, Error error) {
+    if (error.code == ErrorCode::unavailable)
+      error.bound = "server " + arguments_.server.server + ": " + error.bound;
+    std::cerr << "marble: " << path << ": " << error.message() << '\n';
+    if (arguments_.server.json()) std::cout << json_line(path, name, error) << '\n' << std::flush;
+    exit_code_ = worse(exit_code_, exit_code_of(error));
+  }
+
+  const BatchArguments& arguments_;
+  const Options& options_;
+  std::mutex mutex_;
+  std::size_t next_ = 0;
+  ProblemFile file_;  // lent to the batch until it asks for the next one
+  std::map<std::int64_t, Subject> subjects_;
+  int exit_code_ = kAllSolved;
+};
+
+int run(const BatchArguments& arguments) {
+  const auto options = parse_options(arguments.solver);
+  if (!options) return option_fails(options.error());
+  const auto client = connect(arguments.server);
+  if (!client) return server_fails(arguments.server, client.error());
+  const Interrupt interrupt;
+  return BatchRun(arguments, *options).run(*client, interrupt.token());
+}
+
+}  // namespace
+
+void add_batch(CLI::App& program, int& exit_code) {
+  auto arguments = std::make_shared<BatchArguments>();
+  CLI::App* command = program.add_subcommand(
+      "batch", "Solve many problem files at once, a line an answer in the order of finishing");
+  command->add_option("FILE", arguments->files, ".json, .pb or .bin; - is standard input")->required();
+  add_server_arguments(*command, arguments->server);
+  add_priority_argument(*command, arguments->priority);
+  add_solver_arguments(*command, arguments->solver);
+  command->footer(kExitCodes);
+  command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
+}
+
+}  // namespace marble::cli

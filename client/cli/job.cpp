@@ -1,0 +1,156 @@
+#include <cstdio>
+#include <ctime>
+#include <fstream>
+#include <iostream>
+#include <memory>
+
+#include "commands.h"
+#include "exit_code.h"
+#include "iteration_table.h"
+#include "job_report.h"
+#include "option_text.h"
+#include "server_arguments.h"
+#include "text_table.h"
+
+namespace marble::cli {
+namespace {
+
+struct JobArguments {
+  ServerArguments server;
+  std::string job;
+  std::string trace;
+};
+
+void field(const char* name, const std::string& text) { std::printf("%-14s %s\n", name, text.c_str()); }
+
+std::string formatted(const char* pattern, double a, double b = 0.0, double c = 0.0) {
+  char text[160];
+  std::snprintf(text, sizeof text, pattern, a, b, c);
+  return text;
+}
+
+std::string time_text(double unix_s) {
+  const auto seconds = static_cast<std::time_t>(unix_s);
+  std::tm utc = {};
+  char text[32] = "";
+  if (gmtime_r(&seconds, &utc) != nullptr) std::strftime(text, sizeof text, "%F %T UTC", &utc);
+  return text;
+}
+
+void print_options(const Options& options) {
+  const Options defaults;
+  bool any = false;
+  for (const OptionInfo& option : option_table()) {
+    const double value = get_option(options, option.name);
+    if (value == get_option(defaults, option.name)) continue;
+    field(any ? "" : "options", std::string(option.name) + "=" + option_text(option, value));
+    any = true;
+  }
+  if (!any) field("options", "all default");
+}
+
+void print(const JobDetails& details) {
+  const JobInfo& job = details.job;
+  field("job", job.job_id);
+  field("kind", std::string(to_string(job.kind)) + ", " + to_string(job.priority));
+  field("client", terminal_text(job.client));
+  if (!job.request_id.empty()) field("request", terminal_text(job.request_id));
+  field("problem", terminal_text(job.problem_name) + "  " + sizes_text(job) + " (n/n_e/n_i/n_c)");
+  field("accepted", time_text(job.accepted_unix_s) + ", age " + age_text(job));
+  field("state", to_string(job.state));
+  if (job.state == JobState::queued) {
+    field("waits",
+          "behind " + std::to_string(job.queue_position) + ", about " + duration_text(job.estimated_wait_s));
+  }
+  field("status", ending(job));
+  if (job.error) field("why", terminal_text(job.error->message()));
+  if (job.kind == JobKind::session) field("updates", std::to_string(job.updates));
+  field("work", std::to_string(job.iterations) + " iterations, " + std::to_string(job.factorizations) +
+                    " factorizations");
+  field("objective", formatted("%.10g", job.objective));
+  field("violations",
+        formatted("equality %.1e, inequality %.1e, complementarity %.1e", job.violations.equality,
+                  job.violations.inequality, job.violations.complementarity));
+  field("time", duration_text(job.queue_s) + " queue, " + duration_text(job.times.setup_s) + " set-up, " +
+                    duration_text(job.times.solve_s) + " solve, " + duration_text(job.total_s) + " in all");
+  field("memory", std::to_string(job.memory_bytes) + " bytes");
+  field("answer", job.result_bytes > 0 ? std::to_string(job.result_bytes) + " bytes kept" : "none kept");
+  print_options(details.options);
+  if (details.trace.rows.empty()) return;
+  field("convergence", details.trace.stride > 1
+                           ? "every " + std::to_string(details.trace.stride) + "th iteration, and the newest"
+                           : "every iteration");
+  IterationTable table(false, stdout);
+  for (const Progress& row : details.trace.rows) table.report(row);
+}
+
+Json json_of(const JobDetails& details) {
+  Json json = to_json(details.job);
+  for (const OptionInfo& option : option_table()) {
+    const double value = get_option(details.options, option.name);
+    Json& entry = json["options"][std::string(option.name)];
+    switch (option.type) {
+      case OptionType::real:
+        entry = value;
+        break;
+      case OptionType::integer:
+        entry = static_cast<std::int64_t>(value);
+        break;
+      case OptionType::boolean:
+        entry = value != 0.0;
+        break;
+      case OptionType::choice:
+        entry = option_text(option, value);
+        break;
+    }
+  }
+  json["trace_stride"] = details.trace.stride;
+  json["trace"] = Json::array();
+  for (const Progress& row : details.trace.rows) json["trace"].push_back(to_json(row));
+  return json;
+}
+
+// Numbers keep every bit.
+bool write_csv(const JobTrace& trace, const std::string& path) {
+  std::ofstream file(path);
+  const Json columns = to_json(Progress{});
+  std::string header;
+  for (const auto& [name, value] : columns.items()) header += (header.empty() ? "" : ",") + name;
+  file << header << '\n';
+  for (const Progress& row : trace.rows) {
+    std::string text;
+    for (const Json& value : to_json(row)) text += (text.empty() ? "" : ",") + value.dump();
+    file << text << '\n';
+  }
+  file.close();
+  return file.good();
+}
+
+int run(const JobArguments& arguments) {
+  const auto client = connect(arguments.server);
+  if (!client) return server_fails(arguments.server, client.error());
+  const auto details = client->jobs().get(arguments.job);
+  if (!details) return job_fails(arguments.server, arguments.job, details.error());
+  if (arguments.server.json()) {
+    std::cout << line(json_of(*details)) << '\n';
+  } else {
+    print(*details);
+  }
+  if (arguments.trace.empty() || write_csv(details->trace, arguments.trace)) return kAllSolved;
+  std::cerr << "marble: " << arguments.trace << ": cannot be written\n";
+  return kBadInput;
+}
+
+}  // namespace
+
+void add_job(CLI::App& program, int& exit_code) {
+  auto arguments = std::make_shared<JobArguments>();
+  CLI::App* command = program.add_subcommand(
+      "job", "Tell all that is known of one job, with its options and its convergence");
+  command->add_option("JOB", arguments->job, "its id")->required();
+  add_server_arguments(*command, arguments->server);
+  command->add_option("--trace", arguments->trace, "write the convergence to this file too, as CSV");
+  command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
+}
+
+}  // namespace marble::cli

@@ -1,0 +1,12 @@
+// Option values for people, as the command line takes them.
+#pragma once
+
+#include <string>
+
+#include "marble/options.h"
+
+namespace marble::cli {
+
+[[nodiscard]] std::string option_text(const OptionInfo& option, double value);
+
+}  // namespace marble::cli

@@ -1,0 +1,25 @@
+// Columns of text, as wide as they need to be.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace marble::cli {
+
+/// Text of others on this terminal: control characters become ?, and what is longer than `longest` characters
+/// is cut and ends in …
+[[nodiscard]] std::string terminal_text(std::string_view text, std::size_t longest = 1000);
+
+class TextTable {
+ public:
+  explicit TextTable(std::vector<std::string> header) : rows_{std::move(header)} {}
+  void add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
+  /// A line a row, two spaces between columns.
+  [[nodiscard]] std::string text() const;
+
+ private:
+  std::vector<std::vector<std::string>> rows_;
+};
+
+}  // namespace marble::cli

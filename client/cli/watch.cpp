@@ -1,0 +1,88 @@
+#include <cstdio>
+#include <iostream>
+#include <memory>
+
+#include "commands.h"
+#include "exit_code.h"
+#include "interrupt.h"
+#include "job_report.h"
+#include "server_arguments.h"
+#include "text_table.h"
+
+namespace marble::cli {
+namespace {
+
+struct WatchArguments {
+  ServerArguments server;
+  std::string job;  // empty: all
+  double interval_s = 0.2;
+};
+
+std::string text_of(const JobEvent& event) {
+  const JobInfo& job = event.job;
+  std::string text = job.job_id + " " + to_string(job.state);
+  const auto add = [&text](const char* pattern, auto... values) {
+    char part[160];
+    std::snprintf(part, sizeof part, pattern, values...);
+    text += part;
+  };
+  if (!job.problem_name.empty()) text += "  " + terminal_text(job.problem_name, 40);
+  if (job.state == JobState::queued) {
+    add("  behind %d", job.queue_position);
+    if (job.estimated_wait_s > 0.0) text += ", about " + duration_text(job.estimated_wait_s);
+  }
+  if (job.state == JobState::finished) text += "  " + ending(job);
+  if (job.kind == JobKind::session) add("  %lld updates", static_cast<long long>(job.updates));
+  if (job.iterations > 0) {
+    add("  iteration %lld, objective %.7e, complementarity %.1e", static_cast<long long>(job.iterations),
+        job.objective, job.violations.complementarity);
+  }
+  if (job.state == JobState::finished) text += ", " + duration_text(job.total_s);
+  return text;
+}
+
+Json json_of(const JobEvent& event) {
+  Json json = to_json(event.job);
+  json["rows"] = Json::array();
+  if (event.trace) {
+    for (const Progress& row : event.trace->rows) json["rows"].push_back(to_json(row));
+  }
+  for (const Progress& row : event.rows) json["rows"].push_back(to_json(row));
+  json["skipped"] = event.skipped;
+  return json;
+}
+
+int run(const WatchArguments& arguments) {
+  const auto client = connect(arguments.server);
+  if (!client) return server_fails(arguments.server, client.error());
+  const Interrupt interrupt;
+  int outcome = kNotSolved;
+  const auto tell = [&](const JobEvent& event) {
+    std::cout << (arguments.server.json() ? line(json_of(event)) : text_of(event)) << '\n' << std::flush;
+    if (event.job.state == JobState::finished) outcome = exit_code_of(event.job);
+  };
+  const auto watched = client->jobs().watch(arguments.job, tell, {arguments.interval_s, interrupt.token()});
+  if (watched) return outcome;
+  const bool all = arguments.job.empty();
+  if (all && interrupt.token().stop_requested()) return kAllSolved;  // there is no other end to it
+  return all ? server_fails(arguments.server, watched.error())
+             : job_fails(arguments.server, arguments.job, watched.error());
+}
+
+}  // namespace
+
+void add_watch(CLI::App& program, int& exit_code) {
+  auto arguments = std::make_shared<WatchArguments>();
+  CLI::App* command = program.add_subcommand(
+      "watch", "Print what happens to a job until it has finished, or to all until Ctrl-C, a line an event");
+  command->add_option("JOB", arguments->job, "its id; all jobs if none is given");
+  add_server_arguments(*command, arguments->server);
+  command
+      ->add_option("--interval", arguments->interval_s, "least seconds between two lines of a job's progress")
+      ->check(CLI::Range(0.0, 1e9))
+      ->capture_default_str();
+  command->footer(std::string("With JOB the exit code is that of solve.\n") + kExitCodes);
+  command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
+}
+
+}  // namespace marble::cli

@@ -1,0 +1,41 @@
+// Many independent problems on one stream, answered as they finish.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <string>
+
+#include "marble/call_controls.h"
+#include "marble/error.h"
+#include "marble/options.h"
+#include "marble/problem.h"
+
+namespace marble {
+
+/// One problem of many.
+struct BatchProblem {
+  std::int64_t tag = 0;  ///< comes back with the answer
+  ProblemView problem;
+  Options options = {};
+  std::span<const double> initial_z = {};  ///< n or empty
+  std::string problem_name = {};           ///< shortened to 256 bytes
+  std::string request_id = {};             ///< at most 128 bytes of printable ASCII
+};
+
+/// Gives one problem after the other, then nothing. Called on a thread of the batch's own; the arrays must
+/// live until the next call.
+using BatchSource = std::function<std::optional<BatchProblem>()>;
+
+/// Takes an answer, on the thread that called solve_batch, in the order of finishing. Must not throw, nor may
+/// the source.
+using BatchSink = std::function<void(std::int64_t tag, Expected<RemoteSolution> answer)>;
+
+struct BatchControls {
+  Priority priority = Priority::by_method;  ///< of every problem
+  std::stop_token stop = {};                ///< gives all of it up
+};
+
+}  // namespace marble

@@ -1,0 +1,52 @@
+// What may accompany a remote solve, and what comes back with its answer.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "marble/solution.h"
+
+namespace marble {
+
+/// Whose turn it is when the server's workers are busy.
+enum class Priority {
+  by_method,    ///< realtime for sessions, batch for batches, else interactive
+  realtime,     ///< control loops
+  interactive,  ///< somebody waits
+  batch,        ///< nobody waits
+};
+
+/// "by_method", "realtime", "interactive", "batch".
+[[nodiscard]] const char* to_string(Priority priority);
+
+/// What a remote solve may have beyond SolveControls; all of it optional.
+struct CallControls {
+  /// Hard limit from now on: the server gives up what cannot meet it, and no answer comes back. (The option
+  /// time_limit_s is the soft one: the best iterate comes back.) At most about 68 years count.
+  std::optional<std::chrono::duration<double>> deadline = {};
+  std::string request_id = {};       ///< for the server's log; at most 128 bytes of printable ASCII
+  std::string problem_name = {};     ///< for logs and dashboards; shortened to 256 bytes
+  double progress_interval_s = 0.0;  ///< least time between two reports, seconds, >= 0; 0 is every iteration
+  std::int32_t iterate_every = 0;    ///< Progress.z is there in every k-th report; 0: never (z is empty)
+  Priority priority = Priority::by_method;
+  /// The job has an id and waits behind `queue_position` others, for about `estimated_wait_s` seconds. Called
+  /// on the thread that called solve, as are the others.
+  std::function<void(const std::string& job_id, int queue_position, double estimated_wait_s)> accepted = {};
+  /// The job still waits, but its place has changed.
+  std::function<void(int queue_position, double estimated_wait_s)> moved = {};
+  /// A worker took the job.
+  std::function<void(double queue_s)> started = {};
+};
+
+/// A solution with what the server adds to it.
+struct RemoteSolution : Solution {
+  std::string job_id;                 ///< as in the server's log
+  double queue_s = 0.0;               ///< waiting for a worker
+  double total_s = 0.0;               ///< from acceptance to the answer, on the server
+  std::int64_t progress_skipped = 0;  ///< reports that were dropped, because the network was slower
+};
+
+}  // namespace marble

@@ -1,0 +1,31 @@
+// How a client reaches its server and says who it is.
+#pragma once
+
+#include <string>
+
+namespace marble {
+
+/// Where a client connects when nothing else is said: the environment's MARBLE_SERVER, else 127.0.0.1:50051.
+[[nodiscard]] std::string default_server_address();
+
+/// All optional. Files are read once, by Client::connect; a bad one is an error that names its field.
+struct ConnectOptions {
+  /// Encrypt. Also on where any of the tls_ fields is set; off is plaintext, which a server offers on
+  /// loopback.
+  bool tls = false;
+  std::string tls_ca = {};  ///< PEM file: who may vouch for the server; empty: gRPC's and the system's roots
+  std::string tls_certificate = {};  ///< PEM file: the client's own certificate, together with tls_key
+  std::string tls_key = {};          ///< PEM file: the private key of tls_certificate
+  std::string tls_server_name =
+      {};  ///< the name in the server's certificate, where it is not the address's host
+  /// Sent with every call as "authorization: Bearer TOKEN", in plaintext too. Printable ASCII without spaces.
+  std::string token = {};
+  /// What the client calls itself ("marble-client"), for a server that does not know better; at most 64 bytes
+  /// of printable ASCII.
+  std::string name = {};
+
+  /// MARBLE_TOKEN, MARBLE_TLS_CA, MARBLE_TLS_CERTIFICATE and MARBLE_TLS_KEY; what is not set stays empty.
+  [[nodiscard]] static ConnectOptions from_environment();
+};
+
+}  // namespace marble

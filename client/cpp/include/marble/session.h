@@ -1,0 +1,128 @@
+// One problem again and again: set up once on the server, then only what changes is sent.
+//
+//   auto session = client->open_session(problem, options);
+//   auto answer = session->solve({.b = state});   // starts from the last answer
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "marble/call_controls.h"
+#include "marble/error.h"
+#include "marble/options.h"
+#include "marble/problem.h"
+#include "marble/progress.h"
+
+namespace marble {
+
+namespace client {
+class Connection;
+}
+
+/// A stretch of a vector that moves on: of `count` entries from `first`, each takes the value `by` further
+/// on, and the last `by` keep theirs.
+struct ShiftBlock {
+  Index first = 0, count = 0, by = 0;  ///< all >= 0, by <= count
+};
+
+/// A receding horizon's hint: how the last answer moves one stage on before it is started from.
+struct Shift {
+  std::vector<ShiftBlock> variables = {}, equalities = {}, inequalities = {};
+  std::vector<ShiftBlock> pairs = {};  ///< of both multipliers of the pairs
+
+  /// For a problem whose vectors all hold `stages` >= 1 equal parts, one stage after the other.
+  [[nodiscard]] static Shift by_stage(const ProblemView& problem, int stages);
+};
+
+/// What holds for a session as a whole; all of it optional.
+struct SessionOptions {
+  Priority priority = Priority::by_method;
+  /// An update that still waits when the next one comes is not solved: the next one takes its numbers along.
+  bool latest_only = false;
+  /// Report progress to the updates' sinks.
+  bool progress = false;
+  double progress_interval_s = 0.0;  ///< least time between two reports, seconds, >= 0; 0: every iteration
+  std::int32_t iterate_every = 0;    ///< Progress.z is there in every k-th report; 0: never
+  std::span<const double> initial_z = {};  ///< n or empty: where the first solve starts
+  std::string request_id = {};             ///< for the server's log; at most 128 bytes of printable ASCII
+  std::string problem_name = {};           ///< for logs and dashboards; shortened to 256 bytes
+  std::stop_token stop = {};               ///< gives the whole session up: everything ends with `cancelled`
+};
+
+/// What may accompany one update; all of it optional.
+struct UpdateControls {
+  std::optional<Options> options = {};     ///< from here on; scaling_passes stays as it was set up
+  std::span<const double> initial_z = {};  ///< n or empty: start here instead of at the last answer's z
+  bool cold = false;                       ///< forget the last answer
+  Shift shift = {};                        ///< the last answer moves on before it is started from
+  /// No answer is wanted later than this after the update's arrival: a solve that has not begun by then never
+  /// does, one that runs is stopped, and the update ends with `deadline_exceeded`.
+  std::optional<std::chrono::duration<double>> deadline = {};
+  /// Told within next() or solve(), if the session was opened with progress; must live until the update's
+  /// outcome.
+  ProgressSink* progress = nullptr;
+};
+
+/// The update was overtaken by a newer one, which took its numbers along.
+struct Superseded {
+  std::int64_t by_sequence = 0;
+};
+
+/// What came of one update.
+struct SessionEvent {
+  std::int64_t sequence = 0;
+  /// An answer, solved or not; or why there is none: overtaken, or an error after which the session goes on.
+  std::variant<RemoteSolution, Superseded, Error> outcome;
+};
+
+/// An open session. One thread may send while another one waits in next(); else one thread at a time. No call
+/// throws. An error of solve() concerns that update alone, unless is_open() is false afterwards.
+class Session {
+ public:
+  Session(Session&&) noexcept;
+  Session& operator=(Session&&) noexcept;
+  /// Gives up what is not answered; close() first where that matters.
+  ~Session();
+
+  /// Sends an update and waits for its answer. Errors: invalid_argument (fields as PartSizes::check names
+  /// them), deadline_exceeded, cancelled; aborted, unavailable and others end the session.
+  [[nodiscard]] Expected<RemoteSolution> solve(const ProblemUpdate& update = {},
+                                               const UpdateControls& controls = {});
+
+  /// Sends an update without waiting, and returns its number; numbers ascend. Blocks while the server has as
+  /// many waiting as it takes (64 by default), so next() must be called meanwhile. An error ends the session.
+  [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update = {},
+                                            const UpdateControls& controls = {});
+
+  /// Waits for what comes of the updates sent, in their order; nothing after close() and the last of them. An
+  /// error is the session's end.
+  [[nodiscard]] Expected<std::optional<SessionEvent>> next();
+
+  /// Ends the session once everything is answered, and waits for that. next() still gives what was not
+  /// fetched.
+  Expected<void> close();
+
+  [[nodiscard]] bool is_open() const;
+  [[nodiscard]] const std::string& job_id() const;  ///< one job for all its solves
+  [[nodiscard]] std::int64_t memory_bytes() const;  ///< as it is counted against the server's limits
+  [[nodiscard]] double setup_s() const;             ///< scaling, ordering, analysis, allocation
+  [[nodiscard]] double idle_timeout_s() const;      ///< without an update for this long the server ends it
+
+ private:
+  friend class Client;
+  struct State;
+  explicit Session(std::unique_ptr<State> state);
+  [[nodiscard]] static Expected<Session> open(std::shared_ptr<const client::Connection> connection,
+                                              const ProblemView& problem, const Options& options,
+                                              const SessionOptions& session);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace marble

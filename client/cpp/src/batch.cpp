@@ -1,0 +1,132 @@
+#include "marble/batch.h"
+
+#include <exception>
+#include <mutex>
+#include <new>
+#include <set>
+#include <thread>
+#include <vector>
+
+#include "answer.h"
+#include "connection.h"
+#include "marble/client.h"
+#include "request.h"
+#include "status.h"
+
+namespace marble {
+namespace {
+
+using Stream = grpc::ClientReaderWriter<v1::SolveBatchRequest, v1::SolveBatchResponse>;
+
+// Writes on a thread of its own: flow control may stop the writing until answers have been read.
+class BatchWriter {
+ public:
+  BatchWriter(const BatchSource& source, const BatchControls& controls, grpc::ClientContext& context,
+              Stream& stream)
+      : source_(source), controls_(controls), context_(context), stream_(stream), thread_([this] {
+          write();
+        }) {}
+
+  /// False if the tag is none that waits for an answer.
+  [[nodiscard]] bool answered(std::int64_t tag) {
+    const std::lock_guard lock(mutex_);
+    const auto found = open_.find(tag);
+    if (found == open_.end()) return false;
+    open_.erase(found);
+    return true;
+  }
+
+  /// Waits for the end of the writing. Then all that was never sent, with the reason.
+  struct Rest {
+    std::vector<std::pair<std::int64_t, Error>> unsent;
+    std::multiset<std::int64_t> unanswered;
+    bool out_of_memory = false;
+  };
+  [[nodiscard]] Rest finish() {
+    thread_.join();
+    rest_.unanswered = std::move(open_);
+    return std::move(rest_);
+  }
+
+ private:
+  void write() try {
+    while (!controls_.stop.stop_requested()) {
+      const std::optional<BatchProblem> problem = source_();
+      if (!problem) break;
+      if (!send(*problem)) return;
+    }
+    stream_.WritesDone();
+  } catch (const std::bad_alloc&) {
+    rest_.out_of_memory = true;
+    context_.TryCancel();
+  }
+
+  // False if the stream is broken.
+  bool send(const BatchProblem& p) {
+    v1::SolveBatchRequest request;
+    request.set_tag(p.tag);
+    const client::RequestParts parts{p.problem,    p.options,      p.initial_z,
+                                     p.request_id, p.problem_name, controls_.priority};
+    auto filled = client::fill_request(parts, request.mutable_solve());
+    if (filled) filled = client::check_size(request);
+    if (!filled) {
+      rest_.unsent.emplace_back(p.tag, filled.error());
+      return true;
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      open_.insert(p.tag);
+    }
+    return stream_.Write(request);
+  }
+
+  const BatchSource& source_;
+  const BatchControls& controls_;
+  grpc::ClientContext& context_;
+  Stream& stream_;
+  Rest rest_;
+  std::mutex mutex_;
+  std::multiset<std::int64_t> open_;
+  std::thread thread_;  // the last member: it uses the others
+};
+
+Expected<RemoteSolution> answer_of(const v1::SolveBatchResponse& response) {
+  if (response.has_error()) return unexpected(client::to_error(response.error()));
+  return client::remote_solution(response.result());
+}
+
+}  // namespace
+
+Expected<void> Client::solve_batch(const BatchSource& source, const BatchSink& sink,
+                                   const BatchControls& controls) const {
+  grpc::ClientContext context;
+  connection_->prepare(context);
+  const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
+  const auto stream = connection_->solver().SolveBatch(&context);
+  BatchWriter writer(source, controls, context, *stream);
+  v1::SolveBatchResponse response;
+  while (stream->Read(&response)) {
+    if (writer.answered(response.tag())) sink(response.tag(), answer_of(response));
+  }
+  const BatchWriter::Rest rest = writer.finish();
+  const grpc::Status status = stream->Finish();
+  for (const auto& [tag, error] : rest.unsent) sink(tag, unexpected(error));
+  if (status.ok() && rest.unanswered.empty()) return {};
+  Error error{ErrorCode::internal, "", -1, "", "the stream ended without all answers"};
+  if (!status.ok())
+    error = rest.out_of_memory ? client::out_of_memory() : client::to_error(status, controls.stop);
+  for (const std::int64_t tag : rest.unanswered) sink(tag, unexpected(error));
+  return unexpected(error);
+}
+
+Expected<void> Client::solve_batch(std::span<const BatchProblem> problems, const BatchSink& sink,
+                                   const BatchControls& controls) const {
+  std::size_t next = 0;
+  const BatchSource source = [&]() -> std::optional<BatchProblem> {
+    if (next == problems.size()) return std::nullopt;
+    return problems[next++];
+  };
+  return solve_batch(source, sink, controls);
+}
+
+}  // namespace marble

@@ -1,0 +1,63 @@
+#include "connection.h"
+
+#include <algorithm>
+
+#include "channel.h"
+#include "printable.h"
+
+namespace marble::client {
+namespace {
+
+constexpr std::chrono::duration<double> kLongestDeadline{std::int32_t{0x7fffffff}};
+constexpr std::size_t kLongestClientName = 64;
+
+Expected<void> check_labels(const ConnectOptions& options) {
+  // The token itself is a secret: no error shows it.
+  if (!is_printable(options.token) || options.token.find(' ') != std::string::npos) {
+    return unexpected(
+        Error{ErrorCode::invalid_argument, "token", -1, "", "must be printable ASCII without spaces"});
+  }
+  if (options.name.size() > kLongestClientName || !is_printable(options.name)) {
+    return unexpected(
+        Error{ErrorCode::invalid_argument, "name", -1, "", "must be at most 64 bytes of printable ASCII"});
+  }
+  return {};
+}
+
+// gRPC takes a time before 1970 for "never": what is negative has passed now.
+void set_deadline(std::chrono::duration<double> from_now, grpc::ClientContext& context) {
+  if (!(from_now < kLongestDeadline)) from_now = kLongestDeadline;  // also NaN
+  if (from_now.count() < 0.0) from_now = std::chrono::duration<double>::zero();
+  context.set_deadline(std::chrono::system_clock::now() +
+                       std::chrono::duration_cast<std::chrono::system_clock::duration>(from_now));
+}
+
+}  // namespace
+
+Expected<std::shared_ptr<const Connection>> Connection::open(const std::string& address,
+                                                             const ConnectOptions& options) {
+  if (auto valid = check_address(address); !valid) return unexpected(valid.error());
+  if (auto valid = check_labels(options); !valid) return unexpected(valid.error());
+  const auto channel = open_channel(address, options);
+  if (!channel) return unexpected(channel.error());
+  return std::shared_ptr<const Connection>(new Connection(address, *channel, options));
+}
+
+Connection::Connection(std::string address, const std::shared_ptr<grpc::Channel>& channel,
+                       const ConnectOptions& options)
+    : address_(std::move(address)),
+      authorization_(options.token.empty() ? "" : "Bearer " + options.token),
+      name_(options.name),
+      solver_(v1::Solver::NewStub(channel)),
+      jobs_(v1::Jobs::NewStub(channel)),
+      server_(v1::Server::NewStub(channel)),
+      health_(grpc::health::v1::Health::NewStub(channel)) {}
+
+void Connection::prepare(grpc::ClientContext& context,
+                         std::optional<std::chrono::duration<double>> deadline) const {
+  if (!authorization_.empty()) context.AddMetadata("authorization", authorization_);
+  if (!name_.empty()) context.AddMetadata("marble-client", name_);
+  if (deadline) set_deadline(*deadline, context);
+}
+
+}  // namespace marble::client

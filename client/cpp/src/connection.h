@@ -1,0 +1,50 @@
+// One channel with its stubs, shared by all that talk over it.
+#pragma once
+
+#include <grpcpp/channel.h>
+#include <grpcpp/client_context.h>
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "grpc/health/v1/health.grpc.pb.h"
+#include "marble/connect_options.h"
+#include "marble/error.h"
+#include "marble/v1/service.grpc.pb.h"
+
+namespace marble::client {
+
+inline constexpr std::chrono::duration<double> kQuickCall{5.0};  // for calls that no solve stands behind
+
+class Connection {
+ public:
+  /// Errors: a bad address, name or token, TLS files that cannot be read.
+  [[nodiscard]] static Expected<std::shared_ptr<const Connection>> open(const std::string& address,
+                                                                        const ConnectOptions& options);
+
+  /// Says on a call who it comes from, and by when it is of use.
+  void prepare(grpc::ClientContext& context,
+               std::optional<std::chrono::duration<double>> deadline = std::nullopt) const;
+
+  [[nodiscard]] const std::string& address() const { return address_; }
+  [[nodiscard]] v1::Solver::Stub& solver() const { return *solver_; }
+  [[nodiscard]] v1::Jobs::Stub& jobs() const { return *jobs_; }
+  [[nodiscard]] v1::Server::Stub& server() const { return *server_; }
+  [[nodiscard]] grpc::health::v1::Health::Stub& health() const { return *health_; }
+
+ private:
+  Connection(std::string address, const std::shared_ptr<grpc::Channel>& channel,
+             const ConnectOptions& options);
+
+  std::string address_;
+  std::string authorization_;  // empty without a token
+  std::string name_;
+  std::unique_ptr<v1::Solver::Stub> solver_;
+  std::unique_ptr<v1::Jobs::Stub> jobs_;
+  std::unique_ptr<v1::Server::Stub> server_;
+  std::unique_ptr<grpc::health::v1::Health::Stub> health_;
+};
+
+}  // namespace marble::client

@@ -1,0 +1,119 @@
+#include "marble/jobs.h"
+
+#include <new>
+
+#include "answer.h"
+#include "connection.h"
+#include "job_message.h"
+#include "request.h"
+#include "status.h"
+
+namespace marble {
+
+Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& options,
+                                    const SolveControls& controls, const CallControls& call) const try {
+  v1::SolveRequest request;
+  const client::RequestParts parts{problem,         options,           controls.initial_z,
+                                   call.request_id, call.problem_name, call.priority};
+  if (auto filled = client::fill_request(parts, &request); !filled) return unexpected(filled.error());
+  grpc::ClientContext context;
+  connection_->prepare(context, call.deadline);
+  const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
+  v1::SubmitResponse response;
+  const grpc::Status status = connection_->jobs().Submit(&context, request, &response);
+  if (!status.ok()) return unexpected(client::to_error(status, controls.stop));
+  return SubmittedJob{response.job_id(), response.queue_position(), response.estimated_wait_s()};
+} catch (const std::bad_alloc&) {
+  return unexpected(client::out_of_memory());
+}
+
+Expected<RemoteSolution> Jobs::result(const std::string& job_id, const ResultControls& controls) const try {
+  grpc::ClientContext context;
+  connection_->prepare(context, controls.deadline);
+  const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
+  v1::JobResultRequest request;
+  request.set_job_id(job_id);
+  request.set_wait(controls.wait);
+  v1::SolveResponse response;
+  const grpc::Status status = connection_->jobs().Result(&context, request, &response);
+  if (!status.ok()) return unexpected(client::to_error(status, controls.stop));
+  return client::remote_solution(response);
+} catch (const std::bad_alloc&) {
+  return unexpected(client::out_of_memory());
+}
+
+Expected<void> Jobs::remove(const std::string& job_id) const {
+  grpc::ClientContext context;
+  connection_->prepare(context, client::kQuickCall);
+  v1::DeleteJobRequest request;
+  request.set_job_id(job_id);
+  v1::DeleteJobResponse response;
+  const grpc::Status status = connection_->jobs().Delete(&context, request, &response);
+  if (!status.ok()) return unexpected(client::to_error(status));
+  return {};
+}
+
+Expected<JobPage> Jobs::list(const JobQuery& query) const {
+  grpc::ClientContext context;
+  connection_->prepare(context, client::kQuickCall);
+  v1::ListJobsRequest request;
+  for (const JobState state : query.states) request.add_states(client::to_message(state));
+  request.set_client(query.client);
+  request.set_limit(query.limit);
+  request.set_before_job_id(query.before_job_id);
+  v1::ListJobsResponse response;
+  const grpc::Status status = connection_->jobs().List(&context, request, &response);
+  if (!status.ok()) return unexpected(client::to_error(status));
+  JobPage page{{}, response.more()};
+  for (const v1::JobInfo& job : response.jobs()) page.jobs.push_back(client::job_info(job));
+  return page;
+}
+
+Expected<JobDetails> Jobs::get(const std::string& job_id) const {
+  grpc::ClientContext context;
+  connection_->prepare(context, client::kQuickCall);
+  v1::GetJobRequest request;
+  request.set_job_id(job_id);
+  v1::GetJobResponse response;
+  const grpc::Status status = connection_->jobs().Get(&context, request, &response);
+  if (!status.ok()) return unexpected(client::to_error(status));
+  auto options = options_of(response.options());
+  if (!options) return unexpected(options.error());
+  return JobDetails{client::job_info(response.job()), *options, client::job_trace(response.trace())};
+}
+
+Expected<JobInfo> Jobs::cancel(const std::string& job_id) const {
+  grpc::ClientContext context;
+  connection_->prepare(context, client::kQuickCall);
+  v1::CancelJobRequest request;
+  request.set_job_id(job_id);
+  v1::CancelJobResponse response;
+  const grpc::Status status = connection_->jobs().Cancel(&context, request, &response);
+  if (!status.ok()) return unexpected(client::to_error(status));
+  return client::job_info(response.job());
+}
+
+Expected<void> Jobs::watch(const std::string& job_id, const std::function<void(const JobEvent&)>& happened,
+                           const WatchControls& controls) const {
+  grpc::ClientContext context;
+  connection_->prepare(context);
+  const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
+  v1::WatchJobsRequest request;
+  request.set_job_id(job_id);
+  request.set_progress_interval_s(controls.progress_interval_s);
+  const auto reader = connection_->jobs().Watch(&context, request);
+  v1::WatchJobsResponse response;
+  while (reader->Read(&response)) {
+    for (const v1::JobEvent& event : response.events()) {
+      JobEvent told{
+          client::job_info(event.job()), client::progress_rows(event.rows()), {}, response.skipped()};
+      if (event.has_trace()) told.trace = client::job_trace(event.trace());
+      happened(told);
+    }
+  }
+  const grpc::Status status = reader->Finish();
+  if (!status.ok()) return unexpected(client::to_error(status, controls.stop));
+  return {};
+}
+
+}  // namespace marble

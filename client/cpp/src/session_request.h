@@ -1,0 +1,14 @@
+// What a session sends.
+#pragma once
+
+#include "marble/session.h"
+#include "marble/v1/session.pb.h"
+
+namespace marble::client {
+
+[[nodiscard]] Expected<v1::SessionRequest> make_setup(const ProblemView& problem, const Options& options,
+                                                      const SessionOptions& session);
+[[nodiscard]] Expected<v1::SessionRequest> make_update(std::int64_t sequence, const ProblemUpdate& update,
+                                                       const UpdateControls& controls);
+
+}  // namespace marble::client
