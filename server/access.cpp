@@ -1,38 +1,168 @@
 #include "access.h"
 
+#include <grpc/grpc_security_constants.h>
+
 #include <algorithm>
+#include <map>
+#include <vector>
+
+#include "certificates.h"
 
 namespace marble::server {
 namespace {
+
+constexpr std::size_t kLongestName = 64;
+constexpr Roles kCertificateRoles = {Role::solve, Role::observe};  // of a client that the file gives none
 
 template <class Number>
 Number or_none(Number limit) {
   return limit > 0 ? limit : std::numeric_limits<Number>::max();
 }
 
-Priority priority_of(const std::string& name) {
-  const auto found = std::find(kPriorityNames.begin(), kPriorityNames.end(), name);
-  return static_cast<Priority>(found - kPriorityNames.begin());
+Quota quota_of_settings(const Settings& settings) {
+  const auto priority = std::find(kPriorityNames.begin(), kPriorityNames.end(), settings.client_priority) -
+                        kPriorityNames.begin();
+  return {or_none(settings.client_running), or_none(settings.client_queued),
+          or_none(settings.client_sessions), or_none(settings.client_bytes), static_cast<Priority>(priority)};
+}
+
+std::optional<std::string> metadata(const grpc::CallbackServerContext& context, const char* key) {
+  const auto found = context.client_metadata().find(key);
+  if (found == context.client_metadata().end()) return std::nullopt;
+  return std::string(found->second.data(), found->second.size());
+}
+
+std::optional<std::string> bearer_of(const std::string& authorization) {
+  const std::string scheme = "bearer ";
+  const auto same = [](char a, char b) { return a == (b >= 'A' && b <= 'Z' ? b - 'A' + 'a' : b); };
+  if (authorization.size() < scheme.size() ||
+      !std::equal(scheme.begin(), scheme.end(), authorization.begin(), same))
+    return std::nullopt;
+  const std::size_t begin = authorization.find_first_not_of(' ', scheme.size());
+  return begin == std::string::npos ? "" : authorization.substr(begin);
+}
+
+std::optional<std::string> certificate_name(const grpc::CallbackServerContext& context) {
+  const auto authentication = context.auth_context();
+  if (authentication == nullptr || !authentication->IsPeerAuthenticated()) return std::nullopt;
+  for (const char* property :
+       {GRPC_PEER_DNS_PROPERTY_NAME, GRPC_PEER_URI_PROPERTY_NAME, GRPC_X509_CN_PROPERTY_NAME}) {
+    const auto values = authentication->FindPropertyValues(property);
+    if (!values.empty() && !values[0].empty()) return std::string(values[0].data(), values[0].size());
+  }
+  return std::nullopt;
+}
+
+/// The host of gRPC's peer: "ipv4:127.0.0.1:4711" → "127.0.0.1", "ipv6:%5B::1%5D:4711" → "::1". Without the
+/// port, which is another for every connection of the same client.
+std::string host_of(const std::string& peer) {
+  if (peer.rfind("unix", 0) == 0) return "unix";
+  const std::size_t begin = peer.find(':') + 1;
+  std::string host = peer.substr(begin, std::max(peer.rfind(':'), begin) - begin);
+  for (const std::string bracket : {"%5B", "%5D", "[", "]"}) {
+    if (const std::size_t at = host.find(bracket); at != std::string::npos) host.erase(at, bracket.size());
+  }
+  return host.empty() ? peer : host;
+}
+
+Expected<std::string> own_name(const std::string& name) {
+  const bool printable =
+      std::all_of(name.begin(), name.end(), [](unsigned char c) { return c >= 0x20 && c < 0x7f; });
+  if (!name.empty() && name.size() <= kLongestName && printable) return name;
+  return unexpected(Error{ErrorCode::invalid_argument, "marble-client", -1,
+                          std::to_string(name.size()) + " bytes",
+                          "must have 1 to 64 bytes of printable ASCII"});
 }
 
 }  // namespace
 
-Access::Access(const Config& config)
-    : default_quota_{or_none(config.client_running), or_none(config.client_queued),
-                     or_none(config.client_sessions), or_none(config.client_bytes),
-                     priority_of(config.client_priority)} {}
+struct Access::Rules {
+  bool tokens_known = false, certificates_known = false;  // by either of which callers are told apart
+  std::vector<Token> tokens;
+  std::map<std::string, Roles> roles;
+  std::map<std::string, Quota> quotas;
+  Quota default_quota;
+};
+
+Credentials credentials_of(const grpc::CallbackServerContext& context) {
+  Credentials given{context.peer(), std::nullopt, certificate_name(context),
+                    metadata(context, "marble-client")};
+  if (const auto authorization = metadata(context, "authorization")) given.token = bearer_of(*authorization);
+  return given;
+}
+
+Access::Access(const Config& config) : rules_(rules_of(config)) {}
+
+void Access::reload(const Config& config) {
+  auto rules = rules_of(config);
+  const MutexLock lock(mutex_);
+  rules_.swap(rules);
+}
+
+std::shared_ptr<const Access::Rules> Access::rules_of(const Config& config) {
+  auto rules = std::make_shared<Rules>();
+  rules->tokens_known = !config.tokens.empty();
+  rules->certificates_known = client_certificate_of(config) != ClientCertificate::none;
+  rules->tokens = config.known_tokens;
+  rules->default_quota = quota_of_settings(config);
+  for (const auto& [name, client] : config.clients) {
+    if (client.roles) rules->roles[name] = *client.roles;
+    Settings own = config;
+    // They were checked when they were read.
+    for (const auto& [setting, value] : client.settings) static_cast<void>(set_setting(own, setting, value));
+    rules->quotas[name] = quota_of_settings(own);
+  }
+  return rules;
+}
+
+std::shared_ptr<const Access::Rules> Access::rules() const {
+  const MutexLock lock(mutex_);
+  return rules_;
+}
 
 Expected<Identity> Access::identify(const grpc::CallbackServerContext& context) const {
-  return Identity{context.peer(), Roles::all()};
+  return identify(credentials_of(context));
+}
+
+Expected<Identity> Access::identify(const Credentials& given) const {
+  const auto rules = this->rules();
+  if (rules->tokens_known && given.token) {
+    if (const Token* token = find_token(rules->tokens, *given.token))
+      return Identity{token->client, token->roles};
+  }
+  if (rules->certificates_known && given.certificate) {
+    const auto roles = rules->roles.find(*given.certificate);
+    return Identity{*given.certificate, roles == rules->roles.end() ? kCertificateRoles : roles->second};
+  }
+  if (rules->tokens_known || rules->certificates_known) {
+    const char* reason = "needs a client certificate";
+    if (rules->tokens_known)
+      reason = given.token ? "the token is not known" : "needs a token: authorization: Bearer TOKEN";
+    return unexpected(Error{ErrorCode::unauthenticated, "", -1, "", reason});
+  }
+  if (!given.name) return Identity{host_of(given.peer), Roles::all()};
+  const auto name = own_name(*given.name);
+  if (!name) return unexpected(name.error());
+  return Identity{*name, Roles::all()};
 }
 
 Expected<Identity> Access::require(const grpc::CallbackServerContext& context, Role role) const {
-  auto identity = identify(context);
-  if (identity && !identity->roles.has(role))
-    return unexpected(Error{ErrorCode::permission_denied, "", -1, "", "the role is missing"});
+  return require(credentials_of(context), role);
+}
+
+Expected<Identity> Access::require(const Credentials& given, Role role) const {
+  auto identity = identify(given);
+  if (identity && !identity->roles.has(role)) {
+    return unexpected(Error{ErrorCode::permission_denied, "", -1, "",
+                            identity->client + " lacks the role " + to_string(role)});
+  }
   return identity;
 }
 
-Quota Access::quota_of(const std::string& /*client*/) const { return default_quota_; }
+Quota Access::quota_of(const std::string& client) const {
+  const auto rules = this->rules();
+  const auto own = rules->quotas.find(client);
+  return own == rules->quotas.end() ? rules->default_quota : own->second;
+}
 
 }  // namespace marble::server

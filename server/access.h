@@ -3,27 +3,52 @@
 
 #include <grpcpp/server_context.h>
 
+#include <memory>
+#include <optional>
+#include <string>
+
 #include "config.h"
 #include "identity.h"
 #include "marble/error.h"
+#include "mutex.h"
 #include "quota.h"
 
 namespace marble::server {
+
+/// What a call says of its caller.
+struct Credentials {
+  std::string peer;                        ///< gRPC's address of it
+  std::optional<std::string> token;        ///< of "authorization: Bearer TOKEN"
+  std::optional<std::string> certificate;  ///< name in its verified certificate
+  std::optional<std::string> name;         ///< of "marble-client: NAME"
+};
+
+[[nodiscard]] Credentials credentials_of(const grpc::CallbackServerContext& context);
 
 /// Thread-safe.
 class Access {
  public:
   explicit Access(const Config& config);
 
-  /// Who calls. Errors: unauthenticated.
+  /// Puts tokens, roles and quotas of this configuration in force, for calls from now on.
+  void reload(const Config& config) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Who calls. Errors: unauthenticated; invalid_argument (a name that is none).
   [[nodiscard]] Expected<Identity> identify(const grpc::CallbackServerContext& context) const;
-  /// Who calls, if it has the role. Errors: unauthenticated, permission_denied.
+  [[nodiscard]] Expected<Identity> identify(const Credentials& given) const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// The same for a call that needs a role. Errors: permission_denied too.
   [[nodiscard]] Expected<Identity> require(const grpc::CallbackServerContext& context, Role role) const;
+  [[nodiscard]] Expected<Identity> require(const Credentials& given, Role role) const;
   /// What the client may use.
-  [[nodiscard]] Quota quota_of(const std::string& client) const;
+  [[nodiscard]] Quota quota_of(const std::string& client) const ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
-  Quota default_quota_;
+  struct Rules;
+  [[nodiscard]] static std::shared_ptr<const Rules> rules_of(const Config& config);
+  [[nodiscard]] std::shared_ptr<const Rules> rules() const ABSL_LOCKS_EXCLUDED(mutex_);
+
+  mutable Mutex mutex_;
+  std::shared_ptr<const Rules> rules_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace marble::server

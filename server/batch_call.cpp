@@ -69,19 +69,20 @@ void BatchCall::OnReadDone(bool ok) {
 void BatchCall::take(const std::shared_ptr<Job>& job, std::int64_t tag) {
   {
     const MutexLock lock(mutex_);
+    ++admitting_;
     if (broken_ || end_) {
+      --admitting_;
       jobs_.erase(job->record.get());
       job->observer = nullptr;  // it holds the call
       return;
     }
     jobs_.emplace(job->record.get(), job);
     held_ = Held{job, tag};  // before admit(): room() may come at once
-    admitting_ = true;
   }
   const auto place = parts_.scheduler.admit(job, self_);
   {
     const MutexLock lock(mutex_);
-    admitting_ = false;
+    --admitting_;
     const bool full = !place && place.error().code == ErrorCode::resource_exhausted;
     if (full && parts_.scheduler.fits_alone(*job) && !broken_) return;
     held_.reset();
@@ -105,8 +106,13 @@ void BatchCall::room() {
   {
     const MutexLock lock(mutex_);
     held = std::exchange(held_, std::nullopt);
+    ++admitting_;  // nothing may be read meanwhile: only one can be held
   }
   if (held) take(held->job, held->tag);
+  {
+    const MutexLock lock(mutex_);
+    --admitting_;
+  }
   go_on();
 }
 
@@ -151,7 +157,7 @@ void BatchCall::OnCancel() {
     const MutexLock lock(mutex_);
     broken_ = true;
     answers_.clear();
-    if (held_ && !admitting_) {
+    if (held_ && admitting_ == 0) {
       jobs_.erase(held_->job->record.get());
       held_->job->observer = nullptr;
       held_.reset();
@@ -183,7 +189,7 @@ void BatchCall::go_on() {
   {
     const MutexLock lock(mutex_);
     const std::size_t open = jobs_.size() + answers_.size();
-    read = !reading_ && !read_all_ && !end_ && !broken_ && !finishing_ && !held_ &&
+    read = !reading_ && !read_all_ && !end_ && !broken_ && !finishing_ && !held_ && admitting_ == 0 &&
            open < static_cast<std::size_t>(parts_.config.batch_window);
     reading_ = reading_ || read;
     if (!writing_ && !finishing_) {

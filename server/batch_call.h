@@ -55,7 +55,7 @@ class BatchCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
     std::int64_t tag;
   };
   std::optional<Held> held_ ABSL_GUARDED_BY(mutex_);  // read, and waits for room in the queue
-  bool admitting_ ABSL_GUARDED_BY(mutex_) = false;    // the scheduler looks at it
+  int admitting_ ABSL_GUARDED_BY(mutex_) = 0;         // the scheduler looks at it
   std::unordered_map<const JobRecord*, std::shared_ptr<Job>> jobs_ ABSL_GUARDED_BY(mutex_);  // admitted
   std::deque<grpc::ByteBuffer> answers_ ABSL_GUARDED_BY(mutex_);                             // to be told
   bool reading_ ABSL_GUARDED_BY(mutex_) = false;

@@ -1,101 +1,123 @@
 #include "config.h"
 
-#include <CLI/CLI.hpp>
-#include <algorithm>
-#include <cctype>
-#include <iomanip>
-#include <iostream>
+#include <cstdlib>
+#include <iterator>
 #include <sstream>
 
-#include "marble/version.h"
+#include "certificates.h"
+#include "config_file.h"
+#include "text_file.h"
 
 namespace marble::server {
 namespace {
 
-std::string flag_name(std::string name) {
-  std::replace(name.begin(), name.end(), '_', '-');
-  return "--" + name;
+using Faults = std::vector<ConfigFault>;
+
+std::optional<std::string> variable(const std::string& name) {
+  const char* value = std::getenv(variable_name(name).c_str());
+  if (value == nullptr || *value == '\0') return std::nullopt;
+  return value;
 }
 
-std::string variable_name(std::string name) {
-  std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::toupper(c); });
-  return "MARBLE_" + name;
+std::vector<std::string> split(const std::string& text) {
+  std::vector<std::string> parts;
+  std::istringstream stream(text);
+  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
+  return parts;
 }
 
-template <class Number>
-std::string text_of(Number number) {
-  std::ostringstream text;
-  text << std::setprecision(17) << number;
-  return text.str();
-}
-
-template <class Type>
-void add_setting(CLI::App& app, const std::string& name, Type& value, Type low, Type high,
-                 const std::string& unit, const std::string& doc) {
-  const std::string text = unit.empty() ? doc : doc + " (" + unit + ")";
-  if constexpr (std::is_same_v<Type, bool>) {
-    app.add_flag(flag_name(name), value, text)->envname(variable_name(name));
+void set(Config& config, const std::string& name, const std::string& text, const std::string& source,
+         Faults& faults) {
+  if (const auto valid = set_setting_text(config, name, text)) {
+    config.sources[name] = source;
   } else {
-    // CLI::Range lets "nan" pass, which is neither below nor above.
-    const CLI::Validator range(
-        [low, high](const std::string& given) {
-          Type number{};
-          const bool inside = CLI::detail::lexical_cast(given, number) && number >= low && number <= high;
-          return inside ? std::string() : given + " is not in [" + text_of(low) + ", " + text_of(high) + "]";
-        },
-        "in [" + text_of(low) + ", " + text_of(high) + "]");
-    app.add_option(flag_name(name), value, text)
-        ->envname(variable_name(name))
-        ->check(range)
-        ->capture_default_str();
+    faults.push_back({source, valid.error()});
+  }
+}
+
+void read_environment(Config& config, Faults& faults) {
+  for (const SettingInfo& setting : setting_table()) {
+    if (const auto text = variable(setting.name))
+      set(config, setting.name, *text, "environment " + variable_name(setting.name), faults);
+  }
+  if (const auto text = variable("listen")) {
+    config.listen = split(*text);
+    config.sources["listen"] = "environment MARBLE_LISTEN";
+  }
+}
+
+void read_flags(const CommandLine& command_line, Config& config, Faults& faults) {
+  for (const auto& [name, text] : command_line.settings)
+    set(config, name, text, "flag " + flag_name(name), faults);
+  if (!command_line.listen.empty()) {
+    config.listen = command_line.listen;
+    config.sources["listen"] = "flag --listen";
+  }
+}
+
+void check_addresses(const Config& config, Faults& faults) {
+  const auto fault = [&](const std::string& address, const std::string& rule) {
+    faults.push_back(
+        {source_of(config, "listen"), {ErrorCode::invalid_argument, "listen", -1, address, rule}});
+  };
+  if (config.listen.empty()) fault("", "must have an address");
+  const bool safe = !config.tls_certificate.empty() || config.insecure;
+  for (const std::string& address : config.listen) {
+    if (safe || is_local_address(address)) continue;
+    fault(address,
+          "is reachable from other machines and connections are not encrypted; give tls_certificate and "
+          "tls_key, or add --insecure if that is what you want");
+  }
+}
+
+void read_tokens(Config& config, Faults& faults) {
+  if (config.tokens.empty()) return;
+  const auto text = read_text_file(config.tokens);
+  if (!text) {
+    Error error = text.error();
+    error.field = "tokens";
+    faults.push_back({source_of(config, "tokens"), std::move(error)});
+    return;
+  }
+  std::vector<LineFault> wrong;
+  config.known_tokens = parse_tokens(*text, wrong);
+  for (LineFault& fault : wrong)
+    faults.push_back({config.tokens + ":" + std::to_string(fault.line), std::move(fault.error)});
+}
+
+void check_certificates(const Config& config, Faults& faults) {
+  for (Error& error : faults_of_tls(config)) {
+    std::string where = source_of(config, error.field);
+    faults.push_back({std::move(where), std::move(error)});
   }
 }
 
 }  // namespace
 
-std::optional<Config> read_config(int argc, char** argv, int& exit_code) {
+tl::expected<Config, std::vector<ConfigFault>> load_config(const CommandLine& command_line) {
   Config config;
-  CLI::App app("Marble server: solves quadratic programs with complementarity constraints over gRPC.",
-               "marble-server");
-  app.set_version_flag("--version", std::string("marble-server ") + kVersion);
-  app.get_formatter()->column_width(44);
-  app.add_option("--listen", config.listen,
-                 "address to listen on: host:port (port 0 takes a free one) or unix:PATH; "
-                 "may be given several times")
-      ->envname("MARBLE_LISTEN")
-      ->delimiter(',')
-      ->capture_default_str();
-#define MARBLE_SETTING(type, name, default_value, low, high, unit, doc) \
-  add_setting<type>(app, #name, config.name, low, high, unit, doc);
-#define MARBLE_TEXT_SETTING(name, default_value, choices, doc)                                               \
-  {                                                                                                          \
-    CLI::Option* option = app.add_option(flag_name(#name), config.name, doc)->envname(variable_name(#name)); \
-    if (const auto values = choices; !values.empty()) option->check(CLI::IsMember(values));                  \
-    option->capture_default_str();                                                                           \
-  }
-#include "config.def"
-#undef MARBLE_SETTING
-#undef MARBLE_TEXT_SETTING
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    exit_code = app.exit(error) == 0 ? 0 : 2;
-    return std::nullopt;
-  }
-  for (const std::string& address : config.listen) {
-    if (!config.insecure && !is_local_address(address)) {
-      std::cerr << "marble-server: --listen " << address
-                << " is reachable from other machines and connections are not encrypted; "
-                   "add --insecure if that is what you want\n";
-      exit_code = 2;
-      return std::nullopt;
-    }
-  }
+  Faults faults;
+  if (!command_line.config_file.empty()) read_config_file(command_line.config_file, config, faults);
+  read_environment(config, faults);
+  read_flags(command_line, config, faults);
+  check_addresses(config, faults);
+  read_tokens(config, faults);
+  check_certificates(config, faults);
+  if (!faults.empty()) return unexpected(std::move(faults));
   return config;
 }
 
+std::string source_of(const Config& config, const std::string& key) {
+  const auto found = config.sources.find(key);
+  return found == config.sources.end() ? "default" : found->second;
+}
+
+bool is_unix_address(const std::string& address) {
+  return address.rfind("unix:", 0) == 0 || address.rfind("unix-abstract:", 0) == 0;
+}
+
 bool is_local_address(const std::string& address) {
-  if (address.rfind("unix:", 0) == 0 || address.rfind("unix-abstract:", 0) == 0) return true;
+  if (is_unix_address(address)) return true;
   const std::string host = address.substr(0, address.rfind(':'));
   const auto all_of = [](const std::string& text, const char* allowed) {
     return text.find_first_not_of(allowed) == std::string::npos;

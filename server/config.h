@@ -1,30 +1,55 @@
-// The server's configuration: one table (config.def) of settings, read from flags and the environment.
+// The server's configuration: settings and tables, from flags, environment and file.
 #pragma once
 
-#include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "command_line.h"
+#include "identity.h"
 #include "marble/options.h"
+#include "settings.h"
+#include "tokens.h"
 
 namespace marble::server {
 
-struct Config {
-#define MARBLE_SETTING(type, name, default_value, low, high, unit, doc) type name = default_value;
-#define MARBLE_TEXT_SETTING(name, default_value, choices, doc) std::string name = default_value;
-#include "config.def"
-#undef MARBLE_SETTING
-#undef MARBLE_TEXT_SETTING
-  Options solver_defaults;                                ///< of requests that leave an option out
-  std::vector<std::string> listen = {"127.0.0.1:50051"};  ///< host:port, port 0 for a free one, or unix:PATH
+/// What the file's table [clients.NAME] says of one client.
+struct ClientConfig {
+  std::map<std::string, SettingValue>
+      settings;  ///< its own values of client_ settings, by the setting's name
+  std::optional<Roles> roles;
+  [[nodiscard]] bool operator==(const ClientConfig&) const = default;
 };
 
-/// Reads flags and environment. Where the process is to end instead (help, version, an error), prints why and
-/// returns its exit code in `exit_code`.
-std::optional<Config> read_config(int argc, char** argv, int& exit_code);
+struct Config : Settings {
+  std::vector<std::string> listen = {"127.0.0.1:50051"};  ///< host:port, port 0 for a free one, or unix:PATH
+  Options solver_defaults;                                ///< of options that a request leaves out
+  std::map<std::string, ClientConfig> clients;
+  std::vector<Token> known_tokens;             ///< what the file `tokens` holds
+  std::map<std::string, std::string> sources;  ///< of keys that are not at their default: where from
+};
+
+/// One thing that is wrong with the configuration.
+struct ConfigFault {
+  std::string where;  ///< "FILE:LINE", "environment MARBLE_X" or "flag --x"
+  Error error;
+  [[nodiscard]] std::string message() const { return where + ": " + error.message(); }
+};
+
+/// Everything in force, flag over environment over file over default, or all that is wrong with it. Reads the
+/// files it names too: a token file or a certificate that is no good is a fault.
+[[nodiscard]] tl::expected<Config, std::vector<ConfigFault>> load_config(const CommandLine& command_line);
+
+/// Where the key's value came from: "default", "FILE:LINE", "environment MARBLE_X" or "flag --x".
+[[nodiscard]] std::string source_of(const Config& config, const std::string& key);
+
+/// All of it as TOML, each value with a comment that says where it came from.
+[[nodiscard]] std::string to_toml(const Config& config);
 
 /// True if only this machine can reach the address: loopback, or a unix socket.
-bool is_local_address(const std::string& address);
+[[nodiscard]] bool is_local_address(const std::string& address);
+/// True for unix sockets, which stay without TLS.
+[[nodiscard]] bool is_unix_address(const std::string& address);
 
 }  // namespace marble::server

@@ -1,23 +1,38 @@
 // Who a call comes from, and what it may do.
 #pragma once
 
+#include <array>
+#include <initializer_list>
 #include <string>
+#include <string_view>
+#include <vector>
+
+#include "marble/error.h"
 
 namespace marble::server {
 
 enum class Role { solve, observe, admin };
+constexpr std::array<const char*, 3> kRoleNames = {"solve", "observe", "admin"};
+
+[[nodiscard]] constexpr const char* to_string(Role role) {
+  return kRoleNames[static_cast<std::size_t>(role)];
+}
+/// The role of that name. Errors: invalid_argument, field "roles".
+[[nodiscard]] Expected<Role> role_of(std::string_view name);
 
 /// A set of roles.
 class Roles {
  public:
   constexpr Roles() = default;
+  constexpr Roles(std::initializer_list<Role> roles) {
+    for (const Role role : roles) add(role);
+  }
+  [[nodiscard]] constexpr bool operator==(const Roles&) const = default;
   [[nodiscard]] constexpr bool has(Role role) const { return (bits_ & bit(role)) != 0; }
   constexpr void add(Role role) { bits_ |= bit(role); }
-  [[nodiscard]] static constexpr Roles all() {
-    Roles roles;
-    for (const Role role : {Role::solve, Role::observe, Role::admin}) roles.add(role);
-    return roles;
-  }
+  [[nodiscard]] static constexpr Roles all() { return {Role::solve, Role::observe, Role::admin}; }
+  /// Their names, in the order of Role.
+  [[nodiscard]] std::vector<std::string> names() const;
 
  private:
   [[nodiscard]] static constexpr unsigned bit(Role role) { return 1U << static_cast<unsigned>(role); }

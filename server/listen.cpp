@@ -9,12 +9,12 @@
 
 #include <cstring>
 
+#include "tls.h"
+
 namespace marble::server {
 namespace {
 
 constexpr const char* kUnixPrefix = "unix:";
-
-bool is_unix(const std::string& address) { return address.rfind("unix", 0) == 0; }
 
 // gRPC replaces the socket's file whether somebody listens on it or not.
 bool somebody_listens(const std::string& address) {
@@ -45,7 +45,8 @@ void set_limits(grpc::ServerBuilder& builder, const Config& config) {
 
 }  // namespace
 
-Expected<Listening> listen(const Config& config, const std::vector<grpc::Service*>& services) {
+Expected<Listening> listen(const Config& config, const std::vector<grpc::Service*>& services,
+                           const Log& log) {
   const auto refused = [](const std::string& address) {
     return unexpected(Error{ErrorCode::unavailable, "listen", -1, address,
                             "cannot listen: in use, or no address of this machine"});
@@ -54,19 +55,22 @@ Expected<Listening> listen(const Config& config, const std::vector<grpc::Service
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   set_limits(builder, config);
+  const auto in_the_clear = grpc::InsecureServerCredentials();
+  Listening result;
+  result.credentials = config.tls_certificate.empty() ? in_the_clear : tls_credentials(config, log);
   std::vector<int> ports(config.listen.size(), 0);
   for (std::size_t i = 0; i < ports.size(); ++i) {
     if (somebody_listens(config.listen[i])) return refused(config.listen[i]);
-    builder.AddListeningPort(config.listen[i], grpc::InsecureServerCredentials(), &ports[i]);
+    builder.AddListeningPort(
+        config.listen[i], is_unix_address(config.listen[i]) ? in_the_clear : result.credentials, &ports[i]);
   }
   for (grpc::Service* service : services) builder.RegisterService(service);
-  Listening result;
   result.server = builder.BuildAndStart();
   for (std::size_t i = 0; i < ports.size(); ++i) {
     const std::string& address = config.listen[i];
     if (ports[i] == 0) return refused(address);
     const std::string host = address.substr(0, address.rfind(':') + 1);
-    result.addresses.push_back(is_unix(address) ? address : host + std::to_string(ports[i]));
+    result.addresses.push_back(is_unix_address(address) ? address : host + std::to_string(ports[i]));
   }
   if (result.server == nullptr) return refused("");
   set_serving(*result.server, true);

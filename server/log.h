@@ -22,6 +22,9 @@ class Log {
   /// `format` is "text" or "json", `level` one of spdlog's names. Lines go to standard error.
   Log(const std::string& format, const std::string& level);
 
+  /// Thread-safe.
+  void set_level(const std::string& level) { logger_->set_level(spdlog::level::from_str(level)); }
+
   void info(std::string_view event, std::initializer_list<Field> fields) const {
     write(spdlog::level::info, event, fields);
   }

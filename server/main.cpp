@@ -1,10 +1,12 @@
-// Wiring: configuration → log → scheduler → services → gRPC server; signals → drain.
+// Wiring: configuration → log → scheduler → services → gRPC server; signals → reload, drain.
 #include <grpcpp/server.h>
 
 #include <algorithm>
 #include <atomic>
+#include <csignal>
 #include <cstdio>
 #include <fstream>
+#include <iostream>
 #include <thread>
 
 #include "config.h"
@@ -12,13 +14,15 @@
 #include "jobs_service.h"
 #include "listen.h"
 #include "marble/version.h"
+#include "reload.h"
+#include "signals.h"
 #include "solver_service.h"
-#include "stop_signals.h"
 
 namespace {
 
 using namespace marble::server;
 
+constexpr int kBadConfiguration = 2;
 constexpr std::chrono::seconds kLastAnswers{5};  // for answers on their way to slow readers
 constexpr std::chrono::milliseconds kLastRefusals{200};
 
@@ -55,15 +59,29 @@ class ResultExpiry final : public Pulsed {
   ResultStore& results_;
 };
 
+int tell(const std::vector<ConfigFault>& faults) {
+  for (const ConfigFault& fault : faults) std::cerr << "marble-server: " << fault.message() << '\n';
+  return kBadConfiguration;
+}
+
+int print_new_token(const std::string& name_and_roles) {
+  const auto token = new_token(name_and_roles);
+  if (!token) return tell({{"flag --new-token", token.error()}});
+  std::cout << token->secret << '\n' << token->line << '\n';
+  return 0;
+}
+
 // Returns when every accepted job has its answer. A second signal ends the grace.
-void drain(Scheduler& scheduler, StopSignals& signals, double grace_s) {
+void drain(Scheduler& scheduler, Signals& signals, double grace_s) {
   std::atomic<bool> drained = false;
   std::thread drainer([&] {
     scheduler.drain(std::chrono::duration<double>(grace_s));
     drained = true;
     signals.wake();
   });
-  while (signals.wait() != 0 || !drained) scheduler.hurry();
+  for (int signal = signals.wait(); signal != 0 || !drained; signal = signals.wait()) {
+    if (signal != SIGHUP) scheduler.hurry();
+  }
   drainer.join();
 }
 
@@ -71,27 +89,34 @@ void drain(Scheduler& scheduler, StopSignals& signals, double grace_s) {
 
 int main(int argc, char** argv) {
   int exit_code = 0;
-  const auto config = read_config(argc, argv, exit_code);
-  if (!config) return exit_code;
-  StopSignals signals;
-  const Log log(config->log_format, config->log_level);
-  const Access access(*config);
+  const auto command_line = parse_command_line(argc, argv, exit_code);
+  if (!command_line) return exit_code;
+  if (!command_line->new_token.empty()) return print_new_token(command_line->new_token);
+  const auto config = load_config(*command_line);
+  if (!config) return tell(config.error());
+  if (command_line->print_config || command_line->check_config) {
+    std::cout << (command_line->print_config ? to_toml(*config) : "ok\n");
+    return 0;
+  }
+  Signals signals;
+  Log log(config->log_format, config->log_level);
+  Access access(*config);
   LiveCalls calls;
   JobBoard board({config->history_jobs, config->trace_rows});
   ResultStore results(result_limits(*config));
   SessionTable sessions({config->sessions, config->session_bytes});
-  const auto scheduler_owner = std::make_shared<Scheduler>(queue_limits(*config), board, log);
-  Scheduler& scheduler = *scheduler_owner;
+  const auto shared_scheduler = std::make_shared<Scheduler>(queue_limits(*config), board, log);
+  Scheduler& scheduler = *shared_scheduler;
+  const auto expiry = std::make_shared<ResultExpiry>(results);
   Pulse pulse;  // after what it looks after: it ends first
-  const auto housekeeper = std::make_shared<ResultExpiry>(results);
-  pulse.add(scheduler_owner);
-  pulse.add(housekeeper);
+  pulse.add(shared_scheduler);
+  pulse.add(expiry);
   const ServiceParts parts{*config, access, log, pulse, board, results, scheduler, sessions, calls};
   SolverService solver_service(parts);
   JobsService jobs_service(parts);
   InfoService info_service(parts);
 
-  const auto listening = listen(*config, {&solver_service, &jobs_service, &info_service});
+  const auto listening = listen(*config, {&solver_service, &jobs_service, &info_service}, log);
   if (!listening) {
     log.error("cannot_listen", {{"address", listening.error().value}, {"reason", listening.error().bound}});
     return 1;
@@ -107,7 +132,9 @@ int main(int argc, char** argv) {
                            {"queue_jobs", std::int64_t{scheduler.limits().jobs}}});
   }
 
-  const int signal = signals.wait();
+  Reloader reloader(*command_line, *config, access, log);
+  int signal = signals.wait();
+  for (; signal == SIGHUP; signal = signals.wait()) reloader.reload();
   log.info("draining", {{"signal", std::int64_t{signal}}, {"grace_s", config->drain_grace_s}});
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
   set_serving(*listening->server, false);

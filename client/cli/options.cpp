@@ -1,6 +1,7 @@
 #include "marble/options.h"
 
 #include <cstdio>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "commands.h"
@@ -34,13 +35,25 @@ std::string range(const OptionInfo& option) {
   return names;
 }
 
-int run() {
-  for (const OptionInfo& option : option_table()) {
-    const std::string unit = option.unit.empty() ? "" : " " + std::string(option.unit);
-    std::printf("%-26s %-8s in %s%s\n    %s\n", std::string(option.name).c_str(),
-                shown(option, option.default_value).c_str(), range(option).c_str(), unit.c_str(),
-                std::string(option.doc).c_str());
-  }
+/// A row of the README's table.
+void print_markdown(const OptionInfo& option) {
+  std::string doc;
+  for (const char c : option.doc) doc.append(c == '|' ? "\\|" : std::string(1, c));
+  const std::string unit = option.unit.empty() ? "" : " " + std::string(option.unit);
+  std::printf("| `%s` | %s%s | %s | %s |\n", std::string(option.name).c_str(),
+              shown(option, option.default_value).c_str(), unit.c_str(), range(option).c_str(), doc.c_str());
+}
+
+void print_text(const OptionInfo& option) {
+  const std::string unit = option.unit.empty() ? "" : " " + std::string(option.unit);
+  std::printf("%-26s %-8s in %s%s\n    %s\n", std::string(option.name).c_str(),
+              shown(option, option.default_value).c_str(), range(option).c_str(), unit.c_str(),
+              std::string(option.doc).c_str());
+}
+
+int run(bool markdown) {
+  if (markdown) std::printf("| option | default | range | meaning |\n| --- | --- | --- | --- |\n");
+  for (const OptionInfo& option : option_table()) markdown ? print_markdown(option) : print_text(option);
   return kAllSolved;
 }
 
@@ -48,7 +61,11 @@ int run() {
 
 void add_options(CLI::App& program, int& exit_code) {
   CLI::App* command = program.add_subcommand("options", "List the solver options with default and range");
-  command->callback([&exit_code] { exit_code = run(); });
+  auto output = std::make_shared<std::string>("text");
+  command->add_option("--output", *output, "text or markdown")
+      ->check(CLI::IsMember({"text", "markdown"}))
+      ->capture_default_str();
+  command->callback([&exit_code, output] { exit_code = run(*output == "markdown"); });
 }
 
 }  // namespace marble::cli

@@ -285,7 +285,10 @@ Expected<void> PartSizes::check(const ProblemUpdate& update) const {
                {"A.values", update.A, A}, {"C.values", update.C, C}, {"L.values", update.L, L},
                {"R.values", update.R, R}};
   if (update.c0) {
-    if (auto valid = check_numbers({&*update.c0, 1}, 1, "c0"); !valid) return valid;
+    if (auto valid = check_numbers({&*update.c0, 1}, 1, "c0"); !valid) {
+      valid.error().index = -1;
+      return valid;
+    }
   }
   for (const auto& part : parts) {
     if (part.values.empty()) continue;

@@ -125,8 +125,8 @@ std::string core_field(const std::string& field) {
   return field;
 }
 
-Expected<Options> options_of(const v1::SolveOptions& message, const Options& base) {
-  Options options = base;
+Expected<Options> options_of(const v1::SolveOptions& message, const Options& defaults) {
+  Options options = defaults;
   const auto* reflection = message.GetReflection();
   for (const OptionInfo& option : option_table()) {
     const FieldDescriptor* field = field_of(option);

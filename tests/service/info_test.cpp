@@ -1,4 +1,6 @@
 // GetInfo, health and reflection: what the server tells about itself.
+#include <map>
+
 #include "marble/options.h"
 #include "service_test.h"
 
@@ -25,6 +27,41 @@ TEST_F(Info, TellsTheLimitsInForce) {
   EXPECT_EQ(response.limits().queue_bytes(), 5'000'000);
   EXPECT_EQ(response.limits().message_bytes(), 1'000'000);
   EXPECT_GE(response.uptime_s(), 0.0);
+}
+
+TEST_F(Info, TellsEveryLimitAndTheCallersQuota) {
+  start({"--solve-bytes",     "2000000", "--sessions",        "11", "--session-bytes", "12",
+         "--session-idle-s",  "13",      "--session-updates", "14", "--batch-window",  "15",
+         "--history-jobs",    "16",      "--trace-rows",      "17", "--result-keep-s", "18",
+         "--result-bytes",    "19",      "--client-running",  "1",  "--client-bytes",  "21",
+         "--client-priority", "batch",   "--workers",         "2",  "--queue-jobs",    "23"});
+  const v1::Limits limits = info().limits();
+  EXPECT_EQ(limits.solve_bytes(), 2'000'000);
+  EXPECT_EQ(limits.sessions(), 11);
+  EXPECT_EQ(limits.session_bytes(), 12);
+  EXPECT_EQ(limits.session_idle_s(), 13.0);
+  EXPECT_EQ(limits.session_updates(), 14);
+  EXPECT_EQ(limits.batch_window(), 15);
+  EXPECT_EQ(limits.history_jobs(), 16);
+  EXPECT_EQ(limits.trace_rows(), 17);
+  EXPECT_EQ(limits.result_keep_s(), 18.0);
+  EXPECT_EQ(limits.result_bytes(), 19);
+  EXPECT_EQ(limits.quota().running(), 1);
+  EXPECT_EQ(limits.quota().queued(), 23) << "the queue's own where the client has none";
+  EXPECT_EQ(limits.quota().sessions(), 11);
+  EXPECT_EQ(limits.quota().bytes(), 21);
+  EXPECT_EQ(limits.quota().priority(), v1::PRIORITY_BATCH);
+}
+
+TEST_F(Info, TellsTheServersOwnDefaultsOfOptions) {
+  TemporaryDirectory directory;
+  std::ofstream(directory.file("config.toml")) << "[solver]\nmax_iterations = 7\npath = \"paper\"\n";
+  start({"--config", directory.file("config.toml")});
+  const v1::GetInfoResponse response = info();
+  std::map<std::string, double> defaults;
+  for (const v1::OptionSchema& option : response.options()) defaults[option.name()] = option.default_value();
+  EXPECT_EQ(defaults.at("max_iterations"), 7.0);
+  EXPECT_EQ(defaults.at("path"), 1.0) << "the second choice";
 }
 
 TEST_F(Info, TellsEveryOptionOfTheTable) {

@@ -31,8 +31,8 @@ void to_message(const ProblemView& problem, v1::Problem* message);
 /// The way back; a path that is none of a problem's comes back as it is.
 [[nodiscard]] std::string core_field(const std::string& message_field);
 
-/// Absent fields stay as in `base`; ranges are checked. Error fields are option names.
-[[nodiscard]] Expected<Options> options_of(const v1::SolveOptions& message, const Options& base = {});
+/// Absent fields keep their value in `defaults`; ranges are checked. Error fields are option names.
+[[nodiscard]] Expected<Options> options_of(const v1::SolveOptions& message, const Options& defaults = {});
 /// Sets every field, so that the message says all that was used.
 void to_message(const Options& options, v1::SolveOptions* message);
 /// Describes every option, from the option table.

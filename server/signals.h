@@ -1,16 +1,16 @@
-// SIGTERM and SIGINT as events to wait for.
+// SIGTERM and SIGINT (stop) and SIGHUP (read the configuration again) as events to wait for.
 #pragma once
 
 namespace marble::server {
 
 /// One object per process. Handlers, not blocked signals: threads that libraries started before main() block
 /// nothing, and the default action in one of them would end the process.
-class StopSignals {
+class Signals {
  public:
-  StopSignals();
-  ~StopSignals();
-  StopSignals(const StopSignals&) = delete;
-  StopSignals& operator=(const StopSignals&) = delete;
+  Signals();
+  ~Signals();
+  Signals(const Signals&) = delete;
+  Signals& operator=(const Signals&) = delete;
 
   /// Waits for the next signal, or for wake(). The signal's number, 0 for wake().
   int wait();

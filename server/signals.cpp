@@ -1,4 +1,4 @@
-#include "stop_signals.h"
+#include "signals.h"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -28,7 +28,7 @@ void handle(int signal, void (*handler)(int)) {
 
 }  // namespace
 
-StopSignals::StopSignals() {
+Signals::Signals() {
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) != 0) throw std::runtime_error("no pipe for signals");
   read_end_ = ends[0];
@@ -36,23 +36,25 @@ StopSignals::StopSignals() {
   fcntl(write_end, F_SETFL, O_NONBLOCK);
   handle(SIGTERM, pass_on);
   handle(SIGINT, pass_on);
+  handle(SIGHUP, pass_on);
   handle(SIGPIPE, SIG_IGN);
 }
 
-StopSignals::~StopSignals() {
+Signals::~Signals() {
   handle(SIGTERM, SIG_IGN);  // whoever asks again while the process ends is being served
   handle(SIGINT, SIG_IGN);
+  handle(SIGHUP, SIG_IGN);
   close(read_end_);
   close(write_end);
 }
 
-int StopSignals::wait() {
+int Signals::wait() {
   unsigned char byte = 0;
   while (read(read_end_, &byte, 1) < 0 && errno == EINTR) {
   }
   return byte;
 }
 
-void StopSignals::wake() { pass_on(0); }
+void Signals::wake() { pass_on(0); }
 
 }  // namespace marble::server

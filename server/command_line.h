@@ -1,0 +1,25 @@
+// The command line as it was given; config.h makes settings of it.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace marble::server {
+
+struct CommandLine {
+  std::string config_file;                      ///< --config or MARBLE_CONFIG; empty if there is none
+  std::map<std::string, std::string> settings;  ///< the settings given, by name
+  std::vector<std::string> listen;              ///< empty if not given
+  bool print_config = false;
+  bool check_config = false;
+  std::string new_token;  ///< NAME:ROLES; empty if none is wanted
+};
+
+/// Where the process is to end instead (help, version, an error), prints why and returns its exit code in
+/// `exit_code`.
+[[nodiscard]] std::optional<CommandLine> parse_command_line(int argc, const char* const* argv,
+                                                            int& exit_code);
+
+}  // namespace marble::server

@@ -1,0 +1,27 @@
+// A configuration read again while the server runs.
+#pragma once
+
+#include "access.h"
+#include "config.h"
+#include "log.h"
+
+namespace marble::server {
+
+class Reloader {
+ public:
+  /// `started` is what the server started with, and is in force.
+  Reloader(CommandLine command_line, Config started, Access& access, Log& log)
+      : command_line_(std::move(command_line)), in_force_(std::move(started)), access_(access), log_(log) {}
+
+  /// Reads the configuration again and puts in force what can change at run time: tokens, quotas, roles and
+  /// the log level. Warns of the rest. One that has faults changes nothing.
+  void reload();
+
+ private:
+  const CommandLine command_line_;
+  Config in_force_;
+  Access& access_;
+  Log& log_;
+};
+
+}  // namespace marble::server

@@ -1,0 +1,324 @@
+// Jobs by their ids: submitted, listed, watched, cancelled, fetched and let go.
+#include <set>
+#include <thread>
+
+#include "bidi.h"
+#include "service_test.h"
+
+namespace marble::testing {
+namespace {
+
+class Jobs : public ServiceTest {
+ protected:
+  void start(const std::vector<std::string>& flags = {}) {
+    ServiceTest::start(flags);
+    jobs_ = v1::Jobs::NewStub(channel());
+  }
+  std::string submit(const v1::SolveRequest& request) {
+    grpc::ClientContext context;
+    v1::SubmitResponse response;
+    const grpc::Status status = jobs_->Submit(&context, request, &response);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return response.job_id();
+  }
+  grpc::Status result(const std::string& id, bool wait, v1::SolveResponse* response,
+                      std::optional<std::chrono::milliseconds> deadline = std::nullopt) {
+    grpc::ClientContext context;
+    if (deadline) context.set_deadline(std::chrono::system_clock::now() + *deadline);
+    v1::JobResultRequest request;
+    request.set_job_id(id);
+    request.set_wait(wait);
+    return jobs_->Result(&context, request, response);
+  }
+  grpc::Status remove(const std::string& id) {
+    grpc::ClientContext context;
+    v1::DeleteJobRequest request;
+    request.set_job_id(id);
+    v1::DeleteJobResponse response;
+    return jobs_->Delete(&context, request, &response);
+  }
+  grpc::Status cancel(const std::string& id) {
+    grpc::ClientContext context;
+    v1::CancelJobRequest request;
+    request.set_job_id(id);
+    v1::CancelJobResponse response;
+    return jobs_->Cancel(&context, request, &response);
+  }
+  v1::GetJobResponse get(const std::string& id, grpc::StatusCode expected = grpc::StatusCode::OK) {
+    grpc::ClientContext context;
+    v1::GetJobRequest request;
+    request.set_job_id(id);
+    v1::GetJobResponse response;
+    EXPECT_EQ(jobs_->Get(&context, request, &response).error_code(), expected);
+    return response;
+  }
+  v1::ListJobsResponse list(const v1::ListJobsRequest& request = {}) {
+    grpc::ClientContext context;
+    v1::ListJobsResponse response;
+    const grpc::Status status = jobs_->List(&context, request, &response);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return response;
+  }
+  struct Watch {
+    grpc::ClientContext context;
+    std::unique_ptr<grpc::ClientReader<v1::WatchJobsResponse>> reader;
+    std::optional<v1::WatchJobsResponse> next() {
+      v1::WatchJobsResponse response;
+      if (!reader->Read(&response)) return std::nullopt;
+      return response;
+    }
+    grpc::Status finish() {
+      while (next()) {
+      }
+      if (!status) status = reader->Finish();
+      return *status;
+    }
+    ~Watch() {
+      context.TryCancel();
+      (void)finish();
+    }
+    std::optional<grpc::Status> status;
+  };
+  std::unique_ptr<Watch> watch(const std::string& id) {
+    auto call = std::make_unique<Watch>();
+    v1::WatchJobsRequest request;
+    request.set_job_id(id);
+    call->reader = jobs_->Watch(&call->context, request);
+    return call;
+  }
+
+  std::unique_ptr<v1::Jobs::Stub> jobs_;
+};
+
+TEST_F(Jobs, ASubmittedJobsAnswerIsThereForWhoeverComesBack) {
+  start();
+  const std::string id = submit(example_request());
+  v1::SolveResponse response;
+  ASSERT_TRUE(result(id, true, &response).ok());
+  EXPECT_EQ(response.job_id(), id);
+  EXPECT_NEAR(response.solution().objective(), 3.0, 1e-9);
+  v1::SolveResponse again;
+  ASSERT_TRUE(result(id, false, &again).ok()) << "as often as it is asked for";
+  EXPECT_GT(get(id).job().result_bytes(), 0);
+  EXPECT_TRUE(remove(id).ok());
+  EXPECT_EQ(result(id, false, &again).error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(remove(id).error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(counters().result_bytes(), 0);
+}
+
+TEST_F(Jobs, AJobThatRunsHasNoAnswerYetAndWaitingHasItsDeadline) {
+  start();
+  const std::string id = submit(long_request());
+  v1::SolveResponse response;
+  EXPECT_EQ(result(id, false, &response).error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(result(id, true, &response, std::chrono::milliseconds(200)).error_code(),
+            grpc::StatusCode::DEADLINE_EXCEEDED);
+  EXPECT_TRUE(cancel(id).ok());
+  ASSERT_TRUE(result(id, true, &response).ok());
+  EXPECT_EQ(response.solution().status(), v1::STATUS_CANCELLED) << "with its best iterate";
+}
+
+TEST_F(Jobs, DeletingAJobStopsItAndWhoWaitsIsTold) {
+  start();
+  const std::string id = submit(long_request());
+  grpc::Status waited;
+  std::thread waiter([&] {
+    v1::SolveResponse response;
+    waited = result(id, true, &response);
+  });
+  ASSERT_TRUE(eventually([&] { return counters().running() == 1; }));
+  std::this_thread::sleep_for(
+      std::chrono::milliseconds(50));  // most likely it waits by now; either way is right
+  EXPECT_TRUE(remove(id).ok());
+  waiter.join();
+  EXPECT_EQ(waited.error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_TRUE(eventually_idle());
+  (void)get(id, grpc::StatusCode::NOT_FOUND);
+}
+
+TEST_F(Jobs, AJobThatFailsAnswersWithItsError) {
+  start({"--solve-bytes", "1048576"});
+  const std::string id = submit(long_request());
+  v1::SolveResponse response;
+  const grpc::Status status = result(id, true, &response);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_NE(status.error_message().find("bytes"), std::string::npos) << status.error_message();
+  EXPECT_EQ(get(id).job().error().code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+}
+
+TEST_F(Jobs, AnswersAreKeptForABoundedTimeAndSize) {
+  start({"--result-keep-s", "0.2"});
+  const std::string id = submit(example_request());
+  v1::SolveResponse response;
+  ASSERT_TRUE(result(id, true, &response).ok());
+  EXPECT_TRUE(eventually([&] { return counters().result_bytes() == 0; }));
+  EXPECT_EQ(result(id, false, &response).error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
+TEST_F(Jobs, AreListedNewestFirstByStateInPages) {
+  start({"--workers", "1"});
+  const std::string done = submit(example_request());
+  v1::SolveResponse response;
+  ASSERT_TRUE(result(done, true, &response).ok());
+  const std::string running = submit(long_request());
+  ASSERT_TRUE(eventually([&] { return get(running).job().memory_bytes() > 0; }));
+  v1::SolveRequest named = example_request();
+  named.set_request_id("mine");
+  named.set_priority(v1::PRIORITY_BATCH);
+  const std::string waiting = submit(named);
+  const auto all = list();
+  ASSERT_EQ(all.jobs_size(), 3);
+  EXPECT_EQ(all.jobs(0).job_id(), waiting);
+  EXPECT_EQ(all.jobs(0).state(), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(all.jobs(0).request_id(), "mine");
+  EXPECT_EQ(all.jobs(0).priority(), v1::PRIORITY_BATCH);
+  EXPECT_EQ(all.jobs(0).kind(), v1::JOB_KIND_SUBMITTED);
+  EXPECT_EQ(all.jobs(0).variables(), 4);
+  EXPECT_EQ(all.jobs(1).job_id(), running);
+  EXPECT_EQ(all.jobs(1).state(), v1::JOB_STATE_RUNNING);
+  EXPECT_EQ(all.jobs(2).job_id(), done);
+  EXPECT_EQ(all.jobs(2).status(), v1::STATUS_SOLVED);
+  EXPECT_NEAR(all.jobs(2).objective(), 3.0, 1e-9);
+  v1::ListJobsRequest page;
+  page.set_limit(1);
+  EXPECT_TRUE(list(page).more());
+  page.set_before_job_id(waiting);
+  EXPECT_EQ(list(page).jobs(0).job_id(), running);
+  v1::ListJobsRequest finished;
+  finished.add_states(v1::JOB_STATE_FINISHED);
+  EXPECT_EQ(list(finished).jobs_size(), 1);
+  v1::ListJobsRequest stranger;
+  stranger.set_client("nobody");
+  EXPECT_EQ(list(stranger).jobs_size(), 0);
+}
+
+TEST_F(Jobs, OnlySoManyFinishedOnesAreRemembered) {
+  start({"--history-jobs", "3"});
+  std::vector<std::string> ids;
+  v1::SolveResponse response;
+  for (int i = 0; i < 5; ++i) {
+    ASSERT_TRUE(solve(example_request(), &response).ok());
+    ids.push_back(response.job_id());
+  }
+  EXPECT_TRUE(eventually([&] { return list().jobs_size() == 3; }));
+  (void)get(ids[0], grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(get(ids[4]).job().state(), v1::JOB_STATE_FINISHED);
+}
+
+TEST_F(Jobs, ALongSolvesTraceIsThinnedEvenlyToItsBound) {
+  start({"--trace-rows", "40"});
+  v1::SolveResponse response;
+  ASSERT_TRUE(solve(long_request(1000), &response).ok());
+  const v1::GetJobResponse job = get(response.job_id());
+  const auto& rows = job.trace().rows();
+  ASSERT_GE(rows.size(), 20);
+  ASSERT_LE(rows.size(), 41);
+  for (int i = 0; i + 2 < rows.size(); ++i)
+    EXPECT_EQ(rows[i + 1].iteration() - rows[i].iteration(), job.trace().stride()) << "row " << i;
+  EXPECT_EQ(rows[rows.size() - 1].iteration(), response.solution().iterations()) << "the newest is there";
+  EXPECT_EQ(job.options().max_iterations(), 1000);
+}
+
+TEST_F(Jobs, CancellingAWaitingJobAnswersItsCaller) {
+  start({"--workers", "1"});
+  const std::string running = submit(long_request());
+  ASSERT_TRUE(eventually([&] { return counters().running() == 1; }));
+  const std::string waiting = submit(example_request());
+  EXPECT_TRUE(cancel(waiting).ok());
+  v1::SolveResponse response;
+  EXPECT_EQ(result(waiting, true, &response).error_code(), grpc::StatusCode::CANCELLED);
+  EXPECT_TRUE(cancel(running).ok());
+  EXPECT_EQ(cancel("nosuchjob").error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
+TEST_F(Jobs, WhoeverWatchesAJobSeesItFromItsBeginningToItsEnd) {
+  start();
+  const std::string id = submit(long_request(400));
+  const auto call = watch(id);
+  int rows = 0;
+  std::int64_t skipped = 0;
+  v1::JobInfo last;
+  while (const auto response = call->next()) {
+    ASSERT_EQ(response->events_size(), 1);
+    rows += response->events(0).rows_size() +
+            response->events(0).trace().rows_size() * response->events(0).trace().stride();
+    skipped = response->skipped();
+    last = response->events(0).job();
+  }
+  EXPECT_EQ(last.job_id(), id);
+  EXPECT_EQ(last.state(), v1::JOB_STATE_FINISHED);
+  EXPECT_EQ(last.status(), v1::STATUS_ITERATION_LIMIT);
+  EXPECT_GE(rows + skipped, 390) << "every row, or told as skipped";
+  v1::SolveResponse response;
+  EXPECT_TRUE(result(id, false, &response).ok()) << "the answer is there when the watch says so";
+}
+
+TEST_F(Jobs, AWatchOfAllTellsOfEveryJob) {
+  start();
+  const auto call = watch("");
+  std::vector<std::string> ids;
+  v1::SolveResponse response;
+  for (int i = 0; i < 30; ++i) {
+    ASSERT_TRUE(solve(example_request(), &response).ok());
+    ids.push_back(response.job_id());
+  }
+  std::set<std::string> finished;
+  while (finished.size() < ids.size()) {
+    const auto events = call->next();
+    ASSERT_TRUE(events.has_value());
+    for (const auto& event : events->events()) {
+      if (event.job().state() == v1::JOB_STATE_FINISHED) finished.insert(event.job().job_id());
+    }
+  }
+  for (const std::string& id : ids) EXPECT_TRUE(finished.contains(id));
+}
+
+TEST_F(Jobs, ASessionIsOneJobForAllItsUpdates) {
+  start();
+  Bidi<v1::SessionRequest, v1::SessionResponse> session(
+      [this](grpc::ClientContext* context) { return solver().Session(context); });
+  v1::SessionRequest setup;
+  *setup.mutable_setup()->mutable_problem() = example_request().problem();
+  session.write(setup);
+  const std::string id = session.next()->ready().job_id();
+  for (int i = 1; i <= 3; ++i) {
+    v1::SessionRequest update;
+    update.mutable_update()->set_sequence(i);
+    session.write(update);
+    ASSERT_TRUE(session.next()->has_answer());
+  }
+  const v1::JobInfo job = get(id).job();
+  EXPECT_EQ(job.kind(), v1::JOB_KIND_SESSION);
+  EXPECT_EQ(job.state(), v1::JOB_STATE_IDLE);
+  EXPECT_EQ(job.updates(), 3);
+  EXPECT_GT(job.memory_bytes(), 0);
+  EXPECT_TRUE(cancel(id).ok());
+  EXPECT_EQ(session.finish().error_code(), grpc::StatusCode::CANCELLED);
+  EXPECT_EQ(get(id).job().state(), v1::JOB_STATE_FINISHED);
+}
+
+TEST_F(Jobs, WatchersAreLimited) {
+  start({"--watchers", "1"});
+  const std::string id = submit(long_request());
+  const auto first = watch(id);
+  ASSERT_TRUE(first->next().has_value());
+  const auto second = watch(id);
+  EXPECT_EQ(second->finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+}
+
+TEST_F(Jobs, ADrainFinishesSubmittedJobsAndTellsWhoWaits) {
+  start({"--workers", "1"});
+  const std::string id = submit(long_request(300));
+  v1::SolveResponse response;
+  grpc::Status waited;
+  std::thread waiter([&] { waited = result(id, true, &response); });
+  ASSERT_TRUE(eventually([&] { return counters().running() == 1; }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  server().terminate();
+  waiter.join();
+  EXPECT_TRUE(waited.ok() || waited.error_code() == grpc::StatusCode::UNAVAILABLE) << waited.error_message();
+  EXPECT_EQ(server().wait(), 0);
+}
+
+}  // namespace
+}  // namespace marble::testing

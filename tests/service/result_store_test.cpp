@@ -1,0 +1,92 @@
+#include "result_store.h"
+
+#include <gtest/gtest.h>
+
+namespace marble::server {
+namespace {
+
+using std::chrono::seconds;
+
+ResultStore::Result text(std::size_t bytes) { return {std::string(bytes, 'x'), 0.0}; }
+
+const Clock::time_point kStart = Clock::time_point() + seconds(1000);
+
+TEST(ResultStore, KeepsWhatIsExpectedAndNothingElse) {
+  ResultStore store({seconds(10), 10'000});
+  EXPECT_FALSE(store.put("stranger", text(1), kStart));
+  store.expect("job", "client");
+  EXPECT_EQ(store.owner("job"), "client");
+  EXPECT_EQ(store.get("job"), nullptr);
+  EXPECT_TRUE(store.put("job", text(5), kStart));
+  ASSERT_NE(store.get("job"), nullptr);
+  EXPECT_EQ(*store.get("job")->answer, "xxxxx");
+  EXPECT_TRUE(store.forget("job"));
+  EXPECT_FALSE(store.forget("job"));
+  EXPECT_EQ(store.bytes(), 0);
+  EXPECT_EQ(store.owner("job"), "");
+}
+
+TEST(ResultStore, LetsGoOfTheOldestBeyondItsBytes) {
+  ResultStore store({seconds(10), 4000});
+  for (const char* id : {"a", "b", "c", "d"}) {
+    store.expect(id, "client");
+    store.put(id, text(1000), kStart);
+    EXPECT_LE(store.bytes(), 4000);
+  }
+  EXPECT_EQ(store.get("a"), nullptr);
+  EXPECT_EQ(store.get("b"), nullptr);
+  EXPECT_NE(store.get("c"), nullptr);
+  EXPECT_NE(store.get("d"), nullptr);
+}
+
+TEST(ResultStore, AnAnswerLargerThanEverythingIsAnErrorInWords) {
+  ResultStore store({seconds(10), 4000});
+  store.expect("job", "client");
+  EXPECT_FALSE(store.put("job", text(5000), kStart));
+  ASSERT_NE(store.get("job"), nullptr);
+  EXPECT_EQ(store.get("job")->answer.error().code, ErrorCode::resource_exhausted);
+  EXPECT_EQ(store.get("job")->answer.error().field, "result_bytes");
+}
+
+TEST(ResultStore, LetsGoOfWhatIsTooOld) {
+  ResultStore store({seconds(10), 10'000});
+  store.expect("old", "client");
+  store.put("old", text(1), kStart);
+  store.expect("new", "client");
+  store.put("new", text(1), kStart + seconds(5));
+  store.expire(kStart + seconds(9));
+  EXPECT_NE(store.get("old"), nullptr);
+  store.expire(kStart + seconds(10));
+  EXPECT_EQ(store.get("old"), nullptr);
+  EXPECT_NE(store.get("new"), nullptr);
+}
+
+TEST(ResultStore, CallsBackOnceWhoeverWaits) {
+  ResultStore store({seconds(10), 10'000});
+  store.expect("job", "client");
+  int first = 0, second = 0, nothing = 0;
+  store.wait("job", &first, [&](const ResultStore::Shared& result) { first += result != nullptr ? 1 : 100; });
+  store.wait("job", &second, [&](const ResultStore::Shared&) { ++second; });
+  store.stop_waiting("job", &second);
+  EXPECT_EQ(first, 0);
+  store.put("job", text(1), kStart);
+  EXPECT_EQ(first, 1);
+  EXPECT_EQ(second, 0) << "it did not wait any more";
+  store.wait("job", &first, [&](const ResultStore::Shared& result) { first += result != nullptr ? 1 : 100; });
+  EXPECT_EQ(first, 2) << "at once where it is there";
+  store.wait("gone", &nothing,
+             [&](const ResultStore::Shared& result) { nothing += result == nullptr ? 1 : 100; });
+  EXPECT_EQ(nothing, 1);
+}
+
+TEST(ResultStore, WhoeverWaitsForWhatIsLetGoIsTold) {
+  ResultStore store({seconds(10), 10'000});
+  store.expect("job", "client");
+  int told = 0;
+  store.wait("job", &told, [&](const ResultStore::Shared& result) { told += result == nullptr ? 1 : 100; });
+  EXPECT_TRUE(store.forget("job"));
+  EXPECT_EQ(told, 1);
+}
+
+}  // namespace
+}  // namespace marble::server
