@@ -117,7 +117,7 @@ class SlowReader final : public Client {
  private:
   void episode() override {
     v1::SolveStreamRequest request;
-    *request.mutable_solve() = long_request(pick(50, 300));
+    *request.mutable_solve() = long_request(pick(20, 120));
     request.set_iterate_every(1);
     const auto context = new_context();
     const auto reader = solver().SolveStream(context.get(), request);
