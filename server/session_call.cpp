@@ -473,7 +473,11 @@ bool SessionCall::step() {
   }
   if (read) StartRead(&incoming_);
   if (write) {
-    outgoing_ = serialize(event);
+    grpc::ByteBuffer bytes = serialize(event);
+    {
+      const MutexLock lock(mutex_);  // the next write comes from any thread
+      outgoing_.Swap(&bytes);
+    }
     StartWrite(&outgoing_);
   } else if (finish) {
     Finish(status);
