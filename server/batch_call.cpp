@@ -30,6 +30,10 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* BatchCall::begin(
   if (!caller) {
     parts.scheduler.count_refused();
     log_refusal(parts.log, context.peer(), "", caller.error());
+    {
+      const MutexLock lock(call->mutex_);
+      call->finishing_ = true;  // a client that goes away before it has heard must not end it again
+    }
     call->Finish(to_status(caller.error()));
     return call.get();
   }

@@ -62,6 +62,10 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
   if (const auto admitted = admit(); !admitted) {
     parts.scheduler.count_refused();
     log_refusal(parts.log, context.peer(), "", admitted.error());
+    {
+      const MutexLock lock(call->mutex_);
+      call->finishing_ = true;  // a client that goes away before it has heard must not end it again
+    }
     call->Finish(to_status(admitted.error(), parts.scheduler.retry_delay_s()));
     return call.get();
   }

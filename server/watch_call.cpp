@@ -20,6 +20,10 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchCall::begin(const ServiceParts&
   const std::shared_ptr<WatchCall> call(new WatchCall(parts, watchers));
   call->self_ = call;
   if (const auto started = call->start(context, request); !started) {
+    {
+      const MutexLock lock(call->mutex_);
+      call->finishing_ = true;  // a client that goes away before it has heard must not end it again
+    }
     call->Finish(to_status(started.error(), parts.scheduler.retry_delay_s()));
     return call.get();
   }
