@@ -78,6 +78,13 @@ class Chaos : public ::testing::Test {
     info_ = v1::Server::NewStub(grpc::CreateChannel(address_, grpc::InsecureChannelCredentials()));
   }
 
+  // A sanitizer's report, or what it logged last.
+  [[nodiscard]] std::string last_words() const {
+    const std::string log = server_->log();
+    const auto begin = std::min(log.find("Sanitizer"), log.size() - std::min<std::size_t>(log.size(), 2'000));
+    return log.substr(begin, 20'000);
+  }
+
   // SIGTERM ends it with 0 and without a word of a bug.
   void end_server() {
     server_->terminate();
@@ -98,6 +105,7 @@ class Chaos : public ::testing::Test {
   [[nodiscard]] v1::Counters counters() {
     grpc::ClientContext context;
     context.set_wait_for_ready(true);
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
     v1::GetInfoResponse info;
     const grpc::Status status = info_->GetInfo(&context, {}, &info);
     EXPECT_TRUE(status.ok()) << status.error_message();
@@ -106,6 +114,7 @@ class Chaos : public ::testing::Test {
 
   // Nothing waits, runs or is open, and every accepted job has ended in exactly one way.
   void expect_idle() {
+    ASSERT_TRUE(server_->running()) << last_words();
     v1::Counters now;
     EXPECT_TRUE(eventually([&] {
       now = counters();
@@ -131,6 +140,11 @@ class Chaos : public ::testing::Test {
       for (int i = 0; i < crowd.size; ++i) clients_.push_back(crowd.make(world_, seed++));
     }
     for (const auto& client : clients_) threads_.emplace_back([&client] { client->run(); });
+  }
+
+  void TearDown() override {
+    world_.resume();
+    stop_clients();
   }
 
   void stop_clients() {
@@ -181,13 +195,13 @@ TEST_F(Chaos, ServerSurvives) {
   for_part(0.25);
 
   world_.rest();
-  expect_idle();
+  ASSERT_NO_FATAL_FAILURE(expect_idle());
   const double before = resident_mib(server_->pid());
   world_.resume();
   for_part(0.4);
 
   stop_clients();
-  expect_idle();
+  ASSERT_NO_FATAL_FAILURE(expect_idle());
   // What an allocator keeps of a busy time depends on which thread freed what, when: each of gRPC's threads
   // may bring an arena of its own, and a worker's may hold the workspace of a large solve. That is some tens
   // of MiB, once. A leak of one small request in ten would be more than it within the second half of the
