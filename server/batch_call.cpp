@@ -30,6 +30,10 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* BatchCall::begin(
   if (!caller) {
     parts.scheduler.count_refused();
     log_refusal(parts.log, context.peer(), "", caller.error());
+    {
+      const MutexLock lock(call->mutex_);
+      call->finishing_ = true;  // a client that goes away before it has heard must not end it again
+    }
     call->Finish(to_status(caller.error()));
     return call.get();
   }
@@ -65,39 +69,50 @@ void BatchCall::OnReadDone(bool ok) {
   go_on();
 }
 
-// Admits the job, or holds it until there is room.
+// A new problem: admitted, or held until there is room.
 void BatchCall::take(const std::shared_ptr<Job>& job, std::int64_t tag) {
   {
     const MutexLock lock(mutex_);
-    ++admitting_;
     if (broken_ || end_) {
-      --admitting_;
-      jobs_.erase(job->record.get());
       job->observer = nullptr;  // it holds the call
       return;
     }
     jobs_.emplace(job->record.get(), job);
-    held_ = Held{job, tag};  // before admit(): room() may come at once
+    held_ = Held{job, tag};
+    admitting_ = true;
+    room_ = false;
   }
-  const auto place = parts_.scheduler.admit(job, self_);
-  {
-    const MutexLock lock(mutex_);
-    --admitting_;
+  admit(job, tag);
+}
+
+// By one thread at a time: when room comes while it asks, it asks again.
+void BatchCall::admit(const std::shared_ptr<Job>& job, std::int64_t tag) {
+  while (true) {
+    const auto place = parts_.scheduler.admit(job, self_);
     const bool full = !place && place.error().code == ErrorCode::resource_exhausted;
-    if (full && parts_.scheduler.fits_alone(*job) && !broken_) return;
-    held_.reset();
-    if (place) {
-      if (!broken_) return;
-    } else {
-      jobs_.erase(job->record.get());
-      if (place.error().code == ErrorCode::unavailable && !end_) end_ = place.error();
+    bool given_up = false;
+    {
+      const MutexLock lock(mutex_);
+      given_up = broken_;
+      if (full && parts_.scheduler.fits_alone(*job) && !given_up) {
+        if (std::exchange(room_, false)) continue;
+        admitting_ = false;
+        return;
+      }
+      admitting_ = false;
+      held_.reset();
+      if (!place) {
+        jobs_.erase(job->record.get());
+        if (place.error().code == ErrorCode::unavailable && !end_) end_ = place.error();
+      }
     }
-  }
-  if (place) {
-    parts_.scheduler.cancel(job);
-  } else {
-    job->observer = nullptr;
-    refuse(tag, job->record->description().request_id, place.error());
+    if (!place) {
+      job->observer = nullptr;
+      refuse(tag, job->record->description().request_id, place.error());
+    } else if (given_up) {
+      parts_.scheduler.cancel(job);
+    }
+    return;
   }
 }
 
@@ -105,14 +120,14 @@ void BatchCall::room() {
   std::optional<Held> held;
   {
     const MutexLock lock(mutex_);
-    held = std::exchange(held_, std::nullopt);
-    ++admitting_;  // nothing may be read meanwhile: only one can be held
+    if (admitting_) {
+      room_ = true;
+    } else if (held_) {
+      held = held_;
+      admitting_ = true;
+    }
   }
-  if (held) take(held->job, held->tag);
-  {
-    const MutexLock lock(mutex_);
-    --admitting_;
-  }
+  if (held) admit(held->job, held->tag);
   go_on();
 }
 
@@ -157,7 +172,7 @@ void BatchCall::OnCancel() {
     const MutexLock lock(mutex_);
     broken_ = true;
     answers_.clear();
-    if (held_ && admitting_ == 0) {
+    if (held_ && !admitting_) {
       jobs_.erase(held_->job->record.get());
       held_->job->observer = nullptr;
       held_.reset();
@@ -180,8 +195,15 @@ void BatchCall::pulse(Clock::time_point /*now*/) {
   go_on();
 }
 
-// gRPC may react within StartRead, StartWrite or Finish, on this very thread: no lock is held there.
+// A thread of ours may ask for a read while gRPC's tells that the client is gone. Finishing waits until it
+// has asked: afterwards gRPC may be done with the call, and asking would use memory it has freed.
 void BatchCall::go_on() {
+  while (step()) {
+  }
+}
+
+// gRPC may react within StartRead, StartWrite or Finish, on this very thread: no lock is held there.
+bool BatchCall::step() {
   bool read = false;
   bool write = false;
   bool finish = false;
@@ -189,9 +211,10 @@ void BatchCall::go_on() {
   {
     const MutexLock lock(mutex_);
     const std::size_t open = jobs_.size() + answers_.size();
-    read = !reading_ && !read_all_ && !end_ && !broken_ && !finishing_ && !held_ && admitting_ == 0 &&
+    read = !reading_ && !read_all_ && !end_ && !broken_ && !finishing_ && !held_ &&
            open < static_cast<std::size_t>(parts_.config.batch_window);
     reading_ = reading_ || read;
+    starting_ += read ? 1 : 0;
     if (!writing_ && !finishing_) {
       write = !answers_.empty() && !broken_;
       if (write) {
@@ -199,7 +222,7 @@ void BatchCall::go_on() {
         answers_.pop_front();
       }
       writing_ = write;
-      finish = !write && jobs_.empty() && !held_ && (read_all_ || end_ || broken_);
+      finish = !write && starting_ == 0 && jobs_.empty() && !held_ && (read_all_ || end_ || broken_);
       finishing_ = finish;
       if (finish && end_) status = to_status(*end_, 0.0);
     }
@@ -210,6 +233,10 @@ void BatchCall::go_on() {
   } else if (finish) {
     Finish(status);
   }
+  if (!read) return false;
+  const MutexLock lock(mutex_);
+  --starting_;
+  return true;
 }
 
 }  // namespace marble::server

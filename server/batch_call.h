@@ -37,10 +37,12 @@ class BatchCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
   explicit BatchCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}
 
   void take(const std::shared_ptr<Job>& job, std::int64_t tag) ABSL_LOCKS_EXCLUDED(mutex_);
+  void admit(const std::shared_ptr<Job>& job, std::int64_t tag) ABSL_LOCKS_EXCLUDED(mutex_);
   void answer(std::int64_t tag, const JobRecord& record, const Outcome& outcome) ABSL_LOCKS_EXCLUDED(mutex_);
   void refuse(std::int64_t tag, const std::string& request_id, const Error& error)
       ABSL_LOCKS_EXCLUDED(mutex_);
   void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool step() ABSL_LOCKS_EXCLUDED(mutex_);
 
   const LiveCalls::Token token_;
   const ServiceParts& parts_;
@@ -55,10 +57,12 @@ class BatchCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
     std::int64_t tag;
   };
   std::optional<Held> held_ ABSL_GUARDED_BY(mutex_);  // read, and waits for room in the queue
-  int admitting_ ABSL_GUARDED_BY(mutex_) = 0;         // the scheduler looks at it
+  bool admitting_ ABSL_GUARDED_BY(mutex_) = false;    // a thread asks the scheduler to take it
+  bool room_ ABSL_GUARDED_BY(mutex_) = false;         // there may have come room while it asked
   std::unordered_map<const JobRecord*, std::shared_ptr<Job>> jobs_ ABSL_GUARDED_BY(mutex_);  // admitted
   std::deque<grpc::ByteBuffer> answers_ ABSL_GUARDED_BY(mutex_);                             // to be told
   bool reading_ ABSL_GUARDED_BY(mutex_) = false;
+  int starting_ ABSL_GUARDED_BY(mutex_) = 0;  // reads that gRPC is about to be asked for
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
   bool read_all_ ABSL_GUARDED_BY(mutex_) = false;  // the client has closed its side
   bool broken_ ABSL_GUARDED_BY(mutex_) = false;    // nobody reads any more

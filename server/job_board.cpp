@@ -19,7 +19,12 @@ void JobBoard::add(const Record& record) {
 void JobBoard::finish(const Record& record) {
   const MutexLock lock(mutex_);
   const auto number = numbers_.find(record->id());
-  if (number == numbers_.end() || active_.erase(number->second) == 0) return;
+  const auto active = number != numbers_.end()
+                          ? active_.find(number->second)
+                          : std::find_if(active_.begin(), active_.end(),
+                                         [&](const auto& one) { return one.second == record; });
+  if (active == active_.end()) return;
+  active_.erase(active);
   ++finished_count_;
   finished_.push_back(record);
   while (finished_.size() > static_cast<std::size_t>(limits_.history_jobs)) {
@@ -37,7 +42,6 @@ void JobBoard::remove(const std::string& id) {
   const auto number = numbers_.find(id);
   if (number == numbers_.end()) return;
   records_.erase(number->second);
-  active_.erase(number->second);
   numbers_.erase(number);
 }
 

@@ -32,6 +32,7 @@ class JobBoard {
   void add(const Record& record) ABSL_LOCKS_EXCLUDED(mutex_);
   /// It has finished; the oldest finished ones beyond the limit are forgotten.
   void finish(const Record& record) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Nobody finds it any more. One that has not finished stays active until it has, for those who watch.
   void forget(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
 
   [[nodiscard]] Record find(const std::string& id) const ABSL_LOCKS_EXCLUDED(mutex_);

@@ -37,11 +37,8 @@ bool ResultStore::put(const std::string& id, Result result, Clock::time_point no
     }
     found->second.bytes = bytes;
     bytes_ += bytes;
-    ages_.push_back({id, now + limits_.keep});
-    while (bytes_ > limits_.bytes) {
-      erase(ages_.front().id);
-      ages_.pop_front();
-    }
+    found->second.age = ages_.insert(ages_.end(), {id, now + limits_.keep});
+    while (bytes_ > limits_.bytes) erase(std::string(ages_.front().id));
   }
   for (const auto& [waiter, callback] : waiters) callback(shared);
   return kept;
@@ -100,16 +97,14 @@ bool ResultStore::erase(const std::string& id) {
   const auto found = entries_.find(id);
   if (found == entries_.end()) return false;
   bytes_ -= found->second.bytes;
+  if (found->second.result != nullptr) ages_.erase(found->second.age);
   entries_.erase(found);
   return true;
 }
 
 void ResultStore::expire(Clock::time_point now) {
   const MutexLock lock(mutex_);
-  while (!ages_.empty() && ages_.front().end <= now) {
-    erase(ages_.front().id);
-    ages_.pop_front();
-  }
+  while (!ages_.empty() && ages_.front().end <= now) erase(std::string(ages_.front().id));
 }
 
 std::int64_t ResultStore::bytes() const {

@@ -1,8 +1,8 @@
 // Answers of submitted jobs, kept for a bounded time and size until their clients come for them.
 #pragma once
 
-#include <deque>
 #include <functional>
+#include <list>
 #include <memory>
 #include <string>
 #include <unordered_map>
@@ -50,22 +50,23 @@ class ResultStore {
   [[nodiscard]] std::int64_t bytes() const ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
+  struct Age {
+    std::string id;
+    Clock::time_point end;
+  };
   struct Entry {
     std::string client;
     Shared result;
     std::int64_t bytes = 0;
+    std::list<Age>::iterator age;  // of one that has a result
     std::vector<std::pair<const void*, Callback>> waiters;
-  };
-  struct Age {
-    std::string id;
-    Clock::time_point end;
   };
   bool erase(const std::string& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const ResultLimits limits_;
   mutable Mutex mutex_;
   std::unordered_map<std::string, Entry> entries_ ABSL_GUARDED_BY(mutex_);
-  std::deque<Age> ages_ ABSL_GUARDED_BY(mutex_);  // of those that have a result; some forgotten since
+  std::list<Age> ages_ ABSL_GUARDED_BY(mutex_);  // of those that have a result, oldest first
   std::int64_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 

@@ -62,6 +62,10 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
   if (const auto admitted = admit(); !admitted) {
     parts.scheduler.count_refused();
     log_refusal(parts.log, context.peer(), "", admitted.error());
+    {
+      const MutexLock lock(call->mutex_);
+      call->finishing_ = true;  // a client that goes away before it has heard must not end it again
+    }
     call->Finish(to_status(admitted.error(), parts.scheduler.retry_delay_s()));
     return call.get();
   }
@@ -429,9 +433,16 @@ void SessionCall::release() {
                               {"ended", std::string(end_ ? to_string(end_->code) : "closed")}});
 }
 
+// A thread of ours may ask for a read while gRPC's tells that the client is gone. Finishing waits until it
+// has asked: afterwards gRPC may be done with the call, and asking would use memory it has freed.
+void SessionCall::go_on() {
+  while (step()) {
+  }
+}
+
 // gRPC may react within StartRead, StartWrite or Finish, on this very thread, and a job may be answered
 // within admit(): no lock is held there.
-void SessionCall::go_on() {
+bool SessionCall::step() {
   v1::SessionResponse event;
   std::shared_ptr<Job> job;
   bool read = false;
@@ -444,12 +455,13 @@ void SessionCall::go_on() {
     const auto room = static_cast<std::size_t>(parts_.config.session_updates);
     read = !reading_ && !read_all_ && !end_ && !finishing_ && waiting_.size() + events_.size() < room;
     reading_ = reading_ || read;
+    starting_ += read ? 1 : 0;
     if (!writing_ && !finishing_) {
       write = next_event(&event);
       writing_ = write;
       const bool over = (end_.has_value() || (read_all_ && waiting_.empty())) && job_ == nullptr;
       if (over) release();
-      finish = over && !write;
+      finish = over && !write && starting_ == 0;
       finishing_ = finish;
       if (finish && end_) status = to_status(*end_, 0.0);
     }
@@ -458,17 +470,26 @@ void SessionCall::go_on() {
     if (const auto admitted = parts_.scheduler.admit(job); !admitted) {
       Outcome outcome;
       outcome.solution = unexpected(admitted.error());
+      outcome.retry_delay_s = parts_.scheduler.retry_delay_s();
       job->observer->finished(std::move(outcome));
       job->observer = nullptr;
     }
   }
   if (read) StartRead(&incoming_);
   if (write) {
-    outgoing_ = serialize(event);
+    grpc::ByteBuffer bytes = serialize(event);
+    {
+      const MutexLock lock(mutex_);  // the next write comes from any thread
+      outgoing_.Swap(&bytes);
+    }
     StartWrite(&outgoing_);
   } else if (finish) {
     Finish(status);
   }
+  if (!read) return false;
+  const MutexLock lock(mutex_);
+  --starting_;
+  return true;
 }
 
 }  // namespace marble::server

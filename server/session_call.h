@@ -53,6 +53,7 @@ class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
 
   // Everything that may be due: the next job, the next read, the next write, the end.
   void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool step() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::shared_ptr<Job> next_job() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::shared_ptr<Job> make_job(Clock::time_point deadline);
   [[nodiscard]] bool next_event(v1::SessionResponse* event) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -94,6 +95,7 @@ class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
   Clock::time_point last_activity_ ABSL_GUARDED_BY(mutex_) = Clock::now();
   bool set_up_ ABSL_GUARDED_BY(mutex_) = false;
   bool reading_ ABSL_GUARDED_BY(mutex_) = false;
+  int starting_ ABSL_GUARDED_BY(mutex_) = 0;  // reads that gRPC is about to be asked for
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
   bool read_all_ ABSL_GUARDED_BY(mutex_) = false;  // the client has closed its side
   bool broken_ ABSL_GUARDED_BY(mutex_) = false;    // nobody reads any more

@@ -174,7 +174,11 @@ void SolveStreamCall::go_on() {
     status = status_;
   }
   if (write) {
-    bytes_ = serialize(event);
+    grpc::ByteBuffer bytes = serialize(event);
+    {
+      const MutexLock lock(mutex_);  // the next write comes from any thread
+      bytes_.Swap(&bytes);
+    }
     StartWrite(&bytes_);
   } else {
     Finish(status);

@@ -20,6 +20,10 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchCall::begin(const ServiceParts&
   const std::shared_ptr<WatchCall> call(new WatchCall(parts, watchers));
   call->self_ = call;
   if (const auto started = call->start(context, request); !started) {
+    {
+      const MutexLock lock(call->mutex_);
+      call->finishing_ = true;  // a client that goes away before it has heard must not end it again
+    }
     call->Finish(to_status(started.error(), parts.scheduler.retry_delay_s()));
     return call.get();
   }
@@ -85,27 +89,29 @@ bool WatchCall::next_of_one(v1::WatchJobsResponse* response) {
   return true;
 }
 
-// Which jobs have changed since they were told of.
+// Which jobs have changed since they were told of. The finished ones are looked for first: whatever finishes
+// in between is told of next time, and none twice.
 void WatchCall::look_around() {
   const Clock::time_point now = Clock::now();
-  for (auto& record : parts_.board.active()) {
+  JobBoard::Finished finished = parts_.board.finished_since(finished_);
+  skipped_ += finished.skipped;
+  for (auto& record : finished.records) {
+    if (may_see(caller_, record->description().client)) to_tell_.push_back(std::move(record));
+  }
+  decltype(told_of_) told_of;  // what is not active any more is forgotten
+  for (const auto& record : parts_.board.active()) {
     if (!may_see(caller_, record->description().client)) continue;
-    Told& told = told_of_[record.get()];
+    const auto known = told_of_.find(record);
+    Told& told = told_of.emplace(record, known == told_of_.end() ? Told{} : known->second).first->second;
     const std::int64_t changes = record->changes();
     if (changes == told.changes) continue;
     const std::int64_t version = record->snapshot().version;
     const bool waits = std::chrono::duration<double>(now - told.at).count() < interval_s_;
     if (told.changes >= 0 && version == told.version && waits) continue;
     told = {changes, version, now};
-    to_tell_.push_back(std::move(record));
+    to_tell_.push_back(record);
   }
-  JobBoard::Finished finished = parts_.board.finished_since(finished_);
-  skipped_ += finished.skipped;
-  for (auto& record : finished.records) {
-    if (!may_see(caller_, record->description().client)) continue;
-    told_of_.erase(record.get());
-    to_tell_.push_back(std::move(record));
-  }
+  told_of_ = std::move(told_of);
 }
 
 bool WatchCall::next_of_all(v1::WatchJobsResponse* response) {

@@ -61,9 +61,10 @@ class WatchCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>, publi
   };
   Told told_ ABSL_GUARDED_BY(mutex_);  // of one
   std::int64_t cursor_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::unordered_map<const JobRecord*, Told> told_of_ ABSL_GUARDED_BY(mutex_);  // of all that are active
-  std::deque<std::shared_ptr<JobRecord>> to_tell_ ABSL_GUARDED_BY(mutex_);      // have changed
-  std::int64_t finished_ ABSL_GUARDED_BY(mutex_) = 0;                           // cursor of the board
+  std::unordered_map<std::shared_ptr<JobRecord>, Told> told_of_
+      ABSL_GUARDED_BY(mutex_);                                              // of all that are active
+  std::deque<std::shared_ptr<JobRecord>> to_tell_ ABSL_GUARDED_BY(mutex_);  // have changed
+  std::int64_t finished_ ABSL_GUARDED_BY(mutex_) = 0;                       // cursor of the board
   std::int64_t skipped_ ABSL_GUARDED_BY(mutex_) = 0;
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
   bool broken_ ABSL_GUARDED_BY(mutex_) = false;  // nobody reads any more

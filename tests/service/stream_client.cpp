@@ -1,25 +1,74 @@
-// A client to be killed: streams a long solve and says "running" once progress comes.
+// A client to be killed: has the server busy with a solve that takes for ever, and says "running" once it is.
+// Usage: stream_client ADDRESS [stream | batch | session]
 #include <grpcpp/grpcpp.h>
 
 #include <iostream>
+#include <string>
 
 #include "marble/v1/service.grpc.pb.h"
 #include "problems.h"
 
-int main(int argc, char** argv) {
-  if (argc != 2) return 2;
-  const auto channel = grpc::CreateChannel(argv[1], grpc::InsecureChannelCredentials());
-  const auto stub = marble::v1::Solver::NewStub(channel);
-  grpc::ClientContext context;
-  marble::v1::SolveStreamRequest request;
-  *request.mutable_solve() = marble::testing::long_request();
-  const auto reader = stub->SolveStream(&context, request);
+namespace {
+
+using namespace marble;
+
+constexpr int kBatch = 8;
+
+grpc::Status stream(v1::Solver::Stub& stub, grpc::ClientContext& context) {
+  v1::SolveStreamRequest request;
+  *request.mutable_solve() = testing::long_request();
+  const auto reader = stub.SolveStream(&context, request);
   bool told = false;
-  for (marble::v1::SolveStreamResponse event; reader->Read(&event);) {
+  for (v1::SolveStreamResponse event; reader->Read(&event);) {
     if (event.has_progress() && !told) std::cout << "running" << std::endl;
     told = told || event.has_progress();
   }
-  const grpc::Status status = reader->Finish();
+  return reader->Finish();
+}
+
+grpc::Status batch(v1::Solver::Stub& stub, grpc::ClientContext& context) {
+  const auto stream = stub.SolveBatch(&context);
+  v1::SolveBatchRequest request;
+  *request.mutable_solve() = testing::long_request();
+  for (int tag = 0; tag < kBatch; ++tag) {
+    request.set_tag(tag);
+    stream->Write(request);
+  }
+  std::cout << "running" << std::endl;
+  for (v1::SolveBatchResponse response; stream->Read(&response);) {
+  }
+  return stream->Finish();
+}
+
+grpc::Status session(v1::Solver::Stub& stub, grpc::ClientContext& context) {
+  const auto stream = stub.Session(&context);
+  v1::SolveRequest solve = testing::long_request();
+  v1::SessionRequest request;
+  request.mutable_setup()->mutable_problem()->Swap(solve.mutable_problem());
+  request.mutable_setup()->mutable_options()->Swap(solve.mutable_options());
+  request.mutable_setup()->set_progress(true);
+  stream->Write(request);
+  request.mutable_update()->set_sequence(1);
+  stream->Write(request);
+  bool told = false;
+  for (v1::SessionResponse response; stream->Read(&response);) {
+    if (response.has_progress() && !told) std::cout << "running" << std::endl;
+    told = told || response.has_progress();
+  }
+  return stream->Finish();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string kind = argc == 3 ? argv[2] : "stream";
+  if (argc < 2 || argc > 3 || (kind != "stream" && kind != "batch" && kind != "session")) return 2;
+  const auto channel = grpc::CreateChannel(argv[1], grpc::InsecureChannelCredentials());
+  const auto stub = v1::Solver::NewStub(channel);
+  grpc::ClientContext context;
+  const grpc::Status status = kind == "session" ? session(*stub, context)
+                              : kind == "batch" ? batch(*stub, context)
+                                                : stream(*stub, context);
   std::cout << "ended: " << status.error_message() << std::endl;
   return status.ok() ? 0 : 1;
 }

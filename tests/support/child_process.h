@@ -91,6 +91,7 @@ class ChildProcess {
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
+  [[nodiscard]] pid_t pid() const { return pid_; }
   void send(int signal) const {
     if (!ended_) ::kill(pid_, signal);
   }

@@ -37,6 +37,7 @@ class ServerProcess {
     return result;
   }
 
+  [[nodiscard]] pid_t pid() const { return process_.pid(); }
   void terminate() { process_.send(SIGTERM); }
   void send(int signal) { process_.send(signal); }
   [[nodiscard]] bool running() { return process_.running(); }
