@@ -39,13 +39,17 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   message->set_factorizations(now.factorizations);
   message->set_objective(now.objective);
   marble::to_message(now.violations, message->mutable_violations());
+  const bool under_way = now.state == JobState::queued || now.state == JobState::running;
+  const double age_s =
+      std::chrono::duration<double>(std::chrono::system_clock::now() - what.accepted).count();
+  const bool ages = under_way && what.kind != JobKind::session;  // a session's times are of its newest solve
   v1::Times* times = message->mutable_times();
-  times->set_queue_s(now.queue_s);
+  times->set_queue_s(ages && now.state == JobState::queued ? age_s : now.queue_s);
   times->set_setup_s(now.times.setup_s);
   times->set_factorization_s(now.times.factorization_s);
   times->set_line_search_s(now.times.line_search_s);
   times->set_solve_s(now.times.solve_s);
-  times->set_total_s(now.total_s);
+  times->set_total_s(ages ? age_s : now.total_s);
   message->set_updates(now.updates);
   message->set_memory_bytes(now.memory_bytes);
   message->set_result_bytes(now.result_bytes);

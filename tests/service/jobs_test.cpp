@@ -174,6 +174,8 @@ TEST_F(Jobs, AreListedNewestFirstByStateInPages) {
   EXPECT_EQ(all.jobs(0).priority(), v1::PRIORITY_BATCH);
   EXPECT_EQ(all.jobs(0).kind(), v1::JOB_KIND_SUBMITTED);
   EXPECT_EQ(all.jobs(0).variables(), 4);
+  EXPECT_GT(all.jobs(0).times().queue_s(), 0.0) << "it waits, and grows older";
+  EXPECT_GT(all.jobs(1).times().total_s(), 0.0);
   EXPECT_EQ(all.jobs(1).job_id(), running);
   EXPECT_EQ(all.jobs(1).state(), v1::JOB_STATE_RUNNING);
   EXPECT_EQ(all.jobs(2).job_id(), done);
