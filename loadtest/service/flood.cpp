@@ -121,7 +121,7 @@ void flood() {
   const Ticks equal = run(server.address(), v1::PRIORITY_BATCH, kFlooders, kEqualTicks);
   std::printf(
       "%d ticks (%d where all are equal) of a hopper of %d steps, one every %lld ms at most; flood: %d batch "
-      "streams, 3 problems "
+      "streams, 2 problems "
       "ahead "
       "each, hoppers of %d steps; all clients of one name\n",
       kTicks, kEqualTicks, kLoopSteps, static_cast<long long>(kPeriod.count()), kFlooders, kFloodSteps);
