@@ -9,10 +9,11 @@
 namespace marble::bench {
 namespace {
 
-constexpr int kTicks = 300;
+constexpr int kTicks = 200;
+constexpr int kEqualTicks = 30;  // each waits for the whole queue
 constexpr std::chrono::milliseconds kPeriod{20};
 constexpr int kFlooders = 8;
-constexpr int kFloodSteps = 60;
+constexpr int kFloodSteps = 8;  // some ten milliseconds each
 constexpr int kLoopSteps = 20;
 const char* const kName = "bench";  // of all clients: fairness between clients shall not help
 
@@ -48,7 +49,7 @@ class Flood {
         examples::hopper(examples::vary(parameters, static_cast<std::uint64_t>(number)));
     v1::SolveBatchRequest request;
     to_message(problem.view(), request.mutable_solve()->mutable_problem());
-    for (int ahead = 0; ahead < 3; ++ahead) stream->Write(request);
+    for (int ahead = 0; ahead < 2; ++ahead) stream->Write(request);
     for (v1::SolveBatchResponse response; stream->Read(&response);) {
       must(response.has_result(), "a flood's problem was refused");
       const v1::Times& times = response.result().solution().times();
@@ -76,7 +77,7 @@ struct Ticks {
   double flood_per_s = 0.0;
 };
 
-Ticks run(const std::string& address, v1::Priority priority, int flooders) {
+Ticks run(const std::string& address, v1::Priority priority, int flooders, int ticks_wanted) {
   examples::HopperParameters parameters;
   parameters.steps = kLoopSteps;
   OwnedProblem problem = examples::hopper(parameters);
@@ -87,7 +88,7 @@ Ticks run(const std::string& address, v1::Priority priority, int flooders) {
   const int answered_before = others.answers();
   auto next = begin;
   Ticks ticks;
-  for (int tick = 0; tick < kTicks; ++tick) {
+  for (int tick = 0; tick < ticks_wanted; ++tick) {
     parameters = examples::advance(parameters, plan.z);
     problem = examples::hopper(parameters);
     const v1::SessionUpdate update = next_tick(problem, kLoopSteps);
@@ -115,14 +116,15 @@ void print(const char* name, const Ticks& ticks) {
 
 void flood() {
   testing::ServerProcess server = start_server({"--workers", "2"});
-  const Ticks alone = run(server.address(), v1::PRIORITY_REALTIME, 0);
-  const Ticks flooded = run(server.address(), v1::PRIORITY_REALTIME, kFlooders);
-  const Ticks equal = run(server.address(), v1::PRIORITY_BATCH, kFlooders);
+  const Ticks alone = run(server.address(), v1::PRIORITY_REALTIME, 0, kTicks);
+  const Ticks flooded = run(server.address(), v1::PRIORITY_REALTIME, kFlooders, kTicks);
+  const Ticks equal = run(server.address(), v1::PRIORITY_BATCH, kFlooders, kEqualTicks);
   std::printf(
-      "%d ticks of a hopper of %d steps, one every %lld ms at most; flood: %d batch streams, 3 problems "
+      "%d ticks (%d where all are equal) of a hopper of %d steps, one every %lld ms at most; flood: %d batch "
+      "streams, 2 problems "
       "ahead "
       "each, hoppers of %d steps; all clients of one name\n",
-      kTicks, kLoopSteps, static_cast<long long>(kPeriod.count()), kFlooders, kFloodSteps);
+      kTicks, kEqualTicks, kLoopSteps, static_cast<long long>(kPeriod.count()), kFlooders, kFloodSteps);
   std::printf("%-28s %35s %6s %23s\n", "", "tick, ms", "", "flood");
   std::printf("%-28s %8s %8s %8s %8s %6s %10s %12s\n", "", "median", "p90", "p99", "max", "wrong", "solves/s",
               "longest, ms");

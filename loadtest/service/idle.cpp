@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kSessions = 200;
 constexpr int kSteps = 10;
-constexpr int kSolves = 100;
+constexpr int kSolves = 20;
 
 double resident_kib(pid_t pid) {
   std::ifstream file("/proc/" + std::to_string(pid) + "/status");
