@@ -111,6 +111,7 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
   job->ticket = {.client = caller.identity.client,
                  .priority = *priority,
                  .deadline = caller.deadline,
+                 .arrival = Clock::now(),
                  .bytes = static_cast<std::int64_t>(request.ByteSizeLong())};
   job->quota = quota;
   // The problem borrows the message's arrays.

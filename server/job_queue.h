@@ -1,8 +1,9 @@
 // The queue as a pure data structure: who is next, who must be refused. No threads, no clock.
 //
 // A higher priority goes first; one that was passed over `passed_over` times in a row goes once in between.
-// Within a priority clients take turns; within a client the earliest deadline goes first, then who came
-// first.
+// Within a priority clients take turns. Within a client the earliest deadline goes first, then who came
+// first; a job without a deadline, or with a far one, counts as due `patience` after it came, so that it does
+// not starve.
 #pragma once
 
 #include <algorithm>
@@ -26,6 +27,7 @@ struct QueueLimits {
   int jobs = 0;            ///< that wait
   std::int64_t bytes = 0;  ///< of requests that wait or run
   int passed_over = 32;    ///< how often in a row a priority with something to do may be passed over
+  std::chrono::steady_clock::duration patience = std::chrono::seconds(10);
 };
 
 /// What the queue wants to know of an item.
@@ -33,6 +35,7 @@ struct Ticket {
   std::string client;
   Priority priority = Priority::interactive;
   std::chrono::steady_clock::time_point deadline = std::chrono::steady_clock::time_point::max();
+  std::chrono::steady_clock::time_point arrival = {};
   std::chrono::steady_clock::duration least_run = {};  ///< it runs for no less than this
   std::int64_t bytes = 0;
   bool reserved = false;  ///< an update of a session: its place was given with the session
@@ -73,7 +76,7 @@ class JobQueue {
     const auto at = static_cast<std::size_t>(ticket.priority);
     Line& line = owner.lines[at];
     if (line.empty()) turns_[at].push_back(ticket.client);
-    const Key key{ticket.deadline, next_number_++};
+    const Key key{std::min(ticket.deadline, ticket.arrival + limits_.patience), next_number_++};
     tickets_.emplace(item.get(), Known{ticket, key, false});
     line.emplace(key, std::move(item));
     ++waiting_[at];
@@ -155,17 +158,6 @@ class JobQueue {
     return ahead;
   }
 
-  /// The earliest deadline of the waiting items.
-  [[nodiscard]] Time next_deadline() const {
-    Time earliest = Time::max();
-    for (const auto& [name, client] : clients_) {
-      for (const Line& line : client.lines) {
-        if (!line.empty()) earliest = std::min(earliest, line.begin()->first.first);
-      }
-    }
-    return earliest;
-  }
-
   [[nodiscard]] bool is_waiting(const Item* item) const {
     const auto found = tickets_.find(item);
     return found != tickets_.end() && !found->second.running;
@@ -186,7 +178,7 @@ class JobQueue {
   }
 
  private:
-  using Key = std::pair<Time, std::int64_t>;  // deadline, then arrival
+  using Key = std::pair<Time, std::int64_t>;  // when it is due, then the order of arrival
   using Line = std::map<Key, std::shared_ptr<Item>>;
   struct Client {
     Quota quota;

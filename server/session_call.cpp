@@ -255,6 +255,7 @@ std::shared_ptr<Job> SessionCall::make_job(Clock::time_point deadline) {
   job->ticket = {.client = caller_.identity.client,
                  .priority = priority_,
                  .deadline = std::min(deadline, caller_.deadline),
+                 .arrival = Clock::now(),
                  .reserved = true};
   job->quota = quota_;
   return job;

@@ -47,8 +47,14 @@ TEST(JobQueue, GivesTheEarliestDeadlineOfAClientFirst) {
   add(queue, 1, {.client = "a", .deadline = at(9)});
   add(queue, 2, {.client = "a", .deadline = at(3)});
   add(queue, 3, {.client = "a", .deadline = at(9)});
-  EXPECT_EQ(queue.next_deadline(), at(3));
   EXPECT_EQ(run_all(queue), (std::vector{2, 1, 3, 0}));
+}
+
+TEST(JobQueue, AJobWithoutADeadlineIsDueInTimeToo) {
+  Queue queue({.workers = 1, .jobs = 100, .bytes = 100, .patience = std::chrono::seconds(10)});
+  add(queue, 0, {.client = "a", .arrival = at(0)});
+  for (int i = 1; i <= 3; ++i) add(queue, i, {.client = "a", .deadline = at(7.0 * i), .arrival = at(9)});
+  EXPECT_EQ(run_all(queue), (std::vector{1, 0, 2, 3})) << "due at 10: later than 7, earlier than 14";
 }
 
 TEST(JobQueue, ADeadlineBuysNothingAgainstOtherClients) {
@@ -192,6 +198,7 @@ TEST_P(JobQueueProperty, KeepsItsPromisesWhateverComes) {
   const auto pick = [&random](int most) { return std::uniform_int_distribution<int>(0, most)(random); };
   const QueueLimits limits{
       .workers = 1 + pick(2), .jobs = pick(12), .bytes = 40 + pick(60), .passed_over = 1 + pick(4)};
+  const auto due = [&limits](const Ticket& t) { return std::min(t.deadline, t.arrival + limits.patience); };
   Queue queue(limits);
   const std::vector<std::string> names = {"a", "b", "c", "d"};
   std::vector<Quota> quotas;
@@ -214,6 +221,7 @@ TEST_P(JobQueueProperty, KeepsItsPromisesWhateverComes) {
       Ticket ticket{.client = names[client],
                     .priority = static_cast<Priority>(pick(2)),
                     .deadline = pick(1) == 0 ? Time::max() : at(step + 1 + pick(100)),
+                    .arrival = at(step),
                     .bytes = pick(12)};
       const auto item = std::make_shared<int>(number++);
       const auto why = queue.push(item, ticket, quotas[client]);
@@ -242,17 +250,14 @@ TEST_P(JobQueueProperty, KeepsItsPromisesWhateverComes) {
       EXPECT_TRUE(able(*taken));
       for (const Waiting& other : waiting) {  // order within a client and priority
         if (other.client != taken->client || other.ticket.priority != taken->ticket.priority) continue;
-        EXPECT_LE(taken->ticket.deadline, other.ticket.deadline);
-        if (other.ticket.deadline == taken->ticket.deadline) {
-          EXPECT_LE(*taken->item, *other.item);
-        }
+        EXPECT_LE(std::pair(due(taken->ticket), *taken->item), std::pair(due(other.ticket), *other.item));
       }
       // No starvation: an able client's best job is taken before everybody else had passed_over + 1 turns of
       // each client at each priority.
       for (Waiting& other : waiting) {
         const bool first = std::none_of(waiting.begin(), waiting.end(), [&](const Waiting& w) {
           return w.client == other.client && w.ticket.priority == other.ticket.priority &&
-                 std::pair(w.ticket.deadline, *w.item) < std::pair(other.ticket.deadline, *other.item);
+                 std::pair(due(w.ticket), *w.item) < std::pair(due(other.ticket), *other.item);
         });
         other.waited = first && able(other) ? other.waited + 1 : 0;
         EXPECT_LE(other.waited, static_cast<int>(names.size()) * 3 * (limits.passed_over + 1));

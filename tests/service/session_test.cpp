@@ -76,7 +76,7 @@ TEST_F(Session, AnswersEveryUpdateWithItsSequenceNumber) {
 
 TEST_F(Session, KeepsAPlannersLoopWarmForFiftyTicks) {
   start({"--workers", "1"});
-  examples::HopperParameters parameters{.steps = 20};
+  examples::HopperParameters parameters;
   const OwnedProblem first = examples::hopper(parameters);
   const auto call = set_up(setup_of(first));
   std::vector<int> warm, cold;
@@ -86,10 +86,10 @@ TEST_F(Session, KeepsAPlannersLoopWarmForFiftyTicks) {
     to_message(ProblemUpdate{.c0 = now.c0, .g = now.g, .b = now.b, .d = now.d, .l = now.l, .r = now.r},
                request.mutable_update()->mutable_problem());
     v1::Shift* shift = request.mutable_update()->mutable_shift();
-    const auto add = [](auto* blocks, std::size_t size) {
+    const auto add = [&parameters](auto* blocks, std::size_t size) {
       auto* block = blocks->Add();
       block->set_count(static_cast<int>(size));
-      block->set_by(static_cast<int>(size) / 20);
+      block->set_by(static_cast<int>(size) / parameters.steps);
     };
     if (tick > 0) {
       add(shift->mutable_variables(), now.g.size());
@@ -105,12 +105,12 @@ TEST_F(Session, KeepsAPlannersLoopWarmForFiftyTicks) {
     EXPECT_LE(verdict.infeasibility(), 1e-6) << "tick " << tick;
     EXPECT_NEAR(verdict.objective, solution.objective, 1e-6 * std::abs(solution.objective));
     warm.push_back(solution.factorizations);
-    cold.push_back(marble::solve(now.view())->factorizations);
+    if (tick % 10 == 0) cold.push_back(marble::solve(now.view())->factorizations);
     parameters = examples::advance(parameters, solution.z);
   }
   std::sort(warm.begin(), warm.end());
   std::sort(cold.begin(), cold.end());
-  EXPECT_LT(2 * warm[25], cold[25]) << "median factorizations";
+  EXPECT_LT(2 * warm[25], cold[2]) << "median factorizations";
 }
 
 TEST_F(Session, AWarmAnswerHasTheBitsOfTheSolverInProcess) {
@@ -231,10 +231,10 @@ TEST_F(Session, TheFirstMessageMustBeASetUpAndOnlyThat) {
 
 TEST_F(Session, LatestOnlyDropsWhatWaitsAndKeepsItsNumbers) {
   start({"--workers", "1"});
-  Stream blocker(solver(), long_request());
   v1::SessionRequest setup = setup_of(example_request());
   setup.mutable_setup()->set_latest_only(true);
   const auto call = set_up(setup);
+  Stream blocker(solver(), long_request());
   ASSERT_TRUE(blocker.read_until(Event::kStarted));
   v1::SessionRequest first = update(1);  // waits for the worker, in the queue
   ASSERT_TRUE(call->write(first));
@@ -354,6 +354,16 @@ TEST_F(Session, NumberAndMemoryAreLimited) {
   const grpc::Status refused = large->finish();
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_TRUE(ask(*first, update(1))->has_answer()) << "no other session is disturbed";
+}
+
+TEST_F(Session, ManyThatAreRefusedAndGoAwayAtOnceDisturbNobody) {
+  start({"--sessions", "0"});
+  for (int i = 0; i < 300; ++i) {
+    const auto refused = open();
+    if (i % 2 == 0) refused->write(setup_of(example_request()));
+    refused->cancel();
+  }
+  EXPECT_TRUE(lives());
 }
 
 TEST_F(Session, SlowsAClientThatSendsFasterThanItSolvesAndLosesNothing) {

@@ -1,5 +1,9 @@
 #include "marble/connect_options.h"
 
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
 #include <cstdlib>
 
 namespace marble {
@@ -8,6 +12,14 @@ namespace {
 std::string environment(const char* name, const char* otherwise = "") {
   const char* value = std::getenv(name);
   return value != nullptr && *value != '\0' ? value : otherwise;
+}
+
+// glibc's name of the program, cut and cleaned to what a name may be.
+std::string process_name() {
+  std::string name = std::string(program_invocation_short_name).substr(0, 40);
+  std::replace_if(
+      name.begin(), name.end(), [](char c) { return c <= ' ' || c > '~'; }, '_');
+  return name + "-" + std::to_string(getpid());
 }
 
 }  // namespace
@@ -20,6 +32,7 @@ ConnectOptions ConnectOptions::from_environment() {
   options.tls_certificate = environment("MARBLE_TLS_CERTIFICATE");
   options.tls_key = environment("MARBLE_TLS_KEY");
   options.token = environment("MARBLE_TOKEN");
+  options.name = environment("MARBLE_CLIENT_NAME", process_name().c_str());
   return options;
 }
 

@@ -25,6 +25,8 @@ struct ConnectOptions {
   std::string name = {};
 
   /// MARBLE_TOKEN, MARBLE_TLS_CA, MARBLE_TLS_CERTIFICATE and MARBLE_TLS_KEY; what is not set stays empty.
+  /// The name is MARBLE_CLIENT_NAME, else the program's with its process id: two planners on one machine then
+  /// take turns.
   [[nodiscard]] static ConnectOptions from_environment();
 };
 
