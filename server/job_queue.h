@@ -88,13 +88,12 @@ class JobQueue {
     const std::size_t at = choose_priority();
     if (at == kPriorities) return nullptr;
     const auto turn = find_turn(at);
-    const std::string name = *turn;
-    Client& client = clients_.at(name);
+    Client& client = clients_.at(*turn);
     Line& line = client.lines[at];
     std::shared_ptr<Item> item = std::move(line.begin()->second);
     line.erase(line.begin());
-    turns_[at].erase(turn);
-    if (!line.empty()) turns_[at].push_back(name);
+    turns_[at].splice(turns_[at].end(), turns_[at], turn);
+    if (line.empty()) turns_[at].pop_back();
     Known& known = tickets_.at(item.get());
     known.running = true;
     leave_line(known.ticket, client);
