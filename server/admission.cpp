@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "marble/convert.h"
+#include "reply.h"
+#include "status.h"
 
 namespace marble::server {
 namespace {
@@ -65,6 +67,21 @@ Expected<void> check_labels(const std::string& request_id, const std::string& pr
                             "must have at most " + std::to_string(kLongestName) + " bytes"));
   }
   return {};
+}
+
+Expected<void> check_progress(double interval_s, std::int32_t iterate_every, const std::string& path) {
+  if (!(interval_s >= 0.0))
+    return unexpected(fault(path + "progress_interval_s", std::to_string(interval_s), "must be >= 0"));
+  if (iterate_every < 0)
+    return unexpected(fault(path + "iterate_every", std::to_string(iterate_every), "must be >= 0"));
+  return {};
+}
+
+grpc::Status refuse(const ServiceParts& parts, const std::string& peer, const std::string& request_id,
+                    const Error& error) {
+  parts.scheduler.count_refused();
+  log_refusal(parts.log, peer, request_id, error);
+  return to_status(error, parts.scheduler.retry_delay_s());
 }
 
 Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller& caller, JobKind kind,

@@ -29,6 +29,14 @@ struct Caller {
 /// Checks the parts of a request that describe it. Error fields are paths from the request's root.
 [[nodiscard]] Expected<void> check_labels(const std::string& request_id, const std::string& problem_name);
 
+/// Checks how often progress is to be told; `path` is what the fields belong to, with its dot, or empty.
+[[nodiscard]] Expected<void> check_progress(double interval_s, std::int32_t iterate_every,
+                                            const std::string& path = "");
+
+/// Counts and logs a request that does not become a job; what its caller is told.
+[[nodiscard]] grpc::Status refuse(const ServiceParts& parts, const std::string& peer,
+                                  const std::string& request_id, const Error& error);
+
 [[nodiscard]] std::string new_job_id();
 
 /// Checks everything about the request, which the job then keeps. Error fields are paths from the request's

@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "google/rpc/status.pb.h"
 #include "reply.h"
 #include "status.h"
 #include "wire.h"
@@ -28,13 +27,11 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* BatchCall::begin(
   call->self_ = call;
   auto caller = caller_of(parts.access, context, Role::solve);
   if (!caller) {
-    parts.scheduler.count_refused();
-    log_refusal(parts.log, context.peer(), "", caller.error());
     {
       const MutexLock lock(call->mutex_);
       call->finishing_ = true;  // a client that goes away before it has heard must not end it again
     }
-    call->Finish(to_status(caller.error()));
+    call->Finish(marble::server::refuse(parts, context.peer(), "", caller.error()));
     return call.get();
   }
   call->caller_ = std::move(*caller);
@@ -136,8 +133,7 @@ void BatchCall::refuse(std::int64_t tag, const std::string& request_id, const Er
   log_refusal(parts_.log, caller_.peer, request_id, error);
   v1::SolveBatchResponse response;
   response.set_tag(tag);
-  const grpc::Status status = to_status(error, parts_.scheduler.retry_delay_s());
-  response.mutable_error()->ParseFromString(status.error_details());
+  *response.mutable_error() = to_message(error, parts_.scheduler.retry_delay_s());
   const MutexLock lock(mutex_);
   answers_.push_back(serialize(response));
 }
@@ -146,8 +142,7 @@ void BatchCall::answer(std::int64_t tag, const JobRecord& record, const Outcome&
   v1::SolveBatchResponse response;
   response.set_tag(tag);
   if (const auto filled = fill_response(record, outcome, response.mutable_result()); !filled) {
-    response.mutable_error()->ParseFromString(
-        to_status(filled.error(), outcome.retry_delay_s).error_details());
+    *response.mutable_error() = to_message(filled.error(), outcome.retry_delay_s);
   }
   {
     const MutexLock lock(mutex_);

@@ -1,6 +1,5 @@
 #include "job_message.h"
 
-#include "google/rpc/status.pb.h"
 #include "marble/convert.h"
 #include "status.h"
 
@@ -31,7 +30,7 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
     message->set_estimated_wait_s(place.estimated_wait_s);
   }
   if (now.error) {
-    message->mutable_error()->ParseFromString(to_status(*now.error).error_details());
+    *message->mutable_error() = to_message(*now.error);
   } else if (now.status) {
     message->set_status(marble::to_message(*now.status));
   }

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "google/rpc/status.pb.h"
 #include "marble/convert.h"
 #include "reply.h"
 #include "status.h"
@@ -60,13 +59,11 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
     return {};
   };
   if (const auto admitted = admit(); !admitted) {
-    parts.scheduler.count_refused();
-    log_refusal(parts.log, context.peer(), "", admitted.error());
     {
       const MutexLock lock(call->mutex_);
       call->finishing_ = true;  // a client that goes away before it has heard must not end it again
     }
-    call->Finish(to_status(admitted.error(), parts.scheduler.retry_delay_s()));
+    call->Finish(marble::server::refuse(parts, context.peer(), "", admitted.error()));
     return call.get();
   }
   parts.pulse.add(call);
@@ -79,8 +76,8 @@ void SessionCall::OnReadDone(bool ok) {
   const auto parsed = ok ? parse(&incoming_, &request) : Expected<void>{};
   if (ok && parsed && request.has_setup()) {
     if (const auto taken = take_setup(*request.mutable_setup()); !taken) {
-      parts_.scheduler.count_refused();
-      log_refusal(parts_.log, caller_.peer, request.setup().request_id(), taken.error());
+      static_cast<void>(
+          marble::server::refuse(parts_, caller_.peer, request.setup().request_id(), taken.error()));
       const MutexLock lock(mutex_);
       end(taken.error());
     }
@@ -119,11 +116,8 @@ Expected<void> SessionCall::take_setup(v1::SessionSetup& setup) {
     return inside(valid.error(), "setup.");
   const auto priority = marble::server::priority_of(setup.priority(), Priority::realtime, quota_);
   if (!priority) return inside(priority.error(), "setup.");
-  if (!(setup.progress_interval_s() >= 0.0))
-    return unexpected(
-        fault("setup.progress_interval_s", std::to_string(setup.progress_interval_s()), "must be >= 0"));
-  if (setup.iterate_every() < 0)
-    return unexpected(fault("setup.iterate_every", std::to_string(setup.iterate_every()), "must be >= 0"));
+  if (auto valid = check_progress(setup.progress_interval_s(), setup.iterate_every(), "setup."); !valid)
+    return valid;
   const auto options = options_of(setup.options(), parts_.config.solver_defaults);
   if (!options) return inside(options.error(), "setup.options.");
   const auto kept = std::make_shared<v1::SessionSetup>(std::move(setup));  // the problem borrows its arrays
@@ -323,7 +317,7 @@ void SessionCall::update_done(const std::shared_ptr<Update>& update, Outcome out
 void SessionCall::refuse(std::int64_t sequence, const Error& error, double retry_delay_s) {
   v1::SessionError* message = events_.emplace_back().mutable_error();
   message->set_sequence(sequence);
-  message->mutable_status()->ParseFromString(to_status(error, retry_delay_s).error_details());
+  *message->mutable_status() = to_message(error, retry_delay_s);
 }
 
 void SessionCall::report(const Progress& progress) {

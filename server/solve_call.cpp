@@ -14,9 +14,7 @@ grpc::ServerUnaryReactor* SolveCall::begin(const ServiceParts& parts,
   call->self_ = call;
   std::string request_id;
   if (const auto admitted = call->admit(request, context, request_id); !admitted) {
-    parts.scheduler.count_refused();
-    log_refusal(parts.log, context.peer(), request_id, admitted.error());
-    call->Finish(to_status(admitted.error(), parts.scheduler.retry_delay_s()));
+    call->Finish(refuse(parts, context.peer(), request_id, admitted.error()));
   }
   return call.get();
 }

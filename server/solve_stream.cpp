@@ -9,21 +9,6 @@
 #include "wire.h"
 
 namespace marble::server {
-namespace {
-
-Expected<void> check_progress(const v1::SolveStreamRequest& request) {
-  const auto fault = [](const char* field, std::string value) {
-    return unexpected(Error{ErrorCode::invalid_argument, field, -1, std::move(value), "must be >= 0"});
-  };
-  if (!(request.progress_interval_s() >= 0.0)) {
-    return fault("progress_interval_s", std::to_string(request.progress_interval_s()));
-  }
-  if (request.iterate_every() < 0) return fault("iterate_every", std::to_string(request.iterate_every()));
-  return {};
-}
-
-}  // namespace
-
 grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const ServiceParts& parts,
                                                                    const grpc::CallbackServerContext& context,
                                                                    const grpc::ByteBuffer* request) {
@@ -31,9 +16,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const Service
   call->self_ = call;
   std::string request_id;
   if (const auto admitted = call->admit(request, context, request_id); !admitted) {
-    parts.scheduler.count_refused();
-    log_refusal(parts.log, context.peer(), request_id, admitted.error());
-    call->Finish(to_status(admitted.error(), parts.scheduler.retry_delay_s()));
+    call->Finish(refuse(parts, context.peer(), request_id, admitted.error()));
   } else {
     call->go_on();
   }
@@ -47,7 +30,8 @@ Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
   v1::SolveStreamRequest request;
   if (auto parsed = parse(bytes, &request); !parsed) return parsed;
   request_id = request.solve().request_id();
-  if (auto valid = check_progress(request); !valid) return valid;
+  if (auto valid = check_progress(request.progress_interval_s(), request.iterate_every()); !valid)
+    return valid;
   progress_interval_s_ = request.progress_interval_s();
   iterate_every_ = request.iterate_every();
   (void)request.mutable_solve();  // an absent one is an empty one, and refused as such

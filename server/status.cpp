@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "google/rpc/error_details.pb.h"
-#include "google/rpc/status.pb.h"
 
 namespace marble::server {
 namespace {
@@ -38,10 +37,9 @@ grpc::StatusCode code_of(ErrorCode code) {
 
 }  // namespace
 
-grpc::Status to_status(const Error& error, double retry_delay_s) {
-  const grpc::StatusCode code = code_of(error.code);
+google::rpc::Status to_message(const Error& error, double retry_delay_s) {
   google::rpc::Status details;
-  details.set_code(code);
+  details.set_code(code_of(error.code));
   details.set_message(error.message());
   if (error.code == ErrorCode::invalid_argument) {
     google::rpc::BadRequest bad_request;
@@ -59,7 +57,11 @@ grpc::Status to_status(const Error& error, double retry_delay_s) {
         static_cast<std::int32_t>(1e9 * (retry_delay_s - std::floor(retry_delay_s))));
     details.add_details()->PackFrom(retry);
   }
-  return {code, error.message(), details.SerializeAsString()};
+  return details;
+}
+
+grpc::Status to_status(const Error& error, double retry_delay_s) {
+  return {code_of(error.code), error.message(), to_message(error, retry_delay_s).SerializeAsString()};
 }
 
 }  // namespace marble::server

@@ -3,12 +3,15 @@
 
 #include <grpcpp/support/status.h>
 
+#include "google/rpc/status.pb.h"
 #include "marble/error.h"
 
 namespace marble::server {
 
-/// The status with its details: BadRequest with field path and rule for invalid_argument, RetryInfo for
+/// The error with its details: BadRequest with field path and rule for invalid_argument, RetryInfo for
 /// resource_exhausted and unavailable where waiting helps: where `retry_delay_s` > 0.
+[[nodiscard]] google::rpc::Status to_message(const Error& error, double retry_delay_s = 0.0);
+/// The same as a call's end has it.
 [[nodiscard]] grpc::Status to_status(const Error& error, double retry_delay_s = 0.0);
 
 }  // namespace marble::server

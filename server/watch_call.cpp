@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "admission.h"
 #include "job_access.h"
 #include "job_message.h"
 #include "marble/convert.h"
@@ -43,10 +44,7 @@ Expected<void> WatchCall::start(const grpc::CallbackServerContext& context, cons
   caller_ = std::move(*caller);
   v1::WatchJobsRequest message;
   if (auto parsed = parse(request, &message); !parsed) return parsed;
-  if (!(message.progress_interval_s() >= 0.0)) {
-    return unexpected(Error{ErrorCode::invalid_argument, "progress_interval_s", -1,
-                            std::to_string(message.progress_interval_s()), "must be >= 0"});
-  }
+  if (auto valid = check_progress(message.progress_interval_s(), 0); !valid) return valid;
   if (watchers_ > parts_.config.watchers) {
     return unexpected(Error{ErrorCode::resource_exhausted, "watchers", -1, "",
                             "at most " + std::to_string(parts_.config.watchers) + " may watch"});

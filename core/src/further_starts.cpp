@@ -9,7 +9,6 @@ namespace marble {
 namespace {
 
 constexpr double kSofter = 0.3;       // each start begins this much softer
-constexpr int kExactBudget = 100;     // factorizations
 constexpr double kLeastGain = 1e-12;  // of the objective
 
 }  // namespace

@@ -14,6 +14,8 @@
 
 namespace marble {
 
+inline constexpr int kExactBudget = 100;  ///< factorizations for the exact solution of one branch
+
 /// An exact solution of a branch that is feasible.
 struct ExactSolution {
   explicit ExactSolution(const ScaledProblem& problem) : x(problem), set(problem) {}

@@ -12,7 +12,6 @@ namespace marble {
 namespace {
 
 constexpr double kBranchKappas[] = {1e-2, 1e-6};  // the branch often shows at the first, else at the second
-constexpr int kExactBudget = 100;                 // factorizations
 constexpr double kPathLoss = 1e-3;  // a feasible path point may be this much lower than its exact neighbour
 constexpr int kManyPulling = 10;    // pairs
 constexpr int kManyMorePulling =
