@@ -32,16 +32,6 @@ std::optional<std::string> metadata(const grpc::CallbackServerContext& context, 
   return std::string(found->second.data(), found->second.size());
 }
 
-std::optional<std::string> bearer_of(const std::string& authorization) {
-  const std::string scheme = "bearer ";
-  const auto same = [](char a, char b) { return a == (b >= 'A' && b <= 'Z' ? b - 'A' + 'a' : b); };
-  if (authorization.size() < scheme.size() ||
-      !std::equal(scheme.begin(), scheme.end(), authorization.begin(), same))
-    return std::nullopt;
-  const std::size_t begin = authorization.find_first_not_of(' ', scheme.size());
-  return begin == std::string::npos ? "" : authorization.substr(begin);
-}
-
 std::optional<std::string> certificate_name(const grpc::CallbackServerContext& context) {
   const auto authentication = context.auth_context();
   if (authentication == nullptr || !authentication->IsPeerAuthenticated()) return std::nullopt;
@@ -83,6 +73,16 @@ struct Access::Rules {
   std::map<std::string, Quota> quotas;
   Quota default_quota;
 };
+
+std::optional<std::string> bearer_of(const std::string& authorization) {
+  const std::string scheme = "bearer ";
+  const auto same = [](char a, char b) { return a == (b >= 'A' && b <= 'Z' ? b - 'A' + 'a' : b); };
+  if (authorization.size() < scheme.size() ||
+      !std::equal(scheme.begin(), scheme.end(), authorization.begin(), same))
+    return std::nullopt;
+  const std::size_t begin = authorization.find_first_not_of(' ', scheme.size());
+  return begin == std::string::npos ? "" : authorization.substr(begin);
+}
 
 Credentials credentials_of(const grpc::CallbackServerContext& context) {
   Credentials given{context.peer(), std::nullopt, certificate_name(context),

@@ -23,6 +23,9 @@ struct Credentials {
   std::optional<std::string> name;         ///< of "marble-client: NAME"
 };
 
+/// The token in the value of an authorization header; nothing if it is not a bearer's.
+[[nodiscard]] std::optional<std::string> bearer_of(const std::string& authorization);
+
 [[nodiscard]] Credentials credentials_of(const grpc::CallbackServerContext& context);
 
 /// Thread-safe.

@@ -55,18 +55,32 @@ void read_flags(const CommandLine& command_line, Config& config, Faults& faults)
   }
 }
 
+bool is_host_and_port(const std::string& address) {
+  const std::size_t colon = address.rfind(':');
+  if (colon == std::string::npos || colon == 0) return false;
+  const std::string port = address.substr(colon + 1);
+  return !port.empty() && port.size() <= 5 && port.find_first_not_of("0123456789") == std::string::npos &&
+         std::stoi(port) <= 65535;
+}
+
 void check_addresses(const Config& config, Faults& faults) {
-  const auto fault = [&](const std::string& address, const std::string& rule) {
-    faults.push_back(
-        {source_of(config, "listen"), {ErrorCode::invalid_argument, "listen", -1, address, rule}});
+  const auto fault = [&](const std::string& field, const std::string& address, const std::string& rule) {
+    faults.push_back({source_of(config, field), {ErrorCode::invalid_argument, field, -1, address, rule}});
   };
-  if (config.listen.empty()) fault("", "must have an address");
   const bool safe = !config.tls_certificate.empty() || config.insecure;
-  for (const std::string& address : config.listen) {
-    if (safe || is_local_address(address)) continue;
-    fault(address,
+  const auto check = [&](const std::string& field, const std::string& address) {
+    if (safe || is_local_address(address)) return;
+    fault(field, address,
           "is reachable from other machines and connections are not encrypted; give tls_certificate and "
           "tls_key, or add --insecure if that is what you want");
+  };
+  if (config.listen.empty()) fault("listen", "", "must have an address");
+  for (const std::string& address : config.listen) check("listen", address);
+  if (config.http == "auto" || config.http == "none") return;
+  if (is_host_and_port(config.http)) {
+    check("http", config.http);
+  } else {
+    fault("http", config.http, "must be HOST:PORT with a port in [0, 65535], auto or none");
   }
 }
 

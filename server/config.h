@@ -47,6 +47,9 @@ struct ConfigFault {
 /// All of it as TOML, each value with a comment that says where it came from.
 [[nodiscard]] std::string to_toml(const Config& config);
 
+/// What "auto" means for the HTTP port.
+inline const std::string kDefaultHttpAddress = "127.0.0.1:50080";
+
 /// True if only this machine can reach the address: loopback, or a unix socket.
 [[nodiscard]] bool is_local_address(const std::string& address);
 /// True for unix sockets, which stay without TLS.

@@ -15,7 +15,6 @@ class InfoService final : public v1::Server::CallbackService {
 
  private:
   const ServiceParts& parts_;
-  const Clock::time_point start_ = Clock::now();
 };
 
 }  // namespace marble::server

@@ -50,6 +50,7 @@ struct Job {
   std::shared_ptr<JobObserver> observer = nullptr;  ///< let go after finished()
   bool is_setup = false;  ///< of a session: prepares, solves nothing, and is not counted
   Clock::time_point accepted = Clock::now();
+  Clock::time_point begun = {};  ///< when a worker took it
   std::stop_source stop = {};
 };
 

@@ -5,7 +5,8 @@
 namespace marble::server {
 
 JobBoard::Record JobBoard::make(JobDescription description, const Options& options) const {
-  return std::make_shared<JobRecord>(std::move(description), options, limits_.trace_rows);
+  return std::make_shared<JobRecord>(std::move(description), options, limits_.trace_rows,
+                                     limits_.trace_pairs);
 }
 
 void JobBoard::add(const Record& record) {

@@ -51,12 +51,24 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   times->set_total_s(ages ? age_s : now.total_s);
   message->set_updates(now.updates);
   message->set_memory_bytes(now.memory_bytes);
+  times->set_polish_s(now.times.polish_s);
   message->set_result_bytes(now.result_bytes);
+  message->set_detail(now.detail);
+  if (now.finished)
+    message->set_finished_unix_s(std::chrono::duration<double>(now.finished->time_since_epoch()).count());
 }
 
 void to_message(const JobRecord::Trace& trace, v1::Trace* message) {
   for (const Progress& row : trace.rows) marble::to_message(row, message->add_rows());
   message->set_stride(trace.stride);
+  for (const PairHistory::Frame& frame : trace.pairs) to_message(frame, message->add_pairs());
+}
+
+void to_message(const PairHistory::Frame& frame, v1::PairSides* message) {
+  message->set_iteration(frame.iteration);
+  message->set_kappa(frame.kappa);
+  message->mutable_s()->Assign(frame.s.begin(), frame.s.end());
+  message->mutable_t()->Assign(frame.t.begin(), frame.t.end());
 }
 
 }  // namespace marble::server

@@ -4,8 +4,11 @@
 
 namespace marble::server {
 
-JobRecord::JobRecord(JobDescription description, const Options& options, int trace_rows)
-    : description_(std::move(description)), options_(options), history_(trace_rows) {}
+JobRecord::JobRecord(JobDescription description, const Options& options, int trace_rows, int trace_pairs)
+    : description_(std::move(description)),
+      wants_pairs_(description_.pairs > 0 && description_.pairs <= trace_pairs),
+      options_(options),
+      history_(trace_rows) {}
 
 void JobRecord::changed() {
   ++snapshot_.version;
@@ -23,6 +26,7 @@ void JobRecord::started(double queue_s) {
   snapshot_.state = JobState::running;
   snapshot_.queue_s = queue_s;
   history_.begin();
+  pairs_.begin();
   changed();
 }
 
@@ -46,6 +50,7 @@ void JobRecord::set_options(const Options& options) {
 void JobRecord::report(const Progress& progress) {
   const MutexLock lock(mutex_);
   history_.put(progress);
+  if (!progress.s.empty() && wants_pairs_) pairs_.put(progress);
   snapshot_.iterations = earlier_iterations_ + progress.iteration;
   snapshot_.factorizations = earlier_factorizations_ + progress.factorizations;
   snapshot_.objective = progress.objective;
@@ -55,6 +60,7 @@ void JobRecord::report(const Progress& progress) {
 
 void JobRecord::take(const Solution& solution) {
   snapshot_.status = solution.status;
+  snapshot_.detail = solution.detail;
   snapshot_.error.reset();
   snapshot_.iterations = earlier_iterations_ + solution.iterations;
   snapshot_.factorizations = earlier_factorizations_ + solution.factorizations;
@@ -80,6 +86,7 @@ void JobRecord::answered(const Expected<Solution>& solution, double total_s) {
 
 void JobRecord::end() {
   snapshot_.state = JobState::finished;
+  snapshot_.finished = std::chrono::system_clock::now();
   if (watchers_ == 0) history_.end();
   cancel_ = nullptr;
   place_ = nullptr;
@@ -127,7 +134,7 @@ Options JobRecord::options() const {
 
 JobRecord::Trace JobRecord::trace() const {
   const MutexLock lock(mutex_);
-  return {history_.trace(), history_.stride(), history_.count()};
+  return {history_.trace(), history_.stride(), history_.count(), pairs_.frames()};
 }
 
 ProgressHistory::Rows JobRecord::read(std::int64_t& cursor) const {
@@ -138,6 +145,12 @@ ProgressHistory::Rows JobRecord::read(std::int64_t& cursor) const {
 Progress JobRecord::newest() const {
   const MutexLock lock(mutex_);
   return history_.newest();
+}
+
+std::optional<PairHistory::Frame> JobRecord::newest_pairs() const {
+  const MutexLock lock(mutex_);
+  if (pairs_.empty()) return std::nullopt;
+  return pairs_.newest();
 }
 
 void JobRecord::watch(bool begin) {

@@ -14,6 +14,7 @@
 #include "marble/problem.h"
 #include "marble/solution.h"
 #include "mutex.h"
+#include "pair_history.h"
 #include "priority.h"
 #include "progress_history.h"
 
@@ -56,13 +57,16 @@ struct JobSnapshot {
   double queue_s = 0.0, total_s = 0.0;
   std::int64_t updates = 0;
   std::int64_t memory_bytes = 0, result_bytes = 0;
+  std::string detail = {};  ///< the numbers that justify the status
+  std::optional<std::chrono::system_clock::time_point> finished = {};  ///< when, once it has
   std::int64_t version = 0;  ///< grows with every change but progress
 };
 
 /// The worker writes, any number of threads read.
 class JobRecord final : public ProgressSink {
  public:
-  JobRecord(JobDescription description, const Options& options, int trace_rows);
+  /// Keeps `trace_rows` rows, and the sides of its pairs if there are at most `trace_pairs`.
+  JobRecord(JobDescription description, const Options& options, int trace_rows, int trace_pairs = 0);
 
   [[nodiscard]] const JobDescription& description() const { return description_; }
   [[nodiscard]] const std::string& id() const { return description_.id; }
@@ -74,6 +78,7 @@ class JobRecord final : public ProgressSink {
   void set_memory(std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
   void set_options(const Options& options) ABSL_LOCKS_EXCLUDED(mutex_);
   void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool wants_pairs() const override { return wants_pairs_; }
   /// One solve of a session has ended.
   void answered(const Expected<Solution>& solution, double total_s) ABSL_LOCKS_EXCLUDED(mutex_);
   /// The last word.
@@ -90,12 +95,15 @@ class JobRecord final : public ProgressSink {
     std::vector<Progress> rows;
     int stride = 1;
     std::int64_t cursor = 0;  ///< to read on from
+    std::vector<PairHistory::Frame> pairs = {};
   };
   [[nodiscard]] Trace trace() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Changes with every change, progress too.
   [[nodiscard]] std::int64_t changes() const { return changes_.load(std::memory_order_acquire); }
   [[nodiscard]] ProgressHistory::Rows read(std::int64_t& cursor) const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Progress newest() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Nothing if its pairs are not kept, or nothing was told yet.
+  [[nodiscard]] std::optional<PairHistory::Frame> newest_pairs() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// While somebody watches, its newest rows are kept even when it has finished.
   void watch(bool begin) ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -112,6 +120,7 @@ class JobRecord final : public ProgressSink {
   void changed() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const JobDescription description_;
+  const bool wants_pairs_;
   std::atomic<std::int64_t> changes_ = 0;
   mutable Mutex mutex_;
   Options options_ ABSL_GUARDED_BY(mutex_);
@@ -119,6 +128,7 @@ class JobRecord final : public ProgressSink {
   std::int64_t earlier_iterations_ ABSL_GUARDED_BY(mutex_) = 0;  // of a session's solves before this one
   std::int64_t earlier_factorizations_ ABSL_GUARDED_BY(mutex_) = 0;
   ProgressHistory history_ ABSL_GUARDED_BY(mutex_);
+  PairHistory pairs_ ABSL_GUARDED_BY(mutex_);
   int watchers_ ABSL_GUARDED_BY(mutex_) = 0;
   std::function<void()> cancel_ ABSL_GUARDED_BY(mutex_);
   std::function<QueuePlace()> place_ ABSL_GUARDED_BY(mutex_);

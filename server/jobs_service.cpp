@@ -1,11 +1,8 @@
 #include "jobs_service.h"
 
-#include <algorithm>
-
 #include "admission.h"
 #include "job_access.h"
-#include "job_message.h"
-#include "marble/convert.h"
+#include "job_requests.h"
 #include "reply.h"
 #include "result_call.h"
 #include "unary_call.h"
@@ -13,9 +10,6 @@
 
 namespace marble::server {
 namespace {
-
-constexpr int kDefaultPage = 100;
-constexpr int kLargestPage = 10'000;
 
 // Keeps the answer of a submitted job.
 class ResultKeeper final : public JobObserver {
@@ -107,23 +101,7 @@ grpc::ServerUnaryReactor* JobsService::List(grpc::CallbackServerContext* context
   const auto handle = [&](const v1::ListJobsRequest& message, v1::ListJobsResponse* out) -> Expected<void> {
     const auto caller = parts_.access.identify(*context);
     if (!caller) return unexpected(caller.error());
-    if (message.limit() < 0 || message.limit() > kLargestPage) {
-      return unexpected(Error{ErrorCode::invalid_argument, "limit", -1, std::to_string(message.limit()),
-                              "must be in [0, " + std::to_string(kLargestPage) + "]"});
-    }
-    const auto passes = [&](const JobRecord& record) {
-      const std::string& owner = record.description().client;
-      if (!may_see(*caller, owner) || (!message.client().empty() && message.client() != owner)) return false;
-      const int state = static_cast<int>(record.snapshot().state) + v1::JOB_STATE_QUEUED;
-      const auto& states = message.states();
-      return states.empty() || std::find(states.begin(), states.end(), state) != states.end();
-    };
-    const int limit = message.limit() == 0 ? kDefaultPage : message.limit();
-    const auto page = parts_.board.list(passes, static_cast<std::size_t>(limit), message.before_job_id());
-    if (!page) return unexpected(page.error());
-    for (const auto& record : page->records) to_message(*record, out->add_jobs());
-    out->set_more(page->more);
-    return {};
+    return list_jobs(parts_.board, *caller, message, out);
   };
   return answer<v1::ListJobsRequest, v1::ListJobsResponse>(context, request, response, handle);
 }
@@ -133,12 +111,7 @@ grpc::ServerUnaryReactor* JobsService::Get(grpc::CallbackServerContext* context,
   const auto handle = [&](const v1::GetJobRequest& message, v1::GetJobResponse* out) -> Expected<void> {
     const auto caller = parts_.access.identify(*context);
     if (!caller) return unexpected(caller.error());
-    const auto record = find_job(parts_.board, *caller, message.job_id());
-    if (!record) return unexpected(record.error());
-    to_message(**record, out->mutable_job());
-    marble::to_message((*record)->options(), out->mutable_options());
-    to_message((*record)->trace(), out->mutable_trace());
-    return {};
+    return get_job(parts_.board, *caller, message.job_id(), out);
   };
   return answer<v1::GetJobRequest, v1::GetJobResponse>(context, request, response, handle);
 }
@@ -148,19 +121,14 @@ grpc::ServerUnaryReactor* JobsService::Cancel(grpc::CallbackServerContext* conte
   const auto handle = [&](const v1::CancelJobRequest& message, v1::CancelJobResponse* out) -> Expected<void> {
     const auto caller = parts_.access.identify(*context);
     if (!caller) return unexpected(caller.error());
-    const auto record = find_job(parts_.board, *caller, message.job_id());
-    if (!record) return unexpected(record.error());
-    if (!may_end(*caller, (*record)->description().client)) return unexpected(not_to_end(message.job_id()));
-    (*record)->cancel();
-    to_message(**record, out->mutable_job());
-    return {};
+    return cancel_job(parts_.board, *caller, message.job_id(), out);
   };
   return answer<v1::CancelJobRequest, v1::CancelJobResponse>(context, request, response, handle);
 }
 
 grpc::ServerWriteReactor<grpc::ByteBuffer>* JobsService::Watch(grpc::CallbackServerContext* context,
                                                                const grpc::ByteBuffer* request) {
-  return WatchCall::begin(parts_, watchers_, *context, request);
+  return WatchCall::begin(parts_, *context, request);
 }
 
 }  // namespace marble::server

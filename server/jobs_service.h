@@ -1,8 +1,6 @@
 // marble.v1.Jobs on gRPC's callback API: jobs by their ids.
 #pragma once
 
-#include <atomic>
-
 #include "marble/v1/service.grpc.pb.h"
 #include "service_parts.h"
 
@@ -39,7 +37,6 @@ class JobsService final : public JobsRawService {
                                       v1::SubmitResponse* response) const;
 
   const ServiceParts& parts_;
-  std::atomic<int> watchers_ = 0;
 };
 
 }  // namespace marble::server

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "config.h"
+#include "http/http_server.h"
 #include "info_service.h"
 #include "jobs_service.h"
 #include "listen.h"
@@ -102,7 +103,8 @@ int main(int argc, char** argv) {
   Log log(config->log_format, config->log_level);
   Access access(*config);
   LiveCalls calls;
-  JobBoard board({config->history_jobs, config->trace_rows});
+  JobBoard board({config->history_jobs, config->trace_rows, config->trace_pairs});
+  FeedLimit feeds{config->watchers};
   ResultStore results(result_limits(*config));
   SessionTable sessions({config->sessions, config->session_bytes});
   const auto shared_scheduler = std::make_shared<Scheduler>(queue_limits(*config), board, log);
@@ -111,7 +113,7 @@ int main(int argc, char** argv) {
   Pulse pulse;  // after what it looks after: it ends first
   pulse.add(shared_scheduler);
   pulse.add(expiry);
-  const ServiceParts parts{*config, access, log, pulse, board, results, scheduler, sessions, calls};
+  const ServiceParts parts{*config, access, log, pulse, board, feeds, results, scheduler, sessions, calls};
   SolverService solver_service(parts);
   JobsService jobs_service(parts);
   InfoService info_service(parts);
@@ -121,11 +123,24 @@ int main(int argc, char** argv) {
     log.error("cannot_listen", {{"address", listening.error().value}, {"reason", listening.error().bound}});
     return 1;
   }
-  if (!config->address_file.empty() && !write_lines(config->address_file, listening->addresses)) {
+  std::vector<std::string> addresses = listening->addresses;
+  std::unique_ptr<HttpServer> http;
+  if (config->http != "none") {
+    if (auto started = HttpServer::start(parts); started) {
+      http = std::move(*started);
+      addresses.push_back(http->address());
+    } else if (config->http == "auto") {
+      log.warn("no_http", {{"address", started.error().value}, {"reason", started.error().bound}});
+    } else {
+      log.error("cannot_listen", {{"address", started.error().value}, {"reason", started.error().bound}});
+      return 1;
+    }
+  }
+  if (!config->address_file.empty() && !write_lines(config->address_file, addresses)) {
     log.error("cannot_write", {{"address_file", config->address_file}});
     return 1;
   }
-  for (const std::string& address : listening->addresses) {
+  for (const std::string& address : addresses) {
     log.info("listening", {{"address", address},
                            {"version", std::string(marble::kVersion)},
                            {"workers", std::int64_t{scheduler.limits().workers}},
@@ -145,6 +160,7 @@ int main(int argc, char** argv) {
   std::this_thread::sleep_for(kLastRefusals);
   listening->server->Shutdown(std::chrono::system_clock::now());
   listening->server->Wait();
+  http.reset();
   const Counters counters = scheduler.counters();
   log.info("stopped",
            {{"answered", counters.answered}, {"cancelled", counters.cancelled}, {"failed", counters.failed}});

@@ -18,13 +18,12 @@ class ProgressHistory {
   explicit ProgressHistory(int trace_rows) : most_rows_(static_cast<std::size_t>(trace_rows)) {}
 
   struct Rows {
-    std::vector<Progress> rows;  ///< oldest first; their z are empty
+    std::vector<Progress> rows;  ///< oldest first, without vectors
     std::int64_t skipped = 0;    ///< of those after the cursor, how many are not there any more
   };
 
   void put(const Progress& progress) {
-    newest_ = progress;
-    newest_.z = {};
+    newest_ = without_vectors(progress);
     if (recent_.size() < kRecent) {
       recent_.push_back(newest_);
     } else {

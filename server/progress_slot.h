@@ -16,7 +16,7 @@ class ProgressSlot {
   static constexpr std::size_t kMostRows = 128;
 
   struct Rows {
-    std::vector<Progress> rows;    ///< oldest first; their z are empty
+    std::vector<Progress> rows;    ///< oldest first, without vectors
     std::vector<double> newest_z;  ///< the iterate of the last row, if it was asked for
     std::int64_t skipped = 0;      ///< rows of this solve that were dropped so far
   };
@@ -26,13 +26,12 @@ class ProgressSlot {
   void put(const Progress& progress, bool with_iterate) {
     const MutexLock lock(mutex_);
     if (ring_.size() < kMostRows) {
-      ring_.push_back(progress);
+      ring_.push_back(without_vectors(progress));
     } else {
-      ring_[oldest_] = progress;
+      ring_[oldest_] = without_vectors(progress);
       oldest_ = (oldest_ + 1) % kMostRows;
       ++skipped_;
     }
-    ring_[newest()].z = {};
     newest_z_.assign(progress.z.begin(), with_iterate ? progress.z.end() : progress.z.begin());
   }
 
@@ -55,10 +54,6 @@ class ProgressSlot {
   }
 
  private:
-  [[nodiscard]] std::size_t newest() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    return (oldest_ + ring_.size() - 1) % ring_.size();
-  }
-
   Mutex mutex_;
   std::vector<Progress> ring_ ABSL_GUARDED_BY(mutex_);
   std::size_t oldest_ ABSL_GUARDED_BY(mutex_) = 0;  // not 0 only while the ring is full

@@ -23,6 +23,7 @@ class ProgressSplitter final : public ProgressSink {
     record_.report(progress);
     if (observer_ != nullptr) observer_->report(progress);
   }
+  [[nodiscard]] bool wants_pairs() const override { return record_.wants_pairs(); }
 
  private:
   JobRecord& record_;
@@ -148,7 +149,10 @@ std::shared_ptr<Job> Scheduler::next() {
     if (!help()) work_.wait(mutex_);
     job = queue_.pop();
   }
-  if (job != nullptr) running_.push_back(job);
+  if (job != nullptr) {
+    job->begun = Clock::now();
+    running_.push_back(job);
+  }
   return job;
 }
 
@@ -188,7 +192,7 @@ void Scheduler::run(std::span<const std::function<void()>> tasks) {
 }
 
 void Scheduler::run_job(const std::shared_ptr<Job>& job) {
-  const Clock::time_point begin = Clock::now();
+  const Clock::time_point begin = job->begun;
   Outcome outcome;
   outcome.queue_s = seconds(begin - job->accepted);
   if (job->ticket.deadline != Clock::time_point::max() &&
@@ -205,9 +209,11 @@ void Scheduler::run_job(const std::shared_ptr<Job>& job) {
     ++finishing_;
     queue_.done(job.get());
     running_.erase(std::find(running_.begin(), running_.end(), job));
+    const double run_s = seconds(Clock::now() - begin);
+    counters_.busy_s += run_s;
     if (outcome.solution) {
       double& mean = mean_run_s_[static_cast<std::size_t>(job->ticket.priority)];
-      mean += kNewest * (seconds(Clock::now() - begin) - mean);
+      mean += kNewest * (run_s - mean);
     }
     if (queue_.ready()) work_.notify_one();  // its client may have been at its quota
   }
@@ -246,7 +252,9 @@ void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
 
 void Scheduler::count(const Job& job, const Outcome& outcome) {
   if (job.ticket.reserved) {
-    if (outcome.solution && !job.is_setup) ++counters_.updates;
+    if (!outcome.solution || job.is_setup) return;
+    ++counters_.updates;
+    if (is_solved(outcome.solution->status)) ++counters_.updates_solved;
     return;
   }
   if (!outcome.solution) {
@@ -371,6 +379,17 @@ Counters Scheduler::counters() const {
   Counters counters = counters_;
   counters.queued = static_cast<int>(queue_.waiting());
   counters.running = queue_.running();
+  const Clock::time_point now = Clock::now();
+  for (const auto& job : running_) counters.busy_s += seconds(now - job->begun);
+  double work_s = work_under_way_s();
+  std::size_t ahead = 0;
+  for (std::size_t at = 0; at < kPriorities; ++at) {
+    const std::size_t waiting = queue_.waiting_by_priority()[at];
+    ahead += waiting;
+    work_s += mean_run_s_[at] * static_cast<double>(waiting);
+    counters.queued_by_priority[at] = static_cast<int>(waiting);
+    counters.estimated_wait_s[at] = wait_s(ahead, work_s);
+  }
   return counters;
 }
 
@@ -398,10 +417,20 @@ QueuePlace Scheduler::place_of(const Job& job) const {
     place.position += static_cast<int>(ahead[at]);
     work_s += mean_run_s_[at] * static_cast<double>(ahead[at]);
   }
+  place.estimated_wait_s = wait_s(static_cast<std::size_t>(place.position), work_s + work_under_way_s());
+  return place;
+}
+
+double Scheduler::work_under_way_s() const {
+  double work_s = 0.0;
   for (const auto& running : running_)
     work_s += 0.5 * mean_run_s_[static_cast<std::size_t>(running->ticket.priority)];
-  if (queue_.running() + place.position >= limits_.workers) place.estimated_wait_s = work_s / limits_.workers;
-  return place;
+  return work_s;
+}
+
+double Scheduler::wait_s(std::size_t ahead, double work_s) const {
+  const bool waits = queue_.running() + static_cast<int>(ahead) >= limits_.workers;
+  return waits ? work_s / limits_.workers : 0.0;
 }
 
 }  // namespace marble::server

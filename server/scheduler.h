@@ -18,8 +18,11 @@ namespace marble::server {
 
 struct Counters {
   std::int64_t accepted = 0, answered = 0, solved = 0, refused = 0, cancelled = 0, failed = 0;
-  std::int64_t updates = 0;  ///< of sessions, answered
+  std::int64_t updates = 0, updates_solved = 0;  ///< of sessions, answered
+  double busy_s = 0.0;                           ///< that workers have spent on jobs
   int queued = 0, running = 0;
+  std::array<int, kPriorities> queued_by_priority = {};
+  std::array<double, kPriorities> estimated_wait_s = {};  ///< of a job that came now
 };
 
 /// Somebody slowed by a full queue.
@@ -97,6 +100,9 @@ class Scheduler final : public Pulsed, public TaskRunner {
   void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void log_end(const Job& job, const Outcome& outcome) const;
   [[nodiscard]] QueuePlace place_of(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Until the running ones are half done: nobody knows how far they are.
+  [[nodiscard]] double work_under_way_s() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] double wait_s(std::size_t ahead, double work_s) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] bool idle() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     return queue_.waiting() == 0 && queue_.running() == 0 && finishing_ == 0;
   }

@@ -4,6 +4,7 @@
 #include "access.h"
 #include "config.h"
 #include "job_board.h"
+#include "job_feed.h"
 #include "live_calls.h"
 #include "log.h"
 #include "result_store.h"
@@ -18,10 +19,12 @@ struct ServiceParts {
   const Log& log;
   Pulse& pulse;
   JobBoard& board;
+  FeedLimit& feeds;
   ResultStore& results;
   Scheduler& scheduler;
   SessionTable& sessions;
   LiveCalls& calls;
+  Clock::time_point started = Clock::now();
 };
 
 }  // namespace marble::server

@@ -27,6 +27,7 @@ Json to_json(const ServerArguments& arguments, const ServerInfo& info) {
             {"batch_window", info.batch_window},
             {"history_jobs", info.history_jobs},
             {"trace_rows", info.trace_rows},
+            {"trace_pairs", info.trace_pairs},
             {"result_keep_s", info.result_keep_s},
             {"result_bytes_limit", info.result_bytes_limit}};
   if (info.quota) {
@@ -48,7 +49,11 @@ Json to_json(const ServerArguments& arguments, const ServerInfo& info) {
                {"session_bytes", info.session_bytes},
                {"sessions_opened", info.sessions_opened},
                {"updates", info.updates},
-               {"result_bytes", info.result_bytes}});
+               {"updates_solved", info.updates_solved},
+               {"result_bytes", info.result_bytes},
+               {"resident_bytes", info.resident_bytes},
+               {"busy_s", info.busy_s},
+               {"cpu_s", info.cpu_s}});
   return json;
 }
 

@@ -64,6 +64,7 @@ void print(const JobDetails& details) {
   }
   field("status", ending(job));
   if (job.error) field("why", terminal_text(job.error->message()));
+  if (!job.detail.empty()) field("detail", terminal_text(job.detail));
   if (job.kind == JobKind::session) field("updates", std::to_string(job.updates));
   field("work", std::to_string(job.iterations) + " iterations, " + std::to_string(job.factorizations) +
                     " factorizations");
@@ -73,6 +74,9 @@ void print(const JobDetails& details) {
                   job.violations.inequality, job.violations.complementarity));
   field("time", duration_text(job.queue_s) + " queue, " + duration_text(job.times.setup_s) + " set-up, " +
                     duration_text(job.times.solve_s) + " solve, " + duration_text(job.total_s) + " in all");
+  field("solve", duration_text(job.times.factorization_s) + " factorizations, " +
+                     duration_text(job.times.line_search_s) + " line search, " +
+                     duration_text(job.times.polish_s) + " polish");
   field("memory", std::to_string(job.memory_bytes) + " bytes");
   field("answer", job.result_bytes > 0 ? std::to_string(job.result_bytes) + " bytes kept" : "none kept");
   print_options(details.options);

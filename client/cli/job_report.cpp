@@ -73,10 +73,16 @@ Json to_json(const JobInfo& job) {
   json["queue_seconds"] = job.queue_s;
   json["setup_seconds"] = job.times.setup_s;
   json["solve_seconds"] = job.times.solve_s;
+  json["factorization_seconds"] = job.times.factorization_s;
+  json["line_search_seconds"] = job.times.line_search_s;
+  json["polish_seconds"] = job.times.polish_s;
   json["total_seconds"] = job.total_s;
   if (job.kind == JobKind::session) json["updates"] = job.updates;
   json["memory_bytes"] = job.memory_bytes;
   json["result_bytes"] = job.result_bytes;
+  if (!job.detail.empty()) json["detail"] = job.detail;
+  if (!job.trace_id.empty()) json["trace_id"] = job.trace_id;
+  if (job.finished_unix_s > 0.0) json["finished_unix_seconds"] = job.finished_unix_s;
   return json;
 }
 

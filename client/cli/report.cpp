@@ -74,6 +74,9 @@ std::string json_line(const Subject& problem, const Answer& s) {
   json["factorizations"] = s.factorizations;
   json["solve_seconds"] = s.times.solve_s;
   json["setup_seconds"] = s.times.setup_s;
+  json["factorization_seconds"] = s.times.factorization_s;
+  json["line_search_seconds"] = s.times.line_search_s;
+  json["polish_seconds"] = s.times.polish_s;
   json["queue_seconds"] = s.queue_s;
   if (!s.job_id.empty()) json["job_id"] = s.job_id;
   return line(json);

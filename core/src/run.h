@@ -1,6 +1,7 @@
 // One run of the solver: its clock, its counters, and the two ways it talks to the outside.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <optional>
 
@@ -22,6 +23,33 @@ class Run {
   bool nonconvex = false;            // a factorization showed that Q has negative curvature where it matters
   std::int32_t told_iteration = -1;  // the last one a sink was told of
   Times times;
+
+  /// Counts the time of a scope as polishing, but for its factorizations; the outermost one counts.
+  class Polishing {
+   public:
+    explicit Polishing(Run& run)
+        : run_(run),
+          outermost_(!run.polishing_),
+          begun_(Clock::now()),
+          factored_s_(run.times.factorization_s) {
+      run.polishing_ = true;
+    }
+    Polishing(const Polishing&) = delete;
+    Polishing& operator=(const Polishing&) = delete;
+    ~Polishing() {
+      if (!outermost_) return;
+      // Searches that went on at once may have factored for longer than the scope lasted.
+      const double rest = seconds(Clock::now() - begun_) - (run_.times.factorization_s - factored_s_);
+      run_.times.polish_s += std::max(0.0, rest);
+      run_.polishing_ = false;
+    }
+
+   private:
+    Run& run_;
+    bool outermost_;
+    Clock::time_point begun_;
+    double factored_s_;
+  };
 
   [[nodiscard]] ProgressSink* sink() const { return silent_ ? nullptr : controls_.progress; }
   [[nodiscard]] TaskRunner* runner() const { return controls_.runner; }
@@ -73,6 +101,7 @@ class Run {
   const SolveControls& controls_;
   Clock::time_point start_;
   bool silent_ = false;
+  bool polishing_ = false;
   std::int32_t begun_iterations_ = 0, begun_factorizations_ = 0;
 };
 

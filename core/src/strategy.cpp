@@ -191,6 +191,7 @@ std::vector<double> Strategy::prove_infeasible(Run& run) {
 // A branch that stays feasible after a small change is near the best one. Else it is mended; and a cold start
 // has its say where that fails, or where answers have become clearly worse than a cold start's was.
 bool Strategy::from_solution(Run& run, const WarmStart& warm_start) {
+  const Run::Polishing polishing(run);
   const int before = run.factorizations;
   const int last = before + kExactBudget + options_.local_search_budget;
   active_set_.start_from_solution(*warm_start.solution);
@@ -230,6 +231,7 @@ Strategy::Outcome Strategy::make_exact(Run& run, const char* origin, int budget)
 
 // A feasible path point that is clearly lower than its exact neighbour is the better answer.
 Strategy::Outcome Strategy::from_path(Run& run) {
+  const Run::Polishing polishing(run);
   const double objective = path_.objective();
   const double slack = kPathLoss * std::max(1.0, std::abs(objective));
   active_set_.start_from_path(path_.iterate());
@@ -242,6 +244,7 @@ Strategy::Outcome Strategy::from_path(Run& run) {
 }
 
 bool Strategy::from_interior(Run& run) {
+  const Run::Polishing polishing(run);
   if (problem_.pairs() == 0 || !interior_.run(run, initial_z_)) return false;
   active_set_.start_from_point(interior_.z());
   SearchPlan plan = kFromInterior;
@@ -253,6 +256,7 @@ bool Strategy::from_interior(Run& run) {
 
 // Few pairs that pull: better branches are a flip or two away. Many: they are found where all is soft still.
 void Strategy::improve(Run& run, int last_factorization) {
+  const Run::Polishing polishing(run);
   const int pulling = LocalSearch::pulling(active_set_);
   if (pulling == 0 || options_.local_search_budget == 0 || run.interrupted()) return;
   const double before = exact_.objective;
@@ -264,6 +268,7 @@ void Strategy::improve(Run& run, int last_factorization) {
 }
 
 void Strategy::improve_from_soft(Run& run, int last_factorization) {
+  const Run::Polishing polishing(run);
   searched_soft_ = true;
   path_.lean(run, initial_z_, kFromSoft.rho_first);
   active_set_.start_from_point(path_.iterate().z());
@@ -273,6 +278,7 @@ void Strategy::improve_from_soft(Run& run, int last_factorization) {
 
 // Where a soft search was cheap, a few more while they gain; and the starts asked for, in rounds.
 void Strategy::start_again(Run& run) {
+  const Run::Polishing polishing(run);
   int done = 1;
   for (int useless = 0; searched_soft_ && has_exact_ && !run.interrupted() && done < kFreeStarts &&
                         useless < kUseless && run.factorizations < kCheap;
@@ -296,6 +302,7 @@ bool Strategy::start_further(Run& run, int first, int count) {
 // Strongly stationary points are B-stationary; of others, those with few biactive pairs are tried on each
 // branch.
 Ending Strategy::finish_exact(Run& run) {
+  const Run::Polishing polishing(run);
   Images& images = finish_images_;
   images.evaluate(problem_, exact_.x);
   const std::vector<Index> biactive = biactive_pairs(images);

@@ -277,6 +277,7 @@ void to_message(const Solution& solution, v1::Solution* message) {
   times->set_factorization_s(solution.times.factorization_s);
   times->set_line_search_s(solution.times.line_search_s);
   times->set_solve_s(solution.times.solve_s);
+  times->set_polish_s(solution.times.polish_s);
 }
 
 Solution solution_of(const v1::Solution& message) {
@@ -300,7 +301,7 @@ Solution solution_of(const v1::Solution& message) {
   solution.iterations = message.iterations();
   solution.factorizations = message.factorizations();
   solution.times = {message.times().setup_s(), message.times().factorization_s(),
-                    message.times().line_search_s(), message.times().solve_s()};
+                    message.times().line_search_s(), message.times().solve_s(), message.times().polish_s()};
   return solution;
 }
 

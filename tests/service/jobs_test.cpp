@@ -106,6 +106,33 @@ TEST_F(Jobs, ASubmittedJobsAnswerIsThereForWhoeverComesBack) {
   EXPECT_EQ(counters().result_bytes(), 0);
 }
 
+TEST_F(Jobs, AJobThatIsOverTellsWhyAndHowItsPairsClosedOnTheCorner) {
+  start();
+  const std::string id = submit(example_request());
+  v1::SolveResponse response;
+  ASSERT_TRUE(result(id, true, &response).ok());
+  const v1::GetJobResponse known = get(id);
+  EXPECT_EQ(known.job().detail(), response.solution().detail());
+  EXPECT_FALSE(known.job().detail().empty());
+  EXPECT_GE(known.job().finished_unix_s(), known.job().accepted_unix_s());
+  EXPECT_GE(known.job().times().polish_s(), 0.0);
+  ASSERT_GT(known.trace().pairs_size(), 1);
+  const v1::PairSides& last = known.trace().pairs(known.trace().pairs_size() - 1);
+  EXPECT_EQ(last.iteration(), known.trace().rows(known.trace().rows_size() - 1).iteration());
+  ASSERT_EQ(last.s_size(), 1);
+  ASSERT_EQ(last.t_size(), 1);
+  EXPECT_NEAR(std::min(last.s(0), last.t(0)), known.job().violations().complementarity(), 0.1);
+}
+
+TEST_F(Jobs, PairsAreKeptOnlyOfProblemsWithFew) {
+  start({"--trace-pairs", "0"});
+  const std::string id = submit(example_request());
+  v1::SolveResponse response;
+  ASSERT_TRUE(result(id, true, &response).ok());
+  EXPECT_GT(get(id).trace().rows_size(), 0);
+  EXPECT_EQ(get(id).trace().pairs_size(), 0);
+}
+
 TEST_F(Jobs, AJobThatRunsHasNoAnswerYetAndWaitingHasItsDeadline) {
   start();
   const std::string id = submit(long_request());
@@ -144,6 +171,7 @@ TEST_F(Jobs, AJobThatFailsAnswersWithItsError) {
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_NE(status.error_message().find("bytes"), std::string::npos) << status.error_message();
   EXPECT_EQ(get(id).job().error().code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_GT(get(id).job().finished_unix_s(), 0.0);
 }
 
 TEST_F(Jobs, AnswersAreKeptForABoundedTimeAndSize) {

@@ -11,19 +11,27 @@ namespace marble::testing {
 
 class ServerProcess {
  public:
-  /// Starts the server at `binary` and waits until it answers. `flags` come after --listen 127.0.0.1:0,
-  /// unless they have a --listen of their own.
+  /// Starts the server at `binary` and waits until it answers. `flags` come after --listen 127.0.0.1:0
+  /// and --http none, unless they have their own.
   explicit ServerProcess(const std::string& binary, const std::vector<std::string>& flags = {})
       : process_(arguments(binary, flags, directory_.file("address")), directory_.file("log")) {
     const std::string file = directory_.file("address");
     const bool ready = eventually([&] { return std::filesystem::exists(file) || !process_.running(); });
     if (!ready || !process_.running()) throw std::runtime_error("marble-server did not start: " + log());
     std::ifstream lines(file);
-    for (std::string line; std::getline(lines, line);) addresses_.push_back(line);
+    for (std::string line; std::getline(lines, line);) {
+      if (line.rfind("http", 0) == 0) {
+        http_ = line;
+      } else {
+        addresses_.push_back(line);
+      }
+    }
   }
 
   [[nodiscard]] const std::string& address() const { return addresses_.at(0); }
   [[nodiscard]] const std::vector<std::string>& addresses() const { return addresses_; }
+  /// Of its HTTP port, "http://127.0.0.1:4711"; empty unless it was given one with --http.
+  [[nodiscard]] const std::string& http() const { return http_; }
   /// Everything it logged so far.
   [[nodiscard]] std::string log() const { return process_.output(); }
   /// The log's lines that hold all of the texts.
@@ -51,6 +59,8 @@ class ServerProcess {
     if (std::find(flags.begin(), flags.end(), "--listen") == flags.end()) {
       result.insert(result.end(), {"--listen", "127.0.0.1:0"});
     }
+    if (std::find(flags.begin(), flags.end(), "--http") == flags.end())
+      result.insert(result.end(), {"--http", "none"});
     result.insert(result.end(), flags.begin(), flags.end());
     return result;
   }
@@ -58,6 +68,7 @@ class ServerProcess {
   TemporaryDirectory directory_;
   ChildProcess process_;
   std::vector<std::string> addresses_;
+  std::string http_;
 };
 
 }  // namespace marble::testing

@@ -48,12 +48,16 @@ JobInfo job_info(const v1::JobInfo& m) {
   job.objective = m.objective();
   job.violations = violations_of(m.violations());
   const v1::Times& times = m.times();
-  job.times = {times.setup_s(), times.factorization_s(), times.line_search_s(), times.solve_s()};
+  job.times = {times.setup_s(), times.factorization_s(), times.line_search_s(), times.solve_s(),
+               times.polish_s()};
   job.queue_s = times.queue_s();
   job.total_s = times.total_s();
   job.updates = m.updates();
   job.memory_bytes = m.memory_bytes();
   job.result_bytes = m.result_bytes();
+  job.detail = m.detail();
+  job.trace_id = m.trace_id();
+  job.finished_unix_s = m.finished_unix_s();
   return job;
 }
 
@@ -61,8 +65,7 @@ std::vector<Progress> progress_rows(const google::protobuf::RepeatedPtrField<v1:
   std::vector<Progress> result;
   result.reserve(static_cast<std::size_t>(rows.size()));
   for (const v1::Progress& row : rows) {
-    result.push_back(progress_of(row));
-    result.back().z = {};  // the message will be gone
+    result.push_back(without_vectors(progress_of(row)));  // the message will be gone
   }
   return result;
 }

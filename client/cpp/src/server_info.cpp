@@ -19,6 +19,7 @@ void take_limits(const v1::Limits& limits, ServerInfo& info) {
   info.batch_window = limits.batch_window();
   info.history_jobs = limits.history_jobs();
   info.trace_rows = limits.trace_rows();
+  info.trace_pairs = limits.trace_pairs();
   info.session_idle_s = limits.session_idle_s();
   info.result_keep_s = limits.result_keep_s();
   if (!limits.has_quota()) return;
@@ -41,6 +42,14 @@ void take_counters(const v1::Counters& counters, ServerInfo& info) {
   info.sessions = counters.sessions();
   info.session_bytes = counters.session_bytes();
   info.result_bytes = counters.result_bytes();
+  info.updates_solved = counters.updates_solved_total();
+  info.busy_s = counters.busy_s_total();
+  info.cpu_s = counters.cpu_s_total();
+  info.resident_bytes = counters.resident_bytes();
+  info.queued_by_priority = {counters.queued_realtime(), counters.queued_interactive(),
+                             counters.queued_batch()};
+  info.estimated_wait_s = {counters.estimated_wait_realtime_s(), counters.estimated_wait_interactive_s(),
+                           counters.estimated_wait_batch_s()};
 }
 
 }  // namespace

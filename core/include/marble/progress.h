@@ -27,13 +27,23 @@ struct Progress {
   std::int32_t factorizations = 0;  ///< all factorizations so far, rejected ones included
   double elapsed_s = 0.0;           ///< since the solve began, seconds
   std::span<const double> z;        ///< the iterate (n, unscaled); valid only during the call
+  std::span<const double> s = {},
+                          t = {};  ///< L z + l and R z + r (n_c, unscaled), if the sink wants them; the same
 };
+
+/// The same row to keep: without the vectors, which are lent.
+[[nodiscard]] inline Progress without_vectors(Progress progress) {
+  progress.z = progress.s = progress.t = {};
+  return progress;
+}
 
 /// Receives progress on the solving thread; must return quickly and must not throw.
 class ProgressSink {
  public:
   virtual ~ProgressSink() = default;
   virtual void report(const Progress& progress) = 0;
+  /// Whether rows shall carry the two sides of the pairs.
+  [[nodiscard]] virtual bool wants_pairs() const { return false; }
 };
 
 }  // namespace marble

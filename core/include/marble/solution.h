@@ -46,6 +46,7 @@ struct Times {
   double factorization_s = 0.0;  ///< numeric factorizations
   double line_search_s = 0.0;    ///< trial points
   double solve_s = 0.0;          ///< the whole solve without set-up
+  double polish_s = 0.0;  ///< exact solutions and the search for better branches, but for factorizations
 };
 
 /// All vectors in the user's units, with Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0 at a solution.

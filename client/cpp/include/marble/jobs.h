@@ -57,6 +57,9 @@ struct JobInfo {
   double queue_s = 0.0, total_s = 0.0;
   std::int64_t updates = 0;  ///< of a session, answered ones
   std::int64_t memory_bytes = 0, result_bytes = 0;
+  std::string detail;            ///< the numbers that justify the status
+  std::string trace_id;          ///< of the W3C traceparent that came with it; may be empty
+  double finished_unix_s = 0.0;  ///< seconds since 1970, UTC; 0 while it has not
 };
 
 /// What a job did, oldest first; of a long one every `stride`-th iteration and the newest. Rows have no z.

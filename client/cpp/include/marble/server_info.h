@@ -1,6 +1,7 @@
 // What a server tells about itself.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -30,15 +31,19 @@ struct ServerInfo {
   std::int64_t message_bytes = 0, queue_bytes = 0, solve_bytes = 0, session_bytes_limit = 0,
                result_bytes_limit = 0;
   int queue_jobs = 0, sessions_limit = 0, session_updates = 0, batch_window = 0, history_jobs = 0,
-      trace_rows = 0;
+      trace_rows = 0, trace_pairs = 0;
   double session_idle_s = 0.0, result_keep_s = 0.0;
 
   /// Counters since the server's start.
   std::int64_t accepted = 0, answered = 0, solved = 0, refused = 0, cancelled = 0, failed = 0;
-  std::int64_t sessions_opened = 0, updates = 0;
+  std::int64_t sessions_opened = 0, updates = 0, updates_solved = 0;
+  double busy_s = 0.0;  ///< that workers have spent on jobs, all together
+  double cpu_s = 0.0;   ///< of the server's process
   /// Now.
   int queued = 0, running = 0, sessions = 0;
-  std::int64_t session_bytes = 0, result_bytes = 0;
+  std::int64_t session_bytes = 0, result_bytes = 0, resident_bytes = 0;
+  std::array<int, 3> queued_by_priority = {};   ///< realtime, interactive, batch
+  std::array<double, 3> estimated_wait_s = {};  ///< of a job of each that came now
 };
 
 }  // namespace marble

@@ -1,0 +1,15 @@
+#include "http/caller.h"
+
+namespace marble::server::http {
+
+Credentials credentials_of(const httplib::Request& request) {
+  Credentials given;
+  const bool six = request.remote_addr.find(':') != std::string::npos;
+  given.peer = (six ? "ipv6:[" + request.remote_addr + "]" : "ipv4:" + request.remote_addr) + ":" +
+               std::to_string(request.remote_port);
+  if (request.has_header("Authorization")) given.token = bearer_of(request.get_header_value("Authorization"));
+  if (request.has_header("Marble-Client")) given.name = request.get_header_value("Marble-Client");
+  return given;
+}
+
+}  // namespace marble::server::http

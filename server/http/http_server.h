@@ -1,0 +1,38 @@
+// The HTTP port: for browsers, Prometheus and probes. A thread a connection, within bounds.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "service_parts.h"
+
+namespace httplib {
+class Server;
+}
+
+namespace marble::server {
+
+class HttpServer {
+ public:
+  /// Listens at `parts.config.http`. Errors: unavailable (in use, or no address of this machine).
+  [[nodiscard]] static Expected<std::unique_ptr<HttpServer>> start(const ServiceParts& parts);
+  /// Ends the streams, answers what was asked, and stops.
+  ~HttpServer();
+  HttpServer(const HttpServer&) = delete;
+  HttpServer& operator=(const HttpServer&) = delete;
+
+  /// "http://127.0.0.1:50080", with the port that was taken in place of 0.
+  [[nodiscard]] const std::string& address() const { return address_; }
+
+ private:
+  explicit HttpServer(const ServiceParts& parts);
+  [[nodiscard]] bool bind(const std::string& address);
+
+  const ServiceParts& parts_;
+  std::unique_ptr<httplib::Server> server_;
+  std::string address_;
+  std::thread thread_;  // takes connections
+};
+
+}  // namespace marble::server

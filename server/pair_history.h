@@ -1,0 +1,65 @@
+// The two sides of a job's pairs at a few iterations: what a picture of s against t shows. Only of problems
+// with few pairs.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "marble/progress.h"
+
+namespace marble::server {
+
+class PairHistory {
+ public:
+  static constexpr std::size_t kMostFrames = 16;
+
+  /// Single precision is enough to look at.
+  struct Frame {
+    std::int32_t iteration = 0;
+    double kappa = 0.0;
+    std::vector<float> s, t;
+  };
+
+  void put(const Progress& progress) {
+    newest_.iteration = progress.iteration;
+    newest_.kappa = progress.kappa;
+    newest_.s.assign(progress.s.begin(), progress.s.end());
+    newest_.t.assign(progress.t.begin(), progress.t.end());
+    if (count_ % stride_ == 0) {
+      if (frames_.size() == kMostFrames) thin();
+      if (count_ % stride_ == 0) frames_.push_back(newest_);
+    }
+    ++count_;
+  }
+
+  [[nodiscard]] const Frame& newest() const { return newest_; }
+  /// Every stride-th, oldest first, and the newest.
+  [[nodiscard]] std::vector<Frame> frames() const {
+    std::vector<Frame> frames = frames_;
+    if (count_ > 0 && (count_ - 1) % stride_ != 0) frames.push_back(newest_);
+    return frames;
+  }
+  [[nodiscard]] bool empty() const { return count_ == 0; }
+
+  /// Another solve begins.
+  void begin() {
+    frames_.clear();
+    stride_ = 1;
+    count_ = 0;
+  }
+
+ private:
+  // Keeps every other frame.
+  void thin() {
+    std::size_t kept = 0;
+    for (std::size_t at = 0; at < frames_.size(); at += 2) frames_[kept++] = std::move(frames_[at]);
+    frames_.resize(kept);
+    stride_ *= 2;
+  }
+
+  std::vector<Frame> frames_;
+  Frame newest_;
+  std::int64_t stride_ = 1, count_ = 0;
+};
+
+}  // namespace marble::server

@@ -1,0 +1,51 @@
+#include "pair_history.h"
+
+#include <gtest/gtest.h>
+
+namespace marble::server {
+namespace {
+
+PairHistory filled(int rows) {
+  PairHistory history;
+  for (int i = 0; i < rows; ++i) {
+    const double s[] = {1.0 * i, 0.5}, t[] = {0.0, 2.0 * i};
+    Progress progress;
+    progress.iteration = i;
+    progress.kappa = 1.0 / (1 + i);
+    progress.s = s;
+    progress.t = t;
+    history.put(progress);
+  }
+  return history;
+}
+
+TEST(PairHistory, KeepsEveryFrameOfAShortSolve) {
+  const auto frames = filled(5).frames();
+  ASSERT_EQ(frames.size(), 5U);
+  EXPECT_EQ(frames[3].iteration, 3);
+  EXPECT_EQ(frames[3].s, (std::vector<float>{3.0F, 0.5F}));
+  EXPECT_EQ(frames[3].t, (std::vector<float>{0.0F, 6.0F}));
+}
+
+TEST(PairHistory, SpreadsItsFramesEvenlyOverALongSolveAndKeepsTheNewest) {
+  for (const int rows : {16, 17, 18, 33, 100, 1000, 4097}) {
+    const auto frames = filled(rows).frames();
+    ASSERT_LE(frames.size(), PairHistory::kMostFrames + 1) << rows;
+    ASSERT_GE(frames.size(), PairHistory::kMostFrames / 2) << rows;
+    EXPECT_EQ(frames.front().iteration, 0) << rows;
+    EXPECT_EQ(frames.back().iteration, rows - 1) << rows;
+    const int stride = frames[1].iteration;
+    for (std::size_t i = 0; i + 1 < frames.size(); ++i)
+      EXPECT_EQ(frames[i].iteration, static_cast<int>(i) * stride) << rows;
+  }
+}
+
+TEST(PairHistory, AnotherSolveBeginsEmpty) {
+  PairHistory history = filled(40);
+  history.begin();
+  EXPECT_TRUE(history.empty());
+  EXPECT_TRUE(history.frames().empty());
+}
+
+}  // namespace
+}  // namespace marble::server
