@@ -2,7 +2,10 @@
 
 #include <httplib.h>
 
+#include "http/event_routes.h"
 #include "http/health_routes.h"
+#include "http/job_routes.h"
+#include "http/page_routes.h"
 #include "http/reply.h"
 #include "http/task_queue.h"
 
@@ -18,10 +21,16 @@ void set_socket_options(int socket) {
   setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
 }
 
+// Each holds a thread: some are left for requests.
+int most_streams(const Config& config) { return config.http_connections / 4 * 3; }
+
 }  // namespace
 
 HttpServer::HttpServer(const ServiceParts& parts)
-    : parts_(parts), server_(std::make_unique<httplib::Server>()) {
+    : parts_(parts),
+      events_(std::make_unique<http::EventHub>(parts, most_streams(parts.config))),
+      server_(std::make_unique<httplib::Server>()),
+      router_(std::make_unique<http::Router>(*server_)) {
   server_->new_task_queue = [most = parts.config.http_connections] {
     return new http::TaskQueue(static_cast<std::size_t>(most));  // httplib deletes it
   };
@@ -37,7 +46,10 @@ HttpServer::HttpServer(const ServiceParts& parts)
     if (!response.body.empty()) return;
     http::reply_error(response, {ErrorCode::not_found, "path", -1, request.path, "is nothing that is here"});
   });
-  http::add_health_routes(*server_, parts);
+  http::add_health_routes(*router_, parts);
+  http::add_job_routes(*router_, parts);
+  http::add_event_routes(*router_, parts, *events_);
+  http::add_page_routes(*router_);
 }
 
 bool HttpServer::bind(const std::string& address) {
@@ -69,6 +81,7 @@ Expected<std::unique_ptr<HttpServer>> HttpServer::start(const ServiceParts& part
 }
 
 HttpServer::~HttpServer() {
+  events_->stop();
   server_->stop();
   if (thread_.joinable()) thread_.join();
 }

@@ -12,6 +12,10 @@ class Server;
 }
 
 namespace marble::server {
+namespace http {
+class EventHub;
+class Router;
+}  // namespace http
 
 class HttpServer {
  public:
@@ -30,7 +34,9 @@ class HttpServer {
   [[nodiscard]] bool bind(const std::string& address);
 
   const ServiceParts& parts_;
+  std::unique_ptr<http::EventHub> events_;
   std::unique_ptr<httplib::Server> server_;
+  std::unique_ptr<http::Router> router_;
   std::string address_;
   std::thread thread_;  // takes connections
 };
