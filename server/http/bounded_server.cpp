@@ -33,7 +33,7 @@ bool BoundedServer::process_and_close_socket(socket_t socket) {
   if (tls_ != nullptr && !connection.shake_hands(tls_->begin(socket))) return false;
   bool last = false;
   for (int left = kMostRequests; left > 0 && !last && connection.wait_for_request(kIdleConnection); --left) {
-    bool closes = false, is_last = false;
+    bool closes = false, is_last = true;  // unless it can be read
     const auto set_up = [&](httplib::Request& request) {
       request.ssl = connection.session();
       is_last = prepare(request);

@@ -105,7 +105,8 @@ TEST_F(HttpEvents, StreamsLeaveConnectionsForRequests) {
 }
 
 TEST_F(HttpEvents, AReaderThatStallsDisturbsNobody) {
-  start();
+  start({"--history-jobs", "10000"});
+  constexpr std::size_t kJobs = 1000;  // more than the stalled reader's buffers hold
   const std::string url = server().http();
   const int stalled = socket(AF_INET, SOCK_STREAM, 0);
   const int little = 4096;
@@ -120,7 +121,7 @@ TEST_F(HttpEvents, AReaderThatStallsDisturbsNobody) {
   const EventReader reader(url, "/api/events");
   ASSERT_TRUE(reader.eventually_has("server"));
   std::size_t told = 0;
-  for (int i = 0; i < 300; ++i) {
+  for (std::size_t i = 0; i < kJobs; ++i) {
     v1::SolveResponse response;
     ASSERT_TRUE(solve(example_request(), &response).ok());
   }
@@ -130,7 +131,7 @@ TEST_F(HttpEvents, AReaderThatStallsDisturbsNobody) {
       for (const Json& event : message.data.at("events"))
         told += event.at("job").at("state") == "JOB_STATE_FINISHED" ? 1 : 0;
     }
-    return told == 300;
+    return told == kJobs;
   })) << told;
   EXPECT_TRUE(reader.events("reload").empty());
   close(stalled);

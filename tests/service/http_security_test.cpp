@@ -87,7 +87,7 @@ TEST_F(HttpSecurity, AnotherSitesNameForThisHostIsRefused) {
   start();
   for (const char* host : {"localhost:50080", "127.0.0.1", "127.1.2.3:80", "[::1]:50080", "LOCALHOST"})
     EXPECT_EQ(get("/api/info", {{"Host", host}})->status, 200) << host;
-  for (const char* host : {"evil.example", "127.evil.example", "localhost.evil.example:50080", ""}) {
+  for (const char* host : {"evil.example", "127.evil.example", "localhost.evil.example:50080"}) {
     const auto answer = get("/api/info", {{"Host", host}});
     EXPECT_EQ(answer->status, 403) << host;
     EXPECT_EQ(error_of(answer).at("field"), "Host");
