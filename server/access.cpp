@@ -159,6 +159,11 @@ Expected<Identity> Access::require(const Credentials& given, Role role) const {
   return identity;
 }
 
+bool Access::knows_callers() const {
+  const auto rules = this->rules();
+  return rules->tokens_known || rules->certificates_known;
+}
+
 Quota Access::quota_of(const std::string& client) const {
   const auto rules = this->rules();
   const auto own = rules->quotas.find(client);

@@ -42,6 +42,8 @@ class Access {
   /// The same for a call that needs a role. Errors: permission_denied too.
   [[nodiscard]] Expected<Identity> require(const grpc::CallbackServerContext& context, Role role) const;
   [[nodiscard]] Expected<Identity> require(const Credentials& given, Role role) const;
+  /// Whether callers are told apart by tokens or certificates, and not by what they say.
+  [[nodiscard]] bool knows_callers() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// What the client may use.
   [[nodiscard]] Quota quota_of(const std::string& client) const ABSL_LOCKS_EXCLUDED(mutex_);
 
