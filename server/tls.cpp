@@ -32,7 +32,8 @@ class Source {
     if (!read) {
       // Once, not at every handshake.
       const std::string fault = read.error().message();
-      if (fault != last_fault_) log_.error("certificate_refused", {{"address", address_}, {"reason", fault}});
+      if (fault != last_fault_)
+        log_.error(Component::tls, "certificate_refused", {{"address", address_}, {"reason", fault}});
       last_fault_ = fault;
       return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
     }
@@ -40,9 +41,11 @@ class Source {
     if (*read == in_force_) return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
     in_force_ = *read;
     if (is_expired(in_force_)) {
-      log_.warn("certificate_expired", {{"address", address_}, {"valid_until", expiry_of(in_force_)}});
+      log_.warn(Component::tls, "certificate_expired",
+                {{"address", address_}, {"valid_until", expiry_of(in_force_)}});
     } else {
-      log_.info("certificate", {{"address", address_}, {"valid_until", expiry_of(in_force_)}});
+      log_.info(Component::tls, "certificate",
+                {{"address", address_}, {"valid_until", expiry_of(in_force_)}});
     }
     const grpc_ssl_pem_key_cert_pair pair = {in_force_.key.c_str(), in_force_.certificate.c_str()};
     // gRPC insists on authorities of clients where it asks for no client's certificate too.
