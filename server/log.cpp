@@ -2,17 +2,35 @@
 
 #include <spdlog/sinks/stdout_sinks.h>
 
+#include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 namespace marble::server {
 namespace {
 
 // Text from clients is quoted and escaped, and broken UTF-8 replaced: no client can forge a line.
-std::string shown(const std::string& text) {
-  return nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+void append(std::string& line, const std::string& text) {
+  const auto plain = [](char c) { return c >= ' ' && c <= '~' && c != '"' && c != '\\'; };
+  if (std::all_of(text.begin(), text.end(), plain)) {
+    line.append("\"").append(text).append("\"");
+  } else {
+    line += nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+  }
 }
-std::string shown(std::int64_t number) { return std::to_string(number); }
-std::string shown(double number) { return nlohmann::json(number).dump(); }
+
+// As JSON has them: null for what it has no number for.
+void append(std::string& line, double number) {
+  if (!std::isfinite(number)) {
+    line += "null";
+    return;
+  }
+  std::array<char, 32> digits;
+  line.append(digits.data(), std::to_chars(digits.data(), digits.data() + digits.size(), number).ptr);
+}
+
+void append(std::string& line, std::int64_t number) { line += std::to_string(number); }
 
 }  // namespace
 
@@ -50,12 +68,17 @@ void Log::write(const Line& line, const Fields& fields) const {
   std::string text = json_ ? "\"event\":\"" : "";
   text.append(event.name).append(json_ ? R"(","component":")" : " component=");
   text.append(to_string(event.component)).append(json_ ? "\"" : "");
-  const auto add = [&](std::string_view key, const std::string& value) {
-    text.append(json_ ? ",\"" : " ").append(key).append(json_ ? "\":" : "=").append(value);
+  const auto begin = [&](std::string_view key) {
+    text.append(json_ ? ",\"" : " ").append(key).append(json_ ? "\":" : "=");
   };
-  for (const Field& field : fields)
-    add(field.key, std::visit([](const auto& value) { return shown(value); }, field.value));
-  if (line.suppressed > 0) add("suppressed", shown(line.suppressed));
+  for (const Field& field : fields) {
+    begin(field.key);
+    std::visit([&](const auto& value) { append(text, value); }, field.value);
+  }
+  if (line.suppressed > 0) {
+    begin("suppressed");
+    append(text, line.suppressed);
+  }
   logger_->log(event.level, spdlog::string_view_t(text.data(), text.size()));
 }
 
