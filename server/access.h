@@ -26,6 +26,10 @@ struct Credentials {
 /// The token in the value of an authorization header; nothing if it is not a bearer's.
 [[nodiscard]] std::optional<std::string> bearer_of(const std::string& authorization);
 
+/// The host of gRPC's peer: "ipv4:127.0.0.1:4711" → "127.0.0.1", "ipv6:%5B::1%5D:4711" → "::1". Without the
+/// port, which is another for every connection of the same client.
+[[nodiscard]] std::string host_of(const std::string& peer);
+
 [[nodiscard]] Credentials credentials_of(const grpc::CallbackServerContext& context);
 
 /// Thread-safe.
