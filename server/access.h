@@ -3,6 +3,7 @@
 
 #include <grpcpp/server_context.h>
 
+#include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
@@ -42,6 +43,11 @@ class Access {
   /// The same for a call that needs a role. Errors: permission_denied too.
   [[nodiscard]] Expected<Identity> require(const grpc::CallbackServerContext& context, Role role) const;
   [[nodiscard]] Expected<Identity> require(const Credentials& given, Role role) const;
+  /// Callers turned away so far.
+  struct Refused {
+    std::int64_t unauthenticated = 0, permission_denied = 0;
+  };
+  [[nodiscard]] Refused refused() const { return {unauthenticated_, permission_denied_}; }
   /// What the client may use.
   [[nodiscard]] Quota quota_of(const std::string& client) const ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -52,6 +58,7 @@ class Access {
 
   mutable Mutex mutex_;
   std::shared_ptr<const Rules> rules_ ABSL_GUARDED_BY(mutex_);
+  mutable std::atomic<std::int64_t> unauthenticated_ = 0, permission_denied_ = 0;
 };
 
 }  // namespace marble::server

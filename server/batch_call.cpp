@@ -129,7 +129,7 @@ void BatchCall::room() {
 }
 
 void BatchCall::refuse(std::int64_t tag, const std::string& request_id, const Error& error) {
-  parts_.scheduler.count_refused();
+  parts_.scheduler.count_refused(error);
   log_refusal(parts_.log, caller_.peer, request_id, error);
   v1::SolveBatchResponse response;
   response.set_tag(tag);

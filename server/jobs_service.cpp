@@ -44,7 +44,7 @@ grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* conte
     message->Swap(&parsed);
     auto submitted = submit(*context, message, out);
     if (submitted) return submitted;
-    parts_.scheduler.count_refused();
+    parts_.scheduler.count_refused(submitted.error());
     log_refusal(parts_.log, context->peer(), message->request_id(), submitted.error());
     return submitted;
   };

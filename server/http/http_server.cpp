@@ -3,6 +3,7 @@
 #include <httplib.h>
 
 #include "http/health_routes.h"
+#include "http/metrics_route.h"
 #include "http/reply.h"
 #include "http/task_queue.h"
 
@@ -38,6 +39,7 @@ HttpServer::HttpServer(const ServiceParts& parts)
     http::reply_error(response, {ErrorCode::not_found, "path", -1, request.path, "is nothing that is here"});
   });
   http::add_health_routes(*server_, parts);
+  http::add_metrics_route(*server_, parts);
 }
 
 bool HttpServer::bind(const std::string& address) {
