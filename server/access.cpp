@@ -133,6 +133,7 @@ Expected<Identity> Access::identify(const Credentials& given) const {
     return Identity{*given.certificate, roles == rules->roles.end() ? kCertificateRoles : roles->second};
   }
   if (rules->tokens_known || rules->certificates_known) {
+    ++unauthenticated_;
     const char* reason = "needs a client certificate";
     if (rules->tokens_known)
       reason = given.token ? "the token is not known" : "needs a token: authorization: Bearer TOKEN";
@@ -151,6 +152,7 @@ Expected<Identity> Access::require(const grpc::CallbackServerContext& context, R
 Expected<Identity> Access::require(const Credentials& given, Role role) const {
   auto identity = identify(given);
   if (identity && !identity->roles.has(role)) {
+    ++permission_denied_;
     return unexpected(Error{ErrorCode::permission_denied, "", -1, "",
                             identity->client + " lacks the role " + to_string(role)});
   }

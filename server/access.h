@@ -3,6 +3,7 @@
 
 #include <grpcpp/server_context.h>
 
+#include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
@@ -48,6 +49,11 @@ class Access {
   [[nodiscard]] Expected<Identity> require(const Credentials& given, Role role) const;
   /// Whether callers are told apart by tokens or certificates, and not by what they say.
   [[nodiscard]] bool knows_callers() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Callers turned away so far.
+  struct Refused {
+    std::int64_t unauthenticated = 0, permission_denied = 0;
+  };
+  [[nodiscard]] Refused refused() const { return {unauthenticated_, permission_denied_}; }
   /// What the client may use.
   [[nodiscard]] Quota quota_of(const std::string& client) const ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -58,6 +64,7 @@ class Access {
 
   mutable Mutex mutex_;
   std::shared_ptr<const Rules> rules_ ABSL_GUARDED_BY(mutex_);
+  mutable std::atomic<std::int64_t> unauthenticated_ = 0, permission_denied_ = 0;
 };
 
 }  // namespace marble::server

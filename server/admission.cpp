@@ -81,7 +81,7 @@ Expected<void> check_progress(double interval_s, std::int32_t iterate_every, con
 }
 
 grpc::Status refuse(const ServiceParts& parts, const Origin& origin, const Error& error) {
-  parts.scheduler.count_refused();
+  parts.scheduler.count_refused(error);
   log_refusal(parts.log, origin, error);
   return to_status(error, parts.scheduler.retry_delay_s());
 }

@@ -131,7 +131,7 @@ void BatchCall::room() {
 }
 
 void BatchCall::refuse(std::int64_t tag, const std::string& request_id, const Error& error) {
-  parts_.scheduler.count_refused();
+  parts_.scheduler.count_refused(error);
   Origin origin = caller_.origin;
   origin.request_id = request_id;
   log_refusal(parts_.log, origin, error);

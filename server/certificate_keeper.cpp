@@ -8,7 +8,8 @@ std::shared_ptr<const Certificates> CertificateKeeper::look() {
   if (!read) {
     // Once, not at every handshake.
     const std::string fault = read.error().message();
-    if (fault != last_fault_) log_.error(Component::tls, "certificate_refused", {{"address", address_}, {"reason", fault}});
+    if (fault != last_fault_)
+      log_.error(Component::tls, "certificate_refused", {{"address", address_}, {"reason", fault}});
     last_fault_ = fault;
     return in_force_;
   }
@@ -16,7 +17,8 @@ std::shared_ptr<const Certificates> CertificateKeeper::look() {
   if (in_force_ != nullptr && *read == *in_force_) return in_force_;
   in_force_ = std::make_shared<const Certificates>(*read);
   if (is_expired(*in_force_)) {
-    log_.warn(Component::tls, "certificate_expired", {{"address", address_}, {"valid_until", expiry_of(*in_force_)}});
+    log_.warn(Component::tls, "certificate_expired",
+              {{"address", address_}, {"valid_until", expiry_of(*in_force_)}});
   } else {
     log_.info(Component::tls, "certificate", {{"address", address_}, {"valid_until", expiry_of(*in_force_)}});
   }

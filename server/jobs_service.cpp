@@ -47,7 +47,7 @@ grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* conte
     origin.request_id = message->request_id();
     auto submitted = submit(*context, origin, message, out);
     if (submitted) return submitted;
-    parts_.scheduler.count_refused();
+    parts_.scheduler.count_refused(submitted.error());
     log_refusal(parts_.log, origin, submitted.error());
     return submitted;
   };

@@ -104,6 +104,10 @@ int main(int argc, char** argv) {
   const auto command_line = parse_command_line(argc, argv, exit_code);
   if (!command_line) return exit_code;
   if (!command_line->new_token.empty()) return print_new_token(command_line->new_token);
+  if (command_line->print_metrics) {
+    std::cout << metrics_markdown();
+    return 0;
+  }
   const auto config = load_config(*command_line);
   if (!config) return tell(config.error());
   if (command_line->print_config || command_line->check_config) {
@@ -115,12 +119,13 @@ int main(int argc, char** argv) {
   configure(log, *config);
   const GrpcLog grpc_log(log);
   Access access(*config);
+  Metrics metrics(config->metrics, config->metrics_clients);
   LiveCalls calls;
   JobBoard board({config->history_jobs, config->trace_rows, config->trace_pairs});
   FeedLimit feeds{config->watchers};
   ResultStore results(result_limits(*config));
   SessionTable sessions({config->sessions, config->session_bytes});
-  const auto shared_scheduler = std::make_shared<Scheduler>(queue_limits(*config), board, log);
+  const auto shared_scheduler = std::make_shared<Scheduler>(queue_limits(*config), board, log, metrics);
   Scheduler& scheduler = *shared_scheduler;
   const auto expiry = std::make_shared<ResultExpiry>(results);
   const auto suppressed_lines = std::make_shared<SuppressedLines>(log);
@@ -128,12 +133,13 @@ int main(int argc, char** argv) {
   pulse.add(shared_scheduler);
   pulse.add(expiry);
   pulse.add(suppressed_lines);
-  const ServiceParts parts{*config, access, log, pulse, board, feeds, results, scheduler, sessions, calls};
+  const ServiceParts parts{*config, access,  log,       metrics,  pulse, board,
+                           feeds,   results, scheduler, sessions, calls};
   SolverService solver_service(parts);
   JobsService jobs_service(parts);
   InfoService info_service(parts);
 
-  const auto listening = listen(*config, {&solver_service, &jobs_service, &info_service}, log);
+  const auto listening = listen(*config, {&solver_service, &jobs_service, &info_service}, log, metrics);
   if (!listening) {
     log.error(Component::server, "cannot_listen",
               {{"address", listening.error().value}, {"reason", listening.error().bound}});

@@ -76,8 +76,8 @@ Error refusal(QueueRefusal why, const QueueLimits& limits, const Job& job) {
 
 }  // namespace
 
-Scheduler::Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log)
-    : limits_(limits), board_(board), log_(log), queue_(limits) {
+Scheduler::Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log, Metrics& metrics)
+    : limits_(limits), board_(board), log_(log), metrics_(metrics), queue_(limits) {
   for (int i = 0; i < limits_.workers; ++i) workers_.emplace_back([this] { work(); });
 }
 
@@ -134,9 +134,10 @@ void Scheduler::cancel(const std::shared_ptr<Job>& job) {
   finish(*job, std::move(outcome), false);
 }
 
-void Scheduler::count_refused() {
+void Scheduler::count_refused(const Error& error) {
   const MutexLock lock(mutex_);
   ++counters_.refused;
+  ++counters_.refused_by_reason[refusal_reason(error)];
 }
 
 bool Scheduler::is_closed() const {
@@ -228,6 +229,7 @@ void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
   if (!ran) outcome.retry_delay_s = retry_delay_s();  // what failed by itself would fail again
   job.work = nullptr;
   log_end(log_, job, outcome);
+  metrics_.job_ended(job, outcome);
   if (job.ticket.reserved) {
     if (!job.is_setup) job.record->answered(outcome.solution, outcome.total_s);
   } else {
@@ -350,6 +352,7 @@ Counters Scheduler::counters() const {
   Counters counters = counters_;
   counters.queued = static_cast<int>(queue_.waiting());
   counters.running = queue_.running();
+  counters.request_bytes = queue_.bytes();
   const Clock::time_point now = Clock::now();
   for (const auto& job : running_) counters.busy_s += seconds(now - job->begun);
   double work_s = work_under_way_s();

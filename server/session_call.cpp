@@ -175,7 +175,9 @@ Expected<void> SessionCall::take_setup(v1::SessionSetup& setup) {
   job->work = [this, kept, problem = *problem, initial_z](const SolveControls&) -> Expected<Solution> {
     const std::int64_t most = std::min(parts_.config.solve_bytes, parts_.sessions.room());
     if (auto made = session_->set_up(problem, initial_z, most); !made) return unexpected(made.error());
-    return Solution{};
+    Solution prepared;
+    prepared.times.setup_s = session_->setup_s();
+    return prepared;
   };
   job->observer = std::make_shared<SetupObserver>(self_);
   if (const auto admitted = parts_.scheduler.admit(job); !admitted) {
@@ -243,6 +245,7 @@ void SessionCall::take_update(v1::SessionUpdate& message) {
     v1::SessionSuperseded* superseded = events_.emplace_back().mutable_superseded();
     superseded->set_sequence(waiting_.front()->message.sequence());
     superseded->set_by_sequence(sequence);
+    parts_.metrics.update_superseded();
     take_along(std::move(waiting_.front()->message), message);
     waiting_.pop_front();
   }
@@ -321,6 +324,7 @@ void SessionCall::update_done(const std::shared_ptr<Update>& update, Outcome out
 }
 
 void SessionCall::refuse(std::int64_t sequence, const Error& error, double retry_delay_s) {
+  parts_.metrics.update_refused(error);
   v1::SessionError* message = events_.emplace_back().mutable_error();
   message->set_sequence(sequence);
   *message->mutable_status() = to_message(error, retry_delay_s);
@@ -336,6 +340,7 @@ void SessionCall::report(const Progress& progress) {
 void SessionCall::take_rows() {
   const ProgressSlot::Rows taken = slot_.take();
   if (taken.rows.empty()) return;
+  parts_.metrics.progress_sent(taken.rows.size(), taken.newly_skipped);
   v1::SessionProgress* progress = events_.emplace_back().mutable_progress();
   progress->set_sequence(solving_);
   fill_rows(taken, progress->mutable_progress());

@@ -131,6 +131,7 @@ bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
     return true;
   }
   if (const ProgressSlot::Rows taken = slot_.take(); !taken.rows.empty()) {
+    parts_.metrics.progress_sent(taken.rows.size(), taken.newly_skipped);
     fill_rows(taken, event->mutable_progress());
     return true;
   }

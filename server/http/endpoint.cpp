@@ -3,15 +3,15 @@
 #include <algorithm>
 #include <utility>
 
-#include "../reply.h"
 #include "http/caller.h"
 #include "http/reply.h"
+#include "job_log.h"
 
 namespace marble::server::http {
 
 void refuse(const Log& log, const httplib::Request& request, const Error& error,
             httplib::Response& response) {
-  log_refusal(log, credentials_of(request).peer, "", error);
+  log_refusal(log, Origin{credentials_of(request).peer}, error);
   reply_error(response, error);
 }
 

@@ -8,6 +8,7 @@
 #include "http/event_routes.h"
 #include "http/health_routes.h"
 #include "http/job_routes.h"
+#include "http/metrics_route.h"
 #include "http/page_routes.h"
 #include "http/reply.h"
 #include "http/task_queue.h"
@@ -75,6 +76,7 @@ HttpServer::HttpServer(const ServiceParts& parts, const std::string& address)
   http::add_health_routes(*router_, parts);
   http::add_job_routes(*router_, parts);
   http::add_event_routes(*router_, parts, *events_);
+  http::add_metrics_route(*router_, parts);
   http::add_page_routes(*router_);
 }
 
