@@ -62,7 +62,7 @@ TableMatrix table_of(const cholmod_triplet& triplet) {
 }
 
 Expected<std::optional<TableMatrix>> read_part(const std::string& folder, const char* part) {
-  const std::string path = folder + "/" + part + ".mtx";
+  const std::string path = (std::filesystem::path(folder) / part).string() + ".mtx";
   if (!std::filesystem::exists(path)) return std::nullopt;
   const File file(std::fopen(path.c_str(), "re"), &std::fclose);
   if (file == nullptr) return unexpected(Error{ErrorCode::not_found, part, -1, "", "cannot be read"});
@@ -98,10 +98,11 @@ Expected<void> write_file(const std::string& path,
   return unexpected(Error{ErrorCode::unavailable, "", -1, path, "cannot be written"});
 }
 
-// CHOLMOD writes what it is lent; it changes nothing.
+// CHOLMOD writes what it is lent and changes nothing. It takes no null for an array without entries.
 template <class T>
 T* lent(const std::vector<T>& values) {
-  return const_cast<T*>(values.data());
+  static T nothing = {};
+  return values.empty() ? &nothing : const_cast<T*>(values.data());
 }
 
 }  // namespace
@@ -115,7 +116,7 @@ Expected<void> write_matrix_market(const ProblemFile& file, const std::string& f
   std::filesystem::create_directories(folder, failed);
   if (failed)
     return unexpected(Error{ErrorCode::unavailable, "", -1, folder, "cannot be made: " + failed.message()});
-  const auto path = [&](const char* part) { return folder + "/" + part + ".mtx"; };
+  const auto path = [&](const char* part) { return (std::filesystem::path(folder) / part).string() + ".mtx"; };
   for (const char* part : kParts) std::filesystem::remove(path(part), failed);
   TableSink sink;
   sink.matrix = [&](const char* part, const SparseMatrix& matrix) {
