@@ -116,7 +116,9 @@ Expected<void> write_matrix_market(const ProblemFile& file, const std::string& f
   std::filesystem::create_directories(folder, failed);
   if (failed)
     return unexpected(Error{ErrorCode::unavailable, "", -1, folder, "cannot be made: " + failed.message()});
-  const auto path = [&](const char* part) { return (std::filesystem::path(folder) / part).string() + ".mtx"; };
+  const auto path = [&](const char* part) {
+    return (std::filesystem::path(folder) / part).string() + ".mtx";
+  };
   for (const char* part : kParts) std::filesystem::remove(path(part), failed);
   TableSink sink;
   sink.matrix = [&](const char* part, const SparseMatrix& matrix) {

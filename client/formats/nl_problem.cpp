@@ -283,7 +283,7 @@ class NlReader {
   }
 
   Quadratic power() {
-    const Quadratic base = expression();
+    Quadratic base = expression();
     const Quadratic exponent = expression();
     if (exponent.degree() == 0 && exponent.constant == 0.0) return Quadratic::of(1.0);
     if (exponent.degree() == 0 && exponent.constant == 1.0) return base;
