@@ -5,6 +5,7 @@
 
 #include "commands.h"
 #include "exit_code.h"
+#include "formats.h"
 #include "interrupt.h"
 #include "iteration_table.h"
 #include "marble/client.h"
@@ -121,7 +122,7 @@ int tell_error(const SolveArguments& arguments, const std::string& file, const s
 
 int solve_file(const SolveArguments& arguments, const std::string& path, const Options& options,
                const Engine& engine, std::stop_token stop) {
-  const auto file = read_problem(path);
+  const auto file = formats::read_any_problem(path);
   if (!file) return tell_error(arguments, path, "", file.error());
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
   const auto answer = engine.solve(*file, options, std::move(stop));

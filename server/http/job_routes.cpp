@@ -5,8 +5,9 @@
 
 #include "http/endpoint.h"
 #include "http/reply.h"
-#include "http/trace_csv.h"
+#include "job_access.h"
 #include "job_requests.h"
+#include "marble/progress_csv.h"
 #include "server_info.h"
 
 namespace marble::server::http {
@@ -61,6 +62,16 @@ std::string file_name(const std::string& id) {
   return name + ".csv";
 }
 
+std::string trace_csv(const JobRecord::Trace& trace) {
+  constexpr const char* kLineEnd = "\r\n";  // RFC 4180
+  std::string text = progress_csv_header() + kLineEnd;
+  for (const Progress& row : trace.rows) {
+    append_progress_csv(row, text);
+    text += kLineEnd;
+  }
+  return text;
+}
+
 /// Answers with what `ask` fills, for the job that the path names.
 template <class Response, class Ask>
 Answer of_job(const JobBoard& board, Ask ask) {
@@ -103,10 +114,10 @@ void add_job_routes(Router& router, const ServiceParts& parts) {
                [&board](const httplib::Request& request, const Identity& caller,
                         httplib::Response& response) -> Expected<void> {
                  const std::string id = request.matches[1].str();
-                 v1::GetJobResponse message;
-                 if (auto got = get_job(board, caller, id, &message); !got) return got;
+                 const auto record = find_job(board, caller, id);
+                 if (!record) return unexpected(record.error());
                  response.set_header("Content-Disposition", "attachment; filename=\"" + file_name(id) + "\"");
-                 response.set_content(trace_csv(message.trace()), "text/csv; charset=utf-8; header=present");
+                 response.set_content(trace_csv((*record)->trace()), "text/csv; charset=utf-8; header=present");
                  return {};
                }));
   router.post("/api/jobs/([^/]+)/cancel", endpoint(parts, of_job<v1::CancelJobResponse>(board, cancel_job)));

@@ -75,7 +75,7 @@ TEST_F(HttpJobs, TheTraceAsCsvIsTheTrace) {
   std::string line;
   std::getline(lines, line);
   EXPECT_EQ(line.rfind("iteration,outer_iteration,objective,", 0), 0U);
-  EXPECT_EQ(line.substr(line.size() - 17), ",elapsed_seconds\r");
+  EXPECT_EQ(line.substr(line.size() - 11), ",elapsed_s\r");
   const v1::GetJobResponse told = job(id);
   ASSERT_GT(told.trace().rows_size(), 0);
   for (const v1::Progress& row : told.trace().rows()) {
