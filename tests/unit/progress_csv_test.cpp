@@ -31,19 +31,21 @@ TEST(ProgressCsv, EveryColumnStandsInItsPlaceWithEveryBit) {
                  .step_length = 0.5,
                  .regularization = 1e-4,
                  .factorizations = 7,
-                 .elapsed_s = 0.25}),
+                 .elapsed_s = 0.25,
+                 .z = {}}),
             "3,2,-0.1,1e-09,2.5e-300,0.3333333333333333,4,1e-14,1e+06,0.5,0.0001,7,0.25");
 }
 
 TEST(ProgressCsv, NumbersThatAreNoneAreNamed) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  const std::string text = csv({.objective = std::numeric_limits<double>::quiet_NaN(), .rho = -kInfinity});
+  const std::string text = csv(
+      {.objective = std::numeric_limits<double>::quiet_NaN(), .violations = {}, .rho = -kInfinity, .z = {}});
   EXPECT_EQ(text, "0,0,nan,0,0,0,0,0,-inf,0,0,0,0");
 }
 
 TEST(ProgressCsv, WhatIsReadByTheColumnsIsWhatWasWritten) {
   Progress copy;
-  const Progress row{.iteration = 9, .objective = 0.1, .violations = {1, 2, 3}, .elapsed_s = 5e-5};
+  const Progress row{.iteration = 9, .objective = 0.1, .violations = {1, 2, 3}, .elapsed_s = 5e-5, .z = {}};
   for (const ProgressColumn& column : progress_columns()) column.set(copy, column.get(row));
   EXPECT_EQ(csv(copy), csv(row));
 }
