@@ -102,7 +102,6 @@ class Scheduler final : public Pulsed, public TaskRunner {
   void refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error);
   void finish(Job& job, Outcome outcome, bool ran) ABSL_LOCKS_EXCLUDED(mutex_);
   void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void log_end(const Job& job, const Outcome& outcome) const;
   [[nodiscard]] QueuePlace place_of(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Until the running ones are half done: nobody knows how far they are.
   [[nodiscard]] double work_under_way_s() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
