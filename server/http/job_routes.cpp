@@ -108,18 +108,19 @@ void add_job_routes(Router& router, const ServiceParts& parts) {
                                      return {};
                                    }));
   router.get("/api/jobs/([^/]+)", endpoint(parts, of_job<v1::GetJobResponse>(board, get_job)));
-  router.get(
-      "/api/jobs/([^/]+)/trace\\.csv",
-      endpoint(parts,
-               [&board](const httplib::Request& request, const Identity& caller,
-                        httplib::Response& response) -> Expected<void> {
-                 const std::string id = request.matches[1].str();
-                 const auto record = find_job(board, caller, id);
-                 if (!record) return unexpected(record.error());
-                 response.set_header("Content-Disposition", "attachment; filename=\"" + file_name(id) + "\"");
-                 response.set_content(trace_csv((*record)->trace()), "text/csv; charset=utf-8; header=present");
-                 return {};
-               }));
+  router.get("/api/jobs/([^/]+)/trace\\.csv",
+             endpoint(parts,
+                      [&board](const httplib::Request& request, const Identity& caller,
+                               httplib::Response& response) -> Expected<void> {
+                        const std::string id = request.matches[1].str();
+                        const auto record = find_job(board, caller, id);
+                        if (!record) return unexpected(record.error());
+                        response.set_header("Content-Disposition",
+                                            "attachment; filename=\"" + file_name(id) + "\"");
+                        response.set_content(trace_csv((*record)->trace()),
+                                             "text/csv; charset=utf-8; header=present");
+                        return {};
+                      }));
   router.post("/api/jobs/([^/]+)/cancel", endpoint(parts, of_job<v1::CancelJobResponse>(board, cancel_job)));
 }
 
