@@ -49,7 +49,8 @@ bool zero_counts(const ProgressColumn& column) { return column.name.ends_with("_
 
 Curve curve_of(std::span<const Progress> rows, const ProgressColumn& column, int number) {
   const auto style = kStylesOfCurves[static_cast<std::size_t>(number) % kStylesOfCurves.size()];
-  Curve curve{std::string(column.name), static_cast<char>('a' + number % 26), style, {}, zero_counts(column)};
+  const std::string_view name = column.name.substr(0, column.name.rfind("_violation"));
+  Curve curve{std::string(name), static_cast<char>('a' + number % 26), style, {}, zero_counts(column)};
   for (const Progress& row : rows) curve.values.push_back(column.get(row));
   return curve;
 }

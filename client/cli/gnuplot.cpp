@@ -168,7 +168,9 @@ std::string gnuplot_script(std::span<const Progress> rows, std::span<const Progr
   std::string text = data_block(rows, columns, floor);
   text += format == PictureFormat::png ? "set terminal pngcairo size 1200,900 font 'sans,11'\n"
                                        : "set terminal svg size 1200,900 font 'sans,14' background 'white'\n";
-  text += "set border 3 linecolor rgb '#666666'\nset tics nomirror\nset grid linecolor rgb '#e4e4e4'\n";
+  text +=
+      "set border 3 linecolor rgb '#666666'\nset tics nomirror\nset grid linetype 1 linewidth 0.6 linecolor "
+      "rgb '#e4e4e4'\n";
   text += "set key outside bottom center horizontal noenhanced\nset y2range [0:1]\nset lmargin 12\n";
   text += "set title '" + safe_title(title) + "' noenhanced\n";
   if (upper && lower) text += "set multiplot\nset size 1,0.64\nset origin 0,0.36\n";

@@ -38,12 +38,14 @@ class Live : public Cli {
              std::vector<std::string> environment = {}) {
     terminal_ = std::make_unique<Terminal>(width, height);
     before_ = terminal_->settings();
-    environment.insert(environment.end(), {"TERM=xterm", "LC_ALL=C.UTF-8"});
+    environment.insert(environment.begin(), {"TERM=xterm", "LC_ALL=C.UTF-8"});
+    std::string command = "exec env";  // of a name that is set twice a shell may take either
+    for (const std::string& variable : environment) command += " '" + variable + "'";
     const std::string tty = "'" + terminal_->path() + "'";
-    const std::string command = std::string("exec '") + MARBLE_BINARY + "' watch " + arguments +
-                                " --server '" + address() + "' <" + tty + " >" + tty + " 2>" + tty;
+    command += std::string(" '") + MARBLE_BINARY + "' watch " + arguments + " --server '" + address() +
+               "' <" + tty + " >" + tty + " 2>" + tty;
     program_ = std::make_unique<ChildProcess>(std::vector<std::string>{"/bin/sh", "-c", command},
-                                              directory_.file("shell"), std::move(environment));
+                                              directory_.file("shell"));
   }
   // All bytes since the start.
   const std::string& bytes() {

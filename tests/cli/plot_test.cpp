@@ -54,12 +54,12 @@ class TerminalPlot : public ::testing::Test {
 TEST_F(TerminalPlot, AGeometricFallIsAStraightLineOnALogAxis) {
   EXPECT_EQ(drawn({{"v", 'v', Style::series_1, {1, 1e-2, 1e-4}}}, {{26, 7}, true, false}),
             "v v\n"
-            "1e+00 |vv                 \n"
-            "      |  vvvvv            \n"
-            "1e-02 |       vvvvv       \n"
-            "      |            vvvvv  \n"
-            "1e-04 |                 vv\n"
-            "      0    iteration    2\n");
+            "1e+00 |vvvvv              \n"
+            "      |     vvvv          \n"
+            "      |         vvvvv     \n"
+            "      |              vvvv \n"
+            "1e-04 |                  v\n"
+            "      0    iteration     2\n");
 }
 
 TEST_F(TerminalPlot, AnExactZeroOfAViolationHasARowOfItsOwn) {

@@ -1,5 +1,6 @@
 // `solve --trace` and `marble plot`: every iteration in a file, and pictures of it.
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 
 #include "cli_test.h"
@@ -122,8 +123,10 @@ TEST_F(Trace, IsPlottedInTheTerminalWithoutGnuplot) {
     EXPECT_NE(here.out.find(part), std::string::npos) << part << '\n' << here.out;
   EXPECT_EQ(here.out.find('\033'), std::string::npos) << "no colours where there is no terminal";
   const std::string png = directory_.file("none.png");
-  const Result without =
-      run("plot " + quoted(csv) + " -o " + quoted(png), "/dev/null", {"PATH=/nonexistent"});
+  const std::string path = std::getenv("PATH");
+  setenv("PATH", "/nonexistent", 1);
+  const Result without = run("plot " + quoted(csv) + " -o " + quoted(png));
+  setenv("PATH", path.c_str(), 1);
   EXPECT_EQ(without.exit_code, 2) << "there is no picture";
   EXPECT_NE(without.err.find("gnuplot is not installed"), std::string::npos) << without.err;
   EXPECT_NE(without.out.find("kkt_residual"), std::string::npos);
