@@ -35,7 +35,7 @@ export function packIntegers(values: Int32Array): Uint8Array {
 
 // A message's bytes start anywhere, a typed array's must not.
 function aligned(bytes: Uint8Array, size: number): ArrayBuffer {
-  const copy = bytes.slice();
+  const copy = new Uint8Array(bytes); // slice() of a Buffer would be a view
   return (foreign ? swap(copy, size) : copy).buffer as ArrayBuffer;
 }
 

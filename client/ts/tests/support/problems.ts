@@ -1,4 +1,4 @@
-import type { Problem, Solution, Triplets } from "@marble/client";
+import type { Problem, Solution, SolveOptions, Triplets } from "@marble/client";
 
 import { marble } from "./server.js";
 
@@ -39,13 +39,48 @@ export function example(name: string, ...words: string[]): FileProblem {
   return JSON.parse(marble("example", name, ...words)) as FileProblem;
 }
 
-/** Takes seconds: enough to be seen while it runs. */
-export function long(): Problem {
-  return example("gates", "--steps", "120");
+/** A chain of states x, controls u and forces f: x' = x + u + f/2, 0 ≤ f ⊥ x + ½ ≥ 0, |u| ≤ 1. */
+export function chain(steps: number): FileProblem {
+  const n = 3 * steps;
+  const matrix = (rows: number): Triplets & Record<"i" | "j" | "v", number[]> => ({ rows, cols: n, i: [], j: [], v: [] });
+  const [Q, A, C, L, R] = [n, steps, 2 * steps, steps, steps].map(matrix);
+  const put = (m: typeof Q, i: number, j: number, v: number): void => void [m.i.push(i), m.j.push(j), m.v.push(v)];
+  const g = new Array<number>(n).fill(0);
+  for (let k = 0; k < n; ++k) put(Q, k, k, 1);
+  for (let k = 0; k < steps; ++k) {
+    const [x, u, f] = [3 * k, 3 * k + 1, 3 * k + 2];
+    g[x] = Math.sin(0.1 * k);
+    if (k > 0) put(A, k, x - 3, -1);
+    put(A, k, x, 1);
+    put(A, k, u, -1);
+    put(A, k, f, -0.5);
+    put(C, 2 * k, u, 1);
+    put(C, 2 * k + 1, u, -1);
+    put(L, k, f, 1);
+    put(R, k, x, 1);
+  }
+  const fill = (size: number, value: number): number[] => new Array<number>(size).fill(value);
+  return { name: "chain", Q, g, A, b: fill(steps, 0), C, d: fill(2 * steps, 1), L, l: fill(steps, 0), R, r: fill(steps, 0.5) };
 }
 
-/** Options for which a solve goes on as long as it is let. */
-export const endless = { starts: 1000, localSearchBudget: 1_000_000 } as const;
+/** Options with which the chain is followed for a million iterations. */
+export const endless: SolveOptions = {
+  path: "paper",
+  polish: false,
+  maxIterations: 1_000_000,
+  kappaInitial: 1e6,
+  kappaFactor: 0.99,
+  kappaMin: 1e-20,
+  rhoInitial: 1,
+  rhoMax: 1,
+  equalityTolerance: 1e-14,
+  inequalityTolerance: 1e-14,
+  complementarityTolerance: 1e-14,
+  stationarityTolerance: 1e-14,
+};
+
+/** What takes `endless` to solve. */
+export const long = chain(2000);
 
 /** The largest violation of a point, from the problem's own numbers. */
 export function violation(problem: FileProblem, z: ArrayLike<number>): number {

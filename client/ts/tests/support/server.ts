@@ -80,3 +80,10 @@ export async function eventually(holds: () => boolean | Promise<boolean>): Promi
   }
   throw new Error("did not happen within a minute");
 }
+
+/** A new token as `marble-server --new-token` makes it, and its line for --tokens. */
+export function newToken(nameAndRoles: string): { secret: string; line: string } {
+  const made = execFileSync(join(binaries, "marble-server"), ["--new-token", nameAndRoles], { encoding: "utf8" });
+  const end = made.indexOf("\n");
+  return { secret: made.slice(0, end), line: made.slice(end + 1) };
+}
