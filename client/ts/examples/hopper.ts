@@ -21,7 +21,14 @@ function draw(z: Float64Array): string {
   const body = steps.map((step): Point => [step[at.bodyX], step[at.bodyZ]]);
   const foot = steps.map((step): Point => [step[at.footX], step[at.footZ]]);
   const right = Math.max(...body.map(([x]) => x)) + 0.3;
-  const stairs: Point[] = [[-0.3, 0], [0.75, 0], [0.75, 0.15], [1.15, 0.15], [1.15, 0.3], [1.85, 0.3]];
+  const stairs: Point[] = [
+    [-0.3, 0],
+    [0.75, 0],
+    [0.75, 0.15],
+    [1.15, 0.15],
+    [1.15, 0.3],
+    [1.85, 0.3],
+  ];
   stairs.push([1.85, 0.15], [2.25, 0.15], [2.25, 0], [right, 0]);
   const legs = steps.map((step, k) => {
     const stands = step[at.normalForce] > 1e-6;

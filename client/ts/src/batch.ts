@@ -23,8 +23,7 @@ export interface BatchProblem<Tag> extends Omit<RequestControls, "priority"> {
 
 /** What came of one problem: its solution, or why there is none. */
 export type BatchAnswer<Tag> =
-  | { tag: Tag; solution: Solution; error?: undefined }
-  | { tag: Tag; solution?: undefined; error: MarbleError };
+  { tag: Tag; solution: Solution; error?: undefined } | { tag: Tag; solution?: undefined; error: MarbleError };
 
 /** What holds for a batch as a whole. */
 export interface BatchControls {

@@ -11,8 +11,8 @@ import type { Solution } from "./solution.js";
 import { type SolveControls, type SolveEvent, type StreamControls, solve, solveStream } from "./solve.js";
 
 /**
- * A connection to a Marble server. Any number of calls at once; each rejects with a MarbleError. The connection is made by the first
- * call, and again by a later one if it broke.
+ * A connection to a Marble server. Any number of calls at once; what fails rejects with a MarbleError. The connection is
+ * made by the first call, and again by a later one if it broke.
  */
 export class Client implements Disposable {
   /** Jobs by their ids. */

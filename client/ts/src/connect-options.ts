@@ -14,7 +14,7 @@ export interface ConnectOptions {
    * `MARBLE_CLIENT_NAME`, else the program's name with its process id, so that two planners on one machine take turns.
    */
   name?: string;
-  /** Hard limit of calls that have none of their own, in milliseconds > 0. Default: none. Streams of jobs, batches and sessions have none. */
+  /** Hard limit of calls that have none of their own, in milliseconds > 0; not of batches, sessions, watching. Default: none. */
   deadlineMs?: number;
 }
 

@@ -75,7 +75,8 @@ export interface CheckedProblem {
 
 /** Throws an InvalidProblemError that names field and index. */
 export function checkProblem(problem: Problem): CheckedProblem {
-  if (typeof problem !== "object" || problem === null) throw invalid("problem", "must be an object", { value: problem });
+  if (typeof problem !== "object" || problem === null)
+    throw invalid("problem", "must be an object", { value: problem });
   const n = problem.g?.length ?? 0;
   if (n < 1) throw invalid("g", "must have at least 1 entry", { value: `${n} entries` });
   const matrices: Shape["matrices"] = {};

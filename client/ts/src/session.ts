@@ -128,7 +128,7 @@ export class Session implements AsyncDisposable {
     return this.end === undefined;
   }
 
-  /** Solves with new numbers, or as things are. Several may wait; they are solved in their order. */
+  /** Solves with new numbers, or as things are. Several may wait, here if not at the server; they are solved in their order. */
   async update(update: ProblemUpdate = {}, controls: UpdateControls = {}): Promise<Solution> {
     const message = updateOf(this.sequence + 1, update, controls, this.shape);
     if (this.end !== undefined) throw this.end;
@@ -189,7 +189,8 @@ export class Session implements AsyncDisposable {
 /** For a problem whose vectors all hold `stages` ≥ 1 equal parts, one stage after the other. */
 export function shiftByStage(problem: Problem, stages: number): Shift {
   const { shape } = checkProblem(problem);
-  if (!Number.isInteger(stages) || stages < 1) throw invalid("stages", "must be a whole number >= 1", { value: stages });
+  if (!Number.isInteger(stages) || stages < 1)
+    throw invalid("stages", "must be a whole number >= 1", { value: stages });
   const block = (count: number): ShiftBlock[] =>
     count === 0 ? [] : [{ first: 0, count, by: Math.floor(count / stages) }];
   return {

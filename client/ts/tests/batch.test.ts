@@ -55,7 +55,8 @@ test("a source faster than the server is slowed down", async () => {
     }
   }
   let answered = 0;
-  for await (const { error } of client.batch(endlessly(chain(10_000)))) { // 1.8 MB each
+  for await (const { error } of client.batch(endlessly(chain(10_000)))) {
+    // 1.8 MB each
     assert.equal(error, undefined);
     if (++answered === 5) break;
   }
@@ -64,7 +65,11 @@ test("a source faster than the server is slowed down", async () => {
 });
 
 test("leaving the loop and an abort signal give all of it up", async () => {
-  const problems = Array.from({ length: 8 }, (_, tag) => ({ tag, problem: tag === 0 ? corner : long, options: tag === 0 ? {} : endless }));
+  const problems = Array.from({ length: 8 }, (_, tag) => ({
+    tag,
+    problem: tag === 0 ? corner : long,
+    options: tag === 0 ? {} : endless,
+  }));
   for await (const { tag } of client.batch(problems)) {
     assert.equal(tag, 0);
     break;

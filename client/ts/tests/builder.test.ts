@@ -58,8 +58,21 @@ test("Qz + g is the sum of all duals times what they belong to", async () => {
   const builder = new ProblemBuilder(4, "balance");
   builder.quadratic(0, 0, 1).quadratic(0, 1, 0.5).quadratic(1, 1, 1).quadratic(2, 2, 1).quadratic(3, 3, 0.5);
   builder.linear(0, -3).linear(1, -1).linear(2, -2).linear(3, 1).constant(7);
-  builder.row([[0, 1], [1, 1], [2, 1]], { lower: -1, upper: 1.5 });
-  builder.row([[2, 1], [3, -1]], { lower: 0.25, upper: 0.25 });
+  builder.row(
+    [
+      [0, 1],
+      [1, 1],
+      [2, 1],
+    ],
+    { lower: -1, upper: 1.5 },
+  );
+  builder.row(
+    [
+      [2, 1],
+      [3, -1],
+    ],
+    { lower: 0.25, upper: 0.25 },
+  );
   builder.bound(2, { lower: 0, upper: 0.5 });
   builder.pair(0, { terms: [[1, 1]], constant: 0.5 });
   builder.pair(1, 3);
@@ -91,7 +104,17 @@ test("wrong pieces are errors that name row, term and rule", () => {
   const builder = new ProblemBuilder(2);
   builder.row([[0, 1]], { lower: 0 });
   const wrong: [() => unknown, object][] = [
-    [() => builder.row([[0, 1], [2, 1]], {}), { field: "rows[1]", index: 1, value: "2" }],
+    [
+      () =>
+        builder.row(
+          [
+            [0, 1],
+            [2, 1],
+          ],
+          {},
+        ),
+      { field: "rows[1]", index: 1, value: "2" },
+    ],
     [() => builder.row([[0, NaN]], {}), { field: "rows[1]", index: 0, value: "NaN" }],
     [() => builder.row([[0, 1]], { lower: 2, upper: 1 }), { field: "rows[1].lower", value: "2" }],
     [() => builder.row([[0, 1]], { lower: Infinity }), { field: "rows[1].lower", value: "Infinity" }],

@@ -69,7 +69,13 @@ const faults: Fault[] = [
     field: "A.cols",
     value: "4",
   },
-  { what: "falling column pointers", problem: { ...corner, Q: { ...eye, columnPointers: [0, 2, 1, 3] } }, field: "Q.columnPointers", index: 2, value: "1" },
+  {
+    what: "falling column pointers",
+    problem: { ...corner, Q: { ...eye, columnPointers: [0, 2, 1, 3] } },
+    field: "Q.columnPointers",
+    index: 2,
+    value: "1",
+  },
   {
     what: "an infinite entry of compressed columns",
     problem: { ...corner, Q: { ...eye, values: [1, Infinity, 1] } },
@@ -77,7 +83,13 @@ const faults: Fault[] = [
     index: 1,
     value: "Infinity",
   },
-  { what: "a row index beyond the rows", problem: { ...corner, Q: { ...eye, rowIndices: [0, 1, 3] } }, field: "Q.rowIndices", index: 2, value: "3" },
+  {
+    what: "a row index beyond the rows",
+    problem: { ...corner, Q: { ...eye, rowIndices: [0, 1, 3] } },
+    field: "Q.rowIndices",
+    index: 2,
+    value: "3",
+  },
   {
     what: "rows that do not ascend",
     problem: { ...corner, Q: { ...eye, columnPointers: [0, 0, 0, 3], rowIndices: [1, 0, 2] } },
@@ -85,10 +97,30 @@ const faults: Fault[] = [
     index: 1,
     value: "0",
   },
-  { what: "an asymmetric Q", problem: { ...corner, Q: [[1, 1, 0], [0, 1, 0], [0, 0, 1]] }, field: "Q", value: "0 and 1" },
+  {
+    what: "an asymmetric Q",
+    problem: {
+      ...corner,
+      Q: [
+        [1, 1, 0],
+        [0, 1, 0],
+        [0, 0, 1],
+      ],
+    },
+    field: "Q",
+    value: "0 and 1",
+  },
   {
     what: "a full Q said to be its upper triangle",
-    problem: { ...corner, Q: [[1, 1, 0], [1, 1, 0], [0, 0, 1]], hessianForm: "upper_triangle" },
+    problem: {
+      ...corner,
+      Q: [
+        [1, 1, 0],
+        [1, 1, 0],
+        [0, 0, 1],
+      ],
+      hessianForm: "upper_triangle",
+    },
     field: "Q",
     value: "an entry at (1, 0)",
   },

@@ -50,11 +50,17 @@ test("jobs are listed newest first, by state, in pages", async () => {
   for (let k = 0; k < 3; ++k) ids.push((await client.jobs.submit(corner)).jobId);
   for (const id of ids) await client.jobs.result(id, { wait: true });
   const first = await client.jobs.list({ states: ["finished"], limit: 2 });
-  assert.deepEqual(first.jobs.map((job) => job.jobId), [ids[2], ids[1]]);
+  assert.deepEqual(
+    first.jobs.map((job) => job.jobId),
+    [ids[2], ids[1]],
+  );
   assert.ok(first.more);
   const next = await client.jobs.list({ states: ["finished"], limit: 1, beforeJobId: ids[1] });
   assert.equal(next.jobs[0].jobId, ids[0]);
-  await assert.rejects(client.jobs.list({ states: ["lost" as "idle"] }), { name: "InvalidProblemError", field: "states" });
+  await assert.rejects(client.jobs.list({ states: ["lost" as "idle"] }), {
+    name: "InvalidProblemError",
+    field: "states",
+  });
 });
 
 test("a cancelled job's answer is its best iterate", async () => {

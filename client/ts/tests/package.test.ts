@@ -37,7 +37,10 @@ function shell(command: string, folder: string, env: NodeJS.ProcessEnv = {}): st
 const packed = (): string => execFileSync("npm", ["pack", "--dry-run", "--json", "--silent"], { encoding: "utf8" });
 
 test("the README's quick start does word for word what it says", async () => {
-  assert.deepEqual(quickStart.map((block) => block.kind), ["sh", "sh", "js", "sh", "text"]);
+  assert.deepEqual(
+    quickStart.map((block) => block.kind),
+    ["sh", "sh", "js", "sh", "text"],
+  );
   const [make, install, program, run, output] = quickStart.map((block) => block.text);
   shell(make, "marble");
   shell(install, "project");
@@ -47,9 +50,7 @@ test("the README's quick start does word for word what it says", async () => {
 });
 
 test("the package holds compiled code, types, README and LICENSE, and nothing else", () => {
-  const [{ files, size }] = JSON.parse(packed()) as [
-    { files: { path: string }[]; size: number },
-  ];
+  const [{ files, size }] = JSON.parse(packed()) as [{ files: { path: string }[]; size: number }];
   const paths = files.map((file) => file.path);
   for (const path of ["LICENSE", "README.md", "package.json", "dist/index.js", "dist/index.d.ts"]) {
     assert.ok(paths.includes(path), path);

@@ -21,8 +21,23 @@ before(() => {
   directory = mkdtempSync(join(tmpdir(), "marble-ts-tls-"));
   const key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"];
   const sign = ["-CA", file("ca.pem"), "-CAkey", file("ca.key"), "-days", "2", "-copy_extensions", "copy"];
-  openssl("req", "-x509", ...key, "-days", "2", "-subj", "/CN=authority", "-keyout", file("ca.key"), "-out", file("ca.pem"));
-  for (const [name, names] of [["server", "DNS:localhost"], ["client", "DNS:planner"]]) {
+  openssl(
+    "req",
+    "-x509",
+    ...key,
+    "-days",
+    "2",
+    "-subj",
+    "/CN=authority",
+    "-keyout",
+    file("ca.key"),
+    "-out",
+    file("ca.pem"),
+  );
+  for (const [name, names] of [
+    ["server", "DNS:localhost"],
+    ["client", "DNS:planner"],
+  ]) {
     const request = ["-subj", `/CN=${name}`, "-addext", `subjectAltName=${names}`, "-out", file(`${name}.csr`)];
     openssl("req", ...key, "-keyout", file(`${name}.key`), ...request);
     openssl("x509", "-req", "-in", file(`${name}.csr`), ...sign, "-out", file(`${name}.pem`));

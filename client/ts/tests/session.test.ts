@@ -42,7 +42,13 @@ test("an update's numbers stay: vectors, constants, values and whole matrices", 
   const once = await session.update({ g: Float64Array.of(-2, -2, -2), c0: 3 });
   assert.ok(Math.abs(once.z[2] - 1) < 1e-6);
   const values = await session.update({ Q: [2, 2, 1] });
-  const matrix = await session.update({ Q: [[2, 0, 0], [0, 2, 0], [0, 0, 1]] });
+  const matrix = await session.update({
+    Q: [
+      [2, 0, 0],
+      [0, 2, 0],
+      [0, 0, 1],
+    ],
+  });
   for (const solution of [values, matrix]) {
     assert.ok(Math.abs(solution.z[2] - 2) < 1e-6);
   }

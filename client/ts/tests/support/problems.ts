@@ -42,7 +42,13 @@ export function example(name: string, ...words: string[]): FileProblem {
 /** A chain of states x, controls u and forces f: x' = x + u + f/2, 0 ≤ f ⊥ x + ½ ≥ 0, |u| ≤ 1. */
 export function chain(steps: number): FileProblem {
   const n = 3 * steps;
-  const matrix = (rows: number): Triplets & Record<"i" | "j" | "v", number[]> => ({ rows, cols: n, i: [], j: [], v: [] });
+  const matrix = (rows: number): Triplets & Record<"i" | "j" | "v", number[]> => ({
+    rows,
+    cols: n,
+    i: [],
+    j: [],
+    v: [],
+  });
   const [Q, A, C, L, R] = [n, steps, 2 * steps, steps, steps].map(matrix);
   const put = (m: typeof Q, i: number, j: number, v: number): void => void [m.i.push(i), m.j.push(j), m.v.push(v)];
   const g = new Array<number>(n).fill(0);
@@ -60,7 +66,19 @@ export function chain(steps: number): FileProblem {
     put(R, k, x, 1);
   }
   const fill = (size: number, value: number): number[] => new Array<number>(size).fill(value);
-  return { name: "chain", Q, g, A, b: fill(steps, 0), C, d: fill(2 * steps, 1), L, l: fill(steps, 0), R, r: fill(steps, 0.5) };
+  return {
+    name: "chain",
+    Q,
+    g,
+    A,
+    b: fill(steps, 0),
+    C,
+    d: fill(2 * steps, 1),
+    L,
+    l: fill(steps, 0),
+    R,
+    r: fill(steps, 0.5),
+  };
 }
 
 /** Options with which the chain is followed for a million iterations. */

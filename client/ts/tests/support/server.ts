@@ -1,5 +1,6 @@
 import { type ChildProcess, execFileSync, spawn } from "node:child_process";
 import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import type { Socket } from "node:net";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
 import { setTimeout as sleep } from "node:timers/promises";
@@ -38,6 +39,7 @@ export class Server {
   async kill(): Promise<void> {
     if (this.process.exitCode !== null || this.process.signalCode !== null) return;
     const ended = new Promise((done) => this.process.once("exit", done));
+    this.process.ref();
     this.process.kill("SIGKILL");
     await ended;
   }
@@ -64,6 +66,9 @@ async function launch(directory: string, listen: string, flags: string[]): Promi
   server.stderr.on("data", (text) => (log += String(text)));
   await eventually(() => existsSync(ready) || server.exitCode !== null);
   if (server.exitCode !== null) throw new Error(`marble-server did not start: ${log}`);
+  // Node 18 runs a file's last hook, which ends the server, when nothing else keeps the process alive.
+  server.unref();
+  for (const pipe of [server.stdout, server.stderr]) (pipe as Socket).unref();
   return server;
 }
 
