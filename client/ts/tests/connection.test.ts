@@ -68,6 +68,24 @@ test("a streamed solve that has begun is not repeated when its server goes", asy
   assert.equal(accepted, 1);
 });
 
+test("a draining server answers what runs with its best iterate, and takes nothing new", async () => {
+  await using server = await Server.start(["--drain-grace-s", "1"]);
+  using client = connect(server.address);
+  let draining: Promise<void> | undefined;
+  const refused = (error: unknown): boolean => error instanceof UnavailableError;
+  const solution = await client.solve(long, {
+    options: endless,
+    onProgress: () => {
+      if (draining !== undefined) return;
+      server.signal("SIGTERM");
+      draining = eventually(() => client.jobs.submit(corner).then(() => false, refused));
+    },
+  });
+  assert.equal(solution.status, "cancelled");
+  assert.equal(solution.z.length, long.g.length);
+  await draining;
+});
+
 test("the address is the environment's where none is given", async () => {
   await using server = await Server.start();
   process.env["MARBLE_SERVER"] = server.address;

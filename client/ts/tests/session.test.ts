@@ -2,6 +2,7 @@ import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
 import {
+  AbortedError,
   type Client,
   DeadlineError,
   InvalidProblemError,
@@ -159,6 +160,15 @@ test("a set-up that breaks a rule of the server's rejects", async () => {
     name: "InvalidProblemError",
     field: "options.rhoMax",
   });
+});
+
+test("a session that is idle for too long ends with AbortedError", async () => {
+  await using own = await Server.start(["--session-idle-s", "0.2"]);
+  using planner = connect(own.address);
+  const session = await planner.session(corner);
+  assert.equal(session.idleTimeoutS, 0.2);
+  await eventually(() => !session.isOpen);
+  await assert.rejects(session.update(), AbortedError);
 });
 
 test("a session whose server is gone ends with UnavailableError; a new one is open after its restart", async () => {
