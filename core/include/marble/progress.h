@@ -18,7 +18,7 @@ struct Progress {
   std::int32_t iteration = 0;        ///< Newton steps taken so far
   std::int32_t outer_iteration = 0;  ///< changes of κ, ρ or the multiplier estimates so far
   double objective = 0.0;            ///< ½ zᵀQz + gᵀz + c₀ at the iterate
-  Violations violations;
+  Violations violations = {};
   double kkt_residual = 0.0;  ///< ∞-norm of the residual (13) of the scaled problem; 0 in a local search
   double kappa = 0.0;  ///< relaxation parameter κ; 0 in a local search, whose rows are its accepted moves
   double rho = 0.0;    ///< penalty ρ
@@ -26,7 +26,7 @@ struct Progress {
   double regularization = 0.0;      ///< δ of the factorization that gave the step
   std::int32_t factorizations = 0;  ///< all factorizations so far, rejected ones included
   double elapsed_s = 0.0;           ///< since the solve began, seconds
-  std::span<const double> z;        ///< the iterate (n, unscaled); valid only during the call
+  std::span<const double> z = {};   ///< the iterate (n, unscaled); valid only during the call
   std::span<const double> s = {},
                           t = {};  ///< L z + l and R z + r (n_c, unscaled), if the sink wants them; the same
 };
