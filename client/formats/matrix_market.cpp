@@ -1,11 +1,10 @@
 #include "matrix_market.h"
 
-#include <cholmod.h>
-
-#include <cmath>
-#include <cstdio>
+#include <array>
+#include <charconv>
 #include <filesystem>
-#include <memory>
+#include <fstream>
+#include <sstream>
 
 #include "tables.h"
 
@@ -13,96 +12,170 @@ namespace marble::formats {
 namespace {
 
 constexpr const char* kParts[] = {"Q", "g", "A", "b", "C", "d", "L", "l", "R", "r", "c0", "x0"};
+constexpr std::int64_t kMost = 0x7fffffff;
 
-class Cholmod {
- public:
-  Cholmod() {
-    cholmod_start(&common_);
-    common_.print = 0;  // it must not talk to the terminal
-    common_.error_handler = nullptr;
-    common_.prefer_upper = 0;
-  }
-  ~Cholmod() { cholmod_finish(&common_); }
-  Cholmod(const Cholmod&) = delete;
-  Cholmod& operator=(const Cholmod&) = delete;
-  [[nodiscard]] cholmod_common* common() { return &common_; }
-
- private:
-  cholmod_common common_;
+/// What the first line says: %%MatrixMarket matrix coordinate real general, and the other words it may have.
+struct Banner {
+  bool coordinate = false, symmetric = false, skew = false;
 };
 
-using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
+class Reader {
+ public:
+  Reader(std::string_view content, std::string part) : rest_(content), part_(std::move(part)) {}
 
-Error fault(const std::string& part, const std::string& bound) {
-  return {ErrorCode::invalid_argument, part, -1, "", bound};
-}
-
-TableMatrix table_of(const cholmod_dense& dense) {
-  TableMatrix table{static_cast<Index>(dense.nrow), static_cast<Index>(dense.ncol)};
-  const auto* values = static_cast<const double*>(dense.x);
-  for (std::size_t column = 0; column < dense.ncol; ++column) {
-    for (std::size_t row = 0; row < dense.nrow; ++row) {
-      const double value = values[column * dense.d + row];
-      if (value != 0.0) table.entries.add(static_cast<Index>(row), static_cast<Index>(column), value);
+  Expected<TableMatrix> read() {
+    const auto banner = read_banner();
+    if (!banner) return unexpected(banner.error());
+    skip_comments();
+    const std::int64_t rows = integer(0, kMost), columns = integer(0, kMost);
+    TableMatrix table{static_cast<Index>(rows), static_cast<Index>(columns)};
+    if (banner->coordinate) {
+      for (std::int64_t left = integer(0, kMost); left > 0 && !failed_; --left) {
+        const auto row = static_cast<Index>(integer(1, rows) - 1);
+        const auto column = static_cast<Index>(integer(1, columns) - 1);
+        add(table, *banner, row, column, real());
+      }
+    } else {
+      for (Index column = 0; column < table.columns && !failed_; ++column) {
+        const Index first = banner->skew ? column + 1 : banner->symmetric ? column : 0;
+        for (Index row = first; row < table.rows && !failed_; ++row) {
+          if (const double value = real(); value != 0.0) add(table, *banner, row, column, value);
+        }
+      }
     }
+    if (failed_) return unexpected(fault("line " + std::to_string(line_), rule_));
+    return table;
   }
-  return table;
-}
 
-TableMatrix table_of(const cholmod_triplet& triplet) {
-  TableMatrix table{static_cast<Index>(triplet.nrow), static_cast<Index>(triplet.ncol)};
-  const auto* rows = static_cast<const int*>(triplet.i);
-  const auto* columns = static_cast<const int*>(triplet.j);
-  const auto* values = static_cast<const double*>(triplet.x);
-  for (std::size_t k = 0; k < triplet.nnz; ++k) {
-    table.entries.add(rows[k], columns[k], values[k]);
-    if (triplet.stype != 0 && rows[k] != columns[k]) table.entries.add(columns[k], rows[k], values[k]);
+ private:
+  [[nodiscard]] Error fault(const std::string& value, const std::string& bound) const {
+    return {ErrorCode::invalid_argument, part_, -1, value, bound};
   }
-  return table;
+  void fail(const std::string& rule) {
+    if (!failed_) rule_ = rule;
+    failed_ = true;
+  }
+
+  std::string_view take_line() {
+    ++line_;
+    const std::size_t end = std::min(rest_.find('\n'), rest_.size());
+    const std::string_view line = rest_.substr(0, end);
+    rest_.remove_prefix(std::min(end + 1, rest_.size()));
+    return line;
+  }
+
+  Expected<Banner> read_banner() {
+    std::string text(take_line());
+    for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    std::istringstream words(text);
+    std::string magic, object, format, field, symmetry;
+    words >> magic >> object >> format >> field >> symmetry;
+    if (magic != "%%matrixmarket" || object != "matrix" || (format != "coordinate" && format != "array"))
+      return unexpected(fault("", "is no Matrix Market file of a matrix"));
+    if (field != "real" && field != "double" && field != "integer")
+      return unexpected(fault(field, "must be real or integer"));
+    if (symmetry != "general" && symmetry != "symmetric" && symmetry != "skew-symmetric")
+      return unexpected(fault(symmetry, "must be general, symmetric or skew-symmetric"));
+    return Banner{format == "coordinate", symmetry != "general", symmetry == "skew-symmetric"};
+  }
+
+  void skip_comments() {
+    while (!rest_.empty() && (rest_.front() == '%' || rest_.front() == '\n' || rest_.front() == '\r'))
+      static_cast<void>(take_line());
+  }
+
+  template <class Number>
+  Number number(const char* rule) {
+    while (!rest_.empty() && std::isspace(static_cast<unsigned char>(rest_.front())) != 0) {
+      if (rest_.front() == '\n') ++line_;
+      rest_.remove_prefix(1);
+    }
+    if (!rest_.empty() && rest_.front() == '+') rest_.remove_prefix(1);
+    Number value = 0;
+    const auto [end, code] = std::from_chars(rest_.data(), rest_.data() + rest_.size(), value);
+    if (code != std::errc()) {
+      fail(rest_.empty() ? "ends too soon" : rule);
+      return 0;
+    }
+    rest_.remove_prefix(static_cast<std::size_t>(end - rest_.data()));
+    return value;
+  }
+  std::int64_t integer(std::int64_t low, std::int64_t high) {
+    const auto value = failed_ ? low : number<std::int64_t>("must hold an integer");
+    if (failed_ || (value >= low && value <= high)) return value;
+    fail("must hold an integer in [" + std::to_string(low) + ", " + std::to_string(high) + "]");
+    return low;
+  }
+  double real() { return failed_ ? 0.0 : number<double>("must hold a number"); }
+
+  // The other triangle is implied.
+  void add(TableMatrix& table, const Banner& banner, Index row, Index column, double value) {
+    if (failed_) return;
+    if (banner.symmetric && table.rows != table.columns) return fail("must be square: it is symmetric");
+    table.entries.add(row, column, value);
+    if (banner.symmetric && row != column) table.entries.add(column, row, banner.skew ? -value : value);
+  }
+
+  std::string_view rest_;
+  const std::string part_;
+  int line_ = 0;
+  bool failed_ = false;
+  std::string rule_;
+};
+
+std::string path_of(const std::string& folder, const char* part) {
+  return (std::filesystem::path(folder) / part).string() + ".mtx";
 }
 
 Expected<std::optional<TableMatrix>> read_part(const std::string& folder, const char* part) {
-  const std::string path = (std::filesystem::path(folder) / part).string() + ".mtx";
+  const std::string path = path_of(folder, part);
   if (!std::filesystem::exists(path)) return std::nullopt;
-  const File file(std::fopen(path.c_str(), "re"), &std::fclose);
-  if (file == nullptr) return unexpected(Error{ErrorCode::not_found, part, -1, "", "cannot be read"});
-  Cholmod cholmod;
-  int kind = CHOLMOD_SPARSE;
-  constexpr int kTriplets = 0;
-  void* read = cholmod_read_matrix(file.get(), kTriplets, &kind, cholmod.common());
-  if (read == nullptr) return unexpected(fault(part, "is no Matrix Market file that could be read"));
-  std::optional<TableMatrix> table;
-  if (kind == CHOLMOD_DENSE) {
-    auto* dense = static_cast<cholmod_dense*>(read);
-    if (dense->xtype == CHOLMOD_REAL) table = table_of(*dense);
-    cholmod_free_dense(&dense, cholmod.common());
-  } else if (kind == CHOLMOD_TRIPLET) {
-    auto* triplet = static_cast<cholmod_triplet*>(read);
-    if (triplet->xtype == CHOLMOD_REAL) table = table_of(*triplet);
-    cholmod_free_triplet(&triplet, cholmod.common());
-  } else {
-    auto* sparse = static_cast<cholmod_sparse*>(read);
-    cholmod_free_sparse(&sparse, cholmod.common());
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream content;
+  if (file.peek() != std::ifstream::traits_type::eof()) content << file.rdbuf();
+  if (!file.is_open() || content.fail())
+    return unexpected(Error{ErrorCode::not_found, part, -1, "", "cannot be read"});
+  auto table = Reader(content.view(), part).read();
+  if (!table) return unexpected(table.error());
+  return std::move(*table);
+}
+
+// The shortest text that keeps every bit.
+void append(std::string& text, double value) {
+  std::array<char, 32> digits;
+  text.append(digits.data(), std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr);
+}
+
+std::string text_of(const SparseMatrix& matrix) {
+  std::string text = "%%MatrixMarket matrix coordinate real general\n" + std::to_string(matrix.rows) + " " +
+                     std::to_string(matrix.columns) + " " + std::to_string(matrix.values.size()) + "\n";
+  for (Index column = 0; column < matrix.columns; ++column) {
+    const auto begin = static_cast<std::size_t>(matrix.column_pointers[static_cast<std::size_t>(column)]);
+    const auto end = static_cast<std::size_t>(matrix.column_pointers[static_cast<std::size_t>(column) + 1]);
+    for (std::size_t k = begin; k < end; ++k) {
+      text += std::to_string(matrix.row_indices[k] + 1) + " " + std::to_string(column + 1) + " ";
+      append(text, matrix.values[k]);
+      text += "\n";
+    }
   }
-  if (!table) return unexpected(fault(part, "must hold real numbers"));
-  return table;
+  return text;
 }
 
-Expected<void> write_file(const std::string& path,
-                          const std::function<bool(std::FILE*, cholmod_common*)>& write) {
-  std::FILE* file = std::fopen(path.c_str(), "we");
-  Cholmod cholmod;
-  const bool written = file != nullptr && write(file, cholmod.common());
-  const bool closed = file != nullptr && std::fclose(file) == 0;
-  if (written && closed) return {};
+std::string text_of(const std::vector<double>& vector) {
+  std::string text = "%%MatrixMarket matrix array real general\n" + std::to_string(vector.size()) + " 1\n";
+  for (const double value : vector) {
+    append(text, value);
+    text += "\n";
+  }
+  return text;
+}
+
+Expected<void> write_file(const std::string& path, const std::string& text) {
+  std::ofstream file(path, std::ios::binary);
+  file << text;
+  file.close();
+  if (file) return {};
   return unexpected(Error{ErrorCode::unavailable, "", -1, path, "cannot be written"});
-}
-
-// CHOLMOD writes what it is lent and changes nothing. It takes no null for an array without entries.
-template <class T>
-T* lent(const std::vector<T>& values) {
-  static T nothing = {};
-  return values.empty() ? &nothing : const_cast<T*>(values.data());
 }
 
 }  // namespace
@@ -114,39 +187,16 @@ Expected<ProblemFile> read_matrix_market(const std::string& folder, const std::s
 Expected<void> write_matrix_market(const ProblemFile& file, const std::string& folder) {
   std::error_code failed;
   std::filesystem::create_directories(folder, failed);
-  if (failed)
+  if (failed) {
     return unexpected(Error{ErrorCode::unavailable, "", -1, folder, "cannot be made: " + failed.message()});
-  const auto path = [&](const char* part) {
-    return (std::filesystem::path(folder) / part).string() + ".mtx";
-  };
-  for (const char* part : kParts) std::filesystem::remove(path(part), failed);
+  }
+  for (const char* part : kParts) std::filesystem::remove(path_of(folder, part), failed);
   TableSink sink;
   sink.matrix = [&](const char* part, const SparseMatrix& matrix) {
-    cholmod_sparse sparse = {};
-    sparse.nrow = static_cast<std::size_t>(matrix.rows);
-    sparse.ncol = static_cast<std::size_t>(matrix.columns);
-    sparse.nzmax = matrix.values.size();
-    sparse.p = lent(matrix.column_pointers);
-    sparse.i = lent(matrix.row_indices);
-    sparse.x = lent(matrix.values);
-    sparse.itype = CHOLMOD_INT;
-    sparse.xtype = CHOLMOD_REAL;
-    sparse.dtype = CHOLMOD_DOUBLE;
-    sparse.sorted = sparse.packed = 1;
-    return write_file(path(part), [&](std::FILE* out, cholmod_common* common) {
-      return cholmod_write_sparse(out, &sparse, nullptr, nullptr, common) >= 0;
-    });
+    return write_file(path_of(folder, part), text_of(matrix));
   };
   sink.vector = [&](const char* part, const std::vector<double>& vector) {
-    cholmod_dense dense = {};
-    dense.nrow = dense.nzmax = dense.d = vector.size();
-    dense.ncol = 1;
-    dense.x = lent(vector);
-    dense.xtype = CHOLMOD_REAL;
-    dense.dtype = CHOLMOD_DOUBLE;
-    return write_file(path(part), [&](std::FILE* out, cholmod_common* common) {
-      return cholmod_write_dense(out, &dense, nullptr, common) >= 0;
-    });
+    return write_file(path_of(folder, part), text_of(vector));
   };
   return write_tables(file, sink);
 }

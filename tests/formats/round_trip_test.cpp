@@ -99,7 +99,17 @@ TEST(Formats, BrokenFilesAreRefusedWithTheirReason) {
   EXPECT_NE(refused("a.npz", "PK nonsense").find("cannot be read as an .npz file"), std::string::npos);
   EXPECT_NE(refused("a.mat", "MATLAB nonsense").find("cannot be read as a MATLAB file"), std::string::npos);
   EXPECT_NE(refused("empty/Q.mtx", "").find("Q: is no Matrix Market file"), std::string::npos);
-  EXPECT_NE(refused("bad/Q.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 1\n3 1 1.0\n").find("Q"),
+  const std::string banner = "%%MatrixMarket matrix coordinate real general\n";
+  EXPECT_NE(
+      refused("row/Q.mtx", banner + "2 2 1\n3 1 1.0\n").find("Q = line 3: must hold an integer in [1, 2]"),
+      std::string::npos);
+  EXPECT_NE(refused("short/Q.mtx", banner + "2 2 2\n1 1 1.0\n").find("ends too soon"), std::string::npos);
+  EXPECT_NE(refused("word/Q.mtx", banner + "2 2 1\n1 1 one\n").find("line 3: must hold a number"),
+            std::string::npos);
+  EXPECT_NE(
+      refused("complex/Q.mtx", "%%MatrixMarket matrix array complex general\n1 1\n1 0\n").find("complex"),
+      std::string::npos);
+  EXPECT_NE(refused("wide/Q.mtx", "%%MatrixMarket matrix array real symmetric\n1 2\n1 0\n").find("square"),
             std::string::npos);
   EXPECT_NE(refused("alone/Q.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 1\n1 1 1.0\n")
                 .find("g: is missing"),
