@@ -26,12 +26,12 @@ def _times(message: Any) -> Times:
                  message.solve_s, message.total_s)
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def _statuses() -> dict[int, Status]:
     return {number: Status(name) for number, name in contract.enum_names("Status").items() if number}
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def _stationarities() -> dict[int, Stationarity]:
     return {number: Stationarity(name) for number, name in contract.enum_names("Stationarity").items() if number}
 

@@ -75,10 +75,9 @@ def from_casadi(x: Any, objective: Any, constraints: Any = None, lb: ArrayLike |
     problem = Problem(column.numel(), name).minimize((Q + Q.T) / 2, g, c0).bound(None, lbx, ubx).start_at(x0)
     if constraints is not None:
         rows, constant = _linear(column.__class__(constraints), column, "constraints")
-        low = -np.inf if lb is None else np.asarray(lb, dtype=float)
-        high = np.inf if ub is None else np.asarray(ub, dtype=float)
-        problem.add_rows(rows, np.broadcast_to(low, constant.shape) - constant,
-                         np.broadcast_to(high, constant.shape) - constant)
+        low = np.asarray(-np.inf if lb is None else lb, dtype=np.float64)
+        high = np.asarray(np.inf if ub is None else ub, dtype=np.float64)
+        problem.add_rows(rows, low - constant, high - constant)
     for k, (a, b) in enumerate(pairs):
         L, l = _linear(column.__class__(a), column, f"pairs[{k}][0]")
         R, r = _linear(column.__class__(b), column, f"pairs[{k}][1]")

@@ -166,7 +166,7 @@ class Client:
                     priority: Priority | str | None = None, progress: Callable[[Progress], object] | None = None,
                     deadline: float | None = None, request_id: str = "", progress_interval: float = 0.0,
                     iterate_every: int = 0) -> SolveHandle:
-        """Begins to solve; the handle waits, cancels or stops. As solve, but progress is told on a thread of its own."""
+        """Begins to solve; the handle waits, cancels or stops. As solve, but progress is told on another thread."""
         call = Call(options, priority, request_id, progress_interval, iterate_every)
         lcqp = compiled(problem)
         handle = SolveHandle(self._rpc)

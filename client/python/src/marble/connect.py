@@ -65,7 +65,7 @@ class ConnectOptions:
 
         Without MARBLE_CLIENT_NAME the name is the program's with its process id.
         """
-        values = {"token": os.environ.get("MARBLE_TOKEN", ""),
+        values: dict[str, Any] = {"token": os.environ.get("MARBLE_TOKEN", ""),
                   "name": os.environ.get("MARBLE_CLIENT_NAME") or _process_name()}
         for part in ("ca", "certificate", "key"):
             values[f"tls_{part}"] = os.environ.get(f"MARBLE_TLS_{part.upper()}", "")

@@ -33,7 +33,7 @@ def descriptor(name: str) -> Any:
     return _POOL.FindMessageTypeByName(name if "." in name else "marble.v1." + name)
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def message(name: str) -> Any:
     """The class of a message, by its name within marble.v1 or by its full name."""
     if hasattr(message_factory, "GetMessageClass"):
@@ -41,7 +41,7 @@ def message(name: str) -> Any:
     return message_factory.MessageFactory(_POOL).GetPrototype(descriptor(name))  # protobuf < 4.22
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def enum_names(name: str) -> dict[int, str]:
     """Numbers of an enum and its values' names in small letters, without the enum's own."""
     values = _POOL.FindEnumTypeByName("marble.v1." + name).values
@@ -49,7 +49,7 @@ def enum_names(name: str) -> dict[int, str]:
     return {value.number: value.name[len(prefix):].lower() for value in values}
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def enum_numbers(name: str) -> dict[str, int]:
     """The inverse of enum_names."""
     return {text: number for number, text in enum_names(name).items()}

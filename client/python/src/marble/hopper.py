@@ -29,8 +29,8 @@ class Hopper:
     """Parameters, in SI units.
 
     steps: the horizon, ≥ 1, of step_s seconds each. friction: μ. stair_x, stair_rise: where the ground's height jumps,
-    and by how much. position: x, z of body and foot before the first step; velocity: theirs. last_force: the leg's before
-    the first step. reference_x: where the tracked point is then; speed: its own.
+    and by how much. position: x, z of body and foot before the first step; velocity: theirs. last_force: the leg's
+    before the first step. reference_x: where the tracked point is then; speed: its own.
     """
 
     steps: int = 60
@@ -123,7 +123,7 @@ def _index(step: int, name: str, which: int = 0) -> int:
 
 
 def _add_dynamics(model: _Model, p: Hopper, k: int) -> None:
-    """Symplectic Euler: a value is its predecessor plus h times its rate; the first predecessor is the initial state."""
+    """Symplectic Euler: a value is its predecessor, at first the initial state, plus h times its rate."""
     h = p.step_s
 
     def integrate(name: str, initial: float, rate: Mapping[str, float], constant_rate: float = 0.0) -> None:

@@ -15,6 +15,7 @@ from marble.requests import Call
 from marble.rpc import Rpc
 from marble.solution import Solution
 
+
 class Jobs:
     """The jobs of a server. NotFound: never heard of it, no longer kept, or not the caller's to see."""
 

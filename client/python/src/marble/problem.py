@@ -7,7 +7,7 @@ import dataclasses
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -124,10 +124,10 @@ class Problem:
         """Sets lb ≤ z ≤ ub of one variable, of some, or of all (None); one number or one entry a variable."""
         if variable is None:
             indices = np.arange(self.n)
-        elif isinstance(variable, int | str | np.integer):
-            indices = np.array([self.index(variable)])  # type: ignore[arg-type]
+        elif isinstance(variable, str) or np.ndim(variable) == 0:
+            indices = np.array([self.index(cast(Variable, variable))])
         else:
-            indices = np.array([self.index(v) for v in variable], dtype=np.intp)
+            indices = np.array([self.index(v) for v in cast(Sequence[Variable], variable)], dtype=np.intp)
         low = _limits(lb, -np.inf, indices.size, "lb")
         high = _limits(ub, np.inf, indices.size, "ub")
         _check_order(low, high, "lb")
@@ -240,7 +240,8 @@ def compiled(problem: LCQP | Problem) -> LCQP:
     if isinstance(problem, Problem):
         return problem.compile()
     if not isinstance(problem, LCQP):
-        raise InvalidProblem("problem", "must be a marble.LCQP or a marble.Problem", value=f"a {type(problem).__name__}")
+        kind = type(problem).__name__
+        raise InvalidProblem("problem", "must be a marble.LCQP or a marble.Problem", value=f"a {kind}")
     return problem
 
 

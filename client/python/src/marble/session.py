@@ -56,7 +56,11 @@ class Session:
                 return
             except queue.Full:
                 if not self._stream.is_active():
-                    raise FailedPrecondition("the session has ended") from None
+                    raise self._reason() from None
+
+    def _reason(self) -> Error:
+        ended = self._stream.code() is grpc.StatusCode.OK
+        return FailedPrecondition("the session has ended") if ended else errors.from_rpc(self._stream)
 
     def _finish(self) -> None:
         """Lets the thread that waits for messages go."""
@@ -143,9 +147,9 @@ class Session:
                C: MatrixLike | None = None, L: MatrixLike | None = None, R: MatrixLike | None = None,
                options: Mapping[str, Any] | None = None, z0: ArrayLike | None = None, cold: bool = False,
                shift: Shift | int | None = None, deadline: float | None = None) -> Solution:
-        """Sends what has changed, and waits for the answer; starts from the last one. Without arguments solves as it is.
+        """Sends what has changed, and waits for the answer; the solve starts from the last one.
 
-        problem: a whole new one of the same sizes and patterns; what differs is sent. Or its parts: vectors of the
+        Without arguments it solves what is there. problem: a whole new one of the same sizes and patterns; what differs is sent. Or its parts: vectors of the
         sizes they had; matrices with entries where the set-up had some, or, as a vector, the values alone in its order.
         options: change from here on; scaling_passes is fixed. z0: start here instead. cold: forget the last answer.
         shift: the last answer moves on first; a number of stages is Shift.by_stage. deadline: seconds after the
@@ -171,7 +175,7 @@ class Session:
             self._core.ended = True
             try:
                 self._put(None)
-            except FailedPrecondition:
+            except Error:
                 return
         with self._reading:
             while self._read() is not None:

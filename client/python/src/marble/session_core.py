@@ -90,6 +90,9 @@ class SessionCore:
         self.given = problem.copy() if isinstance(problem, Problem) else problem
         self.current = compiled(problem)
         self.sequence = 0
+        self.job_id = ""
+        self.memory_bytes = 0
+        self.setup_s = self.idle_timeout_s = 0.0
         self.ended = False
         self._asked: dict[int, tuple[LCQP | Problem, LCQP]] = {}
 
@@ -132,7 +135,7 @@ class SessionCore:
         self.current = self.current.replaced(**changes)
         if isinstance(problem, Problem):
             self.given = problem.copy()
-        given = self.given if isinstance(self.given, Problem) else self.current
+        given: LCQP | Problem = self.given if isinstance(self.given, Problem) else self.current
         self._asked[self.sequence] = (given, self.current)
         return data
 
@@ -182,12 +185,10 @@ class SessionCore:
 
     def ready(self, message: Any) -> None:
         """Remembers what the server told when it had set the session up."""
-        self.job_id: str = message.job_id
-        self.memory_bytes: int = message.memory_bytes
-        self.setup_s: float = message.setup_s
-        self.idle_timeout_s: float = message.idle_timeout_s
-
-    job_id = ""
+        self.job_id = message.job_id
+        self.memory_bytes = message.memory_bytes
+        self.setup_s = message.setup_s
+        self.idle_timeout_s = message.idle_timeout_s
 
 
 def _request(field: str, part: Encoder) -> bytes:

@@ -90,7 +90,7 @@ class Encoder:
         return b"".join(self._chunks)
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def _arrays_of(name: str) -> dict[int, tuple[str, str]]:
     """Fields that are arrays of doubles, ("z", ""), or messages that have such, ("solution", its type)."""
     found: dict[int, tuple[str, str]] = {}
