@@ -9,6 +9,7 @@ import subprocess
 import time
 
 import numpy as np
+import scipy.sparse as sp
 
 import marble
 from marble.hopper import Hopper
@@ -87,9 +88,9 @@ def random_problem(seed: int) -> marble.LCQP:
                        d=-C @ feasible + random.random(n_i), L=L, l=l, R=R, r=r, name=f"random-{seed}")
 
 
-def full(Q) -> np.ndarray:
-    upper = Q.toarray()
-    return upper + np.triu(upper, 1).T
+def full(Q):
+    """Both triangles of the symmetric matrix whose upper one this is."""
+    return sp.csc_matrix(Q + sp.triu(Q, 1).T)
 
 
 def check(problem: marble.LCQP, answer: marble.Solution, tolerance: float = 1e-6) -> None:
@@ -106,7 +107,7 @@ def check(problem: marble.LCQP, answer: marble.Solution, tolerance: float = 1e-6
     np.testing.assert_array_equal(answer.s, s)
     np.testing.assert_array_equal(answer.t, t)
     Q = full(problem.Q)
-    assert np.isclose(answer.objective, 0.5 * z @ Q @ z + problem.g @ z + problem.c0, rtol=1e-10, atol=1e-10)
+    assert np.isclose(answer.objective, 0.5 * z @ (Q @ z) + problem.g @ z + problem.c0, rtol=1e-10, atol=1e-10)
     gradient = (Q @ z + problem.g + problem.A.T @ answer.y - problem.C.T @ answer.nu - problem.L.T @ answer.xi
                 - problem.R.T @ answer.eta)
     assert np.abs(gradient).max() <= 1e-5

@@ -87,7 +87,7 @@ def test_files_are_those_of_the_command_line(tmp_path, server):
                          check=True)
     assert json.loads(run.stdout)["status"] == "solved"
     loaded = marble.Problem.load(tmp_path / "mine.json").compile()
-    np.testing.assert_array_equal(full(loaded.Q), full(problem.Q))
+    assert (full(loaded.Q) != full(problem.Q)).nnz == 0
     np.testing.assert_array_equal(loaded.z0, np.ones(problem.n))
 
 
