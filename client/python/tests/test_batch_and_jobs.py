@@ -89,7 +89,7 @@ def test_jobs_are_listed_in_pages_newest_first(client):
 
 
 def test_all_jobs_can_be_watched(client):
-    events = client.watch()
-    job_id = client.jobs.submit(tiny()).job_id
-    assert any(event.job.job_id == job_id for event in events)
-    events.close()
+    problem, options = long_solve()
+    job_id = client.jobs.submit(problem, options=options).job_id
+    assert any(event.job.job_id == job_id for event in client.watch())
+    client.jobs.delete(job_id)

@@ -27,7 +27,7 @@ def test_the_server_is_the_environment_s(server, monkeypatch):
 
 
 def test_without_a_server_the_error_says_how_to_start_one():
-    with pytest.raises(marble.Unavailable, match="marble-server.*MARBLE_SERVER"):
+    with pytest.raises(marble.Unavailable, match=r"marble-server.*MARBLE_SERVER"):
         marble.solve(tiny())
 
 

@@ -42,8 +42,8 @@ class Job:
     """What is known of one job, without its problem and its solution's vectors.
 
     sizes: variables, equalities, inequalities, pairs. accepted_unix_s, finished_unix_s: seconds since 1970, UTC; 0
-    while it has not finished. queue_position, estimated_wait_s: only while queued. status: how the solve ended, None while
-    it has not, or where error (a google.rpc.Status) says why there is no answer. updates: a session's, answered.
+    while it has not finished. queue_position, estimated_wait_s: only while queued. status: how the solve ended, None
+    while it has not, or where error (a google.rpc.Status) says why there is no answer. updates: a session's, answered.
     memory_bytes: of the solver. result_bytes: of the answer that is kept. trace_id: of the W3C traceparent that came.
     """
 

@@ -149,8 +149,9 @@ class Session:
                shift: Shift | int | None = None, deadline: float | None = None) -> Solution:
         """Sends what has changed, and waits for the answer; the solve starts from the last one.
 
-        Without arguments it solves what is there. problem: a whole new one of the same sizes and patterns; what differs is sent. Or its parts: vectors of the
-        sizes they had; matrices with entries where the set-up had some, or, as a vector, the values alone in its order.
+        Without arguments it solves what is there. problem: a whole new one of the same sizes and patterns; what differs
+        is sent. Or its parts: vectors of the sizes they had; matrices with entries where the set-up had some, or, as a
+        vector, the values alone in its order.
         options: change from here on; scaling_passes is fixed. z0: start here instead. cold: forget the last answer.
         shift: the last answer moves on first; a number of stages is Shift.by_stage. deadline: seconds after the
         update's arrival from which on no answer is wanted (DeadlineExceeded; its numbers are kept).
