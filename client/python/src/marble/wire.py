@@ -30,20 +30,18 @@ def _varint(value: int) -> bytes:
 def varints(values: NDArray[np.integer[Any]]) -> bytes:
     """Non-negative integers below 2**31, each as a varint."""
     v = np.ascontiguousarray(values, dtype=np.uint32)
-    if v.size == 0:
-        return b""
-    limits = [limit for limit in (1 << 7, 1 << 14, 1 << 21, 1 << 28) if limit <= int(v.max())]
-    if not limits:
+    largest = int(v.max()) if v.size else 0
+    if largest < 1 << 7:
         return v.astype(np.uint8).tobytes()
-    width = len(limits) + 1
-    table = np.empty((v.size, width), dtype=np.uint8)
-    lengths = np.ones(v.size, dtype=np.intp)
-    for column in range(width):
-        table[:, column] = (v >> np.uint32(7 * column)) & np.uint32(0x7F) | np.uint32(0x80)
-    for limit in limits:
-        lengths += v >= limit
-    table[np.arange(v.size), lengths - 1] &= 0x7F
-    return table[np.arange(width) < lengths[:, None]].tobytes()
+    # All bytes of a varint side by side in one word, lowest first; then those that are not needed fall out.
+    width, kind = (2, "<u2") if largest < 1 << 14 else (4, "<u4") if largest < 1 << 28 else (8, "<u8")
+    word = v.astype(kind)
+    digits, needed = word & 0x7F, np.ones(v.size, dtype=kind)
+    for place in range(1, min(width, 5)):
+        more = (v >= 1 << 7 * place).astype(kind)
+        digits |= (word >> (7 * place) & 0x7F) << (8 * place) | more << (8 * place - 1)
+        needed |= more << (8 * place)
+    return digits.view(np.uint8)[needed.view(np.bool_)].tobytes()
 
 
 class Encoder:
