@@ -48,12 +48,13 @@ def answer(n):
     return response.SerializeToString()
 
 
-print(f"{'request MB':>10} {'encode ms':>10} {'protobuf ms':>12} {'answer MB':>10} {'decode ms':>10} {'protobuf ms':>12}")
+titles = ("request MB", "encode ms", "protobuf ms", "answer MB", "decode ms", "protobuf ms")
+print(" ".join(f"{title:>12}" for title in titles))
 for size in (0.1, 1.0, 10.0):
     problem = sized(size)
     data, response = requests.solve(problem, Call()), answer(int(size * 1e6 / 8))
     message = contract.message("SolveResponse")
-    print(f"{len(data) / 1e6:>10.2f} {best_ms(lambda: requests.solve(problem, Call())):>10.2f} "  # noqa: B023
-          f"{best_ms(lambda: by_protobuf(problem)):>12.2f} {len(response) / 1e6:>10.2f} "  # noqa: B023
-          f"{best_ms(lambda: wire.decode('SolveResponse', response)):>10.2f} "  # noqa: B023
-          f"{best_ms(lambda: np.array(message.FromString(response).solution.z)):>12.2f}")  # noqa: B023
+    print(f"{len(data) / 1e6:>12.2f} {best_ms(lambda: requests.solve(problem, Call())):>12.2f} "
+          f"{best_ms(lambda: by_protobuf(problem)):>12.2f} {len(response) / 1e6:>12.2f} "
+          f"{best_ms(lambda: wire.decode('SolveResponse', response)):>12.2f} "
+          f"{best_ms(lambda: np.array(message.FromString(response).solution.z)):>12.2f}")

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import collections
+import concurrent.futures
 import json
+import pathlib
+import signal
 import subprocess
+import sys
 
+import grpc
 import numpy as np
 import pytest
-from support import PROGRAM, SERVER, clean_environment, random_problem, tiny, wait_until
+from support import PROGRAM, SERVER, clean_environment, long_solve, random_problem, tiny, wait_until
 
 import marble
 from marble.hopper import Hopper
@@ -107,7 +113,7 @@ def test_several_servers_take_turns_and_one_may_die(start_server):
         assert all(client.solve(tiny()).solved for _ in range(20))
 
 
-def test_a_call_is_repeated_while_its_server_restarts(start_server, tmp_path):
+def test_a_client_outlives_a_restart_of_its_server(start_server, tmp_path):
     path = f"unix:{tmp_path}/again.sock"
     first = start_server(listen=path)
     with marble.Client(path) as client:
@@ -115,6 +121,58 @@ def test_a_call_is_repeated_while_its_server_restarts(start_server, tmp_path):
         first.stop()
         start_server(listen=path)
         assert wait_until(lambda: _solved(client))
+
+
+class _Draining(grpc.GenericRpcHandler):
+    """A server that is always about to go."""
+
+    def __init__(self):
+        self.calls = collections.Counter()
+
+    def service(self, details):
+        def refuse(request, context):
+            self.calls[details.method.rpartition("/")[2]] += 1
+            context.abort(grpc.StatusCode.UNAVAILABLE, "the server is draining")
+
+        return grpc.unary_unary_rpc_method_handler(refuse)
+
+
+def test_only_calls_that_change_nothing_are_repeated():
+    handler, server = _Draining(), grpc.server(concurrent.futures.ThreadPoolExecutor(2))
+    server.add_generic_rpc_handlers((handler,))
+    port = server.add_insecure_port("127.0.0.1:0")
+    server.start()
+    with marble.Client(f"127.0.0.1:{port}") as client:
+        for call in (lambda: client.solve(tiny()), lambda: client.jobs.submit(tiny()), client.info,
+                     lambda: client.jobs.delete("x")):
+            with pytest.raises(marble.Unavailable, match="draining"):
+                call()
+    server.stop(0)
+    assert handler.calls == {"Solve": 4, "Submit": 1, "GetInfo": 4, "Delete": 1}
+
+
+def test_a_draining_server_is_left_out_of_the_turns(start_server):
+    servers = [start_server("--workers", "1"), start_server("--workers", "1")]
+    problem, options = long_solve()
+    with marble.Client(servers[0].address) as one, marble.Client([server.address for server in servers]) as both:
+        busy = one.solve_async(problem, options=options)
+        assert wait_until(lambda: one.info().counters["running"] == 1)
+        servers[0].process.send_signal(signal.SIGTERM)
+        assert all(both.solve(tiny()).solved for _ in range(30))
+        busy.cancel()
+
+
+def test_ctrl_c_frees_the_worker(start_server):
+    server = start_server()
+    script = ("import support, marble; problem, options = support.long_solve(); "
+              "marble.solve(problem, options=options)")
+    run = subprocess.Popen([sys.executable, "-c", script], cwd=pathlib.Path(__file__).parent, stderr=subprocess.PIPE,
+                           env=clean_environment(MARBLE_SERVER=server.address, PYTHONPATH=str(pathlib.Path(marble.__file__).parent.parent)))
+    with marble.Client(server.address) as client:
+        assert wait_until(lambda: client.info().counters["running"] == 1)
+        run.send_signal(signal.SIGINT)
+        assert b"KeyboardInterrupt" in run.communicate(timeout=60)[1]
+        assert wait_until(lambda: client.info().counters["running"] == 0)
 
 
 def _solved(client):

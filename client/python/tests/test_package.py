@@ -99,8 +99,7 @@ def test_wheel_and_sdist_build_and_the_wheel_works_elsewhere(server, tmp_path):
     assert str(tmp_path) in run.stdout and "Status.SOLVED" in run.stdout, run.stderr
 
 
-def test_another_package_s_google_rpc_does_not_clash(tmp_path):
-    (tmp_path / "status.proto").write_text('syntax = "proto3"; package google.rpc; message Status { string other = 9; }')
+def test_another_package_s_google_rpc_does_not_clash():
     run = _python("-c", "from google.protobuf import descriptor_pb2, descriptor_pool\n"
                   "f = descriptor_pb2.FileDescriptorProto(name='google/rpc/status.proto', package='google.rpc')\n"
                   "f.message_type.add(name='Status')\n"
@@ -116,6 +115,13 @@ def test_the_types_hold(tmp_path):
     run = subprocess.run([mypy, "--config-file", "pyproject.toml", "--cache-dir", str(tmp_path)], cwd=HERE,
                          capture_output=True, text=True, timeout=300, env=dict(os.environ, PYTHONPATH=""))
     assert run.returncode == 0, run.stdout
+
+
+def test_the_reference_is_generated_without_warnings(tmp_path):
+    pytest.importorskip("pdoc", reason="pdoc is not installed (it is not in Debian)")
+    run = _python("-W", "error::UserWarning", "-m", "pdoc", "marble", "marble.hopper", "marble.drawing", "-o", tmp_path)
+    assert run.returncode == 0 and "Warning" not in run.stderr, run.stderr
+    assert (tmp_path / "marble" / "hopper.html").is_file()
 
 
 def test_everything_public_is_documented():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -97,6 +98,9 @@ def main(texts: Sequence[str] | None = None) -> int:
         with Client(arguments.server) as client:
             code: int = arguments.run(client, arguments)
             return code
+    except BrokenPipeError:  # whoever reads has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _SOLVED
     except InvalidArgument as error:
         print(f"marble: {error}", file=sys.stderr)
         return _USAGE

@@ -36,7 +36,8 @@ def _printable(text: str) -> bool:
 
 
 def _process_name() -> str:
-    name = pathlib.Path(sys.argv[0] or "python").name[:40]
+    program = pathlib.Path(sys.argv[0] or "python")
+    name = (program.parent if program.name == "__main__.py" else program).name[:40]
     return re.sub(r"[^!-~]", "_", name) + f"-{os.getpid()}"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from marble.lcqp import Vector
 from marble.solution import Progress, Status, Times, Violations
@@ -73,7 +73,8 @@ class Job:
     trace_id: str
 
 
-class JobPage(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class JobPage:
     """Jobs, newest first, and whether there are more: go on with `before`."""
 
     jobs: list[Job]
