@@ -166,8 +166,10 @@ def test_ctrl_c_frees_the_worker(start_server):
     server = start_server()
     script = ("import support, marble; problem, options = support.long_solve(); "
               "marble.solve(problem, options=options)")
+    environment = clean_environment(MARBLE_SERVER=server.address,
+                                    PYTHONPATH=str(pathlib.Path(marble.__file__).parent.parent))
     run = subprocess.Popen([sys.executable, "-c", script], cwd=pathlib.Path(__file__).parent, stderr=subprocess.PIPE,
-                           env=clean_environment(MARBLE_SERVER=server.address, PYTHONPATH=str(pathlib.Path(marble.__file__).parent.parent)))
+                           env=environment)
     with marble.Client(server.address) as client:
         assert wait_until(lambda: client.info().counters["running"] == 1)
         run.send_signal(signal.SIGINT)

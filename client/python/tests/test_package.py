@@ -151,5 +151,6 @@ def test_casadi_expressions_become_problems_and_back(client):
             assert caught.value.field == field
     stated = random_problem(2)
     terms = to_casadi(stated)
-    again = from_casadi(terms["x"], terms["f"], terms["g"], terms["lbg"], terms["ubg"], pairs=[(terms["G"], terms["H"])])
+    pairs = [(terms["G"], terms["H"])]
+    again = from_casadi(terms["x"], terms["f"], terms["g"], terms["lbg"], terms["ubg"], pairs=pairs)
     assert abs(client.solve(again).objective - client.solve(stated).objective) < 1e-6
