@@ -43,18 +43,6 @@ std::optional<std::string> certificate_name(const grpc::CallbackServerContext& c
   return std::nullopt;
 }
 
-/// The host of gRPC's peer: "ipv4:127.0.0.1:4711" → "127.0.0.1", "ipv6:%5B::1%5D:4711" → "::1". Without the
-/// port, which is another for every connection of the same client.
-std::string host_of(const std::string& peer) {
-  if (peer.rfind("unix", 0) == 0) return "unix";
-  const std::size_t begin = peer.find(':') + 1;
-  std::string host = peer.substr(begin, std::max(peer.rfind(':'), begin) - begin);
-  for (const std::string bracket : {"%5B", "%5D", "[", "]"}) {
-    if (const std::size_t at = host.find(bracket); at != std::string::npos) host.erase(at, bracket.size());
-  }
-  return host.empty() ? peer : host;
-}
-
 Expected<std::string> own_name(const std::string& name) {
   const bool printable =
       std::all_of(name.begin(), name.end(), [](unsigned char c) { return c >= 0x20 && c < 0x7f; });
@@ -82,6 +70,16 @@ std::optional<std::string> bearer_of(const std::string& authorization) {
     return std::nullopt;
   const std::size_t begin = authorization.find_first_not_of(' ', scheme.size());
   return begin == std::string::npos ? "" : authorization.substr(begin);
+}
+
+std::string host_of(const std::string& peer) {
+  if (peer.rfind("unix", 0) == 0) return "unix";
+  const std::size_t begin = peer.find(':') + 1;
+  std::string host = peer.substr(begin, std::max(peer.rfind(':'), begin) - begin);
+  for (const std::string bracket : {"%5B", "%5D", "[", "]"}) {
+    if (const std::size_t at = host.find(bracket); at != std::string::npos) host.erase(at, bracket.size());
+  }
+  return host.empty() ? peer : host;
 }
 
 Credentials credentials_of(const grpc::CallbackServerContext& context) {
@@ -135,6 +133,7 @@ Expected<Identity> Access::identify(const Credentials& given) const {
     return Identity{*given.certificate, roles == rules->roles.end() ? kCertificateRoles : roles->second};
   }
   if (rules->tokens_known || rules->certificates_known) {
+    ++unauthenticated_;
     const char* reason = "needs a client certificate";
     if (rules->tokens_known)
       reason = given.token ? "the token is not known" : "needs a token: authorization: Bearer TOKEN";
@@ -153,10 +152,16 @@ Expected<Identity> Access::require(const grpc::CallbackServerContext& context, R
 Expected<Identity> Access::require(const Credentials& given, Role role) const {
   auto identity = identify(given);
   if (identity && !identity->roles.has(role)) {
+    ++permission_denied_;
     return unexpected(Error{ErrorCode::permission_denied, "", -1, "",
                             identity->client + " lacks the role " + to_string(role)});
   }
   return identity;
+}
+
+bool Access::knows_callers() const {
+  const auto rules = this->rules();
+  return rules->tokens_known || rules->certificates_known;
 }
 
 Quota Access::quota_of(const std::string& client) const {

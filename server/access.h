@@ -3,6 +3,7 @@
 
 #include <grpcpp/server_context.h>
 
+#include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
@@ -26,6 +27,10 @@ struct Credentials {
 /// The token in the value of an authorization header; nothing if it is not a bearer's.
 [[nodiscard]] std::optional<std::string> bearer_of(const std::string& authorization);
 
+/// The host of gRPC's peer: "ipv4:127.0.0.1:4711" → "127.0.0.1", "ipv6:%5B::1%5D:4711" → "::1". Without the
+/// port, which is another for every connection of the same client.
+[[nodiscard]] std::string host_of(const std::string& peer);
+
 [[nodiscard]] Credentials credentials_of(const grpc::CallbackServerContext& context);
 
 /// Thread-safe.
@@ -42,6 +47,13 @@ class Access {
   /// The same for a call that needs a role. Errors: permission_denied too.
   [[nodiscard]] Expected<Identity> require(const grpc::CallbackServerContext& context, Role role) const;
   [[nodiscard]] Expected<Identity> require(const Credentials& given, Role role) const;
+  /// Whether callers are told apart by tokens or certificates, and not by what they say.
+  [[nodiscard]] bool knows_callers() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Callers turned away so far.
+  struct Refused {
+    std::int64_t unauthenticated = 0, permission_denied = 0;
+  };
+  [[nodiscard]] Refused refused() const { return {unauthenticated_, permission_denied_}; }
   /// What the client may use.
   [[nodiscard]] Quota quota_of(const std::string& client) const ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -52,6 +64,7 @@ class Access {
 
   mutable Mutex mutex_;
   std::shared_ptr<const Rules> rules_ ABSL_GUARDED_BY(mutex_);
+  mutable std::atomic<std::int64_t> unauthenticated_ = 0, permission_denied_ = 0;
 };
 
 }  // namespace marble::server

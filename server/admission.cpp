@@ -1,13 +1,11 @@
 #include "admission.h"
 
-#include <absl/random/random.h>
-
 #include <algorithm>
-#include <cstdio>
 #include <utility>
 
+#include "job_log.h"
 #include "marble/convert.h"
-#include "reply.h"
+#include "random_id.h"
 #include "status.h"
 
 namespace marble::server {
@@ -26,18 +24,23 @@ Clock::time_point deadline_of(const grpc::CallbackServerContext& context) {
 
 }  // namespace
 
-Expected<Caller> caller_of(const Access& access, const grpc::CallbackServerContext& context, Role role) {
+Expected<Caller> caller_of(const Access& access, const grpc::CallbackServerContext& context, Origin& origin,
+                           Role role) {
   auto identity = access.require(context, role);
   if (!identity) return unexpected(identity.error());
-  return Caller{std::move(*identity), context.peer(), deadline_of(context)};
+  origin.client = identity->client;
+  return Caller{std::move(*identity), origin, deadline_of(context)};
 }
 
-std::string new_job_id() {
-  thread_local absl::BitGen generator;
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx",
-                static_cast<unsigned long long>(absl::Uniform<std::uint64_t>(generator)));
-  return text;
+Expected<Identity> identify(const ServiceParts& parts, const grpc::CallbackServerContext& context,
+                            Origin& origin) {
+  auto identity = parts.access.identify(context);
+  if (identity) {
+    origin.client = identity->client;
+  } else {
+    log_refusal(parts.log, origin, identity.error());
+  }
+  return identity;
 }
 
 Expected<Priority> priority_of(v1::Priority asked, Priority by_default, const Quota& quota) {
@@ -77,10 +80,9 @@ Expected<void> check_progress(double interval_s, std::int32_t iterate_every, con
   return {};
 }
 
-grpc::Status refuse(const ServiceParts& parts, const std::string& peer, const std::string& request_id,
-                    const Error& error) {
-  parts.scheduler.count_refused();
-  log_refusal(parts.log, peer, request_id, error);
+grpc::Status refuse(const ServiceParts& parts, const Origin& origin, const Error& error) {
+  parts.scheduler.count_refused(error);
+  log_refusal(parts.log, origin, error);
   return to_status(error, parts.scheduler.retry_delay_s());
 }
 
@@ -113,17 +115,18 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
     return unexpected(std::move(error));
   }
   auto job = std::make_shared<Job>();
-  job->record = parts.board.make({.id = new_job_id(),
+  job->record = parts.board.make({.id = random_id(),
                                   .kind = kind,
                                   .priority = *priority,
                                   .client = caller.identity.client,
                                   .request_id = request.request_id(),
                                   .name = request.problem().name(),
-                                  .peer = caller.peer,
+                                  .peer = caller.origin.peer,
                                   .variables = problem->variables(),
                                   .equalities = problem->equalities(),
                                   .inequalities = problem->inequalities(),
-                                  .pairs = problem->pairs()},
+                                  .pairs = problem->pairs(),
+                                  .trace = caller.origin.trace},
                                  *options);
   job->ticket = {.client = caller.identity.client,
                  .priority = *priority,

@@ -7,6 +7,7 @@
 
 #include "job.h"
 #include "marble/v1/service.pb.h"
+#include "origin.h"
 #include "service_parts.h"
 
 namespace marble::server {
@@ -14,13 +15,17 @@ namespace marble::server {
 /// Who calls, from where, and until when.
 struct Caller {
   Identity identity;
-  std::string peer;
+  Origin origin;
   Clock::time_point deadline = Clock::time_point::max();
 };
 
-/// Errors: unauthenticated, permission_denied without the role.
+/// The origin then knows the client. Errors: unauthenticated, permission_denied without the role.
 [[nodiscard]] Expected<Caller> caller_of(const Access& access, const grpc::CallbackServerContext& context,
-                                         Role role);
+                                         Origin& origin, Role role);
+
+/// Who calls, where any role will do. A refusal is logged.
+[[nodiscard]] Expected<Identity> identify(const ServiceParts& parts,
+                                          const grpc::CallbackServerContext& context, Origin& origin);
 
 /// The priority asked for, else `by_default`, but no higher than the quota allows. Errors: permission_denied
 /// if more was asked for, invalid_argument if it is none.
@@ -34,10 +39,7 @@ struct Caller {
                                             const std::string& path = "");
 
 /// Counts and logs a request that does not become a job; what its caller is told.
-[[nodiscard]] grpc::Status refuse(const ServiceParts& parts, const std::string& peer,
-                                  const std::string& request_id, const Error& error);
-
-[[nodiscard]] std::string new_job_id();
+[[nodiscard]] grpc::Status refuse(const ServiceParts& parts, const Origin& origin, const Error& error);
 
 /// Checks everything about the request, which the job then keeps. Error fields are paths from the request's
 /// root. The job has no observer yet.

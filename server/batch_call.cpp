@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "job_log.h"
 #include "reply.h"
 #include "status.h"
 #include "wire.h"
@@ -22,16 +23,17 @@ class BatchCall::Item final : public JobObserver {
 };
 
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* BatchCall::begin(
-    const ServiceParts& parts, const grpc::CallbackServerContext& context) {
+    const ServiceParts& parts, grpc::CallbackServerContext& context) {
   const std::shared_ptr<BatchCall> call(new BatchCall(parts));
   call->self_ = call;
-  auto caller = caller_of(parts.access, context, Role::solve);
+  Origin origin = origin_of(context);
+  auto caller = caller_of(parts.access, context, origin, Role::solve);
   if (!caller) {
     {
       const MutexLock lock(call->mutex_);
       call->finishing_ = true;  // a client that goes away before it has heard must not end it again
     }
-    call->Finish(marble::server::refuse(parts, context.peer(), "", caller.error()));
+    call->Finish(marble::server::refuse(parts, origin, caller.error()));
     return call.get();
   }
   call->caller_ = std::move(*caller);
@@ -129,8 +131,10 @@ void BatchCall::room() {
 }
 
 void BatchCall::refuse(std::int64_t tag, const std::string& request_id, const Error& error) {
-  parts_.scheduler.count_refused();
-  log_refusal(parts_.log, caller_.peer, request_id, error);
+  parts_.scheduler.count_refused(error);
+  Origin origin = caller_.origin;
+  origin.request_id = request_id;
+  log_refusal(parts_.log, origin, error);
   v1::SolveBatchResponse response;
   response.set_tag(tag);
   *response.mutable_error() = to_message(error, parts_.scheduler.retry_delay_s());

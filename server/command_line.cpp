@@ -43,6 +43,8 @@ std::optional<CommandLine> parse_command_line(int argc, const char* const* argv,
                "print every setting in force and where it came from, as a TOML file, and end");
   app.add_flag("--check-config", result.check_config,
                "check the configuration, the token file and the certificates, and end");
+  app.add_flag("--print-metrics", result.print_metrics,
+               "print every metric of /metrics, as a table in Markdown, and end");
   app.add_option("--new-token", result.new_token,
                  "print a new token for a client with these roles and its line for the token file, and end")
       ->type_name("NAME:ROLE[,ROLE...]");

@@ -14,6 +14,7 @@ struct CommandLine {
   std::vector<std::string> listen;              ///< empty if not given
   bool print_config = false;
   bool check_config = false;
+  bool print_metrics = false;
   std::string new_token;  ///< NAME:ROLES; empty if none is wanted
 };
 

@@ -6,6 +6,7 @@
 
 #include "certificates.h"
 #include "config_file.h"
+#include "log_levels.h"
 #include "text_file.h"
 
 namespace marble::server {
@@ -106,6 +107,11 @@ void check_certificates(const Config& config, Faults& faults) {
   }
 }
 
+void check_log_levels(const Config& config, Faults& faults) {
+  if (const auto levels = log_levels_of(config.log_level, config.log_levels); !levels)
+    faults.push_back({source_of(config, "log_levels"), levels.error()});
+}
+
 }  // namespace
 
 tl::expected<Config, std::vector<ConfigFault>> load_config(const CommandLine& command_line) {
@@ -117,6 +123,7 @@ tl::expected<Config, std::vector<ConfigFault>> load_config(const CommandLine& co
   check_addresses(config, faults);
   read_tokens(config, faults);
   check_certificates(config, faults);
+  check_log_levels(config, faults);
   if (!faults.empty()) return unexpected(std::move(faults));
   return config;
 }

@@ -1,6 +1,6 @@
 #include "info_service.h"
 
-#include "reply.h"
+#include "admission.h"
 #include "server_info.h"
 #include "status.h"
 
@@ -9,9 +9,9 @@ namespace marble::server {
 grpc::ServerUnaryReactor* InfoService::GetInfo(grpc::CallbackServerContext* context,
                                                const v1::GetInfoRequest*, v1::GetInfoResponse* response) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  const auto identity = parts_.access.identify(*context);
+  Origin origin = origin_of(*context);
+  const auto identity = identify(parts_, *context, origin);
   if (!identity) {
-    log_refusal(parts_.log, context->peer(), "", identity.error());
     reactor->Finish(to_status(identity.error()));
     return reactor;
   }

@@ -18,6 +18,13 @@ double seconds_since(Clock::time_point then, Clock::time_point now) {
 
 }  // namespace
 
+Expected<void> FeedLimit::enter() {
+  if (++open <= most) return {};
+  --open;
+  return unexpected(Error{ErrorCode::resource_exhausted, "watchers", -1, "",
+                          "at most " + std::to_string(most) + " may watch"});
+}
+
 Expected<std::unique_ptr<JobFeed>> JobFeed::open(const JobBoard& board, FeedLimit& limit,
                                                  const Identity& viewer,
                                                  const v1::WatchJobsRequest& request) {
@@ -28,11 +35,7 @@ Expected<std::unique_ptr<JobFeed>> JobFeed::open(const JobBoard& board, FeedLimi
     if (!record) return unexpected(record.error());
     one = std::move(*record);
   }
-  if (++limit.open > limit.most) {
-    --limit.open;
-    return unexpected(Error{ErrorCode::resource_exhausted, "watchers", -1, "",
-                            "at most " + std::to_string(limit.most) + " may watch"});
-  }
+  if (auto entered = limit.enter(); !entered) return unexpected(entered.error());
   std::unique_ptr<JobFeed> feed(new JobFeed(board, limit, viewer, request.progress_interval_s()));
   if (one != nullptr) one->watch(true);
   feed->one_ = std::move(one);
@@ -41,7 +44,7 @@ Expected<std::unique_ptr<JobFeed>> JobFeed::open(const JobBoard& board, FeedLimi
 }
 
 JobFeed::~JobFeed() {
-  --limit_.open;
+  limit_.leave();
   if (one_ != nullptr) one_->watch(false);
 }
 

@@ -16,6 +16,10 @@ namespace marble::server {
 struct FeedLimit {
   const int most;
   std::atomic<int> open = 0;
+
+  /// Every enter() that succeeds has its leave(). Errors: resource_exhausted.
+  [[nodiscard]] Expected<void> enter();
+  void leave() { --open; }
 };
 
 /// Looks at the jobs' records when it is asked: a slow reader costs nothing but what it misses. One thread

@@ -54,6 +54,7 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   times->set_polish_s(now.times.polish_s);
   message->set_result_bytes(now.result_bytes);
   message->set_detail(now.detail);
+  if (what.trace) message->set_trace_id(what.trace->trace_id);
   if (now.finished)
     message->set_finished_unix_s(std::chrono::duration<double>(now.finished->time_since_epoch()).count());
 }

@@ -17,6 +17,7 @@
 #include "pair_history.h"
 #include "priority.h"
 #include "progress_history.h"
+#include "trace_context.h"
 
 namespace marble::server {
 
@@ -36,6 +37,7 @@ struct JobDescription {
   std::string client = {};                            ///< who may see it, besides observers
   std::string request_id = {}, name = {}, peer = {};  ///< as the client gave them
   Index variables = 0, equalities = 0, inequalities = 0, pairs = 0;
+  std::optional<TraceContext> trace = {};  ///< of the call it came by
   std::chrono::system_clock::time_point accepted = std::chrono::system_clock::now();
 };
 

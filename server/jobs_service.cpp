@@ -2,6 +2,7 @@
 
 #include "admission.h"
 #include "job_access.h"
+#include "job_log.h"
 #include "job_requests.h"
 #include "reply.h"
 #include "result_call.h"
@@ -40,22 +41,24 @@ class ResultKeeper final : public JobObserver {
 grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
   const auto message = std::make_shared<v1::SolveRequest>();
-  const auto handle = [&](v1::SolveRequest& parsed, v1::SubmitResponse* out) -> Expected<void> {
+  const auto handle = [&](v1::SolveRequest& parsed, v1::SubmitResponse* out,
+                          Origin& origin) -> Expected<void> {
     message->Swap(&parsed);
-    auto submitted = submit(*context, message, out);
+    origin.request_id = message->request_id();
+    auto submitted = submit(*context, origin, message, out);
     if (submitted) return submitted;
-    parts_.scheduler.count_refused();
-    log_refusal(parts_.log, context->peer(), message->request_id(), submitted.error());
+    parts_.scheduler.count_refused(submitted.error());
+    log_refusal(parts_.log, origin, submitted.error());
     return submitted;
   };
   return answer<v1::SolveRequest, v1::SubmitResponse>(context, request, response, handle,
                                                       parts_.scheduler.retry_delay_s());
 }
 
-Expected<void> JobsService::submit(const grpc::CallbackServerContext& context,
+Expected<void> JobsService::submit(const grpc::CallbackServerContext& context, Origin& origin,
                                    std::shared_ptr<v1::SolveRequest> request,
                                    v1::SubmitResponse* response) const {
-  auto caller = caller_of(parts_.access, context, Role::solve);
+  auto caller = caller_of(parts_.access, context, origin, Role::solve);
   if (!caller) return unexpected(caller.error());
   caller->deadline = Clock::time_point::max();  // the call's is not the job's
   const auto job = make_job(parts_, *caller, JobKind::submitted, std::move(request));
@@ -81,8 +84,9 @@ grpc::ServerUnaryReactor* JobsService::Result(grpc::CallbackServerContext* conte
 
 grpc::ServerUnaryReactor* JobsService::Delete(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  const auto handle = [&](const v1::DeleteJobRequest& message, v1::DeleteJobResponse*) -> Expected<void> {
-    const auto caller = parts_.access.identify(*context);
+  const auto handle = [&](const v1::DeleteJobRequest& message, v1::DeleteJobResponse*,
+                          Origin& origin) -> Expected<void> {
+    const auto caller = identify(parts_, *context, origin);
     if (!caller) return unexpected(caller.error());
     const std::string& id = message.job_id();
     const std::string owner = parts_.results.owner(id);
@@ -98,8 +102,9 @@ grpc::ServerUnaryReactor* JobsService::Delete(grpc::CallbackServerContext* conte
 
 grpc::ServerUnaryReactor* JobsService::List(grpc::CallbackServerContext* context,
                                             const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  const auto handle = [&](const v1::ListJobsRequest& message, v1::ListJobsResponse* out) -> Expected<void> {
-    const auto caller = parts_.access.identify(*context);
+  const auto handle = [&](const v1::ListJobsRequest& message, v1::ListJobsResponse* out,
+                          Origin& origin) -> Expected<void> {
+    const auto caller = identify(parts_, *context, origin);
     if (!caller) return unexpected(caller.error());
     return list_jobs(parts_.board, *caller, message, out);
   };
@@ -108,8 +113,9 @@ grpc::ServerUnaryReactor* JobsService::List(grpc::CallbackServerContext* context
 
 grpc::ServerUnaryReactor* JobsService::Get(grpc::CallbackServerContext* context,
                                            const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  const auto handle = [&](const v1::GetJobRequest& message, v1::GetJobResponse* out) -> Expected<void> {
-    const auto caller = parts_.access.identify(*context);
+  const auto handle = [&](const v1::GetJobRequest& message, v1::GetJobResponse* out,
+                          Origin& origin) -> Expected<void> {
+    const auto caller = identify(parts_, *context, origin);
     if (!caller) return unexpected(caller.error());
     return get_job(parts_.board, *caller, message.job_id(), out);
   };
@@ -118,8 +124,9 @@ grpc::ServerUnaryReactor* JobsService::Get(grpc::CallbackServerContext* context,
 
 grpc::ServerUnaryReactor* JobsService::Cancel(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  const auto handle = [&](const v1::CancelJobRequest& message, v1::CancelJobResponse* out) -> Expected<void> {
-    const auto caller = parts_.access.identify(*context);
+  const auto handle = [&](const v1::CancelJobRequest& message, v1::CancelJobResponse* out,
+                          Origin& origin) -> Expected<void> {
+    const auto caller = identify(parts_, *context, origin);
     if (!caller) return unexpected(caller.error());
     return cancel_job(parts_.board, *caller, message.job_id(), out);
   };

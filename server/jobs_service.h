@@ -2,6 +2,7 @@
 #pragma once
 
 #include "marble/v1/service.grpc.pb.h"
+#include "origin.h"
 #include "service_parts.h"
 
 namespace marble::server {
@@ -32,7 +33,7 @@ class JobsService final : public JobsRawService {
                                                     const grpc::ByteBuffer* request) override;
 
  private:
-  [[nodiscard]] Expected<void> submit(const grpc::CallbackServerContext& context,
+  [[nodiscard]] Expected<void> submit(const grpc::CallbackServerContext& context, Origin& origin,
                                       std::shared_ptr<v1::SolveRequest> request,
                                       v1::SubmitResponse* response) const;
 

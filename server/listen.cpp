@@ -9,6 +9,7 @@
 
 #include <cstring>
 
+#include "metrics/rpc_metrics.h"
 #include "tls.h"
 
 namespace marble::server {
@@ -45,8 +46,8 @@ void set_limits(grpc::ServerBuilder& builder, const Config& config) {
 
 }  // namespace
 
-Expected<Listening> listen(const Config& config, const std::vector<grpc::Service*>& services,
-                           const Log& log) {
+Expected<Listening> listen(const Config& config, const std::vector<grpc::Service*>& services, const Log& log,
+                           Metrics& metrics) {
   const auto refused = [](const std::string& address) {
     return unexpected(Error{ErrorCode::unavailable, "listen", -1, address,
                             "cannot listen: in use, or no address of this machine"});
@@ -55,6 +56,7 @@ Expected<Listening> listen(const Config& config, const std::vector<grpc::Service
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   set_limits(builder, config);
+  if (metrics.on()) builder.experimental().SetInterceptorCreators(rpc_interceptors(metrics.registry()));
   const auto in_the_clear = grpc::InsecureServerCredentials();
   Listening result;
   result.credentials = config.tls_certificate.empty() ? in_the_clear : tls_credentials(config, log);

@@ -10,6 +10,7 @@
 #include "config.h"
 #include "log.h"
 #include "marble/error.h"
+#include "metrics/metrics.h"
 
 namespace marble::server {
 
@@ -20,9 +21,9 @@ struct Listening {
 };
 
 /// Starts serving the services, health and reflection. The error's value is the address that could not be
-/// had. Configuration and log must outlive the server.
+/// had. Configuration, log and metrics must outlive the server.
 [[nodiscard]] Expected<Listening> listen(const Config& config, const std::vector<grpc::Service*>& services,
-                                         const Log& log);
+                                         const Log& log, Metrics& metrics);
 
 /// Tells health checkers of every service whether to send work here.
 void set_serving(const grpc::Server& server, bool serving);

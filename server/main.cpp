@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "config.h"
+#include "grpc_log.h"
 #include "http/http_server.h"
 #include "info_service.h"
 #include "jobs_service.h"
@@ -60,6 +61,16 @@ class ResultExpiry final : public Pulsed {
   ResultStore& results_;
 };
 
+// Tells what was held back of clients that are silent now.
+class SuppressedLines final : public Pulsed {
+ public:
+  explicit SuppressedLines(Log& log) : log_(log) {}
+  void pulse(Clock::time_point now) override { log_.tell_suppressed(now); }
+
+ private:
+  Log& log_;
+};
+
 int tell(const std::vector<ConfigFault>& faults) {
   for (const ConfigFault& fault : faults) std::cerr << "marble-server: " << fault.message() << '\n';
   return kBadConfiguration;
@@ -93,6 +104,10 @@ int main(int argc, char** argv) {
   const auto command_line = parse_command_line(argc, argv, exit_code);
   if (!command_line) return exit_code;
   if (!command_line->new_token.empty()) return print_new_token(command_line->new_token);
+  if (command_line->print_metrics) {
+    std::cout << metrics_markdown();
+    return 0;
+  }
   const auto config = load_config(*command_line);
   if (!config) return tell(config.error());
   if (command_line->print_config || command_line->check_config) {
@@ -101,26 +116,33 @@ int main(int argc, char** argv) {
   }
   Signals signals;
   Log log(config->log_format, config->log_level);
+  configure(log, *config);
+  const GrpcLog grpc_log(log);
   Access access(*config);
+  Metrics metrics(config->metrics, config->metrics_clients);
   LiveCalls calls;
   JobBoard board({config->history_jobs, config->trace_rows, config->trace_pairs});
   FeedLimit feeds{config->watchers};
   ResultStore results(result_limits(*config));
   SessionTable sessions({config->sessions, config->session_bytes});
-  const auto shared_scheduler = std::make_shared<Scheduler>(queue_limits(*config), board, log);
+  const auto shared_scheduler = std::make_shared<Scheduler>(queue_limits(*config), board, log, metrics);
   Scheduler& scheduler = *shared_scheduler;
   const auto expiry = std::make_shared<ResultExpiry>(results);
+  const auto suppressed_lines = std::make_shared<SuppressedLines>(log);
   Pulse pulse;  // after what it looks after: it ends first
   pulse.add(shared_scheduler);
   pulse.add(expiry);
-  const ServiceParts parts{*config, access, log, pulse, board, feeds, results, scheduler, sessions, calls};
+  pulse.add(suppressed_lines);
+  const ServiceParts parts{*config, access,  log,       metrics,  pulse, board,
+                           feeds,   results, scheduler, sessions, calls};
   SolverService solver_service(parts);
   JobsService jobs_service(parts);
   InfoService info_service(parts);
 
-  const auto listening = listen(*config, {&solver_service, &jobs_service, &info_service}, log);
+  const auto listening = listen(*config, {&solver_service, &jobs_service, &info_service}, log, metrics);
   if (!listening) {
-    log.error("cannot_listen", {{"address", listening.error().value}, {"reason", listening.error().bound}});
+    log.error(Component::server, "cannot_listen",
+              {{"address", listening.error().value}, {"reason", listening.error().bound}});
     return 1;
   }
   std::vector<std::string> addresses = listening->addresses;
@@ -130,27 +152,34 @@ int main(int argc, char** argv) {
       http = std::move(*started);
       addresses.push_back(http->address());
     } else if (config->http == "auto") {
-      log.warn("no_http", {{"address", started.error().value}, {"reason", started.error().bound}});
+      log.warn(Component::http, "no_http",
+               {{"address", started.error().value}, {"reason", started.error().bound}});
     } else {
-      log.error("cannot_listen", {{"address", started.error().value}, {"reason", started.error().bound}});
+      log.error(Component::server, "cannot_listen",
+                {{"address", started.error().value}, {"reason", started.error().bound}});
       return 1;
     }
   }
   if (!config->address_file.empty() && !write_lines(config->address_file, addresses)) {
-    log.error("cannot_write", {{"address_file", config->address_file}});
+    log.error(Component::server, "cannot_write", {{"address_file", config->address_file}});
     return 1;
   }
   for (const std::string& address : addresses) {
-    log.info("listening", {{"address", address},
-                           {"version", std::string(marble::kVersion)},
-                           {"workers", std::int64_t{scheduler.limits().workers}},
-                           {"queue_jobs", std::int64_t{scheduler.limits().jobs}}});
+    log.info(Component::server, "listening",
+             {{"address", address},
+              {"version", std::string(marble::kVersion)},
+              {"workers", std::int64_t{scheduler.limits().workers}},
+              {"queue_jobs", std::int64_t{scheduler.limits().jobs}}});
   }
 
   Reloader reloader(*command_line, *config, access, log);
   int signal = signals.wait();
-  for (; signal == SIGHUP; signal = signals.wait()) reloader.reload();
-  log.info("draining", {{"signal", std::int64_t{signal}}, {"grace_s", config->drain_grace_s}});
+  for (; signal == SIGHUP; signal = signals.wait()) {
+    reloader.reload();
+    grpc_log.follow_level();
+  }
+  log.info(Component::server, "draining",
+           {{"signal", std::int64_t{signal}}, {"grace_s", config->drain_grace_s}});
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
@@ -161,8 +190,9 @@ int main(int argc, char** argv) {
   listening->server->Shutdown(std::chrono::system_clock::now());
   listening->server->Wait();
   http.reset();
+  log.tell_all_suppressed();
   const Counters counters = scheduler.counters();
-  log.info("stopped",
+  log.info(Component::server, "stopped",
            {{"answered", counters.answered}, {"cancelled", counters.cancelled}, {"failed", counters.failed}});
   return 0;
 }

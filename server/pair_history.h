@@ -49,10 +49,10 @@ class PairHistory {
   }
 
  private:
-  // Keeps every other frame.
+  // Keeps every other frame. The first stays where it is: moved onto itself it would lose its sides.
   void thin() {
-    std::size_t kept = 0;
-    for (std::size_t at = 0; at < frames_.size(); at += 2) frames_[kept++] = std::move(frames_[at]);
+    std::size_t kept = 1;
+    for (std::size_t at = 2; at < frames_.size(); at += 2) frames_[kept++] = std::move(frames_[at]);
     frames_.resize(kept);
     stride_ *= 2;
   }

@@ -3,9 +3,34 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <filesystem>
 #include <fstream>
+#include <limits>
+#include <string>
 
 namespace marble::server {
+namespace {
+
+// When the machine began, in Unix time: proc_stat(5), btime.
+double boot_time_s() {
+  std::ifstream stat("/proc/stat");
+  double seconds = 0.0;
+  for (std::string word; stat >> word;) {
+    if (word == "btime" && stat >> seconds) break;
+  }
+  return seconds;
+}
+
+int entries_of(const char* directory) {
+  std::error_code ignored;
+  int count = 0;
+  for (std::filesystem::directory_iterator entry(directory, ignored), end; entry != end;
+       entry.increment(ignored))
+    ++count;
+  return count;
+}
+
+}  // namespace
 
 ProcessUsage process_usage() {
   ProcessUsage usage;
@@ -19,6 +44,21 @@ ProcessUsage process_usage() {
   };
   usage.cpu_s = seconds(times.ru_utime) + seconds(times.ru_stime);
   return usage;
+}
+
+ProcessFacts process_facts() {
+  ProcessFacts facts;
+  facts.open_fds = entries_of("/proc/self/fd") - 1;  // without the one that looks
+  std::ifstream stat("/proc/self/stat");             // proc_pid_stat(5): pid (name) state ...
+  stat.ignore(std::numeric_limits<std::streamsize>::max(), ')');
+  constexpr int kThreads = 20, kStartTime = 22;
+  std::string field;
+  for (int number = 3; stat >> field && number <= kStartTime; ++number) {
+    if (number == kThreads) facts.threads = std::stoi(field);
+    if (number == kStartTime)
+      facts.start_time_s = boot_time_s() + std::stod(field) / static_cast<double>(sysconf(_SC_CLK_TCK));
+  }
+  return facts;
 }
 
 }  // namespace marble::server

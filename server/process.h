@@ -12,4 +12,12 @@ struct ProcessUsage {
 
 [[nodiscard]] ProcessUsage process_usage();
 
+struct ProcessFacts {
+  int open_fds = 0;
+  int threads = 0;
+  double start_time_s = 0.0;  ///< in Unix time
+};
+
+[[nodiscard]] ProcessFacts process_facts();
+
 }  // namespace marble::server

@@ -16,9 +16,10 @@ class ProgressSlot {
   static constexpr std::size_t kMostRows = 128;
 
   struct Rows {
-    std::vector<Progress> rows;    ///< oldest first, without vectors
-    std::vector<double> newest_z;  ///< the iterate of the last row, if it was asked for
-    std::int64_t skipped = 0;      ///< rows of this solve that were dropped so far
+    std::vector<Progress> rows;      ///< oldest first, without vectors
+    std::vector<double> newest_z;    ///< the iterate of the last row, if it was asked for
+    std::int64_t skipped = 0;        ///< rows of this solve that were dropped so far
+    std::int64_t newly_skipped = 0;  ///< of them, since the last take
   };
 
   ProgressSlot() { ring_.reserve(kMostRows); }
@@ -41,13 +42,15 @@ class ProgressSlot {
     ring_.clear();
     oldest_ = 0;
     skipped_ = 0;
+    skipped_before_ = 0;
   }
 
   /// What came since the last take; no rows if nothing did.
   [[nodiscard]] Rows take() {
     const MutexLock lock(mutex_);
     std::rotate(ring_.begin(), ring_.begin() + static_cast<std::ptrdiff_t>(oldest_), ring_.end());
-    Rows taken{ring_, newest_z_, skipped_};
+    Rows taken{ring_, newest_z_, skipped_, skipped_ - skipped_before_};
+    skipped_before_ = skipped_;
     ring_.clear();
     oldest_ = 0;
     return taken;
@@ -59,6 +62,7 @@ class ProgressSlot {
   std::size_t oldest_ ABSL_GUARDED_BY(mutex_) = 0;  // not 0 only while the ring is full
   std::vector<double> newest_z_ ABSL_GUARDED_BY(mutex_);
   std::int64_t skipped_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::int64_t skipped_before_ ABSL_GUARDED_BY(mutex_) = 0;  // by the last take
 };
 
 }  // namespace marble::server

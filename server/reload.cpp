@@ -6,7 +6,8 @@ namespace marble::server {
 namespace {
 
 bool can_change(const std::string& setting) {
-  return setting == "tokens" || setting == "log_level" || setting.rfind(kClientPrefix, 0) == 0;
+  return setting == "tokens" || setting == "log_level" || setting == "log_levels" ||
+         setting == "log_lines_per_s" || setting.rfind(kClientPrefix, 0) == 0;
 }
 
 struct Difference {
@@ -68,19 +69,25 @@ Difference take(const Config& read, Config& in_force) {
 
 }  // namespace
 
+void configure(Log& log, const Settings& settings) {
+  log.configure(*log_levels_of(settings.log_level, settings.log_levels), settings.log_lines_per_s);
+}
+
 void Reloader::reload() {
   const auto read = load_config(command_line_);
   if (!read) {
     for (const ConfigFault& fault : read.error())
-      log_.error("reload_refused", {{"where", fault.where}, {"reason", fault.error.message()}});
+      log_.error(Component::config, "reload_refused",
+                 {{"where", fault.where}, {"reason", fault.error.message()}});
     return;
   }
   const Difference difference = take(*read, in_force_);
   access_.reload(in_force_);
-  log_.set_level(in_force_.log_level);
+  configure(log_, in_force_);
   for (const std::string& key : difference.fixed)
-    log_.warn("needs_restart", {{"setting", key}, {"where", source_of(*read, key)}});
-  log_.info("reloaded", {{"changed", difference.changed.empty() ? "nothing" : difference.changed}});
+    log_.warn(Component::config, "needs_restart", {{"setting", key}, {"where", source_of(*read, key)}});
+  log_.info(Component::server, "reloaded",
+            {{"changed", difference.changed.empty() ? "nothing" : difference.changed}});
 }
 
 }  // namespace marble::server

@@ -7,6 +7,9 @@
 
 namespace marble::server {
 
+/// Lets the log write what the configuration, which is valid, says of it.
+void configure(Log& log, const Settings& settings);
+
 class Reloader {
  public:
   /// `started` is what the server started with, and is in force.
@@ -14,7 +17,7 @@ class Reloader {
       : command_line_(std::move(command_line)), in_force_(std::move(started)), access_(access), log_(log) {}
 
   /// Reads the configuration again and puts in force what can change at run time: tokens, quotas, roles and
-  /// the log level. Warns of the rest. One that has faults changes nothing.
+  /// what is logged. Warns of the rest. One that has faults changes nothing.
   void reload();
 
  private:

@@ -39,12 +39,4 @@ void fill_rows(const ProgressSlot::Rows& taken, v1::ProgressRows* message) {
   message->set_skipped(taken.skipped);
 }
 
-void log_refusal(const Log& log, const std::string& peer, const std::string& request_id, const Error& error) {
-  // The id may be what is wrong with the request: show no more of it than a good one may have.
-  log.info("refused", {{"request", request_id.substr(0, kLongestRequestId)},
-                       {"peer", peer},
-                       {"code", std::string(to_string(error.code))},
-                       {"reason", error.message()}});
-}
-
 }  // namespace marble::server

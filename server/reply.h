@@ -4,7 +4,6 @@
 #include <grpcpp/support/status.h>
 
 #include "job.h"
-#include "log.h"
 #include "marble/v1/service.pb.h"
 #include "progress_slot.h"
 
@@ -19,8 +18,5 @@ void fill_solution(const Outcome& outcome, const Options& options, v1::Solution*
 
 /// The rows with the newest one's iterate.
 void fill_rows(const ProgressSlot::Rows& taken, v1::ProgressRows* message);
-
-/// One log line for a request that did not become a job.
-void log_refusal(const Log& log, const std::string& peer, const std::string& request_id, const Error& error);
 
 }  // namespace marble::server

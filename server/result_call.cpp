@@ -1,5 +1,6 @@
 #include "result_call.h"
 
+#include "admission.h"
 #include "job_access.h"
 #include "marble/v1/service.pb.h"
 #include "status.h"
@@ -7,8 +8,7 @@
 
 namespace marble::server {
 
-grpc::ServerUnaryReactor* ResultCall::begin(const ServiceParts& parts,
-                                            const grpc::CallbackServerContext& context,
+grpc::ServerUnaryReactor* ResultCall::begin(const ServiceParts& parts, grpc::CallbackServerContext& context,
                                             const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
   const std::shared_ptr<ResultCall> call(new ResultCall(parts, response));
   call->self_ = call;
@@ -16,8 +16,9 @@ grpc::ServerUnaryReactor* ResultCall::begin(const ServiceParts& parts,
   return call.get();
 }
 
-Expected<void> ResultCall::wait(const grpc::CallbackServerContext& context, const grpc::ByteBuffer* request) {
-  const auto caller = parts_.access.identify(context);
+Expected<void> ResultCall::wait(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request) {
+  Origin origin = origin_of(context);
+  const auto caller = identify(parts_, context, origin);
   if (!caller) return unexpected(caller.error());
   v1::JobResultRequest message;
   if (auto parsed = parse(request, &message); !parsed) return parsed;

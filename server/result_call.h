@@ -13,8 +13,7 @@ namespace marble::server {
 /// Owns itself until gRPC is done with it; whoever has the answer may own it too, until it is there.
 class ResultCall final : public grpc::ServerUnaryReactor, public Pulsed {
  public:
-  static grpc::ServerUnaryReactor* begin(const ServiceParts& parts,
-                                         const grpc::CallbackServerContext& context,
+  static grpc::ServerUnaryReactor* begin(const ServiceParts& parts, grpc::CallbackServerContext& context,
                                          const grpc::ByteBuffer* request, grpc::ByteBuffer* response);
 
   // From gRPC.
@@ -26,8 +25,7 @@ class ResultCall final : public grpc::ServerUnaryReactor, public Pulsed {
  private:
   ResultCall(const ServiceParts& parts, grpc::ByteBuffer* response)
       : token_(parts.calls), parts_(parts), response_(response) {}
-  [[nodiscard]] Expected<void> wait(const grpc::CallbackServerContext& context,
-                                    const grpc::ByteBuffer* request);
+  [[nodiscard]] Expected<void> wait(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request);
   void answer(const ResultStore::Shared& result);
   void finish(const grpc::Status& status);
 

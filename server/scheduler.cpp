@@ -4,6 +4,8 @@
 #include <exception>
 #include <new>
 
+#include "job_log.h"
+
 namespace marble::server {
 namespace {
 
@@ -74,8 +76,8 @@ Error refusal(QueueRefusal why, const QueueLimits& limits, const Job& job) {
 
 }  // namespace
 
-Scheduler::Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log)
-    : limits_(limits), board_(board), log_(log), queue_(limits) {
+Scheduler::Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log, Metrics& metrics)
+    : limits_(limits), board_(board), log_(log), metrics_(metrics), queue_(limits) {
   for (int i = 0; i < limits_.workers; ++i) workers_.emplace_back([this] { work(); });
 }
 
@@ -132,9 +134,10 @@ void Scheduler::cancel(const std::shared_ptr<Job>& job) {
   finish(*job, std::move(outcome), false);
 }
 
-void Scheduler::count_refused() {
+void Scheduler::count_refused(const Error& error) {
   const MutexLock lock(mutex_);
   ++counters_.refused;
+  ++counters_.refused_by_reason[refusal_reason(error)];
 }
 
 bool Scheduler::is_closed() const {
@@ -225,7 +228,8 @@ void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
   if (!ran) outcome.queue_s = outcome.total_s;
   if (!ran) outcome.retry_delay_s = retry_delay_s();  // what failed by itself would fail again
   job.work = nullptr;
-  log_end(job, outcome);
+  log_end(log_, job, outcome);
+  metrics_.job_ended(job, outcome);
   if (job.ticket.reserved) {
     if (!job.is_setup) job.record->answered(outcome.solution, outcome.total_s);
   } else {
@@ -267,37 +271,6 @@ void Scheduler::count(const Job& job, const Outcome& outcome) {
       outcome.solution->status == Status::cancelled && job.stop.stop_requested() && !closed_;
   ++(given_up ? counters_.cancelled : counters_.answered);
   if (is_solved(outcome.solution->status)) ++counters_.solved;
-}
-
-void Scheduler::log_end(const Job& job, const Outcome& outcome) const {
-  const bool solved = outcome.solution.has_value();
-  const bool bug = !solved && outcome.solution.error().code == ErrorCode::internal;
-  const auto level = bug                   ? spdlog::level::err
-                     : job.ticket.reserved ? spdlog::level::debug
-                                           : spdlog::level::info;
-  if (!log_.enabled(level)) return;
-  const JobDescription& what = job.record->description();
-  const char* status =
-      solved ? to_string(outcome.solution->status) : to_string(outcome.solution.error().code);
-  log_.write(level, job.ticket.reserved ? "update" : "job",
-             {{"job", what.id},
-              {"client", what.client},
-              {"priority", std::string(to_string(what.priority))},
-              {"request", what.request_id},
-              {"name", what.name},
-              {"peer", what.peer},
-              {"n", std::int64_t{what.variables}},
-              {"n_e", std::int64_t{what.equalities}},
-              {"n_i", std::int64_t{what.inequalities}},
-              {"n_c", std::int64_t{what.pairs}},
-              {"status", std::string(status)},
-              {"iterations", std::int64_t{solved ? outcome.solution->iterations : 0}},
-              {"factorizations", std::int64_t{solved ? outcome.solution->factorizations : 0}},
-              {"objective", solved ? outcome.solution->objective : 0.0},
-              {"queue_s", outcome.queue_s},
-              {"solve_s", solved ? outcome.solution->times.solve_s : 0.0},
-              {"total_s", outcome.total_s},
-              {"detail", solved ? outcome.solution->detail : outcome.solution.error().message()}});
 }
 
 void Scheduler::close() {
@@ -379,6 +352,7 @@ Counters Scheduler::counters() const {
   Counters counters = counters_;
   counters.queued = static_cast<int>(queue_.waiting());
   counters.running = queue_.running();
+  counters.request_bytes = queue_.bytes();
   const Clock::time_point now = Clock::now();
   for (const auto& job : running_) counters.busy_s += seconds(now - job->begun);
   double work_s = work_under_way_s();

@@ -11,16 +11,20 @@
 #include "job.h"
 #include "job_board.h"
 #include "log.h"
+#include "metrics/metrics.h"
 #include "mutex.h"
 #include "pulse.h"
+#include "refusal.h"
 
 namespace marble::server {
 
 struct Counters {
   std::int64_t accepted = 0, answered = 0, solved = 0, refused = 0, cancelled = 0, failed = 0;
   std::int64_t updates = 0, updates_solved = 0;  ///< of sessions, answered
-  double busy_s = 0.0;                           ///< that workers have spent on jobs
+  std::array<std::int64_t, kRefusalReasons> refused_by_reason = {};
+  double busy_s = 0.0;  ///< that workers have spent on jobs
   int queued = 0, running = 0;
+  std::int64_t request_bytes = 0;  ///< waiting or running
   std::array<int, kPriorities> queued_by_priority = {};
   std::array<double, kPriorities> estimated_wait_s = {};  ///< of a job that came now
 };
@@ -35,7 +39,7 @@ class RoomWaiter {
 
 class Scheduler final : public Pulsed, public TaskRunner {
  public:
-  Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log);
+  Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log, Metrics& metrics);
   ~Scheduler() override;
   Scheduler(const Scheduler&) = delete;
   Scheduler& operator=(const Scheduler&) = delete;
@@ -58,7 +62,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
   void cancel(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// Counts a request that did not become a job, whoever refused it.
-  void count_refused() ABSL_LOCKS_EXCLUDED(mutex_);
+  void count_refused(const Error& error) ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// Admits nothing more from now on, but for updates of sessions.
   void close() ABSL_LOCKS_EXCLUDED(mutex_);
@@ -98,7 +102,6 @@ class Scheduler final : public Pulsed, public TaskRunner {
   void refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error);
   void finish(Job& job, Outcome outcome, bool ran) ABSL_LOCKS_EXCLUDED(mutex_);
   void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void log_end(const Job& job, const Outcome& outcome) const;
   [[nodiscard]] QueuePlace place_of(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Until the running ones are half done: nobody knows how far they are.
   [[nodiscard]] double work_under_way_s() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -110,6 +113,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
   const QueueLimits limits_;
   JobBoard& board_;
   const Log& log_;
+  Metrics& metrics_;
   mutable Mutex mutex_;
   Condition work_;      // something was queued, a client's quota is free again, or stopping_
   Condition progress_;  // something ended, or hurried_

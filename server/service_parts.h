@@ -7,6 +7,7 @@
 #include "job_feed.h"
 #include "live_calls.h"
 #include "log.h"
+#include "metrics/metrics.h"
 #include "result_store.h"
 #include "scheduler.h"
 #include "session_table.h"
@@ -17,6 +18,7 @@ struct ServiceParts {
   const Config& config;
   const Access& access;
   const Log& log;
+  Metrics& metrics;
   Pulse& pulse;
   JobBoard& board;
   FeedLimit& feeds;

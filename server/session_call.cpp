@@ -4,7 +4,9 @@
 #include <cmath>
 #include <utility>
 
+#include "job_log.h"
 #include "marble/convert.h"
+#include "random_id.h"
 #include "reply.h"
 #include "status.h"
 #include "wire.h"
@@ -42,11 +44,12 @@ class SessionCall::UpdateObserver final : public JobObserver {
 };
 
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
-    const ServiceParts& parts, const grpc::CallbackServerContext& context) {
+    const ServiceParts& parts, grpc::CallbackServerContext& context) {
   const std::shared_ptr<SessionCall> call(new SessionCall(parts));
   call->self_ = call;
+  Origin origin = origin_of(context);
   const auto admit = [&]() -> Expected<void> {
-    auto caller = caller_of(parts.access, context, Role::solve);
+    auto caller = caller_of(parts.access, context, origin, Role::solve);
     if (!caller) return unexpected(caller.error());
     call->caller_ = std::move(*caller);
     if (parts.scheduler.is_closed())
@@ -63,7 +66,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
       const MutexLock lock(call->mutex_);
       call->finishing_ = true;  // a client that goes away before it has heard must not end it again
     }
-    call->Finish(marble::server::refuse(parts, context.peer(), "", admitted.error()));
+    call->Finish(marble::server::refuse(parts, origin, admitted.error()));
     return call.get();
   }
   parts.pulse.add(call);
@@ -76,8 +79,9 @@ void SessionCall::OnReadDone(bool ok) {
   const auto parsed = ok ? parse(&incoming_, &request) : Expected<void>{};
   if (ok && parsed && request.has_setup()) {
     if (const auto taken = take_setup(*request.mutable_setup()); !taken) {
-      static_cast<void>(
-          marble::server::refuse(parts_, caller_.peer, request.setup().request_id(), taken.error()));
+      Origin origin = caller_.origin;
+      origin.request_id = request.setup().request_id();
+      static_cast<void>(marble::server::refuse(parts_, origin, taken.error()));
       const MutexLock lock(mutex_);
       end(taken.error());
     }
@@ -134,17 +138,18 @@ Expected<void> SessionCall::take_setup(v1::SessionSetup& setup) {
     error.field = "setup.initial_point.z";
     return unexpected(std::move(error));
   }
-  const auto record = parts_.board.make({.id = new_job_id(),
+  const auto record = parts_.board.make({.id = random_id(),
                                          .kind = JobKind::session,
                                          .priority = *priority,
                                          .client = caller_.identity.client,
                                          .request_id = kept->request_id(),
                                          .name = kept->problem().name(),
-                                         .peer = caller_.peer,
+                                         .peer = caller_.origin.peer,
                                          .variables = problem->variables(),
                                          .equalities = problem->equalities(),
                                          .inequalities = problem->inequalities(),
-                                         .pairs = problem->pairs()},
+                                         .pairs = problem->pairs(),
+                                         .trace = caller_.origin.trace},
                                         *options);
   record->set_cancel([weak = std::weak_ptr<SessionCall>(self_)] {
     const std::shared_ptr<SessionCall> call = weak.lock();
@@ -170,7 +175,9 @@ Expected<void> SessionCall::take_setup(v1::SessionSetup& setup) {
   job->work = [this, kept, problem = *problem, initial_z](const SolveControls&) -> Expected<Solution> {
     const std::int64_t most = std::min(parts_.config.solve_bytes, parts_.sessions.room());
     if (auto made = session_->set_up(problem, initial_z, most); !made) return unexpected(made.error());
-    return Solution{};
+    Solution prepared;
+    prepared.times.setup_s = session_->setup_s();
+    return prepared;
   };
   job->observer = std::make_shared<SetupObserver>(self_);
   if (const auto admitted = parts_.scheduler.admit(job); !admitted) {
@@ -198,6 +205,7 @@ void SessionCall::set_up_done(Outcome outcome) {
       set_up_ = true;
       record_->set_memory(session_->memory_bytes());
       record_->idle();
+      log_session_open(parts_.log, *record_);
       v1::SessionReady* ready = events_.emplace_back().mutable_ready();
       ready->set_job_id(record_->id());
       ready->set_memory_bytes(session_->memory_bytes());
@@ -237,6 +245,7 @@ void SessionCall::take_update(v1::SessionUpdate& message) {
     v1::SessionSuperseded* superseded = events_.emplace_back().mutable_superseded();
     superseded->set_sequence(waiting_.front()->message.sequence());
     superseded->set_by_sequence(sequence);
+    parts_.metrics.update_superseded();
     take_along(std::move(waiting_.front()->message), message);
     waiting_.pop_front();
   }
@@ -315,6 +324,7 @@ void SessionCall::update_done(const std::shared_ptr<Update>& update, Outcome out
 }
 
 void SessionCall::refuse(std::int64_t sequence, const Error& error, double retry_delay_s) {
+  parts_.metrics.update_refused(error);
   v1::SessionError* message = events_.emplace_back().mutable_error();
   message->set_sequence(sequence);
   *message->mutable_status() = to_message(error, retry_delay_s);
@@ -330,6 +340,7 @@ void SessionCall::report(const Progress& progress) {
 void SessionCall::take_rows() {
   const ProgressSlot::Rows taken = slot_.take();
   if (taken.rows.empty()) return;
+  parts_.metrics.progress_sent(taken.rows.size(), taken.newly_skipped);
   v1::SessionProgress* progress = events_.emplace_back().mutable_progress();
   progress->set_sequence(solving_);
   fill_rows(taken, progress->mutable_progress());
@@ -413,19 +424,7 @@ void SessionCall::release() {
   if (record_ == nullptr) return;
   record_->closed(end_);
   parts_.board.finish(record_);
-  const JobSnapshot last = record_->snapshot();
-  parts_.log.info("session", {{"job", record_->id()},
-                              {"client", caller_.identity.client},
-                              {"priority", std::string(to_string(priority_))},
-                              {"request", record_->description().request_id},
-                              {"name", record_->description().name},
-                              {"peer", caller_.peer},
-                              {"n", std::int64_t{record_->description().variables}},
-                              {"n_c", std::int64_t{record_->description().pairs}},
-                              {"updates", last.updates},
-                              {"factorizations", last.factorizations},
-                              {"memory_bytes", last.memory_bytes},
-                              {"ended", std::string(end_ ? to_string(end_->code) : "closed")}});
+  log_session_end(parts_.log, *record_, end_);
 }
 
 // A thread of ours may ask for a read while gRPC's tells that the client is gone. Finishing waits until it

@@ -21,7 +21,7 @@ class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
                           public Pulsed {
  public:
   static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
-      const ServiceParts& parts, const grpc::CallbackServerContext& context);
+      const ServiceParts& parts, grpc::CallbackServerContext& context);
 
   // From gRPC.
   void OnReadDone(bool ok) override ABSL_LOCKS_EXCLUDED(mutex_);

@@ -7,25 +7,24 @@
 
 namespace marble::server {
 
-grpc::ServerUnaryReactor* SolveCall::begin(const ServiceParts& parts,
-                                           const grpc::CallbackServerContext& context,
+grpc::ServerUnaryReactor* SolveCall::begin(const ServiceParts& parts, grpc::CallbackServerContext& context,
                                            const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
   const std::shared_ptr<SolveCall> call(new SolveCall(parts, response));
   call->self_ = call;
-  std::string request_id;
-  if (const auto admitted = call->admit(request, context, request_id); !admitted) {
-    call->Finish(refuse(parts, context.peer(), request_id, admitted.error()));
+  Origin origin = origin_of(context);
+  if (const auto admitted = call->admit(request, context, origin); !admitted) {
+    call->Finish(refuse(parts, origin, admitted.error()));
   }
   return call.get();
 }
 
 Expected<void> SolveCall::admit(const grpc::ByteBuffer* request, const grpc::CallbackServerContext& context,
-                                std::string& request_id) {
-  const auto caller = caller_of(parts_.access, context, Role::solve);
+                                Origin& origin) {
+  const auto caller = caller_of(parts_.access, context, origin, Role::solve);
   if (!caller) return unexpected(caller.error());
   auto message = std::make_shared<v1::SolveRequest>();
   if (auto parsed = parse(request, message.get()); !parsed) return parsed;
-  request_id = message->request_id();
+  origin.request_id = message->request_id();
   auto job = make_job(parts_, *caller, JobKind::solve, std::move(message));
   if (!job) return unexpected(job.error());
   (*job)->observer = self_;

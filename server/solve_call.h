@@ -4,6 +4,7 @@
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
+#include "origin.h"
 #include "service_parts.h"
 
 namespace marble::server {
@@ -12,8 +13,7 @@ namespace marble::server {
 class SolveCall final : public grpc::ServerUnaryReactor, public JobObserver {
  public:
   /// Parses, checks and admits the request, or refuses it.
-  static grpc::ServerUnaryReactor* begin(const ServiceParts& parts,
-                                         const grpc::CallbackServerContext& context,
+  static grpc::ServerUnaryReactor* begin(const ServiceParts& parts, grpc::CallbackServerContext& context,
                                          const grpc::ByteBuffer* request, grpc::ByteBuffer* response);
 
   // From gRPC.
@@ -26,7 +26,7 @@ class SolveCall final : public grpc::ServerUnaryReactor, public JobObserver {
   SolveCall(const ServiceParts& parts, grpc::ByteBuffer* response)
       : token_(parts.calls), parts_(parts), response_(response) {}
   [[nodiscard]] Expected<void> admit(const grpc::ByteBuffer* request,
-                                     const grpc::CallbackServerContext& context, std::string& request_id);
+                                     const grpc::CallbackServerContext& context, Origin& origin);
 
   const LiveCalls::Token token_;
   const ServiceParts& parts_;

@@ -10,13 +10,13 @@
 
 namespace marble::server {
 grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const ServiceParts& parts,
-                                                                   const grpc::CallbackServerContext& context,
+                                                                   grpc::CallbackServerContext& context,
                                                                    const grpc::ByteBuffer* request) {
   const std::shared_ptr<SolveStreamCall> call(new SolveStreamCall(parts));
   call->self_ = call;
-  std::string request_id;
-  if (const auto admitted = call->admit(request, context, request_id); !admitted) {
-    call->Finish(refuse(parts, context.peer(), request_id, admitted.error()));
+  Origin origin = origin_of(context);
+  if (const auto admitted = call->admit(request, context, origin); !admitted) {
+    call->Finish(refuse(parts, origin, admitted.error()));
   } else {
     call->go_on();
   }
@@ -24,12 +24,12 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const Service
 }
 
 Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
-                                      const grpc::CallbackServerContext& context, std::string& request_id) {
-  const auto caller = caller_of(parts_.access, context, Role::solve);
+                                      const grpc::CallbackServerContext& context, Origin& origin) {
+  const auto caller = caller_of(parts_.access, context, origin, Role::solve);
   if (!caller) return unexpected(caller.error());
   v1::SolveStreamRequest request;
   if (auto parsed = parse(bytes, &request); !parsed) return parsed;
-  request_id = request.solve().request_id();
+  origin.request_id = request.solve().request_id();
   if (auto valid = check_progress(request.progress_interval_s(), request.iterate_every()); !valid)
     return valid;
   progress_interval_s_ = request.progress_interval_s();
@@ -131,6 +131,7 @@ bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
     return true;
   }
   if (const ProgressSlot::Rows taken = slot_.take(); !taken.rows.empty()) {
+    parts_.metrics.progress_sent(taken.rows.size(), taken.newly_skipped);
     fill_rows(taken, event->mutable_progress());
     return true;
   }

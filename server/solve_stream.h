@@ -8,6 +8,7 @@
 
 #include "marble/v1/service.pb.h"
 #include "mutex.h"
+#include "origin.h"
 #include "progress_slot.h"
 #include "service_parts.h"
 
@@ -20,7 +21,7 @@ class SolveStreamCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
  public:
   /// Parses, checks and admits the request, or refuses it.
   static grpc::ServerWriteReactor<grpc::ByteBuffer>* begin(const ServiceParts& parts,
-                                                           const grpc::CallbackServerContext& context,
+                                                           grpc::CallbackServerContext& context,
                                                            const grpc::ByteBuffer* request);
 
   // From gRPC.
@@ -39,7 +40,7 @@ class SolveStreamCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
  private:
   explicit SolveStreamCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}
   [[nodiscard]] Expected<void> admit(const grpc::ByteBuffer* bytes,
-                                     const grpc::CallbackServerContext& context, std::string& request_id)
+                                     const grpc::CallbackServerContext& context, Origin& origin)
       ABSL_LOCKS_EXCLUDED(mutex_);
   void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool next_event(v1::SolveStreamResponse* event) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "certificates.h"
+#include "certificate_keeper.h"
 #include "mutex.h"
 
 namespace marble::server {
@@ -15,8 +15,8 @@ namespace {
 /// The certificates of one address.
 class Source {
  public:
-  Source(const Settings& settings, const Log& log, std::string address)
-      : settings_(settings), log_(log), address_(std::move(address)) {}
+  Source(const Settings& settings, const Log& log, const std::string& address)
+      : keeper_(settings, log, address) {}
 
   /// gRPC's callback before a handshake.
   static grpc_ssl_certificate_config_reload_status fetch(void* source,
@@ -28,35 +28,19 @@ class Source {
   grpc_ssl_certificate_config_reload_status next(grpc_ssl_server_certificate_config** config)
       ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
-    const auto read = read_certificates(settings_);
-    if (!read) {
-      // Once, not at every handshake.
-      const std::string fault = read.error().message();
-      if (fault != last_fault_) log_.error("certificate_refused", {{"address", address_}, {"reason", fault}});
-      last_fault_ = fault;
-      return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
-    }
-    last_fault_.clear();
-    if (*read == in_force_) return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
-    in_force_ = *read;
-    if (is_expired(in_force_)) {
-      log_.warn("certificate_expired", {{"address", address_}, {"valid_until", expiry_of(in_force_)}});
-    } else {
-      log_.info("certificate", {{"address", address_}, {"valid_until", expiry_of(in_force_)}});
-    }
-    const grpc_ssl_pem_key_cert_pair pair = {in_force_.key.c_str(), in_force_.certificate.c_str()};
+    const auto now = keeper_.look();
+    if (now == served_) return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
+    served_ = now;
+    const grpc_ssl_pem_key_cert_pair pair = {now->key.c_str(), now->certificate.c_str()};
     // gRPC insists on authorities of clients where it asks for no client's certificate too.
-    const std::string& roots = in_force_.client_ca.empty() ? in_force_.certificate : in_force_.client_ca;
+    const std::string& roots = now->client_ca.empty() ? now->certificate : now->client_ca;
     *config = grpc_ssl_server_certificate_config_create(roots.c_str(), &pair, 1);
     return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_NEW;
   }
 
-  const Settings& settings_;
-  const Log& log_;
-  const std::string address_;
+  CertificateKeeper keeper_;
   Mutex mutex_;
-  Certificates in_force_ ABSL_GUARDED_BY(mutex_);
-  std::string last_fault_ ABSL_GUARDED_BY(mutex_);
+  std::shared_ptr<const Certificates> served_ ABSL_GUARDED_BY(mutex_);
 };
 
 grpc_ssl_client_certificate_request_type request_type(const Settings& settings) {

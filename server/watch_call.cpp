@@ -2,13 +2,14 @@
 
 #include <utility>
 
+#include "admission.h"
 #include "status.h"
 #include "wire.h"
 
 namespace marble::server {
 
 grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchCall::begin(const ServiceParts& parts,
-                                                             const grpc::CallbackServerContext& context,
+                                                             grpc::CallbackServerContext& context,
                                                              const grpc::ByteBuffer* request) {
   const std::shared_ptr<WatchCall> call(new WatchCall(parts));
   call->self_ = call;
@@ -25,8 +26,9 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchCall::begin(const ServiceParts&
   return call.get();
 }
 
-Expected<void> WatchCall::start(const grpc::CallbackServerContext& context, const grpc::ByteBuffer* request) {
-  const auto caller = parts_.access.identify(context);
+Expected<void> WatchCall::start(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request) {
+  Origin origin = origin_of(context);
+  const auto caller = identify(parts_, context, origin);
   if (!caller) return unexpected(caller.error());
   v1::WatchJobsRequest message;
   if (auto parsed = parse(request, &message); !parsed) return parsed;

@@ -13,7 +13,7 @@ namespace marble::server {
 class WatchCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>, public Pulsed {
  public:
   static grpc::ServerWriteReactor<grpc::ByteBuffer>* begin(const ServiceParts& parts,
-                                                           const grpc::CallbackServerContext& context,
+                                                           grpc::CallbackServerContext& context,
                                                            const grpc::ByteBuffer* request);
 
   // From gRPC.
@@ -25,8 +25,8 @@ class WatchCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>, publi
 
  private:
   explicit WatchCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}
-  [[nodiscard]] Expected<void> start(const grpc::CallbackServerContext& context,
-                                     const grpc::ByteBuffer* request) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Expected<void> start(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request)
+      ABSL_LOCKS_EXCLUDED(mutex_);
   void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
 
   const LiveCalls::Token token_;

@@ -6,6 +6,7 @@
 
 #include "commands.h"
 #include "exit_code.h"
+#include "formats.h"
 #include "interrupt.h"
 #include "marble/problem_file.h"
 #include "report.h"
@@ -50,7 +51,7 @@ class BatchRun {
         if (next_ == arguments_.files.size()) return std::nullopt;
         path = arguments_.files[next_];
       }
-      auto file = read_problem(path);
+      auto file = formats::read_any_problem(path);
       const std::lock_guard lock(mutex_);
       const auto tag = static_cast<std::int64_t>(next_++);
       if (!file) {

@@ -1,6 +1,5 @@
 #include <cstdio>
 #include <ctime>
-#include <fstream>
 #include <iostream>
 #include <memory>
 
@@ -11,6 +10,7 @@
 #include "option_text.h"
 #include "server_arguments.h"
 #include "text_table.h"
+#include "trace_file.h"
 
 namespace marble::cli {
 namespace {
@@ -55,6 +55,7 @@ void print(const JobDetails& details) {
   field("kind", std::string(to_string(job.kind)) + ", " + to_string(job.priority));
   field("client", terminal_text(job.client));
   if (!job.request_id.empty()) field("request", terminal_text(job.request_id));
+  if (!job.trace_id.empty()) field("trace", job.trace_id);
   field("problem", terminal_text(job.problem_name) + "  " + sizes_text(job) + " (n/n_e/n_i/n_c)");
   field("accepted", time_text(job.accepted_unix_s) + ", age " + age_text(job));
   field("state", to_string(job.state));
@@ -114,20 +115,11 @@ Json json_of(const JobDetails& details) {
   return json;
 }
 
-// Numbers keep every bit.
-bool write_csv(const JobTrace& trace, const std::string& path) {
-  std::ofstream file(path);
-  const Json columns = to_json(Progress{});
-  std::string header;
-  for (const auto& [name, value] : columns.items()) header += (header.empty() ? "" : ",") + name;
-  file << header << '\n';
-  for (const Progress& row : trace.rows) {
-    std::string text;
-    for (const Json& value : to_json(row)) text += (text.empty() ? "" : ",") + value.dump();
-    file << text << '\n';
-  }
-  file.close();
-  return file.good();
+Expected<void> write_trace(const JobTrace& trace, const std::string& path) {
+  auto writer = TraceWriter::open(path);
+  if (!writer) return unexpected(writer.error());
+  for (const Progress& row : trace.rows) writer->report(row);
+  return writer->commit();
 }
 
 int run(const JobArguments& arguments) {
@@ -140,8 +132,10 @@ int run(const JobArguments& arguments) {
   } else {
     print(*details);
   }
-  if (arguments.trace.empty() || write_csv(details->trace, arguments.trace)) return kAllSolved;
-  std::cerr << "marble: " << arguments.trace << ": cannot be written\n";
+  if (arguments.trace.empty()) return kAllSolved;
+  const auto written = write_trace(details->trace, arguments.trace);
+  if (written) return kAllSolved;
+  std::cerr << "marble: " << written.error().message() << '\n';
   return kBadInput;
 }
 

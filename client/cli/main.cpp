@@ -29,6 +29,7 @@ int main(int argc, char** argv) {
   add_watch(program, exit_code);
   add_cancel(program, exit_code);
   add_delete(program, exit_code);
+  add_plot(program, exit_code);
   add_mpc(program, exit_code);
   add_convert(program, exit_code);
   add_example(program, exit_code);

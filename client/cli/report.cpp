@@ -79,6 +79,7 @@ std::string json_line(const Subject& problem, const Answer& s) {
   json["polish_seconds"] = s.times.polish_s;
   json["queue_seconds"] = s.queue_s;
   if (!s.job_id.empty()) json["job_id"] = s.job_id;
+  if (!s.traceparent.empty()) json["traceparent"] = s.traceparent;
   return line(json);
 }
 

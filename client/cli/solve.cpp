@@ -5,6 +5,7 @@
 
 #include "commands.h"
 #include "exit_code.h"
+#include "formats.h"
 #include "interrupt.h"
 #include "iteration_table.h"
 #include "marble/client.h"
@@ -13,6 +14,7 @@
 #include "report.h"
 #include "server_arguments.h"
 #include "solver_arguments.h"
+#include "trace_file.h"
 
 namespace marble::cli {
 namespace {
@@ -24,6 +26,7 @@ struct SolveArguments {
   Priority priority = Priority::by_method;
   bool local = false;
   bool quiet = false;
+  std::string trace;  // empty: none is written
   [[nodiscard]] bool json() const { return server.json(); }
 };
 
@@ -50,16 +53,33 @@ void tell_place(CallControls& call) {
   };
 }
 
+// Who is told of each iteration: the person, the trace, both or nobody.
+class Listeners final : public ProgressSink {
+ public:
+  Listeners(bool tells, TraceWriter* trace) : table_(colours_wanted()), tells_(tells), trace_(trace) {}
+  void report(const Progress& progress) override {
+    if (tells_) table_.report(progress);
+    if (trace_ != nullptr) trace_->report(progress);
+  }
+  [[nodiscard]] ProgressSink* sink() { return tells_ || trace_ != nullptr ? this : nullptr; }
+
+ private:
+  IterationTable table_;
+  bool tells_;
+  TraceWriter* trace_;
+};
+
 // Where the solving is done: on a server, or here if there is no client.
 class Engine {
  public:
-  Engine(std::optional<Client> client, Priority priority, bool tells_progress)
-      : client_(std::move(client)), priority_(priority), tells_progress_(tells_progress) {}
+  /// `trace` may be null.
+  Engine(std::optional<Client> client, Priority priority, bool tells_progress, TraceWriter* trace)
+      : client_(std::move(client)), priority_(priority), tells_progress_(tells_progress), trace_(trace) {}
 
   [[nodiscard]] Expected<Answer> solve(const ProblemFile& file, const Options& options,
                                        std::stop_token stop) const {
-    IterationTable table(colours_wanted());
-    const SolveControls controls{tells_progress_ ? &table : nullptr, std::move(stop), file.problem.initial_z};
+    Listeners listeners(tells_progress_, trace_);
+    const SolveControls controls{listeners.sink(), std::move(stop), file.problem.initial_z};
     return client_ ? remote(file.problem, options, controls) : local(file.problem, options, controls);
   }
 
@@ -90,6 +110,7 @@ class Engine {
   std::optional<Client> client_;
   Priority priority_;
   bool tells_progress_;
+  TraceWriter* trace_;
 };
 
 int tell_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
@@ -101,7 +122,7 @@ int tell_error(const SolveArguments& arguments, const std::string& file, const s
 
 int solve_file(const SolveArguments& arguments, const std::string& path, const Options& options,
                const Engine& engine, std::stop_token stop) {
-  const auto file = read_problem(path);
+  const auto file = formats::read_any_problem(path);
   if (!file) return tell_error(arguments, path, "", file.error());
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
   const auto answer = engine.solve(*file, options, std::move(stop));
@@ -110,6 +131,24 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
   std::cout << (arguments.json() ? json_line(subject, *answer) + "\n" : summary(subject, *answer))
             << std::flush;
   return is_solved(answer->status) ? kAllSolved : kNotSolved;
+}
+
+int trace_fails(const Error& error) {
+  std::cerr << "marble: " << error.message() << '\n';
+  return kBadInput;
+}
+
+// Opened before anything is solved, so that a long solve is not lost for a path mistyped.
+Expected<std::optional<TraceWriter>> open_trace(const SolveArguments& arguments) {
+  if (arguments.trace.empty()) return std::nullopt;
+  if (arguments.files.size() > 1) {
+    return unexpected(Error{ErrorCode::invalid_argument, "--trace", -1, "",
+                            "is the convergence of one problem: must go with one FILE, not " +
+                                std::to_string(arguments.files.size())});
+  }
+  auto writer = TraceWriter::open(arguments.trace);
+  if (!writer) return unexpected(writer.error());
+  return std::move(*writer);
 }
 
 int run(const SolveArguments& arguments) {
@@ -124,7 +163,9 @@ int run(const SolveArguments& arguments) {
     }
     client = std::move(*connected);
   }
-  const Engine engine(std::move(client), arguments.priority, !arguments.quiet);
+  auto trace = open_trace(arguments);
+  if (!trace) return trace_fails(trace.error());
+  const Engine engine(std::move(client), arguments.priority, !arguments.quiet, *trace ? &**trace : nullptr);
   const Interrupt interrupt;
   int exit_code = kAllSolved;
   for (const std::string& path : arguments.files) {
@@ -134,6 +175,10 @@ int run(const SolveArguments& arguments) {
                                          {ErrorCode::cancelled, "", -1, "", "not solved: interrupted before"})
                             : solve_file(arguments, path, *options, engine, interrupt.token());
     exit_code = worse(exit_code, outcome);
+  }
+  if (*trace && (*trace)->rows() > 0) {  // else nothing was solved, as was told
+    if (auto written = (*trace)->commit(); !written)
+      exit_code = worse(exit_code, trace_fails(written.error()));
   }
   if (std::cout) return exit_code;
   std::cerr << "marble: standard output cannot be written\n";
@@ -151,6 +196,8 @@ void add_solve(CLI::App& program, int& exit_code) {
   command->add_flag("--local", arguments->local, "solve in this process, without a server")
       ->excludes(command->get_option("--server"));
   add_solver_arguments(*command, arguments->solver);
+  command->add_option("--trace", arguments->trace,
+                      "write every iteration to this file, as CSV; for one FILE (see: marble plot)");
   command->add_flag("--quiet", arguments->quiet, "no iteration table");
   command->footer(
       std::string("The iteration table goes to standard error, answers to standard output.\n"

@@ -3,6 +3,7 @@
 
 #include "commands.h"
 #include "exit_code.h"
+#include "formats.h"
 #include "interrupt.h"
 #include "json.h"
 #include "marble/problem_file.h"
@@ -31,7 +32,7 @@ int tell_error(const SubmitArguments& arguments, const std::string& path, const 
 
 int submit_file(const SubmitArguments& arguments, const std::string& path, const Options& options,
                 const Jobs& jobs, const std::stop_token& stop) {
-  const auto file = read_problem(path);
+  const auto file = formats::read_any_problem(path);
   if (!file) return tell_error(arguments, path, "", file.error());
   CallControls call;
   call.problem_name = file->problem.name;

@@ -69,5 +69,7 @@ void mpc();
 void flood();
 /// Sessions that do nothing.
 void idle();
+/// What metrics, logs, traces and those who watch cost.
+void cost();
 
 }  // namespace marble::bench

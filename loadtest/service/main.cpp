@@ -1,5 +1,5 @@
 // Measures the service over real connections to a server process of its own, and prints tables.
-// Usage: service_bench [mpc | flood | idle ...]    all of them by default
+// Usage: service_bench [mpc | flood | idle | cost ...]    all of them by default
 #include <algorithm>
 #include <cstdio>
 #include <string>
@@ -12,7 +12,7 @@ int main(int argc, char** argv) {
   using namespace marble;
   const std::vector<std::string> wanted(argv + 1, argv + argc);
   const std::pair<const char*, void (*)()> parts[] = {
-      {"mpc", bench::mpc}, {"flood", bench::flood}, {"idle", bench::idle}};
+      {"mpc", bench::mpc}, {"flood", bench::flood}, {"idle", bench::idle}, {"cost", bench::cost}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(parts, [&](const auto& part) { return name == part.first; })) {
       std::fprintf(stderr, "service_bench: there is no part '%s'\n", name.c_str());

@@ -2,14 +2,20 @@
 
 #include <httplib.h>
 
+#include "http/bounded_server.h"
+#include "http/browser_guard.h"
+#include "http/endpoint.h"
+#include "http/event_routes.h"
 #include "http/health_routes.h"
+#include "http/job_routes.h"
+#include "http/metrics_route.h"
+#include "http/page_routes.h"
 #include "http/reply.h"
 #include "http/task_queue.h"
 
 namespace marble::server {
 namespace {
 
-constexpr std::time_t kIdleConnection_s = 5;   // it holds a thread
 constexpr std::size_t kLongestBody = 1 << 16;  // bytes; nothing that is asked here is longer
 
 // A second server on the port must fail, not share it: httplib's default allows it.
@@ -18,26 +24,81 @@ void set_socket_options(int socket) {
   setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
 }
 
+// Each holds a thread: some are left for requests.
+int most_streams(const Config& config) { return config.http_connections / 4 * 3; }
+
+std::unique_ptr<http::TlsSessions> tls_of(const ServiceParts& parts, const std::string& address) {
+  if (parts.config.tls_certificate.empty()) return nullptr;
+  return std::make_unique<http::TlsSessions>(parts.config, parts.log, address);
+}
+
+// Of what httplib refuses by itself.
+void tell_fault(const http::Router& router, const httplib::Request& request, httplib::Response& response) {
+  const auto tell = [&](ErrorCode code, const char* field, const std::string& value,
+                        const std::string& bound) {
+    const int status = response.status;
+    http::reply_error(response, {code, field, -1, value, bound});
+    response.status = status;
+  };
+  const std::string methods = response.status == 404 ? router.methods_of(request.path) : "";
+  if (!methods.empty()) {
+    response.status = 405;
+    response.set_header("Allow", methods);
+    tell(ErrorCode::invalid_argument, "method", request.method, "must be one of " + methods);
+  } else if (response.status == 404) {
+    tell(ErrorCode::not_found, "path", request.path, "is nothing that is here");
+  } else if (response.status == 413) {
+    tell(ErrorCode::invalid_argument, "body", "",
+         "must have at most " + std::to_string(kLongestBody) + " bytes");
+  } else if (response.status == 414) {
+    tell(ErrorCode::invalid_argument, "path", "",
+         "must have at most " + std::to_string(CPPHTTPLIB_REQUEST_URI_MAX_LENGTH) + " bytes");
+  } else {
+    tell(ErrorCode::invalid_argument, "", "", "the request is no HTTP, too long or too slow");
+  }
+}
+
 }  // namespace
 
-HttpServer::HttpServer(const ServiceParts& parts)
-    : parts_(parts), server_(std::make_unique<httplib::Server>()) {
+HttpServer::HttpServer(const ServiceParts& parts, const std::string& address)
+    : parts_(parts),
+      events_(std::make_unique<http::EventHub>(parts, most_streams(parts.config))),
+      server_(std::make_unique<http::BoundedServer>(tls_of(parts, address))),
+      router_(std::make_unique<http::Router>(*server_)) {
   server_->new_task_queue = [most = parts.config.http_connections] {
     return new http::TaskQueue(static_cast<std::size_t>(most));  // httplib deletes it
   };
   server_->set_socket_options(set_socket_options);
   server_->set_tcp_nodelay(true);
-  server_->set_keep_alive_timeout(kIdleConnection_s);
   server_->set_payload_max_length(kLongestBody);
+  server_->set_default_headers(http::safety_headers());
+  set_handlers(http::is_loopback(address));
+  http::add_health_routes(*router_, parts);
+  http::add_job_routes(*router_, parts);
+  http::add_event_routes(*router_, parts, *events_);
+  http::add_metrics_route(*router_, parts);
+  http::add_page_routes(*router_);
+}
+
+void HttpServer::set_handlers(bool on_loopback) {
+  using Handled = httplib::Server::HandlerResponse;
+  server_->set_pre_routing_handler(
+      [this, on_loopback](const httplib::Request& request, httplib::Response& response) {
+        const bool is_local = on_loopback && !parts_.access.knows_callers();
+        const auto allowed = http::check_browser(request, is_local);
+        if (!allowed) http::refuse(parts_.log, request, allowed.error(), response);
+        return allowed ? Handled::Unhandled : Handled::Handled;
+      });
+  server_->set_post_routing_handler([](const httplib::Request&, httplib::Response& response) {
+    if (!response.has_header("Cache-Control")) response.set_header("Cache-Control", "no-store");
+  });
   server_->set_exception_handler(
       [](const httplib::Request&, httplib::Response& response, const std::exception_ptr&) {
         http::reply_error(response, {ErrorCode::internal, "", -1, "", "the request failed in the server"});
       });
-  server_->set_error_handler([](const httplib::Request& request, httplib::Response& response) {
-    if (!response.body.empty()) return;
-    http::reply_error(response, {ErrorCode::not_found, "path", -1, request.path, "is nothing that is here"});
+  server_->set_error_handler([this](const httplib::Request& request, httplib::Response& response) {
+    if (response.body.empty()) tell_fault(*router_, request, response);
   });
-  http::add_health_routes(*server_, parts);
 }
 
 bool HttpServer::bind(const std::string& address) {
@@ -51,13 +112,14 @@ bool HttpServer::bind(const std::string& address) {
   } else if (!server_->bind_to_port(host, port)) {
     return false;
   }
-  address_ = "http://" + address.substr(0, colon + 1) + std::to_string(port);
+  address_ = (parts_.config.tls_certificate.empty() ? "http://" : "https://") + address.substr(0, colon + 1) +
+             std::to_string(port);
   return true;
 }
 
 Expected<std::unique_ptr<HttpServer>> HttpServer::start(const ServiceParts& parts) {
   const std::string& address = parts.config.http == "auto" ? kDefaultHttpAddress : parts.config.http;
-  std::unique_ptr<HttpServer> server(new HttpServer(parts));
+  std::unique_ptr<HttpServer> server(new HttpServer(parts, address));
   if (!server->bind(address)) {
     return unexpected(Error{ErrorCode::unavailable, "http", -1, address,
                             "cannot listen: in use, or no address of this machine"});
@@ -69,6 +131,8 @@ Expected<std::unique_ptr<HttpServer>> HttpServer::start(const ServiceParts& part
 }
 
 HttpServer::~HttpServer() {
+  server_->hurry();
+  events_->stop();
   server_->stop();
   if (thread_.joinable()) thread_.join();
 }

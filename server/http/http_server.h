@@ -7,11 +7,12 @@
 
 #include "service_parts.h"
 
-namespace httplib {
-class Server;
-}
-
 namespace marble::server {
+namespace http {
+class BoundedServer;
+class EventHub;
+class Router;
+}  // namespace http
 
 class HttpServer {
  public:
@@ -22,15 +23,18 @@ class HttpServer {
   HttpServer(const HttpServer&) = delete;
   HttpServer& operator=(const HttpServer&) = delete;
 
-  /// "http://127.0.0.1:50080", with the port that was taken in place of 0.
+  /// "http://127.0.0.1:50080", or https, with the port that was taken in place of 0.
   [[nodiscard]] const std::string& address() const { return address_; }
 
  private:
-  explicit HttpServer(const ServiceParts& parts);
+  HttpServer(const ServiceParts& parts, const std::string& address);
+  void set_handlers(bool on_loopback);
   [[nodiscard]] bool bind(const std::string& address);
 
   const ServiceParts& parts_;
-  std::unique_ptr<httplib::Server> server_;
+  std::unique_ptr<http::EventHub> events_;
+  std::unique_ptr<http::BoundedServer> server_;
+  std::unique_ptr<http::Router> router_;
   std::string address_;
   std::thread thread_;  // takes connections
 };

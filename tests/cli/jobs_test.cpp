@@ -55,6 +55,18 @@ TEST_F(JobCommands, SubmitAndResultSpeakJson) {
   EXPECT_EQ(marble("job --output json " + id).lines().at(0)["priority"], "batch");
 }
 
+TEST_F(JobCommands, JobTellsTheTraceThatTheEnvironmentGave) {
+  const std::string trace = "4bf92f3577b34da6a3ce929d0e0e4736";
+  const Result solved = run("solve --output json " + good() + " --server " + server_.address(), "/dev/null",
+                            {"TRACEPARENT=00-" + trace + "-00f067aa0ba902b7-01"});
+  ASSERT_EQ(solved.exit_code, 0) << solved.err;
+  const Json answer = solved.lines().at(0);
+  EXPECT_EQ(answer["traceparent"].get<std::string>().substr(3, 32), trace);
+  const std::string id = answer["job_id"];
+  EXPECT_EQ(marble("job --output json " + id).lines().at(0)["trace_id"], trace);
+  EXPECT_NE(marble("job " + id).out.find("trace          " + trace), std::string::npos);
+}
+
 TEST_F(JobCommands, AnUnfinishedResultExitsOneAndAnUnknownOneTwo) {
   const std::string id = submit_long();
   const Result unfinished = marble("result " + id);

@@ -1,5 +1,5 @@
 // What a person at a terminal gets: colours where they are wanted, and Ctrl-C.
-#include <poll.h>
+#include "terminal.h"
 
 #include "cli_test.h"
 #include "long_options.h"
@@ -7,41 +7,6 @@
 
 namespace marble::testing {
 namespace {
-
-/// Both ends of a terminal.
-class Terminal {
- public:
-  Terminal() : keyboard_(posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC)) {
-    if (keyboard_ < 0 || grantpt(keyboard_) != 0 || unlockpt(keyboard_) != 0)
-      throw std::runtime_error("no terminal to be had");
-    path_ = ptsname(keyboard_);
-    screen_ = open(path_.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC);  // keeps it alive when the program ends
-  }
-  ~Terminal() {
-    close(screen_);
-    close(keyboard_);
-  }
-  Terminal(const Terminal&) = delete;
-  Terminal& operator=(const Terminal&) = delete;
-
-  [[nodiscard]] const std::string& path() const { return path_; }
-  /// What was written since the last call.
-  [[nodiscard]] std::string shown() const {
-    std::string text;
-    pollfd ready{keyboard_, POLLIN, 0};
-    char chunk[4096];
-    while (poll(&ready, 1, 0) == 1 && (ready.revents & POLLIN) != 0) {
-      const auto count = read(keyboard_, chunk, sizeof chunk);
-      if (count <= 0) break;
-      text.append(chunk, static_cast<std::size_t>(count));
-    }
-    return text;
-  }
-
- private:
-  int keyboard_, screen_ = -1;
-  std::string path_;
-};
 
 class AtATerminal : public Cli {
  protected:

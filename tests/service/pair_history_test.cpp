@@ -37,6 +37,8 @@ TEST(PairHistory, SpreadsItsFramesEvenlyOverALongSolveAndKeepsTheNewest) {
     const int stride = frames[1].iteration;
     for (std::size_t i = 0; i + 1 < frames.size(); ++i)
       EXPECT_EQ(frames[i].iteration, static_cast<int>(i) * stride) << rows;
+    for (const auto& frame : frames)
+      EXPECT_EQ(frame.s, (std::vector<float>{static_cast<float>(frame.iteration), 0.5F})) << rows;
   }
 }
 

@@ -47,12 +47,15 @@ TEST(ProgressSlot, DropsTheOldestRowsWhenFullAndCountsThem) {
 TEST(ProgressSlot, KeepsTheCountOfDroppedRowsOverTakes) {
   ProgressSlot slot;
   for (int i = 0; i < kMostRows + 2; ++i) put(slot, i);
-  EXPECT_EQ(slot.take().skipped, 2);
+  const auto first = slot.take();
+  EXPECT_EQ(first.skipped, 2);
+  EXPECT_EQ(first.newly_skipped, 2);
   for (int i = 0; i < 3; ++i) put(slot, i);
   const auto taken = slot.take();
   ASSERT_EQ(taken.rows.size(), 3U);
   EXPECT_EQ(taken.rows.front().iteration, 0);
   EXPECT_EQ(taken.skipped, 2);
+  EXPECT_EQ(taken.newly_skipped, 0);
 }
 
 TEST(ProgressSlot, CopiesTheIterateOfTheNewestRowOnlyWhenAsked) {

@@ -52,11 +52,12 @@ Request make(const v1::SolveRequest& message) {
 class SchedulerTest : public ::testing::Test {
  protected:
   Log log_{"text", "off"};
+  Metrics metrics_{true, 1};
   JobBoard board_{{}};
 };
 
 TEST_F(SchedulerTest, AnswersAndLetsGoOfRequestAndObserver) {
-  Scheduler scheduler({.workers = 1, .jobs = 1, .bytes = 1000}, board_, log_);
+  Scheduler scheduler({.workers = 1, .jobs = 1, .bytes = 1000}, board_, log_, metrics_);
   const Request request = make(testing::example_request());
   const std::weak_ptr<const v1::SolveRequest> message = request.message;
   ASSERT_TRUE(scheduler.admit(request.job).has_value());
@@ -68,7 +69,7 @@ TEST_F(SchedulerTest, AnswersAndLetsGoOfRequestAndObserver) {
 }
 
 TEST_F(SchedulerTest, RefusesBeyondJobsAndBytes) {
-  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 250}, board_, log_);
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 250}, board_, log_, metrics_);
   const Request running = make(testing::long_request()), waiting = make(testing::long_request());
   const Request third = make(testing::example_request());
   ASSERT_TRUE(scheduler.admit(running.job).has_value());
@@ -83,7 +84,7 @@ TEST_F(SchedulerTest, RefusesBeyondJobsAndBytes) {
 }
 
 TEST_F(SchedulerTest, AWaitingJobIsCancelledAtOnceAndNeverStarts) {
-  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_);
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
   const Request running = make(testing::long_request()), waiting = make(testing::long_request());
   ASSERT_TRUE(scheduler.admit(running.job).has_value());
   running.waiter->wait_started();
@@ -98,7 +99,7 @@ TEST_F(SchedulerTest, AWaitingJobIsCancelledAtOnceAndNeverStarts) {
 }
 
 TEST_F(SchedulerTest, AJobThatIsLateNeverStarts) {
-  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_);
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
   const Request late = make(testing::long_request());
   late.job->ticket.deadline = Clock::now();
   ASSERT_TRUE(scheduler.admit(late.job).has_value());
@@ -108,7 +109,7 @@ TEST_F(SchedulerTest, AJobThatIsLateNeverStarts) {
 }
 
 TEST_F(SchedulerTest, CancellingAFinishedJobDoesNothing) {
-  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_);
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
   const Request request = make(testing::example_request());
   ASSERT_TRUE(scheduler.admit(request.job).has_value());
   EXPECT_TRUE(request.waiter->wait().solution.has_value());
@@ -118,7 +119,7 @@ TEST_F(SchedulerTest, CancellingAFinishedJobDoesNothing) {
 }
 
 TEST_F(SchedulerTest, AfterCloseNothingIsAdmitted) {
-  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_);
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
   scheduler.close();
   const auto refused = scheduler.admit(make(testing::example_request()).job);
   ASSERT_FALSE(refused.has_value());
@@ -127,7 +128,7 @@ TEST_F(SchedulerTest, AfterCloseNothingIsAdmitted) {
 
 TEST_F(SchedulerTest, DrainAnswersEveryJobExactlyOnce) {
   std::vector<Request> requests;
-  Scheduler scheduler({.workers = 2, .jobs = 50, .bytes = 100'000}, board_, log_);
+  Scheduler scheduler({.workers = 2, .jobs = 50, .bytes = 100'000}, board_, log_, metrics_);
   for (int i = 0; i < 20; ++i) {
     requests.push_back(make(i < 2 ? testing::long_request() : testing::example_request()));
     ASSERT_TRUE(scheduler.admit(requests.back().job).has_value());
@@ -146,7 +147,7 @@ TEST_F(SchedulerTest, DrainAnswersEveryJobExactlyOnce) {
 }
 
 TEST_F(SchedulerTest, ManyThreadsAdmitAndCancelAndEveryJobEndsOnce) {
-  Scheduler scheduler({.workers = 2, .jobs = 8, .bytes = 100'000}, board_, log_);
+  Scheduler scheduler({.workers = 2, .jobs = 8, .bytes = 100'000}, board_, log_, metrics_);
   std::vector<std::thread> threads;
   std::atomic<int> admitted = 0, refused = 0;
   for (int t = 0; t < 4; ++t) {

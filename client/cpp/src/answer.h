@@ -8,7 +8,7 @@
 namespace marble::client {
 
 [[nodiscard]] inline RemoteSolution remote_solution(const v1::Solution& solution, const std::string& job_id) {
-  return {solution_of(solution), job_id, solution.times().queue_s(), solution.times().total_s(), 0};
+  return {solution_of(solution), job_id, solution.times().queue_s(), solution.times().total_s(), 0, {}};
 }
 
 [[nodiscard]] inline RemoteSolution remote_solution(const v1::SolveResponse& response) {

@@ -12,6 +12,7 @@
 #include "marble/client.h"
 #include "request.h"
 #include "status.h"
+#include "traceparent.h"
 
 namespace marble {
 namespace {
@@ -100,13 +101,17 @@ Expected<RemoteSolution> answer_of(const v1::SolveBatchResponse& response) {
 Expected<void> Client::solve_batch(const BatchSource& source, const BatchSink& sink,
                                    const BatchControls& controls) const {
   grpc::ClientContext context;
-  connection_->prepare(context);
+  if (auto ready = connection_->prepare(context, controls.traceparent, std::nullopt); !ready)
+    return unexpected(ready.error());
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   const auto stream = connection_->solver().SolveBatch(&context);
   BatchWriter writer(source, controls, context, *stream);
   v1::SolveBatchResponse response;
   while (stream->Read(&response)) {
-    if (writer.answered(response.tag())) sink(response.tag(), answer_of(response));
+    if (!writer.answered(response.tag())) continue;
+    auto answer = answer_of(response);
+    if (answer) answer->traceparent = client::returned_traceparent(context);
+    sink(response.tag(), std::move(answer));
   }
   const BatchWriter::Rest rest = writer.finish();
   const grpc::Status status = stream->Finish();

@@ -13,6 +13,9 @@ namespace {
 constexpr int kNoLimit = -1;
 constexpr int kKeepalive_ms = 30'000;         // a server that is gone without a word is noticed in
 constexpr int kKeepaliveTimeout_ms = 15'000;  // the sum of the two
+// A server that was restarted is found again within the second of the two, not within gRPC's two minutes.
+constexpr int kFirstBackoff_ms = 200;
+constexpr int kLongestBackoff_ms = 2'000;
 constexpr std::string_view kUnixPrefix = "unix:";
 
 Error bad_address(const std::string& address, const char* rule) {
@@ -52,6 +55,8 @@ Expected<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepalive_ms);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeout_ms);
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);  // as many as a long solve takes
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstBackoff_ms);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kLongestBackoff_ms);
   // http_proxy is set for browsers; a solver on loopback or in the same rack is not behind it.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   return grpc::CreateCustomChannel(address, *credentials, arguments);

@@ -6,6 +6,8 @@
 #include <cerrno>
 #include <cstdlib>
 
+#include "traceparent.h"
+
 namespace marble {
 namespace {
 
@@ -33,6 +35,8 @@ ConnectOptions ConnectOptions::from_environment() {
   options.tls_key = environment("MARBLE_TLS_KEY");
   options.token = environment("MARBLE_TOKEN");
   options.name = environment("MARBLE_CLIENT_NAME", process_name().c_str());
+  options.traceparent = environment("TRACEPARENT");
+  if (!client::check_traceparent(options.traceparent)) options.traceparent.clear();  // no reason to fail
   return options;
 }
 

@@ -4,6 +4,7 @@
 
 #include "channel.h"
 #include "printable.h"
+#include "traceparent.h"
 
 namespace marble::client {
 namespace {
@@ -21,7 +22,7 @@ Expected<void> check_labels(const ConnectOptions& options) {
     return unexpected(
         Error{ErrorCode::invalid_argument, "name", -1, "", "must be at most 64 bytes of printable ASCII"});
   }
-  return {};
+  return check_traceparent(options.traceparent);
 }
 
 // gRPC takes a time before 1970 for "never": what is negative has passed now.
@@ -48,6 +49,7 @@ Connection::Connection(std::string address, const std::shared_ptr<grpc::Channel>
     : address_(std::move(address)),
       authorization_(options.token.empty() ? "" : "Bearer " + options.token),
       name_(options.name),
+      traceparent_(options.traceparent),
       solver_(v1::Solver::NewStub(channel)),
       jobs_(v1::Jobs::NewStub(channel)),
       server_(v1::Server::NewStub(channel)),
@@ -55,8 +57,21 @@ Connection::Connection(std::string address, const std::shared_ptr<grpc::Channel>
 
 void Connection::prepare(grpc::ClientContext& context,
                          std::optional<std::chrono::duration<double>> deadline) const {
+  add(context, traceparent_, deadline);
+}
+
+Expected<void> Connection::prepare(grpc::ClientContext& context, const std::string& traceparent,
+                                   std::optional<std::chrono::duration<double>> deadline) const {
+  if (auto valid = check_traceparent(traceparent); !valid) return valid;
+  add(context, traceparent.empty() ? traceparent_ : traceparent, deadline);
+  return {};
+}
+
+void Connection::add(grpc::ClientContext& context, const std::string& traceparent,
+                     std::optional<std::chrono::duration<double>> deadline) const {
   if (!authorization_.empty()) context.AddMetadata("authorization", authorization_);
   if (!name_.empty()) context.AddMetadata("marble-client", name_);
+  if (!traceparent.empty()) context.AddMetadata("traceparent", traceparent);
   if (deadline) set_deadline(*deadline, context);
 }
 

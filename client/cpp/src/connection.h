@@ -27,6 +27,9 @@ class Connection {
   /// Says on a call who it comes from, and by when it is of use.
   void prepare(grpc::ClientContext& context,
                std::optional<std::chrono::duration<double>> deadline = std::nullopt) const;
+  /// The same for a call that may have a span of its own. Errors: it cannot be sent.
+  [[nodiscard]] Expected<void> prepare(grpc::ClientContext& context, const std::string& traceparent,
+                                       std::optional<std::chrono::duration<double>> deadline) const;
 
   [[nodiscard]] const std::string& address() const { return address_; }
   [[nodiscard]] v1::Solver::Stub& solver() const { return *solver_; }
@@ -35,12 +38,15 @@ class Connection {
   [[nodiscard]] grpc::health::v1::Health::Stub& health() const { return *health_; }
 
  private:
+  void add(grpc::ClientContext& context, const std::string& traceparent,
+           std::optional<std::chrono::duration<double>> deadline) const;
   Connection(std::string address, const std::shared_ptr<grpc::Channel>& channel,
              const ConnectOptions& options);
 
   std::string address_;
   std::string authorization_;  // empty without a token
   std::string name_;
+  std::string traceparent_;
   std::unique_ptr<v1::Solver::Stub> solver_;
   std::unique_ptr<v1::Jobs::Stub> jobs_;
   std::unique_ptr<v1::Server::Stub> server_;

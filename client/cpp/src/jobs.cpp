@@ -7,6 +7,7 @@
 #include "job_message.h"
 #include "request.h"
 #include "status.h"
+#include "traceparent.h"
 
 namespace marble {
 
@@ -17,12 +18,14 @@ Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& o
                                    call.request_id, call.problem_name, call.priority};
   if (auto filled = client::fill_request(parts, &request); !filled) return unexpected(filled.error());
   grpc::ClientContext context;
-  connection_->prepare(context, call.deadline);
+  if (auto ready = connection_->prepare(context, call.traceparent, call.deadline); !ready)
+    return unexpected(ready.error());
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   v1::SubmitResponse response;
   const grpc::Status status = connection_->jobs().Submit(&context, request, &response);
   if (!status.ok()) return unexpected(client::to_error(status, controls.stop));
-  return SubmittedJob{response.job_id(), response.queue_position(), response.estimated_wait_s()};
+  return SubmittedJob{response.job_id(), response.queue_position(), response.estimated_wait_s(),
+                      client::returned_traceparent(context)};
 } catch (const std::bad_alloc&) {
   return unexpected(client::out_of_memory());
 }

@@ -11,6 +11,7 @@
 #include "connection.h"
 #include "session_request.h"
 #include "status.h"
+#include "traceparent.h"
 
 namespace marble {
 namespace {
@@ -25,7 +26,7 @@ Error ended() { return {ErrorCode::failed_precondition, "", -1, "", "the session
 // takes `reading` as well, and reads on to learn why.
 struct Session::State {
   [[nodiscard]] Expected<void> set_up(const client::Connection& to, const v1::SessionRequest& request,
-                                      const std::stop_token& given_stop);
+                                      const SessionOptions& session);
   [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls);
   [[nodiscard]] std::optional<SessionEvent> read();
   [[nodiscard]] std::optional<SessionEvent> event_of(const v1::SessionResponse& response);
@@ -39,6 +40,7 @@ struct Session::State {
   std::unique_ptr<Stream> stream;
   std::optional<std::stop_callback<std::function<void()>>> cancel_on_stop;
   v1::SessionReady ready;
+  std::string traceparent;
 
   std::mutex writing;
   std::int64_t sequence = 0;
@@ -54,15 +56,19 @@ struct Session::State {
 };
 
 Expected<void> Session::State::set_up(const client::Connection& to, const v1::SessionRequest& request,
-                                      const std::stop_token& given_stop) {
-  to.prepare(context);
-  stop = given_stop;
+                                      const SessionOptions& session) {
+  if (auto prepared = to.prepare(context, session.traceparent, std::nullopt); !prepared) {
+    over = true;
+    return prepared;
+  }
+  stop = session.stop;
   cancel_on_stop.emplace(stop, [this] { context.TryCancel(); });
   stream = to.solver().Session(&context);
   stream->Write(request);  // if that fails, so does the read
   v1::SessionResponse response;
   if (stream->Read(&response) && response.has_ready()) {
     ready = response.ready();
+    traceparent = client::returned_traceparent(context);
     return {};
   }
   if (response.event_case() != v1::SessionResponse::EVENT_NOT_SET) context.TryCancel();
@@ -109,7 +115,9 @@ std::optional<SessionEvent> Session::State::event_of(const v1::SessionResponse& 
   std::optional<SessionEvent> event;
   if (response.has_answer()) {
     const v1::SessionAnswer& answer = response.answer();
-    event = {answer.sequence(), client::remote_solution(answer.solution(), ready.job_id())};
+    RemoteSolution solution = client::remote_solution(answer.solution(), ready.job_id());
+    solution.traceparent = traceparent;
+    event = {answer.sequence(), std::move(solution)};
   } else if (response.has_superseded()) {
     event = {response.superseded().sequence(), Superseded{response.superseded().by_sequence()}};
   } else if (response.has_error()) {
@@ -154,7 +162,7 @@ Expected<Session> Session::open(std::shared_ptr<const client::Connection> connec
   if (!request) return unexpected(request.error());
   auto state = std::make_unique<State>();
   state->connection = std::move(connection);
-  if (auto made = state->set_up(*state->connection, *request, session.stop); !made)
+  if (auto made = state->set_up(*state->connection, *request, session); !made)
     return unexpected(made.error());
   return Session(std::move(state));
 } catch (const std::bad_alloc&) {
@@ -220,6 +228,7 @@ Expected<void> Session::close() try {
 bool Session::is_open() const { return !state_->over; }
 
 const std::string& Session::job_id() const { return state_->ready.job_id(); }
+const std::string& Session::traceparent() const { return state_->traceparent; }
 std::int64_t Session::memory_bytes() const { return state_->ready.memory_bytes(); }
 double Session::setup_s() const { return state_->ready.setup_s(); }
 double Session::idle_timeout_s() const { return state_->ready.idle_timeout_s(); }

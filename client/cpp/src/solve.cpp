@@ -3,6 +3,7 @@
 #include "answer.h"
 #include "request.h"
 #include "status.h"
+#include "traceparent.h"
 
 namespace marble::client {
 namespace {
@@ -55,11 +56,14 @@ Expected<RemoteSolution> solve(const Connection& connection, const ProblemView& 
   const auto request = make_request(problem, options, controls, call);
   if (!request) return unexpected(request.error());
   grpc::ClientContext context;
-  connection.prepare(context, call.deadline);
+  if (auto ready = connection.prepare(context, call.traceparent, call.deadline); !ready)
+    return unexpected(ready.error());
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   const bool stream = controls.progress != nullptr || call.accepted || call.moved || call.started;
-  return stream ? streamed(connection, *request, context, controls, call)
-                : unary(connection, request->solve(), context, controls.stop);
+  auto answer = stream ? streamed(connection, *request, context, controls, call)
+                       : unary(connection, request->solve(), context, controls.stop);
+  if (answer) answer->traceparent = returned_traceparent(context);
+  return answer;
 }
 
 }  // namespace marble::client

@@ -36,6 +36,7 @@ using BatchSink = std::function<void(std::int64_t tag, Expected<RemoteSolution> 
 struct BatchControls {
   Priority priority = Priority::by_method;  ///< of every problem
   std::stop_token stop = {};                ///< gives all of it up
+  std::string traceparent = {};             ///< as CallControls has it, of the whole stream
 };
 
 }  // namespace marble

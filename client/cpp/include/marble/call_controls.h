@@ -32,6 +32,7 @@ struct CallControls {
   double progress_interval_s = 0.0;  ///< least time between two reports, seconds, >= 0; 0 is every iteration
   std::int32_t iterate_every = 0;    ///< Progress.z is there in every k-th report; 0: never (z is empty)
   Priority priority = Priority::by_method;
+  std::string traceparent = {};  ///< the caller's span, as ConnectOptions has it; empty takes that one
   /// The job has an id and waits behind `queue_position` others, for about `estimated_wait_s` seconds. Called
   /// on the thread that called solve, as are the others.
   std::function<void(const std::string& job_id, int queue_position, double estimated_wait_s)> accepted = {};
@@ -47,6 +48,7 @@ struct RemoteSolution : Solution {
   double queue_s = 0.0;               ///< waiting for a worker
   double total_s = 0.0;               ///< from acceptance to the answer, on the server
   std::int64_t progress_skipped = 0;  ///< reports that were dropped, because the network was slower
+  std::string traceparent = {};       ///< the server's span in the caller's trace; empty if none was sent
 };
 
 }  // namespace marble

@@ -23,10 +23,14 @@ struct ConnectOptions {
   /// What the client calls itself ("marble-client"), for a server that does not know better; at most 64 bytes
   /// of printable ASCII.
   std::string name = {};
+  /// The span that calls belong to, a W3C `traceparent`, sent with each; the server logs its trace. At most
+  /// 512 bytes of printable ASCII; one that is not valid otherwise is ignored by the server, as the standard
+  /// asks.
+  std::string traceparent = {};
 
   /// MARBLE_TOKEN, MARBLE_TLS_CA, MARBLE_TLS_CERTIFICATE and MARBLE_TLS_KEY; what is not set stays empty.
-  /// The name is MARBLE_CLIENT_NAME, else the program's with its process id: two planners on one machine then
-  /// take turns.
+  /// `traceparent` is TRACEPARENT, if it may be sent. The name is MARBLE_CLIENT_NAME, else the program's with
+  /// its process id: two planners on one machine then take turns.
   [[nodiscard]] static ConnectOptions from_environment();
 };
 

@@ -78,6 +78,7 @@ struct SubmittedJob {
   std::string job_id;
   int queue_position = 0;
   double estimated_wait_s = 0.0;
+  std::string traceparent = {};  ///< the server's span in the caller's trace; empty if none was sent
 };
 
 /// Which jobs to list; all if nothing is said.
@@ -119,7 +120,7 @@ struct WatchControls {
 class Jobs {
  public:
   /// Queues a job that outlives this process. Of the controls count initial_z and stop; of the call the
-  /// deadline (of the submission alone), request_id, problem_name and priority.
+  /// deadline (of the submission alone), request_id, problem_name, priority and traceparent.
   [[nodiscard]] Expected<SubmittedJob> submit(const ProblemView& problem, const Options& options = {},
                                               const SolveControls& controls = {},
                                               const CallControls& call = {}) const;

@@ -53,6 +53,7 @@ struct SessionOptions {
   std::span<const double> initial_z = {};  ///< n or empty: where the first solve starts
   std::string request_id = {};             ///< for the server's log; at most 128 bytes of printable ASCII
   std::string problem_name = {};           ///< for logs and dashboards; shortened to 256 bytes
+  std::string traceparent = {};            ///< as CallControls has it, of the whole session
   std::stop_token stop = {};               ///< gives the whole session up: everything ends with `cancelled`
 };
 
@@ -110,10 +111,11 @@ class Session {
   Expected<void> close();
 
   [[nodiscard]] bool is_open() const;
-  [[nodiscard]] const std::string& job_id() const;  ///< one job for all its solves
-  [[nodiscard]] std::int64_t memory_bytes() const;  ///< as it is counted against the server's limits
-  [[nodiscard]] double setup_s() const;             ///< scaling, ordering, analysis, allocation
-  [[nodiscard]] double idle_timeout_s() const;      ///< without an update for this long the server ends it
+  [[nodiscard]] const std::string& job_id() const;       ///< one job for all its solves
+  [[nodiscard]] const std::string& traceparent() const;  ///< the server's span; empty if none was sent
+  [[nodiscard]] std::int64_t memory_bytes() const;       ///< as it is counted against the server's limits
+  [[nodiscard]] double setup_s() const;                  ///< scaling, ordering, analysis, allocation
+  [[nodiscard]] double idle_timeout_s() const;  ///< without an update for this long the server ends it
 
  private:
   friend class Client;

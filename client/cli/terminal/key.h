@@ -1,0 +1,15 @@
+// A key that was pressed.
+#pragma once
+
+#include <string>
+
+namespace marble::cli {
+
+enum class KeyName { text, up, down, page_up, page_down, home, end, enter, escape, backspace };
+
+struct Key {
+  KeyName name = KeyName::text;
+  std::string text = {};  ///< of KeyName::text: one character, UTF-8
+};
+
+}  // namespace marble::cli

@@ -1,0 +1,84 @@
+// Keeps the model as the server has it, from threads of its own, and starts again when the connection breaks.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "marble/client.h"
+#include "model.h"
+
+namespace marble::cli {
+
+/// Seconds of a steady clock: what the model's times are by.
+[[nodiscard]] double steady_now_s();
+
+/// The model, behind a lock. Nothing slow may be done inside `change` and `look`.
+class SharedModel {
+ public:
+  explicit SharedModel(std::string address) { model_.address = std::move(address); }
+
+  template <class Change>
+  void change(Change&& change) {
+    const std::lock_guard lock(mutex_);
+    change(model_);
+    ++version_;
+  }
+  template <class Look>
+  [[nodiscard]] auto look(Look&& look) const {
+    const std::lock_guard lock(mutex_);
+    return look(std::as_const(model_));
+  }
+  /// Another number whenever something has changed.
+  [[nodiscard]] std::int64_t version() const {
+    const std::lock_guard lock(mutex_);
+    return version_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  Model model_;
+  std::int64_t version_ = 0;
+};
+
+class Feed {
+ public:
+  /// Both must outlive it.
+  Feed(const Client& client, SharedModel& model);
+  ~Feed();
+  Feed(const Feed&) = delete;
+  Feed& operator=(const Feed&) = delete;
+
+  /// Follows one job with every row, instead of the one before.
+  void open(const std::string& job_id);
+  void close();
+  /// Asks the server to end it; what comes of that is the model's notice.
+  void cancel(std::string job_id);
+  /// What no retry will mend: the server will not have this caller. The feed has stopped then.
+  [[nodiscard]] std::optional<Error> refusal() const;
+
+ private:
+  void follow_jobs(const std::stop_token& stop);
+  void follow_server(const std::stop_token& stop);
+  void follow_one(const std::string& job_id, const std::stop_token& stop);
+  void make_requests(const std::stop_token& stop);
+  [[nodiscard]] bool gave_up(const Error& error);
+  void pause(const std::stop_token& stop, double seconds);
+
+  const Client& client_;
+  SharedModel& model_;
+  mutable std::mutex mutex_;
+  std::condition_variable_any woken_;
+  std::deque<std::string> to_cancel_;  // guarded by mutex_
+  std::optional<Error> refusal_;       // guarded by mutex_
+  // Last, so that all else outlives them.
+  std::jthread jobs_, server_, requests_, one_;
+};
+
+}  // namespace marble::cli

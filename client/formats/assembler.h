@@ -1,0 +1,69 @@
+// From the terms of other formats to an LCQP: two-sided rows, bounds on variables, pairs of affine rows.
+#pragma once
+
+#include <limits>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "marble/error.h"
+#include "marble/problem.h"
+
+namespace marble::formats {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Σ coefficient · variable + constant.
+struct AffineRow {
+  std::vector<std::pair<Index, double>> terms = {};
+  double constant = 0.0;
+
+  [[nodiscard]] static AffineRow variable(Index index, double constant = 0.0) {
+    return {{{index, 1.0}}, constant};
+  }
+  [[nodiscard]] AffineRow negated() const;
+};
+
+class Assembler {
+ public:
+  explicit Assembler(Index variables) : g_(static_cast<std::size_t>(variables), 0.0) {}
+
+  [[nodiscard]] Index variables() const { return static_cast<Index>(g_.size()); }
+  /// One more, after those there are.
+  Index add_variable();
+
+  void add_constant(double value) { c0_ += value; }
+  void add_linear(Index variable, double coefficient) {
+    g_[static_cast<std::size_t>(variable)] += coefficient;
+  }
+  /// The entry of Q (both triangles are given), of ½ zᵀQz.
+  void add_quadratic(Index row, Index column, double value) { Q_.add(row, column, value); }
+
+  /// low <= row <= high: an equality where both are the same, nothing for an infinite side. `field` and
+  /// `index` say in errors where it is from: NaN, or low > high.
+  [[nodiscard]] Expected<void> add_range(const AffineRow& row, double low, double high, const char* field,
+                                         std::int64_t index);
+  /// 0 <= left ⊥ right >= 0.
+  void add_pair(const AffineRow& left, const AffineRow& right);
+  /// row ⊥ low <= variable <= high, as AMPL means it: row >= 0 at the lower bound, <= 0 at the upper one, 0
+  /// between them. Two finite bounds take two more variables, the parts of the row.
+  void add_mixed(const AffineRow& row, Index variable, double low, double high);
+
+  /// What was put together; checked as Problem::create does.
+  [[nodiscard]] Expected<OwnedProblem> finish(const std::string& name) const;
+
+ private:
+  struct Part {
+    Triplets entries;
+    std::vector<double> offsets;
+    void add(const AffineRow& row);
+  };
+
+  Triplets Q_;
+  std::vector<double> g_;
+  double c0_ = 0.0;
+  Part equalities_, inequalities_, left_, right_;
+};
+
+}  // namespace marble::formats

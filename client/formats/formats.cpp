@@ -1,0 +1,74 @@
+#include "formats.h"
+
+#include <filesystem>
+#include <fstream>
+#include <new>
+#include <sstream>
+
+#include "mat_problem.h"
+#include "matrix_market.h"
+#include "nl_problem.h"
+#include "npz_problem.h"
+
+namespace marble::formats {
+namespace {
+
+std::string extension_of(const std::string& path) { return std::filesystem::path(path).extension().string(); }
+
+bool is_folder(const std::string& path) {
+  std::error_code failed;
+  return path.ends_with('/') || std::filesystem::is_directory(path, failed);
+}
+
+std::string name_of(std::string path) {
+  while (path.size() > 1 && path.ends_with('/')) path.pop_back();
+  return std::filesystem::path(path).stem().string();
+}
+
+Expected<ProblemFile> read_nl(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream content;
+  content << file.rdbuf();
+  if (!file) return unexpected(Error{ErrorCode::not_found, "", -1, "", "cannot be read"});
+  return parse_nl(std::move(content).str(), name_of(path));
+}
+
+}  // namespace
+
+Expected<ProblemFile> read_any_problem(const std::string& path) try {
+  if (path != "-" && is_folder(path)) return read_matrix_market(path, name_of(path));
+  const std::string extension = extension_of(path);
+  if (extension == ".npz") return read_npz(path, name_of(path));
+  if (extension == ".mat") return read_mat(path, name_of(path));
+  if (extension == ".nl") return read_nl(path);
+  return read_problem(path);
+} catch (const std::bad_alloc&) {
+  return unexpected(Error{ErrorCode::resource_exhausted, "", -1, "", "is too large for the memory there is"});
+}
+
+Expected<void> check_writable_format(const std::string& path) {
+  if (is_folder(path) || extension_of(path) == ".npz" || format_of_path(path)) return {};
+  return unexpected(
+      Error{ErrorCode::invalid_argument, "", -1, "",
+            "must end in .json, .pb, .bin, .npz or /: the extension tells the format, / a folder of "
+            "Matrix Market files"});
+}
+
+bool keeps_initial_point(const std::string& path) {
+  const auto format = format_of_path(path);
+  return !format || *format == FileFormat::json;
+}
+
+Expected<void> write_any_problem(const ProblemFile& file, const std::string& path) {
+  if (is_folder(path)) return write_matrix_market(file, path);
+  if (extension_of(path) == ".npz") return write_npz(file, path);
+  const auto format = format_of_path(path);
+  if (!format) return check_writable_format(path);
+  std::ofstream stream(path, std::ios::binary);
+  stream << write_problem(file, *format);
+  stream.close();
+  if (stream) return {};
+  return unexpected(Error{ErrorCode::unavailable, "", -1, "", "cannot be written"});
+}
+
+}  // namespace marble::formats

@@ -1,0 +1,357 @@
+#include "nl_problem.h"
+
+#include <utility>
+
+#include "assembler.h"
+#include "nl_tokens.h"
+#include "quadratic.h"
+
+namespace marble::formats {
+namespace {
+
+constexpr int kMany = 0x7fffffff;
+constexpr int kDeepest = 10'000;  // nodes within nodes
+
+// Operators of .nl expressions that keep to degree two.
+enum Operator : int {
+  kPlus = 0,
+  kMinus = 1,
+  kTimes = 2,
+  kDivide = 3,
+  kPower = 5,
+  kNegate = 16,
+  kSum = 54,
+  kPowerOfConstantExponent = 76,
+  kSquare = 77,
+};
+
+struct Bounds {
+  double low = -kInfinity, high = kInfinity;
+  int complements = -1;  // the variable that the row complements
+};
+
+class NlReader {
+ public:
+  explicit NlReader(std::string_view content) : in_(content) {}
+
+  Expected<ProblemFile> read(const std::string& name) {
+    header_ = in_.header();
+    check_header();
+    if (!in_.failed()) {
+      rows_.resize(static_cast<std::size_t>(header_.constraints));
+      row_bounds_.resize(rows_.size());
+      bounds_.resize(static_cast<std::size_t>(header_.variables));
+      while (const char key = in_.key()) {
+        segment(key);
+        if (in_.failed()) break;
+      }
+    }
+    if (in_.failed()) return unexpected(in_.error());
+    return assemble(name);
+  }
+
+ private:
+  void check_header() {
+    const auto refuse = [&](int count, const char* what) {
+      if (count > 0) in_.fail("header", std::to_string(count) + " " + what, "must be none: not an LCQP");
+    };
+    refuse(header_.integers, "integer variables");
+    refuse(header_.networks, "network constraints");
+    refuse(header_.functions, "imported functions");
+    refuse(header_.logical_constraints, "logical constraints");
+    if (header_.objectives > 1)
+      in_.fail("header", std::to_string(header_.objectives) + " objectives", "must be one at most");
+  }
+
+  void segment(char key) {
+    switch (key) {
+      case 'C':
+        return constraint();
+      case 'O':
+        return objective();
+      case 'V':
+        return defined_variable();
+      case 'J':
+        return jacobian_row();
+      case 'G':
+        static_cast<void>(in_.integer("G", 0, header_.objectives - 1));
+        return linear_terms(objective_);
+      case 'b':
+        for (std::size_t i = 0; i < bounds_.size() && !in_.failed(); ++i) bounds_[i] = bound("b", false);
+        return;
+      case 'r':
+        for (std::size_t i = 0; i < row_bounds_.size() && !in_.failed(); ++i)
+          row_bounds_[i] = bound("r", true);
+        return;
+      case 'x':
+        return initial_point();
+      case 'd':
+        return skip_pairs(in_.integer("d", 0, kMany));
+      case 'S':
+        return suffix();
+      case 'k':
+        for (int count = in_.integer("k", 0, kMany); count > 0 && !in_.failed(); --count)
+          static_cast<void>(in_.integer("k", 0, kMany));
+        return;
+      default:
+        in_.fail("segment", std::string(1, key), "is none that an LCQP has");
+    }
+  }
+
+  static std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+  void constraint() {
+    const int index = in_.integer("C", 0, header_.constraints - 1);
+    const Quadratic body = expression();
+    if (body.degree() == 2)
+      in_.fail("C" + std::to_string(index), "quadratic", "must be linear: constraints of an LCQP are");
+    if (!in_.failed()) rows_[at(index)].add(body);
+  }
+
+  void objective() {
+    static_cast<void>(in_.integer("O", 0, header_.objectives - 1));
+    maximize_ = in_.integer("O", 0, 1) == 1;
+    objective_.add(expression());
+  }
+
+  void defined_variable() {
+    const int first = header_.variables;
+    const int index = in_.integer("V", first, kMany);
+    const int terms = in_.integer("V", 0, header_.variables);
+    static_cast<void>(in_.integer("V", 0, kMany));
+    Quadratic value;
+    for (int i = 0; i < terms && !in_.failed(); ++i) {
+      const int variable = in_.integer("V", 0, header_.variables - 1);
+      value.linear[variable] += in_.real("V");
+    }
+    value.add(expression());
+    defined_[index] = std::move(value);
+  }
+
+  void jacobian_row() {
+    const int index = in_.integer("J", 0, header_.constraints - 1);
+    if (!in_.failed()) linear_terms(rows_[at(index)]);
+  }
+
+  void linear_terms(Quadratic& sum) {
+    for (int count = in_.integer("J", 0, header_.variables); count > 0 && !in_.failed(); --count) {
+      const int variable = in_.integer("J", 0, header_.variables - 1);
+      sum.linear[variable] += in_.real("J");
+    }
+  }
+
+  Bounds bound(const char* what, bool may_complement) {
+    Bounds bounds;
+    switch (in_.key()) {
+      case '0':
+        bounds.low = in_.real(what);
+        bounds.high = in_.real(what);
+        break;
+      case '1':
+        bounds.high = in_.real(what);
+        break;
+      case '2':
+        bounds.low = in_.real(what);
+        break;
+      case '3':
+        break;
+      case '4':
+        bounds.low = bounds.high = in_.real(what);
+        break;
+      case '5':
+        if (may_complement) {
+          // Which sides are finite is told once more by the variable's own bounds.
+          static_cast<void>(in_.integer(what, 0, 3));
+          bounds.complements = in_.integer(what, 1, header_.variables) - 1;
+          break;
+        }
+        [[fallthrough]];
+      default:
+        in_.fail(what, "", "must be a bound: 0 to 4, in r 5 too");
+    }
+    return bounds;
+  }
+
+  void initial_point() {
+    initial_.assign(bounds_.size(), 0.0);
+    for (int count = in_.integer("x", 0, header_.variables); count > 0 && !in_.failed(); --count) {
+      const int variable = in_.integer("x", 0, header_.variables - 1);
+      initial_[at(variable)] = in_.real("x");
+    }
+  }
+
+  void skip_pairs(int count) {
+    for (; count > 0 && !in_.failed(); --count) {
+      static_cast<void>(in_.integer("entry", 0, kMany));
+      static_cast<void>(in_.real("entry"));
+    }
+  }
+
+  // "S kind count name", then as many pairs; kind 4 and more have real values, which does not matter to text.
+  void suffix() {
+    const int kind = in_.integer("S", 0, 7);
+    int count = in_.integer("S", 0, kMany);
+    in_.skip_name();
+    if ((kind & 4) != 0 || !header_.binary) return skip_pairs(count);
+    for (; count > 0 && !in_.failed(); --count) {
+      static_cast<void>(in_.integer("S", 0, kMany));
+      static_cast<void>(in_.integer("S", -kMany - 1, kMany));
+    }
+  }
+
+  Quadratic expression() {
+    if (++depth_ > kDeepest) in_.fail("expression", "", "is nested too deeply");
+    Quadratic value;
+    if (!in_.failed()) value = node();
+    --depth_;
+    return value;
+  }
+
+  Quadratic node() {
+    switch (const char key = in_.key()) {
+      case 'n':
+        return Quadratic::of(in_.real("constant"));
+      case 's':
+      case 'l':
+        return Quadratic::of(in_.short_constant(key));
+      case 'v':
+        return variable(in_.integer("v", 0, kMany));
+      case 'o':
+        return operation(in_.integer("o", 0, kMany));
+      default:
+        in_.fail("expression", std::string(1, key), "must be n, v or o: nothing else is in an LCQP");
+        return {};
+    }
+  }
+
+  Quadratic variable(int index) {
+    if (index < header_.variables) return Quadratic::variable(index);
+    const auto found = defined_.find(index);
+    if (found != defined_.end()) return found->second;
+    in_.fail("v", std::to_string(index), "is no variable");
+    return {};
+  }
+
+  Quadratic operation(int code) {
+    switch (code) {
+      case kPlus:
+      case kMinus: {
+        Quadratic sum = expression();
+        sum.add(expression(), code == kPlus ? 1.0 : -1.0);
+        return sum;
+      }
+      case kNegate:
+        return expression().times(-1.0);
+      case kSum: {
+        Quadratic sum;
+        for (int count = in_.integer("o54", 0, kMany); count > 0 && !in_.failed(); --count)
+          sum.add(expression());
+        return sum;
+      }
+      case kTimes: {
+        const Quadratic left = expression();
+        return product(left, expression());
+      }
+      case kSquare: {
+        const Quadratic base = expression();
+        return product(base, base);
+      }
+      case kDivide:
+        return quotient();
+      case kPower:
+      case kPowerOfConstantExponent:
+        return power();
+      default:
+        in_.fail("o" + std::to_string(code), "", "is an operator that no LCQP has");
+        return {};
+    }
+  }
+
+  Quadratic product(const Quadratic& left, const Quadratic& right) {
+    Quadratic result;
+    if (!multiply(left, right, result))
+      in_.fail("o2", "degree " + std::to_string(left.degree() + right.degree()), "must be quadratic at most");
+    return result;
+  }
+
+  Quadratic quotient() {
+    const Quadratic left = expression();
+    const Quadratic right = expression();
+    if (right.degree() == 0 && right.constant != 0.0) return left.times(1.0 / right.constant);
+    in_.fail("o3", "", "must divide by a constant other than 0");
+    return {};
+  }
+
+  Quadratic power() {
+    Quadratic base = expression();
+    const Quadratic exponent = expression();
+    if (exponent.degree() == 0 && exponent.constant == 0.0) return Quadratic::of(1.0);
+    if (exponent.degree() == 0 && exponent.constant == 1.0) return base;
+    if (exponent.degree() == 0 && exponent.constant == 2.0) return product(base, base);
+    in_.fail("o5", "", "must have the exponent 0, 1 or 2");
+    return {};
+  }
+
+  static AffineRow affine(const Quadratic& row) {
+    AffineRow result;
+    result.constant = row.constant;
+    result.terms.assign(row.linear.begin(), row.linear.end());
+    return result;
+  }
+
+  Expected<ProblemFile> assemble(const std::string& name) {
+    Assembler problem(header_.variables);
+    const Quadratic cost = objective_.times(maximize_ ? -1.0 : 1.0);
+    problem.add_constant(cost.constant);
+    for (const auto& [index, value] : cost.linear) problem.add_linear(index, value);
+    for (const auto& [pair, value] : cost.products) {  // x² is ½ · 2 x², x y is ½ (x y + y x)
+      problem.add_quadratic(pair.first, pair.second, pair.first == pair.second ? 2.0 * value : value);
+      if (pair.first != pair.second) problem.add_quadratic(pair.second, pair.first, value);
+    }
+    std::vector<bool> paired(bounds_.size(), false);  // their bounds are in a pair
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      const Bounds& bounds = row_bounds_[i];
+      if (bounds.complements < 0) {
+        const auto added =
+            problem.add_range(affine(rows_[i]), bounds.low, bounds.high, "r", static_cast<std::int64_t>(i));
+        if (!added) return unexpected(added.error());
+        continue;
+      }
+      const auto variable = at(bounds.complements);
+      problem.add_mixed(affine(rows_[i]), bounds.complements, bounds_[variable].low, bounds_[variable].high);
+      paired[variable] = true;
+    }
+    for (std::size_t i = 0; i < bounds_.size(); ++i) {
+      if (paired[i]) continue;
+      const auto added = problem.add_range(AffineRow::variable(static_cast<Index>(i)), bounds_[i].low,
+                                           bounds_[i].high, "b", static_cast<std::int64_t>(i));
+      if (!added) return unexpected(added.error());
+    }
+    auto made = problem.finish(name);
+    if (!made) return unexpected(made.error());
+    ProblemFile file{std::move(*made), std::nullopt};
+    if (!initial_.empty()) {
+      initial_.resize(file.problem.g.size(), 0.0);
+      file.problem.initial_z = initial_;
+    }
+    return file;
+  }
+
+  NlTokens in_;
+  NlHeader header_;
+  bool maximize_ = false;
+  Quadratic objective_;
+  std::vector<Quadratic> rows_;
+  std::vector<Bounds> row_bounds_, bounds_;
+  std::map<int, Quadratic> defined_;
+  std::vector<double> initial_;
+  int depth_ = 0;
+};
+
+}  // namespace
+
+Expected<ProblemFile> parse_nl(std::string_view content, const std::string& name) {
+  return NlReader(content).read(name);
+}
+
+}  // namespace marble::formats

@@ -1,0 +1,18 @@
+// NumPy's .npz files.
+//
+// Arrays are named as tables.h names the parts. A matrix is one two-dimensional array, or sparse as SciPy
+// keeps it: "Q.data", "Q.indices", "Q.indptr", "Q.shape" and, if it is not "csc", "Q.format" = "csr". Names
+// with "_" in place of "." are read too: keyword arguments of numpy.savez cannot have points.
+#pragma once
+
+#include <string>
+
+#include "marble/problem_file.h"
+
+namespace marble::formats {
+
+/// Errors name the array; not_found if the file cannot be read.
+[[nodiscard]] Expected<ProblemFile> read_npz(const std::string& path, const std::string& name);
+[[nodiscard]] Expected<void> write_npz(const ProblemFile& file, const std::string& path);
+
+}  // namespace marble::formats

@@ -1,0 +1,51 @@
+// Generates src/generated from the contract in proto/: one TypeScript module for each of its files.
+//
+// Packed numbers are read here as `bytes`: on the wire both are a length and the numbers' bytes, so that a vector crosses
+// as one copy between a typed array and the message, where a generated decoder would call a function for every number.
+import { execFileSync } from "node:child_process";
+import { mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { dirname, join } from "node:path";
+import { fileURLToPath } from "node:url";
+
+const packed = /\brepeated (?:double|float|int32) (\w+ = \d+) \[packed = true\];/g;
+
+const here = join(dirname(fileURLToPath(import.meta.url)), "..");
+const contract = join(here, "../../proto");
+const output = join(here, "src/generated");
+const plugin = join(here, "node_modules/.bin/protoc-gen-ts_proto");
+const options = [
+  "env=both", // Uint8Array, not Buffer
+  "esModuleInterop=true",
+  "forceLong=number", // counters and bytes stay below 2^53
+  "importSuffix=.js",
+  "oneof=unions-value",
+  "outputJsonMethods=false",
+  "outputPartialMethods=true",
+  "outputServices=grpc-js",
+  "unrecognizedEnum=false",
+  "useExactTypes=false",
+  "outputClientImpl=false",
+  "useOptionals=none",
+];
+
+const work = mkdtempSync(join(tmpdir(), "marble-proto-"));
+try {
+  const files = ["marble/v1", "google/rpc"].flatMap((folder) =>
+    readdirSync(join(contract, folder)).map((name) => `${folder}/${name}`),
+  );
+  for (const file of files) {
+    const text = readFileSync(join(contract, file), "utf8");
+    mkdirSync(dirname(join(work, file)), { recursive: true });
+    writeFileSync(join(work, file), text.replace(packed, "bytes $1;"));
+  }
+  rmSync(output, { recursive: true, force: true });
+  mkdirSync(output, { recursive: true });
+  execFileSync(
+    "protoc",
+    [`-I${work}`, `--plugin=${plugin}`, `--ts_proto_out=${output}`, `--ts_proto_opt=${options.join(",")}`, ...files],
+    { stdio: "inherit" },
+  );
+} finally {
+  rmSync(work, { recursive: true, force: true });
+}

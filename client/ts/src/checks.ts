@@ -1,0 +1,21 @@
+// What several calls take, and how it is checked.
+import { invalid } from "./errors.js";
+
+/** A deadline: milliseconds > 0, or none. */
+export function checkDeadline(field: string, milliseconds: number | undefined): void {
+  if (milliseconds !== undefined && !(milliseconds > 0)) throw invalid(field, "must be > 0", { value: milliseconds });
+}
+
+/** A whole number >= 0 that fits the contract; 0 if there is none. */
+export function wholeOrZero(field: string, value: number | undefined): number {
+  if (value === undefined) return 0;
+  if (Number.isInteger(value) && value >= 0 && value <= 0x7fffffff) return value;
+  throw invalid(field, "must be a whole number in [0, 2^31)", { value });
+}
+
+/** Seconds >= 0; 0 if there are none. */
+export function secondsOrZero(field: string, value: number | undefined): number {
+  if (value === undefined) return 0;
+  if (Number.isFinite(value) && value >= 0) return value;
+  throw invalid(field, "must be a number >= 0", { value });
+}

@@ -1,0 +1,82 @@
+import { type BatchAnswer, type BatchControls, type BatchProblem, batch } from "./batch.js";
+import { type CallControls, unary } from "./calls.js";
+import { type ConnectOptions, defaultAddress } from "./connect-options.js";
+import { Connection } from "./connection.js";
+import { ServerService } from "./generated/marble/v1/service.js";
+import { type ServerInfo, infoOf } from "./info.js";
+import { Jobs } from "./jobs.js";
+import type { Problem } from "./problem.js";
+import { Session, type SessionControls } from "./session.js";
+import type { Solution } from "./solution.js";
+import { type SolveControls, type SolveEvent, type StreamControls, solve, solveStream } from "./solve.js";
+
+/**
+ * A connection to a Marble server. Any number of calls at once; what fails rejects with a MarbleError. The connection is
+ * made by the first call, and again by a later one if it broke.
+ */
+export class Client implements Disposable {
+  /** Jobs by their ids. */
+  readonly jobs: Jobs;
+  private readonly connection: Connection;
+
+  /** @internal */
+  constructor(address: string, options: ConnectOptions) {
+    this.connection = new Connection(address, options);
+    this.jobs = new Jobs(this.connection);
+  }
+
+  get address(): string {
+    return this.connection.address;
+  }
+
+  /** One problem, one answer. A solve that ends without being solved is an answer: see `solution.status`. */
+  async solve(problem: Problem, controls: SolveControls = {}): Promise<Solution> {
+    return solve(this.connection, problem, controls);
+  }
+
+  /** The same as events. The call begins with the loop, and leaving the loop gives it up. */
+  solveStream(problem: Problem, controls: StreamControls = {}): AsyncGenerator<SolveEvent, void, undefined> {
+    return solveStream(this.connection, problem, controls);
+  }
+
+  /** Sets a session up, and waits until it is ready. */
+  async session(problem: Problem, controls: SessionControls = {}): Promise<Session> {
+    return Session.open(this.connection, problem, controls);
+  }
+
+  /**
+   * Many problems on one stream, answered in the order of finishing. A source faster than the server is slowed down; a
+   * problem that breaks a rule is answered with its error, told with the next answer, and the others go on.
+   */
+  batch<Tag>(
+    problems: AsyncIterable<BatchProblem<Tag>> | Iterable<BatchProblem<Tag>>,
+    controls: BatchControls = {},
+  ): AsyncGenerator<BatchAnswer<Tag>, void, undefined> {
+    return batch(this.connection, problems, controls);
+  }
+
+  /** Version, limits, workers, option schema and counters. */
+  async info(controls: CallControls = {}): Promise<ServerInfo> {
+    return infoOf(await unary(this.connection, ServerService.getInfo, {}, controls));
+  }
+
+  /** Ends the connection once its calls have ended; later calls fail. */
+  close(): void {
+    this.connection.channel.close();
+  }
+
+  /** As `close`, at the end of a `using` block. */
+  [Symbol.dispose](): void {
+    this.close();
+  }
+}
+
+/**
+ * Checks address and options, and reads the PEM files; nothing is sent yet.
+ *
+ * @param address host:port or unix:PATH. Default: the environment's `MARBLE_SERVER`, else 127.0.0.1:50051.
+ * @throws InvalidProblemError with the field "address" or that of the option.
+ */
+export function connect(address: string = defaultAddress(), options: ConnectOptions = {}): Client {
+  return new Client(address, options);
+}

@@ -1,0 +1,45 @@
+// Numbers as they stand in a message: little-endian, one after the other. See scripts/generate.mjs for why.
+import { endianness } from "node:os";
+
+const foreign = endianness() === "BE";
+
+/** A copy: what the caller does to its array afterwards changes nothing. */
+export function packDoubles(values: ArrayLike<number>): Uint8Array {
+  const bytes = new Uint8Array(Float64Array.from(values).buffer);
+  return foreign ? swap(bytes, 8) : bytes;
+}
+
+export function unpackDoubles(bytes: Uint8Array): Float64Array {
+  return new Float64Array(aligned(bytes, 8));
+}
+
+export function unpackFloats(bytes: Uint8Array): Float32Array {
+  return new Float32Array(aligned(bytes, 4));
+}
+
+/** Varints, seven bits a byte; of numbers >= 0. */
+export function packIntegers(values: Int32Array): Uint8Array {
+  const longest = 5;
+  const bytes = new Uint8Array(longest * values.length);
+  let end = 0;
+  for (let k = 0; k < values.length; ++k) {
+    let rest = values[k];
+    while (rest > 0x7f) {
+      bytes[end++] = (rest & 0x7f) | 0x80;
+      rest >>>= 7;
+    }
+    bytes[end++] = rest;
+  }
+  return bytes.subarray(0, end);
+}
+
+// A message's bytes start anywhere, a typed array's must not.
+function aligned(bytes: Uint8Array, size: number): ArrayBuffer {
+  const copy = new Uint8Array(bytes); // slice() of a Buffer would be a view
+  return (foreign ? swap(copy, size) : copy).buffer as ArrayBuffer;
+}
+
+function swap(bytes: Uint8Array, size: number): Uint8Array {
+  for (let first = 0; first < bytes.length; first += size) bytes.subarray(first, first + size).reverse();
+  return bytes;
+}

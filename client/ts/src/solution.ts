@@ -1,0 +1,114 @@
+import { inspect } from "node:util";
+
+import {
+  type Solution as Message,
+  Stationarity as StationarityNumber,
+  Status as StatusNumber,
+  type Times as TimesMessage,
+} from "./generated/marble/v1/solution.js";
+import { type SolveOptions, optionsOf } from "./options.js";
+import { unpackDoubles } from "./packed.js";
+import { type Violations, violationsOf } from "./progress.js";
+import { type Words, word } from "./words.js";
+
+/** Why a solve ended. */
+export type Status = Words<typeof StatusNumber, "STATUS_">;
+
+/** Kinds of stationary points; each includes those before it. */
+export type Stationarity = Words<typeof StationarityNumber, "STATIONARITY_">;
+
+/** Seconds, by part. */
+export interface Times extends TimesMessage {}
+
+/** The answer of a solve, solved or not, in the problem's units. At a solution Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0. */
+export class Solution {
+  /** The server's id of the job. */
+  readonly jobId: string;
+  /** Why the solve ended; "unknown" of a newer server. */
+  readonly status: Status | "unknown";
+  /** One sentence with the numbers that justify the status. */
+  readonly detail: string;
+  /** The point, n entries; the best iterate where it is not solved. */
+  readonly z: Float64Array;
+  /** y, one a row of A, of any sign. */
+  readonly equalityMultipliers: Float64Array;
+  /** ν ≥ 0, one a row of C. */
+  readonly inequalityMultipliers: Float64Array;
+  /** ξ, one a pair, of L z + l ≥ 0. */
+  readonly leftMultipliers: Float64Array;
+  /** η, one a pair, of R z + r ≥ 0. */
+  readonly rightMultipliers: Float64Array;
+  /** Of "infeasible" the multipliers (y, ν, ξ, η) that prove it; of "unbounded" a direction; else empty. */
+  readonly certificate: Float64Array;
+  /** ½ zᵀQz + gᵀz + c0. */
+  readonly objective: number;
+  /** Violations at z. */
+  readonly violations: Violations;
+  /** max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|. */
+  readonly kktResidual: number;
+  /** Newton iterations. */
+  readonly iterations: number;
+  /** Numeric factorizations, rejected ones included. */
+  readonly factorizations: number;
+  /** Where the time went. */
+  readonly times: Times;
+  /** Every option as it was used. */
+  readonly options: SolveOptions;
+  /** Of a solved one. */
+  readonly stationarity?: Stationarity;
+  /** No feasible direction of descent is left; absent where that was not decided. */
+  readonly bStationary?: boolean;
+  /** What a cold start last reached: the objective itself, or of a chain of warm starts that of its first. */
+  readonly coldObjective: number;
+  /** Rows of progress that were dropped because they were not taken fast enough. */
+  readonly progressSkipped: number;
+
+  /** @internal */
+  constructor(jobId: string, message: Message, progressSkipped = 0) {
+    this.jobId = jobId;
+    this.status = word(StatusNumber, "STATUS_", message.status) ?? "unknown";
+    this.detail = message.detail;
+    this.z = unpackDoubles(message.z);
+    this.equalityMultipliers = unpackDoubles(message.equalityMultipliers);
+    this.inequalityMultipliers = unpackDoubles(message.inequalityMultipliers);
+    this.leftMultipliers = unpackDoubles(message.complementarityMultipliersL);
+    this.rightMultipliers = unpackDoubles(message.complementarityMultipliersR);
+    this.certificate = unpackDoubles(message.certificate);
+    this.objective = message.objective;
+    this.violations = violationsOf(message.violations);
+    this.kktResidual = message.kktResidual;
+    this.iterations = message.iterations;
+    this.factorizations = message.factorizations;
+    this.times = timesOf(message.times);
+    this.options = optionsOf(message.options);
+    this.stationarity = word(StationarityNumber, "STATIONARITY_", message.stationarity);
+    this.bStationary = message.bStationary;
+    this.coldObjective = message.coldObjective;
+    this.progressSkipped = progressSkipped;
+  }
+
+  /** All tolerances are met, or 100 times them where no more was possible. */
+  get solved(): boolean {
+    return this.status === "solved" || this.status === "solved_reduced";
+  }
+
+  /** One line: how it ended, at what, how fast. */
+  toString(): string {
+    const ms = (1000 * this.times.solveS).toPrecision(3);
+    const { equality, inequality, complementarity } = this.violations;
+    const worst = Math.max(equality, inequality, complementarity);
+    return (
+      `${this.status}: objective ${Number(this.objective.toPrecision(10))}, ${this.iterations} iterations, ` +
+      `${this.factorizations} factorizations, ${ms} ms, violation ${worst.toExponential(1)}`
+    );
+  }
+
+  [inspect.custom](_depth: number, options: object): string {
+    const { z, violations, detail, times } = this;
+    return `Solution ${this.toString()} ${inspect({ detail, z, violations, times }, { ...options, maxArrayLength: 6 })}`;
+  }
+}
+
+export function timesOf(message: TimesMessage | undefined): Times {
+  return message ?? { queueS: 0, setupS: 0, factorizationS: 0, lineSearchS: 0, solveS: 0, totalS: 0, polishS: 0 };
+}

@@ -1,0 +1,119 @@
+import assert from "node:assert/strict";
+import { createServer } from "node:net";
+import { test } from "node:test";
+
+import { UnavailableError, connect } from "@marble/client";
+
+import { corner, endless, long } from "./support/problems.js";
+import { Server, eventually } from "./support/server.js";
+
+test("a client outlives a restart of its server", async () => {
+  await using server = await Server.start();
+  using client = connect(server.address);
+  const before = await client.solve(corner);
+  await server.restart();
+  assert.deepEqual((await client.solve(corner)).z, before.z);
+});
+
+test("a call that finds no server is repeated until it is there", async () => {
+  await using server = await Server.start();
+  using client = connect(server.address);
+  await client.info();
+  await server.kill();
+  const restarted = server.restart();
+  await eventually(async () => {
+    try {
+      return (await client.solve(corner)).solved;
+    } catch (error) {
+      assert.ok(error instanceof UnavailableError);
+      return false;
+    }
+  });
+  await restarted;
+});
+
+test("a solve is tried again where nobody takes it, a submission is not", async () => {
+  let connections = 0;
+  const hangingUp = createServer((socket) => {
+    ++connections;
+    socket.destroy();
+  });
+  await new Promise<void>((listening) => hangingUp.listen(0, "127.0.0.1", listening));
+  const { port } = hangingUp.address() as { port: number };
+  try {
+    const attempts = async (call: (client: ReturnType<typeof connect>) => Promise<unknown>): Promise<number> => {
+      connections = 0;
+      using client = connect(`127.0.0.1:${port}`);
+      await assert.rejects(call(client), UnavailableError);
+      return connections;
+    };
+    const submitted = await attempts((client) => client.jobs.submit(corner));
+    const solved = await attempts((client) => client.solve(corner));
+    assert.ok(solved > submitted, `${solved} connections for a solve, ${submitted} for a submission`);
+  } finally {
+    hangingUp.close();
+  }
+});
+
+test("a streamed solve that has begun is not repeated when its server goes", async () => {
+  await using server = await Server.start();
+  using client = connect(server.address);
+  let accepted = 0;
+  await assert.rejects(async () => {
+    for await (const event of client.solveStream(long, { options: endless })) {
+      if (event.type === "accepted") ++accepted;
+      if (event.type === "progress") await server.kill();
+    }
+  }, UnavailableError);
+  assert.equal(accepted, 1);
+});
+
+test("a draining server answers what runs with its best iterate, and takes nothing new", async () => {
+  await using server = await Server.start(["--drain-grace-s", "1"]);
+  using client = connect(server.address);
+  let draining: Promise<void> | undefined;
+  const refused = (error: unknown): boolean => error instanceof UnavailableError;
+  const solution = await client.solve(long, {
+    options: endless,
+    onProgress: () => {
+      if (draining !== undefined) return;
+      server.signal("SIGTERM");
+      draining = eventually(() => client.jobs.submit(corner).then(() => false, refused));
+    },
+  });
+  assert.equal(solution.status, "cancelled");
+  assert.equal(solution.z.length, long.g.length);
+  await draining;
+});
+
+test("the address is the environment's where none is given", async () => {
+  await using server = await Server.start();
+  process.env["MARBLE_SERVER"] = server.address;
+  try {
+    using client = connect();
+    assert.equal(client.address, server.address);
+    assert.ok((await client.solve(corner)).solved);
+  } finally {
+    delete process.env["MARBLE_SERVER"];
+  }
+  assert.equal(connect().address, "127.0.0.1:50051");
+});
+
+test("a client is its program and process where it has no other name", async () => {
+  await using server = await Server.start();
+  using nameless = connect(server.address);
+  assert.equal((await nameless.info()).client, `connection.test-${process.pid}`);
+  process.env["MARBLE_CLIENT_NAME"] = "arm";
+  try {
+    using named = connect(server.address);
+    assert.equal((await named.info()).client, "arm");
+  } finally {
+    delete process.env["MARBLE_CLIENT_NAME"];
+  }
+});
+
+test("a unix socket works as an address", async () => {
+  await using server = await Server.start(["--listen", "unix:{directory}/socket"]);
+  using client = connect(`unix:${server.file("socket")}`);
+  assert.ok((await client.solve(corner)).solved);
+});

@@ -1,0 +1,209 @@
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+
+import {
+  type Client,
+  InvalidProblemError,
+  MarbleError,
+  NotFoundError,
+  PreconditionError,
+  type Problem,
+  RefusedError,
+  type SolveControls,
+  UnavailableError,
+  connect,
+} from "@marble/client";
+
+import { corner, endless, long } from "./support/problems.js";
+import { Server } from "./support/server.js";
+
+let server: Server;
+let client: Client;
+
+before(async () => {
+  server = await Server.start(["--workers", "1", "--queue-jobs", "1"]);
+  client = connect(server.address);
+});
+
+after(async () => {
+  client.close();
+  await server[Symbol.asyncDispose]();
+});
+
+interface Fault {
+  what: string;
+  problem: unknown;
+  field: string;
+  index?: number;
+  value?: string;
+}
+
+const eye = { rows: 3, columns: 3, columnPointers: [0, 1, 2, 3], rowIndices: [0, 1, 2], values: [1, 1, 1] };
+
+// Each breaks one rule of a problem that is right otherwise.
+const faults: Fault[] = [
+  { what: "no gradient", problem: { ...corner, g: [] }, field: "g", value: "0 entries" },
+  { what: "a NaN in g", problem: { ...corner, g: [0, NaN, 0] }, field: "g", index: 1, value: "NaN" },
+  { what: "text for g", problem: { ...corner, g: "abc" }, field: "g", value: "abc" },
+  { what: "an infinite constant", problem: { ...corner, c0: Infinity }, field: "c0", value: "Infinity" },
+  { what: "a short dense row", problem: { ...corner, C: [[1, 2]] }, field: "C[0]", value: "2 entries" },
+  { what: "a NaN in a dense row", problem: { ...corner, C: [[1, 2, NaN]] }, field: "C[0]", index: 2, value: "NaN" },
+  { what: "a short offset", problem: { ...corner, d: [1, 2] }, field: "d", value: "2 entries" },
+  { what: "an offset without its matrix", problem: { ...corner, b: [1] }, field: "b", value: "1 entries" },
+  {
+    what: "a triplet beyond the columns",
+    problem: { ...corner, A: { rows: 1, cols: 3, i: [0, 0], j: [0, 3], v: [1, 1] } },
+    field: "A.j",
+    index: 1,
+    value: "3",
+  },
+  {
+    what: "a triplet without its row",
+    problem: { ...corner, A: { rows: 1, cols: 3, i: [0], j: [0, 1], v: [1, 1] } },
+    field: "A.i",
+    value: "1 entries",
+  },
+  {
+    what: "a matrix of other columns",
+    problem: { ...corner, A: { rows: 1, cols: 4, i: [], j: [], v: [] } },
+    field: "A.cols",
+    value: "4",
+  },
+  {
+    what: "falling column pointers",
+    problem: { ...corner, Q: { ...eye, columnPointers: [0, 2, 1, 3] } },
+    field: "Q.columnPointers",
+    index: 2,
+    value: "1",
+  },
+  {
+    what: "an infinite entry of compressed columns",
+    problem: { ...corner, Q: { ...eye, values: [1, Infinity, 1] } },
+    field: "Q.values",
+    index: 1,
+    value: "Infinity",
+  },
+  {
+    what: "a row index beyond the rows",
+    problem: { ...corner, Q: { ...eye, rowIndices: [0, 1, 3] } },
+    field: "Q.rowIndices",
+    index: 2,
+    value: "3",
+  },
+  {
+    what: "rows that do not ascend",
+    problem: { ...corner, Q: { ...eye, columnPointers: [0, 0, 0, 3], rowIndices: [1, 0, 2] } },
+    field: "Q.rowIndices",
+    index: 1,
+    value: "0",
+  },
+  {
+    what: "an asymmetric Q",
+    problem: {
+      ...corner,
+      Q: [
+        [1, 1, 0],
+        [0, 1, 0],
+        [0, 0, 1],
+      ],
+    },
+    field: "Q",
+    value: "0 and 1",
+  },
+  {
+    what: "a full Q said to be its upper triangle",
+    problem: {
+      ...corner,
+      Q: [
+        [1, 1, 0],
+        [1, 1, 0],
+        [0, 0, 1],
+      ],
+      hessianForm: "upper_triangle",
+    },
+    field: "Q",
+    value: "an entry at (1, 0)",
+  },
+  { what: "pairs with one side", problem: { ...corner, R: undefined, r: undefined }, field: "R.rows", value: "0" },
+  { what: "a short x0", problem: { ...corner, x0: [1] }, field: "initialPoint", value: "1 entries" },
+];
+
+for (const { what, problem, field, index, value } of faults) {
+  test(`${what} is refused before anything is sent, with ${field}${index === undefined ? "" : ` and index ${index}`}`, async () => {
+    const { counters } = await client.info();
+    await assert.rejects(client.solve(problem as Problem), (error) => {
+      assert.ok(error instanceof InvalidProblemError && error instanceof MarbleError);
+      assert.deepEqual([error.code, error.field, error.index, error.value], ["invalid_argument", field, index, value]);
+      assert.ok(error.bound && error.message.includes(error.bound) && error.message.includes(field));
+      return true;
+    });
+    const { refusedTotal, acceptedTotal } = (await client.info()).counters;
+    assert.deepEqual([refusedTotal, acceptedTotal], [counters.refusedTotal, counters.acceptedTotal]);
+  });
+}
+
+const wrongControls: [unknown, string][] = [
+  [{ options: { maxIterations: 1.5 } }, "options.maxIterations"],
+  [{ options: { polish: 1 } }, "options.polish"],
+  [{ options: { path: "quick" } }, "options.path"],
+  [{ options: { timeLimit: 1 } }, "options"],
+  [{ priority: "high" }, "priority"],
+  [{ deadlineMs: 0 }, "deadlineMs"],
+  [{ iterateEvery: -1, onProgress: () => undefined }, "iterateEvery"],
+];
+
+for (const [controls, field] of wrongControls) {
+  test(`a wrong ${field} is an error that names it`, async () => {
+    await assert.rejects(client.solve(corner, controls as SolveControls), { name: "InvalidProblemError", field });
+  });
+}
+
+test("the server's own checks come back as the same error, in the caller's terms", async () => {
+  await assert.rejects(client.solve(corner, { options: { equalityTolerance: 2 } }), (error) => {
+    assert.ok(error instanceof InvalidProblemError);
+    assert.equal(error.field, "options.equalityTolerance");
+    assert.equal(error.value, "2");
+    assert.match(error.bound ?? "", /must be in \[1e-14, 1/);
+    return true;
+  });
+  await assert.rejects(client.solve(corner, { requestId: "ä" }), { name: "InvalidProblemError", field: "requestId" });
+});
+
+test("a full queue is a RefusedError that says when to come again", async () => {
+  const controller = new AbortController();
+  const { signal } = controller;
+  const busy = [client.solve(long, { options: endless, signal }), client.solve(long, { options: endless, signal })];
+  for (const call of busy) call.catch(() => undefined);
+  const full = async (): Promise<RefusedError> => {
+    for (;;) {
+      try {
+        await client.solve(corner, { deadlineMs: 300 });
+      } catch (error) {
+        if (error instanceof RefusedError) return error;
+      }
+    }
+  };
+  const error = await full();
+  assert.equal(error.code, "resource_exhausted");
+  assert.ok(error.retryAfterMs !== undefined && error.retryAfterMs > 0);
+  controller.abort();
+  await Promise.allSettled(busy);
+});
+
+test("an unknown job is a NotFoundError, an unfinished one a PreconditionError", async () => {
+  await assert.rejects(client.jobs.get("job-that-never-was"), NotFoundError);
+  const { jobId } = await client.jobs.submit(long, { options: endless });
+  await assert.rejects(client.jobs.result(jobId), PreconditionError);
+  await client.jobs.delete(jobId);
+});
+
+test("no server is an UnavailableError", async () => {
+  using nobody = connect("127.0.0.1:1");
+  await assert.rejects(nobody.solve(corner), UnavailableError);
+});
+
+for (const address of ["", "localhost", "localhost:0", "localhost:65536", ":50051", "unix:"]) {
+  test(`the address "${address}" is an error of connect`, () => {
+    assert.throws(() => connect(address), { name: "InvalidProblemError", field: "address" });
+  });
+}

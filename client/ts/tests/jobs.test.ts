@@ -1,0 +1,112 @@
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+
+import { CancelledError, type Client, type JobEvent, NotFoundError, connect } from "@marble/client";
+
+import { corner, endless, example, long } from "./support/problems.js";
+import { Server, eventually } from "./support/server.js";
+
+let server: Server;
+let client: Client;
+
+before(async () => {
+  server = await Server.start(["--workers", "1"]);
+  client = connect(server.address, { name: "planner" });
+});
+
+after(async () => {
+  client.close();
+  await server[Symbol.asyncDispose]();
+});
+
+test("a submitted job outlives its client, and its answer waits", async () => {
+  const submitter = connect(server.address, { name: "planner" });
+  const { jobId } = await submitter.jobs.submit(corner, { requestId: "tick 7" });
+  submitter.close();
+  const solution = await client.jobs.result(jobId, { wait: true });
+  assert.equal(solution.jobId, jobId);
+  assert.deepEqual(solution.z, (await client.solve(corner)).z);
+});
+
+test("a job is told with its sizes, options and convergence", async () => {
+  const problem = example("rocket");
+  const { jobId } = await client.jobs.submit(problem, { options: { starts: 2 }, requestId: "r-1", priority: "batch" });
+  const solution = await client.jobs.result(jobId, { wait: true });
+  const { job, options, trace } = await client.jobs.get(jobId);
+  assert.deepEqual(
+    [job.kind, job.state, job.priority, job.status, job.client, job.requestId, job.problemName],
+    ["submitted", "finished", "batch", solution.status, "planner", "r-1", "rocket"],
+  );
+  assert.deepEqual([job.variables, job.pairs], [problem.g.length, problem.l.length]);
+  assert.equal(options.starts, 2);
+  assert.ok(trace.rows.length > 0 && trace.stride >= 1);
+  const newest = trace.pairs.at(-1);
+  assert.ok(newest?.s instanceof Float32Array);
+  assert.deepEqual([newest.s.length, newest.t.length], [job.pairs, job.pairs]);
+});
+
+test("jobs are listed newest first, by state, in pages", async () => {
+  const ids: string[] = [];
+  for (let k = 0; k < 3; ++k) ids.push((await client.jobs.submit(corner)).jobId);
+  for (const id of ids) await client.jobs.result(id, { wait: true });
+  const first = await client.jobs.list({ states: ["finished"], limit: 2 });
+  assert.deepEqual(
+    first.jobs.map((job) => job.jobId),
+    [ids[2], ids[1]],
+  );
+  assert.ok(first.more);
+  const next = await client.jobs.list({ states: ["finished"], limit: 1, beforeJobId: ids[1] });
+  assert.equal(next.jobs[0].jobId, ids[0]);
+  await assert.rejects(client.jobs.list({ states: ["lost" as "idle"] }), {
+    name: "InvalidProblemError",
+    field: "states",
+  });
+});
+
+test("a cancelled job's answer is its best iterate", async () => {
+  const { jobId } = await client.jobs.submit(long, { options: endless });
+  await eventually(async () => (await client.jobs.get(jobId)).job.iterations > 0);
+  await client.jobs.cancel(jobId);
+  const solution = await client.jobs.result(jobId, { wait: true });
+  assert.equal(solution.status, "cancelled");
+  assert.equal(solution.z.length, long.g.length);
+});
+
+test("a deleted job is not found any more", async () => {
+  const { jobId } = await client.jobs.submit(long, { options: endless });
+  await client.jobs.delete(jobId);
+  await assert.rejects(client.jobs.result(jobId), NotFoundError);
+});
+
+test("a signal ends the waiting for an answer, not the job", async () => {
+  const { jobId } = await client.jobs.submit(long, { options: endless });
+  const waiting = client.jobs.result(jobId, { wait: true, signal: AbortSignal.timeout(50) });
+  await assert.rejects(waiting, CancelledError);
+  await eventually(async () => (await client.jobs.get(jobId)).job.state === "running");
+  await client.jobs.delete(jobId);
+});
+
+test("watching one job tells its rows until it has finished", async () => {
+  const { jobId } = await client.jobs.submit(long, { options: { ...endless, timeLimitS: 0.3 } });
+  const events: JobEvent[] = [];
+  for await (const event of client.jobs.watch(jobId)) events.push(event);
+  assert.ok(events[0].trace !== undefined);
+  assert.equal(events.at(-1)?.job.state, "finished");
+  assert.equal(events.at(-1)?.job.status, "time_limit");
+  assert.ok(events.some((event) => event.rows.length > 0));
+});
+
+test("watching all jobs goes on until the loop is left or the signal comes", async () => {
+  const { jobId } = await client.jobs.submit(corner);
+  const other = client.jobs.watch();
+  const seen = (async () => {
+    for await (const { job } of other) if (job.jobId !== jobId && job.state === "finished") return job.jobId;
+    return undefined;
+  })();
+  await eventually(async () => (await client.jobs.get(jobId)).job.state === "finished");
+  const later = await client.jobs.submit(corner);
+  assert.equal(await seen, later.jobId);
+  await assert.rejects(async () => {
+    for await (const event of client.jobs.watch("", { signal: AbortSignal.timeout(100) })) assert.ok(event.job.jobId);
+  }, CancelledError);
+});

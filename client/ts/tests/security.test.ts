@@ -1,0 +1,124 @@
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+
+import { AccessError, type ConnectOptions, UnavailableError, connect } from "@marble/client";
+
+import { corner } from "./support/problems.js";
+import { Server, newToken } from "./support/server.js";
+
+let directory: string;
+const file = (name: string): string => join(directory, name);
+const openssl = (...words: string[]): void => {
+  execFileSync("openssl", words, { stdio: "ignore" });
+};
+
+// An authority, a server's certificate for localhost, and a client's.
+before(() => {
+  directory = mkdtempSync(join(tmpdir(), "marble-ts-tls-"));
+  const key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"];
+  const sign = ["-CA", file("ca.pem"), "-CAkey", file("ca.key"), "-days", "2", "-copy_extensions", "copy"];
+  openssl(
+    "req",
+    "-x509",
+    ...key,
+    "-days",
+    "2",
+    "-subj",
+    "/CN=authority",
+    "-keyout",
+    file("ca.key"),
+    "-out",
+    file("ca.pem"),
+  );
+  for (const [name, names] of [
+    ["server", "DNS:localhost"],
+    ["client", "DNS:planner"],
+  ]) {
+    const request = ["-subj", `/CN=${name}`, "-addext", `subjectAltName=${names}`, "-out", file(`${name}.csr`)];
+    openssl("req", ...key, "-keyout", file(`${name}.key`), ...request);
+    openssl("x509", "-req", "-in", file(`${name}.csr`), ...sign, "-out", file(`${name}.pem`));
+  }
+});
+
+after(() => rmSync(directory, { recursive: true, force: true }));
+
+const serve = (...flags: string[]): Promise<Server> =>
+  Server.start(["--tls-certificate", file("server.pem"), "--tls-key", file("server.key"), ...flags]);
+
+async function clientName(address: string, options: ConnectOptions): Promise<string> {
+  using client = connect(address, options);
+  assert.ok((await client.solve(corner)).solved);
+  return (await client.info()).client;
+}
+
+test("TLS: a client that trusts the authority is served, one that does not is not", async () => {
+  await using server = await serve();
+  const ca = file("ca.pem");
+  assert.equal(await clientName(server.address, { name: "tester", tls: { ca, serverName: "localhost" } }), "tester");
+  using stranger = connect(server.address, { tls: { serverName: "localhost" } });
+  await assert.rejects(stranger.solve(corner), UnavailableError);
+  using misled = connect(server.address, { tls: { ca, serverName: "another.example" } });
+  await assert.rejects(misled.solve(corner), UnavailableError);
+  using plain = connect(server.address);
+  await assert.rejects(plain.solve(corner), UnavailableError);
+});
+
+test("a client's certificate is its name", async () => {
+  await using server = await serve("--tls-client-ca", file("ca.pem"));
+  const tls = { ca: file("ca.pem"), certificate: file("client.pem"), key: file("client.key"), serverName: "localhost" };
+  assert.equal(await clientName(server.address, { name: "somebody", tls }), "planner");
+});
+
+test("TLS and token come from the environment", async () => {
+  const token = newToken("robot:solve");
+  await using server = await Server.start(
+    ["--tls-certificate", file("server.pem"), "--tls-key", file("server.key"), "--tokens", "{directory}/tokens"],
+    { tokens: token.line },
+  );
+  const settings = { MARBLE_TLS_CA: file("ca.pem"), MARBLE_TOKEN: token.secret };
+  Object.assign(process.env, settings);
+  try {
+    const port = server.address.split(":").at(-1);
+    assert.equal(await clientName(`localhost:${port}`, {}), "robot");
+  } finally {
+    for (const name of Object.keys(settings)) delete process.env[name];
+  }
+});
+
+test("a token is asked for, known, and limited to its roles", async () => {
+  const [solver, observer] = [newToken("planner:solve"), newToken("page:observe")];
+  await using server = await Server.start(["--tokens", "{directory}/tokens"], { tokens: solver.line + observer.line });
+  assert.equal(await clientName(server.address, { token: solver.secret }), "planner");
+  const refused = async (token: string | undefined, code: string): Promise<void> => {
+    using client = connect(server.address, { token });
+    await assert.rejects(client.solve(corner), (error) => error instanceof AccessError && error.code === code);
+  };
+  await refused(undefined, "unauthenticated");
+  await refused("wrong", "unauthenticated");
+  await refused(observer.secret, "permission_denied");
+});
+
+test("bad credentials are errors of connect, and a token stays untold", () => {
+  writeFileSync(file("text"), "no certificate");
+  const wrong: [ConnectOptions, string][] = [
+    [{ tls: { ca: file("nowhere") } }, "tls.ca"],
+    [{ tls: { ca: file("text") } }, "tls.ca"],
+    [{ tls: { certificate: file("client.pem") } }, "tls.key"],
+    [{ tls: { key: file("client.key") } }, "tls.certificate"],
+    [{ tls: { certificate: file("client.pem"), key: file("client.pem") } }, "tls"],
+    [{ name: "" }, "name"],
+    [{ name: "x".repeat(65) }, "name"],
+    [{ deadlineMs: -1 }, "deadlineMs"],
+  ];
+  for (const [options, field] of wrong) {
+    assert.throws(() => connect("localhost:1", options), { name: "InvalidProblemError", field });
+  }
+  assert.throws(
+    () => connect("localhost:1", { token: "se cret" }),
+    (error: Error & { field?: string }) => error.field === "token" && !error.message.includes("cret"),
+  );
+});

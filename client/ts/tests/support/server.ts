@@ -1,0 +1,94 @@
+import { type ChildProcess, execFileSync, spawn } from "node:child_process";
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import type { Socket } from "node:net";
+import { tmpdir } from "node:os";
+import { join, resolve } from "node:path";
+import { setTimeout as sleep } from "node:timers/promises";
+
+/** Where `marble` and `marble-server` are. */
+const binaries = resolve(process.env["MARBLE_BIN"] ?? "../../build/release/bin");
+
+/** A real marble-server on a free loopback port, for one test. */
+export class Server {
+  private constructor(
+    private process: ChildProcess,
+    readonly address: string,
+    private readonly directory: string,
+    private readonly flags: string[],
+  ) {}
+
+  /** Starts one and waits until it answers. `flags` come after --listen 127.0.0.1:0 and --http none. */
+  static async start(flags: string[] = [], files: Record<string, string> = {}): Promise<Server> {
+    const directory = mkdtempSync(join(tmpdir(), "marble-ts-"));
+    for (const [name, content] of Object.entries(files)) writeFileSync(join(directory, name), content);
+    const placed = flags.map((flag) => flag.replace("{directory}", directory));
+    const process = await launch(directory, "127.0.0.1:0", placed);
+    return new Server(process, readFileSync(join(directory, "address"), "utf8").split("\n")[0], directory, placed);
+  }
+
+  /** The path of a file that was given to `start`. */
+  file(name: string): string {
+    return join(this.directory, name);
+  }
+
+  signal(signal: NodeJS.Signals): void {
+    this.process.kill(signal);
+  }
+
+  /** Ends it without a word, as a crash would. */
+  async kill(): Promise<void> {
+    if (this.process.exitCode !== null || this.process.signalCode !== null) return;
+    const ended = new Promise((done) => this.process.once("exit", done));
+    this.process.ref();
+    this.process.kill("SIGKILL");
+    await ended;
+  }
+
+  /** On the same address as before. */
+  async restart(): Promise<void> {
+    await this.kill();
+    rmSync(this.file("address"), { force: true });
+    this.process = await launch(this.directory, this.address, this.flags);
+  }
+
+  async [Symbol.asyncDispose](): Promise<void> {
+    await this.kill();
+    rmSync(this.directory, { recursive: true, force: true });
+  }
+}
+
+async function launch(directory: string, listen: string, flags: string[]): Promise<ChildProcess> {
+  const ready = join(directory, "address");
+  const place = ["--address-file", ready, "--listen", listen, "--http", "none"];
+  const server = spawn(join(binaries, "marble-server"), [...place, ...flags], { stdio: ["ignore", "pipe", "pipe"] });
+  let log = "";
+  server.stdout.on("data", (text) => (log += String(text)));
+  server.stderr.on("data", (text) => (log += String(text)));
+  await eventually(() => existsSync(ready) || server.exitCode !== null);
+  if (server.exitCode !== null) throw new Error(`marble-server did not start: ${log}`);
+  // Node 18 runs a file's last hook, which ends the server, when nothing else keeps the process alive.
+  server.unref();
+  for (const pipe of [server.stdout, server.stderr]) (pipe as Socket).unref();
+  return server;
+}
+
+/** What `marble` prints. */
+export function marble(...words: string[]): string {
+  return execFileSync(join(binaries, "marble"), words, { encoding: "utf8", maxBuffer: 1 << 28 });
+}
+
+/** Waits until something holds; fails if that takes a minute. */
+export async function eventually(holds: () => boolean | Promise<boolean>): Promise<void> {
+  for (let tries = 0; tries < 6000; ++tries) {
+    if (await holds()) return;
+    await sleep(10);
+  }
+  throw new Error("did not happen within a minute");
+}
+
+/** A new token as `marble-server --new-token` makes it, and its line for --tokens. */
+export function newToken(nameAndRoles: string): { secret: string; line: string } {
+  const made = execFileSync(join(binaries, "marble-server"), ["--new-token", nameAndRoles], { encoding: "utf8" });
+  const end = made.indexOf("\n");
+  return { secret: made.slice(0, end), line: made.slice(end + 1) };
+}

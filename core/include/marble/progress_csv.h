@@ -1,0 +1,31 @@
+// Progress as CSV: the same columns in the same order wherever a trace is written or read.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "marble/progress.h"
+
+namespace marble {
+
+struct ProgressColumn {
+  std::string_view name;
+  bool integer = false;
+  double (*get)(const Progress& row) = nullptr;
+  void (*set)(Progress& row, double value) = nullptr;
+};
+
+/// All columns in their order: iteration, outer_iteration, objective, equality_violation,
+/// inequality_violation, complementarity_violation, kkt_residual, kappa, rho, step_length, regularization,
+/// factorizations, elapsed_s. Violations are in the user's units.
+[[nodiscard]] std::span<const ProgressColumn> progress_columns();
+
+/// The names, separated by commas, without a line break.
+[[nodiscard]] std::string progress_csv_header();
+
+/// Appends the row's numbers, separated by commas, without a line break. The shortest text that keeps every
+/// bit, whatever the locale; a number that is none is nan, inf or -inf.
+void append_progress_csv(const Progress& row, std::string& text);
+
+}  // namespace marble

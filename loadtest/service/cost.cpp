@@ -1,0 +1,168 @@
+#include <httplib.h>
+
+#include <atomic>
+#include <cstdio>
+#include <thread>
+
+#include "bench.h"
+#include "marble/convert.h"
+#include "marble/examples.h"
+
+namespace marble::bench {
+namespace {
+
+constexpr int kRounds = 30;  // each asks both servers, in turns who is first
+constexpr std::chrono::milliseconds kBlock{1000};
+constexpr int kClients = 4;  // of one server, on one connection
+constexpr double kAim = 0.98;
+
+// What an operator has on: a scraper, and somebody who watches.
+class Onlookers {
+ public:
+  explicit Onlookers(const testing::ServerProcess& server)
+      : http_(server.http()), jobs_(v1::Jobs::NewStub(connect(server.address()))) {
+    scraper_ = std::jthread([this](const std::stop_token& stop) { scrape(stop); });
+    watcher_ = std::jthread([this] { watch(); });
+  }
+  ~Onlookers() { watching_.TryCancel(); }
+  Onlookers(const Onlookers&) = delete;
+  Onlookers& operator=(const Onlookers&) = delete;
+
+  [[nodiscard]] int scrapes() const { return scrapes_; }
+  [[nodiscard]] int events() const { return events_; }
+
+ private:
+  void scrape(const std::stop_token& stop) {
+    httplib::Client client(http_);
+    while (!stop.stop_requested()) {
+      const auto answer = client.Get("/metrics");
+      must(answer && answer->status == 200, "a scrape failed");
+      ++scrapes_;
+      std::this_thread::sleep_for(std::chrono::seconds(1));
+    }
+  }
+  void watch() {
+    const auto reader = jobs_->Watch(&watching_, {});
+    for (v1::WatchJobsResponse response; reader->Read(&response);) events_ += response.events_size();
+    reader->Finish();
+  }
+
+  const std::string http_;
+  const std::unique_ptr<v1::Jobs::Stub> jobs_;
+  grpc::ClientContext watching_;
+  std::atomic<int> scrapes_ = 0, events_ = 0;
+  std::jthread scraper_, watcher_;
+};
+
+// What was measured of one server.
+struct Side {
+  std::vector<double> solves_per_s, cpu_ms;  // cpu_ms: of the server, a solve
+};
+
+// Clients that ask again as soon as they are answered.
+class Load {
+ public:
+  Load(const std::string& address, const OwnedProblem& problem)
+      : problem_(problem),
+        stub_(v1::Solver::NewStub(connect(address))),
+        info_(v1::Server::NewStub(connect(address))) {
+    to_message(problem.view(), request_.mutable_problem());
+  }
+
+  /// Adds what a block of time gave.
+  void run(Side& side) {
+    std::atomic<int> solves = 0;
+    const double cpu_before = cpu_s();
+    const auto begin = Clock::now();
+    {
+      std::vector<std::jthread> clients;
+      clients.reserve(kClients);
+      for (int i = 0; i < kClients; ++i) clients.emplace_back([&] { ask(begin + kBlock, solves); });
+    }
+    side.solves_per_s.push_back(1e3 * solves / ms_since(begin));
+    side.cpu_ms.push_back(1e3 * (cpu_s() - cpu_before) / solves);
+  }
+
+ private:
+  void ask(Clock::time_point end, std::atomic<int>& solves) {
+    v1::SolveResponse response;
+    while (Clock::now() < end) {
+      grpc::ClientContext context;
+      must(stub_->Solve(&context, request_, &response), "solve");
+      ++solves;
+    }
+    must(is_right(problem_, response.solution()), "a wrong answer");
+  }
+  [[nodiscard]] double cpu_s() const {
+    grpc::ClientContext context;
+    v1::GetInfoResponse response;
+    must(info_->GetInfo(&context, {}, &response), "GetInfo");
+    return response.counters().cpu_s_total();
+  }
+
+  const OwnedProblem& problem_;
+  v1::SolveRequest request_;
+  const std::unique_ptr<v1::Solver::Stub> stub_;
+  const std::unique_ptr<v1::Server::Stub> info_;
+};
+
+std::vector<double> ratios(const std::vector<double>& values, const std::vector<double>& to) {
+  std::vector<double> result;
+  for (std::size_t i = 0; i < values.size(); ++i) result.push_back(values[i] / to[i]);
+  return result;
+}
+
+void print(const char* name, const std::vector<double>& values, const char* format) {
+  std::printf("%-32s ", name);
+  for (const double part : {0.25, 0.5, 0.75}) std::printf(format, quantile(values, part));
+  std::printf("\n");
+}
+
+void compare(const testing::ServerProcess& with, const testing::ServerProcess& without, int steps) {
+  examples::HopperParameters parameters;
+  parameters.steps = steps;
+  const OwnedProblem problem = examples::hopper(parameters);
+  Load on_load(with.address(), problem), off_load(without.address(), problem);
+  Side warm_up, on, off;
+  on_load.run(warm_up);
+  off_load.run(warm_up);
+  int scrapes = 0, events = 0;
+  const auto run_on = [&] {
+    const Onlookers onlookers(with);
+    on_load.run(on);
+    scrapes += onlookers.scrapes();
+    events += onlookers.events();
+  };
+  for (int round = 0; round < kRounds; ++round) {
+    if (round % 2 == 0) run_on();
+    off_load.run(off);
+    if (round % 2 != 0) run_on();
+  }
+  std::printf(
+      "hopper, %d steps: n = %zu, n_c = %zu; %d clients on one connection; %d blocks of %lld ms on each "
+      "server in turn; %d scrapes, %d events told to a watcher\n",
+      steps, problem.g.size(), problem.l.size(), kClients, kRounds, static_cast<long long>(kBlock.count()),
+      scrapes, events);
+  std::printf("%-32s %10s %10s %10s\n", "", "p25", "median", "p75");
+  print("everything on, solves/s", on.solves_per_s, "%10.1f ");
+  print("everything off, solves/s", off.solves_per_s, "%10.1f ");
+  print("on / off", ratios(on.solves_per_s, off.solves_per_s), "%10.4f ");
+  print("everything on, CPU ms a solve", on.cpu_ms, "%10.3f ");
+  print("everything off, CPU ms a solve", off.cpu_ms, "%10.3f ");
+  print("on / off", ratios(on.cpu_ms, off.cpu_ms), "%10.4f ");
+  const double ratio = median(ratios(on.solves_per_s, off.solves_per_s));
+  const double cpu_ratio = median(ratios(on.cpu_ms, off.cpu_ms));
+  std::printf("everything on gives %.1f %% of the solves a second, for %.1f %% of the CPU time: %s\n\n",
+              100.0 * ratio, 100.0 * cpu_ratio, ratio >= kAim ? "within 2 %" : "BEYOND 2 %");
+}
+
+}  // namespace
+
+void cost() {
+  const testing::ServerProcess with = start_server({"--http", "127.0.0.1:0"});
+  const testing::ServerProcess without =
+      start_server({"--metrics=false", "--log-level", "off", "--trace-rows", "0", "--trace-pairs", "0"});
+  for (const int steps : {60, 10}) compare(with, without, steps);
+}
+
+}  // namespace marble::bench

@@ -1,0 +1,11 @@
+// /api/events and /api/jobs/ID/events: what happens, as server-sent events.
+#pragma once
+
+#include "http/event_hub.h"
+#include "http/router.h"
+
+namespace marble::server::http {
+
+void add_event_routes(Router& router, const ServiceParts& parts, EventHub& hub);
+
+}  // namespace marble::server::http

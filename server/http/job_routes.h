@@ -1,0 +1,11 @@
+// /api/info and /api/jobs: what Server.GetInfo and Jobs.List, Get and Cancel tell, as JSON.
+#pragma once
+
+#include "http/router.h"
+#include "service_parts.h"
+
+namespace marble::server::http {
+
+void add_job_routes(Router& router, const ServiceParts& parts);
+
+}  // namespace marble::server::http

@@ -1,0 +1,12 @@
+// GET /metrics, for Prometheus. Needs the role observe.
+#pragma once
+
+#include "http/router.h"
+#include "service_parts.h"
+
+namespace marble::server::http {
+
+/// Nothing is there if metrics are off.
+void add_metrics_route(Router& router, const ServiceParts& parts);
+
+}  // namespace marble::server::http

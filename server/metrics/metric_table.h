@@ -1,0 +1,36 @@
+// What metrics there are; the table is metrics.def.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace marble::server {
+
+enum class MetricKind { counter, gauge, seconds, counts, read_counter, read_gauge };
+
+enum class Metric {
+#define MARBLE_METRIC(kind, id, name, labels, help) id,
+#include "metrics/metrics.def"
+#undef MARBLE_METRIC
+};
+
+struct MetricInfo {
+  MetricKind kind;
+  std::string name;
+  std::vector<std::string> labels;  ///< names
+  std::string help;
+};
+
+/// In the order of Metric.
+[[nodiscard]] const std::vector<MetricInfo>& metric_table();
+[[nodiscard]] const MetricInfo& info_of(Metric metric);
+
+/// Prometheus' word: "counter", "gauge" or "histogram".
+[[nodiscard]] const char* type_of(MetricKind kind);
+/// Upper bounds of a histogram's buckets, ascending: 50 µs to 100 s, or 1 to 100000.
+[[nodiscard]] std::vector<double> buckets_of(MetricKind kind);
+
+/// The table for people, in Markdown: name, type, labels, help.
+[[nodiscard]] std::string metrics_markdown();
+
+}  // namespace marble::server

@@ -1,0 +1,85 @@
+#include "metrics/metrics.h"
+
+#include <array>
+
+#include "metrics/client_metrics.h"
+#include "refusal.h"
+
+namespace marble::server {
+namespace {
+
+constexpr std::size_t kStatuses = static_cast<std::size_t>(Status::numerical_failure) + 1;
+
+std::size_t index_of(Priority priority) { return static_cast<std::size_t>(priority); }
+std::size_t index_of(Status status) { return static_cast<std::size_t>(status); }
+
+}  // namespace
+
+struct Metrics::Counted {
+  using Counter = prometheus::Counter;
+  using Histogram = prometheus::Histogram;
+
+  Counted(MetricRegistry& registry, int most_clients)
+      : setup_s(registry.histogram(Metric::setup_seconds)),
+        iterations(registry.histogram(Metric::solve_iterations)),
+        factorizations(registry.histogram(Metric::solve_factorizations)),
+        superseded(registry.counter(Metric::session_updates_superseded)),
+        rows_sent(registry.counter(Metric::progress_rows_sent)),
+        rows_skipped(registry.counter(Metric::progress_rows_skipped)),
+        clients(registry, most_clients) {
+    for (std::size_t at = 0; at < kPriorities; ++at) {
+      const std::string priority = kPriorityNames[at];
+      for (std::size_t status = 0; status < kStatuses; ++status)
+        solves[status][at] =
+            &registry.counter(Metric::solves, {to_string(static_cast<Status>(status)), priority});
+      solve_s[at] = &registry.histogram(Metric::solve_seconds, {priority});
+      queue_s[at] = &registry.histogram(Metric::queue_wait_seconds, {priority});
+    }
+    for (std::size_t reason = 0; reason < kRefusalReasons; ++reason)
+      updates_refused[reason] = &registry.counter(Metric::session_updates_refused, {refusal_name(reason)});
+  }
+
+  std::array<std::array<Counter*, kPriorities>, kStatuses> solves = {};
+  std::array<Histogram*, kPriorities> solve_s = {}, queue_s = {};
+  std::array<Counter*, kRefusalReasons> updates_refused = {};
+  Histogram &setup_s, &iterations, &factorizations;
+  Counter &superseded, &rows_sent, &rows_skipped;
+  ClientMetrics clients;
+};
+
+Metrics::Metrics(bool on, int clients)
+    : counted_(on ? std::make_unique<Counted>(registry_, clients) : nullptr) {}
+
+Metrics::~Metrics() = default;
+
+void Metrics::job_ended(const Job& job, const Outcome& outcome) {
+  if (!on()) return;
+  const std::size_t priority = index_of(job.ticket.priority);
+  counted_->queue_s[priority]->Observe(outcome.queue_s);
+  if (!outcome.solution) return;
+  const Solution& solution = *outcome.solution;
+  const bool is_update = job.ticket.reserved && !job.is_setup;
+  if (!is_update) counted_->setup_s.Observe(solution.times.setup_s);
+  if (job.is_setup) return;
+  counted_->solves[index_of(solution.status)][priority]->Increment();
+  counted_->solve_s[priority]->Observe(solution.times.solve_s);
+  counted_->iterations.Observe(solution.iterations);
+  counted_->factorizations.Observe(solution.factorizations);
+  counted_->clients.solved(job.ticket.client, solution.times.solve_s);
+}
+
+void Metrics::update_superseded() {
+  if (on()) counted_->superseded.Increment();
+}
+
+void Metrics::update_refused(const Error& error) {
+  if (on()) counted_->updates_refused[refusal_reason(error)]->Increment();
+}
+
+void Metrics::progress_sent(std::size_t rows, std::int64_t skipped) {
+  if (!on()) return;
+  counted_->rows_sent.Increment(static_cast<double>(rows));
+  if (skipped > 0) counted_->rows_skipped.Increment(static_cast<double>(skipped));
+}
+
+}  // namespace marble::server

@@ -1,0 +1,37 @@
+// Counts jobs, sessions and streams as they go.
+#pragma once
+
+#include <memory>
+
+#include "job.h"
+#include "metrics/metric_registry.h"
+
+namespace marble::server {
+
+/// Thread-safe, and cheap: a few atomic additions a job, nothing an iteration.
+class Metrics {
+ public:
+  /// Off, it counts nothing. `clients` have series of their own (client_metrics.h).
+  Metrics(bool on, int clients);
+  ~Metrics();
+  Metrics(const Metrics&) = delete;
+  Metrics& operator=(const Metrics&) = delete;
+
+  [[nodiscard]] bool on() const { return counted_ != nullptr; }
+  /// Where others count what they alone see.
+  [[nodiscard]] MetricRegistry& registry() { return registry_; }
+  [[nodiscard]] const MetricRegistry& registry() const { return registry_; }
+
+  void job_ended(const Job& job, const Outcome& outcome);
+  void update_superseded();
+  void update_refused(const Error& error);
+  /// `skipped`: dropped before these, since the last that were sent.
+  void progress_sent(std::size_t rows, std::int64_t skipped);
+
+ private:
+  struct Counted;
+  MetricRegistry registry_;
+  const std::unique_ptr<Counted> counted_;  // null if off
+};
+
+}  // namespace marble::server

@@ -1,0 +1,174 @@
+// Wiring: the stream fills the store and the history, once a frame the views show them, the address says which view.
+
+import { Api } from "./api.js";
+import { askForToken } from "./dialogs.js";
+import { byId, onceAFrame } from "./dom.js";
+import { Feed } from "./feed.js";
+import { Header } from "./header.js";
+import { History, toCounters } from "./history.js";
+import { JobTable } from "./job_table.js";
+import { JobView } from "./job_view.js";
+import { Overview } from "./overview.js";
+import { MOST_JOBS, Store } from "./store.js";
+
+const PAGE_OF_JOBS = 1000;
+const SILENCE_S = 6; // the server speaks twice a second
+const HIDDEN_PAUSE_MS = 60000; // a browser has few connections for one server; a page nobody sees needs none
+
+class App {
+  #api = new Api();
+  #store = new Store();
+  #history = new History();
+  #feed = null;
+  #info = null;
+  #counters = null;
+  #uptime_s = 0;
+  #view = null;
+  #listing = 0; // grows with each listing; an older one stops
+  #hiddenTimer = 0;
+
+  constructor() {
+    this.header = new Header(() => this.#feed?.retryNow());
+    this.overview = new Overview(this.#history);
+    this.table = new JobTable(
+      { place: byId("jobs-table"), filter: byId("filter"), chips: byId("chips"), count: byId("job-count") },
+      this.#store,
+      (id) => (location.hash = `#/jobs/${id}`),
+    );
+    this.showNow = onceAFrame(() => this.#showNow());
+    addEventListener("hashchange", () => this.#route());
+    addEventListener("keydown", (event) => this.#key(event));
+    document.addEventListener("visibilitychange", () => this.#visibility());
+    byId("sign-out").addEventListener("click", () => this.#forgetToken());
+    this.header.showToken(this.#api.hasToken);
+    this.#connect();
+    this.#route();
+  }
+
+  #connect() {
+    this.#feed = new Feed(this.#api, "/api/events", {
+      event: (name, data) => this.#event(name, data),
+      phase: (connection) => this.header.showConnection(connection),
+      refused: (error) => this.#refused(error),
+    }, SILENCE_S);
+  }
+
+  #event(name, data) {
+    if (name === "hello") this.#hello(data);
+    if (name === "server") this.#server(data);
+    if (name === "jobs") for (const { job, rows } of data.events ?? []) this.#store.put(job, rows);
+    if (name === "jobs") this.table.update();
+    if (name === "reload") this.#list();
+  }
+
+  // A new connection, maybe to a new server: everything of before is forgotten.
+  async #hello(info) {
+    if (Number(info.uptime_s) < this.#uptime_s) this.#history.clear();
+    this.#info = { ...info, options: this.#info?.options ?? [] };
+    this.header.showInfo(info);
+    this.#store.keep(Number(info.limits?.history_jobs ?? MOST_JOBS));
+    this.#list();
+    this.#view?.reload();
+    try {
+      this.#info = await this.#api.get("/api/info");
+      this.#view?.update();
+    } catch {
+      // The stream tells that the server is gone, and its next hello asks again.
+    }
+  }
+
+  #server(data) {
+    this.#counters = toCounters(data.counters);
+    this.#uptime_s = Number(data.uptime_s);
+    this.#history.put(this.#uptime_s, this.#counters);
+    this.header.showServer(data.state, this.#uptime_s);
+    if (this.#info !== null && data.workers) this.#info.workers = Number(data.workers);
+    this.showNow();
+  }
+
+  // All jobs the server remembers, newest first, a page at a time.
+  async #list() {
+    const listing = ++this.#listing;
+    this.#store.clear();
+    this.table.update();
+    try {
+      let before = "";
+      for (let more = true, taken = 0; more && taken < MOST_JOBS; taken += PAGE_OF_JOBS) {
+        const page = await this.#api.get(`/api/jobs?limit=${PAGE_OF_JOBS}${before}`);
+        if (listing !== this.#listing) return;
+        const jobs = page.jobs ?? [];
+        this.#store.putHistory(jobs);
+        this.table.update();
+        more = Boolean(page.more) && jobs.length > 0;
+        before = `&before=${jobs.at(-1)?.job_id}`;
+      }
+    } catch (error) {
+      if (error.status === 404 && listing === this.#listing) this.#list(); // forgotten between two pages
+    }
+  }
+
+  #showNow() {
+    if (this.#counters === null) return;
+    this.overview.show(this.#counters, Number(this.#info?.workers ?? 0), this.#info?.limits);
+    const { running, queued } = this.#counters;
+    const title = `${running} running${queued > 0 ? `, ${queued} waiting` : ""} – Marble Server`;
+    if (document.title !== title) document.title = title;
+  }
+
+  async #refused(error) {
+    if (error.status !== 401) return true;
+    const why = this.#api.hasToken ? "The server does not accept this token (any more)." : "";
+    this.#api.setToken(await askForToken(why));
+    this.header.showToken(true);
+    return true;
+  }
+  #forgetToken() {
+    this.#api.setToken("");
+    location.reload();
+  }
+
+  #route() {
+    const id = /^#\/jobs\/([^/]+)$/.exec(location.hash)?.[1];
+    const had = this.#view !== null;
+    this.#view?.close();
+    this.#view = null;
+    byId("overview").hidden = id !== undefined;
+    byId("job").hidden = id === undefined;
+    byId("job").replaceChildren();
+    if (id === undefined) {
+      if (had) this.table.focus();
+      return;
+    }
+    this.#view = new JobView(byId("job"), decodeURIComponent(id), {
+      api: this.#api,
+      info: () => this.#info,
+      forget: (gone) => this.#store.remove(gone),
+    });
+    scrollTo(0, 0);
+  }
+
+  #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+    const typing = event.target.closest?.("input, select, textarea") !== null;
+    if (event.key === "/" && !typing && this.#view === null) {
+      event.preventDefault();
+      byId("filter").focus();
+    }
+    if (event.key === "Escape" && this.#view !== null) location.hash = "#/";
+  }
+
+  #visibility() {
+    clearTimeout(this.#hiddenTimer);
+    if (document.hidden) {
+      this.#hiddenTimer = setTimeout(() => {
+        this.#feed?.stop();
+        this.#feed = null;
+        this.header.showConnection({ phase: "paused", lastFresh: null });
+      }, HIDDEN_PAUSE_MS);
+    } else if (this.#feed === null) {
+      this.#connect();
+    }
+  }
+}
+
+new App();

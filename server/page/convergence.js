@@ -1,0 +1,207 @@
+// How a solve converged: residuals on a log scale, and objective with penalty below, along iterations or time.
+
+import { make, onceAFrame, styleValue } from "./dom.js";
+import { duration, real, residual } from "./format.js";
+import { repeated } from "./trace.js";
+
+const LOWEST = 1e-17; // on a log scale 0 has no place; what is below counts as it
+
+const RESIDUALS = [
+  { key: "equality", label: "equality violation", colour: "--blue", dash: [] },
+  { key: "inequality", label: "inequality violation", colour: "--orange", dash: [6, 3] },
+  { key: "complementarity", label: "complementarity violation", colour: "--green", dash: [2, 2] },
+  { key: "kkt", label: "KKT residual", colour: "--purple", dash: [] , width: 2.2 },
+  { key: "kappa", label: "κ", colour: "--grey", dash: [8, 3, 2, 3] },
+];
+
+let library = null;
+
+/** Chart.js, loaded when the first job is opened. */
+export function loadCharts() {
+  library ??= new Promise((resolve, reject) => {
+    const script = make("script", { src: "/assets/chart.js" });
+    script.addEventListener("load", () => resolve(globalThis.Chart));
+    script.addEventListener("error", () => {
+      library = null;
+      reject(new Error("the chart library could not be loaded"));
+    });
+    document.head.append(script);
+  });
+  return library;
+}
+
+// Dashed lines at the tolerances, where they are in sight.
+const toleranceLines = {
+  id: "toleranceLines",
+  beforeDatasetsDraw(chart, _, { values, colour, font }) {
+    const { ctx, chartArea, scales } = chart;
+    for (const [value, label] of values ?? []) {
+      const y = scales.y.getPixelForValue(value);
+      if (!(y > chartArea.top && y < chartArea.bottom)) continue;
+      ctx.save();
+      ctx.strokeStyle = ctx.fillStyle = colour;
+      ctx.setLineDash([3, 4]);
+      ctx.beginPath();
+      ctx.moveTo(chartArea.left, y);
+      ctx.lineTo(chartArea.right, y);
+      ctx.stroke();
+      ctx.font = font;
+      ctx.textAlign = "right";
+      ctx.fillText(label, chartArea.right - 4, y - 4);
+      ctx.restore();
+    }
+  },
+};
+
+function toleranceLabels(tolerances) {
+  const names = new Map();
+  for (const [name, value] of Object.entries(tolerances)) names.set(value, [...(names.get(value) ?? []), name]);
+  if (names.size === 1) return [[[...names.keys()][0], `tolerances ${residual([...names.keys()][0])}`]];
+  return [...names].map(([value, list]) => [value, `${list.join(", ")} ${residual(value)}`]);
+}
+
+export class Convergence {
+  #rows = [];
+  #tolerances = {};
+  #alongTime = false;
+
+  constructor(parent, Chart) {
+    this.Chart = Chart;
+    this.upper = make("canvas", { role: "img", id: "convergence" });
+    this.lower = make("canvas", { role: "img", id: "objective-plot" });
+    parent.append(make("div", { class: "chart tall" }, this.upper), make("div", { class: "chart low" }, this.lower));
+    this.redraw = onceAFrame(() => this.#draw());
+    this.recolour = () => this.#build();
+    document.addEventListener("themechange", this.recolour);
+    this.#build();
+  }
+
+  show(rows, tolerances) {
+    this.#rows = rows;
+    this.#tolerances = tolerances;
+    this.redraw();
+  }
+  alongTime(on) {
+    this.#alongTime = on;
+    this.redraw();
+  }
+  destroy() {
+    document.removeEventListener("themechange", this.recolour);
+    this.redraw.cancel();
+    this.charts.forEach((chart) => chart.destroy());
+  }
+
+  #build() {
+    this.charts?.forEach((chart) => chart.destroy());
+    const size = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    this.look = { ink: styleValue("--quiet"), line: styleValue("--line"), font: { size: 0.8 * size, family: getComputedStyle(document.body).fontFamily } };
+    this.charts = [this.#residualChart(), this.#objectiveChart()];
+    this.redraw();
+  }
+
+  #axis(more) {
+    const { ink, line, font } = this.look;
+    return {
+      grid: { color: line, borderColor: line, ...more.grid },
+      ...more,
+      ticks: { color: ink, font, maxRotation: 0, ...more.ticks },
+      title: { display: more.title !== undefined, text: more.title, color: ink, font },
+    };
+  }
+  #logAxis(more) {
+    return this.#axis({ type: "logarithmic", ...more, ticks: { maxTicksLimit: 9, callback: (value) => (Number.isInteger(Math.round(1e6 * Math.log10(value)) / 1e6) ? value.toExponential(0) : null) } });
+  }
+  #line({ label, colour, dash = [], width = 1.5, ...more }) {
+    const tint = styleValue(colour);
+    return { label, data: [], borderColor: tint, backgroundColor: tint, borderWidth: width, borderDash: dash, pointRadius: 0, pointHitRadius: 6, pointStyle: "line", ...more };
+  }
+
+  #options(scales) {
+    const { ink, font } = this.look;
+    const head = (items) => {
+      const row = this.#rows[items[0]?.dataIndex];
+      return row ? `iteration ${row.iteration}, ${duration(row.elapsed)}` : "";
+    };
+    return {
+      animation: false,
+      responsive: true,
+      maintainAspectRatio: false,
+      parsing: false,
+      normalized: true,
+      interaction: { mode: "index", intersect: false },
+      scales,
+      plugins: {
+        legend: { position: "top", align: "start", labels: { color: ink, font, usePointStyle: true, boxWidth: 28, padding: 12 } },
+        tooltip: { callbacks: { title: head, label: (item) => this.#readout(item) } },
+      },
+    };
+  }
+  #readout({ dataset, raw }) {
+    if (dataset.repeats) return `${raw.times} factorization${raw.times > 1 ? "s" : ""} repeated, regularization ${residual(raw.regularization)}`;
+    return `${dataset.label}: ${dataset.plain ? real(raw.value) : residual(raw.value)}`;
+  }
+
+  #residualChart() {
+    const scales = { x: this.#axis({ type: "linear", ticks: { display: true } }), y: this.#logAxis({}) };
+    const marks = this.#line({ label: "factorization repeated", colour: "--red", showLine: false, pointStyle: "triangle", pointRadius: 5, repeats: true });
+    const options = this.#options(scales);
+    options.plugins.toleranceLines = { values: [], colour: this.look.ink, font: `${this.look.font.size}px ${this.look.font.family}` };
+    return new this.Chart(this.upper, { type: "line", data: { datasets: [...RESIDUALS.map((curve) => this.#line(curve)), marks] }, options, plugins: [toleranceLines] });
+  }
+  #objectiveChart() {
+    const scales = {
+      x: this.#axis({ type: "linear" }),
+      y: this.#axis({ type: "linear", title: "objective", ticks: { maxTicksLimit: 4, callback: (value) => real(value) } }),
+      rho: this.#logAxis({ position: "right", title: "ρ", grid: { drawOnChartArea: false } }),
+    };
+    const datasets = [
+      this.#line({ label: "objective", colour: "--blue", plain: true }),
+      this.#line({ label: "ρ", colour: "--orange", dash: [6, 3], stepped: true, yAxisID: "rho" }),
+    ];
+    return new this.Chart(this.lower, { type: "line", data: { datasets }, options: this.#options(scales) });
+  }
+
+  #draw() {
+    const rows = this.#rows;
+    const [upper, lower] = this.charts;
+    const x = this.#alongTime ? (row) => row.elapsed : (row) => row.iteration;
+    RESIDUALS.forEach(({ key }, at) => {
+      upper.data.datasets[at].data = rows.map((row) => ({ x: x(row), y: this.#onLogScale(key, row), value: row[key] }));
+    });
+    const repeats = repeated(rows);
+    upper.data.datasets.at(-1).data = rows.map((row, at) => ({
+      x: x(row), y: repeats[at] > 0 ? this.#onLogScale("kkt", row) : NaN, times: repeats[at], regularization: row.regularization,
+    }));
+    upper.options.plugins.toleranceLines.values = toleranceLabels(this.#tolerances);
+    lower.data.datasets[0].data = rows.map((row) => ({ x: x(row), y: row.objective, value: row.objective }));
+    lower.data.datasets[1].data = rows.map((row) => ({ x: x(row), y: row.rho > 0 ? row.rho : NaN, value: row.rho }));
+    const last = rows.length > 0 ? x(rows.at(-1)) : 1;
+    for (const chart of this.charts) {
+      Object.assign(chart.options.scales.x, { min: rows.length > 0 ? x(rows[0]) : 0, max: last });
+      chart.options.scales.x.ticks.callback = this.#alongTime ? (value) => duration(value) : (value) => (Number.isInteger(value) ? value : null);
+    }
+    lower.options.scales.x.title = { ...lower.options.scales.x.title, display: true, text: this.#alongTime ? "time since the solve began" : "iteration" };
+    this.#describe(repeats);
+    for (const chart of this.charts) chart.update("none");
+  }
+
+  // κ = 0 means "no relaxation here"; a violation of 0 is the best there is.
+  #onLogScale(key, row) {
+    const value = row[key];
+    if (!Number.isFinite(value) || (key === "kappa" && value === 0)) return NaN;
+    return Math.max(value, LOWEST);
+  }
+
+  #describe(repeats) {
+    const row = this.#rows.at(-1);
+    const times = repeats.reduce((sum, count) => sum + count, 0);
+    const text = row
+      ? `Convergence over ${this.#rows.length} rows. At iteration ${row.iteration}: equality ${residual(row.equality)}, inequality ${residual(row.inequality)}, ` +
+        `complementarity ${residual(row.complementarity)}, KKT residual ${residual(row.kkt)}, κ ${residual(row.kappa)}. Factorizations repeated: ${times}.`
+      : "Convergence: no rows yet.";
+    this.upper.setAttribute("aria-label", text);
+    this.upper.dataset.rows = this.#rows.length;
+    this.upper.dataset.iteration = row?.iteration ?? -1;
+    this.lower.setAttribute("aria-label", row ? `Objective ${real(row.objective)} and penalty ρ ${real(row.rho)} at iteration ${row.iteration}` : "Objective: no rows yet.");
+  }
+}

@@ -1,0 +1,40 @@
+// Small helpers to build and fill elements.
+
+/** A new element. `attributes` are set as they are; null and false ones are left out. Children: elements or text. */
+export function make(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === null || value === undefined || value === false) continue;
+    element.setAttribute(name, value === true ? "" : value);
+  }
+  element.append(...children.filter((child) => child !== null && child !== undefined));
+  return element;
+}
+
+/** Sets text only where it changed: an unchanged node costs no layout. */
+export function fill(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+export const byId = (id) => document.getElementById(id);
+
+/** A colour or length of the style sheet, as it is in the present theme. */
+export const styleValue = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+/** Calls `draw` once a frame at most, however often it is asked. */
+export function onceAFrame(draw) {
+  let asked = 0;
+  const ask = () => {
+    if (asked === 0) {
+      asked = requestAnimationFrame(() => {
+        asked = 0;
+        draw();
+      });
+    }
+  };
+  ask.cancel = () => {
+    cancelAnimationFrame(asked);
+    asked = 0;
+  };
+  return ask;
+}

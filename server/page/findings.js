@@ -1,0 +1,84 @@
+// Why a job failed or was slow, in sentences, from what is known of it.
+
+import { duration, percent, residual, whole } from "./format.js";
+import { seconds } from "./store.js";
+import { partsOf } from "./timings.js";
+import { repeated } from "./trace.js";
+import { STATES, STATUSES, errorWords } from "./words.js";
+
+const VIOLATIONS = [
+  ["equality", "equality_tolerance", "|A z + b|"],
+  ["inequality", "inequality_tolerance", "−(C z + d)"],
+  ["complementarity", "complementarity_tolerance", "|min(s, t)|"],
+];
+
+/** Each violation with its tolerance. `name`, `value`, `tolerance`, `meaning`, `met`. */
+export function judge(job, options) {
+  return VIOLATIONS.map(([name, option, meaning]) => {
+    const tolerance = Number(options?.[option] ?? NaN);
+    return { name, value: job[name], tolerance, meaning, met: job[name] <= tolerance };
+  });
+}
+
+/** The sentences on top of a job: {tone, title, lines}. */
+export function explain(job, options, rows) {
+  const lines = [];
+  if (job.error) {
+    const { name, means } = errorWords(job.error.code);
+    lines.push(means, ...errorDetails(job.error));
+    return { tone: "bad", title: `No answer: ${name.replaceAll("_", " ")}`, lines };
+  }
+  const known = STATUSES[job.status];
+  if (job.state !== "finished") lines.push(...underWay(job));
+  if (known) {
+    lines.push(known.means);
+    if (job.detail) lines.push(`The solver says: ${job.detail}.`);
+    if (known.tone !== "good" && job.state === "finished") lines.push(...unmet(job, options));
+    if (known.advice) lines.push(`What to try: ${known.advice}`);
+  }
+  lines.push(...slow(job, rows));
+  const word = job.state === "finished" ? job.status || "ended" : job.state;
+  return { tone: job.state === "finished" ? (known?.tone ?? "quiet") : job.state, title: word.replaceAll("_", " "), lines };
+}
+
+function underWay(job) {
+  const lines = [STATES[job.state] ?? ""];
+  if (job.state === "queued") lines.push(`${whole(job.position)} before it; likely to wait ${duration(job.wait_s)} yet.`);
+  return lines;
+}
+
+// The message, and field, index and rule as the request's author needs them.
+function errorDetails(error) {
+  const lines = [error.message];
+  for (const detail of error.details ?? []) {
+    for (const { field, description } of detail.fieldViolations ?? detail.field_violations ?? []) {
+      const text = `${field}: ${description}`;
+      if (!error.message.includes(description)) lines.push(text);
+    }
+    const delay = detail.retryDelay ?? detail.retry_delay;
+    if (delay) lines.push(`The server proposes to try again after ${delay}.`);
+  }
+  return lines;
+}
+
+function unmet(job, options) {
+  const broken = judge(job, options).filter(({ met, tolerance }) => !met && Number.isFinite(tolerance));
+  if (broken.length === 0) return [];
+  const texts = broken.map(({ name, value, tolerance, meaning }) => `${name} ${meaning} = ${residual(value)}, asked for ${residual(tolerance)}`);
+  return [`Not met: ${texts.join("; ")}.`];
+}
+
+// What took long, where something stands out.
+function slow(job, rows) {
+  const lines = [];
+  const total = seconds(job);
+  if (job.times.queue > 0.5 * total && job.times.queue > 0.01) {
+    lines.push(`Most of its time it waited: ${duration(job.times.queue)} of ${duration(total)} in the queue.`);
+  } else if (job.times.solve > 0) {
+    const [name, longest] = partsOf(job.times).reduce((a, b) => (b[1] > a[1] ? b : a));
+    if (longest > 0.5 * total) lines.push(`Most of its time went into ${name}: ${duration(longest)}, ${percent(longest / total)} of the whole.`);
+  }
+  const again = repeated(rows).reduce((sum, count) => sum + count, 0);
+  if (again > 0) lines.push(`${whole(again)} factorizations were repeated because regularization had to be raised (marked in the plot).`);
+  return lines;
+}

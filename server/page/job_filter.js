@@ -1,0 +1,68 @@
+// Which jobs are shown, and in what order. Pure functions of the jobs.
+
+import { STATUSES, outcome } from "./words.js";
+import { seconds, violation } from "./store.js";
+
+const RANKS = { running: 0, queued: 1, idle: 2, finished: 3 };
+const PRIORITY_RANKS = { realtime: 0, interactive: 1, batch: 2 };
+const STATUS_RANKS = Object.keys(STATUSES);
+
+/** Chips by group; within a group any that is set will do, and no chip set means all. */
+export const CHIPS = [
+  { group: "state", name: "running", holds: (job) => job.state === "running" },
+  { group: "state", name: "queued", holds: (job) => job.state === "queued" },
+  { group: "state", name: "idle", holds: (job) => job.state === "idle" },
+  { group: "state", name: "solved", holds: (job) => job.state === "finished" && outcome(job).tone === "good" },
+  { group: "state", name: "not solved", holds: (job) => job.state === "finished" && outcome(job).tone !== "good" },
+  { group: "priority", name: "realtime", holds: (job) => job.priority === "realtime" },
+  { group: "priority", name: "interactive", holds: (job) => job.priority === "interactive" },
+  { group: "priority", name: "batch", holds: (job) => job.priority === "batch" },
+];
+
+/** What a column sorts by. "order" is the table's own: what runs first, then what waits, then the newest. */
+const KEYS = {
+  status: (job) => 100 * RANKS[job.state] + (job.error ? 50 : STATUS_RANKS.indexOf(job.status)),
+  id: (job) => job.id,
+  name: (job) => job.name,
+  client: (job) => job.client,
+  size: (job) => job.n,
+  kind: (job) => job.kind,
+  priority: (job) => PRIORITY_RANKS[job.priority] ?? 3,
+  iterations: (job) => job.iterations,
+  violation,
+  time: seconds,
+  queue: (job) => job.times.queue,
+  age: (job) => job.accepted,
+};
+
+const newestFirst = (a, b) => b.accepted - a.accepted || (a.id < b.id ? -1 : 1);
+const activity = (a, b) => RANKS[a.state] - RANKS[b.state] || newestFirst(a, b);
+
+/** Every word of the text must occur in one of these. */
+function matches(job, words) {
+  if (words.length === 0) return true;
+  const text = `${job.id} ${job.client} ${job.name} ${job.requestId} ${outcome(job).word} ${job.kind}`.toLowerCase();
+  return words.every((word) => text.includes(word));
+}
+
+/** The jobs to show, in order. `chips` is a set of names; `sort` {column, down}, its column "" for the table's order. */
+export function select(jobs, text, chips, sort) {
+  const words = text.toLowerCase().split(/\s+/).filter((word) => word !== "");
+  const groups = Object.values(Object.groupBy(CHIPS.filter((chip) => chips.has(chip.name)), (chip) => chip.group));
+  const chosen = [];
+  for (const job of jobs) {
+    if (groups.every((group) => group.some((chip) => chip.holds(job))) && matches(job, words)) chosen.push(job);
+  }
+  return chosen.sort(order(sort));
+}
+
+function order({ column, down }) {
+  const key = KEYS[column];
+  if (!key) return activity;
+  const sign = down ? -1 : 1;
+  return (a, b) => {
+    const left = key(a);
+    const right = key(b);
+    return left < right ? -sign : left > right ? sign : newestFirst(a, b);
+  };
+}

@@ -1,0 +1,57 @@
+// The elements of a job's page, empty.
+
+import { make } from "./dom.js";
+
+const panel = (title, name, ...children) =>
+  make("section", { class: `card ${name}`, "aria-labelledby": `${name}-title` }, make("h3", { id: `${name}-title` }, title), ...children);
+
+/** Puts them into `place`; the parts that are filled, by name. */
+export function buildJobPage(place, id) {
+  const parts = {
+    title: make("h2", { tabindex: "-1" }, "Job"),
+    status: make("span", { class: "badge", id: "job-status" }),
+    message: make("p", { class: "note", role: "status", id: "job-message" }),
+    download: make("button", { type: "button", id: "download" }, "Trace as CSV"),
+    cancel: make("button", { type: "button", class: "danger", id: "cancel", hidden: true }, "End job"),
+    why: make("div", { class: "why", id: "why", role: "status" }),
+    axis: make("select", { id: "axis", "aria-label": "Horizontal axis" }, make("option", { value: "iteration" }, "by iteration"), make("option", { value: "time" }, "by time")),
+    convergence: make("div", { class: "charts" }),
+    noRows: make("p", { class: "empty" }),
+    pairs: make("div", { class: "charts", hidden: true }),
+    noPairs: make("p", { class: "empty", id: "no-pairs" }),
+    timings: make("div", { id: "timings", hidden: true }),
+    noTimings: make("p", { class: "empty" }, "The split is told with the answer."),
+    violations: make("div", { id: "violations" }),
+    facts: make("dl", { class: "facts wide", id: "facts" }),
+    options: make("div", { id: "options" }),
+    rows: make("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Rows of progress" }),
+  };
+  parts.table = make("details", { id: "rows" }, make("summary", {}, "The rows as a table"), parts.rows);
+  const top = make(
+    "div",
+    { class: "job-top" },
+    make("a", { href: "#/", class: "back" }, make("span", { "aria-hidden": "true" }, "← "), "Jobs"),
+    parts.title,
+    parts.status,
+    make("code", { class: "id", id: "job-id" }, id),
+    parts.message,
+    make("span", { class: "grow" }),
+    parts.download,
+    parts.cancel,
+  );
+  const convergence = panel("Convergence", "convergence-panel", parts.axis, parts.convergence, parts.noRows, parts.table);
+  parts.page = make(
+    "article",
+    { class: "job-page" },
+    top,
+    parts.why,
+    convergence,
+    panel("Pairs: s against t", "pairs-panel", parts.pairs, parts.noPairs),
+    panel("Where the time went", "timings-panel", parts.timings, parts.noTimings),
+    panel("Violations", "violations-panel", parts.violations),
+    panel("The job", "facts-panel", parts.facts),
+    panel("Options", "options-panel", parts.options),
+  );
+  place.replaceChildren(parts.page);
+  return parts;
+}

@@ -1,0 +1,89 @@
+// The tables of a job's page.
+
+import { make } from "./dom.js";
+import { judge } from "./findings.js";
+import { bytes, clock, duration, real, residual, whole } from "./format.js";
+import { seconds } from "./store.js";
+import { repeated } from "./trace.js";
+import { short } from "./words.js";
+
+const table = (caption, head, rows) =>
+  make(
+    "table",
+    { class: "numbers" },
+    make("caption", { class: "visually-hidden" }, caption),
+    make("thead", {}, make("tr", {}, ...head.map((text) => make("th", { scope: "col" }, text)))),
+    make("tbody", {}, ...rows),
+  );
+
+/** What and who. */
+export function showFacts(place, job, trace) {
+  const session = job.kind === "session";
+  const facts = [
+    ["Client", job.client],
+    ["Request id", job.requestId],
+    ["Trace id", job.traceId],
+    ["Kind", job.kind],
+    ["Priority", job.priority],
+    ["Accepted", clock(job.accepted)],
+    ["Finished", job.finished > 0 ? clock(job.finished) : ""],
+    [session ? "Newest solve" : "Time so far", duration(seconds(job))],
+    ["Variables n", whole(job.n)],
+    ["Equalities nₑ", whole(job.ne)],
+    ["Inequalities nᵢ", whole(job.ni)],
+    ["Pairs n_c", whole(job.nc)],
+    ["Iterations", whole(job.iterations)],
+    ["Factorizations", whole(job.factorizations)],
+    ["Updates answered", session ? whole(job.updates) : ""],
+    ["Objective", job.error || job.iterations === 0 ? "" : real(job.objective)],
+    ["KKT residual", trace.rows.length > 0 ? residual(trace.rows.at(-1).kkt) : ""],
+    ["Memory of the solver", job.memory > 0 ? bytes(job.memory) : ""],
+    ["Answer kept", job.resultBytes > 0 ? bytes(job.resultBytes) : ""],
+  ];
+  if (job.state === "finished") facts.find(([name]) => name === "Time so far")?.splice(0, 1, "Time");
+  place.replaceChildren(
+    ...facts.filter(([, value]) => value !== "").map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", { title: value }, value))),
+  );
+}
+
+/** Each violation against its tolerance. */
+export function showViolations(place, job, options) {
+  const rows = judge(job, options).map(({ name, value, tolerance, met, meaning }) => {
+    const verdict = make("td", { class: met ? "met" : "unmet" }, met ? "✓ met" : "✕ not met");
+    return make("tr", {}, make("th", { scope: "row", title: meaning }, name), make("td", {}, residual(value)), make("td", {}, residual(tolerance)), verdict);
+  });
+  const known = job.iterations > 0 || job.status !== "";
+  place.replaceChildren(known && !job.error ? table("Violations of the newest iterate", ["of", "largest", "tolerance", ""], rows) : make("p", { class: "empty" }, "None known."));
+}
+
+/** Options in force, those first that are not the server's default. */
+export function showOptions(place, options, schema) {
+  const entries = schema.filter(({ name }) => options[name] !== undefined).map((option) => describe(option, options[option.name]));
+  entries.sort((a, b) => Number(b.changed) - Number(a.changed));
+  const rows = entries.map(({ name, doc, value, usual, changed }) =>
+    make("tr", { class: changed ? "changed" : "" }, make("th", { scope: "row", title: doc }, name), make("td", {}, value), make("td", {}, changed ? `changed from ${usual}` : "default")),
+  );
+  place.replaceChildren(rows.length > 0 ? table("Solver options", ["option", "value", ""], rows) : make("p", { class: "empty" }, "Not known."));
+}
+
+function describe({ name, type, doc, unit, choices, default_value: usual }, value) {
+  const suffix = unit ? ` ${unit}` : "";
+  const text = {
+    TYPE_BOOLEAN: (number) => (Number(number) === 1 ? "true" : "false"),
+    TYPE_CHOICE: (number) => choices[Number(number)] ?? String(number),
+  }[type] ?? ((number) => real(Number(number)) + suffix);
+  const given = type === "TYPE_BOOLEAN" ? Number(value) : type === "TYPE_CHOICE" ? choices.indexOf(short(value, `${name.toUpperCase()}_`)) : Number(value);
+  return { name, doc, value: text(given), usual: text(usual), changed: given !== Number(usual) };
+}
+
+/** The rows of progress, oldest first. */
+export function showRows(place, rows) {
+  const repeats = repeated(rows);
+  const head = ["iteration", "time", "objective", "equality", "inequality", "complementarity", "KKT residual", "κ", "ρ", "step", "regularization", "factorizations", "repeated"];
+  const lines = rows.map((row, at) => {
+    const cells = [duration(row.elapsed), real(row.objective), residual(row.equality), residual(row.inequality), residual(row.complementarity), residual(row.kkt),
+                   residual(row.kappa), residual(row.rho), real(row.step), residual(row.regularization), whole(row.factorizations), repeats[at] > 0 ? String(repeats[at]) : ""];
+    return make("tr", {}, make("th", { scope: "row" }, String(row.iteration)), ...cells.map((cell) => make("td", {}, cell)));
+  });
+  place.replaceChildren(table("Rows of progress", head, lines));
+}

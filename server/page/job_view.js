@@ -1,0 +1,216 @@
+// One job: what came of it and why, its convergence, its pairs, its options and times.
+
+import { Convergence, loadCharts } from "./convergence.js";
+import { confirm } from "./dialogs.js";
+import { fill, make, onceAFrame } from "./dom.js";
+import { explain } from "./findings.js";
+import { Feed } from "./feed.js";
+import { showFacts, showOptions, showRows, showViolations } from "./job_tables.js";
+import { buildJobPage } from "./job_page.js";
+import { PairsPlot } from "./pairs_plot.js";
+import { toJob } from "./store.js";
+import { showTimings } from "./timings.js";
+import { Trace } from "./trace.js";
+import { outcome } from "./words.js";
+
+const TABLES_EVERY_MS = 500;
+
+export class JobView {
+  #job = null;
+  #options = {};
+  #trace = new Trace();
+  #feed = null;
+  #closed = false;
+  #tablesAt = -Infinity;
+  #timer = 0;
+
+  /** `context` has api, info() (GetInfoResponse or null), forget(id). */
+  constructor(place, id, context) {
+    this.id = id;
+    this.context = context;
+    this.parts = buildJobPage(place, id);
+    this.update = onceAFrame(() => this.#draw());
+    this.parts.download.addEventListener("click", () => this.#download());
+    this.parts.cancel.addEventListener("click", () => this.#cancel());
+    this.parts.axis.addEventListener("change", () => this.convergence?.alongTime(this.parts.axis.value === "time"));
+    this.parts.table.addEventListener("toggle", () => this.#drawTables());
+    this.#load();
+  }
+
+  close() {
+    this.#closed = true;
+    clearTimeout(this.#timer);
+    this.update.cancel();
+    this.#feed?.stop();
+    this.convergence?.destroy();
+    this.pairs?.destroy();
+  }
+
+  /** After a break of the connection: all anew. */
+  reload() {
+    this.#feed?.stop();
+    this.#feed = null;
+    this.#load();
+  }
+
+  async #load() {
+    try {
+      await this.#get();
+    } catch (error) {
+      if (!this.#closed && error.status !== 401) this.#missing(error);
+      return;
+    }
+    if (this.#closed) return;
+    if (this.#job.state !== "finished" && this.#feed === null) this.#watch();
+    await this.#makePlots();
+  }
+
+  async #get() {
+    const answer = await this.context.api.get(`/api/jobs/${this.id}`);
+    if (this.#closed) return;
+    this.#job = toJob(answer.job);
+    this.#options = answer.options ?? {};
+    this.#trace.replace(answer.trace);
+    this.#tablesAt = -Infinity;
+    this.update();
+  }
+
+  async #makePlots() {
+    const Chart = await loadCharts();
+    if (this.#closed || this.convergence) return;
+    this.convergence = new Convergence(this.parts.convergence, Chart);
+    this.update();
+  }
+
+  #missing(error) {
+    const gone = error.status === 404;
+    this.parts.page.classList.add("gone");
+    fill(this.parts.title, gone ? "No such job" : "This job cannot be shown");
+    const why = gone ? "The server does not remember it: it was let go, or newer ones took its place in the history." : error.message;
+    this.parts.why.replaceChildren(make("p", {}, why));
+    this.parts.why.dataset.tone = "quiet";
+    if (gone) this.context.forget(this.id);
+  }
+
+  #watch() {
+    this.#feed = new Feed(this.context.api, `/api/jobs/${this.id}/events`, {
+      event: (name, data) => this.#event(name, data),
+      refused: async (error) => error.status === 401,
+    });
+  }
+
+  #event(name, data) {
+    if (name === "end") {
+      this.#feed = null;
+      this.#load(); // the whole answer: times and thinned trace
+      return;
+    }
+    if (name !== "job") return;
+    for (const event of data.events ?? []) {
+      this.#job = toJob(event.job);
+      if (event.trace) this.#trace.replace(event.trace);
+      this.#trace.add(event.trace ? [] : event.rows, event.pairs ?? null);
+    }
+    this.update();
+  }
+
+  #draw() {
+    const job = this.#job;
+    if (job === null || this.#closed) return;
+    fill(this.parts.title, job.name || `Job ${job.id.slice(0, 8)}`);
+    const { word, tone, sign } = outcome(job);
+    fill(this.parts.status, `${sign} ${word.replaceAll("_", " ")}`);
+    this.parts.status.dataset.tone = tone;
+    this.#drawPairs();
+    this.convergence?.show(this.#trace.rows, this.#tolerances());
+    const empty = this.#trace.rows.length === 0;
+    this.parts.convergence.hidden = empty;
+    this.parts.noRows.hidden = !empty;
+    fill(this.parts.noRows, job.state === "finished" ? "No row of progress was kept of this job." : "No iteration yet.");
+    this.#drawTables();
+  }
+
+  #tolerances() {
+    const names = ["equality", "inequality", "complementarity", "stationarity"];
+    return Object.fromEntries(names.map((name) => [name, Number(this.#options[`${name}_tolerance`])]).filter(([, value]) => value > 0));
+  }
+
+  #drawPairs() {
+    const { frames } = this.#trace;
+    this.parts.pairs.hidden = frames.length === 0;
+    this.parts.noPairs.hidden = frames.length > 0;
+    if (frames.length > 0) {
+      this.pairs ??= new PairsPlot(this.parts.pairs);
+      this.pairs.show(frames, Number(this.#options.complementarity_tolerance ?? 1e-6));
+      return;
+    }
+    const most = Number(this.context.info()?.limits?.trace_pairs ?? 0);
+    const job = this.#job;
+    const why = job.nc === 0 ? "This problem has no complementarity pairs."
+      : job.nc > most ? `Not kept: the problem has ${job.nc} pairs, the server keeps those of problems with at most ${most} (--trace-pairs).`
+      : job.iterations > 0 ? "None were kept of this job." : "Nothing yet.";
+    fill(this.parts.noPairs, why);
+  }
+
+  // Text changes a few times a second at most: nobody reads faster.
+  #drawTables() {
+    const now = performance.now();
+    const due = this.#tablesAt + TABLES_EVERY_MS;
+    clearTimeout(this.#timer);
+    if (now < due) {
+      this.#timer = setTimeout(() => this.update(), due - now);
+      return;
+    }
+    this.#tablesAt = now;
+    const job = this.#job;
+    const { tone, title, lines } = explain(job, this.#options, this.#trace.rows);
+    this.parts.why.dataset.tone = tone;
+    this.parts.why.replaceChildren(make("strong", {}, title), ...lines.map((line) => make("p", {}, line)));
+    showFacts(this.parts.facts, job, this.#trace);
+    showViolations(this.parts.violations, job, this.#options);
+    showOptions(this.parts.options, this.#options, this.context.info()?.options ?? []);
+    this.parts.timings.hidden = !(job.times.solve > 0);
+    this.parts.noTimings.hidden = job.times.solve > 0;
+    showTimings(this.parts.timings, job.times);
+    if (this.parts.table.open) showRows(this.parts.rows, this.#trace.rows);
+    this.#allowCancel();
+  }
+
+  // Its own client may end a job, and admin any.
+  #allowCancel() {
+    const info = this.context.info();
+    const may = info !== null && (info.client === this.#job.client || (info.roles ?? []).includes("admin"));
+    this.parts.cancel.hidden = !may || this.#job.state === "finished";
+  }
+
+  async #cancel() {
+    const sure = await confirm("End this job?", "A waiting job ends without an answer; a running one answers with its best iterate; a session's stream ends.", "End it");
+    if (!sure) return;
+    this.parts.cancel.disabled = true;
+    this.#say("telling the server …");
+    try {
+      const { job } = await this.context.api.post(`/api/jobs/${this.id}/cancel`);
+      const ended = toJob(job).state === "finished";
+      this.#say(ended ? "it has ended" : "told to end; it does so within an iteration");
+      if (ended) this.reload();
+    } catch (error) {
+      this.#say(`not ended: ${error.message}`);
+    }
+    this.parts.cancel.disabled = false;
+  }
+
+  async #download() {
+    try {
+      const blob = await this.context.api.blob(`/api/jobs/${this.id}/trace.csv`);
+      const url = URL.createObjectURL(blob);
+      make("a", { href: url, download: `${this.#job?.name || "job"}-${this.id}.csv` }).click();
+      setTimeout(() => URL.revokeObjectURL(url), 10000);
+    } catch (error) {
+      this.#say(`no download: ${error.message}`);
+    }
+  }
+
+  #say(text) {
+    fill(this.parts.message, text);
+  }
+}

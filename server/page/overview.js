@@ -1,0 +1,65 @@
+// The cards on top: what the server does now.
+
+import { byId, fill, make } from "./dom.js";
+import { bytes, duration, percent, rate, whole } from "./format.js";
+import { TimePlot } from "./time_plot.js";
+
+const MOST_CELLS = 64;
+const PRIORITIES = ["realtime", "interactive", "batch"];
+
+export class Overview {
+  #plots;
+  #workers = 0;
+
+  /** `history` of the counters, which others fill. */
+  constructor(history) {
+    this.history = history;
+    this.#plots = [
+      [new TimePlot(byId("plot-busy"), { words: "Workers busy", text: rate, colour: "--blue", most: () => Math.max(1, this.#workers) }),
+       (index) => history.growth("busy_s", index, 2)],
+      [new TimePlot(byId("plot-queue"), { words: "Jobs waiting", text: whole, colour: "--orange" }),
+       (index) => history.value("queued", index)],
+      [new TimePlot(byId("plot-rate"), { words: "Solves a second", text: rate, colour: "--green" }),
+       (index) => history.growth("done", index)],
+    ];
+  }
+
+  /** `counters` of now; `workers` of the server; its `limits`. */
+  show(counters, workers, limits) {
+    this.#workers = workers;
+    this.#showWorkers(counters.running, workers);
+    fill(byId("queued"), whole(counters.queued));
+    for (const priority of PRIORITIES) {
+      fill(byId(`queued-${priority}`), whole(counters[`queued_${priority}`]));
+      fill(byId(`wait-${priority}`), `wait ${duration(counters[`estimated_wait_${priority}_s`])}`);
+    }
+    this.#showRate();
+    const cpu = this.history.growth("cpu_s");
+    fill(byId("memory"), bytes(counters.resident_bytes));
+    fill(byId("cpu"), Number.isFinite(cpu) ? `${cpu.toFixed(2)} cores` : "–");
+    fill(byId("sessions"), `${whole(counters.sessions)} of ${whole(Number(limits?.sessions))}`);
+    fill(byId("session-memory"), bytes(counters.session_bytes));
+    fill(byId("results"), bytes(counters.result_bytes));
+    for (const name of ["accepted", "answered", "solved", "updates", "cancelled", "refused", "failed"]) {
+      fill(byId(name), whole(counters[`${name}_total`]));
+    }
+    byId("failed").classList.toggle("alarm", counters.failed_total > 0);
+    for (const [plot, value] of this.#plots) plot.show(this.history, value);
+  }
+
+  #showWorkers(busy, workers) {
+    fill(byId("busy"), whole(busy));
+    fill(byId("workers"), whole(workers));
+    const cells = byId("worker-cells");
+    const count = Math.min(workers, MOST_CELLS);
+    if (cells.childElementCount !== count) cells.replaceChildren(...Array.from({ length: count }, () => make("span")));
+    const lit = Math.round((count * Math.min(busy, workers)) / Math.max(1, workers));
+    [...cells.children].forEach((cell, index) => cell.classList.toggle("on", index < lit));
+  }
+
+  #showRate() {
+    fill(byId("rate"), rate(this.history.growth("done")));
+    const { share, done } = this.history.success();
+    fill(byId("success"), done > 0 ? `${percent(share)} of ${whole(done)} solved, last minute` : "none answered in the last minute");
+  }
+}

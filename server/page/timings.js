@@ -1,0 +1,38 @@
+// Where a job's time went: its parts, as numbers that add up to the whole.
+
+import { make } from "./dom.js";
+import { duration, percent } from "./format.js";
+
+/** [name, seconds, colour] in the order of time; the rests are what no part accounts for. */
+export function partsOf(times) {
+  const inside = times.factorization + times.line_search + times.polish;
+  return [
+    ["queue", times.queue, "--grey"],
+    ["set-up", times.setup, "--purple"],
+    ["factorization", times.factorization, "--blue"],
+    ["line search", times.line_search, "--orange"],
+    ["polish and local search", times.polish, "--green"],
+    ["rest of the solve", Math.max(0, times.solve - inside), "--teal"],
+    ["rest of the whole", Math.max(0, times.total - times.queue - times.setup - times.solve), "--red"],
+  ];
+}
+
+/** The bar and its table. */
+export function showTimings(place, times) {
+  const parts = partsOf(times);
+  const whole = parts.reduce((sum, part) => sum + part[1], 0);
+  const bar = make("div", { class: "stack", "aria-hidden": "true" });
+  const rows = parts.map(([name, seconds, colour]) => {
+    const share = whole > 0 ? seconds / whole : 0;
+    const piece = make("span", { title: `${name}: ${duration(seconds)}` });
+    piece.style.width = `${100 * share}%`;
+    piece.style.background = `var(${colour})`;
+    if (share > 0) bar.append(piece);
+    const swatch = make("span", { class: "swatch", "aria-hidden": "true" });
+    swatch.style.background = `var(${colour})`;
+    return make("tr", {}, make("th", { scope: "row" }, swatch, name), make("td", {}, duration(seconds)), make("td", {}, percent(share)));
+  });
+  const total = make("tr", { class: "sum" }, make("th", { scope: "row" }, "total"), make("td", {}, duration(whole)), make("td", {}, ""));
+  const caption = make("caption", { class: "visually-hidden" }, "Parts of the job's time");
+  place.replaceChildren(bar, make("table", { class: "numbers" }, caption, make("tbody", {}, ...rows, total)));
+}

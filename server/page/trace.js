@@ -1,0 +1,109 @@
+// One job's iterations as the page keeps them: bounded, and thinned evenly where there are more.
+
+import { number } from "./store.js";
+
+const MOST_ROWS = 1024;
+const MOST_FRAMES = 64;
+
+function toRow(message) {
+  const violations = message.violations ?? {};
+  return {
+    iteration: number(message.iteration),
+    outer: number(message.outer_iteration),
+    objective: number(message.objective),
+    equality: number(violations.equality),
+    inequality: number(violations.inequality),
+    complementarity: number(violations.complementarity),
+    kkt: number(message.kkt_residual),
+    kappa: number(message.kappa),
+    rho: number(message.rho),
+    step: number(message.step_length),
+    regularization: number(message.regularization),
+    factorizations: number(message.factorizations),
+    elapsed: number(message.elapsed_s),
+  };
+}
+
+const toFrame = (message) => ({
+  iteration: number(message.iteration),
+  kappa: number(message.kappa),
+  s: Float64Array.from(message.s ?? [], Number),
+  t: Float64Array.from(message.t ?? [], Number),
+});
+
+/** A list that keeps every so manieth item, and the newest. */
+class Thinned {
+  items = [];
+  #every = 1;
+  #count = 0;
+  #newestStays = true;
+
+  constructor(most) {
+    this.most = most;
+  }
+  clear() {
+    this.items = [];
+    this.#every = 1;
+    this.#count = 0;
+    this.#newestStays = true;
+  }
+  put(item) {
+    if (!this.#newestStays) this.items.pop();
+    this.#newestStays = this.#count++ % this.#every === 0;
+    this.items.push(item);
+    if (this.items.length > this.most) {
+      this.items = this.items.filter((_, index) => index % 2 === 0);
+      this.#every *= 2;
+    }
+  }
+}
+
+export class Trace {
+  #rows = new Thinned(MOST_ROWS);
+  #frames = new Thinned(MOST_FRAMES);
+
+  /** Oldest first. */
+  get rows() {
+    return this.#rows.items;
+  }
+  /** {iteration, kappa, s, t}, oldest first. */
+  get frames() {
+    return this.#frames.items;
+  }
+
+  /** The whole trace as the server keeps it. */
+  replace(message) {
+    this.#rows.clear();
+    this.#frames.clear();
+    for (const row of message?.rows ?? []) this.#rows.put(toRow(row));
+    for (const frame of message?.pairs ?? []) this.#frames.put(toFrame(frame));
+  }
+
+  /** What came since. An iteration below the last one is another solve of the same session. */
+  add(rows = [], pairs = null) {
+    for (const message of rows) {
+      const row = toRow(message);
+      if (row.iteration < (this.rows.at(-1)?.iteration ?? 0)) {
+        this.#rows.clear();
+        this.#frames.clear();
+      }
+      this.#rows.put(row);
+    }
+    if (pairs === null || !(pairs.s?.length > 0)) return;
+    const frame = toFrame(pairs);
+    const last = this.frames.at(-1)?.iteration ?? -1;
+    if (frame.iteration > last) this.#frames.put(frame);
+  }
+}
+
+/**
+ * Rows whose step took more than one factorization: regularization was raised and the factorization repeated. Rows of
+ * a local search (kappa = 0) are whole solves of a branch and are left out.
+ */
+export function repeated(rows) {
+  return rows.map((row, index) => {
+    const before = rows[index - 1];
+    if (before === undefined || row.kappa === 0 || before.kappa === 0) return 0;
+    return Math.max(0, row.factorizations - before.factorizations - (row.iteration - before.iteration));
+  });
+}

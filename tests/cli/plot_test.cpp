@@ -1,0 +1,160 @@
+// Little bars, curves of dots, traces in files and gnuplot's commands, as values.
+#include <gtest/gtest.h>
+
+#include <clocale>
+#include <cmath>
+#include <limits>
+
+#include "convergence.h"
+#include "gnuplot.h"
+#include "marble/progress_csv.h"
+#include "terminal/sparkline.h"
+#include "terminal/terminal_plot.h"
+#include "trace_file.h"
+
+namespace marble::cli {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+std::string spark(std::vector<double> values, int width = 20, bool unicode = false) {
+  return sparkline(values, width, unicode);
+}
+
+TEST(Sparkline, GoesDownADecadeAtATime) {
+  EXPECT_EQ(spark({1, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7}), "#*+=-:._");
+  EXPECT_EQ(spark({1, 1e-7}, 20, true), "█▁");
+}
+
+TEST(Sparkline, AFlatHistoryLooksFlat) { EXPECT_EQ(spark({1.0, 1.01, 0.99}), "###"); }
+
+TEST(Sparkline, ZeroIsTheLowestAndWhatIsNoNumberIsSaid) {
+  EXPECT_EQ(spark({1, 0, kNan, -1}), "#_?_");
+  EXPECT_EQ(spark({0, 0}), "__");
+  EXPECT_EQ(spark({}), "");
+}
+
+TEST(Sparkline, ALongHistoryShowsTheWorstOfEachShare) {
+  EXPECT_EQ(spark({1e-7, 1, 1e-7, 1e-7}, 2), "#_");
+  EXPECT_EQ(spark({1e-7, kNan, 1, 1}, 2), "?#");
+}
+
+class TerminalPlot : public ::testing::Test {
+ protected:
+  TerminalPlot() { std::setlocale(LC_CTYPE, "C.UTF-8"); }
+  static std::string drawn(std::vector<Curve> curves, PlotLook look) {
+    std::vector<double> x;
+    for (std::size_t i = 0; i < curves.front().values.size(); ++i) x.push_back(static_cast<double>(i));
+    std::string text;
+    for (const Line& line : terminal_plot(x, curves, look)) text += line.text() + '\n';
+    return text;
+  }
+};
+
+TEST_F(TerminalPlot, AGeometricFallIsAStraightLineOnALogAxis) {
+  EXPECT_EQ(drawn({{"v", 'v', Style::series_1, {1, 1e-2, 1e-4}}}, {{26, 7}, true, false}),
+            "v v\n"
+            "1e+00 |vvvvv              \n"
+            "      |     vvvv          \n"
+            "      |         vvvvv     \n"
+            "      |              vvvv \n"
+            "1e-04 |                  v\n"
+            "      0    iteration     2\n");
+}
+
+TEST_F(TerminalPlot, AnExactZeroOfAViolationHasARowOfItsOwn) {
+  const std::string text = drawn({{"v", 'v', Style::series_1, {1, 1e-4, 0}, true}}, {{40, 8}, true, false});
+  EXPECT_NE(text.find("    0 |"), std::string::npos) << text;
+}
+
+TEST_F(TerminalPlot, WhatHasNoPlaceOnTheAxisIsLeftOut) {
+  for (const double odd : {0.0, -1.0, kNan, std::numeric_limits<double>::infinity()}) {
+    const std::string text = drawn({{"k", 'k', Style::series_1, {odd, odd, odd}}}, {{40, 8}, true, false});
+    EXPECT_EQ(text.find('k', text.find('\n')), std::string::npos) << odd << '\n' << text;
+  }
+}
+
+TEST_F(TerminalPlot, SpecksOfRoundingDoNotStretchTheAxis) {
+  const std::string text = drawn({{"v", 'v', Style::series_1, {1, 1e-300}}}, {{40, 8}, true, false});
+  EXPECT_NE(text.find("1e-24"), std::string::npos) << text;
+}
+
+TEST_F(TerminalPlot, ALinearAxisTakesConstantsAndNegatives) {
+  EXPECT_NE(drawn({{"o", 'o', Style::series_1, {-3, 5}}}, {{40, 8}, false, false}).find("-3 |"),
+            std::string::npos);
+  EXPECT_NE(drawn({{"o", 'o', Style::series_1, {7, 7}}}, {{40, 8}, false, false}).find("ooo"),
+            std::string::npos);
+}
+
+TEST_F(TerminalPlot, DotsAreBrailleAndLinesAreAsWideAsTheyMayBe) {
+  std::vector<double> x{0, 1};
+  const Curve curve{"v", 'v', Style::series_1, {1, 1e-3}};
+  for (const Line& line : terminal_plot(x, std::vector{curve}, {{50, 10}, true, true}))
+    EXPECT_LE(columns_of(line.text()), 50) << line.text();
+  EXPECT_TRUE(terminal_plot(x, std::vector{curve}, {{23, 10}, true, true}).empty());
+  EXPECT_TRUE(terminal_plot(x, std::vector{curve}, {{50, 4}, true, true}).empty());
+}
+
+std::string trace_text(const std::vector<Progress>& rows) {
+  std::string text = progress_csv_header() + "\n";
+  for (const Progress& row : rows) {
+    append_progress_csv(row, text);
+    text += '\n';
+  }
+  return text;
+}
+
+TEST(TraceFile, WhatWasWrittenIsReadToTheBit) {
+  const Progress row{
+      .iteration = 4, .objective = 0.1, .violations = {1.0 / 3.0, 0, 5e-324}, .elapsed_s = 1e-5};
+  const auto rows = parse_trace(trace_text({row}));
+  ASSERT_TRUE(rows) << rows.error().message();
+  EXPECT_EQ(trace_text(*rows), trace_text({row}));
+}
+
+TEST(TraceFile, FaultsNameLineAndColumn) {
+  const std::string good = trace_text({{}});
+  const auto message = [](const std::string& text) {
+    const auto rows = parse_trace(text);
+    return rows ? "none" : rows.error().message();
+  };
+  EXPECT_EQ(message(""), "line 1, column 1: is no trace: must be iteration");
+  EXPECT_EQ(message("iteration,foo\n"), "line 1, column 2 = \"foo\": is no trace: must be outer_iteration");
+  EXPECT_EQ(message(progress_csv_header() + "\n"), "line 2: has no row: nothing to plot");
+  EXPECT_EQ(message(good + "1,2,3\n"), "line 3: has 3 columns: must have 13");
+  EXPECT_EQ(message(good + "1,2,x,0,0,0,0,0,0,0,0,0,0\n"),
+            "line 3, column objective = \"x\": must be a number");
+  EXPECT_EQ(message(good + "1e99,2,3,0,0,0,0,0,0,0,0,0,0\n"),
+            "line 3, column iteration = \"1e99\": must be an integer in [0, 2147483647]");
+  EXPECT_EQ(message(good + "\n" + good), "line 3: has 1 columns: must have 13");
+}
+
+TEST(TraceFile, LineEndsOfWindowsAreTaken) {
+  std::string text = trace_text({{.iteration = 1}, {.iteration = 2}});
+  for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 2) text.insert(at, "\r");
+  ASSERT_TRUE(parse_trace(text));
+  EXPECT_EQ(parse_trace(text)->size(), 2U);
+}
+
+TEST(Gnuplot, PicturesAreChosenByTheEndOfTheName) {
+  EXPECT_EQ(picture_format("a b.PNG"), PictureFormat::png);
+  EXPECT_EQ(picture_format("x.svg"), PictureFormat::svg);
+  EXPECT_EQ(picture_format("png"), std::nullopt);
+}
+
+TEST(Gnuplot, ATitleCannotBeACommand) {
+  std::vector<const ProgressColumn*> columns{&progress_columns()[3]};
+  const std::vector<Progress> rows{{.iteration = 0}, {.iteration = 1}};
+  const std::string script = gnuplot_script(rows, columns, PictureFormat::png, "a'\nsystem \"x\" `y`$(z)");
+  EXPECT_NE(script.find("set title 'a__system _x_ _y__(z)' noenhanced\n"), std::string::npos) << script;
+}
+
+TEST(Gnuplot, RepeatedFactorizationsAreMarkedOnThePathAlone) {
+  const Progress before{.iteration = 1, .kappa = 1, .factorizations = 1};
+  EXPECT_TRUE(repeats_factorization(before, {.iteration = 2, .kappa = 1, .factorizations = 3}));
+  EXPECT_FALSE(repeats_factorization(before, {.iteration = 2, .kappa = 1, .factorizations = 2}));
+  EXPECT_FALSE(repeats_factorization(before, {.iteration = 2, .kappa = 0, .factorizations = 9}));
+}
+
+}  // namespace
+}  // namespace marble::cli

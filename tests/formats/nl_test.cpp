@@ -1,0 +1,149 @@
+// AMPL's .nl files: what is an LCQP is read as it is meant, everything else is refused with its reason.
+#include <gtest/gtest.h>
+
+#include "marble/solver.h"
+#include "nl_problem.h"
+#include "nl_writer.h"
+
+namespace marble::formats {
+namespace {
+
+using testing::NlWriter;
+
+/// min (x0 - 1)^2 + x1^2  s.t.  0 <= x1 complements x1 - x0 >= 0: the best is 0.5 at (0.5, 0.5).
+std::string corner(bool binary) {
+  NlWriter nl(binary, 2, 1, 1);
+  nl.key('C').integer(0).constant(0.0);
+  nl.key('O').integer(0).integer(0).operation(0);
+  nl.operation(5).operation(1).variable(0).constant(1.0).constant(2.0);
+  nl.operation(2).variable(1).variable(1);
+  nl.key('x').integer(2).entry(0, 0.25).entry(1, 0.75);
+  nl.key('r').complements(1, 1);
+  nl.key('b').free().at_least(0.0);
+  nl.key('k').integer(1).line().integer(1);
+  nl.key('J').integer(0).integer(2).entry(0, -1.0).entry(1, 1.0);
+  nl.key('G').integer(0).integer(2).entry(0, 0.0).entry(1, 0.0);
+  return nl.content();
+}
+
+TEST(Nl, TextAndBinaryAreTheSameProblem) {
+  for (const bool binary : {false, true}) {
+    const auto file = parse_nl(corner(binary), "corner");
+    ASSERT_TRUE(file.has_value()) << file.error().message() << '\n' << corner(binary);
+    const OwnedProblem& problem = file->problem;
+    EXPECT_EQ(problem.g, (std::vector<double>{-2.0, 0.0}));
+    EXPECT_EQ(problem.c0, 1.0);
+    EXPECT_EQ(problem.Q.values, (std::vector<double>{2.0, 2.0}));
+    EXPECT_EQ(problem.l.size(), 1U);
+    EXPECT_EQ(problem.d.size(), 0U) << "the bound is the pair's";
+    EXPECT_EQ(problem.initial_z, (std::vector<double>{0.25, 0.75}));
+    const Solution solution = solve(problem.view()).value();
+    EXPECT_EQ(solution.status, Status::solved);
+    EXPECT_NEAR(solution.objective, 0.5, 1e-9);
+  }
+}
+
+/// As AMPL writes it: every kind of bound, a maximum, a defined variable, a sum, a quotient, short constants.
+std::string everything(bool binary) {
+  NlWriter nl(binary, 4, 4, 1);
+  nl.key('V').integer(4).integer(1).integer(0).entry(2, 3.0);  // v4 = 3 x2 + (x0 - 2)
+  nl.operation(1).variable(0).constant(2.0);
+  nl.key('C').integer(0).constant(0.0);
+  nl.key('C').integer(1).constant(5.0);
+  nl.key('C').integer(2).variable(4);
+  nl.key('C').integer(3).operation(16).variable(3);
+  nl.key('O').integer(0).integer(1);  // maximize -(x0 x1) / 2 - x3^2 + 7 + x2
+  nl.operation(54).integer(3);
+  nl.operation(3).operation(16).operation(2).variable(0).variable(1).constant(2.0);
+  nl.operation(16).operation(77).variable(3);
+  nl.constant(7.0);
+  nl.key('r').between(-1.0, 2.0).equal(6.0).at_most(9.0).complements(3, 1);
+  nl.key('b').free().between(-1.0, 1.0).at_least(-3.0).equal(4.0);
+  nl.key('J').integer(0).integer(1).entry(0, 2.0);
+  nl.key('J').integer(1).integer(1).entry(1, 1.5);
+  nl.key('G').integer(0).integer(1).entry(2, 1.0);
+  return nl.content();
+}
+
+TEST(Nl, EveryKindOfRowAndTermIsReadAsItIsMeant) {
+  for (const bool binary : {false, true}) {
+    const auto file = parse_nl(everything(binary), "everything");
+    ASSERT_TRUE(file.has_value()) << file.error().message();
+    const OwnedProblem& p = file->problem;
+    EXPECT_EQ(p.g, (std::vector<double>{0.0, 0.0, -1.0, 0.0, 0.0, 0.0})) << "the negative of a maximum";
+    EXPECT_EQ(p.c0, -7.0);
+    // Q of x0 x1 / 2 + x3^2.
+    EXPECT_EQ(p.Q.row_indices, (std::vector<Index>{1, 0, 3}));
+    EXPECT_EQ(p.Q.values, (std::vector<double>{0.5, 0.5, 2.0}));
+    // 1.5 x1 + 5 = 6; the parts of the mixed row: -x3 = p - q; x3 = 4.
+    EXPECT_EQ(p.b, (std::vector<double>{-1.0, 0.0, -4.0}));
+    // -1 <= 2 x0 <= 2; 3 x2 + x0 - 2 <= 9; x2 >= -3.
+    EXPECT_EQ(p.d, (std::vector<double>{1.0, 2.0, 11.0, 3.0}));
+    EXPECT_EQ(p.C.values, (std::vector<double>{2.0, -2.0, -1.0, -3.0, 1.0}));
+    // p complements x1 + 1, q complements 1 - x1.
+    EXPECT_EQ(p.l, (std::vector<double>{0.0, 0.0}));
+    EXPECT_EQ(p.r, (std::vector<double>{1.0, 1.0}));
+    EXPECT_EQ(p.R.values, (std::vector<double>{1.0, -1.0}));
+  }
+}
+
+TEST(Nl, WhatIsNoLcqpIsRefusedWithItsReason) {
+  const auto refusal = [](NlWriter& nl) {
+    const auto file = parse_nl(nl.content(), "no");
+    return file ? std::string("taken") : file.error().message();
+  };
+  NlWriter integers(false, 2, 0, 1, 2);
+  EXPECT_NE(refusal(integers).find("2 integer variables"), std::string::npos);
+  NlWriter objectives(false, 2, 0, 2);
+  EXPECT_NE(refusal(objectives).find("2 objectives"), std::string::npos);
+  NlWriter cubic(false, 2, 0, 1);
+  cubic.key('O').integer(0).integer(0).operation(2).variable(0).operation(2).variable(0).variable(1);
+  EXPECT_NE(refusal(cubic).find("quadratic at most in line 1"), std::string::npos);
+  NlWriter quadratic_row(false, 2, 1, 1);
+  quadratic_row.key('C').integer(0).operation(2).variable(0).variable(1);
+  EXPECT_NE(refusal(quadratic_row).find("C0"), std::string::npos);
+  NlWriter sine(false, 2, 0, 1);
+  sine.key('O').integer(0).integer(0).operation(41).variable(0);
+  EXPECT_NE(refusal(sine).find("o41"), std::string::npos);
+  NlWriter cube(false, 2, 0, 1);
+  cube.key('O').integer(0).integer(0).operation(5).variable(0).constant(3.0);
+  EXPECT_NE(refusal(cube).find("exponent"), std::string::npos);
+  NlWriter outside(false, 2, 1, 1);
+  outside.key('J').integer(1).integer(0);
+  EXPECT_NE(refusal(outside).find("J = 1: must be in [0, 0]"), std::string::npos) << refusal(outside);
+  NlWriter nobody(false, 2, 0, 1);
+  nobody.key('J').integer(0).integer(1).entry(0, 1.0);
+  EXPECT_NE(refusal(nobody).find("J"), std::string::npos);
+  EXPECT_FALSE(parse_nl("", "empty").has_value());
+  EXPECT_FALSE(parse_nl("{}", "json").has_value());
+}
+
+TEST(Nl, EveryBeginningOfAFileAndEveryChangedByteIsTakenOrRefusedAndNothingElse) {
+  for (const bool binary : {false, true}) {
+    const std::string whole = everything(binary);
+    for (std::size_t length = 0; length < whole.size(); ++length)
+      static_cast<void>(parse_nl(std::string_view(whole).substr(0, length), "beginning"));
+    for (std::size_t at = 0; at < whole.size(); ++at) {
+      for (const char c : {'\0', '9', '-', 'J', '\xff'}) {
+        std::string changed = whole;
+        changed[at] = c;
+        // Sizes in the header alone may ask for more memory than there is.
+        if (at > 20 && at < 60) continue;
+        static_cast<void>(parse_nl(changed, "changed"));
+      }
+    }
+  }
+}
+
+TEST(Nl, ExpressionsNestedBeyondReasonAreRefusedNotFollowed) {
+  NlWriter nl(false, 1, 0, 1);
+  nl.key('O').integer(0).integer(0);
+  for (int i = 0; i < 100'000; ++i) nl.operation(16);
+  nl.variable(0);
+  const auto file = parse_nl(nl.content(), "deep");
+  ASSERT_FALSE(file.has_value());
+  EXPECT_NE(file.error().message().find("nested too deeply"), std::string::npos) << file.error().message();
+}
+
+}  // namespace
+}  // namespace marble::formats
