@@ -1,0 +1,89 @@
+"""Client of Marble Server, a solver service for quadratic programs with linear complementarity constraints.
+
+    min ½ zᵀQz + gᵀz + c0   s.t.   A z + b = 0,   C z + d ≥ 0,   0 ≤ L z + l ⊥ R z + r ≥ 0
+
+`solve` takes matrices, dense or scipy.sparse; `Problem` builds a problem of two-sided rows, bounds and pairs; `Client`
+keeps a connection, with sessions, batches and jobs; `marble.aio` has the same for asyncio. The server is the one that
+MARBLE_SERVER names, if nothing else is said.
+"""
+
+from marble import aio
+from marble.batch import BatchAnswer, BatchItem
+from marble.client import Client, SolveHandle, solve
+from marble.connect import ConnectOptions
+from marble.errors import (
+    Aborted,
+    Cancelled,
+    DeadlineExceeded,
+    Error,
+    FailedPrecondition,
+    InvalidArgument,
+    InvalidProblem,
+    NotFound,
+    PermissionDenied,
+    Refused,
+    ServerError,
+    Unauthenticated,
+    Unavailable,
+    Unsolved,
+)
+from marble.info import Option, ServerInfo
+from marble.job import Job, JobDetails, JobEvent, JobKind, JobPage, JobState, PairSides, Priority, Submitted, Trace
+from marble.jobs import Jobs
+from marble.lcqp import LCQP
+from marble.problem import Problem
+from marble.session import Session
+from marble.session_core import SessionEvent, Shift, ShiftBlock, Superseded
+from marble.solution import Progress, Solution, Stationarity, Status, Times, Violations
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "LCQP",
+    "Aborted",
+    "BatchAnswer",
+    "BatchItem",
+    "Cancelled",
+    "Client",
+    "ConnectOptions",
+    "DeadlineExceeded",
+    "Error",
+    "FailedPrecondition",
+    "InvalidArgument",
+    "InvalidProblem",
+    "Job",
+    "JobDetails",
+    "JobEvent",
+    "JobKind",
+    "JobPage",
+    "JobState",
+    "Jobs",
+    "NotFound",
+    "Option",
+    "PairSides",
+    "PermissionDenied",
+    "Priority",
+    "Problem",
+    "Progress",
+    "Refused",
+    "ServerError",
+    "ServerInfo",
+    "Session",
+    "SessionEvent",
+    "Shift",
+    "ShiftBlock",
+    "Solution",
+    "SolveHandle",
+    "Stationarity",
+    "Status",
+    "Submitted",
+    "Superseded",
+    "Times",
+    "Trace",
+    "Unauthenticated",
+    "Unavailable",
+    "Unsolved",
+    "Violations",
+    "aio",
+    "solve",
+]

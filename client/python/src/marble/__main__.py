@@ -1,0 +1,113 @@
+"""python -m marble demo | solve FILE… | info."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from marble import drawing, problem_file
+from marble.client import Client
+from marble.errors import Error, InvalidArgument
+from marble.hopper import Hopper
+
+_SOLVED, _NOT_SOLVED, _USAGE, _SERVER = 0, 1, 2, 3
+
+
+def _value(text: str) -> Any:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            pass
+    return {"true": True, "false": False}.get(text, text)
+
+
+def _options(texts: Sequence[str]) -> dict[str, Any]:
+    pairs = [text.partition("=") for text in texts]
+    for name, equals, _ in pairs:
+        if not equals:
+            raise InvalidArgument("option", "must be NAME=VALUE", value=name)
+    return {name: _value(value) for name, _, value in pairs}
+
+
+def _demo(client: Client, arguments: argparse.Namespace) -> int:
+    hopper = Hopper()
+    answer = client.solve(hopper.problem(), progress=arguments.progress)
+    print(answer)
+    try:
+        drawing.save(hopper, answer.z, arguments.picture)
+        print(f"\ndrawn in {arguments.picture}")
+    except ImportError:
+        print("\n" + drawing.text(hopper, answer.z))
+        print("\nwith matplotlib installed this is a picture")
+    return _SOLVED if answer.solved else _NOT_SOLVED
+
+
+def _solve(client: Client, arguments: argparse.Namespace) -> int:
+    code = _SOLVED
+    for path in arguments.files:
+        try:
+            problem = problem_file.load(path)
+        except (OSError, InvalidArgument) as error:
+            print(f"marble: {path}: {error}", file=sys.stderr)
+            code = max(code, _USAGE)
+            continue
+        answer = client.solve(problem, options=_options(arguments.option), progress=arguments.progress)
+        print(answer)
+        code = max(code, _SOLVED if answer.solved else _NOT_SOLVED)
+    return code
+
+
+def _info(client: Client, _: argparse.Namespace) -> int:
+    info = client.info()
+    print(f"marble-server {info.version} at {client.address}: {info.workers} workers, up {info.uptime_s:.0f} s")
+    print(f"you are {info.client or 'nobody'}, and may {', '.join(info.roles)}")
+    for title, numbers in (("limits", info.limits), ("counters", info.counters)):
+        print(f"{title}:")
+        for name, number in numbers.items():
+            print(f"  {name:<30} {number:g}" if isinstance(number, float) else f"  {name:<30} {number}")
+    return _SOLVED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m marble", description=__doc__,
+                                     epilog="exit codes: 0 all solved, 1 some not solved, 2 usage or bad file, "
+                                            "3 server unreachable or refused")
+    parser.add_argument("--server", help="host:port or unix:PATH; default MARBLE_SERVER")
+    commands = parser.add_subparsers(required=True)
+    demo = commands.add_parser("demo", help="solve the hopper and draw it")
+    demo.add_argument("picture", nargs="?", default="hopper.png", help="the file to draw into; .gif is an animation")
+    demo.set_defaults(run=_demo)
+    solve = commands.add_parser("solve", help="solve problem files (JSON)")
+    solve.add_argument("files", nargs="+", metavar="FILE")
+    solve.add_argument("--option", action="append", default=[], metavar="NAME=VALUE", help="a solver option")
+    solve.set_defaults(run=_solve)
+    for command in (demo, solve):
+        command.add_argument("--progress", action="store_true", help="show progress")
+    commands.add_parser("info", help="what the server is").set_defaults(run=_info)
+    return parser
+
+
+def main(texts: Sequence[str] | None = None) -> int:
+    """Runs a command; returns its exit code."""
+    arguments = _parser().parse_args(texts)
+    try:
+        with Client(arguments.server) as client:
+            code: int = arguments.run(client, arguments)
+            return code
+    except BrokenPipeError:  # whoever reads has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _SOLVED
+    except InvalidArgument as error:
+        print(f"marble: {error}", file=sys.stderr)
+        return _USAGE
+    except Error as error:
+        print(f"marble: {error}", file=sys.stderr)
+        return _SERVER
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,203 @@
+"""What can go wrong, as exceptions; and how gRPC's errors become them.
+
+A solve that ends without being solved is no error: it is a Solution whose status says so.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import grpc
+
+from marble import contract
+
+if TYPE_CHECKING:
+    from marble.solution import Solution
+
+Index = int | tuple[int, int] | None
+
+# The letters of the equation, and the names of the fields of marble.v1.Problem.
+PROBLEM_FIELDS = {
+    "Q": "hessian",
+    "g": "gradient",
+    "c0": "constant",
+    "A": "equality_matrix",
+    "b": "equality_offset",
+    "C": "inequality_matrix",
+    "d": "inequality_offset",
+    "L": "left_matrix",
+    "l": "left_offset",
+    "R": "right_matrix",
+    "r": "right_offset",
+    "z0": "initial_point.z",
+}
+
+
+class Error(Exception):
+    """Anything that this package raises."""
+
+
+class InvalidArgument(Error, ValueError):
+    """An argument breaks a rule, as seen here or by the server.
+
+    field: its name; of a problem's data the letter of the equation ("A", "b") or "A.values".
+    index: the entry, from 0: an int, or (row, column) of a matrix, or None.
+    value: the offending value as text; may be empty.
+    bound: the rule.
+    """
+
+    def __init__(self, field: str, bound: str, *, index: Index = None, value: object = "") -> None:
+        self.field = field
+        self.index = index
+        self.value = str(value)
+        self.bound = bound
+        super().__init__(self._text())
+
+    def _text(self) -> str:
+        place = self.field
+        if isinstance(self.index, tuple):
+            place += f"[{self.index[0]}, {self.index[1]}]"
+        elif self.index is not None:
+            place += f"[{self.index}]"
+        value = f" is {self.value}:" if self.value else ":"
+        return f"{place}{value} {self.bound}" if place else self.bound
+
+
+class InvalidProblem(InvalidArgument):
+    """The problem's data, or an update's, break a rule."""
+
+
+class FailedPrecondition(Error):
+    """The request does not fit the state of things: a job's answer is not there yet, a session is closed."""
+
+
+class Refused(Error):
+    """A limit of the server or a quota of the client is full (RESOURCE_EXHAUSTED).
+
+    retry_after: seconds after which another try may succeed, or None where waiting does not help.
+    """
+
+    def __init__(self, message: str, retry_after: float | None = None) -> None:
+        self.retry_after = retry_after
+        super().__init__(message if retry_after is None else f"{message} (try again in {retry_after:g} s)")
+
+
+class Unauthenticated(Error):
+    """No token or certificate, or one that the server does not know."""
+
+
+class PermissionDenied(Error):
+    """The client's roles or its highest priority do not allow this."""
+
+
+class NotFound(Error):
+    """No such job: never heard of it, no longer kept, or not the caller's to see."""
+
+
+class DeadlineExceeded(Error, TimeoutError):
+    """The call's deadline passed. The server gave the solve up."""
+
+
+class Cancelled(Error):
+    """The call was given up, by this side or by whoever cancelled its job."""
+
+
+class Aborted(Error):
+    """The server ended the session because it was idle for too long."""
+
+
+class Unavailable(Error, ConnectionError):
+    """The server cannot be reached, is draining, or is no Marble server."""
+
+
+class ServerError(Error):
+    """A bug of the server; the message carries the job's id to look for in its log."""
+
+
+class Unsolved(Error):
+    """Raised by Solution.raise_if_unsolved. solution: the answer, with the best iterate."""
+
+    def __init__(self, solution: Solution) -> None:
+        self.solution = solution
+        super().__init__(f"{solution.status.value}: {solution.detail}")
+
+
+_CODES: dict[int, type[Error]] = {
+    1: Cancelled,
+    4: DeadlineExceeded,
+    5: NotFound,
+    7: PermissionDenied,
+    9: FailedPrecondition,
+    10: Aborted,
+    12: Unavailable,  # UNIMPLEMENTED: somebody answers there, but no Marble server
+    14: Unavailable,
+    16: Unauthenticated,
+}
+_INVALID_ARGUMENT, _RESOURCE_EXHAUSTED = 3, 8
+_DETAILS = "grpc-status-details-bin"
+_LETTERS = {name: letter for letter, name in PROBLEM_FIELDS.items()}
+_UPDATES = {f"{name.removesuffix('_matrix')}_values": letter + ".values" for letter, name in PROBLEM_FIELDS.items()
+            if letter in "QACLR"}
+
+
+def _in_letters(path: str) -> tuple[str, int | None]:
+    """("A.values", 3) of "solve.problem.equality_matrix.values[3]"."""
+    while True:
+        head, dot, tail = path.partition(".")
+        if not dot or head not in ("solve", "setup", "update", "problem", "options"):
+            break
+        path = tail
+    indexed = re.fullmatch(r"(.*)\[(\d+)\]", path)
+    index = int(indexed[2]) if indexed else None
+    if indexed:
+        path = indexed[1]
+    if path in _UPDATES:
+        return _UPDATES[path], index
+    if path in _LETTERS:
+        return _LETTERS[path], index
+    head, dot, tail = path.partition(".")
+    return _LETTERS.get(head, head) + dot + tail, index
+
+
+def _invalid(violation: Any) -> InvalidArgument:
+    field, index = _in_letters(violation.field)
+    parts = re.fullmatch(r"is (.*?), (.*)", violation.description, re.DOTALL)
+    value, bound = (parts[1], parts[2]) if parts else ("", violation.description)
+    kind = InvalidProblem if field.partition(".")[0] in PROBLEM_FIELDS else InvalidArgument
+    return kind(field, bound, index=index, value=value)
+
+
+def _unpack(details: Any, name: str) -> Any:
+    for packed in details:
+        if packed.type_url.rpartition("/")[2] == name:
+            return contract.message(name).FromString(packed.value)
+    return None
+
+
+def from_status(status: Any) -> Error:
+    """The exception of a google.rpc.Status."""
+    if status.code == _INVALID_ARGUMENT:
+        broken = _unpack(status.details, "google.rpc.BadRequest")
+        if broken is not None and broken.field_violations:
+            return _invalid(broken.field_violations[0])
+        return InvalidArgument("", status.message)
+    if status.code == _RESOURCE_EXHAUSTED:
+        retry = _unpack(status.details, "google.rpc.RetryInfo")
+        delay = None if retry is None else retry.retry_delay.seconds + 1e-9 * retry.retry_delay.nanos
+        return Refused(status.message, delay)
+    return _CODES.get(status.code, ServerError)(status.message)
+
+
+def from_rpc(error: grpc.RpcError) -> Error:
+    """The exception of a call that failed."""
+    status = contract.message("google.rpc.Status")()
+    for key, value in error.trailing_metadata() or ():
+        if key == _DETAILS:
+            try:
+                status.MergeFromString(value)
+            except Exception:  # an intermediary's; protobuf's versions differ in the class
+                status.Clear()
+    status.code = error.code().value[0]
+    status.message = error.details() or ""
+    return from_status(status)

@@ -1,0 +1,114 @@
+"""A server of the tests' own, problems, and an independent check of answers."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import signal
+import subprocess
+import time
+
+import numpy as np
+import scipy.sparse as sp
+
+import marble
+from marble.hopper import Hopper
+
+SERVER = os.environ.get("MARBLE_SERVER_BINARY", "marble-server")
+PROGRAM = os.environ.get("MARBLE_BINARY", "marble")
+
+
+def clean_environment(**more: str) -> dict[str, str]:
+    """Without what would direct the server or the client elsewhere."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith("MARBLE_")}
+    return {**kept, **more}
+
+
+class Server:
+    """A marble-server on a free port of loopback."""
+
+    def __init__(self, folder: pathlib.Path, *flags: str, listen: str = "127.0.0.1:0") -> None:
+        file = folder / f"address-{time.monotonic_ns()}"
+        self.process = subprocess.Popen(
+            [SERVER, "--listen", listen, "--address-file", str(file), "--http", "none", "--log-level", "warn", *flags],
+            env=clean_environment())
+        end = time.monotonic() + 30
+        while not (file.exists() and file.read_text().endswith("\n")):
+            assert self.process.poll() is None, "the server ended at once"
+            assert time.monotonic() < end, "the server did not come up"
+            time.sleep(0.01)
+        self.address = file.read_text().split()[0]
+
+    def stop(self) -> int:
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+        try:
+            return self.process.wait(60)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            return self.process.wait()
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+
+def wait_until(condition, seconds: float = 30.0) -> bool:
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def tiny() -> marble.LCQP:
+    """min (z0 - 1)^2 + (z1 - 1)^2 over the two half-axes: z is (1, 0) or (0, 1), the objective 1."""
+    return marble.LCQP(2 * np.eye(2), [-2, -2], L=[1, 0], R=[0, 1], c0=2.0, name="tiny")
+
+
+def long_solve() -> tuple[marble.LCQP, dict[str, object]]:
+    """A problem and options that keep a worker busy until somebody stops it."""
+    return Hopper(steps=300).problem(), {"starts": 1000, "local_search_budget": 1_000_000, "max_iterations": 10**9}
+
+
+def random_problem(seed: int) -> marble.LCQP:
+    """Convex, feasible by construction, dense in parts; sizes vary with the seed."""
+    random = np.random.default_rng(seed)
+    n, n_e, n_i, n_c = (int(random.integers(low, high)) for low, high in ((4, 30), (0, 3), (0, 8), (0, 4)))
+    root = random.normal(size=(n, n))
+    feasible = random.normal(size=n)
+    A, C = random.normal(size=(n_e, n)), random.normal(size=(n_i, n)) * (random.random((n_i, n)) < 0.4)
+    L, R = random.normal(size=(n_c, n)), random.normal(size=(n_c, n))
+    left_active = random.random(n_c) < 0.5
+    gap = random.random(n_c)
+    l = -L @ feasible + np.where(left_active, 0.0, gap)
+    r = -R @ feasible + np.where(left_active, gap, 0.0)
+    return marble.LCQP(root @ root.T / n + np.eye(n), random.normal(size=n), A=A, b=-A @ feasible, C=C,
+                       d=-C @ feasible + random.random(n_i), L=L, l=l, R=R, r=r, name=f"random-{seed}")
+
+
+def full(Q):
+    """Both triangles of the symmetric matrix whose upper one this is."""
+    return sp.csc_matrix(Q + sp.triu(Q, 1).T)
+
+
+def check(problem: marble.LCQP, answer: marble.Solution, tolerance: float = 1e-6) -> None:
+    """Everything that an answer says of itself, computed again from the problem's data alone."""
+    z = answer.z
+    s, t = problem.L @ z + problem.l, problem.R @ z + problem.r
+    equality = np.abs(problem.A @ z + problem.b).max(initial=0.0)
+    inequality = np.maximum(0.0, -(problem.C @ z + problem.d)).max(initial=0.0)
+    complementarity = np.abs(np.minimum(s, t)).max(initial=0.0)
+    assert equality <= tolerance and inequality <= tolerance and complementarity <= tolerance
+    assert np.isclose(answer.violations.equality, equality, atol=1e-12)
+    assert np.isclose(answer.violations.inequality, inequality, atol=1e-12)
+    assert np.isclose(answer.violations.complementarity, complementarity, atol=1e-12)
+    np.testing.assert_array_equal(answer.s, s)
+    np.testing.assert_array_equal(answer.t, t)
+    Q = full(problem.Q)
+    assert np.isclose(answer.objective, 0.5 * z @ (Q @ z) + problem.g @ z + problem.c0, rtol=1e-10, atol=1e-10)
+    gradient = (Q @ z + problem.g + problem.A.T @ answer.y - problem.C.T @ answer.nu - problem.L.T @ answer.xi
+                - problem.R.T @ answer.eta)
+    assert np.abs(gradient).max() <= 1e-5
+    assert answer.nu.min(initial=0.0) >= -1e-9

@@ -1,0 +1,95 @@
+"""Many problems on one stream, and jobs that outlive the connection."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from support import check, long_solve, random_problem, tiny, wait_until
+
+import marble
+
+
+def test_every_problem_of_a_batch_is_answered_once(client):
+    answers = {answer.index: answer for answer in client.batch(random_problem(seed) for seed in range(100))}
+    assert sorted(answers) == list(range(100))
+    for seed, answer in answers.items():
+        check(random_problem(seed), answer.result())
+
+
+def test_a_batch_answers_in_the_items_own_terms_and_tells_refusals(client):
+    built = marble.Problem(["x"]).minimize([[1.0]], [-3.0]).bound("x", ub=1)
+    items = [marble.BatchItem(built, tag="built"), marble.BatchItem(tiny(), "bad", {"max_iterations": -1}),
+             marble.BatchItem(tiny(), ("tuple", 1))]
+    answers = {answer.tag: answer for answer in client.batch(items)}
+    assert answers["built"].result()["x"] == pytest.approx(1) and answers["built"].result().bound_duals[0] > 0
+    assert isinstance(answers["bad"].error, marble.InvalidArgument) and answers["bad"].error.field == "max_iterations"
+    with pytest.raises(marble.InvalidArgument):
+        answers["bad"].result()
+    assert answers["tuple", 1].solution.solved
+
+
+def test_an_endless_batch_is_read_as_it_is_served(client):
+    taken = itertools.count()
+    problems = (tiny() for _ in iter(lambda: next(taken), None))
+    answers = list(itertools.islice(client.batch(problems), 300))
+    assert len(answers) == 300
+    assert wait_until(lambda: client.info().counters["queued"] == 0)
+
+
+def test_what_the_source_raises_is_raised(client):
+    def source():
+        yield tiny()
+        raise RuntimeError("no more")
+
+    with pytest.raises(RuntimeError, match="no more"):
+        list(client.batch(source()))
+    with pytest.raises(marble.InvalidProblem, match="LCQP"):
+        list(client.batch([tiny(), "nonsense"]))
+
+
+def test_a_submitted_job_outlives_its_connection(server, client):
+    problem = random_problem(4)
+    with marble.Client(server.address) as other:
+        job = other.jobs.submit(problem, request_id="mine", priority="batch")
+    answer = client.jobs.result(job.job_id, wait=True, problem=problem)
+    check(problem, answer)
+    bare = client.jobs.result(job.job_id)
+    assert bare.z.tobytes() == answer.z.tobytes()
+    details = client.jobs.get(job.job_id)
+    assert details.job.state is marble.JobState.FINISHED and details.job.status is marble.Status.SOLVED
+    assert details.job.request_id == "mine" and details.job.priority is marble.Priority.BATCH
+    assert details.trace.rows and "max_iterations" in details.options
+    client.jobs.delete(job.job_id)
+    with pytest.raises(marble.NotFound):
+        client.jobs.result(job.job_id)
+
+
+def test_a_job_is_watched_cancelled_and_answered_with_its_best_iterate(client):
+    problem, options = long_solve()
+    job = client.jobs.submit(problem, options=options)
+    with pytest.raises(marble.FailedPrecondition):
+        client.jobs.result(job.job_id)
+    states = []
+    for event in client.jobs.watch(job.job_id, progress_interval=0.01):
+        states.append(event.job.state)
+        if event.job.state is marble.JobState.RUNNING and event.rows:
+            client.jobs.cancel(job.job_id)
+    assert states[-1] is marble.JobState.FINISHED and marble.JobState.RUNNING in states
+    assert client.jobs.result(job.job_id, wait=True).status is marble.Status.CANCELLED
+
+
+def test_jobs_are_listed_in_pages_newest_first(client):
+    ids = [client.jobs.submit(tiny()).job_id for _ in range(5)]
+    for job_id in ids:
+        client.jobs.result(job_id, wait=True)
+    page = client.jobs.list(limit=2, states=["finished"])
+    assert [job.job_id for job in page.jobs] == ids[:-3:-1] and page.more
+    assert client.jobs.list(limit=1, before=page.jobs[-1].job_id).jobs[0].job_id == ids[2]
+
+
+def test_all_jobs_can_be_watched(client):
+    problem, options = long_solve()
+    job_id = client.jobs.submit(problem, options=options).job_id
+    assert any(event.job.job_id == job_id for event in client.watch())
+    client.jobs.delete(job_id)

@@ -1,0 +1,108 @@
+"""What goes wrong is told with field, index and bound; and nothing hangs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from support import long_solve, tiny, wait_until
+
+import marble
+from marble import contract, errors
+
+
+@pytest.mark.parametrize(("parts", "field", "index"), [
+    ({"g": []}, "g", None),
+    ({"g": [1, np.nan]}, "g", 1),
+    ({"g": ["x"]}, "g", None),
+    ({"g": [1, 2], "Q": np.eye(3)}, "Q", None),
+    ({"g": [1, 2], "Q": [[1, 2], [0, 1]]}, "Q", (0, 1)),
+    ({"g": [1, 2], "A": [[1, 2, 3]]}, "A", None),
+    ({"g": [1, 2], "A": sp.csc_matrix([[0, np.inf]])}, "A", (0, 1)),
+    ({"g": [1, 2], "A": [[1, 2]], "b": [1, 2]}, "b", None),
+    ({"g": [1, 2], "b": [1]}, "b", None),
+    ({"g": [1, 2], "L": [[1, 2]]}, "R", None),
+    ({"g": [1, 2], "z0": [1]}, "z0", None),
+    ({"g": [1, 2], "c0": np.inf}, "c0", 0),
+])
+def test_a_bad_problem_is_told_before_anything_is_sent(parts, field, index):
+    with pytest.raises(marble.InvalidProblem) as caught:
+        marble.LCQP(parts.pop("Q", None), parts.pop("g"), **parts)
+    assert (caught.value.field, caught.value.index) == (field, index)
+    assert isinstance(caught.value, ValueError) and caught.value.bound in str(caught.value)
+
+
+@pytest.mark.parametrize(("path", "field", "index"), [
+    ("problem.gradient[3]", "g", 3),
+    ("solve.problem.equality_matrix.values[7]", "A.values", 7),
+    ("update.problem.hessian_values[2]", "Q.values", 2),
+    ("setup.options.max_iterations", "max_iterations", None),
+    ("initial_point.z[1]", "z0", 1),
+])
+def test_the_server_s_fields_become_the_letters_of_the_equation(path, field, index):
+    packed = contract.message("google.rpc.BadRequest")()
+    packed.field_violations.add(field=path, description="is nan, must be finite")
+    status = contract.message("google.rpc.Status")(code=3, message="m")
+    status.details.add(type_url="type.googleapis.com/google.rpc.BadRequest", value=packed.SerializeToString())
+    error = errors.from_status(status)
+    assert (error.field, error.index, error.value, error.bound) == (field, index, "nan", "must be finite")
+    assert isinstance(error, marble.InvalidProblem) == (field != "max_iterations")
+
+
+@pytest.mark.parametrize(("options", "field"), [
+    ({"max_iterations": -1}, "max_iterations"),
+    ({"path": "scenic"}, "path"),
+    ({"no_such": 1}, "no_such"),
+    ({"polish": "very"}, "polish"),
+    ({"starts": 0}, "starts"),
+])
+def test_a_bad_option_is_told_by_its_name(client, options, field):
+    with pytest.raises(marble.InvalidArgument) as caught:
+        client.solve(tiny(), options=options)
+    assert caught.value.field == field
+
+
+def test_bad_arguments_of_a_call_are_told(client):
+    for wrong, field in (({"priority": "urgent"}, "priority"), ({"request_id": "\n"}, "request_id"),
+                         ({"deadline": 0}, "deadline"), ({"progress_interval": -1, "progress": print},
+                                                         "progress_interval")):
+        with pytest.raises(marble.InvalidArgument) as caught:
+            client.solve(tiny(), **wrong)
+        assert caught.value.field == field
+
+
+@pytest.mark.parametrize("address", ["nowhere", "host:0", "host:99999", ":1", "unix:", "a:1,unix:/b", ""])
+def test_a_bad_address_is_told_at_once(address):
+    with pytest.raises((marble.InvalidArgument, marble.Unavailable)):
+        marble.Client(address)
+
+
+def test_nobody_there_is_unavailable():
+    with marble.Client("127.0.0.1:1") as client, pytest.raises(marble.Unavailable):
+        client.solve(tiny(), deadline=30)
+
+
+def test_a_full_queue_refuses_and_says_when_to_come_again(start_server):
+    server = start_server("--workers", "1", "--queue-jobs", "1")
+    problem, options = long_solve()
+    with marble.Client(server.address) as client:
+        running = client.solve_async(problem, options=options)
+        assert wait_until(lambda: client.info().counters["running"] == 1)
+        waiting = client.solve_async(tiny())
+        assert wait_until(lambda: client.info().counters["queued"] == 1)
+        with pytest.raises(marble.Refused) as caught:
+            client.solve(tiny())
+        assert caught.value.retry_after is not None and caught.value.retry_after > 0
+        running.cancel()
+        assert waiting.result(60).solved
+
+
+def test_a_message_beyond_the_limit_is_refused(start_server):
+    server = start_server("--message-bytes", "2000")
+    with marble.Client(server.address) as client, pytest.raises(marble.Refused):
+        client.solve(marble.LCQP(None, np.ones(1000)))
+
+
+def test_the_text_of_an_error_names_everything():
+    error = marble.InvalidProblem("A", "must be finite", index=(1, 2), value=float("nan"))
+    assert str(error) == "A[1, 2] is nan: must be finite"

@@ -1,0 +1,156 @@
+"""What is handed out: wheel and sdist, the README's words, the program, the examples, the types."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+
+import pytest
+from support import clean_environment, random_problem, tiny
+
+import marble
+from marble import drawing
+from marble.hopper import Hopper
+
+HERE = pathlib.Path(__file__).resolve().parent.parent
+PACKAGE = pathlib.Path(marble.__file__).parent.parent
+
+
+def _python(*arguments, server="", where=None, **more):
+    environment = clean_environment(PYTHONPATH=str(PACKAGE), MPLBACKEND="Agg", **more)
+    if server:
+        environment["MARBLE_SERVER"] = server
+    return subprocess.run([sys.executable, *map(str, arguments)], env=environment, cwd=where, capture_output=True,
+                          text=True, timeout=200)
+
+
+def test_the_quick_start_works_word_for_word(server, tmp_path):
+    blocks = re.findall(r"```python\n(.*?)```", (HERE / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert len(blocks) == 1
+    (tmp_path / "quick_start.py").write_text(blocks[0], encoding="utf-8")
+    run = _python("quick_start.py", server=server.address, where=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "solved" in run.stdout
+
+
+def test_the_demo_ends_in_a_picture(server, tmp_path):
+    run = _python("-m", "marble", "demo", "plan.png", server=server.address, where=tmp_path)
+    assert run.returncode == 0 and "hopper: solved" in run.stdout, run.stderr
+    drawn = (tmp_path / "plan.png").is_file()
+    assert drawn == ("drawn in plan.png" in run.stdout)
+    assert drawn or "####" in run.stdout
+
+
+def test_a_terminal_can_show_the_plan(client):
+    hopper = Hopper(steps=20)
+    picture = drawing.text(hopper, client.solve(hopper.problem()).z)
+    assert picture.count("o") > 5 and "####" in picture
+
+
+def test_the_program_solves_files_and_tells_of_bad_ones(server, tmp_path):
+    marble.Problem.of(tiny()).save(tmp_path / "good.json")
+    (tmp_path / "bad.json").write_text("{}")
+    good = _python("-m", "marble", "solve", "good.json", server=server.address, where=tmp_path)
+    assert good.returncode == 0 and "tiny: solved" in good.stdout
+    limited = _python("-m", "marble", "solve", "good.json", "--option", "max_iterations=0", server=server.address,
+                      where=tmp_path)
+    assert limited.returncode == 1 and "iteration_limit" in limited.stdout
+    bad = _python("-m", "marble", "solve", "bad.json", "good.json", server=server.address, where=tmp_path)
+    assert bad.returncode == 2 and "bad.json: n: is missing" in bad.stderr and "tiny: solved" in bad.stdout
+    info = _python("-m", "marble", "info", server=server.address)
+    assert info.returncode == 0 and "workers" in info.stdout
+    nobody = _python("-m", "marble", "info")
+    assert nobody.returncode == 3 and "MARBLE_SERVER" in nobody.stderr
+
+
+@pytest.mark.parametrize(("name", "argument", "words"), [("hopper.py", "plan.png", "the foot presses in"),
+                                                         ("mpc.py", "4", "solved")])
+def test_the_examples_run(server, tmp_path, name, argument, words):
+    run = _python(HERE / "examples" / name, argument, server=server.address, where=tmp_path)
+    assert run.returncode == 0 and words in run.stdout, run.stderr
+
+
+def test_the_benchmark_runs(tmp_path):
+    run = _python(HERE / "benchmarks" / "encoding.py", where=tmp_path)
+    assert run.returncode == 0 and run.stdout.count("\n") == 4, run.stderr
+
+
+def test_wheel_and_sdist_build_and_the_wheel_works_elsewhere(server, tmp_path):
+    pytest.importorskip("build", reason="python3-build is not installed")
+    source = tmp_path / "repository" / "client" / "python"
+    shutil.copytree(HERE, source, ignore=shutil.ignore_patterns("build", "dist", "__pycache__", "*.egg-info"))
+    shutil.copytree(HERE.parent.parent / "proto", tmp_path / "repository" / "proto")
+    run = subprocess.run([sys.executable, "-m", "build", "--no-isolation", "--skip-dependency-check", "."], cwd=source,
+                         env=clean_environment(), capture_output=True, text=True, timeout=200)
+    assert run.returncode == 0, run.stdout + run.stderr
+    wheel, = (source / "dist").glob("*.whl")
+    assert len(list((source / "dist").glob("*.tar.gz"))) == 1 and "none-any" in wheel.name
+    zipfile.ZipFile(wheel).extractall(tmp_path / "installed")
+    names = {path.name for path in (tmp_path / "installed" / "marble").iterdir()}
+    assert {"py.typed", "contract.pb", "__init__.py"} <= names and not any("pb2" in name for name in names)
+    script = "import marble; print(marble.__file__, marble.solve([[1.0]], [-1.0]).status)"
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path, timeout=60,
+                         env=clean_environment(PYTHONPATH=str(tmp_path / "installed"), MARBLE_SERVER=server.address))
+    assert str(tmp_path) in run.stdout and "Status.SOLVED" in run.stdout, run.stderr
+
+
+def test_another_package_s_google_rpc_does_not_clash():
+    run = _python("-c", "from google.protobuf import descriptor_pb2, descriptor_pool\n"
+                  "f = descriptor_pb2.FileDescriptorProto(name='google/rpc/status.proto', package='google.rpc')\n"
+                  "f.message_type.add(name='Status')\n"
+                  "descriptor_pool.Default().AddSerializedFile(f.SerializeToString())\n"
+                  "import marble; print('both')")
+    assert run.stdout == "both\n", run.stderr
+
+
+def test_the_types_hold(tmp_path):
+    mypy = shutil.which("mypy")
+    if mypy is None:
+        pytest.skip("mypy is not installed")
+    run = subprocess.run([mypy, "--config-file", "pyproject.toml", "--cache-dir", str(tmp_path)], cwd=HERE,
+                         capture_output=True, text=True, timeout=300, env=dict(os.environ, PYTHONPATH=""))
+    assert run.returncode == 0, run.stdout
+
+
+def test_the_reference_is_generated_without_warnings(tmp_path):
+    pytest.importorskip("pdoc", reason="pdoc is not installed (it is not in Debian)")
+    run = _python("-W", "error::UserWarning", "-m", "pdoc", "marble", "marble.hopper", "marble.drawing", "-o", tmp_path)
+    assert run.returncode == 0 and "Warning" not in run.stderr, run.stderr
+    assert (tmp_path / "marble" / "hopper.html").is_file()
+
+
+def test_everything_public_is_documented():
+    for name in marble.__all__:
+        thing = getattr(marble, name)
+        assert thing.__doc__, name
+        for member, value in vars(thing).items() if isinstance(thing, type) else ():
+            if callable(value) and not member.startswith("_"):
+                assert value.__doc__, f"{name}.{member}"
+
+
+def test_casadi_expressions_become_problems_and_back(client):
+    casadi = pytest.importorskip("casadi", reason="casadi is not installed (it is not in Debian)")
+    from marble.casadi import from_casadi, to_casadi
+
+    for kind in (casadi.SX, casadi.MX):
+        x, p = kind.sym("x", 2), kind.sym("p")
+        problem = from_casadi(x, (x[0] - 1) ** 2 + (x[1] - 2) ** 2, x[0] + x[1] + 1, ub=2.5, pairs=[(x[0], x[1])])
+        answer = client.solve(problem)
+        assert abs(answer.z[1] - 1.5) < 1e-6 and answer.row_duals[0] > 0
+        for wrong, field in ((lambda: from_casadi(x, x[0] ** 3), "objective"),
+                             (lambda: from_casadi(x, p * x[0]), "objective"),
+                             (lambda: from_casadi(x, x[0] ** 2, casadi.sin(x[1])), "constraints"),
+                             (lambda: from_casadi(x, x[0] ** 2, pairs=[(x[0] * x[1], x[1])]), "pairs[0][0]")):
+            with pytest.raises(marble.InvalidProblem) as caught:
+                wrong()
+            assert caught.value.field == field
+    stated = random_problem(2)
+    terms = to_casadi(stated)
+    pairs = [(terms["G"], terms["H"])]
+    again = from_casadi(terms["x"], terms["f"], terms["g"], terms["lbg"], terms["ubg"], pairs=pairs)
+    assert abs(client.solve(again).objective - client.solve(stated).objective) < 1e-6

@@ -1,0 +1,135 @@
+"""Sessions: set up once, then only what changes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from support import check, long_solve, random_problem, tiny, wait_until
+
+import marble
+from marble.hopper import NAMES, Hopper
+
+
+def test_updates_change_numbers_and_nothing_else(client):
+    problem = random_problem(2)
+    with client.session(problem) as session:
+        check(problem, session.update())
+        shifted = session.update(g=problem.g + 1.0)
+        check(problem.replaced(g=problem.g + 1.0), shifted)
+        scaled = session.update(Q=2 * (problem.Q + sp.triu(problem.Q, 1).T), C=problem.C.toarray() * 0.5)
+        check(session.problem, scaled)
+        values = session.update(C=problem.C.data)
+        check(problem.replaced(g=problem.g + 1.0, Q=2 * problem.Q), values)
+        assert session.job_id and session.memory_bytes > 0 and session.setup_s > 0 and session.is_open
+    assert not session.is_open
+
+
+def test_a_warm_start_needs_less_work_than_a_cold_one(client):
+    hopper = Hopper(steps=30)
+    with client.session(hopper.problem()) as session:
+        first = session.update()
+        hopper = hopper.advanced(first.z)
+        warm = session.update(hopper.problem(), shift=30)
+        cold = session.update(cold=True)
+    assert warm.solved and cold.solved and warm.factorizations < cold.factorizations
+    check(hopper.problem(), warm)
+    assert first.z.size == 30 * len(NAMES)
+
+
+def test_a_builder_s_problem_is_updated_and_answered_in_its_own_terms(client):
+    problem = marble.Problem(["x", "y"]).minimize(np.eye(2), [-2, -3]).bound("x", 0, 1).add_rows([[1, 1]], ub=2.5)
+    with client.session(problem) as session:
+        first = session.update()
+        assert np.isclose(first["x"], 1) or np.isclose(first["x"] + first["y"], 2.5)
+        problem.bound("x", 0, 0.25)
+        second = session.update(problem)
+        assert np.isclose(second["x"], 0.25) and second.bound_duals[0] > 0 and second.row_duals.shape == (1,)
+        with pytest.raises(marble.InvalidProblem, match="sizes"):
+            session.update(problem.copy().bound("y", lb=0))
+        assert session.update().solved
+
+
+def test_an_update_that_does_not_fit_is_told_and_changes_nothing(client):
+    with client.session(tiny()) as session:
+        before = session.update().objective
+        with pytest.raises(marble.InvalidProblem) as wrong_size:
+            session.update(g=[1, 2, 3])
+        assert wrong_size.value.field == "g"
+        with pytest.raises(marble.InvalidProblem) as outside:
+            session.update(L=[[1, 2]])
+        assert (outside.value.field, outside.value.index) == ("L", (0, 1))
+        with pytest.raises(marble.InvalidArgument) as option:
+            session.update(options={"max_iterations": -1})
+        assert option.value.field == "max_iterations"
+        with pytest.raises(TypeError, match="h"):
+            session.send(h=[1])
+        assert session.update(cold=True).objective == before
+
+
+def test_answers_come_in_order_to_who_sends_ahead(client):
+    with client.session(tiny()) as session:
+        numbers = [session.send(c0=float(k)) for k in range(40)]
+        events = [session.next() for _ in numbers]
+    assert [event.sequence for event in events] == numbers
+    assert [round(event.outcome.objective) for event in events] == [k - 1 for k in range(40)]
+
+
+def test_latest_only_supersedes_what_waits(client):
+    with client.session(Hopper(steps=40).problem(), latest_only=True) as session:
+        numbers = [session.send(c0=float(k), cold=True) for k in range(30)]
+        events = [session.next() for _ in numbers]
+    kinds = [type(event.outcome) for event in events]
+    assert kinds.count(marble.Superseded) > 0 and isinstance(events[-1].outcome, marble.Solution)
+
+
+def test_progress_is_told_with_the_update_s_number(client):
+    rows = []
+    with client.session(random_problem(1), progress=lambda number, row: rows.append((number, row))) as session:
+        session.update()
+        session.update(cold=True)
+    assert {number for number, _ in rows} == {1, 2}
+
+
+def test_a_deadline_of_an_update_leaves_the_session_open(client):
+    problem, options = long_solve()
+    with client.session(problem, options=options) as session:
+        with pytest.raises(marble.DeadlineExceeded):
+            session.update(deadline=0.2)
+        assert session.is_open
+        assert session.update(options={"time_limit_s": 0.1}).status is marble.Status.TIME_LIMIT
+
+
+def test_leaving_by_an_exception_gives_the_session_up(client):
+    with pytest.raises(KeyError), client.session(tiny()):
+        raise KeyError
+    assert wait_until(lambda: client.info().counters["sessions"] == 0)
+
+
+def test_an_idle_session_is_aborted(start_server):
+    server = start_server("--session-idle-s", "0.2")
+    with marble.Client(server.address) as client:
+        session = client.session(tiny())
+        assert wait_until(lambda: client.info().counters["sessions"] == 0)
+        with pytest.raises(marble.Aborted):
+            session.next()
+        assert not session.is_open
+        with pytest.raises(marble.FailedPrecondition):
+            session.update()
+
+
+def test_a_server_that_dies_ends_the_session(start_server):
+    server = start_server()
+    with marble.Client(server.address) as client:
+        session = client.session(tiny())
+        assert session.update().solved
+        server.kill()
+        with pytest.raises(marble.Unavailable):
+            session.update()
+        assert not session.is_open
+
+
+def test_a_shift_must_fit_the_problem():
+    with pytest.raises(marble.InvalidArgument, match="equal stages"):
+        marble.Shift.by_stage(tiny(), 3)
+    assert marble.Shift.by_stage(tiny(), 2 - 1).variables == (marble.ShiftBlock(0, 2, 2),)

@@ -1,0 +1,153 @@
+"""marble.solve and Client.solve: answers, progress, what ends a solve."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from support import check, long_solve, random_problem, tiny, wait_until
+
+import marble
+
+
+def test_matrices_go_in_and_numpy_arrays_come_out(server):
+    answer = marble.solve([[2, 0], [0, 2]], [-2, -2], L=[1, 0], R=[0, 1], c0=2, server=server.address, name="first")
+    assert answer.status is marble.Status.SOLVED and answer.solved
+    assert isinstance(answer.z, np.ndarray) and sorted(np.round(answer.z, 9).tolist()) == [0, 1]
+    assert np.isclose(answer.objective, 1.0)
+    assert answer.job_id and answer.times.total_s > 0 and answer.factorizations > 0
+    assert answer.raise_if_unsolved() is answer
+
+
+def test_the_server_is_the_environment_s(server, monkeypatch):
+    monkeypatch.setenv("MARBLE_SERVER", server.address)
+    assert marble.solve(tiny()).solved
+
+
+def test_without_a_server_the_error_says_how_to_start_one():
+    with pytest.raises(marble.Unavailable, match=r"marble-server.*MARBLE_SERVER"):
+        marble.solve(tiny())
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_random_answers_hold_against_numpy(client, seed):
+    problem = random_problem(seed)
+    answer = client.solve(problem)
+    assert answer.status is marble.Status.SOLVED, answer
+    check(problem, answer)
+
+
+def test_options_by_name_are_used_and_told_back(server, client):
+    answer = marble.solve(tiny(), server=client, options={"path": "paper"}, max_iterations=77, polish=False)
+    assert answer.options["max_iterations"] == 77
+    assert answer.options["path"] == "paper" and answer.options["polish"] is False
+    assert set(answer.options) == set(client.info().options)
+
+
+def test_a_solve_that_ends_unsolved_is_an_answer(client):
+    limited = client.solve(random_problem(5), options={"max_iterations": 0})
+    assert limited.status is marble.Status.ITERATION_LIMIT and not limited.solved and limited.detail
+    with pytest.raises(marble.Unsolved) as caught:
+        limited.raise_if_unsolved()
+    assert caught.value.solution is limited
+    infeasible = client.solve(marble.LCQP([[1.0]], [0.0], C=[[1], [-1]], d=[-1, 0]))
+    assert infeasible.status is marble.Status.INFEASIBLE and infeasible.certificate.size == 2
+    unbounded = client.solve(marble.LCQP(None, [-1.0]))
+    assert unbounded.status is marble.Status.UNBOUNDED and unbounded.certificate.size == 1
+
+
+def test_a_start_is_taken(client):
+    for z0 in ([1.0, 0.0], [0.0, 1.0]):
+        problem = marble.LCQP(2 * np.eye(2), [-2, -2], L=[1, 0], R=[0, 1], z0=z0)
+        assert client.solve(problem, options={"local_search_budget": 0}).solved
+
+
+def test_progress_is_told_on_the_calling_thread(client):
+    rows, threads = [], set()
+
+    def tell(row):
+        rows.append(row)
+        threads.add(threading.get_ident())
+
+    answer = client.solve(random_problem(1), progress=tell, iterate_every=1)
+    assert threads == {threading.get_ident()}
+    iterations = [row.iteration for row in rows]
+    assert iterations == sorted(iterations) and len(rows) >= 2
+    assert any(row.z.size == answer.z.size for row in rows)
+
+
+def test_progress_can_be_shown(client, capsys):
+    assert client.solve(random_problem(1), progress=True).solved
+    assert "iterations" in capsys.readouterr().err
+
+
+def test_what_a_callback_raises_ends_the_solve(client):
+    problem, options = long_solve()
+
+    def refuse(row):
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        client.solve(problem, options=options, progress=refuse)
+    assert wait_until(lambda: client.info().counters["running"] == 0)
+
+
+def test_a_deadline_gives_the_solve_up(client):
+    problem, options = long_solve()
+    with pytest.raises(marble.DeadlineExceeded):
+        client.solve(problem, options=options, deadline=0.3)
+    assert wait_until(lambda: client.info().counters["running"] == 0)
+
+
+def test_a_time_limit_returns_the_best_iterate(client):
+    problem, options = long_solve()
+    answer = client.solve(problem, options={**options, "time_limit_s": 0.2})
+    assert answer.status is marble.Status.TIME_LIMIT and answer.z.size == problem.n
+
+
+def test_a_handle_waits_cancels_and_stops(client):
+    handle = client.solve_async(tiny())
+    assert handle.result(60).solved and handle.done() and handle.job_id() == handle.result().job_id
+
+    problem, options = long_solve()
+    told = threading.Event()
+    given_up = client.solve_async(problem, options=options, progress=lambda row: told.set())
+    assert told.wait(60) and not given_up.done()
+    with pytest.raises(TimeoutError):
+        given_up.result(0.01)
+    given_up.cancel()
+    with pytest.raises(marble.Cancelled):
+        given_up.result(60)
+
+    told.clear()
+    stopped = client.solve_async(problem, options=options, progress=lambda row: told.set())
+    assert told.wait(60)
+    stopped.stop()
+    answer = stopped.result(60)
+    assert answer.status is marble.Status.CANCELLED and answer.z.size == problem.n
+
+
+def test_many_threads_share_a_client(client):
+    handles = [client.solve_async(random_problem(seed)) for seed in range(16)]
+    for seed, handle in enumerate(handles):
+        check(random_problem(seed), handle.result(60))
+
+
+def test_a_large_problem_goes_there_and_back(client):
+    n = 60_000
+    band = sp.diags([np.full(n - 1, -1.0), np.full(n, 3.0), np.full(n - 1, -1.0)], [-1, 0, 1])
+    problem = marble.LCQP(band, -np.ones(n), C=sp.identity(n), d=np.zeros(n))
+    answer = client.solve(problem, deadline=120)
+    assert answer.solved
+    check(problem, answer)
+
+
+def test_a_solution_is_worth_reading(client):
+    answer = client.solve(tiny())
+    text = repr(answer)
+    assert "tiny: solved" in text and "2 variables" in text and "objective" in text and "1 pairs" in text
+    evil = client.solve(marble.LCQP([[1.0]], [0.0], name="<script>"))
+    html = evil._repr_html_()
+    assert "&lt;script&gt;" in html and "<script>" not in html and "objective" in html
