@@ -98,9 +98,9 @@ struct JobPage {
 /// A job as it is now, and what it did since it was last told of.
 struct JobEvent {
   JobInfo job;
-  std::vector<Progress> rows;     ///< of one job every row, of all jobs the newest of each; without z
-  std::optional<JobTrace> trace;  ///< in the first event of one job: what it did until now
-  std::int64_t skipped = 0;       ///< told so far of what was not told, because this reader was slow
+  std::vector<Progress> rows = {};     ///< of one job every row, of all jobs the newest of each; without z
+  std::optional<JobTrace> trace = {};  ///< in the first event of one job: what it did until now
+  std::int64_t skipped = 0;            ///< told so far of what was not told, because this reader was slow
 };
 
 struct ResultControls {
