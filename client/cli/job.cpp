@@ -23,7 +23,7 @@ struct JobArguments {
 
 void field(const char* name, const std::string& text) { std::printf("%-14s %s\n", name, text.c_str()); }
 
-std::string formatted(const char* pattern, double a, double b = 0.0, double c = 0.0) {
+std::string formatted(const char* pattern, double a, double b, double c) {
   char text[160];
   std::snprintf(text, sizeof text, pattern, a, b, c);
   return text;

@@ -157,12 +157,15 @@ TEST_F(Watch, RatesComeFromDifferencesAndNotAcrossARestart) {
 
 TEST_F(Watch, TheHeaderTellsWorkersQueueRatesAndConnection) {
   const Lines lines = drawn({120, 24});
-  for (const char* part : {"marble 0.1.0 127.0.0.1:50051", "connected", "3 of 4 busy", "15 solves/s",
-                           "80 % solved", "interactive 2, about 1.5 s", "batch 7, about 90 s", "CPU 150 %"})
+  for (const char* part : {"marble 0.1.0  connected  127.0.0.1:50051  up ", "3 of 4 busy", "15 solves/s",
+                           "80 % solved", "interactive 2, ~1.5 s", "batch 7, ~90 s", "CPU 150 %"})
     EXPECT_TRUE(shows(lines, part)) << part << '\n' << text_of(lines);
+  model_.server.saw(*model_.server.info(), true);
+  EXPECT_TRUE(shows(drawn({40, 12}), "marble 0.1.0  draining"));
   model_.server.lost("connection refused", 0.0);
   const Lines lost = layout(model_, view_, {{120, 24}, true, 7.0});
-  EXPECT_TRUE(shows(lost, "disconnected, retrying for 7 s: connection refused")) << text_of(lost);
+  EXPECT_TRUE(shows(lost, "disconnected, retrying for 7 s  127.0.0.1:50051: connection refused"))
+      << text_of(lost);
 }
 
 TEST_F(Watch, EveryScreenHasItsHeightAndNoLineIsWiderThanIt) {
@@ -325,6 +328,29 @@ TEST_F(Watch, AnOpenedJobShowsFactsCurvesRowsAndWhyItEnded) {
     EXPECT_TRUE(shows(drawn({100, 40}), part)) << part << '\n' << text_of(drawn({100, 40}));
   model_.opened->gone = true;
   EXPECT_TRUE(shows(drawn({140, 40}), "not known to the server any more"));
+}
+
+TEST_F(Watch, WhatDoesNotFitBesideGoesToTheNextLineAndOfRowsTheLeastImportantColumnsGo) {
+  JobInfo info = job("0123456789abcdef", JobState::finished);
+  info.times = {
+      .setup_s = 1e-3, .factorization_s = 0.3, .line_search_s = 0.1, .solve_s = 0.5, .polish_s = 2.0};
+  model_.opened.emplace();
+  model_.opened->update({.job = info, .rows = {{.iteration = 1}, {.iteration = 2}}});
+  view_.opened = info.job_id;
+  const Lines at_80 = drawn({80, 30});
+  for (const char* part : {"of it factorizations 300 ms", "polish 2 s", " fact", "complem."})
+    EXPECT_TRUE(shows(at_80, part)) << part << '\n' << text_of(at_80);
+  EXPECT_FALSE(shows(at_80, "regular.")) << text_of(at_80);
+  EXPECT_TRUE(shows(drawn({100, 30}), "regular.  fact")) << text_of(drawn({100, 30}));
+}
+
+TEST_F(Watch, HowAJobEndedIsReadableInFullAt90Columns) {
+  JobInfo info = job("0123456789abcdef", JobState::finished);
+  info.status = Status::locally_infeasible;
+  info.priority = Priority::interactive;
+  add(info);
+  const Lines lines = drawn({90, 24});
+  EXPECT_TRUE(shows(lines, " inter locally_infeasible ")) << text_of(lines);
 }
 
 TEST_F(Watch, TheNextUpdateOfASessionBeginsANewCurve) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "../job_report.h"
 
@@ -12,12 +11,6 @@ namespace {
 constexpr int kRoomyHeight = 14;  // below, what is of the server takes two lines, not four
 constexpr int kLongestBar = 20;
 
-std::string formatted(const char* pattern, double value) {
-  char text[48];
-  std::snprintf(text, sizeof text, pattern, value);
-  return text;
-}
-
 std::string memory_text(std::int64_t bytes) {
   const auto mebibytes = static_cast<double>(bytes) / (1 << 20);
   return mebibytes < 1024.0 ? formatted("%.0f MiB", mebibytes) : formatted("%.1f GiB", mebibytes / 1024.0);
@@ -25,25 +18,32 @@ std::string memory_text(std::int64_t bytes) {
 
 bool is_roomy(const Size& size) { return size.height >= kRoomyHeight; }
 
-// What the server is, and whether it is there.
+void add_connection(Line& line, const ServerState& server, double now_s) {
+  if (!server.connected()) {
+    const double lost_s = std::round(std::max(0.0, now_s - server.lost_since_s()));
+    line.add("  disconnected, retrying for " + duration_text(lost_s), Style::bad);
+  } else if (!server.info()) {
+    line.add("  connecting", Style::faint);
+  } else if (server.draining()) {
+    line.add("  draining", Style::caution);
+  } else {
+    line.add("  connected", Style::good);
+  }
+}
+
+// What the server is, and first of all whether it is there.
 Line title_line(const Model& model, const View& view, const Look& look) {
   const ServerState& server = model.server;
-  Line line;
-  line.add("marble ", Style::strong);
-  if (server.info()) line.add(shown_text(server.info()->version, look.unicode) + " ", Style::strong);
-  line.add(shown_text(model.address, look.unicode), Style::strong);
+  Line line("marble", Style::strong);
+  if (server.info()) line.add(" " + shown_text(server.info()->version, look.unicode), Style::strong);
+  add_connection(line, server, look.now_s);
+  if (view.paused) line.add("  paused", Style::caution);
+  line.add("  " + shown_text(model.address, look.unicode), Style::strong);
   if (!server.connected()) {
-    line.add("  disconnected, retrying", Style::bad);
-    line.add(" for " + duration_text(std::round(std::max(0.0, look.now_s - server.lost_since_s()))),
-             Style::bad);
     line.add(": " + shown_text(server.why_lost(), look.unicode), Style::faint);
   } else if (server.info()) {
     line.add("  up " + duration_text(std::floor(std::max(1.0, server.info()->uptime_s))), Style::faint);
-    line.add("  connected", Style::good);
-  } else {
-    line.add("  connecting", Style::faint);
   }
-  if (view.paused) line.add("  paused", Style::caution);
   return line;
 }
 
@@ -77,7 +77,7 @@ Line queue_line(const ServerInfo& info) {
     const int queued = info.queued_by_priority[i];
     line.add(std::string(i > 0 ? "   " : "") + kNames[i] + " ", Style::faint);
     line.add(std::to_string(queued), queued > 0 ? Style::strong : Style::plain);
-    if (info.estimated_wait_s[i] > 0.0) line.add(", about " + duration_text(info.estimated_wait_s[i]));
+    if (info.estimated_wait_s[i] > 0.0) line.add(", ~" + duration_text(info.estimated_wait_s[i]));
   }
   return line;
 }
@@ -91,7 +91,7 @@ Line memory_line(const ServerInfo& info, const std::optional<Rates>& rates) {
     line.add("   CPU ", Style::faint);
     line.add(formatted("%.0f %%", 100.0 * rates->cpu_share));
   }
-  line.add("   since its start ", Style::faint);
+  line.add("   so far ", Style::faint);
   line.add(std::to_string(info.answered + info.updates) + " answers, " + std::to_string(info.refused) +
            " refused, " + std::to_string(info.failed) + " failed");
   return line;
@@ -105,13 +105,11 @@ Line last_line(const Model& model, const View& view, const Look& look) {
     return {"filter: " + shown_text(view.table.filter, look.unicode) + "_", Style::strong};
   if (view.help) return {"any key: back", Style::faint};
   if (!model.notice.empty()) return {shown_text(model.notice, look.unicode), Style::strong};
-  const std::string select = look.unicode ? "↑↓ select" : "up/down select";
   if (!view.opened.empty()) {
     return {std::string(view.began_opened ? "q quit" : "q back") + "  c cancel  p pause  ? help",
             Style::faint};
   }
-  return {"q quit  ? help  " + select + "  enter open  c cancel  s sort  r reverse  / filter  p pause",
-          Style::faint};
+  return {"q quit  ? help  enter open  c cancel  s sort  r reverse  / filter  p pause", Style::faint};
 }
 
 int server_height(const Size& size) {
@@ -151,7 +149,7 @@ Lines server_lines(const Model& model, const View& view, const Look& look) {
 Lines help_lines() {
   return {{"up, down, page up, page down, home, end: select a job", Style::plain},
           {"enter   open it: its facts and its convergence", Style::plain},
-          {"c       cancel it, after a question; that takes the role admin, but for one's own", Style::plain},
+          {"c       cancel it, after a question; it takes the role admin, or to be the owner", Style::plain},
           {"s       sort by the next column", Style::plain},
           {"r       the other way round", Style::plain},
           {"/       show only jobs with a text in id, client, problem, state, status or", Style::plain},
