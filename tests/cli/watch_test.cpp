@@ -344,6 +344,25 @@ TEST_F(Watch, WhatDoesNotFitBesideGoesToTheNextLineAndOfRowsTheLeastImportantCol
   EXPECT_TRUE(shows(drawn({100, 30}), "regular.  fact")) << text_of(drawn({100, 30}));
 }
 
+TEST_F(Watch, LongTextIsBrokenAtBlanksAndNeverWithinACharacter) {
+  const auto broken = [](const char* text, int width, std::size_t most = 9) {
+    std::string all;
+    for (const Line& line : wrapped(text, width, most, Style::plain)) all += line.text() + "|";
+    return all;
+  };
+  EXPECT_EQ(broken("is not cancelled: admin", 10), "is not|cancelled:|admin|");
+  EXPECT_EQ(broken("is not cancelled: admin", 16, 1), "is not|");
+  EXPECT_EQ(broken("is not cancelled: admin", 17), "is not cancelled:|admin|");
+  EXPECT_EQ(broken("aaaaaa bb", 4), "aaaa|aa|bb|");
+  EXPECT_EQ(broken("éééé é", 3), "ééé|é é|");
+  EXPECT_EQ(broken("跳躍者", 5), "跳躍|者|");
+  EXPECT_EQ(broken("跳躍", 1), "跳|躍|");
+  EXPECT_EQ(broken("", 4), "");
+  model_.notice = "job 0123456789abcdef is not cancelled: it is another client's, which takes the role admin";
+  const Lines lines = drawn({60, 12});
+  EXPECT_TRUE(shows(lines, "client's, which takes the role admin")) << text_of(lines);
+}
+
 TEST_F(Watch, HowAJobEndedIsReadableInFullAt90Columns) {
   JobInfo info = job("0123456789abcdef", JobState::finished);
   info.status = Status::locally_infeasible;

@@ -79,23 +79,6 @@ std::vector<Line> time_facts(const JobInfo& job) {
   return facts;
 }
 
-// Words broken at blanks into lines of the width.
-Lines wrapped(std::string text, int width, std::size_t most, Style style) {
-  Lines lines;
-  while (!text.empty() && lines.size() < most) {
-    const auto limit = static_cast<std::size_t>(std::max(1, width));
-    std::size_t end = text.size();
-    if (text.size() > limit) {
-      end = text.rfind(' ', limit);
-      if (end == std::string::npos || end == 0) end = limit;
-    }
-    lines.emplace_back(text.substr(0, end), style);
-    text.erase(0, end);
-    text.erase(0, text.find_first_not_of(' '));
-  }
-  return lines;
-}
-
 Lines why_lines(const JobInfo& job, const Look& look) {
   if (job.state != JobState::finished) return {};
   const std::string why = job.error ? job.error->message() : job.detail;
@@ -168,10 +151,6 @@ Lines plot(const OpenedJob& opened, const Look& look, int height) {
   for (const Progress& row : opened.trace.values()) x.push_back(row.iteration);
   return terminal_plot(x, convergence_summary(opened.trace.values()),
                        {{look.size.width, height}, true, look.unicode});
-}
-
-void append(Lines& lines, Lines more) {
-  for (Line& line : more) lines.push_back(std::move(line));
 }
 
 }  // namespace

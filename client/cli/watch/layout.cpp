@@ -10,6 +10,7 @@ namespace {
 
 constexpr int kRoomyHeight = 14;  // below, what is of the server takes two lines, not four
 constexpr int kLongestBar = 20;
+constexpr std::size_t kMostNotice = 3;  // lines
 
 std::string memory_text(std::int64_t bytes) {
   const auto mebibytes = static_cast<double>(bytes) / (1 << 20);
@@ -97,19 +98,20 @@ Line memory_line(const ServerInfo& info, const std::optional<Rates>& rates) {
   return line;
 }
 
-// The last line: a question, an outcome, or what keys there are.
-Line last_line(const Model& model, const View& view, const Look& look) {
+// The last lines: a question, an outcome, or what keys there are.
+Lines foot(const Model& model, const View& view, const Look& look) {
   if (view.prompt == Prompt::confirm_cancel)
-    return {"cancel job " + shown_text(view.asked_about, look.unicode) + "? y/n", Style::caution};
+    return {{"cancel job " + shown_text(view.asked_about, look.unicode) + "? y/n", Style::caution}};
   if (view.prompt == Prompt::filter)
-    return {"filter: " + shown_text(view.table.filter, look.unicode) + "_", Style::strong};
-  if (view.help) return {"any key: back", Style::faint};
-  if (!model.notice.empty()) return {shown_text(model.notice, look.unicode), Style::strong};
+    return {{"filter: " + shown_text(view.table.filter, look.unicode) + "_", Style::strong}};
+  if (view.help) return {{"any key: back", Style::faint}};
+  if (!model.notice.empty())
+    return wrapped(shown_text(model.notice, look.unicode), look.size.width, kMostNotice, Style::strong);
   if (!view.opened.empty()) {
-    return {std::string(view.began_opened ? "q quit" : "q back") + "  c cancel  p pause  ? help",
-            Style::faint};
+    return {
+        {std::string(view.began_opened ? "q quit" : "q back") + "  c cancel  p pause  ? help", Style::faint}};
   }
-  return {"q quit  ? help  enter open  c cancel  s sort  r reverse  / filter  p pause", Style::faint};
+  return {{"q quit  ? help  enter open  c cancel  s sort  r reverse  / filter  p pause", Style::faint}};
 }
 
 int server_height(const Size& size) {
@@ -169,12 +171,13 @@ Lines layout(const Model& model, View& view, const Look& look) {
   } else {
     lines = {title_line(model, view, look)};
   }
-  const int left = std::max(0, look.size.height - static_cast<int>(lines.size()) - 1);
-  Lines more = body(model, view, look, left);
-  more.resize(static_cast<std::size_t>(left));
-  for (Line& line : more) lines.push_back(std::move(line));
-  lines.resize(static_cast<std::size_t>(std::max(0, look.size.height - 1)));
-  lines.push_back(last_line(model, view, look));
+  Lines last = foot(model, view, look);
+  const int above = std::max(0, look.size.height - static_cast<int>(last.size()));
+  const int left = std::max(0, above - static_cast<int>(lines.size()));
+  append(lines, body(model, view, look, left));
+  lines.resize(static_cast<std::size_t>(above));
+  append(lines, std::move(last));
+  lines.resize(static_cast<std::size_t>(std::max(0, look.size.height)));
   for (Line& line : lines) line.cut_to(look.size.width);
   return lines;
 }
