@@ -26,6 +26,21 @@ JobInfo job(const std::string& id, JobState state, double accepted_s = 1000.0) {
   return info;
 }
 
+Progress row_at(std::int32_t iteration, double violation = 0.0, double kappa = 0.0) {
+  Progress row;
+  row.iteration = iteration;
+  row.violations.equality = violation;
+  row.kappa = kappa;
+  return row;
+}
+
+JobEvent event_of(const JobInfo& info, std::vector<Progress> rows = {}) {
+  JobEvent event;
+  event.job = info;
+  event.rows = std::move(rows);
+  return event;
+}
+
 std::string ids(const JobTable& table, const TableView& view) {
   std::string text;
   for (const JobRow* row : table.rows(view)) text += row->job.job_id + " ";
@@ -175,8 +190,8 @@ TEST_F(Watch, EveryScreenHasItsHeightAndNoLineIsWiderThanIt) {
   for (int i = 0; i < 50; ++i) add(job("job" + std::to_string(i), JobState::finished));
   add(wide);
   model_.opened.emplace();
-  JobEvent event{.job = wide};
-  for (int i = 0; i < 300; ++i) event.rows.push_back({.iteration = i, .violations = {1e-3 / (i + 1), 0, 0}});
+  JobEvent event = event_of(wide);
+  for (int i = 0; i < 300; ++i) event.rows.push_back(row_at(i, 1e-3 / (i + 1)));
   model_.opened->update(event);
   for (const bool unicode : {true, false}) {
     for (const char* opened : {"", "0123456789abcdef"}) {
@@ -310,9 +325,9 @@ TEST_F(Watch, SGoesThroughTheSortOrdersAndRReverses) {
 TEST_F(Watch, AnOpenedJobShowsFactsCurvesRowsAndWhyItEnded) {
   JobInfo info = job("0123456789abcdef", JobState::running);
   info.iterations = 3;
-  JobEvent event{.job = info, .trace = JobTrace{}};
-  for (int i = 0; i < 4; ++i)
-    event.trace->rows.push_back({.iteration = i, .violations = {std::pow(10.0, -i), 0, 0}, .kappa = 1});
+  JobEvent event = event_of(info);
+  event.trace.emplace();
+  for (int i = 0; i < 4; ++i) event.trace->rows.push_back(row_at(i, std::pow(10.0, -i), 1.0));
   model_.opened.emplace();
   model_.opened->update(event);
   view_.opened = info.job_id;
@@ -323,7 +338,7 @@ TEST_F(Watch, AnOpenedJobShowsFactsCurvesRowsAndWhyItEnded) {
   info.status = Status::iteration_limit;
   info.detail = "max_iterations = 3 reached; complementarity 1.0e-03";
   info.times.solve_s = 0.5;
-  model_.opened->update({.job = info});
+  model_.opened->update(event_of(info));
   for (const char* part : {"iteration_limit", "max_iterations = 3 reached", "solve 500 ms", "line search"})
     EXPECT_TRUE(shows(drawn({100, 40}), part)) << part << '\n' << text_of(drawn({100, 40}));
   model_.opened->gone = true;
@@ -335,7 +350,7 @@ TEST_F(Watch, WhatDoesNotFitBesideGoesToTheNextLineAndOfRowsTheLeastImportantCol
   info.times = {
       .setup_s = 1e-3, .factorization_s = 0.3, .line_search_s = 0.1, .solve_s = 0.5, .polish_s = 2.0};
   model_.opened.emplace();
-  model_.opened->update({.job = info, .rows = {{.iteration = 1}, {.iteration = 2}}});
+  model_.opened->update(event_of(info, {row_at(1), row_at(2)}));
   view_.opened = info.job_id;
   const Lines at_80 = drawn({80, 30});
   for (const char* part : {"of it factorizations 300 ms", "polish 2 s", " fact", "complem."})
@@ -374,8 +389,8 @@ TEST_F(Watch, HowAJobEndedIsReadableInFullAt90Columns) {
 
 TEST_F(Watch, TheNextUpdateOfASessionBeginsANewCurve) {
   OpenedJob opened;
-  opened.update({.job = {}, .rows = {{.iteration = 1}, {.iteration = 2}}});
-  opened.update({.job = {}, .rows = {{.iteration = 1}}});
+  opened.update(event_of({}, {row_at(1), row_at(2)}));
+  opened.update(event_of({}, {row_at(1)}));
   EXPECT_EQ(opened.trace.values().size(), 1U);
   EXPECT_EQ(opened.newest.size(), 3U);
 }
