@@ -25,15 +25,15 @@ struct ColumnRule {
 // In the order in which they are shown.
 constexpr std::array kRules = {
     ColumnRule{Column::job, "job", 8, 16, 9, 7, false},
-    ColumnRule{Column::client, "client", 6, 18, 2, 5, false},
-    ColumnRule{Column::problem, "problem", 7, 24, 5, 2, false},
-    ColumnRule{Column::size, "n/n_c", 8, 11, 1, 1, true},
+    ColumnRule{Column::client, "client", 6, 14, 2, 2, false},
+    ColumnRule{Column::problem, "problem", 7, 16, 5, 1, false},
+    ColumnRule{Column::size, "n/n_c", 8, 11, 1, 3, true},
     ColumnRule{Column::priority, "prio", 5, 11, 0, 6, false},
     ColumnRule{Column::state, "state", 9, 18, 8, 0, false},
-    ColumnRule{Column::iterations, "iter", 5, 7, 4, 4, true},
+    ColumnRule{Column::iterations, "iter", 5, 7, 4, 5, true},
     ColumnRule{Column::time, "time", 7, 7, 7, 8, true},
     ColumnRule{Column::violation, "violation", 9, 9, 6, 9, true},
-    ColumnRule{Column::trend, "trend", 8, 32, 3, 3, false},
+    ColumnRule{Column::trend, "trend", 8, 32, 3, 4, false},
 };
 constexpr int kOrders = static_cast<int>(kRules.size());
 using Widths = std::array<int, kRules.size()>;  // 0: not shown
