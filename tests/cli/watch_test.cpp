@@ -308,6 +308,7 @@ TEST_F(Watch, WhatIsTypedAfterASlashFilters) {
   EXPECT_TRUE(shows(drawn({80, 24}), "filter: q"));
   EXPECT_EQ(press({KeyName::enter}).kind, Request::Kind::none);
   EXPECT_EQ(ids(model_.jobs, view_.table), "q ");
+  EXPECT_TRUE(shows(drawn({80, 24}), "only q  Esc shows all")) << "that rows are missing is told";
   EXPECT_EQ(press({KeyName::escape}).kind, Request::Kind::none) << "Esc shows all again before it quits";
   EXPECT_EQ(ids(model_.jobs, view_.table), "a q ");
 }

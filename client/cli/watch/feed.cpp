@@ -12,6 +12,11 @@ constexpr int kLooksBetweenLists = 5;
 constexpr double kRetryAfter_s = 0.5;
 constexpr int kListed = 1000;  // as many as the table keeps
 
+bool drains(const Client& client, const std::stop_token& stop) {
+  const auto takes_jobs = client.healthy(stop);
+  return takes_jobs && !*takes_jobs;
+}
+
 }  // namespace
 
 double steady_now_s() {
@@ -94,11 +99,11 @@ void Feed::follow_jobs(const std::stop_token& stop) {
 void Feed::follow_server(const std::stop_token& stop) {
   for (int looks = 1; !stop.stop_requested(); ++looks) {
     const auto info = client_.info(stop);
-    const auto takes_jobs = client_.healthy(stop);
+    const bool draining = info && drains(client_, stop);
     if (stop.stop_requested() || (!info && gave_up(info.error()))) return;
     model_.change([&](Model& model) {
       if (info) {
-        model.server.saw(*info, takes_jobs && !*takes_jobs);
+        model.server.saw(*info, draining);
       } else {
         model.server.lost(info.error().message(), steady_now_s());
       }

@@ -22,7 +22,8 @@ bool is_roomy(const Size& size) { return size.height >= kRoomyHeight; }
 void add_connection(Line& line, const ServerState& server, double now_s) {
   if (!server.connected()) {
     const double lost_s = std::round(std::max(0.0, now_s - server.lost_since_s()));
-    line.add("  disconnected, retrying for " + duration_text(lost_s), Style::bad);
+    line.add("  disconnected, retrying", Style::bad);
+    if (lost_s >= 1.0) line.add(" for " + duration_text(lost_s), Style::bad);
   } else if (!server.info()) {
     line.add("  connecting", Style::faint);
   } else if (server.draining()) {
@@ -111,6 +112,9 @@ Lines foot(const Model& model, const View& view, const Look& look) {
     return {
         {std::string(view.began_opened ? "q quit" : "q back") + "  c cancel  p pause  ? help", Style::faint}};
   }
+  if (!view.table.filter.empty())
+    return {{"only " + shown_text(view.table.filter, look.unicode) + "  Esc shows all  q quit  ? help",
+             Style::strong}};
   return {{"q quit  ? help  enter open  c cancel  s sort  r reverse  / filter  p pause", Style::faint}};
 }
 
