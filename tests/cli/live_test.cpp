@@ -43,7 +43,7 @@ class Live : public Cli {
 
   // TERM=screen: pyte knows all that such a terminal is sent.
   void watch(const std::string& arguments, int width = 100, int height = 30,
-             std::vector<std::string> environment = {"TERM=screen"}) {
+             const std::vector<std::string>& environment = {"TERM=screen"}) {
     program_.reset();
     terminal_ = std::make_unique<Terminal>(width, height);
     screen_ = std::make_unique<EmulatedScreen>(width, height);
@@ -290,8 +290,8 @@ TEST_F(Live, PlainLinesWhereTheyAreAskedForOrTheTerminalCanDoNoMore) {
   serve();
   const std::string id = submit(quoted(file("good.json", kGood)));
   ASSERT_EQ(marble("result --wait " + id).exit_code, 0);
-  const auto plain = [&](const std::string& flags, std::vector<std::string> environment) {
-    watch(flags + id, 100, 30, std::move(environment));
+  const auto plain = [&](const std::string& flags, const std::vector<std::string>& environment) {
+    watch(flags + id, 100, 30, environment);
     EXPECT_EQ(ended(), 0);
     const std::string& text = output();
     EXPECT_EQ(text.find('\033'), std::string::npos) << text;

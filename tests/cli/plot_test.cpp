@@ -42,7 +42,7 @@ TEST(Sparkline, ALongHistoryShowsTheWorstOfEachShare) {
 class TerminalPlot : public ::testing::Test {
  protected:
   TerminalPlot() { std::setlocale(LC_CTYPE, "C.UTF-8"); }
-  static std::string drawn(std::vector<Curve> curves, PlotLook look) {
+  static std::string drawn(const std::vector<Curve>& curves, const PlotLook& look) {
     std::vector<double> x;
     for (std::size_t i = 0; i < curves.front().values.size(); ++i) x.push_back(static_cast<double>(i));
     std::string text;
