@@ -132,7 +132,8 @@ class Jobs {
   /// Lets a submitted job and its answer go; ends it if it has not finished.
   [[nodiscard]] Expected<void> remove(const std::string& job_id) const;
 
-  [[nodiscard]] Expected<JobPage> list(const JobQuery& query = {}) const;
+  /// `stop` gives the question up, with the error cancelled.
+  [[nodiscard]] Expected<JobPage> list(const JobQuery& query = {}, const std::stop_token& stop = {}) const;
   [[nodiscard]] Expected<JobDetails> get(const std::string& job_id) const;
 
   /// Ends a job: a waiting one at once, a running one within an iteration. Returns it as it is then.
