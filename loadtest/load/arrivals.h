@@ -22,7 +22,7 @@ class Arrivals {
 
  private:
   ArrivalProcess process_;
-  double gap_ns_;
+  double rate_per_s_;
   double at_ns_ = 0.0;
   std::int64_t count_ = 0;
   std::mt19937_64 engine_;

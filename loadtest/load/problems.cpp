@@ -67,7 +67,11 @@ Expected<std::vector<OwnedProblem>> problems_of(const Entry& entry) {
   std::vector<OwnedProblem> result;
   if (!entry.file.empty()) {
     auto file = formats::read_any_problem(entry.file.string());
-    if (!file) return unexpected(file.error());
+    if (!file) {
+      Error error = file.error();
+      error.field = entry.file.string() + (error.field.empty() ? "" : ": " + error.field);
+      return unexpected(error);
+    }
     result.push_back(std::move(file->problem));
   } else {
     if (entry.problem == "qpec" && entry.size == 1)

@@ -57,7 +57,7 @@ Series distribution(const std::string& name, const Histogram& histogram) {
 
 std::string distribution_plot(const EntryTally& tally) {
   return svg_plot(
-      "Latency: which part of the answers took longer", {"milliseconds", Scale::logarithmic},
+      "Latency: the part of the answers within a time", {"milliseconds", Scale::logarithmic},
       {"part of the answers", Scale::nines},
       {distribution("from the intended time", tally.latency), distribution("server: solve", tally.solve),
        distribution("server: queue", tally.queue), distribution("outside the server", tally.outside)});

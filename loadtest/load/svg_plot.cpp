@@ -104,7 +104,7 @@ class Drawing {
       line("grid", kLeft, at_y(value), kWidth - kRight, at_y(value));
       text("tick", kLeft - 6, at_y(value) + 4, "end", label);
     }
-    text("axis", (kLeft + kWidth - kRight) / 2, kHeight - 22, "middle", x.title);
+    text("axis", (kLeft + kWidth - kRight) / 2, kHeight - 26, "middle", x.title);
     out_ << "<text class=\"axis\" text-anchor=\"middle\" transform=\"translate(14,"
          << (kTop + kHeight - kBottom) / 2 << ") rotate(-90)\">" << escaped(y.title) << "</text>\n";
   }
@@ -122,14 +122,14 @@ class Drawing {
     for (std::size_t i = 0; series.marks && i < shown.size(); ++i)
       out_ << "<circle class=\"m" << number << "\" cx=\"" << shown[i].first << "\" cy=\"" << shown[i].second
            << "\" r=\"3.5\"/>\n";
-    const double x = kLeft + 4 + 150.0 * static_cast<double>(number);
+    const double x = kLeft + 4 + 165.0 * static_cast<double>(number);
     if (series.line) {
-      line(("s" + std::to_string(number)).c_str(), x, kHeight - 6, x + 18, kHeight - 6);
+      line(("s" + std::to_string(number)).c_str(), x, kHeight - 10, x + 18, kHeight - 10);
     } else {
-      out_ << "<circle class=\"m" << number << "\" cx=\"" << x + 9 << "\" cy=\"" << kHeight - 6
+      out_ << "<circle class=\"m" << number << "\" cx=\"" << x + 9 << "\" cy=\"" << kHeight - 10
            << "\" r=\"3.5\"/>\n";
     }
-    text("tick", x + 24, kHeight - 2, "start", series.name);
+    text("tick", x + 24, kHeight - 6, "start", series.name);
   }
 
   std::string end() {
