@@ -42,7 +42,6 @@ void analyse(benchmark::State& state, const OwnedProblem& owned) {
 void factor(benchmark::State& state, const OwnedProblem& owned) {
   const ScaledProblem problem = scaled(owned);
   const auto kkt = make_kkt(problem);
-  kkt->allocate(problem);
   const RowWeights weights = weights_of(problem);
   for (auto _ : state) {
     if (!kkt->factor(weights)) state.SkipWithError("the factorization failed");
@@ -53,7 +52,6 @@ void factor(benchmark::State& state, const OwnedProblem& owned) {
 void solve_with_factors(benchmark::State& state, const OwnedProblem& owned) {
   const ScaledProblem problem = scaled(owned);
   const auto kkt = make_kkt(problem);
-  kkt->allocate(problem);
   if (!kkt->factor(weights_of(problem))) state.SkipWithError("the factorization failed");
   const Vector f = Vector::Ones(problem.variables()), h = Vector::Ones(problem.equalities());
   Vector x = f, y = h;

@@ -18,6 +18,7 @@ constexpr int kPages = 50, kWatchers = 50;
 constexpr int kClients = 4, kCores = 2;
 constexpr int kRounds = 10;
 constexpr std::chrono::milliseconds kBlock{1500};
+constexpr std::chrono::seconds kIdle{3};
 
 // Half of them as the page, half by Jobs.Watch.
 class Dashboards {
@@ -84,19 +85,30 @@ void crowd() {
   RemoteLoop busy(crowded.address(), problem, kClients), free(alone.address(), problem, kClients);
   static_cast<void>(busy.run(kBlock));
   static_cast<void>(free.run(kBlock));
-  std::vector<double> with, without, with_cpu, without_cpu;
-  const auto run = [](RemoteLoop& loop, std::vector<double>& rates, std::vector<double>& cpu) {
+  // What the crowd costs while nobody solves.
+  const auto info = v1::Server::NewStub(connect(crowded.address()));
+  const double server_before = server_cpu_s(*info), own_before = own_cpu_s();
+  std::this_thread::sleep_for(kIdle);
+  const double idle_s = std::chrono::duration<double>(kIdle).count();
+  std::printf("nobody solves: %.4f cores for the server, %.4f for its onlookers\n",
+              (server_cpu_s(*info) - server_before) / idle_s, (own_cpu_s() - own_before) / idle_s);
+  std::vector<double> with, without, with_cpu, without_cpu, with_own, without_own;
+  const auto run = [](RemoteLoop& loop, std::vector<double>& rates, std::vector<double>& cpu,
+                      std::vector<double>& own) {
     const Block block = loop.run(kBlock);
     rates.push_back(block.accounted_solves_per_s(kCores));
     cpu.push_back(block.server_cpu_per_solve_s());
+    own.push_back(block.own_cpu_s / block.seconds);
   };
   for (int round = 0; round < kRounds; ++round) {
-    if (round % 2 == 0) run(busy, with, with_cpu);
-    run(free, without, without_cpu);
-    if (round % 2 != 0) run(busy, with, with_cpu);
+    if (round % 2 == 0) run(busy, with, with_cpu, with_own);
+    run(free, without, without_cpu, without_own);
+    if (round % 2 != 0) run(busy, with, with_cpu, with_own);
   }
-  std::printf("%d idle sessions, %d pages and %d watchers, who heard %zu KiB\n", kSessions, kPages, kWatchers,
-              dashboards.heard() >> 10);
+  std::printf(
+      "%d idle sessions, %d pages and %d watchers, who heard %zu KiB; cores that this process takes: %.4f "
+      "beside the crowded server, %.4f beside the other\n",
+      kSessions, kPages, kWatchers, dashboards.heard() >> 10, median(with_own), median(without_own));
   const std::string detail = "medians of " + std::to_string(kRounds) +
                              " pairs of blocks in turns, hopper of 60 steps, four clients, two workers";
   tell({"1000 idle sessions and 100 dashboards: solves a second over full load alone",
