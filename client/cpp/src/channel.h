@@ -11,10 +11,7 @@
 
 namespace marble::client {
 
-/// Accepts host:port, unix:PATH and what else ends in a port. The error's field is "address".
-[[nodiscard]] Expected<void> check_address(const std::string& address);
-
-/// Does not connect yet. Errors: those of make_credentials.
+/// Does not connect yet. Errors: those of target_of and make_credentials.
 [[nodiscard]] Expected<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
                                                                     const ConnectOptions& options);
 

@@ -37,7 +37,6 @@ void set_deadline(std::chrono::duration<double> from_now, grpc::ClientContext& c
 
 Expected<std::shared_ptr<const Connection>> Connection::open(const std::string& address,
                                                              const ConnectOptions& options) {
-  if (auto valid = check_address(address); !valid) return unexpected(valid.error());
   if (auto valid = check_labels(options); !valid) return unexpected(valid.error());
   const auto channel = open_channel(address, options);
   if (!channel) return unexpected(channel.error());
