@@ -5,6 +5,7 @@
 #include <optional>
 #include <stop_token>
 
+#include "answer.h"
 #include "pending_solve.h"
 #include "request.h"
 #include "solve_events.h"
@@ -22,12 +23,18 @@ struct PendingSolution::State final : grpc::ClientReadReactor<v1::SolveStreamRes
         stop(solve_controls.stop),
         events(solve_controls.progress, call) {}
 
-  void begin(const std::shared_ptr<State>& self) {
+  // A unary call where nobody wants to be told: gRPC can repeat it elsewhere to its end.
+  void begin(const std::shared_ptr<State>& self, bool tells) {
     own = self;
-    connection->solver().async()->SolveStream(&context, &request, this);
+    if (tells) {
+      connection->solver().async()->SolveStream(&context, &request, this);
+      StartRead(&event);
+    } else {
+      connection->solver().async()->Solve(&context, &request.solve(), &response,
+                                          [this](const grpc::Status& status) { finish(status, answer()); });
+    }
     cancel_on_stop.emplace(stop, [this] { context.TryCancel(); });
-    StartRead(&event);
-    StartCall();
+    if (tells) StartCall();
   }
 
   void OnReadDone(bool ok) override {
@@ -36,10 +43,12 @@ struct PendingSolution::State final : grpc::ClientReadReactor<v1::SolveStreamRes
     StartRead(&event);
   }
 
-  void OnDone(const grpc::Status& status) override {
-    cancel_on_stop.reset();  // no callback of it runs any more
-    Expected<RemoteSolution> ended =
-        status.ok() ? events.answer() : Expected<RemoteSolution>(unexpected(client::to_error(status, stop)));
+  void OnDone(const grpc::Status& status) override { finish(status, events.answer()); }
+
+  [[nodiscard]] Expected<RemoteSolution> answer() const { return client::remote_solution(response); }
+
+  void finish(const grpc::Status& status, Expected<RemoteSolution> ended) {
+    if (!status.ok()) ended = unexpected(client::to_error(status, stop));
     if (ended) ended->traceparent = client::returned_traceparent(context);
     const std::shared_ptr<State> last = std::move(own);
     const std::lock_guard lock(mutex);
@@ -58,7 +67,8 @@ struct PendingSolution::State final : grpc::ClientReadReactor<v1::SolveStreamRes
   const std::stop_token stop;
   v1::SolveStreamRequest request;
   grpc::ClientContext context;
-  v1::SolveStreamResponse event;
+  v1::SolveResponse response;     // of a unary call
+  v1::SolveStreamResponse event;  // of a stream
   client::SolveEvents events;
   std::optional<std::stop_callback<std::function<void()>>> cancel_on_stop;
   std::shared_ptr<State> own;  // while the call goes on
@@ -80,7 +90,8 @@ Expected<PendingSolution> begin_solve(const std::shared_ptr<const Connection>& c
   state->request = std::move(*request);
   if (auto ready = connection->prepare(state->context, call.traceparent, call.deadline); !ready)
     return unexpected(ready.error());
-  state->begin(state);
+  const bool tells = controls.progress != nullptr || call.accepted || call.moved || call.started;
+  state->begin(state, tells);
   return PendingSolution(state);
 }
 
