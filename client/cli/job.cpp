@@ -23,10 +23,10 @@ struct JobArguments {
 
 void field(const char* name, const std::string& text) { std::printf("%-14s %s\n", name, text.c_str()); }
 
-std::string formatted(const char* pattern, double a, double b = 0.0, double c = 0.0) {
-  char text[160];
-  std::snprintf(text, sizeof text, pattern, a, b, c);
-  return text;
+std::string violations_text(const Violations& violations) {
+  return formatted("equality %.1e", violations.equality) +
+         formatted(", inequality %.1e", violations.inequality) +
+         formatted(", complementarity %.1e", violations.complementarity);
 }
 
 std::string time_text(double unix_s) {
@@ -70,9 +70,7 @@ void print(const JobDetails& details) {
   field("work", std::to_string(job.iterations) + " iterations, " + std::to_string(job.factorizations) +
                     " factorizations");
   field("objective", formatted("%.10g", job.objective));
-  field("violations",
-        formatted("equality %.1e, inequality %.1e, complementarity %.1e", job.violations.equality,
-                  job.violations.inequality, job.violations.complementarity));
+  field("violations", violations_text(job.violations));
   field("time", duration_text(job.queue_s) + " queue, " + duration_text(job.times.setup_s) + " set-up, " +
                     duration_text(job.times.solve_s) + " solve, " + duration_text(job.total_s) + " in all");
   field("solve", duration_text(job.times.factorization_s) + " factorizations, " +

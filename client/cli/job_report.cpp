@@ -7,15 +7,12 @@
 #include "exit_code.h"
 
 namespace marble::cli {
-namespace {
 
 std::string formatted(const char* pattern, double value) {
   char text[48];
   std::snprintf(text, sizeof text, pattern, value);
   return text;
 }
-
-}  // namespace
 
 std::string ending(const JobInfo& job) {
   if (job.error) return std::string("error: ") + to_string(job.error->code);

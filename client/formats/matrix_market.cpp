@@ -118,7 +118,7 @@ class Reader {
 
   std::string_view rest_;
   const std::string part_;
-  int line_ = 0;
+  int line_ = 1;
   bool failed_ = false;
   std::string rule_;
 };

@@ -23,8 +23,6 @@ constexpr double kLeanFactor = 4.0;
 constexpr int kLeanSteps = 3;
 constexpr double kLeanTolerance = 1e-3;
 
-double largest(const Violations& v) { return std::max({v.equality, v.inequality, v.complementarity}); }
-
 Regularization first_regularization(const Options& options) {
   return {options.path == Path::fast ? kFastRegularization : 0.0, options.regularization_initial};
 }

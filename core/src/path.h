@@ -32,6 +32,10 @@ class PathEngine {
   [[nodiscard]] const Iterate& iterate() const { return x_; }
   /// Its violations (user units) and its objective (scaled).
   [[nodiscard]] const Violations& violations_at() const { return violations_; }
+  /// The least violated of those it has passed since start(), the one with the lowest objective of those
+  /// within the tolerances.
+  [[nodiscard]] const Iterate& best() const { return best_; }
+  [[nodiscard]] const Violations& best_violations() const { return best_violations_; }
   [[nodiscard]] double objective() const { return images_.objective; }
 
  private:

@@ -112,7 +112,7 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
 
 Ending Strategy::run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start) {
   initial_z_ = initial_z;
-  has_exact_ = branch_infeasible_ = false;
+  has_exact_ = branch_infeasible_ = has_fallback_ = false;
   b_stationary_.reset();
   searched_soft_ = false;
   stayed_warm_ = warm_start && options_.polish && from_solution(run, *warm_start);
@@ -168,8 +168,14 @@ Ending Strategy::cold(Run& run) {
 
 std::optional<Ending> Strategy::follow_path(Run& run, double kappa_end) {
   std::optional<Ending> end = path_.follow(run, kappa_end);
-  fallback_.all = path_.iterate().all;
-  fallback_violations_ = path_.violations_at();
+  const Iterate& x = end ? path_.iterate() : path_.best();
+  const Violations& violations = end ? path_.violations_at() : path_.best_violations();
+  // A path that began again and was cut short may be worse than where the first one was.
+  const bool cut_short = end && ended_by_force(end->status);
+  if (cut_short && has_fallback_ && largest(fallback_violations_) < largest(violations)) return end;
+  fallback_.all = x.all;
+  fallback_violations_ = violations;
+  has_fallback_ = true;
   return end;
 }
 

@@ -63,6 +63,7 @@ class Strategy {
   Vector initial_z_;
   Iterate fallback_;  // what the path ended with, for solves without anything better
   Violations fallback_violations_;
+  bool has_fallback_ = false;
   FurtherStarts further_starts_;
   ExactSolution exact_, candidate_;  // the best one so far, and the one at hand
   WorkingSet branch_base_, branch_set_;

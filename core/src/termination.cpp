@@ -13,6 +13,8 @@ constexpr double kReducedFactor = 100.0;  // solved_reduced: this times the tole
 
 }  // namespace
 
+double largest(const Violations& v) { return std::max({v.equality, v.inequality, v.complementarity}); }
+
 bool within_tolerances(const Violations& violations, const Options& options, double factor) {
   return violations.equality <= factor * options.equality_tolerance &&
          violations.inequality <= factor * options.inequality_tolerance &&

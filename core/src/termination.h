@@ -16,6 +16,8 @@ struct Ending {
   std::vector<double> certificate;
 };
 
+/// The largest of the three.
+[[nodiscard]] double largest(const Violations& violations);
 /// Whether all three violations are within `factor` times their tolerances.
 [[nodiscard]] bool within_tolerances(const Violations& violations, const Options& options,
                                      double factor = 1.0);

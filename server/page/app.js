@@ -78,7 +78,7 @@ class App {
   }
 
   #server(data) {
-    this.#counters = toCounters(data.counters);
+    this.#counters = toCounters(data);
     this.#uptime_s = Number(data.uptime_s);
     this.#history.put(this.#uptime_s, this.#counters);
     this.header.showServer(data.state, this.#uptime_s);

@@ -4,7 +4,7 @@ import { make, onceAFrame, styleValue } from "./dom.js";
 import { duration, real, residual } from "./format.js";
 import { repeated } from "./trace.js";
 
-const LOWEST = 1e-17; // on a log scale 0 has no place; what is below counts as it
+const LOWEST = 1e-12; // on a log scale 0 has no place; what is below counts as it: the table has the numbers
 
 const RESIDUALS = [
   { key: "equality", label: "equality violation", colour: "--blue", dash: [] },
@@ -109,7 +109,7 @@ export class Convergence {
     };
   }
   #logAxis(more) {
-    return this.#axis({ type: "logarithmic", ...more, ticks: { maxTicksLimit: 9, callback: (value) => (Number.isInteger(Math.round(1e6 * Math.log10(value)) / 1e6) ? value.toExponential(0) : null) } });
+    return this.#axis({ type: "logarithmic", ...more, ticks: { maxTicksLimit: 9, callback: (value) => (Number.isInteger(Math.round(1e6 * Math.log10(value)) / 1e6) ? (value <= 1.0001 * LOWEST ? "≤ " : "") + value.toExponential(0) : null) } });
   }
   #line({ label, colour, dash = [], width = 1.5, ...more }) {
     const tint = styleValue(colour);

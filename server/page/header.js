@@ -27,7 +27,7 @@ export class Header {
   }
   showServer(state, uptime_s) {
     this.#server = state;
-    fill(byId("uptime"), `up ${duration(Math.floor(uptime_s))}`);
+    fill(byId("uptime"), `up ${uptime_s < 120 ? `${Math.floor(uptime_s)} s` : duration(uptime_s)}`);
     this.#show();
   }
   showConnection(connection) {

@@ -62,7 +62,8 @@ export class JobRow {
     this.link.title = job.id;
     this.#text("name", job.name || "–", job.name);
     this.#text("client", job.client, job.client);
-    this.#text("size", `${whole(job.n)} / ${whole(job.ne)} / ${whole(job.ni)} / ${whole(job.nc)}`);
+    const size = `${whole(job.n)} / ${whole(job.ne)} / ${whole(job.ni)} / ${whole(job.nc)}`;
+    this.#text("size", size, size);
     this.#text("kind", job.kind);
     this.#text("priority", job.priority);
     this.#text("iterations", job.state === "queued" ? "–" : whole(job.iterations));

@@ -1,6 +1,7 @@
 // A small plot of one quantity over the last minutes: an area on a canvas, redrawn when there is something new.
 
 import { make, fill, styleValue } from "./dom.js";
+import { whole } from "./format.js";
 import { SPAN_S } from "./history.js";
 
 // The smallest of 1, 2, 5 times a power of ten that is not below the value.
@@ -51,7 +52,7 @@ export class TimePlot {
     const values = this.#points.map((point) => point[1]);
     const most = Math.max(0, ...values);
     this.scale = this.most?.() ?? roundUp(most);
-    fill(this.top, this.text(this.scale));
+    fill(this.top, Number.isInteger(this.scale) ? whole(this.scale) : this.text(this.scale));
     const now = values.length > 0 ? this.text(values.at(-1)) : "unknown";
     this.canvas.setAttribute("aria-label", `${this.words} over the last 5 minutes: now ${now}, at most ${this.text(most)}`);
     this.canvas.dataset.points = values.length;

@@ -42,7 +42,7 @@ TEST(Sparkline, ALongHistoryShowsTheWorstOfEachShare) {
 class TerminalPlot : public ::testing::Test {
  protected:
   TerminalPlot() { std::setlocale(LC_CTYPE, "C.UTF-8"); }
-  static std::string drawn(std::vector<Curve> curves, PlotLook look) {
+  static std::string drawn(const std::vector<Curve>& curves, const PlotLook& look) {
     std::vector<double> x;
     for (std::size_t i = 0; i < curves.front().values.size(); ++i) x.push_back(static_cast<double>(i));
     std::string text;
@@ -104,9 +104,19 @@ std::string trace_text(const std::vector<Progress>& rows) {
   return text;
 }
 
+Progress row_at(std::int32_t iteration, double kappa = 0.0, std::int32_t factorizations = 0) {
+  Progress row;
+  row.iteration = iteration;
+  row.kappa = kappa;
+  row.factorizations = factorizations;
+  return row;
+}
+
 TEST(TraceFile, WhatWasWrittenIsReadToTheBit) {
-  const Progress row{
-      .iteration = 4, .objective = 0.1, .violations = {1.0 / 3.0, 0, 5e-324}, .elapsed_s = 1e-5};
+  Progress row = row_at(4, 1e-300, 7);
+  row.objective = 0.1;
+  row.violations = {1.0 / 3.0, 0, 5e-324};
+  row.elapsed_s = 1e-5;
   const auto rows = parse_trace(trace_text({row}));
   ASSERT_TRUE(rows) << rows.error().message();
   EXPECT_EQ(trace_text(*rows), trace_text({row}));
@@ -130,7 +140,7 @@ TEST(TraceFile, FaultsNameLineAndColumn) {
 }
 
 TEST(TraceFile, LineEndsOfWindowsAreTaken) {
-  std::string text = trace_text({{.iteration = 1}, {.iteration = 2}});
+  std::string text = trace_text({row_at(1), row_at(2)});
   for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 2) text.insert(at, "\r");
   ASSERT_TRUE(parse_trace(text));
   EXPECT_EQ(parse_trace(text)->size(), 2U);
@@ -144,16 +154,16 @@ TEST(Gnuplot, PicturesAreChosenByTheEndOfTheName) {
 
 TEST(Gnuplot, ATitleCannotBeACommand) {
   std::vector<const ProgressColumn*> columns{&progress_columns()[3]};
-  const std::vector<Progress> rows{{.iteration = 0}, {.iteration = 1}};
+  const std::vector<Progress> rows{row_at(0), row_at(1)};
   const std::string script = gnuplot_script(rows, columns, PictureFormat::png, "a'\nsystem \"x\" `y`$(z)");
   EXPECT_NE(script.find("set title 'a__system _x_ _y__(z)' noenhanced\n"), std::string::npos) << script;
 }
 
 TEST(Gnuplot, RepeatedFactorizationsAreMarkedOnThePathAlone) {
-  const Progress before{.iteration = 1, .kappa = 1, .factorizations = 1};
-  EXPECT_TRUE(repeats_factorization(before, {.iteration = 2, .kappa = 1, .factorizations = 3}));
-  EXPECT_FALSE(repeats_factorization(before, {.iteration = 2, .kappa = 1, .factorizations = 2}));
-  EXPECT_FALSE(repeats_factorization(before, {.iteration = 2, .kappa = 0, .factorizations = 9}));
+  const Progress before = row_at(1, 1.0, 1);
+  EXPECT_TRUE(repeats_factorization(before, row_at(2, 1.0, 3)));
+  EXPECT_FALSE(repeats_factorization(before, row_at(2, 1.0, 2)));
+  EXPECT_FALSE(repeats_factorization(before, row_at(2, 0.0, 9)));
 }
 
 }  // namespace

@@ -26,6 +26,21 @@ JobInfo job(const std::string& id, JobState state, double accepted_s = 1000.0) {
   return info;
 }
 
+Progress row_at(std::int32_t iteration, double violation = 0.0, double kappa = 0.0) {
+  Progress row;
+  row.iteration = iteration;
+  row.violations.equality = violation;
+  row.kappa = kappa;
+  return row;
+}
+
+JobEvent event_of(const JobInfo& info, std::vector<Progress> rows = {}) {
+  JobEvent event;
+  event.job = info;
+  event.rows = std::move(rows);
+  return event;
+}
+
 std::string ids(const JobTable& table, const TableView& view) {
   std::string text;
   for (const JobRow* row : table.rows(view)) text += row->job.job_id + " ";
@@ -157,12 +172,15 @@ TEST_F(Watch, RatesComeFromDifferencesAndNotAcrossARestart) {
 
 TEST_F(Watch, TheHeaderTellsWorkersQueueRatesAndConnection) {
   const Lines lines = drawn({120, 24});
-  for (const char* part : {"marble 0.1.0 127.0.0.1:50051", "connected", "3 of 4 busy", "15 solves/s",
-                           "80 % solved", "interactive 2, about 1.5 s", "batch 7, about 90 s", "CPU 150 %"})
+  for (const char* part : {"marble 0.1.0  connected  127.0.0.1:50051  up ", "3 of 4 busy", "15 solves/s",
+                           "80 % solved", "interactive 2, ~1.5 s", "batch 7, ~90 s", "CPU 150 %"})
     EXPECT_TRUE(shows(lines, part)) << part << '\n' << text_of(lines);
+  model_.server.saw(*model_.server.info(), true);
+  EXPECT_TRUE(shows(drawn({40, 12}), "marble 0.1.0  draining"));
   model_.server.lost("connection refused", 0.0);
   const Lines lost = layout(model_, view_, {{120, 24}, true, 7.0});
-  EXPECT_TRUE(shows(lost, "disconnected, retrying for 7 s: connection refused")) << text_of(lost);
+  EXPECT_TRUE(shows(lost, "disconnected, retrying for 7 s  127.0.0.1:50051: connection refused"))
+      << text_of(lost);
 }
 
 TEST_F(Watch, EveryScreenHasItsHeightAndNoLineIsWiderThanIt) {
@@ -172,8 +190,8 @@ TEST_F(Watch, EveryScreenHasItsHeightAndNoLineIsWiderThanIt) {
   for (int i = 0; i < 50; ++i) add(job("job" + std::to_string(i), JobState::finished));
   add(wide);
   model_.opened.emplace();
-  JobEvent event{.job = wide};
-  for (int i = 0; i < 300; ++i) event.rows.push_back({.iteration = i, .violations = {1e-3 / (i + 1), 0, 0}});
+  JobEvent event = event_of(wide);
+  for (int i = 0; i < 300; ++i) event.rows.push_back(row_at(i, 1e-3 / (i + 1)));
   model_.opened->update(event);
   for (const bool unicode : {true, false}) {
     for (const char* opened : {"", "0123456789abcdef"}) {
@@ -290,6 +308,7 @@ TEST_F(Watch, WhatIsTypedAfterASlashFilters) {
   EXPECT_TRUE(shows(drawn({80, 24}), "filter: q"));
   EXPECT_EQ(press({KeyName::enter}).kind, Request::Kind::none);
   EXPECT_EQ(ids(model_.jobs, view_.table), "q ");
+  EXPECT_TRUE(shows(drawn({80, 24}), "only q  Esc shows all")) << "that rows are missing is told";
   EXPECT_EQ(press({KeyName::escape}).kind, Request::Kind::none) << "Esc shows all again before it quits";
   EXPECT_EQ(ids(model_.jobs, view_.table), "a q ");
 }
@@ -307,9 +326,9 @@ TEST_F(Watch, SGoesThroughTheSortOrdersAndRReverses) {
 TEST_F(Watch, AnOpenedJobShowsFactsCurvesRowsAndWhyItEnded) {
   JobInfo info = job("0123456789abcdef", JobState::running);
   info.iterations = 3;
-  JobEvent event{.job = info, .trace = JobTrace{}};
-  for (int i = 0; i < 4; ++i)
-    event.trace->rows.push_back({.iteration = i, .violations = {std::pow(10.0, -i), 0, 0}, .kappa = 1});
+  JobEvent event = event_of(info);
+  event.trace.emplace();
+  for (int i = 0; i < 4; ++i) event.trace->rows.push_back(row_at(i, std::pow(10.0, -i), 1.0));
   model_.opened.emplace();
   model_.opened->update(event);
   view_.opened = info.job_id;
@@ -320,17 +339,59 @@ TEST_F(Watch, AnOpenedJobShowsFactsCurvesRowsAndWhyItEnded) {
   info.status = Status::iteration_limit;
   info.detail = "max_iterations = 3 reached; complementarity 1.0e-03";
   info.times.solve_s = 0.5;
-  model_.opened->update({.job = info});
+  model_.opened->update(event_of(info));
   for (const char* part : {"iteration_limit", "max_iterations = 3 reached", "solve 500 ms", "line search"})
     EXPECT_TRUE(shows(drawn({100, 40}), part)) << part << '\n' << text_of(drawn({100, 40}));
   model_.opened->gone = true;
   EXPECT_TRUE(shows(drawn({140, 40}), "not known to the server any more"));
 }
 
+TEST_F(Watch, WhatDoesNotFitBesideGoesToTheNextLineAndOfRowsTheLeastImportantColumnsGo) {
+  JobInfo info = job("0123456789abcdef", JobState::finished);
+  info.times = {
+      .setup_s = 1e-3, .factorization_s = 0.3, .line_search_s = 0.1, .solve_s = 0.5, .polish_s = 2.0};
+  model_.opened.emplace();
+  model_.opened->update(event_of(info, {row_at(1), row_at(2)}));
+  view_.opened = info.job_id;
+  const Lines at_80 = drawn({80, 30});
+  for (const char* part : {"of it factorizations 300 ms", "polish 2 s", " fact", "complem."})
+    EXPECT_TRUE(shows(at_80, part)) << part << '\n' << text_of(at_80);
+  EXPECT_FALSE(shows(at_80, "regular.")) << text_of(at_80);
+  EXPECT_TRUE(shows(drawn({100, 30}), "regular.  fact")) << text_of(drawn({100, 30}));
+}
+
+TEST_F(Watch, LongTextIsBrokenAtBlanksAndNeverWithinACharacter) {
+  const auto broken = [](const char* text, int width, std::size_t most = 9) {
+    std::string all;
+    for (const Line& line : wrapped(text, width, most, Style::plain)) all += line.text() + "|";
+    return all;
+  };
+  EXPECT_EQ(broken("is not cancelled: admin", 10), "is not|cancelled:|admin|");
+  EXPECT_EQ(broken("is not cancelled: admin", 16, 1), "is not|");
+  EXPECT_EQ(broken("is not cancelled: admin", 17), "is not cancelled:|admin|");
+  EXPECT_EQ(broken("aaaaaa bb", 4), "aaaa|aa|bb|");
+  EXPECT_EQ(broken("éééé é", 3), "ééé|é é|");
+  EXPECT_EQ(broken("跳躍者", 5), "跳躍|者|");
+  EXPECT_EQ(broken("跳躍", 1), "跳|躍|");
+  EXPECT_EQ(broken("", 4), "");
+  model_.notice = "job 0123456789abcdef is not cancelled: it is another client's, which takes the role admin";
+  const Lines lines = drawn({60, 12});
+  EXPECT_TRUE(shows(lines, "client's, which takes the role admin")) << text_of(lines);
+}
+
+TEST_F(Watch, HowAJobEndedIsReadableInFullAt90Columns) {
+  JobInfo info = job("0123456789abcdef", JobState::finished);
+  info.status = Status::locally_infeasible;
+  info.priority = Priority::interactive;
+  add(info);
+  const Lines lines = drawn({90, 24});
+  EXPECT_TRUE(shows(lines, " inter locally_infeasible ")) << text_of(lines);
+}
+
 TEST_F(Watch, TheNextUpdateOfASessionBeginsANewCurve) {
   OpenedJob opened;
-  opened.update({.job = {}, .rows = {{.iteration = 1}, {.iteration = 2}}});
-  opened.update({.job = {}, .rows = {{.iteration = 1}}});
+  opened.update(event_of({}, {row_at(1), row_at(2)}));
+  opened.update(event_of({}, {row_at(1)}));
   EXPECT_EQ(opened.trace.values().size(), 1U);
   EXPECT_EQ(opened.newest.size(), 3U);
 }

@@ -164,6 +164,16 @@ TEST_F(ClientTest, AServerThatIsGoneIsUnavailable) {
   }
 }
 
+TEST_F(ClientTest, AQuestionToAFrozenServerCanBeGivenUp) {
+  server_.send(SIGSTOP);
+  std::stop_source stop;
+  stop.request_stop();  // else the call's own deadline would end it
+  EXPECT_EQ(client_->healthy(stop.get_token()).error().code, ErrorCode::cancelled);
+  EXPECT_EQ(client_->info(stop.get_token()).error().code, ErrorCode::cancelled);
+  EXPECT_EQ(client_->jobs().list({}, stop.get_token()).error().code, ErrorCode::cancelled);
+  server_.send(SIGCONT);
+}
+
 TEST(ClientAddress, MustBeHostAndPortOrASocketsPath) {
   for (const char* address : {"127.0.0.1:50051", "localhost:1", "[::1]:65535", "unix:/a path/socket",
                               "unix:relative", "dns:///solver.example:443"})

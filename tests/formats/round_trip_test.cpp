@@ -67,8 +67,8 @@ TEST_P(RoundTrip, OfRandomProblemsWithAPointToStartFrom) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Formats, RoundTrip, ::testing::Values("p.npz", "folder/", "p.json"),
-                         [](const auto& info) {
-                           return info.param[2] == 'n' ? "npz" : info.param[2] == 'j' ? "json" : "folder";
+                         [](const auto& format) {
+                           return format.param[2] == 'n' ? "npz" : format.param[2] == 'j' ? "json" : "folder";
                          });
 
 TEST(Formats, AFolderThatIsWrittenAgainHoldsTheNewProblemAlone) {

@@ -165,5 +165,21 @@ TEST(Ending, ATimeLimitIsSaidWhereverItStrikes) {
   }
 }
 
+// Gates with a limit of 41 iterations gave the start of a path that had just begun again.
+TEST(Ending, MoreIterationsNeverGiveAWorseIterate) {
+  const OwnedProblem problem = examples::gates();
+  double before = std::numeric_limits<double>::infinity();
+  for (int limit = 1; limit <= 60; ++limit) {
+    Options options;
+    options.max_iterations = limit;
+    const Solution s = solve(problem.view(), options).value();
+    if (s.status != Status::iteration_limit) break;
+    const Violations& v = s.violations;
+    const double now = std::max({v.equality, v.inequality, v.complementarity});
+    EXPECT_LE(now, before * (1.0 + 1e-9)) << limit;
+    before = now;
+  }
+}
+
 }  // namespace
 }  // namespace marble

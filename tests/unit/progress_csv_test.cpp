@@ -33,7 +33,7 @@ TEST(ProgressCsv, EveryColumnStandsInItsPlaceWithEveryBit) {
                  .factorizations = 7,
                  .elapsed_s = 0.25,
                  .z = {}}),
-            "3,2,-0.1,1e-09,2.5e-300,0.3333333333333333,4,1e-14,1e+06,0.5,0.0001,7,0.25");
+            "3,2,-0.1,1e-09,2.5e-300,0.3333333333333333,4,1e-14,1e+06,0.5,1e-04,7,0.25");
 }
 
 TEST(ProgressCsv, NumbersThatAreNoneAreNamed) {

@@ -36,6 +36,19 @@ Character first_of(std::string_view text) {
 
 int columns_of(const Character& character) { return std::max(0, ::wcwidth(character.code)); }
 
+// Bytes of what goes on one line: up to a blank, or all that fits of a word that is longer, but something.
+std::size_t length_of_line(std::string_view text, int width) {
+  std::size_t length = 0, blank = 0;
+  for (int columns = 0; length < text.size();) {
+    const Character next = first_of(text.substr(length));
+    columns += columns_of(next);
+    if (columns > width && length > 0) return next.bytes == " " || blank == 0 ? length : blank;
+    if (next.bytes == " ") blank = length;
+    length += next.bytes.size();
+  }
+  return length;
+}
+
 }  // namespace
 
 int columns_of(std::string_view text) {
@@ -117,6 +130,21 @@ std::string Line::text() const {
   std::string text;
   for (const Span& span : spans_) text += span.text;
   return text;
+}
+
+Lines wrapped(std::string_view text, int width, std::size_t most, Style style) {
+  Lines lines;
+  while (!text.empty() && lines.size() < most) {
+    const std::size_t length = length_of_line(text, width);
+    lines.emplace_back(std::string(text.substr(0, length)), style);
+    text.remove_prefix(length);
+    text.remove_prefix(std::min(text.size(), text.find_first_not_of(' ')));
+  }
+  return lines;
+}
+
+void append(Lines& lines, Lines more) {
+  for (Line& line : more) lines.push_back(std::move(line));
 }
 
 }  // namespace marble::cli

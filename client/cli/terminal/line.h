@@ -1,6 +1,7 @@
 // A line of a screen: pieces of text, each with what it means. How that looks is the screen's matter.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -63,6 +64,11 @@ class Line {
 
 /// A screen's content, line by line.
 using Lines = std::vector<Line>;
+
+/// Text broken at blanks into lines of the width, as many as there may be at most.
+[[nodiscard]] Lines wrapped(std::string_view text, int width, std::size_t most, Style style);
+
+void append(Lines& lines, Lines more);
 
 struct Size {
   int width = 80, height = 24;

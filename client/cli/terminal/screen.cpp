@@ -8,6 +8,7 @@
 
 #include <array>
 #include <climits>
+#include <cstdint>
 #include <cstdlib>
 #include <optional>
 
@@ -96,7 +97,8 @@ std::unique_ptr<Screen> Screen::open() {
   use_tioctl(TRUE);  // the terminal's real size before LINES and COLUMNS
   if (newterm(nullptr, stdout, stdin) == nullptr) return nullptr;
   char capability[] = "cup";  // it can place its cursor
-  if (const char* found = tigetstr(capability); found == nullptr || found == reinterpret_cast<char*>(-1)) {
+  const char* found = tigetstr(capability);
+  if (found == nullptr || reinterpret_cast<std::intptr_t>(found) == -1) {
     endwin();
     return nullptr;
   }

@@ -64,7 +64,7 @@ Axis axis_of(std::span<const Curve> curves, bool log) {
 class Canvas {
  public:
   Canvas(int width, int height, bool unicode)
-      : width_(width), height_(height), unicode_(unicode), cells_(static_cast<std::size_t>(width * height)) {}
+      : width_(width), height_(height), unicode_(unicode), cells_(index(height, 0)) {}
 
   [[nodiscard]] int dots_across() const { return width_ * (unicode_ ? 2 : 1); }
   [[nodiscard]] int dots_down(int rows) const { return rows * (unicode_ ? 4 : 1); }
@@ -73,7 +73,7 @@ class Canvas {
     const int column = unicode_ ? x / 2 : x;
     const int row = unicode_ ? y / 4 : y;
     if (column < 0 || column >= width_ || row < 0 || row >= height_) return;
-    Cell& cell = cells_[static_cast<std::size_t>(row * width_ + column)];
+    Cell& cell = cells_[index(row, column)];
     constexpr unsigned kBits[4][2] = {{0x01, 0x08}, {0x02, 0x10}, {0x04, 0x20}, {0x40, 0x80}};
     cell.dots |= unicode_ ? kBits[y % 4][x % 2] : 1U;
     cell.mark = curve.mark;
@@ -87,7 +87,7 @@ class Canvas {
 
   void add_row(int row, Line& line) const {
     for (int column = 0; column < width_; ++column) {
-      const Cell& cell = cells_[static_cast<std::size_t>(row * width_ + column)];
+      const Cell& cell = cells_[index(row, column)];
       if (cell.dots == 0) {
         line.add(" ", Style::plain);
       } else {
@@ -97,6 +97,11 @@ class Canvas {
   }
 
  private:
+  [[nodiscard]] std::size_t index(int row, int column) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+           static_cast<std::size_t>(column);
+  }
+
   struct Cell {
     unsigned dots = 0;
     char mark = ' ';

@@ -12,6 +12,11 @@ constexpr int kLooksBetweenLists = 5;
 constexpr double kRetryAfter_s = 0.5;
 constexpr int kListed = 1000;  // as many as the table keeps
 
+bool drains(const Client& client, const std::stop_token& stop) {
+  const auto takes_jobs = client.healthy(stop);
+  return takes_jobs && !*takes_jobs;
+}
+
 }  // namespace
 
 double steady_now_s() {
@@ -70,7 +75,7 @@ void Feed::pause(const std::stop_token& stop, double seconds) {
 
 void Feed::follow_jobs(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
-    const auto page = client_.jobs().list({.limit = kListed});
+    const auto page = client_.jobs().list({.limit = kListed}, stop);
     Error error;
     if (page) {
       model_.change([&](Model& model) { model.jobs.replace(page->jobs); });
@@ -93,17 +98,18 @@ void Feed::follow_jobs(const std::stop_token& stop) {
 // reader was slow.
 void Feed::follow_server(const std::stop_token& stop) {
   for (int looks = 1; !stop.stop_requested(); ++looks) {
-    const auto info = client_.info();
-    if (!info && gave_up(info.error())) return;
+    const auto info = client_.info(stop);
+    const bool draining = info && drains(client_, stop);
+    if (stop.stop_requested() || (!info && gave_up(info.error()))) return;
     model_.change([&](Model& model) {
       if (info) {
-        model.server.saw(*info);
+        model.server.saw(*info, draining);
       } else {
         model.server.lost(info.error().message(), steady_now_s());
       }
     });
     if (info && looks % kLooksBetweenLists == 0) {
-      const auto page = client_.jobs().list({.limit = kListed});
+      const auto page = client_.jobs().list({.limit = kListed}, stop);
       if (page) {
         model_.change([&](Model& model) {
           for (auto job = page->jobs.rbegin(); job != page->jobs.rend(); ++job) model.jobs.update(*job);

@@ -51,6 +51,7 @@ class Feed {
  public:
   /// Both must outlive it.
   Feed(const Client& client, SharedModel& model);
+  /// Gives up what it asks and follows; a cancellation that was ordered is still made.
   ~Feed();
   Feed(const Feed&) = delete;
   Feed& operator=(const Feed&) = delete;

@@ -1,6 +1,6 @@
 // One job: its facts, its convergence as curves, its newest rows.
 #include <algorithm>
-#include <cstdio>
+#include <array>
 
 #include "../convergence.h"
 #include "../job_report.h"
@@ -11,12 +11,28 @@ namespace marble::cli {
 namespace {
 
 constexpr int kRoomyHeight = 18;
+constexpr int kBetweenFacts = 3;  // columns
 constexpr int kLeastPlot = 6, kMostPlot = 24;
 
-void fact(Line& line, const char* name, const std::string& text, Style style = Style::plain) {
-  if (line.width() > 0) line.add("   ");
-  line.add(std::string(name) + " ", Style::faint);
+Line fact(const char* name, const std::string& text, Style style = Style::plain) {
+  Line line(std::string(name) + " ", Style::faint);
   line.add(text, style);
+  return line;
+}
+
+// One beside the other, on as many lines as that takes, but at most so many.
+Lines flowed(const std::vector<Line>& facts, int width, std::size_t most) {
+  Lines lines(1);
+  for (const Line& fact : facts) {
+    const int start = lines.back().width() > 0 ? lines.back().width() + kBetweenFacts : 0;
+    if (start > 0 && start + fact.width() > width && lines.size() < most) {
+      lines.push_back(fact);
+      continue;
+    }
+    lines.back().pad_to(start);
+    for (const Span& span : fact.spans()) lines.back().add(span.text, span.style);
+  }
+  return lines;
 }
 
 std::string state_text(const JobInfo& job) {
@@ -27,66 +43,40 @@ std::string state_text(const JobInfo& job) {
   return job.estimated_wait_s > 0.0 ? text + ", about " + duration_text(job.estimated_wait_s) : text;
 }
 
-Line job_line(const OpenedJob& opened, bool unicode) {
+std::vector<Line> job_facts(const OpenedJob& opened, bool unicode) {
   const JobInfo& job = opened.job;
-  Line line;
-  fact(line, "job", job.job_id, Style::strong);
-  line.add("  " + state_text(job), style_of(job));
-  if (opened.gone) line.add("  not known to the server any more", Style::bad);
-  fact(line, "problem", shown_text(job.problem_name, unicode));
-  return line;
+  Line identity = fact("job", job.job_id, Style::strong);
+  identity.add("  " + state_text(job), style_of(job));
+  if (opened.gone) identity.add("  not known to the server any more", Style::bad);
+  return {std::move(identity), fact("problem", shown_text(job.problem_name, unicode))};
 }
 
-Line origin_line(const JobInfo& job, bool unicode) {
-  Line line;
-  fact(line, "n/n_e/n_i/n_c", sizes_text(job));
-  fact(line, "priority", to_string(job.priority));
-  fact(line, "client", shown_text(job.client, unicode));
-  if (!job.request_id.empty()) fact(line, "request", shown_text(job.request_id, unicode));
-  if (job.kind == JobKind::session) fact(line, "updates", std::to_string(job.updates));
-  return line;
+std::vector<Line> origin_facts(const JobInfo& job, bool unicode) {
+  std::vector<Line> facts = {fact("n/n_e/n_i/n_c", sizes_text(job)),
+                             fact("priority", to_string(job.priority)),
+                             fact("client", shown_text(job.client, unicode))};
+  if (!job.request_id.empty()) facts.push_back(fact("request", shown_text(job.request_id, unicode)));
+  if (job.kind == JobKind::session) facts.push_back(fact("updates", std::to_string(job.updates)));
+  return facts;
 }
 
-Line work_line(const JobInfo& job) {
-  char number[40];
-  Line line;
-  fact(line, "iterations", std::to_string(job.iterations));
-  fact(line, "factorizations", std::to_string(job.factorizations));
-  std::snprintf(number, sizeof number, "%.8g", job.objective);
-  fact(line, "objective", number);
-  std::snprintf(number, sizeof number, "%.1e", largest(job.violations));
-  fact(line, "violation", number);
-  return line;
+std::vector<Line> work_facts(const JobInfo& job) {
+  return {fact("iterations", std::to_string(job.iterations)),
+          fact("factorizations", std::to_string(job.factorizations)),
+          fact("objective", formatted("%.8g", job.objective)),
+          fact("violation", formatted("%.1e", largest(job.violations)))};
 }
 
-Line time_line(const JobInfo& job) {
-  Line line;
-  fact(line, "time", duration_text(job.total_s));
-  fact(line, "queue", duration_text(job.queue_s));
-  if (job.times.solve_s <= 0.0) return line;  // told with the answer
-  fact(line, "set-up", duration_text(job.times.setup_s));
-  fact(line, "solve", duration_text(job.times.solve_s));
-  fact(line, "of it factorizations", duration_text(job.times.factorization_s));
-  fact(line, "line search", duration_text(job.times.line_search_s));
-  fact(line, "polish", duration_text(job.times.polish_s));
-  return line;
-}
-
-// Words broken at blanks into lines of the width.
-Lines wrapped(std::string text, int width, std::size_t most, Style style) {
-  Lines lines;
-  while (!text.empty() && lines.size() < most) {
-    const auto limit = static_cast<std::size_t>(std::max(1, width));
-    std::size_t end = text.size();
-    if (text.size() > limit) {
-      end = text.rfind(' ', limit);
-      if (end == std::string::npos || end == 0) end = limit;
-    }
-    lines.emplace_back(text.substr(0, end), style);
-    text.erase(0, end);
-    text.erase(0, text.find_first_not_of(' '));
-  }
-  return lines;
+std::vector<Line> time_facts(const JobInfo& job) {
+  std::vector<Line> facts = {fact("time", duration_text(job.total_s)),
+                             fact("queue", duration_text(job.queue_s))};
+  if (job.times.solve_s <= 0.0) return facts;  // told with the answer
+  facts.push_back(fact("set-up", duration_text(job.times.setup_s)));
+  facts.push_back(fact("solve", duration_text(job.times.solve_s)));
+  facts.push_back(fact("of it factorizations", duration_text(job.times.factorization_s)));
+  facts.push_back(fact("line search", duration_text(job.times.line_search_s)));
+  facts.push_back(fact("polish", duration_text(job.times.polish_s)));
+  return facts;
 }
 
 Lines why_lines(const JobInfo& job, const Look& look) {
@@ -96,28 +86,62 @@ Lines why_lines(const JobInfo& job, const Look& look) {
   return wrapped(shown_text(why, look.unicode), look.size.width, most, style_of(job));
 }
 
-Line table_heading() {
-  char text[160];
-  std::snprintf(text, sizeof text, "%6s %14s %9s %9s %9s %9s %9s %7s %8s %5s", "iter", "objective",
-                "equality", "inequal.", "complem.", "residual", "kappa", "step", "regular.", "fact");
-  return {text, Style::strong};
+struct RowColumn {
+  const char* name;
+  int width;
+  int importance;  // the least important goes first where there is no room
+  std::string (*text)(const Progress& row);
+};
+
+// In the order in which they are shown.
+constexpr std::array<RowColumn, 10> kRowColumns = {{
+    {"iter", 6, 9, [](const Progress& p) { return std::to_string(p.iteration); }},
+    {"objective", 14, 7, [](const Progress& p) { return formatted("%.7e", p.objective); }},
+    {"equality", 9, 4, [](const Progress& p) { return formatted("%.2e", p.violations.equality); }},
+    {"inequal.", 9, 5, [](const Progress& p) { return formatted("%.2e", p.violations.inequality); }},
+    {"complem.", 9, 8, [](const Progress& p) { return formatted("%.2e", p.violations.complementarity); }},
+    {"residual", 9, 6, [](const Progress& p) { return formatted("%.2e", p.kkt_residual); }},
+    {"kappa", 9, 3, [](const Progress& p) { return formatted("%.2e", p.kappa); }},
+    {"step", 7, 1, [](const Progress& p) { return formatted("%.4f", p.step_length); }},
+    {"regular.", 8, 0, [](const Progress& p) { return formatted("%.1e", p.regularization); }},
+    {"fact", 5, 2, [](const Progress& p) { return std::to_string(p.factorizations); }},
+}};
+
+// Of kRowColumns, those that fit.
+std::vector<RowColumn> row_columns(int width) {
+  std::vector<RowColumn> columns(kRowColumns.begin(), kRowColumns.end());
+  const auto needed = [&] {
+    int sum = -1;  // a blank between two
+    for (const RowColumn& column : columns) sum += column.width + 1;
+    return sum;
+  };
+  while (columns.size() > 1 && needed() > width) {
+    columns.erase(std::min_element(columns.begin(), columns.end(), [](const auto& left, const auto& right) {
+      return left.importance < right.importance;
+    }));
+  }
+  return columns;
 }
 
-Line table_row(const Progress& p, bool troubled) {
-  char text[200];
-  std::snprintf(text, sizeof text, "%6d %14.7e %9.2e %9.2e %9.2e %9.2e %9.2e %7.4f %8.1e %5d", p.iteration,
-                p.objective, p.violations.equality, p.violations.inequality, p.violations.complementarity,
-                p.kkt_residual, p.kappa, p.step_length, p.regularization, p.factorizations);
-  return {text, troubled ? Style::caution : Style::plain};
+Line row_line(const std::vector<RowColumn>& columns, const Progress* row, Style style) {
+  std::string text;
+  for (const RowColumn& column : columns) {
+    const std::string cell = row != nullptr ? column.text(*row) : column.name;
+    if (!text.empty()) text += ' ';
+    text.append(static_cast<std::size_t>(std::max(0, column.width - static_cast<int>(cell.size()))), ' ');
+    text += cell;
+  }
+  return {text, style};
 }
 
-Lines newest_rows(const OpenedJob& opened, int height) {
+Lines newest_rows(const OpenedJob& opened, const Look& look, int height) {
   if (height < 2 || opened.newest.empty()) return {};
   const std::size_t count = std::min(opened.newest.size(), static_cast<std::size_t>(height - 1));
-  Lines lines{table_heading()};
+  const std::vector<RowColumn> columns = row_columns(look.size.width);
+  Lines lines{row_line(columns, nullptr, Style::strong)};
   for (std::size_t i = opened.newest.size() - count; i < opened.newest.size(); ++i) {
     const bool troubled = i > 0 && repeats_factorization(opened.newest[i - 1], opened.newest[i]);
-    lines.push_back(table_row(opened.newest[i], troubled));
+    lines.push_back(row_line(columns, &opened.newest[i], troubled ? Style::caution : Style::plain));
   }
   return lines;
 }
@@ -129,24 +153,23 @@ Lines plot(const OpenedJob& opened, const Look& look, int height) {
                        {{look.size.width, height}, true, look.unicode});
 }
 
-void append(Lines& lines, Lines more) {
-  for (Line& line : more) lines.push_back(std::move(line));
-}
-
 }  // namespace
 
 Lines job_lines(const OpenedJob& opened, const Look& look, int height) {
   const JobInfo& job = opened.job;
-  Lines lines{job_line(opened, look.unicode)};
-  if (look.size.height >= kRoomyHeight) lines.push_back(origin_line(job, look.unicode));
-  lines.push_back(work_line(job));
-  lines.push_back(time_line(job));
+  const int width = look.size.width;
+  const bool roomy = look.size.height >= kRoomyHeight;
+  const std::size_t most = roomy ? 2 : 1;
+  Lines lines = flowed(job_facts(opened, look.unicode), width, 1);
+  if (roomy) append(lines, flowed(origin_facts(job, look.unicode), width, most));
+  append(lines, flowed(work_facts(job), width, most));
+  append(lines, flowed(time_facts(job), width, most));
   append(lines, why_lines(job, look));
   const int left = height - static_cast<int>(lines.size());
   // The plot takes what it needs, the table the rest.
   const int plot_height = left <= kLeastPlot + 3 ? left : std::clamp(left * 3 / 5, kLeastPlot, kMostPlot);
   append(lines, plot(opened, look, plot_height));
-  append(lines, newest_rows(opened, height - static_cast<int>(lines.size())));
+  append(lines, newest_rows(opened, look, height - static_cast<int>(lines.size())));
   return lines;
 }
 

@@ -43,7 +43,8 @@ bool more_active(const JobInfo& a, const JobInfo& b) {
 template <class Key>
 auto by(Key key) {
   return [key](const JobRow* a, const JobRow* b) {
-    const auto of_a = key(a->job), of_b = key(b->job);
+    const auto& of_a = key(a->job);
+    const auto& of_b = key(b->job);
     return of_a != of_b ? of_a < of_b : more_active(a->job, b->job);
   };
 }

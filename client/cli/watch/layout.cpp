@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "../job_report.h"
 
@@ -11,12 +10,7 @@ namespace {
 
 constexpr int kRoomyHeight = 14;  // below, what is of the server takes two lines, not four
 constexpr int kLongestBar = 20;
-
-std::string formatted(const char* pattern, double value) {
-  char text[48];
-  std::snprintf(text, sizeof text, pattern, value);
-  return text;
-}
+constexpr std::size_t kMostNotice = 3;  // lines
 
 std::string memory_text(std::int64_t bytes) {
   const auto mebibytes = static_cast<double>(bytes) / (1 << 20);
@@ -25,25 +19,33 @@ std::string memory_text(std::int64_t bytes) {
 
 bool is_roomy(const Size& size) { return size.height >= kRoomyHeight; }
 
-// What the server is, and whether it is there.
+void add_connection(Line& line, const ServerState& server, double now_s) {
+  if (!server.connected()) {
+    const double lost_s = std::round(std::max(0.0, now_s - server.lost_since_s()));
+    line.add("  disconnected, retrying", Style::bad);
+    if (lost_s >= 1.0) line.add(" for " + duration_text(lost_s), Style::bad);
+  } else if (!server.info()) {
+    line.add("  connecting", Style::faint);
+  } else if (server.draining()) {
+    line.add("  draining", Style::caution);
+  } else {
+    line.add("  connected", Style::good);
+  }
+}
+
+// What the server is, and first of all whether it is there.
 Line title_line(const Model& model, const View& view, const Look& look) {
   const ServerState& server = model.server;
-  Line line;
-  line.add("marble ", Style::strong);
-  if (server.info()) line.add(shown_text(server.info()->version, look.unicode) + " ", Style::strong);
-  line.add(shown_text(model.address, look.unicode), Style::strong);
+  Line line("marble", Style::strong);
+  if (server.info()) line.add(" " + shown_text(server.info()->version, look.unicode), Style::strong);
+  add_connection(line, server, look.now_s);
+  if (view.paused) line.add("  paused", Style::caution);
+  line.add("  " + shown_text(model.address, look.unicode), Style::strong);
   if (!server.connected()) {
-    line.add("  disconnected, retrying", Style::bad);
-    line.add(" for " + duration_text(std::round(std::max(0.0, look.now_s - server.lost_since_s()))),
-             Style::bad);
     line.add(": " + shown_text(server.why_lost(), look.unicode), Style::faint);
   } else if (server.info()) {
     line.add("  up " + duration_text(std::floor(std::max(1.0, server.info()->uptime_s))), Style::faint);
-    line.add("  connected", Style::good);
-  } else {
-    line.add("  connecting", Style::faint);
   }
-  if (view.paused) line.add("  paused", Style::caution);
   return line;
 }
 
@@ -77,7 +79,7 @@ Line queue_line(const ServerInfo& info) {
     const int queued = info.queued_by_priority[i];
     line.add(std::string(i > 0 ? "   " : "") + kNames[i] + " ", Style::faint);
     line.add(std::to_string(queued), queued > 0 ? Style::strong : Style::plain);
-    if (info.estimated_wait_s[i] > 0.0) line.add(", about " + duration_text(info.estimated_wait_s[i]));
+    if (info.estimated_wait_s[i] > 0.0) line.add(", ~" + duration_text(info.estimated_wait_s[i]));
   }
   return line;
 }
@@ -91,27 +93,29 @@ Line memory_line(const ServerInfo& info, const std::optional<Rates>& rates) {
     line.add("   CPU ", Style::faint);
     line.add(formatted("%.0f %%", 100.0 * rates->cpu_share));
   }
-  line.add("   since its start ", Style::faint);
+  line.add("   so far ", Style::faint);
   line.add(std::to_string(info.answered + info.updates) + " answers, " + std::to_string(info.refused) +
            " refused, " + std::to_string(info.failed) + " failed");
   return line;
 }
 
-// The last line: a question, an outcome, or what keys there are.
-Line last_line(const Model& model, const View& view, const Look& look) {
+// The last lines: a question, an outcome, or what keys there are.
+Lines foot(const Model& model, const View& view, const Look& look) {
   if (view.prompt == Prompt::confirm_cancel)
-    return {"cancel job " + shown_text(view.asked_about, look.unicode) + "? y/n", Style::caution};
+    return {{"cancel job " + shown_text(view.asked_about, look.unicode) + "? y/n", Style::caution}};
   if (view.prompt == Prompt::filter)
-    return {"filter: " + shown_text(view.table.filter, look.unicode) + "_", Style::strong};
-  if (view.help) return {"any key: back", Style::faint};
-  if (!model.notice.empty()) return {shown_text(model.notice, look.unicode), Style::strong};
-  const std::string select = look.unicode ? "↑↓ select" : "up/down select";
+    return {{"filter: " + shown_text(view.table.filter, look.unicode) + "_", Style::strong}};
+  if (view.help) return {{"any key: back", Style::faint}};
+  if (!model.notice.empty())
+    return wrapped(shown_text(model.notice, look.unicode), look.size.width, kMostNotice, Style::strong);
   if (!view.opened.empty()) {
-    return {std::string(view.began_opened ? "q quit" : "q back") + "  c cancel  p pause  ? help",
-            Style::faint};
+    return {
+        {std::string(view.began_opened ? "q quit" : "q back") + "  c cancel  p pause  ? help", Style::faint}};
   }
-  return {"q quit  ? help  " + select + "  enter open  c cancel  s sort  r reverse  / filter  p pause",
-          Style::faint};
+  if (!view.table.filter.empty())
+    return {{"only " + shown_text(view.table.filter, look.unicode) + "  Esc shows all  q quit  ? help",
+             Style::strong}};
+  return {{"q quit  ? help  enter open  c cancel  s sort  r reverse  / filter  p pause", Style::faint}};
 }
 
 int server_height(const Size& size) {
@@ -151,7 +155,7 @@ Lines server_lines(const Model& model, const View& view, const Look& look) {
 Lines help_lines() {
   return {{"up, down, page up, page down, home, end: select a job", Style::plain},
           {"enter   open it: its facts and its convergence", Style::plain},
-          {"c       cancel it, after a question; that takes the role admin, but for one's own", Style::plain},
+          {"c       cancel it, after a question; it takes the role admin, or to be the owner", Style::plain},
           {"s       sort by the next column", Style::plain},
           {"r       the other way round", Style::plain},
           {"/       show only jobs with a text in id, client, problem, state, status or", Style::plain},
@@ -171,12 +175,13 @@ Lines layout(const Model& model, View& view, const Look& look) {
   } else {
     lines = {title_line(model, view, look)};
   }
-  const int left = std::max(0, look.size.height - static_cast<int>(lines.size()) - 1);
-  Lines more = body(model, view, look, left);
-  more.resize(static_cast<std::size_t>(left));
-  for (Line& line : more) lines.push_back(std::move(line));
-  lines.resize(static_cast<std::size_t>(std::max(0, look.size.height - 1)));
-  lines.push_back(last_line(model, view, look));
+  Lines last = foot(model, view, look);
+  const int above = std::max(0, look.size.height - static_cast<int>(last.size()));
+  const int left = std::max(0, above - static_cast<int>(lines.size()));
+  append(lines, body(model, view, look, left));
+  lines.resize(static_cast<std::size_t>(above));
+  append(lines, std::move(last));
+  lines.resize(static_cast<std::size_t>(std::max(0, look.size.height)));
   for (Line& line : lines) line.cut_to(look.size.width);
   return lines;
 }

@@ -21,9 +21,10 @@ std::optional<Rates> rates_between(const ServerInfo& earlier, const ServerInfo& 
   return rates;
 }
 
-void ServerState::saw(const ServerInfo& info) {
+void ServerState::saw(const ServerInfo& info, bool draining) {
   rates_ = info_ ? rates_between(*info_, info) : std::nullopt;
   info_ = info;
+  draining_ = draining;
   why_lost_.clear();
 }
 

@@ -22,12 +22,14 @@ struct Rates {
 
 class ServerState {
  public:
-  void saw(const ServerInfo& info);
+  /// `draining`: it finishes what it has, and takes nothing more.
+  void saw(const ServerInfo& info, bool draining = false);
   /// It did not answer, for this reason, at `now_s` of a steady clock.
   void lost(const std::string& why, double now_s);
 
   [[nodiscard]] const std::optional<ServerInfo>& info() const { return info_; }
   [[nodiscard]] const std::optional<Rates>& rates() const { return rates_; }
+  [[nodiscard]] bool draining() const { return draining_; }
   [[nodiscard]] bool connected() const { return why_lost_.empty(); }
   [[nodiscard]] const std::string& why_lost() const { return why_lost_; }
   [[nodiscard]] double lost_since_s() const { return lost_since_s_; }
@@ -35,6 +37,7 @@ class ServerState {
  private:
   std::optional<ServerInfo> info_;
   std::optional<Rates> rates_;
+  bool draining_ = false;
   std::string why_lost_;  // empty: connected
   double lost_since_s_ = 0.0;
 };

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "../convergence.h"
 #include "../job_report.h"
@@ -19,22 +18,24 @@ struct ColumnRule {
   const char* name;
   int least, most;  // columns of the terminal
   int importance;   // the least important goes first where there is no room
+  int grows;        // the first takes what room there is up to its most, then the next
   bool right;       // numbers stand at the right
 };
 
 // In the order in which they are shown.
 constexpr std::array kRules = {
-    ColumnRule{Column::job, "job", 8, 16, 9, false},
-    ColumnRule{Column::client, "client", 6, 18, 2, false},
-    ColumnRule{Column::problem, "problem", 7, 24, 5, false},
-    ColumnRule{Column::size, "n/n_c", 8, 11, 1, true},
-    ColumnRule{Column::priority, "prio", 5, 11, 0, false},
-    ColumnRule{Column::state, "state", 9, 18, 8, false},
-    ColumnRule{Column::iterations, "iter", 5, 7, 4, true},
-    ColumnRule{Column::time, "time", 7, 7, 7, true},
-    ColumnRule{Column::violation, "violation", 9, 9, 6, true},
-    ColumnRule{Column::trend, "trend", 8, 32, 3, false},
+    ColumnRule{Column::job, "job", 8, 16, 9, 7, false},
+    ColumnRule{Column::client, "client", 6, 14, 2, 2, false},
+    ColumnRule{Column::problem, "problem", 7, 16, 5, 1, false},
+    ColumnRule{Column::size, "n/n_c", 8, 11, 1, 3, true},
+    ColumnRule{Column::priority, "prio", 5, 11, 0, 6, false},
+    ColumnRule{Column::state, "state", 9, 18, 8, 0, false},
+    ColumnRule{Column::iterations, "iter", 5, 7, 4, 5, true},
+    ColumnRule{Column::time, "time", 7, 7, 7, 8, true},
+    ColumnRule{Column::violation, "violation", 9, 9, 6, 9, true},
+    ColumnRule{Column::trend, "trend", 8, 32, 3, 4, false},
 };
+constexpr int kOrders = static_cast<int>(kRules.size());
 using Widths = std::array<int, kRules.size()>;  // 0: not shown
 
 int total(const Widths& widths) {
@@ -46,6 +47,7 @@ int total(const Widths& widths) {
   return sum + std::max(0, shown - 1);  // a blank between two
 }
 
+// By the terminal alone, so that columns stay where they are while jobs come and go.
 Widths widths_for(int width) {
   Widths widths;
   for (std::size_t i = 0; i < kRules.size(); ++i) widths[i] = kRules[i].least;
@@ -54,22 +56,18 @@ Widths widths_for(int width) {
       if (kRules[i].importance == importance) widths[i] = 0;
     }
   }
-  bool grew = true;
-  while (grew && total(widths) < width) {
-    grew = false;
-    for (std::size_t i = 0; i < kRules.size() && total(widths) < width; ++i) {
-      if (widths[i] == 0 || widths[i] >= kRules[i].most) continue;
-      ++widths[i];
-      grew = true;
+  for (int order = 0; order < kOrders; ++order) {
+    for (std::size_t i = 0; i < kRules.size(); ++i) {
+      if (widths[i] == 0 || kRules[i].grows != order) continue;
+      widths[i] += std::clamp(width - total(widths), 0, kRules[i].most - widths[i]);
     }
   }
   return widths;
 }
 
 std::string priority_text(Priority priority, int width) {
-  if (priority == Priority::interactive && width < 11) return width < 6 ? "inter" : "interac";
-  if (priority == Priority::realtime && width < 8) return "real";
-  return to_string(priority);
+  const std::string name = to_string(priority);
+  return width < 11 ? name.substr(0, priority == Priority::realtime ? 4 : 5) : name;
 }
 
 std::string state_text(const JobInfo& job) {
@@ -79,9 +77,7 @@ std::string state_text(const JobInfo& job) {
 
 std::string violation_text(const JobInfo& job) {
   if (job.iterations == 0) return "-";
-  char text[24];
-  std::snprintf(text, sizeof text, "%.1e", largest(job.violations));
-  return text;
+  return formatted("%.1e", largest(job.violations));
 }
 
 std::string cell_text(const JobRow& row, Column column, int width, bool unicode) {

@@ -42,12 +42,13 @@ Expected<Session> Client::open_session(const ProblemView& problem, const Options
 
 Jobs Client::jobs() const { return Jobs(connection_); }
 
-Expected<bool> Client::healthy() const {
+Expected<bool> Client::healthy(const std::stop_token& stop) const {
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
+  const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
   grpc::health::v1::HealthCheckResponse response;
   const grpc::Status status = connection_->health().Check(&context, {}, &response);
-  if (!status.ok()) return unexpected(client::to_error(status));
+  if (!status.ok()) return unexpected(client::to_error(status, stop));
   return response.status() == grpc::health::v1::HealthCheckResponse::SERVING;
 }
 

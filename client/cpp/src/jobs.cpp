@@ -56,9 +56,10 @@ Expected<void> Jobs::remove(const std::string& job_id) const {
   return {};
 }
 
-Expected<JobPage> Jobs::list(const JobQuery& query) const {
+Expected<JobPage> Jobs::list(const JobQuery& query, const std::stop_token& stop) const {
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
+  const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
   v1::ListJobsRequest request;
   for (const JobState state : query.states) request.add_states(client::to_message(state));
   request.set_client(query.client);
@@ -66,7 +67,7 @@ Expected<JobPage> Jobs::list(const JobQuery& query) const {
   request.set_before_job_id(query.before_job_id);
   v1::ListJobsResponse response;
   const grpc::Status status = connection_->jobs().List(&context, request, &response);
-  if (!status.ok()) return unexpected(client::to_error(status));
+  if (!status.ok()) return unexpected(client::to_error(status, stop));
   JobPage page{{}, response.more()};
   for (const v1::JobInfo& job : response.jobs()) page.jobs.push_back(client::job_info(job));
   return page;

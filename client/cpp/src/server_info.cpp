@@ -54,12 +54,13 @@ void take_counters(const v1::Counters& counters, ServerInfo& info) {
 
 }  // namespace
 
-Expected<ServerInfo> Client::info() const {
+Expected<ServerInfo> Client::info(const std::stop_token& stop) const {
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
+  const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
   v1::GetInfoResponse response;
   const grpc::Status status = connection_->server().GetInfo(&context, {}, &response);
-  if (!status.ok()) return unexpected(client::to_error(status));
+  if (!status.ok()) return unexpected(client::to_error(status, stop));
   ServerInfo info;
   info.version = response.version();
   info.workers = response.workers();

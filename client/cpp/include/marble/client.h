@@ -6,6 +6,7 @@
 
 #include <memory>
 #include <span>
+#include <stop_token>
 #include <string>
 
 #include "marble/batch.h"
@@ -71,10 +72,12 @@ class Client {
   /// Jobs by their ids.
   [[nodiscard]] Jobs jobs() const;
 
-  /// True if the server takes jobs, false if it drains.
-  [[nodiscard]] Expected<bool> healthy() const;
+  /// True if the server takes jobs, false if it drains. `stop` gives the question up, with the error
+  /// cancelled.
+  [[nodiscard]] Expected<bool> healthy(const std::stop_token& stop = {}) const;
 
-  [[nodiscard]] Expected<ServerInfo> info() const;
+  /// `stop` as above.
+  [[nodiscard]] Expected<ServerInfo> info(const std::stop_token& stop = {}) const;
 
   [[nodiscard]] const std::string& address() const;
 

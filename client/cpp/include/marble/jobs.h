@@ -98,9 +98,9 @@ struct JobPage {
 /// A job as it is now, and what it did since it was last told of.
 struct JobEvent {
   JobInfo job;
-  std::vector<Progress> rows;     ///< of one job every row, of all jobs the newest of each; without z
-  std::optional<JobTrace> trace;  ///< in the first event of one job: what it did until now
-  std::int64_t skipped = 0;       ///< told so far of what was not told, because this reader was slow
+  std::vector<Progress> rows = {};     ///< of one job every row, of all jobs the newest of each; without z
+  std::optional<JobTrace> trace = {};  ///< in the first event of one job: what it did until now
+  std::int64_t skipped = 0;            ///< told so far of what was not told, because this reader was slow
 };
 
 struct ResultControls {
@@ -132,7 +132,8 @@ class Jobs {
   /// Lets a submitted job and its answer go; ends it if it has not finished.
   [[nodiscard]] Expected<void> remove(const std::string& job_id) const;
 
-  [[nodiscard]] Expected<JobPage> list(const JobQuery& query = {}) const;
+  /// `stop` gives the question up, with the error cancelled.
+  [[nodiscard]] Expected<JobPage> list(const JobQuery& query = {}, const std::stop_token& stop = {}) const;
   [[nodiscard]] Expected<JobDetails> get(const std::string& job_id) const;
 
   /// Ends a job: a waiting one at once, a running one within an iteration. Returns it as it is then.

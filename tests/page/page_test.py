@@ -1,0 +1,390 @@
+"""The page in a real browser, against a real server that solves real problems.
+
+usage: page_test.py BINARIES SCREENSHOTS [AXE] [TEST ...]
+BINARIES holds marble-server and marble; SCREENSHOTS is where pictures go; AXE is axe.min.js, "-" if it could not be had.
+"""
+
+import csv
+import io
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+import urllib.request
+from pathlib import Path
+
+from selenium.webdriver.common.keys import Keys
+
+from browser import Browser
+from server import Server, eventually, free_port
+
+BINARIES, SCREENSHOTS, AXE = sys.argv[1], Path(sys.argv[2]), sys.argv[3]
+
+
+def fetch(url, token=None):
+    request = urllib.request.Request(url, headers={"Authorization": f"Bearer {token}"} if token else {})
+    with urllib.request.urlopen(request, timeout=30) as answer:
+        return answer.read().decode()
+
+
+def metric(server, line):
+    """The value of the series that starts with this text."""
+    values = [float(text.rsplit(" ", 1)[1]) for text in fetch(server.http + "/metrics").splitlines()
+              if text.startswith(line)]
+    assert values, line
+    return sum(values)
+
+
+class Page(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.browser = Browser()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.browser.close()
+
+    def setUp(self):
+        self.servers = []
+        self.browser.size(1440, 900)
+        self.browser.scheme("light")
+        self.browser.complaints()
+
+    def tearDown(self):
+        self.browser.driver.get("about:blank")
+        for server in self.servers:
+            server.stop()
+
+    def start(self, *flags, **keywords):
+        server = Server(BINARIES, *flags, **keywords)
+        self.servers.append(server)
+        return server
+
+    def open(self, server, path="/"):
+        self.browser.open(server.http + path)
+
+    def live(self):
+        self.browser.wait_text("#state-text", "serving")
+
+    def count_of_jobs(self, count):
+        self.browser.wait_text("#job-count", f"{count} jobs")
+
+    def test_its_numbers_are_those_of_the_command_line_and_of_prometheus(self):
+        server = self.start()
+        rocket, tiny = server.example("rocket"), server.tiny()
+        server.run("solve", "--quiet", rocket, tiny)
+        server.run("solve", "--quiet", "--option", "max_iterations=3", rocket, check=False)
+        server.run("mpc", "hopper", "--ticks", 3)
+        self.open(server)
+        self.count_of_jobs(4)
+        info, jobs = server.info(), server.jobs()
+        for name in ("accepted", "answered", "solved", "updates", "refused", "failed"):
+            self.browser.wait_text(f"#{name}", str(info[name]))
+            self.assertEqual(self.browser.text(f"#{name}"), str(info[name]), name)
+        self.assertEqual(metric(server, "marble_jobs_accepted_total"), info["accepted"])
+        self.assertEqual(self.browser.text("#workers"), str(info["workers"]))
+        self.assertEqual(self.browser.text("#queued"), "0")
+        rows = {row["job"]: row for row in self.browser.rows()}
+        self.assertEqual(set(rows), {job["job_id"] for job in jobs})
+        for job in jobs:
+            row = rows[job["job_id"]]
+            self.assertIn(job["status"].replace("_", " "), row["status"])
+            self.assertEqual(row["client"], job["client"])
+            self.assertEqual(row["name"], job["name"])
+            self.assertEqual(row["kind"], job["kind"])
+            self.assertEqual(row["priority"], job["priority"])
+            self.assertEqual(row["iterations"], str(job["iterations"]))
+            sizes = [job[part] for part in ("variables", "equalities", "inequalities", "pairs")]
+            self.assertEqual(row["size"].replace("\u202f", ""), " / ".join(map(str, sizes)))
+        self.assertEqual(self.browser.complaints(), [])
+
+    def test_what_runs_is_seen_running_and_what_waits_waiting(self):
+        server = self.start("--workers", "1")
+        self.open(server)
+        self.live()
+        chain = server.chain(1000)
+        first = server.submit(chain, *Server.ENDLESS)
+        second = server.submit(chain, *Server.ENDLESS)
+        self.browser.wait_text("#busy", "1")
+        self.browser.wait_text("#queued-interactive", "1")
+        row = f".job-row[data-job='{first}']"
+        self.browser.wait_text(f"{row} .status", "running")
+        self.browser.wait_text(f".job-row[data-job='{second}'] .status", "queued")
+        before = int(self.browser.text(f"{row} .iterations").replace("\u202f", ""))
+        eventually(lambda: int(self.browser.text(f"{row} .iterations").replace("\u202f", "")) > before + 10, "iterations")
+        self.browser.wait("return document.querySelector(arguments[0]).getAttribute('d')?.length > 20", f"{row} path")
+        self.browser.wait_text("title", "1 running, 1 waiting")
+        self.browser.wait("return Number(document.querySelector('#plot-busy canvas').dataset.points) > 2")
+
+    def test_a_job_opens_with_its_convergence_its_pairs_and_its_trace(self):
+        server = self.start()
+        job = server.submit(server.example("rocket"))
+        server.run("result", "--wait", job)
+        self.open(server)
+        self.count_of_jobs(1)
+        self.browser.find(f".job-row[data-job='{job}']").click()
+        self.browser.wait_text("#job-id", job)
+        self.browser.wait_text("#job-status", "solved")
+        drawn = """
+            const canvas = document.querySelector(arguments[0]);
+            if (!canvas || !canvas.width) return false;
+            const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+            const colours = new Set();
+            for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) colours.add(data[i] << 16 | data[i + 1] << 8 | data[i + 2]);
+            return colours.size > 10"""
+        self.browser.wait(drawn, "#convergence")
+        self.browser.wait(drawn, "#objective-plot")
+        self.assertTrue(self.browser.find("#convergence").get_attribute("aria-label"))
+        self.browser.wait("return document.querySelector('.pairs-panel canvas, .pairs-panel svg') !== null")
+        self.assertIn("Iteration", self.browser.text(".pairs-panel"))
+        self.browser.find("#download").click()
+        name = f"marble-{job}.csv"
+        path = eventually(lambda: next(self.browser.downloads.glob(f"*{job}*.csv"), None), name)
+        told = fetch(f"{server.http}/api/jobs/{job}/trace.csv")
+        eventually(lambda: path.read_text().replace("\r\n", "\n") == told.replace("\r\n", "\n"), "the whole download")
+        rows = list(csv.DictReader(io.StringIO(told)))
+        self.assertEqual(int(rows[-1]["iteration"]), server.jobs()[0]["iterations"])
+        timings = self.browser.text("#timings")
+        for part in ("queue", "set-up", "factorization", "line search", "polish"):
+            self.assertIn(part, timings)
+        self.browser.driver.back()
+        self.browser.wait("return !document.querySelector('#overview').hidden")
+        self.assertEqual(self.browser.complaints(), [])
+
+    def test_a_running_job_grows_before_the_eyes(self):
+        server = self.start()
+        job = server.submit(server.chain(100), *Server.ENDLESS)
+        self.open(server, f"/#/jobs/{job}")
+        self.browser.wait_text("#job-status", "running")
+        iteration = lambda: int(re.search(r"Iteration (\d+)", self.browser.text(".pairs-panel") or "Iteration 0")[1])
+        before = eventually(iteration, "an iteration")
+        eventually(lambda: iteration() > before + 20, "more iterations")
+        server.run("cancel", job)
+        self.browser.wait_text("#job-status", "cancelled")
+
+    def test_why_a_job_failed_is_told_by_the_page_alone(self):
+        server = self.start("--solve-bytes", "10000000")
+        rocket = server.example("rocket")
+        server.run("solve", "--quiet", server.example("hopper"), check=False)
+        stopped = server.submit(rocket, "--option", "max_iterations=3")
+        server.run("result", "--wait", stopped, check=False)
+        jobs = {job["name"]: job["job_id"] for job in server.jobs()}
+        self.open(server, f"/#/jobs/{jobs['hopper']}")
+        self.browser.wait_text("#job-status", "resource exhausted")
+        self.browser.wait_text("#why", "a solver may take at most 10000000")
+        self.open(server, f"/#/jobs/{stopped}")
+        self.browser.wait_text("#job-status", "iteration limit")
+        self.browser.wait_text("#why", "max_iterations")
+        self.browser.wait_text("#options", "changed from")
+        self.open(server, "/#/jobs/0123456789abcdef")
+        self.browser.wait_text("#why", "does not remember it")
+
+    def test_a_job_is_ended_by_those_who_may(self):
+        tokens = Path(tempfile.mkdtemp()) / "tokens"
+        lines, secrets = [], {}
+        for name, roles in (("planner", "solve"), ("viewer", "observe"), ("boss", "admin")):
+            secret, line = subprocess.run([str(Path(BINARIES) / "marble-server"), "--new-token", f"{name}:{roles}"],
+                                          capture_output=True, text=True, check=True).stdout.splitlines()
+            secrets[name] = secret
+            lines.append(line)
+        tokens.write_text("\n".join(lines) + "\n")
+        server = self.start("--tokens", str(tokens))
+        server.environment["MARBLE_TOKEN"] = secrets["planner"]
+        job = server.submit(server.chain(1000), *Server.ENDLESS)
+
+        def enter(name):
+            self.browser.run("sessionStorage.clear()")
+            self.open(server, f"/#/jobs/{job}")
+            self.browser.wait("return document.querySelector('#token-dialog').open")
+            self.browser.find("#token").send_keys(secrets[name] + Keys.ENTER)
+            self.browser.wait_text("#job-status", "running")
+
+        self.open(server)
+        enter("viewer")
+        self.browser.wait_text("#caller", "viewer · observe")
+        self.assertFalse(self.browser.find("#cancel").is_displayed(), "who may look may not end")
+        self.assertNotIn(secrets["viewer"], self.browser.run("return document.documentElement.outerHTML + location"))
+        enter("boss")
+        eventually(lambda: self.browser.find("#cancel").is_displayed(), "the button")
+        self.browser.find("#cancel").click()
+        self.browser.wait("return document.querySelector('#confirm-dialog').open")
+        self.browser.find("#confirm-yes").click()
+        self.browser.wait_text("#job-status", "cancelled")
+        self.assertEqual(server.jobs()[0]["status"], "cancelled")
+
+    def test_it_says_that_it_is_disconnected_and_comes_back(self):
+        port = free_port()
+        server = self.start(http_port=port)
+        server.run("solve", "--quiet", server.tiny())
+        self.open(server)
+        self.count_of_jobs(1)
+        self.assertEqual(server.stop(), 0)
+        self.browser.wait("return !document.querySelector('#banner').hidden")
+        self.browser.wait_text("#banner", "Disconnected")
+        self.browser.wait_text("#banner", "What you see is as of")
+        again = self.start(http_port=port)
+        self.browser.wait("return document.querySelector('#banner').hidden")
+        self.count_of_jobs(0)
+        again.run("solve", "--quiet", again.tiny())
+        self.count_of_jobs(1)
+
+    def test_a_draining_server_is_told(self):
+        server = self.start("--drain-grace-s", "60")
+        self.open(server)
+        self.live()
+        server.begin("solve", "--quiet", *Server.ENDLESS, server.chain(1000))
+        self.browser.wait_text("#busy", "1")
+        server.process.terminate()
+        self.browser.wait_text("#state-text", "draining")
+
+    def test_it_asks_no_other_host_and_breaks_no_policy(self):
+        server = self.start()
+        job = server.submit(server.example("rocket"))
+        server.run("result", "--wait", job)
+        self.browser.requested()
+        self.open(server)
+        self.count_of_jobs(1)
+        self.open(server, f"/#/jobs/{job}")
+        self.browser.wait_text("#job-status", "solved")
+        self.browser.wait("return document.querySelector('#convergence') !== null")
+        asked = [url for url in self.browser.requested() if url.startswith("http")]
+        self.assertGreater(len(asked), 5)
+        self.assertEqual([url for url in asked if not url.startswith(server.http + "/")], [])
+        self.assertEqual(self.browser.complaints(), [])
+        # The policy is in force: a script that is not the server's does not run.
+        self.browser.run("const script = document.createElement('script'); script.textContent = 'window.foreign = 1'; document.head.append(script)")
+        self.assertIsNone(self.browser.run("return window.foreign ?? null"))
+        self.assertIn("Content Security Policy", " ".join(self.browser.complaints()))
+
+    def test_ten_thousand_jobs_stay_smooth_and_the_page_does_not_grow(self):
+        server = self.start("--history-jobs", "10000", "--log-level", "off")
+        tiny = server.tiny()
+        server.run("batch", *([tiny] * 6000))
+        self.open(server)
+        self.count_of_jobs("6000")
+        elements = lambda: self.browser.run("return document.querySelectorAll('*').length")
+        heap = lambda: self.browser.run("gc(); gc(); return performance.memory.usedJSHeapSize")
+        self.assertLess(elements(), 1500)
+        server.run("batch", *([tiny] * 4500))
+        self.count_of_jobs("10\u202f000")
+        full, lines = heap(), elements()
+        for _ in range(3):
+            server.run("batch", *([tiny] * 3000))
+        answered = str(server.info()["answered"])
+        self.browser.wait("return document.querySelector('#answered').textContent.replace('\u202f', '') === arguments[0]", answered)
+        self.count_of_jobs("10\u202f000")
+        self.assertLess(heap(), 1.3 * full + 4e6, "nine thousand jobs later")
+        self.assertLess(elements(), lines + 50)
+        grid = ".job-grid"
+        self.browser.run("document.querySelector(arguments[0]).scrollTop = 1e9", grid)
+        last = eventually(lambda: self.browser.rows()[-1]["job"] if self.browser.rows() else None, "the last line")
+        self.browser.run("document.querySelector(arguments[0]).scrollTop = 0", grid)
+        eventually(lambda: self.browser.rows()[0]["job"] != last, "the first line")
+        self.assertLess(elements(), lines + 50)
+
+    def test_the_table_is_filtered_sorted_and_walked_by_keyboard(self):
+        server = self.start()
+        rocket, tiny = server.example("rocket"), server.tiny()
+        server.run("solve", "--quiet", tiny, rocket, tiny)
+        server.run("solve", "--quiet", "--option", "max_iterations=2", rocket, check=False)
+        self.open(server)
+        self.count_of_jobs(4)
+        body = self.browser.find("body")
+        body.send_keys("/")
+        self.browser.wait("return document.activeElement.id === 'filter'")
+        self.browser.driver.switch_to.active_element.send_keys("rocket")
+        self.browser.wait_text("#job-count", "2 of 4 jobs")
+        self.assertEqual({row["name"] for row in self.browser.rows()}, {"rocket"})
+        self.browser.find("[data-key='iterations'] button").click()
+        eventually(lambda: [int(row["iterations"]) for row in self.browser.rows()][-1:] == [2], "falling iterations")
+        self.assertEqual(self.browser.find("[data-key='iterations']").get_attribute("aria-sort"), "descending")
+        grid = self.browser.find(".job-grid")
+        grid.send_keys(Keys.ARROW_DOWN, Keys.ARROW_DOWN, Keys.ENTER)
+        self.browser.wait_text("#job-status", "iteration limit")
+        self.browser.find("body").send_keys(Keys.ESCAPE)
+        self.browser.wait("return !document.querySelector('#overview').hidden")
+        self.browser.wait_text("#job-count", "2 of 4 jobs")
+
+    def test_it_fits_a_telephone_and_a_wall(self):
+        server = self.start()
+        self.work(server)
+        job = server.jobs()[0]["job_id"]
+        for width, height, name in ((360, 740, "telephone"), (3840, 2160, "wall")):
+            self.browser.size(width, height)
+            for path, view in (("/", "overview"), (f"/#/jobs/{job}", "job")):
+                self.open(server, path)
+                self.live()
+                self.browser.wait("return document.querySelector('#job-count').textContent !== ''")
+                if view == "job":
+                    self.browser.wait("return document.querySelector('#convergence') !== null")
+                wide = self.browser.run("return document.documentElement.scrollWidth")
+                outside = self.browser.run("""
+                    return [...document.querySelectorAll('main *')].filter((e) => e.getBoundingClientRect().right > innerWidth + 1)
+                      .map((e) => e.outerHTML.slice(0, 80)).slice(0, 5)""")
+                self.assertLessEqual(wide, width, f"{name} {view} scrolls sideways: {outside}")
+                self.browser.screenshot(SCREENSHOTS / f"{name}-{view}.png")
+
+    def work(self, server):
+        """A day of a laboratory in a few seconds."""
+        rocket, gates, hopper, tiny = (server.example("rocket"), server.example("gates"), server.example("hopper"), server.tiny())
+        for name in ("arm-planner", "drone-7"):
+            server.environment["MARBLE_CLIENT_NAME"] = name
+            server.run("solve", "--quiet", rocket, gates, tiny)
+        server.environment["MARBLE_CLIENT_NAME"] = "nightly"
+        server.run("batch", *([rocket] * 8 + [tiny] * 6))
+        server.environment["MARBLE_CLIENT_NAME"] = "walker"
+        server.run("mpc", "hopper", "--ticks", 12)
+        server.run("solve", "--quiet", hopper)
+        server.environment["MARBLE_CLIENT_NAME"] = "experiments"
+        server.run("solve", "--quiet", "--option", "max_iterations=12", "--option", "path=paper", gates, check=False)
+        server.run("solve", "--quiet", "--time-limit", "0.02", gates, check=False)
+
+    def test_pictures_of_it(self):
+        server = self.start("--workers", "2")
+        self.open(server)
+        self.live()
+        self.work(server)
+        self.work(server)
+        server.environment["MARBLE_CLIENT_NAME"] = "arm-planner"
+        chain = server.chain(1000)
+        for _ in range(4):
+            server.submit(chain, *Server.ENDLESS)
+        self.browser.wait_text("#busy", "2")
+        self.browser.wait_text("#queued", "2")
+        for scheme in ("light", "dark"):
+            self.browser.scheme(scheme)
+            self.browser.wait("return getComputedStyle(document.body).colorScheme !== '' && document.querySelectorAll('.job-row').length > 10")
+            self.browser.screenshot(SCREENSHOTS / f"overview-{scheme}.png")
+        self.browser.scheme("light")
+        hopper = next(job["job_id"] for job in server.jobs() if job["name"] == "gates" and job.get("status") == "solved")
+        self.open(server, f"/#/jobs/{hopper}")
+        self.browser.wait("return document.querySelector('#convergence') !== null")
+        self.browser.wait_text(".pairs-panel", "Iteration")
+        self.browser.screenshot(SCREENSHOTS / "job.png")
+
+    @unittest.skipIf(AXE == "-", "axe-core could not be had: it comes from npm")
+    def test_axe_finds_no_serious_fault(self):
+        server = self.start()
+        self.work(server)
+        job = server.jobs()[0]["job_id"]
+        for scheme in ("light", "dark"):
+            self.browser.scheme(scheme)
+            for path in ("/", f"/#/jobs/{job}"):
+                self.open(server, path)
+                self.live()
+                if path != "/":
+                    self.browser.wait("return document.querySelector('#convergence') !== null")
+                else:
+                    self.browser.wait("return document.querySelectorAll('.job-row').length > 5")
+                self.browser.command("Runtime.evaluate", expression=Path(AXE).read_text())
+                found = self.browser.driver.execute_async_script(
+                    "const done = arguments[0]; axe.run().then((result) => done(result.violations), (fault) => done([{impact: 'critical', id: String(fault), nodes: []}]))")
+                serious = [(fault["id"], [node["html"] for node in fault["nodes"]][:3]) for fault in found
+                           if fault["impact"] in ("serious", "critical")]
+                self.assertEqual(serious, [], f"{scheme} {path}")
+
+
+if __name__ == "__main__":
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    unittest.main(argv=[sys.argv[0], *sys.argv[4:]], verbosity=2)
