@@ -86,7 +86,7 @@ void JobFeed::look_around() {
   JobBoard::Finished finished = board_.finished_since(finished_);
   skipped_ += finished.skipped;
   for (auto& record : finished.records) {
-    if (may_see(viewer_, record->description().client)) to_tell_.push_back(std::move(record));
+    if (may_see(viewer_, record->description().client)) to_tell_.push_back({std::move(record), true});
   }
   decltype(told_of_) told_of;  // what is not active any more is forgotten
   for (const auto& record : board_.active()) {
@@ -99,7 +99,7 @@ void JobFeed::look_around() {
     const bool waits = seconds_since(told.at, now) < interval_s_;
     if (told.changes >= 0 && version == told.version && waits) continue;
     told = {changes, version, now};
-    to_tell_.push_back(record);
+    to_tell_.push_back({record});
   }
   told_of_ = std::move(told_of);
 }
@@ -107,10 +107,15 @@ void JobFeed::look_around() {
 bool JobFeed::next_of_all(v1::WatchJobsResponse* response) {
   if (to_tell_.empty()) look_around();
   while (!to_tell_.empty() && response->events_size() < kMostEvents) {
-    const std::shared_ptr<JobRecord> record = std::move(to_tell_.front());
+    const News news = std::move(to_tell_.front());
     to_tell_.pop_front();
+    const std::shared_ptr<JobRecord>& record = news.record;
     v1::JobEvent* event = response->add_events();
     to_message(*record, event->mutable_job());
+    if (event->job().state() == v1::JOB_STATE_FINISHED && !news.last) {
+      response->mutable_events()->RemoveLast();  // it has just finished, and will be found among those
+      continue;
+    }
     if (event->job().state() == v1::JOB_STATE_RUNNING && event->job().iterations() > 0)
       marble::to_message(record->newest(), event->add_rows());
   }

@@ -63,8 +63,12 @@ class JobFeed {
   Told told_;                       // of one
   std::int64_t cursor_ = 0;
   std::unordered_map<std::shared_ptr<JobRecord>, Told> told_of_;  // of all that are active
-  std::deque<std::shared_ptr<JobRecord>> to_tell_;                // have changed
-  std::int64_t finished_ = 0;                                     // cursor of the board
+  struct News {
+    std::shared_ptr<JobRecord> record;
+    bool last = false;  // it was found among the finished ones
+  };
+  std::deque<News> to_tell_;
+  std::int64_t finished_ = 0;  // cursor of the board
   std::int64_t skipped_ = 0;
   bool over_ = false;
 };

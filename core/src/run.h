@@ -24,14 +24,11 @@ class Run {
   std::int32_t told_iteration = -1;  // the last one a sink was told of
   Times times;
 
-  /// Counts the time of a scope as polishing, but for its factorizations; the outermost one counts.
+  /// Counts the time of a scope as polishing, but for what is counted elsewhere; the outermost one counts.
   class Polishing {
    public:
     explicit Polishing(Run& run)
-        : run_(run),
-          outermost_(!run.polishing_),
-          begun_(Clock::now()),
-          factored_s_(run.times.factorization_s) {
+        : run_(run), outermost_(!run.polishing_), begun_(Clock::now()), counted_s_(counted_s()) {
       run.polishing_ = true;
     }
     Polishing(const Polishing&) = delete;
@@ -39,16 +36,19 @@ class Run {
     ~Polishing() {
       if (!outermost_) return;
       // Searches that went on at once may have factored for longer than the scope lasted.
-      const double rest = seconds(Clock::now() - begun_) - (run_.times.factorization_s - factored_s_);
+      const double rest = seconds(Clock::now() - begun_) - (counted_s() - counted_s_);
       run_.times.polish_s += std::max(0.0, rest);
       run_.polishing_ = false;
     }
 
    private:
+    // A soft start takes steps of the path too.
+    [[nodiscard]] double counted_s() const { return run_.times.factorization_s + run_.times.line_search_s; }
+
     Run& run_;
     bool outermost_;
     Clock::time_point begun_;
-    double factored_s_;
+    double counted_s_;
   };
 
   [[nodiscard]] ProgressSink* sink() const { return silent_ ? nullptr : controls_.progress; }

@@ -16,13 +16,14 @@ constexpr std::chrono::milliseconds kBlock{1000};
 constexpr int kClients = 4;  // of one server, on one connection
 constexpr double kAim = 0.98;
 
-// What an operator has on: a scraper, and somebody who watches.
+// What an operator has on: a scraper, an open page, and somebody who watches.
 class Onlookers {
  public:
   explicit Onlookers(const testing::ServerProcess& server)
       : http_(server.http()), jobs_(v1::Jobs::NewStub(connect(server.address()))) {
     scraper_ = std::jthread([this](const std::stop_token& stop) { scrape(stop); });
     watcher_ = std::jthread([this] { watch(); });
+    viewer_ = std::jthread([this](const std::stop_token& stop) { view(stop); });
   }
   ~Onlookers() { watching_.TryCancel(); }
   Onlookers(const Onlookers&) = delete;
@@ -30,6 +31,7 @@ class Onlookers {
 
   [[nodiscard]] int scrapes() const { return scrapes_; }
   [[nodiscard]] int events() const { return events_; }
+  [[nodiscard]] std::size_t page_bytes() const { return page_bytes_; }
 
  private:
   void scrape(const std::stop_token& stop) {
@@ -47,11 +49,21 @@ class Onlookers {
     reader->Finish();
   }
 
+  // As the page does. It hears something twice a second, which is when it finds out that it is over.
+  void view(const std::stop_token& stop) {
+    httplib::Client client(http_);
+    client.Get("/api/events", [&](const char*, std::size_t bytes) {
+      page_bytes_ += bytes;
+      return !stop.stop_requested();
+    });
+  }
+
   const std::string http_;
   const std::unique_ptr<v1::Jobs::Stub> jobs_;
   grpc::ClientContext watching_;
   std::atomic<int> scrapes_ = 0, events_ = 0;
-  std::jthread scraper_, watcher_;
+  std::atomic<std::size_t> page_bytes_ = 0;
+  std::jthread scraper_, watcher_, viewer_;
 };
 
 // What was measured of one server.
@@ -127,11 +139,13 @@ void compare(const testing::ServerProcess& with, const testing::ServerProcess& w
   on_load.run(warm_up);
   off_load.run(warm_up);
   int scrapes = 0, events = 0;
+  std::size_t page_bytes = 0;
   const auto run_on = [&] {
     const Onlookers onlookers(with);
     on_load.run(on);
     scrapes += onlookers.scrapes();
     events += onlookers.events();
+    page_bytes += onlookers.page_bytes();
   };
   for (int round = 0; round < kRounds; ++round) {
     if (round % 2 == 0) run_on();
@@ -140,9 +154,9 @@ void compare(const testing::ServerProcess& with, const testing::ServerProcess& w
   }
   std::printf(
       "hopper, %d steps: n = %zu, n_c = %zu; %d clients on one connection; %d blocks of %lld ms on each "
-      "server in turn; %d scrapes, %d events told to a watcher\n",
+      "server in turn; %d scrapes, %d events told to a watcher, %zu KiB to a page\n",
       steps, problem.g.size(), problem.l.size(), kClients, kRounds, static_cast<long long>(kBlock.count()),
-      scrapes, events);
+      scrapes, events, page_bytes >> 10);
   std::printf("%-32s %10s %10s %10s\n", "", "p25", "median", "p75");
   print("everything on, solves/s", on.solves_per_s, "%10.1f ");
   print("everything off, solves/s", off.solves_per_s, "%10.1f ");

@@ -39,6 +39,9 @@ class App {
     addEventListener("hashchange", () => this.#route());
     addEventListener("keydown", (event) => this.#key(event));
     document.addEventListener("visibilitychange", () => this.#visibility());
+    // A page that is left may be kept alive with its streams, and a browser has six connections for one server.
+    addEventListener("pagehide", () => this.#leave());
+    addEventListener("pageshow", (event) => event.persisted && location.reload());
     byId("sign-out").addEventListener("click", () => this.#forgetToken());
     this.header.showToken(this.#api.hasToken);
     this.#connect();
@@ -155,6 +158,11 @@ class App {
       byId("filter").focus();
     }
     if (event.key === "Escape" && this.#view !== null) location.hash = "#/";
+  }
+
+  #leave() {
+    this.#feed?.stop();
+    this.#view?.close();
   }
 
   #visibility() {

@@ -120,7 +120,7 @@ export class Convergence {
     const { ink, font } = this.look;
     const head = (items) => {
       const row = this.#rows[items[0]?.dataIndex];
-      return row ? `iteration ${row.iteration}, ${duration(row.elapsed)}` : "";
+      return row ? `${row.answer ? "the answer" : `iteration ${row.iteration}`}, ${duration(row.elapsed)}` : "";
     };
     return {
       animation: false,

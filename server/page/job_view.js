@@ -4,6 +4,7 @@ import { Convergence, loadCharts } from "./convergence.js";
 import { confirm } from "./dialogs.js";
 import { fill, make, onceAFrame } from "./dom.js";
 import { explain } from "./findings.js";
+import { residual } from "./format.js";
 import { Feed } from "./feed.js";
 import { showFacts, showOptions, showRows, showViolations } from "./job_tables.js";
 import { buildJobPage } from "./job_page.js";
@@ -122,12 +123,22 @@ export class JobView {
     fill(this.parts.status, `${sign} ${word.replaceAll("_", " ")}`);
     this.parts.status.dataset.tone = tone;
     this.#drawPairs();
-    this.convergence?.show(this.#trace.rows, this.#tolerances());
+    this.convergence?.show(this.#rowsAndAnswer(), this.#tolerances());
     const empty = this.#trace.rows.length === 0;
     this.parts.convergence.hidden = empty;
     this.parts.noRows.hidden = !empty;
     fill(this.parts.noRows, job.state === "finished" ? "No row of progress was kept of this job." : "No iteration yet.");
     this.#drawTables();
+  }
+
+  // What was answered was made exact after the last row: it is the curves' last point.
+  #rowsAndAnswer() {
+    const rows = this.#trace.rows;
+    const last = rows.at(-1);
+    const { state, error, equality, inequality, complementarity, objective, times } = this.#job;
+    if (state !== "finished" || error || last === undefined) return rows;
+    const elapsed = Math.max(last.elapsed, times.solve);
+    return [...rows, { ...last, elapsed, equality, inequality, complementarity, objective, kkt: NaN, kappa: NaN, answer: true }];
   }
 
   #tolerances() {
@@ -141,7 +152,9 @@ export class JobView {
     this.parts.noPairs.hidden = frames.length > 0;
     if (frames.length > 0) {
       this.pairs ??= new PairsPlot(this.parts.pairs);
-      this.pairs.show(frames, Number(this.#options.complementarity_tolerance ?? 1e-6));
+      const { state, complementarity } = this.#job;
+      const note = state === "finished" ? `In the answer, made exact after it, largest |min(s, t)| is ${residual(complementarity)}.` : "";
+      this.pairs.show(frames, Number(this.#options.complementarity_tolerance ?? 1e-6), note);
       return;
     }
     const most = Number(this.context.info()?.limits?.trace_pairs ?? 0);

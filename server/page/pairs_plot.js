@@ -45,6 +45,7 @@ function polygon(path, corners) {
 }
 
 export class PairsPlot {
+  #note = "";
   #frames = [];
   #chosen = null; // iteration; null follows the newest
   #tolerance = 1e-6;
@@ -79,8 +80,10 @@ export class PairsPlot {
     return make("canvas", { width: "28", height: "28", "data-sample": side, "aria-hidden": "true" });
   }
 
-  show(frames, tolerance) {
+  /** `note` is said of the newest frame. */
+  show(frames, tolerance, note = "") {
     this.#frames = frames;
+    this.#note = note;
     this.#tolerance = tolerance;
     this.redraw();
   }
@@ -129,7 +132,7 @@ export class PairsPlot {
     const parts = Object.entries(LOOKS).filter(([side]) => counts[side] > 0).map(([side, { words }]) => `${whole(counts[side])} ${words}`);
     const kappa = frame.kappa > 0 ? `κ = ${residual(frame.kappa)}` : "local search";
     const text = `Iteration ${frame.iteration}, ${kappa}: ${parts.join(", ")}; largest |min(s, t)| ${residual(counts.worst)}.`;
-    fill(this.caption, text);
+    fill(this.caption, frame === this.#frames.at(-1) ? `${text} ${this.#note}` : text);
     this.canvas.setAttribute("aria-label", `${frame.s.length} complementarity pairs, s against t. ${text}`);
     this.canvas.dataset.points = frame.s.length;
     this.canvas.dataset.iteration = frame.iteration;

@@ -6,10 +6,12 @@ BINARIES holds marble-server and marble; SCREENSHOTS is where pictures go; AXE i
 
 import csv
 import io
+import os
 import re
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 import urllib.request
 from pathlib import Path
@@ -83,6 +85,10 @@ class Page(unittest.TestCase):
             self.browser.wait_text(f"#{name}", str(info[name]))
             self.assertEqual(self.browser.text(f"#{name}"), str(info[name]), name)
         self.assertEqual(metric(server, "marble_jobs_accepted_total"), info["accepted"])
+        self.assertEqual(metric(server, "marble_solves_total"), info["answered"] + info["updates"])
+        self.assertEqual(metric(server, "marble_session_updates_answered_total"), info["updates"])
+        self.assertEqual(self.browser.text("#cancelled"), str(info["cancelled"]))
+        self.assertEqual(self.browser.text("#sessions"), f"{info['sessions']} of {info['sessions_limit']}")
         self.assertEqual(self.browser.text("#workers"), str(info["workers"]))
         self.assertEqual(self.browser.text("#queued"), "0")
         rows = {row["job"]: row for row in self.browser.rows()}
@@ -229,6 +235,19 @@ class Page(unittest.TestCase):
         again.run("solve", "--quiet", again.tiny())
         self.count_of_jobs(1)
 
+    # Pages kept for going back kept their streams, and soon the browser had no connection left.
+    def test_coming_and_going_leaves_no_stream_open(self):
+        server = self.start()
+        job = server.submit(server.chain(1000), *Server.ENDLESS)
+        for _ in range(6):
+            self.open(server, f"/#/jobs/{job}")
+            self.browser.wait_text("#job-status", "running")
+        self.open(server)
+        self.count_of_jobs(1)
+        self.browser.driver.back()
+        self.browser.driver.back()
+        self.browser.wait_text("#job-status", "running")
+
     def test_a_draining_server_is_told(self):
         server = self.start("--drain-grace-s", "60")
         self.open(server)
@@ -339,19 +358,25 @@ class Page(unittest.TestCase):
         server.environment["MARBLE_CLIENT_NAME"] = "experiments"
         server.run("solve", "--quiet", "--option", "max_iterations=12", "--option", "path=paper", gates, check=False)
         server.run("solve", "--quiet", "--time-limit", "0.02", gates, check=False)
+        server.run("solve", "--quiet", "--time-limit", "0.02", server.chain(6000), check=False)
 
     def test_pictures_of_it(self):
-        server = self.start("--workers", "2")
+        server = self.start("--workers", "2", "--solve-bytes", "40000000")
         self.open(server)
         self.live()
+        server.environment["MARBLE_CLIENT_NAME"] = "walker"
+        server.begin("mpc", "hopper", "--ticks", "1000000")
+        end = time.monotonic() + float(os.environ.get("MARBLE_PICTURE_S", "0"))
         self.work(server)
-        self.work(server)
+        while time.monotonic() < end:
+            self.work(server)
+            time.sleep(4.0)
         server.environment["MARBLE_CLIENT_NAME"] = "arm-planner"
         chain = server.chain(1000)
         for _ in range(4):
             server.submit(chain, *Server.ENDLESS)
         self.browser.wait_text("#busy", "2")
-        self.browser.wait_text("#queued", "2")
+        self.browser.wait("return Number(document.querySelector('#queued').textContent) >= 2")
         for scheme in ("light", "dark"):
             self.browser.scheme(scheme)
             self.browser.wait("return getComputedStyle(document.body).colorScheme !== '' && document.querySelectorAll('.job-row').length > 10")
@@ -365,16 +390,17 @@ class Page(unittest.TestCase):
 
     @unittest.skipIf(AXE == "-", "axe-core could not be had: it comes from npm")
     def test_axe_finds_no_serious_fault(self):
-        server = self.start()
+        server = self.start("--solve-bytes", "40000000")
         self.work(server)
-        job = server.jobs()[0]["job_id"]
+        running = server.submit(server.chain(1000), *Server.ENDLESS)
+        jobs = [server.jobs()[1]["job_id"], running, next(job["job_id"] for job in server.jobs() if "error" in job)]
         for scheme in ("light", "dark"):
             self.browser.scheme(scheme)
-            for path in ("/", f"/#/jobs/{job}"):
+            for path in ("/", *(f"/#/jobs/{job}" for job in jobs)):
                 self.open(server, path)
                 self.live()
                 if path != "/":
-                    self.browser.wait("return document.querySelector('#convergence') !== null")
+                    self.browser.wait("return document.querySelector('#why').textContent !== ''")
                 else:
                     self.browser.wait("return document.querySelectorAll('.job-row').length > 5")
                 self.browser.command("Runtime.evaluate", expression=Path(AXE).read_text())

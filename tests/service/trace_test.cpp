@@ -134,6 +134,8 @@ class Trace : public SecureServiceTest {
 TEST_F(Trace, GoesOnInEveryKindOfCall) {
   start();
   job_ = submitted("first");
+  ASSERT_TRUE(eventually([&] { return job(job_).state() == v1::JOB_STATE_FINISHED; }))
+      << "before it is cancelled";
   std::map<std::string, std::string> spans;
   for (const auto& [name, call] : calls(true)) {
     grpc::ClientContext context;
