@@ -1,30 +1,36 @@
-// Solves that go on while the caller does something else, and servers that take turns.
+// Solves that go on while the caller does something else.
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <thread>
 
 #include "marble/client.h"
+#include "marble/convert.h"
 #include "marble/examples.h"
 #include "marble/solver.h"
+#include "problems.h"
 #include "support/server_process.h"
 
 namespace marble::testing {
 namespace {
 
-/// Goes on until it is stopped: every iteration is one of very many.
-Options endless() {
-  Options options;
-  options.path = Path::paper;
-  options.polish = false;
-  options.kappa_factor = 0.999999;
-  options.max_iterations = 1'000'000;
-  return options;
-}
+class Counter : public ProgressSink {
+ public:
+  void report(const Progress&) override { ++rows; }
+  std::atomic<int> rows = 0;
+};
 
 class Async : public ::testing::Test {
  protected:
   ServerProcess server_{MARBLE_SERVER_BINARY};
   Client client_ = Client::connect(server_.address()).value();
+  // Goes on until it is stopped.
+  const v1::SolveRequest long_ = long_request();
+  const ProblemView endless_ = view_of(long_.problem());
+  const Options tiny_steps_ = options_of(long_.options()).value();
 };
 
 TEST_F(Async, AnAnswerThatIsWaitedForLaterIsTheSame) {
@@ -48,28 +54,115 @@ TEST_F(Async, ManyGoOnAtOnce) {
 }
 
 TEST_F(Async, ProgressIsToldUntilItIsCancelled) {
-  class Counter : public ProgressSink {
-   public:
-    void report(const Progress&) override { ++rows; }
-    std::atomic<int> rows = 0;
-  } counter;
-  auto pending = client_.solve_async(examples::gates().view(), endless(), {.progress = &counter}).value();
+  Counter counter;
+  auto pending = client_.solve_async(endless_, tiny_steps_, {.progress = &counter}).value();
   ASSERT_TRUE(eventually([&] { return counter.rows > 10; }));
   EXPECT_FALSE(pending.is_ready());
   pending.cancel();
   EXPECT_EQ(pending.get().error().code, ErrorCode::cancelled);
+  const int told = counter.rows;
+  EXPECT_TRUE(eventually([&] { return client_.info().value().running == 0; }));
+  EXPECT_EQ(counter.rows, told) << "nothing is told after the end";
+}
+
+TEST_F(Async, WhatIsToldIsWhatACallThatWaitsIsTold) {
+  class Rows : public ProgressSink {
+   public:
+    void report(const Progress& row) override { objectives.push_back(row.objective); }
+    std::vector<double> objectives;
+  } here, there;
+  std::string accepted;
+  int started = 0;
+  const CallControls call = {.accepted = [&](const std::string& id, int, double) { accepted = id; },
+                             .started = [&](double) { ++started; }};
+  const OwnedProblem problem = examples::rocket();
+  const auto waited = client_.solve(problem.view(), {}, {.progress = &here}).value();
+  auto pending = client_.solve_async(problem.view(), {}, {.progress = &there}, call).value();
+  const auto answer = pending.get().value();
+  EXPECT_EQ(answer.z, waited.z);
+  EXPECT_EQ(answer.job_id, accepted);
+  EXPECT_EQ(started, 1);
+  EXPECT_EQ(there.objectives.size() + static_cast<std::size_t>(answer.progress_skipped),
+            here.objectives.size() + static_cast<std::size_t>(waited.progress_skipped));
+}
+
+TEST_F(Async, AWaitMayHaveALimit) {
+  const auto slow = client_.solve_async(endless_, tiny_steps_).value();
+  EXPECT_FALSE(slow.wait_for(std::chrono::milliseconds(20)));
+  EXPECT_FALSE(slow.wait_for(std::chrono::seconds(-1)));
+  const OwnedProblem problem = examples::rocket();
+  auto quick = client_.solve_async(problem.view()).value();
+  EXPECT_TRUE(quick.wait_for(std::chrono::duration<double>(std::numeric_limits<double>::infinity())));
+  EXPECT_TRUE(quick.is_ready());
+  EXPECT_TRUE(quick.get().has_value());
 }
 
 TEST_F(Async, AStopTokenGivesItUpToo) {
   std::stop_source stop;
-  auto pending = client_.solve_async(examples::gates().view(), endless(), {.stop = stop.get_token()}).value();
+  auto pending = client_.solve_async(endless_, tiny_steps_, {.stop = stop.get_token()}).value();
   stop.request_stop();
   EXPECT_EQ(pending.get().error().code, ErrorCode::cancelled);
+  auto stillborn = client_.solve_async(endless_, tiny_steps_, {.stop = stop.get_token()}).value();
+  EXPECT_EQ(stillborn.get().error().code, ErrorCode::cancelled);
 }
 
-TEST_F(Async, AHandleThatIsDroppedFreesTheWorker) {
-  { const auto dropped = client_.solve_async(examples::gates().view(), endless()).value(); }
+TEST_F(Async, ADeadlineEndsIt) {
+  auto pending =
+      client_.solve_async(endless_, tiny_steps_, {}, {.deadline = std::chrono::milliseconds(50)}).value();
+  EXPECT_EQ(pending.get().error().code, ErrorCode::deadline_exceeded);
+}
+
+TEST_F(Async, AHandleThatIsDroppedFreesTheWorkerAndTellsNothingMore) {
+  auto counter = std::make_unique<Counter>();
+  {
+    const auto dropped = client_.solve_async(endless_, tiny_steps_, {.progress = counter.get()}).value();
+    ASSERT_TRUE(eventually([&] { return counter->rows > 0; }));
+  }
+  counter.reset();  // a late report would be seen by the address sanitizer
   EXPECT_TRUE(eventually([&] { return client_.info().value().running == 0; }));
+}
+
+TEST_F(Async, AHandleThatIsAssignedToGivesUpWhatItHad) {
+  auto pending = client_.solve_async(endless_, tiny_steps_).value();
+  ASSERT_TRUE(eventually([&] { return client_.info().value().running == 1; }));
+  const OwnedProblem problem = examples::rocket();
+  pending = client_.solve_async(problem.view()).value();
+  EXPECT_TRUE(pending.get().has_value());
+  EXPECT_TRUE(eventually([&] { return client_.info().value().running == 0; }));
+}
+
+TEST_F(Async, ItMayBeCancelledByACallbackOfItsOwnAndByAnotherThread) {
+  std::optional<PendingSolution> pending;
+  std::atomic<bool> known = false;
+  class Canceller : public ProgressSink {
+   public:
+    Canceller(std::optional<PendingSolution>& handle, std::atomic<bool>& ready)
+        : handle_(handle), ready_(ready) {}
+    void report(const Progress&) override {
+      if (ready_) handle_->cancel();
+    }
+
+   private:
+    std::optional<PendingSolution>& handle_;
+    std::atomic<bool>& ready_;
+  } canceller(pending, known);
+  pending = client_.solve_async(endless_, tiny_steps_, {.progress = &canceller}).value();
+  known = true;
+  EXPECT_EQ(pending->get().error().code, ErrorCode::cancelled);
+  auto other = client_.solve_async(endless_, tiny_steps_).value();
+  const std::jthread thread([&] { other.cancel(); });
+  EXPECT_EQ(other.get().error().code, ErrorCode::cancelled);
+}
+
+TEST_F(Async, ItOutlivesItsClientAndTellsOfAServerThatDies) {
+  auto client = std::make_unique<Client>(Client::connect(server_.address()).value());
+  Counter counter;
+  auto pending = client->solve_async(endless_, tiny_steps_, {.progress = &counter}).value();
+  ASSERT_TRUE(eventually([&] { return counter.rows > 0; }));
+  client.reset();
+  EXPECT_FALSE(pending.is_ready());
+  server_.send(SIGKILL);
+  EXPECT_EQ(pending.get().error().code, ErrorCode::unavailable);
 }
 
 TEST_F(Async, ABadProblemIsToldAtTheServersWordOrBefore) {
@@ -83,56 +176,6 @@ TEST_F(Async, ABadProblemIsToldAtTheServersWordOrBefore) {
   EXPECT_EQ(answer.error().index, 3);
   EXPECT_EQ(client_.solve_async(examples::rocket().view(), {}, {}, {.request_id = "a\nb"}).error().field,
             "request_id");
-}
-
-class Several : public ::testing::Test {
- protected:
-  static std::int64_t answered(const ServerProcess& server) {
-    return Client::connect(server.address()).value().info().value().answered;
-  }
-};
-
-TEST_F(Several, ServersTakeTurnsAndADrainedOneGetsNothing) {
-  ServerProcess first(MARBLE_SERVER_BINARY), second(MARBLE_SERVER_BINARY);
-  const Client client = Client::connect(first.address() + "," + second.address()).value();
-  const OwnedProblem problem = examples::rocket();
-  ASSERT_TRUE(eventually([&] {
-    EXPECT_TRUE(client.solve(problem.view()).has_value());
-    return answered(first) > 0 && answered(second) > 0;
-  }));
-  first.terminate();
-  EXPECT_EQ(first.wait(), 0);
-  const std::int64_t before = answered(second);
-  for (int i = 0; i < 10; ++i) {
-    const auto answer = client.solve(problem.view());
-    EXPECT_TRUE(answer.has_value()) << answer.error().message();
-  }
-  EXPECT_EQ(answered(second), before + 10);
-}
-
-TEST_F(Several, AKilledServersSolveIsRepeatedElsewhere) {
-  auto first = std::make_unique<ServerProcess>(MARBLE_SERVER_BINARY);
-  const ServerProcess second(MARBLE_SERVER_BINARY);
-  const Client client = Client::connect(first->address() + "," + second.address()).value();
-  const OwnedProblem problem = examples::hopper();
-  std::vector<PendingSolution> pending;
-  for (int i = 0; i < 12; ++i) pending.push_back(client.solve_async(problem.view()).value());
-  const Client there = Client::connect(first->address()).value();
-  ASSERT_TRUE(eventually([&] { return there.info().value().running > 0; }));
-  first->send(SIGKILL);
-  for (PendingSolution& one : pending) {
-    const auto answer = one.get();
-    EXPECT_TRUE(answer.has_value()) << answer.error().message();
-  }
-  for (int i = 0; i < 4; ++i) EXPECT_TRUE(client.solve(problem.view()).has_value());
-}
-
-TEST_F(Several, AddressesThatAreNoneAreRefusedByName) {
-  EXPECT_EQ(Client::connect("127.0.0.1:1,nowhere").error().value, "\"nowhere\"");
-  EXPECT_EQ(Client::connect("127.0.0.1:1,unix:/tmp/x").error().field, "address");
-  EXPECT_EQ(Client::connect("127.0.0.1:1,").error().field, "address");
-  EXPECT_EQ(Client::connect("127.0.0.1:1,[::1]:2").error().value, "\"[::1]:2\"");
-  EXPECT_EQ(Client::connect("127.0.0.1:1,no-such-host.invalid:2").error().code, ErrorCode::unavailable);
 }
 
 }  // namespace

@@ -4,7 +4,6 @@
 
 #include "credentials.h"
 #include "service_config.h"
-#include "target.h"
 
 namespace marble::client {
 namespace {
@@ -19,17 +18,15 @@ constexpr int kRetryBuffer_bytes = 256 << 20;  // what a call keeps to be sent a
 
 }  // namespace
 
-Expected<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
-                                                      const ConnectOptions& options) {
-  const auto target = target_of(address);
-  if (!target) return unexpected(target.error());
+Expected<std::shared_ptr<grpc::Channel>> open_channel(const Target& target, const ConnectOptions& options) {
   const auto credentials = make_credentials(options);
   if (!credentials) return unexpected(credentials.error());
   grpc::ChannelArguments arguments;
   const std::string& server_name =
-      options.tls_server_name.empty() ? target->authority : options.tls_server_name;
+      options.tls_server_name.empty() ? target.authority : options.tls_server_name;
+  if (!server_name.empty()) arguments.SetString(GRPC_ARG_DEFAULT_AUTHORITY, server_name);
   if (!server_name.empty() && wants_tls(options)) arguments.SetSslTargetNameOverride(server_name);
-  arguments.SetServiceConfigJSON(service_config(target->several));
+  arguments.SetServiceConfigJSON(service_config(target.several));
   arguments.SetInt(GRPC_ARG_PER_RPC_RETRY_BUFFER_SIZE, kRetryBuffer_bytes);
   // The server has its limit; the client must not be the one that cannot read an answer.
   arguments.SetMaxReceiveMessageSize(kNoLimit);
@@ -41,7 +38,7 @@ Expected<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kLongestBackoff_ms);
   // http_proxy is set for browsers; a solver on loopback or in the same rack is not behind it.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  return grpc::CreateCustomChannel(target->name, *credentials, arguments);
+  return grpc::CreateCustomChannel(target.name, *credentials, arguments);
 }
 
 }  // namespace marble::client

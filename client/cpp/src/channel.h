@@ -4,15 +4,15 @@
 #include <grpcpp/channel.h>
 
 #include <memory>
-#include <string>
 
 #include "marble/connect_options.h"
 #include "marble/error.h"
+#include "target.h"
 
 namespace marble::client {
 
-/// Does not connect yet. Errors: those of target_of and make_credentials.
-[[nodiscard]] Expected<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
+/// Does not connect yet. Errors: those of make_credentials.
+[[nodiscard]] Expected<std::shared_ptr<grpc::Channel>> open_channel(const Target& target,
                                                                     const ConnectOptions& options);
 
 }  // namespace marble::client

@@ -1,7 +1,10 @@
 #include "marble/pending_solution.h"
 
+#include <algorithm>
 #include <condition_variable>
+#include <functional>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <stop_token>
 
@@ -13,6 +16,11 @@
 #include "traceparent.h"
 
 namespace marble {
+namespace {
+
+constexpr std::chrono::duration<double> kLongestWait{1e8};  // the clock's own range ends
+
+}  // namespace
 
 /// Reads on gRPC's threads; lives until the call is done, whoever holds the handle.
 struct PendingSolution::State final : grpc::ClientReadReactor<v1::SolveStreamResponse> {
@@ -21,17 +29,18 @@ struct PendingSolution::State final : grpc::ClientReadReactor<v1::SolveStreamRes
       : connection(std::move(to)),
         call(std::move(controls)),
         stop(solve_controls.stop),
+        tells(solve_controls.progress != nullptr || call.accepted || call.moved || call.started),
         events(solve_controls.progress, call) {}
 
-  // A unary call where nobody wants to be told: gRPC can repeat it elsewhere to its end.
-  void begin(const std::shared_ptr<State>& self, bool tells) {
+  // A unary call where nobody wants to be told: gRPC can repeat it elsewhere until it is answered.
+  void begin(const std::shared_ptr<State>& self) {
     own = self;
     if (tells) {
       connection->solver().async()->SolveStream(&context, &request, this);
       StartRead(&event);
     } else {
       connection->solver().async()->Solve(&context, &request.solve(), &response,
-                                          [this](const grpc::Status& status) { finish(status, answer()); });
+                                          [this](const grpc::Status& ended) { OnDone(ended); });
     }
     cancel_on_stop.emplace(stop, [this] { context.TryCancel(); });
     if (tells) StartCall();
@@ -39,22 +48,26 @@ struct PendingSolution::State final : grpc::ClientReadReactor<v1::SolveStreamRes
 
   void OnReadDone(bool ok) override {
     if (!ok) return;
-    events.take(event);
+    try {
+      events.take(event);
+    } catch (const std::bad_alloc&) {  // must not end in gRPC's threads
+      out_of_memory = true;
+      context.TryCancel();
+    }
     StartRead(&event);
   }
 
-  void OnDone(const grpc::Status& status) override { finish(status, events.answer()); }
-
-  [[nodiscard]] Expected<RemoteSolution> answer() const { return client::remote_solution(response); }
-
-  void finish(const grpc::Status& status, Expected<RemoteSolution> ended) {
-    if (!status.ok()) ended = unexpected(client::to_error(status, stop));
-    if (ended) ended->traceparent = client::returned_traceparent(context);
-    const std::shared_ptr<State> last = std::move(own);
+  void OnDone(const grpc::Status& ended) override {
+    const std::shared_ptr<State> last = std::move(own);  // lets go after the lock
     const std::lock_guard lock(mutex);
-    result = std::move(ended);
+    status = ended;
     done = true;
     changed.notify_all();
+  }
+
+  [[nodiscard]] bool wait(std::chrono::duration<double> longest) {
+    std::unique_lock lock(mutex);
+    return changed.wait_for(lock, longest, [&] { return done; });
   }
 
   void wait() {
@@ -62,21 +75,36 @@ struct PendingSolution::State final : grpc::ClientReadReactor<v1::SolveStreamRes
     changed.wait(lock, [&] { return done; });
   }
 
+  // Once it is done.
+  [[nodiscard]] Expected<RemoteSolution> take() {
+    if (taken)
+      return unexpected(Error{ErrorCode::failed_precondition, "", -1, "", "the answer was taken already"});
+    taken = true;
+    if (out_of_memory) return unexpected(client::out_of_memory());
+    if (!status.ok()) return unexpected(client::to_error(status, stop));
+    auto answer = tells ? events.answer() : client::remote_solution(response);
+    if (answer) answer->traceparent = client::returned_traceparent(context);
+    return answer;
+  }
+
   const std::shared_ptr<const client::Connection> connection;
   const CallControls call;
   const std::stop_token stop;
+  const bool tells;
   v1::SolveStreamRequest request;
   grpc::ClientContext context;
   v1::SolveResponse response;     // of a unary call
   v1::SolveStreamResponse event;  // of a stream
   client::SolveEvents events;
+  bool out_of_memory = false;
+  bool taken = false;
   std::optional<std::stop_callback<std::function<void()>>> cancel_on_stop;
   std::shared_ptr<State> own;  // while the call goes on
 
   std::mutex mutex;
   std::condition_variable changed;
-  bool done = false;
-  std::optional<Expected<RemoteSolution>> result;  // until it is taken
+  bool done = false;    // guarded by mutex, as is status; set last
+  grpc::Status status;  // constant once done
 };
 
 namespace client {
@@ -90,8 +118,7 @@ Expected<PendingSolution> begin_solve(const std::shared_ptr<const Connection>& c
   state->request = std::move(*request);
   if (auto ready = connection->prepare(state->context, call.traceparent, call.deadline); !ready)
     return unexpected(ready.error());
-  const bool tells = controls.progress != nullptr || call.accepted || call.moved || call.started;
-  state->begin(state, tells);
+  state->begin(state);
   return PendingSolution(state);
 }
 
@@ -101,7 +128,8 @@ PendingSolution::PendingSolution(std::shared_ptr<State> state) : state_(std::mov
 PendingSolution::PendingSolution(PendingSolution&&) noexcept = default;
 
 PendingSolution& PendingSolution::operator=(PendingSolution&& other) noexcept {
-  std::swap(state_, other.state_);
+  PendingSolution taken(std::move(other));
+  std::swap(state_, taken.state_);  // what was there is given up
   return *this;
 }
 
@@ -111,19 +139,15 @@ PendingSolution::~PendingSolution() {
   state_->wait();
 }
 
-Expected<RemoteSolution> PendingSolution::get() {
+Expected<RemoteSolution> PendingSolution::get() try {
   state_->wait();
-  const std::lock_guard lock(state_->mutex);
-  if (!state_->result)
-    return unexpected(Error{ErrorCode::failed_precondition, "", -1, "", "the answer was taken already"});
-  Expected<RemoteSolution> result = std::move(*state_->result);
-  state_->result.reset();
-  return result;
+  return state_->take();
+} catch (const std::bad_alloc&) {
+  return unexpected(client::out_of_memory());
 }
 
-bool PendingSolution::wait_for(std::chrono::duration<double> duration) const {
-  std::unique_lock lock(state_->mutex);
-  return state_->changed.wait_for(lock, duration, [&] { return state_->done; });
+bool PendingSolution::wait_for(std::chrono::duration<double> longest) const {
+  return state_->wait(std::min(longest, kLongestWait));
 }
 
 void PendingSolution::cancel() { state_->context.TryCancel(); }

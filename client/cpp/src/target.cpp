@@ -83,8 +83,9 @@ Expected<Target> target_of(const std::string& address) {
     if (auto valid = check(address.substr(kDnsPrefix.size())); !valid) return unexpected(valid.error());
     return Target{address, "", true};
   }
+  const bool unix_path = address.rfind(kUnixPrefix, 0) == 0;  // may have a comma of its own
   const std::vector<std::string> parts = split(address);
-  if (parts.size() == 1) {
+  if (parts.size() == 1 || unix_path) {
     if (auto valid = check(address); !valid) return unexpected(valid.error());
     return Target{address, "", false};
   }
@@ -92,7 +93,7 @@ Expected<Target> target_of(const std::string& address) {
   int family = AF_UNSPEC;
   for (const std::string& part : parts) {
     if (auto valid = check(part); !valid) return unexpected(valid.error());
-    if (part.rfind(kUnixPrefix, 0) == 0)
+    if (part.rfind(kUnixPrefix, 0) == 0 || part.rfind(kDnsPrefix, 0) == 0)
       return unexpected(bad_address(part, "cannot be one of several: only host:port can"));
     const auto endpoint = look_up(part);
     if (!endpoint) {

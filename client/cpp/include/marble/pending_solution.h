@@ -1,4 +1,8 @@
 // A remote solve that goes on while the caller does something else.
+//
+//   auto pending = client->solve_async(problem, options, {.progress = &plot});
+//   while (!pending->wait_for(20ms)) steer();
+//   auto answer = pending->get();
 #pragma once
 
 #include <chrono>
@@ -9,24 +13,29 @@
 
 namespace marble {
 
-/// What Client::solve_async gives back. One thread at a time, but for cancel().
+/// What Client::solve_async gives back. One thread at a time may use it, but for cancel(). No call throws.
 class PendingSolution {
  public:
   PendingSolution(PendingSolution&&) noexcept;
   PendingSolution& operator=(PendingSolution&&) noexcept;
-  /// Gives the solve up, if nobody has taken its answer, and waits until nothing calls back any more.
+  /// Gives the solve up if it still goes on, and waits until nothing calls back any more: not to be destroyed
+  /// within a callback of its own.
   ~PendingSolution();
 
-  /// Waits for the answer and gives it away; error failed_precondition the second time.
+  /// Waits for the answer and gives it away. Errors: those of Client::solve; failed_precondition the second
+  /// time.
   [[nodiscard]] Expected<RemoteSolution> get();
-  /// True once get() does not wait.
-  [[nodiscard]] bool wait_for(std::chrono::duration<double> duration) const;
+
+  /// Waits, but no longer than this (seconds; negative is 0). True once get() does not wait any more.
+  [[nodiscard]] bool wait_for(std::chrono::duration<double> longest) const;
   [[nodiscard]] bool is_ready() const { return wait_for(std::chrono::duration<double>::zero()); }
-  /// Asks for the end: get() gives the error cancelled, unless the answer was on its way. Thread-safe.
+
+  /// Asks for the end: get() gives the error cancelled, unless the answer was on its way. Thread-safe, in
+  /// callbacks too.
   void cancel();
 
-  /// Made by the client.
-  struct State;
+  struct State;  ///< the client's own
+  /// Made by Client::solve_async.
   explicit PendingSolution(std::shared_ptr<State> state);
 
  private:
