@@ -286,13 +286,4 @@ std::int64_t Session::memory_bytes() const { return state_->ready.memory_bytes()
 double Session::setup_s() const { return state_->ready.setup_s(); }
 double Session::idle_timeout_s() const { return state_->ready.idle_timeout_s(); }
 
-Shift Shift::by_stage(const ProblemView& problem, int stages) {
-  const auto block = [stages](std::size_t size) -> std::vector<ShiftBlock> {
-    const auto count = static_cast<Index>(size);
-    if (count == 0 || stages < 1) return {};
-    return {{0, count, count / stages}};
-  };
-  return {block(problem.g.size()), block(problem.b.size()), block(problem.d.size()), block(problem.l.size())};
-}
-
 }  // namespace marble

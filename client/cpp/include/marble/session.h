@@ -12,34 +12,19 @@
 #include <stop_token>
 #include <string>
 #include <variant>
-#include <vector>
 
 #include "marble/call_controls.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
 #include "marble/progress.h"
+#include "marble/restart.h"
 
 namespace marble {
 
 namespace client {
 class Connection;
 }
-
-/// A stretch of a vector that moves on: of `count` entries from `first`, each takes the value `by` further
-/// on, and the last `by` keep theirs.
-struct ShiftBlock {
-  Index first = 0, count = 0, by = 0;  ///< all >= 0, by <= count
-};
-
-/// A receding horizon's hint: how the last answer moves one stage on before it is started from.
-struct Shift {
-  std::vector<ShiftBlock> variables = {}, equalities = {}, inequalities = {};
-  std::vector<ShiftBlock> pairs = {};  ///< of both multipliers of the pairs
-
-  /// For a problem whose vectors all hold `stages` >= 1 equal parts, one stage after the other.
-  [[nodiscard]] static Shift by_stage(const ProblemView& problem, int stages);
-};
 
 /// What holds for a session as a whole; all of it optional.
 struct SessionOptions {
