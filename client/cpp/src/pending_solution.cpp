@@ -22,7 +22,8 @@ constexpr std::chrono::duration<double> kLongestWait{1e8};  // the clock's own r
 
 }  // namespace
 
-/// Reads on gRPC's threads; lives until the call is done, whoever holds the handle.
+/// Reads on gRPC's threads. Owned by the handle alone, which waits for the end: these threads must never be
+/// the last to hold a channel, for its end joins them.
 struct PendingSolution::State final : grpc::ClientReadReactor<v1::SolveStreamResponse> {
   State(std::shared_ptr<const client::Connection> to, const SolveControls& solve_controls,
         CallControls controls)
@@ -33,8 +34,7 @@ struct PendingSolution::State final : grpc::ClientReadReactor<v1::SolveStreamRes
         events(solve_controls.progress, call) {}
 
   // A unary call where nobody wants to be told: gRPC can repeat it elsewhere until it is answered.
-  void begin(const std::shared_ptr<State>& self) {
-    own = self;
+  void begin() {
     if (tells) {
       connection->solver().async()->SolveStream(&context, &request, this);
       StartRead(&event);
@@ -58,11 +58,10 @@ struct PendingSolution::State final : grpc::ClientReadReactor<v1::SolveStreamRes
   }
 
   void OnDone(const grpc::Status& ended) override {
-    const std::shared_ptr<State> last = std::move(own);  // lets go after the lock
     const std::lock_guard lock(mutex);
     status = ended;
     done = true;
-    changed.notify_all();
+    changed.notify_all();  // under the lock: whoever waited may delete this next
   }
 
   [[nodiscard]] bool wait(std::chrono::duration<double> longest) {
@@ -99,7 +98,6 @@ struct PendingSolution::State final : grpc::ClientReadReactor<v1::SolveStreamRes
   bool out_of_memory = false;
   bool taken = false;
   std::optional<std::stop_callback<std::function<void()>>> cancel_on_stop;
-  std::shared_ptr<State> own;  // while the call goes on
 
   std::mutex mutex;
   std::condition_variable changed;
@@ -114,17 +112,17 @@ Expected<PendingSolution> begin_solve(const std::shared_ptr<const Connection>& c
                                       const SolveControls& controls, const CallControls& call) {
   auto request = make_request(problem, options, controls, call);
   if (!request) return unexpected(request.error());
-  const auto state = std::make_shared<PendingSolution::State>(connection, controls, call);
+  auto state = std::make_unique<PendingSolution::State>(connection, controls, call);
   state->request = std::move(*request);
   if (auto ready = connection->prepare(state->context, call.traceparent, call.deadline); !ready)
     return unexpected(ready.error());
-  state->begin(state);
-  return PendingSolution(state);
+  state->begin();
+  return PendingSolution(std::move(state));
 }
 
 }  // namespace client
 
-PendingSolution::PendingSolution(std::shared_ptr<State> state) : state_(std::move(state)) {}
+PendingSolution::PendingSolution(std::unique_ptr<State> state) : state_(std::move(state)) {}
 PendingSolution::PendingSolution(PendingSolution&&) noexcept = default;
 
 PendingSolution& PendingSolution::operator=(PendingSolution&& other) noexcept {

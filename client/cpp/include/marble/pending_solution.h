@@ -36,10 +36,10 @@ class PendingSolution {
 
   struct State;  ///< the client's own
   /// Made by Client::solve_async.
-  explicit PendingSolution(std::shared_ptr<State> state);
+  explicit PendingSolution(std::unique_ptr<State> state);
 
  private:
-  std::shared_ptr<State> state_;
+  std::unique_ptr<State> state_;
 };
 
 }  // namespace marble
