@@ -44,11 +44,14 @@ struct CallControls {
 
 /// A solution with what the server adds to it.
 struct RemoteSolution : Solution {
-  std::string job_id;                 ///< as in the server's log
+  std::string job_id;                 ///< as in the server's log; empty if it was solved in process
   double queue_s = 0.0;               ///< waiting for a worker
   double total_s = 0.0;               ///< from acceptance to the answer, on the server
   std::int64_t progress_skipped = 0;  ///< reports that were dropped, because the network was slower
   std::string traceparent = {};       ///< the server's span in the caller's trace; empty if none was sent
+  /// The session's server was lost, and the session was set up again for this answer
+  /// (SessionOptions::reopen).
+  bool reopened = false;
 };
 
 }  // namespace marble
