@@ -5,7 +5,7 @@
 #include <mutex>
 #include <set>
 
-#include "target.h"
+#include "load_target.h"
 #include "work.h"
 #include "workload.h"
 

@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
+#include "load_target.h"
 #include "plan.h"
-#include "target.h"
 #include "work.h"
 #include "workload.h"
 

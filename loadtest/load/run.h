@@ -4,9 +4,9 @@
 #include <functional>
 #include <stop_token>
 
+#include "load_target.h"
 #include "marble/client.h"
 #include "result.h"
-#include "target.h"
 #include "workload.h"
 
 namespace marble::load {

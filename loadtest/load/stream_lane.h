@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "target.h"
+#include "load_target.h"
 #include "work.h"
 #include "workload.h"
 

@@ -47,7 +47,8 @@ TEST(Histogram, quantiles_are_within_a_thousandth_above_those_of_the_sorted_valu
 
 TEST(Histogram, least_most_and_mean_are_exact) {
   Histogram histogram;
-  for (const std::int64_t value : std::vector<std::int64_t>{1'234'567'891, 3, 987'654'321'012}) histogram.add(value);
+  for (const std::int64_t value : std::vector<std::int64_t>{1'234'567'891, 3, 987'654'321'012})
+    histogram.add(value);
   EXPECT_EQ(histogram.least(), 3);
   EXPECT_EQ(histogram.most(), 987'654'321'012);
   EXPECT_EQ(histogram.quantile(1.0), 987'654'321'012);

@@ -1,19 +1,21 @@
-#include "target.h"
+#include "load_target.h"
 
 #include "channel.h"
 
 namespace marble::load {
 
 Expected<Target> Target::open(const std::string& address, const ConnectOptions& options, int connections) {
-  if (auto valid = client::check_address(address); !valid) return unexpected(valid.error());
+  const auto name = client::target_of(address);
+  if (!name) return unexpected(name.error());
   ConnectOptions own = options;
   own.own_connection = true;
+  own.retries = false;
   Target target;
   target.address_ = address;
   target.name_ = options.name;
   if (!options.token.empty()) target.authorization_ = "Bearer " + options.token;
   for (int i = 0; i < connections; ++i) {
-    auto channel = client::open_channel(address, own);
+    auto channel = client::open_channel(*name, own);
     if (!channel) return unexpected(channel.error());
     target.stubs_.push_back(std::make_unique<Stub>(std::move(*channel)));
   }
