@@ -125,7 +125,7 @@ class Contract(unittest.TestCase):
 
     def compile(self):
         made = self.folder / "marble.binpb"
-        files = sorted((self.folder / "proto" / "marble" / "v1").glob("*.proto"))
+        files = sorted((self.folder / "proto").rglob("*.proto"))
         subprocess.run(["protoc", "-I", self.folder / "proto", "--include_imports", f"--descriptor_set_out={made}",
                         *files], check=True)
         return read(made)
