@@ -2,6 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
+import { Server as GrpcServer, ServerCredentials, type ServerUnaryCall, type sendUnaryData } from "@grpc/grpc-js";
 import { type Client, connect } from "@marble/client";
 
 import { corner, endless, long } from "./support/problems.js";
@@ -73,6 +74,40 @@ test("a draining server is left out of the turns, of submissions too", async () 
   assert.equal((await itsOwn.info()).counters.running, 1);
   gaveUp.abort();
   await busy;
+});
+
+/** Answers GetInfo with nothing in it, and has no health service. */
+async function withoutHealth(onCall: () => void): Promise<{ address: string; stop: () => void }> {
+  const server = new GrpcServer();
+  const bytes = (value: Buffer): Buffer => value;
+  const codec = { requestSerialize: bytes, requestDeserialize: bytes, responseSerialize: bytes, responseDeserialize: bytes };
+  server.addService(
+    { getInfo: { path: "/marble.v1.Server/GetInfo", requestStream: false, responseStream: false, ...codec } },
+    {
+      getInfo: (_call: ServerUnaryCall<Buffer, Buffer>, answer: sendUnaryData<Buffer>) => {
+        onCall();
+        answer(null, Buffer.alloc(0));
+      },
+    },
+  );
+  const port = await new Promise<number>((bound, failed) =>
+    server.bindAsync("127.0.0.1:0", ServerCredentials.createInsecure(), (error, at) => (error ? failed(error) : bound(at))),
+  );
+  return { address: `127.0.0.1:${port}`, stop: () => server.forceShutdown() };
+}
+
+test("servers that do not tell of their health count as healthy", async () => {
+  const calls = [0, 0];
+  const servers = await Promise.all(calls.map((_, k) => withoutHealth(() => ++calls[k])));
+  try {
+    using client = connect(servers.map(({ address }) => address).join(","));
+    await eventually(async () => (await client.info()) !== undefined && Math.min(...calls) > 0);
+    const before = [...calls];
+    for (let k = 0; k < 10; ++k) await client.info();
+    assert.deepEqual(calls, [before[0] + 5, before[1] + 5]);
+  } finally {
+    for (const { stop } of servers) stop();
+  }
 });
 
 test("a name stands for all its addresses, and one that is not found costs the others nothing", async () => {
