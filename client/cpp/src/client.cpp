@@ -3,6 +3,7 @@
 #include <new>
 
 #include "connection.h"
+#include "pending_solve.h"
 #include "solve.h"
 #include "status.h"
 
@@ -22,6 +23,14 @@ Client::~Client() = default;
 Expected<RemoteSolution> Client::solve(const ProblemView& problem, const Options& options,
                                        const SolveControls& controls, const CallControls& call) const try {
   return client::solve(*connection_, problem, options, controls, call);
+} catch (const std::bad_alloc&) {
+  return unexpected(client::out_of_memory());
+}
+
+Expected<PendingSolution> Client::solve_async(const ProblemView& problem, const Options& options,
+                                              const SolveControls& controls, const CallControls& call) const
+    try {
+  return client::begin_solve(connection_, problem, options, controls, call);
 } catch (const std::bad_alloc&) {
   return unexpected(client::out_of_memory());
 }

@@ -6,9 +6,11 @@
 #include <map>
 #include <mutex>
 #include <new>
+#include <thread>
 
 #include "answer.h"
 #include "connection.h"
+#include "session_memory.h"
 #include "session_request.h"
 #include "status.h"
 #include "traceparent.h"
@@ -18,6 +20,10 @@ namespace {
 
 using Stream = grpc::ClientReaderWriter<v1::SessionRequest, v1::SessionResponse>;
 
+// Between tries to reopen; a server that is found is found by the first.
+constexpr std::chrono::milliseconds kBackoffs[] = {
+    std::chrono::milliseconds(100), std::chrono::milliseconds(300), std::chrono::milliseconds(600)};
+
 Error ended() { return {ErrorCode::failed_precondition, "", -1, "", "the session has ended"}; }
 
 }  // namespace
@@ -25,22 +31,31 @@ Error ended() { return {ErrorCode::failed_precondition, "", -1, "", "the session
 // Two locks, as a stream may be written by one thread while another one reads. Whoever finds a write failed
 // takes `reading` as well, and reads on to learn why.
 struct Session::State {
-  [[nodiscard]] Expected<void> set_up(const client::Connection& to, const v1::SessionRequest& request,
-                                      const SessionOptions& session);
+  State(std::shared_ptr<const client::Connection> to, std::string span, std::stop_token given_up)
+      : connection(std::move(to)), parent(std::move(span)), stop(std::move(given_up)) {}
+
+  ~State();
+
+  [[nodiscard]] Expected<void> set_up(const v1::SessionRequest& request);
   [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls);
   [[nodiscard]] std::optional<SessionEvent> read();
   [[nodiscard]] std::optional<SessionEvent> event_of(const v1::SessionResponse& response);
+  [[nodiscard]] Expected<RemoteSolution> solve(const ProblemUpdate& update, const UpdateControls& controls);
+  [[nodiscard]] Expected<RemoteSolution> outcome_of(SessionEvent event, const ProblemUpdate& update,
+                                                    const UpdateControls& controls);
   [[nodiscard]] Error reason() const { return status.ok() ? ended() : client::to_error(status, stop); }
   void read_to_the_end();
   void tell(const v1::SessionProgress& progress);
 
-  std::shared_ptr<const client::Connection> connection;  // the stream's, for as long as there is one
+  const std::shared_ptr<const client::Connection> connection;  // the stream's, for as long as there is one
+  const std::string parent;                                    // the caller's span
+  const std::stop_token stop;
   grpc::ClientContext context;
-  std::stop_token stop;
   std::unique_ptr<Stream> stream;
   std::optional<std::stop_callback<std::function<void()>>> cancel_on_stop;
   v1::SessionReady ready;
   std::string traceparent;
+  std::unique_ptr<client::SessionMemory> memory;  // of one that may be reopened
 
   std::mutex writing;
   std::int64_t sequence = 0;
@@ -55,15 +70,19 @@ struct Session::State {
   std::map<std::int64_t, ProgressSink*> sinks;
 };
 
-Expected<void> Session::State::set_up(const client::Connection& to, const v1::SessionRequest& request,
-                                      const SessionOptions& session) {
-  if (auto prepared = to.prepare(context, session.traceparent, std::nullopt); !prepared) {
+Session::State::~State() {
+  if (over || stream == nullptr) return;
+  context.TryCancel();
+  static_cast<void>(stream->Finish());
+}
+
+Expected<void> Session::State::set_up(const v1::SessionRequest& request) {
+  if (auto prepared = connection->prepare(context, parent, std::nullopt); !prepared) {
     over = true;
     return prepared;
   }
-  stop = session.stop;
   cancel_on_stop.emplace(stop, [this] { context.TryCancel(); });
-  stream = to.solver().Session(&context);
+  stream = connection->solver().Session(&context);
   stream->Write(request);  // if that fails, so does the read
   v1::SessionResponse response;
   if (stream->Read(&response) && response.has_ready()) {
@@ -93,6 +112,34 @@ Expected<std::int64_t> Session::State::send(const ProblemUpdate& update, const U
   const std::lock_guard lock(reading);
   read_to_the_end();
   return unexpected(reason());
+}
+
+Expected<RemoteSolution> Session::State::solve(const ProblemUpdate& update, const UpdateControls& controls) {
+  const auto sent = [&] {
+    const std::lock_guard lock(writing);
+    return send(update, controls);
+  }();
+  if (!sent) return unexpected(sent.error());
+  const std::lock_guard lock(reading);
+  while (auto event = read()) {
+    if (event->sequence == *sent) return outcome_of(std::move(*event), update, controls);
+    unfetched.push_back(std::move(*event));
+  }
+  return unexpected(reason());
+}
+
+Expected<RemoteSolution> Session::State::outcome_of(SessionEvent event, const ProblemUpdate& update,
+                                                    const UpdateControls& controls) {
+  auto* answer = std::get_if<RemoteSolution>(&event.outcome);
+  auto* error = std::get_if<Error>(&event.outcome);
+  // What is refused has changed nothing; what came too late has.
+  const bool refused = error != nullptr &&
+                       (error->code == ErrorCode::invalid_argument || error->code == ErrorCode::unavailable);
+  if (memory != nullptr && !refused) memory->take(update, controls);
+  if (memory != nullptr && answer != nullptr && is_solved(answer->status)) memory->take(answer->z);
+  if (answer != nullptr) return std::move(*answer);
+  if (error != nullptr) return unexpected(std::move(*error));
+  return unexpected(Error{ErrorCode::cancelled, "", -1, "", "a newer update took its place"});
 }
 
 // With `reading` held, as all that follow.
@@ -149,27 +196,24 @@ Session& Session::operator=(Session&& other) noexcept {
   return *this;
 }
 
-Session::~Session() {
-  if (state_ == nullptr || state_->over) return;
-  state_->context.TryCancel();
-  static_cast<void>(state_->stream->Finish());
-}
+Session::~Session() = default;
 
 Expected<Session> Session::open(std::shared_ptr<const client::Connection> connection,
                                 const ProblemView& problem, const Options& options,
                                 const SessionOptions& session) try {
-  const auto request = client::make_setup(problem, options, session);
+  auto request = client::make_setup(problem, options, session);
   if (!request) return unexpected(request.error());
-  auto state = std::make_unique<State>();
-  state->connection = std::move(connection);
-  if (auto made = state->set_up(*state->connection, *request, session); !made)
-    return unexpected(made.error());
+  auto state = std::make_unique<State>(std::move(connection), session.traceparent, session.stop);
+  if (auto made = state->set_up(*request); !made) return unexpected(made.error());
+  if (session.reopen) state->memory = std::make_unique<client::SessionMemory>(std::move(*request));
   return Session(std::move(state));
 } catch (const std::bad_alloc&) {
   return unexpected(client::out_of_memory());
 }
 
 Expected<std::int64_t> Session::send(const ProblemUpdate& update, const UpdateControls& controls) try {
+  if (state_->memory != nullptr)
+    return unexpected(Error{ErrorCode::failed_precondition, "reopen", -1, "", "leaves only solve()"});
   const std::lock_guard lock(state_->writing);
   return state_->send(update, controls);
 } catch (const std::bad_alloc&) {
@@ -192,22 +236,31 @@ Expected<std::optional<SessionEvent>> Session::next() try {
 }
 
 Expected<RemoteSolution> Session::solve(const ProblemUpdate& update, const UpdateControls& controls) try {
-  const auto sequence = send(update, controls);
-  if (!sequence) return unexpected(sequence.error());
-  State& s = *state_;
-  const std::lock_guard lock(s.reading);
-  while (auto event = s.read()) {
-    if (event->sequence != *sequence) {
-      s.unfetched.push_back(std::move(*event));
-      continue;
+  auto answer = state_->solve(update, controls);
+  const auto lost = [&] {
+    return state_->memory != nullptr && !answer && answer.error().code == ErrorCode::unavailable;
+  };
+  for (auto backoff = std::begin(kBackoffs); lost(); ++backoff) {
+    if (auto again = reopen(controls); !again) {
+      answer = unexpected(again.error());
+    } else if (answer = state_->solve(update, controls); answer) {
+      answer->reopened = true;
     }
-    if (auto* answer = std::get_if<RemoteSolution>(&event->outcome)) return std::move(*answer);
-    if (auto* error = std::get_if<Error>(&event->outcome)) return unexpected(std::move(*error));
-    return unexpected(Error{ErrorCode::cancelled, "", -1, "", "a newer update took its place"});
+    if (!lost() || backoff == std::end(kBackoffs)) break;
+    std::this_thread::sleep_for(*backoff);
   }
-  return unexpected(s.reason());
+  return answer;
 } catch (const std::bad_alloc&) {
   return unexpected(client::out_of_memory());
+}
+
+Expected<void> Session::reopen(const UpdateControls& next) {
+  auto state = std::make_unique<State>(state_->connection, state_->parent, state_->stop);
+  state->sequence = state_->sequence;
+  if (auto made = state->set_up(state_->memory->setup(next)); !made) return made;
+  state->memory = std::move(state_->memory);
+  state_ = std::move(state);
+  return {};
 }
 
 Expected<void> Session::close() try {
@@ -232,14 +285,5 @@ const std::string& Session::traceparent() const { return state_->traceparent; }
 std::int64_t Session::memory_bytes() const { return state_->ready.memory_bytes(); }
 double Session::setup_s() const { return state_->ready.setup_s(); }
 double Session::idle_timeout_s() const { return state_->ready.idle_timeout_s(); }
-
-Shift Shift::by_stage(const ProblemView& problem, int stages) {
-  const auto block = [stages](std::size_t size) -> std::vector<ShiftBlock> {
-    const auto count = static_cast<Index>(size);
-    if (count == 0 || stages < 1) return {};
-    return {{0, count, count / stages}};
-  };
-  return {block(problem.g.size()), block(problem.b.size()), block(problem.d.size()), block(problem.l.size())};
-}
 
 }  // namespace marble

@@ -72,8 +72,9 @@ class Solver {
   std::unique_ptr<State> state_;
 };
 
-/// Validates, sets up and solves in one call.
-[[nodiscard]] Expected<Solution> solve(const ProblemView& problem, const Options& options = {},
-                                       const SolveControls& controls = {});
+/// Validates, sets up and solves in one call, here. (marble::solve of the client library goes to a server
+/// where MARBLE_SERVER names one.)
+[[nodiscard]] Expected<Solution> solve_in_process(const ProblemView& problem, const Options& options = {},
+                                                  const SolveControls& controls = {});
 
 }  // namespace marble

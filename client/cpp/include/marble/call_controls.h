@@ -49,6 +49,9 @@ struct RemoteSolution : Solution {
   double total_s = 0.0;               ///< from acceptance to the answer, on the server
   std::int64_t progress_skipped = 0;  ///< reports that were dropped, because the network was slower
   std::string traceparent = {};       ///< the server's span in the caller's trace; empty if none was sent
+  /// The session's server was lost, and the session was set up again for this answer
+  /// (SessionOptions::reopen).
+  bool reopened = false;
 };
 
 }  // namespace marble

@@ -15,6 +15,7 @@
 #include "marble/error.h"
 #include "marble/jobs.h"
 #include "marble/options.h"
+#include "marble/pending_solution.h"
 #include "marble/problem.h"
 #include "marble/progress.h"
 #include "marble/server_info.h"
@@ -30,9 +31,11 @@ namespace marble {
 /// permission_denied, internal.
 class Client {
  public:
-  /// `address` is host:port or unix:PATH. Only checks the address and the options: the connection is made by
-  /// the first call, and made again by a later one if it broke. The error's field is "address" or that of the
-  /// option.
+  /// `address` is host:port or unix:PATH; or several host:port with commas between, or dns:///host:port for
+  /// every address that the name has: calls then go round those of them that say they are healthy. Only
+  /// checks the address and the options: the connection is made by the first call, and made again by a later
+  /// one if it broke. Calls that got `unavailable` before any answer are repeated up to three times, but for
+  /// submissions, sessions and batches. The error's field is "address" or that of the option.
   [[nodiscard]] static Expected<Client> connect(
       const std::string& address = default_server_address(),
       const ConnectOptions& options = ConnectOptions::from_environment());
@@ -47,6 +50,12 @@ class Client {
   [[nodiscard]] Expected<RemoteSolution> solve(const ProblemView& problem, const Options& options = {},
                                                const SolveControls& controls = {},
                                                const CallControls& call = {}) const;
+
+  /// The same without waiting: returns once the problem is copied. `controls.progress` and the functions of
+  /// `call` are called on other threads, one at a time, until the handle's end; they must not block.
+  [[nodiscard]] Expected<PendingSolution> solve_async(const ProblemView& problem, const Options& options = {},
+                                                      const SolveControls& controls = {},
+                                                      const CallControls& call = {}) const;
 
   /// Solves many problems on one stream. Every problem that the source gave is answered exactly once, with
   /// the stream's own error if it broke; that error is returned too. A source faster than the server is

@@ -116,7 +116,8 @@ struct WatchControls {
 };
 
 /// Thread-safe, and may outlive the Client it is from. No call throws. Error not_found: never heard of the
-/// job, no longer kept, or not the caller's to see.
+/// job, no longer kept, or not the caller's to see; invalid_argument, field "address": the client has several
+/// servers, and jobs stay with the one that took them.
 class Jobs {
  public:
   /// Queues a job that outlives this process. Of the controls count initial_z and stop; of the call the

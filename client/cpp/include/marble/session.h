@@ -12,34 +12,19 @@
 #include <stop_token>
 #include <string>
 #include <variant>
-#include <vector>
 
 #include "marble/call_controls.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
 #include "marble/progress.h"
+#include "marble/restart.h"
 
 namespace marble {
 
 namespace client {
 class Connection;
 }
-
-/// A stretch of a vector that moves on: of `count` entries from `first`, each takes the value `by` further
-/// on, and the last `by` keep theirs.
-struct ShiftBlock {
-  Index first = 0, count = 0, by = 0;  ///< all >= 0, by <= count
-};
-
-/// A receding horizon's hint: how the last answer moves one stage on before it is started from.
-struct Shift {
-  std::vector<ShiftBlock> variables = {}, equalities = {}, inequalities = {};
-  std::vector<ShiftBlock> pairs = {};  ///< of both multipliers of the pairs
-
-  /// For a problem whose vectors all hold `stages` >= 1 equal parts, one stage after the other.
-  [[nodiscard]] static Shift by_stage(const ProblemView& problem, int stages);
-};
 
 /// What holds for a session as a whole; all of it optional.
 struct SessionOptions {
@@ -55,6 +40,10 @@ struct SessionOptions {
   std::string problem_name = {};           ///< for logs and dashboards; shortened to 256 bytes
   std::string traceparent = {};            ///< as CallControls has it, of the whole session
   std::stop_token stop = {};               ///< gives the whole session up: everything ends with `cancelled`
+  /// If the server dies or drains, solve() sets the session up again as it was, on another server where the
+  /// address has several, and says so in its answer. It is tried for about a second; then the error
+  /// unavailable is the session's end. Keeps a copy of the problem here, and leaves no send().
+  bool reopen = false;
 };
 
 /// What may accompany one update; all of it optional.
@@ -93,12 +82,15 @@ class Session {
   ~Session();
 
   /// Sends an update and waits for its answer. Errors: invalid_argument (fields as PartSizes::check names
-  /// them), deadline_exceeded, cancelled; aborted, unavailable and others end the session.
+  /// them), deadline_exceeded, cancelled; aborted, unavailable and others end the session. A session with
+  /// `reopen` that is set up again starts from the last z, moved on as the update says; the update's deadline
+  /// begins anew.
   [[nodiscard]] Expected<RemoteSolution> solve(const ProblemUpdate& update = {},
                                                const UpdateControls& controls = {});
 
   /// Sends an update without waiting, and returns its number; numbers ascend. Blocks while the server has as
-  /// many waiting as it takes (64 by default), so next() must be called meanwhile. An error ends the session.
+  /// many waiting as it takes (64 by default), so next() must be called meanwhile. An error ends the session,
+  /// but for failed_precondition of one with `reopen`.
   [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update = {},
                                             const UpdateControls& controls = {});
 
@@ -111,7 +103,8 @@ class Session {
   Expected<void> close();
 
   [[nodiscard]] bool is_open() const;
-  [[nodiscard]] const std::string& job_id() const;       ///< one job for all its solves
+  [[nodiscard]] const std::string& job_id()
+      const;  ///< one job for all its solves; another one once it was reopened
   [[nodiscard]] const std::string& traceparent() const;  ///< the server's span; empty if none was sent
   [[nodiscard]] std::int64_t memory_bytes() const;       ///< as it is counted against the server's limits
   [[nodiscard]] double setup_s() const;                  ///< scaling, ordering, analysis, allocation
@@ -124,6 +117,7 @@ class Session {
   [[nodiscard]] static Expected<Session> open(std::shared_ptr<const client::Connection> connection,
                                               const ProblemView& problem, const Options& options,
                                               const SessionOptions& session);
+  [[nodiscard]] Expected<void> reopen(const UpdateControls& next);
   std::unique_ptr<State> state_;
 };
 
