@@ -131,8 +131,7 @@ TEST_F(InProcess, WhatIsWrongIsSaidAlike) {
   UpdateControls shifted;
   shifted.shift.pairs = {{.first = 0, .count = 100, .by = 1}};
   expect_same_error(here.solve({.A = many}), there.solve({.A = many}));
-  expect_same(here.solve({}, {.initial_z = short_z}).error(),
-              there.solve({}, {.initial_z = short_z}).error());
+  expect_same_error(here.solve({}, {.initial_z = short_z}), there.solve({}, {.initial_z = short_z}));
   expect_same_error(here.solve({}, {.options = options}), there.solve({}, {.options = options}));
   expect_same_error(here.solve({}, shifted), there.solve({}, shifted));
   EXPECT_TRUE(here.is_open());
