@@ -47,7 +47,7 @@ TEST_F(Async, AnAnswerThatIsWaitedForLaterIsTheSame) {
 
 TEST_F(Async, ManyGoOnAtOnce) {
   const OwnedProblem problem = examples::rocket();
-  const Solution here = solve(problem.view()).value();
+  const Solution here = solve_in_process(problem.view()).value();
   std::vector<PendingSolution> pending;
   for (int i = 0; i < 20; ++i) pending.push_back(client_.solve_async(problem.view()).value());
   for (PendingSolution& one : pending) EXPECT_EQ(one.get().value().z, here.z);

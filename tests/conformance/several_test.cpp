@@ -160,7 +160,7 @@ TEST_F(Several, ASessionReopensElsewhereWithAllThatChangedAndSaysSo) {
   EXPECT_TRUE(third->reopened);
   EXPECT_NE(session.job_id(), job_id);
   EXPECT_EQ(third->job_id, session.job_id());
-  const Solution here = solve(expected.view(), {}, {.initial_z = second.z}).value();
+  const Solution here = solve_in_process(expected.view(), {}, {.initial_z = second.z}).value();
   EXPECT_EQ(third->z, here.z);
   EXPECT_EQ(third->objective, here.objective);
   const auto fourth = session.solve();
