@@ -44,7 +44,7 @@ struct CallControls {
 
 /// A solution with what the server adds to it.
 struct RemoteSolution : Solution {
-  std::string job_id;                 ///< as in the server's log
+  std::string job_id;                 ///< as in the server's log; empty if it was solved in process
   double queue_s = 0.0;               ///< waiting for a worker
   double total_s = 0.0;               ///< from acceptance to the answer, on the server
   std::int64_t progress_skipped = 0;  ///< reports that were dropped, because the network was slower

@@ -1,7 +1,9 @@
-// A connection to a Marble server, in the core's own terms: local and remote solves are one word apart.
+// A connection to a Marble server, or the solver of this process behind the same calls.
 //
-//   auto answer = marble::solve(problem, options, controls);   // here
-//   auto answer = client->solve(problem, options, controls);   // there
+//   auto client = marble::Client::connect("robot:50051");   // there
+//   auto client = marble::Client::in_process();              // here; all else stays
+//   auto answer = client->solve(problem, options);
+//   auto session = client->open_session(problem, options);
 #pragma once
 
 #include <memory>
@@ -40,11 +42,19 @@ class Client {
       const std::string& address = default_server_address(),
       const ConnectOptions& options = ConnectOptions::from_environment());
 
+  /// Solves in the callers' own threads, by the same solver: the same bits, without a server or a network.
+  /// What only a server has is the error unavailable: jobs() and info(). Its priorities, names and ids mean
+  /// nothing here; `accepted` and `moved` are not called; batches are solved one after the other.
+  [[nodiscard]] static Client in_process();
+
+  /// To the server that MARBLE_SERVER names; in process where it names none.
+  [[nodiscard]] static Expected<Client> from_environment();
+
   Client(Client&&) noexcept;
   Client& operator=(Client&&) noexcept;
   ~Client();
 
-  /// Solves on the server. `controls` mean what they mean to marble::solve: progress is reported on the
+  /// Solves on the server. `controls` mean what they mean to a Solver: progress is reported on the
   /// calling thread, the stop token gives the call up (error cancelled; the server stops within one
   /// iteration). Streams if anything wants to be told, else makes one unary call.
   [[nodiscard]] Expected<RemoteSolution> solve(const ProblemView& problem, const Options& options = {},
@@ -79,11 +89,19 @@ class Client {
   /// `stop` as above.
   [[nodiscard]] Expected<ServerInfo> info(const std::stop_token& stop = {}) const;
 
+  /// As it was given; "in process" without one.
   [[nodiscard]] const std::string& address() const;
 
  private:
   explicit Client(std::shared_ptr<const client::Connection> connection);
   std::shared_ptr<const client::Connection> connection_;
 };
+
+/// Solves on the server that MARBLE_SERVER names, else in this process: the environment decides, not the
+/// program. The connection is kept for calls to come, as long as MARBLE_SERVER and what ConnectOptions reads
+/// of the environment stay. All else as Client::solve. Thread-safe.
+[[nodiscard]] Expected<RemoteSolution> solve(const ProblemView& problem, const Options& options = {},
+                                             const SolveControls& controls = {},
+                                             const CallControls& call = {});
 
 }  // namespace marble

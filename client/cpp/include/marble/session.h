@@ -72,8 +72,9 @@ struct SessionEvent {
   std::variant<RemoteSolution, Superseded, Error> outcome;
 };
 
-/// An open session. One thread may send while another one waits in next(); else one thread at a time. No call
-/// throws. An error of solve() concerns that update alone, unless is_open() is false afterwards.
+/// An open session. One thread may send while another one waits in next(); else one thread at a time. In
+/// process it is always one at a time, and send() solves before it returns. No call throws. An error of
+/// solve() concerns that update alone, unless is_open() is false afterwards.
 class Session {
  public:
   Session(Session&&) noexcept;
@@ -103,21 +104,22 @@ class Session {
   Expected<void> close();
 
   [[nodiscard]] bool is_open() const;
-  [[nodiscard]] const std::string& job_id()
-      const;  ///< one job for all its solves; another one once it was reopened
+  /// One job for all its solves; another one once it was reopened; empty in process.
+  [[nodiscard]] const std::string& job_id() const;
   [[nodiscard]] const std::string& traceparent() const;  ///< the server's span; empty if none was sent
   [[nodiscard]] std::int64_t memory_bytes() const;       ///< as it is counted against the server's limits
   [[nodiscard]] double setup_s() const;                  ///< scaling, ordering, analysis, allocation
-  [[nodiscard]] double idle_timeout_s() const;  ///< without an update for this long the server ends it
+  /// Without an update for this long the server ends it; 0 in process, where nothing does.
+  [[nodiscard]] double idle_timeout_s() const;
+
+  struct State;  ///< the client's own
 
  private:
   friend class Client;
-  struct State;
   explicit Session(std::unique_ptr<State> state);
   [[nodiscard]] static Expected<Session> open(std::shared_ptr<const client::Connection> connection,
                                               const ProblemView& problem, const Options& options,
                                               const SessionOptions& session);
-  [[nodiscard]] Expected<void> reopen(const UpdateControls& next);
   std::unique_ptr<State> state_;
 };
 
