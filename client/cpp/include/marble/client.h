@@ -62,7 +62,8 @@ class Client {
                                                const CallControls& call = {}) const;
 
   /// The same without waiting: returns once the problem is copied. `controls.progress` and the functions of
-  /// `call` are called on other threads, one at a time, until the handle's end; they must not block.
+  /// `call` are called on other threads, one at a time, until the handle's end; they must not block or throw.
+  /// Of the controls count progress, stop and initial_z.
   [[nodiscard]] Expected<PendingSolution> solve_async(const ProblemView& problem, const Options& options = {},
                                                       const SolveControls& controls = {},
                                                       const CallControls& call = {}) const;
