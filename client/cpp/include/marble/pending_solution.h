@@ -1,4 +1,4 @@
-// A remote solve that goes on while the caller does something else.
+// A solve that goes on while the caller does something else.
 //
 //   auto pending = client->solve_async(problem, options, {.progress = &plot});
 //   while (!pending->wait_for(20ms)) steer();

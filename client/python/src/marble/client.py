@@ -100,7 +100,8 @@ def _read_stream(call: Any, problem: LCQP, tell: Callable[[Progress], object] | 
 class Client:
     """A connection; thread-safe, and any number of calls may be under way at once.
 
-    address: host:port or unix:PATH; several host:port (a list, or with commas) are taken in turns while healthy.
+    address: host:port or unix:PATH; several host:port (a list, or with commas), or every address of a name
+    (dns:///host:port), are taken in turns while healthy.
     None is MARBLE_SERVER. The connection is made by the first call, and again by a later one if it broke.
     token, name, tls…: as in ConnectOptions; None is the environment's.
     timeout: deadline in seconds of calls that have none of their own; None is none. Sessions, batches and watches have

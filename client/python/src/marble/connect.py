@@ -22,6 +22,7 @@ _KEEPALIVE_MS: Final = 30_000  # a server that is gone without a word is noticed
 _KEEPALIVE_TIMEOUT_MS: Final = 15_000  # the sum of the two; it allows a ping every 10 s
 _MESSAGE_BYTES: Final = 256 << 20  # the server's default limit
 _LONGEST_NAME: Final = 64
+_DNS: Final = "dns:///"
 # A call that changes nothing on a server may be made again. Not so Jobs.Submit, which would leave two jobs, nor streams
 # that the client writes, whose first half may have been served.
 _REPEATABLE: Final = {"Solver": ("Solve", "SolveStream"), "Jobs": ("Result", "List", "Get", "Watch"),
@@ -161,7 +162,9 @@ def service_config(several: bool) -> str:
 
 
 def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Target:
-    """`address`: host:port or unix:PATH, or several host:port, in a list or with commas; None is MARBLE_SERVER."""
+    """`address`: host:port or unix:PATH; or several host:port, in a list or with commas; or dns:///host:port, which is
+    every address of the name. None is MARBLE_SERVER.
+    """
     if address is None:
         address = os.environ.get("MARBLE_SERVER") or None
     if address is None:
@@ -169,8 +172,9 @@ def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Targ
     addresses = [part.strip() for part in address.split(",")] if isinstance(address, str) else list(address)
     if not addresses:
         raise InvalidArgument("address", "must be at least one")
+    by_name = len(addresses) == 1 and addresses[0].startswith(_DNS)
     options: list[tuple[str, Any]] = [
-        ("grpc.service_config", service_config(len(addresses) > 1)),
+        ("grpc.service_config", service_config(by_name or len(addresses) > 1)),
         ("grpc.enable_retries", 1),
         ("grpc.per_rpc_retry_buffer_size", _MESSAGE_BYTES),
         ("grpc.max_receive_message_length", -1),  # the server has its limit; the client must be able to read
@@ -195,5 +199,5 @@ def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Targ
             if not 1 <= len(name.encode()) - 5 <= 107:
                 raise InvalidArgument("address", "must have a path of 1 to 107 bytes after unix:", value=repr(name))
         else:
-            _host_and_port(name)
+            _host_and_port(name.removeprefix(_DNS))
     return Target(name, ", ".join(addresses), tuple(options))
