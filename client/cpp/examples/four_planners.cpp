@@ -28,7 +28,8 @@ int plan(int number, int plans) {
   const auto client = marble::Client::connect(marble::default_server_address(), who);
   if (!client) return fails(number, client.error());
   // Each has a hopper of its own.
-  marble::examples::HopperParameters robot = marble::examples::vary({.steps = 30}, std::uint64_t(number));
+  const auto seed = static_cast<std::uint64_t>(number);
+  auto robot = marble::examples::vary(marble::examples::HopperParameters{.steps = 30}, seed);
   marble::OwnedProblem problem = marble::examples::hopper(robot);
   auto session = client->open_session(problem.view(), {}, {.initial_z = problem.initial_z});
   if (!session) return fails(number, session.error());
