@@ -47,6 +47,7 @@ Expected<RemoteSolution> Client::solve(const ProblemView& problem, const Options
 Expected<PendingSolution> Client::solve_async(const ProblemView& problem, const Options& options,
                                               const SolveControls& controls, const CallControls& call) const
     try {
+  if (connection_ == nullptr) return client::begin_solve_here(problem, options, controls, call);
   return client::begin_solve(connection_, problem, options, controls, call);
 } catch (const std::bad_alloc&) {
   return unexpected(client::out_of_memory());

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "marble/convert.h"
+#include "marble/restart.h"
 
 namespace marble::client {
 namespace {
@@ -62,8 +63,7 @@ v1::SessionRequest SessionMemory::setup(const UpdateControls& next) const {
   for (const ShiftBlock& block : next.shift.variables) {
     const std::int64_t end = std::int64_t{block.first} + block.count;
     if (block.first < 0 || block.by < 0 || block.by > block.count || end > std::int64_t(z.size())) continue;
-    const auto begin = z.begin() + block.first;
-    std::copy(begin + block.by, begin + block.count, begin);
+    shift({&block, 1}, z);
   }
   take_numbers(z, request.mutable_setup()->mutable_initial_point()->mutable_z());
   return request;

@@ -11,13 +11,17 @@ namespace marble {
 /// A stretch of a vector that moves on: of `count` entries from `first`, each takes the value `by` further
 /// on, and the last `by` keep theirs.
 struct ShiftBlock {
-  Index first = 0, count = 0, by = 0;  ///< all >= 0, by <= count
+  Index first = 0;  ///< >= 0
+  Index count = 0;  ///< >= 0; the stretch must lie within the vector
+  Index by = 0;     ///< in [0, count]
 };
 
 /// A receding horizon's hint: how the last answer moves one stage on before it is started from.
 struct Shift {
-  std::vector<ShiftBlock> variables = {}, equalities = {}, inequalities = {};
-  std::vector<ShiftBlock> pairs = {};  ///< of both multipliers of the pairs
+  std::vector<ShiftBlock> variables = {};     ///< of z, n
+  std::vector<ShiftBlock> equalities = {};    ///< of their multipliers, n_e
+  std::vector<ShiftBlock> inequalities = {};  ///< of their multipliers, n_i
+  std::vector<ShiftBlock> pairs = {};         ///< of both multipliers of the pairs, n_c
 
   /// For a problem whose vectors all hold `stages` >= 1 equal parts, one stage after the other.
   [[nodiscard]] static Shift by_stage(const ProblemView& problem, int stages);

@@ -48,7 +48,9 @@ class Solver {
       const Problem& problem, const Options& options = {},
       std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max());
 
+  /// What was moved from may only be assigned to or destroyed.
   Solver(Solver&&) noexcept;
+  /// As the constructor.
   Solver& operator=(Solver&&) noexcept;
   ~Solver();
 

@@ -31,7 +31,7 @@ struct CallControls {
   std::string problem_name = {};     ///< for logs and dashboards; shortened to 256 bytes
   double progress_interval_s = 0.0;  ///< least time between two reports, seconds, >= 0; 0 is every iteration
   std::int32_t iterate_every = 0;    ///< Progress.z is there in every k-th report; 0: never (z is empty)
-  Priority priority = Priority::by_method;
+  Priority priority = Priority::by_method;  ///< whose turn it is where workers are busy
   std::string traceparent = {};  ///< the caller's span, as ConnectOptions has it; empty takes that one
   /// The job has an id and waits behind `queue_position` others, for about `estimated_wait_s` seconds. Called
   /// on the thread that called solve, as are the others.

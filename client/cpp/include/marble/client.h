@@ -50,7 +50,9 @@ class Client {
   /// To the server that MARBLE_SERVER names; in process where it names none.
   [[nodiscard]] static Expected<Client> from_environment();
 
+  /// What was moved from may only be assigned to or destroyed.
   Client(Client&&) noexcept;
+  /// As the constructor.
   Client& operator=(Client&&) noexcept;
   ~Client();
 
@@ -62,7 +64,8 @@ class Client {
                                                const CallControls& call = {}) const;
 
   /// The same without waiting: returns once the problem is copied. `controls.progress` and the functions of
-  /// `call` are called on other threads, one at a time, until the handle's end; they must not block.
+  /// `call` are called on other threads, one at a time, until the handle's end; they must not block or throw.
+  /// Of the controls count progress, stop and initial_z.
   [[nodiscard]] Expected<PendingSolution> solve_async(const ProblemView& problem, const Options& options = {},
                                                       const SolveControls& controls = {},
                                                       const CallControls& call = {}) const;
@@ -72,6 +75,7 @@ class Client {
   /// slowed down.
   [[nodiscard]] Expected<void> solve_batch(const BatchSource& source, const BatchSink& sink,
                                            const BatchControls& controls = {}) const;
+  /// The same of problems that are all there.
   [[nodiscard]] Expected<void> solve_batch(std::span<const BatchProblem> problems, const BatchSink& sink,
                                            const BatchControls& controls = {}) const;
 
@@ -86,7 +90,7 @@ class Client {
   /// cancelled.
   [[nodiscard]] Expected<bool> healthy(const std::stop_token& stop = {}) const;
 
-  /// `stop` as above.
+  /// What the server tells about itself; of several servers one of them. `stop` as above.
   [[nodiscard]] Expected<ServerInfo> info(const std::stop_token& stop = {}) const;
 
   /// As it was given; "in process" without one.

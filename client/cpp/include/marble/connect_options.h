@@ -39,6 +39,7 @@ struct ConnectOptions {
   /// its process id: two planners on one machine then take turns.
   [[nodiscard]] static ConnectOptions from_environment();
 
+  /// Whether all of them are the same.
   [[nodiscard]] bool operator==(const ConnectOptions&) const = default;
 };
 

@@ -1,4 +1,4 @@
-// A remote solve that goes on while the caller does something else.
+// A solve that goes on while the caller does something else.
 //
 //   auto pending = client->solve_async(problem, options, {.progress = &plot});
 //   while (!pending->wait_for(20ms)) steer();
@@ -16,7 +16,9 @@ namespace marble {
 /// What Client::solve_async gives back. One thread at a time may use it, but for cancel(). No call throws.
 class PendingSolution {
  public:
+  /// What was moved from may only be assigned to or destroyed.
   PendingSolution(PendingSolution&&) noexcept;
+  /// As the constructor; what was there is given up, as the destructor does.
   PendingSolution& operator=(PendingSolution&&) noexcept;
   /// Gives the solve up if it still goes on, and waits until nothing calls back any more: not to be destroyed
   /// within a callback of its own.
@@ -28,6 +30,7 @@ class PendingSolution {
 
   /// Waits, but no longer than this (seconds; negative is 0). True once get() does not wait any more.
   [[nodiscard]] bool wait_for(std::chrono::duration<double> longest) const;
+  /// Whether get() would not wait.
   [[nodiscard]] bool is_ready() const { return wait_for(std::chrono::duration<double>::zero()); }
 
   /// Asks for the end: get() gives the error cancelled, unless the answer was on its way. Thread-safe, in

@@ -28,7 +28,7 @@ class Connection;
 
 /// What holds for a session as a whole; all of it optional.
 struct SessionOptions {
-  Priority priority = Priority::by_method;
+  Priority priority = Priority::by_method;  ///< of all its solves
   /// An update that still waits when the next one comes is not solved: the next one takes its numbers along.
   bool latest_only = false;
   /// Report progress to the updates' sinks.
@@ -62,12 +62,12 @@ struct UpdateControls {
 
 /// The update was overtaken by a newer one, which took its numbers along.
 struct Superseded {
-  std::int64_t by_sequence = 0;
+  std::int64_t by_sequence = 0;  ///< the newer one
 };
 
 /// What came of one update.
 struct SessionEvent {
-  std::int64_t sequence = 0;
+  std::int64_t sequence = 0;  ///< of the update, as send() returned it
   /// An answer, solved or not; or why there is none: overtaken, or an error after which the session goes on.
   std::variant<RemoteSolution, Superseded, Error> outcome;
 };
@@ -77,7 +77,9 @@ struct SessionEvent {
 /// solve() concerns that update alone, unless is_open() is false afterwards.
 class Session {
  public:
+  /// What was moved from may only be assigned to or destroyed.
   Session(Session&&) noexcept;
+  /// As the constructor; what was there is given up, as the destructor does.
   Session& operator=(Session&&) noexcept;
   /// Gives up what is not answered; close() first where that matters.
   ~Session();
@@ -103,6 +105,7 @@ class Session {
   /// fetched.
   Expected<void> close();
 
+  /// Whether updates may still be sent.
   [[nodiscard]] bool is_open() const;
   /// One job for all its solves; another one once it was reopened; empty in process.
   [[nodiscard]] const std::string& job_id() const;
