@@ -8,6 +8,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import socket
 import sys
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ from typing import Any, Final
 import grpc
 
 from marble.errors import InvalidArgument, Unavailable
+from marble.local import local_address
 
 _KEEPALIVE_MS: Final = 30_000  # a server that is gone without a word is noticed in
 _KEEPALIVE_TIMEOUT_MS: Final = 15_000  # the sum of the two; it allows a ping every 10 s
@@ -28,8 +30,8 @@ _DNS: Final = "dns:///"
 _REPEATABLE: Final = {"Solver": ("Solve", "SolveStream"), "Jobs": ("Result", "List", "Get", "Watch"),
                       "Server": ("GetInfo",)}
 _NO_SERVER: Final = (
-    "no server is named: start one with `marble-server` and set MARBLE_SERVER=127.0.0.1:50051, or pass its address "
-    "(this package has no solver of its own)")
+    "no server is named, and there is no marble-server in PATH to start: install it, or set "
+    "MARBLE_SERVER=127.0.0.1:50051, or pass an address (this package has no solver of its own)")
 
 
 def _printable(text: str) -> bool:
@@ -161,14 +163,20 @@ def service_config(several: bool) -> str:
     return json.dumps(config)
 
 
+def _own_server(connect: ConnectOptions) -> str:
+    if connect.credentials() is not None:
+        raise InvalidArgument("address", "is missing; the server of this process alone has no TLS")
+    if shutil.which("marble-server") is None:
+        raise Unavailable(_NO_SERVER)
+    return local_address()
+
+
 def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Target:
     """`address`: host:port or unix:PATH; or several host:port, in a list or with commas; or dns:///host:port, which is
-    every address of the name. None is MARBLE_SERVER.
+    every address of the name. None is MARBLE_SERVER, else this process's own server.
     """
     if address is None:
-        address = os.environ.get("MARBLE_SERVER") or None
-    if address is None:
-        raise Unavailable(_NO_SERVER)
+        address = os.environ.get("MARBLE_SERVER") or _own_server(connect)
     addresses = [part.strip() for part in address.split(",")] if isinstance(address, str) else list(address)
     if not addresses:
         raise InvalidArgument("address", "must be at least one")
