@@ -19,6 +19,7 @@
 #include "reload.h"
 #include "signals.h"
 #include "solver_service.h"
+#include "supervisor.h"
 
 namespace {
 
@@ -114,6 +115,7 @@ int main(int argc, char** argv) {
     std::cout << (command_line->print_config ? to_toml(*config) : "ok\n");
     return 0;
   }
+  const Supervisor supervisor;
   Signals signals;
   Log log(config->log_format, config->log_level);
   configure(log, *config);
@@ -172,12 +174,17 @@ int main(int argc, char** argv) {
               {"queue_jobs", std::int64_t{scheduler.limits().jobs}}});
   }
 
+  supervisor.ready();
+
   Reloader reloader(*command_line, *config, access, log);
   int signal = signals.wait();
   for (; signal == SIGHUP; signal = signals.wait()) {
+    supervisor.reloading();
     reloader.reload();
     grpc_log.follow_level();
+    supervisor.ready();
   }
+  supervisor.stopping();
   log.info(Component::server, "draining",
            {{"signal", std::int64_t{signal}}, {"grace_s", config->drain_grace_s}});
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
