@@ -158,7 +158,7 @@ def test_systemd_starts_watches_reloads_and_stops_it(tree):
         machine.run("systemctl", "reload", "marble-server")
         assert show("MainPID") == first and show("ActiveState") == "active"
 
-        machine.run("kill", "-KILL", first)
+        machine.run("sh", "-c", f"kill -KILL {first}")
         eventually(lambda: show("MainPID") not in ("0", first) and show("ActiveState") == "active", "a restart")
         assert "solved" in machine.run("marble", "solve", "--quiet", "--output", "json", "/tmp/rocket.json")
 

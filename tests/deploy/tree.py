@@ -6,6 +6,7 @@ The mirror is the one this machine's apt uses. Everything here needs root and ru
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -121,3 +122,7 @@ class Tree:
                 folders[:] = []
             found.update(str(here / name) for name in [*folders, *names])
         return found
+
+
+if __name__ == "__main__":
+    Store(sys.argv[1]).make_base()
