@@ -20,6 +20,13 @@ std::vector<double> read_times(const std::string& path) {
   return times;
 }
 
+std::vector<Recorded> read_jobs(const std::string& path) {
+  std::vector<Recorded> jobs;
+  std::ifstream file(path);
+  for (Recorded job; file >> job.arrival_s >> job.service_s;) jobs.push_back(job);
+  return jobs;
+}
+
 // As many quantiles as make a mean and a tail.
 std::vector<double> lognormal_times(double mean_s, double variation) {
   const double sigma = std::sqrt(std::log1p(variation * variation));
@@ -68,7 +75,7 @@ nlohmann::json to_json(const Plan& plan, const Outcome& outcome) {
 
 int main(int argc, char** argv) {
   Plan plan;
-  std::string times, balance = "least";
+  std::string times, recorded, balance = "least";
   double mean_ms = 10.0, variation = 0.5, deadline_ms = 50.0, network_ms = 0.2, overhead_ms = 0.0;
   CLI::App app("Simulates planners, a balancer and Marble servers; prints one line of JSON.", "fleet_sim");
   app.add_option("--planners", plan.planners)->check(CLI::PositiveNumber)->capture_default_str();
@@ -82,6 +89,9 @@ int main(int argc, char** argv) {
   app.add_option("--network-ms", network_ms, "one way")->capture_default_str();
   app.add_option("--overhead-ms", overhead_ms, "of a solve on its worker")->capture_default_str();
   app.add_option("--times", times, "file of times of solves, seconds, one a line")->check(CLI::ExistingFile);
+  app.add_option("--recorded", recorded,
+                 "file of jobs of one server: arrival and time of solve, seconds, one job a line")
+      ->check(CLI::ExistingFile);
   app.add_option("--mean-ms", mean_ms, "else lognormal times of this mean")->capture_default_str();
   app.add_option("--variation", variation, "and this standard deviation, as a share of the mean")
       ->capture_default_str();
@@ -105,6 +115,10 @@ int main(int argc, char** argv) {
   const auto& names = balance_names();
   plan.balance = static_cast<Balance>(std::find(names.begin(), names.end(), balance) - names.begin());
   plan.service_s = times.empty() ? lognormal_times(mean_ms / 1e3, variation) : read_times(times);
+  if (!recorded.empty()) {
+    plan.recorded = read_jobs(recorded);
+    plan.rate_hz = 0.0;
+  }
   if (plan.service_s.empty()) {
     std::cerr << times << ": no times\n";
     return 2;

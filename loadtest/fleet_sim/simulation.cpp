@@ -25,6 +25,7 @@ struct Job {
   int server = 0;
   double tick_s = 0.0;     // when the planner asked
   double arrival_s = 0.0;  // at the server
+  double service_s = 0.0;
 };
 
 using JobPtr = std::shared_ptr<Job>;
@@ -65,7 +66,11 @@ class Simulation {
     for (int i = 0; i < plan_.servers; ++i) open_server();
     wanted_ = plan_.servers;
     place_sessions();
-    start_planners();
+    if (plan_.recorded.empty()) {
+      start_planners();
+    } else {
+      replay();
+    }
     if (plan_.autoscaler.poll_s > 0.0) push(plan_.autoscaler.poll_s, Kind::poll);
     const double end_s = plan_.warm_s + plan_.run_s;
     while (!events_.empty() && events_.top().time_s < end_s) {
@@ -133,6 +138,19 @@ class Simulation {
     }
   }
 
+  void replay() {
+    planners_.resize(plan_.recorded.size());
+    int planner = 0;
+    for (const Recorded& recorded : plan_.recorded) {
+      auto job = std::make_shared<Job>();
+      job->planner = planner++;
+      job->tick_s = recorded.arrival_s;
+      job->service_s = recorded.service_s;
+      balancer_.add_call(0);
+      push(recorded.arrival_s, Kind::arrive, job->planner, job);
+    }
+  }
+
   [[nodiscard]] bool counted(const Job& job) const { return job.tick_s >= plan_.warm_s; }
 
   void tick(int planner) {
@@ -141,6 +159,7 @@ class Simulation {
     auto job = std::make_shared<Job>();
     job->planner = planner;
     job->tick_s = now_s_;
+    job->service_s = service_time();
     job->server = plan_.sessions ? planners_[planner].server : balancer_.choose();
     if (!plan_.sessions) balancer_.add_call(job->server);
     push(now_s_ + plan_.network_s, Kind::arrive, planner, job);
@@ -192,7 +211,7 @@ class Simulation {
       planner.running = plan_.sessions;
       ++busy_;
       const double slow = at == 0 ? plan_.slow_factor : 1.0;
-      push(now_s_ + slow * service_time() + plan_.overhead_s, Kind::finish, job->planner, job);
+      push(now_s_ + slow * job->service_s + plan_.overhead_s, Kind::finish, job->planner, job);
     }
   }
 
@@ -214,6 +233,7 @@ class Simulation {
         planner.has_next = false;
         auto next = std::make_shared<Job>(*job);
         next->tick_s = planner.next_tick_s;
+        next->service_s = service_time();
         enter(next);
       }
     }
@@ -232,7 +252,7 @@ class Simulation {
   // The call is over for the balancer and for its planner.
   void leave(const Job& job) {
     if (!plan_.sessions) balancer_.end_call(job.server);
-    if (plan_.rate_hz <= 0.0) push(now_s_, Kind::tick, job.planner);
+    if (plan_.rate_hz <= 0.0 && plan_.recorded.empty()) push(now_s_, Kind::tick, job.planner);
   }
 
   void poll() {

@@ -23,6 +23,12 @@ struct Autoscaler {
   double target = 2.4;
 };
 
+/// A job of a real server, as its log has it.
+struct Recorded {
+  double arrival_s = 0.0;
+  double service_s = 0.0;
+};
+
 struct Plan {
   int planners = 100;
   double rate_hz = 20.0;  ///< of each planner's ticks; 0: it asks again as soon as it has its answer
@@ -42,6 +48,7 @@ struct Plan {
       0.0;  ///< share of the planners that is there from the start; the others come evenly in ramp_s
   double ramp_s = 0.0;  ///< 0: all are there from the start
   Autoscaler autoscaler;
+  std::vector<Recorded> recorded;  ///< if any: these jobs instead of planners
   std::uint64_t seed = 1;
 };
 
