@@ -117,6 +117,7 @@ int main(int argc, char** argv) {
   }
   const Supervisor supervisor;
   Signals signals;
+  if (config->stop_at_eof) signals.watch_standard_input();
   Log log(config->log_format, config->log_level);
   configure(log, *config);
   const GrpcLog grpc_log(log);

@@ -165,18 +165,21 @@ Expected<void> SessionCall::take_setup(v1::SessionSetup& setup) {
     progress_interval_s_ = kept->progress_interval_s();
     iterate_every_ = kept->iterate_every();
     options_ = *options;
-    session_ = std::make_unique<Session>(*problem, *options);
+    sizes_ = PartSizes::of(*problem);
     record_ = record;
     job = job_ = make_job(Clock::time_point::max());
   }
   parts_.board.add(record);
   job->is_setup = true;
   job->ticket.bytes = static_cast<std::int64_t>(kept->ByteSizeLong());
-  job->work = [this, kept, problem = *problem, initial_z](const SolveControls&) -> Expected<Solution> {
+  job->work = [this, kept, problem = *problem, options = *options,
+               initial_z](const SolveControls&) -> Expected<Solution> {
     const std::int64_t most = std::min(parts_.config.solve_bytes, parts_.sessions.room());
-    if (auto made = session_->set_up(problem, initial_z, most); !made) return unexpected(made.error());
+    auto solver = WarmSolver::create(problem, options, initial_z, most);
+    if (!solver) return unexpected(solver.error());
+    solver_ = std::move(*solver);
     Solution prepared;
-    prepared.times.setup_s = session_->setup_s();
+    prepared.times.setup_s = solver_->setup_s();
     return prepared;
   };
   job->observer = std::make_shared<SetupObserver>(self_);
@@ -194,7 +197,7 @@ void SessionCall::set_up_done(Outcome outcome) {
     job_ = nullptr;
     last_activity_ = Clock::now();
     Expected<void> counted;
-    if (outcome.solution) counted = place_->take(session_->memory_bytes());
+    if (outcome.solution) counted = place_->take(solver_->memory_bytes());
     if (!outcome.solution) {
       Error error = outcome.solution.error();
       if (!error.field.empty()) error.field = "setup." + error.field;
@@ -203,13 +206,13 @@ void SessionCall::set_up_done(Outcome outcome) {
       end(counted.error());
     } else {
       set_up_ = true;
-      record_->set_memory(session_->memory_bytes());
+      record_->set_memory(solver_->memory_bytes());
       record_->idle();
       log_session_open(parts_.log, *record_);
       v1::SessionReady* ready = events_.emplace_back().mutable_ready();
       ready->set_job_id(record_->id());
-      ready->set_memory_bytes(session_->memory_bytes());
-      ready->set_setup_s(session_->setup_s());
+      ready->set_memory_bytes(solver_->memory_bytes());
+      ready->set_setup_s(solver_->setup_s());
       ready->set_idle_timeout_s(parts_.config.session_idle_s);
     }
   }
@@ -228,7 +231,7 @@ void SessionCall::take_update(v1::SessionUpdate& message) {
     return refuse(sequence, {ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"},
                   parts_.scheduler.retry_delay_s());
   }
-  const auto valid = session_->check(message);
+  const auto valid = check_update(message, sizes_);
   if (!valid) {
     Error error = valid.error();
     error.field = "update." + error.field;
@@ -290,7 +293,9 @@ std::shared_ptr<Job> SessionCall::next_job() {
       const double left = std::chrono::duration<double>(deadline - Clock::now()).count();
       options.time_limit_s = std::clamp(left, 0.0, options.time_limit_s);
     }
-    auto solution = session_->solve(update->message, options, controls);
+    if (auto set = solver_->set_options(options); !set) return unexpected(set.error());
+    auto solution =
+        solver_->solve(update_of(update->message.problem()), restart_of(update->message), controls);
     if (late_possible && solution && solution->status == Status::time_limit && Clock::now() >= deadline) {
       return unexpected(
           Error{ErrorCode::deadline_exceeded, "", -1, "", "the deadline passed while the update was solved"});
@@ -420,7 +425,7 @@ void SessionCall::pulse(Clock::time_point now) {
 void SessionCall::release() {
   if (place_ == nullptr || job_ != nullptr) return;
   place_ = nullptr;
-  session_ = nullptr;
+  solver_.reset();
   if (record_ == nullptr) return;
   record_->closed(end_);
   parts_.board.finish(record_);

@@ -8,9 +8,10 @@
 #include <optional>
 
 #include "admission.h"
+#include "marble/warm_solver.h"
 #include "progress_slot.h"
 #include "service_parts.h"
-#include "session.h"
+#include "session_update.h"
 
 namespace marble::server {
 
@@ -79,7 +80,8 @@ class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
   double progress_interval_s_ = 0.0;
   int iterate_every_ = 0;
   std::shared_ptr<JobRecord> record_;
-  std::unique_ptr<Session> session_;  // used by the job in flight
+  PartSizes sizes_;
+  std::optional<WarmSolver> solver_;  // used by the job in flight
 
   Mutex mutex_;
   std::unique_ptr<SessionTable::Place> place_ ABSL_GUARDED_BY(mutex_);

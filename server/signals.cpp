@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <csignal>
 #include <stdexcept>
+#include <thread>
 
 namespace marble::server {
 namespace {
@@ -53,6 +54,18 @@ int Signals::wait() {
   while (read(read_end_, &byte, 1) < 0 && errno == EINTR) {
   }
   return byte;
+}
+
+// Detached: a read of standard input cannot be called off, and ends with the process.
+void Signals::watch_standard_input() {
+  std::thread([] {
+    char ignored[256];
+    while (true) {
+      const ssize_t got = read(STDIN_FILENO, ignored, sizeof ignored);
+      if (got == 0 || (got < 0 && errno != EINTR)) break;
+    }
+    kill(getpid(), SIGTERM);
+  }).detach();
 }
 
 void Signals::wake() { pass_on(0); }

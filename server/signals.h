@@ -14,6 +14,8 @@ class Signals {
 
   /// Waits for the next signal, or for wake(). The signal's number, 0 for wake().
   int wait();
+  /// From now on the end of standard input is a SIGTERM.
+  void watch_standard_input();
   /// Ends one wait() from any thread.
   void wake();
 

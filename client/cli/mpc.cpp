@@ -59,6 +59,8 @@ double median(std::vector<double> values) {
 
 void tell_tick(const MpcArguments& arguments, int number, const Tick& tick) {
   const RemoteSolution& s = tick.answer;
+  if (s.reopened)
+    std::cerr << "marble: the server was lost; the session was set up again as " << s.job_id << std::endl;
   if (arguments.server.json()) {
     std::cout << line({{"tick", number},
                        {"status", to_string(s.status)},
@@ -66,7 +68,8 @@ void tell_tick(const MpcArguments& arguments, int number, const Tick& tick) {
                        {"iterations", s.iterations},
                        {"factorizations", s.factorizations},
                        {"solve_ms", 1e3 * s.times.solve_s},
-                       {"round_trip_ms", tick.round_trip_ms}})
+                       {"round_trip_ms", tick.round_trip_ms},
+                       {"reopened", s.reopened}})
               << '\n'
               << std::flush;
     return;
@@ -152,6 +155,7 @@ int run(const MpcArguments& arguments) {
   wanted.initial_z = problem.initial_z;
   wanted.problem_name = problem.name;
   wanted.stop = interrupt.token();
+  wanted.reopen = true;
   auto session = client->open_session(problem.view(), *options, wanted);
   if (!session) return server_fails(arguments.server, session.error());
   const int exit_code = run_loop(arguments, *session, parameters, problem);

@@ -86,7 +86,7 @@ class Engine {
  private:
   [[nodiscard]] static Expected<Answer> local(const OwnedProblem& problem, const Options& options,
                                               const SolveControls& controls) {
-    auto solution = marble::solve(problem.view(), options, controls);
+    auto solution = marble::solve_in_process(problem.view(), options, controls);
     if (!solution) return unexpected(solution.error());
     return Answer{std::move(*solution), "", 0.0, 0.0, 0};
   }

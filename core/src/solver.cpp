@@ -184,7 +184,8 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   return solution;
 }
 
-Expected<Solution> solve(const ProblemView& view, const Options& options, const SolveControls& controls) {
+Expected<Solution> solve_in_process(const ProblemView& view, const Options& options,
+                                    const SolveControls& controls) {
   const auto problem = Problem::create(view);
   if (!problem) return unexpected(problem.error());
   auto solver = Solver::create(*problem, options);

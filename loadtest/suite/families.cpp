@@ -61,7 +61,7 @@ std::vector<std::filesystem::path> files(const std::filesystem::path& folder) {
 double best_of(const OwnedProblem& problem, int starts) {
   Options options;
   options.starts = starts;
-  const Solution s = solve(problem.view(), options).value();
+  const Solution s = solve_in_process(problem.view(), options).value();
   return is_solved(s.status) ? s.objective : kNone;
 }
 
@@ -229,7 +229,7 @@ void growth(const Settings&) {
     const OwnedProblem p = examples::hopper(parameters);
     Options options;
     options.local_search_budget = 0;  // the same work at each length: the path and one exact solve
-    const Solution s = solve(p.view(), options).value();
+    const Solution s = solve_in_process(p.view(), options).value();
     const double each = 1e3 * s.times.solve_s / s.factorizations;
     std::printf("%6d %9zu %6d %10.2f %12.4f %12.2f\n", steps, p.g.size(), s.factorizations,
                 1e3 * s.times.solve_s, each, last_ms > 0.0 ? std::log2(each / last_ms) : kNone);
@@ -242,7 +242,7 @@ void throughput(const Settings&) {
   const OwnedProblem p = examples::hopper();
   constexpr int kSolves = 12;
   const auto work = [&p](int count) {
-    for (int i = 0; i < count; ++i) static_cast<void>(solve(p.view()).value());
+    for (int i = 0; i < count; ++i) static_cast<void>(solve_in_process(p.view()).value());
   };
   work(1);
   const double one = seconds_of([&] { work(kSolves); });

@@ -23,7 +23,7 @@ double Record::gap() const { return (objective - reference) / std::max(1.0, std:
 
 Record solve_and_judge(const std::string& name, const OwnedProblem& problem, const Options& options,
                        double reference) {
-  const Solution s = solve(problem.view(), options).value();
+  const Solution s = solve_in_process(problem.view(), options).value();
   const testing::Verdict verdict = testing::judge(problem.view(), s);
   Record record;
   record.problem = name;

@@ -19,7 +19,7 @@ namespace {
 class Conformance : public ::testing::Test {
  protected:
   void expect_same(const OwnedProblem& problem, const Options& options = {}) {
-    const Solution local = solve(problem.view(), options).value();
+    const Solution local = solve_in_process(problem.view(), options).value();
     const auto answer = client_->solve(problem.view(), options);
     ASSERT_TRUE(answer.has_value()) << problem.name << ": " << answer.error().message();
     const Solution& remote = *answer;
@@ -67,7 +67,7 @@ TEST_F(Conformance, InitialPointMeansTheSame) {
   const OwnedProblem problem = public_example().problem;
   const std::vector<double> start = {1.0, 2.0, 0.5, 1.0};
   const SolveControls controls{nullptr, {}, start};
-  const Solution local = solve(problem.view(), {}, controls).value();
+  const Solution local = solve_in_process(problem.view(), {}, controls).value();
   const auto remote = client_->solve(problem.view(), {}, controls);
   ASSERT_TRUE(remote.has_value()) << remote.error().message();
   EXPECT_EQ(local.z, remote->z);
@@ -87,7 +87,7 @@ struct Rows final : ProgressSink {
 TEST_F(Conformance, ProgressIsTheSame) {
   const OwnedProblem problem = examples::rocket();
   Rows local, remote;
-  ASSERT_TRUE(solve(problem.view(), {}, {&local, {}, {}}).has_value());
+  ASSERT_TRUE(solve_in_process(problem.view(), {}, {&local, {}, {}}).has_value());
   const auto answer = client_->solve(problem.view(), {}, {&remote, {}, {}});
   ASSERT_TRUE(answer.has_value()) << answer.error().message();
   EXPECT_GT(local.rows.size(), 10U);
@@ -102,7 +102,7 @@ TEST_F(Conformance, ProgressIsTheSame) {
 TEST_F(Conformance, ErrorsAreTheSame) {
   const auto expect_same_error = [this](const OwnedProblem& problem, const Options& options = {},
                                         std::span<const double> start = {}) {
-    const auto local = solve(problem.view(), options, {nullptr, {}, start});
+    const auto local = solve_in_process(problem.view(), options, {nullptr, {}, start});
     const auto remote = client_->solve(problem.view(), options, {nullptr, {}, start});
     ASSERT_FALSE(local.has_value());
     ASSERT_FALSE(remote.has_value());
@@ -153,7 +153,7 @@ TEST_F(Conformance, MacMpecIsSolvedGloballyAndTheSameRemotely) {
     ASSERT_TRUE(file->best_known_objective.has_value());
     ++problems;
     expect_same(file->problem);
-    const Solution s = solve(file->problem.view()).value();
+    const Solution s = solve_in_process(file->problem.view()).value();
     const Verdict verdict = judge(file->problem.view(), s);
     EXPECT_LE(verdict.infeasibility(), 1e-9) << entry.path();
     const double best = *file->best_known_objective;

@@ -41,7 +41,7 @@ TEST_F(JobsTest, ASubmittedJobsAnswerIsThereForAnotherConnection) {
   }
   const auto answer = jobs_.result(id, {.wait = true});
   ASSERT_TRUE(answer.has_value()) << answer.error().message();
-  EXPECT_EQ(answer->z, marble::solve(example_.view())->z);
+  EXPECT_EQ(answer->z, solve_in_process(example_.view())->z);
   EXPECT_EQ(answer->job_id, id);
   EXPECT_EQ(jobs_.get(id)->job.priority, Priority::batch);
 }

@@ -142,7 +142,8 @@ TEST_F(SessionTest, LatestOnlySupersedesWhatWaits) {
   OwnedProblem both = example_;
   both.g = moved;
   both.c0 = 7.0;
-  EXPECT_NEAR(std::get<RemoteSolution>(last->outcome).objective, marble::solve(both.view())->objective, 1e-6);
+  EXPECT_NEAR(std::get<RemoteSolution>(last->outcome).objective, solve_in_process(both.view())->objective,
+              1e-6);
   EXPECT_TRUE(session->close().has_value());
   EXPECT_FALSE(session->next().value().has_value()) << "nothing is left";
   EXPECT_EQ(session->send().error().code, ErrorCode::failed_precondition);

@@ -176,7 +176,7 @@ def test_programs_are_built_against_the_library_and_its_contract(tree, packages)
         builder.run("cmake", "-S", "/tmp/consumer", "-B", "/tmp/build", "-G", "Ninja")
         builder.run("cmake", "--build", "/tmp/build")
         assert "objective 0.500000" in builder.run("/tmp/build/consumer")
-        for contract in ("--descriptor_set_in=/usr/share/marble/marble.protoset", "--proto_path=/usr/share/marble/proto"):
+        for contract in ("--descriptor_set_in=/usr/share/marble/marble.binpb", "--proto_path=/usr/share/marble/proto"):
             builder.run("protoc", contract, "--python_out=/tmp", "marble/v1/service.proto")
             (builder.root / "tmp/marble/v1/service_pb2.py").unlink()
     finally:

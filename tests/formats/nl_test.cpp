@@ -37,7 +37,7 @@ TEST(Nl, TextAndBinaryAreTheSameProblem) {
     EXPECT_EQ(problem.l.size(), 1U);
     EXPECT_EQ(problem.d.size(), 0U) << "the bound is the pair's";
     EXPECT_EQ(problem.initial_z, (std::vector<double>{0.25, 0.75}));
-    const Solution solution = solve(problem.view()).value();
+    const Solution solution = solve_in_process(problem.view()).value();
     EXPECT_EQ(solution.status, Status::solved);
     EXPECT_NEAR(solution.objective, 0.5, 1e-9);
   }

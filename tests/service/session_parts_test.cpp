@@ -1,8 +1,8 @@
-// What a session is made of, without a stream: merged updates, shifts, its share of the limits.
+// What a session is made of, without a stream: merged updates, its share of the limits.
 #include <gtest/gtest.h>
 
-#include "session.h"
 #include "session_table.h"
+#include "session_update.h"
 
 namespace marble::server {
 namespace {
@@ -39,17 +39,6 @@ TEST(SessionUpdate, ShiftsOfAnUpdateThatIsTakenAlongComeFirst) {
   ASSERT_EQ(newer.shift().variables_size(), 2);
   EXPECT_EQ(newer.shift().variables(0).by(), 1);
   EXPECT_EQ(newer.shift().variables(1).by(), 2);
-}
-
-TEST(Shift, MovesABlockOnAndRepeatsItsLastStage) {
-  google::protobuf::RepeatedPtrField<v1::ShiftBlock> blocks;
-  v1::ShiftBlock* block = blocks.Add();
-  block->set_first(1);
-  block->set_count(6);
-  block->set_by(2);
-  Values values = {0, 1, 2, 3, 4, 5, 6, 7};
-  shift(blocks, values);
-  EXPECT_EQ(values, (Values{0, 3, 4, 5, 6, 5, 6, 7}));
 }
 
 TEST(SessionTable, GivesPlacesBackAndCountsWhoseTheyAre) {

@@ -105,7 +105,7 @@ TEST_F(Session, KeepsAPlannersLoopWarmForFiftyTicks) {
     EXPECT_LE(verdict.infeasibility(), 1e-6) << "tick " << tick;
     EXPECT_NEAR(verdict.objective, solution.objective, 1e-6 * std::abs(solution.objective));
     warm.push_back(solution.factorizations);
-    if (tick % 10 == 0) cold.push_back(marble::solve(now.view())->factorizations);
+    if (tick % 10 == 0) cold.push_back(solve_in_process(now.view())->factorizations);
     parameters = examples::advance(parameters, solution.z);
   }
   std::sort(warm.begin(), warm.end());

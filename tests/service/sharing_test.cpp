@@ -163,7 +163,7 @@ TEST_F(Sharing, FurtherStartsGiveTheSameAnswerWhateverTheLoad) {
   request.mutable_options()->set_starts(5);
   Options options;
   options.starts = 5;
-  const Solution alone = marble::solve(p.view(), options).value();
+  const Solution alone = solve_in_process(p.view(), options).value();
   start({"--workers", "3"});
   const auto ask = [&] {
     v1::SolveResponse response;

@@ -30,7 +30,7 @@ void add_inequality(OwnedProblem& p, const std::vector<std::pair<double, double>
 TEST(Certificate, ContradictoryBoundsAreProvedInfeasible) {
   OwnedProblem p = one_variable(1.0);
   add_inequality(p, {{1.0, -2.0}, {-1.0, 1.0}});  // z ≥ 2 and z ≤ 1
-  const Solution s = solve(p.view()).value();
+  const Solution s = solve_in_process(p.view()).value();
   ASSERT_EQ(s.status, Status::infeasible) << s.detail;
   ASSERT_EQ(s.certificate.size(), 2U);
   // −Cᵀν = 0 and −dᵀν = 1 with ν ≥ 0: for every z, 0 ≤ νᵀ(Cz + d) = −1.
@@ -43,7 +43,7 @@ TEST(Certificate, ContradictoryBoundsAreProvedInfeasible) {
 TEST(Certificate, ALinearCostWithoutBoundIsUnboundedAndSaysWhere) {
   OwnedProblem p = one_variable(-1.0);
   add_inequality(p, {{1.0, 0.0}});  // z ≥ 0, min −z
-  const Solution s = solve(p.view()).value();
+  const Solution s = solve_in_process(p.view()).value();
   ASSERT_EQ(s.status, Status::unbounded) << s.detail;
   ASSERT_EQ(s.certificate.size(), 1U);
   EXPECT_DOUBLE_EQ(s.certificate[0], 1.0);
@@ -149,7 +149,7 @@ TEST(Certificate, RandomProblemsWithContradictoryRowsAreNeverSolvedAndMostlyProv
       p.d.push_back(-p.d[0] - 1.0);
       Options options;
       options.path = path;
-      const Solution s = solve(p.view(), options).value();
+      const Solution s = solve_in_process(p.view(), options).value();
       EXPECT_FALSE(is_solved(s.status)) << seed << ": " << s.detail;
       EXPECT_NE(s.status, Status::unbounded) << seed;
       EXPECT_EQ(s.certificate.empty(), s.status != Status::infeasible) << seed;
@@ -170,7 +170,7 @@ TEST(Certificate, APieceThatIsInfeasibleDoesNotProveTheRelaxationInfeasible) {
   for (const Path path : {Path::fast, Path::paper}) {
     Options options;
     options.path = path;
-    const Solution s = solve(p.view(), options).value();
+    const Solution s = solve_in_process(p.view(), options).value();
     EXPECT_FALSE(is_solved(s.status)) << s.detail;
     EXPECT_NE(s.status, Status::infeasible) << s.detail;
     EXPECT_TRUE(s.certificate.empty());
@@ -221,7 +221,7 @@ TEST(Certificate, ADirectionThatBreaksAConstraintOrCostsIsNot) {
 }
 
 TEST(Certificate, AnUnboundedBranchOfAPairIsFound) {
-  const Solution s = solve(unbounded_pair().view()).value();
+  const Solution s = solve_in_process(unbounded_pair().view()).value();
   ASSERT_EQ(s.status, Status::unbounded) << s.detail;
   EXPECT_EQ(s.certificate[0], 1.0);
   EXPECT_NEAR(s.certificate[1], 0.0, 1e-6);
@@ -230,7 +230,7 @@ TEST(Certificate, AnUnboundedBranchOfAPairIsFound) {
 TEST(Certificate, FeasibleProblemsGetNone) {
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
     const OwnedProblem p = testing::random_problem({}, seed);
-    const Solution s = solve(p.view()).value();
+    const Solution s = solve_in_process(p.view()).value();
     EXPECT_NE(s.status, Status::infeasible) << seed;
     EXPECT_NE(s.status, Status::unbounded) << seed;
     EXPECT_TRUE(s.certificate.empty());

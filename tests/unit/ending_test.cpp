@@ -57,7 +57,7 @@ TEST(Ending, ContradictoryRowsAreInfeasibleWithAProof) {
     add_inequality(p, row, -1.0);
     for (double& value : row) value = -value;
     add_inequality(p, row, 0.0);
-    const Solution s = solve(p.view()).value();
+    const Solution s = solve_in_process(p.view()).value();
     ASSERT_EQ(s.status, Status::infeasible) << p.name << ": " << s.detail;
     EXPECT_LE(s.factorizations, kMostFactorizations) << p.name;
     // Farkas: Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0 with ν, ξ, η ≥ 0 and bᵀy − dᵀν − lᵀξ − rᵀη > 0.
@@ -102,7 +102,7 @@ TEST(Ending, PairsThatCannotBeMetAreNeverCalledSolved) {
     add_inequality(p, row, -1.0);
     std::swap(row[0], row[1]);
     add_inequality(p, row, -1.0);
-    const Solution s = solve(p.view()).value();
+    const Solution s = solve_in_process(p.view()).value();
     EXPECT_TRUE(s.status == Status::locally_infeasible || s.status == Status::numerical_failure)
         << p.name << ": " << to_string(s.status);
     EXPECT_LE(s.factorizations, kMostFactorizations) << p.name;
@@ -121,7 +121,7 @@ TEST(Ending, DirectionsOfUnboundedDescentAreFoundAndShown) {
       matrix->column_pointers.push_back(matrix->column_pointers.back());
     }
     p.Q.rows = n;
-    const Solution s = solve(p.view()).value();
+    const Solution s = solve_in_process(p.view()).value();
     ASSERT_EQ(s.status, Status::unbounded) << p.name << ": " << s.detail;
     EXPECT_LE(s.factorizations, kMostFactorizations) << p.name;
     ASSERT_EQ(s.certificate.size(), static_cast<std::size_t>(n));
@@ -133,7 +133,7 @@ TEST(Ending, DirectionsOfUnboundedDescentAreFoundAndShown) {
 TEST(Ending, IndefiniteProblemsWithoutABoundEnd) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const OwnedProblem p = testing::random_problem({.indefinite = true}, seed);
-    const Solution s = solve(p.view()).value();
+    const Solution s = solve_in_process(p.view()).value();
     EXPECT_LE(s.factorizations, 20000) << p.name << " " << to_string(s.status);
   }
 }
@@ -141,7 +141,7 @@ TEST(Ending, IndefiniteProblemsWithoutABoundEnd) {
 // Wherever a solve is stopped, in whichever engine, it says so and gives the best point the path had.
 TEST(Ending, ATimeLimitIsSaidWhereverItStrikes) {
   const OwnedProblem p = examples::gates();  // its path ends infeasible, other engines take over
-  const Solution whole = solve(p.view()).value();
+  const Solution whole = solve_in_process(p.view()).value();
   ASSERT_EQ(whole.status, Status::solved);
   class StopAfter : public ProgressSink {
    public:
@@ -157,7 +157,7 @@ TEST(Ending, ATimeLimitIsSaidWhereverItStrikes) {
   for (int rows = 1; rows < whole.iterations; rows += 7) {
     StopAfter stopper(rows);
     const Solution s =
-        solve(p.view(), {}, {.progress = &stopper, .stop = stopper.source.get_token()}).value();
+        solve_in_process(p.view(), {}, {.progress = &stopper, .stop = stopper.source.get_token()}).value();
     EXPECT_EQ(s.status, Status::cancelled) << rows << ": " << s.detail;
     EXPECT_EQ(s.detail.rfind("stopped early", 0), 0U) << s.detail;
     const testing::Verdict verdict = testing::judge(p.view(), s);
@@ -172,7 +172,7 @@ TEST(Ending, MoreIterationsNeverGiveAWorseIterate) {
   for (int limit = 1; limit <= 60; ++limit) {
     Options options;
     options.max_iterations = limit;
-    const Solution s = solve(problem.view(), options).value();
+    const Solution s = solve_in_process(problem.view(), options).value();
     if (s.status != Status::iteration_limit) break;
     const Violations& v = s.violations;
     const double now = std::max({v.equality, v.inequality, v.complementarity});

@@ -104,7 +104,7 @@ TEST(Examples, StandingStillOnFlatGroundIsFeasibleForTheHopper) {
 TEST(Examples, AHopperAdvancedAlongATrajectoryIsTheRestOfItsProblem) {
   const HopperParameters parameters{.steps = 8};
   const OwnedProblem p = hopper(parameters);
-  const Solution s = solve(p.view()).value();
+  const Solution s = solve_in_process(p.view()).value();
   ASSERT_TRUE(is_solved(s.status)) << s.detail;
   for (const int ticks : {1, 3}) {
     HopperParameters rest = advance(parameters, s.z, ticks);

@@ -55,15 +55,15 @@ TEST(Progress, RowsCarryThePairsToWhoWantsThem) {
     }
     int rows = 0;
   } without;
-  const Solution with = solve(p.view(), {}, {.progress = &pairs}).value();
-  const Solution same = solve(p.view(), {}, {.progress = &without}).value();
+  const Solution with = solve_in_process(p.view(), {}, {.progress = &pairs}).value();
+  const Solution same = solve_in_process(p.view(), {}, {.progress = &without}).value();
   EXPECT_EQ(pairs.rows, without.rows);
   EXPECT_GT(pairs.rows, 5);
   EXPECT_EQ(with.z, same.z) << "who looks changes nothing";
 }
 
 TEST(Progress, PartsOfTheTimeAreWithinTheWhole) {
-  const Solution s = solve(examples::hopper().view()).value();
+  const Solution s = solve_in_process(examples::hopper().view()).value();
   const Times& t = s.times;
   EXPECT_GT(t.factorization_s, 0.0);
   EXPECT_GT(t.line_search_s, 0.0);
@@ -71,7 +71,7 @@ TEST(Progress, PartsOfTheTimeAreWithinTheWhole) {
   EXPECT_LE(t.factorization_s + t.line_search_s + t.polish_s, t.solve_s);
   Options options;
   options.polish = false;
-  EXPECT_EQ(solve(examples::hopper().view(), options).value().times.polish_s, 0.0);
+  EXPECT_EQ(solve_in_process(examples::hopper().view(), options).value().times.polish_s, 0.0);
 }
 
 }  // namespace

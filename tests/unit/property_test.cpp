@@ -137,7 +137,7 @@ TEST_P(Properties, NoAnswerCalledSolvedIsRejectedByTheIndependentCheck) {
   int solved = 0;
   for (std::uint64_t seed = 1; seed <= kProblems; ++seed) {
     const OwnedProblem p = make(GetParam(), seed);
-    const Solution s = solve(p.view()).value();
+    const Solution s = solve_in_process(p.view()).value();
     if (s.status != Status::solved) continue;
     ++solved;
     const testing::Verdict verdict = testing::judge(p.view(), s);
@@ -157,7 +157,7 @@ TEST_P(Properties, ObjectivesAreNeverBelowTheBestBranchAndMostlyAtIt) {
     const OwnedProblem p = make(GetParam(), seed);
     const auto best = testing::brute_force(p.view());
     ASSERT_TRUE(best.has_value()) << p.name;
-    const Solution s = solve(p.view()).value();
+    const Solution s = solve_in_process(p.view()).value();
     if (s.status != Status::solved) continue;
     ++solved;
     const double slack = 1e-5 * std::max(1.0, std::abs(best->objective));

@@ -48,7 +48,7 @@ TEST(Solver, FindsTheOptimumOfEverySmallProblemOnEitherPath) {
     Options options;
     options.path = path;
     for (const auto& [problem, optimum] : small_problems()) {
-      const Solution s = solve(problem.view(), options).value();
+      const Solution s = solve_in_process(problem.view(), options).value();
       EXPECT_EQ(s.status, Status::solved) << problem.name << ": " << s.detail;
       EXPECT_NEAR(s.objective, optimum, 1e-5 * std::max(1.0, std::abs(optimum))) << problem.name;
     }
@@ -64,7 +64,7 @@ TEST(Solver, WhatAPathAloneCallsSolvedPassesTheIndependentCheck) {
     int global = 0;
     const auto problems = small_problems();
     for (const auto& [problem, optimum] : problems) {
-      const Solution s = solve(problem.view(), options).value();
+      const Solution s = solve_in_process(problem.view(), options).value();
       if (s.status != Status::solved) continue;
       ++solved;
       const double slack = 1e-4 * std::max(1.0, std::abs(optimum));
@@ -83,7 +83,7 @@ TEST(Solver, WhatAPathAloneCallsSolvedPassesTheIndependentCheck) {
 
 TEST(Solver, SolvedPointsPassTheIndependentCheck) {
   for (const auto& [problem, optimum] : small_problems()) {
-    const Solution s = solve(problem.view()).value();
+    const Solution s = solve_in_process(problem.view()).value();
     const testing::Verdict verdict = judge(problem.view(), s);
     EXPECT_LE(verdict.infeasibility(), 1e-9) << problem.name;
     EXPECT_LE(verdict.stationarity, 1e-9) << problem.name;
@@ -102,7 +102,7 @@ TEST(Solver, NoRandomProblemIsCalledSolvedThatTheIndependentCheckRejects) {
         for (std::uint64_t seed = 1; seed <= 40; ++seed) {
           const OwnedProblem p = testing::random_problem(
               {.variables = 10, .equalities = n_e, .inequalities = n_i, .pairs = n_c, .density = 0.3}, seed);
-          const Solution s = solve(p.view()).value();
+          const Solution s = solve_in_process(p.view()).value();
           ++problems;
           if (!is_solved(s.status)) continue;
           ++solved;
@@ -123,7 +123,7 @@ TEST(Solver, PublicExampleTakesNoMoreFactorizationsThanTheOriginal) {
     Options options;
     options.polish = polish;
     const auto [problem, optimum] = testing::public_example();
-    const Solution s = solve(problem.view(), options).value();
+    const Solution s = solve_in_process(problem.view(), options).value();
     EXPECT_EQ(s.status, Status::solved);
     EXPECT_NEAR(s.objective, optimum, 1e-4);
     EXPECT_LE(s.factorizations, 26);
@@ -132,7 +132,7 @@ TEST(Solver, PublicExampleTakesNoMoreFactorizationsThanTheOriginal) {
 
 TEST(Solver, RoboticsProblemsEndFeasible) {
   for (const OwnedProblem& p : {examples::hopper(), examples::rocket()}) {
-    const Solution s = solve(p.view()).value();
+    const Solution s = solve_in_process(p.view()).value();
     EXPECT_EQ(s.status, Status::solved) << p.name << ": " << s.detail;
     EXPECT_LE(judge(p.view(), s).infeasibility(), 1e-8) << p.name;
   }
@@ -140,7 +140,7 @@ TEST(Solver, RoboticsProblemsEndFeasible) {
 
 TEST(Solver, GatesEndFeasibleOrSayWhyNot) {
   const OwnedProblem p = examples::gates();
-  const Solution s = solve(p.view()).value();
+  const Solution s = solve_in_process(p.view()).value();
   if (is_solved(s.status)) {
     EXPECT_LE(judge(p.view(), s).infeasibility(), 1e-6);
   } else {
@@ -158,7 +158,7 @@ TEST(Solver, ReportsEveryIterationOnceWithGrowingCounters) {
     options.polish = false;
     Recorder recorder;
     const OwnedProblem p = testing::random_problem({}, 3);
-    const Solution s = solve(p.view(), options, {.progress = &recorder}).value();
+    const Solution s = solve_in_process(p.view(), options, {.progress = &recorder}).value();
     ASSERT_EQ(recorder.rows.size(), static_cast<std::size_t>(s.iterations) + 1);
     for (std::size_t i = 0; i < recorder.rows.size(); ++i) {
       const Progress& row = recorder.rows[i];
@@ -182,7 +182,7 @@ TEST(Solver, NoIterationIsReportedTwiceOrLeftOutWhenThePolishTriesInBetween) {
       Options options;
       options.path = path;
       Recorder recorder;
-      const Solution s = solve(p.view(), options, {.progress = &recorder}).value();
+      const Solution s = solve_in_process(p.view(), options, {.progress = &recorder}).value();
       ASSERT_EQ(recorder.rows.size(), static_cast<std::size_t>(s.iterations) + 1) << p.name;
       for (std::size_t i = 1; i < recorder.rows.size(); ++i) {
         const Progress& before = recorder.rows[i - 1];
@@ -208,7 +208,8 @@ TEST(Solver, AStopIsHeardWithinOneIteration) {
     Stopper stopper(3);
     const OwnedProblem p = examples::hopper();
     const Solution s =
-        solve(p.view(), options, {.progress = &stopper, .stop = stopper.source.get_token()}).value();
+        solve_in_process(p.view(), options, {.progress = &stopper, .stop = stopper.source.get_token()})
+            .value();
     EXPECT_EQ(s.status, Status::cancelled);
     EXPECT_EQ(stopper.rows, 3);
     EXPECT_EQ(s.z.size(), p.g.size());
@@ -222,7 +223,7 @@ TEST(Solver, AStopBeforeTheStartIsHeardBeforeAnyWork) {
   std::stop_source source;
   source.request_stop();
   const OwnedProblem p = examples::hopper({.steps = 10});
-  const Solution s = solve(p.view(), {}, {.stop = source.get_token()}).value();
+  const Solution s = solve_in_process(p.view(), {}, {.stop = source.get_token()}).value();
   EXPECT_EQ(s.status, Status::cancelled);
   EXPECT_EQ(s.iterations, 0);
   EXPECT_EQ(s.factorizations, 0);
@@ -236,7 +237,7 @@ TEST(Solver, LimitsEndTheSolveWithTheirOwnStatusOnEitherPath) {
       Options options;
       options.path = path;
       options.max_iterations = limit;
-      const Solution s = solve(p.view(), options).value();
+      const Solution s = solve_in_process(p.view(), options).value();
       EXPECT_EQ(s.status, Status::iteration_limit);
       EXPECT_EQ(s.iterations, limit);
       EXPECT_NEAR(judge(p.view(), s).infeasibility(), largest(s.violations), 1e-9);
@@ -244,7 +245,7 @@ TEST(Solver, LimitsEndTheSolveWithTheirOwnStatusOnEitherPath) {
     Options options;
     options.path = path;
     options.time_limit_s = 0.0;
-    const Solution late = solve(p.view(), options).value();
+    const Solution late = solve_in_process(p.view(), options).value();
     EXPECT_EQ(late.status, Status::time_limit);
     EXPECT_EQ(late.iterations, 0);
     EXPECT_EQ(late.factorizations, 0);
@@ -257,7 +258,7 @@ TEST(Solver, AnEarlyEndGivesTheBestIterateItHadReported) {
     Options options;
     options.max_iterations = limit;
     Recorder recorder;
-    const Solution s = solve(p.view(), options, {.progress = &recorder}).value();
+    const Solution s = solve_in_process(p.view(), options, {.progress = &recorder}).value();
     ASSERT_EQ(s.status, Status::iteration_limit);
     double best = largest(recorder.rows.front().violations);
     for (const Progress& row : recorder.rows) best = std::min(best, largest(row.violations));
@@ -268,13 +269,13 @@ TEST(Solver, AnEarlyEndGivesTheBestIterateItHadReported) {
 TEST(Solver, BadInitialPointsAndOptionsAreErrors) {
   const OwnedProblem p = testing::random_problem({}, 1);
   const std::vector<double> short_z(3, 0.0);
-  EXPECT_EQ(solve(p.view(), {}, {.initial_z = short_z}).error().field, "initial_z");
+  EXPECT_EQ(solve_in_process(p.view(), {}, {.initial_z = short_z}).error().field, "initial_z");
   std::vector<double> nan_z(p.g.size(), 0.0);
   nan_z[5] = std::nan("");
-  EXPECT_EQ(solve(p.view(), {}, {.initial_z = nan_z}).error().index, 5);
+  EXPECT_EQ(solve_in_process(p.view(), {}, {.initial_z = nan_z}).error().index, 5);
   Options options;
   options.kappa_factor = 2.0;
-  EXPECT_EQ(solve(p.view(), options).error().field, "kappa_factor");
+  EXPECT_EQ(solve_in_process(p.view(), options).error().field, "kappa_factor");
 }
 
 TEST(Solver, BadInitialPointsLeaveTheSolverFitForUse) {
@@ -302,7 +303,7 @@ TEST(Solver, StartsWhereItIsTold) {
     }
     std::vector<double> z;
   } first;
-  const Solution s = solve(p.view(), {}, {.progress = &first, .initial_z = start}).value();
+  const Solution s = solve_in_process(p.view(), {}, {.progress = &first, .initial_z = start}).value();
   EXPECT_EQ(s.status, Status::solved);
   ASSERT_EQ(first.z.size(), start.size());
   for (std::size_t i = 0; i < start.size(); ++i) EXPECT_NEAR(first.z[i], start[i], 1e-14);
@@ -318,8 +319,8 @@ TEST(Solver, GivesTheSameBitsAgainAfreshAndInParallel) {
   EXPECT_EQ(first.factorizations, again.factorizations);
   Solution parallel[2];
   {
-    std::jthread a([&] { parallel[0] = solve(p.view()).value(); });
-    std::jthread b([&] { parallel[1] = solve(p.view()).value(); });
+    std::jthread a([&] { parallel[0] = solve_in_process(p.view()).value(); });
+    std::jthread b([&] { parallel[1] = solve_in_process(p.view()).value(); });
   }
   for (const Solution& s : parallel) {
     EXPECT_EQ(first.z, s.z);
@@ -394,7 +395,7 @@ double best_of_all_partitions(const OwnedProblem& p) {
     piece.L = piece.R = {};
     piece.l.clear();
     piece.r.clear();
-    const Solution s = solve(piece.view()).value();
+    const Solution s = solve_in_process(piece.view()).value();
     if (s.status == Status::solved) best = std::min(best, s.objective);
   }
   return best;
@@ -406,7 +407,7 @@ TEST(Solver, IsNeverBelowTheBestPartitionAndMostlyAtIt) {
   for (std::uint64_t seed = 1; seed <= kProblems; ++seed) {
     const OwnedProblem p = testing::random_problem({}, seed);
     const double best = best_of_all_partitions(p);
-    const Solution s = solve(p.view()).value();
+    const Solution s = solve_in_process(p.view()).value();
     ASSERT_EQ(s.status, Status::solved) << p.name;
     EXPECT_GE(s.objective, best - 1e-7 * (1.0 + std::abs(best))) << p.name;
     if (s.objective <= best + 1e-6 * (1.0 + std::abs(best))) ++global;
@@ -420,9 +421,9 @@ TEST(Solver, PolishNeverMakesAnAnswerWorse) {
       const OwnedProblem p = testing::random_problem({.variables = 16, .pairs = 8}, seed);
       Options options;
       options.path = path;
-      const Solution polished = solve(p.view(), options).value();
+      const Solution polished = solve_in_process(p.view(), options).value();
       options.polish = false;
-      const Solution plain = solve(p.view(), options).value();
+      const Solution plain = solve_in_process(p.view(), options).value();
       if (plain.status != Status::solved) continue;
       EXPECT_EQ(polished.status, Status::solved) << p.name;
       // The plain point may be lower by what its violations of up to 1e-6 buy.
@@ -438,7 +439,7 @@ TEST(Solver, ItsNumbersAreThoseOfItsPointHoweverItEnded) {
       const OwnedProblem p = testing::random_problem({.indefinite = indefinite}, seed);
       Options options;
       options.max_iterations = 5 + static_cast<int>(seed) % 40;
-      const Solution s = solve(p.view(), options).value();
+      const Solution s = solve_in_process(p.view(), options).value();
       const testing::Verdict verdict = judge(p.view(), s);
       const auto expect_same = [&](double told, double found) {
         EXPECT_NEAR(told, found, 1e-9 * (1.0 + std::abs(found))) << p.name << " " << to_string(s.status);
@@ -464,7 +465,7 @@ TEST(Solver, BoundedIndefiniteProblemsEndAtALocalSolution) {
       }
     }
     p.C = compress(rows, static_cast<Index>(p.g.size()), box, "C").value();
-    const Solution s = solve(p.view()).value();
+    const Solution s = solve_in_process(p.view()).value();
     ASSERT_EQ(s.status, Status::solved) << p.name << ": " << s.detail;
     EXPECT_NE(s.detail.find("not convex"), std::string::npos) << p.name << ": " << s.detail;
     const testing::Verdict verdict = judge(p.view(), s);
@@ -476,7 +477,7 @@ TEST(Solver, BoundedIndefiniteProblemsEndAtALocalSolution) {
 
 TEST(Solver, UpperTriangleAndFullHessianGiveTheSameBits) {
   OwnedProblem p = testing::random_problem({}, 9);
-  const Solution full = solve(p.view()).value();
+  const Solution full = solve_in_process(p.view()).value();
   Triplets upper;
   for (Index j = 0; j < p.Q.columns; ++j) {
     for (Index k = p.Q.column_pointers[j]; k < p.Q.column_pointers[j + 1]; ++k) {
@@ -485,7 +486,7 @@ TEST(Solver, UpperTriangleAndFullHessianGiveTheSameBits) {
   }
   p.Q = compress(p.Q.rows, p.Q.columns, upper, "Q").value();
   p.hessian_form = HessianForm::upper_triangle;
-  EXPECT_EQ(solve(p.view()).value().z, full.z);
+  EXPECT_EQ(solve_in_process(p.view()).value().z, full.z);
 }
 
 }  // namespace

@@ -55,7 +55,7 @@ OwnedProblem without_strong_multipliers() {
 }
 
 TEST(Stationarity, AMinimumWithoutStrongMultipliersIsDecidedByItsBranches) {
-  const Solution s = solve(without_strong_multipliers().view()).value();
+  const Solution s = solve_in_process(without_strong_multipliers().view()).value();
   ASSERT_EQ(s.status, Status::solved) << s.detail;
   EXPECT_NEAR(s.objective, 0.0, 1e-9);
   EXPECT_NE(s.stationarity, Stationarity::strong);
@@ -67,12 +67,13 @@ TEST(Stationarity, AMinimumWithoutStrongMultipliersIsDecidedByItsBranches) {
 TEST(Stationarity, BranchesAreNotTriedWithoutABudgetForThem) {
   Options options;
   options.local_search_budget = 0;
-  EXPECT_FALSE(solve(without_strong_multipliers().view(), options).value().b_stationary.has_value());
+  EXPECT_FALSE(
+      solve_in_process(without_strong_multipliers().view(), options).value().b_stationary.has_value());
 }
 
 TEST(Stationarity, AnswersOfSmallProblemsHaveNoDescentLeft) {
   for (const auto& [problem, optimum] : testing::small_problems()) {
-    const Solution s = solve(problem.view()).value();
+    const Solution s = solve_in_process(problem.view()).value();
     ASSERT_EQ(s.status, Status::solved) << problem.name;
     EXPECT_TRUE(s.b_stationary.value_or(false)) << problem.name << " is " << to_string(s.stationarity);
   }
@@ -82,7 +83,7 @@ TEST(Stationarity, IsUnknownForWhatIsNotSolved) {
   Options options;
   options.max_iterations = 1;
   const auto problem = testing::public_example().problem;
-  EXPECT_EQ(solve(problem.view(), options).value().stationarity, Stationarity::unknown);
+  EXPECT_EQ(solve_in_process(problem.view(), options).value().stationarity, Stationarity::unknown);
 }
 
 }  // namespace

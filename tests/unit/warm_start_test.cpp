@@ -149,7 +149,7 @@ TEST(WarmStart, SmallChangesTakeFewFactorizationsAndGiveSoundAnswers) {
 TEST(WarmStart, FromAnotherProblemsAnswerIsStillAnAnswer) {
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {
     const OwnedProblem p = testing::random_problem({}, seed);
-    const Solution other = solve(testing::random_problem({}, seed + 100).view()).value();
+    const Solution other = solve_in_process(testing::random_problem({}, seed + 100).view()).value();
     const Solution warm = make(p).solve({.warm_start = &other}).value();
     ASSERT_EQ(warm.status, Status::solved) << p.name << ": " << warm.detail;
     EXPECT_LE(testing::judge(p.view(), warm).infeasibility(), 1e-8) << p.name;
@@ -207,7 +207,7 @@ TEST(Starts, MoreOfThemAreNeverWorse) {
     for (const int starts : {1, 2, 4}) {
       Options options;
       options.starts = starts;
-      const Solution s = solve(p.view(), options).value();
+      const Solution s = solve_in_process(p.view(), options).value();
       ASSERT_EQ(s.status, Status::solved) << p.name;
       EXPECT_LE(s.objective, last + 1e-9 * (1.0 + std::abs(last))) << p.name;
       EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-8);

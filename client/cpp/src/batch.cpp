@@ -9,6 +9,7 @@
 
 #include "answer.h"
 #include "connection.h"
+#include "in_process.h"
 #include "marble/client.h"
 #include "request.h"
 #include "status.h"
@@ -100,6 +101,7 @@ Expected<RemoteSolution> answer_of(const v1::SolveBatchResponse& response) {
 
 Expected<void> Client::solve_batch(const BatchSource& source, const BatchSink& sink,
                                    const BatchControls& controls) const {
+  if (connection_ == nullptr) return client::solve_batch_here(source, sink, controls);
   grpc::ClientContext context;
   if (auto ready = connection_->prepare(context, controls.traceparent, std::nullopt); !ready)
     return unexpected(ready.error());

@@ -1,11 +1,9 @@
 #include "channel.h"
 
 #include <grpcpp/create_channel.h>
-#include <sys/un.h>
-
-#include <charconv>
 
 #include "credentials.h"
+#include "service_config.h"
 
 namespace marble::client {
 namespace {
@@ -16,39 +14,20 @@ constexpr int kKeepaliveTimeout_ms = 15'000;  // the sum of the two
 // A server that was restarted is found again within the second of the two, not within gRPC's two minutes.
 constexpr int kFirstBackoff_ms = 200;
 constexpr int kLongestBackoff_ms = 2'000;
-constexpr std::string_view kUnixPrefix = "unix:";
-
-Error bad_address(const std::string& address, const char* rule) {
-  return {ErrorCode::invalid_argument, "address", -1, "\"" + address + "\"", rule};
-}
-
-bool ends_in_port(const std::string& address) {
-  const std::size_t colon = address.rfind(':');
-  if (colon == std::string::npos || colon == 0) return false;
-  const char* const end = address.data() + address.size();
-  int port = 0;
-  const auto [stop, error] = std::from_chars(address.data() + colon + 1, end, port);
-  return error == std::errc() && stop == end && port >= 1 && port <= 65535;
-}
+constexpr int kRetryBuffer_bytes = 256 << 20;  // what a call keeps to be sent again
 
 }  // namespace
 
-Expected<void> check_address(const std::string& address) {
-  if (address.rfind(kUnixPrefix, 0) == 0) {
-    const std::size_t length = address.size() - kUnixPrefix.size();
-    if (length > 0 && length < sizeof(sockaddr_un::sun_path)) return {};
-    return unexpected(bad_address(address, "must have a path of 1 to 107 bytes after unix:"));
-  }
-  if (ends_in_port(address)) return {};
-  return unexpected(bad_address(address, "must be host:port, port in [1, 65535], or unix:PATH"));
-}
-
-Expected<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
-                                                      const ConnectOptions& options) {
+Expected<std::shared_ptr<grpc::Channel>> open_channel(const Target& target, const ConnectOptions& options) {
   const auto credentials = make_credentials(options);
   if (!credentials) return unexpected(credentials.error());
   grpc::ChannelArguments arguments;
-  if (!options.tls_server_name.empty()) arguments.SetSslTargetNameOverride(options.tls_server_name);
+  const std::string& server_name =
+      options.tls_server_name.empty() ? target.authority : options.tls_server_name;
+  if (!server_name.empty()) arguments.SetString(GRPC_ARG_DEFAULT_AUTHORITY, server_name);
+  if (!server_name.empty() && wants_tls(options)) arguments.SetSslTargetNameOverride(server_name);
+  arguments.SetServiceConfigJSON(service_config(target.several));
+  arguments.SetInt(GRPC_ARG_PER_RPC_RETRY_BUFFER_SIZE, kRetryBuffer_bytes);
   // The server has its limit; the client must not be the one that cannot read an answer.
   arguments.SetMaxReceiveMessageSize(kNoLimit);
   arguments.SetMaxSendMessageSize(kNoLimit);
@@ -59,7 +38,7 @@ Expected<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kLongestBackoff_ms);
   // http_proxy is set for browsers; a solver on loopback or in the same rack is not behind it.
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-  return grpc::CreateCustomChannel(address, *credentials, arguments);
+  return grpc::CreateCustomChannel(target.name, *credentials, arguments);
 }
 
 }  // namespace marble::client

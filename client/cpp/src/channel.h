@@ -4,18 +4,15 @@
 #include <grpcpp/channel.h>
 
 #include <memory>
-#include <string>
 
 #include "marble/connect_options.h"
 #include "marble/error.h"
+#include "target.h"
 
 namespace marble::client {
 
-/// Accepts host:port, unix:PATH and what else ends in a port. The error's field is "address".
-[[nodiscard]] Expected<void> check_address(const std::string& address);
-
 /// Does not connect yet. Errors: those of make_credentials.
-[[nodiscard]] Expected<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
+[[nodiscard]] Expected<std::shared_ptr<grpc::Channel>> open_channel(const Target& target,
                                                                     const ConnectOptions& options);
 
 }  // namespace marble::client

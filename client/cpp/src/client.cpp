@@ -1,18 +1,35 @@
 #include "marble/client.h"
 
+#include <cstdlib>
+#include <memory>
+#include <mutex>
 #include <new>
 
 #include "connection.h"
+#include "in_process.h"
+#include "pending_solve.h"
 #include "solve.h"
 #include "status.h"
 
 namespace marble {
+namespace {
+
+bool names_server() {
+  const char* address = std::getenv("MARBLE_SERVER");
+  return address != nullptr && *address != '\0';
+}
+
+}  // namespace
 
 Expected<Client> Client::connect(const std::string& address, const ConnectOptions& options) {
   auto connection = client::Connection::open(address, options);
   if (!connection) return unexpected(connection.error());
   return Client(std::move(*connection));
 }
+
+Client Client::in_process() { return Client(nullptr); }
+
+Expected<Client> Client::from_environment() { return names_server() ? connect() : in_process(); }
 
 Client::Client(std::shared_ptr<const client::Connection> connection) : connection_(std::move(connection)) {}
 Client::Client(Client&&) noexcept = default;
@@ -21,7 +38,17 @@ Client::~Client() = default;
 
 Expected<RemoteSolution> Client::solve(const ProblemView& problem, const Options& options,
                                        const SolveControls& controls, const CallControls& call) const try {
+  if (connection_ == nullptr) return client::solve_here(problem, options, controls, call);
   return client::solve(*connection_, problem, options, controls, call);
+} catch (const std::bad_alloc&) {
+  return unexpected(client::out_of_memory());
+}
+
+Expected<PendingSolution> Client::solve_async(const ProblemView& problem, const Options& options,
+                                              const SolveControls& controls, const CallControls& call) const
+    try {
+  if (connection_ == nullptr) return client::begin_solve_here(problem, options, controls, call);
+  return client::begin_solve(connection_, problem, options, controls, call);
 } catch (const std::bad_alloc&) {
   return unexpected(client::out_of_memory());
 }
@@ -34,6 +61,7 @@ Expected<Session> Client::open_session(const ProblemView& problem, const Options
 Jobs Client::jobs() const { return Jobs(connection_); }
 
 Expected<bool> Client::healthy(const std::stop_token& stop) const {
+  if (connection_ == nullptr) return true;
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
@@ -43,6 +71,43 @@ Expected<bool> Client::healthy(const std::stop_token& stop) const {
   return response.status() == grpc::health::v1::HealthCheckResponse::SERVING;
 }
 
-const std::string& Client::address() const { return connection_->address(); }
+const std::string& Client::address() const {
+  static const std::string in_process = client::kInProcess;
+  return connection_ == nullptr ? in_process : connection_->address();
+}
+
+namespace {
+
+// One for the process: a connection a solve would cost more than a small solve.
+class EnvironmentClient {
+ public:
+  [[nodiscard]] Expected<std::shared_ptr<const Client>> get() {
+    const std::string address = default_server_address();
+    const ConnectOptions options = ConnectOptions::from_environment();
+    const std::lock_guard lock(mutex_);
+    if (client_ != nullptr && address == client_->address() && options == options_) return client_;
+    auto connected = Client::connect(address, options);
+    if (!connected) return unexpected(connected.error());
+    client_ = std::make_shared<const Client>(std::move(*connected));
+    options_ = options;
+    return client_;
+  }
+
+ private:
+  std::mutex mutex_;
+  ConnectOptions options_;
+  std::shared_ptr<const Client> client_;  // calls that still run keep an older one
+};
+
+}  // namespace
+
+Expected<RemoteSolution> solve(const ProblemView& problem, const Options& options,
+                               const SolveControls& controls, const CallControls& call) {
+  if (!names_server()) return Client::in_process().solve(problem, options, controls, call);
+  static EnvironmentClient environment;
+  const auto client = environment.get();
+  if (!client) return unexpected(client.error());
+  return (*client)->solve(problem, options, controls, call);
+}
 
 }  // namespace marble

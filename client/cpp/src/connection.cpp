@@ -4,6 +4,7 @@
 
 #include "channel.h"
 #include "printable.h"
+#include "target.h"
 #include "traceparent.h"
 
 namespace marble::client {
@@ -37,16 +38,18 @@ void set_deadline(std::chrono::duration<double> from_now, grpc::ClientContext& c
 
 Expected<std::shared_ptr<const Connection>> Connection::open(const std::string& address,
                                                              const ConnectOptions& options) {
-  if (auto valid = check_address(address); !valid) return unexpected(valid.error());
   if (auto valid = check_labels(options); !valid) return unexpected(valid.error());
-  const auto channel = open_channel(address, options);
+  const auto target = target_of(address);
+  if (!target) return unexpected(target.error());
+  const auto channel = open_channel(*target, options);
   if (!channel) return unexpected(channel.error());
-  return std::shared_ptr<const Connection>(new Connection(address, *channel, options));
+  return std::shared_ptr<const Connection>(new Connection(address, target->several, *channel, options));
 }
 
-Connection::Connection(std::string address, const std::shared_ptr<grpc::Channel>& channel,
+Connection::Connection(std::string address, bool several, const std::shared_ptr<grpc::Channel>& channel,
                        const ConnectOptions& options)
     : address_(std::move(address)),
+      several_(several),
       authorization_(options.token.empty() ? "" : "Bearer " + options.token),
       name_(options.name),
       traceparent_(options.traceparent),

@@ -32,6 +32,8 @@ class Connection {
                                        std::optional<std::chrono::duration<double>> deadline) const;
 
   [[nodiscard]] const std::string& address() const { return address_; }
+  /// Whether two calls may go to two servers.
+  [[nodiscard]] bool several() const { return several_; }
   [[nodiscard]] v1::Solver::Stub& solver() const { return *solver_; }
   [[nodiscard]] v1::Jobs::Stub& jobs() const { return *jobs_; }
   [[nodiscard]] v1::Server::Stub& server() const { return *server_; }
@@ -40,10 +42,11 @@ class Connection {
  private:
   void add(grpc::ClientContext& context, const std::string& traceparent,
            std::optional<std::chrono::duration<double>> deadline) const;
-  Connection(std::string address, const std::shared_ptr<grpc::Channel>& channel,
+  Connection(std::string address, bool several, const std::shared_ptr<grpc::Channel>& channel,
              const ConnectOptions& options);
 
   std::string address_;
+  bool several_;
   std::string authorization_;  // empty without a token
   std::string name_;
   std::string traceparent_;

@@ -7,11 +7,6 @@
 namespace marble::client {
 namespace {
 
-bool wants_tls(const ConnectOptions& o) {
-  return o.tls || !o.tls_ca.empty() || !o.tls_certificate.empty() || !o.tls_key.empty() ||
-         !o.tls_server_name.empty();
-}
-
 Error bad_file(const char* field, const std::string& path, const std::string& why) {
   return {ErrorCode::invalid_argument, field, -1, path, why};
 }
@@ -34,6 +29,11 @@ Expected<std::string> read_pem(const char* field, const std::string& path) {
 }
 
 }  // namespace
+
+bool wants_tls(const ConnectOptions& o) {
+  return o.tls || !o.tls_ca.empty() || !o.tls_certificate.empty() || !o.tls_key.empty() ||
+         !o.tls_server_name.empty();
+}
 
 Expected<std::shared_ptr<grpc::ChannelCredentials>> make_credentials(const ConnectOptions& options) {
   if (!wants_tls(options)) return grpc::InsecureChannelCredentials();

@@ -10,6 +10,8 @@
 
 namespace marble::client {
 
+[[nodiscard]] bool wants_tls(const ConnectOptions& options);
+
 /// Plaintext unless `options` want TLS. Errors name the tls_ field: a file that cannot be read or is not PEM,
 /// a certificate without its key.
 [[nodiscard]] Expected<std::shared_ptr<grpc::ChannelCredentials>> make_credentials(

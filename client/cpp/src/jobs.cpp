@@ -4,15 +4,28 @@
 
 #include "answer.h"
 #include "connection.h"
+#include "in_process.h"
 #include "job_message.h"
 #include "request.h"
 #include "status.h"
 #include "traceparent.h"
 
 namespace marble {
+namespace {
+
+// A job stays with the server that took it: in turns, all but one would say that they never heard of it.
+Expected<void> one_server(const client::Connection* connection) {
+  if (connection == nullptr) return unexpected(client::no_server());
+  if (!connection->several()) return {};
+  return unexpected(Error{ErrorCode::invalid_argument, "address", -1, "\"" + connection->address() + "\"",
+                          "must be of one server: jobs stay with the one that took them"});
+}
+
+}  // namespace
 
 Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& options,
                                     const SolveControls& controls, const CallControls& call) const try {
+  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
   v1::SolveRequest request;
   const client::RequestParts parts{problem,         options,           controls.initial_z,
                                    call.request_id, call.problem_name, call.priority};
@@ -31,6 +44,7 @@ Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& o
 }
 
 Expected<RemoteSolution> Jobs::result(const std::string& job_id, const ResultControls& controls) const try {
+  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
   grpc::ClientContext context;
   connection_->prepare(context, controls.deadline);
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
@@ -46,6 +60,7 @@ Expected<RemoteSolution> Jobs::result(const std::string& job_id, const ResultCon
 }
 
 Expected<void> Jobs::remove(const std::string& job_id) const {
+  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   v1::DeleteJobRequest request;
@@ -57,6 +72,7 @@ Expected<void> Jobs::remove(const std::string& job_id) const {
 }
 
 Expected<JobPage> Jobs::list(const JobQuery& query, const std::stop_token& stop) const {
+  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
@@ -74,6 +90,7 @@ Expected<JobPage> Jobs::list(const JobQuery& query, const std::stop_token& stop)
 }
 
 Expected<JobDetails> Jobs::get(const std::string& job_id) const {
+  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   v1::GetJobRequest request;
@@ -87,6 +104,7 @@ Expected<JobDetails> Jobs::get(const std::string& job_id) const {
 }
 
 Expected<JobInfo> Jobs::cancel(const std::string& job_id) const {
+  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   v1::CancelJobRequest request;
@@ -99,6 +117,7 @@ Expected<JobInfo> Jobs::cancel(const std::string& job_id) const {
 
 Expected<void> Jobs::watch(const std::string& job_id, const std::function<void(const JobEvent&)>& happened,
                            const WatchControls& controls) const {
+  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
   grpc::ClientContext context;
   connection_->prepare(context);
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });

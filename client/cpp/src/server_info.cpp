@@ -1,6 +1,7 @@
 #include "marble/server_info.h"
 
 #include "connection.h"
+#include "in_process.h"
 #include "marble/client.h"
 #include "status.h"
 
@@ -55,6 +56,7 @@ void take_counters(const v1::Counters& counters, ServerInfo& info) {
 }  // namespace
 
 Expected<ServerInfo> Client::info(const std::stop_token& stop) const {
+  if (connection_ == nullptr) return unexpected(client::no_server());
   grpc::ClientContext context;
   connection_->prepare(context, client::kQuickCall);
   const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });

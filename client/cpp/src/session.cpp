@@ -1,144 +1,11 @@
 #include "marble/session.h"
 
-#include <atomic>
-#include <deque>
-#include <functional>
-#include <map>
-#include <mutex>
 #include <new>
 
-#include "answer.h"
-#include "connection.h"
-#include "session_request.h"
+#include "session_state.h"
 #include "status.h"
-#include "traceparent.h"
 
 namespace marble {
-namespace {
-
-using Stream = grpc::ClientReaderWriter<v1::SessionRequest, v1::SessionResponse>;
-
-Error ended() { return {ErrorCode::failed_precondition, "", -1, "", "the session has ended"}; }
-
-}  // namespace
-
-// Two locks, as a stream may be written by one thread while another one reads. Whoever finds a write failed
-// takes `reading` as well, and reads on to learn why.
-struct Session::State {
-  [[nodiscard]] Expected<void> set_up(const client::Connection& to, const v1::SessionRequest& request,
-                                      const SessionOptions& session);
-  [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls);
-  [[nodiscard]] std::optional<SessionEvent> read();
-  [[nodiscard]] std::optional<SessionEvent> event_of(const v1::SessionResponse& response);
-  [[nodiscard]] Error reason() const { return status.ok() ? ended() : client::to_error(status, stop); }
-  void read_to_the_end();
-  void tell(const v1::SessionProgress& progress);
-
-  std::shared_ptr<const client::Connection> connection;  // the stream's, for as long as there is one
-  grpc::ClientContext context;
-  std::stop_token stop;
-  std::unique_ptr<Stream> stream;
-  std::optional<std::stop_callback<std::function<void()>>> cancel_on_stop;
-  v1::SessionReady ready;
-  std::string traceparent;
-
-  std::mutex writing;
-  std::int64_t sequence = 0;
-  bool writes_done = false;
-
-  std::mutex reading;
-  std::deque<SessionEvent> unfetched;
-  grpc::Status status;
-  std::atomic<bool> over = false;  // set after `status`, which then stays
-
-  std::mutex sinks_access;
-  std::map<std::int64_t, ProgressSink*> sinks;
-};
-
-Expected<void> Session::State::set_up(const client::Connection& to, const v1::SessionRequest& request,
-                                      const SessionOptions& session) {
-  if (auto prepared = to.prepare(context, session.traceparent, std::nullopt); !prepared) {
-    over = true;
-    return prepared;
-  }
-  stop = session.stop;
-  cancel_on_stop.emplace(stop, [this] { context.TryCancel(); });
-  stream = to.solver().Session(&context);
-  stream->Write(request);  // if that fails, so does the read
-  v1::SessionResponse response;
-  if (stream->Read(&response) && response.has_ready()) {
-    ready = response.ready();
-    traceparent = client::returned_traceparent(context);
-    return {};
-  }
-  if (response.event_case() != v1::SessionResponse::EVENT_NOT_SET) context.TryCancel();
-  status = stream->Finish();
-  over = true;
-  return unexpected(reason());
-}
-
-// With `writing` held.
-Expected<std::int64_t> Session::State::send(const ProblemUpdate& update, const UpdateControls& controls) {
-  if (over) return unexpected(reason());
-  if (writes_done) return unexpected(ended());
-  const auto request = client::make_update(sequence + 1, update, controls);
-  if (!request) return unexpected(request.error());
-  ++sequence;
-  if (controls.progress != nullptr) {
-    const std::lock_guard lock(sinks_access);
-    sinks[sequence] = controls.progress;
-  }
-  if (stream->Write(*request)) return sequence;
-  writes_done = true;
-  const std::lock_guard lock(reading);
-  read_to_the_end();
-  return unexpected(reason());
-}
-
-// With `reading` held, as all that follow.
-std::optional<SessionEvent> Session::State::read() {
-  v1::SessionResponse response;
-  while (!over && stream->Read(&response)) {
-    if (response.has_progress()) tell(response.progress());
-    if (auto event = event_of(response)) return event;
-  }
-  if (!over) status = stream->Finish();
-  over = true;
-  return std::nullopt;
-}
-
-void Session::State::read_to_the_end() {
-  while (auto event = read()) unfetched.push_back(std::move(*event));
-}
-
-std::optional<SessionEvent> Session::State::event_of(const v1::SessionResponse& response) {
-  std::optional<SessionEvent> event;
-  if (response.has_answer()) {
-    const v1::SessionAnswer& answer = response.answer();
-    RemoteSolution solution = client::remote_solution(answer.solution(), ready.job_id());
-    solution.traceparent = traceparent;
-    event = {answer.sequence(), std::move(solution)};
-  } else if (response.has_superseded()) {
-    event = {response.superseded().sequence(), Superseded{response.superseded().by_sequence()}};
-  } else if (response.has_error()) {
-    event = {response.error().sequence(), client::to_error(response.error().status())};
-  }
-  if (event) {
-    const std::lock_guard lock(sinks_access);
-    sinks.erase(event->sequence);
-  }
-  return event;
-}
-
-void Session::State::tell(const v1::SessionProgress& progress) {
-  ProgressSink* sink = nullptr;
-  {
-    const std::lock_guard lock(sinks_access);
-    if (const auto found = sinks.find(progress.sequence()); found != sinks.end()) sink = found->second;
-  }
-  if (sink == nullptr) return;
-  for (const v1::Progress& row : progress.progress().rows()) sink->report(progress_of(row));
-}
 
 Session::Session(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Session::Session(Session&&) noexcept = default;
@@ -149,97 +16,47 @@ Session& Session::operator=(Session&& other) noexcept {
   return *this;
 }
 
-Session::~Session() {
-  if (state_ == nullptr || state_->over) return;
-  state_->context.TryCancel();
-  static_cast<void>(state_->stream->Finish());
-}
+Session::~Session() = default;
 
 Expected<Session> Session::open(std::shared_ptr<const client::Connection> connection,
                                 const ProblemView& problem, const Options& options,
                                 const SessionOptions& session) try {
-  const auto request = client::make_setup(problem, options, session);
-  if (!request) return unexpected(request.error());
-  auto state = std::make_unique<State>();
-  state->connection = std::move(connection);
-  if (auto made = state->set_up(*state->connection, *request, session); !made)
-    return unexpected(made.error());
-  return Session(std::move(state));
+  auto state = connection == nullptr
+                   ? client::open_session_in_process(problem, options, session)
+                   : client::open_remote_session(std::move(connection), problem, options, session);
+  if (!state) return unexpected(state.error());
+  return Session(std::move(*state));
 } catch (const std::bad_alloc&) {
   return unexpected(client::out_of_memory());
 }
 
 Expected<std::int64_t> Session::send(const ProblemUpdate& update, const UpdateControls& controls) try {
-  const std::lock_guard lock(state_->writing);
   return state_->send(update, controls);
 } catch (const std::bad_alloc&) {
   return unexpected(client::out_of_memory());
 }
 
 Expected<std::optional<SessionEvent>> Session::next() try {
-  State& s = *state_;
-  const std::lock_guard lock(s.reading);
-  if (!s.unfetched.empty()) {
-    std::optional<SessionEvent> event = std::move(s.unfetched.front());
-    s.unfetched.pop_front();
-    return event;
-  }
-  auto event = s.read();
-  if (!event && !s.status.ok()) return unexpected(s.reason());
-  return event;
+  return state_->next();
 } catch (const std::bad_alloc&) {
   return unexpected(client::out_of_memory());
 }
 
 Expected<RemoteSolution> Session::solve(const ProblemUpdate& update, const UpdateControls& controls) try {
-  const auto sequence = send(update, controls);
-  if (!sequence) return unexpected(sequence.error());
-  State& s = *state_;
-  const std::lock_guard lock(s.reading);
-  while (auto event = s.read()) {
-    if (event->sequence != *sequence) {
-      s.unfetched.push_back(std::move(*event));
-      continue;
-    }
-    if (auto* answer = std::get_if<RemoteSolution>(&event->outcome)) return std::move(*answer);
-    if (auto* error = std::get_if<Error>(&event->outcome)) return unexpected(std::move(*error));
-    return unexpected(Error{ErrorCode::cancelled, "", -1, "", "a newer update took its place"});
-  }
-  return unexpected(s.reason());
+  return state_->solve(update, controls);
 } catch (const std::bad_alloc&) {
   return unexpected(client::out_of_memory());
 }
 
-Expected<void> Session::close() try {
-  State& s = *state_;
-  {
-    const std::lock_guard lock(s.writing);
-    if (!s.writes_done) s.stream->WritesDone();
-    s.writes_done = true;
-  }
-  const std::lock_guard lock(s.reading);
-  s.read_to_the_end();
-  if (!s.status.ok()) return unexpected(s.reason());
-  return {};
-} catch (const std::bad_alloc&) {
+Expected<void> Session::close() try { return state_->close(); } catch (const std::bad_alloc&) {
   return unexpected(client::out_of_memory());
 }
 
-bool Session::is_open() const { return !state_->over; }
-
-const std::string& Session::job_id() const { return state_->ready.job_id(); }
+bool Session::is_open() const { return state_->is_open(); }
+const std::string& Session::job_id() const { return state_->job_id; }
 const std::string& Session::traceparent() const { return state_->traceparent; }
-std::int64_t Session::memory_bytes() const { return state_->ready.memory_bytes(); }
-double Session::setup_s() const { return state_->ready.setup_s(); }
-double Session::idle_timeout_s() const { return state_->ready.idle_timeout_s(); }
-
-Shift Shift::by_stage(const ProblemView& problem, int stages) {
-  const auto block = [stages](std::size_t size) -> std::vector<ShiftBlock> {
-    const auto count = static_cast<Index>(size);
-    if (count == 0 || stages < 1) return {};
-    return {{0, count, count / stages}};
-  };
-  return {block(problem.g.size()), block(problem.b.size()), block(problem.d.size()), block(problem.l.size())};
-}
+std::int64_t Session::memory_bytes() const { return state_->memory_bytes; }
+double Session::setup_s() const { return state_->setup_s; }
+double Session::idle_timeout_s() const { return state_->idle_timeout_s; }
 
 }  // namespace marble

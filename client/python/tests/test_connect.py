@@ -113,6 +113,14 @@ def test_several_servers_take_turns_and_one_may_die(start_server):
         assert all(client.solve(tiny()).solved for _ in range(20))
 
 
+def test_a_name_stands_for_all_its_addresses(server):
+    with marble.Client(f"dns:///localhost:{server.address.rpartition(':')[2]}") as client:
+        assert all(client.solve(tiny()).solved for _ in range(3))
+    with pytest.raises(marble.InvalidArgument) as caught:
+        marble.Client("dns:///localhost")
+    assert caught.value.field == "address"
+
+
 def test_a_client_outlives_a_restart_of_its_server(start_server, tmp_path):
     path = f"unix:{tmp_path}/again.sock"
     first = start_server(listen=path)

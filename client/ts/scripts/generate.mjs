@@ -31,7 +31,7 @@ const options = [
 
 const work = mkdtempSync(join(tmpdir(), "marble-proto-"));
 try {
-  const files = ["marble/v1", "google/rpc"].flatMap((folder) =>
+  const files = ["marble/v1", "google/rpc", "grpc/health/v1"].flatMap((folder) =>
     readdirSync(join(contract, folder)).map((name) => `${folder}/${name}`),
   );
   for (const file of files) {

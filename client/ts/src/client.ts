@@ -60,7 +60,10 @@ export class Client implements Disposable {
     return infoOf(await unary(this.connection, ServerService.getInfo, {}, controls));
   }
 
-  /** Ends the connection once its calls have ended; later calls fail. */
+  /**
+   * Ends the connection once its calls have ended; later calls fail. Until then one to several servers keeps the process
+   * alive.
+   */
   close(): void {
     this.connection.channel.close();
   }
@@ -74,7 +77,9 @@ export class Client implements Disposable {
 /**
  * Checks address and options, and reads the PEM files; nothing is sent yet.
  *
- * @param address host:port or unix:PATH. Default: the environment's `MARBLE_SERVER`, else 127.0.0.1:50051.
+ * @param address host:port or unix:PATH; or several host:port with commas between, or dns:///host:port for every address
+ *   that the name has: calls then take turns between those that say they are healthy, and of TLS the first name counts.
+ *   Default: the environment's `MARBLE_SERVER`, else 127.0.0.1:50051.
  * @throws InvalidProblemError with the field "address" or that of the option.
  */
 export function connect(address: string = defaultAddress(), options: ConnectOptions = {}): Client {

@@ -60,20 +60,6 @@ export function identityOf(options: ConnectOptions): Identity {
   return { token, name, tls: pemsOf(options.tls) };
 }
 
-/** host:port or unix:PATH. */
-export function checkAddress(address: string): void {
-  const fault = (bound: string): Error => invalid("address", bound, { value: JSON.stringify(address) });
-  if (address.startsWith("unix:")) {
-    const length = Buffer.byteLength(address) - "unix:".length;
-    if (length < 1 || length > 107) throw fault("must have a path of 1 to 107 bytes after unix:");
-    return;
-  }
-  const port = /^.+:(\d{1,5})$/.exec(address)?.[1];
-  if (port === undefined || Number(port) < 1 || Number(port) > 65535) {
-    throw fault("must be host:port, port in [1, 65535], or unix:PATH");
-  }
-}
-
 function pemsOf(tls: boolean | TlsOptions | undefined): Pems | undefined {
   const given = typeof tls === "object" ? tls : {};
   const ca = given.ca ?? environment("MARBLE_TLS_CA");

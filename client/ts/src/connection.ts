@@ -1,8 +1,10 @@
 import { type ChannelOptions, Client, Metadata, credentials } from "@grpc/grpc-js";
 
+import { targetOf } from "./addresses.js";
 import { checkDeadline } from "./checks.js";
-import { type ConnectOptions, type Pems, checkAddress, identityOf } from "./connect-options.js";
+import { type ConnectOptions, type Pems, identityOf } from "./connect-options.js";
 import { invalid } from "./errors.js";
+import { healthyRoundRobin } from "./health.js";
 
 /** One channel, and who calls over it. */
 export class Connection {
@@ -13,14 +15,14 @@ export class Connection {
   private readonly name: string;
 
   constructor(address: string, options: ConnectOptions) {
-    checkAddress(address);
+    const target = targetOf(address);
     const identity = identityOf(options);
     checkDeadline("deadlineMs", options.deadlineMs);
     this.address = address;
     this.deadlineMs = options.deadlineMs;
     this.token = identity.token;
     this.name = identity.name;
-    this.channel = new Client(address, credentialsOf(identity.tls), channelOptions(identity.tls));
+    this.channel = new Client(target.name, credentialsOf(identity.tls), channelOptions(identity.tls, target.several));
   }
 
   metadata(): Metadata {
@@ -64,10 +66,11 @@ const retries = {
   ],
 };
 
-function channelOptions(pems: Pems | undefined): ChannelOptions {
+function channelOptions(pems: Pems | undefined, several: boolean): ChannelOptions {
   const mebibyte = 1 << 20;
+  const turns = several ? { loadBalancingConfig: [{ [healthyRoundRobin]: {} }] } : {};
   const options: ChannelOptions = {
-    "grpc.service_config": JSON.stringify(retries),
+    "grpc.service_config": JSON.stringify({ ...retries, ...turns }),
     "grpc.service_config_disable_resolution": 1,
     // A request beyond this is sent once.
     "grpc.per_rpc_retry_buffer_size": 16 * mebibyte,

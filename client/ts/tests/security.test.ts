@@ -67,6 +67,18 @@ test("TLS: a client that trusts the authority is served, one that does not is no
   await assert.rejects(plain.solve(corner), UnavailableError);
 });
 
+test("TLS: of several servers all must have the first name", async () => {
+  await using one = await serve();
+  await using other = await serve();
+  const [first, second] = [one, other].map((server) => server.address.split(":")[1]);
+  const tls = { ca: file("ca.pem") };
+  assert.equal(await clientName(`localhost:${first},127.0.0.1:${second}`, { name: "tester", tls }), "tester");
+  using misled = connect(`127.0.0.1:${first},localhost:${second}`, { tls });
+  await assert.rejects(misled.solve(corner), UnavailableError);
+  using told = connect(`127.0.0.1:${first},127.0.0.1:${second}`, { tls: { ...tls, serverName: "localhost" } });
+  assert.ok((await told.solve(corner)).solved);
+});
+
 test("a client's certificate is its name", async () => {
   await using server = await serve("--tls-client-ca", file("ca.pem"));
   const tls = { ca: file("ca.pem"), certificate: file("client.pem"), key: file("client.key"), serverName: "localhost" };

@@ -7,6 +7,7 @@
 
 namespace marble {
 
+/// What kind of fault it is; what a caller may branch on.
 enum class ErrorCode {
   invalid_argument,     ///< the input breaks a documented rule; `field` and `index` say where
   failed_precondition,  ///< the call does not fit the state of its object (an update of another shape, say)
@@ -24,9 +25,10 @@ enum class ErrorCode {
 /// Lower-case name of a code, as in logs and command-line output: "invalid_argument".
 [[nodiscard]] const char* to_string(ErrorCode code);
 
+/// What was wrong, where, and the rule it broke.
 struct Error {
-  ErrorCode code = ErrorCode::internal;
-  std::string field;        ///< path of the offending field, e.g. "A.row_indices"; empty if none
+  ErrorCode code = ErrorCode::internal;  ///< the kind of fault
+  std::string field;                     ///< path of the offending field, e.g. "A.row_indices"; empty if none
   std::int64_t index = -1;  ///< position in that field, 0-based; -1 if the field as a whole is meant
   std::string value;        ///< the offending value as text, e.g. "nan"; may be empty
   std::string bound;        ///< the rule that was broken, e.g. "must be < 12 (rows)"
@@ -35,6 +37,7 @@ struct Error {
   [[nodiscard]] std::string message() const;
 };
 
+/// A value, or the error why there is none: `if (answer) use(*answer); else tell(answer.error());`
 template <class T>
 using Expected = tl::expected<T, Error>;
 using tl::unexpected;

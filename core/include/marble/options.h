@@ -16,22 +16,30 @@ enum class Path {
   paper,  ///< Algorithm 1 as printed: ρ raised, κ lowered by kappa_factor, filter line search
 };
 
+/// All options, at their defaults unless set. Ranges are closed; validate() checks them.
 struct Options {
 #define MARBLE_OPTION(type, name, default_value, low, high, unit, doc) type name = default_value;
 #include "marble/options.def"
 #undef MARBLE_OPTION
 };
 
-enum class OptionType { real, integer, boolean, choice };
+/// What kind of value an option has.
+enum class OptionType {
+  real,     ///< double
+  integer,  ///< std::int32_t
+  boolean,  ///< bool
+  choice,   ///< an enum
+};
 
 /// Description of one option, for schemas, help texts and conversions.
 struct OptionInfo {
-  std::string_view name;
-  OptionType type;
-  double default_value;   ///< booleans as 0 or 1, choices as their position in `choices`
-  double low, high;       ///< closed range
-  std::string_view unit;  ///< "s" for seconds; empty for a pure number
-  std::string_view doc;
+  std::string_view name;                      ///< as in Options
+  OptionType type;                            ///< decides how the numbers below are read
+  double default_value;                       ///< booleans as 0 or 1, choices as their position in `choices`
+  double low;                                 ///< least value
+  double high;                                ///< largest value
+  std::string_view unit;                      ///< "s" for seconds; empty for a pure number
+  std::string_view doc;                       ///< one line for people
   std::span<const std::string_view> choices;  ///< names of a choice's values; empty otherwise
 };
 

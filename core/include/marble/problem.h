@@ -18,12 +18,13 @@ using Index = std::int32_t;
 /// A sparse matrix in compressed column form; borrows its arrays.
 /// Row indices ascend strictly within a column. An absent matrix is all zeros and empty spans.
 struct SparseMatrixView {
-  Index rows = 0;
-  Index columns = 0;
+  Index rows = 0;                          ///< >= 0
+  Index columns = 0;                       ///< n, but for a matrix that is absent
   std::span<const Index> column_pointers;  ///< columns + 1 entries, from 0 to the number of entries
   std::span<const Index> row_indices;      ///< one per entry, in [0, rows)
   std::span<const double> values;          ///< one per entry, finite
 
+  /// How many are stored.
   [[nodiscard]] Index entries() const { return static_cast<Index>(values.size()); }
 };
 
@@ -37,17 +38,17 @@ enum class HessianForm {
 /// A matrix with no rows may be left default-constructed.
 struct ProblemView {
   SparseMatrixView Q;  ///< n × n, symmetric; may be indefinite (the answer is then local)
-  HessianForm hessian_form = HessianForm::full;
-  std::span<const double> g;  ///< n, linear cost; its size defines n
-  double c0 = 0.0;            ///< constant cost
-  SparseMatrixView A;         ///< n_e × n
-  std::span<const double> b;  ///< n_e
-  SparseMatrixView C;         ///< n_i × n
-  std::span<const double> d;  ///< n_i
-  SparseMatrixView L;         ///< n_c × n
-  std::span<const double> l;  ///< n_c
-  SparseMatrixView R;         ///< n_c × n
-  std::span<const double> r;  ///< n_c
+  HessianForm hessian_form = HessianForm::full;  ///< whether Q has both triangles
+  std::span<const double> g;                     ///< n, linear cost; its size defines n
+  double c0 = 0.0;                               ///< constant cost
+  SparseMatrixView A;                            ///< n_e × n
+  std::span<const double> b;                     ///< n_e
+  SparseMatrixView C;                            ///< n_i × n
+  std::span<const double> d;                     ///< n_i
+  SparseMatrixView L;                            ///< n_c × n
+  std::span<const double> l;                     ///< n_c
+  SparseMatrixView R;                            ///< n_c × n
+  std::span<const double> r;                     ///< n_c
 };
 
 /// A validated problem: shapes agree, indices are in range and sorted, numbers are finite, Q is symmetric.
@@ -60,10 +61,15 @@ class Problem {
   /// Whether `z` can be a point to start from: empty, or n finite numbers. The error's field is "initial_z".
   [[nodiscard]] static Expected<void> check_initial_point(std::span<const double> z, Index variables);
 
+  /// The parts it was made from.
   [[nodiscard]] const ProblemView& view() const { return view_; }
+  /// n
   [[nodiscard]] Index variables() const { return static_cast<Index>(view_.g.size()); }
+  /// n_e
   [[nodiscard]] Index equalities() const { return static_cast<Index>(view_.b.size()); }
+  /// n_i
   [[nodiscard]] Index inequalities() const { return static_cast<Index>(view_.d.size()); }
+  /// n_c
   [[nodiscard]] Index pairs() const { return static_cast<Index>(view_.l.size()); }
 
  private:
@@ -77,33 +83,49 @@ class Problem {
 
 /// New numbers for a problem whose sizes and sparsity patterns stay. What is absent stays too.
 struct ProblemUpdate {
-  std::optional<double> c0 = {};
-  std::span<const double> g = {};                          ///< n
-  std::span<const double> b = {}, d = {}, l = {}, r = {};  ///< n_e, n_i, n_c, n_c
-  /// Values of the stored entries, in the order they had; of a full Q only the upper triangle is read.
-  std::span<const double> Q = {}, A = {}, C = {}, L = {}, R = {};
+  std::optional<double> c0 = {};   ///< constant cost
+  std::span<const double> g = {};  ///< n
+  std::span<const double> b = {};  ///< n_e
+  std::span<const double> d = {};  ///< n_i
+  std::span<const double> l = {};  ///< n_c
+  std::span<const double> r = {};  ///< n_c
+  std::span<const double> Q = {};  ///< values of all entries in their order; of a full Q the upper ones count
+  std::span<const double> A = {};  ///< values of all entries in their order
+  std::span<const double> C = {};  ///< values of all entries in their order
+  std::span<const double> L = {};  ///< values of all entries in their order
+  std::span<const double> R = {};  ///< values of all entries in their order
 };
 
 /// How many numbers each part of a problem has: what an update must fit.
 struct PartSizes {
+  /// Those of a problem.
   [[nodiscard]] static PartSizes of(const Problem& problem);
 
   /// Whether every part of the update that is there has its size and is finite. The error's field is the
   /// part's: "g", "A.values".
   [[nodiscard]] Expected<void> check(const ProblemUpdate& update) const;
 
-  std::size_t g = 0, b = 0, d = 0, l = 0, r = 0;  ///< n, n_e, n_i, n_c, n_c
-  std::size_t Q = 0, A = 0, C = 0, L = 0, R = 0;  ///< stored entries
+  std::size_t g = 0;  ///< n
+  std::size_t b = 0;  ///< n_e
+  std::size_t d = 0;  ///< n_i
+  std::size_t l = 0;  ///< n_c
+  std::size_t r = 0;  ///< n_c
+  std::size_t Q = 0;  ///< stored entries
+  std::size_t A = 0;  ///< stored entries
+  std::size_t C = 0;  ///< stored entries
+  std::size_t L = 0;  ///< stored entries
+  std::size_t R = 0;  ///< stored entries
 };
 
 /// A sparse matrix that owns its arrays.
 struct SparseMatrix {
-  Index rows = 0;
-  Index columns = 0;
-  std::vector<Index> column_pointers;
-  std::vector<Index> row_indices;
-  std::vector<double> values;
+  Index rows = 0;                      ///< as SparseMatrixView has it; so do all that follow
+  Index columns = 0;                   ///< n, but for a matrix that is absent
+  std::vector<Index> column_pointers;  ///< columns + 1
+  std::vector<Index> row_indices;      ///< one per entry
+  std::vector<double> values;          ///< one per entry
 
+  /// Of its arrays; it must outlive the view.
   [[nodiscard]] SparseMatrixView view() const {
     return {rows, columns, column_pointers, row_indices, values};
   }
@@ -111,9 +133,11 @@ struct SparseMatrix {
 
 /// Entries in any order; duplicates are added up when the matrix is made.
 struct Triplets {
-  std::vector<Index> rows, columns;
-  std::vector<double> values;
+  std::vector<Index> rows;     ///< one per entry, from 0
+  std::vector<Index> columns;  ///< one per entry, from 0
+  std::vector<double> values;  ///< one per entry
 
+  /// One more entry.
   void add(Index row, Index column, double value) {
     rows.push_back(row);
     columns.push_back(column);
@@ -128,13 +152,22 @@ struct Triplets {
 
 /// A problem that owns its arrays: what readers and generators produce.
 struct OwnedProblem {
-  std::string name;
-  SparseMatrix Q, A, C, L, R;
-  HessianForm hessian_form = HessianForm::full;
-  std::vector<double> g, b, d, l, r;
-  double c0 = 0.0;
-  std::vector<double> initial_z;  ///< n or empty: where a solve should start
+  std::string name;                              ///< for people; may be empty
+  SparseMatrix Q;                                ///< n × n, symmetric
+  SparseMatrix A;                                ///< n_e × n
+  SparseMatrix C;                                ///< n_i × n
+  SparseMatrix L;                                ///< n_c × n
+  SparseMatrix R;                                ///< n_c × n
+  HessianForm hessian_form = HessianForm::full;  ///< whether Q has both triangles
+  std::vector<double> g;                         ///< n; its size defines n
+  std::vector<double> b;                         ///< n_e
+  std::vector<double> d;                         ///< n_i
+  std::vector<double> l;                         ///< n_c
+  std::vector<double> r;                         ///< n_c
+  double c0 = 0.0;                               ///< constant cost
+  std::vector<double> initial_z;                 ///< n or empty: where a solve should start
 
+  /// Of its arrays; it must outlive the view.
   [[nodiscard]] ProblemView view() const {
     return {Q.view(), hessian_form, g, c0, A.view(), b, C.view(), d, L.view(), l, R.view(), r};
   }

@@ -18,7 +18,7 @@ struct Progress {
   std::int32_t iteration = 0;        ///< Newton steps taken so far
   std::int32_t outer_iteration = 0;  ///< changes of κ, ρ or the multiplier estimates so far
   double objective = 0.0;            ///< ½ zᵀQz + gᵀz + c₀ at the iterate
-  Violations violations = {};
+  Violations violations = {};        ///< of the iterate, user units
   double kkt_residual = 0.0;  ///< ∞-norm of the residual (13) of the scaled problem; 0 in a local search
   double kappa = 0.0;  ///< relaxation parameter κ; 0 in a local search, whose rows are its accepted moves
   double rho = 0.0;    ///< penalty ρ
@@ -27,8 +27,8 @@ struct Progress {
   std::int32_t factorizations = 0;  ///< all factorizations so far, rejected ones included
   double elapsed_s = 0.0;           ///< since the solve began, seconds
   std::span<const double> z = {};   ///< the iterate (n, unscaled); valid only during the call
-  std::span<const double> s = {},
-                          t = {};  ///< L z + l and R z + r (n_c, unscaled), if the sink wants them; the same
+  std::span<const double> s = {};   ///< L z + l (n_c, unscaled), if the sink wants it; valid as z is
+  std::span<const double> t = {};   ///< R z + r, the same
 };
 
 /// The same row to keep: without the vectors, which are lent.
@@ -41,6 +41,7 @@ struct Progress {
 class ProgressSink {
  public:
   virtual ~ProgressSink() = default;
+  /// One row, after every iteration.
   virtual void report(const Progress& progress) = 0;
   /// Whether rows shall carry the two sides of the pairs.
   [[nodiscard]] virtual bool wants_pairs() const { return false; }

@@ -9,11 +9,12 @@
 
 namespace marble {
 
+/// One column of a trace.
 struct ProgressColumn {
-  std::string_view name;
-  bool integer = false;
-  double (*get)(const Progress& row) = nullptr;
-  void (*set)(Progress& row, double value) = nullptr;
+  std::string_view name;                               ///< as in the header line
+  bool integer = false;                                ///< whether its numbers are whole
+  double (*get)(const Progress& row) = nullptr;        ///< reads it from a row
+  void (*set)(Progress& row, double value) = nullptr;  ///< writes it to a row
 };
 
 /// All columns in their order: iteration, outer_iteration, objective, equality_violation,

@@ -23,7 +23,9 @@ enum class Status {
   numerical_failure,   ///< no acceptable step within the bounded number of tries
 };
 
+/// As in logs and files: "solved_reduced".
 [[nodiscard]] const char* to_string(Status status);
+/// Whether the tolerances, or the reduced ones, are met.
 [[nodiscard]] constexpr bool is_solved(Status status) {
   return status == Status::solved || status == Status::solved_reduced;
 }
@@ -38,6 +40,7 @@ enum class Stationarity {
   strong,        ///< S: ξ, η ≥ 0; then no direction of descent is left
 };
 
+/// "unknown", "weak", "clarke", "mordukhovich", "strong".
 [[nodiscard]] const char* to_string(Stationarity stationarity);
 
 /// Seconds spent, by part.
@@ -51,7 +54,7 @@ struct Times {
 
 /// All vectors in the user's units, with Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0 at a solution.
 struct Solution {
-  Status status = Status::numerical_failure;
+  Status status = Status::numerical_failure;          ///< why the solve ended
   std::string detail;                                 ///< one sentence: the numbers that justify the status
   std::vector<double> z;                              ///< n
   std::vector<double> equality_multipliers;           ///< y, n_e, free sign
@@ -60,19 +63,19 @@ struct Solution {
   std::vector<double> complementarity_multipliers_R;  ///< η, n_c; sign free where t = 0 < s, 0 where t > 0
   std::vector<double>
       certificate;  ///< for infeasible: (y, ν, ξ, η) stacked; for unbounded: direction (n); else empty
-  Stationarity stationarity = Stationarity::unknown;
+  Stationarity stationarity = Stationarity::unknown;  ///< what z is proved to be
   /// B-stationary: no feasible direction of descent. True where the point is strongly stationary or solves
   /// each of the few branches it belongs to; absent where that was not decided.
   std::optional<bool> b_stationary;
-  double objective = 0.0;
+  double objective = 0.0;  ///< ½ zᵀQz + gᵀz + c₀
   /// What a cold start last reached on the way to this answer: the objective itself, or, of a chain of warm
   /// starts, that of its first. A warm start that ends clearly above it starts cold too.
   double cold_objective = 0.0;
-  Violations violations;
-  double kkt_residual = 0.0;  ///< max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|, unscaled
-  std::int32_t iterations = 0;
-  std::int32_t factorizations = 0;
-  Times times;
+  Violations violations;            ///< of z, user units
+  double kkt_residual = 0.0;        ///< max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|, unscaled
+  std::int32_t iterations = 0;      ///< Newton steps
+  std::int32_t factorizations = 0;  ///< all of them, rejected ones included
+  Times times;                      ///< where the time went
 };
 
 }  // namespace marble

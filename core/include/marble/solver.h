@@ -48,7 +48,9 @@ class Solver {
       const Problem& problem, const Options& options = {},
       std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max());
 
+  /// What was moved from may only be assigned to or destroyed.
   Solver(Solver&&) noexcept;
+  /// As the constructor.
   Solver& operator=(Solver&&) noexcept;
   ~Solver();
 
@@ -72,8 +74,9 @@ class Solver {
   std::unique_ptr<State> state_;
 };
 
-/// Validates, sets up and solves in one call.
-[[nodiscard]] Expected<Solution> solve(const ProblemView& problem, const Options& options = {},
-                                       const SolveControls& controls = {});
+/// Validates, sets up and solves in one call, here. (marble::solve of the client library goes to a server
+/// where MARBLE_SERVER names one.)
+[[nodiscard]] Expected<Solution> solve_in_process(const ProblemView& problem, const Options& options = {},
+                                                  const SolveControls& controls = {});
 
 }  // namespace marble

@@ -15,7 +15,7 @@ int main() {
   problem.l = {0.0};
   problem.R = {1, 2, {0, 1, 2}, {0, 0}, {-1.0, 1.0}};
   problem.r = {0.0};
-  const auto solution = marble::solve(problem.view());
+  const auto solution = marble::solve_in_process(problem.view());
   if (!solution) return std::puts(solution.error().message().c_str()), 1;
   std::printf("%s, objective %.6f\n", marble::to_string(solution->status), solution->objective);
   const auto healthy = marble::Client::connect("127.0.0.1:1")->healthy();

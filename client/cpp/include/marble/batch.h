@@ -17,9 +17,9 @@ namespace marble {
 
 /// One problem of many.
 struct BatchProblem {
-  std::int64_t tag = 0;  ///< comes back with the answer
-  ProblemView problem;
-  Options options = {};
+  std::int64_t tag = 0;                    ///< comes back with the answer
+  ProblemView problem;                     ///< as Client::solve has it
+  Options options = {};                    ///< of this problem
   std::span<const double> initial_z = {};  ///< n or empty
   std::string problem_name = {};           ///< shortened to 256 bytes
   std::string request_id = {};             ///< at most 128 bytes of printable ASCII
@@ -33,6 +33,7 @@ using BatchSource = std::function<std::optional<BatchProblem>()>;
 /// the source.
 using BatchSink = std::function<void(std::int64_t tag, Expected<RemoteSolution> answer)>;
 
+/// What holds for a batch as a whole; all of it optional.
 struct BatchControls {
   Priority priority = Priority::by_method;  ///< of every problem
   std::stop_token stop = {};                ///< gives all of it up

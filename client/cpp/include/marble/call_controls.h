@@ -31,7 +31,7 @@ struct CallControls {
   std::string problem_name = {};     ///< for logs and dashboards; shortened to 256 bytes
   double progress_interval_s = 0.0;  ///< least time between two reports, seconds, >= 0; 0 is every iteration
   std::int32_t iterate_every = 0;    ///< Progress.z is there in every k-th report; 0: never (z is empty)
-  Priority priority = Priority::by_method;
+  Priority priority = Priority::by_method;  ///< whose turn it is where workers are busy
   std::string traceparent = {};  ///< the caller's span, as ConnectOptions has it; empty takes that one
   /// The job has an id and waits behind `queue_position` others, for about `estimated_wait_s` seconds. Called
   /// on the thread that called solve, as are the others.
@@ -44,11 +44,14 @@ struct CallControls {
 
 /// A solution with what the server adds to it.
 struct RemoteSolution : Solution {
-  std::string job_id;                 ///< as in the server's log
+  std::string job_id;                 ///< as in the server's log; empty if it was solved in process
   double queue_s = 0.0;               ///< waiting for a worker
   double total_s = 0.0;               ///< from acceptance to the answer, on the server
   std::int64_t progress_skipped = 0;  ///< reports that were dropped, because the network was slower
   std::string traceparent = {};       ///< the server's span in the caller's trace; empty if none was sent
+  /// The session's server was lost, and the session was set up again for this answer
+  /// (SessionOptions::reopen).
+  bool reopened = false;
 };
 
 }  // namespace marble

@@ -1,7 +1,9 @@
-// A connection to a Marble server, in the core's own terms: local and remote solves are one word apart.
+// A connection to a Marble server, or the solver of this process behind the same calls.
 //
-//   auto answer = marble::solve(problem, options, controls);   // here
-//   auto answer = client->solve(problem, options, controls);   // there
+//   auto client = marble::Client::connect("robot:50051");   // there
+//   auto client = marble::Client::in_process();              // here; all else stays
+//   auto answer = client->solve(problem, options);
+//   auto session = client->open_session(problem, options);
 #pragma once
 
 #include <memory>
@@ -15,6 +17,7 @@
 #include "marble/error.h"
 #include "marble/jobs.h"
 #include "marble/options.h"
+#include "marble/pending_solution.h"
 #include "marble/problem.h"
 #include "marble/progress.h"
 #include "marble/server_info.h"
@@ -30,29 +33,49 @@ namespace marble {
 /// permission_denied, internal.
 class Client {
  public:
-  /// `address` is host:port or unix:PATH. Only checks the address and the options: the connection is made by
-  /// the first call, and made again by a later one if it broke. The error's field is "address" or that of the
-  /// option.
+  /// `address` is host:port or unix:PATH; or several host:port with commas between, or dns:///host:port for
+  /// every address that the name has: calls then go round those of them that say they are healthy. Only
+  /// checks the address and the options: the connection is made by the first call, and made again by a later
+  /// one if it broke. Calls that got `unavailable` before any answer are repeated up to three times, but for
+  /// submissions, sessions and batches. The error's field is "address" or that of the option.
   [[nodiscard]] static Expected<Client> connect(
       const std::string& address = default_server_address(),
       const ConnectOptions& options = ConnectOptions::from_environment());
 
+  /// Solves in the callers' own threads, by the same solver: the same bits, without a server or a network.
+  /// What only a server has is the error unavailable: jobs() and info(). Its priorities, names and ids mean
+  /// nothing here; `accepted` and `moved` are not called; batches are solved one after the other.
+  [[nodiscard]] static Client in_process();
+
+  /// To the server that MARBLE_SERVER names; in process where it names none.
+  [[nodiscard]] static Expected<Client> from_environment();
+
+  /// What was moved from may only be assigned to or destroyed.
   Client(Client&&) noexcept;
+  /// As the constructor.
   Client& operator=(Client&&) noexcept;
   ~Client();
 
-  /// Solves on the server. `controls` mean what they mean to marble::solve: progress is reported on the
+  /// Solves on the server. `controls` mean what they mean to a Solver: progress is reported on the
   /// calling thread, the stop token gives the call up (error cancelled; the server stops within one
   /// iteration). Streams if anything wants to be told, else makes one unary call.
   [[nodiscard]] Expected<RemoteSolution> solve(const ProblemView& problem, const Options& options = {},
                                                const SolveControls& controls = {},
                                                const CallControls& call = {}) const;
 
+  /// The same without waiting: returns once the problem is copied. `controls.progress` and the functions of
+  /// `call` are called on other threads, one at a time, until the handle's end; they must not block or throw.
+  /// Of the controls count progress, stop and initial_z.
+  [[nodiscard]] Expected<PendingSolution> solve_async(const ProblemView& problem, const Options& options = {},
+                                                      const SolveControls& controls = {},
+                                                      const CallControls& call = {}) const;
+
   /// Solves many problems on one stream. Every problem that the source gave is answered exactly once, with
   /// the stream's own error if it broke; that error is returned too. A source faster than the server is
   /// slowed down.
   [[nodiscard]] Expected<void> solve_batch(const BatchSource& source, const BatchSink& sink,
                                            const BatchControls& controls = {}) const;
+  /// The same of problems that are all there.
   [[nodiscard]] Expected<void> solve_batch(std::span<const BatchProblem> problems, const BatchSink& sink,
                                            const BatchControls& controls = {}) const;
 
@@ -67,14 +90,22 @@ class Client {
   /// cancelled.
   [[nodiscard]] Expected<bool> healthy(const std::stop_token& stop = {}) const;
 
-  /// `stop` as above.
+  /// What the server tells about itself; of several servers one of them. `stop` as above.
   [[nodiscard]] Expected<ServerInfo> info(const std::stop_token& stop = {}) const;
 
+  /// As it was given; "in process" without one.
   [[nodiscard]] const std::string& address() const;
 
  private:
   explicit Client(std::shared_ptr<const client::Connection> connection);
   std::shared_ptr<const client::Connection> connection_;
 };
+
+/// Solves on the server that MARBLE_SERVER names, else in this process: the environment decides, not the
+/// program. The connection is kept for calls to come, as long as MARBLE_SERVER and what ConnectOptions reads
+/// of the environment stay. All else as Client::solve. Thread-safe.
+[[nodiscard]] Expected<RemoteSolution> solve(const ProblemView& problem, const Options& options = {},
+                                             const SolveControls& controls = {},
+                                             const CallControls& call = {});
 
 }  // namespace marble

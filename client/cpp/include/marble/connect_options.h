@@ -32,6 +32,9 @@ struct ConnectOptions {
   /// `traceparent` is TRACEPARENT, if it may be sent. The name is MARBLE_CLIENT_NAME, else the program's with
   /// its process id: two planners on one machine then take turns.
   [[nodiscard]] static ConnectOptions from_environment();
+
+  /// Whether all of them are the same.
+  [[nodiscard]] bool operator==(const ConnectOptions&) const = default;
 };
 
 }  // namespace marble

@@ -25,90 +25,109 @@ class Connection;
 }
 
 /// What a job came by.
-enum class JobKind { solve, batch, submitted, session };
+enum class JobKind {
+  solve,      ///< a call that waits for its answer
+  batch,      ///< a stream of many
+  submitted,  ///< Jobs::submit
+  session,    ///< a session: one job for all its solves
+};
+/// "solve", "batch", "submitted", "session".
 [[nodiscard]] const char* to_string(JobKind kind);
 
+/// Where a job is in its life.
 enum class JobState {
-  queued,
-  running,
+  queued,    ///< it waits for a worker
+  running,   ///< a worker has it
   idle,      ///< a session between updates
   finished,  ///< it has its answer, or its error
 };
+/// "queued", "running", "idle", "finished".
 [[nodiscard]] const char* to_string(JobState state);
 
 /// What is known of one job, without its problem and its solution's vectors.
 struct JobInfo {
-  std::string job_id;
-  JobKind kind = JobKind::solve;
-  JobState state = JobState::queued;
-  Priority priority = Priority::interactive;
-  std::string client;  ///< who sent it
-  std::string request_id, problem_name;
-  int variables = 0, equalities = 0, inequalities = 0, pairs = 0;
-  double accepted_unix_s = 0.0;  ///< seconds since 1970, UTC
-  int queue_position = 0;        ///< jobs before this one, while queued
-  double estimated_wait_s = 0.0;
-  std::optional<Status> status;  ///< how it ended; of a session its newest solve
-  std::optional<Error> error;    ///< why there is no answer
-  std::int64_t iterations = 0, factorizations = 0;
-  double objective = 0.0;
-  Violations violations;
-  Times times;
-  double queue_s = 0.0, total_s = 0.0;
-  std::int64_t updates = 0;  ///< of a session, answered ones
-  std::int64_t memory_bytes = 0, result_bytes = 0;
-  std::string detail;            ///< the numbers that justify the status
-  std::string trace_id;          ///< of the W3C traceparent that came with it; may be empty
-  double finished_unix_s = 0.0;  ///< seconds since 1970, UTC; 0 while it has not
+  std::string job_id;                         ///< the server's name for it
+  JobKind kind = JobKind::solve;              ///< what it came by
+  JobState state = JobState::queued;          ///< where it is
+  Priority priority = Priority::interactive;  ///< whose turn it is; never by_method
+  std::string client;                         ///< who sent it
+  std::string request_id;                     ///< as it was sent; may be empty
+  std::string problem_name;                   ///< as it was sent; may be empty
+  int variables = 0;                          ///< n
+  int equalities = 0;                         ///< n_e
+  int inequalities = 0;                       ///< n_i
+  int pairs = 0;                              ///< n_c
+  double accepted_unix_s = 0.0;               ///< seconds since 1970, UTC
+  int queue_position = 0;                     ///< jobs before this one, while queued
+  double estimated_wait_s = 0.0;              ///< seconds, while queued
+  std::optional<Status> status;               ///< how it ended; of a session its newest solve
+  std::optional<Error> error;                 ///< why there is no answer
+  std::int64_t iterations = 0;                ///< Newton steps so far
+  std::int64_t factorizations = 0;            ///< so far
+  double objective = 0.0;                     ///< of the newest iterate
+  Violations violations;                      ///< of the newest iterate, user units
+  Times times;                                ///< once it has finished
+  double queue_s = 0.0;                       ///< seconds that it waited for a worker
+  double total_s = 0.0;                       ///< seconds from its acceptance to its answer
+  std::int64_t updates = 0;                   ///< of a session, answered ones
+  std::int64_t memory_bytes = 0;              ///< of its solver, as counted against the limits
+  std::int64_t result_bytes = 0;              ///< of its answer, where that is kept
+  std::string detail;                         ///< the numbers that justify the status
+  std::string trace_id;                       ///< of the W3C traceparent that came with it; may be empty
+  double finished_unix_s = 0.0;               ///< seconds since 1970, UTC; 0 while it has not
 };
 
 /// What a job did, oldest first; of a long one every `stride`-th iteration and the newest. Rows have no z.
 struct JobTrace {
-  std::vector<Progress> rows;
-  int stride = 1;
+  std::vector<Progress> rows;  ///< without vectors
+  int stride = 1;              ///< >= 1
 };
 
+/// All that is known of one job.
 struct JobDetails {
-  JobInfo job;
+  JobInfo job;      ///< as a list has it
   Options options;  ///< in force
-  JobTrace trace;
+  JobTrace trace;   ///< how it converged
 };
 
+/// A job that was taken.
 struct SubmittedJob {
-  std::string job_id;
-  int queue_position = 0;
-  double estimated_wait_s = 0.0;
-  std::string traceparent = {};  ///< the server's span in the caller's trace; empty if none was sent
+  std::string job_id;             ///< to ask for it by
+  int queue_position = 0;         ///< jobs before this one
+  double estimated_wait_s = 0.0;  ///< seconds until a worker is likely to have it
+  std::string traceparent = {};   ///< the server's span in the caller's trace; empty if none was sent
 };
 
 /// Which jobs to list; all if nothing is said.
 struct JobQuery {
-  std::vector<JobState> states = {};
-  std::string client = {};
-  int limit = 0;                   ///< in [0, 10000]; 0 means 100
-  std::string before_job_id = {};  ///< to page on: only jobs older than this one
+  std::vector<JobState> states = {};  ///< any of these; empty: all
+  std::string client = {};            ///< who sent it; empty: anybody
+  int limit = 0;                      ///< in [0, 10000]; 0 means 100
+  std::string before_job_id = {};     ///< to page on: only jobs older than this one
 };
 
 /// Jobs, newest first.
 struct JobPage {
-  std::vector<JobInfo> jobs;
-  bool more = false;
+  std::vector<JobInfo> jobs;  ///< at most JobQuery::limit
+  bool more = false;          ///< there are older ones
 };
 
 /// A job as it is now, and what it did since it was last told of.
 struct JobEvent {
-  JobInfo job;
+  JobInfo job;                         ///< as it is now
   std::vector<Progress> rows = {};     ///< of one job every row, of all jobs the newest of each; without z
   std::optional<JobTrace> trace = {};  ///< in the first event of one job: what it did until now
   std::int64_t skipped = 0;            ///< told so far of what was not told, because this reader was slow
 };
 
+/// How to wait for an answer.
 struct ResultControls {
   bool wait = false;  ///< for the answer; else an unfinished job is the error failed_precondition
-  std::optional<std::chrono::duration<double>> deadline = {};
-  std::stop_token stop = {};  ///< ends the waiting, not the job
+  std::optional<std::chrono::duration<double>> deadline = {};  ///< of the waiting; none: for ever
+  std::stop_token stop = {};                                   ///< ends the waiting, not the job
 };
 
+/// How to be told.
 struct WatchControls {
   double progress_interval_s =
       0.0;                    ///< least time between two events about one job's progress, seconds, >= 0
@@ -116,7 +135,8 @@ struct WatchControls {
 };
 
 /// Thread-safe, and may outlive the Client it is from. No call throws. Error not_found: never heard of the
-/// job, no longer kept, or not the caller's to see.
+/// job, no longer kept, or not the caller's to see; invalid_argument, field "address": the client has several
+/// servers, and jobs stay with the one that took them.
 class Jobs {
  public:
   /// Queues a job that outlives this process. Of the controls count initial_z and stop; of the call the
@@ -132,8 +152,9 @@ class Jobs {
   /// Lets a submitted job and its answer go; ends it if it has not finished.
   [[nodiscard]] Expected<void> remove(const std::string& job_id) const;
 
-  /// `stop` gives the question up, with the error cancelled.
+  /// Those that the query asks for, newest first. `stop` gives the question up, with the error cancelled.
   [[nodiscard]] Expected<JobPage> list(const JobQuery& query = {}, const std::stop_token& stop = {}) const;
+  /// One job, with its options and its convergence.
   [[nodiscard]] Expected<JobDetails> get(const std::string& job_id) const;
 
   /// Ends a job: a waiting one at once, a running one within an iteration. Returns it as it is then.

@@ -10,11 +10,13 @@
 
 namespace marble {
 
+/// What a file holds.
 struct ProblemFile {
-  OwnedProblem problem;
+  OwnedProblem problem;                        ///< checked
   std::optional<double> best_known_objective;  ///< JSON only, where the file has it
 };
 
+/// How a problem is written down.
 enum class FileFormat {
   json,    ///< keys n, c0, g, Q, A, b, C, d, L, l, R, r, x0, name, best_known_objective; others are ignored
   binary,  ///< marble.v1.Problem; has no place for x0 and best_known_objective

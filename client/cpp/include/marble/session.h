@@ -12,13 +12,13 @@
 #include <stop_token>
 #include <string>
 #include <variant>
-#include <vector>
 
 #include "marble/call_controls.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
 #include "marble/progress.h"
+#include "marble/restart.h"
 
 namespace marble {
 
@@ -26,24 +26,9 @@ namespace client {
 class Connection;
 }
 
-/// A stretch of a vector that moves on: of `count` entries from `first`, each takes the value `by` further
-/// on, and the last `by` keep theirs.
-struct ShiftBlock {
-  Index first = 0, count = 0, by = 0;  ///< all >= 0, by <= count
-};
-
-/// A receding horizon's hint: how the last answer moves one stage on before it is started from.
-struct Shift {
-  std::vector<ShiftBlock> variables = {}, equalities = {}, inequalities = {};
-  std::vector<ShiftBlock> pairs = {};  ///< of both multipliers of the pairs
-
-  /// For a problem whose vectors all hold `stages` >= 1 equal parts, one stage after the other.
-  [[nodiscard]] static Shift by_stage(const ProblemView& problem, int stages);
-};
-
 /// What holds for a session as a whole; all of it optional.
 struct SessionOptions {
-  Priority priority = Priority::by_method;
+  Priority priority = Priority::by_method;  ///< of all its solves
   /// An update that still waits when the next one comes is not solved: the next one takes its numbers along.
   bool latest_only = false;
   /// Report progress to the updates' sinks.
@@ -55,6 +40,10 @@ struct SessionOptions {
   std::string problem_name = {};           ///< for logs and dashboards; shortened to 256 bytes
   std::string traceparent = {};            ///< as CallControls has it, of the whole session
   std::stop_token stop = {};               ///< gives the whole session up: everything ends with `cancelled`
+  /// If the server dies or drains, solve() sets the session up again as it was, on another server where the
+  /// address has several, and says so in its answer. It is tried for about a second; then the error
+  /// unavailable is the session's end. Keeps a copy of the problem here, and leaves no send().
+  bool reopen = false;
 };
 
 /// What may accompany one update; all of it optional.
@@ -73,32 +62,38 @@ struct UpdateControls {
 
 /// The update was overtaken by a newer one, which took its numbers along.
 struct Superseded {
-  std::int64_t by_sequence = 0;
+  std::int64_t by_sequence = 0;  ///< the newer one
 };
 
 /// What came of one update.
 struct SessionEvent {
-  std::int64_t sequence = 0;
+  std::int64_t sequence = 0;  ///< of the update, as send() returned it
   /// An answer, solved or not; or why there is none: overtaken, or an error after which the session goes on.
   std::variant<RemoteSolution, Superseded, Error> outcome;
 };
 
-/// An open session. One thread may send while another one waits in next(); else one thread at a time. No call
-/// throws. An error of solve() concerns that update alone, unless is_open() is false afterwards.
+/// An open session. One thread may send while another one waits in next(); else one thread at a time. In
+/// process it is always one at a time, and send() solves before it returns. No call throws. An error of
+/// solve() concerns that update alone, unless is_open() is false afterwards.
 class Session {
  public:
+  /// What was moved from may only be assigned to or destroyed.
   Session(Session&&) noexcept;
+  /// As the constructor; what was there is given up, as the destructor does.
   Session& operator=(Session&&) noexcept;
   /// Gives up what is not answered; close() first where that matters.
   ~Session();
 
   /// Sends an update and waits for its answer. Errors: invalid_argument (fields as PartSizes::check names
-  /// them), deadline_exceeded, cancelled; aborted, unavailable and others end the session.
+  /// them), deadline_exceeded, cancelled; aborted, unavailable and others end the session. A session with
+  /// `reopen` that is set up again starts from the last z, moved on as the update says; the update's deadline
+  /// begins anew.
   [[nodiscard]] Expected<RemoteSolution> solve(const ProblemUpdate& update = {},
                                                const UpdateControls& controls = {});
 
   /// Sends an update without waiting, and returns its number; numbers ascend. Blocks while the server has as
-  /// many waiting as it takes (64 by default), so next() must be called meanwhile. An error ends the session.
+  /// many waiting as it takes (64 by default), so next() must be called meanwhile. An error ends the session,
+  /// but for failed_precondition of one with `reopen`.
   [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update = {},
                                             const UpdateControls& controls = {});
 
@@ -110,16 +105,20 @@ class Session {
   /// fetched.
   Expected<void> close();
 
+  /// Whether updates may still be sent.
   [[nodiscard]] bool is_open() const;
-  [[nodiscard]] const std::string& job_id() const;       ///< one job for all its solves
+  /// One job for all its solves; another one once it was reopened; empty in process.
+  [[nodiscard]] const std::string& job_id() const;
   [[nodiscard]] const std::string& traceparent() const;  ///< the server's span; empty if none was sent
   [[nodiscard]] std::int64_t memory_bytes() const;       ///< as it is counted against the server's limits
   [[nodiscard]] double setup_s() const;                  ///< scaling, ordering, analysis, allocation
-  [[nodiscard]] double idle_timeout_s() const;  ///< without an update for this long the server ends it
+  /// Without an update for this long the server ends it; 0 in process, where nothing does.
+  [[nodiscard]] double idle_timeout_s() const;
+
+  struct State;  ///< the client's own
 
  private:
   friend class Client;
-  struct State;
   explicit Session(std::unique_ptr<State> state);
   [[nodiscard]] static Expected<Session> open(std::shared_ptr<const client::Connection> connection,
                                               const ProblemView& problem, const Options& options,

@@ -4,7 +4,7 @@
 
 `solve` takes matrices, dense or scipy.sparse; `Problem` builds a problem of two-sided rows, bounds and pairs; `Client`
 keeps a connection, with sessions, batches and jobs; `marble.aio` has the same for asyncio. The server is the one that
-MARBLE_SERVER names, if nothing else is said.
+MARBLE_SERVER names, if nothing else is said; without it a `marble-server` of this process alone, if one is in PATH.
 """
 
 from marble import aio

@@ -100,8 +100,10 @@ def _read_stream(call: Any, problem: LCQP, tell: Callable[[Progress], object] | 
 class Client:
     """A connection; thread-safe, and any number of calls may be under way at once.
 
-    address: host:port or unix:PATH; several host:port (a list, or with commas) are taken in turns while healthy.
-    None is MARBLE_SERVER. The connection is made by the first call, and again by a later one if it broke.
+    address: host:port or unix:PATH; several host:port (a list, or with commas), or every address of a name
+    (dns:///host:port), are taken in turns while healthy.
+    None is MARBLE_SERVER; without it a `marble-server` of this process alone, if one is in PATH.
+    The connection is made by the first call, and again by a later one if it broke.
     token, name, tls…: as in ConnectOptions; None is the environment's.
     timeout: deadline in seconds of calls that have none of their own; None is none. Sessions, batches and watches have
     none.
@@ -238,7 +240,8 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
 
     Q … r, c0, z0, name: as in LCQP: dense (a vector is one row), lists or any scipy.sparse. Instead of Q and all
     other data an LCQP or a Problem may be given.
-    server: an address, several, or a Client; None is MARBLE_SERVER.
+    server: an address, several, or a Client; None is the server that MARBLE_SERVER names, else one of this process
+    alone, started by the first call and gone with the process: the environment decides, not the program.
     options, or any option by its name: solve(Q, g, max_iterations=50). priority, progress, deadline, request_id: as in
     Client.solve.
 

@@ -8,6 +8,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import socket
 import sys
 from collections.abc import Sequence
@@ -17,18 +18,20 @@ from typing import Any, Final
 import grpc
 
 from marble.errors import InvalidArgument, Unavailable
+from marble.local import local_address
 
 _KEEPALIVE_MS: Final = 30_000  # a server that is gone without a word is noticed in
 _KEEPALIVE_TIMEOUT_MS: Final = 15_000  # the sum of the two; it allows a ping every 10 s
 _MESSAGE_BYTES: Final = 256 << 20  # the server's default limit
 _LONGEST_NAME: Final = 64
+_DNS: Final = "dns:///"
 # A call that changes nothing on a server may be made again. Not so Jobs.Submit, which would leave two jobs, nor streams
 # that the client writes, whose first half may have been served.
 _REPEATABLE: Final = {"Solver": ("Solve", "SolveStream"), "Jobs": ("Result", "List", "Get", "Watch"),
                       "Server": ("GetInfo",)}
 _NO_SERVER: Final = (
-    "no server is named: start one with `marble-server` and set MARBLE_SERVER=127.0.0.1:50051, or pass its address "
-    "(this package has no solver of its own)")
+    "no server is named, and there is no marble-server in PATH to start: install it, or set "
+    "MARBLE_SERVER=127.0.0.1:50051, or pass an address (this package has no solver of its own)")
 
 
 def _printable(text: str) -> bool:
@@ -160,17 +163,26 @@ def service_config(several: bool) -> str:
     return json.dumps(config)
 
 
-def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Target:
-    """`address`: host:port or unix:PATH, or several host:port, in a list or with commas; None is MARBLE_SERVER."""
-    if address is None:
-        address = os.environ.get("MARBLE_SERVER") or None
-    if address is None:
+def _own_server(connect: ConnectOptions) -> str:
+    if connect.credentials() is not None:
+        raise InvalidArgument("address", "is missing; the server of this process alone has no TLS")
+    if shutil.which("marble-server") is None:
         raise Unavailable(_NO_SERVER)
+    return local_address()
+
+
+def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Target:
+    """`address`: host:port or unix:PATH; or several host:port, in a list or with commas; or dns:///host:port, which is
+    every address of the name. None is MARBLE_SERVER, else this process's own server.
+    """
+    if address is None:
+        address = os.environ.get("MARBLE_SERVER") or _own_server(connect)
     addresses = [part.strip() for part in address.split(",")] if isinstance(address, str) else list(address)
     if not addresses:
         raise InvalidArgument("address", "must be at least one")
+    by_name = len(addresses) == 1 and addresses[0].startswith(_DNS)
     options: list[tuple[str, Any]] = [
-        ("grpc.service_config", service_config(len(addresses) > 1)),
+        ("grpc.service_config", service_config(by_name or len(addresses) > 1)),
         ("grpc.enable_retries", 1),
         ("grpc.per_rpc_retry_buffer_size", _MESSAGE_BYTES),
         ("grpc.max_receive_message_length", -1),  # the server has its limit; the client must be able to read
@@ -195,5 +207,5 @@ def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Targ
             if not 1 <= len(name.encode()) - 5 <= 107:
                 raise InvalidArgument("address", "must have a path of 1 to 107 bytes after unix:", value=repr(name))
         else:
-            _host_and_port(name)
+            _host_and_port(name.removeprefix(_DNS))
     return Target(name, ", ".join(addresses), tuple(options))

@@ -31,11 +31,11 @@ struct HopperParameters {
                                     0.0};  ///< x, z of body, x, z of foot before the first step
   std::array<double, 4> velocity = {0.0, 0.0, 0.0, 0.0};  ///< the same of the velocities
   std::array<double, 2> last_force = {0.0, 9.81};         ///< leg force before the first step, N
-  double reference_x = 0.0;  ///< m, where the tracked point is before the first step
-  double speed = 1.0;        ///< m/s of the tracked point
-  double tracking_weight = 20.0;
-  double force_weight = 0.005;
-  double force_rate_weight = 0.01;
+  double reference_x = 0.0;         ///< m, where the tracked point is before the first step
+  double speed = 1.0;               ///< m/s of the tracked point
+  double tracking_weight = 20.0;    ///< of the square of the body's distance to the point, 1/m²
+  double force_weight = 0.005;      ///< of the leg force's square, 1/N²
+  double force_rate_weight = 0.01;  ///< of the square of its change from step to step, 1/N²
 };
 
 /// Variables of one step of the hopper, in the order they have in z.
@@ -66,6 +66,7 @@ enum HopperVariable {
   return static_cast<Index>(kHopperVariables * step + variable);
 }
 
+/// The problem of these parameters: kHopperVariables variables and 9 pairs a step.
 [[nodiscard]] OwnedProblem hopper(const HopperParameters& parameters = {});
 
 /// One tick of a receding horizon: the parameters once the first `ticks` steps of the trajectory z have been
@@ -78,21 +79,33 @@ enum HopperVariable {
 
 /// A rocket, linearised about upright, that once it is low must be in front of its tower, engine turned away.
 struct RocketParameters {
-  int steps = 40;  ///< horizon, >= 2
-  double step_s = 0.25;
-  double gravity = 9.81;
-  double mass = 1.0;
-  double half_length = 2.0;
+  int steps = 40;                  ///< horizon, >= 2
+  double step_s = 0.25;            ///< seconds
+  double gravity = 9.81;           ///< m/s²
+  double mass = 1.0;               ///< kg
+  double half_length = 2.0;        ///< m
   double trigger_altitude = 18.0;  ///< m; below it the constraints (22)–(24) hold
   std::array<double, 7> initial = {13.0, 25.5, 0.0, -4.0, -4.0, 0.0, 0.0};  ///< x, y, θ, vx, vy, ω, gimbal α
-  double catch_x = 0.5, catch_y = 6.0;
-  double largest_angle = 0.35, largest_gimbal = 0.25, largest_rate = 0.5, fastest_descent = 6.0;
-  double least_thrust = 0.4, most_thrust = 1.6;  ///< of the weight
-  double thrust_weight = 4.0, gimbal_rate_weight = 400.0, angle_weight = 400.0, rate_weight = 400.0;
-  double gimbal_weight = 400.0, x_weight = 0.5, vx_weight = 1.0, final_angle_weight = 2000.0,
-         final_rate_weight = 2000.0;
+  double catch_x = 0.5;                                                     ///< m, where the tower catches it
+  double catch_y = 6.0;                                                     ///< m
+  double largest_angle = 0.35;                                              ///< rad
+  double largest_gimbal = 0.25;                                             ///< rad
+  double largest_rate = 0.5;                                                ///< rad/s
+  double fastest_descent = 6.0;                                             ///< m/s
+  double least_thrust = 0.4;                                                ///< of the weight
+  double most_thrust = 1.6;                                                 ///< of the weight
+  double thrust_weight = 4.0;          ///< of the square in the cost; so are all that follow
+  double gimbal_rate_weight = 400.0;   ///< of the gimbal's rate
+  double angle_weight = 400.0;         ///< of θ
+  double rate_weight = 400.0;          ///< of ω
+  double gimbal_weight = 400.0;        ///< of α
+  double x_weight = 0.5;               ///< of the distance to catch_x
+  double vx_weight = 1.0;              ///< of vx
+  double final_angle_weight = 2000.0;  ///< of θ at the end
+  double final_rate_weight = 2000.0;   ///< of ω at the end
 };
 
+/// The problem of these parameters.
 [[nodiscard]] OwnedProblem rocket(const RocketParameters& parameters = {});
 
 /// A window the quadrotor must fly through.
@@ -104,22 +117,29 @@ struct Gate {
 
 /// A quadrotor, linearised about hover, that flies through gates in their order.
 struct GatesParameters {
-  int steps = 30;  ///< horizon, >= 2
-  double step_s = 0.12;
-  double gravity = 9.81;
-  double mass = 1.0;
+  int steps = 30;         ///< horizon, >= 2
+  double step_s = 0.12;   ///< seconds
+  double gravity = 9.81;  ///< m/s²
+  double mass = 1.0;      ///< kg
   std::array<double, 9> initial = {0.0, 0.0, 1.0, 0, 0,
                                    0,   0,   0,   0};      ///< position, velocity, roll, pitch, yaw
   std::array<double, 6> final = {6.0, 0.0, 1.0, 0, 0, 0};  ///< position, velocity
   std::vector<Gate> gates = {{{1.5, 0.9, 1.3}, 0.4, {0.15, 0.3, 0.3}},
                              {{2.9, -0.6, 1.7}, -0.8, {0.15, 0.3, 0.3}},
                              {{4.0, 0.7, 0.9}, 0.9, {0.15, 0.3, 0.3}},
-                             {{5.2, -0.5, 1.4}, -0.5, {0.15, 0.3, 0.3}}};
-  double largest_tilt = 0.6, largest_yaw = 0.6;                          ///< rad
-  double most_thrust = 8.0, largest_rate = 4.0, largest_yaw_rate = 2.0;  ///< deviation m/s², rad/s
-  double velocity_weight = 1.0, angle_weight = 10.0, thrust_weight = 2.0, rate_weight = 4.0;
+                             {{5.2, -0.5, 1.4}, -0.5, {0.15, 0.3, 0.3}}};  ///< in their order
+  double largest_tilt = 0.6;                                               ///< rad, of roll and pitch
+  double largest_yaw = 0.6;                                                ///< rad
+  double most_thrust = 8.0;                                                ///< m/s², deviation from hover
+  double largest_rate = 4.0;                                               ///< rad/s, of roll and pitch
+  double largest_yaw_rate = 2.0;                                           ///< rad/s
+  double velocity_weight = 1.0;  ///< of the square in the cost; so are all that follow
+  double angle_weight = 10.0;    ///< of roll, pitch and yaw
+  double thrust_weight = 2.0;    ///< of the thrust's deviation
+  double rate_weight = 4.0;      ///< of the body rates
 };
 
+/// The problem of these parameters.
 [[nodiscard]] OwnedProblem gates(const GatesParameters& parameters = {});
 
 /// A random convex QP with equilibrium constraints, in the manner of Jiang and Ralph, "QPECgen" (1999):
@@ -132,11 +152,14 @@ struct QpecParameters {
   Index degenerate_pairs = 4;  ///< <= lower_variables
 };
 
+/// The problem of these sizes, the same for a seed on every machine.
 [[nodiscard]] OwnedProblem qpec(const QpecParameters& parameters, std::uint64_t seed);
 
 /// Parameters moved by a few percent, the same for a seed on every machine; seed 0 is the nominal problem.
 [[nodiscard]] HopperParameters vary(HopperParameters parameters, std::uint64_t seed);
+/// The same of a rocket.
 [[nodiscard]] RocketParameters vary(RocketParameters parameters, std::uint64_t seed);
+/// The same of a quadrotor.
 [[nodiscard]] GatesParameters vary(GatesParameters parameters, std::uint64_t seed);
 
 }  // namespace marble::examples

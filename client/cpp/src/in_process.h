@@ -1,0 +1,57 @@
+// The calls of a client that has no server: core's solver in the callers' own threads.
+#pragma once
+
+#include <chrono>
+#include <optional>
+
+#include "marble/batch.h"
+#include "marble/call_controls.h"
+#include "marble/solver.h"
+
+namespace marble::client {
+
+inline constexpr const char* kInProcess = "in process";
+
+/// What asks for a server gets this.
+[[nodiscard]] inline Error no_server() {
+  return {ErrorCode::unavailable, "address", -1, "", "there is no server: this client solves in process"};
+}
+
+[[nodiscard]] Expected<RemoteSolution> solve_here(const ProblemView& problem, const Options& options,
+                                                  const SolveControls& controls, const CallControls& call);
+
+[[nodiscard]] Expected<void> solve_batch_here(const BatchSource& source, const BatchSink& sink,
+                                              const BatchControls& controls);
+
+/// A deadline as a limit of one solve, in process: what runs beyond it has no answer.
+class DeadlineLimit {
+ public:
+  explicit DeadlineLimit(std::optional<std::chrono::duration<double>> from_now);
+  /// `options` with what is left until the deadline.
+  [[nodiscard]] Options limit(Options options) const;
+  /// The solution as an answer; or the error deadline_exceeded or cancelled, as a server would say it.
+  [[nodiscard]] Expected<RemoteSolution> answer(Expected<Solution> solution) const;
+
+ private:
+  [[nodiscard]] double left_s() const;
+  std::chrono::steady_clock::time_point begin_;
+  double seconds_;
+};
+
+/// Thins progress out as a server does.
+class ThinnedProgress final : public ProgressSink {
+ public:
+  ThinnedProgress(ProgressSink* sink, double interval_s, std::int32_t iterate_every)
+      : sink_(sink), interval_s_(interval_s), iterate_every_(iterate_every) {}
+  void report(const Progress& progress) override;
+  /// Null if nobody wants to be told.
+  [[nodiscard]] ProgressSink* sink() { return sink_ == nullptr ? nullptr : this; }
+
+ private:
+  ProgressSink* sink_;
+  double interval_s_;
+  std::int32_t iterate_every_;
+  double last_s_ = -1.0;
+};
+
+}  // namespace marble::client

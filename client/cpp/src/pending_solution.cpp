@@ -1,0 +1,39 @@
+#include "marble/pending_solution.h"
+
+#include <new>
+
+#include "pending_solve.h"
+#include "status.h"
+
+namespace marble {
+
+PendingSolution::PendingSolution(std::unique_ptr<State> state) : state_(std::move(state)) {}
+PendingSolution::PendingSolution(PendingSolution&&) noexcept = default;
+
+PendingSolution& PendingSolution::operator=(PendingSolution&& other) noexcept {
+  PendingSolution taken(std::move(other));
+  std::swap(state_, taken.state_);  // what was there is given up
+  return *this;
+}
+
+PendingSolution::~PendingSolution() {
+  if (state_ == nullptr) return;
+  state_->cancel();
+  state_->wait();
+}
+
+Expected<RemoteSolution> PendingSolution::get() try {
+  state_->wait();
+  if (state_->taken)
+    return unexpected(Error{ErrorCode::failed_precondition, "", -1, "", "the answer was taken already"});
+  state_->taken = true;
+  return state_->answer();
+} catch (const std::bad_alloc&) {
+  return unexpected(client::out_of_memory());
+}
+
+bool PendingSolution::wait_for(std::chrono::duration<double> longest) const { return state_->wait(longest); }
+
+void PendingSolution::cancel() { state_->cancel(); }
+
+}  // namespace marble

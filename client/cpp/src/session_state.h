@@ -1,0 +1,41 @@
+// What stands behind a Session: a stream to a server, or a solver in this process.
+#pragma once
+
+#include "marble/session.h"
+
+namespace marble {
+
+/// As Session's own calls of these names, but they may throw bad_alloc.
+struct Session::State {
+  virtual ~State() = default;
+  [[nodiscard]] virtual Expected<RemoteSolution> solve(const ProblemUpdate& update,
+                                                       const UpdateControls& controls) = 0;
+  [[nodiscard]] virtual Expected<std::int64_t> send(const ProblemUpdate& update,
+                                                    const UpdateControls& controls) = 0;
+  [[nodiscard]] virtual Expected<std::optional<SessionEvent>> next() = 0;
+  virtual Expected<void> close() = 0;
+  [[nodiscard]] virtual bool is_open() const = 0;
+
+  // Told when it was set up.
+  std::string job_id;
+  std::string traceparent;
+  std::int64_t memory_bytes = 0;
+  double setup_s = 0.0;
+  double idle_timeout_s = 0.0;
+};
+
+namespace client {
+
+[[nodiscard]] Expected<std::unique_ptr<Session::State>> open_remote_session(
+    std::shared_ptr<const Connection> connection, const ProblemView& problem, const Options& options,
+    const SessionOptions& session);
+
+[[nodiscard]] Expected<std::unique_ptr<Session::State>> open_session_in_process(
+    const ProblemView& problem, const Options& options, const SessionOptions& session);
+
+[[nodiscard]] inline Error session_ended() {
+  return {ErrorCode::failed_precondition, "", -1, "", "the session has ended"};
+}
+
+}  // namespace client
+}  // namespace marble

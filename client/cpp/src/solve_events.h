@@ -1,0 +1,29 @@
+// What a stream of one solve tells, event by event, and what came of it.
+#pragma once
+
+#include <optional>
+
+#include "marble/call_controls.h"
+#include "marble/error.h"
+#include "marble/progress.h"
+#include "marble/v1/service.pb.h"
+
+namespace marble::client {
+
+class SolveEvents {
+ public:
+  SolveEvents(ProgressSink* progress, const CallControls& call) : progress_(progress), call_(call) {}
+
+  /// Hands it to whoever wants to be told.
+  void take(const v1::SolveStreamResponse& event);
+  /// Once the stream has ended well.
+  [[nodiscard]] Expected<RemoteSolution> answer();
+
+ private:
+  ProgressSink* progress_;
+  const CallControls& call_;
+  std::optional<RemoteSolution> answer_;
+  std::int64_t skipped_ = 0;
+};
+
+}  // namespace marble::client

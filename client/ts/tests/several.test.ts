@@ -1,0 +1,127 @@
+// One client, several servers.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { Server as GrpcServer, ServerCredentials, type ServerUnaryCall, type sendUnaryData } from "@grpc/grpc-js";
+import { type Client, connect } from "@marble/client";
+
+import { corner, endless, long } from "./support/problems.js";
+import { Server, eventually } from "./support/server.js";
+
+const list = (...servers: Server[]): string => servers.map((server) => server.address).join(",");
+
+async function answered(server: Server): Promise<number> {
+  using client = connect(server.address);
+  return (await client.info()).counters.answeredTotal;
+}
+
+async function solveAll(client: Client, count: number): Promise<void> {
+  for (let k = 0; k < count; ++k) assert.ok((await client.solve(corner)).solved);
+}
+
+/** Solves until each of the servers has had one. */
+async function solveUntilAllServe(client: Client, ...servers: Server[]): Promise<void> {
+  const before = await Promise.all(servers.map(answered));
+  await eventually(async () => {
+    await solveAll(client, 1);
+    const now = await Promise.all(servers.map(answered));
+    return now.every((count, k) => count > before[k]);
+  });
+}
+
+test("calls take turns between servers, also at once", async () => {
+  await using one = await Server.start();
+  await using other = await Server.start();
+  using client = connect(list(one, other));
+  await solveUntilAllServe(client, one, other);
+  const before = [await answered(one), await answered(other)];
+  await Promise.all(Array.from({ length: 20 }, () => solveAll(client, 1)));
+  assert.deepEqual([await answered(one), await answered(other)], [before[0] + 10, before[1] + 10]);
+});
+
+test("a server that is killed costs no solve, and has its turns again when it is back", async () => {
+  await using one = await Server.start();
+  await using other = await Server.start();
+  using client = connect(list(one, other));
+  await solveUntilAllServe(client, one, other);
+  await one.kill();
+  await solveAll(client, 20);
+  await one.restart();
+  await solveUntilAllServe(client, one, other);
+});
+
+test("a draining server is left out of the turns, of submissions too", async () => {
+  await using draining = await Server.start(["--workers", "1"]);
+  await using other = await Server.start();
+  using client = connect(list(draining, other));
+  await solveUntilAllServe(client, draining, other);
+  using itsOwn = connect(draining.address);
+  const gaveUp = new AbortController();
+  const busy = itsOwn.solve(long, { options: endless, signal: gaveUp.signal }).catch(() => undefined);
+  await eventually(async () => (await itsOwn.info()).counters.running === 1);
+  draining.signal("SIGTERM");
+  // It is known within a moment; until then a submission may be refused.
+  let inARow = 0;
+  await eventually(async () => {
+    inARow = await client.jobs.submit(corner).then(
+      () => inARow + 1,
+      () => 0,
+    );
+    return inARow === 10;
+  });
+  for (let k = 0; k < 20; ++k) await client.jobs.submit(corner);
+  await solveAll(client, 20);
+  assert.equal((await itsOwn.info()).counters.running, 1);
+  gaveUp.abort();
+  await busy;
+});
+
+/** Answers GetInfo with nothing in it, and has no health service. */
+async function withoutHealth(onCall: () => void): Promise<{ address: string; stop: () => void }> {
+  const server = new GrpcServer();
+  const bytes = (value: Buffer): Buffer => value;
+  const codec = { requestSerialize: bytes, requestDeserialize: bytes, responseSerialize: bytes, responseDeserialize: bytes };
+  server.addService(
+    { getInfo: { path: "/marble.v1.Server/GetInfo", requestStream: false, responseStream: false, ...codec } },
+    {
+      getInfo: (_call: ServerUnaryCall<Buffer, Buffer>, answer: sendUnaryData<Buffer>) => {
+        onCall();
+        answer(null, Buffer.alloc(0));
+      },
+    },
+  );
+  const port = await new Promise<number>((bound, failed) =>
+    server.bindAsync("127.0.0.1:0", ServerCredentials.createInsecure(), (error, at) => (error ? failed(error) : bound(at))),
+  );
+  return { address: `127.0.0.1:${port}`, stop: () => server.forceShutdown() };
+}
+
+test("servers that do not tell of their health count as healthy", async () => {
+  const calls = [0, 0];
+  const servers = await Promise.all(calls.map((_, k) => withoutHealth(() => ++calls[k])));
+  try {
+    using client = connect(servers.map(({ address }) => address).join(","));
+    await eventually(async () => (await client.info()) !== undefined && Math.min(...calls) > 0);
+    const before = [...calls];
+    for (let k = 0; k < 10; ++k) await client.info();
+    assert.deepEqual(calls, [before[0] + 5, before[1] + 5]);
+  } finally {
+    for (const { stop } of servers) stop();
+  }
+});
+
+test("a name stands for all its addresses, and one that is not found costs the others nothing", async () => {
+  await using server = await Server.start();
+  const port = server.address.split(":")[1];
+  for (const address of [`dns:///localhost:${port}`, `localhost:${port}, ${server.address}`, `a..b:1,${server.address}`]) {
+    using client = connect(address);
+    assert.equal(client.address, address);
+    await solveAll(client, 3);
+  }
+});
+
+for (const address of ["127.0.0.1:1,", "127.0.0.1:1,localhost", "127.0.0.1:1,unix:/socket", "dns:///localhost", ","]) {
+  test(`the addresses "${address}" are an error of connect`, () => {
+    assert.throws(() => connect(address), { name: "InvalidProblemError", field: "address" });
+  });
+}

@@ -1,0 +1,59 @@
+#include "marble/warm_solver.h"
+
+#include <chrono>
+
+namespace marble {
+
+WarmSolver::WarmSolver(Solver solver, const PartSizes& sizes, double setup_s,
+                       std::span<const double> initial_z)
+    : solver_(std::move(solver)),
+      sizes_(sizes),
+      setup_s_(setup_s),
+      initial_z_(initial_z.begin(), initial_z.end()) {}
+
+Expected<WarmSolver> WarmSolver::create(const Problem& problem, const Options& options,
+                                        std::span<const double> initial_z, std::int64_t most_bytes) {
+  if (auto valid = Problem::check_initial_point(initial_z, problem.variables()); !valid)
+    return unexpected(valid.error());
+  const auto begin = std::chrono::steady_clock::now();
+  auto solver = Solver::create(problem, options, most_bytes);
+  if (!solver) return unexpected(solver.error());
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+  return WarmSolver(std::move(*solver), PartSizes::of(problem), took.count(), initial_z);
+}
+
+std::int64_t WarmSolver::memory_bytes() const {
+  const std::size_t numbers = 3 * sizes_.g + sizes_.b + sizes_.d + 2 * sizes_.l;
+  return solver_.memory_bytes() + static_cast<std::int64_t>(numbers * sizeof(double));
+}
+
+void WarmSolver::begin_at(const Restart& restart) {
+  if (restart.cold) newest_.reset();
+  if (newest_) {
+    shift(restart.shift.variables, newest_->z);
+    shift(restart.shift.equalities, newest_->equality_multipliers);
+    shift(restart.shift.inequalities, newest_->inequality_multipliers);
+    shift(restart.shift.pairs, newest_->complementarity_multipliers_L);
+    shift(restart.shift.pairs, newest_->complementarity_multipliers_R);
+  }
+  if (restart.initial_z.empty()) return;
+  initial_z_.assign(restart.initial_z.begin(), restart.initial_z.end());
+  if (newest_) newest_->z = initial_z_;
+}
+
+Expected<Solution> WarmSolver::solve(const ProblemUpdate& update, const Restart& restart,
+                                     const SolveControls& controls) {
+  if (auto valid = restart.check(sizes_); !valid) return unexpected(valid.error());
+  if (auto taken = solver_.update(update); !taken) return unexpected(taken.error());
+  begin_at(restart);
+  SolveControls own = controls;
+  own.initial_z = initial_z_;
+  own.warm_start = newest_ ? &*newest_ : nullptr;
+  auto solution = solver_.solve(own);
+  if (!solution) return solution;
+  solution->times.setup_s = 0.0;
+  if (is_solved(solution->status)) newest_ = *solution;
+  return solution;
+}
+
+}  // namespace marble
