@@ -16,6 +16,7 @@
 #include "jobs_service.h"
 #include "listen.h"
 #include "marble/version.h"
+#include "process.h"
 #include "reload.h"
 #include "signals.h"
 #include "solver_service.h"
@@ -42,8 +43,7 @@ bool write_lines(const std::string& path, const std::vector<std::string>& lines)
 }
 
 QueueLimits queue_limits(const Config& config) {
-  const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  return {config.workers > 0 ? config.workers : cores, config.queue_jobs, config.queue_bytes,
+  return {config.workers > 0 ? config.workers : usable_cores(), config.queue_jobs, config.queue_bytes,
           config.passed_over};
 }
 

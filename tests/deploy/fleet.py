@@ -234,7 +234,6 @@ class Load:
         self.lock = threading.Lock()
         work = self.repeat if repeating else self.once
         self.threads = [threading.Thread(target=work, args=(target, problem)) for _ in range(clients)]
-        self.started = time.monotonic()
         for thread in self.threads:
             thread.start()
 
@@ -270,9 +269,15 @@ class Load:
         goal = self.solved + more
         eventually(lambda: self.solved >= goal, f"{more} more answers; errors: {self.errors[:3]}")
 
+    def run_for(self, seconds):
+        time.sleep(seconds)
+
+    @staticmethod
+    def clock():
+        return time.monotonic()
+
     def stop(self):
         self.stopping = True
         for thread in self.threads:
             thread.join()
-        self.seconds = time.monotonic() - self.started
         return self
