@@ -16,9 +16,11 @@
 #include "jobs_service.h"
 #include "listen.h"
 #include "marble/version.h"
+#include "process.h"
 #include "reload.h"
 #include "signals.h"
 #include "solver_service.h"
+#include "supervisor.h"
 
 namespace {
 
@@ -41,8 +43,7 @@ bool write_lines(const std::string& path, const std::vector<std::string>& lines)
 }
 
 QueueLimits queue_limits(const Config& config) {
-  const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  return {config.workers > 0 ? config.workers : cores, config.queue_jobs, config.queue_bytes,
+  return {config.workers > 0 ? config.workers : usable_cores(), config.queue_jobs, config.queue_bytes,
           config.passed_over};
 }
 
@@ -114,6 +115,7 @@ int main(int argc, char** argv) {
     std::cout << (command_line->print_config ? to_toml(*config) : "ok\n");
     return 0;
   }
+  const Supervisor supervisor;
   Signals signals;
   if (config->stop_at_eof) signals.watch_standard_input();
   Log log(config->log_format, config->log_level);
@@ -173,12 +175,17 @@ int main(int argc, char** argv) {
               {"queue_jobs", std::int64_t{scheduler.limits().jobs}}});
   }
 
+  supervisor.ready();
+
   Reloader reloader(*command_line, *config, access, log);
   int signal = signals.wait();
   for (; signal == SIGHUP; signal = signals.wait()) {
+    supervisor.reloading();
     reloader.reload();
     grpc_log.follow_level();
+    supervisor.ready();
   }
+  supervisor.stopping();
   log.info(Component::server, "draining",
            {{"signal", std::int64_t{signal}}, {"grace_s", config->drain_grace_s}});
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused

@@ -1,12 +1,15 @@
 #include "process.h"
 
+#include <sched.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <limits>
 #include <string>
+#include <thread>
 
 namespace marble::server {
 namespace {
@@ -44,6 +47,12 @@ ProcessUsage process_usage() {
   };
   usage.cpu_s = seconds(times.ru_utime) + seconds(times.ru_stime);
   return usage;
+}
+
+int usable_cores() {
+  cpu_set_t cores;
+  const bool known = sched_getaffinity(0, sizeof cores, &cores) == 0;  // fails beyond 1024 cores
+  return std::max(1, known ? CPU_COUNT(&cores) : static_cast<int>(std::thread::hardware_concurrency()));
 }
 
 ProcessFacts process_facts() {

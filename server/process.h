@@ -12,6 +12,10 @@ struct ProcessUsage {
 
 [[nodiscard]] ProcessUsage process_usage();
 
+/// Cores that this process may run on, at least 1: what taskset, a cpuset or AllowedCPUs= left it of the
+/// machine's.
+[[nodiscard]] int usable_cores();
+
 struct ProcessFacts {
   int open_fds = 0;
   int threads = 0;

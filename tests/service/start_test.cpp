@@ -1,4 +1,6 @@
 // Starting: addresses, settings, and refusals in words.
+#include <sched.h>
+
 #include "service_test.h"
 
 namespace marble::testing {
@@ -20,6 +22,19 @@ class Start : public ServiceTest {
   TemporaryDirectory directory_;
   std::string output_;
 };
+
+TEST_F(Start, ThereIsAWorkerForEachCoreThatItMayUse) {
+  cpu_set_t all, first;
+  ASSERT_EQ(sched_getaffinity(0, sizeof all, &all), 0);
+  CPU_ZERO(&first);
+  for (int core = 0; CPU_COUNT(&first) == 0; ++core) {
+    if (CPU_ISSET(core, &all)) CPU_SET(core, &first);
+  }
+  ASSERT_EQ(sched_setaffinity(0, sizeof first, &first), 0);
+  start();
+  sched_setaffinity(0, sizeof all, &all);
+  EXPECT_FALSE(server().log_lines({"listening", "workers=1"}).empty()) << server().log();
+}
 
 TEST_F(Start, ASecondServerOnThePortFailsAndNamesIt) {
   start();

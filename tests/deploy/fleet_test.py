@@ -1,0 +1,106 @@
+"""Three servers behind HAProxy, nginx and Envoy with the files of deploy/proxies, and behind our client's own balancing."""
+
+import http.client
+import shutil
+
+import pytest
+from marble import contract
+
+from fleet import BUILD, Envoy, Fleet, HAProxy, Load, Nginx, NoProxy, example, eventually
+
+ENGINES = [HAProxy, Nginx, Envoy, NoProxy]
+
+
+@pytest.fixture(scope="module")
+def fleet():
+    fleet = Fleet()
+    yield fleet
+    fleet.close()
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return example()
+
+
+@pytest.fixture(params=ENGINES, ids=lambda engine: engine.__name__)
+def engine(request, fleet):
+    kind = request.param
+    if kind is not NoProxy and not shutil.which(kind.program) and not (BUILD / "envoy" / kind.program).exists():
+        pytest.skip(f"{kind.program} cannot be had")
+    running = kind()
+    yield running
+    running.close()
+
+
+def gained(fleet, before):
+    return [now - then for now, then in zip(fleet.answered(), before)]
+
+
+def test_all_three_get_work(fleet, engine, problem):
+    before = fleet.answered()
+    load = Load(engine.target, problem)
+    load.wait_for(150)
+    assert load.stop().errors == []
+    shares = gained(fleet, before)
+    assert sum(shares) == load.solved
+    assert min(shares) > load.solved / 10
+
+
+def test_what_a_killed_server_had_is_repeated_elsewhere_and_answered(fleet, engine, problem):
+    killed = fleet.servers[0]
+    load = Load(engine.target, problem)
+    load.wait_for(30)
+    killed.kill()
+    load.wait_for(100)
+    killed.start()
+    eventually(lambda: killed.answered() > 0, "work for the server that came back")
+    assert load.stop().errors == []
+
+
+def test_a_rolling_restart_under_full_load_is_seen_by_nobody(fleet, engine, problem):
+    # Behind a proxy a client that repeats nothing sees no error either.
+    load = Load(engine.target, problem, repeating=isinstance(engine, NoProxy))
+    for server in fleet.servers:
+        load.wait_for(20)
+        engine.take_out(server.name)
+        server.stop()
+        load.wait_for(20)
+        server.start()
+        engine.take_in(server.name)
+    load.wait_for(20)
+    assert load.stop().errors == []
+
+
+@pytest.mark.parametrize("engine", [HAProxy, Nginx, Envoy], indirect=True, ids=lambda engine: engine.__name__)
+def test_a_server_with_much_other_work_gets_less(fleet, engine, problem):
+    busy = fleet.servers[1]
+    other = Load(busy.address, example(steps=20), clients=4)
+    before = fleet.answered()
+    load = Load(engine.target, problem)
+    load.wait_for(150)
+    assert load.stop().errors == []
+    others = other.stop().solved
+    shares = gained(fleet, before)
+    shares[1] -= others
+    assert shares[1] < 0.7 * min(shares[0], shares[2]), shares
+
+
+def test_browsers_reach_envoy_by_grpc_web(fleet):
+    if not shutil.which("envoy") and not (BUILD / "envoy/envoy").exists():
+        pytest.skip("envoy cannot be had")
+    engine = Envoy()
+    try:
+        connection = http.client.HTTPConnection(engine.target)
+        connection.request("POST", "/marble.v1.Server/GetInfo", b"\0\0\0\0\0",
+                           {"content-type": "application/grpc-web+proto", "origin": "https://planner.example"})
+        answer = connection.getresponse()
+        body = answer.read()
+        assert answer.status == 200
+        assert answer.headers["access-control-allow-origin"] == "https://planner.example"
+        size = int.from_bytes(body[1:5], "big")
+        info = contract.message("GetInfoResponse").FromString(body[5:5 + size])
+        assert info.workers == 1
+        assert b"grpc-status:0" in body[5 + size:]
+    finally:
+        engine.close()
