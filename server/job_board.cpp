@@ -14,6 +14,7 @@ void JobBoard::add(const Record& record) {
   const std::int64_t number = next_number_++;
   records_.emplace(number, record);
   active_.emplace(number, record);
+  active_list_ = nullptr;
   numbers_.emplace(record->id(), number);
 }
 
@@ -26,6 +27,7 @@ void JobBoard::finish(const Record& record) {
                                          [&](const auto& one) { return one.second == record; });
   if (active == active_.end()) return;
   active_.erase(active);
+  active_list_ = nullptr;
   ++finished_count_;
   finished_.push_back(record);
   while (finished_.size() > static_cast<std::size_t>(limits_.history_jobs)) {
@@ -77,12 +79,15 @@ Expected<JobBoard::Page> JobBoard::list(const Filter& filter, std::size_t limit,
   return page;
 }
 
-std::vector<JobBoard::Record> JobBoard::active() const {
+JobBoard::Records JobBoard::active() const {
   const MutexLock lock(mutex_);
-  std::vector<Record> result;
-  result.reserve(active_.size());
-  for (const auto& [number, record] : active_) result.push_back(record);
-  return result;
+  if (active_list_ == nullptr) {
+    auto list = std::make_shared<std::vector<Record>>();
+    list->reserve(active_.size());
+    for (const auto& [number, record] : active_) list->push_back(record);
+    active_list_ = std::move(list);
+  }
+  return active_list_;
 }
 
 JobBoard::Finished JobBoard::finished_since(std::int64_t& cursor) const {

@@ -46,8 +46,10 @@ class JobBoard {
   [[nodiscard]] Expected<Page> list(const Filter& filter, std::size_t limit,
                                     const std::string& before_id) const ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Those that have not finished.
-  [[nodiscard]] std::vector<Record> active() const ABSL_LOCKS_EXCLUDED(mutex_);
+  using Records = std::shared_ptr<const std::vector<Record>>;
+  /// Those that have not finished, in the order of acceptance. One list for all who ask, the same until a job
+  /// comes or goes.
+  [[nodiscard]] Records active() const ABSL_LOCKS_EXCLUDED(mutex_);
   struct Finished {
     std::vector<Record> records;  ///< in the order they finished
     std::int64_t skipped = 0;     ///< that are forgotten already
@@ -64,6 +66,7 @@ class JobBoard {
   std::map<std::int64_t, Record> records_ ABSL_GUARDED_BY(mutex_);  // by order of acceptance
   std::unordered_map<std::string, std::int64_t> numbers_ ABSL_GUARDED_BY(mutex_);
   std::map<std::int64_t, Record> active_ ABSL_GUARDED_BY(mutex_);
+  mutable Records active_list_ ABSL_GUARDED_BY(mutex_);  // of active_; null: to be made anew
   std::deque<Record> finished_ ABSL_GUARDED_BY(mutex_);
   std::int64_t next_number_ ABSL_GUARDED_BY(mutex_) = 0;
   std::int64_t finished_count_ ABSL_GUARDED_BY(mutex_) = 0;

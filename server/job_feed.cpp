@@ -88,19 +88,32 @@ void JobFeed::look_around() {
   for (auto& record : finished.records) {
     if (may_see(viewer_, record->description().client)) to_tell_.push_back({std::move(record), true});
   }
-  decltype(told_of_) told_of;  // what is not active any more is forgotten
-  for (const auto& record : board_.active()) {
-    if (!may_see(viewer_, record->description().client)) continue;
-    const auto known = told_of_.find(record);
-    Told& told = told_of.emplace(record, known == told_of_.end() ? Told{} : known->second).first->second;
+  renew_active();
+  for (std::size_t i = 0; i < active_->size(); ++i) {
+    const std::shared_ptr<JobRecord>& record = (*active_)[i];
+    Told& told = told_of_[i];
     const std::int64_t changes = record->changes();
-    if (changes == told.changes) continue;
+    if (changes == told.changes || !may_see(viewer_, record->description().client)) continue;
     const std::int64_t version = record->snapshot().version;
     const bool waits = seconds_since(told.at, now) < interval_s_;
     if (told.changes >= 0 && version == told.version && waits) continue;
     told = {changes, version, now};
     to_tell_.push_back({record});
   }
+}
+
+// Both lists are in the order of acceptance, and new jobs come last: what was told moves along in one pass.
+void JobFeed::renew_active() {
+  JobBoard::Records active = board_.active();
+  if (active == active_) return;
+  std::vector<Told> told_of(active->size());
+  std::size_t before = 0;
+  for (std::size_t i = 0; active_ != nullptr && i < active->size(); ++i) {
+    while (before < active_->size() && (*active_)[before] != (*active)[i]) ++before;
+    if (before == active_->size()) break;
+    told_of[i] = told_of_[before++];
+  }
+  active_ = std::move(active);
   told_of_ = std::move(told_of);
 }
 

@@ -4,7 +4,7 @@
 #include <atomic>
 #include <deque>
 #include <memory>
-#include <unordered_map>
+#include <vector>
 
 #include "identity.h"
 #include "job_board.h"
@@ -48,6 +48,7 @@ class JobFeed {
   [[nodiscard]] bool next_of_one(v1::WatchJobsResponse* response);
   [[nodiscard]] bool next_of_all(v1::WatchJobsResponse* response);
   void look_around();
+  void renew_active();
 
   // Of a job: what was told of it, and when.
   struct Told {
@@ -62,7 +63,8 @@ class JobFeed {
   std::shared_ptr<JobRecord> one_;  // null: all
   Told told_;                       // of one
   std::int64_t cursor_ = 0;
-  std::unordered_map<std::shared_ptr<JobRecord>, Told> told_of_;  // of all that are active
+  JobBoard::Records active_;   // those that were active at the last look
+  std::vector<Told> told_of_;  // of each of them
   struct News {
     std::shared_ptr<JobRecord> record;
     bool last = false;  // it was found among the finished ones

@@ -17,6 +17,8 @@ constexpr double kProximalNoise =
     3e-5;                        // multipliers that only the proximal term of the elastic problem makes
 constexpr double kFlat = 1e-11;  // a rate this small never reaches zero
 
+constexpr std::size_t square(Index n) { return static_cast<std::size_t>(n) * static_cast<std::size_t>(n); }
+
 }  // namespace
 
 double Parametric::response_bytes(Index pairs, double rows) {
@@ -45,7 +47,7 @@ Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
       responses_(new double[static_cast<std::size_t>(capacity_) * rows_]),
       response_of_row_(rows_),
       displacement_(problem.variables()),
-      bordered_(static_cast<std::size_t>(kMostChanged) * kMostChanged),
+      bordered_(new double[square(std::min(kMostChanged, rows_))]),
       right_side_(kMostChanged),
       pivots_(kMostChanged) {
   keep_blas_to_one_thread();
@@ -144,7 +146,7 @@ bool Parametric::direction(Index prescribed, double prescribed_rate, Index drive
   if (count > 0) {
     const int one = 1;
     int info = 0;
-    dgesv_(&count, &one, bordered_.data(), &count, pivots_.data(), right_side_.data(), &count, &info);
+    dgesv_(&count, &one, bordered_.get(), &count, pivots_.data(), right_side_.data(), &count, &info);
     if (info != 0) return false;
   }
   if (fixed_part != nullptr) {

@@ -92,7 +92,8 @@ class Parametric {
   std::unique_ptr<double[]> responses_;
   std::vector<Index> response_of_row_;
   Vector displacement_;
-  std::vector<double> bordered_, right_side_;
+  std::unique_ptr<double[]> bordered_;  // written before it is read: not filled with zeros first
+  std::vector<double> right_side_;
   std::vector<int> pivots_;
 };
 

@@ -71,5 +71,13 @@ void flood();
 void idle();
 /// What metrics, logs, traces and those who watch cost.
 void cost();
+/// The same solves here and there; tiny ones beside a bare echo.
+void remote();
+/// Two workers against two threads here.
+void throughput();
+/// Full load beside idle sessions and dashboards.
+void crowd();
+/// What telling every iteration costs the solve.
+void streaming();
 
 }  // namespace marble::bench

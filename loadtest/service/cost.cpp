@@ -5,7 +5,8 @@
 #include <thread>
 
 #include "bench.h"
-#include "marble/convert.h"
+#include "closed_loop.h"
+#include "finding.h"
 #include "marble/examples.h"
 
 namespace marble::bench {
@@ -69,60 +70,12 @@ class Onlookers {
 // What was measured of one server.
 struct Side {
   std::vector<double> solves_per_s, cpu_ms;  // cpu_ms: of the server, a solve
+
+  void add(const Block& block) {
+    solves_per_s.push_back(block.solves_per_s());
+    cpu_ms.push_back(1e3 * block.server_cpu_per_solve_s());
+  }
 };
-
-// Clients that ask again as soon as they are answered.
-class Load {
- public:
-  Load(const std::string& address, const OwnedProblem& problem)
-      : problem_(problem),
-        stub_(v1::Solver::NewStub(connect(address))),
-        info_(v1::Server::NewStub(connect(address))) {
-    to_message(problem.view(), request_.mutable_problem());
-  }
-
-  /// Adds what a block of time gave.
-  void run(Side& side) {
-    std::atomic<int> solves = 0;
-    const double cpu_before = cpu_s();
-    const auto begin = Clock::now();
-    {
-      std::vector<std::jthread> clients;
-      clients.reserve(kClients);
-      for (int i = 0; i < kClients; ++i) clients.emplace_back([&] { ask(begin + kBlock, solves); });
-    }
-    side.solves_per_s.push_back(1e3 * solves / ms_since(begin));
-    side.cpu_ms.push_back(1e3 * (cpu_s() - cpu_before) / solves);
-  }
-
- private:
-  void ask(Clock::time_point end, std::atomic<int>& solves) {
-    v1::SolveResponse response;
-    while (Clock::now() < end) {
-      grpc::ClientContext context;
-      must(stub_->Solve(&context, request_, &response), "solve");
-      ++solves;
-    }
-    must(is_right(problem_, response.solution()), "a wrong answer");
-  }
-  [[nodiscard]] double cpu_s() const {
-    grpc::ClientContext context;
-    v1::GetInfoResponse response;
-    must(info_->GetInfo(&context, {}, &response), "GetInfo");
-    return response.counters().cpu_s_total();
-  }
-
-  const OwnedProblem& problem_;
-  v1::SolveRequest request_;
-  const std::unique_ptr<v1::Solver::Stub> stub_;
-  const std::unique_ptr<v1::Server::Stub> info_;
-};
-
-std::vector<double> ratios(const std::vector<double>& values, const std::vector<double>& to) {
-  std::vector<double> result;
-  for (std::size_t i = 0; i < values.size(); ++i) result.push_back(values[i] / to[i]);
-  return result;
-}
 
 void print(const char* name, const std::vector<double>& values, const char* format) {
   std::printf("%-32s ", name);
@@ -134,22 +87,22 @@ void compare(const testing::ServerProcess& with, const testing::ServerProcess& w
   examples::HopperParameters parameters;
   parameters.steps = steps;
   const OwnedProblem problem = examples::hopper(parameters);
-  Load on_load(with.address(), problem), off_load(without.address(), problem);
-  Side warm_up, on, off;
-  on_load.run(warm_up);
-  off_load.run(warm_up);
+  RemoteLoop on_load(with.address(), problem, kClients), off_load(without.address(), problem, kClients);
+  Side on, off;
+  static_cast<void>(on_load.run(kBlock));
+  static_cast<void>(off_load.run(kBlock));
   int scrapes = 0, events = 0;
   std::size_t page_bytes = 0;
   const auto run_on = [&] {
     const Onlookers onlookers(with);
-    on_load.run(on);
+    on.add(on_load.run(kBlock));
     scrapes += onlookers.scrapes();
     events += onlookers.events();
     page_bytes += onlookers.page_bytes();
   };
   for (int round = 0; round < kRounds; ++round) {
     if (round % 2 == 0) run_on();
-    off_load.run(off);
+    off.add(off_load.run(kBlock));
     if (round % 2 != 0) run_on();
   }
   std::printf(
@@ -166,8 +119,8 @@ void compare(const testing::ServerProcess& with, const testing::ServerProcess& w
   print("on / off", ratios(on.cpu_ms, off.cpu_ms), "%10.4f ");
   const double ratio = median(ratios(on.solves_per_s, off.solves_per_s));
   const double cpu_ratio = median(ratios(on.cpu_ms, off.cpu_ms));
-  std::printf("everything on gives %.1f %% of the solves a second, for %.1f %% of the CPU time: %s\n\n",
-              100.0 * ratio, 100.0 * cpu_ratio, ratio >= kAim ? "within 2 %" : "BEYOND 2 %");
+  tell({"hopper of " + std::to_string(steps) + " steps: solves a second with everything on over all off",
+        ratio, kAim, false, "for " + std::to_string(cpu_ratio) + " of the CPU time"});
 }
 
 }  // namespace

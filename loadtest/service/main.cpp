@@ -1,5 +1,7 @@
 // Measures the service over real connections to a server process of its own, and prints tables.
-// Usage: service_bench [mpc | flood | idle | cost ...]    all of them by default
+// Usage: service_bench [--findings FILE] [PART ...]
+//   PART is mpc, flood, idle, cost, remote, throughput, crowd or streaming; all of them by default.
+//   FILE gets the ratios with their limits as JSON.
 #include <algorithm>
 #include <cstdio>
 #include <string>
@@ -7,12 +9,22 @@
 #include <vector>
 
 #include "bench.h"
+#include "echo_server.h"
+#include "finding.h"
 
 int main(int argc, char** argv) {
   using namespace marble;
-  const std::vector<std::string> wanted(argv + 1, argv + argc);
+  std::vector<std::string> wanted(argv + 1, argv + argc);
+  if (wanted.size() == 2 && wanted[0] == "--echo-server") return bench::EchoServer::serve(wanted[1]);
+  std::string findings;
+  if (wanted.size() >= 2 && wanted[0] == "--findings") {
+    findings = wanted[1];
+    wanted.erase(wanted.begin(), wanted.begin() + 2);
+  }
   const std::pair<const char*, void (*)()> parts[] = {
-      {"mpc", bench::mpc}, {"flood", bench::flood}, {"idle", bench::idle}, {"cost", bench::cost}};
+      {"mpc", bench::mpc},     {"flood", bench::flood},        {"idle", bench::idle},
+      {"cost", bench::cost},   {"remote", bench::remote},      {"throughput", bench::throughput},
+      {"crowd", bench::crowd}, {"streaming", bench::streaming}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(parts, [&](const auto& part) { return name == part.first; })) {
       std::fprintf(stderr, "service_bench: there is no part '%s'\n", name.c_str());
@@ -25,5 +37,7 @@ int main(int argc, char** argv) {
     run();
     std::fflush(stdout);
   }
-  return 0;
+  if (findings.empty() || bench::write_findings(findings)) return 0;
+  std::fprintf(stderr, "service_bench: cannot write %s\n", findings.c_str());
+  return 1;
 }

@@ -1,6 +1,7 @@
 #include "marble/convert.h"
 
 #include <utility>
+#include <vector>
 
 namespace marble {
 namespace {
@@ -37,8 +38,22 @@ constexpr std::pair<const char*, const char*> kFieldNames[] = {
 
 using google::protobuf::FieldDescriptor;
 
-const FieldDescriptor* field_of(const OptionInfo& option) {
-  return v1::SolveOptions::descriptor()->FindFieldByName(std::string(option.name));
+struct OptionField {
+  const OptionInfo& option;
+  const FieldDescriptor* field;  // of SolveOptions
+};
+
+// Found by name once: a lookup takes as long as all the rest of an option.
+const std::vector<OptionField>& option_fields() {
+  static const std::vector<OptionField> fields = [] {
+    std::vector<OptionField> result;
+    for (const OptionInfo& option : option_table()) {
+      const auto* field = v1::SolveOptions::descriptor()->FindFieldByName(std::string(option.name));
+      if (field != nullptr) result.push_back({option, field});
+    }
+    return result;
+  }();
+  return fields;
 }
 
 }  // namespace
@@ -128,9 +143,8 @@ std::string core_field(const std::string& field) {
 Expected<Options> options_of(const v1::SolveOptions& message, const Options& defaults) {
   Options options = defaults;
   const auto* reflection = message.GetReflection();
-  for (const OptionInfo& option : option_table()) {
-    const FieldDescriptor* field = field_of(option);
-    if (field == nullptr || !reflection->HasField(message, field)) continue;
+  for (const auto& [option, field] : option_fields()) {
+    if (!reflection->HasField(message, field)) continue;
     double value = 0.0;
     switch (option.type) {
       case OptionType::real:
@@ -156,9 +170,7 @@ Expected<Options> options_of(const v1::SolveOptions& message, const Options& def
 
 void to_message(const Options& options, v1::SolveOptions* message) {
   const auto* reflection = message->GetReflection();
-  for (const OptionInfo& option : option_table()) {
-    const FieldDescriptor* field = field_of(option);
-    if (field == nullptr) continue;
+  for (const auto& [option, field] : option_fields()) {
     const double value = get_option(options, option.name);
     switch (option.type) {
       case OptionType::real:

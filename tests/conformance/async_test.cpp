@@ -112,6 +112,18 @@ TEST_F(Async, ADeadlineEndsIt) {
   EXPECT_EQ(pending.get().error().code, ErrorCode::deadline_exceeded);
 }
 
+TEST_F(Async, TheConnectionsDeadlineIsThatOfCallsWithoutOne) {
+  const Client hurried =
+      Client::connect(server_.address(), {.deadline = std::chrono::milliseconds(50)}).value();
+  EXPECT_EQ(hurried.solve(endless_, tiny_steps_).error().code, ErrorCode::deadline_exceeded);
+  EXPECT_EQ(hurried.solve_async(endless_, tiny_steps_)->get().error().code, ErrorCode::deadline_exceeded);
+  auto patient = hurried.solve_async(endless_, tiny_steps_, {}, {.deadline = std::chrono::hours(1)}).value();
+  EXPECT_FALSE(patient.wait_for(std::chrono::milliseconds(200)));
+  const std::string job = client_.jobs().submit(endless_, tiny_steps_)->job_id;
+  EXPECT_EQ(hurried.jobs().result(job, {.wait = true}).error().code, ErrorCode::deadline_exceeded);
+  EXPECT_TRUE(client_.jobs().cancel(job).has_value());
+}
+
 TEST_F(Async, AHandleThatIsDroppedFreesTheWorkerAndTellsNothingMore) {
   auto counter = std::make_unique<Counter>();
   {

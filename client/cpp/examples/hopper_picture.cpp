@@ -37,6 +37,17 @@ std::string ground(const HopperParameters& robot, double right) {
   return "<polygon fill='#d9d4c7' points='" + points + point(right, height) + point(right, kLow) + "'/>\n";
 }
 
+// Metres along the ground, and what the colours are.
+std::string words(double right) {
+  std::string result = "<g font-family='sans-serif' font-size='14' fill='#555'>\n";
+  for (double x = 0.0; x < right; x += 0.5)
+    result += text("<text x='%.1f' y='%.1f' text-anchor='middle'>%g</text>", px(x), py(kLow) - 8.0, x);
+  result += text("<text x='%.1f' y='%.1f'>m</text>\n", px(right) - 20.0, py(kLow) - 8.0);
+  return result +
+         "<text x='16' y='24'><tspan fill='#2563a8'>body</tspan> and <tspan fill='#c2481f'>foot</tspan>: "
+         "their way, and dashed what was planned at each tick</text>\n</g>\n";
+}
+
 // `value` of each tick, as an attribute that moves through them.
 template <class Value>
 std::string moving(const char* attribute, const std::vector<Tick>& way, double seconds, Value&& value) {
@@ -85,13 +96,16 @@ std::string draw(const HopperParameters& robot, const std::vector<Tick>& way) {
   const auto leg = [](const Tick& tick) {
     return point(tick.position[0], tick.position[1]) + point(tick.position[2], tick.position[3]);
   };
+  std::string legs;
+  for (std::size_t i = 0; i < way.size(); i += 4)
+    legs += line("stroke='#8a8f98' stroke-opacity='0.25'", leg(way[i]));
   const auto body_plan = [](const Tick& tick) { return planned(tick, kBodyX, kBodyZ); };
   const auto foot_plan = [](const Tick& tick) { return planned(tick, kFootX, kFootZ); };
   const char* const dashed = "stroke-width='1.5' stroke-dasharray='3 4' stroke=";
   return text("<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 %.0f %.0f'>\n", px(right), py(kLow)) +
-         "<rect width='100%' height='100%' fill='white'/>\n" + ground(robot, right) +
-         line("stroke='#2563a8' stroke-opacity='0.35'", body_way) +
-         line("stroke='#c2481f' stroke-opacity='0.35'", foot_way) +
+         "<rect width='100%' height='100%' fill='white'/>\n" + ground(robot, right) + words(right) + legs +
+         line("stroke='#2563a8' stroke-opacity='0.4'", body_way) +
+         line("stroke='#c2481f' stroke-opacity='0.4'", foot_way) +
          line((std::string(dashed) + "'#2563a8'").c_str(), body_plan(way[0]),
               moving("points", way, seconds, body_plan)) +
          line((std::string(dashed) + "'#c2481f'").c_str(), foot_plan(way[0]),

@@ -53,6 +53,7 @@ Connection::Connection(std::string address, bool several, const std::shared_ptr<
       authorization_(options.token.empty() ? "" : "Bearer " + options.token),
       name_(options.name),
       traceparent_(options.traceparent),
+      deadline_(options.deadline),
       solver_(v1::Solver::NewStub(channel)),
       jobs_(v1::Jobs::NewStub(channel)),
       server_(v1::Server::NewStub(channel)),

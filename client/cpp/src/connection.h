@@ -31,6 +31,12 @@ class Connection {
   [[nodiscard]] Expected<void> prepare(grpc::ClientContext& context, const std::string& traceparent,
                                        std::optional<std::chrono::duration<double>> deadline) const;
 
+  /// The call's own deadline, else the connection's.
+  [[nodiscard]] std::optional<std::chrono::duration<double>> deadline_of(
+      const std::optional<std::chrono::duration<double>>& call) const {
+    return call ? call : deadline_;
+  }
+
   [[nodiscard]] const std::string& address() const { return address_; }
   /// Whether two calls may go to two servers.
   [[nodiscard]] bool several() const { return several_; }
@@ -50,6 +56,7 @@ class Connection {
   std::string authorization_;  // empty without a token
   std::string name_;
   std::string traceparent_;
+  std::optional<std::chrono::duration<double>> deadline_;  // of calls without one
   std::unique_ptr<v1::Solver::Stub> solver_;
   std::unique_ptr<v1::Jobs::Stub> jobs_;
   std::unique_ptr<v1::Server::Stub> server_;

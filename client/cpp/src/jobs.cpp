@@ -31,7 +31,8 @@ Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& o
                                    call.request_id, call.problem_name, call.priority};
   if (auto filled = client::fill_request(parts, &request); !filled) return unexpected(filled.error());
   grpc::ClientContext context;
-  if (auto ready = connection_->prepare(context, call.traceparent, call.deadline); !ready)
+  if (auto ready = connection_->prepare(context, call.traceparent, connection_->deadline_of(call.deadline));
+      !ready)
     return unexpected(ready.error());
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   v1::SubmitResponse response;
@@ -46,7 +47,7 @@ Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& o
 Expected<RemoteSolution> Jobs::result(const std::string& job_id, const ResultControls& controls) const try {
   if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
   grpc::ClientContext context;
-  connection_->prepare(context, controls.deadline);
+  connection_->prepare(context, connection_->deadline_of(controls.deadline));
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   v1::JobResultRequest request;
   request.set_job_id(job_id);

@@ -30,7 +30,10 @@ class RemotePending final : public PendingSolution::State,
 
   // A unary call where nobody wants to be told: gRPC can repeat it elsewhere until it is answered.
   [[nodiscard]] Expected<void> begin() {
-    if (auto ready = connection_->prepare(context_, call_.traceparent, call_.deadline); !ready) return ready;
+    if (auto ready =
+            connection_->prepare(context_, call_.traceparent, connection_->deadline_of(call_.deadline));
+        !ready)
+      return ready;
     if (tells_) {
       connection_->solver().async()->SolveStream(&context_, &request_, this);
       StartRead(&event_);

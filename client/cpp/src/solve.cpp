@@ -37,7 +37,8 @@ Expected<RemoteSolution> solve(const Connection& connection, const ProblemView& 
   const auto request = make_request(problem, options, controls, call);
   if (!request) return unexpected(request.error());
   grpc::ClientContext context;
-  if (auto ready = connection.prepare(context, call.traceparent, call.deadline); !ready)
+  if (auto ready = connection.prepare(context, call.traceparent, connection.deadline_of(call.deadline));
+      !ready)
     return unexpected(ready.error());
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   const bool stream = controls.progress != nullptr || call.accepted || call.moved || call.started;

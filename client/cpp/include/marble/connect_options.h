@@ -1,6 +1,8 @@
 // How a client reaches its server and says who it is.
 #pragma once
 
+#include <chrono>
+#include <optional>
 #include <string>
 
 namespace marble {
@@ -27,6 +29,15 @@ struct ConnectOptions {
   /// 512 bytes of printable ASCII; one that is not valid otherwise is ignored by the server, as the standard
   /// asks.
   std::string traceparent = {};
+  /// For solves, submissions and waits for a result that have no deadline of their own, from the call on;
+  /// none: they may take for ever. Sessions, batches and watches have none.
+  std::optional<std::chrono::duration<double>> deadline = {};
+  /// A connection of its own. Else clients of one process with the same server and settings share one, on
+  /// which each call waits for its turn to be written.
+  bool own_connection = false;
+  /// Whether calls that got `unavailable` before any answer are repeated; who counts failures would rather
+  /// know.
+  bool retries = true;
 
   /// MARBLE_TOKEN, MARBLE_TLS_CA, MARBLE_TLS_CERTIFICATE and MARBLE_TLS_KEY; what is not set stays empty.
   /// `traceparent` is TRACEPARENT, if it may be sent. The name is MARBLE_CLIENT_NAME, else the program's with

@@ -1,8 +1,9 @@
 // Whole solves, by problem family and size: set-up and solve, cold, with default options.
+#include "marble/solver.h"
+
 #include <benchmark/benchmark.h>
 
-#include "marble/examples.h"
-#include "marble/solver.h"
+#include "problems.h"
 
 namespace {
 
@@ -32,50 +33,39 @@ void BM_Tiny(benchmark::State& state) {
 }
 BENCHMARK(BM_Tiny)->Unit(benchmark::kMicrosecond);
 
-void BM_Hopper(benchmark::State& state) {
-  examples::HopperParameters parameters;
-  parameters.steps = static_cast<int>(state.range(0));
-  solve_repeatedly(state, examples::hopper(parameters));
-}
+void BM_Hopper(benchmark::State& state) { solve_repeatedly(state, micro::hopper(state.range(0))); }
 BENCHMARK(BM_Hopper)->ArgName("steps")->Arg(10)->Arg(30)->Arg(60)->Unit(benchmark::kMillisecond);
 
-void BM_Rocket(benchmark::State& state) { solve_repeatedly(state, examples::rocket()); }
-BENCHMARK(BM_Rocket)->Unit(benchmark::kMillisecond);
+void BM_Rocket(benchmark::State& state) { solve_repeatedly(state, micro::rocket(state.range(0))); }
+BENCHMARK(BM_Rocket)->ArgName("steps")->Arg(20)->Arg(40)->Unit(benchmark::kMillisecond);
 
-void BM_Gates(benchmark::State& state) { solve_repeatedly(state, examples::gates()); }
-BENCHMARK(BM_Gates)->Unit(benchmark::kMillisecond);
+void BM_Gates(benchmark::State& state) { solve_repeatedly(state, micro::gates(state.range(0))); }
+BENCHMARK(BM_Gates)->ArgName("steps")->Arg(30)->Unit(benchmark::kMillisecond);
 
-void BM_Qpec(benchmark::State& state) {
-  examples::QpecParameters parameters;
-  parameters.upper_variables = static_cast<Index>(state.range(0)) / 5;
-  parameters.lower_variables = static_cast<Index>(state.range(0)) - parameters.upper_variables;
-  solve_repeatedly(state, examples::qpec(parameters, 1));
-}
+void BM_Qpec(benchmark::State& state) { solve_repeatedly(state, micro::qpec(state.range(0))); }
 BENCHMARK(BM_Qpec)->ArgName("variables")->Arg(50)->Arg(100)->Arg(200)->Unit(benchmark::kMillisecond);
 
 void BM_HopperPathAlone(benchmark::State& state) {
   Options options;
   options.local_search_budget = 0;
-  solve_repeatedly(state, examples::hopper(), options);
+  solve_repeatedly(state, micro::hopper(state.range(0)), options);
 }
-BENCHMARK(BM_HopperPathAlone)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_HopperPathAlone)->ArgName("steps")->Arg(60)->Unit(benchmark::kMillisecond);
 
 void BM_SetUp(benchmark::State& state) {
-  examples::HopperParameters parameters;
-  parameters.steps = static_cast<int>(state.range(0));
-  const OwnedProblem p = examples::hopper(parameters);
+  const OwnedProblem p = micro::hopper(state.range(0));
   for (auto _ : state) benchmark::DoNotOptimize(Solver::create(Problem::create(p.view()).value()));
 }
 BENCHMARK(BM_SetUp)->ArgName("steps")->Arg(60)->Arg(480)->Unit(benchmark::kMillisecond);
 
 void BM_WarmHopper(benchmark::State& state) {
-  const OwnedProblem p = examples::hopper();
+  const OwnedProblem p = micro::hopper(state.range(0));
   Solver solver = Solver::create(Problem::create(p.view()).value()).value();
   const Solution first = solver.solve().value();
   Solution s;
   for (auto _ : state) s = solver.solve({.warm_start = &first}).value();
   count_work(state, s);
 }
-BENCHMARK(BM_WarmHopper)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_WarmHopper)->ArgName("steps")->Arg(60)->Unit(benchmark::kMillisecond);
 
 }  // namespace

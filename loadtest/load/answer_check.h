@@ -1,0 +1,64 @@
+// Answers are judged from the problem's own data, by code that the solver does not share: a fast wrong answer
+// is an error.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "marble/options.h"
+#include "work.h"
+#include "workload.h"
+
+namespace marble::load {
+
+/// What is wrong with an answer, or nothing. One that says "solved" must be feasible to its tolerances, one
+/// solved to reduced accuracy to 100 times these, and its multipliers must make it stationary to 1e-4 of the
+/// largest term; every answer must have the objective that it tells, and as many numbers as the problem has.
+[[nodiscard]] std::optional<std::string> fault_of(const OwnedProblem& problem, const Options& options,
+                                                  const Solution& answer);
+
+/// Judges on a thread of its own, with the least claim to a processor. What it cannot keep up with is let go
+/// and counted.
+class AnswerCheck {
+ public:
+  explicit AnswerCheck(const std::vector<LoadedEntry>& entries);
+  ~AnswerCheck();
+  AnswerCheck(const AnswerCheck&) = delete;
+  AnswerCheck& operator=(const AnswerCheck&) = delete;
+
+  void add(const Work& work, v1::Solution&& answer);
+
+  struct Findings {
+    std::uint64_t checked = 0, let_go = 0;
+    std::map<std::string, std::uint64_t> wrong;  ///< by entry
+    std::string first_fault;                     ///< what was wrong with the first of them
+    double cpu_s = 0.0;
+    [[nodiscard]] std::uint64_t wrong_count() const;
+  };
+  /// Judges what is left, and ends.
+  [[nodiscard]] Findings finish();
+
+ private:
+  struct Item {
+    Work work;
+    v1::Solution answer;
+  };
+  void run();
+  void judge(const Item& item);
+
+  const std::vector<LoadedEntry>& entries_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Item> items_;
+  bool ending_ = false;
+  Findings findings_;
+  std::thread thread_;  // last: it uses the others
+};
+
+}  // namespace marble::load

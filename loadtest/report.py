@@ -1,0 +1,131 @@
+#!/usr/bin/python3
+"""Makes one report of what loadtest/run measured.
+
+Usage: loadtest/report.py FOLDER    reads its .json and .html, writes report.md, report.json, report.html, *.svg
+"""
+
+import html
+import json
+import pathlib
+import re
+import sys
+
+
+def read(folder, name):
+    path = folder / name
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+
+
+def finding(name, value, limit, at_most, detail):
+    holds = value <= limit if at_most else value >= limit
+    return {"name": name, "value": value, "limit": limit, "at_most": at_most, "holds": holds, "detail": detail}
+
+
+def errors_of(run):
+    return sum(run["total"]["errors"].values()) + run["wrong"] + run["abandoned"]
+
+
+def steady_findings(capacity, steady):
+    run, solve = steady["run"], capacity["run"]["total"]["server_solve"]["p50_s"]
+    latency = run["total"]["latency"]
+    memory = [second["resident_bytes"] for second in run["seconds"]]
+    early, late = memory[len(memory) // 4], memory[-1]
+    what = f"70 % of capacity, open loop, {run['measured_s']:.0f} s: "
+    return [
+        finding(what + "errors and wrong answers", errors_of(run), 0, True,
+                f"{run['sent']} requests at {run['plan']['rate_per_s']:.1f}/s, {run['checked']} answers checked"),
+        finding(what + "p99 over the median solve", latency["p99_s"] / solve, 3, True,
+                f"p50 {1e3 * latency['p50_s']:.2f} ms, p99 {1e3 * latency['p99_s']:.2f} ms, "
+                f"median solve {1e3 * solve:.2f} ms"),
+        finding(what + "memory at the end over that after a quarter", late / early, 1.05, True,
+                f"{early / 2**20:.1f} MiB, then {late / 2**20:.1f} MiB"),
+    ]
+
+
+def overload_findings(capacity, overload):
+    run = overload["run"]
+    solve = capacity["run"]["total"]["server_solve"]["p50_s"]
+    refused, planner = run["total"]["errors_after"], run["entries"]["planner"]
+    codes = run["total"]["errors"]
+    others = sum(times for code, times in codes.items() if code != "resource_exhausted")
+    sent_realtime = planner["answers"] + sum(planner["errors"].values())
+    count = codes.get("resource_exhausted", 0)
+    what = "200 % of capacity: "
+    return [
+        finding(what + "answers a second over capacity", run["answers_per_s"] / capacity["run"]["answers_per_s"], 0.95,
+                False, f"{run['answers_per_s']:.1f}/s of {run['plan']['rate_per_s']:.1f}/s offered"),
+        finding(what + "p99 of refusals, ms", 1e3 * refused["p99_s"], 10, True,
+                f"{count} refusals, p50 {1e3 * refused['p50_s']:.2f} ms"),
+        finding(what + "refusals with RetryInfo over all", run["total"]["errors_with_retry_info"] / max(1, count), 1,
+                False, f"other errors: {others}, wrong answers: {run['wrong']}"),
+        finding(what + "realtime, p99 over the median solve", planner["latency"]["p99_s"] / solve, 3, True,
+                f"{sent_realtime} requests, p50 {1e3 * planner['latency']['p50_s']:.2f} ms, "
+                f"p99 {1e3 * planner['latency']['p99_s']:.2f} ms"),
+        finding(what + "realtime requests that failed", sum(planner["errors"].values()), 0, True,
+                f"of {sent_realtime}"),
+    ]
+
+
+def table(findings):
+    lines = ["| figure | measured | promised | |", "| --- | --- | --- | --- |"]
+    for f in findings:
+        sign = "≤" if f["at_most"] else "≥"
+        lines.append(f"| {f['name']} | {f['value']:.4g} | {sign} {f['limit']:g} | {'holds' if f['holds'] else 'missed'} |")
+    return "\n".join(lines)
+
+
+def pieces(page):
+    """The style and the plots of a page of marble-load."""
+    return re.search(r"<style>(.*?)</style>", page, re.S).group(1), re.findall(r"<svg .*?</svg>", page, re.S)
+
+
+def standalone(style, svg):
+    """A plot as a file of its own, on its own background."""
+    attributes = '<svg xmlns="http://www.w3.org/2000/svg" width="760" height="360" '
+    rules = style.replace(":root", "svg").replace("body {", ".none {")
+    back = '<rect width="100%" height="100%" fill="var(--back)"/>'
+    svg = svg.replace("<svg ", attributes, 1)
+    head, rest = svg.split(">", 1)
+    return f"{head}><style>{rules}</style>{back}{rest}\n"
+
+
+def main():
+    folder = pathlib.Path(sys.argv[1])
+    findings = read(folder, "findings.json") or []
+    capacity, steady, overload = (read(folder, f"{name}.json") for name in ("capacity", "steady", "overload"))
+    if capacity and steady:
+        findings += steady_findings(capacity, steady)
+    if capacity and overload:
+        findings += overload_findings(capacity, overload)
+    machine = capacity["machine"]
+    about = (f"{machine['cores']} cores, {machine['processor']}, {machine['memory_bytes'] / 2**30:.0f} GiB, "
+             f"{machine['system']}; server and load on this machine, two workers.")
+    plots, style = [], ""
+    for name, wanted in (("steady", 2), ("overload", 1), ("ramp", 2)):
+        path = folder / f"{name}.html"
+        if not path.exists():
+            continue
+        style, svgs = pieces(path.read_text(encoding="utf-8"))
+        for number, svg in enumerate(svgs[:wanted], 1):
+            (folder / f"{name}-{number}.svg").write_text(standalone(style, svg), encoding="utf-8")
+            plots.append(f"<h2>{name}</h2>\n{svg}")
+    details = "\n".join(f"- {f['name']}: {f['detail']}" for f in findings)
+    text = f"# Marble: remote solves and load\n\n{about}\n\n{table(findings)}\n\n## Details\n\n{details}\n"
+    (folder / "report.md").write_text(text, encoding="utf-8")
+    (folder / "report.json").write_text(json.dumps({"machine": machine, "findings": findings}, indent=1) + "\n",
+                                        encoding="utf-8")
+    rows = "".join(
+        f"<tr><td>{html.escape(f['name'])}</td><td>{f['value']:.4g}</td><td>{'≤' if f['at_most'] else '≥'} "
+        f"{f['limit']:g}</td><td>{'holds' if f['holds'] else '<b>missed</b>'}</td><td>{html.escape(f['detail'])}</td></tr>\n"
+        for f in findings)
+    page = (f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>Marble under load</title>\n'
+            f"<style>{style}\ntable {{ border-collapse: collapse; }} td, th {{ text-align: left; padding: .3rem .6rem; "
+            f"border-bottom: 1px solid var(--faint); }}</style>\n</head>\n<body>\n<h1>Marble under load</h1>\n"
+            f"<p>{html.escape(about)}</p>\n<table>\n<tr><th>figure</th><th>measured</th><th>promised</th><th></th>"
+            f"<th>from</th></tr>\n{rows}</table>\n{''.join(plots)}\n</body>\n</html>\n")
+    (folder / "report.html").write_text(page, encoding="utf-8")
+    print(table(findings))
+    print(f"\n{folder}/report.html, report.md, report.json")
+
+
+main()

@@ -1,0 +1,26 @@
+// What a measurement says about a promise: a ratio, and the limit it should keep.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace marble::bench {
+
+struct Finding {
+  std::string name;    ///< "hopper, session: latency over local solve"
+  double value = 0.0;  ///< usually a ratio
+  double limit = 0.0;
+  bool at_most = true;  ///< else the value should be at least the limit
+  std::string detail;   ///< the figures it is made from
+
+  [[nodiscard]] bool holds() const { return at_most ? value <= limit : value >= limit; }
+};
+
+/// Prints it, and keeps it for write_findings().
+void tell(Finding finding);
+
+/// All that was told so far as a JSON array, {name, value, limit, at_most, holds, detail} each. False if the
+/// file cannot be written.
+[[nodiscard]] bool write_findings(const std::string& path);
+
+}  // namespace marble::bench
