@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <chrono>
 #include <cstdint>
 #include <vector>
 
@@ -14,6 +15,10 @@ namespace marble::server {
 class ProgressSlot {
  public:
   static constexpr std::size_t kMostRows = 128;
+  /// A message costs more than an iteration of a small problem: rows go out together, so many of them or the
+  /// rows of so long a time.
+  static constexpr std::size_t kTogether = kMostRows / 4;
+  static constexpr std::chrono::milliseconds kTogetherFor{5};
 
   struct Rows {
     std::vector<Progress> rows;      ///< oldest first, without vectors
@@ -43,6 +48,7 @@ class ProgressSlot {
     oldest_ = 0;
     skipped_ = 0;
     skipped_before_ = 0;
+    next_ = {};
   }
 
   /// What came since the last take; no rows if nothing did.
@@ -53,14 +59,26 @@ class ProgressSlot {
     skipped_before_ = skipped_;
     ring_.clear();
     oldest_ = 0;
+    if (!taken.rows.empty()) next_ = Clock::now() + kTogetherFor;
     return taken;
   }
 
+  /// Whether there are rows that should go out now: a first one, and one with an iterate, at once; those that
+  /// came too soon after it when somebody asks later.
+  [[nodiscard]] bool due() const {
+    const MutexLock lock(mutex_);
+    if (ring_.empty()) return false;
+    return ring_.size() >= kTogether || !newest_z_.empty() || Clock::now() >= next_;
+  }
+
  private:
-  Mutex mutex_;
+  using Clock = std::chrono::steady_clock;
+
+  mutable Mutex mutex_;
   std::vector<Progress> ring_ ABSL_GUARDED_BY(mutex_);
   std::size_t oldest_ ABSL_GUARDED_BY(mutex_) = 0;  // not 0 only while the ring is full
   std::vector<double> newest_z_ ABSL_GUARDED_BY(mutex_);
+  Clock::time_point next_ ABSL_GUARDED_BY(mutex_) = {};  // when rows are due, even if few
   std::int64_t skipped_ ABSL_GUARDED_BY(mutex_) = 0;
   std::int64_t skipped_before_ ABSL_GUARDED_BY(mutex_) = 0;  // by the last take
 };

@@ -353,7 +353,7 @@ void SessionCall::take_rows() {
 
 bool SessionCall::next_event(v1::SessionResponse* event) {
   if (broken_) return false;
-  if (events_.empty()) take_rows();
+  if (events_.empty() && slot_.due()) take_rows();
   if (events_.empty()) return false;
   *event = std::move(events_.front());
   events_.pop_front();
@@ -414,7 +414,7 @@ void SessionCall::pulse(Clock::time_point now) {
     } else if (quiet && idle > parts_.config.session_idle_s) {
       end({ErrorCode::aborted, "session_idle_s", -1, "",
            "no update for " + std::to_string(std::lround(idle)) + " s"});
-    } else {
+    } else if (!slot_.due()) {  // rows that waited for others
       return;
     }
   }

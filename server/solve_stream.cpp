@@ -18,6 +18,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const Service
   if (const auto admitted = call->admit(request, context, origin); !admitted) {
     call->Finish(refuse(parts, origin, admitted.error()));
   } else {
+    parts.pulse.add(call);
     call->go_on();
   }
   return call.get();
@@ -109,6 +110,8 @@ void SolveStreamCall::OnCancel() {
   if (job_ != nullptr) parts_.scheduler.cancel(job_);
 }
 
+void SolveStreamCall::pulse(Clock::time_point /*now*/) { go_on(); }
+
 void SolveStreamCall::OnDone() { const auto last = std::move(self_); }
 
 bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
@@ -130,7 +133,7 @@ bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
     event->mutable_started()->set_queue_s(*std::exchange(queue_s_, std::nullopt));
     return true;
   }
-  if (const ProgressSlot::Rows taken = slot_.take(); !taken.rows.empty()) {
+  if (const auto taken = over_ || slot_.due() ? slot_.take() : ProgressSlot::Rows{}; !taken.rows.empty()) {
     parts_.metrics.progress_sent(taken.rows.size(), taken.newly_skipped);
     fill_rows(taken, event->mutable_progress());
     return true;

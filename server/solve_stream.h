@@ -17,7 +17,8 @@ namespace marble::server {
 /// Owns itself until gRPC is done with it; its job owns it too, until it has finished.
 class SolveStreamCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
                               public JobObserver,
-                              public ProgressSink {
+                              public ProgressSink,
+                              public Pulsed {
  public:
   /// Parses, checks and admits the request, or refuses it.
   static grpc::ServerWriteReactor<grpc::ByteBuffer>* begin(const ServiceParts& parts,
@@ -36,6 +37,8 @@ class SolveStreamCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
   ProgressSink* progress() override { return this; }
   void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
   void finished(Outcome outcome) override ABSL_LOCKS_EXCLUDED(mutex_);
+  // From the pulse: rows that wait for others.
+  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
   explicit SolveStreamCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}

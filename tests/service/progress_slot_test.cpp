@@ -88,5 +88,42 @@ TEST(ProgressSlot, LosesNothingUncountedBetweenTwoThreads) {
   EXPECT_EQ(told + skipped, kRows);
 }
 
+TEST(ProgressSlot, AFirstRowIsDueAtOnceAndThoseSoonAfterItTogether) {
+  ProgressSlot slot;
+  EXPECT_FALSE(slot.due());
+  put(slot, 0);
+  EXPECT_TRUE(slot.due());
+  ASSERT_EQ(slot.take().rows.size(), 1U);
+  put(slot, 1);  // due now only if this thread was held up for longer than rows wait
+  std::this_thread::sleep_for(ProgressSlot::kTogetherFor);
+  EXPECT_TRUE(slot.due());
+  EXPECT_EQ(slot.take().rows.size(), 1U);
+}
+
+TEST(ProgressSlot, ManyRowsAreDueBeforeTheirTime) {
+  ProgressSlot slot;
+  put(slot, 0);
+  static_cast<void>(slot.take());
+  for (std::size_t i = 0; i < ProgressSlot::kTogether; ++i) put(slot, static_cast<int>(i) + 1);
+  EXPECT_TRUE(slot.due());
+}
+
+TEST(ProgressSlot, ARowWithItsIterateIsDueAtOnce) {
+  ProgressSlot slot;
+  put(slot, 0);
+  static_cast<void>(slot.take());
+  put(slot, 1, true);
+  EXPECT_TRUE(slot.due());
+}
+
+TEST(ProgressSlot, AnotherSolvesFirstRowIsDueAtOnce) {
+  ProgressSlot slot;
+  put(slot, 0);
+  static_cast<void>(slot.take());
+  slot.reset();
+  put(slot, 0);
+  EXPECT_TRUE(slot.due());
+}
+
 }  // namespace
 }  // namespace marble::server
