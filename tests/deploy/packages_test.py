@@ -174,6 +174,38 @@ def test_systemd_starts_watches_reloads_and_stops_it(tree):
         machine.close()
 
 
+def commands_of_the_runbook():
+    """Its indented lines, without what comes after a #, and the commands in its table of alerts."""
+    text = (ROOT / "deploy/README.md").read_text()
+    blocks = re.findall(r"^    (.+?)(?:\s+#.*)?$", text, re.M)
+    alerts = re.findall(r"`([^`]+)`", text[text.index("## Alerts"):text.index("## Upgrade")])
+    ours = ("apt-get ", "install ", "journalctl ", "marble ", "marble-server ", "systemctl ", "systemd-analyze ")
+    return [line for line in blocks + alerts if line.startswith(ours)]
+
+
+def test_each_command_of_the_runbook_works_there(tree, packages):
+    home = tree.root / "root"
+    shutil.copytree(BUILD / "packages", home / "packages")
+    for name in ("new.pem", "new.key"):
+        (home / name).write_text("renewed")
+    commands = commands_of_the_runbook()
+    assert len(commands) > 20
+    machine = Machine(tree)
+    try:
+        if not machine.running:
+            pytest.skip(machine.why)
+        for command in commands:
+            machine.run("systemctl", "start", "marble-server")
+            done = machine.ask("sh", "-c", f"cd /root && {command} </dev/null")
+            nothing_found = command.startswith("journalctl") and done.returncode == 1 and "No entries" in done.stdout
+            assert done.returncode == 0 or nothing_found, f"{command}: {done.stdout}{done.stderr}"
+        assert (tree.root / "etc/marble/server.key").stat().st_mode & 0o777 == 0o640
+    finally:
+        machine.close()
+        for path in (home / "packages", home / "new.pem", home / "new.key", *(tree.root / "etc/marble").glob("server.*")):
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+
+
 def test_programs_are_built_against_the_library_and_its_contract(tree, packages):
     builder = Store(BUILD / "trees").tree()
     try:

@@ -77,6 +77,7 @@ class Tree:
         shutil.copy("/etc/resolv.conf", self.root / "etc/resolv.conf")
         # It need not survive a power cut.
         (self.root / "etc/dpkg/dpkg.cfg.d/unsafe-io").write_text("force-unsafe-io\n")
+        (self.root / "etc/apt/apt.conf.d/20plain").write_text('APT::Get::Assume-Yes "true";\nAPT::Install-Recommends "false";\n')
         self.mounts = []
         self.mount("-t", "proc", "proc", at="proc")
         self.mount("--rbind", "/dev", at="dev")
@@ -103,7 +104,7 @@ class Tree:
             if isinstance(name, Path):
                 shutil.copy(name, self.root / "tmp" / name.name)
         names = [f"/tmp/{name.name}" if isinstance(name, Path) else name for name in packages]
-        return self.run("apt-get", "install", "--yes", "--no-install-recommends", *names)
+        return self.run("apt-get", "install", *names)
 
     def has(self, path):
         return (self.root / path.lstrip("/")).exists()
