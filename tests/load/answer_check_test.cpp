@@ -26,49 +26,49 @@ Case solved(const char* name) {
 
 std::string fault(const Case& c) { return fault_of(c.problem, {}, c.answer).value_or(""); }
 
-TEST(AnswerCheck, the_solvers_answers_are_right) {
+TEST(AnswerCheck, TheSolversAnswersAreRight) {
   for (const char* name : {"jr1", "hopper", "rocket", "gates"}) EXPECT_EQ(fault(solved(name)), "") << name;
 }
 
-TEST(AnswerCheck, an_answer_that_breaks_a_constraint_is_wrong) {
+TEST(AnswerCheck, AnAnswerThatBreaksAConstraintIsWrong) {
   Case c = solved("hopper");
   c.answer.z[0] += 1e-3;
   EXPECT_NE(fault(c), "");
 }
 
-TEST(AnswerCheck, an_answer_with_both_sides_of_a_pair_open_is_wrong) {
+TEST(AnswerCheck, AnAnswerWithBothSidesOfAPairOpenIsWrong) {
   Case c = solved("jr1");
   c.answer.z = {0.0, 1.0};
   c.answer.objective = 2.0;
   EXPECT_THAT(fault(c), HasSubstr("complementarity violated by 1"));
 }
 
-TEST(AnswerCheck, an_objective_that_is_not_that_of_the_point_is_wrong) {
+TEST(AnswerCheck, AnObjectiveThatIsNotThatOfThePointIsWrong) {
   Case c = solved("rocket");
   c.answer.objective *= 1.0 + 1e-6;
   EXPECT_THAT(fault(c), HasSubstr("objective off by"));
 }
 
-TEST(AnswerCheck, a_feasible_point_that_is_not_stationary_is_wrong) {
+TEST(AnswerCheck, AFeasiblePointThatIsNotStationaryIsWrong) {
   Case c = solved("jr1");
   c.answer.z = {-1.0, 0.0};  // s = 0, t = 1: feasible, far from the optimum
   c.answer.objective = 4.0;
   EXPECT_THAT(fault(c), HasSubstr("not stationary"));
 }
 
-TEST(AnswerCheck, an_answer_of_another_size_is_wrong) {
+TEST(AnswerCheck, AnAnswerOfAnotherSizeIsWrong) {
   Case c = solved("jr1");
   c.answer.z.push_back(0.0);
   EXPECT_THAT(fault(c), HasSubstr("sizes"));
 }
 
-TEST(AnswerCheck, numbers_that_are_none_are_wrong) {
+TEST(AnswerCheck, NumbersThatAreNoneAreWrong) {
   Case c = solved("jr1");
   c.answer.z[0] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_NE(fault(c), "");
 }
 
-TEST(AnswerCheck, an_answer_that_does_not_claim_to_be_solved_may_violate_but_not_lie) {
+TEST(AnswerCheck, AnAnswerThatDoesNotClaimToBeSolvedMayViolateButNotLie) {
   Case c = solved("jr1");
   c.answer.status = Status::time_limit;
   c.answer.z = {0.0, 1.0};
@@ -78,7 +78,7 @@ TEST(AnswerCheck, an_answer_that_does_not_claim_to_be_solved_may_violate_but_not
   EXPECT_THAT(fault(c), HasSubstr("objective"));
 }
 
-TEST(AnswerCheck, counts_what_it_checked_and_what_was_wrong) {
+TEST(AnswerCheck, CountsWhatItCheckedAndWhatWasWrong) {
   const auto entries = load(Scenario{{single_entry("jr1")}}, Mode::unary).value();
   Case c = solved("jr1");
   AnswerCheck check(entries);

@@ -30,7 +30,7 @@ double mean(const std::vector<double>& values) {
   return sum / static_cast<double>(values.size());
 }
 
-TEST(Arrivals, fixed_ones_come_at_even_times_and_do_not_drift) {
+TEST(Arrivals, FixedOnesComeAtEvenTimesAndDoNotDrift) {
   Arrivals arrivals(ArrivalProcess::fixed, 3.0, 1);
   for (std::int64_t i = 1; i <= 3'000'000; ++i) {
     const auto at = arrivals.next();
@@ -40,12 +40,12 @@ TEST(Arrivals, fixed_ones_come_at_even_times_and_do_not_drift) {
   }
 }
 
-TEST(Arrivals, poisson_ones_have_the_rate) {
+TEST(Arrivals, PoissonOnesHaveTheRate) {
   // The mean of N exponential gaps has the relative deviation 1/sqrt(N): five of them.
   EXPECT_NEAR(mean(gaps_s(ArrivalProcess::poisson, 1)) * kRate, 1.0, 5.0 / std::sqrt(kArrivals));
 }
 
-TEST(Arrivals, poisson_gaps_are_exponential) {
+TEST(Arrivals, PoissonGapsAreExponential) {
   auto gaps = gaps_s(ArrivalProcess::poisson, 2);
   std::sort(gaps.begin(), gaps.end());
   double distance = 0.0;  // of Kolmogorov and Smirnov
@@ -57,7 +57,7 @@ TEST(Arrivals, poisson_gaps_are_exponential) {
   EXPECT_LT(distance, 1.95 / std::sqrt(kArrivals));  // exceeded by one true sample in a thousand
 }
 
-TEST(Arrivals, poisson_gaps_do_not_remember_each_other) {
+TEST(Arrivals, PoissonGapsDoNotRememberEachOther) {
   const auto gaps = gaps_s(ArrivalProcess::poisson, 3);
   const double average = mean(gaps);
   double together = 0.0, alone = 0.0;
@@ -68,7 +68,7 @@ TEST(Arrivals, poisson_gaps_do_not_remember_each_other) {
   EXPECT_LT(std::abs(together / alone), 5.0 / std::sqrt(kArrivals));
 }
 
-TEST(Arrivals, a_seed_gives_the_same_again_and_another_one_others) {
+TEST(Arrivals, ASeedGivesTheSameAgainAndAnotherOneOthers) {
   EXPECT_EQ(gaps_s(ArrivalProcess::poisson, 4), gaps_s(ArrivalProcess::poisson, 4));
   EXPECT_NE(gaps_s(ArrivalProcess::poisson, 4), gaps_s(ArrivalProcess::poisson, 5));
 }

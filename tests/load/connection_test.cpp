@@ -37,7 +37,7 @@ std::size_t peers_of_three_clients(bool own_connection) {
   return peers(server).size();
 }
 
-TEST(Connection, clients_that_ask_for_it_have_one_each) {
+TEST(Connection, ClientsThatAskForItHaveOneEach) {
   EXPECT_EQ(peers_of_three_clients(true), 3U);
   EXPECT_EQ(peers_of_three_clients(false), 1U);
 }
@@ -67,7 +67,7 @@ std::size_t refusals_of_one_call(bool retries) {
   return server.log_lines({"refused", "unavailable"}).size();
 }
 
-TEST(Connection, without_retries_a_failure_is_one_failure) {
+TEST(Connection, WithoutRetriesAFailureIsOneFailure) {
   EXPECT_EQ(refusals_of_one_call(false), 1U);
   EXPECT_EQ(refusals_of_one_call(true), 4U);
 }

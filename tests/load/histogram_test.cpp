@@ -34,7 +34,7 @@ std::vector<std::int64_t> random_values(std::mt19937_64& engine, std::size_t cou
   return values;
 }
 
-TEST(Histogram, quantiles_are_within_a_thousandth_above_those_of_the_sorted_values) {
+TEST(Histogram, QuantilesAreWithinAThousandthAboveThoseOfTheSortedValues) {
   std::mt19937_64 engine(7);
   for (int round = 0; round < 50; ++round) {
     const auto values = random_values(engine, 1 + static_cast<std::size_t>(2000.0 * uniform(engine)));
@@ -45,7 +45,7 @@ TEST(Histogram, quantiles_are_within_a_thousandth_above_those_of_the_sorted_valu
   }
 }
 
-TEST(Histogram, least_most_and_mean_are_exact) {
+TEST(Histogram, LeastMostAndMeanAreExact) {
   Histogram histogram;
   for (const std::int64_t value : std::vector<std::int64_t>{1'234'567'891, 3, 987'654'321'012})
     histogram.add(value);
@@ -55,7 +55,7 @@ TEST(Histogram, least_most_and_mean_are_exact) {
   EXPECT_DOUBLE_EQ(histogram.mean(), (1'234'567'891.0 + 3.0 + 987'654'321'012.0) / 3.0);
 }
 
-TEST(Histogram, merged_parts_are_the_whole) {
+TEST(Histogram, MergedPartsAreTheWhole) {
   std::mt19937_64 engine(8);
   const auto values = random_values(engine, 5000);
   Histogram whole, merged, parts[3];
@@ -70,7 +70,7 @@ TEST(Histogram, merged_parts_are_the_whole) {
   for (double part = 0.0; part <= 1.0; part += 0.01) EXPECT_EQ(merged.quantile(part), whole.quantile(part));
 }
 
-TEST(Histogram, of_no_values_says_zero) {
+TEST(Histogram, OfNoValuesSaysZero) {
   Histogram histogram;
   EXPECT_EQ(histogram.quantile(0.99), 0);
   EXPECT_EQ(histogram.mean(), 0.0);
@@ -81,7 +81,7 @@ TEST(Histogram, of_no_values_says_zero) {
   EXPECT_TRUE(histogram.steps().empty());
 }
 
-TEST(Histogram, takes_the_ends_of_its_range) {
+TEST(Histogram, TakesTheEndsOfItsRange) {
   Histogram histogram;
   histogram.add(-5);
   histogram.add(std::numeric_limits<std::int64_t>::max());
@@ -89,7 +89,7 @@ TEST(Histogram, takes_the_ends_of_its_range) {
   EXPECT_EQ(histogram.quantile(1.0), std::numeric_limits<std::int64_t>::max());
 }
 
-TEST(Histogram, steps_ascend_to_the_whole) {
+TEST(Histogram, StepsAscendToTheWhole) {
   std::mt19937_64 engine(9);
   Histogram histogram;
   for (const std::int64_t value : random_values(engine, 1000)) histogram.add(value);

@@ -55,7 +55,7 @@ class Load : public ::testing::Test {
   ServerProcess server_{MARBLE_SERVER_BINARY, {"--workers", "2"}};
 };
 
-TEST_F(Load, counts_are_those_of_the_server_in_every_mode_and_both_loops) {
+TEST_F(Load, CountsAreThoseOfTheServerInEveryModeAndBothLoops) {
   std::int64_t answered = 0, updates = 0;
   for (const std::string mode : {"unary", "streamed", "session", "batch"}) {
     for (const std::string loop : {"closed", "open"}) {
@@ -81,7 +81,7 @@ TEST_F(Load, counts_are_those_of_the_server_in_every_mode_and_both_loops) {
   EXPECT_EQ(info().refused, 0);
 }
 
-TEST_F(Load, a_mix_is_sent_by_its_weights_and_told_by_its_names) {
+TEST_F(Load, AMixIsSentByItsWeightsAndToldByItsNames) {
   const TemporaryDirectory folder;
   std::ofstream(folder.file("mix.toml")) << R"(
     [[entry]]
@@ -108,7 +108,7 @@ TEST_F(Load, a_mix_is_sent_by_its_weights_and_told_by_its_names) {
 
 // A server that stands still for a second delays all requests that were due in it. Of them a closed loop sees
 // as many as it has clients, an open loop all: that is what its latency from the intended time is for.
-TEST_F(Load, an_open_loop_sees_every_request_that_a_stall_delayed) {
+TEST_F(Load, AnOpenLoopSeesEveryRequestThatAStallDelayed) {
   LoadRun run(arguments({"open", "--problem", "jr1", "--rate", "100", "--arrivals", "fixed", "--warm-up", "0",
                          "--duration", "4", "--clients", "1"}));
   ASSERT_TRUE(eventually([&] { return info().answered >= 50; }));
@@ -123,7 +123,7 @@ TEST_F(Load, an_open_loop_sees_every_request_that_a_stall_delayed) {
   EXPECT_GE(latency.at("p90_s"), 0.5);  // a quarter of the run's requests were due in the stall
 }
 
-TEST_F(Load, refusals_are_errors_by_code_with_their_retry_info) {
+TEST_F(Load, RefusalsAreErrorsByCodeWithTheirRetryInfo) {
   ServerProcess small(MARBLE_SERVER_BINARY, {"--workers", "1", "--queue-jobs", "1"});
   std::vector<std::string> line = {"open",   "--server", small.address(), "--quiet",   "--json", "--problem",
                                    "hopper", "--rate",   "400",           "--warm-up", "0",      "--count",
@@ -140,7 +140,7 @@ TEST_F(Load, refusals_are_errors_by_code_with_their_retry_info) {
   EXPECT_EQ(load(line).exit_code, 0);
 }
 
-TEST_F(Load, a_ramp_finds_a_rate_between_one_that_holds_and_one_that_does_not) {
+TEST_F(Load, ARampFindsARateBetweenOneThatHoldsAndOneThatDoesNot) {
   // One worker that needs a time for each solve: somewhere between 1 and 100000 a second it cannot hold 20
   // ms.
   ServerProcess one(MARBLE_SERVER_BINARY, {"--workers", "1"});
@@ -167,7 +167,7 @@ TEST_F(Load, a_ramp_finds_a_rate_between_one_that_holds_and_one_that_does_not) {
   EXPECT_THAT(page, HasSubstr("Throughput against offered load"));
 }
 
-TEST_F(Load, json_has_every_key_that_its_schema_promises) {
+TEST_F(Load, JsonHasEveryKeyThatItsSchemaPromises) {
   const Json json =
       load(arguments({"open", "--problem", "jr1", "--rate", "200", "--warm-up", "0.1", "--duration", "1.2"}))
           .json();
@@ -212,7 +212,7 @@ TEST_F(Load, json_has_every_key_that_its_schema_promises) {
   EXPECT_GT(run.at("load_cpu_s"), 0.0);
 }
 
-TEST_F(Load, the_page_needs_no_other_host_and_no_script) {
+TEST_F(Load, ThePageNeedsNoOtherHostAndNoScript) {
   const TemporaryDirectory folder;
   const Outcome outcome = load(arguments({"closed", "--problem", "jr1", "--warm-up", "0", "--count", "100"},
                                          {"--html", folder.file("report.html")}));
@@ -224,7 +224,7 @@ TEST_F(Load, the_page_needs_no_other_host_and_no_script) {
     EXPECT_THAT(page, HasSubstr(plot));
 }
 
-TEST_F(Load, an_interrupt_ends_early_with_the_report_so_far) {
+TEST_F(Load, AnInterruptEndsEarlyWithTheReportSoFar) {
   LoadRun run(
       arguments({"open", "--problem", "jr1", "--rate", "100", "--warm-up", "0", "--duration", "600"}));
   ASSERT_TRUE(eventually([&] { return info().answered >= 20; }));
@@ -236,7 +236,7 @@ TEST_F(Load, an_interrupt_ends_early_with_the_report_so_far) {
   EXPECT_GE(json.at("run").at("total").at("answers"), 20);
 }
 
-TEST_F(Load, an_unreachable_server_and_a_refused_session_have_an_exit_code_of_their_own) {
+TEST_F(Load, AnUnreachableServerAndARefusedSessionHaveAnExitCodeOfTheirOwn) {
   const Outcome away = load({"closed", "--server", "unix:/nowhere/marble.sock", "--count", "1"});
   EXPECT_EQ(away.exit_code, 3);
   EXPECT_THAT(away.output, HasSubstr("marble-load: "));
@@ -247,7 +247,7 @@ TEST_F(Load, an_unreachable_server_and_a_refused_session_have_an_exit_code_of_th
   EXPECT_THAT(refused.output, HasSubstr("a session was not set up: resource_exhausted"));
 }
 
-TEST_F(Load, bad_input_is_told_before_anything_is_sent) {
+TEST_F(Load, BadInputIsToldBeforeAnythingIsSent) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
       {{"closed", "--problem", "no-such-file.json"}, "no-such-file.json"},
       {{"closed", "--mode", "sessions"}, "--mode"},

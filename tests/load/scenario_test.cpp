@@ -12,7 +12,7 @@ std::string error_of(const std::string& text) {
   return scenario ? "" : scenario.error().message();
 }
 
-TEST(Scenario, every_key_of_an_entry_is_read) {
+TEST(Scenario, EveryKeyOfAnEntryIsRead) {
   const auto scenario = parse_scenario(R"(
     [[entry]]
     name = "planner"
@@ -52,7 +52,7 @@ TEST(Scenario, every_key_of_an_entry_is_read) {
   EXPECT_EQ(scenario->entries[1].mode, std::nullopt);
 }
 
-TEST(Scenario, a_fault_is_told_with_file_line_key_value_and_rule) {
+TEST(Scenario, AFaultIsToldWithFileLineKeyValueAndRule) {
   EXPECT_EQ(error_of("[[entry]]\nproblem = 'hopper'\nweight = -1\n"),
             "mix.toml:3: weight = -1: must be a number in [1e-06, 1e+06]");
   EXPECT_EQ(error_of("[[entry]]\nproblem = 'hoper'\n"),
@@ -69,24 +69,24 @@ TEST(Scenario, a_fault_is_told_with_file_line_key_value_and_rule) {
             "mix.toml:1: entries: is no key of a scenario; it has [[entry]] tables");
 }
 
-TEST(Scenario, what_is_not_toml_is_told_with_its_line) {
+TEST(Scenario, WhatIsNotTomlIsToldWithItsLine) {
   EXPECT_EQ(error_of("[[entry]]\nproblem = \n").rfind("mix.toml:2", 0), 0u)
       << error_of("[[entry]]\nproblem = \n");
 }
 
-TEST(Scenario, an_entry_has_either_a_problem_or_a_file) {
+TEST(Scenario, AnEntryHasEitherAProblemOrAFile) {
   EXPECT_EQ(error_of("[[entry]]\nweight = 1\n"), "mix.toml:1: entry: must have either problem or file");
   EXPECT_EQ(error_of("[[entry]]\nproblem = 'jr1'\nfile = 'a.json'\n"),
             "mix.toml:1: entry: must have either problem or file");
   EXPECT_EQ(error_of(""), "mix.toml: entry: there must be at least one [[entry]]");
 }
 
-TEST(Scenario, names_tell_entries_apart) {
+TEST(Scenario, NamesTellEntriesApart) {
   const std::string twice = "[[entry]]\nproblem = 'jr1'\n[[entry]]\nproblem = 'jr1'\n";
   EXPECT_EQ(error_of(twice), "mix.toml:3: name = jr1: another entry has this name: give each its own");
 }
 
-TEST(Scenario, a_solver_option_has_the_solvers_own_rule) {
+TEST(Scenario, ASolverOptionHasTheSolversOwnRule) {
   EXPECT_EQ(
       error_of("[[entry]]\nproblem = 'jr1'\noptions = { kappa = 1 }\n").rfind("mix.toml:3: options.kappa", 0),
       0u);
@@ -94,14 +94,14 @@ TEST(Scenario, a_solver_option_has_the_solvers_own_rule) {
   EXPECT_NE(beyond.find("options.kappa_min = 7"), std::string::npos) << beyond;
 }
 
-TEST(Scenario, a_missing_file_is_told_by_its_name) {
+TEST(Scenario, AMissingFileIsToldByItsName) {
   const auto scenario = read_scenario("no/such/mix.toml");
   ASSERT_FALSE(scenario);
   EXPECT_EQ(scenario.error().code, ErrorCode::not_found);
   EXPECT_EQ(scenario.error().message(), "no/such/mix.toml: cannot be read");
 }
 
-TEST(Scenario, every_example_gives_its_variants_in_one_pattern) {
+TEST(Scenario, EveryExampleGivesItsVariantsInOnePattern) {
   for (const std::string& name : example_names()) {
     Entry entry = single_entry(name);
     entry.variants = 3;
@@ -111,7 +111,7 @@ TEST(Scenario, every_example_gives_its_variants_in_one_pattern) {
   }
 }
 
-TEST(Objective, is_a_part_and_a_time_with_its_unit) {
+TEST(Objective, IsAPartAndATimeWithItsUnit) {
   const auto objective = parse_objective("p99.9=50ms");
   ASSERT_TRUE(objective);
   EXPECT_DOUBLE_EQ(objective->part, 0.999);
