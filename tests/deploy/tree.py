@@ -54,15 +54,17 @@ class Store:
         sources = debian_sources()
         if not sources:
             raise RuntimeError(f"apt knows no archive of {SUITE}")
-        with tempfile.TemporaryDirectory(dir=self.folder) as folder:
-            root = Path(folder) / "root"
-            run("debootstrap", "--variant=minbase", f"--cache-dir={self.archives.resolve()}", SUITE, root, sources[0][0])
+        with tempfile.TemporaryDirectory(prefix="marble-tree-") as folder:  # debootstrap knows no paths with a space
+            root, cache = Path(folder) / "root", Path(folder) / "archives"
+            cache.symlink_to(self.archives.resolve())
+            run("debootstrap", "--variant=minbase", f"--cache-dir={cache}", SUITE, root, sources[0][0])
             (root / "etc/apt/sources.list").write_text("".join("deb {} {} {}\n".format(*source) for source in sources))
             (root / "etc/apt/apt.conf.d/10proxy").write_text("".join(line + "\n" for line in apt_proxy()))
             shutil.copy("/etc/resolv.conf", root / "etc/resolv.conf")
             run("chroot", root, "apt-get", "update", env=CLEAN)
-            run("tar", "-C", root, "-cf", Path(folder) / "base.tar", ".")
-            (Path(folder) / "base.tar").rename(self.base)
+            part = self.base.with_suffix(".part")
+            run("tar", "-C", root, "-cf", part, ".")
+            part.rename(self.base)
 
     def tree(self):
         return Tree(self)
@@ -70,7 +72,7 @@ class Store:
 
 class Tree:
     def __init__(self, store):
-        self.folder = tempfile.TemporaryDirectory(prefix="marble tree ".replace(" ", "-"))
+        self.folder = tempfile.TemporaryDirectory(prefix="marble-tree-")
         self.root = Path(self.folder.name) / "root"
         self.root.mkdir()
         run("tar", "-C", self.root, "-xf", store.base)
