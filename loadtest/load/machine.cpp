@@ -1,5 +1,6 @@
 #include "machine.h"
 
+#include <sys/resource.h>
 #include <sys/sysinfo.h>
 #include <sys/utsname.h>
 
@@ -23,6 +24,15 @@ Machine this_machine() {
   if (sysinfo(&memory) == 0)
     machine.memory_bytes = static_cast<double>(memory.totalram) * static_cast<double>(memory.mem_unit);
   return machine;
+}
+
+double own_cpu_s() {
+  rusage usage = {};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto sum = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
+  return sum(usage.ru_utime) + sum(usage.ru_stime);
 }
 
 }  // namespace marble::load

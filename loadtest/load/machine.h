@@ -1,4 +1,4 @@
-// The machine a report is from, without its name.
+// The machine a report is from, without its name, and what this process takes of it.
 #pragma once
 
 #include <string>
@@ -12,5 +12,8 @@ struct Machine {
 };
 
 [[nodiscard]] Machine this_machine();
+
+/// CPU seconds of all threads of this process so far, user and system.
+[[nodiscard]] double own_cpu_s();
 
 }  // namespace marble::load

@@ -1,13 +1,12 @@
 #include "run.h"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <atomic>
 #include <optional>
 
 #include "dispatcher.h"
 #include "lanes.h"
+#include "machine.h"
 #include "reply.h"
 
 namespace marble::load {
@@ -18,15 +17,6 @@ constexpr double kLateShare = 0.1;   // of the median latency
 constexpr double kGivenUp_s = 10.0;  // for cancelled requests to end
 
 double seconds(Clock::duration d) { return std::chrono::duration<double>(d).count(); }
-
-double own_cpu_s() {
-  rusage usage = {};
-  getrusage(RUSAGE_SELF, &usage);
-  const auto sum = [](const timeval& t) {
-    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
-  };
-  return sum(usage.ru_utime) + sum(usage.ru_stime);
-}
 
 // Looks at everything once a second.
 class Log {

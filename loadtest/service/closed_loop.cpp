@@ -1,7 +1,5 @@
 #include "closed_loop.h"
 
-#include <sys/resource.h>
-
 #include <atomic>
 #include <thread>
 
@@ -9,15 +7,6 @@
 #include "marble/solver.h"
 
 namespace marble::bench {
-
-double own_cpu_s() {
-  rusage usage = {};
-  getrusage(RUSAGE_SELF, &usage);
-  const auto sum = [](const timeval& t) {
-    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
-  };
-  return sum(usage.ru_utime) + sum(usage.ru_stime);
-}
 
 double server_cpu_s(v1::Server::Stub& server) {
   grpc::ClientContext context;

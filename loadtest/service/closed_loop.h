@@ -4,6 +4,7 @@
 #include <atomic>
 
 #include "bench.h"
+#include "machine.h"
 
 namespace marble::bench {
 
@@ -42,8 +43,7 @@ class RemoteLoop {
 /// Threads that set the problem up and solve it again and again.
 [[nodiscard]] Block run_in_process(const OwnedProblem& problem, int threads, std::chrono::milliseconds time);
 
-/// Processor time of this process so far, in seconds.
-[[nodiscard]] double own_cpu_s();
+using load::own_cpu_s;
 /// And of a server, as it tells.
 [[nodiscard]] double server_cpu_s(v1::Server::Stub& server);
 

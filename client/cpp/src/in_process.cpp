@@ -25,8 +25,7 @@ Options DeadlineLimit::limit(Options options) const {
 
 Expected<RemoteSolution> DeadlineLimit::answer(Expected<Solution> solution) const {
   if (!solution) return unexpected(std::move(solution.error()));
-  if (solution->status == Status::cancelled)
-    return unexpected(Error{ErrorCode::cancelled, "", -1, "", "given up by the caller"});
+  if (solution->status == Status::cancelled) return unexpected(given_up());
   if (!(left_s() > 0.0)) {
     return unexpected(
         Error{ErrorCode::deadline_exceeded, "", -1, "", "the deadline passed while the problem was solved"});
@@ -66,7 +65,7 @@ Expected<void> solve_batch_here(const BatchSource& source, const BatchSink& sink
     sink(p->tag,
          solve_here(p->problem, p->options, {.stop = controls.stop, .initial_z = p->initial_z}, call));
   }
-  return unexpected(Error{ErrorCode::cancelled, "", -1, "", "given up by the caller"});
+  return unexpected(given_up());
 }
 
 }  // namespace marble::client

@@ -17,6 +17,9 @@ inline constexpr const char* kInProcess = "in process";
   return {ErrorCode::unavailable, "address", -1, "", "there is no server: this client solves in process"};
 }
 
+/// The caller's stop token ended it.
+[[nodiscard]] inline Error given_up() { return {ErrorCode::cancelled, "", -1, "", "given up by the caller"}; }
+
 [[nodiscard]] Expected<RemoteSolution> solve_here(const ProblemView& problem, const Options& options,
                                                   const SolveControls& controls, const CallControls& call);
 

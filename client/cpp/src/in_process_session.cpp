@@ -66,10 +66,7 @@ class InProcessSession final : public Session::State {
   [[nodiscard]] bool is_open() const override { return !closed_ && !stop_.stop_requested(); }
 
  private:
-  [[nodiscard]] Error reason() const {
-    if (closed_) return session_ended();
-    return {ErrorCode::cancelled, "", -1, "", "given up by the caller"};
-  }
+  [[nodiscard]] Error reason() const { return closed_ ? session_ended() : given_up(); }
 
   WarmSolver solver_;
   Options options_;

@@ -25,7 +25,7 @@ class RemotePending final : public PendingSolution::State,
         request_(std::move(request)),
         call_(std::move(call)),
         stop_(controls.stop),
-        tells_(controls.progress != nullptr || call_.accepted || call_.moved || call_.started),
+        tells_(wants_events(controls.progress, call_)),
         events_(controls.progress, call_) {}
 
   // A unary call where nobody wants to be told: gRPC can repeat it elsewhere until it is answered.

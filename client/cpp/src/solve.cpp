@@ -41,9 +41,9 @@ Expected<RemoteSolution> solve(const Connection& connection, const ProblemView& 
       !ready)
     return unexpected(ready.error());
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
-  const bool stream = controls.progress != nullptr || call.accepted || call.moved || call.started;
-  auto answer = stream ? streamed(connection, *request, context, controls, call)
-                       : unary(connection, request->solve(), context, controls.stop);
+  auto answer = wants_events(controls.progress, call)
+                    ? streamed(connection, *request, context, controls, call)
+                    : unary(connection, request->solve(), context, controls.stop);
   if (answer) answer->traceparent = returned_traceparent(context);
   return answer;
 }

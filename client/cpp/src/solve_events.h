@@ -10,6 +10,11 @@
 
 namespace marble::client {
 
+/// Whether anybody wants to be told of more than the answer: it takes a stream.
+[[nodiscard]] inline bool wants_events(const ProgressSink* progress, const CallControls& call) {
+  return progress != nullptr || call.accepted || call.moved || call.started;
+}
+
 class SolveEvents {
  public:
   SolveEvents(ProgressSink* progress, const CallControls& call) : progress_(progress), call_(call) {}

@@ -8,7 +8,6 @@ import json
 import os
 import pathlib
 import re
-import shutil
 import socket
 import sys
 from collections.abc import Sequence
@@ -29,9 +28,6 @@ _DNS: Final = "dns:///"
 # that the client writes, whose first half may have been served.
 _REPEATABLE: Final = {"Solver": ("Solve", "SolveStream"), "Jobs": ("Result", "List", "Get", "Watch"),
                       "Server": ("GetInfo",)}
-_NO_SERVER: Final = (
-    "no server is named, and there is no marble-server in PATH to start: install it, or set "
-    "MARBLE_SERVER=127.0.0.1:50051, or pass an address (this package has no solver of its own)")
 
 
 def _printable(text: str) -> bool:
@@ -166,8 +162,6 @@ def service_config(several: bool) -> str:
 def _own_server(connect: ConnectOptions) -> str:
     if connect.credentials() is not None:
         raise InvalidArgument("address", "is missing; the server of this process alone has no TLS")
-    if shutil.which("marble-server") is None:
-        raise Unavailable(_NO_SERVER)
     return local_address()
 
 

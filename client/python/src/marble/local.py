@@ -29,7 +29,9 @@ class LocalServer:
     def __init__(self, program: str = _PROGRAM) -> None:
         found = shutil.which(program)
         if found is None:
-            raise Unavailable(f"there is no {program} in PATH")
+            raise Unavailable(
+                f"no server is named, and there is no {program} in PATH to start: install it, or set "
+                "MARBLE_SERVER=127.0.0.1:50051, or pass an address (this package has no solver of its own)")
         self._owner = os.getpid()
         self._folder = pathlib.Path(tempfile.mkdtemp(prefix="marble-"))
         kept = {k: v for k, v in os.environ.items() if not k.startswith("MARBLE_") or k == "MARBLE_WORKERS"}
