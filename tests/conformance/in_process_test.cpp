@@ -10,6 +10,7 @@
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "problems.h"
+#include "support/same_solution.h"
 #include "support/server_process.h"
 #include "support/small_problems.h"
 
@@ -27,15 +28,6 @@ class Rows final : public ProgressSink {
   std::vector<int> iterations;
   int with_z = 0;
 };
-
-void expect_same(const RemoteSolution& here, const RemoteSolution& there) {
-  EXPECT_EQ(here.status, there.status);
-  EXPECT_EQ(here.z, there.z);
-  EXPECT_EQ(here.equality_multipliers, there.equality_multipliers);
-  EXPECT_EQ(here.complementarity_multipliers_R, there.complementarity_multipliers_R);
-  EXPECT_EQ(here.objective, there.objective);
-  EXPECT_EQ(here.factorizations, there.factorizations);
-}
 
 template <class T>
 void expect_same_error(const Expected<T>& here, const Expected<T>& there) {
@@ -66,8 +58,8 @@ TEST_F(InProcess, OneSolveHasTheBitsAndTheRowsOfTheServer) {
   SolveControls told_here = from, told_there = from;
   told_here.progress = &here;
   told_there.progress = &there;
-  expect_same(here_.solve(p.view(), {}, told_here, call).value(),
-              there_.solve(p.view(), {}, told_there, call).value());
+  expect_same_bits(here_.solve(p.view(), {}, told_here, call).value(),
+                   there_.solve(p.view(), {}, told_there, call).value());
   EXPECT_EQ(here.iterations, there.iterations);
   const auto even =
       std::count_if(here.iterations.begin(), here.iterations.end(), [](int i) { return i % 2 == 0; });
@@ -98,7 +90,7 @@ TEST_F(InProcess, AClosedLoopIsTheSameCodeWithTheSameBits) {
   ASSERT_EQ(here.size(), there.size());
   for (std::size_t i = 0; i < here.size(); ++i) {
     EXPECT_EQ(here[i].status, Status::solved) << here[i].detail;
-    expect_same(here[i], there[i]);
+    expect_same_bits(here[i], there[i]);
   }
 }
 
@@ -135,7 +127,7 @@ TEST_F(InProcess, WhatIsWrongIsSaidAlike) {
   expect_same_error(here.solve({}, {.options = options}), there.solve({}, {.options = options}));
   expect_same_error(here.solve({}, shifted), there.solve({}, shifted));
   EXPECT_TRUE(here.is_open());
-  expect_same(here.solve().value(), there.solve().value());
+  expect_same_bits(here.solve().value(), there.solve().value());
 }
 
 TEST_F(InProcess, DeadlinesAndStopsEndASolveHereAsThere) {
@@ -154,7 +146,7 @@ TEST_F(InProcess, DeadlinesAndStopsEndASolveHereAsThere) {
 TEST_F(InProcess, AnAsyncSolveHasAThreadOfItsOwn) {
   const OwnedProblem p = examples::rocket();
   auto pending = here_.solve_async(p.view()).value();
-  expect_same(pending.get().value(), there_.solve(p.view()).value());
+  expect_same_bits(pending.get().value(), there_.solve(p.view()).value());
   EXPECT_EQ(pending.get().error().code, ErrorCode::failed_precondition) << "it was taken";
   auto endless = here_.solve_async(endless_, tiny_steps_).value();
   EXPECT_FALSE(endless.wait_for(20ms));
@@ -201,7 +193,7 @@ TEST_F(Environment, SolveGoesToTheServerThatItNamesAndElseStaysHere) {
   name(first->address());
   const RemoteSolution there = marble::solve(problem_.view()).value();
   EXPECT_FALSE(there.job_id.empty());
-  expect_same(here, there);
+  expect_same_bits(here, there);
   EXPECT_EQ(Client::from_environment().value().address(), first->address());
   name(second->address());
   first.reset();

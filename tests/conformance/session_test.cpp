@@ -9,6 +9,7 @@
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "problems.h"
+#include "support/same_solution.h"
 #include "support/server_process.h"
 #include "support/small_problems.h"
 
@@ -19,17 +20,6 @@ constexpr int kSteps = 12;
 
 ProblemUpdate vectors_of(const OwnedProblem& p) {
   return {.c0 = p.c0, .g = p.g, .b = p.b, .d = p.d, .l = p.l, .r = p.r};
-}
-
-void expect_same_bits(const Solution& there, const Solution& here) {
-  EXPECT_EQ(there.status, here.status);
-  EXPECT_EQ(there.z, here.z);
-  EXPECT_EQ(there.equality_multipliers, here.equality_multipliers);
-  EXPECT_EQ(there.inequality_multipliers, here.inequality_multipliers);
-  EXPECT_EQ(there.complementarity_multipliers_L, here.complementarity_multipliers_L);
-  EXPECT_EQ(there.complementarity_multipliers_R, here.complementarity_multipliers_R);
-  EXPECT_EQ(there.objective, here.objective);
-  EXPECT_EQ(there.factorizations, here.factorizations);
 }
 
 class SessionTest : public ::testing::Test {

@@ -1,0 +1,21 @@
+// Two answers to one problem that must be the same to the last bit.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include "marble/solution.h"
+
+namespace marble::testing {
+
+inline void expect_same_bits(const Solution& there, const Solution& here) {
+  EXPECT_EQ(there.status, here.status);
+  EXPECT_EQ(there.z, here.z);
+  EXPECT_EQ(there.equality_multipliers, here.equality_multipliers);
+  EXPECT_EQ(there.inequality_multipliers, here.inequality_multipliers);
+  EXPECT_EQ(there.complementarity_multipliers_L, here.complementarity_multipliers_L);
+  EXPECT_EQ(there.complementarity_multipliers_R, here.complementarity_multipliers_R);
+  EXPECT_EQ(there.objective, here.objective);
+  EXPECT_EQ(there.factorizations, here.factorizations);
+}
+
+}  // namespace marble::testing
