@@ -4,11 +4,15 @@
 Usage: loadtest/report.py FOLDER    reads its .json and .html, writes report.md, report.json, report.html, *.svg
 """
 
+import bisect
 import html
 import json
 import pathlib
+import random
 import re
 import sys
+
+WORKERS = 2  # as loadtest/run starts the server
 
 
 def read(folder, name):
@@ -25,18 +29,39 @@ def errors_of(run):
     return sum(run["total"]["errors"].values()) + run["wrong"] + run["abandoned"]
 
 
-def steady_findings(capacity, steady):
+def ideal_p99_s(run, evenly):
+    """What requests of these rates and solve times get from workers that lose no time between them."""
+    solve, rate, chance = run["total"]["server_solve"], run["plan"]["rate_per_s"], random.Random(1)
+    parts = [0, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999, 1]
+    times = [solve[name] for name in ("least_s", "p50_s", "p75_s", "p90_s", "p95_s", "p99_s", "p99.9_s", "most_s")]
+
+    def one_solve():
+        part = chance.random()
+        at = bisect.bisect(parts, part)
+        return times[at - 1] + (times[at] - times[at - 1]) * (part - parts[at - 1]) / (parts[at] - parts[at - 1])
+
+    free, now, latencies = [0.0] * WORKERS, 0.0, []
+    for _ in range(200_000):
+        now += 1 / rate if evenly else chance.expovariate(rate)
+        worker = free.index(min(free))
+        free[worker] = max(now, free[worker]) + one_solve()
+        latencies.append(free[worker] - now)
+    return sorted(latencies)[int(0.99 * len(latencies))]
+
+
+def steady_findings(capacity, steady, arrivals):
     run, solve = steady["run"], capacity["run"]["total"]["server_solve"]["p50_s"]
     latency = run["total"]["latency"]
     memory = [second["resident_bytes"] for second in run["seconds"]]
     early, late = memory[len(memory) // 4], memory[-1]
-    what = f"70 % of capacity, open loop, {run['measured_s']:.0f} s: "
+    what = f"70 % of capacity, {arrivals} arrivals, {run['measured_s']:.0f} s: "
     return [
         finding(what + "errors and wrong answers", errors_of(run), 0, True,
                 f"{run['sent']} requests at {run['plan']['rate_per_s']:.1f}/s, {run['checked']} answers checked"),
         finding(what + "p99 over the median solve", latency["p99_s"] / solve, 3, True,
                 f"p50 {1e3 * latency['p50_s']:.2f} ms, p99 {1e3 * latency['p99_s']:.2f} ms, "
-                f"median solve {1e3 * solve:.2f} ms"),
+                f"median solve {1e3 * solve:.2f} ms; workers that lose no time: p99 "
+                f"{1e3 * ideal_p99_s(run, arrivals == 'even'):.2f} ms"),
         finding(what + "memory at the end over that after a quarter", late / early, 1.05, True,
                 f"{early / 2**20:.1f} MiB, then {late / 2**20:.1f} MiB"),
     ]
@@ -92,9 +117,11 @@ def standalone(style, svg):
 def main():
     folder = pathlib.Path(sys.argv[1])
     findings = read(folder, "findings.json") or []
-    capacity, steady, overload = (read(folder, f"{name}.json") for name in ("capacity", "steady", "overload"))
+    capacity, steady, ticks, overload = (read(folder, f"{name}.json") for name in ("capacity", "steady", "ticks", "overload"))
     if capacity and steady:
-        findings += steady_findings(capacity, steady)
+        findings += steady_findings(capacity, steady, "Poisson")
+    if capacity and ticks:
+        findings += steady_findings(capacity, ticks, "even")
     if capacity and overload:
         findings += overload_findings(capacity, overload)
     machine = capacity["machine"]

@@ -24,10 +24,16 @@ namespace marble::server {
 
 struct QueueLimits {
   int workers = 1;         ///< a free worker counts as room, so that jobs = 0 means "no waiting"
-  int jobs = 0;            ///< that wait
+  int jobs = 0;            ///< that wait; one place in 16 is for realtime jobs alone
   std::int64_t bytes = 0;  ///< of requests that wait or run
   int passed_over = 32;    ///< how often in a row a priority with something to do may be passed over
   std::chrono::steady_clock::duration patience = std::chrono::seconds(10);
+
+  /// How many may wait when a job of this priority comes. Others' jobs never fill the queue, so that a planner
+  /// is not refused because somebody floods the server.
+  [[nodiscard]] int jobs_for(Priority priority) const {
+    return priority == Priority::realtime ? jobs : jobs - jobs / 16;
+  }
 };
 
 /// What the queue wants to know of an item.
@@ -58,7 +64,7 @@ class JobQueue {
     const auto known = clients_.find(ticket.client);
     const Client& client = known == clients_.end() ? kNobody : known->second;
     if (!ticket.reserved) {
-      if (unreserved_ >= limits_.jobs + limits_.workers) return QueueRefusal::jobs;
+      if (!has_room(ticket.priority)) return QueueRefusal::jobs;
       const bool runs_at_once = client.running < quota.running && running_ < limits_.workers;
       if (client.queued >= quota.queued && !(runs_at_once && client.queued == 0))
         return QueueRefusal::client_jobs;
@@ -167,7 +173,9 @@ class JobQueue {
   [[nodiscard]] std::int64_t bytes() const { return bytes_; }
   [[nodiscard]] std::size_t clients() const { return clients_.size(); }  ///< with anything in it
   /// Whether a job of no size would be taken.
-  [[nodiscard]] bool has_room() const { return unreserved_ < limits_.jobs + limits_.workers; }
+  [[nodiscard]] bool has_room(Priority priority) const {
+    return unreserved_ < limits_.jobs_for(priority) + limits_.workers;
+  }
   /// Whether pop() would give something.
   [[nodiscard]] bool ready() const {
     for (std::size_t at = 0; at < kPriorities; ++at) {

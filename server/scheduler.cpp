@@ -53,10 +53,13 @@ Error refusal(QueueRefusal why, const QueueLimits& limits, const Job& job) {
     return Error{ErrorCode::resource_exhausted, field, -1, std::move(value), std::move(bound)};
   };
   const std::string bytes = std::to_string(job.ticket.bytes) + " more";
+  const int jobs = limits.jobs_for(job.ticket.priority);
+  const std::string kept =
+      jobs < limits.jobs ? ", and " + std::to_string(limits.jobs - jobs) + " more if they are realtime" : "";
   switch (why) {
     case QueueRefusal::jobs:
       return error("queue_jobs", "",
-                   "the queue is full: it holds at most " + std::to_string(limits.jobs) + " jobs");
+                   "the queue is full: it holds at most " + std::to_string(jobs) + " jobs" + kept);
     case QueueRefusal::bytes:
       return error("queue_bytes", bytes,
                    "requests may take at most " + std::to_string(limits.bytes) + " bytes together");
@@ -93,6 +96,13 @@ Scheduler::~Scheduler() {
 
 Expected<QueuePlace> Scheduler::admit(const std::shared_ptr<Job>& job,
                                       const std::weak_ptr<RoomWaiter>& waiter) {
+  Expected<QueuePlace> place = enqueue(job, waiter);
+  if (place) work_.notify_one();  // without the lock, which the worker wants at once
+  return place;
+}
+
+Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
+                                        const std::weak_ptr<RoomWaiter>& waiter) {
   const MutexLock lock(mutex_);
   if (closed_ && !(job->ticket.reserved && !hurried_)) {
     return unexpected(Error{ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"});
@@ -115,7 +125,6 @@ Expected<QueuePlace> Scheduler::admit(const std::shared_ptr<Job>& job,
   job->record->queued();
   const QueuePlace place = place_of(*job);
   if (job->observer->wants_place()) place_listeners_.push_back({job, job->observer});
-  work_.notify_one();
   return place;
 }
 
@@ -207,6 +216,7 @@ void Scheduler::run_job(const std::shared_ptr<Job>& job) {
     outcome.solution = solve(*job, *this);
   }
   job->work = nullptr;  // before its bytes are counted free: an answer may wait long for its reader
+  bool others_ready = false;
   {
     const MutexLock lock(mutex_);
     ++finishing_;
@@ -218,8 +228,9 @@ void Scheduler::run_job(const std::shared_ptr<Job>& job) {
       double& mean = mean_run_s_[static_cast<std::size_t>(job->ticket.priority)];
       mean += kNewest * (run_s - mean);
     }
-    if (queue_.ready()) work_.notify_one();  // its client may have been at its quota
+    others_ready = queue_.ready();
   }
+  if (others_ready) work_.notify_one();  // their client may have been at its quota
   finish(*job, std::move(outcome), true);
 }
 

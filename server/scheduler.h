@@ -89,6 +89,9 @@ class Scheduler final : public Pulsed, public TaskRunner {
   [[nodiscard]] QueuePlace place(const Job& job) const ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
+  [[nodiscard]] Expected<QueuePlace> enqueue(const std::shared_ptr<Job>& job,
+                                             const std::weak_ptr<RoomWaiter>& waiter)
+      ABSL_LOCKS_EXCLUDED(mutex_);
   void work() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::shared_ptr<Job> next() ABSL_LOCKS_EXCLUDED(mutex_);
   void run_job(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);

@@ -1,5 +1,6 @@
 // What it costs that the solver is elsewhere: the same solves here and there, in turns.
 #include <cstdio>
+#include <functional>
 
 #include "bench.h"
 #include "echo_server.h"
@@ -14,7 +15,7 @@ namespace marble::bench {
 namespace {
 
 constexpr int kHopperRounds = 40;
-constexpr int kTinyRounds = 4000;
+constexpr int kTinyRounds = 80, kTinyBlock = 50;  // of each way in turns, so many in a row
 constexpr double kHopperLimit = 1.05;
 constexpr double kTinyLimit = 1.3;
 
@@ -74,6 +75,7 @@ void hopper(const testing::ServerProcess& server) {
 // One way to ask, over one kind of socket.
 struct Way {
   const char* name;
+  std::function<void()> once;
   std::vector<double> ms = {};
 };
 
@@ -90,25 +92,26 @@ void tiny(const testing::ServerProcess& server, std::size_t address, const EchoS
   Solver local = Solver::create(Problem::create(problem.view()).value()).value();
   const ProblemUpdate update{.g = problem.g};
 
-  Way bare{"bare echo"}, unary{"unary"}, in_session{"session"}, here{"here, set up and solved"},
-      here_again{"here, updated and solved"};
+  Way bare{"bare echo",
+           [&] {
+             grpc::ClientContext context;
+             v1::SolveResponse response;
+             must(echo_stub->Solve(&context, request, &response), "an echo");
+           }},
+      unary{"unary", [&] { must(client.solve(problem.view()).has_value(), "a solve"); }},
+      in_session{"session", [&] { must(session.solve(update, {.cold = true}).has_value(), "an update"); }},
+      here{"here, set up and solved",
+           [&] { must(is_solved(solve_in_process(problem.view())->status), "a solve here"); }},
+      here_again{"here, updated and solved", [&] {
+                   must(local.update(update).has_value(), "an update here");
+                   must(local.solve().has_value(), "a solve here");
+                 }};
   for (int round = 0; round < kTinyRounds; ++round) {
-    bare.ms.push_back(timed_ms([&] {
-      grpc::ClientContext context;
-      v1::SolveResponse response;
-      must(echo_stub->Solve(&context, request, &response), "an echo");
-    }));
-    unary.ms.push_back(timed_ms([&] { must(client.solve(problem.view()).has_value(), "a solve"); }));
-    in_session.ms.push_back(
-        timed_ms([&] { must(session.solve(update, {.cold = true}).has_value(), "an update"); }));
-    here.ms.push_back(
-        timed_ms([&] { must(is_solved(solve_in_process(problem.view())->status), "a solve here"); }));
-    here_again.ms.push_back(timed_ms([&] {
-      must(local.update(update).has_value(), "an update here");
-      must(local.solve().has_value(), "a solve here");
-    }));
+    for (Way* way : {&bare, &unary, &in_session, &here, &here_again}) {
+      for (int i = 0; i < kTinyBlock; ++i) way->ms.push_back(timed_ms(way->once));
+    }
   }
-  std::printf("jr1 over %s, %d rounds, us:", socket, kTinyRounds);
+  std::printf("jr1 over %s, %d of each, us:", socket, kTinyRounds * kTinyBlock);
   for (const Way* way : {&bare, &unary, &in_session, &here, &here_again})
     std::printf("  %s %.1f", way->name, 1e3 * median(way->ms));
   std::printf("\n");

@@ -1,7 +1,9 @@
 """Three servers behind HAProxy, nginx and Envoy with the files of deploy/proxies, and behind our client's own balancing."""
 
 import http.client
+import json
 import shutil
+import subprocess
 
 import pytest
 from marble import contract
@@ -84,6 +86,23 @@ def test_a_server_with_much_other_work_gets_less(fleet, engine, problem):
     shares = gained(fleet, before)
     shares[1] -= others
     assert shares[1] < 0.7 * min(shares[0], shares[2]), shares
+
+
+def test_the_cpp_client_takes_turns_and_repeats_what_a_killed_server_had(fleet, tmp_path):
+    file = tmp_path / "hopper.json"
+    file.write_bytes(subprocess.run([BUILD / "bin/marble", "example", "hopper", "--steps", "10"], capture_output=True, check=True).stdout)
+    files = [file] * 40
+    before, killed = fleet.answered(), fleet.servers[2]
+    programs = [subprocess.Popen([BUILD / "bin/marble", "solve", "--server", NoProxy.target, "--quiet", "--output", "json", *files],
+                                 stdout=subprocess.PIPE, stderr=subprocess.PIPE) for _ in range(4)]
+    eventually(lambda: sum(gained(fleet, before)) > 20, "answers")
+    assert min(gained(fleet, before)) > 3
+    killed.kill()
+    outputs = [program.communicate(timeout=200) for program in programs]
+    killed.start()
+    for program, (answers, errors) in zip(programs, outputs):
+        assert program.returncode == 0, errors.decode()
+        assert [json.loads(line)["status"] for line in answers.splitlines()] == ["solved"] * len(files)
 
 
 def test_browsers_reach_envoy_by_grpc_web(fleet):

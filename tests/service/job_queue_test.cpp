@@ -132,9 +132,23 @@ TEST(JobQueue, RefusesBeyondEachBoundAndSaysWhich) {
   add(queue, 2, {.client = "a"}, quota);
   EXPECT_EQ(push({.client = "a"}), QueueRefusal::client_jobs);
   add(queue, 3, {.client = "b"}, quota);
-  EXPECT_FALSE(queue.has_room());
+  EXPECT_FALSE(queue.has_room(Priority::realtime));
   EXPECT_EQ(push({.client = "c"}), QueueRefusal::jobs) << "2 that wait, and one for the free worker";
   EXPECT_EQ(push({.client = "c", .reserved = true}), QueueRefusal::none) << "a session has its place";
+}
+
+TEST(JobQueue, AFloodLeavesOnePlaceInSixteenToRealtimeJobs) {
+  Queue queue({.workers = 1, .jobs = 32, .bytes = 100});
+  const auto push = [&](const char* client, Priority priority) {
+    return queue.push(std::make_shared<int>(0), {.client = client, .priority = priority}, kFree);
+  };
+  for (int i = 0; i < 31; ++i)
+    ASSERT_EQ(push("flood", Priority::batch), QueueRefusal::none) << "30 that wait, one for the free worker";
+  EXPECT_EQ(push("flood", Priority::batch), QueueRefusal::jobs);
+  EXPECT_EQ(push("other", Priority::interactive), QueueRefusal::jobs);
+  EXPECT_TRUE(queue.has_room(Priority::realtime));
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(push("planner", Priority::realtime), QueueRefusal::none);
+  EXPECT_EQ(push("planner", Priority::realtime), QueueRefusal::jobs);
 }
 
 TEST(JobQueue, NoWaitingMeansThatOnlyFreeWorkersCount) {
