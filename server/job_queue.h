@@ -29,8 +29,8 @@ struct QueueLimits {
   int passed_over = 32;    ///< how often in a row a priority with something to do may be passed over
   std::chrono::steady_clock::duration patience = std::chrono::seconds(10);
 
-  /// How many may wait when a job of this priority comes. Others' jobs never fill the queue, so that a planner
-  /// is not refused because somebody floods the server.
+  /// How many may wait when a job of this priority comes. Others' jobs never fill the queue, so that a
+  /// planner is not refused because somebody floods the server.
   [[nodiscard]] int jobs_for(Priority priority) const {
     return priority == Priority::realtime ? jobs : jobs - jobs / 16;
   }

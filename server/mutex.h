@@ -31,8 +31,8 @@ class ABSL_SCOPED_LOCKABLE MutexLock {
   Mutex& mutex_;
 };
 
-/// Waited on with a locked Mutex, in a loop that looks at what it waits for. (std::condition_variable_any would
-/// do, but has a mutex of its own, on which each who is woken may stumble once more.)
+/// Waited on with a locked Mutex, in a loop that looks at what it waits for. (std::condition_variable_any
+/// would do, but has a mutex of its own, on which each who is woken may stumble once more.)
 class Condition {
  public:
   void notify_one() { condition_.notify_one(); }
