@@ -128,14 +128,16 @@ def main():
     about = (f"{machine['cores']} cores, {machine['processor']}, {machine['memory_bytes'] / 2**30:.0f} GiB, "
              f"{machine['system']}; server and load on this machine, two workers.")
     plots, style = [], ""
-    for name, wanted in (("steady", 2), ("overload", 1), ("ramp", 2)):
+    for name, wanted, title in (("steady", 2, "70 % of capacity, Poisson arrivals"), ("ticks", 1, "70 % of capacity, even arrivals"),
+                                ("overload", 1, "200 % of capacity, a tenth of it realtime"),
+                                ("ramp", 2, "Which rate holds p95 = 3 × the median solve")):
         path = folder / f"{name}.html"
         if not path.exists():
             continue
         style, svgs = pieces(path.read_text(encoding="utf-8"))
         for number, svg in enumerate(svgs[:wanted], 1):
             (folder / f"{name}-{number}.svg").write_text(standalone(style, svg), encoding="utf-8")
-            plots.append(f"<h2>{name}</h2>\n{svg}")
+            plots.append(f"<h2>{title}</h2>\n{svg}" if number == 1 else svg)
     details = "\n".join(f"- {f['name']}: {f['detail']}" for f in findings)
     text = f"# Marble: remote solves and load\n\n{about}\n\n{table(findings)}\n\n## Details\n\n{details}\n"
     (folder / "report.md").write_text(text, encoding="utf-8")

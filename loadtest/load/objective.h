@@ -12,6 +12,8 @@ struct Objective {
   double part = 0.99;  ///< in (0, 1]
   double most_s = 0.0;
   std::string text;
+
+  [[nodiscard]] std::string quantile() const { return text.substr(0, text.find('=')); }  ///< "p99"
 };
 [[nodiscard]] Expected<Objective> parse_objective(const std::string& text);
 

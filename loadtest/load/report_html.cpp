@@ -110,21 +110,18 @@ std::string html_report(const Subject& subject, const RampResult& result, const 
   std::string body = preformatted(text_report(subject, result, objective));
   body += svg_plot("Throughput against offered load", offered, {"answers a second", Scale::linear},
                    {steps_of("holds", result, true, answers), steps_of("does not", result, false, answers)});
-  const auto median = [](const RampStep& s) {
-    return 1e-6 * static_cast<double>(s.result.tally.sum().latency.quantile(0.5));
+  const auto latency_ms = [](const RampStep& step, double part) {
+    return 1e-6 * static_cast<double>(step.result.tally.sum().latency.quantile(part));
   };
-  const auto p99 = [](const RampStep& s) {
-    return 1e-6 * static_cast<double>(s.result.tally.sum().latency.quantile(0.99));
-  };
-  Series median_all{"median", {}, false, true}, p99_all{"p99", {}, false, true};
+  Series median{"median", {}, false, true}, judged{objective.quantile(), {}, false, true};
   Series limit{"objective " + objective.text, {}, true, false};
   for (const RampStep& step : result.steps) {
-    median_all.points.emplace_back(step.rate_per_s, median(step));
-    p99_all.points.emplace_back(step.rate_per_s, p99(step));
+    median.points.emplace_back(step.rate_per_s, latency_ms(step, 0.5));
+    judged.points.emplace_back(step.rate_per_s, latency_ms(step, objective.part));
     limit.points.emplace_back(step.rate_per_s, 1e3 * objective.most_s);
   }
   body += svg_plot("Latency against offered load", offered, {"milliseconds", Scale::logarithmic},
-                   {median_all, p99_all, limit});
+                   {median, judged, limit});
   for (const RampStep& step : result.steps) {
     std::ostringstream heading;
     heading << "<h2>" << step.rate_per_s << " requests a second</h2>\n";

@@ -116,7 +116,7 @@ std::string text_report(const Subject& subject, const RampResult& result, const 
       text("marble-load ramp: %s, server %s with %d workers, objective %s\n\n", subject.address.c_str(),
            subject.server_version.c_str(), subject.workers, objective.text.c_str());
   out += text("%12s %12s %12s %12s %9s\n", "offered/s", "answers/s", "median, ms",
-              (objective.text.substr(0, objective.text.find('=')) + ", ms").c_str(), "failures");
+              (objective.quantile() + ", ms").c_str(), "failures");
   for (const RampStep& step : result.steps) out += text_line(step, objective);
   if (result.best_rate_per_s > 0.0) {
     out += text("\nhighest rate that holds: %.2f requests/s\n", result.best_rate_per_s);
