@@ -48,7 +48,8 @@ TEST_P(BadFiles, GetAnErrorThatNamesFileFieldAndRuleLocallyAndRemotely) {
     EXPECT_LT(result.err.size(), 1000U);
     EXPECT_EQ(result.lines().at(0)["status"], "error");
   }
-  EXPECT_EQ(run("health --server " + server.address()).out, "serving\n");
+  const Result health = run("health --server " + server.address());
+  EXPECT_EQ(health.out, "serving\n") << "exit " << health.exit_code << ": " << health.err << server.log();
 }
 
 INSTANTIATE_TEST_SUITE_P(
