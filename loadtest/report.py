@@ -49,9 +49,9 @@ def ideal_p99_s(run, evenly):
     return sorted(latencies)[int(0.99 * len(latencies))]
 
 
-def steady_findings(capacity, steady, arrivals):
-    run, solve = steady["run"], capacity["run"]["total"]["server_solve"]["p50_s"]
-    latency = run["total"]["latency"]
+def steady_findings(steady, arrivals):
+    run = steady["run"]
+    latency, solve = run["total"]["latency"], run["total"]["server_solve"]["p50_s"]
     memory = [second["resident_bytes"] for second in run["seconds"]]
     early, late = memory[len(memory) // 4], memory[-1]
     what = f"70 % of capacity, {arrivals} arrivals, {run['measured_s']:.0f} s: "
@@ -67,9 +67,14 @@ def steady_findings(capacity, steady, arrivals):
     ]
 
 
+def busy(run):
+    """The part of the workers' time that solves took: what is left of a rate when the machine changes its speed."""
+    return run["answers_per_s"] * run["total"]["server_solve"]["mean_s"] / WORKERS
+
+
 def overload_findings(capacity, overload):
     run = overload["run"]
-    solve = capacity["run"]["total"]["server_solve"]["p50_s"]
+    solve = run["total"]["server_solve"]["p50_s"]
     refused, planner = run["total"]["errors_after"], run["entries"]["planner"]
     codes = run["total"]["errors"]
     others = sum(times for code, times in codes.items() if code != "resource_exhausted")
@@ -77,8 +82,10 @@ def overload_findings(capacity, overload):
     count = codes.get("resource_exhausted", 0)
     what = "200 % of capacity: "
     return [
-        finding(what + "answers a second over capacity", run["answers_per_s"] / capacity["run"]["answers_per_s"], 0.95,
-                False, f"{run['answers_per_s']:.1f}/s of {run['plan']['rate_per_s']:.1f}/s offered"),
+        finding(what + "busy share of the workers over that at capacity", busy(run) / busy(capacity["run"]), 0.95, False,
+                f"{run['answers_per_s']:.1f}/s of {run['plan']['rate_per_s']:.1f}/s offered, "
+                f"{1e3 * run['total']['server_solve']['mean_s']:.2f} ms a solve; before it {capacity['run']['answers_per_s']:.1f}/s, "
+                f"{1e3 * capacity['run']['total']['server_solve']['mean_s']:.2f} ms"),
         finding(what + "p99 of refusals, ms", 1e3 * refused["p99_s"], 10, True,
                 f"{count} refusals, p50 {1e3 * refused['p50_s']:.2f} ms"),
         finding(what + "refusals with RetryInfo over all", run["total"]["errors_with_retry_info"] / max(1, count), 1,
@@ -107,7 +114,7 @@ def pieces(page):
 def standalone(style, svg):
     """A plot as a file of its own, on its own background."""
     attributes = '<svg xmlns="http://www.w3.org/2000/svg" width="760" height="360" '
-    rules = style.replace(":root", "svg").replace("body {", ".none {")
+    rules = style.replace(":root", "svg").replace("body {", ".none {").replace("margin: 1rem 0;", "")
     back = '<rect width="100%" height="100%" fill="var(--back)"/>'
     svg = svg.replace("<svg ", attributes, 1)
     head, rest = svg.split(">", 1)
@@ -118,10 +125,10 @@ def main():
     folder = pathlib.Path(sys.argv[1])
     findings = read(folder, "findings.json") or []
     capacity, steady, ticks, overload = (read(folder, f"{name}.json") for name in ("capacity", "steady", "ticks", "overload"))
-    if capacity and steady:
-        findings += steady_findings(capacity, steady, "Poisson")
-    if capacity and ticks:
-        findings += steady_findings(capacity, ticks, "even")
+    if steady:
+        findings += steady_findings(steady, "Poisson")
+    if ticks:
+        findings += steady_findings(ticks, "even")
     if capacity and overload:
         findings += overload_findings(capacity, overload)
     machine = capacity["machine"]
