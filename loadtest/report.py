@@ -12,8 +12,6 @@ import random
 import re
 import sys
 
-WORKERS = 2  # as loadtest/run starts the server
-
 
 def read(folder, name):
     path = folder / name
@@ -29,9 +27,9 @@ def errors_of(run):
     return sum(run["total"]["errors"].values()) + run["wrong"] + run["abandoned"]
 
 
-def ideal_p99_s(run, evenly):
-    """What requests of these rates and solve times get from workers that lose no time between them."""
-    solve, rate, chance = run["total"]["server_solve"], run["plan"]["rate_per_s"], random.Random(1)
+def ideal_p99_s(load):
+    """What requests with these arrivals and solve times get from as many workers that lose no time between them."""
+    plan, solve, chance = load["run"]["plan"], load["run"]["total"]["server_solve"], random.Random(1)
     parts = [0, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999, 1]
     times = [solve[name] for name in ("least_s", "p50_s", "p75_s", "p90_s", "p95_s", "p99_s", "p99.9_s", "most_s")]
 
@@ -40,20 +38,21 @@ def ideal_p99_s(run, evenly):
         at = bisect.bisect(parts, part)
         return times[at - 1] + (times[at] - times[at - 1]) * (part - parts[at - 1]) / (parts[at] - parts[at - 1])
 
-    free, now, latencies = [0.0] * WORKERS, 0.0, []
+    free, now, latencies = [0.0] * load["server"]["workers"], 0.0, []
     for _ in range(200_000):
-        now += 1 / rate if evenly else chance.expovariate(rate)
+        now += 1 / plan["rate_per_s"] if plan["arrivals"] == "fixed" else chance.expovariate(plan["rate_per_s"])
         worker = free.index(min(free))
         free[worker] = max(now, free[worker]) + one_solve()
         latencies.append(free[worker] - now)
     return sorted(latencies)[int(0.99 * len(latencies))]
 
 
-def steady_findings(steady, arrivals):
+def steady_findings(steady):
     run = steady["run"]
     latency, solve = run["total"]["latency"], run["total"]["server_solve"]["p50_s"]
     memory = [second["resident_bytes"] for second in run["seconds"]]
     early, late = memory[len(memory) // 4], memory[-1]
+    arrivals = {"poisson": "Poisson", "fixed": "even"}[run["plan"]["arrivals"]]
     what = f"70 % of capacity, {arrivals} arrivals, {run['measured_s']:.0f} s: "
     return [
         finding(what + "errors and wrong answers", errors_of(run), 0, True,
@@ -61,15 +60,15 @@ def steady_findings(steady, arrivals):
         finding(what + "p99 over the median solve", latency["p99_s"] / solve, 3, True,
                 f"p50 {1e3 * latency['p50_s']:.2f} ms, p99 {1e3 * latency['p99_s']:.2f} ms, "
                 f"median solve {1e3 * solve:.2f} ms; workers that lose no time: p99 "
-                f"{1e3 * ideal_p99_s(run, arrivals == 'even'):.2f} ms"),
+                f"{1e3 * ideal_p99_s(steady):.2f} ms"),
         finding(what + "memory at the end over that after a quarter", late / early, 1.05, True,
                 f"{early / 2**20:.1f} MiB, then {late / 2**20:.1f} MiB"),
     ]
 
 
-def busy(run):
+def busy(load):
     """The part of the workers' time that solves took: what is left of a rate when the machine changes its speed."""
-    return run["answers_per_s"] * run["total"]["server_solve"]["mean_s"] / WORKERS
+    return load["run"]["answers_per_s"] * load["run"]["total"]["server_solve"]["mean_s"] / load["server"]["workers"]
 
 
 def overload_findings(capacity, overload):
@@ -82,7 +81,7 @@ def overload_findings(capacity, overload):
     count = codes.get("resource_exhausted", 0)
     what = "200 % of capacity: "
     return [
-        finding(what + "busy share of the workers over that at capacity", busy(run) / busy(capacity["run"]), 0.95, False,
+        finding(what + "busy share of the workers over that at capacity", busy(overload) / busy(capacity), 0.95, False,
                 f"{run['answers_per_s']:.1f}/s of {run['plan']['rate_per_s']:.1f}/s offered, "
                 f"{1e3 * run['total']['server_solve']['mean_s']:.2f} ms a solve; before it {capacity['run']['answers_per_s']:.1f}/s, "
                 f"{1e3 * capacity['run']['total']['server_solve']['mean_s']:.2f} ms"),
@@ -125,10 +124,9 @@ def main():
     folder = pathlib.Path(sys.argv[1])
     findings = read(folder, "findings.json") or []
     capacity, steady, ticks, overload = (read(folder, f"{name}.json") for name in ("capacity", "steady", "ticks", "overload"))
-    if steady:
-        findings += steady_findings(steady, "Poisson")
-    if ticks:
-        findings += steady_findings(ticks, "even")
+    for load in (steady, ticks):
+        if load:
+            findings += steady_findings(load)
     if capacity and overload:
         findings += overload_findings(capacity, overload)
     machine = capacity["machine"]

@@ -48,18 +48,21 @@ Expected<Solution> solve(Job& job, TaskRunner& runner) {
   }
 }
 
+std::string full_queue(const QueueLimits& limits, Priority priority) {
+  const int jobs = limits.jobs_for(priority);
+  const int kept = limits.jobs - jobs;
+  return "the queue is full: it holds at most " + std::to_string(jobs) + " jobs" +
+         (kept > 0 ? ", and " + std::to_string(kept) + " more if they are realtime" : "");
+}
+
 Error refusal(QueueRefusal why, const QueueLimits& limits, const Job& job) {
   const auto error = [](const char* field, std::string value, std::string bound) {
     return Error{ErrorCode::resource_exhausted, field, -1, std::move(value), std::move(bound)};
   };
   const std::string bytes = std::to_string(job.ticket.bytes) + " more";
-  const int jobs = limits.jobs_for(job.ticket.priority);
-  const std::string kept =
-      jobs < limits.jobs ? ", and " + std::to_string(limits.jobs - jobs) + " more if they are realtime" : "";
   switch (why) {
     case QueueRefusal::jobs:
-      return error("queue_jobs", "",
-                   "the queue is full: it holds at most " + std::to_string(jobs) + " jobs" + kept);
+      return error("queue_jobs", "", full_queue(limits, job.ticket.priority));
     case QueueRefusal::bytes:
       return error("queue_bytes", bytes,
                    "requests may take at most " + std::to_string(limits.bytes) + " bytes together");

@@ -39,10 +39,14 @@ def add_addresses():
         subprocess.run(["ip", "address", "replace", f"{host}/32", "dev", "lo"], check=True)
 
 
+def example_file(name="hopper", steps=10):
+    """The bytes of a problem that takes some milliseconds."""
+    return subprocess.run([BUILD / "bin/marble", "example", name, "--steps", str(steps)], capture_output=True, check=True).stdout
+
+
 def example(name="hopper", steps=10):
-    """A problem that takes some milliseconds."""
-    text = subprocess.run([BUILD / "bin/marble", "example", name, "--steps", str(steps)], capture_output=True, check=True).stdout
-    return marble.problem_file.parse(text)
+    """The same, read."""
+    return marble.problem_file.parse(example_file(name, steps))
 
 
 class Server:

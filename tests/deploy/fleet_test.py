@@ -8,7 +8,7 @@ import subprocess
 import pytest
 from marble import contract
 
-from fleet import BUILD, Envoy, Fleet, HAProxy, Load, Nginx, NoProxy, example, eventually
+from fleet import BUILD, Envoy, Fleet, HAProxy, Load, Nginx, NoProxy, example, example_file, eventually
 
 ENGINES = [HAProxy, Nginx, Envoy, NoProxy]
 
@@ -90,7 +90,7 @@ def test_a_server_with_much_other_work_gets_less(fleet, engine, problem):
 
 def test_the_cpp_client_takes_turns_and_repeats_what_a_killed_server_had(fleet, tmp_path):
     file = tmp_path / "hopper.json"
-    file.write_bytes(subprocess.run([BUILD / "bin/marble", "example", "hopper", "--steps", "10"], capture_output=True, check=True).stdout)
+    file.write_bytes(example_file())
     files = [file] * 40
     before, killed = fleet.answered(), fleet.servers[2]
     programs = [subprocess.Popen([BUILD / "bin/marble", "solve", "--server", NoProxy.target, "--quiet", "--output", "json", *files],
