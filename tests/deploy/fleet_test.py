@@ -95,8 +95,8 @@ def test_the_cpp_client_takes_turns_and_repeats_what_a_killed_server_had(fleet, 
     before, killed = fleet.answered(), fleet.servers[2]
     programs = [subprocess.Popen([BUILD / "bin/marble", "solve", "--server", NoProxy.target, "--quiet", "--output", "json", *files],
                                  stdout=subprocess.PIPE, stderr=subprocess.PIPE) for _ in range(4)]
-    eventually(lambda: sum(gained(fleet, before)) > 20, "answers")
-    assert min(gained(fleet, before)) > 3
+    # Each program begins with the server it reached first: how even the turns are early on is chance.
+    eventually(lambda: min(gained(fleet, before)) > 3, "answers by all three")
     killed.kill()
     outputs = [program.communicate(timeout=200) for program in programs]
     killed.start()
