@@ -85,6 +85,16 @@ int print_new_token(const std::string& name_and_roles) {
   return 0;
 }
 
+// Time for those who ask for health now and then to send their calls elsewhere. A second signal ends it, and the
+// grace with it.
+void give_notice(Scheduler& scheduler, Signals& signals, double notice_s) {
+  scheduler.give_notice();
+  const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(notice_s));
+  int signal = SIGHUP;
+  while (signal == SIGHUP) signal = signals.wait_for(end - Clock::now());
+  if (signal != 0) scheduler.hurry();
+}
+
 // Returns when every accepted job has its answer. A second signal ends the grace.
 void drain(Scheduler& scheduler, Signals& signals, double grace_s) {
   std::atomic<bool> drained = false;
@@ -190,7 +200,13 @@ int main(int argc, char** argv) {
   }
   supervisor.stopping();
   log.info(Component::server, "draining",
-           {{"signal", std::int64_t{signal}}, {"grace_s", config->drain_grace_s}});
+           {{"signal", std::int64_t{signal}},
+            {"notice_s", config->drain_notice_s},
+            {"grace_s", config->drain_grace_s}});
+  if (config->drain_notice_s > 0.0) {
+    set_serving(*listening->server, false);
+    give_notice(scheduler, signals, config->drain_notice_s);
+  }
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);

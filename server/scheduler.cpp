@@ -287,6 +287,16 @@ void Scheduler::count(const Job& job, const Outcome& outcome) {
   if (is_solved(outcome.solution->status)) ++counters_.solved;
 }
 
+void Scheduler::give_notice() {
+  const MutexLock lock(mutex_);
+  leaving_ = true;
+}
+
+bool Scheduler::is_leaving() const {
+  const MutexLock lock(mutex_);
+  return leaving_ || closed_;
+}
+
 void Scheduler::close() {
   const MutexLock lock(mutex_);
   closed_ = true;

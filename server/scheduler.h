@@ -64,6 +64,10 @@ class Scheduler final : public Pulsed, public TaskRunner {
   /// Counts a request that did not become a job, whoever refused it.
   void count_refused(const Error& error) ABSL_LOCKS_EXCLUDED(mutex_);
 
+  /// It will close soon: until then it admits everything, but whoever asks should go elsewhere.
+  void give_notice() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Closed, or about to be.
+  [[nodiscard]] bool is_leaving() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Admits nothing more from now on, but for updates of sessions.
   void close() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool is_closed() const ABSL_LOCKS_EXCLUDED(mutex_);
@@ -133,6 +137,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
   int finishing_ ABSL_GUARDED_BY(mutex_) = 0;  // left queue or worker, observer not yet told
   Counters counters_ ABSL_GUARDED_BY(mutex_);
   std::array<double, kPriorities> mean_run_s_ ABSL_GUARDED_BY(mutex_) = {};
+  bool leaving_ ABSL_GUARDED_BY(mutex_) = false;
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
   bool hurried_ ABSL_GUARDED_BY(mutex_) = false;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;

@@ -1,9 +1,11 @@
 #include "signals.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <cmath>
 #include <csignal>
 #include <stdexcept>
 #include <thread>
@@ -54,6 +56,15 @@ int Signals::wait() {
   while (read(read_end_, &byte, 1) < 0 && errno == EINTR) {
   }
   return byte;
+}
+
+int Signals::wait_for(std::chrono::duration<double> limit) {
+  const auto end = std::chrono::steady_clock::now() + limit;
+  pollfd readable{read_end_, POLLIN, 0};
+  for (auto left = limit; left.count() > 0.0; left = end - std::chrono::steady_clock::now()) {
+    if (poll(&readable, 1, static_cast<int>(std::ceil(left.count() * 1e3))) > 0) return wait();
+  }
+  return 0;
 }
 
 // Detached: a read of standard input cannot be called off, and ends with the process.

@@ -1,6 +1,8 @@
 // SIGTERM and SIGINT (stop) and SIGHUP (read the configuration again) as events to wait for.
 #pragma once
 
+#include <chrono>
+
 namespace marble::server {
 
 /// One object per process. Handlers, not blocked signals: threads that libraries started before main() block
@@ -14,6 +16,8 @@ class Signals {
 
   /// Waits for the next signal, or for wake(). The signal's number, 0 for wake().
   int wait();
+  /// The same for at most `limit`; 0 too if none came.
+  int wait_for(std::chrono::duration<double> limit);
   /// From now on the end of standard input is a SIGTERM.
   void watch_standard_input();
   /// Ends one wait() from any thread.

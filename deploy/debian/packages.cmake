@@ -7,7 +7,7 @@ install(FILES ${systemd}/marble-server.service DESTINATION /lib/systemd/system C
 install(FILES ${systemd}/marble.sysusers DESTINATION /usr/lib/sysusers.d RENAME marble.conf COMPONENT server EXCLUDE_FROM_ALL)
 install(FILES ${systemd}/marble.toml DESTINATION /etc/marble COMPONENT server EXCLUDE_FROM_ALL)
 install(FILES ${debian}/marble-server.8 DESTINATION /usr/share/man/man8 COMPONENT server EXCLUDE_FROM_ALL)
-install(FILES ${debian}/marble.1 DESTINATION /usr/share/man/man1 COMPONENT cli EXCLUDE_FROM_ALL)
+install(FILES ${debian}/marble.1 ${debian}/marble-load.1 DESTINATION /usr/share/man/man1 COMPONENT cli EXCLUDE_FROM_ALL)
 foreach(component server cli dev)
   install(FILES ${debian}/copyright ${debian}/changelog DESTINATION /usr/share/doc/marble-${component}
           COMPONENT ${component} EXCLUDE_FROM_ALL)
@@ -49,7 +49,8 @@ set(CPACK_DEBIAN_CLI_PACKAGE_SECTION math)
 set(CPACK_COMPONENT_CLI_DESCRIPTION "program for problems with complementarity constraints
 Solves quadratic programs with linear complementarity constraints, in its own
 process or on a Marble server; submits and watches jobs, converts problem
-files of other tools and draws convergence.")
+files of other tools and draws convergence. Its load tester tells what a
+server holds.")
 set(CPACK_DEBIAN_CLI_PACKAGE_RECOMMENDS ca-certificates)
 set(CPACK_DEBIAN_CLI_PACKAGE_SUGGESTS "gnuplot-nox | gnuplot")
 set(CPACK_DEBIAN_CLI_PACKAGE_CONFLICTS marble)  # the globe: /usr/bin/marble is its program too

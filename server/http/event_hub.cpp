@@ -208,7 +208,7 @@ EventHub::Frame EventHub::server_frame() const {
   nlohmann::json json = nlohmann::json::parse(to_json(counters));
   json["workers"] = parts_.scheduler.limits().workers;
   json["uptime_s"] = std::chrono::duration<double>(Clock::now() - parts_.started).count();
-  json["state"] = parts_.scheduler.is_closed() ? "draining" : "serving";
+  json["state"] = parts_.scheduler.is_leaving() ? "draining" : "serving";
   json["jobs_watchers"] = parts_.feeds.open.load();
   return frame_of("server", json.dump());
 }

@@ -8,7 +8,7 @@ void add_health_routes(Router& router, const ServiceParts& parts) {
     response.set_content("ok\n", kText);
   });
   router.get("/readyz", [&scheduler = parts.scheduler](const httplib::Request&, httplib::Response& response) {
-    const bool ready = !scheduler.is_closed();
+    const bool ready = !scheduler.is_leaving();
     response.status = ready ? 200 : 503;
     response.set_content(ready ? "ready\n" : "draining\n", kText);
   });

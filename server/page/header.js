@@ -3,7 +3,7 @@
 import { byId, fill, make } from "./dom.js";
 import { duration } from "./format.js";
 
-const WORDS = { connecting: "connecting", serving: "serving", draining: "draining: no new jobs", retrying: "disconnected", paused: "paused while hidden", stopped: "stopped" };
+const WORDS = { connecting: "connecting", serving: "serving", draining: "draining", retrying: "disconnected", paused: "paused while hidden", stopped: "stopped" };
 
 export class Header {
   #connection = { phase: "connecting", lastFresh: null };

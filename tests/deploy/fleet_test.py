@@ -74,6 +74,31 @@ def test_a_rolling_restart_under_full_load_is_seen_by_nobody(fleet, engine, prob
     assert load.stop().errors == []
 
 
+def test_with_time_of_notice_haproxy_needs_no_word_from_whoever_restarts(fleet, problem):
+    engine = HAProxy()
+
+    def restart(server):
+        server.stop()
+        server.start()
+        engine.take_in(server.name)
+
+    try:
+        for server in fleet.servers:
+            server.flags = ["--drain-notice-s", "3"]
+            restart(server)
+        load = Load(engine.target, problem, repeating=False)
+        for server in fleet.servers:
+            load.wait_for(20)
+            restart(server)
+        load.wait_for(20)
+        assert load.stop().errors == []
+    finally:
+        for server in fleet.servers:
+            server.flags = []
+            restart(server)
+        engine.close()
+
+
 @pytest.mark.parametrize("engine", [HAProxy, Nginx, Envoy], indirect=True, ids=lambda engine: engine.__name__)
 def test_a_server_with_much_other_work_gets_less(fleet, engine, problem):
     busy = fleet.servers[1]

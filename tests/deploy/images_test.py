@@ -118,8 +118,8 @@ def test_compose_refers_to_files_and_services_that_are_there():
     assert (DOCKER / marble["build"]["context"]).resolve() == ROOT and (ROOT / marble["build"]["dockerfile"]).is_file()
     options = run(BUILD / "bin/marble-server", "--config", DOCKER / "marble.toml", *marble["command"][2:], "--print-config")
     assert re.search(r"^workers = 4\b", options, re.M)
-    grace_s = float(re.search(r"^drain_grace_s = (\S+)", options, re.M).group(1))
-    assert int(marble["stop_grace_period"].rstrip("s")) >= grace_s + 10
+    drain_s = sum(float(re.search(rf"^{name} = (\S+)", options, re.M).group(1)) for name in ("drain_notice_s", "drain_grace_s"))
+    assert int(marble["stop_grace_period"].rstrip("s")) >= drain_s + 10
 
 
 def test_prometheus_and_grafana_find_the_server_and_our_dashboard(tmp_path):

@@ -96,8 +96,8 @@ def test_the_unit_is_well_hardened_and_leaves_time_to_drain(tree):
     run("systemd-analyze", "security", "--offline=yes", "--threshold=15", f"--root={tree.root}", "marble-server.service")
     stop_s = int(service(tree)["TimeoutStopSec"])
     printed = tree.run("marble-server", "--config", "/etc/marble/marble.toml", "--print-config")
-    grace_s = float(re.search(r"^drain_grace_s = (\S+)", printed, re.M).group(1))
-    assert stop_s >= grace_s + 10
+    drain_s = sum(float(re.search(rf"^{name} = (\S+)", printed, re.M).group(1)) for name in ("drain_notice_s", "drain_grace_s"))
+    assert stop_s >= drain_s + 10
 
 
 def test_its_command_line_starts_a_server_that_says_when_it_is_ready(tree):
@@ -179,7 +179,7 @@ def commands_of_the_runbook():
     text = (ROOT / "deploy/README.md").read_text()
     blocks = re.findall(r"^    (.+?)(?:\s+#.*)?$", text, re.M)
     alerts = re.findall(r"`([^`]+)`", text[text.index("## Alerts"):text.index("## Upgrade")])
-    ours = ("apt-get ", "install ", "journalctl ", "marble ", "marble-server ", "systemctl ", "systemd-analyze ")
+    ours = ("apt-get ", "install ", "journalctl ", "marble ", "marble-load ", "marble-server ", "systemctl ", "systemd-analyze ")
     return [line for line in blocks + alerts if line.startswith(ours)]
 
 

@@ -1,4 +1,6 @@
 // SIGTERM: nothing new is admitted, everything accepted gets exactly one answer, exit code 0.
+#include <httplib.h>
+
 #include <thread>
 
 #include "service_test.h"
@@ -70,6 +72,31 @@ TEST_F(Drain, NothingNewIsAdmittedWhileOldJobsFinish) {
   EXPECT_EQ(solve(example_request(), &response).error_code(), grpc::StatusCode::UNAVAILABLE);
   EXPECT_TRUE(running.read_until(Event::kProgress)) << "what runs goes on";
   EXPECT_TRUE(server().running());
+}
+
+TEST_F(Drain, InItsTimeOfNoticeItSaysThatItLeavesAndTakesEverything) {
+  start({"--workers", "1", "--drain-notice-s", "3600", "--http", "127.0.0.1:0"});
+  httplib::Client http(server().http());
+  EXPECT_EQ(http.Get("/readyz")->status, 200);
+  server().terminate();
+  ASSERT_TRUE(eventually([&] { return health() == "NOT_SERVING"; }));
+  EXPECT_TRUE(eventually([&] { return http.Get("/readyz")->status == 503; }));
+  v1::SolveResponse response;
+  EXPECT_TRUE(solve(example_request(), &response).ok()) << "whoever has not asked yet is served";
+  Stream running(solver(), long_request());
+  ASSERT_TRUE(running.read_until(Event::kStarted));
+  server().terminate();
+  EXPECT_EQ(read_to_the_end(running).solved_as, v1::STATUS_CANCELLED) << "a second signal ends all patience";
+  EXPECT_EQ(server().wait(), 0);
+}
+
+TEST_F(Drain, AfterItsTimeOfNoticeItStops) {
+  start({"--workers", "1", "--drain-notice-s", "0.2"});
+  Stream running(solver(), long_request(300));
+  ASSERT_TRUE(running.read_until(Event::kStarted));
+  server().terminate();
+  EXPECT_EQ(read_to_the_end(running).solved_as, v1::STATUS_ITERATION_LIMIT);
+  EXPECT_EQ(server().wait(), 0);
 }
 
 TEST_F(Drain, AfterTheGraceRunningJobsGiveTheirBestIterate) {
