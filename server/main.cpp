@@ -85,11 +85,12 @@ int print_new_token(const std::string& name_and_roles) {
   return 0;
 }
 
-// Time for those who ask for health now and then to send their calls elsewhere. A second signal ends it, and the
-// grace with it.
+// Time for those who ask for health now and then to send their calls elsewhere. A second signal ends it, and
+// the grace with it.
 void give_notice(Scheduler& scheduler, Signals& signals, double notice_s) {
   scheduler.give_notice();
-  const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(notice_s));
+  const auto end =
+      Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(notice_s));
   int signal = SIGHUP;
   while (signal == SIGHUP) signal = signals.wait_for(end - Clock::now());
   if (signal != 0) scheduler.hurry();

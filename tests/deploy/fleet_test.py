@@ -75,28 +75,26 @@ def test_a_rolling_restart_under_full_load_is_seen_by_nobody(fleet, engine, prob
 
 
 def test_with_time_of_notice_haproxy_needs_no_word_from_whoever_restarts(fleet, problem):
-    engine = HAProxy()
-
-    def restart(server):
-        server.stop()
-        server.start()
-        engine.take_in(server.name)
-
-    try:
+    def start_anew(flags):
         for server in fleet.servers:
-            server.flags = ["--drain-notice-s", "3"]
-            restart(server)
+            server.kill()
+            server.flags = flags
+            server.start()
+
+    start_anew(["--drain-notice-s", "3"])
+    engine = HAProxy()
+    try:
         load = Load(engine.target, problem, repeating=False)
         for server in fleet.servers:
             load.wait_for(20)
-            restart(server)
+            server.stop()
+            server.start()
+            engine.take_in(server.name)
         load.wait_for(20)
         assert load.stop().errors == []
     finally:
-        for server in fleet.servers:
-            server.flags = []
-            restart(server)
         engine.close()
+        start_anew([])
 
 
 @pytest.mark.parametrize("engine", [HAProxy, Nginx, Envoy], indirect=True, ids=lambda engine: engine.__name__)
