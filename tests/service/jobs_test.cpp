@@ -175,7 +175,7 @@ TEST_F(Jobs, AJobThatFailsAnswersWithItsError) {
 }
 
 TEST_F(Jobs, AnswersAreKeptForABoundedTimeAndSize) {
-  start({"--result-keep-s", "0.2"});
+  start({"--result-keep-s", "1"});
   const std::string id = submit(example_request());
   v1::SolveResponse response;
   ASSERT_TRUE(result(id, true, &response).ok());

@@ -331,7 +331,7 @@ TEST_F(Session, ADroppedStreamFreesWorkerAndMemoryAtOnce) {
 }
 
 TEST_F(Session, AnIdleOneIsEnded) {
-  start({"--session-idle-s", "0.1"});
+  start({"--session-idle-s", "1"});
   const auto call = set_up(setup_of(example_request()));
   EXPECT_FALSE(call->next().has_value());
   EXPECT_EQ(call->finish().error_code(), grpc::StatusCode::ABORTED);

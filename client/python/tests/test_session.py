@@ -107,7 +107,7 @@ def test_leaving_by_an_exception_gives_the_session_up(client):
 
 
 def test_an_idle_session_is_aborted(start_server):
-    server = start_server("--session-idle-s", "0.2")
+    server = start_server("--session-idle-s", "1")
     with marble.Client(server.address) as client:
         session = client.session(tiny())
         assert wait_until(lambda: client.info().counters["sessions"] == 0)
