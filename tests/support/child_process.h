@@ -91,6 +91,18 @@ class ChildProcess {
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
+  /// Whether it has become `program`, if it was started by a shell, and handles `signal` (proc(5), SigCgt).
+  [[nodiscard]] bool catches(int signal, const std::string& program) const {
+    const std::string process = "/proc/" + std::to_string(pid_);
+    std::error_code ignored;
+    if (!std::filesystem::equivalent(process + "/exe", program, ignored)) return false;
+    std::ifstream lines(process + "/status");
+    for (std::string line; std::getline(lines, line);) {
+      if (line.rfind("SigCgt:", 0) == 0)
+        return (std::stoull(line.substr(7), nullptr, 16) >> (signal - 1) & 1U) != 0;
+    }
+    return false;
+  }
   [[nodiscard]] pid_t pid() const { return pid_; }
   void send(int signal) const {
     if (!ended_) ::kill(pid_, signal);

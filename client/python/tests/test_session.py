@@ -75,12 +75,19 @@ def test_answers_come_in_order_to_who_sends_ahead(client):
     assert [round(event.outcome.objective) for event in events] == [k - 1 for k in range(40)]
 
 
-def test_latest_only_supersedes_what_waits(client):
-    with client.session(Hopper(steps=40).problem(), latest_only=True) as session:
-        numbers = [session.send(c0=float(k), cold=True) for k in range(30)]
-        events = [session.next() for _ in numbers]
-    kinds = [type(event.outcome) for event in events]
-    assert kinds.count(marble.Superseded) > 0 and isinstance(events[-1].outcome, marble.Solution)
+def test_latest_only_supersedes_what_waits(start_server):
+    problem, options = long_solve()
+    with marble.Client(start_server("--workers", "1").address) as client, \
+            client.session(tiny(), latest_only=True) as session:
+        blocker = client.jobs.submit(problem, options=options).job_id
+        assert wait_until(lambda: client.info().counters["running"] == 1)
+        for k in range(4):  # the first waits for the worker, each other one behind it until the next comes
+            session.send(c0=float(k))
+        events = [session.next() for _ in range(2)]
+        client.jobs.cancel(blocker)
+        events += [session.next() for _ in range(2)]
+    assert [type(event.outcome) for event in events] == 2 * [marble.Superseded] + 2 * [marble.Solution]
+    assert [event.sequence for event in events] == [2, 3, 1, 4]
 
 
 def test_progress_is_told_with_the_update_s_number(client):
