@@ -121,6 +121,9 @@ def standalone(style, svg):
 
 
 def main():
+    if len(sys.argv) != 2 or sys.argv[1] in ("--help", "-h"):
+        print(__doc__)
+        sys.exit(0 if "--help" in sys.argv or "-h" in sys.argv else 2)
     folder = pathlib.Path(sys.argv[1])
     findings = read(folder, "findings.json") or []
     capacity, steady, ticks, overload = (read(folder, f"{name}.json") for name in ("capacity", "steady", "ticks", "overload"))

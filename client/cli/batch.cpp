@@ -38,7 +38,7 @@ class BatchRun {
     const std::lock_guard lock(mutex_);
     Error unreached = done ? Error{} : done.error();
     if (unreached.code == ErrorCode::cancelled) unreached.bound = "not solved: interrupted before";
-    for (; next_ < arguments_.files.size(); ++next_) tell_error(arguments_.files[next_], "", unreached);
+    for (; next_ < arguments_.files.size(); ++next_) tell_error(arguments_.files[next_], "", unreached, true);
     return exit_code_;
   }
 
@@ -55,7 +55,7 @@ class BatchRun {
       const std::lock_guard lock(mutex_);
       const auto tag = static_cast<std::int64_t>(next_++);
       if (!file) {
-        tell_error(path, "", file.error());
+        tell_error(path, "", file.error(), false);
         continue;
       }
       file_ = std::move(*file);
@@ -68,7 +68,7 @@ class BatchRun {
   void tell(std::int64_t tag, const Expected<RemoteSolution>& answer) {
     const std::lock_guard lock(mutex_);
     const Subject subject = std::move(subjects_.extract(tag).mapped());
-    if (!answer) return tell_error(subject.file, subject.name, answer.error());
+    if (!answer) return tell_error(subject.file, subject.name, answer.error(), true);
     if (arguments_.server.json()) {
       std::cout << json_line(subject, *answer) << '\n' << std::flush;
     } else {
@@ -80,12 +80,12 @@ class BatchRun {
     exit_code_ = worse(exit_code_, is_solved(answer->status) ? kAllSolved : kNotSolved);
   }
 
-  void tell_error(const std::string& path, const std::string& name, Error error) {
+  void tell_error(const std::string& path, const std::string& name, Error error, bool remote) {
     if (error.code == ErrorCode::unavailable)
       error.bound = "server " + arguments_.server.server + ": " + error.bound;
     std::cerr << "marble: " << path << ": " << error.message() << '\n';
     if (arguments_.server.json()) std::cout << json_line(path, name, error) << '\n' << std::flush;
-    exit_code_ = worse(exit_code_, exit_code_of(error));
+    exit_code_ = worse(exit_code_, remote ? exit_code_of(error) : exit_code_of_local(error));
   }
 
   const BatchArguments& arguments_;

@@ -42,4 +42,10 @@ inline constexpr const char* kExitCodes =
   return kUnreachable;
 }
 
+/// The same of an error that arose in this process: what is too large for it is a bad file, and no server's
+/// refusal.
+[[nodiscard]] inline int exit_code_of_local(const Error& error) {
+  return error.code == ErrorCode::resource_exhausted ? kBadInput : exit_code_of(error);
+}
+
 }  // namespace marble::cli

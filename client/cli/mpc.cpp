@@ -26,7 +26,14 @@ struct MpcArguments {
   int steps = 60;
   std::uint64_t seed = 0;
   bool cold = false;
+  bool local = false;
 };
+
+int fails(const MpcArguments& arguments, const Error& error) {
+  if (!arguments.local) return server_fails(arguments.server, error);
+  std::cerr << "marble: " << error.message() << '\n';
+  return exit_code_of_local(error);
+}
 
 struct Tick {
   RemoteSolution answer;
@@ -124,7 +131,7 @@ int run_loop(const MpcArguments& arguments, Session& session, examples::HopperPa
     if (!answer) {
       tell_summary(arguments, session, ticks);
       const int outcome = exit_code_of(answer.error());
-      static_cast<void>(server_fails(arguments.server, answer.error()));
+      static_cast<void>(fails(arguments, answer.error()));
       return worse(exit_code, outcome);
     }
     ticks.push_back({std::move(*answer), round_trip.count()});
@@ -144,8 +151,8 @@ int run_loop(const MpcArguments& arguments, Session& session, examples::HopperPa
 int run(const MpcArguments& arguments) {
   const auto options = parse_options(arguments.solver);
   if (!options) return option_fails(options.error());
-  const auto client = connect(arguments.server);
-  if (!client) return server_fails(arguments.server, client.error());
+  const auto client = arguments.local ? Expected<Client>(Client::in_process()) : connect(arguments.server);
+  if (!client) return fails(arguments, client.error());
   examples::HopperParameters parameters = examples::vary(examples::HopperParameters{}, arguments.seed);
   parameters.steps = arguments.steps;
   const OwnedProblem problem = examples::hopper(parameters);
@@ -157,7 +164,7 @@ int run(const MpcArguments& arguments) {
   wanted.stop = interrupt.token();
   wanted.reopen = true;
   auto session = client->open_session(problem.view(), *options, wanted);
-  if (!session) return server_fails(arguments.server, session.error());
+  if (!session) return fails(arguments, session.error());
   const int exit_code = run_loop(arguments, *session, parameters, problem);
   if (session->is_open()) static_cast<void>(session->close());  // everything is answered
   return exit_code;
@@ -172,6 +179,8 @@ void add_mpc(CLI::App& program, int& exit_code) {
   command->add_option("NAME", arguments->problem, "hopper")->required()->check(CLI::IsMember({"hopper"}));
   add_server_arguments(*command, arguments->server);
   add_priority_argument(*command, arguments->priority);
+  command->add_flag("--local", arguments->local, "solve in this process, without a server: the same bits")
+      ->excludes(command->get_option("--server"));
   add_solver_arguments(*command, arguments->solver);
   command->add_option("--ticks", arguments->ticks, "steps to follow")
       ->check(CLI::Range(1, 100000))

@@ -1,6 +1,7 @@
 #include <cstdio>
 #include <iostream>
 #include <memory>
+#include <new>
 #include <optional>
 
 #include "commands.h"
@@ -85,10 +86,13 @@ class Engine {
 
  private:
   [[nodiscard]] static Expected<Answer> local(const OwnedProblem& problem, const Options& options,
-                                              const SolveControls& controls) {
+                                              const SolveControls& controls) try {
     auto solution = marble::solve_in_process(problem.view(), options, controls);
     if (!solution) return unexpected(solution.error());
     return Answer{std::move(*solution), "", 0.0, 0.0, 0};
+  } catch (const std::bad_alloc&) {  // the files after it have their turn
+    return unexpected(
+        Error{ErrorCode::resource_exhausted, "", -1, "", "is too large for the memory there is"});
   }
 
   [[nodiscard]] Expected<Answer> remote(const OwnedProblem& problem, const Options& options,
@@ -113,20 +117,21 @@ class Engine {
   TraceWriter* trace_;
 };
 
+// `remote`: the error may be the server's.
 int tell_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
-               const Error& error) {
+               const Error& error, bool remote) {
   std::cerr << "marble: " << file << ": " << error.message() << '\n';
   if (arguments.json()) std::cout << json_line(file, name, error) << '\n' << std::flush;
-  return exit_code_of(error);
+  return remote ? exit_code_of(error) : exit_code_of_local(error);
 }
 
 int solve_file(const SolveArguments& arguments, const std::string& path, const Options& options,
                const Engine& engine, std::stop_token stop) {
   const auto file = formats::read_any_problem(path);
-  if (!file) return tell_error(arguments, path, "", file.error());
+  if (!file) return tell_error(arguments, path, "", file.error(), false);
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
   const auto answer = engine.solve(*file, options, std::move(stop));
-  if (!answer) return tell_error(arguments, path, file->problem.name, answer.error());
+  if (!answer) return tell_error(arguments, path, file->problem.name, answer.error(), !arguments.local);
   const Subject subject = subject_of(path, *file);
   std::cout << (arguments.json() ? json_line(subject, *answer) + "\n" : summary(subject, *answer))
             << std::flush;
@@ -170,10 +175,11 @@ int run(const SolveArguments& arguments) {
   int exit_code = kAllSolved;
   for (const std::string& path : arguments.files) {
     // One outcome a file, also after Ctrl-C: programs count the lines.
-    const int outcome = interrupt.token().stop_requested()
-                            ? tell_error(arguments, path, "",
-                                         {ErrorCode::cancelled, "", -1, "", "not solved: interrupted before"})
-                            : solve_file(arguments, path, *options, engine, interrupt.token());
+    const int outcome =
+        interrupt.token().stop_requested()
+            ? tell_error(arguments, path, "",
+                         {ErrorCode::cancelled, "", -1, "", "not solved: interrupted before"}, false)
+            : solve_file(arguments, path, *options, engine, interrupt.token());
     exit_code = worse(exit_code, outcome);
   }
   if (*trace && (*trace)->rows() > 0) {  // else nothing was solved, as was told

@@ -22,24 +22,24 @@ struct SubmitArguments {
 };
 
 int tell_error(const SubmitArguments& arguments, const std::string& path, const std::string& name,
-               Error error) {
+               Error error, bool remote) {
   if (error.code == ErrorCode::unavailable)
     error.bound = "server " + arguments.server.server + ": " + error.bound;
   std::cerr << "marble: " << path << ": " << error.message() << '\n';
   if (arguments.server.json()) std::cout << json_line(path, name, error) << '\n' << std::flush;
-  return exit_code_of(error);
+  return remote ? exit_code_of(error) : exit_code_of_local(error);
 }
 
 int submit_file(const SubmitArguments& arguments, const std::string& path, const Options& options,
                 const Jobs& jobs, const std::stop_token& stop) {
   const auto file = formats::read_any_problem(path);
-  if (!file) return tell_error(arguments, path, "", file.error());
+  if (!file) return tell_error(arguments, path, "", file.error(), false);
   CallControls call;
   call.problem_name = file->problem.name;
   call.priority = arguments.priority;
   const SolveControls controls{nullptr, stop, file->problem.initial_z};
   const auto job = jobs.submit(file->problem.view(), options, controls, call);
-  if (!job) return tell_error(arguments, path, file->problem.name, job.error());
+  if (!job) return tell_error(arguments, path, file->problem.name, job.error(), true);
   if (arguments.server.json()) {
     std::cout << line({{"name", file->problem.name},
                        {"file", path},
@@ -65,7 +65,7 @@ int run(const SubmitArguments& arguments) {
     const int outcome =
         interrupt.token().stop_requested()
             ? tell_error(arguments, path, "",
-                         {ErrorCode::cancelled, "", -1, "", "not submitted: interrupted before"})
+                         {ErrorCode::cancelled, "", -1, "", "not submitted: interrupted before"}, false)
             : submit_file(arguments, path, *options, client->jobs(), interrupt.token());
     exit_code = worse(exit_code, outcome);
   }

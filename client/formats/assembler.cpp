@@ -61,23 +61,13 @@ void Assembler::add_pair(const AffineRow& left, const AffineRow& right) {
 }
 
 void Assembler::add_mixed(const AffineRow& row, Index variable, double low, double high) {
-  const AffineRow above = AffineRow::variable(variable, -low);
-  const AffineRow below = AffineRow::variable(variable, -high).negated();
-  if (low > -kInfinity && high < kInfinity) {
-    // row = p − q with 0 ≤ p ⊥ variable − low ≥ 0 and 0 ≤ q ⊥ high − variable ≥ 0.
-    const Index p = add_variable(), q = add_variable();
-    AffineRow split = row;
-    split.terms.insert(split.terms.end(), {{p, -1.0}, {q, 1.0}});
-    equalities_.add(split);
-    add_pair(AffineRow::variable(p), above);
-    add_pair(AffineRow::variable(q), below);
-  } else if (low > -kInfinity) {
-    add_pair(row, above);
-  } else if (high < kInfinity) {
-    add_pair(row.negated(), below);
-  } else {
-    equalities_.add(row);
-  }
+  // row = p − q with 0 ≤ p ⊥ variable − low ≥ 0 and 0 ≤ q ⊥ high − variable ≥ 0.
+  const Index p = add_variable(), q = add_variable();
+  AffineRow split = row;
+  split.terms.insert(split.terms.end(), {{p, -1.0}, {q, 1.0}});
+  equalities_.add(split);
+  add_pair(AffineRow::variable(p), AffineRow::variable(variable, -low));
+  add_pair(AffineRow::variable(q), AffineRow::variable(variable, -high).negated());
 }
 
 Expected<OwnedProblem> Assembler::finish(const std::string& name) const {

@@ -46,8 +46,8 @@ class Assembler {
                                          std::int64_t index);
   /// 0 <= left ⊥ right >= 0.
   void add_pair(const AffineRow& left, const AffineRow& right);
-  /// row ⊥ low <= variable <= high, as AMPL means it: row >= 0 at the lower bound, <= 0 at the upper one, 0
-  /// between them. Two finite bounds take two more variables, the parts of the row.
+  /// row ⊥ low <= variable <= high with finite low < high, as AMPL means it: row >= 0 at the lower bound, <=
+  /// 0 at the upper one, 0 between them. Takes two more variables, the parts of the row.
   void add_mixed(const AffineRow& row, Index variable, double low, double high);
 
   /// What was put together; checked as Problem::create does.

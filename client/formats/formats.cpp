@@ -3,8 +3,8 @@
 #include <filesystem>
 #include <fstream>
 #include <new>
-#include <sstream>
 
+#include "file_bytes.h"
 #include "mat_problem.h"
 #include "matrix_market.h"
 #include "nl_problem.h"
@@ -26,11 +26,9 @@ std::string name_of(std::string path) {
 }
 
 Expected<ProblemFile> read_nl(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream content;
-  content << file.rdbuf();
-  if (!file) return unexpected(Error{ErrorCode::not_found, "", -1, "", "cannot be read"});
-  return parse_nl(std::move(content).str(), name_of(path));
+  const auto content = read_bytes(path);
+  if (!content) return unexpected(content.error());
+  return parse_nl(*content, name_of(path));
 }
 
 }  // namespace

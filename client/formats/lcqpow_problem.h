@@ -9,7 +9,8 @@
 
 namespace marble::formats {
 
-/// A matrix, or a vector as one of its rows or columns.
+/// A matrix, or a vector as one of its rows or columns. Whoever makes one has checked that entries lie within
+/// it.
 struct TableMatrix {
   Index rows = 0, columns = 0;
   Triplets entries = {};

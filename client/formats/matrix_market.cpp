@@ -6,13 +6,15 @@
 #include <fstream>
 #include <sstream>
 
+#include "file_bytes.h"
+#include "file_limits.h"
 #include "tables.h"
 
 namespace marble::formats {
 namespace {
 
 constexpr const char* kParts[] = {"Q", "g", "A", "b", "C", "d", "L", "l", "R", "r", "c0", "x0"};
-constexpr std::int64_t kMost = 0x7fffffff;
+constexpr std::size_t kMost = 0x7fffffff;
 
 /// What the first line says: %%MatrixMarket matrix coordinate real general, and the other words it may have.
 struct Banner {
@@ -21,13 +23,15 @@ struct Banner {
 
 class Reader {
  public:
-  Reader(std::string_view content, std::string part) : rest_(content), part_(std::move(part)) {}
+  // `most` rows and columns.
+  Reader(std::string_view content, std::string part, std::int64_t most)
+      : rest_(content), part_(std::move(part)), most_(most) {}
 
   Expected<TableMatrix> read() {
     const auto banner = read_banner();
     if (!banner) return unexpected(banner.error());
     skip_comments();
-    const std::int64_t rows = integer(0, kMost), columns = integer(0, kMost);
+    const std::int64_t rows = integer(0, most_), columns = integer(0, most_);
     TableMatrix table{static_cast<Index>(rows), static_cast<Index>(columns)};
     if (banner->coordinate) {
       for (std::int64_t left = integer(0, kMost); left > 0 && !failed_; --left) {
@@ -118,6 +122,7 @@ class Reader {
 
   std::string_view rest_;
   const std::string part_;
+  const std::int64_t most_;
   int line_ = 1;
   bool failed_ = false;
   std::string rule_;
@@ -125,19 +130,6 @@ class Reader {
 
 std::string path_of(const std::string& folder, const char* part) {
   return (std::filesystem::path(folder) / part).string() + ".mtx";
-}
-
-Expected<std::optional<TableMatrix>> read_part(const std::string& folder, const char* part) {
-  const std::string path = path_of(folder, part);
-  if (!std::filesystem::exists(path)) return std::nullopt;
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream content;
-  if (file.peek() != std::ifstream::traits_type::eof()) content << file.rdbuf();
-  if (!file.is_open() || content.fail())
-    return unexpected(Error{ErrorCode::not_found, part, -1, "", "cannot be read"});
-  auto table = Reader(content.view(), part).read();
-  if (!table) return unexpected(table.error());
-  return std::move(*table);
 }
 
 // The shortest text that keeps every bit.
@@ -180,8 +172,34 @@ Expected<void> write_file(const std::string& path, const std::string& text) {
 
 }  // namespace
 
+Expected<ProblemFile> parse_matrix_market(const MatrixMarketParts& parts, const std::string& name) {
+  std::size_t length = 0;
+  for (const auto& [part, content] : parts) length += content.size();
+  const auto most = static_cast<std::int64_t>(std::min(most_numbers(length), kMost));
+  const auto read = [&](const char* part) -> Expected<std::optional<TableMatrix>> {
+    const auto found = parts.find(part);
+    if (found == parts.end()) return std::nullopt;
+    auto table = Reader(found->second, part, most).read();
+    if (!table) return unexpected(table.error());
+    return std::move(*table);
+  };
+  return assemble_tables(read, name);
+}
+
 Expected<ProblemFile> read_matrix_market(const std::string& folder, const std::string& name) {
-  return assemble_tables([&](const char* part) { return read_part(folder, part); }, name);
+  MatrixMarketParts parts;
+  for (const char* part : kParts) {
+    std::error_code unknown;
+    const std::string path = path_of(folder, part);
+    if (!std::filesystem::exists(path, unknown)) continue;
+    auto content = read_bytes(path);
+    if (!content) {
+      content.error().field = part;
+      return unexpected(content.error());
+    }
+    parts.emplace(part, std::move(*content));
+  }
+  return parse_matrix_market(parts, name);
 }
 
 Expected<void> write_matrix_market(const ProblemFile& file, const std::string& folder) {

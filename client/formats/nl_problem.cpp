@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "assembler.h"
+#include "file_limits.h"
 #include "nl_tokens.h"
 #include "quadratic.h"
 
@@ -25,14 +26,19 @@ enum Operator : int {
   kSquare = 77,
 };
 
+// The k of "5 k i": which bounds of variable i the row complements.
+enum Sides : int { kLowerSide = 1, kUpperSide = 2, kBothSides = 3 };
+
 struct Bounds {
   double low = -kInfinity, high = kInfinity;
   int complements = -1;  // the variable that the row complements
+  int sides = 0;         // with regard to which of its bounds
 };
 
 class NlReader {
  public:
-  explicit NlReader(std::string_view content) : in_(content) {}
+  explicit NlReader(std::string_view content)
+      : in_(content), most_terms_(most_numbers(content.size())), length_(content.size()) {}
 
   Expected<ProblemFile> read(const std::string& name) {
     header_ = in_.header();
@@ -52,7 +58,7 @@ class NlReader {
 
  private:
   void check_header() {
-    const auto refuse = [&](int count, const char* what) {
+    const auto refuse = [&](std::int64_t count, const char* what) {
       if (count > 0) in_.fail("header", std::to_string(count) + " " + what, "must be none: not an LCQP");
     };
     refuse(header_.integers, "integer variables");
@@ -61,6 +67,14 @@ class NlReader {
     refuse(header_.logical_constraints, "logical constraints");
     if (header_.objectives > 1)
       in_.fail("header", std::to_string(header_.objectives) + " objectives", "must be one at most");
+    // Every variable and every constraint has a bound of a byte at least.
+    if (static_cast<std::size_t>(header_.variables) + static_cast<std::size_t>(header_.constraints) >
+        length_) {
+      in_.fail("header",
+               std::to_string(header_.variables) + " variables, " + std::to_string(header_.constraints) +
+                   " constraints",
+               "must be no more than the file has bytes, " + std::to_string(length_));
+    }
   }
 
   void segment(char key) {
@@ -102,16 +116,16 @@ class NlReader {
 
   void constraint() {
     const int index = in_.integer("C", 0, header_.constraints - 1);
-    const Quadratic body = expression();
+    Quadratic body = expression();
     if (body.degree() == 2)
       in_.fail("C" + std::to_string(index), "quadratic", "must be linear: constraints of an LCQP are");
-    if (!in_.failed()) rows_[at(index)].add(body);
+    if (!in_.failed()) keep(std::move(body), rows_[at(index)]);
   }
 
   void objective() {
     static_cast<void>(in_.integer("O", 0, header_.objectives - 1));
     maximize_ = in_.integer("O", 0, 1) == 1;
-    objective_.add(expression());
+    keep(expression(), objective_);
   }
 
   void defined_variable() {
@@ -125,7 +139,7 @@ class NlReader {
       value.linear[variable] += in_.real("V");
     }
     value.add(expression());
-    defined_[index] = std::move(value);
+    keep(std::move(value), defined_[index]);
   }
 
   void jacobian_row() {
@@ -160,8 +174,7 @@ class NlReader {
         break;
       case '5':
         if (may_complement) {
-          // Which sides are finite is told once more by the variable's own bounds.
-          static_cast<void>(in_.integer(what, 0, 3));
+          bounds.sides = in_.integer(what, 0, kBothSides);
           bounds.complements = in_.integer(what, 1, header_.variables) - 1;
           break;
         }
@@ -197,6 +210,32 @@ class NlReader {
       static_cast<void>(in_.integer("S", 0, kMany));
       static_cast<void>(in_.integer("S", -kMany - 1, kMany));
     }
+  }
+
+  // Defined variables and products let a short file ask for any number of terms: those that are held at a
+  // time are bounded.
+  bool has_room(std::size_t terms) {
+    if (held_ + terms <= most_terms_) return true;
+    in_.fail("expression", std::to_string(held_ + terms) + " terms",
+             "must have no more than " + std::to_string(most_terms_) + " in a file of " +
+                 std::to_string(length_) + " bytes");
+    return false;
+  }
+  void add(Quadratic value, Quadratic& sum, double factor = 1.0) {
+    if (has_room(value.terms() + sum.terms())) sum.add(std::move(value), factor);
+  }
+  // For good, as a row, a defined variable or the objective.
+  void keep(Quadratic value, Quadratic& part) {
+    const std::size_t terms = value.terms();
+    add(std::move(value), part);
+    held_ += terms;
+  }
+  Quadratic expression_beside(const Quadratic& held) {
+    const std::size_t terms = held.terms();
+    held_ += terms;
+    Quadratic value = expression();
+    held_ -= terms;
+    return value;
   }
 
   Quadratic expression() {
@@ -237,7 +276,7 @@ class NlReader {
       case kPlus:
       case kMinus: {
         Quadratic sum = expression();
-        sum.add(expression(), code == kPlus ? 1.0 : -1.0);
+        add(expression_beside(sum), sum, code == kPlus ? 1.0 : -1.0);
         return sum;
       }
       case kNegate:
@@ -245,12 +284,12 @@ class NlReader {
       case kSum: {
         Quadratic sum;
         for (int count = in_.integer("o54", 0, kMany); count > 0 && !in_.failed(); --count)
-          sum.add(expression());
+          add(expression_beside(sum), sum);
         return sum;
       }
       case kTimes: {
         const Quadratic left = expression();
-        return product(left, expression());
+        return product(left, expression_beside(left));
       }
       case kSquare: {
         const Quadratic base = expression();
@@ -269,6 +308,7 @@ class NlReader {
 
   Quadratic product(const Quadratic& left, const Quadratic& right) {
     Quadratic result;
+    if (!has_room(left.terms() + right.terms() + left.linear.size() * right.linear.size())) return result;
     if (!multiply(left, right, result))
       in_.fail("o2", "degree " + std::to_string(left.degree() + right.degree()), "must be quadratic at most");
     return result;
@@ -276,7 +316,7 @@ class NlReader {
 
   Quadratic quotient() {
     const Quadratic left = expression();
-    const Quadratic right = expression();
+    const Quadratic right = expression_beside(left);
     if (right.degree() == 0 && right.constant != 0.0) return left.times(1.0 / right.constant);
     in_.fail("o3", "", "must divide by a constant other than 0");
     return {};
@@ -284,7 +324,7 @@ class NlReader {
 
   Quadratic power() {
     Quadratic base = expression();
-    const Quadratic exponent = expression();
+    const Quadratic exponent = expression_beside(base);
     if (exponent.degree() == 0 && exponent.constant == 0.0) return Quadratic::of(1.0);
     if (exponent.degree() == 0 && exponent.constant == 1.0) return base;
     if (exponent.degree() == 0 && exponent.constant == 2.0) return product(base, base);
@@ -299,6 +339,42 @@ class NlReader {
     return result;
   }
 
+  // "5 k i". AMPL's own readers take the row's bounds from k alone (ASL's fg_read.c: lower k & 2 ? -inf : 0,
+  // upper k & 1 ? inf : 0). Whatever else the variable is bounded by is a plain bound: Pyomo writes k = 1 for
+  // one with two. `plain` keeps the bounds that no pair holds.
+  Expected<void> add_complementarity(Assembler& problem, std::size_t index, std::vector<Bounds>& plain) {
+    const int variable = row_bounds_[index].complements, sides = row_bounds_[index].sides;
+    const AffineRow row = affine(rows_[index]);
+    const Bounds& given = bounds_[at(variable)];
+    const bool lower = (sides & kLowerSide) != 0, upper = (sides & kUpperSide) != 0;
+    const auto refuse = [&](const char* rule) {
+      return unexpected(Error{ErrorCode::invalid_argument, "r", static_cast<std::int64_t>(index),
+                              "5 " + std::to_string(sides) + " " + std::to_string(variable + 1), rule});
+    };
+    if (lower && given.low == -kInfinity) return refuse("must complement a variable with a lower bound");
+    if (upper && given.high == kInfinity) return refuse("must complement a variable with an upper bound");
+    if (sides == 0 && (given.low > -kInfinity || given.high < kInfinity))
+      return refuse("must complement a variable without bounds");
+    if (given.low == given.high) {  // the variable stands still: its row may do what the sides allow
+      if (sides == kBothSides) return {};
+      return problem.add_range(row, upper ? -kInfinity : 0.0, lower ? kInfinity : 0.0, "r",
+                               static_cast<std::int64_t>(index));
+    }
+    if (!(given.low < given.high)) return {};  // the bounds' own row is refused
+    if (sides == kBothSides) {
+      problem.add_mixed(row, variable, given.low, given.high);
+    } else if (lower) {
+      problem.add_pair(row, AffineRow::variable(variable, -given.low));
+    } else if (upper) {
+      problem.add_pair(row.negated(), AffineRow::variable(variable, -given.high).negated());
+    } else {
+      return problem.add_range(row, 0.0, 0.0, "r", static_cast<std::int64_t>(index));
+    }
+    if (lower) plain[at(variable)].low = -kInfinity;
+    if (upper) plain[at(variable)].high = kInfinity;
+    return {};
+  }
+
   Expected<ProblemFile> assemble(const std::string& name) {
     Assembler problem(header_.variables);
     const Quadratic cost = objective_.times(maximize_ ? -1.0 : 1.0);
@@ -308,23 +384,18 @@ class NlReader {
       problem.add_quadratic(pair.first, pair.second, pair.first == pair.second ? 2.0 * value : value);
       if (pair.first != pair.second) problem.add_quadratic(pair.second, pair.first, value);
     }
-    std::vector<bool> paired(bounds_.size(), false);  // their bounds are in a pair
+    std::vector<Bounds> plain = bounds_;
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       const Bounds& bounds = row_bounds_[i];
-      if (bounds.complements < 0) {
-        const auto added =
-            problem.add_range(affine(rows_[i]), bounds.low, bounds.high, "r", static_cast<std::int64_t>(i));
-        if (!added) return unexpected(added.error());
-        continue;
-      }
-      const auto variable = at(bounds.complements);
-      problem.add_mixed(affine(rows_[i]), bounds.complements, bounds_[variable].low, bounds_[variable].high);
-      paired[variable] = true;
+      const auto added = bounds.complements >= 0
+                             ? add_complementarity(problem, i, plain)
+                             : problem.add_range(affine(rows_[i]), bounds.low, bounds.high, "r",
+                                                 static_cast<std::int64_t>(i));
+      if (!added) return unexpected(added.error());
     }
     for (std::size_t i = 0; i < bounds_.size(); ++i) {
-      if (paired[i]) continue;
-      const auto added = problem.add_range(AffineRow::variable(static_cast<Index>(i)), bounds_[i].low,
-                                           bounds_[i].high, "b", static_cast<std::int64_t>(i));
+      const auto added = problem.add_range(AffineRow::variable(static_cast<Index>(i)), plain[i].low,
+                                           plain[i].high, "b", static_cast<std::int64_t>(i));
       if (!added) return unexpected(added.error());
     }
     auto made = problem.finish(name);
@@ -338,6 +409,8 @@ class NlReader {
   }
 
   NlTokens in_;
+  const std::size_t most_terms_, length_;
+  std::size_t held_ = 0;
   NlHeader header_;
   bool maximize_ = false;
   Quadratic objective_;

@@ -2,6 +2,7 @@
 
 #include <charconv>
 #include <cstring>
+#include <numeric>
 
 namespace marble::formats {
 namespace {
@@ -72,14 +73,14 @@ NlHeader NlTokens::header() {
   header.logical_constraints = sizes[5];
   static_cast<void>(header_line(3, 2));
   const auto networks = header_line(4, 2);
-  header.networks = networks[0] + networks[1];
+  header.networks = std::int64_t{networks[0]} + networks[1];
   static_cast<void>(header_line(5, 2));
   const auto flags = header_line(6, 2);
   header.functions = flags[1];
   if (header.binary && flags[2] > 1)
     fail("header", "arithmetic " + std::to_string(flags[2]), "must be IEEE, little-endian");
   const auto discrete = header_line(7, 2);
-  header.integers = discrete[0] + discrete[1] + discrete[2] + discrete[3] + discrete[4];
+  header.integers = std::accumulate(discrete.begin(), discrete.begin() + 5, std::int64_t{0});
   for (int number = 8; number <= 10; ++number) static_cast<void>(header_line(number, 1));
   binary_ = header.binary;
   return header;

@@ -14,9 +14,9 @@ namespace marble::formats {
 struct NlHeader {
   bool binary = false;
   int variables = 0, constraints = 0, objectives = 0;
-  int integers = 0;   ///< integer and binary variables
-  int networks = 0;   ///< network constraints
-  int functions = 0;  ///< imported ones
+  std::int64_t integers = 0;  ///< integer and binary variables
+  std::int64_t networks = 0;  ///< network constraints
+  int functions = 0;          ///< imported ones
   int logical_constraints = 0;
 };
 

@@ -6,13 +6,13 @@
 #include <deque>
 #include <memory>
 
+#include "file_bytes.h"
+#include "file_limits.h"
 #include "npy.h"
 #include "tables.h"
 
 namespace marble::formats {
 namespace {
-
-constexpr zip_uint64_t kLargestArray = zip_uint64_t{1} << 33;  // bytes; far beyond what a solver takes
 
 struct CloseArchive {
   void operator()(zip_t* archive) const { zip_discard(archive); }
@@ -25,7 +25,8 @@ Error fault(const std::string& name, const std::string& bound) {
 
 class NpzReader {
  public:
-  explicit NpzReader(Archive archive) : archive_(std::move(archive)) {}
+  NpzReader(Archive archive, std::size_t length)
+      : archive_(std::move(archive)), most_bytes_(most_bytes(length)), most_numbers_(most_numbers(length)) {}
 
   Expected<std::optional<TableMatrix>> read(const std::string& name) {
     if (const auto values = array(name, ".data"); !values || *values) {
@@ -51,7 +52,10 @@ class NpzReader {
     const auto index = static_cast<zip_uint64_t>(at);
     if (zip_stat_index(archive_.get(), index, 0, &about) != 0 || (about.valid & ZIP_STAT_SIZE) == 0)
       return unexpected(fault(name + suffix, "cannot be read"));
-    if (about.size > kLargestArray) return unexpected(fault(name + suffix, "must have at most 8 GiB"));
+    if (about.size > most_bytes_) {
+      return unexpected(fault(name + suffix, "must unpack to at most " + std::to_string(most_bytes_) +
+                                                 " bytes, for the file's length"));
+    }
     const std::unique_ptr<zip_file_t, int (*)(zip_file_t*)> file(zip_fopen_index(archive_.get(), index, 0),
                                                                  &zip_fclose);
     std::string bytes(about.size, '\0');
@@ -63,8 +67,12 @@ class NpzReader {
     return std::move(*parsed);
   }
 
-  static Expected<std::optional<TableMatrix>> table_of(const std::string& name, const NpyArray& dense) {
+  [[nodiscard]] Expected<std::optional<TableMatrix>> table_of(const std::string& name,
+                                                              const NpyArray& dense) const {
     if (dense.shape.size() > 2) return unexpected(fault(name, "must have at most two dimensions"));
+    for (const std::size_t extent : dense.shape) {
+      if (extent > most_numbers_) return unexpected(fault(name, "must have " + sizes_rule()));
+    }
     TableMatrix table;
     table.rows = static_cast<Index>(dense.shape.empty() ? 1 : dense.shape[0]);
     table.columns = static_cast<Index>(dense.shape.size() < 2 ? 1 : dense.shape[1]);
@@ -80,6 +88,10 @@ class NpzReader {
     return table;
   }
 
+  [[nodiscard]] std::string sizes_rule() const {
+    return "at most " + std::to_string(most_numbers_) + " rows and columns, for the file's length";
+  }
+
   // A number that counts or points to something below `end`.
   static std::optional<std::size_t> index_of(double value, std::size_t end) {
     if (!(value >= 0.0) || value >= static_cast<double>(end) || value != std::floor(value))
@@ -88,7 +100,6 @@ class NpzReader {
   }
 
   Expected<std::optional<TableMatrix>> sparse(const std::string& name, const NpyArray& values) {
-    constexpr std::size_t kMost = 0x7fffffff;
     const auto indices = array(name, ".indices"), pointers = array(name, ".indptr"),
                shape = array(name, ".shape"), format = array(name, ".format");
     for (const auto* part : {&indices, &pointers, &shape, &format}) {
@@ -99,9 +110,10 @@ class NpzReader {
     const std::string kind = *format ? (*format)->text : "csc";
     if (kind != "csc" && kind != "csr") return unexpected(fault(name + ".format", "must be csc or csr"));
     const auto& sizes = (*shape)->values;
-    const auto rows = sizes.size() == 2 ? index_of(sizes[0], kMost) : std::nullopt;
-    const auto columns = sizes.size() == 2 ? index_of(sizes[1], kMost) : std::nullopt;
-    if (!rows || !columns) return unexpected(fault(name + ".shape", "must be two sizes in [0, 2^31)"));
+    const auto rows = sizes.size() == 2 ? index_of(sizes[0], most_numbers_ + 1) : std::nullopt;
+    const auto columns = sizes.size() == 2 ? index_of(sizes[1], most_numbers_ + 1) : std::nullopt;
+    if (!rows || !columns)
+      return unexpected(fault(name + ".shape", "must be two sizes, with " + sizes_rule()));
     TableMatrix table{static_cast<Index>(*rows), static_cast<Index>(*columns)};
     const bool by_column = kind == "csc";
     const std::size_t outer = by_column ? *columns : *rows, inner = by_column ? *rows : *columns;
@@ -129,6 +141,7 @@ class NpzReader {
   }
 
   Archive archive_;
+  const std::size_t most_bytes_, most_numbers_;
 };
 
 class NpzWriter {
@@ -163,13 +176,23 @@ class NpzWriter {
 
 }  // namespace
 
-Expected<ProblemFile> read_npz(const std::string& path, const std::string& name) {
-  int code = 0;
-  Archive archive(zip_open(path.c_str(), ZIP_RDONLY, &code));
-  if (archive == nullptr)
-    return unexpected(Error{ErrorCode::not_found, "", -1, "", "cannot be read as an .npz file"});
-  NpzReader reader(std::move(archive));
+Expected<ProblemFile> parse_npz(std::string_view bytes, const std::string& name) {
+  const Error no_archive{ErrorCode::invalid_argument, "", -1, "", "cannot be read as an .npz file"};
+  zip_source_t* source = zip_source_buffer_create(bytes.data(), bytes.size(), 0, nullptr);
+  if (source == nullptr) return unexpected(no_archive);
+  Archive archive(zip_open_from_source(source, ZIP_RDONLY, nullptr));
+  if (archive == nullptr) {
+    zip_source_free(source);
+    return unexpected(no_archive);
+  }
+  NpzReader reader(std::move(archive), bytes.size());
   return assemble_tables([&](const char* part) { return reader.read(part); }, name);
+}
+
+Expected<ProblemFile> read_npz(const std::string& path, const std::string& name) {
+  const auto bytes = read_bytes(path);
+  if (!bytes) return unexpected(bytes.error());
+  return parse_npz(*bytes, name);
 }
 
 Expected<void> write_npz(const ProblemFile& file, const std::string& path) {

@@ -6,13 +6,17 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "marble/problem_file.h"
 
 namespace marble::formats {
 
-/// Errors name the array; not_found if the file cannot be read.
+/// Errors name the array; not_found if the file cannot be read. Memory is in proportion to the file's length
+/// (file_limits.h).
 [[nodiscard]] Expected<ProblemFile> read_npz(const std::string& path, const std::string& name);
+/// The same of a file's bytes.
+[[nodiscard]] Expected<ProblemFile> parse_npz(std::string_view bytes, const std::string& name);
 [[nodiscard]] Expected<void> write_npz(const ProblemFile& file, const std::string& path);
 
 }  // namespace marble::formats

@@ -18,14 +18,21 @@ struct Quadratic {
   /// 0, 1 or 2.
   [[nodiscard]] int degree() const { return !products.empty() ? 2 : !linear.empty() ? 1 : 0; }
 
-  void add(const Quadratic& other, double factor = 1.0) {
+  [[nodiscard]] std::size_t terms() const { return linear.size() + products.size(); }
+
+  /// In the time of the smaller one where it can: long sums are nested to the right.
+  void add(Quadratic other, double factor = 1.0) {
+    if (factor == 1.0 && other.terms() > terms()) std::swap(*this, other);
     constant += factor * other.constant;
     for (const auto& [index, value] : other.linear) linear[index] += factor * value;
     for (const auto& [pair, value] : other.products) products[pair] += factor * value;
   }
   [[nodiscard]] Quadratic times(double factor) const {
-    Quadratic result;
-    if (factor != 0.0) result.add(*this, factor);
+    if (factor == 0.0) return {};
+    Quadratic result = *this;
+    result.constant *= factor;
+    for (auto& [index, value] : result.linear) value *= factor;
+    for (auto& [pair, value] : result.products) value *= factor;
     return result;
   }
 };

@@ -1,7 +1,4 @@
 // Measures the service over real connections to a server process of its own, and prints tables.
-// Usage: service_bench [--findings FILE] [PART ...]
-//   PART is mpc, flood, idle, cost, remote, throughput, crowd or streaming; all of them by default.
-//   FILE gets the ratios with their limits as JSON.
 #include <algorithm>
 #include <cstdio>
 #include <string>
@@ -12,9 +9,24 @@
 #include "echo_server.h"
 #include "finding.h"
 
+namespace {
+
+constexpr const char* kUsage =
+    "Measures the service over real connections to a server process of its own, and prints tables.\n"
+    "Usage: service_bench [--findings FILE] [PART ...]\n"
+    "  PART             mpc, flood, idle, cost, remote, throughput, crowd or streaming; all of them by "
+    "default\n"
+    "  --findings FILE  gets the ratios with their limits as JSON\n";
+
+}  // namespace
+
 int main(int argc, char** argv) {
   using namespace marble;
   std::vector<std::string> wanted(argv + 1, argv + argc);
+  if (std::ranges::any_of(wanted, [](const std::string& word) { return word == "--help" || word == "-h"; })) {
+    std::fputs(kUsage, stdout);
+    return 0;
+  }
   if (wanted.size() == 2 && wanted[0] == "--echo-server") return bench::EchoServer::serve(wanted[1]);
   std::string findings;
   if (wanted.size() >= 2 && wanted[0] == "--findings") {

@@ -1,6 +1,4 @@
 // Runs families of problems and prints what the solver reached on them.
-// Usage: suite [FAMILY ...] [--seeds N] [--starts K] [--profile FILE.svg] [--benchmarks FOLDER]
-// Families: macmpec perturbed robotics variants qpecs warm mpc growth throughput; all of them by default.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -12,6 +10,20 @@
 #include "families.h"
 #include "peers.h"
 #include "support/shared_problems.h"
+
+namespace {
+
+constexpr const char* kUsage =
+    "Runs families of problems and prints what the solver reached on them.\n"
+    "Usage: suite [FAMILY ...] [--seeds N] [--starts K] [--profile FILE.svg] [--benchmarks FOLDER]\n"
+    "Families: macmpec perturbed robotics variants qpecs warm mpc growth throughput; all of them by "
+    "default.\n"
+    "  --seeds N            of the random families, default 20\n"
+    "  --starts K           of the references where none is known, default 8\n"
+    "  --profile FILE.svg   draw macmpec against its peers\n"
+    "  --benchmarks FOLDER  problems with references\n";
+
+}  // namespace
 
 int main(int argc, char** argv) {
   using namespace marble;
@@ -26,6 +38,10 @@ int main(int argc, char** argv) {
       std::fprintf(stderr, "suite: %s needs a value\n", argument.c_str());
       std::exit(2);
     };
+    if (argument == "--help" || argument == "-h") {
+      std::fputs(kUsage, stdout);
+      return 0;
+    }
     if (argument == "--seeds") {
       settings.seeds = std::max(1, std::atoi(value()));
     } else if (argument == "--starts") {

@@ -51,6 +51,21 @@ TEST_F(LoopCommands, CtrlCEndsABatchAndEveryFileHasItsLine) {
   for (const Json& line : result.lines()) EXPECT_EQ(line["error"]["code"], "cancelled");
 }
 
+TEST_F(LoopCommands, MpcInThisProcessIsTheSameLoopAsOverAServer) {
+  const std::string loop = "mpc hopper --steps 20 --ticks 3 --seed 4 --output json";
+  const auto there = marble(loop).lines();
+  const Result local = run(loop + " --local");
+  ASSERT_EQ(local.exit_code, 0) << local.err;
+  const auto here = local.lines();
+  ASSERT_EQ(here.size(), 5U);
+  ASSERT_EQ(there.size(), here.size());
+  for (std::size_t i = 0; i < 4; ++i) {
+    for (const char* key : {"tick", "status", "objective", "iterations", "factorizations"})
+      EXPECT_EQ(here[i][key], there[i][key]) << key << " of tick " << i;
+  }
+  EXPECT_EQ(run(loop + " --local --server 127.0.0.1:1").exit_code, 2);
+}
+
 TEST_F(LoopCommands, MpcIsCheaperWarmThanCold) {
   const Result warm = marble("mpc hopper --ticks 4 --output json");
   ASSERT_EQ(warm.exit_code, 0) << warm.err;

@@ -127,8 +127,6 @@ TEST(Nl, EveryBeginningOfAFileAndEveryChangedByteIsTakenOrRefusedAndNothingElse)
       for (const char c : {'\0', '9', '-', 'J', '\xff'}) {
         std::string changed = whole;
         changed[at] = c;
-        // Sizes in the header alone may ask for more memory than there is.
-        if (at > 20 && at < 60) continue;
         static_cast<void>(parse_nl(changed, "changed"));
       }
     }

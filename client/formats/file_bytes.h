@@ -1,0 +1,13 @@
+// A file as its bytes.
+#pragma once
+
+#include <string>
+
+#include "marble/error.h"
+
+namespace marble::formats {
+
+/// not_found if it cannot be read.
+[[nodiscard]] Expected<std::string> read_bytes(const std::string& path);
+
+}  // namespace marble::formats
