@@ -181,7 +181,12 @@ void read_config_file(const std::string& path, Config& config, std::vector<Confi
     faults.push_back({path, std::move(error)});
     return;
   }
-  const toml::parse_result parsed = toml::parse(*text, path);
+  read_config_text(*text, path, config, faults);
+}
+
+void read_config_text(std::string_view text, const std::string& path, Config& config,
+                      std::vector<ConfigFault>& faults) {
+  const toml::parse_result parsed = toml::parse(text, path);
   if (!parsed) {
     const toml::parse_error& error = parsed.error();
     faults.push_back({path + ":" + std::to_string(error.source().begin.line),

@@ -32,7 +32,7 @@ constexpr Crowd kCrowds[] = {{make_solve_client, 2},  {make_deadline_client, 1},
                              {make_stream_client, 2}, {make_cancel_client, 2},   {make_slow_reader, 2},
                              {make_batch_client, 2},  {make_session_client, 3},  {make_idle_session, 1},
                              {make_submit_client, 2}, {make_watch_client, 2},    {make_health_client, 1},
-                             {make_killed_client, 1}};
+                             {make_killed_client, 1}, {make_hostile_client, 2}};
 
 std::int64_t number_from(const char* name, std::int64_t otherwise) {
   const char* text = std::getenv(name);

@@ -29,5 +29,7 @@ std::unique_ptr<Client> make_watch_client(World& world, std::uint64_t seed);
 std::unique_ptr<Client> make_health_client(World& world, std::uint64_t seed);
 // Processes that are killed with -9 in the middle of a stream, a batch or a session.
 std::unique_ptr<Client> make_killed_client(World& world, std::uint64_t seed);
+// Frames by hand that no client library would send.
+std::unique_ptr<Client> make_hostile_client(World& world, std::uint64_t seed);
 
 }  // namespace marble::testing
