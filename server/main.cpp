@@ -11,10 +11,10 @@
 #include <thread>
 
 #include "config.h"
-#include "grpc_log.h"
 #include "http/http_server.h"
 #include "info_service.h"
 #include "jobs_service.h"
+#include "library_log.h"
 #include "listen.h"
 #include "marble/version.h"
 #include "process.h"
@@ -132,9 +132,9 @@ int main(int argc, char** argv) {
   const Supervisor supervisor;
   Signals signals;
   if (config->stop_at_eof) signals.watch_standard_input();
-  Log log(config->log_format, config->log_level);
+  Log log(config->log_format, config->log_level, config->log_queue_bytes);
   configure(log, *config);
-  const GrpcLog grpc_log(log);
+  const LibraryLog library_log(log);
   Access access(*config);
   Metrics metrics(config->metrics, config->metrics_clients);
   LiveCalls calls;
@@ -196,7 +196,7 @@ int main(int argc, char** argv) {
   for (; signal == SIGHUP; signal = signals.wait()) {
     supervisor.reloading();
     reloader.reload();
-    grpc_log.follow_level();
+    library_log.follow_level();
     supervisor.ready();
   }
   supervisor.stopping();

@@ -51,7 +51,7 @@ Request make(const v1::SolveRequest& message) {
 
 class SchedulerTest : public ::testing::Test {
  protected:
-  Log log_{"text", "off"};
+  Log log_{"text", "off", 1 << 20};
   Metrics metrics_{true, 1};
   JobBoard board_{{}};
 };
