@@ -73,6 +73,14 @@ class SuppressedLines final : public Pulsed {
   Log& log_;
 };
 
+void warn_if_open(const Log& log, const Config& config) {
+  if (knows_callers(config)) return;
+  for (const std::string& address : addresses_beyond_loopback(config)) {
+    log.warn(Component::access, "anyone",
+             {{"address", address}, {"reason", "other machines reach it, and every caller has every role"}});
+  }
+}
+
 int tell(const std::vector<ConfigFault>& faults) {
   for (const ConfigFault& fault : faults) std::cerr << "marble-server: " << fault.message() << '\n';
   return kBadConfiguration;
@@ -135,6 +143,7 @@ int main(int argc, char** argv) {
   Log log(config->log_format, config->log_level, config->log_queue_bytes);
   configure(log, *config);
   const LibraryLog library_log(log);
+  warn_if_open(log, *config);
   Access access(*config);
   Metrics metrics(config->metrics, config->metrics_clients);
   LiveCalls calls;

@@ -89,7 +89,7 @@ TEST_F(Start, RefusesOtherAddressesWithoutInsecure) {
 }
 
 TEST_F(Start, ListensAnywhereWhenTold) {
-  start({"--listen", "0.0.0.0:0", "--insecure"});
+  start({"--listen", "0.0.0.0:0", "--insecure", "--anyone"});
   EXPECT_TRUE(server().running());
 }
 
