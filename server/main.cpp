@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "config.h"
+#include "hang_up.h"
 #include "http/http_server.h"
 #include "info_service.h"
 #include "jobs_service.h"
@@ -29,7 +30,6 @@ using namespace marble::server;
 
 constexpr int kBadConfiguration = 2;
 constexpr std::chrono::seconds kLastAnswers{5};  // for answers on their way to slow readers
-constexpr std::chrono::milliseconds kLastRefusals{200};
 
 bool write_lines(const std::string& path, const std::vector<std::string>& lines) {
   // Renamed into place, so that whoever waits for the file never reads half of it.
@@ -220,10 +220,8 @@ int main(int argc, char** argv) {
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
-  calls.wait_for_none(kLastAnswers);
-  // gRPC answers a call that arrives during its shutdown with CANCELLED, which nobody retries: until those
-  // who have just been answered have asked again and been refused, it waits.
-  std::this_thread::sleep_for(kLastRefusals);
+  calls.wait_for_last(kLastAnswers);
+  hang_up(listening->addresses);
   listening->server->Shutdown(std::chrono::system_clock::now());
   listening->server->Wait();
   http.reset();
