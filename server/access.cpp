@@ -14,6 +14,17 @@ namespace {
 constexpr std::size_t kLongestName = 64;
 constexpr Roles kCertificateRoles = {Role::solve, Role::observe};  // of a client that the file gives none
 
+// What a table says of the client: under its own name, or under the one in its certificate.
+template <class Value>
+const Value* find(const std::map<std::string, Value>& table, const std::string& client) {
+  auto found = table.find(client);
+  if (found == table.end() && client.rfind(kCertificatePrefix, 0) == 0)
+    found = table.find(client.substr(kCertificatePrefix.size()));
+  return found == table.end() ? nullptr : &found->second;
+}
+
+Error unauthenticated(const char* reason) { return {ErrorCode::unauthenticated, "", -1, "", reason}; }
+
 template <class Number>
 Number or_none(Number limit) {
   return limit > 0 ? limit : std::numeric_limits<Number>::max();
@@ -86,6 +97,7 @@ Credentials credentials_of(const grpc::CallbackServerContext& context) {
   Credentials given{context.peer(), std::nullopt, certificate_name(context),
                     metadata(context, "marble-client")};
   if (const auto authorization = metadata(context, "authorization")) given.token = bearer_of(*authorization);
+  if (context.client_metadata().count("authorization") > 1) given.token = "";  // nobody says which one counts
   return given;
 }
 
@@ -124,20 +136,22 @@ Expected<Identity> Access::identify(const grpc::CallbackServerContext& context) 
 
 Expected<Identity> Access::identify(const Credentials& given) const {
   const auto rules = this->rules();
-  if (rules->tokens_known && given.token) {
+  if (rules->tokens_known &&
+      given.token) {  // a wrong one is refused, whatever certificate is shown beside it
     if (const Token* token = find_token(rules->tokens, *given.token))
       return Identity{token->client, token->roles};
+    ++unauthenticated_;
+    return unexpected(unauthenticated("the token is not known"));
   }
   if (rules->certificates_known && given.certificate) {
-    const auto roles = rules->roles.find(*given.certificate);
-    return Identity{*given.certificate, roles == rules->roles.end() ? kCertificateRoles : roles->second};
+    std::string client = std::string(kCertificatePrefix) + *given.certificate;
+    const Roles* roles = find(rules->roles, client);
+    return Identity{std::move(client), roles == nullptr ? kCertificateRoles : *roles};
   }
   if (rules->tokens_known || rules->certificates_known) {
     ++unauthenticated_;
-    const char* reason = "needs a client certificate";
-    if (rules->tokens_known)
-      reason = given.token ? "the token is not known" : "needs a token: authorization: Bearer TOKEN";
-    return unexpected(Error{ErrorCode::unauthenticated, "", -1, "", reason});
+    return unexpected(unauthenticated(rules->tokens_known ? "needs a token: authorization: Bearer TOKEN"
+                                                          : "needs a client certificate"));
   }
   if (!given.name) return Identity{host_of(given.peer), Roles::all()};
   const auto name = own_name(*given.name);
@@ -166,8 +180,8 @@ bool Access::knows_callers() const {
 
 Quota Access::quota_of(const std::string& client) const {
   const auto rules = this->rules();
-  const auto own = rules->quotas.find(client);
-  return own == rules->quotas.end() ? rules->default_quota : own->second;
+  const Quota* own = find(rules->quotas, client);
+  return own == nullptr ? rules->default_quota : *own;
 }
 
 }  // namespace marble::server

@@ -86,6 +86,10 @@ grpc::Status refuse(const ServiceParts& parts, const Origin& origin, const Error
   return to_status(error, parts.scheduler.retry_delay_s());
 }
 
+grpc::Status end_of_stream(const ServiceParts& parts, const Error& error) {
+  return to_status(error, error.code == ErrorCode::unavailable ? parts.scheduler.retry_delay_s() : 0.0);
+}
+
 Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller& caller, JobKind kind,
                                         std::shared_ptr<const v1::SolveRequest> message) {
   const v1::SolveRequest& request = *message;

@@ -41,6 +41,9 @@ struct Caller {
 /// Counts and logs a request that does not become a job; what its caller is told.
 [[nodiscard]] grpc::Status refuse(const ServiceParts& parts, const Origin& origin, const Error& error);
 
+/// What the caller of a stream that ends early is told: when to come back, if it is the server that leaves.
+[[nodiscard]] grpc::Status end_of_stream(const ServiceParts& parts, const Error& error);
+
 /// Checks everything about the request, which the job then keeps. Error fields are paths from the request's
 /// root. The job has no observer yet.
 [[nodiscard]] Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller& caller,

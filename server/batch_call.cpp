@@ -223,7 +223,7 @@ bool BatchCall::step() {
       writing_ = write;
       finish = !write && starting_ == 0 && jobs_.empty() && !held_ && (read_all_ || end_ || broken_);
       finishing_ = finish;
-      if (finish && end_) status = to_status(*end_, 0.0);
+      if (finish && end_) status = end_of_stream(parts_, *end_);
     }
   }
   if (read) StartRead(&incoming_);

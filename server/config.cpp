@@ -1,5 +1,6 @@
 #include "config.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <iterator>
 #include <sstream>
@@ -68,12 +69,18 @@ void check_addresses(const Config& config, Faults& faults) {
   const auto fault = [&](const std::string& field, const std::string& address, const std::string& rule) {
     faults.push_back({source_of(config, field), {ErrorCode::invalid_argument, field, -1, address, rule}});
   };
-  const bool safe = !config.tls_certificate.empty() || config.insecure;
   const auto check = [&](const std::string& field, const std::string& address) {
-    if (safe || is_local_address(address)) return;
-    fault(field, address,
-          "is reachable from other machines and connections are not encrypted; give tls_certificate and "
-          "tls_key, or add --insecure if that is what you want");
+    if (is_local_address(address)) return;
+    if (config.tls_certificate.empty() && !config.insecure) {
+      fault(field, address,
+            "is reachable from other machines and connections are not encrypted; give tls_certificate and "
+            "tls_key, or add --insecure if that is what you want");
+    }
+    if (!knows_callers(config) && !config.anyone) {
+      fault(field, address,
+            "is reachable from other machines and every caller has every role; give tokens or tls_client_ca, "
+            "or add --anyone if that is what you want");
+    }
   };
   if (config.listen.empty()) fault("listen", "", "must have an address");
   for (const std::string& address : config.listen) check("listen", address);
@@ -131,6 +138,17 @@ tl::expected<Config, std::vector<ConfigFault>> load_config(const CommandLine& co
 std::string source_of(const Config& config, const std::string& key) {
   const auto found = config.sources.find(key);
   return found == config.sources.end() ? "default" : found->second;
+}
+
+bool knows_callers(const Settings& settings) {
+  return !settings.tokens.empty() || client_certificate_of(settings) != ClientCertificate::none;
+}
+
+std::vector<std::string> addresses_beyond_loopback(const Config& config) {
+  std::vector<std::string> addresses = config.listen;
+  if (config.http != "auto" && config.http != "none") addresses.push_back(config.http);
+  addresses.erase(std::remove_if(addresses.begin(), addresses.end(), is_local_address), addresses.end());
+  return addresses;
 }
 
 bool is_unix_address(const std::string& address) {

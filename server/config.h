@@ -47,6 +47,11 @@ struct ConfigFault {
 /// All of it as TOML, each value with a comment that says where it came from.
 [[nodiscard]] std::string to_toml(const Config& config);
 
+/// Whether callers are told apart by tokens or certificates, not by what they say: else each has every role.
+[[nodiscard]] bool knows_callers(const Settings& settings);
+/// Of all addresses, those that others than this machine can reach.
+[[nodiscard]] std::vector<std::string> addresses_beyond_loopback(const Config& config);
+
 /// What "auto" means for the HTTP port.
 inline const std::string kDefaultHttpAddress = "127.0.0.1:50080";
 

@@ -39,6 +39,9 @@ class Roles {
   unsigned bits_ = 0;
 };
 
+/// Before the name in a client's certificate: whoever signs certificates names nobody who has a token.
+constexpr std::string_view kCertificatePrefix = "cert:";
+
 struct Identity {
   std::string client;  ///< name of its token or certificate, else the one it gave itself, else its address
   Roles roles;

@@ -1,23 +1,19 @@
 #include "info_service.h"
 
-#include "admission.h"
 #include "server_info.h"
-#include "status.h"
+#include "unary_call.h"
 
 namespace marble::server {
 
 grpc::ServerUnaryReactor* InfoService::GetInfo(grpc::CallbackServerContext* context,
-                                               const v1::GetInfoRequest*, v1::GetInfoResponse* response) {
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  Origin origin = origin_of(*context);
-  const auto identity = identify(parts_, *context, origin);
-  if (!identity) {
-    reactor->Finish(to_status(identity.error()));
-    return reactor;
-  }
-  fill_info(parts_, *identity, response);
-  reactor->Finish(grpc::Status::OK);
-  return reactor;
+                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
+  const auto handle = [&](const Identity& caller, const v1::GetInfoRequest&, v1::GetInfoResponse* out,
+                          const Origin&) -> Expected<void> {
+    fill_info(parts_, caller, out);
+    return {};
+  };
+  return answer<v1::GetInfoRequest, v1::GetInfoResponse>(parts_, context, request, response,
+                                                         of_any_role(parts_, *context), handle);
 }
 
 }  // namespace marble::server

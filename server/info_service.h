@@ -6,12 +6,15 @@
 
 namespace marble::server {
 
-class InfoService final : public v1::Server::CallbackService {
+using InfoRawService = v1::Server::WithRawCallbackMethod_GetInfo<v1::Server::Service>;
+
+/// The method takes and gives bytes; see wire.h.
+class InfoService final : public InfoRawService {
  public:
   explicit InfoService(const ServiceParts& parts) : parts_(parts) {}
 
-  grpc::ServerUnaryReactor* GetInfo(grpc::CallbackServerContext* context, const v1::GetInfoRequest* request,
-                                    v1::GetInfoResponse* response) override;
+  grpc::ServerUnaryReactor* GetInfo(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
+                                    grpc::ByteBuffer* response) override;
 
  private:
   const ServiceParts& parts_;

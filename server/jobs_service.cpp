@@ -1,6 +1,5 @@
 #include "jobs_service.h"
 
-#include "admission.h"
 #include "job_access.h"
 #include "job_log.h"
 #include "job_requests.h"
@@ -40,32 +39,37 @@ class ResultKeeper final : public JobObserver {
 
 grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  const auto message = std::make_shared<v1::SolveRequest>();
-  const auto handle = [&](v1::SolveRequest& parsed, v1::SubmitResponse* out,
+  const auto told = [&](const Origin& origin, const Error& error) {
+    parts_.scheduler.count_refused(error);
+    log_refusal(parts_.log, origin, error);
+    return unexpected(error);
+  };
+  const auto who = [&](Origin& origin) -> Expected<Caller> {
+    auto caller = caller_of(parts_.access, *context, origin, Role::solve);
+    if (!caller) return told(origin, caller.error());
+    caller->deadline = Clock::time_point::max();  // the call's is not the job's
+    return caller;
+  };
+  const auto handle = [&](const Caller& caller, v1::SolveRequest& parsed, v1::SubmitResponse* out,
                           Origin& origin) -> Expected<void> {
+    const auto message = std::make_shared<v1::SolveRequest>();
     message->Swap(&parsed);
     origin.request_id = message->request_id();
-    auto submitted = submit(*context, origin, message, out);
-    if (submitted) return submitted;
-    parts_.scheduler.count_refused(submitted.error());
-    log_refusal(parts_.log, origin, submitted.error());
+    auto submitted = submit(caller, message, out);
+    if (!submitted) return told(origin, submitted.error());
     return submitted;
   };
-  return answer<v1::SolveRequest, v1::SubmitResponse>(context, request, response, handle,
+  return answer<v1::SolveRequest, v1::SubmitResponse>(parts_, context, request, response, who, handle,
                                                       parts_.scheduler.retry_delay_s());
 }
 
-Expected<void> JobsService::submit(const grpc::CallbackServerContext& context, Origin& origin,
-                                   std::shared_ptr<v1::SolveRequest> request,
+Expected<void> JobsService::submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
                                    v1::SubmitResponse* response) const {
-  auto caller = caller_of(parts_.access, context, origin, Role::solve);
-  if (!caller) return unexpected(caller.error());
-  caller->deadline = Clock::time_point::max();  // the call's is not the job's
-  const auto job = make_job(parts_, *caller, JobKind::submitted, std::move(request));
+  const auto job = make_job(parts_, caller, JobKind::submitted, std::move(request));
   if (!job) return unexpected(job.error());
   const std::shared_ptr<JobRecord> record = (*job)->record;
   (*job)->observer = std::make_shared<ResultKeeper>(parts_.results, record);
-  parts_.results.expect(record->id(), caller->identity.client);
+  parts_.results.expect(record->id(), caller.identity.client);
   const auto place = parts_.scheduler.admit(*job);
   if (!place) {
     parts_.results.forget(record->id());
@@ -84,53 +88,49 @@ grpc::ServerUnaryReactor* JobsService::Result(grpc::CallbackServerContext* conte
 
 grpc::ServerUnaryReactor* JobsService::Delete(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  const auto handle = [&](const v1::DeleteJobRequest& message, v1::DeleteJobResponse*,
-                          Origin& origin) -> Expected<void> {
-    const auto caller = identify(parts_, *context, origin);
-    if (!caller) return unexpected(caller.error());
+  const auto handle = [&](const Identity& caller, const v1::DeleteJobRequest& message, v1::DeleteJobResponse*,
+                          const Origin&) -> Expected<void> {
     const std::string& id = message.job_id();
     const std::string owner = parts_.results.owner(id);
-    if (owner.empty() || !may_see(*caller, owner)) return unexpected(no_such_job(id));
-    if (!may_end(*caller, owner)) return unexpected(not_to_end(id));
+    if (owner.empty() || !may_see(caller, owner)) return unexpected(no_such_job(id));
+    if (!may_end(caller, owner)) return unexpected(not_to_end(id));
     if (!parts_.results.forget(id)) return unexpected(no_such_job(id));
     if (const auto record = parts_.board.find(id); record != nullptr) record->cancel();
     parts_.board.forget(id);
     return {};
   };
-  return answer<v1::DeleteJobRequest, v1::DeleteJobResponse>(context, request, response, handle);
+  return answer<v1::DeleteJobRequest, v1::DeleteJobResponse>(parts_, context, request, response,
+                                                             of_any_role(parts_, *context), handle);
 }
 
 grpc::ServerUnaryReactor* JobsService::List(grpc::CallbackServerContext* context,
                                             const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  const auto handle = [&](const v1::ListJobsRequest& message, v1::ListJobsResponse* out,
-                          Origin& origin) -> Expected<void> {
-    const auto caller = identify(parts_, *context, origin);
-    if (!caller) return unexpected(caller.error());
-    return list_jobs(parts_.board, *caller, message, out);
+  const auto handle = [&](const Identity& caller, const v1::ListJobsRequest& message,
+                          v1::ListJobsResponse* out, const Origin&) -> Expected<void> {
+    return list_jobs(parts_.board, caller, message, out);
   };
-  return answer<v1::ListJobsRequest, v1::ListJobsResponse>(context, request, response, handle);
+  return answer<v1::ListJobsRequest, v1::ListJobsResponse>(parts_, context, request, response,
+                                                           of_any_role(parts_, *context), handle);
 }
 
 grpc::ServerUnaryReactor* JobsService::Get(grpc::CallbackServerContext* context,
                                            const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  const auto handle = [&](const v1::GetJobRequest& message, v1::GetJobResponse* out,
-                          Origin& origin) -> Expected<void> {
-    const auto caller = identify(parts_, *context, origin);
-    if (!caller) return unexpected(caller.error());
-    return get_job(parts_.board, *caller, message.job_id(), out);
+  const auto handle = [&](const Identity& caller, const v1::GetJobRequest& message, v1::GetJobResponse* out,
+                          const Origin&) -> Expected<void> {
+    return get_job(parts_.board, caller, message.job_id(), out);
   };
-  return answer<v1::GetJobRequest, v1::GetJobResponse>(context, request, response, handle);
+  return answer<v1::GetJobRequest, v1::GetJobResponse>(parts_, context, request, response,
+                                                       of_any_role(parts_, *context), handle);
 }
 
 grpc::ServerUnaryReactor* JobsService::Cancel(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  const auto handle = [&](const v1::CancelJobRequest& message, v1::CancelJobResponse* out,
-                          Origin& origin) -> Expected<void> {
-    const auto caller = identify(parts_, *context, origin);
-    if (!caller) return unexpected(caller.error());
-    return cancel_job(parts_.board, *caller, message.job_id(), out);
+  const auto handle = [&](const Identity& caller, const v1::CancelJobRequest& message,
+                          v1::CancelJobResponse* out, const Origin&) -> Expected<void> {
+    return cancel_job(parts_.board, caller, message.job_id(), out);
   };
-  return answer<v1::CancelJobRequest, v1::CancelJobResponse>(context, request, response, handle);
+  return answer<v1::CancelJobRequest, v1::CancelJobResponse>(parts_, context, request, response,
+                                                             of_any_role(parts_, *context), handle);
 }
 
 grpc::ServerWriteReactor<grpc::ByteBuffer>* JobsService::Watch(grpc::CallbackServerContext* context,

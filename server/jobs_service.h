@@ -1,8 +1,8 @@
 // marble.v1.Jobs on gRPC's callback API: jobs by their ids.
 #pragma once
 
+#include "admission.h"
 #include "marble/v1/service.grpc.pb.h"
-#include "origin.h"
 #include "service_parts.h"
 
 namespace marble::server {
@@ -33,10 +33,8 @@ class JobsService final : public JobsRawService {
                                                     const grpc::ByteBuffer* request) override;
 
  private:
-  [[nodiscard]] Expected<void> submit(const grpc::CallbackServerContext& context, Origin& origin,
-                                      std::shared_ptr<v1::SolveRequest> request,
+  [[nodiscard]] Expected<void> submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
                                       v1::SubmitResponse* response) const;
-
   const ServiceParts& parts_;
 };
 

@@ -1,6 +1,6 @@
 #include "log.h"
 
-#include <spdlog/sinks/stdout_sinks.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <charconv>
@@ -34,15 +34,13 @@ void append(std::string& line, std::int64_t number) { line += std::to_string(num
 
 }  // namespace
 
-Log::Log(const std::string& format, const std::string& level)
-    : logger_(std::make_shared<spdlog::logger>("marble", std::make_shared<spdlog::sinks::stderr_sink_mt>())),
-      json_(format == "json") {
+Log::Log(const std::string& format, const std::string& level, std::int64_t queue_bytes)
+    : json_(format == "json"),
+      writer_(STDERR_FILENO, queue_bytes),
+      formatter_(
+          json_ ? R"({"time":"%Y-%m-%dT%H:%M:%S.%fZ","level":"%l",%v})" : "%Y-%m-%dT%H:%M:%S.%fZ %l %v",
+          spdlog::pattern_time_type::utc) {
   for (auto& of_component : levels_) of_component = spdlog::level::from_str(level);
-  logger_->set_level(spdlog::level::trace);  // the components have their own
-  logger_->flush_on(spdlog::level::info);
-  const auto utc = spdlog::pattern_time_type::utc;
-  logger_->set_pattern(
-      json_ ? R"({"time":"%Y-%m-%dT%H:%M:%S.%fZ","level":"%l",%v})" : "%Y-%m-%dT%H:%M:%S.%fZ %l %v", utc);
 }
 
 void Log::configure(const LogLevels& levels, double lines_per_s) {
@@ -79,10 +77,22 @@ void Log::write(const Line& line, const Fields& fields) const {
     begin("suppressed");
     append(text, line.suppressed);
   }
-  logger_->log(event.level, spdlog::string_view_t(text.data(), text.size()));
+  const MutexLock lock(mutex_);
+  const std::int64_t dropped = writer_.backlog().untold;
+  if (dropped > 0) {
+    begin("dropped");
+    append(text, dropped);
+  }
+  formatted_.clear();
+  formatter_.format(spdlog::details::log_msg("", event.level, text), formatted_);
+  writer_.put({formatted_.data(), formatted_.size()}, dropped);
 }
 
-void Log::tell_suppressed(LogLimit::Time now) { tell(limit_.take_quiet(now)); }
+void Log::tell_suppressed(LogLimit::Time now) {
+  const LogWriter::Backlog backlog = writer_.backlog();
+  if (backlog.untold > 0 && !backlog.stalls) warn(Component::server, "dropped", {});
+  tell(limit_.take_quiet(now));
+}
 
 void Log::tell_all_suppressed() { tell(limit_.take_all()); }
 

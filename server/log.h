@@ -1,12 +1,11 @@
 // Structured log lines, as text (key=value) or JSON, one event a line.
 #pragma once
 
-#include <spdlog/spdlog.h>
+#include <spdlog/pattern_formatter.h>
 
 #include <array>
 #include <atomic>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -15,6 +14,8 @@
 
 #include "log_levels.h"
 #include "log_limit.h"
+#include "log_writer.h"
+#include "mutex.h"
 
 namespace marble::server {
 
@@ -36,8 +37,8 @@ class Log {
   };
 
   /// `format` is "text" or "json", `level` one of log_level's, for all components. Lines go to standard
-  /// error.
-  Log(const std::string& format, const std::string& level);
+  /// error; a reader that is behind by `queue_bytes` misses some, which are counted: nobody waits for it.
+  Log(const std::string& format, const std::string& level, std::int64_t queue_bytes);
 
   /// From now on. A client's lines of one event are limited to `lines_per_s`; 0 is no limit.
   void configure(const LogLevels& levels, double lines_per_s);
@@ -50,7 +51,7 @@ class Log {
   [[nodiscard]] std::optional<Line> line(const LogEvent& event) const;
   /// The same for what a client can cause as often as it likes: nothing beyond its share. Errors always pass.
   [[nodiscard]] std::optional<Line> line(const LogEvent& event, std::string_view client) const;
-  void write(const Line& line, const Fields& fields) const;
+  void write(const Line& line, const Fields& fields) const ABSL_LOCKS_EXCLUDED(mutex_);
 
   void info(Component component, const char* event, const Fields& fields) const {
     write_if({spdlog::level::info, component, event}, fields);
@@ -62,7 +63,11 @@ class Log {
     write_if({spdlog::level::err, component, event}, fields);
   }
 
-  /// Tells how many lines were held back of clients that are silent now; at the end, of all.
+  /// Lines that the reader has missed.
+  [[nodiscard]] std::int64_t dropped() const { return writer_.dropped(); }
+
+  /// Tells how many lines the reader has missed, once it keeps up, and how many were held back of clients
+  /// that are silent now; at the end, of all.
   void tell_suppressed(LogLimit::Time now);
   void tell_all_suppressed();
 
@@ -72,10 +77,13 @@ class Log {
   }
   void tell(const std::vector<LogLimit::Suppressed>& all) const;
 
-  std::shared_ptr<spdlog::logger> logger_;
-  bool json_;
+  const bool json_;
   std::array<std::atomic<LogLevel>, kComponentNames.size()> levels_;
   mutable LogLimit limit_;
+  mutable LogWriter writer_;
+  mutable Mutex mutex_;  // so that lines are in the order of their times
+  mutable spdlog::pattern_formatter formatter_ ABSL_GUARDED_BY(mutex_);
+  mutable spdlog::memory_buf_t formatted_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace marble::server

@@ -11,10 +11,11 @@
 #include <thread>
 
 #include "config.h"
-#include "grpc_log.h"
+#include "hang_up.h"
 #include "http/http_server.h"
 #include "info_service.h"
 #include "jobs_service.h"
+#include "library_log.h"
 #include "listen.h"
 #include "marble/version.h"
 #include "process.h"
@@ -29,7 +30,6 @@ using namespace marble::server;
 
 constexpr int kBadConfiguration = 2;
 constexpr std::chrono::seconds kLastAnswers{5};  // for answers on their way to slow readers
-constexpr std::chrono::milliseconds kLastRefusals{200};
 
 bool write_lines(const std::string& path, const std::vector<std::string>& lines) {
   // Renamed into place, so that whoever waits for the file never reads half of it.
@@ -72,6 +72,14 @@ class SuppressedLines final : public Pulsed {
  private:
   Log& log_;
 };
+
+void warn_if_open(const Log& log, const Config& config) {
+  if (knows_callers(config)) return;
+  for (const std::string& address : addresses_beyond_loopback(config)) {
+    log.warn(Component::access, "anyone",
+             {{"address", address}, {"reason", "other machines reach it, and every caller has every role"}});
+  }
+}
 
 int tell(const std::vector<ConfigFault>& faults) {
   for (const ConfigFault& fault : faults) std::cerr << "marble-server: " << fault.message() << '\n';
@@ -132,9 +140,10 @@ int main(int argc, char** argv) {
   const Supervisor supervisor;
   Signals signals;
   if (config->stop_at_eof) signals.watch_standard_input();
-  Log log(config->log_format, config->log_level);
+  Log log(config->log_format, config->log_level, config->log_queue_bytes);
   configure(log, *config);
-  const GrpcLog grpc_log(log);
+  const LibraryLog library_log(log);
+  warn_if_open(log, *config);
   Access access(*config);
   Metrics metrics(config->metrics, config->metrics_clients);
   LiveCalls calls;
@@ -196,7 +205,7 @@ int main(int argc, char** argv) {
   for (; signal == SIGHUP; signal = signals.wait()) {
     supervisor.reloading();
     reloader.reload();
-    grpc_log.follow_level();
+    library_log.follow_level();
     supervisor.ready();
   }
   supervisor.stopping();
@@ -211,10 +220,8 @@ int main(int argc, char** argv) {
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
-  calls.wait_for_none(kLastAnswers);
-  // gRPC answers a call that arrives during its shutdown with CANCELLED, which nobody retries: until those
-  // who have just been answered have asked again and been refused, it waits.
-  std::this_thread::sleep_for(kLastRefusals);
+  calls.wait_for_last(kLastAnswers);
+  hang_up(listening->addresses);
   listening->server->Shutdown(std::chrono::system_clock::now());
   listening->server->Wait();
   http.reset();

@@ -81,6 +81,16 @@ void Reloader::reload() {
                  {{"where", fault.where}, {"reason", fault.error.message()}});
     return;
   }
+  Settings next = in_force_;
+  next.tokens = read->tokens;
+  if (knows_callers(in_force_) && !knows_callers(next)) {
+    log_.error(Component::config, "reload_refused",
+               {{"where", source_of(in_force_, "tokens")},
+                {"reason",
+                 "tokens are gone from the configuration, and every caller would have every role: "
+                 "that needs a restart"}});
+    return;
+  }
   const Difference difference = take(*read, in_force_);
   access_.reload(in_force_);
   configure(log_, in_force_);

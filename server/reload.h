@@ -17,7 +17,8 @@ class Reloader {
       : command_line_(std::move(command_line)), in_force_(std::move(started)), access_(access), log_(log) {}
 
   /// Reads the configuration again and puts in force what can change at run time: tokens, quotas, roles and
-  /// what is logged. Warns of the rest. One that has faults changes nothing.
+  /// what is logged. Warns of the rest. One that has faults, or would let everybody in where callers were
+  /// told apart, changes nothing.
   void reload();
 
  private:

@@ -66,7 +66,7 @@ void ResultCall::OnDone() { const auto last = std::move(self_); }
 void ResultCall::pulse(Clock::time_point /*now*/) {
   if (!parts_.scheduler.is_drained() || finished_) return;
   parts_.results.stop_waiting(id_, this);
-  finish(to_status({ErrorCode::unavailable, "", -1, "", "the server is draining"}));
+  finish(end_of_stream(parts_, {ErrorCode::unavailable, "", -1, "", "the server is draining"}));
 }
 
 }  // namespace marble::server

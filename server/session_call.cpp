@@ -462,7 +462,7 @@ bool SessionCall::step() {
       if (over) release();
       finish = over && !write && starting_ == 0;
       finishing_ = finish;
-      if (finish && end_) status = to_status(*end_, 0.0);
+      if (finish && end_) status = end_of_stream(parts_, *end_);
     }
   }
   if (job != nullptr) {

@@ -4,6 +4,7 @@
 #include <openssl/evp.h>
 #include <openssl/rand.h>
 
+#include <algorithm>
 #include <optional>
 #include <sstream>
 #include <stdexcept>
@@ -62,12 +63,14 @@ std::string random_bytes(std::size_t count) {
   return bytes;
 }
 
-bool is_name(std::string_view name) {
-  if (name.empty() || name.size() > kLongestName || name[0] == '#') return false;
-  for (const char c : name) {
-    if (c <= ' ' || c > '~') return false;
-  }
-  return true;
+Expected<void> check_name(std::string_view name) {
+  const auto printable = [](char c) { return c > ' ' && c <= '~'; };
+  if (name.empty() || name.size() > kLongestName || name[0] == '#' ||
+      !std::all_of(name.begin(), name.end(), printable))
+    return unexpected(fault("name", "must have 1 to 64 bytes of printable ASCII"));
+  if (name.rfind(kCertificatePrefix, 0) == 0)
+    return unexpected(fault("name", "must not begin with cert: as those of certificates do"));
+  return {};
 }
 
 Expected<Roles> roles_of(const std::string& text) {
@@ -87,7 +90,7 @@ Expected<Token> token_of(const std::string& line) {
   words >> name >> roles_text >> key;
   if (key.empty() || words >> rest)
     return unexpected(fault("", "must be NAME ROLE[,ROLE...] sha256:SALT:HASH"));
-  if (!is_name(name)) return unexpected(fault("name", "must have 1 to 64 bytes of printable ASCII"));
+  if (auto valid = check_name(name); !valid) return unexpected(valid.error());
   const auto roles = roles_of(roles_text);
   if (!roles) return unexpected(roles.error());
   const std::string_view prefix = "sha256:";
@@ -135,7 +138,7 @@ Expected<NewToken> new_token(const std::string& name_and_roles) {
   const std::string name = name_and_roles.substr(0, colon);
   if (colon == std::string::npos || colon + 1 == name_and_roles.size())
     return unexpected(fault("new-token", "must be NAME:ROLE[,ROLE...]"));
-  if (!is_name(name)) return unexpected(fault("name", "must have 1 to 64 bytes of printable ASCII"));
+  if (auto valid = check_name(name); !valid) return unexpected(valid.error());
   const std::string roles_text = name_and_roles.substr(colon + 1);
   const auto roles = roles_of(roles_text);
   if (!roles) return unexpected(roles.error());

@@ -73,7 +73,8 @@ void WatchCall::go_on() {
     write = !broken_ && feed_->next(&response);
     const bool over = feed_->is_over();
     if (!write && !over && !broken_ && !drained) return;
-    if (!write && !over) status = to_status({ErrorCode::unavailable, "", -1, "", "the server has drained"});
+    if (!write && !over)
+      status = end_of_stream(parts_, {ErrorCode::unavailable, "", -1, "", "the server has drained"});
     writing_ = write;
     finishing_ = !write;
   }

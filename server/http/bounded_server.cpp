@@ -37,6 +37,9 @@ bool BoundedServer::process_and_close_socket(socket_t socket) {
     const auto set_up = [&](httplib::Request& request) {
       request.ssl = connection.session();
       is_last = prepare(request);
+      // Else httplib would wait for all of it before it answers 413.
+      if (request.get_header_value<std::uint64_t>("Content-Length") > payload_max_length_)
+        connection.end_request();
     };
     last = !process_request(connection, left == 1, closes, set_up) || closes || is_last;
   }

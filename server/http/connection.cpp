@@ -39,7 +39,10 @@ Connection::~Connection() {
   session_.reset();
   // What was sent but not read is taken away: closing over it would tear down the answer on its way too.
   ::shutdown(socket_, SHUT_WR);
-  while (recv(socket_, buffer_.data(), buffer_.size(), 0) > 0) {
+  const auto until = Clock::now() + kLinger;
+  for (bool more = true; more;) {
+    const ssize_t got = recv(socket_, buffer_.data(), buffer_.size(), 0);
+    more = got > 0 ? Clock::now() < until : got < 0 && errno == EAGAIN && lingers_ && wait(POLLIN, until);
   }
   close(socket_);
 }

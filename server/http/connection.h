@@ -17,6 +17,7 @@ class Connection final : public httplib::Stream {
   static constexpr std::size_t kLongestRequest = 96 << 10;  ///< bytes of line, headers and body
   static constexpr std::chrono::seconds kRequestTime{10};   ///< for all of these
   static constexpr std::chrono::seconds kWriteTime{5};      ///< for each piece of an answer
+  static constexpr std::chrono::milliseconds kLinger{500};  ///< for one who sends on after the answer
 
   /// While `stopping`, nothing is waited for.
   Connection(int socket, const std::atomic<bool>& stopping);
@@ -26,6 +27,11 @@ class Connection final : public httplib::Stream {
   [[nodiscard]] bool shake_hands(TlsSession session);
   /// Waits for the first byte of a request, and measures it from there. False if there is none in time.
   [[nodiscard]] bool wait_for_request(Clock::duration patience);
+  /// Reads no more of the request: what is still to come is too much.
+  void end_request() {
+    left_ = 0;
+    lingers_ = true;
+  }
   [[nodiscard]] const SSL* session() const { return session_.get(); }
 
   [[nodiscard]] bool is_readable() const override { return true; }
@@ -51,6 +57,7 @@ class Connection final : public httplib::Stream {
   std::size_t begin_ = 0, end_ = 0;  // of what is read but not taken
   std::size_t left_ = 0;             // of the request's bytes
   Clock::time_point until_ = {};     // the request must be here
+  bool lingers_ = false;             // waits for what still comes
 };
 
 }  // namespace marble::server::http

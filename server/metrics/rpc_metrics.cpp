@@ -39,7 +39,7 @@ struct MethodSeries {
       ended[code] = &registry.counter(Metric::rpcs, {method, kCodes[code]});
   }
 
-  const bool raw;  // its messages arrive as bytes, not parsed by gRPC
+  const bool raw;  // one of ours: its messages arrive as bytes, not parsed by gRPC
   std::array<prometheus::Counter*, kCodes.size()> ended = {};
   prometheus::Gauge& open;
   prometheus::Histogram& seconds;
@@ -88,9 +88,8 @@ class RpcInterceptors final : public grpc::experimental::ServerInterceptorFactor
     const google::protobuf::FileDescriptor* file = v1::GetInfoRequest::descriptor()->file();
     for (int i = 0; i < file->service_count(); ++i) {
       const google::protobuf::ServiceDescriptor* service = file->service(i);
-      const bool raw = service->name() != "Server";  // see solver_service.h, jobs_service.h
       for (int j = 0; j < service->method_count(); ++j)
-        add(registry, service->full_name() + "/" + service->method(j)->name(), raw);
+        add(registry, service->full_name() + "/" + service->method(j)->name(), true);
     }
     for (const char* method : kStandardMethods) add(registry, method, false);
   }

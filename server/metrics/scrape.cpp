@@ -91,6 +91,7 @@ void read_bounded(const ServiceParts& parts, Reading& reading) {
   reading.each(Metric::access_refused, counts, [](std::size_t at) {
     return to_string(at == 0 ? ErrorCode::unauthenticated : ErrorCode::permission_denied);
   });
+  reading.one(Metric::log_lines_dropped, number(parts.log.dropped()));
 }
 
 void read_certificate(const Config& config, Reading& reading) {

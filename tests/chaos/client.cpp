@@ -78,7 +78,7 @@ bool Client::ended(const grpc::Status& status, const std::string& what, std::ini
     return code == Code::OK;
   }
   // A server that has told all its answers cuts off who does not read them.
-  if (disturbed() && (code == Code::UNAVAILABLE || code == Code::CANCELLED)) return false;
+  if (disturbed() && code == Code::UNAVAILABLE) return false;
   if (code == Code::RESOURCE_EXHAUSTED) {
     expect(retry_info(status).has_value(), what + ": no RetryInfo: " + status.error_message());
     dawdle(kLongestWait);

@@ -59,7 +59,7 @@ class Server:
         with tempfile.TemporaryDirectory() as folder:
             ready = Path(folder) / "addresses"
             self.process = subprocess.Popen(
-                [BUILD / "bin/marble-server", "--listen", self.address, "--http", f"{HOSTS[self.name]}:50080", "--insecure",
+                [BUILD / "bin/marble-server", "--listen", self.address, "--http", f"{HOSTS[self.name]}:50080", "--insecure", "--anyone",
                  "--workers", "1", "--log-level", "warn", "--address-file", ready, *self.flags],
                 stdin=subprocess.DEVNULL, preexec_fn=self.before)
             eventually(lambda: ready.exists() or self.process.poll() is not None, "a server's start")

@@ -25,7 +25,7 @@ std::set<std::string> peers(const ServerProcess& server) {
 }
 
 std::size_t peers_of_three_clients(bool own_connection) {
-  const ServerProcess server(MARBLE_SERVER_BINARY);
+  ServerProcess server(MARBLE_SERVER_BINARY);
   ConnectOptions options;
   options.own_connection = own_connection;
   const OwnedProblem problem = problem_of("jr1");
@@ -34,6 +34,8 @@ std::size_t peers_of_three_clients(bool own_connection) {
     clients.push_back(Client::connect(server.address(), options).value());
     EXPECT_TRUE(clients.back().solve(problem.view()));
   }
+  server.terminate();
+  EXPECT_EQ(server.wait(), 0);  // then all is logged
   return peers(server).size();
 }
 
@@ -64,6 +66,7 @@ std::size_t refusals_of_one_call(bool retries) {
     EXPECT_EQ(answer.error().code, ErrorCode::unavailable);
   }
   pending.cancel();
+  EXPECT_EQ(server.wait(), 0);  // then all is logged
   return server.log_lines({"refused", "unavailable"}).size();
 }
 

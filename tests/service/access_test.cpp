@@ -94,7 +94,7 @@ TEST(Access, ACertificateSolvesAndObservesUnlessToldOtherwise) {
   EXPECT_EQ(access.identify(anonymous("unix:")).error().code, ErrorCode::unauthenticated);
 }
 
-TEST(Access, ACertificateStandsInForATokenAndAKnownTokenGoesFirst) {
+TEST(Access, ACertificateStandsInForATokenButNotForAWrongOne) {
   const auto token = new_token("by token:admin");
   EXPECT_FALSE(token.has_value()) << "a name has no blanks";
   const auto good = new_token("by-token:admin");
@@ -103,9 +103,9 @@ TEST(Access, ACertificateStandsInForATokenAndAKnownTokenGoesFirst) {
   config.tls_client_ca = "authority.pem";
   const Access access(config);
   Credentials given = with_certificate("by-certificate");
-  EXPECT_EQ(access.identify(given)->client, "by-certificate");
+  EXPECT_EQ(access.identify(given)->client, "cert:by-certificate");
   given.token = "wrong";
-  EXPECT_EQ(access.identify(given)->client, "by-certificate");
+  EXPECT_EQ(access.identify(given).error().code, ErrorCode::unauthenticated);
   given.token = good->secret;
   EXPECT_EQ(access.identify(given)->client, "by-token");
 }

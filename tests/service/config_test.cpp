@@ -167,7 +167,7 @@ TEST_F(Config, FaultsOfTheOtherSourcesSayWhere) {
   std::vector<std::string> where;
   for (const ConfigFault& fault : config.error()) where.push_back(fault.where);
   EXPECT_EQ(where, (std::vector<std::string>{"no-such-file", "environment MARBLE_WORKERS",
-                                             "flag --queue-jobs", "flag --listen"}));
+                                             "flag --queue-jobs", "flag --listen", "flag --listen"}));
 }
 
 TEST_F(Config, PrintedItReadsBackAsTheSame) {

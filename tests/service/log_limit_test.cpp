@@ -114,7 +114,7 @@ TEST_F(LogLimitTest, LessThanALineASecondIsOneNowAndThen) {
 }
 
 TEST(Log, HoldsBackWhatIsTooMuchButNoErrors) {
-  Log log("text", "info");
+  Log log("text", "info", 1 << 20);
   log.configure(log_levels_of("info", "session=debug,tls=off").value(), 1.0);
   const auto passing = [&](const LogEvent& event) {
     int passed = 0;

@@ -55,7 +55,7 @@ class MetricsTest : public ::testing::Test {
 
   Config config_;
   Access access_{config_};
-  Log log_{"text", "off"};
+  Log log_{"text", "off", 1 << 20};
   Metrics metrics_{true, 50};
   Pulse pulse_;
   JobBoard board_{{}};

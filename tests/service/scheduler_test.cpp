@@ -3,8 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <future>
+#include <random>
 #include <set>
+#include <thread>
 
 #include "marble/convert.h"
 #include "problems.h"
@@ -21,6 +24,10 @@ class Waiter final : public JobObserver {
   void finished(Outcome outcome) override { outcome_.set_value(std::move(outcome)); }  // throws if told twice
   void wait_started() { started_.get_future().wait(); }
   Outcome wait() { return outcome_.get_future().get(); }
+  /// False if it was never told.
+  [[nodiscard]] bool waited() {
+    return outcome_.get_future().wait_for(std::chrono::seconds(120)) == std::future_status::ready;
+  }
 
  private:
   std::promise<void> started_;
@@ -51,7 +58,7 @@ Request make(const v1::SolveRequest& message) {
 
 class SchedulerTest : public ::testing::Test {
  protected:
-  Log log_{"text", "off"};
+  Log log_{"text", "off", 1 << 20};
   Metrics metrics_{true, 1};
   JobBoard board_{{}};
 };
@@ -170,6 +177,44 @@ TEST_F(SchedulerTest, ManyThreadsAdmitAndCancelAndEveryJobEndsOnce) {
   EXPECT_EQ(admitted + refused, 200);
   EXPECT_EQ(counters.accepted, admitted);
   EXPECT_EQ(counters.answered + counters.cancelled, admitted);
+}
+
+// Each client waits for its own job before it sends another, so that no later one wakes a worker in its
+// stead: a job that nobody was woken for would wait for ever.
+TEST_F(SchedulerTest, NoWakeUpIsLostHoweverJobsComeShareWorkAndGo) {
+  Scheduler scheduler({.workers = 4, .jobs = 100, .bytes = 1000}, board_, log_, metrics_);
+  constexpr int kClients = 6, kJobs = 5000;
+  std::atomic<int> answered = 0, pieces = 0;
+  const std::vector<std::function<void()>> tasks(3, [&pieces] { ++pieces; });
+  std::vector<std::thread> clients;
+  for (int c = 0; c < kClients; ++c) {
+    clients.emplace_back([&, c, random = std::minstd_rand(static_cast<unsigned>(c + 1))]() mutable {
+      for (int i = 0; i < kJobs; ++i) {
+        const bool crowded = random() % 2 == 0;  // one at a time of all these
+        const bool shares = random() % 4 == 0, given_up = random() % 4 == 0;
+        const auto waiter = std::make_shared<Waiter>();
+        const auto job = std::make_shared<Job>();
+        const std::string id = std::to_string(c) + "-" + std::to_string(i);
+        job->record = std::make_shared<JobRecord>(JobDescription{.id = id}, Options(), 0);
+        job->ticket = {.client = crowded ? "crowd" : std::to_string(c), .bytes = 1};
+        job->ticket.priority = static_cast<Priority>(random() % kPriorities);
+        if (crowded) job->quota.running = 1;
+        job->work = [&tasks, shares](const SolveControls& controls) -> Expected<Solution> {
+          if (shares) controls.runner->run(tasks);
+          return Solution{};
+        };
+        job->observer = waiter;
+        if (!scheduler.admit(job)) continue;  // never: there is room for all
+        if (given_up) scheduler.cancel(job);
+        if (!waiter->waited()) return;
+        ++answered;
+      }
+    });
+  }
+  for (std::thread& client : clients) client.join();
+  EXPECT_EQ(answered, kClients * kJobs);
+  EXPECT_EQ(pieces % 3, 0);
+  EXPECT_TRUE(eventually([&] { return scheduler.counters().running == 0; }));
 }
 
 }  // namespace

@@ -39,9 +39,10 @@ std::shared_ptr<grpc::Channel> connect(const std::string& address) {
 }
 
 RawAnswer raw_call(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
-                   const std::string& bytes) {
+                   const std::string& bytes, const std::string& token) {
   grpc::GenericStub stub(channel);
   grpc::ClientContext context;
+  if (!token.empty()) context.AddMetadata("authorization", "Bearer " + token);
   grpc::CompletionQueue queue;
   const auto wait = [&] {
     void* tag = nullptr;

@@ -21,13 +21,14 @@ using Event = v1::SolveStreamResponse;
 /// Channel of its own to `address`, with messages of any size.
 [[nodiscard]] std::shared_ptr<grpc::Channel> connect(const std::string& address);
 
-/// Sends `bytes` to a method and returns the status with the first message that came back.
+/// Sends `bytes` to a method, with the token if there is one, and returns the status with the first message
+/// that came back.
 struct RawAnswer {
   grpc::Status status;
   std::string bytes;
 };
 [[nodiscard]] RawAnswer raw_call(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
-                                 const std::string& bytes);
+                                 const std::string& bytes, const std::string& token = "");
 
 /// The first BadRequest violation in the status' details; fields empty if there is none.
 [[nodiscard]] google::rpc::BadRequest::FieldViolation bad_field(const grpc::Status& status);

@@ -204,7 +204,9 @@ TEST_F(Sharing, RolesSayWhoSeesAndEndsWhat) {
       << "answers are their client's";
   EXPECT_TRUE(cancel(as_root, job.id()).ok());
   EXPECT_TRUE(result(as_alice, job.id()).ok());
-  EXPECT_FALSE(server().log_lines({"client=\"alice\"", "status=\"cancelled\""}).empty());
+  EXPECT_TRUE(eventually([&] {
+    return !server().log_lines({"client=\"alice\"", "status=\"cancelled\""}).empty();
+  }));
 }
 
 TEST_F(Sharing, EverySolvingCallAsksForTheRole) {

@@ -71,7 +71,7 @@ def test_a_client_s_certificate_names_it(start_server, authority):
     with marble.Client(server.address, tls_ca=str(authority / "ca.pem"),
                        tls_certificate=str(authority / "planner.pem"),
                        tls_key=str(authority / "planner.key")) as client:
-        assert client.info().client == "planner" and client.solve(tiny()).solved
+        assert client.info().client == "cert:planner" and client.solve(tiny()).solved
 
 
 @pytest.mark.parametrize(("options", "field"), [

@@ -82,7 +82,7 @@ test("TLS: of several servers all must have the first name", async () => {
 test("a client's certificate is its name", async () => {
   await using server = await serve("--tls-client-ca", file("ca.pem"));
   const tls = { ca: file("ca.pem"), certificate: file("client.pem"), key: file("client.key"), serverName: "localhost" };
-  assert.equal(await clientName(server.address, { name: "somebody", tls }), "planner");
+  assert.equal(await clientName(server.address, { name: "somebody", tls }), "cert:planner");
 });
 
 test("TLS and token come from the environment", async () => {

@@ -1,0 +1,134 @@
+// Symptom: with standard error a pipe whose reader has stopped reading (a stopped container log driver, a
+// hung
+// `| tee`), no solve ended any more after a few seconds; health went on saying SERVING, and SIGTERM did not
+// end the server. Cause: workers wrote their lines to the pipe themselves, and waited for its reader.
+#include <fcntl.h>
+#include <httplib.h>
+#include <poll.h>
+
+#include <thread>
+
+#include "service/service_test.h"
+
+namespace marble::testing {
+namespace {
+
+/// A server whose log is a pipe that nobody reads until asked to.
+class StalledLog : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_EQ(mkfifo(directory_.file("log").c_str(), 0600), 0);
+    log_ = open(directory_.file("log").c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK);
+    ASSERT_GE(log_, 0);
+  }
+  void TearDown() override {
+    server_.reset();
+    close(log_);
+  }
+
+  void start() {
+    const std::string file = directory_.file("address");
+    server_ = std::make_unique<ChildProcess>(
+        std::vector<std::string>{MARBLE_SERVER_BINARY, "--listen", "127.0.0.1:0", "--http", "127.0.0.1:0",
+                                 "--address-file", file, "--log-lines-per-s", "0", "--log-queue-bytes",
+                                 "65536"},
+        directory_.file("log"));
+    ASSERT_TRUE(eventually([&] { return std::filesystem::exists(file); }));
+    std::ifstream lines(file);
+    std::getline(lines, address_);
+    std::getline(lines, http_);
+  }
+  /// So many solves of several clients, all answered.
+  void solve(int times) {
+    constexpr int kClients = 4;
+    std::atomic<int> solved = 0;
+    std::vector<std::thread> clients;
+    for (int c = 0; c < kClients; ++c) {
+      clients.emplace_back([&] {
+        const auto stub = v1::Solver::NewStub(connect(address_));
+        for (int i = 0; i < times / kClients; ++i) {
+          grpc::ClientContext context;
+          context.set_deadline(std::chrono::system_clock::now() + std::chrono::minutes(2));
+          v1::SolveResponse response;
+          const grpc::Status status = stub->Solve(&context, example_request(), &response);
+          if (!status.ok()) break;
+          ++solved;
+        }
+      });
+    }
+    for (std::thread& client : clients) client.join();
+    EXPECT_EQ(solved, times);
+  }
+  /// What is in the pipe, and comes until the last line.
+  std::string read_until(const std::string& last) {
+    std::string text;
+    const auto take = [&] {
+      char buffer[4096];
+      for (ssize_t got = read(log_, buffer, sizeof buffer); got > 0; got = read(log_, buffer, sizeof buffer))
+        text.append(buffer, static_cast<std::size_t>(got));
+    };
+    EXPECT_TRUE(eventually([&] {
+      take();
+      return text.find(last) != std::string::npos;
+    })) << text;
+    return text;
+  }
+  [[nodiscard]] double dropped_by_metrics() {
+    const auto answer = httplib::Client(http_).Get("/metrics");
+    const std::string name = "\nmarble_log_lines_dropped_total ";
+    const std::size_t at = answer ? answer->body.find(name) : std::string::npos;
+    return at == std::string::npos ? -1.0 : std::stod(answer->body.substr(at + name.size()));
+  }
+
+  TemporaryDirectory directory_;
+  std::unique_ptr<ChildProcess> server_;
+  std::string address_, http_;
+
+ private:
+  int log_ = -1;
+};
+
+TEST_F(StalledLog, SolvesGoOnAndWhatWasNotReadIsCounted) {
+  start();
+  solve(10'000);
+  const double dropped = dropped_by_metrics();
+  EXPECT_GT(dropped, 0.0);
+  const std::string read = read_until("dropped=");  // by a line of its own, since nothing else happens
+  std::istringstream lines(read);
+  int jobs = 0;
+  std::string time_before;
+  for (std::string line; std::getline(lines, line);) {
+    const std::string time = line.substr(0, line.find(' '));
+    EXPECT_LE(time_before, time) << "out of order";
+    time_before = time;
+    jobs += line.find(" job component=job ") != std::string::npos ? 1 : 0;
+  }
+  const double told = std::stod(read.substr(read.find("dropped=") + 8));
+  EXPECT_EQ(told, dropped);
+  EXPECT_EQ(jobs + told, 10'000) << read;
+  server_->send(SIGTERM);
+  EXPECT_NE(read_until("stopped component=server").find("answered=10000"), std::string::npos);
+  EXPECT_EQ(server_->wait(), 0);
+}
+
+TEST_F(StalledLog, TheServerStopsAllTheSame) {
+  start();
+  solve(1000);
+  server_->send(SIGTERM);
+  EXPECT_EQ(server_->wait(), 0);
+}
+
+using HealthyLog = ServiceTest;
+
+TEST_F(HealthyLog, HasEveryLineWhenTheServerHasEnded) {
+  start({"--log-lines-per-s", "0"});
+  for (int i = 0; i < 300; ++i) EXPECT_TRUE(lives());
+  server().terminate();
+  EXPECT_EQ(server().wait(), 0);
+  EXPECT_EQ(server().log_lines({" job component=job "}).size(), 300U);
+  EXPECT_EQ(server().log_lines({" stopped component=server ", "answered=300"}).size(), 1U);
+  EXPECT_TRUE(server().log_lines({"dropped="}).empty());
+}
+
+}  // namespace
+}  // namespace marble::testing
