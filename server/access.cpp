@@ -30,11 +30,18 @@ Number or_none(Number limit) {
   return limit > 0 ? limit : std::numeric_limits<Number>::max();
 }
 
+// -1 stands for a quarter, so that no client alone can take all there is.
+int share_of(int whole, int limit) { return limit < 0 ? std::max(1, whole / 4) : or_none(limit); }
+
 Quota quota_of_settings(const Settings& settings) {
   const auto priority = std::find(kPriorityNames.begin(), kPriorityNames.end(), settings.client_priority) -
                         kPriorityNames.begin();
-  return {or_none(settings.client_running), or_none(settings.client_queued),
-          or_none(settings.client_sessions), or_none(settings.client_bytes), static_cast<Priority>(priority)};
+  return {or_none(settings.client_running),
+          share_of(settings.queue_jobs, settings.client_queued),
+          share_of(settings.sessions, settings.client_sessions),
+          share_of(settings.watchers, settings.client_watchers),
+          or_none(settings.client_bytes),
+          static_cast<Priority>(priority)};
 }
 
 std::optional<std::string> metadata(const grpc::CallbackServerContext& context, const char* key) {

@@ -54,13 +54,13 @@ JobBoard::Record JobBoard::find(const std::string& id) const {
   return number == numbers_.end() ? nullptr : records_.at(number->second);
 }
 
-Expected<JobBoard::Page> JobBoard::list(const Filter& filter, std::size_t limit,
+Expected<JobBoard::Page> JobBoard::list(const Filter& visible, const Filter& filter, std::size_t limit,
                                         const std::string& before_id) const {
   const MutexLock lock(mutex_);
   auto end = records_.end();
   if (!before_id.empty()) {
     const auto number = numbers_.find(before_id);
-    if (number == numbers_.end()) {
+    if (number == numbers_.end() || !visible(*records_.at(number->second))) {
       return unexpected(
           Error{ErrorCode::not_found, "before_job_id", -1, before_id, "is no job that is remembered"});
     }
@@ -69,7 +69,7 @@ Expected<JobBoard::Page> JobBoard::list(const Filter& filter, std::size_t limit,
   Page page;
   for (auto at = end; at != records_.begin();) {
     --at;
-    if (!filter(*at->second)) continue;
+    if (!visible(*at->second) || !filter(*at->second)) continue;
     if (page.records.size() == limit) {
       page.more = true;
       break;

@@ -41,9 +41,9 @@ class JobBoard {
     std::vector<Record> records;
     bool more = false;
   };
-  /// Newest first, at most `limit` that pass the filter, those accepted before `before_id` unless that is
-  /// empty. Not found if it is not there.
-  [[nodiscard]] Expected<Page> list(const Filter& filter, std::size_t limit,
+  /// Newest first, at most `limit` that are visible and pass the filter, those accepted before `before_id`
+  /// unless that is empty. Not found if it is not there or not visible, in the same words.
+  [[nodiscard]] Expected<Page> list(const Filter& visible, const Filter& filter, std::size_t limit,
                                     const std::string& before_id) const ABSL_LOCKS_EXCLUDED(mutex_);
 
   using Records = std::shared_ptr<const std::vector<Record>>;

@@ -18,15 +18,35 @@ double seconds_since(Clock::time_point then, Clock::time_point now) {
 
 }  // namespace
 
-Expected<void> FeedLimit::enter() {
-  if (++open <= most) return {};
-  --open;
-  return unexpected(Error{ErrorCode::resource_exhausted, "watchers", -1, "",
-                          "at most " + std::to_string(most) + " may watch"});
+Expected<void> FeedLimit::enter(const std::string& client, int most_own) {
+  const auto full = [](const char* field, std::string bound) {
+    return unexpected(Error{ErrorCode::resource_exhausted, field, -1, "", std::move(bound)});
+  };
+  const MutexLock lock(mutex_);
+  if (open_ >= most_) return full("watchers", "at most " + std::to_string(most_) + " may watch");
+  const auto own = of_client_.find(client);
+  if (own != of_client_.end() && own->second >= most_own) {
+    return full("client_watchers", "the client \"" + client + "\" may watch at most " +
+                                       std::to_string(most_own) + " times at once");
+  }
+  ++open_;
+  ++of_client_[client];
+  return {};
+}
+
+void FeedLimit::leave(const std::string& client) {
+  const MutexLock lock(mutex_);
+  --open_;
+  if (--of_client_[client] == 0) of_client_.erase(client);
+}
+
+int FeedLimit::open() const {
+  const MutexLock lock(mutex_);
+  return open_;
 }
 
 Expected<std::unique_ptr<JobFeed>> JobFeed::open(const JobBoard& board, FeedLimit& limit,
-                                                 const Identity& viewer,
+                                                 const Identity& viewer, const Quota& quota,
                                                  const v1::WatchJobsRequest& request) {
   if (auto valid = check_progress(request.progress_interval_s(), 0); !valid) return unexpected(valid.error());
   std::shared_ptr<JobRecord> one;
@@ -35,7 +55,7 @@ Expected<std::unique_ptr<JobFeed>> JobFeed::open(const JobBoard& board, FeedLimi
     if (!record) return unexpected(record.error());
     one = std::move(*record);
   }
-  if (auto entered = limit.enter(); !entered) return unexpected(entered.error());
+  if (auto entered = limit.enter(viewer.client, quota.watchers); !entered) return unexpected(entered.error());
   std::unique_ptr<JobFeed> feed(new JobFeed(board, limit, viewer, request.progress_interval_s()));
   if (one != nullptr) one->watch(true);
   feed->one_ = std::move(one);
@@ -44,7 +64,7 @@ Expected<std::unique_ptr<JobFeed>> JobFeed::open(const JobBoard& board, FeedLimi
 }
 
 JobFeed::~JobFeed() {
-  limit_.leave();
+  limit_.leave(viewer_.client);
   if (one_ != nullptr) one_->watch(false);
 }
 

@@ -1,25 +1,36 @@
 // What has happened to one job or to all since somebody last asked: the source of Jobs.Watch and of the page.
 #pragma once
 
-#include <atomic>
 #include <deque>
+#include <map>
 #include <memory>
 #include <vector>
 
 #include "identity.h"
 #include "job_board.h"
 #include "marble/v1/job.pb.h"
+#include "mutex.h"
+#include "quota.h"
 
 namespace marble::server {
 
-/// How many feeds there are, and may be.
-struct FeedLimit {
-  const int most;
-  std::atomic<int> open = 0;
+/// How many feeds there are, and may be. Thread-safe.
+class FeedLimit {
+ public:
+  explicit FeedLimit(int most) : most_(most) {}
 
-  /// Every enter() that succeeds has its leave(). Errors: resource_exhausted.
-  [[nodiscard]] Expected<void> enter();
-  void leave() { --open; }
+  /// Every enter() that succeeds has its leave(). Errors: resource_exhausted, for the server's limit or the
+  /// client's, `most_own`.
+  [[nodiscard]] Expected<void> enter(const std::string& client, int most_own) ABSL_LOCKS_EXCLUDED(mutex_);
+  void leave(const std::string& client) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] int open() const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] int most() const { return most_; }
+
+ private:
+  const int most_;
+  mutable Mutex mutex_;
+  int open_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::map<std::string, int> of_client_ ABSL_GUARDED_BY(mutex_);
 };
 
 /// Looks at the jobs' records when it is asked: a slow reader costs nothing but what it misses. One thread
@@ -27,9 +38,9 @@ struct FeedLimit {
 class JobFeed {
  public:
   /// For what the request names and the viewer may see, from now on. Errors: invalid_argument, not_found,
-  /// resource_exhausted (too many feeds).
+  /// resource_exhausted (too many feeds, of all or of the viewer's).
   [[nodiscard]] static Expected<std::unique_ptr<JobFeed>> open(const JobBoard& board, FeedLimit& limit,
-                                                               const Identity& viewer,
+                                                               const Identity& viewer, const Quota& quota,
                                                                const v1::WatchJobsRequest& request);
   ~JobFeed();
   JobFeed(const JobFeed&) = delete;

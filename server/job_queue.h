@@ -25,7 +25,7 @@ namespace marble::server {
 struct QueueLimits {
   int workers = 1;         ///< a free worker counts as room, so that jobs = 0 means "no waiting"
   int jobs = 0;            ///< that wait; one place in 16 is for realtime jobs alone
-  std::int64_t bytes = 0;  ///< of requests that wait or run
+  std::int64_t bytes = 0;  ///< of requests that wait, here or in their sessions, or run
   int passed_over = 32;    ///< how often in a row a priority with something to do may be passed over
   std::chrono::steady_clock::duration patience = std::chrono::seconds(10);
 
@@ -87,6 +87,23 @@ class JobQueue {
     line.emplace(key, std::move(item));
     ++waiting_[at];
     return QueueRefusal::none;
+  }
+
+  /// Counts bytes that wait for their turn outside the queue, until they are released. Of all together they
+  /// are at most half of what may wait, of one client a quarter, so that whoever does not come to their turn
+  /// leaves room for the others. False if there is no room.
+  [[nodiscard]] bool hold(const std::string& client, std::int64_t bytes, const Quota& quota) {
+    const auto known = clients_.find(client);
+    const Client& owner = known == clients_.end() ? kNobody : known->second;
+    const bool fits = bytes <= limits_.bytes - bytes_ && bytes <= limits_.bytes / 2 - held_ &&
+                      bytes <= limits_.bytes / 4 - owner.held && bytes <= quota.bytes - owner.bytes;
+    if (fits) count_held(clients_[client], bytes);
+    return fits;
+  }
+  void release(const std::string& client, std::int64_t bytes) {
+    const auto owner = clients_.find(client);
+    count_held(owner->second, -bytes);
+    forget_if_idle(owner);
   }
 
   /// The next item that may run, which then does; null if there is none.
@@ -189,8 +206,8 @@ class JobQueue {
   using Line = std::map<Key, std::shared_ptr<Item>>;
   struct Client {
     Quota quota;
-    int queued = 0, running = 0;  // queued: without reserved ones
-    std::int64_t bytes = 0;
+    int queued = 0, running = 0;       // queued: without reserved ones
+    std::int64_t bytes = 0, held = 0;  // bytes: with those held
     std::array<Line, kPriorities> lines;
   };
   struct Known {
@@ -254,10 +271,22 @@ class JobQueue {
     client->second.bytes -= ticket.bytes;
     bytes_ -= ticket.bytes;
     if (!ticket.reserved) --unreserved_;
-    const bool empty = std::all_of(client->second.lines.begin(), client->second.lines.end(),
-                                   [](const Line& line) { return line.empty(); });
-    if (empty && client->second.running == 0) clients_.erase(client);
+    forget_if_idle(client);
     tickets_.erase(found);
+  }
+
+  void count_held(Client& client, std::int64_t bytes) {
+    client.held += bytes;
+    client.bytes += bytes;
+    held_ += bytes;
+    bytes_ += bytes;
+  }
+
+  void forget_if_idle(typename std::map<std::string, Client>::iterator found) {
+    const Client& client = found->second;
+    const bool empty =
+        std::all_of(client.lines.begin(), client.lines.end(), [](const Line& line) { return line.empty(); });
+    if (empty && client.running == 0 && client.held == 0) clients_.erase(found);
   }
 
   inline static const Client kNobody = {};
@@ -269,7 +298,7 @@ class JobQueue {
   Ahead waiting_ = {};
   std::array<int, kPriorities> passed_over_ = {};
   int running_ = 0, unreserved_ = 0;
-  std::int64_t bytes_ = 0, next_number_ = 0;
+  std::int64_t bytes_ = 0, held_ = 0, next_number_ = 0;  // bytes: with those held
 };
 
 }  // namespace marble::server

@@ -20,15 +20,15 @@ Expected<void> list_jobs(const JobBoard& board, const Identity& caller, const v1
     return unexpected(Error{ErrorCode::invalid_argument, "limit", -1, std::to_string(request.limit()),
                             "must be in [0, " + std::to_string(kLargestPage) + "]"});
   }
+  const auto visible = [&](const JobRecord& record) { return may_see(caller, record.description().client); };
   const auto passes = [&](const JobRecord& record) {
-    const std::string& owner = record.description().client;
-    if (!may_see(caller, owner) || (!request.client().empty() && request.client() != owner)) return false;
+    if (!request.client().empty() && request.client() != record.description().client) return false;
     const int state = static_cast<int>(record.snapshot().state) + v1::JOB_STATE_QUEUED;
     const auto& states = request.states();
     return states.empty() || std::find(states.begin(), states.end(), state) != states.end();
   };
   const int limit = request.limit() == 0 ? kDefaultPage : request.limit();
-  const auto page = board.list(passes, static_cast<std::size_t>(limit), request.before_job_id());
+  const auto page = board.list(visible, passes, static_cast<std::size_t>(limit), request.before_job_id());
   if (!page) return unexpected(page.error());
   for (const auto& record : page->records) to_message(*record, response->add_jobs());
   response->set_more(page->more);

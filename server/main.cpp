@@ -148,7 +148,7 @@ int main(int argc, char** argv) {
   Metrics metrics(config->metrics, config->metrics_clients);
   LiveCalls calls;
   JobBoard board({config->history_jobs, config->trace_rows, config->trace_pairs});
-  FeedLimit feeds{config->watchers};
+  FeedLimit feeds(config->watchers);
   ResultStore results(result_limits(*config));
   SessionTable sessions({config->sessions, config->session_bytes});
   const auto shared_scheduler = std::make_shared<Scheduler>(queue_limits(*config), board, log, metrics);

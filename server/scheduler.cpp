@@ -131,6 +131,18 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
   return place;
 }
 
+std::unique_ptr<Scheduler::Held> Scheduler::hold(const std::string& client, std::int64_t bytes,
+                                                 const Quota& quota) {
+  const MutexLock lock(mutex_);
+  if (!queue_.hold(client, bytes, quota)) return nullptr;
+  return std::make_unique<Held>(*this, client, bytes);
+}
+
+void Scheduler::release(const std::string& client, std::int64_t bytes) {
+  const MutexLock lock(mutex_);
+  queue_.release(client, bytes);
+}
+
 // The scheduler's lock is taken before a record's and the board's, never after.
 void Scheduler::cancel(const std::shared_ptr<Job>& job) {
   job->stop.request_stop();
@@ -273,6 +285,7 @@ void Scheduler::count(const Job& job, const Outcome& outcome) {
     if (!outcome.solution || job.is_setup) return;
     ++counters_.updates;
     if (is_solved(outcome.solution->status)) ++counters_.updates_solved;
+    last_minute_.add(Clock::now(), is_solved(outcome.solution->status));
     return;
   }
   if (!outcome.solution) {
@@ -285,6 +298,7 @@ void Scheduler::count(const Job& job, const Outcome& outcome) {
       outcome.solution->status == Status::cancelled && job.stop.stop_requested() && !closed_;
   ++(given_up ? counters_.cancelled : counters_.answered);
   if (is_solved(outcome.solution->status)) ++counters_.solved;
+  if (!given_up) last_minute_.add(Clock::now(), is_solved(outcome.solution->status));
 }
 
 void Scheduler::give_notice() {
@@ -389,6 +403,11 @@ Counters Scheduler::counters() const {
     counters.estimated_wait_s[at] = wait_s(ahead, work_s);
   }
   return counters;
+}
+
+LastMinute::Sum Scheduler::last_minute() const {
+  const MutexLock lock(mutex_);
+  return last_minute_.sum(Clock::now());
 }
 
 double Scheduler::retry_delay_s() const {

@@ -10,6 +10,7 @@
 
 #include "job.h"
 #include "job_board.h"
+#include "last_minute.h"
 #include "log.h"
 #include "metrics/metrics.h"
 #include "mutex.h"
@@ -57,6 +58,24 @@ class Scheduler final : public Pulsed, public TaskRunner {
     return job.ticket.bytes <= std::min(limits_.bytes, job.quota.bytes);
   }
 
+  /// Bytes of an update that waits in its session, counted while this lives.
+  class Held {
+   public:
+    Held(Scheduler& scheduler, std::string client, std::int64_t bytes)
+        : scheduler_(scheduler), client_(std::move(client)), bytes_(bytes) {}
+    ~Held() { scheduler_.release(client_, bytes_); }
+    Held(const Held&) = delete;
+    Held& operator=(const Held&) = delete;
+
+   private:
+    Scheduler& scheduler_;
+    const std::string client_;
+    const std::int64_t bytes_;
+  };
+  /// Null if there is no room for so many among the queue's bytes, or the client's: JobQueue::hold().
+  [[nodiscard]] std::unique_ptr<Held> hold(const std::string& client, std::int64_t bytes, const Quota& quota)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+
   /// The client gave up, or its deadline passed: a waiting job is answered at once, a running one stops
   /// within an iteration. Does nothing to a finished one.
   void cancel(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
@@ -86,6 +105,8 @@ class Scheduler final : public Pulsed, public TaskRunner {
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
   [[nodiscard]] Counters counters() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Jobs and updates of sessions that were answered.
+  [[nodiscard]] LastMinute::Sum last_minute() const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] const QueueLimits& limits() const { return limits_; }
   /// When a refused request may be tried again: a queue's worth of the mean solve, within [10 ms, 10 s].
   [[nodiscard]] double retry_delay_s() const ABSL_LOCKS_EXCLUDED(mutex_);
@@ -93,6 +114,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
   [[nodiscard]] QueuePlace place(const Job& job) const ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
+  void release(const std::string& client, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Expected<QueuePlace> enqueue(const std::shared_ptr<Job>& job,
                                              const std::weak_ptr<RoomWaiter>& waiter)
       ABSL_LOCKS_EXCLUDED(mutex_);
@@ -136,6 +158,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
   Condition helped_;                           // a helper has ended its task
   int finishing_ ABSL_GUARDED_BY(mutex_) = 0;  // left queue or worker, observer not yet told
   Counters counters_ ABSL_GUARDED_BY(mutex_);
+  LastMinute last_minute_ ABSL_GUARDED_BY(mutex_);
   std::array<double, kPriorities> mean_run_s_ ABSL_GUARDED_BY(mutex_) = {};
   bool leaving_ ABSL_GUARDED_BY(mutex_) = false;
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;

@@ -34,6 +34,7 @@ void to_message(const Quota& quota, const Config& config, int workers, v1::Quota
   message->set_queued(std::min(quota.queued, config.queue_jobs));
   message->set_sessions(std::min(quota.sessions, config.sessions));
   message->set_bytes(std::min(quota.bytes, config.queue_bytes));
+  message->set_watchers(std::min(quota.watchers, config.watchers));
   message->set_priority(marble::server::to_message(quota.priority));
 }
 
@@ -47,6 +48,7 @@ void to_message(const Counters& counters, v1::Counters* message) {
   message->set_updates_total(counters.updates);
   message->set_updates_solved_total(counters.updates_solved);
   message->set_busy_s_total(counters.busy_s);
+  message->set_request_bytes(counters.request_bytes);
   message->set_queued(counters.queued);
   message->set_running(counters.running);
   const auto at = [](Priority priority) { return static_cast<std::size_t>(priority); };

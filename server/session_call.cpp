@@ -6,8 +6,8 @@
 
 #include "job_log.h"
 #include "marble/convert.h"
-#include "random_id.h"
 #include "reply.h"
+#include "session_setup.h"
 #include "status.h"
 #include "wire.h"
 
@@ -15,6 +15,10 @@ namespace marble::server {
 namespace {
 
 constexpr double kHopeless = 0.5;  // of the fastest solve so far: less time than this is not enough
+// Whole updates that a session has room for besides its solver: one that waits, or what is left behind for
+// it, and one that was not parsed yet. Others take theirs from the queue's bytes.
+constexpr std::int64_t kUpdates = 2;
+constexpr int kUnreadAnswers = 2;  // nothing more is solved for a client that does not read
 
 Error fault(const char* field, std::string value, std::string bound) {
   return {ErrorCode::invalid_argument, field, -1, std::move(value), std::move(bound)};
@@ -75,9 +79,48 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
 }
 
 void SessionCall::OnReadDone(bool ok) {
+  {
+    const MutexLock lock(mutex_);
+    reading_ = false;
+    last_activity_ = Clock::now();
+    if (!ok) {
+      read_all_ = true;
+    } else if (!end_ && !broken_ && place_ != nullptr) {  // else whatever comes is of no interest
+      unread_.emplace();
+      unread_->Swap(&incoming_);
+    }
+    incoming_.Clear();
+  }
+  go_on();
+}
+
+bool SessionCall::may_read() const {
+  const auto room = static_cast<std::size_t>(parts_.config.session_updates);
+  const std::size_t waiting = waiting_ ? waiting_->size() : 0;
+  return !reading_ && !parsing_ && !unread_ && !read_all_ && !end_ && !finishing_ &&
+         waiting + events_.size() < room;
+}
+
+// A message is parsed when there is room for what it becomes: in the session, for one that waits, else among
+// the queue's bytes. It is tried again whenever an update has left.
+bool SessionCall::take_unread(grpc::ByteBuffer* bytes, std::unique_ptr<Scheduler::Held>* room) {
+  if (!unread_ || parsing_) return false;
+  if (waiting_ && !waiting_->has_room()) {
+    const std::size_t length = std::max<std::size_t>(1, unread_->Length());
+    *room = parts_.scheduler.hold(caller_.identity.client, static_cast<std::int64_t>(length), quota_);
+    if (*room == nullptr) return false;
+  }
+  bytes->Swap(&*unread_);
+  unread_.reset();
+  parsing_ = true;
+  return true;
+}
+
+// One message at a time, by whichever thread found that there was room.
+void SessionCall::take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Scheduler::Held> room) {
   v1::SessionRequest request;
-  const auto parsed = ok ? parse(&incoming_, &request) : Expected<void>{};
-  if (ok && parsed && request.has_setup()) {
+  const auto parsed = record_ == nullptr ? parse(&bytes, &request) : parse_update(bytes, sizes_, &request);
+  if (parsed && request.has_setup()) {
     if (const auto taken = take_setup(*request.mutable_setup()); !taken) {
       Origin origin = caller_.origin;
       origin.request_id = request.setup().request_id();
@@ -86,71 +129,29 @@ void SessionCall::OnReadDone(bool ok) {
       end(taken.error());
     }
   }
-  {
-    const MutexLock lock(mutex_);
-    reading_ = false;
-    last_activity_ = Clock::now();
-    if (!ok) {
-      read_all_ = true;
-    } else if (!parsed) {
-      end(parsed.error());
-    } else if (end_ || broken_ || place_ == nullptr) {
-      // Over: whatever comes is of no interest.
-    } else if (request.has_update() && record_ == nullptr) {
-      end({ErrorCode::failed_precondition, "update", -1, "", "comes before the set-up"});
-    } else if (request.has_update()) {
-      take_update(*request.mutable_update());
-    } else if (!request.has_setup()) {
-      end(fault("request", "", "must be a set-up or an update"));
-    }
+  const MutexLock lock(mutex_);
+  parsing_ = false;
+  if (!parsed) {
+    end(parsed.error());
+  } else if (end_ || broken_ || place_ == nullptr) {
+    // Over meanwhile.
+  } else if (request.has_update() && record_ == nullptr) {
+    end({ErrorCode::failed_precondition, "update", -1, "", "comes before the set-up"});
+  } else if (request.has_update()) {
+    take_update(*request.mutable_update(), std::move(room));
+  } else if (!request.has_setup()) {
+    end(fault("request", "", "must be a set-up or an update"));
   }
-  go_on();
 }
 
-Expected<void> SessionCall::take_setup(v1::SessionSetup& setup) {
-  const auto inside = [](Error error, const char* path) {
-    error.field = path + error.field;
-    return unexpected(std::move(error));
-  };
+Expected<void> SessionCall::take_setup(v1::SessionSetup& message) {
   if (record_ != nullptr) {
     return unexpected(Error{ErrorCode::failed_precondition, "setup", -1, "",
                             "the session is set up already; open another"});
   }
-  if (auto valid = check_labels(setup.request_id(), setup.problem().name()); !valid)
-    return inside(valid.error(), "setup.");
-  const auto priority = marble::server::priority_of(setup.priority(), Priority::realtime, quota_);
-  if (!priority) return inside(priority.error(), "setup.");
-  if (auto valid = check_progress(setup.progress_interval_s(), setup.iterate_every(), "setup."); !valid)
-    return valid;
-  const auto options = options_of(setup.options(), parts_.config.solver_defaults);
-  if (!options) return inside(options.error(), "setup.options.");
-  const auto kept = std::make_shared<v1::SessionSetup>(std::move(setup));  // the problem borrows its arrays
-  const auto problem = Problem::create(view_of(kept->problem()));
-  if (!problem) {
-    Error error = problem.error();
-    error.field = message_field(error.field);
-    return inside(std::move(error), "setup.problem.");
-  }
-  const auto& z = kept->initial_point().z();
-  const std::span initial_z(z.data(), static_cast<std::size_t>(z.size()));
-  if (auto valid = Problem::check_initial_point(initial_z, problem->variables()); !valid) {
-    Error error = valid.error();
-    error.field = "setup.initial_point.z";
-    return unexpected(std::move(error));
-  }
-  const auto record = parts_.board.make({.id = random_id(),
-                                         .kind = JobKind::session,
-                                         .priority = *priority,
-                                         .client = caller_.identity.client,
-                                         .request_id = kept->request_id(),
-                                         .name = kept->problem().name(),
-                                         .peer = caller_.origin.peer,
-                                         .variables = problem->variables(),
-                                         .equalities = problem->equalities(),
-                                         .inequalities = problem->inequalities(),
-                                         .pairs = problem->pairs(),
-                                         .trace = caller_.origin.trace},
-                                        *options);
+  const auto setup = check_setup(message, quota_, parts_.config.solver_defaults);
+  if (!setup) return unexpected(setup.error());
+  const auto record = make_record(parts_.board, caller_, *setup);
   record->set_cancel([weak = std::weak_ptr<SessionCall>(self_)] {
     const std::shared_ptr<SessionCall> call = weak.lock();
     if (call != nullptr) call->cancel({ErrorCode::cancelled, "", -1, "", "ended by Jobs.Cancel"});
@@ -159,23 +160,22 @@ Expected<void> SessionCall::take_setup(v1::SessionSetup& setup) {
   {
     const MutexLock lock(mutex_);
     if (end_ || place_ == nullptr) return {};  // the client has gone meanwhile
-    priority_ = *priority;
-    latest_only_ = kept->latest_only();
-    tell_progress_ = kept->progress();
-    progress_interval_s_ = kept->progress_interval_s();
-    iterate_every_ = kept->iterate_every();
-    options_ = *options;
-    sizes_ = PartSizes::of(*problem);
+    priority_ = setup->priority;
+    tell_progress_ = setup->message->progress();
+    progress_interval_s_ = setup->message->progress_interval_s();
+    iterate_every_ = setup->message->iterate_every();
+    options_ = setup->options;
+    sizes_ = PartSizes::of(setup->problem);
+    waiting_.emplace(setup->message->latest_only(), sizes_);
     record_ = record;
     job = job_ = make_job(Clock::time_point::max());
   }
   parts_.board.add(record);
   job->is_setup = true;
-  job->ticket.bytes = static_cast<std::int64_t>(kept->ByteSizeLong());
-  job->work = [this, kept, problem = *problem, options = *options,
-               initial_z](const SolveControls&) -> Expected<Solution> {
+  job->ticket.bytes = static_cast<std::int64_t>(setup->message->ByteSizeLong());
+  job->work = [this, setup = *setup](const SolveControls&) -> Expected<Solution> {
     const std::int64_t most = std::min(parts_.config.solve_bytes, parts_.sessions.room());
-    auto solver = WarmSolver::create(problem, options, initial_z, most);
+    auto solver = WarmSolver::create(setup.problem, setup.options, setup.initial_z, most);
     if (!solver) return unexpected(solver.error());
     solver_ = std::move(*solver);
     Solution prepared;
@@ -197,7 +197,9 @@ void SessionCall::set_up_done(Outcome outcome) {
     job_ = nullptr;
     last_activity_ = Clock::now();
     Expected<void> counted;
-    if (outcome.solution) counted = place_->take(solver_->memory_bytes());
+    const std::int64_t bytes =
+        outcome.solution ? solver_->memory_bytes() + kUpdates * most_update_bytes(sizes_) : 0;
+    if (outcome.solution) counted = place_->take(bytes);
     if (!outcome.solution) {
       Error error = outcome.solution.error();
       if (!error.field.empty()) error.field = "setup." + error.field;
@@ -206,12 +208,12 @@ void SessionCall::set_up_done(Outcome outcome) {
       end(counted.error());
     } else {
       set_up_ = true;
-      record_->set_memory(solver_->memory_bytes());
+      record_->set_memory(bytes);
       record_->idle();
       log_session_open(parts_.log, *record_);
       v1::SessionReady* ready = events_.emplace_back().mutable_ready();
       ready->set_job_id(record_->id());
-      ready->set_memory_bytes(solver_->memory_bytes());
+      ready->set_memory_bytes(bytes);
       ready->set_setup_s(solver_->setup_s());
       ready->set_idle_timeout_s(parts_.config.session_idle_s);
     }
@@ -219,7 +221,7 @@ void SessionCall::set_up_done(Outcome outcome) {
   go_on();
 }
 
-void SessionCall::take_update(v1::SessionUpdate& message) {
+void SessionCall::take_update(v1::SessionUpdate& message, std::unique_ptr<Scheduler::Held> room) {
   const std::int64_t sequence = message.sequence();
   if (any_update_ && sequence <= newest_sequence_) {
     return refuse(sequence, fault("update.sequence", std::to_string(sequence),
@@ -231,28 +233,21 @@ void SessionCall::take_update(v1::SessionUpdate& message) {
     return refuse(sequence, {ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"},
                   parts_.scheduler.retry_delay_s());
   }
-  const auto valid = check_update(message, sizes_);
-  if (!valid) {
-    Error error = valid.error();
-    error.field = "update." + error.field;
-    return refuse(sequence, error);
-  }
-  const auto options = options_of(message.options(), options_);
+  auto update = make_update(message, sizes_);
+  if (!update) return refuse(sequence, update.error());
+  const auto options = options_of(update->message.options(), options_);
   if (!options) {
     Error error = options.error();
     error.field = "update.options." + error.field;
     return refuse(sequence, error);
   }
-  options_ = *options;
-  if (latest_only_ && !waiting_.empty()) {
-    v1::SessionSuperseded* superseded = events_.emplace_back().mutable_superseded();
-    superseded->set_sequence(waiting_.front()->message.sequence());
-    superseded->set_by_sequence(sequence);
-    parts_.metrics.update_superseded();
-    take_along(std::move(waiting_.front()->message), message);
-    waiting_.pop_front();
-  }
-  waiting_.push_back(std::make_shared<Update>(Update{std::move(message), *options, Clock::now(), false}));
+  update->options = options_ = *options;
+  const auto older = waiting_->push(std::make_shared<Update>(std::move(*update)), std::move(room));
+  if (!older) return;
+  v1::SessionSuperseded* superseded = events_.emplace_back().mutable_superseded();
+  superseded->set_sequence(*older);
+  superseded->set_by_sequence(sequence);
+  parts_.metrics.update_superseded();
 }
 
 std::shared_ptr<Job> SessionCall::make_job(Clock::time_point deadline) {
@@ -268,10 +263,9 @@ std::shared_ptr<Job> SessionCall::make_job(Clock::time_point deadline) {
 }
 
 std::shared_ptr<Job> SessionCall::next_job() {
-  if (!set_up_ || job_ != nullptr || waiting_.empty() || end_ || broken_) return nullptr;
-  const std::shared_ptr<Update> update = waiting_.front();
-  waiting_.pop_front();
-  if (left_behind_) take_along(std::move(*std::exchange(left_behind_, std::nullopt)), update->message);
+  if (!set_up_ || job_ != nullptr || waiting_->empty() || answers_ >= kUnreadAnswers || end_ || broken_)
+    return nullptr;
+  const std::shared_ptr<Update> update = waiting_->pop();
   const double deadline_s = update->message.deadline_s();
   const bool limited = deadline_s > 0.0 && deadline_s < 1e9;
   const auto deadline = limited ? update->arrival + std::chrono::duration_cast<Clock::duration>(
@@ -279,7 +273,7 @@ std::shared_ptr<Job> SessionCall::next_job() {
                                 : Clock::time_point::max();
   job_ = make_job(deadline);
   job_->accepted = update->arrival;
-  job_->ticket.bytes = static_cast<std::int64_t>(update->message.ByteSizeLong());
+  job_->ticket.bytes = bytes_of(*update);
   job_->ticket.least_run =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kHopeless * fastest_s_));
   solving_ = update->message.sequence();
@@ -294,8 +288,7 @@ std::shared_ptr<Job> SessionCall::next_job() {
       options.time_limit_s = std::clamp(left, 0.0, options.time_limit_s);
     }
     if (auto set = solver_->set_options(options); !set) return unexpected(set.error());
-    auto solution =
-        solver_->solve(update_of(update->message.problem()), restart_of(update->message), controls);
+    auto solution = solver_->solve(update_of(update->message.problem()), restart_of(*update), controls);
     if (late_possible && solution && solution->status == Status::time_limit && Clock::now() >= deadline) {
       return unexpected(
           Error{ErrorCode::deadline_exceeded, "", -1, "", "the deadline passed while the update was solved"});
@@ -313,10 +306,11 @@ void SessionCall::update_done(const std::shared_ptr<Update>& update, Outcome out
     job_ = nullptr;
     last_activity_ = Clock::now();
     take_rows();
-    if (!update->taken) left_behind_ = std::move(update->message);
+    if (!update->taken && !end_) waiting_->leave_behind(std::move(*update));
     if (outcome.solution) {
       const double solve_s = outcome.solution->times.solve_s;
       fastest_s_ = fastest_s_ == 0.0 ? solve_s : std::min(fastest_s_, solve_s);
+      ++answers_;
       v1::SessionAnswer* answer = events_.emplace_back().mutable_answer();
       answer->set_sequence(sequence);
       fill_solution(outcome, update->options, answer->mutable_solution());
@@ -357,6 +351,7 @@ bool SessionCall::next_event(v1::SessionResponse* event) {
   if (events_.empty()) return false;
   *event = std::move(events_.front());
   events_.pop_front();
+  if (event->has_answer()) --answers_;
   return true;
 }
 
@@ -364,6 +359,7 @@ void SessionCall::OnWriteDone(bool ok) {
   {
     const MutexLock lock(mutex_);
     writing_ = false;
+    last_activity_ = Clock::now();
     if (!ok) broken_ = true;
   }
   go_on();
@@ -371,7 +367,8 @@ void SessionCall::OnWriteDone(bool ok) {
 
 void SessionCall::end(const Error& reason) {
   if (!end_) end_ = reason;
-  waiting_.clear();
+  if (waiting_) waiting_->clear();
+  unread_.reset();
   if (job_ != nullptr) job_->stop.request_stop();
 }
 
@@ -406,14 +403,16 @@ void SessionCall::pulse(Clock::time_point now) {
   {
     const MutexLock lock(mutex_);
     if (finishing_ || end_) return;
-    const bool quiet = job_ == nullptr && waiting_.empty();
+    const bool stalled = job_ == nullptr && answers_ >= kUnreadAnswers;
+    const bool quiet = job_ == nullptr && !parsing_ && (!waiting_ || waiting_->empty());
     const auto idle = std::chrono::duration<double>(now - last_activity_).count();
     if (parts_.scheduler.is_closed()) {
       if (!quiet) return;  // what was accepted is answered
       end({ErrorCode::unavailable, "", -1, "", "the server is draining; set the session up elsewhere"});
-    } else if (quiet && idle > parts_.config.session_idle_s) {
+    } else if ((quiet || stalled) && idle > parts_.config.session_idle_s) {
       end({ErrorCode::aborted, "session_idle_s", -1, "",
-           "no update for " + std::to_string(std::lround(idle)) + " s"});
+           (stalled ? "no answer was read for " : "no update for ") + std::to_string(std::lround(idle)) +
+               " s"});
     } else if (!slot_.due()) {  // rows that waited for others
       return;
     }
@@ -444,6 +443,9 @@ void SessionCall::go_on() {
 bool SessionCall::step() {
   v1::SessionResponse event;
   std::shared_ptr<Job> job;
+  grpc::ByteBuffer message;
+  std::unique_ptr<Scheduler::Held> room;
+  bool parse = false;
   bool read = false;
   bool write = false;
   bool finish = false;
@@ -451,15 +453,16 @@ bool SessionCall::step() {
   {
     const MutexLock lock(mutex_);
     job = next_job();
-    const auto room = static_cast<std::size_t>(parts_.config.session_updates);
-    read = !reading_ && !read_all_ && !end_ && !finishing_ && waiting_.size() + events_.size() < room;
+    parse = take_unread(&message, &room);
+    read = may_read();
     reading_ = reading_ || read;
     starting_ += read ? 1 : 0;
+    const bool none_waits = !unread_ && !parsing_ && (!waiting_ || waiting_->empty());
+    const bool over = (end_.has_value() || (read_all_ && none_waits)) && job_ == nullptr && !parsing_;
+    if (over) release();
     if (!writing_ && !finishing_) {
       write = next_event(&event);
       writing_ = write;
-      const bool over = (end_.has_value() || (read_all_ && waiting_.empty())) && job_ == nullptr;
-      if (over) release();
       finish = over && !write && starting_ == 0;
       finishing_ = finish;
       if (finish && end_) status = end_of_stream(parts_, *end_);
@@ -485,10 +488,12 @@ bool SessionCall::step() {
   } else if (finish) {
     Finish(status);
   }
-  if (!read) return false;
-  const MutexLock lock(mutex_);
-  --starting_;
-  return true;
+  if (parse) take_message(message, std::move(room));
+  if (read) {
+    const MutexLock lock(mutex_);
+    --starting_;
+  }
+  return read || parse;
 }
 
 }  // namespace marble::server

@@ -11,7 +11,7 @@
 #include "marble/warm_solver.h"
 #include "progress_slot.h"
 #include "service_parts.h"
-#include "session_update.h"
+#include "waiting_updates.h"
 
 namespace marble::server {
 
@@ -37,24 +37,22 @@ class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
  private:
   class SetupObserver;
   class UpdateObserver;
-  // An update on its way; the options are those in force for it.
-  struct Update {
-    v1::SessionUpdate message;
-    Options options;
-    Clock::time_point arrival;
-    bool taken = false;  // by the solver
-  };
-
   explicit SessionCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}
 
+  void take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Scheduler::Held> room)
+      ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Expected<void> take_setup(v1::SessionSetup& setup) ABSL_LOCKS_EXCLUDED(mutex_);
-  void take_update(v1::SessionUpdate& update) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void take_update(v1::SessionUpdate& message, std::unique_ptr<Scheduler::Held> room)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void set_up_done(Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
   void update_done(const std::shared_ptr<Update>& update, Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
 
   // Everything that may be due: the next job, the next read, the next write, the end.
   void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool step() ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool may_read() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] bool take_unread(grpc::ByteBuffer* bytes, std::unique_ptr<Scheduler::Held>* room)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::shared_ptr<Job> next_job() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::shared_ptr<Job> make_job(Clock::time_point deadline);
   [[nodiscard]] bool next_event(v1::SessionResponse* event) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -76,7 +74,7 @@ class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
   double last_progress_s_ = -1.0;  // worker only
   // Constant once set up.
   Priority priority_ = Priority::realtime;
-  bool latest_only_ = false, tell_progress_ = false;
+  bool tell_progress_ = false;
   double progress_interval_s_ = 0.0;
   int iterate_every_ = 0;
   std::shared_ptr<JobRecord> record_;
@@ -85,18 +83,20 @@ class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
 
   Mutex mutex_;
   std::unique_ptr<SessionTable::Place> place_ ABSL_GUARDED_BY(mutex_);
-  Options options_ ABSL_GUARDED_BY(mutex_);  // of the newest update
-  std::deque<std::shared_ptr<Update>> waiting_ ABSL_GUARDED_BY(mutex_);
-  std::optional<v1::SessionUpdate> left_behind_ ABSL_GUARDED_BY(mutex_);  // of updates that never ran
-  std::shared_ptr<Job> job_ ABSL_GUARDED_BY(mutex_);                      // in flight
-  std::int64_t solving_ ABSL_GUARDED_BY(mutex_) = 0;                      // its sequence number
+  Options options_ ABSL_GUARDED_BY(mutex_);                         // of the newest update
+  std::optional<grpc::ByteBuffer> unread_ ABSL_GUARDED_BY(mutex_);  // a message that was not parsed yet
+  std::optional<WaitingUpdates> waiting_ ABSL_GUARDED_BY(mutex_);   // once there is a set-up
+  std::shared_ptr<Job> job_ ABSL_GUARDED_BY(mutex_);                // in flight
+  std::int64_t solving_ ABSL_GUARDED_BY(mutex_) = 0;                // its sequence number
   std::int64_t newest_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
   bool any_update_ ABSL_GUARDED_BY(mutex_) = false;
   std::deque<v1::SessionResponse> events_ ABSL_GUARDED_BY(mutex_);  // to be told
+  int answers_ ABSL_GUARDED_BY(mutex_) = 0;                         // among these
   double fastest_s_ ABSL_GUARDED_BY(mutex_) = 0.0;                  // solve so far
   Clock::time_point last_activity_ ABSL_GUARDED_BY(mutex_) = Clock::now();
   bool set_up_ ABSL_GUARDED_BY(mutex_) = false;
   bool reading_ ABSL_GUARDED_BY(mutex_) = false;
+  bool parsing_ ABSL_GUARDED_BY(mutex_) = false;
   int starting_ ABSL_GUARDED_BY(mutex_) = 0;  // reads that gRPC is about to be asked for
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
   bool read_all_ ABSL_GUARDED_BY(mutex_) = false;  // the client has closed its side

@@ -32,7 +32,8 @@ Expected<void> WatchCall::start(grpc::CallbackServerContext& context, const grpc
   if (!caller) return unexpected(caller.error());
   v1::WatchJobsRequest message;
   if (auto parsed = parse(request, &message); !parsed) return parsed;
-  auto feed = JobFeed::open(parts_.board, parts_.feeds, *caller, message);
+  auto feed =
+      JobFeed::open(parts_.board, parts_.feeds, *caller, parts_.access.quota_of(caller->client), message);
   if (!feed) return unexpected(feed.error());
   const MutexLock lock(mutex_);
   feed_ = std::move(*feed);

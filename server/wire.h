@@ -9,14 +9,24 @@
 #include <string>
 
 #include "marble/error.h"
+#include "wire_fields.h"
 
 namespace marble::server {
 
+/// Fields that a request may have, an array of numbers counted as one: many times what the contract has.
+constexpr std::int64_t kMostFields = 1000;
+
 /// Parses a call's request and frees its bytes, so that both are not held for the time of the call. (gRPC
 /// shows a request as const, but it is the call's own, and nobody else looks at it.)
+/// Errors: invalid_argument (no such message, or more than `most_fields`).
 template <class Message>
-[[nodiscard]] Expected<void> parse(const grpc::ByteBuffer* bytes, Message* message) {
+[[nodiscard]] Expected<void> parse(const grpc::ByteBuffer* bytes, Message* message,
+                                   std::int64_t most_fields = kMostFields) {
   auto* own = const_cast<grpc::ByteBuffer*>(bytes);
+  if (auto valid = check_fields(*own, *Message::descriptor(), most_fields); !valid) {
+    own->Clear();
+    return valid;
+  }
   const grpc::Status status = grpc::SerializationTraits<Message>::Deserialize(own, message);
   own->Clear();
   if (status.ok()) return {};

@@ -31,11 +31,9 @@ Json to_json(const ServerArguments& arguments, const ServerInfo& info) {
             {"result_keep_s", info.result_keep_s},
             {"result_bytes_limit", info.result_bytes_limit}};
   if (info.quota) {
-    json["quota"] = {{"running", info.quota->running},
-                     {"queued", info.quota->queued},
-                     {"sessions", info.quota->sessions},
-                     {"bytes", info.quota->bytes},
-                     {"priority", to_string(info.quota->priority)}};
+    json["quota"] = {{"running", info.quota->running},   {"queued", info.quota->queued},
+                     {"sessions", info.quota->sessions}, {"bytes", info.quota->bytes},
+                     {"watchers", info.quota->watchers}, {"priority", to_string(info.quota->priority)}};
   }
   json.update({{"queued", info.queued},
                {"running", info.running},
@@ -51,6 +49,7 @@ Json to_json(const ServerArguments& arguments, const ServerInfo& info) {
                {"updates", info.updates},
                {"updates_solved", info.updates_solved},
                {"result_bytes", info.result_bytes},
+               {"request_bytes", info.request_bytes},
                {"resident_bytes", info.resident_bytes},
                {"busy_s", info.busy_s},
                {"cpu_s", info.cpu_s}});

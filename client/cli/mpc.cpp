@@ -142,7 +142,7 @@ int run_loop(const MpcArguments& arguments, Session& session, examples::HopperPa
     next = examples::hopper(parameters);
     update = difference(problem, next);
     std::swap(problem, next);  // moves no array: the update goes on viewing the newer one
-    if (!arguments.cold) controls.shift = Shift::by_stage(problem.view(), arguments.steps);
+    if (!arguments.cold) controls.shift = Shift::by_stage(problem.view(), arguments.steps).value();
   }
   tell_summary(arguments, session, ticks);
   return exit_code;

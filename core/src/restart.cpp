@@ -1,45 +1,97 @@
 #include "marble/restart.h"
 
 #include <algorithm>
+#include <array>
+#include <numeric>
 #include <string>
+#include <tuple>
+#include <utility>
 
 namespace marble {
 namespace {
 
+Error fault(std::string field, std::int64_t value, std::string bound) {
+  return {ErrorCode::invalid_argument, std::move(field), -1, std::to_string(value), std::move(bound)};
+}
+
+// Entries that it moves, but at least one.
+std::int64_t moved_by(const ShiftBlock& block) {
+  return block.by == 0 ? 1 : std::max<std::int64_t>(1, std::int64_t{block.count} - block.by);
+}
+
 Expected<void> check_blocks(std::span<const ShiftBlock> blocks, std::size_t size, const char* name) {
   const auto length = static_cast<std::int64_t>(size);
+  std::int64_t moved = 0;
   for (std::size_t i = 0; i < blocks.size(); ++i) {
+    const std::string path = std::string("shift.") + name + "[" + std::to_string(i) + "]";
     const auto check = [&](const char* what, Index value, std::int64_t most) -> Expected<void> {
       if (value >= 0 && value <= most) return {};
-      return unexpected(Error{ErrorCode::invalid_argument,
-                              std::string("shift.") + name + "[" + std::to_string(i) + "]." + what, -1,
-                              std::to_string(value), "must be in [0, " + std::to_string(most) + "]"});
+      return unexpected(fault(path + what, value, "must be in [0, " + std::to_string(most) + "]"));
     };
     const ShiftBlock& block = blocks[i];
-    auto valid = check("first", block.first, length);
-    if (valid) valid = check("count", block.count, length - block.first);
-    if (valid) valid = check("by", block.by, block.count);
+    auto valid = check(".first", block.first, length);
+    if (valid) valid = check(".count", block.count, length - block.first);
+    if (valid) valid = check(".by", block.by, block.count);
     if (!valid) return valid;
+    moved += moved_by(block);
+    if (moved > std::max<std::int64_t>(1, length)) {
+      return unexpected(fault(path, moved,
+                              "entries are moved by the blocks so far; must be at most " +
+                                  std::to_string(length) + ", as many as the vector has"));
+    }
   }
   return {};
 }
 
-}  // namespace
-
-Shift Shift::by_stage(const ProblemView& problem, int stages) {
-  const auto block = [stages](std::size_t size) -> std::vector<ShiftBlock> {
-    const auto count = static_cast<Index>(size);
-    if (count == 0 || stages < 1) return {};
-    return {{0, count, count / stages}};
-  };
-  return {block(problem.g.size()), block(problem.b.size()), block(problem.d.size()), block(problem.l.size())};
-}
-
-void shift(std::span<const ShiftBlock> blocks, std::span<double> values) {
+template <class Value>
+void move_entries(std::span<const ShiftBlock> blocks, std::span<Value> values) {
   for (const ShiftBlock& block : blocks) {
+    if (block.by == 0) continue;
     const auto begin = values.begin() + block.first;
     std::copy(begin + block.by, begin + block.count, begin);
   }
+}
+
+}  // namespace
+
+Expected<Shift> Shift::by_stage(const ProblemView& problem, int stages) {
+  if (stages < 1) return unexpected(fault("stages", stages, "must be a whole number >= 1"));
+  Shift shift;
+  const std::array<std::tuple<const char*, std::size_t, std::vector<ShiftBlock>*>, 4> vectors = {{
+      {"variables", problem.g.size(), &shift.variables},
+      {"equalities", problem.b.size(), &shift.equalities},
+      {"inequalities", problem.d.size(), &shift.inequalities},
+      {"pairs", problem.l.size(), &shift.pairs},
+  }};
+  for (const auto& [name, size, blocks] : vectors) {
+    const auto count = static_cast<Index>(size);
+    if (count % stages != 0) {
+      return unexpected(fault(
+          "stages", stages, std::string("must divide the number of ") + name + ", " + std::to_string(count)));
+    }
+    if (count > 0) blocks->push_back({0, count, count / stages});
+  }
+  return shift;
+}
+
+void shift(std::span<const ShiftBlock> blocks, std::span<double> values) { move_entries(blocks, values); }
+
+// Where each entry comes from is never before it, so that runs of entries that come from equally far on can
+// be moved in place, the first ones first.
+std::vector<ShiftBlock> joined(std::span<const ShiftBlock> first, std::span<const ShiftBlock> then,
+                               std::size_t size) {
+  std::vector<Index> from(size);
+  std::iota(from.begin(), from.end(), 0);
+  move_entries<Index>(first, from);
+  move_entries<Index>(then, from);
+  std::vector<ShiftBlock> blocks;
+  const auto count = static_cast<Index>(size);
+  for (Index begin = 0, end = 0; begin < count; begin = end) {
+    const Index by = from[static_cast<std::size_t>(begin)] - begin;
+    for (end = begin; end < count && from[static_cast<std::size_t>(end)] - end == by;) ++end;
+    if (by > 0) blocks.push_back({begin, end - begin + by, by});
+  }
+  return blocks;
 }
 
 Expected<void> Restart::check(const PartSizes& sizes) const {

@@ -71,7 +71,8 @@ class Dashboards {
 
 void crowd() {
   const auto start = [] {
-    return start_server({"--workers", "2", "--sessions", "1100", "--http", "127.0.0.1:0"});
+    return start_server({"--workers", "2", "--sessions", "1100", "--http", "127.0.0.1:0", "--client-sessions",
+                         "0", "--client-watchers", "0"});
   };
   const testing::ServerProcess crowded = start(), alone = start();
   examples::HopperParameters parameters;

@@ -38,7 +38,7 @@ std::vector<double> solve_ms(v1::Solver::Stub& stub, const OwnedProblem& problem
 }  // namespace
 
 void idle() {
-  testing::ServerProcess server = start_server({"--workers", "2"});
+  testing::ServerProcess server = start_server({"--workers", "2", "--client-sessions", "0"});
   examples::HopperParameters parameters;
   const OwnedProblem large = examples::hopper(parameters);
   parameters.steps = kSteps;

@@ -14,6 +14,7 @@ namespace marble::server::http {
 namespace {
 
 constexpr std::chrono::milliseconds kStopCheck{200};
+constexpr std::size_t kFirstBuffer = 4096;  // bytes; it grows with a request's head
 constexpr int kSendBuffer =
     256 << 10;  // bytes: a reader that is slower misses events instead of getting old ones
 
@@ -28,7 +29,13 @@ void address_of(const sockaddr_storage& address, socklen_t length, std::string& 
 
 }  // namespace
 
-Connection::Connection(int socket, const std::atomic<bool>& stopping) : socket_(socket), stopping_(stopping) {
+Connection::Connection(int socket, TlsSession session, Clock::duration line_time,
+                       const std::atomic<bool>& stopping)
+    : socket_(socket),
+      stopping_(stopping),
+      session_(std::move(session)),
+      line_time_(line_time),
+      buffer_(kFirstBuffer) {
   fcntl(socket_, F_SETFL, fcntl(socket_, F_GETFL) | O_NONBLOCK);
   setsockopt(socket_, SOL_SOCKET, SO_SNDBUF, &kSendBuffer, sizeof kSendBuffer);
 }
@@ -36,7 +43,6 @@ Connection::Connection(int socket, const std::atomic<bool>& stopping) : socket_(
 Connection::~Connection() {
   if (shaken_) SSL_shutdown(session_.get());
   ERR_clear_error();
-  session_.reset();
   // What was sent but not read is taken away: closing over it would tear down the answer on its way too.
   ::shutdown(socket_, SHUT_WR);
   const auto until = Clock::now() + kLinger;
@@ -69,44 +75,82 @@ short Connection::awaited(int result) const {
   }
 }
 
-bool Connection::shake_hands(TlsSession session) {
-  session_ = std::move(session);
-  if (session_ == nullptr) return false;
-  const auto until = Clock::now() + kRequestTime;
-  while (true) {
+ssize_t Connection::take(std::size_t most) {
+  char* const to = buffer_.data() + end_;
+  ssize_t got = 0;
+  if (session_ != nullptr) {
     ERR_clear_error();
-    const int result = SSL_accept(session_.get());
-    shaken_ = result == 1;
-    if (shaken_) return true;
-    const short events = awaited(result);
-    if (events == 0 || !wait(events, until)) return false;
+    const int result =
+        shaken_ ? SSL_read(session_.get(), to, static_cast<int>(most)) : SSL_accept(session_.get());
+    if (result == 1 && !shaken_) {
+      shaken_ = true;
+      since_ = Clock::now();
+      return take(most);
+    }
+    got = result;
+    awaited_ = result > 0 ? POLLIN : awaited(result);
+  } else {
+    got = recv(socket_, to, most, 0);
+    awaited_ = got > 0 || (got < 0 && (errno == EAGAIN || errno == EINTR)) ? POLLIN : 0;
   }
+  if (got <= 0) return awaited_ != 0 ? 0 : -1;
+  if (begin_ == end_) begun_ = Clock::now();
+  end_ += static_cast<std::size_t>(got);
+  return got;
+}
+
+Connection::Arrival Connection::receive() {
+  if (begin_ > 0) {
+    std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
+    end_ -= begin_;
+    begin_ = 0;
+  }
+  while (arrival() != Arrival::head) {
+    if (end_ == buffer_.size()) buffer_.resize(std::min(2 * end_, kLongestRequest));
+    const ssize_t got = take(buffer_.size() - end_);
+    if (got < 0) return arrived_ = Arrival::closed;
+    if (got == 0) break;
+  }
+  return arrived_;
+}
+
+// A head as long as a request may be is not waited for any more. Nothing is looked at twice: who sends byte
+// by byte would else cost the square of them.
+Connection::Arrival Connection::arrival() {
+  const std::string_view here = received();
+  const bool line = arrived_ == Arrival::line || here.find('\n', scanned_) != std::string_view::npos;
+  const bool head = here.find("\r\n\r\n", scanned_) != std::string_view::npos || end_ >= kLongestRequest;
+  scanned_ = here.size() - std::min<std::size_t>(here.size(), 3);
+  if (head) return arrived_ = Arrival::head;
+  if (line) return arrived_ = Arrival::line;
+  return arrived_ = here.empty() ? Arrival::nothing : Arrival::begun;
+}
+
+Clock::time_point Connection::due() const {
+  if (arrived_ == Arrival::nothing)
+    return since_ + (requests_ == 0 ? line_time_ : Clock::duration(kIdleTime));
+  return begun_ + (arrived_ == Arrival::begun ? line_time_ : Clock::duration(kRequestTime));
+}
+
+int Connection::begin_request() {
+  left_ = kLongestRequest;
+  until_ = begun_ + kRequestTime;
+  return ++requests_;
+}
+
+void Connection::await_next() {
+  since_ = begun_ = Clock::now();
+  arrived_ = Arrival::nothing;
+  scanned_ = 0;
 }
 
 bool Connection::fill(Clock::time_point until) {
   begin_ = end_ = 0;
   while (true) {
-    short events = POLLIN;
-    if (session_ != nullptr) {
-      ERR_clear_error();
-      const int got = SSL_read(session_.get(), buffer_.data(), static_cast<int>(buffer_.size()));
-      if (got > 0) end_ = static_cast<std::size_t>(got);
-      if (got <= 0) events = awaited(got);
-    } else {
-      const ssize_t got = recv(socket_, buffer_.data(), buffer_.size(), 0);
-      if (got > 0) end_ = static_cast<std::size_t>(got);
-      if (got == 0 || (got < 0 && errno != EAGAIN && errno != EINTR)) events = 0;
-    }
-    if (end_ > 0) return true;
-    if (events == 0 || !wait(events, until)) return false;
+    const ssize_t got = take(buffer_.size());
+    if (got != 0) return got > 0;
+    if (!wait(awaited_, until)) return false;
   }
-}
-
-bool Connection::wait_for_request(Clock::duration patience) {
-  if (stopping_ || (begin_ == end_ && !fill(Clock::now() + patience))) return false;
-  left_ = kLongestRequest;
-  until_ = Clock::now() + kRequestTime;
-  return true;
 }
 
 ssize_t Connection::read(char* bytes, std::size_t size) {

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <httplib.h>
+#include <poll.h>
 
-#include <array>
 #include <atomic>
+#include <string_view>
+#include <vector>
 
 #include "http/tls_session.h"
 #include "job_record.h"
@@ -16,17 +18,29 @@ class Connection final : public httplib::Stream {
  public:
   static constexpr std::size_t kLongestRequest = 96 << 10;  ///< bytes of line, headers and body
   static constexpr std::chrono::seconds kRequestTime{10};   ///< for all of these
+  static constexpr std::chrono::seconds kIdleTime{5};       ///< from an answer to the next request
   static constexpr std::chrono::seconds kWriteTime{5};      ///< for each piece of an answer
   static constexpr std::chrono::milliseconds kLinger{500};  ///< for one who sends on after the answer
 
-  /// While `stopping`, nothing is waited for.
-  Connection(int socket, const std::atomic<bool>& stopping);
+  /// `session` is null in the clear. A request's first line has `line_time` from its first byte, and so has
+  /// the first byte of a new connection. While `stopping`, nothing is waited for.
+  Connection(int socket, TlsSession session, Clock::duration line_time, const std::atomic<bool>& stopping);
   ~Connection() override;
 
-  /// False if it fails.
-  [[nodiscard]] bool shake_hands(TlsSession session);
-  /// Waits for the first byte of a request, and measures it from there. False if there is none in time.
-  [[nodiscard]] bool wait_for_request(Clock::duration patience);
+  /// How much of the next request is here: nothing, something, its first line, all but its body.
+  enum class Arrival { nothing, begun, line, head, closed };
+  /// Takes what has come, without waiting; the handshake comes first.
+  [[nodiscard]] Arrival receive();
+  /// Until when more of the request must have come.
+  [[nodiscard]] Clock::time_point due() const;
+  /// What to poll for until then.
+  [[nodiscard]] pollfd awaited() const { return {socket_, awaited_, 0}; }
+  /// What is here of the request.
+  [[nodiscard]] std::string_view received() const { return {buffer_.data() + begin_, end_ - begin_}; }
+  /// The request is read from here on; measured from its first byte. How many there have been, with it.
+  int begin_request();
+  /// It is answered, and the connection waits for the next.
+  void await_next();
   /// Reads no more of the request: what is still to come is too much.
   void end_request() {
     left_ = 0;
@@ -46,18 +60,28 @@ class Connection final : public httplib::Stream {
  private:
   [[nodiscard]] bool wait(short events, Clock::time_point until) const;
   [[nodiscard]] bool fill(Clock::time_point until);
+  // Appends what has come to the buffer. 0: `awaited_` tells for what to wait; negative: there is no more.
+  [[nodiscard]] ssize_t take(std::size_t most);
+  [[nodiscard]] Arrival arrival();
   // What OpenSSL waits for after this result, or 0 if it has failed.
   [[nodiscard]] short awaited(int result) const;
 
   const int socket_;
   const std::atomic<bool>& stopping_;
-  TlsSession session_;
+  const TlsSession session_;
+  const Clock::duration line_time_;
   bool shaken_ = false;
-  std::array<char, 4096> buffer_ = {};
+  std::vector<char> buffer_;
   std::size_t begin_ = 0, end_ = 0;  // of what is read but not taken
-  std::size_t left_ = 0;             // of the request's bytes
-  Clock::time_point until_ = {};     // the request must be here
-  bool lingers_ = false;             // waits for what still comes
+  Arrival arrived_ = Arrival::nothing;
+  std::size_t scanned_ = 0;  // of the next request's bytes, but for what may be the begin of an end
+  short awaited_ = POLLIN;
+  Clock::time_point since_ = Clock::now();  // the last answer, or the connection's begin
+  Clock::time_point begun_ = {};            // the request's first byte
+  int requests_ = 0;
+  std::size_t left_ = 0;          // of the request's bytes
+  Clock::time_point until_ = {};  // the request must be here
+  bool lingers_ = false;          // waits for what still comes
 };
 
 }  // namespace marble::server::http

@@ -56,9 +56,10 @@ struct EventHub::Topic {
 };
 
 EventHub::EventHub(const ServiceParts& parts, int most_viewers)
-    : parts_(parts), most_viewers_(most_viewers), feeds_{std::numeric_limits<int>::max()}, thread_([this] {
-        run();
-      }) {}
+    : parts_(parts),
+      most_viewers_(most_viewers),
+      feeds_(std::numeric_limits<int>::max()),
+      thread_([this] { run(); }) {}
 
 EventHub::~EventHub() {
   stop();
@@ -73,7 +74,7 @@ void EventHub::stop() {
 }
 
 Expected<std::unique_ptr<EventHub::Viewer>> EventHub::watch_all(const Identity& caller) {
-  return join({.key = key_of_all(caller), .job_id = "", .owner = "", .viewer = visibility(caller)});
+  return join(caller, {.key = key_of_all(caller), .job_id = "", .owner = "", .viewer = visibility(caller)});
 }
 
 Expected<std::unique_ptr<EventHub::Viewer>> EventHub::watch_job(const Identity& caller,
@@ -81,14 +82,16 @@ Expected<std::unique_ptr<EventHub::Viewer>> EventHub::watch_job(const Identity& 
   const auto record = find_job(parts_.board, caller, id);
   if (!record) return unexpected(record.error());
   const std::string& owner = (*record)->description().client;
-  return join({.key = "job " + id, .job_id = id, .owner = owner, .viewer = {owner, {}}});
+  return join(caller, {.key = "job " + id, .job_id = id, .owner = owner, .viewer = {owner, {}}});
 }
 
-Expected<std::unique_ptr<EventHub::Viewer>> EventHub::join(Topic topic) {
-  if (auto entered = parts_.feeds.enter(); !entered) return unexpected(entered.error());
+Expected<std::unique_ptr<EventHub::Viewer>> EventHub::join(const Identity& caller, Topic topic) {
+  const Quota quota = parts_.access.quota_of(caller.client);
+  if (auto entered = parts_.feeds.enter(caller.client, quota.watchers); !entered)
+    return unexpected(entered.error());
   const MutexLock lock(mutex_);
   if (viewers_ >= most_viewers_) {
-    parts_.feeds.leave();
+    parts_.feeds.leave(caller.client);
     return unexpected(Error{ErrorCode::resource_exhausted, "http_connections", -1, "",
                             "leaves room for " + std::to_string(most_viewers_) + " event streams"});
   }
@@ -98,11 +101,11 @@ Expected<std::unique_ptr<EventHub::Viewer>> EventHub::join(Topic topic) {
   ++shared->viewers;
   shared->has_newcomer = true;
   wake_.notify_all();
-  return std::unique_ptr<Viewer>(new Viewer(*this, shared, shared->end));
+  return std::unique_ptr<Viewer>(new Viewer(*this, caller.client, shared, shared->end));
 }
 
-void EventHub::leave(const std::shared_ptr<Topic>& topic) {
-  parts_.feeds.leave();
+void EventHub::leave(const std::string& client, const std::shared_ptr<Topic>& topic) {
+  parts_.feeds.leave(client);
   const MutexLock lock(mutex_);
   --viewers_;
   if (--topic->viewers > 0) return;
@@ -110,7 +113,7 @@ void EventHub::leave(const std::shared_ptr<Topic>& topic) {
   if (found != topics_.end() && found->second == topic) topics_.erase(found);
 }
 
-EventHub::Viewer::~Viewer() { hub_.leave(topic_); }
+EventHub::Viewer::~Viewer() { hub_.leave(client_, topic_); }
 
 bool EventHub::Viewer::is_for(const Identity& caller) const {
   return topic_->job_id.empty() ? key_of_all(caller) == topic_->key : may_see(caller, topic_->owner);
@@ -178,7 +181,7 @@ void EventHub::look_at_jobs(Topic& topic, std::vector<Frame>& frames, bool& over
     v1::WatchJobsRequest request;
     request.set_job_id(topic.job_id);
     if (all) request.set_progress_interval_s(std::chrono::duration<double>(kTicksOfAll * kTick).count());
-    auto feed = JobFeed::open(parts_.board, feeds_, topic.viewer, request);
+    auto feed = JobFeed::open(parts_.board, feeds_, topic.viewer, {}, request);
     if (feed) topic.feed = std::move(*feed);
     over = !feed;  // the job has been forgotten meanwhile
     topic.skipped = 0;
@@ -209,7 +212,10 @@ EventHub::Frame EventHub::server_frame() const {
   json["workers"] = parts_.scheduler.limits().workers;
   json["uptime_s"] = std::chrono::duration<double>(Clock::now() - parts_.started).count();
   json["state"] = parts_.scheduler.is_leaving() ? "draining" : "serving";
-  json["jobs_watchers"] = parts_.feeds.open.load();
+  json["jobs_watchers"] = parts_.feeds.open();
+  const LastMinute::Sum last_minute = parts_.scheduler.last_minute();
+  json["answered_last_minute"] = last_minute.answered;
+  json["solved_last_minute"] = last_minute.solved;
   return frame_of("server", json.dump());
 }
 

@@ -50,9 +50,10 @@ class EventHub {
 
    private:
     friend class EventHub;
-    Viewer(EventHub& hub, std::shared_ptr<Topic> topic, std::int64_t at)
-        : hub_(hub), topic_(std::move(topic)), at_(at) {}
+    Viewer(EventHub& hub, std::string client, std::shared_ptr<Topic> topic, std::int64_t at)
+        : hub_(hub), client_(std::move(client)), topic_(std::move(topic)), at_(at) {}
     EventHub& hub_;
+    const std::string client_;
     const std::shared_ptr<Topic> topic_;
     std::int64_t at_;  // number of the frame to read next
   };
@@ -66,8 +67,9 @@ class EventHub {
 
  private:
   using Topics = std::vector<std::shared_ptr<Topic>>;
-  [[nodiscard]] Expected<std::unique_ptr<Viewer>> join(Topic topic) ABSL_LOCKS_EXCLUDED(mutex_);
-  void leave(const std::shared_ptr<Topic>& topic) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Expected<std::unique_ptr<Viewer>> join(const Identity& caller, Topic topic)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  void leave(const std::string& client, const std::shared_ptr<Topic>& topic) ABSL_LOCKS_EXCLUDED(mutex_);
   void run() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool wait_for_tick() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Topics take_topics() ABSL_LOCKS_EXCLUDED(mutex_);

@@ -11,7 +11,6 @@
 #include "http/metrics_route.h"
 #include "http/page_routes.h"
 #include "http/reply.h"
-#include "http/task_queue.h"
 
 namespace marble::server {
 namespace {
@@ -26,6 +25,10 @@ void set_socket_options(int socket) {
 
 // Each holds a thread: some are left for requests.
 int most_streams(const Config& config) { return config.http_connections / 4 * 3; }
+
+Clock::duration line_time_of(const Config& config) {
+  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(config.http_line_s));
+}
 
 std::unique_ptr<http::TlsSessions> tls_of(const ServiceParts& parts, const std::string& address) {
   if (parts.config.tls_certificate.empty()) return nullptr;
@@ -63,11 +66,9 @@ void tell_fault(const http::Router& router, const httplib::Request& request, htt
 HttpServer::HttpServer(const ServiceParts& parts, const std::string& address)
     : parts_(parts),
       events_(std::make_unique<http::EventHub>(parts, most_streams(parts.config))),
-      server_(std::make_unique<http::BoundedServer>(tls_of(parts, address))),
+      server_(std::make_unique<http::BoundedServer>(tls_of(parts, address), parts.config.http_connections,
+                                                    line_time_of(parts.config))),
       router_(std::make_unique<http::Router>(*server_)) {
-  server_->new_task_queue = [most = parts.config.http_connections] {
-    return new http::TaskQueue(static_cast<std::size_t>(most));  // httplib deletes it
-  };
   server_->set_socket_options(set_socket_options);
   server_->set_tcp_nodelay(true);
   server_->set_payload_max_length(kLongestBody);
@@ -135,6 +136,7 @@ HttpServer::~HttpServer() {
   events_->stop();
   server_->stop();
   if (thread_.joinable()) thread_.join();
+  server_->finish();
 }
 
 }  // namespace marble::server

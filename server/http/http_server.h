@@ -1,4 +1,4 @@
-// The HTTP port: for browsers, Prometheus and probes. A thread a connection, within bounds.
+// The HTTP port: for browsers, Prometheus and probes. A thread a request, within bounds.
 #pragma once
 
 #include <memory>

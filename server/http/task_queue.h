@@ -1,7 +1,5 @@
-// Threads for connections: as many as there are connections, up to a bound; beyond it a connection waits.
+// Threads for requests: as many as there are requests, up to a bound; beyond it a request waits.
 #pragma once
-
-#include <httplib.h>
 
 #include <deque>
 #include <functional>
@@ -12,18 +10,22 @@
 
 namespace marble::server::http {
 
-class TaskQueue final : public httplib::TaskQueue {
+class TaskQueue {
  public:
   explicit TaskQueue(std::size_t most_threads) : most_threads_(most_threads) {}
+  ~TaskQueue() { shutdown(); }
+  TaskQueue(const TaskQueue&) = delete;
+  TaskQueue& operator=(const TaskQueue&) = delete;
 
-  void enqueue(std::function<void()> task) override ABSL_LOCKS_EXCLUDED(mutex_) {
+  void enqueue(std::function<void()> task) ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
     tasks_.push_back(std::move(task));
     if (tasks_.size() > idle_ && threads_.size() < most_threads_) threads_.emplace_back([this] { work(); });
     work_.notify_one();
   }
 
-  void shutdown() override ABSL_LOCKS_EXCLUDED(mutex_) {
+  /// Returns when all tasks are done.
+  void shutdown() ABSL_LOCKS_EXCLUDED(mutex_) {
     std::vector<std::thread> threads;
     {
       const MutexLock lock(mutex_);

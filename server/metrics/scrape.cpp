@@ -82,8 +82,8 @@ void read_bounded(const ServiceParts& parts, Reading& reading) {
   reading.one(Metric::sessions_opened, number(sessions.total));
   reading.one(Metric::session_memory, number(sessions.bytes));
   reading.one(Metric::session_memory_limit, number(parts.config.session_bytes));
-  reading.one(Metric::watchers, parts.feeds.open);
-  reading.one(Metric::watchers_limit, parts.feeds.most);
+  reading.one(Metric::watchers, parts.feeds.open());
+  reading.one(Metric::watchers_limit, parts.feeds.most());
   reading.one(Metric::results_bytes, number(parts.results.bytes()));
   reading.one(Metric::results_limit, number(parts.config.result_bytes));
   const Access::Refused refused = parts.access.refused();

@@ -79,6 +79,6 @@ function slow(job, rows) {
     if (longest > 0.5 * total) lines.push(`Most of its time went into ${name}: ${duration(longest)}, ${percent(longest / total)} of the whole.`);
   }
   const again = repeated(rows).reduce((sum, count) => sum + count, 0);
-  if (again > 0) lines.push(`${whole(again)} factorizations were repeated because regularization had to be raised (marked in the plot).`);
+  if (again > 0) lines.push(`${whole(again)} ${again === 1 ? "factorization was" : "factorizations were"} repeated because regularization had to be raised (marked in the plot).`);
   return lines;
 }

@@ -52,6 +52,9 @@ export function whole(count) {
   return digits.length < 5 ? digits : digits.replace(/\B(?=(\d{3})+$)/g, "\u202f");
 }
 
+/** "1 job", "2 jobs". */
+export const jobs = (count) => `${whole(count)} ${count === 1 ? "job" : "jobs"}`;
+
 /** A rate a second. */
 export const rate = (value) => (!Number.isFinite(value) ? NONE : value === 0 ? "0" : value < 0.095 ? value.toFixed(2) : three(value));
 

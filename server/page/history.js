@@ -5,14 +5,12 @@ import { number } from "./store.js";
 export const SPAN_S = 300;
 const POINTS = 640; // SPAN_S at two a second, and some
 const RATE_WINDOW_S = 5;
-const SHARE_WINDOW_S = 60;
-const COLUMNS = ["time", "queued", "done", "solved", "busy_s", "cpu_s", "running"];
+const COLUMNS = ["time", "queued", "done", "busy_s", "cpu_s", "running"];
 
 /** Counters as numbers. */
 export function toCounters(message) {
   const counters = Object.fromEntries(Object.entries(message ?? {}).map(([name, value]) => [name, number(value)]));
   counters.done = (counters.answered_total ?? 0) + (counters.updates_total ?? 0);
-  counters.solved = (counters.solved_total ?? 0) + (counters.updates_solved_total ?? 0);
   return counters;
 }
 
@@ -27,8 +25,8 @@ export class History {
   /** `time` in seconds, rising. */
   put(time, counters) {
     const at = this.#count++ % POINTS;
-    const values = { time, queued: counters.queued, done: counters.done, solved: counters.solved,
-                     busy_s: counters.busy_s_total, cpu_s: counters.cpu_s_total, running: counters.running };
+    const values = { time, queued: counters.queued, done: counters.done, busy_s: counters.busy_s_total,
+                     cpu_s: counters.cpu_s_total, running: counters.running };
     for (const name of COLUMNS) this.#columns[name][at] = values[name] ?? 0;
   }
 
@@ -53,14 +51,5 @@ export class History {
     const first = this.#before(index, window_s);
     const elapsed_s = this.value("time", index) - this.value("time", first);
     return elapsed_s > 0 ? (this.value(name, index) - this.value(name, first)) / elapsed_s : NaN;
-  }
-
-  /** Of what was answered in the last minute, the share that was solved, and how many these were. */
-  success() {
-    const last = this.length - 1;
-    if (last < 1) return { share: NaN, done: 0 };
-    const first = this.#before(last, SHARE_WINDOW_S);
-    const done = this.value("done", last) - this.value("done", first);
-    return { share: done > 0 ? (this.value("solved", last) - this.value("solved", first)) / done : NaN, done };
   }
 }

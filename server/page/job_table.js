@@ -1,7 +1,7 @@
 // The table of all jobs. Only the lines in sight are in the document, whatever the number of jobs.
 
 import { fill, make, onceAFrame } from "./dom.js";
-import { whole } from "./format.js";
+import { jobs, whole } from "./format.js";
 import { CHIPS, select } from "./job_filter.js";
 import { COLUMNS, JobRow } from "./job_row.js";
 
@@ -143,7 +143,7 @@ export class JobTable {
     for (const [name, element] of this.chipCounts) fill(element, whole(counts.get(name)));
     const all = this.store.size;
     const shown = this.#shown.length;
-    fill(this.count, shown === all ? `${whole(all)} jobs` : `${whole(shown)} of ${whole(all)} jobs`);
+    fill(this.count, shown === all ? jobs(all) : `${whole(shown)} of ${jobs(all)}`);
     this.empty.hidden = shown > 0;
     fill(this.empty, all > 0 ? "No job passes this filter." : "No jobs yet. They appear here as they come: try marble solve or marble submit.");
   }

@@ -33,7 +33,7 @@ export class Overview {
       fill(byId(`queued-${priority}`), whole(counters[`queued_${priority}`]));
       fill(byId(`wait-${priority}`), `wait ${duration(counters[`estimated_wait_${priority}_s`])}`);
     }
-    this.#showRate();
+    this.#showRate(counters);
     const cpu = this.history.growth("cpu_s");
     fill(byId("memory"), bytes(counters.resident_bytes));
     fill(byId("cpu"), Number.isFinite(cpu) ? `${cpu.toFixed(2)} cores` : "–");
@@ -57,9 +57,9 @@ export class Overview {
     [...cells.children].forEach((cell, index) => cell.classList.toggle("on", index < lit));
   }
 
-  #showRate() {
+  // The server counts the minute: it began before this page was opened.
+  #showRate({ answered_last_minute: answered, solved_last_minute: solved }) {
     fill(byId("rate"), rate(this.history.growth("done")));
-    const { share, done } = this.history.success();
-    fill(byId("success"), done > 0 ? `${percent(share)} of ${whole(done)} solved, last minute` : "none answered in the last minute");
+    fill(byId("success"), answered > 0 ? `${percent(solved / answered)} of ${whole(answered)} solved, last minute` : "none answered in the last minute");
   }
 }

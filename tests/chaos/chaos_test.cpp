@@ -70,11 +70,11 @@ class Chaos : public ::testing::Test {
   void start_server() {
     server_ = std::make_unique<ServerProcess>(
         MARBLE_SERVER_BINARY,
-        std::vector<std::string>{"--listen",          address_, "--workers",       "2",
-                                 "--queue-jobs",      "40",     "--drain-grace-s", "1",
-                                 "--session-idle-s",  "15",     "--sessions",      "6",
-                                 "--session-updates", "8",      "--batch-window",  "16",
-                                 "--history-jobs",    "100",    "--result-bytes",  "2000000"});
+        std::vector<std::string>{
+            "--listen",          address_,  "--workers",        "2",  "--queue-jobs",      "40",
+            "--drain-grace-s",   "1",       "--session-idle-s", "15", "--sessions",        "6",
+            "--session-updates", "8",       "--batch-window",   "16", "--history-jobs",    "100",
+            "--result-bytes",    "2000000", "--client-queued",  "0",  "--client-sessions", "0"});
     info_ = v1::Server::NewStub(grpc::CreateChannel(address_, grpc::InsecureChannelCredentials()));
   }
 

@@ -78,7 +78,7 @@ std::vector<RemoteSolution> plan(const Client& client) {
     p = examples::hopper(parameters);
     const ProblemUpdate update{.c0 = p.c0, .g = p.g, .b = p.b, .d = p.d, .l = p.l, .r = p.r};
     plans.push_back(
-        session.solve(update, {.cold = tick == 3, .shift = Shift::by_stage(p.view(), 12)}).value());
+        session.solve(update, {.cold = tick == 3, .shift = Shift::by_stage(p.view(), 12).value()}).value());
   }
   EXPECT_TRUE(session.close().has_value());
   EXPECT_FALSE(session.is_open());

@@ -56,7 +56,7 @@ TEST_F(SessionTest, AWarmSessionEqualsASolverInProcessBitForBit) {
     const Solution start = examples::shift_hopper(here);
     ASSERT_TRUE(solver.update(vectors_of(next)).has_value());
     here = solver.solve({.warm_start = &start}).value();
-    there = session->solve(vectors_of(next), {.shift = Shift::by_stage(first.view(), kSteps)});
+    there = session->solve(vectors_of(next), {.shift = Shift::by_stage(first.view(), kSteps).value()});
   }
   EXPECT_EQ(session->close().has_value(), true);
   EXPECT_FALSE(session->is_open());

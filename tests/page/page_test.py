@@ -70,7 +70,7 @@ class Page(unittest.TestCase):
         self.browser.wait_text("#state-text", "serving")
 
     def count_of_jobs(self, count):
-        self.browser.wait_text("#job-count", f"{count} jobs")
+        self.browser.wait_text("#job-count", "1 job" if count == 1 else f"{count} jobs")
 
     def test_its_numbers_are_those_of_the_command_line_and_of_prometheus(self):
         server = self.start()
@@ -104,6 +104,18 @@ class Page(unittest.TestCase):
             sizes = [job[part] for part in ("variables", "equalities", "inequalities", "pairs")]
             self.assertEqual(row["size"].replace("\u202f", ""), " / ".join(map(str, sizes)))
         self.assertEqual(self.browser.complaints(), [])
+
+    def test_what_a_session_answered_before_the_page_was_opened_counts_in_the_last_minute(self):
+        server = self.start()
+        self.open(server)
+        self.live()
+        self.browser.wait_text("#success", "none answered in the last minute")
+        self.browser.driver.get("about:blank")
+        server.run("mpc", "hopper", "--ticks", 3)
+        self.open(server)
+        self.browser.wait_text("#success", "100 % of 3 solved, last minute")
+        self.count_of_jobs(1)
+        self.assertEqual(self.browser.text("#job-count"), "1 job")
 
     def test_what_runs_is_seen_running_and_what_waits_waiting(self):
         server = self.start("--workers", "1")

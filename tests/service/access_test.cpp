@@ -118,10 +118,27 @@ TEST(Access, AClientsQuotaIsTheDefaultWhereItHasNoneOfItsOwn) {
   config.clients["planner"].settings["client_running"] = std::int64_t{0};
   const Access access(config);
   EXPECT_EQ(access.quota_of("other").running, 4);
-  EXPECT_EQ(access.quota_of("other").queued, Quota().queued);
+  EXPECT_EQ(access.quota_of("other").queued, config.queue_jobs / 4) << "by default a quarter";
   EXPECT_EQ(access.quota_of("planner").queued, 7);
   EXPECT_EQ(access.quota_of("planner").running, Quota().running) << "0 is no limit";
   EXPECT_EQ(access.quota_of("planner").priority, Priority::interactive);
+}
+
+TEST(Access, AClientHasAQuarterOfPlacesSessionsAndWatchersUnlessToldOtherwise) {
+  Config config;
+  config.queue_jobs = 80;
+  config.sessions = 3;
+  config.watchers = 16;
+  config.clients["alone"].settings = {{"client_queued", std::int64_t{0}},
+                                      {"client_sessions", std::int64_t{0}}};
+  const Access access(config);
+  const Quota quarter = access.quota_of("other"), own = access.quota_of("alone");
+  EXPECT_EQ(quarter.queued, 20);
+  EXPECT_EQ(quarter.sessions, 1) << "at least one";
+  EXPECT_EQ(quarter.watchers, 4);
+  EXPECT_EQ(own.queued, Quota().queued) << "0 is no limit";
+  EXPECT_EQ(own.sessions, Quota().sessions);
+  EXPECT_EQ(own.watchers, 4);
 }
 
 TEST(Access, AReloadCountsFromThenOn) {

@@ -78,7 +78,7 @@ TEST_F(HttpEvents, AJobThatIsNotThereIsNoStream) {
 }
 
 TEST_F(HttpEvents, WatchersAreLimitedAndLeaveTheirPlace) {
-  start({"--watchers", "2"});
+  start({"--watchers", "2", "--client-watchers", "0"});
   {
     const EventReader first(server().http(), "/api/events"), second(server().http(), "/api/events");
     ASSERT_TRUE(first.eventually_has("server") && second.eventually_has("server"));

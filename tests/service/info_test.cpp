@@ -34,7 +34,8 @@ TEST_F(Info, TellsEveryLimitAndTheCallersQuota) {
          "--session-idle-s",  "13",      "--session-updates", "14", "--batch-window",  "15",
          "--history-jobs",    "16",      "--trace-rows",      "17", "--result-keep-s", "18",
          "--result-bytes",    "19",      "--client-running",  "1",  "--client-bytes",  "21",
-         "--client-priority", "batch",   "--workers",         "2",  "--queue-jobs",    "23"});
+         "--client-priority", "batch",   "--workers",         "2",  "--queue-jobs",    "23",
+         "--client-sessions", "99"});
   const v1::Limits limits = info().limits();
   EXPECT_EQ(limits.solve_bytes(), 2'000'000);
   EXPECT_EQ(limits.sessions(), 11);
@@ -47,8 +48,9 @@ TEST_F(Info, TellsEveryLimitAndTheCallersQuota) {
   EXPECT_EQ(limits.result_keep_s(), 18.0);
   EXPECT_EQ(limits.result_bytes(), 19);
   EXPECT_EQ(limits.quota().running(), 1);
-  EXPECT_EQ(limits.quota().queued(), 23) << "the queue's own where the client has none";
-  EXPECT_EQ(limits.quota().sessions(), 11);
+  EXPECT_EQ(limits.quota().queued(), 5) << "a quarter of the queue's where the client has none";
+  EXPECT_EQ(limits.quota().sessions(), 11) << "the server's, which is less than the client's";
+  EXPECT_EQ(limits.quota().watchers(), 64);
   EXPECT_EQ(limits.quota().bytes(), 21);
   EXPECT_EQ(limits.quota().priority(), v1::PRIORITY_BATCH);
 }

@@ -137,6 +137,25 @@ TEST(JobQueue, RefusesBeyondEachBoundAndSaysWhich) {
   EXPECT_EQ(push({.client = "c", .reserved = true}), QueueRefusal::none) << "a session has its place";
 }
 
+TEST(JobQueue, WhatWaitsInSessionsCountsAndTakesAQuarterOfAClientAndHalfOfAll) {
+  Queue queue({.workers = 1, .jobs = 10, .bytes = 100});
+  EXPECT_TRUE(queue.hold("a", 25, kFree));
+  EXPECT_FALSE(queue.hold("a", 1, kFree));
+  EXPECT_FALSE(queue.hold("b", 11, {.bytes = 10}));
+  EXPECT_TRUE(queue.hold("b", 20, kFree));
+  EXPECT_FALSE(queue.hold("c", 6, kFree));
+  EXPECT_EQ(queue.bytes(), 45);
+  const auto job = add(queue, 0, {.client = "a", .bytes = 55});
+  EXPECT_EQ(queue.push(std::make_shared<int>(1), {.client = "c", .bytes = 1}, kFree), QueueRefusal::bytes);
+  EXPECT_EQ(queue.pop(), job);
+  queue.done(job.get());
+  EXPECT_EQ(queue.clients(), 2U);
+  queue.release("a", 25);
+  queue.release("b", 20);
+  EXPECT_EQ(queue.bytes(), 0);
+  EXPECT_EQ(queue.clients(), 0U);
+}
+
 TEST(JobQueue, AFloodLeavesOnePlaceInSixteenToRealtimeJobs) {
   Queue queue({.workers = 1, .jobs = 32, .bytes = 100});
   const auto push = [&](const char* client, Priority priority) {

@@ -339,7 +339,7 @@ TEST_F(Session, AnIdleOneIsEnded) {
 }
 
 TEST_F(Session, NumberAndMemoryAreLimited) {
-  start({"--sessions", "2", "--session-bytes", "3000000"});
+  start({"--sessions", "2", "--client-sessions", "0", "--session-bytes", "3000000"});
   const auto first = set_up(setup_of(example_request()));
   {
     const auto second = set_up(setup_of(example_request()));

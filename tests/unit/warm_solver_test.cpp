@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <numeric>
+#include <random>
 
 #include "marble/examples.h"
 
@@ -20,11 +22,72 @@ TEST(Shift, MovesABlockOnAndRepeatsItsLastStage) {
 
 TEST(Shift, OfStagesMovesEveryVectorByOne) {
   const OwnedProblem p = examples::hopper();
-  const Shift shift = Shift::by_stage(p.view(), 60);
+  const Shift shift = Shift::by_stage(p.view(), 60).value();
   ASSERT_EQ(shift.variables.size(), 1u);
   EXPECT_EQ(shift.variables[0].count, static_cast<Index>(p.g.size()));
   EXPECT_EQ(shift.variables[0].by, static_cast<Index>(p.g.size()) / 60);
   EXPECT_EQ(shift.pairs[0].by, 9);
+}
+
+TEST(Shift, OfStagesThatDoNotDivideAVectorIsRefused) {
+  OwnedProblem p;
+  p.g = Values(6);
+  p.b = Values(4);
+  const auto fault = [&](int stages) {
+    const Error error = Shift::by_stage(p.view(), stages).error();
+    return error.field + " = " + error.value + ": " + error.bound;
+  };
+  EXPECT_TRUE(Shift::by_stage(p.view(), 2).has_value());
+  EXPECT_EQ(fault(4), "stages = 4: must divide the number of variables, 6");
+  EXPECT_EQ(fault(3), "stages = 3: must divide the number of equalities, 4");
+  EXPECT_EQ(fault(0), "stages = 0: must be a whole number >= 1");
+}
+
+TEST(Shift, JoinedMovesAsOneAfterTheOtherDoes) {
+  constexpr std::size_t kSize = 23;
+  std::mt19937 random(7);
+  const auto below = [&](Index bound) {
+    return static_cast<Index>(random() % static_cast<unsigned>(bound + 1));
+  };
+  for (int trial = 0; trial < 200; ++trial) {
+    Values one_by_one(kSize), at_once(kSize);
+    std::iota(one_by_one.begin(), one_by_one.end(), 0.0);
+    at_once = one_by_one;
+    std::vector<ShiftBlock> all;
+    for (int i = 0; i < 1 + trial % 9; ++i) {
+      ShiftBlock block;
+      block.first = below(kSize);
+      block.count = below(static_cast<Index>(kSize) - block.first);
+      block.by = below(block.count);
+      all = joined(all, {{block}}, kSize);
+      shift({{block}}, one_by_one);
+    }
+    shift(all, at_once);
+    ASSERT_EQ(at_once, one_by_one) << "trial " << trial;
+    const PartSizes sizes{.g = kSize};
+    EXPECT_TRUE((Restart{.shift = {.variables = all}}.check(sizes))) << "it would be refused";
+  }
+}
+
+TEST(Shift, JoinedAThousandTimesIsNoLongerThanTheVectorHasStages) {
+  std::vector<ShiftBlock> all;
+  for (int i = 0; i < 1000; ++i) all = joined(all, {{{.first = 0, .count = 60, .by = 3}}}, 60);
+  EXPECT_EQ(all.size(), 19u);
+}
+
+TEST(Restart, MovesNoMoreEntriesThanThereAre) {
+  const PartSizes sizes{.g = 6};
+  const ShiftBlock whole{.first = 0, .count = 6, .by = 1}, still{.first = 0, .count = 6, .by = 0}, empty{};
+  const auto check = [&](std::vector<ShiftBlock> blocks) {
+    return Restart{.shift = {.variables = std::move(blocks)}}.check(sizes);
+  };
+  EXPECT_TRUE(check({whole, still}));
+  EXPECT_TRUE(check(std::vector<ShiftBlock>(6, empty)));
+  const Error error = check({whole, whole}).error();
+  EXPECT_EQ(error.field, "shift.variables[1]");
+  EXPECT_EQ(error.value, "10");
+  EXPECT_EQ(check(std::vector<ShiftBlock>(7, empty)).error().field, "shift.variables[6]");
+  EXPECT_EQ(check(std::vector<ShiftBlock>(7, still)).error().field, "shift.variables[6]");
 }
 
 TEST(Restart, NamesTheBlockAndTheBoundItBroke) {

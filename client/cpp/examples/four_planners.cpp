@@ -34,14 +34,15 @@ int plan(int number, int plans) {
   auto session = client->open_session(problem.view(), {}, {.initial_z = problem.initial_z});
   if (!session) return fails(number, session.error());
 
-  const marble::Shift one_step_on = marble::Shift::by_stage(problem.view(), robot.steps);
+  const auto one_step_on = marble::Shift::by_stage(problem.view(), robot.steps);
+  if (!one_step_on) return fails(number, one_step_on.error());
 
   std::vector<double> round_trips_ms;
   double solving_ms = 0.0;
   for (int i = 0; i < plans; ++i) {
     const auto begin = std::chrono::steady_clock::now();
     const auto answer =
-        session->solve({.c0 = problem.c0, .g = problem.g, .b = problem.b}, {.shift = one_step_on});
+        session->solve({.c0 = problem.c0, .g = problem.g, .b = problem.b}, {.shift = *one_step_on});
     const std::chrono::duration<double, std::milli> round_trip = std::chrono::steady_clock::now() - begin;
     if (!answer) return fails(number, answer.error());
     round_trips_ms.push_back(round_trip.count());

@@ -34,14 +34,15 @@ int main(int argc, char** argv) {
   // If the server dies, the session is set up again on another one of MARBLE_SERVER's list.
   auto session = client->open_session(problem.view(), {}, {.initial_z = problem.initial_z, .reopen = true});
   if (!session) return fails(session.error());
-  const marble::Shift one_step_on = marble::Shift::by_stage(problem.view(), robot.steps);
+  const auto one_step_on = marble::Shift::by_stage(problem.view(), robot.steps);
+  if (!one_step_on) return fails(one_step_on.error());
 
   std::vector<Tick> way;
   std::printf("%4s %-14s %14s %13s %8s\n", "tick", "status", "factorizations", "round trip ms", "body x m");
   for (int tick = 0; tick < ticks; ++tick) {
     const auto begin = std::chrono::steady_clock::now();
     const auto plan =
-        session->solve({.c0 = problem.c0, .g = problem.g, .b = problem.b}, {.shift = one_step_on});
+        session->solve({.c0 = problem.c0, .g = problem.g, .b = problem.b}, {.shift = *one_step_on});
     const std::chrono::duration<double, std::milli> round_trip = std::chrono::steady_clock::now() - begin;
     if (!plan) return fails(plan.error());
     std::printf("%4d %-14s %14d %13.2f %8.3f%s\n", tick, marble::to_string(plan->status),

@@ -25,8 +25,12 @@ void take_limits(const v1::Limits& limits, ServerInfo& info) {
   info.result_keep_s = limits.result_keep_s();
   if (!limits.has_quota()) return;
   const v1::Quota& quota = limits.quota();
-  info.quota = ClientQuota{quota.running(), quota.queued(), quota.sessions(), quota.bytes(),
-                           static_cast<Priority>(static_cast<int>(quota.priority()))};
+  info.quota = ClientQuota{quota.running(),
+                           quota.queued(),
+                           quota.sessions(),
+                           quota.bytes(),
+                           static_cast<Priority>(static_cast<int>(quota.priority())),
+                           quota.watchers()};
 }
 
 void take_counters(const v1::Counters& counters, ServerInfo& info) {
@@ -43,6 +47,7 @@ void take_counters(const v1::Counters& counters, ServerInfo& info) {
   info.sessions = counters.sessions();
   info.session_bytes = counters.session_bytes();
   info.result_bytes = counters.result_bytes();
+  info.request_bytes = counters.request_bytes();
   info.updates_solved = counters.updates_solved_total();
   info.busy_s = counters.busy_s_total();
   info.cpu_s = counters.cpu_s_total();

@@ -137,6 +137,8 @@ def test_a_server_that_dies_ends_the_session(start_server):
 
 
 def test_a_shift_must_fit_the_problem():
-    with pytest.raises(marble.InvalidArgument, match="equal stages"):
-        marble.Shift.by_stage(tiny(), 3)
+    for stages, bound in ((3, "must divide the number of variables, 2"), (0, "must be a whole number >= 1")):
+        with pytest.raises(marble.InvalidArgument) as refused:
+            marble.Shift.by_stage(tiny(), stages)
+        assert (refused.value.field, refused.value.value, refused.value.bound) == ("stages", str(stages), bound)
     assert marble.Shift.by_stage(tiny(), 2 - 1).variables == (marble.ShiftBlock(0, 2, 2),)

@@ -50,7 +50,10 @@ export interface ShiftBlock {
   by: number;
 }
 
-/** A receding horizon's hint: how the last solution moves one stage on. */
+/**
+ * A receding horizon's hint: how the last solution moves one stage on. The blocks of a vector may move as many entries
+ * together as it has; one that moves none counts as one.
+ */
 export interface Shift {
   variables?: ShiftBlock[];
   equalities?: ShiftBlock[];
@@ -186,18 +189,24 @@ export class Session implements AsyncDisposable {
   }
 }
 
-/** For a problem whose vectors all hold `stages` ≥ 1 equal parts, one stage after the other. */
+/**
+ * For a problem whose vectors all hold `stages` equal parts, one stage after the other.
+ * @throws InvalidProblemError of field "stages" unless it is ≥ 1 and divides the size of every vector.
+ */
 export function shiftByStage(problem: Problem, stages: number): Shift {
   const { shape } = checkProblem(problem);
   if (!Number.isInteger(stages) || stages < 1)
     throw invalid("stages", "must be a whole number >= 1", { value: stages });
-  const block = (count: number): ShiftBlock[] =>
-    count === 0 ? [] : [{ first: 0, count, by: Math.floor(count / stages) }];
+  const block = (name: keyof Shift): ShiftBlock[] => {
+    const count = shape[name];
+    if (count % stages !== 0) throw invalid("stages", `must divide the number of ${name}, ${count}`, { value: stages });
+    return count === 0 ? [] : [{ first: 0, count, by: count / stages }];
+  };
   return {
-    variables: block(shape.variables),
-    equalities: block(shape.equalities),
-    inequalities: block(shape.inequalities),
-    pairs: block(shape.pairs),
+    variables: block("variables"),
+    equalities: block("equalities"),
+    inequalities: block("inequalities"),
+    pairs: block("pairs"),
   };
 }
 

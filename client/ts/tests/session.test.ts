@@ -85,6 +85,15 @@ test("a shift moves the last solution one stage on", async () => {
   assert.ok(Math.abs(solution.objective - fresh.objective) < 1e-6);
 });
 
+test("stages that do not divide the problem are refused, as in every language", () => {
+  const wrong = { name: "InvalidProblemError", field: "stages" };
+  const bound = "must divide the number of variables, 60";
+  assert.throws(() => shiftByStage(chain(20), 7), { ...wrong, value: "7", bound });
+  assert.throws(() => shiftByStage(chain(20), 3), { ...wrong, bound: "must divide the number of equalities, 20" });
+  for (const value of [0, -1, 2.5])
+    assert.throws(() => shiftByStage(chain(20), value), { ...wrong, bound: "must be a whole number >= 1" });
+});
+
 test("updates that were sent together are answered in their order", async () => {
   await using session = await client.session(corner);
   const order: number[] = [];

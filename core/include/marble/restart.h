@@ -16,19 +16,26 @@ struct ShiftBlock {
   Index by = 0;     ///< in [0, count]
 };
 
-/// A receding horizon's hint: how the last answer moves one stage on before it is started from.
+/// A receding horizon's hint: how the last answer moves one stage on before it is started from. The blocks of
+/// a vector may move as many entries together as it has; a block that moves none counts as one.
 struct Shift {
   std::vector<ShiftBlock> variables = {};     ///< of z, n
   std::vector<ShiftBlock> equalities = {};    ///< of their multipliers, n_e
   std::vector<ShiftBlock> inequalities = {};  ///< of their multipliers, n_i
   std::vector<ShiftBlock> pairs = {};         ///< of both multipliers of the pairs, n_c
 
-  /// For a problem whose vectors all hold `stages` >= 1 equal parts, one stage after the other.
-  [[nodiscard]] static Shift by_stage(const ProblemView& problem, int stages);
+  /// For a problem whose vectors all hold `stages` equal parts, one stage after the other. Errors:
+  /// invalid_argument of field "stages" unless it is >= 1 and divides the size of every vector.
+  [[nodiscard]] static Expected<Shift> by_stage(const ProblemView& problem, int stages);
 };
 
 /// Moves the entries of each block, one block after the other. The blocks must lie within `values`.
 void shift(std::span<const ShiftBlock> blocks, std::span<double> values);
+
+/// Blocks that move a vector of `size` entries as `first` and after it `then` do, to the last entry. They
+/// move no entry twice, however often shifts are joined.
+[[nodiscard]] std::vector<ShiftBlock> joined(std::span<const ShiftBlock> first,
+                                             std::span<const ShiftBlock> then, std::size_t size);
 
 /// How one solve starts, where it is not simply from the last answer; all of it optional.
 struct Restart {

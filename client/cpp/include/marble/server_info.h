@@ -18,6 +18,7 @@ struct ClientQuota {
   int sessions = 0;                        ///< open ones
   std::int64_t bytes = 0;                  ///< of requests that wait or run
   Priority priority = Priority::realtime;  ///< the highest
+  int watchers = 0;                        ///< streams of job events; 0 if the server does not say
 };
 
 /// What a server tells about itself, its limits and its counters.
@@ -61,6 +62,7 @@ struct ServerInfo {
   int sessions = 0;                             ///< open now
   std::int64_t session_bytes = 0;               ///< memory of these
   std::int64_t result_bytes = 0;                ///< answers kept now
+  std::int64_t request_bytes = 0;               ///< of requests that wait or run now
   std::int64_t resident_bytes = 0;              ///< memory of the server's process now
   std::array<int, 3> queued_by_priority = {};   ///< realtime, interactive, batch
   std::array<double, 3> estimated_wait_s = {};  ///< of a job of each that came now

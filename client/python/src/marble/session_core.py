@@ -23,6 +23,8 @@ _VECTORS: Final = {"g": "gradient", "b": "equality_offset", "d": "inequality_off
 _MATRICES: Final = {"Q": "hessian_values", "A": "equality_values", "C": "inequality_values", "L": "left_values",
                     "R": "right_values"}
 
+_SHIFTED: Final = ("variables", "equalities", "inequalities", "pairs")
+
 
 @dataclass(frozen=True)
 class ShiftBlock:
@@ -41,7 +43,8 @@ class ShiftBlock:
 class Shift:
     """A receding horizon's hint: how the last answer moves one stage on before it is started from.
 
-    Blocks of z, of the multipliers of equalities and inequalities, and of both multipliers of the pairs.
+    Blocks of z, of the multipliers of equalities and inequalities, and of both multipliers of the pairs. Those of a
+    vector may move as many entries together as it has; one that moves none counts as one.
     """
 
     variables: Sequence[ShiftBlock] = ()
@@ -51,13 +54,16 @@ class Shift:
 
     @staticmethod
     def by_stage(problem: LCQP | Problem, stages: int) -> Shift:
-        """For a problem whose vectors all hold `stages` ≥ 1 equal parts, one stage after the other."""
-        if stages < 1:
-            raise InvalidArgument("shift", "must be at least 1 stage", value=stages)
+        """For a problem whose vectors all hold `stages` equal parts, one stage after the other.
+
+        InvalidArgument of field "stages" unless it is ≥ 1 and divides the size of every vector.
+        """
+        if stages < 1 or stages % 1:
+            raise InvalidArgument("stages", "must be a whole number >= 1", value=stages)
         blocks = []
-        for size in compiled(problem).sizes:
+        for name, size in zip(_SHIFTED, compiled(problem).sizes, strict=True):
             if size % stages:
-                raise InvalidArgument("shift", f"{size} entries are not {stages} equal stages")
+                raise InvalidArgument("stages", f"must divide the number of {name}, {size}", value=stages)
             blocks.append((ShiftBlock(0, size, size // stages),) if size else ())
         return Shift(*blocks)
 
@@ -65,7 +71,7 @@ class Shift:
         """The Shift of marble.v1."""
         kind, block = contract.message("Shift"), contract.message("ShiftBlock")
         return kind(**{name: [block(first=b.first, count=b.count, by=b.by) for b in getattr(self, name)]
-                       for name in ("variables", "equalities", "inequalities", "pairs")})
+                       for name in _SHIFTED})
 
 
 @dataclass(frozen=True)

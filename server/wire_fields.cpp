@@ -1,0 +1,95 @@
+#include "wire_fields.h"
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/wire_format_lite.h>
+#include <grpcpp/support/proto_buffer_reader.h>
+
+#include <string>
+
+namespace marble::server {
+namespace {
+
+using google::protobuf::Descriptor;
+using google::protobuf::FieldDescriptor;
+using Wire = google::protobuf::internal::WireFormatLite;
+
+class FieldCounter {
+ public:
+  FieldCounter(google::protobuf::io::CodedInputStream& input, std::int64_t most)
+      : input_(input), left_(most) {}
+
+  /// False when there are too many, or where the bytes end or are none that a parser takes.
+  bool count(const Descriptor& type) {
+    int last = 0, same = 0;  // how often in a row the last number came
+    while (const std::uint32_t tag = input_.ReadTag()) {
+      const int number = Wire::GetTagFieldNumber(tag);
+      same = number == last ? same + 1 : 0;
+      last = number;
+      const FieldDescriptor* field = type.FindFieldByNumber(number);
+      if ((field == nullptr || !field->is_packable()) && --left_ < 0) return false_at(field, number, same);
+      if (!pass(tag, field)) return false_at(field, number, same);
+    }
+    return input_.ConsumedEntireMessage();
+  }
+
+  [[nodiscard]] bool too_many() const { return left_ < 0; }
+  [[nodiscard]] bool has_group() const { return group_; }
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+ private:
+  bool pass(std::uint32_t tag, const FieldDescriptor* field) {
+    std::uint64_t number = 0;
+    std::uint32_t size = 0;
+    switch (Wire::GetTagWireType(tag)) {
+      case Wire::WIRETYPE_VARINT:
+        return input_.ReadVarint64(&number);
+      case Wire::WIRETYPE_FIXED64:
+        return input_.Skip(sizeof(std::uint64_t));
+      case Wire::WIRETYPE_FIXED32:
+        return input_.Skip(sizeof(std::uint32_t));
+      case Wire::WIRETYPE_LENGTH_DELIMITED:
+        if (!input_.ReadVarint32(&size) || size > INT32_MAX) return false;
+        return field != nullptr && field->message_type() != nullptr ? enter(*field->message_type(), size)
+                                                                    : input_.Skip(static_cast<int>(size));
+      default:
+        group_ = true;
+        return false;
+    }
+  }
+
+  bool enter(const Descriptor& type, std::uint32_t size) {
+    const auto limit = input_.PushLimit(static_cast<int>(size));
+    const bool done = count(type);
+    input_.PopLimit(limit);
+    return done;
+  }
+
+  bool false_at(const FieldDescriptor* field, int number, int same) {
+    std::string name = field == nullptr ? std::to_string(number) : field->name();
+    if (field == nullptr || field->is_repeated()) name += "[" + std::to_string(same) + "]";
+    path_ = name + (path_.empty() ? "" : ".") + path_;
+    return false;
+  }
+
+  google::protobuf::io::CodedInputStream& input_;
+  std::int64_t left_;
+  bool group_ = false;
+  std::string path_;
+};
+
+}  // namespace
+
+Expected<void> check_fields(grpc::ByteBuffer& bytes, const Descriptor& type, std::int64_t most) {
+  grpc::ProtoBufferReader reader(&bytes);
+  if (!reader.status().ok()) return {};
+  google::protobuf::io::CodedInputStream input(&reader);
+  FieldCounter counter(input, most);
+  if (counter.count(type) || !(counter.too_many() || counter.has_group())) return {};
+  return unexpected(Error{ErrorCode::invalid_argument, counter.path(), -1, "",
+                          counter.has_group()
+                              ? "is a group; the contract has none"
+                              : "is beyond the " + std::to_string(most) +
+                                    " fields that the request may have, an array of numbers counted as one"});
+}
+
+}  // namespace marble::server

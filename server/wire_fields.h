@@ -1,0 +1,18 @@
+// How much a message would become when it is parsed. Two bytes on the wire may become forty of memory:
+// fields, known or not, are counted before any of them is made.
+#pragma once
+
+#include <google/protobuf/descriptor.h>
+#include <grpcpp/support/byte_buffer.h>
+
+#include "marble/error.h"
+
+namespace marble::server {
+
+/// Errors: invalid_argument if the bytes hold more than `most` fields of a message of this type, those of its
+/// parts among them and an array of numbers as one; the field says where. Groups, which the contract does not
+/// have, are refused too. What else cannot be parsed is left to the parser. The bytes stay.
+[[nodiscard]] Expected<void> check_fields(grpc::ByteBuffer& bytes, const google::protobuf::Descriptor& type,
+                                          std::int64_t most);
+
+}  // namespace marble::server

@@ -1,0 +1,153 @@
+// A client with one session took all memory of the server. An update of 67 MB, two bytes for each of 33
+// million empty blocks of a shift, became 1.8 GB before anything looked at it; with latest_only the blocks of
+// overtaken updates piled up in the one that waited (25 MB sent: 600 MB, copied again at each); and 64
+// updates waited in each session outside every limit (queue_bytes 20 MB: 1022 MB resident).
+//
+// Updates were parsed whatever their size, blocks had no bound, what is taken along was appended, and only
+// the update that ran was counted.
+#include <thread>
+
+#include "marble/convert.h"
+#include "service/bidi.h"
+#include "service/service_test.h"
+#include "session_update.h"
+#include "wire.h"
+
+namespace marble::testing {
+namespace {
+
+using Call = Bidi<v1::SessionRequest, v1::SessionResponse>;
+
+class SessionMemory : public ServiceTest {
+ protected:
+  /// A session that is ready, of the problem min z'z - z'1 with n variables.
+  std::unique_ptr<Call> set_up(int n, bool latest_only = false) {
+    OwnedProblem problem;
+    problem.Q = {n, n, {}, {}, std::vector<double>(static_cast<std::size_t>(n), 2.0)};
+    for (Index i = 0; i < n; ++i) problem.Q.row_indices.push_back(i);
+    for (Index i = 0; i <= n; ++i) problem.Q.column_pointers.push_back(i);
+    problem.g.assign(static_cast<std::size_t>(n), -1.0);
+    v1::SessionRequest request;
+    to_message(problem.view(), request.mutable_setup()->mutable_problem());
+    request.mutable_setup()->set_latest_only(latest_only);
+    auto call =
+        std::make_unique<Call>([this](grpc::ClientContext* context) { return solver().Session(context); });
+    EXPECT_TRUE(call->write(request));
+    const auto ready = call->next();
+    EXPECT_TRUE(ready && ready->has_ready());
+    return call;
+  }
+  static v1::SessionRequest update(std::int64_t sequence, int numbers = 0) {
+    v1::SessionRequest request;
+    request.mutable_update()->set_sequence(sequence);
+    for (int i = 0; i < numbers; ++i) request.mutable_update()->mutable_problem()->add_gradient(-1.0);
+    return request;
+  }
+};
+
+TEST_F(SessionMemory, AnUpdateLargerThanItsProblemIsRefusedBeforeItIsParsed) {
+  start();
+  const auto call = set_up(2);
+  v1::SessionRequest bomb = update(1);
+  for (int i = 0; i < 1'000'000; ++i) bomb.mutable_update()->mutable_shift()->add_variables();
+  call->write(bomb);
+  const grpc::Status status = call->finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(bad_field(status).field(), "update");
+  EXPECT_NE(status.error_message().find("must have at most"), std::string::npos) << status.error_message();
+  EXPECT_TRUE(lives());
+}
+
+// The same for a problem so large that the size alone would let them pass.
+TEST_F(SessionMemory, BlocksOfAShiftAreCountedBeforeTheyAreMade) {
+  const PartSizes sizes{.g = 1000, .Q = 1'000'000};
+  v1::SessionRequest bomb = update(1);
+  for (int i = 0; i < 100'000; ++i) bomb.mutable_update()->mutable_shift()->add_variables();
+  grpc::ByteBuffer bytes = server::serialize(bomb);
+  v1::SessionRequest parsed;
+  const auto refused = server::parse_update(bytes, sizes, &parsed);
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error().field, "update.shift.variables[4997]") << refused.error().bound;
+  EXPECT_EQ(parsed.ByteSizeLong(), 0U) << "nothing was made of it";
+}
+
+// Two bytes a field that nobody knows became sixteen and more, in every request.
+TEST_F(SessionMemory, FieldsThatAreNotKnownAreCountedToo) {
+  start();
+  std::string bytes;
+  for (int i = 0; i < 100'000; ++i) bytes += std::string("\x98\x06\x00", 3);  // field 99: 0
+  const RawAnswer answer = raw_call(channel(), "/marble.v1.Solver/Solve", bytes);
+  EXPECT_EQ(answer.status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(bad_field(answer.status).field(), "99[1000]") << answer.status.error_message();
+}
+
+TEST_F(SessionMemory, AShiftThatMovesMoreThanThereIsIsToldWithItsBlock) {
+  start();
+  const auto call = set_up(4);
+  v1::SessionRequest twice = update(1);
+  for (int i = 0; i < 2; ++i) {
+    v1::ShiftBlock* block = twice.mutable_update()->mutable_shift()->add_variables();
+    block->set_count(4);
+    block->set_by(1);
+  }
+  call->write(twice);
+  const auto told = call->next();
+  ASSERT_TRUE(told && told->has_error());
+  EXPECT_NE(told->error().status().message().find("update.shift.variables[1] = 6: "), std::string::npos)
+      << told->error().status().message();
+  call->write(update(2));
+  EXPECT_TRUE(call->next()->has_answer()) << "the session goes on";
+}
+
+TEST_F(SessionMemory, UpdatesThatWaitAreCountedAndWaitElsewhereBeyondTheLimit) {
+  constexpr int kNumbers = 20'000, kUpdates = 40;
+  constexpr std::int64_t kLimit = 4'000'000;
+  start({"--workers", "1", "--queue-bytes", std::to_string(kLimit)});
+  const auto call = set_up(kNumbers);
+  Stream blocker(solver(), long_request());
+  ASSERT_TRUE(eventually([&] { return counters().running() == 1; }));
+  const std::int64_t before = counters().request_bytes();
+  std::thread writer([&] {
+    for (int i = 1; i <= kUpdates; ++i) EXPECT_TRUE(call->write(update(i, kNumbers)));
+    call->done();
+  });
+  const std::int64_t one = 8 * kNumbers;
+  EXPECT_TRUE(eventually([&] { return counters().request_bytes() >= before + 6 * one; }))
+      << "GetInfo tells of them";
+  EXPECT_LE(counters().request_bytes(), before + kLimit / 4 + 2 * one)
+      << "a quarter waits, one stands in the queue";
+  blocker.cancel();
+  for (int i = 1; i <= kUpdates; ++i) {
+    const auto answer = call->next();
+    ASSERT_TRUE(answer && answer->has_answer()) << "none is lost: " << i;
+    EXPECT_EQ(answer->answer().sequence(), i);
+  }
+  writer.join();
+  EXPECT_TRUE(call->finish().ok());
+  EXPECT_TRUE(eventually([&] { return counters().request_bytes() == 0; }));
+}
+
+TEST_F(SessionMemory, ASessionCountsTheUpdatesItHasRoomFor) {
+  start();
+  const auto call = set_up(1000);
+  EXPECT_GE(counters().session_bytes(), 2 * server::most_update_bytes({.g = 1000, .Q = 1000}));
+}
+
+// Answers that nobody read were kept, 64 a session, and as long as its client answered pings.
+TEST_F(SessionMemory, AClientThatReadsNoAnswerLosesItsSession) {
+  start({"--session-idle-s", "0.5"});
+  constexpr int kNumbers = 100'000;
+  const auto call = set_up(kNumbers);
+  std::thread writer([&] {
+    for (int i = 1; i <= 20 && call->write(update(i)); ++i) {
+    }
+  });
+  EXPECT_TRUE(eventually([&] { return counters().sessions() == 0; }));
+  EXPECT_EQ(counters().session_bytes(), 0);
+  EXPECT_LT(counters().updates_total(), 20) << "solved for nobody";
+  call->cancel();
+  writer.join();
+}
+
+}  // namespace
+}  // namespace marble::testing
