@@ -138,16 +138,16 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
                  .arrival = Clock::now(),
                  .bytes = static_cast<std::int64_t>(request.ByteSizeLong())};
   job->quota = quota;
+  job->time_limit_s = options->time_limit_s;
   // The problem borrows the message's arrays.
   job->work = [message = std::move(message), problem = *problem, options = *options, initial_z,
-               most_bytes = parts.config.solve_bytes,
-               record = job->record.get()](const SolveControls& given) -> Expected<Solution> {
-    auto solver = Solver::create(problem, options, most_bytes);
-    if (!solver) return unexpected(solver.error());
-    record->set_memory(solver->memory_bytes());
+               limits = SetupControls{.most_bytes = parts.config.solve_bytes,
+                                      .most_factorization_s = parts.config.solve_seconds},
+               record = job->record.get()](const SolveControls& given) {
     SolveControls controls = given;
     controls.initial_z = initial_z;
-    return solver->solve(controls);
+    return solve_once(problem, options, controls, limits,
+                      [record](const Solver& solver) { record->set_memory(solver.memory_bytes()); });
   };
   return job;
 }

@@ -48,6 +48,7 @@ struct Job {
   /// What a worker does. It owns what it needs, and is freed before the observer hears of the end.
   std::function<Expected<Solution>(const SolveControls&)> work;
   std::shared_ptr<JobObserver> observer = nullptr;  ///< let go after finished()
+  double time_limit_s = 1e9;                        ///< after which its work ends by itself
   bool is_setup = false;  ///< of a session: prepares, solves nothing, and is not counted
   Clock::time_point accepted = Clock::now();
   Clock::time_point begun = {};  ///< when a worker took it

@@ -5,6 +5,7 @@
 #include <new>
 
 #include "job_log.h"
+#include "wait_estimate.h"
 
 namespace marble::server {
 namespace {
@@ -126,7 +127,7 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
     });
   }
   job->record->queued();
-  const QueuePlace place = place_of(*job);
+  const QueuePlace place = place_of(*job, busy_s());
   if (job->observer->wants_place()) place_listeners_.push_back({job, job->observer});
   return place;
 }
@@ -371,11 +372,12 @@ void Scheduler::pulse(Clock::time_point now) {
     const MutexLock lock(mutex_);
     if (queue_.waiting() > 0) late = queue_.expire(now);
     finishing_ += static_cast<int>(late.size());
+    const std::vector<double> busy = place_listeners_.empty() ? std::vector<double>() : busy_s();
     const auto gone = [&](const PlaceListener& listener) {
       const std::shared_ptr<Job> job = listener.job.lock();
       std::shared_ptr<JobObserver> observer = listener.observer.lock();
       if (job == nullptr || observer == nullptr || !queue_.is_waiting(job.get())) return true;
-      places.emplace_back(std::move(observer), place_of(*job));
+      places.emplace_back(std::move(observer), place_of(*job, busy));
       return false;
     };
     place_listeners_.erase(std::remove_if(place_listeners_.begin(), place_listeners_.end(), gone),
@@ -393,14 +395,15 @@ Counters Scheduler::counters() const {
   counters.request_bytes = queue_.bytes();
   const Clock::time_point now = Clock::now();
   for (const auto& job : running_) counters.busy_s += seconds(now - job->begun);
-  double work_s = work_under_way_s();
+  const std::vector<double> busy = busy_s();
+  double work_s = 0.0;
   std::size_t ahead = 0;
   for (std::size_t at = 0; at < kPriorities; ++at) {
     const std::size_t waiting = queue_.waiting_by_priority()[at];
     ahead += waiting;
     work_s += mean_run_s_[at] * static_cast<double>(waiting);
     counters.queued_by_priority[at] = static_cast<int>(waiting);
-    counters.estimated_wait_s[at] = wait_s(ahead, work_s);
+    counters.estimated_wait_s[at] = wait_s(ahead, work_s, busy);
   }
   return counters;
 }
@@ -416,16 +419,16 @@ double Scheduler::retry_delay_s() const {
   for (std::size_t at = 0; at < kPriorities; ++at)
     work_s += mean_run_s_[at] * static_cast<double>(queue_.waiting_by_priority()[at]);
   const double one_s = *std::max_element(mean_run_s_.begin(), mean_run_s_.end());
-  return std::clamp((work_s + one_s) / limits_.workers, 0.01, 10.0);
+  return std::clamp(std::max((work_s + one_s) / limits_.workers, busy_s().front()), 0.01, 10.0);
 }
 
 QueuePlace Scheduler::place(const Job& job) const {
   const MutexLock lock(mutex_);
-  return place_of(job);
+  return place_of(job, busy_s());
 }
 
-// Those ahead at the mean of their priorities, and half a solve until the next worker is free.
-QueuePlace Scheduler::place_of(const Job& job) const {
+// Those ahead at the mean of their priorities, once a worker is free.
+QueuePlace Scheduler::place_of(const Job& job, const std::vector<double>& busy_s) const {
   if (!queue_.is_waiting(&job)) return {};
   const auto ahead = queue_.ahead_of(&job);
   QueuePlace place;
@@ -434,20 +437,29 @@ QueuePlace Scheduler::place_of(const Job& job) const {
     place.position += static_cast<int>(ahead[at]);
     work_s += mean_run_s_[at] * static_cast<double>(ahead[at]);
   }
-  place.estimated_wait_s = wait_s(static_cast<std::size_t>(place.position), work_s + work_under_way_s());
+  place.estimated_wait_s = wait_s(static_cast<std::size_t>(place.position), work_s, busy_s);
   return place;
 }
 
-double Scheduler::work_under_way_s() const {
-  double work_s = 0.0;
-  for (const auto& running : running_)
-    work_s += 0.5 * mean_run_s_[static_cast<std::size_t>(running->ticket.priority)];
-  return work_s;
+std::vector<double> Scheduler::busy_s() const {
+  std::vector<double> result(static_cast<std::size_t>(limits_.workers), 0.0);
+  const Clock::time_point now = Clock::now();
+  for (std::size_t i = 0; i < running_.size(); ++i) {
+    const Job& job = *running_[i];
+    if (job.stop.stop_requested()) continue;  // it ends in a moment
+    const double elapsed_s = seconds(now - job.begun);
+    double most_s = job.time_limit_s - elapsed_s;
+    if (job.ticket.deadline != Clock::time_point::max())
+      most_s = std::min(most_s, seconds(job.ticket.deadline - now));
+    result[i] = time_left_s(mean_run_s_[static_cast<std::size_t>(job.ticket.priority)], elapsed_s, most_s);
+  }
+  std::sort(result.begin(), result.end());
+  return result;
 }
 
-double Scheduler::wait_s(std::size_t ahead, double work_s) const {
+double Scheduler::wait_s(std::size_t ahead, double work_s, const std::vector<double>& busy_s) const {
   const bool waits = queue_.running() + static_cast<int>(ahead) >= limits_.workers;
-  return waits ? work_s / limits_.workers : 0.0;
+  return waits ? wait_for_worker_s(busy_s, work_s) : 0.0;
 }
 
 }  // namespace marble::server

@@ -77,7 +77,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
       ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// The client gave up, or its deadline passed: a waiting job is answered at once, a running one stops
-  /// within an iteration. Does nothing to a finished one.
+  /// within 100 ms. Does nothing to a finished one.
   void cancel(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// Counts a request that did not become a job, whoever refused it.
@@ -108,7 +108,8 @@ class Scheduler final : public Pulsed, public TaskRunner {
   /// Jobs and updates of sessions that were answered.
   [[nodiscard]] LastMinute::Sum last_minute() const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] const QueueLimits& limits() const { return limits_; }
-  /// When a refused request may be tried again: a queue's worth of the mean solve, within [10 ms, 10 s].
+  /// When a refused request may be tried again: after a queue's worth of the mean solve, when a worker is
+  /// free; within [10 ms, 10 s].
   [[nodiscard]] double retry_delay_s() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Where a job stands; {0, 0} unless it waits.
   [[nodiscard]] QueuePlace place(const Job& job) const ABSL_LOCKS_EXCLUDED(mutex_);
@@ -131,10 +132,12 @@ class Scheduler final : public Pulsed, public TaskRunner {
   void refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error);
   void finish(Job& job, Outcome outcome, bool ran) ABSL_LOCKS_EXCLUDED(mutex_);
   void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  [[nodiscard]] QueuePlace place_of(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  // Until the running ones are half done: nobody knows how far they are.
-  [[nodiscard]] double work_under_way_s() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  [[nodiscard]] double wait_s(std::size_t ahead, double work_s) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] QueuePlace place_of(const Job& job, const std::vector<double>& busy_s) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // For how long each worker is likely to be busy with what it does, in ascending order.
+  [[nodiscard]] std::vector<double> busy_s() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] double wait_s(std::size_t ahead, double work_s, const std::vector<double>& busy_s) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] bool idle() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     return queue_.waiting() == 0 && queue_.running() == 0 && finishing_ == 0;
   }

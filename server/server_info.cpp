@@ -16,6 +16,7 @@ void to_message(const Config& config, v1::Limits* message) {
   message->set_queue_jobs(config.queue_jobs);
   message->set_queue_bytes(config.queue_bytes);
   message->set_solve_bytes(config.solve_bytes);
+  message->set_solve_seconds(config.solve_seconds);
   message->set_sessions(config.sessions);
   message->set_session_bytes(config.session_bytes);
   message->set_session_idle_s(config.session_idle_s);

@@ -173,9 +173,11 @@ Expected<void> SessionCall::take_setup(v1::SessionSetup& message) {
   parts_.board.add(record);
   job->is_setup = true;
   job->ticket.bytes = static_cast<std::int64_t>(setup->message->ByteSizeLong());
-  job->work = [this, setup = *setup](const SolveControls&) -> Expected<Solution> {
-    const std::int64_t most = std::min(parts_.config.solve_bytes, parts_.sessions.room());
-    auto solver = WarmSolver::create(setup.problem, setup.options, setup.initial_z, most);
+  job->work = [this, setup = *setup](const SolveControls& controls) -> Expected<Solution> {
+    const SetupControls limits{.most_bytes = std::min(parts_.config.solve_bytes, parts_.sessions.room()),
+                               .most_factorization_s = parts_.config.solve_seconds,
+                               .stop = controls.stop};
+    auto solver = WarmSolver::create(setup.problem, setup.options, setup.initial_z, limits);
     if (!solver) return unexpected(solver.error());
     solver_ = std::move(*solver);
     Solution prepared;
@@ -203,6 +205,8 @@ void SessionCall::set_up_done(Outcome outcome) {
     if (!outcome.solution) {
       Error error = outcome.solution.error();
       if (!error.field.empty()) error.field = "setup." + error.field;
+      if (error.code == ErrorCode::cancelled && parts_.scheduler.is_closed())
+        error = {ErrorCode::unavailable, "", -1, "", "the server is draining; set the session up elsewhere"};
       end(error);
     } else if (!counted) {
       end(counted.error());
@@ -274,6 +278,7 @@ std::shared_ptr<Job> SessionCall::next_job() {
   job_ = make_job(deadline);
   job_->accepted = update->arrival;
   job_->ticket.bytes = bytes_of(*update);
+  job_->time_limit_s = update->options.time_limit_s;
   job_->ticket.least_run =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kHopeless * fastest_s_));
   solving_ = update->message.sequence();

@@ -18,6 +18,7 @@ Json to_json(const ServerArguments& arguments, const ServerInfo& info) {
             {"uptime_s", info.uptime_s},
             {"message_bytes", info.message_bytes},
             {"solve_bytes", info.solve_bytes},
+            {"solve_seconds", info.solve_seconds},
             {"queue_jobs", info.queue_jobs},
             {"queue_bytes", info.queue_bytes},
             {"sessions_limit", info.sessions_limit},

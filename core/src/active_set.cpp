@@ -171,7 +171,7 @@ bool ActiveSet::solve_equalities() {
     add_transposed(problem_.R, d_.lambda_R(), gradient_);
     d_.z() = -gradient_;
     d_.y() = -images_.equality;
-    kkt_.solve(d_.z(), d_.y());
+    if (!kkt_.solve(d_.z(), d_.y())) return false;
     direction_images_.evaluate_rows(problem_, d_.z());
     d_.lambda_w() += weights_.inequality.cwiseProduct(direction_images_.inequality);
     d_.lambda_L() += weights_.first.cwiseProduct(direction_images_.left);
@@ -268,7 +268,7 @@ bool ActiveSet::minimize(Run& run, double rho, double delta, bool trust_set, int
       return false;
     d_.z() = -gradient_;
     d_.y().setZero();
-    kkt_.solve(d_.z(), d_.y());
+    if (!kkt_.solve(d_.z(), d_.y())) return false;
     direction_images_.evaluate_rows(problem_, d_.z());
     double alpha = 1.0;
     if (!trust_set) {

@@ -1,11 +1,17 @@
 #include "dense_kkt.h"
 
+#include <algorithm>
 #include <cmath>
 
 // The Fortran interface is the one every BLAS and LAPACK shares.
 extern "C" {
 void dsyrk_(const char* uplo, const char* trans, const int* n, const int* k, const double* alpha,
             const double* a, const int* lda, const double* beta, double* c, const int* ldc);
+void dgemm_(const char* transa, const char* transb, const int* m, const int* n, const int* k,
+            const double* alpha, const double* a, const int* lda, const double* b, const int* ldb,
+            const double* beta, double* c, const int* ldc);
+void dtrsm_(const char* side, const char* uplo, const char* transa, const char* diag, const int* m,
+            const int* n, const double* alpha, const double* a, const int* lda, double* b, const int* ldb);
 void dsymv_(const char* uplo, const int* n, const double* alpha, const double* a, const int* lda,
             const double* x, const int* incx, const double* beta, double* y, const int* incy);
 void dpotrf_(const char* uplo, const int* n, double* a, const int* lda, int* info);
@@ -18,6 +24,71 @@ namespace {
 
 // How much faster a dense kernel does a flop than the sparse code, measured on the QPEC and flp4 problems.
 constexpr double kDenseAdvantage = 8.0;
+
+// A call of BLAS or LAPACK cannot be interrupted: one does at most about this many flops, 20 to 100 ms.
+constexpr double kFlopsOfCall = 1e9;
+constexpr int kPanel = 128;
+
+// C += factor · WᵀW, upper triangle, W with k rows and n columns, in as many calls as it takes.
+bool add_product(double factor, const double* w, int w_stride, int k, double* c, int c_stride, int n,
+                 const Interrupt& interrupt) {
+  const double one = 1.0;
+  const double flops = static_cast<double>(n) * n * k;
+  if (flops <= kFlopsOfCall) {
+    dsyrk_("U", "T", &n, &k, &factor, w, &w_stride, &one, c, &c_stride);
+    return true;
+  }
+  const int width = std::min(n, kPanel);
+  const int depth = std::min(k, std::max(1, static_cast<int>(0.5 * kFlopsOfCall / n / width)));
+  for (int row = 0; row < k; row += depth) {
+    const int rows = std::min(depth, k - row);
+    for (int column = 0; column < n; column += width) {
+      if (interrupt.requested()) return false;
+      const int columns = std::min(width, n - column);
+      const double* const panel = w + row + static_cast<std::ptrdiff_t>(column) * w_stride;
+      double* const out = c + static_cast<std::ptrdiff_t>(column) * c_stride;
+      if (column > 0)
+        dgemm_("T", "N", &column, &columns, &rows, &factor, w + row, &w_stride, panel, &w_stride, &one, out,
+               &c_stride);
+      dsyrk_("U", "T", &columns, &rows, &factor, panel, &w_stride, &one, out + column, &c_stride);
+    }
+  }
+  return true;
+}
+
+// dpotrf, in panels where one call would take too long.
+bool factorize_cholesky(double* a, int n, const Interrupt& interrupt) {
+  const double cube = static_cast<double>(n) * n * n;
+  const int width = cube / 3.0 <= kFlopsOfCall ? n : kPanel;
+  const double one = 1.0;
+  for (int column = 0; column < n; column += width) {
+    if (interrupt.requested()) return false;
+    const int columns = std::min(width, n - column);
+    const int rest = n - column - columns;
+    double* const corner = a + column + static_cast<std::ptrdiff_t>(column) * n;
+    int info = 0;
+    dpotrf_("U", &columns, corner, &n, &info);
+    // OpenBLAS lets a NaN pass as a pivot; from there it spreads to the last one.
+    if (info != 0 || !(corner[columns - 1 + static_cast<std::ptrdiff_t>(columns - 1) * n] > 0.0))
+      return false;
+    if (rest == 0) break;
+    double* const panel = corner + static_cast<std::ptrdiff_t>(columns) * n;
+    dtrsm_("L", "U", "T", "N", &columns, &rest, &one, corner, &n, panel, &n);
+    if (!add_product(-1.0, panel, n, columns, panel + columns, n, rest, interrupt)) return false;
+  }
+  return true;
+}
+
+// Large matrices are copied by columns: their memory is touched for the first time then.
+template <class From>
+bool fill(Eigen::MatrixXd& to, const From& from, const Interrupt& interrupt) {
+  Checkpoint checkpoint(interrupt);
+  for (Eigen::Index column = 0; column < to.cols(); ++column) {
+    to.col(column) = from.col(column);
+    if (checkpoint.reached(to.rows())) return false;
+  }
+  return true;
+}
 
 }  // namespace
 
@@ -33,15 +104,22 @@ DenseKkt::DenseKkt(const ScaledProblem& problem)
       inequalities_(problem.inequalities()),
       pairs_(problem.pairs()),
       flops_(estimated_flops(problem)),
-      hessian_(Matrix::Zero(variables_, variables_)),
-      rows_(Matrix::Zero(equalities_ + inequalities_ + 2 * pairs_, variables_)),
+      hessian_(variables_, variables_),
+      rows_(equalities_ + inequalities_ + 2 * pairs_, variables_),
       weighted_(rows_.rows(), variables_),
       system_(variables_, variables_),
       factor_(variables_, variables_),
       residual_(variables_) {
   keep_blas_to_one_thread();
   terms_.reserve(static_cast<std::size_t>(rows_.rows()));
+}
+
+bool DenseKkt::allocate(const ScaledProblem& problem) {
+  if (!fill(hessian_, Matrix::Zero(hessian_.rows(), hessian_.cols()), interrupt()) ||
+      !fill(rows_, Matrix::Zero(rows_.rows(), rows_.cols()), interrupt()))
+    return false;
   load(problem);
+  return true;
 }
 
 void DenseKkt::load(const ScaledProblem& problem) {
@@ -82,8 +160,9 @@ void DenseKkt::add_single(const Single& single, Index other, double single_singl
   for (Index k = j + 1; k < variables_; ++k) system_(j, k) += factor * rows_(other, k);
 }
 
-void DenseKkt::add_terms(double sign) {
-  if (terms_.empty()) return;
+bool DenseKkt::add_terms(double sign) {
+  if (terms_.empty()) return true;
+  Checkpoint checkpoint(interrupt());
   for (Index column = 0; column < variables_; ++column) {
     const double* source = rows_.col(column).data();
     double* target = weighted_.col(column).data();
@@ -91,16 +170,15 @@ void DenseKkt::add_terms(double sign) {
       target[t] =
           terms_[t].left_factor * source[terms_[t].left] + terms_[t].right_factor * source[terms_[t].right];
     }
+    if (checkpoint.reached(static_cast<std::int64_t>(terms_.size()))) return false;
   }
-  const int count = static_cast<int>(terms_.size());
-  const int stride = static_cast<int>(weighted_.rows());
-  const double one = 1.0;
-  dsyrk_("U", "T", &variables_, &count, &sign, weighted_.data(), &stride, &one, system_.data(), &variables_);
+  return add_product(sign, weighted_.data(), static_cast<int>(weighted_.rows()),
+                     static_cast<int>(terms_.size()), system_.data(), variables_, variables_, interrupt());
 }
 
 bool DenseKkt::factor(const RowWeights& weights) {
   rho_ = weights.rho;
-  system_ = hessian_;
+  if (!fill(system_, hessian_, interrupt())) return false;
   system_.diagonal().array() += weights.delta;
   const Index left = equalities_ + inequalities_;
   const Index right = left + pairs_;
@@ -143,16 +221,12 @@ bool DenseKkt::factor(const RowWeights& weights) {
         add(weight_of(i, c, s, c, s), left + i, left + i, 1.0, 0.0);
       }
     }
-    add_terms(sign);
+    if (!add_terms(sign)) return false;
   }
-  factor_ = system_;
-  int info = 0;
-  dpotrf_("U", &variables_, factor_.data(), &variables_, &info);
-  // OpenBLAS lets a NaN pass as a pivot; from there it spreads to the last one.
-  return info == 0 && factor_(variables_ - 1, variables_ - 1) > 0.0;
+  return fill(factor_, system_, interrupt()) && factorize_cholesky(factor_.data(), variables_, interrupt());
 }
 
-void DenseKkt::solve(VectorRef x, VectorRef y) {
+bool DenseKkt::solve(VectorRef x, VectorRef y) {
   // Row 2 gives y = ρ(Ax − h); put into row 1: (H + ρAᵀA) x = f + ρAᵀh.
   const auto A = rows_.topRows(equalities_);
   x.noalias() += rho_ * (A.transpose() * y);
@@ -160,6 +234,7 @@ void DenseKkt::solve(VectorRef x, VectorRef y) {
   const int one = 1;
   int info = 0;
   dpotrs_("U", &variables_, &one, factor_.data(), &variables_, x.data(), &variables_, &info);
+  if (interrupt().requested()) return false;
   const double minus = -1.0;
   const double plus = 1.0;
   dsymv_("U", &variables_, &minus, system_.data(), &variables_, x.data(), &one, &plus, residual_.data(),
@@ -169,14 +244,16 @@ void DenseKkt::solve(VectorRef x, VectorRef y) {
   y *= -1.0;
   y.noalias() += A * x;
   y *= rho_;
+  return true;
 }
 
-void DenseKkt::solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) {
+bool DenseKkt::solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) {
   x.setZero();
   for (std::size_t k = 0; k < indices.size(); ++k) x[indices[k]] = values[k];
   const int one = 1;
   int info = 0;
   dpotrs_("U", &variables_, &one, factor_.data(), &variables_, x.data(), &variables_, &info);
+  return !interrupt().requested();
 }
 
 double DenseKkt::bytes() const {

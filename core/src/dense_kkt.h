@@ -16,12 +16,12 @@ class DenseKkt final : public Kkt {
   /// Its bytes(), without building anything.
   [[nodiscard]] static double estimated_bytes(const ScaledProblem& problem);
 
-  void allocate(const ScaledProblem& /*problem*/) override {}
-
+  [[nodiscard]] bool allocate(const ScaledProblem& problem) override;
   void load(const ScaledProblem& problem) override;
   [[nodiscard]] bool factor(const RowWeights& weights) override;
-  void solve(VectorRef x, VectorRef y) override;
-  void solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) override;
+  [[nodiscard]] bool solve(VectorRef x, VectorRef y) override;
+  [[nodiscard]] bool solve_sparse(std::span<const Index> indices, std::span<const double> values,
+                                  VectorRef x) override;
   [[nodiscard]] std::string_view name() const override { return "dense"; }
   [[nodiscard]] double flops() const override { return flops_; }
   [[nodiscard]] double bytes() const override;
@@ -38,7 +38,7 @@ class DenseKkt final : public Kkt {
     Index column = -1;  // -1: not such a row
     double value = 0.0;
   };
-  void add_terms(double sign);
+  [[nodiscard]] bool add_terms(double sign);
   void add_single(const Single& single, Index other, double single_single, double single_other);
 
   Index variables_, equalities_, inequalities_, pairs_;

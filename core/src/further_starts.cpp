@@ -70,9 +70,15 @@ void FurtherStarts::search_from(ActiveSet& active_set, LocalSearch& search, Sear
 bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count, ExactSolution& best) {
   const auto searches = static_cast<std::size_t>(std::min(count, kRound));
   at_once_ = run.runner() != nullptr && searches > 1;
-  while (at_once_ && engines_.size() + 1 < searches)
-    engines_.push_back(std::make_unique<Engine>(problem_, make_kkt(problem_)));
-  for (const auto& engine : engines_) engine->kkt->load(problem_);  // values may have changed since
+  while (at_once_ && engines_.size() + 1 < searches) {
+    std::unique_ptr<Kkt> kkt = make_kkt(problem_, run.interrupt());
+    if (kkt == nullptr) return false;
+    engines_.push_back(std::make_unique<Engine>(problem_, std::move(kkt)));
+  }
+  for (const auto& engine : engines_) {  // of an earlier solve, perhaps with other values
+    engine->kkt->attend(run.interrupt());
+    engine->kkt->load(problem_);
+  }
   begin_ = &best;
   plan_ = plan;
   first_ = first;

@@ -111,7 +111,7 @@ double InteriorEngine::step(Run& run) {
   d_.z() = -gradient_;
   d_.y() =
       -images_.equality - x_.y() / kRho;  // the second half of the solution is then y itself, not its step
-  kkt_.solve(d_.z(), d_.y());
+  if (!kkt_.solve(d_.z(), d_.y())) return 0.0;
   if (!d_.z().allFinite() || !d_.y().allFinite()) return 0.0;
   direction_images_.evaluate_rows(problem_, d_.z());
   ++run.iterations;

@@ -1,7 +1,6 @@
 #include "kkt.h"
 
 #include <algorithm>
-#include <limits>
 
 #include "dense_kkt.h"
 #include "sparse_kkt.h"
@@ -41,42 +40,48 @@ bool nearly_full(const ScaledProblem& p) {
 
 }  // namespace
 
-std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p, double most_bytes, double& least_bytes) {
-  least_bytes = DenseKkt::estimated_bytes(p);
-  const bool dense_fits = least_bytes <= most_bytes;
-  const auto dense = [&p] {
-    auto kkt = std::make_unique<DenseKkt>(p);
-    kkt->allocate(p);
-    return kkt;
+std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p, const KktCost& most, const Interrupt& interrupt,
+                              KktCost& least) {
+  const KktCost dense{DenseKkt::estimated_bytes(p), DenseKkt::estimated_flops(p)};
+  const bool dense_fits = dense.bytes <= most.bytes;
+  least = {dense.bytes, dense_fits ? dense.flops : KktCost{}.flops};
+  const auto allocated = [&](std::unique_ptr<Kkt> kkt) {
+    kkt->attend(interrupt);
+    return kkt->allocate(p) ? std::move(kkt) : nullptr;
   };
-  if (dense_fits && (p.variables() <= kTiny || nearly_full(p))) return dense();
+  const auto make_dense = [&]() -> std::unique_ptr<Kkt> {
+    return dense.flops <= most.flops ? allocated(std::make_unique<DenseKkt>(p)) : nullptr;
+  };
+  if (dense_fits && (p.variables() <= kTiny || nearly_full(p))) return make_dense();
   std::unique_ptr<Kkt> best;
   const auto consider = [&](KeptRows kept) {
     const double analysis = SparseKkt::analysis_bytes(p, kept);
-    if (analysis > most_bytes) {
-      least_bytes = std::min(least_bytes, analysis);
+    if (analysis > most.bytes) {
+      least.bytes = std::min(least.bytes, analysis);
       return;
     }
-    auto candidate = std::make_unique<SparseKkt>(p, kept);
-    least_bytes = std::min(least_bytes, candidate->bytes());
-    if (candidate->bytes() > most_bytes) return;
+    auto candidate = SparseKkt::analyse(p, kept, interrupt);
+    if (candidate == nullptr) return;
+    least.bytes = std::min(least.bytes, candidate->bytes());
+    if (candidate->bytes() > most.bytes) return;
+    least.flops = std::min(least.flops, candidate->flops());
     if (!best || candidate->flops() < best->flops()) best = std::move(candidate);
   };
   const double work = condensed_work(p.C) + condensed_work(p.L) + condensed_work(p.R);
-  if (work < std::min(kWorthAnalysing, 2.0 * DenseKkt::estimated_flops(p))) consider(KeptRows::none);
+  if (work < std::min(kWorthAnalysing, 2.0 * dense.flops)) consider(KeptRows::none);
   if (has_long_rows(p.C) || has_long_rows(p.L) || has_long_rows(p.R)) consider(KeptRows::dense);
   // The full form has more rows and less fill in each: worth its analysis where condensing filled in.
   const auto entries = static_cast<double>(p.Q.values.size() + p.A.values.size() + p.C.values.size() +
                                            p.L.values.size() + p.R.values.size());
   if (!best || best->flops() > kFilledIn * entries) consider(KeptRows::all);
-  if (dense_fits && (!best || DenseKkt::estimated_flops(p) < best->flops())) return dense();
-  if (best) best->allocate(p);
-  return best;
+  if (interrupt.requested()) return nullptr;
+  if (dense_fits && (!best || dense.flops < best->flops())) return make_dense();
+  return best && best->flops() <= most.flops ? allocated(std::move(best)) : nullptr;
 }
 
-std::unique_ptr<Kkt> make_kkt(const ScaledProblem& problem) {
-  double unused = 0.0;
-  return make_kkt(problem, std::numeric_limits<double>::infinity(), unused);
+std::unique_ptr<Kkt> make_kkt(const ScaledProblem& problem, const Interrupt& interrupt) {
+  KktCost least;
+  return make_kkt(problem, {}, interrupt, least);
 }
 
 }  // namespace marble

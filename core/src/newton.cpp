@@ -40,7 +40,7 @@ bool Newton::factor(const Subproblem& sub, const Iterate& x, double delta, bool 
   return kkt_.factor(weights_);
 }
 
-void Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r, Iterate& d,
+bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r, Iterate& d,
                        Images& images) {
   // W e + (a, −b)·r₃/π of one pair, for e = (e_L, e_R).
   const auto pair_image = [&](Eigen::Index i, double e_L, double e_R, double& out_L, double& out_R) {
@@ -67,7 +67,7 @@ void Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r
   add_transposed(problem_.R, right_rhs_, images.stationarity);
   d.z() = -images.stationarity;
   d.y() = -r.y();
-  kkt_.solve(d.z(), d.y());
+  if (!kkt_.solve(d.z(), d.y())) return false;
 
   images.evaluate_rows(problem_, d.z());
   for (Eigen::Index i = 0; i < inequality_rhs_.size(); ++i) {
@@ -91,6 +91,7 @@ void Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r
     d.sigma()[i] = (h.slope() * e_L - h.negative_slope() * e_R - r.sigma()[i] / sub.rho) / pivot_[i];
   }
   images.evaluate_duals(problem_, d);
+  return true;
 }
 
 }  // namespace marble

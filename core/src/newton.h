@@ -21,7 +21,8 @@ class Newton {
   [[nodiscard]] bool factor(const Subproblem& sub, const Iterate& x, double delta, bool clip);
 
   /// The step d from the residual r at x, and the images of d.
-  void direction(const Subproblem& sub, const Iterate& x, const Iterate& r, Iterate& d, Images& images);
+  [[nodiscard]] bool direction(const Subproblem& sub, const Iterate& x, const Iterate& r, Iterate& d,
+                               Images& images);
 
  private:
   const ScaledProblem& problem_;

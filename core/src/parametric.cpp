@@ -92,11 +92,11 @@ void Parametric::reset() {
 }
 
 // What a unit force along a row does to z.
-void Parametric::push(const RowMatrix& matrix, Index row) {
+bool Parametric::push(const RowMatrix& matrix, Index row) {
   const auto begin = static_cast<std::size_t>(matrix.row_pointers[row]);
   const auto count = static_cast<std::size_t>(matrix.row_size(row));
-  kkt_.solve_sparse({matrix.column_indices.data() + begin, count}, {matrix.values.data() + begin, count},
-                    displacement_);
+  return kkt_.solve_sparse({matrix.column_indices.data() + begin, count},
+                           {matrix.values.data() + begin, count}, displacement_);
 }
 
 // A force f along row j adds f·e_j to the right-hand side. A slack θ in an active row, u + ν/ρ = θ, adds
@@ -105,13 +105,10 @@ const double* Parametric::response(Index row) {
   if (response_of_row_[row] >= 0)
     return responses_.get() + static_cast<std::size_t>(response_of_row_[row]) * rows_;
   if (used_ == capacity_) return nullptr;
-  if (row < n_i_) {
-    push(problem_.C, row);
-  } else if (row < n_i_ + n_c_) {
-    push(problem_.L, row - n_i_);
-  } else {
-    push(problem_.R, row - n_i_ - n_c_);
-  }
+  const bool pushed = row < n_i_          ? push(problem_.C, row)
+                      : row < n_i_ + n_c_ ? push(problem_.L, row - n_i_)
+                                          : push(problem_.R, row - n_i_ - n_c_);
+  if (!pushed) return nullptr;
   double* out = responses_.get() + static_cast<std::size_t>(used_) * rows_;
   Eigen::Map<Vector> image(out, rows_);
   multiply(problem_.C, displacement_, image.head(n_i_));
@@ -129,7 +126,7 @@ const double* Parametric::response(Index row) {
 // active.
 bool Parametric::direction(Index prescribed, double prescribed_rate, Index driven) {
   const int count = static_cast<int>(changed_.size());
-  if (count > kMostChanged) return false;
+  if (count > kMostChanged || kkt_.interrupt().requested()) return false;
   const double* fixed_part = prescribed < 0 ? nullptr : response(prescribed);
   if (prescribed >= 0 && fixed_part == nullptr) return false;
   for (int b = 0; b < count; ++b) {

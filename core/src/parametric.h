@@ -69,7 +69,7 @@ class Parametric {
   [[nodiscard]] Index right_row(Index pair) const { return n_i_ + n_c_ + pair; }
   void reset();
   [[nodiscard]] const double* response(Index row);
-  void push(const RowMatrix& matrix, Index row);
+  [[nodiscard]] bool push(const RowMatrix& matrix, Index row);
   [[nodiscard]] bool direction(Index prescribed, double prescribed_rate, Index driven);
   [[nodiscard]] Index first_event(double& length, Index driven) const;
   void advance(double length);

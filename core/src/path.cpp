@@ -65,7 +65,10 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
       if (!retreat()) return explain(false);
       if (kappa_end > options_.kappa_min) return std::nullopt;
     }
-    if (!step(run)) return explain(false);  // lines 5–19
+    if (!step(run)) {  // lines 5–19
+      if (const auto reason = run.interrupted()) return give_best(*reason);
+      return explain(false);
+    }
   }
 }
 
@@ -174,10 +177,10 @@ bool PathEngine::step(Run& run) {
     const bool inertia_right = run.timed(&Times::factorization_s, [&] {
       return newton_.factor(sub_, x_, regularization_.current(), clip);  // lines 7–10
     });
+    if (!inertia_right && run.interrupted()) return false;
     if (!inertia_right && clip) run.nonconvex = true;  // with q ≥ 0 nothing else can spoil it
-    if (inertia_right) {
-      newton_.direction(sub_, x_, r_, d_, direction_images_);                     // line 11
-      step_length_ = run.timed(&Times::line_search_s, [&] { return search(); });  // line 12
+    if (inertia_right && newton_.direction(sub_, x_, r_, d_, direction_images_)) {  // line 11
+      step_length_ = run.timed(&Times::line_search_s, [&] { return search(); });    // line 12
       if (step_length_ > 0.0) break;
     }
     if (!regularization_.raise() || run.interrupted()) return false;  // line 16

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <optional>
 
+#include "interrupt.h"
 #include "marble/options.h"
 #include "marble/solver.h"
 
@@ -12,10 +13,13 @@ namespace marble {
 
 class Run {
  public:
-  using Clock = std::chrono::steady_clock;
+  using Clock = Interrupt::Clock;
 
   Run(const Options& options, const SolveControls& controls)
-      : options_(options), controls_(controls), start_(Clock::now()) {}
+      : options_(options),
+        controls_(controls),
+        start_(Clock::now()),
+        interrupt_(controls.stop, after(controls.begun.value_or(start_), options.time_limit_s)) {}
 
   std::int32_t iterations = 0;
   std::int32_t outer_iterations = 0;
@@ -77,11 +81,13 @@ class Run {
 
   /// Why the run must end now for reasons that have nothing to do with the iterate.
   [[nodiscard]] std::optional<Status> interrupted() const {
-    if (controls_.stop.stop_requested()) return Status::cancelled;
+    if (interrupt_.stop_requested()) return Status::cancelled;
     if (iterations >= options_.max_iterations) return Status::iteration_limit;
-    if (elapsed_s() >= options_.time_limit_s) return Status::time_limit;
+    if (interrupt_.requested()) return Status::time_limit;
     return std::nullopt;
   }
+  /// What of that may come in the middle of an iteration.
+  [[nodiscard]] const Interrupt& interrupt() const { return interrupt_; }
 
   /// Adds the time of one call to a part of `times`.
   template <class Part>
@@ -100,6 +106,7 @@ class Run {
   const Options& options_;
   const SolveControls& controls_;
   Clock::time_point start_;
+  Interrupt interrupt_;
   bool silent_ = false;
   bool polishing_ = false;
   std::int32_t begun_iterations_ = 0, begun_factorizations_ = 0;

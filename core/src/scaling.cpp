@@ -57,7 +57,7 @@ struct Block {
   Vector norm;
 };
 
-void equilibrate(ScaledProblem& p, int passes) {
+void equilibrate(ScaledProblem& p, int passes, const Interrupt& interrupt) {
   Block blocks[] = {{&p.A, &p.equality_scale, {}},
                     {&p.C, &p.inequality_scale, {}},
                     {&p.L, &p.left_scale, {}},
@@ -65,7 +65,7 @@ void equilibrate(ScaledProblem& p, int passes) {
   for (Block& block : blocks) block.scale->setOnes(block.matrix->rows);
   p.variable_scale.setOnes(p.variables());
   Vector column_norm(p.variables());
-  for (int pass = 0; pass < passes; ++pass) {
+  for (int pass = 0; pass < passes && !interrupt.requested(); ++pass) {
     column_norm.setZero();
     absorb_norms(p.Q, column_norm);
     for (Block& block : blocks) {
@@ -132,7 +132,7 @@ bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
   return changed;
 }
 
-ScaledProblem scale(const Problem& problem, int passes) {
+ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interrupt) {
   const ProblemView& view = problem.view();
   const Index n = problem.variables();
   ScaledProblem p;
@@ -148,7 +148,7 @@ ScaledProblem scale(const Problem& problem, int passes) {
   p.r = copy(view.r);
   p.c0 = view.c0;
 
-  equilibrate(p, passes);
+  equilibrate(p, passes, interrupt);
   p.g.array() *= p.variable_scale.array();
   if (passes > 0) p.cost_scale = cost_scale(p);
   // Once more from the original: the same bits as an update with the same numbers.

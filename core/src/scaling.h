@@ -5,6 +5,7 @@
 // A pair's two rows are scaled apart: s̄ t̄ = κ then relaxes s t to κ / (E_L E_R).
 #pragma once
 
+#include "interrupt.h"
 #include "linear_algebra.h"
 #include "marble/problem.h"
 
@@ -29,8 +30,9 @@ struct ScaledProblem {
 };
 
 /// Ruiz equilibration of [Q Aᵀ Cᵀ Lᵀ Rᵀ; A; C; L; R] in the ∞-norm, `passes` times, then the cost by
-/// 1 / max(mean column norm of Q̄, ‖ḡ‖∞). Zero rows and columns keep the scale 1.
-ScaledProblem scale(const Problem& problem, int passes);
+/// 1 / max(mean column norm of Q̄, ‖ḡ‖∞). Zero rows and columns keep the scale 1. Interrupted, it leaves
+/// passes out.
+ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interrupt = {});
 
 /// Puts new numbers into the same pattern, with the scale factors it has: those of the first problem. True if
 /// a matrix changed.

@@ -1,6 +1,8 @@
 #include "marble/solver.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "parametric.h"
 #include "stationarity.h"
@@ -32,6 +34,62 @@ double bytes_without_factor(const Problem& problem) {
          Parametric::response_bytes(problem.pairs(), rows) + kFixed;
 }
 
+// Flops that one factorization may have. No machine does more than kFlopsPerSecond of them on one thread
+// (about 10⁹ are usual), and what takes less than kShort_s at that rate is not worth a refusal: a time limit
+// ends it.
+struct MostFlops {
+  static constexpr double kFlopsPerSecond = 2e10;
+  static constexpr double kShort_s = 0.5;
+
+  MostFlops(const Options& options, const SetupControls& controls)
+      : by_time_limit(options.time_limit_s < controls.most_factorization_s),
+        seconds(by_time_limit ? options.time_limit_s : controls.most_factorization_s) {}
+
+  [[nodiscard]] double flops() const { return kFlopsPerSecond * std::max(kShort_s, seconds); }
+  [[nodiscard]] Error refusal(double needed) const {
+    char value[64];
+    char bound[128];
+    std::snprintf(value, sizeof value, "a factorization of %.2g flops", needed);
+    std::snprintf(bound, sizeof bound, "must have at most %.2g to fit %s of %g s on the fastest machine",
+                  flops(), by_time_limit ? "the time limit" : "the limit for one", seconds);
+    return {ErrorCode::resource_exhausted, "problem", -1, value, bound};
+  }
+
+  bool by_time_limit;
+  double seconds;
+};
+
+Error ended(bool stopped) {
+  const char* const when = "while the problem was prepared";
+  return stopped ? Error{ErrorCode::cancelled, "", -1, "", std::string("stopped ") + when}
+                 : Error{ErrorCode::deadline_exceeded, "", -1, "", std::string("the time was up ") + when};
+}
+
+Solution answer(const ScaledProblem& problem, const Ending& ending, const Iterate& x, const Run& run) {
+  Images images(problem);
+  images.evaluate(problem, x);
+  const double cost = 1.0 / problem.cost_scale;
+  Solution solution;
+  solution.status = ending.status;
+  solution.detail = ending.detail;
+  if (run.nonconvex && is_solved(ending.status)) solution.detail += "; Q is not convex: a local solution";
+  solution.certificate = ending.certificate;
+  solution.z = unscaled(x.z(), problem.variable_scale, 1.0);
+  solution.equality_multipliers = unscaled(x.y(), problem.equality_scale, cost);
+  solution.inequality_multipliers = unscaled(x.lambda_w(), problem.inequality_scale, -cost);
+  solution.complementarity_multipliers_L = unscaled(x.lambda_L(), problem.left_scale, -cost);
+  solution.complementarity_multipliers_R = unscaled(x.lambda_R(), problem.right_scale, -cost);
+  if (is_solved(ending.status)) solution.stationarity = classify(images, x);
+  solution.objective = cost * images.objective + problem.c0;
+  solution.violations = violations(problem, images);
+  solution.kkt_residual = cost * max_abs(images.stationarity.cwiseQuotient(problem.variable_scale));
+  solution.iterations = run.iterations;
+  solution.factorizations = run.factorizations;
+  solution.times = run.times;
+  solution.times.solve_s = run.elapsed_s();
+  return solution;
+}
+
 }  // namespace
 
 struct Solver::State {
@@ -47,8 +105,6 @@ struct Solver::State {
 
   [[nodiscard]] Expected<void> take_warm_start(const Solution& solution);
 
-  [[nodiscard]] Solution answer(const Ending& ending, const Iterate& x, const Run& run) const;
-
   Options options;
   PartSizes sizes;
   ScaledProblem problem;
@@ -59,33 +115,6 @@ struct Solver::State {
   double setup_s = 0.0;
   std::int64_t memory_bytes = 0;
 };
-
-Solution Solver::State::answer(const Ending& ending, const Iterate& x, const Run& run) const {
-  Images images(problem);
-  images.evaluate(problem, x);
-  const double cost = 1.0 / problem.cost_scale;
-  Solution solution;
-  solution.status = ending.status;
-  solution.detail = ending.detail;
-  if (run.nonconvex && is_solved(ending.status)) solution.detail += "; Q is not convex: a local solution";
-  solution.certificate = ending.certificate;
-  solution.z = unscaled(x.z(), problem.variable_scale, 1.0);
-  solution.equality_multipliers = unscaled(x.y(), problem.equality_scale, cost);
-  solution.inequality_multipliers = unscaled(x.lambda_w(), problem.inequality_scale, -cost);
-  solution.complementarity_multipliers_L = unscaled(x.lambda_L(), problem.left_scale, -cost);
-  solution.complementarity_multipliers_R = unscaled(x.lambda_R(), problem.right_scale, -cost);
-  if (is_solved(ending.status)) solution.stationarity = classify(images, x);
-  solution.b_stationary = strategy.b_stationary();
-  solution.objective = cost * images.objective + problem.c0;
-  solution.violations = violations(problem, images);
-  solution.kkt_residual = cost * max_abs(images.stationarity.cwiseQuotient(problem.variable_scale));
-  solution.iterations = run.iterations;
-  solution.factorizations = run.factorizations;
-  solution.times = run.times;
-  solution.times.setup_s = setup_s;
-  solution.times.solve_s = run.elapsed_s();
-  return solution;
-}
 
 Expected<void> Solver::State::take_warm_start(const Solution& solution) {
   const double cost = problem.cost_scale;
@@ -121,22 +150,29 @@ Solver::Solver(Solver&&) noexcept = default;
 Solver& Solver::operator=(Solver&&) noexcept = default;
 Solver::~Solver() = default;
 
-Expected<Solver> Solver::create(const Problem& problem, const Options& options, std::int64_t most_bytes) {
+Expected<Solver> Solver::create(const Problem& problem, const Options& options,
+                                const SetupControls& controls) {
   if (auto valid = validate(options); !valid) return unexpected(valid.error());
   const auto begin = Run::Clock::now();
-  const auto refuse = [most_bytes](double bytes) {
+  const Interrupt interrupt(controls.stop, controls.until);
+  const auto refuse = [&controls](double bytes) {
     return unexpected(Error{ErrorCode::resource_exhausted, "problem", -1,
                             std::to_string(static_cast<std::int64_t>(bytes)) + " bytes of memory",
-                            "a solver may take at most " + std::to_string(most_bytes)});
+                            "a solver may take at most " + std::to_string(controls.most_bytes)});
   };
   double own_bytes = bytes_without_factor(problem);
   own_bytes += FurtherStarts::extra_bytes(options, own_bytes);
-  const auto limit = static_cast<double>(most_bytes);
+  const auto limit = static_cast<double>(controls.most_bytes);
   if (own_bytes > limit) return refuse(own_bytes);
-  ScaledProblem scaled = scale(problem, options.scaling_passes);
-  double least_bytes = 0.0;
-  std::unique_ptr<Kkt> kkt = make_kkt(scaled, limit - own_bytes, least_bytes);
-  if (kkt == nullptr) return refuse(own_bytes + least_bytes);
+  ScaledProblem scaled = scale(problem, options.scaling_passes, interrupt);
+  const MostFlops most(options, controls);
+  KktCost least;
+  std::unique_ptr<Kkt> kkt = make_kkt(scaled, {limit - own_bytes, most.flops()}, interrupt, least);
+  if (kkt == nullptr) {
+    if (interrupt.requested()) return unexpected(ended(interrupt.stop_requested()));
+    if (least.bytes > limit - own_bytes) return refuse(own_bytes + least.bytes);
+    return unexpected(most.refusal(least.flops));
+  }
   const double factor_bytes = kkt->bytes() + FurtherStarts::extra_bytes(options, kkt->bytes());
   if (own_bytes + factor_bytes > limit) return refuse(own_bytes + factor_bytes);
   auto state = std::make_unique<State>(problem, options, std::move(scaled), std::move(kkt));
@@ -166,6 +202,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
     return unexpected(valid.error());
   }
   Run run(state_->options, controls);
+  state_->kkt->attend(run.interrupt());
   state_->initial_z.setZero();
   if (!controls.initial_z.empty()) {
     const Eigen::Map<const Vector> z(controls.initial_z.data(), state_->problem.variables());
@@ -178,9 +215,40 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   if (controls.warm_start != nullptr)
     warm_start = Strategy::WarmStart{&state_->warm_start, controls.warm_start->cold_objective};
   const Ending ending = state_->strategy.run(run, state_->initial_z, warm_start);
-  Solution solution = state_->answer(ending, state_->strategy.best(), run);
+  Solution solution = answer(state_->problem, ending, state_->strategy.best(), run);
+  solution.b_stationary = state_->strategy.b_stationary();
+  solution.times.setup_s = state_->setup_s;
   const bool stayed_warm = controls.warm_start != nullptr && state_->strategy.stayed_warm();
   solution.cold_objective = stayed_warm ? controls.warm_start->cold_objective : solution.objective;
+  return solution;
+}
+
+Expected<Solution> solve_once(const Problem& problem, const Options& options, const SolveControls& controls,
+                              const SetupControls& setup, const std::function<void(const Solver&)>& ready) {
+  if (auto valid = Problem::check_initial_point(controls.initial_z, problem.variables()); !valid)
+    return unexpected(valid.error());
+  SolveControls own = controls;
+  if (!own.begun) own.begun = Run::Clock::now();
+  SetupControls limits = setup;
+  limits.stop = controls.stop;
+  limits.until = after(*own.begun, options.time_limit_s);
+  auto solver = Solver::create(problem, options, limits);
+  if (solver) {
+    if (ready) ready(*solver);
+    return solver->solve(own);
+  }
+  const bool stopped = solver.error().code == ErrorCode::cancelled;
+  if (!stopped && solver.error().code != ErrorCode::deadline_exceeded) return unexpected(solver.error());
+  const ScaledProblem unscaled = scale(problem, 0);
+  Iterate x(unscaled);
+  x.all.setZero();
+  if (!controls.initial_z.empty()) x.z() = Eigen::Map<const Vector>(controls.initial_z.data(), x.z().size());
+  Solution solution =
+      answer(unscaled, {stopped ? Status::cancelled : Status::time_limit, solver.error().bound, {}}, x,
+             Run(options, own));
+  solution.times.setup_s = std::chrono::duration<double>(Run::Clock::now() - *own.begun).count();
+  solution.times.solve_s = 0.0;
+  solution.cold_objective = solution.objective;
   return solution;
 }
 
@@ -188,9 +256,7 @@ Expected<Solution> solve_in_process(const ProblemView& view, const Options& opti
                                     const SolveControls& controls) {
   const auto problem = Problem::create(view);
   if (!problem) return unexpected(problem.error());
-  auto solver = Solver::create(*problem, options);
-  if (!solver) return unexpected(solver.error());
-  return solver->solve(controls);
+  return solve_once(*problem, options, controls);
 }
 
 }  // namespace marble

@@ -1,13 +1,7 @@
 #include "sparse_kkt.h"
 
-#include <amd.h>
-extern "C" {  // ldl.h forgets to say so
-#include <ldl.h>
-}
-
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 namespace marble {
 namespace {
@@ -29,23 +23,24 @@ class PatternBuilder {
   explicit PatternBuilder(Index size) : columns_(static_cast<std::size_t>(size)) {}
   void add(Index a, Index b) { columns_[std::max(a, b)].push_back(std::min(a, b)); }
 
-  void compress() {
-    pointers.assign(1, 0);
+  void compress(Checkpoint& checkpoint) {
+    pattern.pointers.assign(1, 0);
     for (std::vector<Index>& column : columns_) {
+      if (checkpoint.reached(static_cast<std::int64_t>(column.size()))) return;
       std::sort(column.begin(), column.end());
       column.erase(std::unique(column.begin(), column.end()), column.end());
-      rows.insert(rows.end(), column.begin(), column.end());
-      pointers.push_back(static_cast<Index>(rows.size()));
+      pattern.rows.insert(pattern.rows.end(), column.begin(), column.end());
+      pattern.pointers.push_back(static_cast<Index>(pattern.rows.size()));
     }
   }
   [[nodiscard]] Index slot(Index a, Index b) const {
     const Index column = std::max(a, b);
-    const auto begin = rows.begin() + pointers[column];
-    const auto end = rows.begin() + pointers[column + 1];
-    return static_cast<Index>(std::lower_bound(begin, end, std::min(a, b)) - rows.begin());
+    const auto begin = pattern.rows.begin() + pattern.pointers[column];
+    const auto end = pattern.rows.begin() + pattern.pointers[column + 1];
+    return static_cast<Index>(std::lower_bound(begin, end, std::min(a, b)) - pattern.rows.begin());
   }
 
-  std::vector<Index> pointers, rows;
+  Pattern pattern;
 
  private:
   std::vector<std::vector<Index>> columns_;
@@ -56,7 +51,13 @@ class PatternBuilder {
 SparseKkt::SparseKkt(const ScaledProblem& problem, KeptRows kept)
     : kept_(kept), variables_(problem.variables()), equalities_(problem.equalities()) {
   gather_rows(problem, kept);
-  build_pattern(problem);
+}
+
+std::unique_ptr<SparseKkt> SparseKkt::analyse(const ScaledProblem& problem, KeptRows kept,
+                                              const Interrupt& interrupt) {
+  std::unique_ptr<SparseKkt> kkt(new SparseKkt(problem, kept));
+  kkt->attend(interrupt);
+  return kkt->build_pattern(problem) ? std::move(kkt) : nullptr;
 }
 
 // A condensed row brings a coordinate and a slot for each pair of its columns.
@@ -72,22 +73,15 @@ double SparseKkt::analysis_bytes(const ScaledProblem& problem, KeptRows kept) {
   return 4.0 * sizeof(Index) * coordinates;
 }
 
-void SparseKkt::allocate(const ScaledProblem& problem) {
-  const auto size = static_cast<std::size_t>(size_);
-  const auto entries = static_cast<std::size_t>(factor_pointers_.back());
-  constant_.assign(row_indices_.size(), 0.0);
-  values_.resize(row_indices_.size());
-  factor_rows_.resize(entries);
-  factor_values_.resize(entries);
-  pivots_.resize(size);
-  inverse_pivots_.resize(size);
-  dense_row_.assign(size, 0.0);
-  next_.resize(size);
-  find_row_patterns();
+bool SparseKkt::allocate(const ScaledProblem& problem) {
+  constant_.assign(ldl_.matrix().rows.size(), 0.0);
+  values_.resize(constant_.size());
+  if (!ldl_.allocate(interrupt())) return false;
   right_side_.resize(size_);
   solution_.resize(size_);
   residual_.resize(size_);
   load(problem);
+  return true;
 }
 
 void SparseKkt::gather_rows(const ScaledProblem& problem, KeptRows kept) {
@@ -121,7 +115,7 @@ void SparseKkt::gather_rows(const ScaledProblem& problem, KeptRows kept) {
   }
 }
 
-void SparseKkt::build_pattern(const ScaledProblem& problem) {
+bool SparseKkt::build_pattern(const ScaledProblem& problem) {
   const Index n = variables_;
   size_ = n + equalities_;
   std::vector<Index> first_kept;  // number of the (first) own row of each kept constraint, in row order
@@ -134,7 +128,8 @@ void SparseKkt::build_pattern(const ScaledProblem& problem) {
     if (row.kept) size_ += 2;
   }
 
-  PatternBuilder pattern(size_);
+  PatternBuilder builder(size_);
+  Checkpoint checkpoint(interrupt());
   const auto visit_constants = [&](auto&& visit) {
     for (Index column = 0; column < n; ++column) {
       for (Index k = problem.Q.column_pointers[column]; k < problem.Q.column_pointers[column + 1]; ++k) {
@@ -155,7 +150,7 @@ void SparseKkt::build_pattern(const ScaledProblem& problem) {
         for (std::size_t k = 0; k < length; ++k) visit(row.columns[k], own + 1, row.second_slots);
       }
     } else {
-      for (std::size_t a = 0; a < length; ++a) {
+      for (std::size_t a = 0; a < length && !checkpoint.reached(static_cast<std::int64_t>(a)); ++a) {
         for (std::size_t b = 0; b <= a; ++b) visit(row.columns[a], row.columns[b], row.slots);
       }
     }
@@ -166,25 +161,12 @@ void SparseKkt::build_pattern(const ScaledProblem& problem) {
     for (Row& row : pair_rows_) visit_row(row, first_kept[number++], visit);
   };
 
-  for (Index i = 0; i < size_; ++i) pattern.add(i, i);
-  visit_constants([&](Index a, Index b) { pattern.add(a, b); });
-  visit_rows([&](Index a, Index b, std::vector<Index>&) { pattern.add(a, b); });
-  pattern.compress();
-  order_and_analyse(pattern.pointers, pattern.rows);
-
-  // From the pattern's slots to those of the permuted matrix.
-  std::vector<Index> moved(pattern.rows.size());
-  std::vector<Index> next = column_pointers_;
-  row_indices_.resize(pattern.rows.size());
-  for (Index column = 0; column < size_; ++column) {
-    for (Index k = pattern.pointers[column]; k < pattern.pointers[column + 1]; ++k) {
-      const Index a = inverse_permutation_[pattern.rows[k]];
-      const Index b = inverse_permutation_[column];
-      moved[k] = next[std::max(a, b)]++;
-      row_indices_[moved[k]] = std::min(a, b);
-    }
-  }
-  const auto slot = [&](Index a, Index b) { return moved[pattern.slot(a, b)]; };
+  for (Index i = 0; i < size_; ++i) builder.add(i, i);
+  visit_constants([&](Index a, Index b) { builder.add(a, b); });
+  visit_rows([&](Index a, Index b, std::vector<Index>&) { builder.add(a, b); });
+  builder.compress(checkpoint);
+  if (checkpoint.reached(0) || !ldl_.analyse(builder.pattern, interrupt())) return false;
+  const auto slot = [&](Index a, Index b) { return ldl_.places()[builder.slot(a, b)]; };
 
   visit_constants([&](Index a, Index b) { constant_slots_.push_back(slot(a, b)); });
   visit_rows([&](Index a, Index b, std::vector<Index>& slots) { slots.push_back(slot(a, b)); });
@@ -200,6 +182,21 @@ void SparseKkt::build_pattern(const ScaledProblem& problem) {
     row.diagonal = slot(own, own);
     row.second_diagonal = slot(own + 1, own + 1);
   }
+  ldl_.forget_places();
+  flops_ = estimated_flops();
+  return !checkpoint.reached(0);
+}
+
+// Of the factorization, and of putting the matrix together.
+double SparseKkt::estimated_flops() const {
+  double flops = static_cast<double>(ldl_.matrix().rows.size()) + ldl_.flops();
+  for (const auto* group : {&inequality_rows_, &pair_rows_}) {
+    for (const Row& row : *group) {
+      const auto length = static_cast<double>(row.columns.size());
+      flops += row.kept ? 2.0 * length : length * (length + 1.0);
+    }
+  }
+  return flops;
 }
 
 void SparseKkt::load(const ScaledProblem& problem) {
@@ -223,103 +220,6 @@ void SparseKkt::load(const ScaledProblem& problem) {
     spread(problem.L, i, pair_rows_[i], pair_rows_[i].values);
     spread(problem.R, i, pair_rows_[i], pair_rows_[i].second_values);
   }
-}
-
-void SparseKkt::order_and_analyse(const std::vector<Index>& columns, const std::vector<Index>& rows) {
-  const auto size = static_cast<std::size_t>(size_);
-  permutation_.resize(size);
-  inverse_permutation_.resize(size);
-  if (amd_order(size_, columns.data(), rows.data(), permutation_.data(), nullptr, nullptr) < AMD_OK) {
-    std::iota(permutation_.begin(), permutation_.end(), 0);
-  }
-  for (Index i = 0; i < size_; ++i) inverse_permutation_[permutation_[i]] = i;
-
-  column_pointers_.assign(size + 1, 0);
-  for (Index column = 0; column < size_; ++column) {
-    for (Index k = columns[column]; k < columns[column + 1]; ++k) {
-      ++column_pointers_[std::max(inverse_permutation_[rows[k]], inverse_permutation_[column]) + 1];
-    }
-  }
-  std::partial_sum(column_pointers_.begin(), column_pointers_.end(), column_pointers_.begin());
-
-  // The elimination tree needs the permuted row indices; their order within a column does not matter to LDL.
-  std::vector<Index> permuted_rows(rows.size());
-  std::vector<Index> next = column_pointers_;
-  for (Index column = 0; column < size_; ++column) {
-    for (Index k = columns[column]; k < columns[column + 1]; ++k) {
-      const Index a = inverse_permutation_[rows[k]];
-      const Index b = inverse_permutation_[column];
-      permuted_rows[next[std::max(a, b)]++] = std::min(a, b);
-    }
-  }
-  factor_pointers_.resize(size + 1);
-  parent_.resize(size);
-  factor_counts_.resize(size);
-  flag_.resize(size);
-  ldl_symbolic(size_, column_pointers_.data(), permuted_rows.data(), factor_pointers_.data(), parent_.data(),
-               factor_counts_.data(), flag_.data(), nullptr, nullptr);
-  flops_ = static_cast<double>(rows.size());
-  for (const Index count : factor_counts_) flops_ += static_cast<double>(count) * (count + 2.0);
-  for (const auto* group : {&inequality_rows_, &pair_rows_}) {
-    for (const Row& row : *group) {
-      const auto length = static_cast<double>(row.columns.size());
-      flops_ += row.kept ? 2.0 * length : length * (length + 1.0);
-    }
-  }
-}
-
-// Row k of L has entries where the paths from its columns to k in the elimination tree lead (Davis, "Direct
-// Methods for Sparse Linear Systems", 2006, section 4.2). The same at every factorization: found once.
-void SparseKkt::find_row_patterns() {
-  row_patterns_.reserve(factor_rows_.size());
-  row_pattern_pointers_.assign(1, 0);
-  std::fill(flag_.begin(), flag_.end(), -1);
-  std::copy(factor_pointers_.begin(), factor_pointers_.end() - 1, next_.begin());
-  for (Index k = 0; k < size_; ++k) {
-    flag_[k] = k;
-    const auto begin = static_cast<std::ptrdiff_t>(row_patterns_.size());
-    for (Index at = column_pointers_[k]; at < column_pointers_[k + 1]; ++at) {
-      for (Index i = row_indices_[at]; flag_[i] != k; i = parent_[i]) {
-        row_patterns_.push_back(i);
-        flag_[i] = k;
-      }
-    }
-    std::sort(row_patterns_.begin() + begin, row_patterns_.end());
-    row_pattern_pointers_.push_back(static_cast<Index>(row_patterns_.size()));
-    for (auto i = row_patterns_.begin() + begin; i != row_patterns_.end(); ++i) factor_rows_[next_[*i]++] = k;
-  }
-}
-
-// Up-looking LDLᵀ, as in SuiteSparse's LDL but with the patterns at hand. False at a pivot that is 0.
-bool SparseKkt::factorize() {
-  std::copy(factor_pointers_.begin(), factor_pointers_.end() - 1, next_.begin());
-  double* const row = dense_row_.data();
-  for (Index k = 0; k < size_; ++k) {
-    double pivot = 0.0;
-    for (Index at = column_pointers_[k]; at < column_pointers_[k + 1]; ++at) {
-      const Index i = row_indices_[at];
-      if (i == k) {
-        pivot = values_[at];
-      } else {
-        row[i] = values_[at];
-      }
-    }
-    for (Index at = row_pattern_pointers_[k]; at < row_pattern_pointers_[k + 1]; ++at) {
-      const Index i = row_patterns_[at];
-      const double entry = row[i];
-      row[i] = 0.0;
-      const Index end = next_[i];
-      for (Index p = factor_pointers_[i]; p < end; ++p) row[factor_rows_[p]] -= factor_values_[p] * entry;
-      const double scaled = entry * inverse_pivots_[i];
-      pivot -= scaled * entry;
-      factor_values_[end] = scaled;
-      next_[i] = end + 1;
-    }
-    if (pivot == 0.0) return false;
-    pivots_[k] = pivot;
-    inverse_pivots_[k] = 1.0 / pivot;
-  }
-  return true;
 }
 
 void SparseKkt::add_condensed(const Row& row, double left_left, double left_right, double right_right) {
@@ -388,73 +288,51 @@ Index SparseKkt::kept_negative_weights(const RowWeights& weights) const {
 
 bool SparseKkt::factor(const RowWeights& weights) {
   assemble(weights);
-  if (!factorize()) return false;
+  if (!ldl_.factorize(values_, interrupt())) return false;
   // Haynsworth: a kept row with k > 0 asks for a negative pivot, one with k < 0 for a positive one.
-  const auto positive =
-      static_cast<Index>(std::count_if(pivots_.begin(), pivots_.end(), [](double d) { return d > 0.0; }));
-  return positive == variables_ + kept_negative_weights(weights);
-}
-
-void SparseKkt::back_substitute(double* out, Index first) const {
-  const Index* const pointers = factor_pointers_.data();
-  const Index* const rows = factor_rows_.data();
-  const double* const factor = factor_values_.data();
-  for (Index j = first; j < size_; ++j) {
-    const double entry = out[j];
-    if (entry == 0.0) continue;
-    for (Index k = pointers[j]; k < pointers[j + 1]; ++k) out[rows[k]] -= factor[k] * entry;
-    out[j] = entry * inverse_pivots_[j];
-  }
-  for (Index j = size_ - 1; j >= 0; --j) {
-    double even = out[j];  // two sums: one would wait for itself
-    double odd = 0.0;
-    Index k = pointers[j];
-    const Index end = pointers[j + 1];
-    for (; k + 1 < end; k += 2) {
-      even -= factor[k] * out[rows[k]];
-      odd += factor[k + 1] * out[rows[k + 1]];
-    }
-    if (k < end) even -= factor[k] * out[rows[k]];
-    out[j] = even - odd;
-  }
+  return ldl_.positive_pivots() == variables_ + kept_negative_weights(weights);
 }
 
 // Most of the forward substitution has nothing to do.
-void SparseKkt::solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) {
-  double* const out = solution_.data();
+bool SparseKkt::solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) {
+  const std::vector<Index>& position = ldl_.position();
   solution_.setZero();
   Index first = size_;
   for (std::size_t k = 0; k < indices.size(); ++k) {
-    const Index at = inverse_permutation_[indices[k]];
-    out[at] = values[k];
+    const Index at = position[indices[k]];
+    solution_[at] = values[k];
     first = std::min(first, at);
   }
-  back_substitute(out, first);
-  for (Index i = 0; i < variables_; ++i) x[i] = out[inverse_permutation_[i]];
+  if (!ldl_.solve(solution_.data(), first, interrupt())) return false;
+  for (Index i = 0; i < variables_; ++i) x[i] = solution_[position[i]];
+  return true;
 }
 
-void SparseKkt::solve(VectorRef x, VectorRef y) {
+bool SparseKkt::solve(VectorRef x, VectorRef y) {
+  const std::vector<Index>& position = ldl_.position();
+  const Pattern& matrix = ldl_.matrix();
   right_side_.setZero();
-  for (Index i = 0; i < variables_; ++i) right_side_[inverse_permutation_[i]] = x[i];
-  for (Index i = 0; i < equalities_; ++i) right_side_[inverse_permutation_[variables_ + i]] = y[i];
+  for (Index i = 0; i < variables_; ++i) right_side_[position[i]] = x[i];
+  for (Index i = 0; i < equalities_; ++i) right_side_[position[variables_ + i]] = y[i];
   solution_ = right_side_;
-  back_substitute(solution_.data(), 0);
+  if (!ldl_.solve(solution_.data(), 0, interrupt())) return false;
 
   residual_ = right_side_;
   for (Index column = 0; column < size_; ++column) {
     double sum = 0.0;
-    for (Index k = column_pointers_[column]; k < column_pointers_[column + 1]; ++k) {
-      const Index row = row_indices_[k];
+    for (Index k = matrix.pointers[column]; k < matrix.pointers[column + 1]; ++k) {
+      const Index row = matrix.rows[k];
       sum += values_[k] * solution_[row];
       if (row != column) residual_[row] -= values_[k] * solution_[column];
     }
     residual_[column] -= sum;
   }
-  back_substitute(residual_.data(), 0);
+  if (!ldl_.solve(residual_.data(), 0, interrupt())) return false;
   solution_ += residual_;
 
-  for (Index i = 0; i < variables_; ++i) x[i] = solution_[inverse_permutation_[i]];
-  for (Index i = 0; i < equalities_; ++i) y[i] = solution_[inverse_permutation_[variables_ + i]];
+  for (Index i = 0; i < variables_; ++i) x[i] = solution_[position[i]];
+  for (Index i = 0; i < equalities_; ++i) y[i] = solution_[position[variables_ + i]];
+  return true;
 }
 
 std::string_view SparseKkt::name() const {
@@ -478,13 +356,11 @@ double SparseKkt::bytes() const {
       row_entries += static_cast<double>(row.columns.size());
     }
   }
-  const double factor_entries = factor_pointers_.back();
-  const auto pattern_entries = static_cast<double>(row_indices_.size());
-  return factor_entries * (sizeof(double) + 2.0 * sizeof(Index)) +
-         pattern_entries * (2.0 * sizeof(double) + sizeof(Index)) + slots * sizeof(Index) +
+  const auto pattern_entries = static_cast<double>(ldl_.matrix().rows.size());
+  return ldl_.bytes() + pattern_entries * 2.0 * sizeof(double) + slots * sizeof(Index) +
          row_entries * (2.0 * sizeof(double) + sizeof(Index)) +
          static_cast<double>(inequality_rows_.size() + pair_rows_.size()) * sizeof(Row) +
-         size_ * (6.0 * sizeof(double) + 9.0 * sizeof(Index));
+         size_ * (3.0 * sizeof(double) + 2.0 * sizeof(Index));
 }
 
 }  // namespace marble

@@ -1,11 +1,12 @@
-// Sparse backend: LDLᵀ of the AMD-ordered system; SuiteSparse's LDL and AMD analyse it once, the numeric
-// factor is found in place.
+// Sparse backend: LDLᵀ of the system, its pattern analysed once.
 #pragma once
 
+#include <memory>
 #include <string_view>
 #include <vector>
 
 #include "kkt.h"
+#include "sparse_ldl.h"
 
 namespace marble {
 
@@ -18,16 +19,19 @@ enum class KeptRows {
 
 class SparseKkt final : public Kkt {
  public:
-  /// Orders and analyses the pattern. Nothing numeric is there before allocate().
-  SparseKkt(const ScaledProblem& problem, KeptRows kept);
+  /// Orders and analyses the pattern. Nothing numeric is there before allocate(). Null if interrupted, as it
+  /// then is.
+  [[nodiscard]] static std::unique_ptr<SparseKkt> analyse(const ScaledProblem& problem, KeptRows kept,
+                                                          const Interrupt& interrupt = {});
   /// Memory that the analysis itself takes, before there is anything to look at.
   [[nodiscard]] static double analysis_bytes(const ScaledProblem& problem, KeptRows kept);
 
-  void allocate(const ScaledProblem& problem) override;
+  [[nodiscard]] bool allocate(const ScaledProblem& problem) override;
   void load(const ScaledProblem& problem) override;
   [[nodiscard]] bool factor(const RowWeights& weights) override;
-  void solve(VectorRef x, VectorRef y) override;
-  void solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) override;
+  [[nodiscard]] bool solve(VectorRef x, VectorRef y) override;
+  [[nodiscard]] bool solve_sparse(std::span<const Index> indices, std::span<const double> values,
+                                  VectorRef x) override;
   [[nodiscard]] std::string_view name() const override;
   [[nodiscard]] double flops() const override { return flops_; }
   [[nodiscard]] double bytes() const override;
@@ -45,32 +49,22 @@ class SparseKkt final : public Kkt {
     Index diagonal = -1, second_diagonal = -1;  // kept: slots of −1/k
   };
 
+  SparseKkt(const ScaledProblem& problem, KeptRows kept);
   void gather_rows(const ScaledProblem& problem, KeptRows kept);
-  void build_pattern(const ScaledProblem& problem);
-  void order_and_analyse(const std::vector<Index>& columns, const std::vector<Index>& rows);
+  [[nodiscard]] bool build_pattern(const ScaledProblem& problem);
+  [[nodiscard]] double estimated_flops() const;
   void assemble(const RowWeights& weights);
   void add_condensed(const Row& row, double left_left, double left_right, double right_right);
-  void find_row_patterns();
-  [[nodiscard]] bool factorize();
-  void back_substitute(double* out, Index first) const;
   [[nodiscard]] Index kept_negative_weights(const RowWeights& weights) const;
 
   KeptRows kept_;
   Index variables_, equalities_, size_ = 0;
   std::vector<Row> inequality_rows_, pair_rows_;
   double flops_ = 0.0;
-
-  // Upper triangle of the permuted matrix, by columns.
-  std::vector<Index> column_pointers_, row_indices_;
-  std::vector<double> constant_, values_;
-  std::vector<Index> constant_slots_;  // of the entries of Q and A, in their order
-  std::vector<Index> diagonal_slots_;  // of x and y
-  std::vector<Index> permutation_, inverse_permutation_;
-
-  // LDL: factor and workspace.
-  std::vector<Index> factor_pointers_, parent_, factor_counts_, factor_rows_, flag_, next_;
-  std::vector<Index> row_pattern_pointers_, row_patterns_;  // of L by rows
-  std::vector<double> factor_values_, pivots_, inverse_pivots_, dense_row_;
+  SparseLdl ldl_;
+  std::vector<double> constant_, values_;  // of the permuted matrix: what never changes, and all
+  std::vector<Index> constant_slots_;      // of the entries of Q and A, in their order
+  std::vector<Index> diagonal_slots_;      // of x and y
   Vector right_side_, solution_, residual_;
 };
 

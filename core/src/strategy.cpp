@@ -119,15 +119,16 @@ Ending Strategy::run(Run& run, ConstVectorRef initial_z, const std::optional<War
   if (stayed_warm_) return finish_exact(run);
   Ending end = cold(run);
   if (has_exact_) return finish_exact(run);
-  if (const auto reason = run.interrupted(); reason && !is_solved(end.status))
-    return {*reason, "stopped early; " + describe(fallback_violations_), {}};
-  if (end.status == Status::numerical_failure || end.status == Status::locally_infeasible) {
+  if (!run.interrupted() &&
+      (end.status == Status::numerical_failure || end.status == Status::locally_infeasible)) {
     if (std::vector<double> proof = prove_infeasible(run); !proof.empty())
       return {Status::infeasible,
               "the constraints contradict each other even without complementarity; " +
                   describe(fallback_violations_),
               std::move(proof)};
   }
+  if (const auto reason = run.interrupted(); reason && !is_solved(end.status))
+    return {*reason, "stopped early; " + describe(fallback_violations_), {}};
   if (end.status == Status::numerical_failure && branch_infeasible_)
     return {Status::locally_infeasible, "no feasible branch near; " + end.detail, {}};
   if (end.detail.empty()) end.detail = "path; " + describe(fallback_violations_);
@@ -182,7 +183,8 @@ std::optional<Ending> Strategy::follow_path(Run& run, double kappa_end) {
 // The last resort of a solve without an answer, with workspace of its own.
 std::vector<double> Strategy::prove_infeasible(Run& run) {
   const ScaledProblem relaxed = feasibility_relaxation(problem_);
-  const std::unique_ptr<Kkt> kkt = make_kkt(relaxed);
+  const std::unique_ptr<Kkt> kkt = make_kkt(relaxed, run.interrupt());
+  if (kkt == nullptr) return {};
   ActiveSet active_set(relaxed, *kkt);
   active_set.start_from_point(fallback_.z());
   if (!active_set.relax(run, kProofRho, false, kExactBudget)) return {};

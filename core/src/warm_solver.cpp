@@ -12,11 +12,11 @@ WarmSolver::WarmSolver(Solver solver, const PartSizes& sizes, double setup_s,
       initial_z_(initial_z.begin(), initial_z.end()) {}
 
 Expected<WarmSolver> WarmSolver::create(const Problem& problem, const Options& options,
-                                        std::span<const double> initial_z, std::int64_t most_bytes) {
+                                        std::span<const double> initial_z, const SetupControls& controls) {
   if (auto valid = Problem::check_initial_point(initial_z, problem.variables()); !valid)
     return unexpected(valid.error());
   const auto begin = std::chrono::steady_clock::now();
-  auto solver = Solver::create(problem, options, most_bytes);
+  auto solver = Solver::create(problem, options, controls);
   if (!solver) return unexpected(solver.error());
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
   return WarmSolver(std::move(*solver), PartSizes::of(problem), took.count(), initial_z);

@@ -1,6 +1,7 @@
 #include "support/random_problem.h"
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <random>
 
 namespace marble::testing {
@@ -78,6 +79,26 @@ OwnedProblem random_problem(const RandomSizes& sizes, std::uint64_t seed) {
   p.l = values(l);
   p.R = sparse(R);
   p.r = values(r);
+  return p;
+}
+
+OwnedProblem filling_problem(Index n) {
+  std::mt19937_64 random(1);
+  const auto any = [&] { return static_cast<Index>(random() % static_cast<std::uint64_t>(n)); };
+  Triplets entries;
+  for (Index i = 0; i < n; ++i) {
+    entries.add(i, i, 100.0);
+    for (int k = 0; k < 3; ++k) {
+      const Index a = any();
+      const Index b = any();
+      entries.add(std::min(a, b), std::max(a, b), 1.0);
+    }
+  }
+  OwnedProblem p;
+  p.name = "filling";
+  p.Q = compress(n, n, entries, "Q").value();
+  p.hessian_form = HessianForm::upper_triangle;
+  p.g.assign(static_cast<std::size_t>(n), 1.0);
   return p;
 }
 

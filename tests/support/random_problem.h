@@ -20,4 +20,9 @@ struct RandomSizes {
 /// that it is feasible, each pair with one or both sides zero.
 [[nodiscard]] OwnedProblem random_problem(const RandomSizes& sizes, std::uint64_t seed);
 
+/// Strictly convex and without constraints, but with the upper triangle of a Hessian of three scattered
+/// entries a column: a small request whose factor fills in. 16,000 variables: 10⁷ entries, minutes of
+/// factorization.
+[[nodiscard]] OwnedProblem filling_problem(Index variables);
+
 }  // namespace marble::testing

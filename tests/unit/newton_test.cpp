@@ -21,7 +21,7 @@ bool expect_full_step(const Setting& s, Kkt& kkt, double delta, bool clip, doubl
   if (!newton.factor(s.sub, s.x, delta, clip)) return false;
   Iterate d(s.problem);
   Images along(s.problem);
-  newton.direction(s.sub, s.x, s.r, d, along);
+  EXPECT_TRUE(newton.direction(s.sub, s.x, s.r, d, along));
   const Eigen::MatrixXd J = full_jacobian(s.problem, s.sub, s.x, delta, clip);
   const Vector expected = J.fullPivLu().solve(-s.r.all);
   EXPECT_LT(max_abs(d.all - expected), tolerance * (1.0 + max_abs(expected))) << kkt.name();
@@ -83,7 +83,7 @@ TEST(Newton, ImagesOfTheStepAreItsLiteralProducts) {
       ASSERT_TRUE(newton.factor(s.sub, s.x, 1.0, true));
       Iterate d(p);
       Images along(p);
-      newton.direction(s.sub, s.x, s.r, d, along);
+      ASSERT_TRUE(newton.direction(s.sub, s.x, s.r, d, along));
       const double tolerance = 1e-12 * (1.0 + max_abs(d.all));
       EXPECT_LT(max_abs(along.equality - dense(p.A) * d.z()), tolerance);
       EXPECT_LT(max_abs(along.inequality - dense(p.C) * d.z()), tolerance);
@@ -108,7 +108,7 @@ TEST(Newton, AStepCutsTheResidualOfANearlySolvedSubproblemQuadratically) {
     Images along(s.problem);
     const auto step = [&] {
       EXPECT_TRUE(newton.factor(s.sub, s.x, 0.0, false));
-      newton.direction(s.sub, s.x, s.r, d, along);
+      ASSERT_TRUE(newton.direction(s.sub, s.x, s.r, d, along));
       s.x.all += d.all;
       s.images.evaluate(s.problem, s.x);
       residual(s.sub, s.images, s.x, s.r);

@@ -56,11 +56,10 @@ struct Setting {
 
 inline std::vector<std::unique_ptr<Kkt>> backends(const ScaledProblem& p) {
   std::vector<std::unique_ptr<Kkt>> all;
-  all.push_back(std::make_unique<SparseKkt>(p, KeptRows::none));
-  all.push_back(std::make_unique<SparseKkt>(p, KeptRows::dense));
-  all.push_back(std::make_unique<SparseKkt>(p, KeptRows::all));
-  for (const auto& kkt : all) kkt->allocate(p);
+  for (const KeptRows kept : {KeptRows::none, KeptRows::dense, KeptRows::all})
+    all.push_back(SparseKkt::analyse(p, kept));
   all.push_back(std::make_unique<DenseKkt>(p));
+  for (const auto& kkt : all) static_cast<void>(kkt->allocate(p));
   return all;
 }
 

@@ -11,8 +11,8 @@ TEST(Setup, RefusesAProblemThatNeedsMoreMemoryThanItMayHave) {
   for (const OwnedProblem& p : {examples::hopper(), examples::qpec({}, 1), examples::rocket()}) {
     const Problem problem = Problem::create(p.view()).value();
     const std::int64_t bytes = Solver::create(problem).value().memory_bytes();
-    EXPECT_TRUE(Solver::create(problem, {}, bytes).has_value());
-    const auto refused = Solver::create(problem, {}, bytes / 2);
+    EXPECT_TRUE(Solver::create(problem, {}, {.most_bytes = bytes}).has_value());
+    const auto refused = Solver::create(problem, {}, {.most_bytes = bytes / 2});
     ASSERT_FALSE(refused.has_value());
     EXPECT_EQ(refused.error().code, ErrorCode::resource_exhausted);
     EXPECT_EQ(refused.error().field, "problem");

@@ -12,6 +12,7 @@ void take_limits(const v1::Limits& limits, ServerInfo& info) {
   info.message_bytes = limits.message_bytes();
   info.queue_bytes = limits.queue_bytes();
   info.solve_bytes = limits.solve_bytes();
+  info.solve_seconds = limits.solve_seconds();
   info.session_bytes_limit = limits.session_bytes();
   info.result_bytes_limit = limits.result_bytes();
   info.queue_jobs = limits.queue_jobs();

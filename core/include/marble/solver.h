@@ -1,10 +1,12 @@
 // The solver: set up once per sparsity pattern, solve as often as the vectors change.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stop_token>
 
@@ -27,7 +29,7 @@ class TaskRunner {
 /// What may accompany one solve; all of it optional, and free of cost when unused.
 struct SolveControls {
   ProgressSink* progress = nullptr;        ///< told after every iteration
-  std::stop_token stop = {};               ///< looked at in every iteration
+  std::stop_token stop = {};               ///< looked at about once a millisecond
   std::span<const double> initial_z = {};  ///< n or empty: where a cold start begins (user units)
   /// An answer to this problem or one like it, of the same sizes, z and multipliers: its branch is tried
   /// first.
@@ -35,18 +37,29 @@ struct SolveControls {
   /// For option starts > 1: further starts run on it, four at a time. Without one they run one after the
   /// other; the answer is the same to the last bit.
   TaskRunner* runner = nullptr;
+  /// When the time limit began to run, where the set-up is to count; else as the solve begins.
+  std::optional<std::chrono::steady_clock::time_point> begun = {};
+};
+
+/// What a solver may take, and what ends its set-up.
+struct SetupControls {
+  std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max();  ///< of memory
+  /// Of one factorization, in seconds, as a machine faster than any would need for its flops: more means that
+  /// there is no hope. The time limit of the options, if it is less, takes its place.
+  double most_factorization_s = std::numeric_limits<double>::infinity();
+  std::stop_token stop = {};  ///< looked at about once a millisecond
+  std::chrono::steady_clock::time_point until = std::chrono::steady_clock::time_point::max();
 };
 
 /// Owns a scaled copy of the problem, the symbolic factorization and all workspace.
 /// One thread at a time may use a Solver; different Solvers are independent.
 class Solver {
  public:
-  /// Scales, analyses and allocates. Options must be valid. A problem whose memory, known from the symbolic
-  /// factorization before anything numeric is allocated, would be more than `most_bytes` is refused with
-  /// resource_exhausted, field "problem".
-  [[nodiscard]] static Expected<Solver> create(
-      const Problem& problem, const Options& options = {},
-      std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max());
+  /// Scales, analyses and allocates. Options must be valid. A problem whose memory or flops, known from the
+  /// symbolic factorization before anything numeric is allocated, would be more than the controls allow is
+  /// refused with resource_exhausted, field "problem"; what ends early gives cancelled or deadline_exceeded.
+  [[nodiscard]] static Expected<Solver> create(const Problem& problem, const Options& options = {},
+                                               const SetupControls& controls = {});
 
   /// What was moved from may only be assigned to or destroyed.
   Solver(Solver&&) noexcept;
@@ -74,8 +87,16 @@ class Solver {
   std::unique_ptr<State> state_;
 };
 
-/// Validates, sets up and solves in one call, here. (marble::solve of the client library goes to a server
-/// where MARBLE_SERVER names one.)
+/// Sets up and solves: the time limit counts both. Where the stop token or the limit ends the set-up the
+/// answer is the initial point. `setup` gives the limits; its own ends are not looked at. `ready` is told of
+/// the solver before it begins. Errors: as Solver::create and Solver::solve name them.
+[[nodiscard]] Expected<Solution> solve_once(const Problem& problem, const Options& options = {},
+                                            const SolveControls& controls = {},
+                                            const SetupControls& setup = {},
+                                            const std::function<void(const Solver&)>& ready = {});
+
+/// Validates, sets up and solves in one call, here, as solve_once does. (marble::solve of the client library
+/// goes to a server where MARBLE_SERVER names one.)
 [[nodiscard]] Expected<Solution> solve_in_process(const ProblemView& problem, const Options& options = {},
                                                   const SolveControls& controls = {});
 

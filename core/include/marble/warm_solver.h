@@ -4,7 +4,6 @@
 //   auto answer = solver->solve({.b = state});
 #pragma once
 
-#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -19,9 +18,9 @@ namespace marble {
 class WarmSolver {
  public:
   /// As Solver::create. `initial_z` (n or empty) is where a cold start begins until a Restart says otherwise.
-  [[nodiscard]] static Expected<WarmSolver> create(
-      const Problem& problem, const Options& options = {}, std::span<const double> initial_z = {},
-      std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max());
+  [[nodiscard]] static Expected<WarmSolver> create(const Problem& problem, const Options& options = {},
+                                                   std::span<const double> initial_z = {},
+                                                   const SetupControls& controls = {});
 
   /// Takes the new numbers and solves from the last answer, as `restart` says. `controls` may not have
   /// initial_z or warm_start: they are this class's own. Errors: as Solver::update and Restart::check name

@@ -42,6 +42,7 @@ struct ServerInfo {
   int history_jobs = 0;         ///< limit: finished jobs that are remembered
   int trace_rows = 0;           ///< limit: rows of progress kept of a job
   int trace_pairs = 0;          ///< limit: pairs of a problem whose sides are kept for those who watch
+  double solve_seconds = 0.0;   ///< limit: predicted time of one factorization
   double session_idle_s = 0.0;  ///< limit: seconds without an update until a session is ended
   double result_keep_s = 0.0;   ///< limit: seconds for which a submitted job's answer is kept
 

@@ -3,7 +3,7 @@
     async with marble.aio.Client() as client:
         solution = await client.solve(problem)
 
-To cancel the task that awaits a solve gives it up: the server stops it within one iteration.
+To cancel the task that awaits a solve gives it up: the server stops it within 100 ms.
 """
 
 from __future__ import annotations

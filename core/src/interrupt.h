@@ -1,0 +1,64 @@
+// When to stop: a stop token, a moment, or never. Everything that may take long looks at one about once a
+// millisecond of its work.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <stop_token>
+
+namespace marble {
+
+class Interrupt {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// Never.
+  Interrupt() = default;
+  explicit Interrupt(std::stop_token stop, Clock::time_point moment = Clock::time_point::max())
+      : stop_(std::move(stop)), moment_(moment) {}
+
+  /// Once it is true it stays so.
+  [[nodiscard]] bool requested() const { return stop_requested() || Clock::now() >= moment_; }
+  /// Whether it was the token.
+  [[nodiscard]] bool stop_requested() const { return stop_.stop_requested(); }
+
+ private:
+  std::stop_token stop_;
+  Clock::time_point moment_ = Clock::time_point::max();
+};
+
+/// `seconds` after `begin`; never, if that is too far away to tell.
+[[nodiscard]] inline Interrupt::Clock::time_point after(Interrupt::Clock::time_point begin, double seconds) {
+  constexpr auto kNever = Interrupt::Clock::time_point::max();
+  const std::chrono::duration<double> left = kNever - begin;
+  if (!(seconds < 0.5 * left.count())) return kNever;
+  return begin +
+         std::chrono::duration_cast<Interrupt::Clock::duration>(std::chrono::duration<double>(seconds));
+}
+
+/// Counts the work of some loops and looks at an Interrupt now and then.
+class Checkpoint {
+ public:
+  /// Entries of a list or a factor between two looks: from 0.3 ms to 3 ms.
+  static constexpr std::int64_t kEntries = std::int64_t{1} << 18;
+
+  explicit Checkpoint(const Interrupt& interrupt) : interrupt_(interrupt) {}
+
+  /// Whether to stop, after so many entries more. Once it is true it stays so.
+  [[nodiscard]] bool reached(std::int64_t entries) {
+    left_ -= entries;
+    return left_ < 0 && look();
+  }
+
+ private:
+  [[nodiscard]] bool look() {
+    if (interrupt_.requested()) return true;
+    left_ = kEntries;
+    return false;
+  }
+
+  const Interrupt& interrupt_;
+  std::int64_t left_ = kEntries;
+};
+
+}  // namespace marble

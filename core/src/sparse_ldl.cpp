@@ -1,0 +1,167 @@
+#include "sparse_ldl.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace marble {
+namespace {
+
+constexpr Index kBlock = 64;  // columns between two looks at the clock, at least
+
+}  // namespace
+
+bool SparseLdl::analyse(const Pattern& pattern, const Interrupt& interrupt) {
+  const Index n = pattern.size();
+  std::vector<Index> permutation;
+  if (!order(pattern, interrupt, permutation)) return false;
+  inverse_permutation_.resize(permutation.size());
+  for (Index i = 0; i < n; ++i) inverse_permutation_[permutation[i]] = i;
+
+  const auto visit = [&](auto&& entry) {
+    for (Index column = 0; column < n; ++column) {
+      const Index b = inverse_permutation_[column];
+      for (Index k = pattern.pointers[column]; k < pattern.pointers[column + 1]; ++k) {
+        const Index a = inverse_permutation_[pattern.rows[k]];
+        entry(k, std::min(a, b), std::max(a, b));
+      }
+    }
+  };
+  matrix_.pointers.assign(permutation.size() + 1, 0);
+  visit([this](Index, Index, Index column) { ++matrix_.pointers[column + 1]; });
+  std::partial_sum(matrix_.pointers.begin(), matrix_.pointers.end(), matrix_.pointers.begin());
+  matrix_.rows.resize(pattern.rows.size());
+  places_.resize(pattern.rows.size());
+  std::vector<Index> next = matrix_.pointers;
+  visit([&](Index k, Index row, Index column) {
+    places_[k] = next[column]++;
+    matrix_.rows[places_[k]] = row;
+  });
+  return marble::analyse(matrix_, interrupt, elimination_);
+}
+
+double SparseLdl::bytes() const {
+  return elimination_.entries * (sizeof(double) + 2.0 * sizeof(Index)) +
+         static_cast<double>(matrix_.rows.size()) * sizeof(Index) +
+         size() * (3.0 * sizeof(double) + 3.0 * sizeof(std::int64_t) + 4.0 * sizeof(Index));
+}
+
+bool SparseLdl::allocate(const Interrupt& interrupt) {
+  const auto n = static_cast<std::size_t>(size());
+  pointers_.assign(n + 1, 0);
+  std::inclusive_scan(elimination_.counts.begin(), elimination_.counts.end(), pointers_.begin() + 1,
+                      std::plus<>(), std::int64_t{0});
+  const auto entries = static_cast<std::size_t>(pointers_.back());
+  rows_.reset(new Index[entries]);
+  columns_.reset(new Index[entries]);
+  values_.reset(new double[entries]);
+  pivots_.resize(n);
+  inverse_pivots_.resize(n);
+  dense_row_.assign(n, 0.0);
+  next_.resize(n);
+  return find_patterns(interrupt);
+}
+
+// Row k of L has entries where the paths from its columns to k in the elimination tree lead (Davis, "Direct
+// Methods for Sparse Linear Systems", 2006, section 4.2). The same at every factorization: found once.
+bool SparseLdl::find_patterns(const Interrupt& interrupt) {
+  Checkpoint checkpoint(interrupt);
+  std::vector<Index> flag(next_.size(), -1);
+  row_pointers_.assign(1, 0);
+  row_pointers_.reserve(next_.size() + 1);
+  std::copy(pointers_.begin(), pointers_.end() - 1, next_.begin());
+  Index* end = columns_.get();
+  for (Index k = 0; k < size(); ++k) {
+    flag[k] = k;
+    Index* const begin = end;
+    for (Index at = matrix_.pointers[k]; at < matrix_.pointers[k + 1]; ++at) {
+      for (Index i = matrix_.rows[at]; flag[i] != k; i = elimination_.parent[i]) {
+        *end++ = i;
+        flag[i] = k;
+      }
+    }
+    std::sort(begin, end);
+    row_pointers_.push_back(end - columns_.get());
+    for (const Index* i = begin; i != end; ++i) rows_[next_[*i]++] = k;
+    if (checkpoint.reached(8 * (end - begin))) return false;
+  }
+  return true;
+}
+
+// Up-looking, as in SuiteSparse's LDL but with the patterns at hand.
+bool SparseLdl::factorize(const std::vector<double>& matrix_values, const Interrupt& interrupt) {
+  Checkpoint checkpoint(interrupt);
+  std::copy(pointers_.begin(), pointers_.end() - 1, next_.begin());
+  const Index* const rows = rows_.get();
+  double* const values = values_.get();
+  double* const row = dense_row_.data();
+  for (Index k = 0; k < size(); ++k) {
+    double pivot = 0.0;
+    for (Index at = matrix_.pointers[k]; at < matrix_.pointers[k + 1]; ++at) {
+      const Index i = matrix_.rows[at];
+      if (i == k) {
+        pivot = matrix_values[at];
+      } else {
+        row[i] = matrix_values[at];
+      }
+    }
+    for (std::int64_t at = row_pointers_[k]; at < row_pointers_[k + 1]; ++at) {
+      const Index i = columns_[at];
+      const double entry = row[i];
+      row[i] = 0.0;
+      const std::int64_t end = next_[i];
+      for (std::int64_t p = pointers_[i]; p < end; ++p) row[rows[p]] -= values[p] * entry;
+      const double scaled = entry * inverse_pivots_[i];
+      pivot -= scaled * entry;
+      values[end] = scaled;
+      next_[i] = end + 1;
+      if (checkpoint.reached(end - pointers_[i])) {
+        std::fill(dense_row_.begin(), dense_row_.end(), 0.0);
+        return false;
+      }
+    }
+    if (pivot == 0.0) return false;
+    pivots_[k] = pivot;
+    inverse_pivots_[k] = 1.0 / pivot;
+  }
+  return true;
+}
+
+Index SparseLdl::positive_pivots() const {
+  return static_cast<Index>(std::count_if(pivots_.begin(), pivots_.end(), [](double d) { return d > 0.0; }));
+}
+
+bool SparseLdl::solve(double* x, Index first, const Interrupt& interrupt) const {
+  Checkpoint checkpoint(interrupt);
+  const std::int64_t* const pointers = pointers_.data();
+  const Index* const rows = rows_.get();
+  const double* const values = values_.get();
+  for (Index begin = first; begin < size(); begin += kBlock) {
+    const Index end = std::min(begin + kBlock, size());
+    for (Index j = begin; j < end; ++j) {
+      const double entry = x[j];
+      if (entry == 0.0) continue;
+      for (std::int64_t k = pointers[j]; k < pointers[j + 1]; ++k) x[rows[k]] -= values[k] * entry;
+      x[j] = entry * inverse_pivots_[j];
+    }
+    if (checkpoint.reached(entries_of(begin, end))) return false;
+  }
+  for (Index end = size(); end > 0; end -= kBlock) {
+    const Index begin = std::max<Index>(0, end - kBlock);
+    for (Index j = end - 1; j >= begin; --j) {
+      double even = x[j];  // two sums: one would wait for itself
+      double odd = 0.0;
+      std::int64_t k = pointers[j];
+      const std::int64_t last = pointers[j + 1];
+      for (; k + 1 < last; k += 2) {
+        even -= values[k] * x[rows[k]];
+        odd += values[k + 1] * x[rows[k + 1]];
+      }
+      if (k < last) even -= values[k] * x[rows[k]];
+      x[j] = even - odd;
+    }
+    if (checkpoint.reached(entries_of(begin, end))) return false;
+  }
+  return true;
+}
+
+}  // namespace marble
