@@ -16,6 +16,17 @@ std::vector<double> unscaled(ConstVectorRef values, const Vector& scale, double 
   return result;
 }
 
+const char* nonconvex_remark(SecondOrder second_order) {
+  switch (second_order) {
+    case SecondOrder::minimum:
+      return "; Q is not convex: a local minimum";
+    case SecondOrder::saddle:
+      return "; Q is not convex: a saddle point or a maximum";
+    default:
+      return "; Q is not convex: a stationary point, perhaps no local minimum";
+  }
+}
+
 // All that does not depend on the factorization: the scaled copy, the engines' vectors, and the responses
 // that a local search keeps.
 double bytes_without_factor(const Problem& problem) {
@@ -67,7 +78,6 @@ Solution Solver::State::answer(const Ending& ending, const Iterate& x, const Run
   Solution solution;
   solution.status = ending.status;
   solution.detail = ending.detail;
-  if (run.nonconvex && is_solved(ending.status)) solution.detail += "; Q is not convex: a local solution";
   solution.certificate = ending.certificate;
   solution.z = unscaled(x.z(), problem.variable_scale, 1.0);
   solution.equality_multipliers = unscaled(x.y(), problem.equality_scale, cost);
@@ -76,6 +86,14 @@ Solution Solver::State::answer(const Ending& ending, const Iterate& x, const Run
   solution.complementarity_multipliers_R = unscaled(x.lambda_R(), problem.right_scale, -cost);
   if (is_solved(ending.status)) solution.stationarity = classify(images, x);
   solution.b_stationary = strategy.b_stationary();
+  if (is_solved(ending.status)) {
+    const bool stationary =
+        solution.stationarity == Stationarity::strong || solution.b_stationary.value_or(false);
+    solution.second_order = strategy.second_order();
+    if (solution.second_order == SecondOrder::minimum && !stationary)
+      solution.second_order = SecondOrder::necessary;
+    if (run.nonconvex) solution.detail += nonconvex_remark(solution.second_order);
+  }
   solution.objective = cost * images.objective + problem.c0;
   solution.violations = violations(problem, images);
   solution.kkt_residual = cost * max_abs(images.stationarity.cwiseQuotient(problem.variable_scale));
@@ -147,7 +165,10 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options, 
 
 Expected<void> Solver::update(const ProblemUpdate& update) {
   if (auto valid = state_->sizes.check(update); !valid) return valid;
-  if (rescale(update, state_->problem)) state_->kkt->load(state_->problem);
+  if (rescale(update, state_->problem)) {
+    state_->kkt->load(state_->problem);
+    state_->strategy.forget_convexity();
+  }
   return {};
 }
 
