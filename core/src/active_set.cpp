@@ -7,9 +7,6 @@
 namespace marble {
 namespace {
 
-// Exact solves: tiny regularization, its effect removed by repeated solves with the same factor.
-constexpr double kExactRho = 1e8;
-constexpr double kExactDelta = 1e-8;
 constexpr int kExactSweeps = 6;
 constexpr double kExactTolerance = 1e-12;
 constexpr double kSignTolerance =
@@ -145,7 +142,7 @@ bool ActiveSet::factor(Run& run, double rho, double delta) {
 // With the active rows as equalities: Newton on (Qz + g + Jᵀλ, J_active z + c) with the regularized factor,
 // repeated. The residuals carry no regularization, so the fixed point is exact; each sweep gains about eight
 // digits.
-bool ActiveSet::solve_equalities() {
+bool ActiveSet::solve_equalities(double tolerance) {
   double last = std::numeric_limits<double>::infinity();
   for (int sweep = 0; sweep < kExactSweeps; ++sweep) {
     images_.evaluate(problem_, x_);
@@ -163,7 +160,7 @@ bool ActiveSet::solve_equalities() {
       if (weights_.second[i] > 0.0) error = std::max(error, std::abs(images_.right[i]));
     }
     if (!std::isfinite(error) || !(max_abs(x_.z()) <= kRunaway)) return false;
-    if (error <= kExactTolerance) return true;
+    if (error <= tolerance) return true;
     if (error > 0.5 * last) return error <= kSignTolerance;  // as exact as it gets
     last = error;
     add_transposed(problem_.C, d_.lambda_w(), gradient_);
@@ -203,11 +200,27 @@ bool ActiveSet::solve(Run& run, int budget) {
   for (int round = 0; round < kExchanges; ++round) {
     if (run.factorizations >= last || run.interrupted()) return false;
     if (!factor(run, kExactRho, kExactDelta)) return false;
-    if (!solve_equalities()) break;
+    if (!solve_equalities(kExactTolerance)) break;
     if (exchange()) return error() <= kSignTolerance;
   }
   return augmented_lagrangian(run, last - run.factorizations);
 }
+
+// The residual of rows that are held at zero, by the factor at hand: all but 1/ρ of it.
+bool ActiveSet::project(VectorRef direction) {
+  direction_images_.evaluate_rows(problem_, direction);
+  gradient_.setZero();
+  add_transposed(problem_.C, weights_.inequality.cwiseProduct(direction_images_.inequality), gradient_);
+  add_transposed(problem_.L, weights_.first.cwiseProduct(direction_images_.left), gradient_);
+  add_transposed(problem_.R, weights_.second.cwiseProduct(direction_images_.right), gradient_);
+  d_.z() = -gradient_;
+  d_.y() = -direction_images_.equality;
+  if (!kkt_.solve(d_.z(), d_.y())) return false;
+  direction += d_.z();
+  return true;
+}
+
+bool ActiveSet::sharpen() { return solve_equalities(0.0); }
 
 void ActiveSet::start_from_point(ConstVectorRef z) {
   x_.all.setZero();
@@ -306,7 +319,7 @@ bool ActiveSet::augmented_lagrangian(Run& run, int budget) {
   // The active set is known: make the point exact.
   if (run.factorizations >= last || run.interrupted()) return false;
   for (int round = 0; round < 3 && run.factorizations < last; ++round) {
-    if (!factor(run, kExactRho, kExactDelta) || !solve_equalities()) return false;
+    if (!factor(run, kExactRho, kExactDelta) || !solve_equalities(kExactTolerance)) return false;
     if (exchange()) return error() <= kSignTolerance;
   }
   return false;

@@ -41,6 +41,18 @@ class ActiveSet {
   /// fixed sides.
   [[nodiscard]] bool solve(Run& run, int budget);
 
+  /// Tiny regularization; its effect is removed by repeated solves with the same factor.
+  static constexpr double kExactRho = 1e8;
+  static constexpr double kExactDelta = 1e-8;
+  /// Factorizes for the rows held at zero. False if the inertia is wrong: Q + δI has negative curvature, or
+  /// none, along a direction that keeps all of them.
+  [[nodiscard]] bool factor(Run& run, double rho, double delta);
+  /// With the factor at hand, of kExactRho and kExactDelta: the stationary point on the rows held at zero, as
+  /// exact as rounding lets it be. False if there is none.
+  [[nodiscard]] bool sharpen();
+  /// With the factor at hand: takes out of a direction what changes the rows held at zero.
+  [[nodiscard]] bool project(VectorRef direction);
+
   /// Reads them off a solution and its multipliers, of this problem or one like it.
   void start_from_solution(const Iterate& solution);
   /// Reads the partition off z: the smaller side of a pair is fixed, violated rows are active.
@@ -72,8 +84,7 @@ class ActiveSet {
  private:
   enum class Exchange { none, some, cycled };
   void set_weights(double rho, double delta);
-  [[nodiscard]] bool factor(Run& run, double rho, double delta);
-  [[nodiscard]] bool solve_equalities();
+  [[nodiscard]] bool solve_equalities(double tolerance);
   [[nodiscard]] bool exchange();
   [[nodiscard]] bool augmented_lagrangian(Run& run, int budget);
   [[nodiscard]] bool minimize(Run& run, double rho, double delta, bool trust_set, int last);

@@ -2,96 +2,210 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace marble {
 namespace {
 
-constexpr double kTolerance = 1e-6;  // relative to the multipliers' or the direction's own size
+// Of a product of two numbers of the problem, scaling of the data included: 128 units of roundoff.
+constexpr double kRounding = 0x1p-46;
+constexpr double kNear = 1e-6;    // relative to the multipliers' or the direction's own size
+constexpr double kFarther = 1e3;  // a proof holds this much farther out than the point it was found from
 
 double smallest(const Vector& values) { return values.size() == 0 ? 0.0 : values.minCoeff(); }
 
-}  // namespace
+// A sum of products as if in twice the precision (Ogita, Rump, Oishi, "Accurate sum and dot product", 2005),
+// and of their sizes: what is left of the error is that of the numbers themselves.
+class CarefulSum {
+ public:
+  void add(double a, double b) {
+    const double product = a * b;
+    const double sum = value_ + product;
+    const double part = sum - value_;
+    correction_ += std::fma(a, b, -product) + ((value_ - (sum - part)) + (product - part));
+    value_ = sum;
+    size_ += std::abs(product);
+  }
+  [[nodiscard]] double value() const { return value_ + correction_; }
+  [[nodiscard]] double error() const { return kRounding * size_ + std::numeric_limits<double>::min(); }
 
-std::vector<double> infeasibility_certificate(const ScaledProblem& p, const Iterate& x) {
-  Vector y = x.y();
-  Vector nu = -x.lambda_w().cwiseMin(0.0);
-  Vector xi = -x.lambda_L();
-  Vector eta = -x.lambda_R();
-  const double size = std::max({max_abs(y), max_abs(nu), max_abs(xi), max_abs(eta)});
-  if (!(size > 0.0) || !std::isfinite(size)) return {};
-  if (std::min(smallest(xi), smallest(eta)) < -kTolerance * size) return {};
-  xi = xi.cwiseMax(0.0);
-  eta = eta.cwiseMax(0.0);
-  const double gap = p.b.dot(y) - p.d.dot(nu) - p.l.dot(xi) - p.r.dot(eta);
-  if (!(gap > 0.0)) return {};
-  Vector combination = Vector::Zero(p.variables());
-  add_transposed(p.A, y, combination);
-  add_transposed(p.C, -nu, combination);
-  add_transposed(p.L, -xi, combination);
-  add_transposed(p.R, -eta, combination);
-  // A z with bounded entries could still balance the gap: ask for Aᵀy + … small against the gap itself.
-  if (max_abs(combination) > kTolerance * gap) return {};
+ private:
+  double value_ = 0.0, correction_ = 0.0, size_ = 0.0;
+};
 
-  std::vector<double> certificate;
-  certificate.reserve(static_cast<std::size_t>(y.size() + nu.size() + 2 * xi.size()));
-  const auto append = [&](const Vector& multipliers, const Vector& row_scale) {
-    for (Eigen::Index i = 0; i < multipliers.size(); ++i) {
-      certificate.push_back(multipliers[i] * row_scale[i] / gap);
+// Visits each row's product with d and the rounding that an entry of d of the largest size (1) may hide.
+template <class Visit>
+bool all_rows(const RowMatrix& matrix, ConstVectorRef d, Visit&& visit) {
+  for (Index row = 0; row < matrix.rows; ++row) {
+    CarefulSum sum;
+    double size = 0.0;
+    for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
+      sum.add(matrix.values[k], d[matrix.column_indices[k]]);
+      size += std::abs(matrix.values[k]);
     }
-  };
-  append(y, p.equality_scale);
-  append(nu, p.inequality_scale);
-  append(xi, p.left_scale);
-  append(eta, p.right_scale);
-  return certificate;
+    if (!visit(row, sum.value(), kRounding * size)) return false;
+  }
+  return true;
 }
 
-std::vector<double> unbounded_direction(const ScaledProblem& p, const Iterate& x) {
+// −1 if dᵀQd is negative by more than rounding, 0 if Qd is 0 to rounding, else 1. |d|∞ = 1.
+int curvature(const SymmetricMatrix& Q, ConstVectorRef d) {
+  std::vector<CarefulSum> image(static_cast<std::size_t>(Q.size));
+  Vector size = Vector::Zero(Q.size);
+  CarefulSum whole;
+  for (Index column = 0; column < Q.size; ++column) {
+    for (Index k = Q.column_pointers[column]; k < Q.column_pointers[column + 1]; ++k) {
+      const Index row = Q.row_indices[k];
+      const double value = Q.values[k];
+      image[static_cast<std::size_t>(row)].add(value, d[column]);
+      size[row] += std::abs(value);
+      whole.add((row == column ? 1.0 : 2.0) * value * d[row], d[column]);
+      if (row == column) continue;
+      image[static_cast<std::size_t>(column)].add(value, d[row]);
+      size[column] += std::abs(value);
+    }
+  }
+  if (whole.value() < -kRounding * size.sum()) return -1;
+  for (Index i = 0; i < Q.size; ++i) {
+    if (!(std::abs(image[static_cast<std::size_t>(i)].value()) <= kRounding * size[i])) return 1;
+  }
+  return 0;
+}
+
+// The multipliers in the order of a certificate, of size 1.
+struct Multipliers {
+  Multipliers(const Iterate& x, double size)
+      : y(x.y() / size), nu(-x.lambda_w() / size), xi(-x.lambda_L() / size), eta(-x.lambda_R() / size) {}
+  Vector y, nu, xi, eta;
+};
+
+double size_of(const Iterate& x) {
+  return std::max({max_abs(x.y()), max_abs(x.lambda_w()), max_abs(x.lambda_L()), max_abs(x.lambda_R())});
+}
+
+}  // namespace
+
+std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, const Iterate& x) {
+  const double size = size_of(x);
+  if (!(size > 0.0) || !std::isfinite(size)) return std::nullopt;
+  const Multipliers m(x, size);
+  if (std::min({smallest(m.nu), smallest(m.xi), smallest(m.eta)}) < 0.0) return std::nullopt;
+  const auto n = static_cast<std::size_t>(p.variables());
+  std::vector<CarefulSum> combination(n);
+  Vector hidden = Vector::Zero(p.variables());
+  CarefulSum gap;
+  const auto combine = [&](const RowMatrix& matrix, const Vector& offset, const Vector& multipliers,
+                           double sign) {
+    for (Index row = 0; row < matrix.rows; ++row) {
+      gap.add(sign * offset[row], multipliers[row]);
+      for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
+        combination[static_cast<std::size_t>(matrix.column_indices[k])].add(sign * matrix.values[k],
+                                                                            multipliers[row]);
+        hidden[matrix.column_indices[k]] += kRounding * std::abs(matrix.values[k]);
+      }
+    }
+  };
+  combine(p.A, p.b, m.y, 1.0);
+  combine(p.C, p.d, m.nu, -1.0);
+  combine(p.L, p.l, m.xi, -1.0);
+  combine(p.R, p.r, m.eta, -1.0);
+  const double least_gap = gap.value() - gap.error();
+  if (!(least_gap > 0.0) || !std::isfinite(least_gap)) return std::nullopt;
+  double residual = 0.0;
+  for (std::size_t j = 0; j < n; ++j) {
+    const auto column = static_cast<Index>(j);
+    const double entry = std::abs(combination[j].value());
+    if (!(entry <= hidden[column])) return std::nullopt;
+    residual += (entry + combination[j].error()) / p.variable_scale[column];
+  }
+  FarkasProof proof;
+  proof.radius = least_gap / residual;
+  const double point = max_abs(x.z().cwiseProduct(p.variable_scale));
+  if (!(proof.radius >= kFarther * point)) return std::nullopt;
+  proof.multipliers.reserve(static_cast<std::size_t>(m.y.size() + m.nu.size() + 2 * m.xi.size()));
+  bool lost = false;  // by underflow
+  const auto append = [&](const Vector& multipliers, const Vector& row_scale) {
+    for (Eigen::Index i = 0; i < multipliers.size(); ++i) {
+      const double value = multipliers[i] * row_scale[i] / gap.value() + 0.0;  // no −0
+      lost = lost || !std::isfinite(value) ||
+             (multipliers[i] != 0.0 && std::abs(value) < std::numeric_limits<double>::min());
+      proof.multipliers.push_back(value);
+    }
+  };
+  append(m.y, p.equality_scale);
+  append(m.nu, p.inequality_scale);
+  append(m.xi, p.left_scale);
+  append(m.eta, p.right_scale);
+  if (lost) return std::nullopt;
+  return proof;
+}
+
+std::optional<std::vector<double>> unbounded_direction(const ScaledProblem& p, ConstVectorRef direction) {
+  const double size = max_abs(direction);
+  if (!(size > 0.0) || !std::isfinite(size)) return std::nullopt;
+  const Vector d = direction / size;
+  const int curved = curvature(p.Q, d);
+  if (curved > 0) return std::nullopt;
+  if (curved == 0) {
+    const double largest = max_abs(p.g);  // so that no product overflows
+    if (!(largest > 0.0) || !std::isfinite(largest)) return std::nullopt;
+    CarefulSum slope;
+    for (Eigen::Index j = 0; j < d.size(); ++j) slope.add(p.g[j] / largest, d[j]);
+    if (!(slope.value() < -kRounding * p.g.lpNorm<1>() / largest)) return std::nullopt;
+  }
+  const bool rows =
+      all_rows(p.A, d, [](Index, double value, double rounding) { return std::abs(value) <= rounding; }) &&
+      all_rows(p.C, d, [](Index, double value, double rounding) { return value >= -rounding; });
+  if (!rows) return std::nullopt;
+  std::vector<std::uint8_t> left_stays(static_cast<std::size_t>(p.pairs()));
+  const auto note = [&](Index row, double value, double rounding) {
+    left_stays[static_cast<std::size_t>(row)] = std::abs(value) <= rounding;
+    return value >= -rounding;
+  };
+  const auto one_stays = [&](Index row, double value, double rounding) {
+    return value >= -rounding &&
+           (left_stays[static_cast<std::size_t>(row)] != 0 || std::abs(value) <= rounding);
+  };
+  if (!all_rows(p.L, d, note) || !all_rows(p.R, d, one_stays)) return std::nullopt;
+  Vector unscaled = d.cwiseProduct(p.variable_scale);
+  unscaled /= max_abs(unscaled);
+  return std::vector<double>(unscaled.data(), unscaled.data() + unscaled.size());
+}
+
+bool seems_infeasible(const ScaledProblem& p, const Iterate& x) {
+  const double size = size_of(x);
+  if (!(size > 0.0) || !std::isfinite(size)) return false;
+  Multipliers m(x, size);
+  if (std::min(smallest(m.xi), smallest(m.eta)) < -kNear) return false;
+  for (Vector* multipliers : {&m.nu, &m.xi, &m.eta}) *multipliers = multipliers->cwiseMax(0.0);
+  const double gap = p.b.dot(m.y) - p.d.dot(m.nu) - p.l.dot(m.xi) - p.r.dot(m.eta);
+  if (!(gap > 0.0)) return false;
+  Vector combination = Vector::Zero(p.variables());
+  add_transposed(p.A, m.y, combination);
+  add_transposed(p.C, -m.nu, combination);
+  add_transposed(p.L, -m.xi, combination);
+  add_transposed(p.R, -m.eta, combination);
+  return max_abs(combination) <= kNear * gap;
+}
+
+bool seems_unbounded(const ScaledProblem& p, const Iterate& x) {
   const double size = max_abs(x.z());
-  if (!(size > 0.0) || !std::isfinite(size)) return {};
+  if (!(size > 0.0) || !std::isfinite(size)) return false;
   const Vector d = x.z() / size;
-  if (!(p.g.dot(d) < -kTolerance)) return {};
   Vector image(p.variables());
   multiply(p.Q, d, image);
-  if (max_abs(image) > kTolerance) return {};
+  if (!(d.dot(image) < -kNear) && !(max_abs(image) <= kNear && p.g.dot(d) < -kNear)) return false;
   image.resize(p.equalities());
   multiply(p.A, d, image);
-  if (max_abs(image) > kTolerance) return {};
+  if (max_abs(image) > kNear) return false;
   image.resize(p.inequalities());
   multiply(p.C, d, image);
-  if (smallest(image) < -kTolerance) return {};
+  if (smallest(image) < -kNear) return false;
   Vector left(p.pairs());
   Vector right(p.pairs());
   multiply(p.L, d, left);
   multiply(p.R, d, right);
-  if (max_abs(left.cwiseMin(right)) > kTolerance) return {};
-
-  Vector direction = d.cwiseProduct(p.variable_scale);
-  direction /= max_abs(direction);
-  return {direction.data(), direction.data() + direction.size()};
-}
-
-ScaledProblem feasibility_relaxation(const ScaledProblem& p) {
-  ScaledProblem relaxed;
-  relaxed.Q.size = p.variables();
-  relaxed.Q.column_pointers.assign(static_cast<std::size_t>(p.variables()) + 1, 0);
-  relaxed.g = Vector::Zero(p.variables());
-  relaxed.A = p.A;
-  relaxed.b = p.b;
-  relaxed.C.columns = p.variables();
-  for (const RowMatrix* matrix : {&p.C, &p.L, &p.R}) {
-    const auto entries = static_cast<Index>(relaxed.C.values.size());
-    for (Index row = 0; row < matrix->rows; ++row)
-      relaxed.C.row_pointers.push_back(entries + matrix->row_pointers[row + 1]);
-    relaxed.C.column_indices.insert(relaxed.C.column_indices.end(), matrix->column_indices.begin(),
-                                    matrix->column_indices.end());
-    relaxed.C.values.insert(relaxed.C.values.end(), matrix->values.begin(), matrix->values.end());
-    relaxed.C.rows += matrix->rows;
-  }
-  relaxed.d.resize(relaxed.C.rows);
-  relaxed.d << p.d, p.l, p.r;
-  relaxed.L.columns = relaxed.R.columns = p.variables();
-  return relaxed;
+  return max_abs(left.cwiseMin(right)) <= kNear;
 }
 
 }  // namespace marble

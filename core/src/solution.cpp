@@ -42,4 +42,18 @@ const char* to_string(Stationarity stationarity) {
   return "unknown";
 }
 
+const char* to_string(SecondOrder second_order) {
+  switch (second_order) {
+    case SecondOrder::unknown:
+      break;
+    case SecondOrder::saddle:
+      return "saddle";
+    case SecondOrder::necessary:
+      return "necessary";
+    case SecondOrder::minimum:
+      return "minimum";
+  }
+  return "unknown";
+}
+
 }  // namespace marble

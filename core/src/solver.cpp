@@ -18,6 +18,17 @@ std::vector<double> unscaled(ConstVectorRef values, const Vector& scale, double 
   return result;
 }
 
+const char* nonconvex_remark(SecondOrder second_order) {
+  switch (second_order) {
+    case SecondOrder::minimum:
+      return "; Q is not convex: a local minimum";
+    case SecondOrder::saddle:
+      return "; Q is not convex: a saddle point or a maximum";
+    default:
+      return "; Q is not convex: a stationary point, perhaps no local minimum";
+  }
+}
+
 // All that does not depend on the factorization: the scaled copy, the engines' vectors, and the responses
 // that a local search keeps.
 double bytes_without_factor(const Problem& problem) {
@@ -72,7 +83,6 @@ Solution answer(const ScaledProblem& problem, const Ending& ending, const Iterat
   Solution solution;
   solution.status = ending.status;
   solution.detail = ending.detail;
-  if (run.nonconvex && is_solved(ending.status)) solution.detail += "; Q is not convex: a local solution";
   solution.certificate = ending.certificate;
   solution.z = unscaled(x.z(), problem.variable_scale, 1.0);
   solution.equality_multipliers = unscaled(x.y(), problem.equality_scale, cost);
@@ -183,7 +193,10 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options,
 
 Expected<void> Solver::update(const ProblemUpdate& update) {
   if (auto valid = state_->sizes.check(update); !valid) return valid;
-  if (rescale(update, state_->problem)) state_->kkt->load(state_->problem);
+  if (rescale(update, state_->problem)) {
+    state_->kkt->load(state_->problem);
+    state_->strategy.forget_convexity();
+  }
   return {};
 }
 
@@ -217,6 +230,14 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   const Ending ending = state_->strategy.run(run, state_->initial_z, warm_start);
   Solution solution = answer(state_->problem, ending, state_->strategy.best(), run);
   solution.b_stationary = state_->strategy.b_stationary();
+  if (is_solved(ending.status)) {
+    const bool stationary =
+        solution.stationarity == Stationarity::strong || solution.b_stationary.value_or(false);
+    solution.second_order = state_->strategy.second_order();
+    if (solution.second_order == SecondOrder::minimum && !stationary)
+      solution.second_order = SecondOrder::necessary;
+    if (run.nonconvex) solution.detail += nonconvex_remark(solution.second_order);
+  }
   solution.times.setup_s = state_->setup_s;
   const bool stayed_warm = controls.warm_start != nullptr && state_->strategy.stayed_warm();
   solution.cold_objective = stayed_warm ? controls.warm_start->cold_objective : solution.objective;

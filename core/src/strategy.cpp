@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <utility>
 
-#include "certificate.h"
+#include "descent.h"
+#include "proof.h"
+#include "second_order.h"
 #include "stationarity.h"
 
 namespace marble {
@@ -77,10 +80,12 @@ constexpr std::size_t kMostBiactive = 3;  // pairs whose branches are tried to d
 constexpr int kMostBetterBranches = 5;    // found that way, one after the other
 constexpr int kBranchBudget = 20;         // factorizations
 constexpr double kLeastDescent = 1e-9;
+constexpr double kSamePoint = 1e-6;
+constexpr double kPointRounding = 1e-12;  // a violation this small for a point so large is none
 constexpr int kCheap = 150;     // factorizations within which a soft search begins again without being asked
 constexpr int kFreeStarts = 4;  // of those, at most
 constexpr int kUseless = 2;     // starts without gain that end them
-constexpr double kProofRho = 1e3;
+constexpr int kMostEscapes = 20;   // from saddle points, one after the other
 constexpr double kWarmLoss = 0.1;  // above what a cold start reached, that calls for another
 constexpr int kTinyChange = 4;     // factorizations: so little does not move the best branch
 constexpr int kSmallChange = 12;   // factorizations: so little does not call for a cold start
@@ -96,6 +101,7 @@ bool is_proof(Status status) { return status == Status::infeasible || status == 
 
 Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options)
     : problem_(problem),
+      kkt_(kkt),
       options_(options),
       path_(problem, kkt, options),
       interior_(problem, kkt),
@@ -114,23 +120,32 @@ Ending Strategy::run(Run& run, ConstVectorRef initial_z, const std::optional<War
   initial_z_ = initial_z;
   has_exact_ = branch_infeasible_ = has_fallback_ = false;
   b_stationary_.reset();
+  second_order_ = SecondOrder::unknown;
+  tried_infeasible_ = tried_unbounded_ = false;
   searched_soft_ = false;
+  if (convexity_ == Convexity::unknown && diagonally_dominant(problem_)) convexity_ = Convexity::dominant;
   stayed_warm_ = warm_start && options_.polish && from_solution(run, *warm_start);
   if (stayed_warm_) return finish_exact(run);
   Ending end = cold(run);
   if (has_exact_) return finish_exact(run);
-  if (!run.interrupted() &&
-      (end.status == Status::numerical_failure || end.status == Status::locally_infeasible)) {
-    if (std::vector<double> proof = prove_infeasible(run); !proof.empty())
-      return {Status::infeasible,
-              "the constraints contradict each other even without complementarity; " +
-                  describe(fallback_violations_),
-              std::move(proof)};
-  }
-  if (const auto reason = run.interrupted(); reason && !is_solved(end.status))
+  if (const auto reason = run.interrupted(); reason && !is_solved(end.status) && !is_proof(end.status))
     return {*reason, "stopped early; " + describe(fallback_violations_), {}};
-  if (end.status == Status::numerical_failure && branch_infeasible_)
+  if (is_solved(end.status) || end.status == Status::numerical_failure) {
+    if (std::optional<Ending> unbounded = descend_from_path(run)) return *unbounded;
+    if (has_exact_) return finish_exact(run);
+  }
+  if (end.status == Status::numerical_failure || end.status == Status::locally_infeasible) {
+    for (const Status status : {Status::infeasible, Status::unbounded}) {
+      if (std::optional<Ending> proved = prove(run, status)) return *proved;
+      if (end.status == Status::locally_infeasible) break;
+    }
+  }
+  const double rounding =
+      kPointRounding * (1.0 + max_abs(fallback_.z().cwiseProduct(problem_.variable_scale)));
+  if (end.status == Status::numerical_failure && branch_infeasible_ &&
+      largest(fallback_violations_) > rounding)
     return {Status::locally_infeasible, "no feasible branch near; " + end.detail, {}};
+  if (is_solved(end.status) && known_convex()) second_order_ = SecondOrder::minimum;
   if (end.detail.empty()) end.detail = "path; " + describe(fallback_violations_);
   return end;
 }
@@ -167,6 +182,7 @@ Ending Strategy::cold(Run& run) {
   return *end;
 }
 
+// A path that seems to end in a proof ends so only if there is one.
 std::optional<Ending> Strategy::follow_path(Run& run, double kappa_end) {
   std::optional<Ending> end = path_.follow(run, kappa_end);
   const Iterate& x = end ? path_.iterate() : path_.best();
@@ -177,23 +193,37 @@ std::optional<Ending> Strategy::follow_path(Run& run, double kappa_end) {
   fallback_.all = x.all;
   fallback_violations_ = violations;
   has_fallback_ = true;
-  return end;
+  if (!end || !is_proof(end->status)) return end;
+  if (std::optional<Ending> proved = prove(run, end->status)) return proved;
+  return Ending{Status::numerical_failure, "no acceptable step; " + describe(violations), {}};
 }
 
-// The last resort of a solve without an answer, with workspace of its own.
-std::vector<double> Strategy::prove_infeasible(Run& run) {
-  const ScaledProblem relaxed = feasibility_relaxation(problem_);
-  const std::unique_ptr<Kkt> kkt = make_kkt(relaxed, run.interrupt());
-  if (kkt == nullptr) return {};
-  ActiveSet active_set(relaxed, *kkt);
-  active_set.start_from_point(fallback_.z());
-  if (!active_set.relax(run, kProofRho, false, kExactBudget)) return {};
-  Iterate x(problem_);
-  x.y() = active_set.x().y();
-  x.lambda_w() = active_set.x().lambda_w().head(problem_.inequalities());
-  x.lambda_L() = active_set.x().lambda_w().segment(problem_.inequalities(), problem_.pairs());
-  x.lambda_R() = active_set.x().lambda_w().tail(problem_.pairs());
-  return infeasibility_certificate(problem_, x);
+// Once a solve each.
+std::optional<Ending> Strategy::prove(Run& run, Status status) {
+  bool& tried = status == Status::infeasible ? tried_infeasible_ : tried_unbounded_;
+  if (std::exchange(tried, true)) return std::nullopt;
+  if (status == Status::unbounded) return prove_unbounded_from(run, fallback_.z(), fallback_.z());
+  std::optional<FarkasProof> proof = prove_infeasible(problem_, fallback_.z(), run);
+  if (!proof) return std::nullopt;
+  char radius[64];
+  std::snprintf(radius, sizeof radius, ": no z with |z| <= %.1e is feasible; ", proof->radius);
+  return Ending{Status::infeasible,
+                "the constraints contradict each other even without complementarity" +
+                    (radius + describe(fallback_violations_)),
+                std::move(proof->multipliers)};
+}
+
+std::optional<Ending> Strategy::prove_unbounded_from(Run& run, ConstVectorRef z, ConstVectorRef direction) {
+  std::optional<UnboundedRay> ray = prove_unbounded(problem_, options_, z, direction, run);
+  if (!ray) return std::nullopt;
+  has_exact_ = false;
+  fallback_.all.setZero();
+  fallback_.z() = ray->origin;
+  finish_images_.evaluate(problem_, fallback_);
+  fallback_violations_ = violations(problem_, finish_images_);
+  return Ending{Status::unbounded,
+                "the objective falls without bound along the certificate; " + describe(fallback_violations_),
+                std::move(ray->direction)};
 }
 
 // A branch that stays feasible after a small change is near the best one. Else it is mended; and a cold start
@@ -306,11 +336,70 @@ bool Strategy::start_further(Run& run, int first, int count) {
   return true;
 }
 
+// Where a path ended without an exact solution of its branch, Q may have negative curvature there; where it
+// ended infeasible for that reason, the nearest feasible point is one to descend from.
+std::optional<Ending> Strategy::descend_from_path(Run& run) {
+  if (!options_.polish || options_.local_search_budget == 0 || known_convex()) return std::nullopt;
+  const Run::Polishing polishing(run);
+  if (within_tolerances(fallback_violations_, options_)) {
+    active_set_.start_from_path(fallback_);
+  } else {
+    if (!run.nonconvex) return std::nullopt;
+    const Vector z = fallback_.z();
+    const std::optional<Vector> point = feasible_point(problem_, options_, z, z, run);
+    if (!point) return std::nullopt;
+    active_set_.set_working_set(WorkingSet(problem_));
+    active_set_.start_from_point(*point);
+  }
+  const Iterate x = active_set_.x();
+  const WorkingSet set = active_set_.set();
+  return descend(run, x, set, Vector());
+}
+
+// To a local minimum, which becomes the exact solution, or to the proof that there is none.
+std::optional<Ending> Strategy::descend(Run& run, const Iterate& x, const WorkingSet& set,
+                                        ConstVectorRef direction) {
+  Descent descent(problem_, kkt_, active_set_);
+  const Descent::End end = descent.run(run, x, set, direction, options_.local_search_budget);
+  run.nonconvex = run.nonconvex || descent.began_at_saddle();
+  if (descent.began_at_saddle()) second_order_ = SecondOrder::saddle;
+  if (end == Descent::End::unbounded) return prove_unbounded_from(run, descent.x().z(), descent.direction());
+  candidate_.x.all = descent.x().all;
+  candidate_.set = descent.set();
+  finish_images_.evaluate(problem_, candidate_.x);
+  candidate_.objective = finish_images_.objective;
+  candidate_.violations = violations(problem_, finish_images_);
+  const bool better = !has_exact_ || candidate_.objective < exact_.objective;
+  if (end != Descent::End::minimum || !better || !within_tolerances(candidate_.violations, options_))
+    return std::nullopt;
+  std::swap(exact_, candidate_);
+  has_exact_ = true;
+  origin_ = "descent along negative curvature";
+  return std::nullopt;
+}
+
 // Text is made only at the end: what ends an engine need not end the run.
-// Strongly stationary points are B-stationary; of others, those with few biactive pairs are tried on each
-// branch.
 Ending Strategy::finish_exact(Run& run) {
   const Run::Polishing polishing(run);
+  for (int escapes = 0;; ++escapes) {
+    b_stationary_.reset();
+    decide_b_stationarity(run);
+    const CriticalCurvature curvature = decide_second_order(run);
+    if (curvature.kind != SecondOrder::saddle || escapes == kMostEscapes || run.interrupted() ||
+        options_.local_search_budget == 0)
+      break;
+    const double before = exact_.objective;
+    const Iterate x = exact_.x;
+    if (std::optional<Ending> unbounded = descend(run, x, curvature.set, curvature.direction))
+      return *unbounded;
+    if (exact_.objective >= before) break;
+  }
+  return explain_exact();
+}
+
+// Strongly stationary points are B-stationary; of others, those with few biactive pairs are tried on each
+// branch.
+void Strategy::decide_b_stationarity(Run& run) {
   Images& images = finish_images_;
   images.evaluate(problem_, exact_.x);
   const std::vector<Index> biactive = biactive_pairs(images);
@@ -324,7 +413,28 @@ Ending Strategy::finish_exact(Run& run) {
       if (all || exact_.objective >= before || run.interrupted()) break;
     }
   }
-  return explain_exact();
+}
+
+// Costs a factorization only where rows of the exact solution's working set have no multiplier and Q is not
+// known to be convex: of Q itself, once for all solves with it, and with the active rows.
+CriticalCurvature Strategy::decide_second_order(Run& run) {
+  CriticalCurvature curvature{SecondOrder::minimum, {}, exact_.set};
+  if (!known_convex() && has_weakly_active_rows(problem_, exact_.x, exact_.set) && !is_convex(run))
+    curvature = critical_curvature(problem_, kkt_, exact_.x, exact_.set, run);
+  second_order_ = curvature.kind;
+  return curvature;
+}
+
+bool Strategy::is_convex(Run& run) {
+  if (convexity_ == Convexity::unknown && run.nonconvex) convexity_ = Convexity::indefinite;
+  if (convexity_ == Convexity::unknown) {
+    ++run.factorizations;
+    const bool convex =
+        run.timed(&Times::factorization_s, [this] { return convex_by_inertia(problem_, kkt_); });
+    if (!convex && run.interrupted()) return false;  // not known, then
+    convexity_ = convex ? Convexity::convex : Convexity::indefinite;
+  }
+  return convexity_ != Convexity::indefinite;
 }
 
 // Whether no branch that meets in the point has a better one; else goes there.
@@ -340,7 +450,10 @@ bool Strategy::solves_its_branches(Run& run, std::span<const Index> biactive) {
     active_set_.restore(exact_.x, branch_set_);
     const Outcome outcome = make_exact(run, "neighbouring branch", kBranchBudget);
     if (exact_.objective < objective - kLeastDescent * (1.0 + std::abs(objective))) return false;
-    decided = decided && outcome != Outcome::not_exact;
+    // Where Q is not convex the solution of another branch may be a stationary point elsewhere.
+    const double moved = max_abs(exact_.x.z() - candidate_.x.z());
+    const bool here = moved <= kSamePoint * (1.0 + max_abs(exact_.x.z()));
+    decided = decided && outcome != Outcome::not_exact && (here || is_convex(run));
   }
   return decided;
 }

@@ -13,6 +13,7 @@
 #include "interior.h"
 #include "local_search.h"
 #include "path.h"
+#include "second_order.h"
 #include "termination.h"
 
 namespace marble {
@@ -36,9 +37,15 @@ class Strategy {
   [[nodiscard]] const Iterate& best() const { return has_exact_ ? exact_.x : fallback_; }
   /// True if it is exact and solves every branch it belongs to; absent if that was not decided.
   [[nodiscard]] std::optional<bool> b_stationary() const { return b_stationary_; }
+  /// What curvature says of it on its branches: `minimum` also where it was not decided whether it is
+  /// B-stationary.
+  [[nodiscard]] SecondOrder second_order() const { return second_order_; }
+  /// Q has new values.
+  void forget_convexity() { convexity_ = Convexity::unknown; }
 
  private:
   enum class Outcome { kept, no_better, not_exact };
+  enum class Convexity { unknown, dominant, convex, indefinite };
   [[nodiscard]] Outcome make_exact(Run& run, const char* origin, int budget);
   [[nodiscard]] bool from_solution(Run& run, const WarmStart& warm_start);
   [[nodiscard]] Ending cold(Run& run);
@@ -49,12 +56,24 @@ class Strategy {
   void improve_from_soft(Run& run, int last_factorization);
   void start_again(Run& run);
   [[nodiscard]] bool start_further(Run& run, int first, int count);
-  [[nodiscard]] std::vector<double> prove_infeasible(Run& run);
+  [[nodiscard]] std::optional<Ending> prove(Run& run, Status status);
+  [[nodiscard]] std::optional<Ending> prove_unbounded_from(Run& run, ConstVectorRef z,
+                                                           ConstVectorRef direction);
+  [[nodiscard]] std::optional<Ending> descend_from_path(Run& run);
+  [[nodiscard]] std::optional<Ending> descend(Run& run, const Iterate& x, const WorkingSet& set,
+                                              ConstVectorRef direction);
   [[nodiscard]] Ending finish_exact(Run& run);
+  void decide_b_stationarity(Run& run);
+  [[nodiscard]] CriticalCurvature decide_second_order(Run& run);
+  [[nodiscard]] bool known_convex() const {
+    return convexity_ == Convexity::dominant || convexity_ == Convexity::convex;
+  }
+  [[nodiscard]] bool is_convex(Run& run);
   [[nodiscard]] bool solves_its_branches(Run& run, std::span<const Index> biactive);
   [[nodiscard]] Ending explain_exact() const;
 
   const ScaledProblem& problem_;
+  Kkt& kkt_;
   const Options& options_;
   PathEngine path_;
   InteriorEngine interior_;
@@ -69,8 +88,11 @@ class Strategy {
   WorkingSet branch_base_, branch_set_;
   Images finish_images_;
   bool has_exact_ = false, branch_infeasible_ = false, stayed_warm_ = false, searched_soft_ = false;
+  bool tried_infeasible_ = false, tried_unbounded_ = false;
   std::optional<bool> b_stationary_;
-  const char* origin_ = "";  // the engines that found it
+  SecondOrder second_order_ = SecondOrder::unknown;
+  Convexity convexity_ = Convexity::unknown;  // of Q; found once
+  const char* origin_ = "";                   // the engines that found it
 };
 
 }  // namespace marble

@@ -34,14 +34,8 @@ bool StallDetector::stalled(double violation) {
 Ending explain_end(const ScaledProblem& p, const Options& options, const Iterate& x,
                    const Violations& violations, double residual_norm, bool stalled) {
   const std::string where = describe(violations);
-  if (std::vector<double> proof = infeasibility_certificate(p, x); !proof.empty()) {
-    return {Status::infeasible,
-            "the constraints contradict each other even without complementarity; " + where, std::move(proof)};
-  }
-  if (std::vector<double> direction = unbounded_direction(p, x); !direction.empty()) {
-    return {Status::unbounded, "the objective falls without bound along the certificate; " + where,
-            std::move(direction)};
-  }
+  if (seems_infeasible(p, x)) return {Status::infeasible, where, {}};
+  if (seems_unbounded(p, x)) return {Status::unbounded, where, {}};
   char residual_text[64];
   std::snprintf(residual_text, sizeof residual_text, "scaled KKT residual %.2e; ", residual_norm);
   if (within_tolerances(violations, options, kReducedFactor) && residual_norm <= 1e-2) {

@@ -33,8 +33,8 @@ class StallDetector {
   int since_best_ = 0;
 };
 
-/// The word for a path that cannot go on at x: infeasible or unbounded with a proof, solved to reduced
-/// accuracy, locally infeasible when `stalled`, else numerical failure.
+/// The word for a path that cannot go on at x: infeasible or unbounded, which are still to be proved, solved
+/// to reduced accuracy, locally infeasible when `stalled`, else numerical failure.
 [[nodiscard]] Ending explain_end(const ScaledProblem& p, const Options& options, const Iterate& x,
                                  const Violations& violations, double residual_norm, bool stalled);
 

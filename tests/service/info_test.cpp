@@ -35,7 +35,7 @@ TEST_F(Info, TellsEveryLimitAndTheCallersQuota) {
          "--history-jobs",    "16",      "--trace-rows",      "17", "--result-keep-s", "18",
          "--result-bytes",    "19",      "--client-running",  "1",  "--client-bytes",  "21",
          "--client-priority", "batch",   "--workers",         "2",  "--queue-jobs",    "23",
-          "--client-sessions", "99",      "--solve-seconds",   "24"});
+         "--client-sessions", "99",      "--solve-seconds",   "24"});
   const v1::Limits limits = info().limits();
   EXPECT_EQ(limits.solve_bytes(), 2'000'000);
   EXPECT_EQ(limits.solve_seconds(), 24.0);

@@ -17,9 +17,10 @@ enum class Status {
   iteration_limit,     ///< option max_iterations reached
   time_limit,          ///< option time_limit_s reached
   cancelled,           ///< the stop token was triggered
-  infeasible,          ///< the relaxation without complementarity is infeasible; `certificate` proves it
+  infeasible,          ///< the relaxation without complementarity is infeasible; `certificate` proves it to
+                       ///< the rounding of its products, `detail` says up to which |z|∞
   locally_infeasible,  ///< a stationary point of the violation: no feasible point near
-  unbounded,           ///< `certificate` is a feasible direction of unbounded descent
+  unbounded,           ///< z is feasible, and along `certificate` the objective falls from it without bound
   numerical_failure,   ///< no acceptable step within the bounded number of tries
 };
 
@@ -42,6 +43,20 @@ enum class Stationarity {
 
 /// "unknown", "weak", "clarke", "mordukhovich", "strong".
 [[nodiscard]] const char* to_string(Stationarity stationarity);
+
+/// What the curvature of Q says of a stationary point. With linear constraints one is a local minimum exactly
+/// if vᵀQv ≥ 0 for all v of its critical cone: Av = 0, rows with a multiplier stay at zero, other active rows
+/// may grow, of pairs with s = t = 0 one side at a time (Nocedal and Wright, "Numerical Optimization", ch. 12).
+enum class SecondOrder {
+  unknown,    ///< not solved, or not looked at
+  saddle,     ///< vᵀQv < 0 for a v of the critical cone: a saddle point or a maximum, no local minimum
+  necessary,  ///< vᵀQv ≥ 0 for all v that keep every active row at zero; the rest of the cone, or whether z is
+              ///< B-stationary, was not decided
+  minimum,    ///< vᵀQv ≥ 0 on the whole cone of a B-stationary point: a local minimum. Always so of convex Q
+};
+
+/// "unknown", "saddle", "necessary", "minimum".
+[[nodiscard]] const char* to_string(SecondOrder second_order);
 
 /// Seconds spent, by part.
 struct Times {
@@ -67,6 +82,8 @@ struct Solution {
   /// B-stationary: no feasible direction of descent. True where the point is strongly stationary or solves
   /// each of the few branches it belongs to; absent where that was not decided.
   std::optional<bool> b_stationary;
+  /// Whether z is a local minimum, by the curvature of Q (scaled, to 1e-7).
+  SecondOrder second_order = SecondOrder::unknown;
   double objective = 0.0;  ///< ½ zᵀQz + gᵀz + c₀
   /// What a cold start last reached on the way to this answer: the objective itself, or, of a chain of warm
   /// starts, that of its first. A warm start that ends clearly above it starts cold too.

@@ -1,0 +1,231 @@
+#include "descent.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace marble {
+namespace {
+
+constexpr double kCurvature = 1e-7;  // of vᵀQv relative to vᵀv: less is taken for 0
+constexpr double kFlatDelta = 1e-6;
+constexpr double kLargestDelta = 1e10;
+constexpr double kDecade = 10.0;
+constexpr int kInverseIterations = 40;
+constexpr double kSettled = 0.05;  // relative change of the curvature that ends them
+constexpr double kFlat = 1e-13;    // a row that changes this slowly does not
+constexpr double kSignTolerance = 1e-9;
+constexpr double kShort = 1e-12;     // a step that changes nothing
+constexpr int kManyShortSteps = 20;  // from then on the first row that pulls is released (Bland)
+
+// The same start everywhere: splitmix64, entries in [−1, 1).
+void fill_with_noise(Vector& vector) {
+  std::uint64_t state = 0;
+  for (double& entry : vector) {
+    std::uint64_t bits = state += 0x9e3779b97f4a7c15U;
+    bits = (bits ^ (bits >> 30U)) * 0xbf58476d1ce4e5b9U;
+    bits = (bits ^ (bits >> 27U)) * 0x94d049bb133111ebU;
+    entry = static_cast<double>((bits ^ (bits >> 31U)) >> 11U) * 0x1p-52 - 1.0;
+  }
+}
+
+}  // namespace
+
+Descent::Descent(const ScaledProblem& problem, Kkt& kkt, ActiveSet& active_set)
+    : problem_(problem),
+      kkt_(kkt),
+      active_set_(active_set),
+      x_(problem),
+      set_(problem),
+      images_(problem),
+      rates_(problem),
+      direction_(problem.variables()),
+      image_(problem.variables()),
+      nothing_(Vector::Zero(problem.equalities())),
+      reporter_(problem) {}
+
+Descent::End Descent::run(Run& run, const Iterate& x, const WorkingSet& set, ConstVectorRef first,
+                          int budget) {
+  x_.all = x.all;
+  set_ = set;
+  short_steps_ = 0;
+  const int last = run.factorizations + budget;
+  bool curved = began_at_saddle_ = first.size() > 0;
+  if (curved) direction_ = first;
+  bool moved = false;
+  images_.evaluate(problem_, x_);
+  while (true) {
+    if (curved) {
+      orient();
+      const Block block = blocking(std::numeric_limits<double>::infinity());
+      began_at_saddle_ = began_at_saddle_ || !moved;
+      moved = true;
+      if (block.flag == nullptr) return End::unbounded;
+      move(block);
+    }
+    if (run.factorizations >= last || run.interrupted()) return End::stopped;
+    ++run.iterations;
+    report(run);
+    clear_multipliers();
+    active_set_.restore(x_, set_);
+    curved = !active_set_.factor(run, ActiveSet::kExactRho, ActiveSet::kExactDelta);
+    if (curved) {
+      if (run.interrupted()) return End::stopped;
+      if (find_negative_curvature(run, last)) continue;
+      // Flat: the penalty ρ alone takes |Q|²/ρ from the curvature, about as much as δ adds.
+      curved = !active_set_.factor(run, ActiveSet::kExactRho, kFlatDelta);
+      if (curved) return End::stopped;
+    }
+    moved = true;
+    if (!active_set_.sharpen()) {  // the gradient has a part along which Q is flat
+      direction_ = -images_.gradient;
+      nothing_.setZero();
+      if (!kkt_.solve(direction_, nothing_) || !active_set_.project(direction_)) return End::stopped;
+      const Block block = blocking(1.0);
+      if (block.flag == nullptr) return End::unbounded;
+      move(block);
+      continue;
+    }
+    direction_ = active_set_.x().z() - x_.z();
+    const Block block = blocking(1.0);
+    if (block.flag != nullptr) {
+      move(block);
+      continue;
+    }
+    x_.all = active_set_.x().all;
+    images_.evaluate(problem_, x_);
+    if (!release_worst()) return End::minimum;
+  }
+}
+
+void Descent::report(Run& run) {
+  Progress progress;
+  progress.objective = images_.objective / problem_.cost_scale + problem_.c0;
+  progress.violations = violations(problem_, images_);
+  progress.rho = ActiveSet::kExactRho;
+  progress.step_length = 1.0;
+  reporter_.tell(run, x_.z(), progress);
+}
+
+// To the row that blocks, which is held from there on.
+void Descent::move(const Block& block) {
+  x_.z() += block.length * direction_;
+  images_.evaluate(problem_, x_);
+  *block.flag = 1;
+  short_steps_ =
+      block.length * max_abs(direction_) <= kShort * (1.0 + max_abs(x_.z())) ? short_steps_ + 1 : 0;
+}
+
+// Downhill; where that is level, to the side that goes on longer.
+void Descent::orient() {
+  const double slope = images_.gradient.dot(direction_);
+  if (slope > 0.0) direction_ = -direction_;
+  if (std::abs(slope) > kShort * images_.gradient.norm() * direction_.norm()) return;
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const Block ahead = blocking(kInfinity);
+  if (ahead.flag == nullptr) return;
+  direction_ = -direction_;
+  const Block back = blocking(kInfinity);
+  if (back.flag != nullptr && back.length <= ahead.length) direction_ = -direction_;
+}
+
+// The first free row to reach zero along the direction, if that is before `longest`.
+Descent::Block Descent::blocking(double longest) {
+  rates_.evaluate_rows(problem_, direction_);
+  Block first{nullptr, longest};
+  double fastest = 0.0;
+  const double flat = kFlat * max_abs(direction_);
+  const auto look = [&](double slack, double rate, std::uint8_t& flag) {
+    if (flag != 0 || !(rate < -flat)) return;
+    const double length = std::max(slack, 0.0) / -rate;
+    if (length > first.length || (length == first.length && -rate <= fastest)) return;
+    first = {&flag, length};
+    fastest = -rate;
+  };
+  for (Index i = 0; i < problem_.inequalities(); ++i)
+    look(images_.inequality[i], rates_.inequality[i], set_.active_inequality[static_cast<std::size_t>(i)]);
+  for (Index i = 0; i < problem_.pairs(); ++i) {
+    const auto pair = static_cast<std::size_t>(i);
+    const bool left_fixed = set_.left_fixed[pair] != 0;
+    look(left_fixed ? images_.right[i] : images_.left[i], left_fixed ? rates_.right[i] : rates_.left[i],
+         set_.active_free_side[pair]);
+  }
+  return first;
+}
+
+void Descent::clear_multipliers() {
+  for (Index i = 0; i < problem_.inequalities(); ++i) {
+    if (set_.active_inequality[static_cast<std::size_t>(i)] == 0) x_.lambda_w()[i] = 0.0;
+  }
+  for (Index i = 0; i < problem_.pairs(); ++i) {
+    const auto pair = static_cast<std::size_t>(i);
+    if (set_.active_free_side[pair] != 0) continue;
+    (set_.left_fixed[pair] != 0 ? x_.lambda_R()[i] : x_.lambda_L()[i]) = 0.0;
+  }
+}
+
+// Of the rows held and free to leave, the one whose multiplier has the wrong sign most.
+bool Descent::release_worst() {
+  std::uint8_t* worst = nullptr;
+  double most = kSignTolerance * (1.0 + max_abs(x_.all));
+  const auto look = [&](double lambda, std::uint8_t& flag) {
+    if (flag == 0 || !(lambda > most) || (worst != nullptr && short_steps_ > kManyShortSteps)) return;
+    worst = &flag;
+    most = lambda;
+  };
+  for (Index i = 0; i < problem_.inequalities(); ++i)
+    look(x_.lambda_w()[i], set_.active_inequality[static_cast<std::size_t>(i)]);
+  for (Index i = 0; i < problem_.pairs(); ++i) {
+    const auto pair = static_cast<std::size_t>(i);
+    look(set_.left_fixed[pair] != 0 ? x_.lambda_R()[i] : x_.lambda_L()[i], set_.active_free_side[pair]);
+  }
+  if (worst == nullptr) return false;
+  *worst = 0;
+  return true;
+}
+
+// Inverse iteration with Q + δI + ρJᵀJ, which δ just makes convex: for a curvature between −δ and −δ/10 it
+// gains a factor of 10/9 a step at least.
+bool Descent::find_negative_curvature(Run& run, int last) {
+  const auto convex_at = [&](double delta) { return active_set_.factor(run, ActiveSet::kExactRho, delta); };
+  double low = ActiveSet::kExactDelta;
+  double high = delta_;
+  while (!convex_at(high)) {
+    if (run.factorizations >= last || high > kLargestDelta) return false;
+    low = high;
+    high *= kDecade;
+  }
+  while (!iterate_inversely()) {
+    double middle = 0.0;
+    do {
+      if (high <= kDecade * low || run.factorizations >= last || run.interrupted()) return false;
+      middle = std::sqrt(low * high);
+      if (convex_at(middle)) break;
+      low = middle;
+    } while (true);
+    high = middle;
+  }
+  delta_ = high;
+  return true;
+}
+
+bool Descent::iterate_inversely() {
+  fill_with_noise(direction_);
+  double curvature = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < kInverseIterations; ++i) {
+    nothing_.setZero();
+    if (!kkt_.solve(direction_, nothing_) || !active_set_.project(direction_)) return false;
+    const double size = direction_.norm();
+    if (!(size > 0.0) || !std::isfinite(size)) return false;
+    direction_ /= size;
+    multiply(problem_.Q, direction_, image_);
+    const double now = direction_.dot(image_);
+    const bool settled = now < -kCurvature && std::abs(now - curvature) <= kSettled * std::abs(now);
+    curvature = now;
+    if (settled) break;
+  }
+  if (!(curvature < -kCurvature)) return false;
+  return active_set_.project(direction_);
+}
+
+}  // namespace marble
