@@ -8,6 +8,7 @@
 #include "result_call.h"
 #include "unary_call.h"
 #include "watch_call.h"
+#include "wire.h"
 
 namespace marble::server {
 namespace {
@@ -22,11 +23,11 @@ class ResultKeeper final : public JobObserver {
     v1::SolveResponse response;
     ResultStore::Result result{unexpected(Error{}), outcome.retry_delay_s};
     if (const auto filled = fill_response(*record_, outcome, &response); filled) {
-      result.answer = response.SerializeAsString();
+      result.answer = serialize(response);
     } else {
       result.answer = unexpected(filled.error());
     }
-    const auto bytes = result.answer ? static_cast<std::int64_t>(result.answer->size()) : 0;
+    const auto bytes = result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0;
     record_->set_result_bytes(bytes);  // before who waits for it hears of it
     if (!results_.put(record_->id(), std::move(result), Clock::now())) record_->set_result_bytes(0);
   }
@@ -58,7 +59,7 @@ grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* conte
 Expected<void> JobsService::submit(const grpc::CallbackServerContext& context, Origin& origin,
                                    std::shared_ptr<v1::SolveRequest> request,
                                    v1::SubmitResponse* response) const {
-  auto caller = caller_of(parts_.access, context, origin, Role::solve);
+  auto caller = caller_of(parts_, context, origin, Role::solve);
   if (!caller) return unexpected(caller.error());
   caller->deadline = Clock::time_point::max();  // the call's is not the job's
   const auto job = make_job(parts_, *caller, JobKind::submitted, std::move(request));

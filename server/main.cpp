@@ -142,6 +142,7 @@ int main(int argc, char** argv) {
   FeedLimit feeds{config->watchers};
   ResultStore results(result_limits(*config));
   SessionTable sessions({config->sessions, config->session_bytes});
+  ConnectionTable connections(connection_limits(*config), log);
   const auto shared_scheduler = std::make_shared<Scheduler>(queue_limits(*config), board, log, metrics);
   Scheduler& scheduler = *shared_scheduler;
   const auto expiry = std::make_shared<ResultExpiry>(results);
@@ -150,13 +151,14 @@ int main(int argc, char** argv) {
   pulse.add(shared_scheduler);
   pulse.add(expiry);
   pulse.add(suppressed_lines);
-  const ServiceParts parts{*config, access,  log,       metrics,  pulse, board,
-                           feeds,   results, scheduler, sessions, calls};
+  const ServiceParts parts{*config, access,  log,       metrics,  pulse,       board,
+                           feeds,   results, scheduler, sessions, connections, calls};
   SolverService solver_service(parts);
   JobsService jobs_service(parts);
   InfoService info_service(parts);
 
-  const auto listening = listen(*config, {&solver_service, &jobs_service, &info_service}, log, metrics);
+  const auto listening =
+      listen(*config, {&solver_service, &jobs_service, &info_service}, log, metrics, connections);
   if (!listening) {
     log.error(Component::server, "cannot_listen",
               {{"address", listening.error().value}, {"reason", listening.error().bound}});
@@ -215,6 +217,7 @@ int main(int argc, char** argv) {
   // gRPC answers a call that arrives during its shutdown with CANCELLED, which nobody retries: until those
   // who have just been answered have asked again and been refused, it waits.
   std::this_thread::sleep_for(kLastRefusals);
+  listening->acceptor->stop();
   listening->server->Shutdown(std::chrono::system_clock::now());
   listening->server->Wait();
   http.reset();
