@@ -123,19 +123,29 @@ Expected<Identity> Access::identify(const grpc::CallbackServerContext& context) 
 }
 
 Expected<Identity> Access::identify(const Credentials& given) const {
+  auto identity = identity_of(*rules(), given);
+  if (!identity && identity.error().code == ErrorCode::unauthenticated) ++unauthenticated_;
+  return identity;
+}
+
+bool Access::is_known(const grpc::CallbackServerContext& context) const {
   const auto rules = this->rules();
-  if (rules->tokens_known && given.token) {
-    if (const Token* token = find_token(rules->tokens, *given.token))
+  if (!rules->tokens_known && !rules->certificates_known) return true;
+  return identity_of(*rules, credentials_of(context)).has_value();
+}
+
+Expected<Identity> Access::identity_of(const Rules& rules, const Credentials& given) {
+  if (rules.tokens_known && given.token) {
+    if (const Token* token = find_token(rules.tokens, *given.token))
       return Identity{token->client, token->roles};
   }
-  if (rules->certificates_known && given.certificate) {
-    const auto roles = rules->roles.find(*given.certificate);
-    return Identity{*given.certificate, roles == rules->roles.end() ? kCertificateRoles : roles->second};
+  if (rules.certificates_known && given.certificate) {
+    const auto roles = rules.roles.find(*given.certificate);
+    return Identity{*given.certificate, roles == rules.roles.end() ? kCertificateRoles : roles->second};
   }
-  if (rules->tokens_known || rules->certificates_known) {
-    ++unauthenticated_;
+  if (rules.tokens_known || rules.certificates_known) {
     const char* reason = "needs a client certificate";
-    if (rules->tokens_known)
+    if (rules.tokens_known)
       reason = given.token ? "the token is not known" : "needs a token: authorization: Bearer TOKEN";
     return unexpected(Error{ErrorCode::unauthenticated, "", -1, "", reason});
   }

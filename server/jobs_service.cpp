@@ -4,6 +4,7 @@
 #include "job_access.h"
 #include "job_log.h"
 #include "job_requests.h"
+#include "read_first.h"
 #include "reply.h"
 #include "result_call.h"
 #include "unary_call.h"
@@ -38,6 +39,22 @@ class ResultKeeper final : public JobObserver {
 };
 
 }  // namespace
+
+JobsService::JobsService(const ServiceParts& parts) : parts_(parts) {
+  const auto unary = [&](const char* name, auto method) {
+    MarkMethodStreamed(method_number("Jobs", name), unary_read_first(parts, [this, method](auto... given) {
+                         return (this->*method)(given...);
+                       }));
+  };
+  unary("Submit", &JobsService::Submit);
+  unary("Result", &JobsService::Result);
+  unary("Delete", &JobsService::Delete);
+  unary("List", &JobsService::List);
+  unary("Get", &JobsService::Get);
+  unary("Cancel", &JobsService::Cancel);
+  MarkMethodStreamed(method_number("Jobs", "Watch"),
+                     stream_read_first(parts, [this](auto... given) { return Watch(given...); }));
+}
 
 grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
