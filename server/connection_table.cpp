@@ -184,6 +184,8 @@ void ConnectionTable::look_at_all(Clock::time_point now) {
       close(*connection, CloseReason::silent);
     } else if (connection->calls_ == 0 && now - last_call > limits_.idle + kIdleGrace) {
       close(*connection, CloseReason::idle);
+    } else {
+      look(*connection, now);  // its calls may have become more since it brought them
     }
   }
 }

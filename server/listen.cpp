@@ -18,6 +18,7 @@ namespace marble::server {
 namespace {
 
 constexpr std::chrono::milliseconds kAddressPeriod{20};
+constexpr double kStartGraceS = 2.0;
 constexpr std::int64_t kOtherDescriptors = 32;
 constexpr std::int64_t kFewestConnections = 4;
 
@@ -35,7 +36,9 @@ void set_bounds(grpc::ServerBuilder& builder, const Config& config) {
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, config.connection_streams);
   builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, config.metadata_bytes);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, milliseconds(config.connection_idle_s));
-  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, milliseconds(config.connection_start_s));
+  // Those who have said nothing at all are closed, and counted, by the table of connections before.
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS,
+                             milliseconds(config.connection_start_s + kStartGraceS));
 }
 
 void set_limits(grpc::ServerBuilder& builder, const Config& config) {
