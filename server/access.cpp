@@ -142,23 +142,31 @@ Expected<Identity> Access::identify(const grpc::CallbackServerContext& context) 
 }
 
 Expected<Identity> Access::identify(const Credentials& given) const {
+  auto identity = identity_of(*rules(), given);
+  if (!identity && identity.error().code == ErrorCode::unauthenticated) ++unauthenticated_;
+  return identity;
+}
+
+bool Access::is_known(const grpc::CallbackServerContext& context) const {
   const auto rules = this->rules();
-  if (rules->tokens_known &&
-      given.token) {  // a wrong one is refused, whatever certificate is shown beside it
-    if (const Token* token = find_token(rules->tokens, *given.token))
+  if (!rules->tokens_known && !rules->certificates_known) return true;
+  return identity_of(*rules, credentials_of(context)).has_value();
+}
+
+Expected<Identity> Access::identity_of(const Rules& rules, const Credentials& given) {
+  if (rules.tokens_known && given.token) {  // a wrong one is refused, whatever certificate is shown beside it
+    if (const Token* token = find_token(rules.tokens, *given.token))
       return Identity{token->client, token->roles};
-    ++unauthenticated_;
     return unexpected(unauthenticated("the token is not known"));
   }
-  if (rules->certificates_known && given.certificate) {
+  if (rules.certificates_known && given.certificate) {
     std::string client = std::string(kCertificatePrefix) + *given.certificate;
-    const Roles* roles = find(rules->roles, client);
+    const Roles* roles = find(rules.roles, client);
     return Identity{std::move(client), roles == nullptr ? kCertificateRoles : *roles};
   }
-  if (rules->tokens_known || rules->certificates_known) {
-    ++unauthenticated_;
-    return unexpected(unauthenticated(rules->tokens_known ? "needs a token: authorization: Bearer TOKEN"
-                                                          : "needs a client certificate"));
+  if (rules.tokens_known || rules.certificates_known) {
+    return unexpected(unauthenticated(rules.tokens_known ? "needs a token: authorization: Bearer TOKEN"
+                                                         : "needs a client certificate"));
   }
   if (!given.name) return Identity{host_of(given.peer), Roles::all()};
   const auto name = own_name(*given.name);

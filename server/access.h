@@ -44,6 +44,8 @@ class Access {
   /// Who calls. Errors: unauthenticated; invalid_argument (a name that is none).
   [[nodiscard]] Expected<Identity> identify(const grpc::CallbackServerContext& context) const;
   [[nodiscard]] Expected<Identity> identify(const Credentials& given) const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Whether identify() would tell, without counting who is turned away.
+  [[nodiscard]] bool is_known(const grpc::CallbackServerContext& context) const ABSL_LOCKS_EXCLUDED(mutex_);
   /// The same for a call that needs a role. Errors: permission_denied too.
   [[nodiscard]] Expected<Identity> require(const grpc::CallbackServerContext& context, Role role) const;
   [[nodiscard]] Expected<Identity> require(const Credentials& given, Role role) const;
@@ -59,6 +61,7 @@ class Access {
 
  private:
   struct Rules;
+  [[nodiscard]] static Expected<Identity> identity_of(const Rules& rules, const Credentials& given);
   [[nodiscard]] static std::shared_ptr<const Rules> rules_of(const Config& config);
   [[nodiscard]] std::shared_ptr<const Rules> rules() const ABSL_LOCKS_EXCLUDED(mutex_);
 

@@ -24,11 +24,12 @@ Clock::time_point deadline_of(const grpc::CallbackServerContext& context) {
 
 }  // namespace
 
-Expected<Caller> caller_of(const Access& access, const grpc::CallbackServerContext& context, Origin& origin,
-                           Role role) {
-  auto identity = access.require(context, role);
+Expected<Caller> caller_of(const ServiceParts& parts, const grpc::CallbackServerContext& context,
+                           Origin& origin, Role role) {
+  auto identity = parts.access.require(context, role);
   if (!identity) return unexpected(identity.error());
   origin.client = identity->client;
+  parts.connections.known(origin.peer);
   return Caller{std::move(*identity), origin, deadline_of(context)};
 }
 
@@ -37,6 +38,7 @@ Expected<Identity> identify(const ServiceParts& parts, const grpc::CallbackServe
   auto identity = parts.access.identify(context);
   if (identity) {
     origin.client = identity->client;
+    parts.connections.known(origin.peer);
   } else {
     log_refusal(parts.log, origin, identity.error());
   }

@@ -20,8 +20,9 @@ struct Caller {
 };
 
 /// The origin then knows the client. Errors: unauthenticated, permission_denied without the role.
-[[nodiscard]] Expected<Caller> caller_of(const Access& access, const grpc::CallbackServerContext& context,
-                                         Origin& origin, Role role);
+[[nodiscard]] Expected<Caller> caller_of(const ServiceParts& parts,
+                                         const grpc::CallbackServerContext& context, Origin& origin,
+                                         Role role);
 
 /// Who calls, where any role will do. A refusal is logged.
 [[nodiscard]] Expected<Identity> identify(const ServiceParts& parts,

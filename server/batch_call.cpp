@@ -27,7 +27,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* BatchCall::begin(
   const std::shared_ptr<BatchCall> call(new BatchCall(parts));
   call->self_ = call;
   Origin origin = origin_of(context);
-  auto caller = caller_of(parts.access, context, origin, Role::solve);
+  auto caller = caller_of(parts, context, origin, Role::solve);
   if (!caller) {
     {
       const MutexLock lock(call->mutex_);

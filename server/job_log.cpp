@@ -1,6 +1,7 @@
 #include "job_log.h"
 
 #include "access.h"
+#include "status.h"
 
 namespace marble::server {
 namespace {
@@ -54,7 +55,7 @@ void log_refusal(const Log& log, const Origin& origin, const Error& error) {
   add(fields, {{"request", origin.request_id.substr(0, kLongestRequestId)},
                {"peer", origin.peer},
                {"code", to_string(error.code)},
-               {"reason", error.message()}});
+               {"reason", abridged(error).message()}});
   add_trace(fields, origin.trace);
   log.write(*line, fields);
 }

@@ -3,10 +3,12 @@
 #include "job_access.h"
 #include "job_log.h"
 #include "job_requests.h"
+#include "read_first.h"
 #include "reply.h"
 #include "result_call.h"
 #include "unary_call.h"
 #include "watch_call.h"
+#include "wire.h"
 
 namespace marble::server {
 namespace {
@@ -21,11 +23,11 @@ class ResultKeeper final : public JobObserver {
     v1::SolveResponse response;
     ResultStore::Result result{unexpected(Error{}), outcome.retry_delay_s};
     if (const auto filled = fill_response(*record_, outcome, &response); filled) {
-      result.answer = response.SerializeAsString();
+      result.answer = serialize(response);
     } else {
       result.answer = unexpected(filled.error());
     }
-    const auto bytes = result.answer ? static_cast<std::int64_t>(result.answer->size()) : 0;
+    const auto bytes = result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0;
     record_->set_result_bytes(bytes);  // before who waits for it hears of it
     if (!results_.put(record_->id(), std::move(result), Clock::now())) record_->set_result_bytes(0);
   }
@@ -37,6 +39,22 @@ class ResultKeeper final : public JobObserver {
 
 }  // namespace
 
+JobsService::JobsService(const ServiceParts& parts) : parts_(parts) {
+  const auto unary = [&](const char* name, auto method) {
+    MarkMethodStreamed(method_number("Jobs", name), unary_read_first(parts, [this, method](auto... given) {
+                         return (this->*method)(given...);
+                       }));
+  };
+  unary("Submit", &JobsService::Submit);
+  unary("Result", &JobsService::Result);
+  unary("Delete", &JobsService::Delete);
+  unary("List", &JobsService::List);
+  unary("Get", &JobsService::Get);
+  unary("Cancel", &JobsService::Cancel);
+  MarkMethodStreamed(method_number("Jobs", "Watch"),
+                     stream_read_first(parts, [this](auto... given) { return Watch(given...); }));
+}
+
 grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
   const auto told = [&](const Origin& origin, const Error& error) {
@@ -45,7 +63,7 @@ grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* conte
     return unexpected(error);
   };
   const auto who = [&](Origin& origin) -> Expected<Caller> {
-    auto caller = caller_of(parts_.access, *context, origin, Role::solve);
+    auto caller = caller_of(parts_, *context, origin, Role::solve);
     if (!caller) return told(origin, caller.error());
     caller->deadline = Clock::time_point::max();  // the call's is not the job's
     return caller;

@@ -15,7 +15,7 @@ using JobsRawService = v1::Jobs::WithRawCallbackMethod_Submit<v1::Jobs::WithRawC
 /// The methods take and give bytes; see wire.h.
 class JobsService final : public JobsRawService {
  public:
-  explicit JobsService(const ServiceParts& parts) : parts_(parts) {}
+  explicit JobsService(const ServiceParts& parts);
 
   grpc::ServerUnaryReactor* Submit(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
                                    grpc::ByteBuffer* response) override;

@@ -18,7 +18,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kTogether{10};  // lines that come so soon after others go out together
-constexpr std::chrono::seconds kLastLines{2};      // for a slow reader at the end
+constexpr std::chrono::seconds kLastLines{2};       // for a slow reader at the end
 
 // As many whole lines as a pipe takes at once, so that nobody else's come in between (pipe(7), PIPE_BUF).
 std::string_view piece_of(std::string_view lines) {

@@ -11,7 +11,6 @@
 #include <thread>
 
 #include "config.h"
-#include "hang_up.h"
 #include "http/http_server.h"
 #include "info_service.h"
 #include "jobs_service.h"
@@ -151,6 +150,7 @@ int main(int argc, char** argv) {
   FeedLimit feeds(config->watchers);
   ResultStore results(result_limits(*config));
   SessionTable sessions({config->sessions, config->session_bytes});
+  ConnectionTable connections(connection_limits(*config), log);
   const auto shared_scheduler = std::make_shared<Scheduler>(queue_limits(*config), board, log, metrics);
   Scheduler& scheduler = *shared_scheduler;
   const auto expiry = std::make_shared<ResultExpiry>(results);
@@ -159,13 +159,14 @@ int main(int argc, char** argv) {
   pulse.add(shared_scheduler);
   pulse.add(expiry);
   pulse.add(suppressed_lines);
-  const ServiceParts parts{*config, access,  log,       metrics,  pulse, board,
-                           feeds,   results, scheduler, sessions, calls};
+  const ServiceParts parts{*config, access,  log,       metrics,  pulse,       board,
+                           feeds,   results, scheduler, sessions, connections, calls};
   SolverService solver_service(parts);
   JobsService jobs_service(parts);
   InfoService info_service(parts);
 
-  const auto listening = listen(*config, {&solver_service, &jobs_service, &info_service}, log, metrics);
+  const auto listening =
+      listen(*config, {&solver_service, &jobs_service, &info_service}, log, metrics, connections);
   if (!listening) {
     log.error(Component::server, "cannot_listen",
               {{"address", listening.error().value}, {"reason", listening.error().bound}});
@@ -221,7 +222,10 @@ int main(int argc, char** argv) {
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
   calls.wait_for_last(kLastAnswers);
-  hang_up(listening->addresses);
+  // gRPC's own shutdown would answer a call that comes too late with CANCELLED, which nobody retries: one
+  // that finds its connection closed is UNAVAILABLE to every client, and is sent elsewhere.
+  listening->acceptor->stop();
+  connections.hang_up();
   listening->server->Shutdown(std::chrono::system_clock::now());
   listening->server->Wait();
   http.reset();

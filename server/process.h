@@ -16,6 +16,9 @@ struct ProcessUsage {
 /// machine's.
 [[nodiscard]] int usable_cores();
 
+/// Asks for as many descriptors as the process may have at all, and returns how many it now may have.
+std::int64_t raise_descriptor_limit();
+
 struct ProcessFacts {
   int open_fds = 0;
   int threads = 0;

@@ -46,8 +46,7 @@ void ResultCall::answer(const ResultStore::Shared& result) {
         to_status({ErrorCode::not_found, "job_id", -1, id_, "was deleted, and its answer with it"}));
   if (!result->answer) return finish(to_status(result->answer.error(), result->retry_delay_s));
   if (finished_.exchange(true)) return;
-  grpc::Slice slice(*result->answer);
-  *response_ = grpc::ByteBuffer(&slice, 1);
+  *response_ = *result->answer;
   Finish(grpc::Status::OK);
 }
 

@@ -20,7 +20,8 @@ bool ResultStore::put(const std::string& id, Result result, Clock::time_point no
     const MutexLock lock(mutex_);
     const auto found = entries_.find(id);
     if (found == entries_.end()) return false;
-    std::int64_t bytes = kEntryBytes + (result.answer ? static_cast<std::int64_t>(result.answer->size()) : 0);
+    std::int64_t bytes =
+        kEntryBytes + (result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0);
     shared = std::make_shared<const Result>(std::move(result));
     waiters = std::exchange(found->second.waiters, {});  // they get it whatever its size
     if (bytes > limits_.bytes) {

@@ -1,6 +1,8 @@
 // Answers of submitted jobs, kept for a bounded time and size until their clients come for them.
 #pragma once
 
+#include <grpcpp/support/byte_buffer.h>
+
 #include <functional>
 #include <list>
 #include <memory>
@@ -20,9 +22,9 @@ struct ResultLimits {
 /// Thread-safe. Callbacks are called without a lock.
 class ResultStore {
  public:
-  /// A serialized answer, or why there is none and when to try again.
+  /// A serialized answer, or why there is none and when to try again. Whoever is given it shares its bytes.
   struct Result {
-    Expected<std::string> answer;
+    Expected<grpc::ByteBuffer> answer;
     double retry_delay_s = 0.0;
   };
   using Shared = std::shared_ptr<const Result>;

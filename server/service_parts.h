@@ -3,6 +3,7 @@
 
 #include "access.h"
 #include "config.h"
+#include "connection_table.h"
 #include "job_board.h"
 #include "job_feed.h"
 #include "live_calls.h"
@@ -25,6 +26,7 @@ struct ServiceParts {
   ResultStore& results;
   Scheduler& scheduler;
   SessionTable& sessions;
+  ConnectionTable& connections;
   LiveCalls& calls;
   Clock::time_point started = Clock::now();
 };

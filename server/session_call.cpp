@@ -53,7 +53,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
   call->self_ = call;
   Origin origin = origin_of(context);
   const auto admit = [&]() -> Expected<void> {
-    auto caller = caller_of(parts.access, context, origin, Role::solve);
+    auto caller = caller_of(parts, context, origin, Role::solve);
     if (!caller) return unexpected(caller.error());
     call->caller_ = std::move(*caller);
     if (parts.scheduler.is_closed())

@@ -20,7 +20,7 @@ grpc::ServerUnaryReactor* SolveCall::begin(const ServiceParts& parts, grpc::Call
 
 Expected<void> SolveCall::admit(const grpc::ByteBuffer* request, const grpc::CallbackServerContext& context,
                                 Origin& origin) {
-  const auto caller = caller_of(parts_.access, context, origin, Role::solve);
+  const auto caller = caller_of(parts_, context, origin, Role::solve);
   if (!caller) return unexpected(caller.error());
   auto message = std::make_shared<v1::SolveRequest>();
   if (auto parsed = parse(request, message.get()); !parsed) return parsed;

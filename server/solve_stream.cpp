@@ -26,7 +26,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const Service
 
 Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
                                       const grpc::CallbackServerContext& context, Origin& origin) {
-  const auto caller = caller_of(parts_.access, context, origin, Role::solve);
+  const auto caller = caller_of(parts_, context, origin, Role::solve);
   if (!caller) return unexpected(caller.error());
   v1::SolveStreamRequest request;
   if (auto parsed = parse(bytes, &request); !parsed) return parsed;

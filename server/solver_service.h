@@ -13,7 +13,7 @@ using SolverRawService = v1::Solver::WithRawCallbackMethod_Solve<
 /// The methods take and give bytes; see wire.h.
 class SolverService final : public SolverRawService {
  public:
-  explicit SolverService(const ServiceParts& parts) : parts_(parts) {}
+  explicit SolverService(const ServiceParts& parts);
 
   grpc::ServerUnaryReactor* Solve(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
                                   grpc::ByteBuffer* response) override;

@@ -35,9 +35,22 @@ grpc::StatusCode code_of(ErrorCode code) {
   return grpc::StatusCode::UNKNOWN;
 }
 
+constexpr std::size_t kLongestValue = 64;  // bytes of an error's value that are told
+
 }  // namespace
 
-google::rpc::Status to_message(const Error& error, double retry_delay_s) {
+Error abridged(Error error) {
+  if (error.value.size() <= kLongestValue) return error;
+  const std::size_t bytes = error.value.size();
+  std::size_t end = kLongestValue;
+  while (end > 0 && (static_cast<unsigned char>(error.value[end]) & 0xC0U) == 0x80U) --end;  // within UTF-8
+  error.value.resize(end);
+  error.value += "... (" + std::to_string(bytes) + " bytes)";
+  return error;
+}
+
+google::rpc::Status to_message(const Error& whole, double retry_delay_s) {
+  const Error error = abridged(whole);
   google::rpc::Status details;
   details.set_code(code_of(error.code));
   details.set_message(error.message());
@@ -61,7 +74,8 @@ google::rpc::Status to_message(const Error& error, double retry_delay_s) {
 }
 
 grpc::Status to_status(const Error& error, double retry_delay_s) {
-  return {code_of(error.code), error.message(), to_message(error, retry_delay_s).SerializeAsString()};
+  const google::rpc::Status details = to_message(error, retry_delay_s);
+  return {code_of(error.code), details.message(), details.SerializeAsString()};
 }
 
 }  // namespace marble::server

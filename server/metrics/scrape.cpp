@@ -86,6 +86,12 @@ void read_bounded(const ServiceParts& parts, Reading& reading) {
   reading.one(Metric::watchers_limit, parts.feeds.most());
   reading.one(Metric::results_bytes, number(parts.results.bytes()));
   reading.one(Metric::results_limit, number(parts.config.result_bytes));
+  const ConnectionTable::Usage connections = parts.connections.usage();
+  reading.one(Metric::connections, number(connections.open));
+  reading.one(Metric::connections_limit, parts.connections.limits().all);
+  reading.one(Metric::connections_accepted, number(connections.accepted));
+  reading.each(Metric::connections_closed, connections.closed,
+               [](std::size_t at) { return kCloseReasons[at]; });
   const Access::Refused refused = parts.access.refused();
   const std::array counts = {refused.unauthenticated, refused.permission_denied};
   reading.each(Metric::access_refused, counts, [](std::size_t at) {

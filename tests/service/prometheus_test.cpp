@@ -88,8 +88,9 @@ class Prometheus : public SecureServiceTest {
     v1::SolveResponse response;
     const grpc::Status status = solver().Solve(&context, request, &response);
     seen_.called("Solver/Solve", status);
+    const bool read = status.error_code() != grpc::StatusCode::UNAUTHENTICATED;
     seen_.add(R"(marble_rpc_received_bytes_total{method="marble.v1.Solver/Solve"})",
-              static_cast<double>(request.ByteSizeLong()));
+              read ? static_cast<double>(request.ByteSizeLong()) : 0.0);
     if (!status.ok()) return;
     seen_.add(R"(marble_rpc_sent_bytes_total{method="marble.v1.Solver/Solve"})",
               static_cast<double>(response.ByteSizeLong()));

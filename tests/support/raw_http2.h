@@ -1,0 +1,184 @@
+// A connection that speaks HTTP/2 frame by frame, for what no client library would send.
+#pragma once
+
+#include <arpa/inet.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <map>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "child_process.h"
+
+namespace marble::testing {
+
+class RawHttp2 {
+ public:
+  enum Frame : std::uint8_t {
+    kData = 0,
+    kHeaders = 1,
+    kReset = 3,
+    kSettings = 4,
+    kPing = 6,
+    kContinuation = 9
+  };
+  enum Flag : std::uint8_t { kNone = 0, kEndStream = 1, kAck = 1, kEndHeaders = 4 };
+  using Fields = std::vector<std::pair<std::string, std::string>>;
+
+  /// A TCP connection to "127.0.0.1:4711" on which nothing is sent yet.
+  explicit RawHttp2(const std::string& address) : socket_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    const std::size_t colon = address.rfind(':');
+    sockaddr_in name = {};
+    name.sin_family = AF_INET;
+    name.sin_port = htons(static_cast<std::uint16_t>(std::stoi(address.substr(colon + 1))));
+    inet_pton(AF_INET, address.substr(0, colon).c_str(), &name.sin_addr);
+    if (::connect(socket_, reinterpret_cast<const sockaddr*>(&name), sizeof name) != 0) {
+      close(socket_);
+      throw std::runtime_error("cannot connect to " + address);
+    }
+  }
+  ~RawHttp2() { close(socket_); }
+  RawHttp2(const RawHttp2&) = delete;
+  RawHttp2& operator=(const RawHttp2&) = delete;
+
+  /// False once the other side has hung up.
+  bool send(const std::string& bytes) {
+    std::size_t sent = 0;
+    while (sent < bytes.size()) {
+      const ssize_t count =
+          ::send(socket_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
+      if (count > 0) {
+        sent += static_cast<std::size_t>(count);
+      } else if (errno == EAGAIN) {
+        take();  // or each would wait for the other
+        if (closed_) return false;
+        pollfd writable = {socket_, POLLOUT | POLLIN, 0};
+        poll(&writable, 1, 1000);
+      } else {
+        closed_ = true;
+        return false;
+      }
+    }
+    return true;
+  }
+  bool begin() {
+    begun_ = true;
+    return send("PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(kSettings, kNone, 0, ""));
+  }
+
+  static std::string frame(Frame type, std::uint8_t flags, std::uint32_t stream, const std::string& payload) {
+    std::string bytes = number(static_cast<std::uint32_t>(payload.size()), 3);
+    bytes += static_cast<char>(type);
+    bytes += static_cast<char>(flags);
+    return bytes + number(stream, 4) + payload;
+  }
+  /// Fields as HPACK has them at its plainest: literal, without index and Huffman's code; none beyond 126
+  /// bytes.
+  static std::string fields(const Fields& all) {
+    std::string bytes;
+    for (const auto& [name, value] : all) {
+      bytes += '\0';
+      for (const std::string& text : {name, value}) bytes += static_cast<char>(text.size()) + text;
+    }
+    return bytes;
+  }
+  static std::string call_fields(const std::string& path, const Fields& more = {}) {
+    Fields all = {{":method", "POST"}, {":scheme", "http"}, {":path", path},
+                  {":authority", "l"}, {"te", "trailers"},  {"content-type", "application/grpc"}};
+    all.insert(all.end(), more.begin(), more.end());
+    return fields(all);
+  }
+  /// A message as gRPC frames it. `size` may promise more than there is.
+  static std::string message(const std::string& bytes, std::uint32_t size) {
+    return '\0' + number(size, 4) + bytes;
+  }
+  static std::string message(const std::string& bytes) {
+    return message(bytes, static_cast<std::uint32_t>(bytes.size()));
+  }
+
+  /// Opens a stream and calls; the message follows by hand.
+  bool call(std::uint32_t stream, const std::string& path, const Fields& more = {}) {
+    return send(frame(kHeaders, kEndHeaders, stream, call_fields(path, more)));
+  }
+
+  /// Settings and pings are answered once it has begun. Waits until the server has ended the stream, or the
+  /// connection.
+  [[nodiscard]] bool eventually_ended(std::uint32_t stream) {
+    return eventually([&] {
+      take();
+      return closed_ || ended_.count(stream) != 0;
+    });
+  }
+  [[nodiscard]] bool eventually_closed() {
+    return eventually([&] {
+      take();
+      return closed_;
+    });
+  }
+  [[nodiscard]] bool is_closed() {
+    take();
+    return closed_;
+  }
+
+ private:
+  static std::string number(std::uint32_t value, int bytes) {
+    std::string result;
+    for (int i = bytes - 1; i >= 0; --i) result += static_cast<char>((value >> (8 * i)) & 0xFFU);
+    return result;
+  }
+
+  // Whatever has come, without waiting.
+  void take() {
+    char bytes[1 << 16];
+    while (!closed_) {
+      const ssize_t count = recv(socket_, bytes, sizeof bytes, MSG_DONTWAIT);
+      if (count > 0) {
+        incoming_.append(bytes, static_cast<std::size_t>(count));
+      } else if (count < 0 && errno == EAGAIN) {
+        break;
+      } else {
+        closed_ = true;
+      }
+    }
+    const auto byte = [&](std::size_t at) { return static_cast<std::uint8_t>(incoming_[at]); };
+    while (incoming_.size() >= 9) {
+      const std::size_t size = (std::size_t{byte(0)} << 16U) | (std::size_t{byte(1)} << 8U) | byte(2);
+      if (incoming_.size() < 9 + size) return;
+      const std::uint32_t stream = (static_cast<std::uint32_t>(byte(5)) << 24U) |
+                                   (static_cast<std::uint32_t>(byte(6)) << 16U) |
+                                   (static_cast<std::uint32_t>(byte(7)) << 8U) | byte(8);
+      const bool ends =
+          byte(3) == kReset || ((byte(3) == kHeaders || byte(3) == kData) && (byte(4) & kEndStream));
+      if (ends) ended_.insert(stream);
+      std::string answer;
+      if (byte(3) == kSettings && (byte(4) & kAck) == 0) answer = frame(kSettings, kAck, 0, "");
+      if (byte(3) == kPing && (byte(4) & kAck) == 0)
+        answer = frame(kPing, kAck, 0, incoming_.substr(9, size));
+      incoming_.erase(0, 9 + size);
+      if (begun_ && !answer.empty())
+        ::send(socket_, answer.data(), answer.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+    }
+  }
+
+  const int socket_;
+  bool begun_ = false, closed_ = false;
+  std::string incoming_;
+  std::set<std::uint32_t> ended_;
+};
+
+/// Of a process, in bytes: "VmRSS" now, "VmHWM" at most so far.
+[[nodiscard]] inline std::int64_t resident_bytes(pid_t pid, const std::string& which = "VmHWM") {
+  std::istringstream lines(read_file("/proc/" + std::to_string(pid) + "/status"));
+  for (std::string line; std::getline(lines, line);) {
+    if (line.rfind(which + ":", 0) == 0) return 1024 * std::stoll(line.substr(which.size() + 1));
+  }
+  return -1;
+}
+
+}  // namespace marble::testing
