@@ -62,7 +62,7 @@ Headers, static libraries and CMake files to solve quadratic programs with
 linear complementarity constraints in process or on a Marble server, and the
 service's contract: its .proto files and their descriptor set.")
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
-    "libexpected-dev, libgrpc++-dev, libprotobuf-dev, protobuf-compiler-grpc, libssl-dev, libopenblas-dev | liblapack-dev")
+    "libexpected-dev, libgrpc++-dev, libprotobuf-dev, protobuf-compiler-grpc, libssl-dev, libopenblas-dev | liblapack-dev, libsuitesparse-dev")
 set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS "cmake, g++")
 set(CPACK_DEBIAN_DEV_PACKAGE_CONFLICTS libmarble-dev)  # the globe's: it owns /usr/include/marble too
 
