@@ -12,7 +12,12 @@ constexpr std::size_t kUnpackedFactor = 100;                   ///< of its lengt
 [[nodiscard]] constexpr std::size_t most_bytes(std::size_t length) {
   return kUnpackedBytes + kUnpackedFactor * length;
 }
-/// Rows, columns or numbers that a table of it may have: eight bytes each.
+/// Numbers that a table of it may have: eight bytes each.
 [[nodiscard]] constexpr std::size_t most_numbers(std::size_t length) { return most_bytes(length) / 8; }
+
+/// Rows or columns that one may have; an empty row takes more than a number.
+[[nodiscard]] constexpr std::size_t most_rows(std::size_t length) {
+  return (std::size_t{1} << 20) + kUnpackedFactor * length / 8;
+}
 
 }  // namespace marble::formats

@@ -35,7 +35,7 @@ struct FreeVariable {
 };
 
 Expected<TableMatrix> table_of(const matvar_t& variable, const char* name, std::size_t length) {
-  const std::size_t most = std::min<std::size_t>(most_numbers(length), 0x7fffffff);
+  const std::size_t most = std::min<std::size_t>(most_rows(length), 0x7fffffff);
   if (variable.rank != 2 || variable.dims[0] > most || variable.dims[1] > most) {
     return unexpected(fault(name, "",
                             "must be a matrix or a vector with at most " + std::to_string(most) +

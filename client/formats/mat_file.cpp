@@ -192,8 +192,7 @@ std::optional<Head5> take_head(Elements& parts, bool swapped) {
 
 // A size that the file may have, of a matrix.
 bool is_size(double value, std::size_t length) {
-  return value >= 0.0 &&
-         value <= static_cast<double>(std::min<std::size_t>(most_numbers(length), 0x7fffffff)) &&
+  return value >= 0.0 && value <= static_cast<double>(std::min<std::size_t>(most_rows(length), 0x7fffffff)) &&
          value == std::floor(value);
 }
 
@@ -206,7 +205,7 @@ Expected<std::optional<TableMatrix>> read_version_5(std::string_view bytes, cons
   const auto head = take_head(parts, swapped);
   if (!head) return refuse("", kEndsTooSoon);
   if (head->extents.size() != 2 || !is_size(head->extents[0], length) || !is_size(head->extents[1], length)) {
-    return refuse("", "must be a matrix or a vector with at most " + std::to_string(most_numbers(length)) +
+    return refuse("", "must be a matrix or a vector with at most " + std::to_string(most_rows(length)) +
                           " rows and columns, for the file's length");
   }
   if ((head->flags & kComplexFlag) != 0) return refuse("complex", "must be real");
@@ -285,7 +284,7 @@ Expected<std::optional<TableMatrix>> read_version_4(std::string_view bytes, cons
   const std::span<const double> row(values->data(), head.rows), column(row.data() + head.rows, head.rows),
       value(column.data() + head.rows, head.rows);
   if (!is_size(row[last], length) || !is_size(column[last], length)) {
-    return refuse("", "must have at most " + std::to_string(most_numbers(length)) +
+    return refuse("", "must have at most " + std::to_string(most_rows(length)) +
                           " rows and columns, for the file's length");
   }
   TableMatrix table{static_cast<Index>(row[last]), static_cast<Index>(column[last])};

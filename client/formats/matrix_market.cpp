@@ -175,7 +175,7 @@ Expected<void> write_file(const std::string& path, const std::string& text) {
 Expected<ProblemFile> parse_matrix_market(const MatrixMarketParts& parts, const std::string& name) {
   std::size_t length = 0;
   for (const auto& [part, content] : parts) length += content.size();
-  const auto most = static_cast<std::int64_t>(std::min(most_numbers(length), kMost));
+  const auto most = static_cast<std::int64_t>(std::min(most_rows(length), kMost));
   const auto read = [&](const char* part) -> Expected<std::optional<TableMatrix>> {
     const auto found = parts.find(part);
     if (found == parts.end()) return std::nullopt;

@@ -26,7 +26,7 @@ Error fault(const std::string& name, const std::string& bound) {
 class NpzReader {
  public:
   NpzReader(Archive archive, std::size_t length)
-      : archive_(std::move(archive)), most_bytes_(most_bytes(length)), most_numbers_(most_numbers(length)) {}
+      : archive_(std::move(archive)), most_bytes_(most_bytes(length)), most_rows_(most_rows(length)) {}
 
   Expected<std::optional<TableMatrix>> read(const std::string& name) {
     if (const auto values = array(name, ".data"); !values || *values) {
@@ -71,7 +71,7 @@ class NpzReader {
                                                               const NpyArray& dense) const {
     if (dense.shape.size() > 2) return unexpected(fault(name, "must have at most two dimensions"));
     for (const std::size_t extent : dense.shape) {
-      if (extent > most_numbers_) return unexpected(fault(name, "must have " + sizes_rule()));
+      if (extent > most_rows_) return unexpected(fault(name, "must have " + sizes_rule()));
     }
     TableMatrix table;
     table.rows = static_cast<Index>(dense.shape.empty() ? 1 : dense.shape[0]);
@@ -89,7 +89,7 @@ class NpzReader {
   }
 
   [[nodiscard]] std::string sizes_rule() const {
-    return "at most " + std::to_string(most_numbers_) + " rows and columns, for the file's length";
+    return "at most " + std::to_string(most_rows_) + " rows and columns, for the file's length";
   }
 
   // A number that counts or points to something below `end`.
@@ -110,8 +110,8 @@ class NpzReader {
     const std::string kind = *format ? (*format)->text : "csc";
     if (kind != "csc" && kind != "csr") return unexpected(fault(name + ".format", "must be csc or csr"));
     const auto& sizes = (*shape)->values;
-    const auto rows = sizes.size() == 2 ? index_of(sizes[0], most_numbers_ + 1) : std::nullopt;
-    const auto columns = sizes.size() == 2 ? index_of(sizes[1], most_numbers_ + 1) : std::nullopt;
+    const auto rows = sizes.size() == 2 ? index_of(sizes[0], most_rows_ + 1) : std::nullopt;
+    const auto columns = sizes.size() == 2 ? index_of(sizes[1], most_rows_ + 1) : std::nullopt;
     if (!rows || !columns)
       return unexpected(fault(name + ".shape", "must be two sizes, with " + sizes_rule()));
     TableMatrix table{static_cast<Index>(*rows), static_cast<Index>(*columns)};
@@ -141,7 +141,7 @@ class NpzReader {
   }
 
   Archive archive_;
-  const std::size_t most_bytes_, most_numbers_;
+  const std::size_t most_bytes_, most_rows_;
 };
 
 class NpzWriter {

@@ -59,11 +59,10 @@ def model(bounds, wanted):
     return m
 
 
-def solve(m, path, *options):
-    m.write(str(path), format="nl")
-    run = subprocess.run([MARBLE, "solve", "--local", "--quiet", "--output", "json", "--option", "starts=8", *options,
-                          str(path)], capture_output=True, text=True)
-    return json.loads(run.stdout)
+def solve(paths):
+    run = subprocess.run([MARBLE, "solve", "--local", "--quiet", "--output", "json", "--option", "starts=8",
+                          *map(str, paths)], capture_output=True, text=True)
+    return [json.loads(line) for line in run.stdout.splitlines()]
 
 
 def sides(path):
@@ -73,24 +72,22 @@ def sides(path):
     return [int(row[1]) for row in rows if row[0] == "5"]
 
 
-def check(what, m, path, expected):
-    answer = solve(m, path)
-    got = answer.get("objective")
-    assert answer["status"] == "solved" and abs(got - expected) <= 1e-6 * (1 + abs(expected)), \
-        f"{what}: expected {expected}, got {answer['status']} {got}\n{path.read_text()}"
-
-
 def main():
     folder = Path(tempfile.mkdtemp())
-    path, count, seen = folder / "model.nl", 0, set()
+    cases, seen = [], set()  # what, file, best
+
+    def write(m, what, expected):
+        path = folder / f"{len(cases)}.nl"
+        m.write(str(path), format="nl")
+        cases.append((what, path, expected))
+        return path
+
     for (words, (condition, pieces)), (kind, bounds), wanted in itertools.product(
             CONDITIONS.items(), BOUNDS.items(), WANTED):
         m = model(bounds, wanted)
         m.condition = Complementarity(expr=condition(m))
         pyo.TransformationFactory("mpec.nl").apply_to(m)
-        check(f"{words}; y {kind}; wanted {wanted}", m, path, best(pieces, bounds, wanted))
-        seen.update(sides(path))
-        count += 1
+        seen.update(sides(write(m, f"{words}; y {kind}; wanted {wanted}", best(pieces, bounds, wanted))))
     assert seen == {1, 2}, seen
 
     # This Pyomo's transformation fails where k would be 3 or 0; its writer takes the row as it would make it.
@@ -102,15 +99,21 @@ def main():
             m.is_w = pyo.Constraint(expr=m.body == m.w)
             m.row = pyo.Constraint(expr=0 <= m.body)
             m.row._complementarity, m.row._vid = k, id(m.y)
-            check(f"k = {k}; wanted {wanted}", m, path, best(pieces, bounds, wanted))
-            assert sides(path) == [k]
-            count += 1
+            assert sides(write(m, f"k = {k}; wanted {wanted}", best(pieces, bounds, wanted))) == [k]
+    answers = solve([path for _, path, _ in cases])
+    assert len(answers) == len(cases)
+    for (what, path, expected), answer in zip(cases, answers):
+        got = answer.get("objective")
+        assert answer["status"] == "solved" and abs(got - expected) <= 1e-6 * (1 + abs(expected)), \
+            f"{what}: expected {expected}, got {answer['status']} {got}\n{path.read_text()}"
 
     # 0 <= w <= 5 complements y loses its 5 on Pyomo's way: refused where that can be told.
     m = model((0.0, 50.0), (60.0, -5.0))
     m.condition = Complementarity(expr=complements(pyo.inequality(0, m.w, 5), m.y))
     pyo.TransformationFactory("mpec.nl").apply_to(m)
-    answer = solve(m, path)
+    path = folder / "lost.nl"
+    m.write(str(path), format="nl")
+    answer = solve([path])[0]
     assert answer["status"] == "error" and "5 0 " in json.dumps(answer), answer
 
     # Eight pairs, each variable with two bounds, stay eight.
@@ -121,10 +124,11 @@ def main():
                                     for i in range(8)))
     m.pairs = Complementarity(range(8), rule=lambda m, i: complements(m.w[i] >= 0, m.y[i] >= 0))
     pyo.TransformationFactory("mpec.nl").apply_to(m)
-    solve(m, path)
+    path = folder / "qpec.nl"
+    m.write(str(path), format="nl")
     subprocess.run([MARBLE, "convert", str(path), str(folder / "qpec.json")], check=True)
     assert len(json.loads((folder / "qpec.json").read_text())["l"]) == 8
-    print(f"{count} models of Pyomo solved as they are meant")
+    print(f"{len(cases)} models of Pyomo solved as they are meant")
 
 
 main()

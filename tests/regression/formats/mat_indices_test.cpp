@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <matio.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <fstream>
 
@@ -14,10 +15,12 @@
 namespace marble::formats {
 namespace {
 
-/// A file of MATLAB 5, element by element.
+/// A file of MATLAB 5, element by element, of a machine of either byte order.
 class Mat5 {
  public:
-  Mat5() : bytes_(124, ' ') { bytes_ += std::string("\0\1IM", 4); }
+  explicit Mat5(bool big_endian = false) : bytes_(124, ' '), big_endian_(big_endian) {
+    bytes_ += big_endian ? std::string("\1\0MI", 4) : std::string("\0\1IM", 4);
+  }
 
   Mat5& dense(const std::string& name, std::int32_t rows, std::int32_t columns,
               const std::vector<double>& values) {
@@ -32,10 +35,17 @@ class Mat5 {
 
  private:
   template <class Number>
-  static std::string element(std::uint32_t type, const std::vector<Number>& values) {
-    const std::uint32_t tag[] = {type, static_cast<std::uint32_t>(values.size() * sizeof(Number))};
-    std::string text(reinterpret_cast<const char*>(tag), sizeof tag);
-    text.append(reinterpret_cast<const char*>(values.data()), tag[1]);
+  void append(std::string& text, Number value) const {
+    std::string raw(reinterpret_cast<const char*>(&value), sizeof value);
+    if (big_endian_) std::reverse(raw.begin(), raw.end());
+    text += raw;
+  }
+  template <class Number>
+  [[nodiscard]] std::string element(std::uint32_t type, const std::vector<Number>& values) const {
+    std::string text;
+    append(text, type);
+    append(text, static_cast<std::uint32_t>(values.size() * sizeof(Number)));
+    for (const Number value : values) append(text, value);
     text.resize((text.size() + 7) / 8 * 8);
     return text;
   }
@@ -48,6 +58,7 @@ class Mat5 {
     return *this;
   }
   std::string bytes_;
+  bool big_endian_;
 };
 
 std::string refusal(const std::string& bytes) {
@@ -55,8 +66,11 @@ std::string refusal(const std::string& bytes) {
   return file ? "taken" : file.error().message();
 }
 
-TEST(MatIndices, OfASoundFileAreTaken) {
-  Mat5 mat;
+class SoundMat : public ::testing::TestWithParam<bool> {};
+INSTANTIATE_TEST_SUITE_P(BigEndian, SoundMat, ::testing::Bool());
+
+TEST_P(SoundMat, IsTaken) {
+  Mat5 mat(GetParam());
   mat.sparse("Q", 2, 2, {0, 1}, {0, 1, 2}, {2.0, 4.0}).dense("g", 2, 1, {-1.0, 0.5});
   const auto file = parse_mat(mat.bytes(), "sound");
   ASSERT_TRUE(file.has_value()) << file.error().message();
