@@ -44,6 +44,7 @@ std::string summary(const Subject& p, const Answer& s) {
     text += "  found by        " + s.detail.substr(0, s.detail.find(';')) + "\n";
     text += std::string("  stationarity    ") + to_string(s.stationarity) +
             (s.b_stationary.value_or(false) ? ", no descent on any branch\n" : "\n");
+    text += std::string("  second order    ") + to_string(s.second_order) + "\n";
   } else {
     text += "  why             " + s.detail + "\n";
   }
@@ -70,6 +71,7 @@ std::string json_line(const Subject& problem, const Answer& s) {
   json["kkt_residual"] = s.kkt_residual;
   json["stationarity"] = to_string(s.stationarity);
   if (s.b_stationary) json["b_stationary"] = *s.b_stationary;
+  json["second_order"] = to_string(s.second_order);
   json["iterations"] = s.iterations;
   json["factorizations"] = s.factorizations;
   json["solve_seconds"] = s.times.solve_s;

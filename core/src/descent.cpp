@@ -56,7 +56,7 @@ Descent::End Descent::run(Run& run, const Iterate& x, const WorkingSet& set, Con
   images_.evaluate(problem_, x_);
   while (true) {
     if (curved) {
-      orient();
+      if (moved || !began_at_saddle_) orient();  // the first one has its sign from the cone
       const Block block = blocking(std::numeric_limits<double>::infinity());
       began_at_saddle_ = began_at_saddle_ || !moved;
       moved = true;
@@ -120,7 +120,7 @@ void Descent::move(const Block& block) {
 void Descent::orient() {
   const double slope = images_.gradient.dot(direction_);
   if (slope > 0.0) direction_ = -direction_;
-  if (std::abs(slope) > kShort * images_.gradient.norm() * direction_.norm()) return;
+  if (std::abs(slope) > kShort * (1.0 + images_.gradient.norm()) * direction_.norm()) return;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const Block ahead = blocking(kInfinity);
   if (ahead.flag == nullptr) return;

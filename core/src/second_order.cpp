@@ -3,60 +3,134 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 namespace marble {
 namespace {
 
-constexpr double kZero = 1e-8;       // of slacks; of multipliers relative to the largest
-constexpr double kCurvature = 1e-7;  // of vᵀQv relative to vᵀv: less is taken for 0, as δ takes it
+constexpr double kZero = 1e-8;             // of slacks; of multipliers relative to the largest
+constexpr double kCurvature = 1e-7;        // of vᵀQv relative to vᵀv: less is taken for 0, as δ takes it
+constexpr std::size_t kMostGrouped = 200;  // weakly active rows, before those that are multiples count as one
 constexpr std::size_t kMostWeak = 10;
+constexpr double kParallel = 1e-12;
 constexpr double kNoWeight = 1e-12;  // of the equality rows
 
-// A weakly active row: an inequality, or a side of a pair with both sides at zero.
-struct WeakRow {
+// An active row: an inequality, or a side of a pair with both sides at zero.
+struct ActiveRow {
   enum class Kind { inequality, left, right } kind;
   Index index;
-  bool stays_in_set;  // the exact solution held it at zero
 };
 
+const RowMatrix& matrix_of(const ScaledProblem& p, const ActiveRow& row) {
+  if (row.kind == ActiveRow::Kind::inequality) return p.C;
+  return row.kind == ActiveRow::Kind::left ? p.L : p.R;
+}
+
+double& offset_of(ScaledProblem& p, const ActiveRow& row) {
+  if (row.kind == ActiveRow::Kind::inequality) return p.d[row.index];
+  return row.kind == ActiveRow::Kind::left ? p.l[row.index] : p.r[row.index];
+}
+
+// The positive factor between two rows, 0 if there is none.
+double ratio(const RowMatrix& a, Index row_a, const RowMatrix& b, Index row_b) {
+  const Index size = a.row_size(row_a);
+  if (size == 0 || size != b.row_size(row_b)) return 0.0;
+  const Index at = a.row_pointers[row_a];
+  const Index bt = b.row_pointers[row_b];
+  const double factor = a.values[at] / b.values[bt];
+  if (!(factor > 0.0)) return 0.0;
+  for (Index k = 0; k < size; ++k) {
+    if (a.column_indices[at + k] != b.column_indices[bt + k] ||
+        std::abs(a.values[at + k] - factor * b.values[bt + k]) > kParallel * std::abs(a.values[at + k]))
+      return 0.0;
+  }
+  return factor;
+}
+
+// Weakly active rows, those that are multiples of each other in one group: they move together.
 struct ActiveRows {
-  std::vector<WeakRow> weak;
+  std::vector<std::vector<ActiveRow>> weak;
   WorkingSet all;
+  bool some_held = false;  // the exact solution held one of them at zero
 };
 
-ActiveRows active_rows(const ScaledProblem& p, const Iterate& x, const WorkingSet& set) {
-  Images images(p);
-  images.evaluate(p, x);
-  const double zero =
-      kZero * (1.0 + std::max({max_abs(x.lambda_w()), max_abs(x.lambda_L()), max_abs(x.lambda_R())}));
-  ActiveRows rows{{}, set};
-  for (Index i = 0; i < p.inequalities(); ++i) {
-    const bool held = set.active_inequality[static_cast<std::size_t>(i)] != 0;
-    if (!held && images.inequality[i] > kZero) continue;
-    rows.all.active_inequality[static_cast<std::size_t>(i)] = 1;
-    if (std::abs(x.lambda_w()[i]) <= zero) rows.weak.push_back({WeakRow::Kind::inequality, i, held});
+class ActiveRowFinder {
+ public:
+  ActiveRowFinder(const ScaledProblem& p, const Iterate& x, const WorkingSet& set)
+      : p_(p), x_(x), set_(set), images_(p), rows_{{}, set} {
+    images_.evaluate(p, x);
+    zero_ = kZero * (1.0 + std::max({max_abs(x.lambda_w()), max_abs(x.lambda_L()), max_abs(x.lambda_R())}));
   }
-  for (Index i = 0; i < p.pairs(); ++i) {
-    const auto pair = static_cast<std::size_t>(i);
-    const bool both_held = set.active_free_side[pair] != 0;
-    if (!both_held && std::max(images.left[i], images.right[i]) > kZero) continue;
-    rows.all.active_free_side[pair] = 1;
-    const bool left_held = both_held || set.left_fixed[pair] != 0;
-    const bool right_held = both_held || set.left_fixed[pair] == 0;
-    if (std::abs(x.lambda_L()[i]) <= zero) rows.weak.push_back({WeakRow::Kind::left, i, left_held});
-    if (std::abs(x.lambda_R()[i]) <= zero) rows.weak.push_back({WeakRow::Kind::right, i, right_held});
+
+  ActiveRows find() {
+    for (Index i = 0; i < p_.equalities(); ++i) strong_.emplace_back(&p_.A, i);
+    for (Index i = 0; i < p_.inequalities(); ++i) {
+      std::uint8_t& active = rows_.all.active_inequality[static_cast<std::size_t>(i)];
+      const bool held = active != 0;
+      if (!held && images_.inequality[i] > kZero) continue;
+      active = 1;
+      add({ActiveRow::Kind::inequality, i}, x_.lambda_w()[i], held);
+    }
+    for (Index i = 0; i < p_.pairs(); ++i) {
+      const auto pair = static_cast<std::size_t>(i);
+      const bool left_fixed = set_.left_fixed[pair] != 0;
+      const bool both_held = set_.active_free_side[pair] != 0;
+      if (!both_held && std::max(images_.left[i], images_.right[i]) > kZero) {
+        strong_.emplace_back(left_fixed ? &p_.L : &p_.R, i);
+        continue;
+      }
+      rows_.all.active_free_side[pair] = 1;
+      add({ActiveRow::Kind::left, i}, x_.lambda_L()[i], both_held || left_fixed);
+      add({ActiveRow::Kind::right, i}, x_.lambda_R()[i], both_held || !left_fixed);
+    }
+    return std::move(rows_);
   }
-  return rows;
-}
 
-double& offset_of(ScaledProblem& p, const WeakRow& row) {
-  if (row.kind == WeakRow::Kind::inequality) return p.d[row.index];
-  return row.kind == WeakRow::Kind::left ? p.l[row.index] : p.r[row.index];
-}
+  // Rows that are multiples of a row that stays at zero stay there too.
+  [[nodiscard]] std::vector<std::vector<ActiveRow>> group(
+      const std::vector<std::vector<ActiveRow>>& weak) const {
+    std::vector<std::vector<ActiveRow>> groups;
+    for (const auto& single : weak) {
+      const ActiveRow& row = single.front();
+      const RowMatrix& matrix = matrix_of(p_, row);
+      const auto parallel = [&](const auto& strong) {
+        return ratio(matrix, row.index, *strong.first, strong.second) > 0.0;
+      };
+      if (std::any_of(strong_.begin(), strong_.end(), parallel)) continue;
+      const auto alike = std::find_if(groups.begin(), groups.end(), [&](const auto& group) {
+        return ratio(matrix, row.index, matrix_of(p_, group.front()), group.front().index) > 0.0;
+      });
+      if (alike == groups.end()) {
+        groups.push_back({row});
+      } else {
+        alike->push_back(row);
+      }
+    }
+    return groups;
+  }
 
-// Column k moves weak row k by one, keeps all other active rows, and has the least curvature of those that
-// do.
+ private:
+  void add(const ActiveRow& row, double multiplier, bool held) {
+    if (std::abs(multiplier) > zero_) {
+      strong_.emplace_back(&matrix_of(p_, row), row.index);
+      return;
+    }
+    rows_.weak.push_back({row});
+    rows_.some_held = rows_.some_held || held;
+  }
+
+  const ScaledProblem& p_;
+  const Iterate& x_;
+  const WorkingSet& set_;
+  Images images_;
+  double zero_ = 0.0;
+  ActiveRows rows_;
+  std::vector<std::pair<const RowMatrix*, Index>> strong_;
+};
+
+// Column k moves the weak rows of group k by one, keeps all other active rows, and has the least curvature of
+// those that do.
 std::optional<Eigen::MatrixXd> unit_moves(const ScaledProblem& p, Kkt& kkt, const ActiveRows& rows,
                                           Run& run) {
   ScaledProblem homogeneous = p;
@@ -68,37 +142,33 @@ std::optional<Eigen::MatrixXd> unit_moves(const ScaledProblem& p, Kkt& kkt, cons
   const Iterate origin(p);
   Eigen::MatrixXd moves(p.variables(), static_cast<Eigen::Index>(rows.weak.size()));
   for (std::size_t k = 0; k < rows.weak.size(); ++k) {
-    double& offset = offset_of(homogeneous, rows.weak[k]);
-    offset = -1.0;
+    const ActiveRow& first = rows.weak[k].front();
+    for (const ActiveRow& row : rows.weak[k])
+      offset_of(homogeneous, row) = -ratio(matrix_of(p, row), row.index, matrix_of(p, first), first.index);
     active_set.restore(origin, rows.all);
     if (!active_set.sharpen()) return std::nullopt;
     moves.col(static_cast<Eigen::Index>(k)) = active_set.x().z();
-    offset = 0.0;
+    for (const ActiveRow& row : rows.weak[k]) offset_of(homogeneous, row) = 0.0;
   }
   return moves;
 }
 
-// A subset of the weak rows, by bits, may grow together if no pair has both of its sides in it.
-bool belongs_to_a_branch(const std::vector<WeakRow>& weak, unsigned subset) {
-  for (std::size_t k = 1; k < weak.size(); ++k) {
-    const bool one_pair = weak[k].kind == WeakRow::Kind::right && weak[k - 1].kind == WeakRow::Kind::left &&
-                          weak[k].index == weak[k - 1].index;
-    if (one_pair && (subset >> (k - 1) & 3U) == 3U) return false;
-  }
-  return true;
-}
-
-void release(const std::vector<WeakRow>& weak, unsigned subset, WorkingSet& set) {
-  for (std::size_t k = 0; k < weak.size(); ++k) {
+// Lets the rows of a subset of the groups (by bits) grow. False if that would open both sides of a pair.
+bool release(const ActiveRows& rows, unsigned subset, WorkingSet& set) {
+  for (std::size_t k = 0; k < rows.weak.size(); ++k) {
     if ((subset >> k & 1U) == 0) continue;
-    const auto index = static_cast<std::size_t>(weak[k].index);
-    if (weak[k].kind == WeakRow::Kind::inequality) {
-      set.active_inequality[index] = 0;
-    } else {
-      set.active_free_side[index] = 0;
-      set.left_fixed[index] = weak[k].kind == WeakRow::Kind::right;
+    for (const ActiveRow& row : rows.weak[k]) {
+      const auto index = static_cast<std::size_t>(row.index);
+      if (row.kind == ActiveRow::Kind::inequality) {
+        set.active_inequality[index] = 0;
+      } else {
+        if (set.active_free_side[index] == 0) return false;
+        set.active_free_side[index] = 0;
+        set.left_fixed[index] = row.kind == ActiveRow::Kind::right;
+      }
     }
   }
+  return true;
 }
 
 }  // namespace
@@ -135,18 +205,18 @@ bool convex_by_inertia(const ScaledProblem& p, Kkt& kkt) {
 }
 
 bool has_weakly_active_rows(const ScaledProblem& p, const Iterate& x, const WorkingSet& set) {
-  const ActiveRows rows = active_rows(p, x, set);
-  return std::any_of(rows.weak.begin(), rows.weak.end(), [](const WeakRow& row) { return row.stays_in_set; });
+  return ActiveRowFinder(p, x, set).find().some_held;
 }
 
 CriticalCurvature critical_curvature(const ScaledProblem& p, Kkt& kkt, const Iterate& x,
                                      const WorkingSet& set, Run& run) {
-  const ActiveRows rows = active_rows(p, x, set);
-  const bool none_held =
-      std::none_of(rows.weak.begin(), rows.weak.end(), [](const WeakRow& row) { return row.stays_in_set; });
+  ActiveRowFinder finder(p, x, set);
+  ActiveRows rows = finder.find();
   CriticalCurvature result{SecondOrder::minimum, {}, rows.all};
-  if (none_held) return result;
+  if (!rows.some_held) return result;
   result.kind = SecondOrder::necessary;
+  if (rows.weak.size() > kMostGrouped) return result;
+  rows.weak = finder.group(rows.weak);
   if (rows.weak.size() > kMostWeak) return result;
   const std::optional<Eigen::MatrixXd> moves = unit_moves(p, kkt, rows, run);
   if (!moves) return result;
@@ -161,7 +231,8 @@ CriticalCurvature critical_curvature(const ScaledProblem& p, Kkt& kkt, const Ite
   // eigenvector with a negative eigenvalue.
   std::vector<Eigen::Index> members;
   for (unsigned subset = 1; subset < 1U << rows.weak.size(); ++subset) {
-    if (!belongs_to_a_branch(rows.weak, subset)) continue;
+    WorkingSet released = rows.all;
+    if (!release(rows, subset, released)) continue;
     members.clear();
     for (std::size_t k = 0; k < rows.weak.size(); ++k) {
       if ((subset >> k & 1U) != 0) members.push_back(static_cast<Eigen::Index>(k));
@@ -175,7 +246,7 @@ CriticalCurvature critical_curvature(const ScaledProblem& p, Kkt& kkt, const Ite
       if (eigen.eigenvalues()[k] > -kCurvature * direction.squaredNorm()) continue;
       result.kind = SecondOrder::saddle;
       result.direction = direction;
-      release(rows.weak, subset, result.set);
+      result.set = released;
       return result;
     }
   }

@@ -412,6 +412,8 @@ void Strategy::decide_b_stationarity(Run& run) {
       if (all) b_stationary_ = true;
       if (all || exact_.objective >= before || run.interrupted()) break;
     }
+    images.evaluate(problem_, exact_.x);  // it may be another one now
+    if (classify(images, exact_.x) == Stationarity::strong) b_stationary_ = true;
   }
 }
 
@@ -421,11 +423,16 @@ CriticalCurvature Strategy::decide_second_order(Run& run) {
   CriticalCurvature curvature{SecondOrder::minimum, {}, exact_.set};
   if (!known_convex() && has_weakly_active_rows(problem_, exact_.x, exact_.set) && !is_convex(run))
     curvature = critical_curvature(problem_, kkt_, exact_.x, exact_.set, run);
+  // Where the multipliers of a branch pull, its cone is not that of the others.
+  if (curvature.kind == SecondOrder::minimum && classify(finish_images_, exact_.x) != Stationarity::strong &&
+      !is_convex(run))
+    curvature.kind = SecondOrder::necessary;
   second_order_ = curvature.kind;
   return curvature;
 }
 
 bool Strategy::is_convex(Run& run) {
+  if (known_convex()) return true;
   if (convexity_ == Convexity::unknown && run.nonconvex) convexity_ = Convexity::indefinite;
   if (convexity_ == Convexity::unknown) {
     ++run.factorizations;
@@ -434,7 +441,7 @@ bool Strategy::is_convex(Run& run) {
     if (!convex && run.interrupted()) return false;  // not known, then
     convexity_ = convex ? Convexity::convex : Convexity::indefinite;
   }
-  return convexity_ != Convexity::indefinite;
+  return known_convex();
 }
 
 // Whether no branch that meets in the point has a better one; else goes there.

@@ -263,6 +263,7 @@ Status status_of(v1::Status status) {
 }
 
 static_assert(static_cast<int>(Stationarity::strong) == v1::STATIONARITY_STRONG, "the enums count alike");
+static_assert(static_cast<int>(SecondOrder::minimum) == v1::SECOND_ORDER_MINIMUM, "the enums count alike");
 static_assert(static_cast<int>(Status::solved) + 1 == v1::STATUS_SOLVED &&
                   static_cast<int>(Status::numerical_failure) + 1 == v1::STATUS_NUMERICAL_FAILURE,
               "both enumerations list the statuses in the same order");
@@ -281,6 +282,7 @@ void to_message(const Solution& solution, v1::Solution* message) {
   message->set_kkt_residual(solution.kkt_residual);
   message->set_stationarity(static_cast<v1::Stationarity>(static_cast<int>(solution.stationarity)));
   if (solution.b_stationary) message->set_b_stationary(*solution.b_stationary);
+  message->set_second_order(static_cast<v1::SecondOrder>(static_cast<int>(solution.second_order)));
   message->set_cold_objective(solution.cold_objective);
   message->set_iterations(solution.iterations);
   message->set_factorizations(solution.factorizations);
@@ -309,6 +311,8 @@ Solution solution_of(const v1::Solution& message) {
   if (v1::Stationarity_IsValid(message.stationarity()))
     solution.stationarity = static_cast<Stationarity>(static_cast<int>(message.stationarity()));
   if (message.has_b_stationary()) solution.b_stationary = message.b_stationary();
+  if (v1::SecondOrder_IsValid(message.second_order()))
+    solution.second_order = static_cast<SecondOrder>(static_cast<int>(message.second_order()));
   solution.cold_objective = message.cold_objective();
   solution.iterations = message.iterations();
   solution.factorizations = message.factorizations();

@@ -47,5 +47,5 @@ export type { Progress, Violations } from "./progress.js";
 export { Session, shiftByStage } from "./session.js";
 export type { SessionControls, Shift, ShiftBlock, UpdateControls } from "./session.js";
 export { Solution } from "./solution.js";
-export type { Stationarity, Status, Times } from "./solution.js";
+export type { SecondOrder, Stationarity, Status, Times } from "./solution.js";
 export type { Priority, RequestControls, SolveControls, SolveEvent, StreamControls } from "./solve.js";

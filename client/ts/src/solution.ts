@@ -1,6 +1,7 @@
 import { inspect } from "node:util";
 
 import {
+  SecondOrder as SecondOrderNumber,
   type Solution as Message,
   Stationarity as StationarityNumber,
   Status as StatusNumber,
@@ -16,6 +17,13 @@ export type Status = Words<typeof StatusNumber, "STATUS_">;
 
 /** Kinds of stationary points; each includes those before it. */
 export type Stationarity = Words<typeof StationarityNumber, "STATIONARITY_">;
+
+/**
+ * What the curvature of Q says of a stationary point on its critical cone (rows with a multiplier stay at zero, other active
+ * rows may grow): "saddle" is no local minimum, "minimum" is one, "necessary" says that not all of the cone, or not whether
+ * the point is B-stationary, was decided.
+ */
+export type SecondOrder = Words<typeof SecondOrderNumber, "SECOND_ORDER_">;
 
 /** Seconds, by part. */
 export interface Times extends TimesMessage {}
@@ -38,7 +46,7 @@ export class Solution {
   readonly leftMultipliers: Float64Array;
   /** η, one a pair, of R z + r ≥ 0. */
   readonly rightMultipliers: Float64Array;
-  /** Of "infeasible" the multipliers (y, ν, ξ, η) that prove it; of "unbounded" a direction; else empty. */
+  /** Of "infeasible" the multipliers (y, ν, ξ, η) that prove it; of "unbounded" a direction from z on; else empty. */
   readonly certificate: Float64Array;
   /** ½ zᵀQz + gᵀz + c0. */
   readonly objective: number;
@@ -58,6 +66,8 @@ export class Solution {
   readonly stationarity?: Stationarity;
   /** No feasible direction of descent is left; absent where that was not decided. */
   readonly bStationary?: boolean;
+  /** Whether a solved point is a local minimum. */
+  readonly secondOrder?: SecondOrder;
   /** What a cold start last reached: the objective itself, or of a chain of warm starts that of its first. */
   readonly coldObjective: number;
   /** Rows of progress that were dropped because they were not taken fast enough. */
@@ -83,6 +93,7 @@ export class Solution {
     this.options = optionsOf(message.options);
     this.stationarity = word(StationarityNumber, "STATIONARITY_", message.stationarity);
     this.bStationary = message.bStationary;
+    this.secondOrder = word(SecondOrderNumber, "SECOND_ORDER_", message.secondOrder);
     this.coldObjective = message.coldObjective;
     this.progressSkipped = progressSkipped;
   }

@@ -37,7 +37,7 @@ enum class HessianForm {
 /// Unchecked parts of a problem. Every span must outlive the `Problem` made from it.
 /// A matrix with no rows may be left default-constructed.
 struct ProblemView {
-  SparseMatrixView Q;  ///< n × n, symmetric; may be indefinite (the answer is then local)
+  SparseMatrixView Q;  ///< n × n, symmetric; may be indefinite (the answer is then local: see SecondOrder)
   HessianForm hessian_form = HessianForm::full;  ///< whether Q has both triangles
   std::span<const double> g;                     ///< n, linear cost; its size defines n
   double c0 = 0.0;                               ///< constant cost

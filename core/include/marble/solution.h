@@ -46,13 +46,14 @@ enum class Stationarity {
 
 /// What the curvature of Q says of a stationary point. With linear constraints one is a local minimum exactly
 /// if vᵀQv ≥ 0 for all v of its critical cone: Av = 0, rows with a multiplier stay at zero, other active rows
-/// may grow, of pairs with s = t = 0 one side at a time (Nocedal and Wright, "Numerical Optimization", ch. 12).
+/// may grow, of pairs with s = t = 0 one side at a time (Nocedal and Wright, "Numerical Optimization", ch.
+/// 12).
 enum class SecondOrder {
   unknown,    ///< not solved, or not looked at
   saddle,     ///< vᵀQv < 0 for a v of the critical cone: a saddle point or a maximum, no local minimum
-  necessary,  ///< vᵀQv ≥ 0 for all v that keep every active row at zero; the rest of the cone, or whether z is
-              ///< B-stationary, was not decided
-  minimum,    ///< vᵀQv ≥ 0 on the whole cone of a B-stationary point: a local minimum. Always so of convex Q
+  necessary,  ///< vᵀQv ≥ 0 for all v that keep every active row at zero; the rest of the cone, or whether z
+              ///< is B-stationary, was not decided
+  minimum,  ///< vᵀQv ≥ 0 on the whole cone of a B-stationary point: a local minimum. Always so of convex Q
 };
 
 /// "unknown", "saddle", "necessary", "minimum".

@@ -34,7 +34,7 @@ from marble.lcqp import LCQP
 from marble.problem import Problem
 from marble.session import Session
 from marble.session_core import SessionEvent, Shift, ShiftBlock, Superseded
-from marble.solution import Progress, Solution, Stationarity, Status, Times, Violations
+from marble.solution import Progress, SecondOrder, Solution, Stationarity, Status, Times, Violations
 
 __version__ = "0.1.0"
 
@@ -74,6 +74,7 @@ __all__ = [
     "ShiftBlock",
     "Solution",
     "SolveHandle",
+    "SecondOrder",
     "Stationarity",
     "Status",
     "Submitted",

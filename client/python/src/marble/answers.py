@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from marble import contract, wire
 from marble.job import Job, JobDetails, JobEvent, JobKind, JobPage, JobState, PairSides, Priority, Submitted, Trace
 from marble.lcqp import LCQP, Vector
-from marble.solution import Progress, Solution, Stationarity, Status, Times, Violations
+from marble.solution import Progress, SecondOrder, Solution, Stationarity, Status, Times, Violations
 
 Arrays = dict[str, NDArray[np.float64]]
 _NOTHING: Vector = np.zeros(0)
@@ -34,6 +34,11 @@ def _statuses() -> dict[int, Status]:
 @functools.cache
 def _stationarities() -> dict[int, Stationarity]:
     return {number: Stationarity(name) for number, name in contract.enum_names("Stationarity").items() if number}
+
+
+@functools.cache
+def _second_orders() -> dict[int, SecondOrder]:
+    return {number: SecondOrder(name) for number, name in contract.enum_names("SecondOrder").items() if number}
 
 
 def options(message: Any) -> dict[str, float | int | bool | str]:
@@ -63,6 +68,7 @@ def solution(message: Any, arrays: Arrays, path: str, problem: LCQP, job_id: str
         kkt_residual=message.kkt_residual,
         stationarity=_stationarities().get(message.stationarity),
         b_stationary=message.b_stationary if message.HasField("b_stationary") else None,
+        second_order=_second_orders().get(message.second_order),
         iterations=message.iterations,
         factorizations=message.factorizations,
         times=_times(message.times),

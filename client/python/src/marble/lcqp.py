@@ -102,7 +102,7 @@ def mirrored(upper: Any) -> Any:
 class LCQP:
     """min ½ zᵀQz + gᵀz + c0  s.t.  A z + b = 0,  C z + d ≥ 0,  0 ≤ L z + l ⊥ R z + r ≥ 0.
 
-    Q: n × n, symmetric, both triangles, or None for zero; may be indefinite, the answer is then a local one.
+    Q: n × n, symmetric, both triangles, or None for zero; may be indefinite: see Solution.second_order.
     g: n ≥ 1 entries; its size defines n.
     A, b: n_e × n and n_e entries; without b it is zero. C, d: n_i × n and n_i entries. L, l, R, r: n_c × n and
     n_c entries, L and R together.

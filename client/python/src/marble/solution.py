@@ -43,6 +43,20 @@ class Stationarity(enum.Enum):
     STRONG = "strong"
 
 
+class SecondOrder(enum.Enum):
+    """What the curvature of Q says of a stationary point, on its critical cone: A v = 0, rows with a multiplier stay at
+    zero, other active rows may grow, of pairs with s = t = 0 one side at a time.
+
+    SADDLE: vᵀQv < 0 for one v of it: a saddle point or a maximum, no local minimum. NECESSARY: vᵀQv ≥ 0 for all v that
+    keep every active row at zero; the rest, or whether z is B-stationary, was not decided. MINIMUM: vᵀQv ≥ 0 on the
+    whole cone of a B-stationary point: a local minimum. Always so where Q is convex.
+    """
+
+    SADDLE = "saddle"
+    NECESSARY = "necessary"
+    MINIMUM = "minimum"
+
+
 @dataclass(frozen=True)
 class Violations:
     """Largest violations in the problem's own units; 0 where there is no such constraint.
@@ -76,10 +90,11 @@ class Solution:
     z: the point, n. y: multipliers of A z + b = 0, n_e, free sign. nu: of C z + d ≥ 0, n_i. xi, eta: of the two
     sides of the pairs, n_c.
     s, t: the sides L z + l and R z + r, n_c.
-    certificate: for INFEASIBLE (y, ν, ξ, η) stacked, for UNBOUNDED a direction, n; else empty.
+    certificate: for INFEASIBLE (y, ν, ξ, η) stacked, with bᵀy − dᵀν − lᵀξ − rᵀη = 1 and Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0 to
+    rounding; for UNBOUNDED a direction v, n, along which the objective falls from z without bound; else empty.
     objective; violations; kkt_residual: max |Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|.
     stationarity: None where the point is not solved. b_stationary: no feasible direction of descent is left; None
-    where that was not decided.
+    where that was not decided. second_order: whether the point is a local minimum; None where it is not solved.
     iterations, factorizations: counts. times: seconds. options: every option as it was used. cold_objective: what a
     cold start last reached on the way here. job_id: the server's.
     problem: what was solved.
@@ -103,6 +118,7 @@ class Solution:
     kkt_residual: float
     stationarity: Stationarity | None
     b_stationary: bool | None
+    second_order: SecondOrder | None
     iterations: int
     factorizations: int
     times: Times
@@ -155,6 +171,8 @@ class Solution:
         if self.stationarity is not None:
             b = ", no descent on any branch" if self.b_stationary else ""
             facts.append(("stationarity", self.stationarity.value + b))
+            if self.second_order is not None:
+                facts.append(("second order", self.second_order.value))
         else:
             facts.append(("why", self.detail))
         facts.append(("z", np.array2string(self.z, precision=6, threshold=8, edgeitems=3, separator=", ")))
