@@ -21,8 +21,9 @@ class Connection final : public httplib::Stream {
   static constexpr std::chrono::seconds kIdleTime{5};       ///< from an answer to the next request
   static constexpr std::chrono::seconds kWriteTime{5};      ///< for each piece of an answer
 
-  /// `session` is null in the clear. A request's first line has `line_time` from its first byte, and so has
-  /// the first byte of a new connection. While `stopping`, nothing is waited for.
+  /// `session` is null in the clear. A request's first line has `line_time` from its first byte, and so have
+  /// its body, from its head, and the first byte of a new connection. While `stopping`, nothing is waited
+  /// for.
   Connection(int socket, TlsSession session, Clock::duration line_time, const std::atomic<bool>& stopping);
   ~Connection() override;
 
