@@ -30,8 +30,7 @@ template <class Message>
   const grpc::Status status = grpc::SerializationTraits<Message>::Deserialize(own, message);
   own->Clear();
   if (status.ok()) return {};
-  return unexpected(Error{ErrorCode::invalid_argument, "", -1, "",
-                          "the request is not a " + message->GetTypeName() + " message"});
+  return unexpected(not_a_message(*Message::descriptor()));
 }
 
 template <class Message>

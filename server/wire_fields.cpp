@@ -79,17 +79,20 @@ class FieldCounter {
 
 }  // namespace
 
+Error not_a_message(const Descriptor& type) {
+  return {ErrorCode::invalid_argument, "", -1, "", "the request is not a " + type.full_name() + " message"};
+}
+
 Expected<void> check_fields(grpc::ByteBuffer& bytes, const Descriptor& type, std::int64_t most) {
   grpc::ProtoBufferReader reader(&bytes);
   if (!reader.status().ok()) return {};
   google::protobuf::io::CodedInputStream input(&reader);
   FieldCounter counter(input, most);
   if (counter.count(type) || !(counter.too_many() || counter.has_group())) return {};
+  if (counter.has_group()) return unexpected(not_a_message(type));
   return unexpected(Error{ErrorCode::invalid_argument, counter.path(), -1, "",
-                          counter.has_group()
-                              ? "is a group; the contract has none"
-                              : "is beyond the " + std::to_string(most) +
-                                    " fields that the request may have, an array of numbers counted as one"});
+                          "is beyond the " + std::to_string(most) +
+                              " fields that the request may have, an array of numbers counted as one"});
 }
 
 }  // namespace marble::server

@@ -19,6 +19,9 @@ class BoundedServer final : public httplib::Server {
   /// for their request to arrive; its first line has `line_time`.
   BoundedServer(std::unique_ptr<TlsSessions> tls, int connections, Clock::duration line_time);
 
+  /// After a port was bound: many may come at once. httplib's five are soon more, and the sixth waits a
+  /// second until its kernel asks again.
+  void queue_at_the_door() { ::listen(svr_sock_, SOMAXCONN); }
   /// Before stop(): nobody is waited for any more.
   void hurry() { stopping_ = true; }
   /// After it: returns when what was asked is answered.

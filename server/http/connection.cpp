@@ -134,7 +134,7 @@ Clock::time_point Connection::due() const {
 
 int Connection::begin_request() {
   left_ = kLongestRequest;
-  until_ = begun_ + kRequestTime;
+  until_ = std::min(begun_ + kRequestTime, Clock::now() + line_time_);
   return ++requests_;
 }
 

@@ -22,8 +22,9 @@ class Connection final : public httplib::Stream {
   static constexpr std::chrono::seconds kWriteTime{5};      ///< for each piece of an answer
   static constexpr std::chrono::milliseconds kLinger{500};  ///< for one who sends on after the answer
 
-  /// `session` is null in the clear. A request's first line has `line_time` from its first byte, and so has
-  /// the first byte of a new connection. While `stopping`, nothing is waited for.
+  /// `session` is null in the clear. A request's first line has `line_time` from its first byte, and so have
+  /// its body, from its head, and the first byte of a new connection. While `stopping`, nothing is waited
+  /// for.
   Connection(int socket, TlsSession session, Clock::duration line_time, const std::atomic<bool>& stopping);
   ~Connection() override;
 

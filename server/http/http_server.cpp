@@ -113,6 +113,7 @@ bool HttpServer::bind(const std::string& address) {
   } else if (!server_->bind_to_port(host, port)) {
     return false;
   }
+  server_->queue_at_the_door();
   address_ = (parts_.config.tls_certificate.empty() ? "http://" : "https://") + address.substr(0, colon + 1) +
              std::to_string(port);
   return true;

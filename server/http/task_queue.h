@@ -1,6 +1,7 @@
 // Threads for requests: as many as there are requests, up to a bound; beyond it a request waits.
 #pragma once
 
+#include <algorithm>
 #include <deque>
 #include <functional>
 #include <thread>
@@ -17,8 +18,10 @@ class TaskQueue {
   TaskQueue(const TaskQueue&) = delete;
   TaskQueue& operator=(const TaskQueue&) = delete;
 
+  /// Beyond a bound the task is let go.
   void enqueue(std::function<void()> task) ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
+    if (tasks_.size() >= std::max(kLeastBacklog, most_threads_)) return;
     tasks_.push_back(std::move(task));
     if (tasks_.size() > idle_ && threads_.size() < most_threads_) threads_.emplace_back([this] { work(); });
     work_.notify_one();
@@ -50,6 +53,8 @@ class TaskQueue {
     tasks_.pop_front();
     return task;
   }
+
+  static constexpr std::size_t kLeastBacklog = 64;
 
   const std::size_t most_threads_;
   Mutex mutex_;

@@ -113,7 +113,7 @@ class Page(unittest.TestCase):
         self.browser.driver.get("about:blank")
         server.run("mpc", "hopper", "--ticks", 3)
         self.open(server)
-        self.browser.wait_text("#success", "100 % of 3 solved, last minute")
+        self.browser.wait_text("#success", "100 % of 4 solved, last minute")
         self.count_of_jobs(1)
         self.assertEqual(self.browser.text("#job-count"), "1 job")
 

@@ -106,7 +106,7 @@ TEST_F(Batch, ABadProblemIsAnErrorOfItsOwnAndTheStreamGoesOn) {
 }
 
 TEST_F(Batch, ADroppedStreamFreesEverythingAtOnce) {
-  start({"--workers", "1", "--queue-jobs", "2"});
+  start({"--workers", "1", "--queue-jobs", "2", "--client-queued", "0"});
   const auto call = open();
   for (int tag = 0; tag < 6; ++tag) call->write(problem(tag, long_request()));
   ASSERT_TRUE(eventually([&] { return counters().running() == 1 && counters().queued() == 2; }));

@@ -154,7 +154,7 @@ TEST_F(Drain, AStalledReaderDoesNotHoldItUp) {
 }
 
 TEST_F(Drain, UnderLoadEveryAcceptedJobEndsExactlyOnce) {
-  start({"--workers", "2", "--queue-jobs", "16", "--drain-grace-s", "0.3"});
+  start({"--workers", "2", "--queue-jobs", "16", "--client-queued", "0", "--drain-grace-s", "0.3"});
   constexpr int kClients = 6;
   std::atomic<int> accepted = 0;
   std::vector<std::vector<Answer>> answers(kClients);

@@ -41,7 +41,8 @@ TEST_F(Reload, ChangesQuotas) {
   write("config.toml", "");
   reload();
   ASSERT_TRUE(eventually_reloaded(2));
-  EXPECT_EQ(ask({{"marble-client", "planner"}}).info.limits().quota().queued(), 1024) << "the queue's own";
+  EXPECT_EQ(ask({{"marble-client", "planner"}}).info.limits().quota().queued(), 256)
+      << "a quarter of the queue's";
 }
 
 TEST_F(Reload, ChangesTheLogLevel) {
