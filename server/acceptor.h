@@ -29,6 +29,8 @@ class Acceptor {
 
   /// Accepts no more; before the servers shut down. The addresses stay taken until the acceptor is gone.
   void stop();
+  /// The sockets that are listened on, for as long as the acceptor lives.
+  [[nodiscard]] std::vector<int> listeners() const;
 
  private:
   void run();
