@@ -40,6 +40,14 @@ void Acceptor::stop() {
   }
 }
 
+std::vector<int> Acceptor::listeners() const {
+  std::vector<int> result;
+  for (const Entrance& entrance : entrances_) {
+    for (const Descriptor& socket : entrance.socket.sockets()) result.push_back(socket.get());
+  }
+  return result;
+}
+
 void Acceptor::run() {
   std::vector<pollfd> waited = {{stop_.get(), POLLIN, 0}};
   std::vector<grpc::experimental::ExternalConnectionAcceptor*> servers = {nullptr};

@@ -29,6 +29,8 @@ class Acceptor {
 
   /// Accepts no more, and whoever tries is refused; before the servers shut down.
   void stop();
+  /// The sockets that are listened on, for as long as the acceptor lives.
+  [[nodiscard]] std::vector<int> listeners() const;
 
  private:
   void run();

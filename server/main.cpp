@@ -175,7 +175,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> addresses = listening->addresses;
   std::unique_ptr<HttpServer> http;
   if (config->http != "none") {
-    if (auto started = HttpServer::start(parts); started) {
+    if (auto started = HttpServer::start(parts, listening->acceptor->listeners()); started) {
       http = std::move(*started);
       addresses.push_back(http->address());
     } else if (config->http == "auto") {

@@ -1,16 +1,24 @@
 #include "http/health_routes.h"
 
+#include "port_probe.h"
+
 namespace marble::server::http {
 
-void add_health_routes(Router& router, const ServiceParts& parts) {
+constexpr std::chrono::seconds kPatience{1};  // less than probes have
+
+void add_health_routes(Router& router, const ServiceParts& parts, const std::vector<int>& listeners) {
   constexpr const char* kText = "text/plain; charset=utf-8";
   router.get("/healthz", [](const httplib::Request&, httplib::Response& response) {
     response.set_content("ok\n", kText);
   });
-  router.get("/readyz", [&scheduler = parts.scheduler](const httplib::Request&, httplib::Response& response) {
-    const bool ready = !scheduler.is_leaving();
+  router.get("/readyz", [&parts, listeners](const httplib::Request&, httplib::Response& response) {
+    const bool leaving = parts.scheduler.is_leaving();
+    const bool ready = !leaving && ports_answer(listeners, !parts.config.tls_certificate.empty(), kPatience);
     response.status = ready ? 200 : 503;
-    response.set_content(ready ? "ready\n" : "draining\n", kText);
+    response.set_content(ready     ? "ready\n"
+                         : leaving ? "draining\n"
+                                   : "the gRPC port does not answer\n",
+                         kText);
   });
 }
 

@@ -1,11 +1,15 @@
-// For probes without gRPC: /healthz says that the process answers, /readyz that it takes work. Open to all.
+// For probes without gRPC: /healthz says that the process answers, /readyz that it takes work,
+// which it knows from asking its own port. Open to all.
 #pragma once
+
+#include <vector>
 
 #include "http/router.h"
 #include "service_parts.h"
 
 namespace marble::server::http {
 
-void add_health_routes(Router& router, const ServiceParts& parts);
+/// `listeners` are the sockets of the gRPC port.
+void add_health_routes(Router& router, const ServiceParts& parts, const std::vector<int>& listeners);
 
 }  // namespace marble::server::http

@@ -63,7 +63,8 @@ void tell_fault(const http::Router& router, const httplib::Request& request, htt
 
 }  // namespace
 
-HttpServer::HttpServer(const ServiceParts& parts, const std::string& address)
+HttpServer::HttpServer(const ServiceParts& parts, const std::string& address,
+                       const std::vector<int>& listeners)
     : parts_(parts),
       events_(std::make_unique<http::EventHub>(parts, most_streams(parts.config))),
       server_(std::make_unique<http::BoundedServer>(tls_of(parts, address), parts.config.http_connections,
@@ -74,7 +75,7 @@ HttpServer::HttpServer(const ServiceParts& parts, const std::string& address)
   server_->set_payload_max_length(kLongestBody);
   server_->set_default_headers(http::safety_headers());
   set_handlers(http::is_loopback(address));
-  http::add_health_routes(*router_, parts);
+  http::add_health_routes(*router_, parts, listeners);
   http::add_job_routes(*router_, parts);
   http::add_event_routes(*router_, parts, *events_);
   http::add_metrics_route(*router_, parts);
@@ -119,9 +120,10 @@ bool HttpServer::bind(const std::string& address) {
   return true;
 }
 
-Expected<std::unique_ptr<HttpServer>> HttpServer::start(const ServiceParts& parts) {
+Expected<std::unique_ptr<HttpServer>> HttpServer::start(const ServiceParts& parts,
+                                                        const std::vector<int>& listeners) {
   const std::string& address = parts.config.http == "auto" ? kDefaultHttpAddress : parts.config.http;
-  std::unique_ptr<HttpServer> server(new HttpServer(parts, address));
+  std::unique_ptr<HttpServer> server(new HttpServer(parts, address, listeners));
   if (!server->bind(address)) {
     return unexpected(Error{ErrorCode::unavailable, "http", -1, address,
                             "cannot listen: in use, or no address of this machine"});

@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "service_parts.h"
 
@@ -16,8 +17,10 @@ class Router;
 
 class HttpServer {
  public:
-  /// Listens at `parts.config.http`. Errors: unavailable (in use, or no address of this machine).
-  [[nodiscard]] static Expected<std::unique_ptr<HttpServer>> start(const ServiceParts& parts);
+  /// Listens at `parts.config.http`; /readyz asks those who accept at `listeners` too. Errors: unavailable
+  /// (in use, or no address of this machine).
+  [[nodiscard]] static Expected<std::unique_ptr<HttpServer>> start(const ServiceParts& parts,
+                                                                   const std::vector<int>& listeners);
   /// Ends the streams, answers what was asked, and stops.
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
@@ -27,7 +30,7 @@ class HttpServer {
   [[nodiscard]] const std::string& address() const { return address_; }
 
  private:
-  HttpServer(const ServiceParts& parts, const std::string& address);
+  HttpServer(const ServiceParts& parts, const std::string& address, const std::vector<int>& listeners);
   void set_handlers(bool on_loopback);
   [[nodiscard]] bool bind(const std::string& address);
 

@@ -63,9 +63,10 @@ class MetricsTest : public ::testing::Test {
   ResultStore results_{{}};
   Scheduler scheduler_{{.workers = 2, .jobs = 5, .bytes = 1000}, board_, log_, metrics_};
   SessionTable sessions_{{}};
+  ConnectionTable connections_{{}, log_};
   LiveCalls calls_;
-  const ServiceParts parts_{config_, access_,  log_,       metrics_,  pulse_, board_,
-                            feeds_,  results_, scheduler_, sessions_, calls_};
+  const ServiceParts parts_{config_, access_,  log_,       metrics_,  pulse_,       board_,
+                            feeds_,  results_, scheduler_, sessions_, connections_, calls_};
 };
 
 TEST_F(MetricsTest, EveryMetricOfTheTableIsToldWithHelpAndType) {

@@ -1,0 +1,40 @@
+// Who accepts at a port, and who does not.
+#include "port_probe.h"
+
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <thread>
+
+namespace marble::server {
+namespace {
+
+class PortProbe : public ::testing::Test {
+ protected:
+  PortProbe() {
+    sockaddr_in name = {};
+    name.sin_family = AF_INET;
+    name.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    EXPECT_EQ(bind(listener_, reinterpret_cast<const sockaddr*>(&name), sizeof name), 0);
+    EXPECT_EQ(listen(listener_, 8), 0);
+  }
+  ~PortProbe() override { close(listener_); }
+
+  const int listener_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+};
+
+TEST_F(PortProbe, SeesThatNobodyAccepts) {
+  EXPECT_FALSE(ports_answer({listener_}, false, std::chrono::milliseconds(100)));
+  EXPECT_FALSE(ports_answer({listener_}, true, std::chrono::milliseconds(100)));
+}
+
+TEST_F(PortProbe, WhoHangsUpAcceptsToo) {
+  std::thread other([&] { close(accept(listener_, nullptr, nullptr)); });
+  EXPECT_TRUE(ports_answer({listener_}, false, std::chrono::minutes(1)));
+  other.join();
+}
+
+}  // namespace
+}  // namespace marble::server
