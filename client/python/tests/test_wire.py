@@ -48,7 +48,8 @@ def test_an_answer_decodes_to_the_numbers_that_were_encoded():
 
 
 def test_the_enums_are_those_of_the_contract():
-    for kind in (marble.Status, marble.Stationarity, marble.SecondOrder, marble.Priority, marble.JobKind, marble.JobState):
+    for kind in (marble.Status, marble.Stationarity, marble.SecondOrder, marble.Priority, marble.JobKind,
+                 marble.JobState):
         names = set(contract.enum_names(kind.__name__).values()) - {"unspecified"}
         assert {member.value for member in kind} == names
 
