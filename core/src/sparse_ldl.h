@@ -2,10 +2,10 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <vector>
 
 #include "elimination.h"
+#include "large_array.h"
 
 namespace marble {
 
@@ -40,15 +40,16 @@ class SparseLdl {
     return pointers_[end] - pointers_[begin];
   }
   [[nodiscard]] bool find_patterns(const Interrupt& interrupt);
+  [[nodiscard]] double eliminate(std::int64_t first, std::int64_t last, double pivot);
 
   Pattern matrix_;
   std::vector<Index> places_, inverse_permutation_;
   Elimination elimination_;
   std::vector<std::int64_t> pointers_;  // of L by columns, without its diagonal
   std::vector<std::int64_t> row_pointers_;
-  // Large, and written before they are read: not filled with zeros first.
-  std::unique_ptr<Index[]> rows_, columns_;  // of L's entries, by columns and by rows
-  std::unique_ptr<double[]> values_;
+  std::int64_t longest_ = 0;          // column of L
+  LargeArray<Index> rows_, columns_;  // of L's entries, by columns and by rows
+  LargeArray<double> values_;
   std::vector<double> pivots_, inverse_pivots_, dense_row_;
   std::vector<std::int64_t> next_;  // where each column of L goes on
 };

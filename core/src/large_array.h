@@ -1,0 +1,53 @@
+// Memory of a factor: large, written before it is read, and given back in a moment.
+#pragma once
+
+#include <sys/mman.h>
+
+#include <cstddef>
+#include <cstdlib>
+#include <memory>
+#include <new>
+#include <type_traits>
+
+namespace marble {
+
+/// Like new T[size]. From 32 MiB on it is mapped by itself, in huge pages where the system has them: with
+/// small ones it takes 50 ms and more to give a gigabyte back, which a worker that is to be free at once has
+/// not got.
+template <class T>
+class LargeArray {
+  static_assert(std::is_trivial_v<T>);
+
+ public:
+  LargeArray() = default;
+  explicit LargeArray(std::size_t size) {
+    const std::size_t bytes = size * sizeof(T);
+    if (bytes < kMapped) {
+      data_ = {new T[size], Release{0}};
+      return;
+    }
+    void* const mapped = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (mapped == MAP_FAILED) throw std::bad_alloc();
+    static_cast<void>(madvise(mapped, bytes, MADV_HUGEPAGE));
+    data_ = {static_cast<T*>(mapped), Release{bytes}};
+  }
+
+  [[nodiscard]] T* data() const { return data_.get(); }
+  T& operator[](std::ptrdiff_t i) const { return data_.get()[i]; }
+
+ private:
+  static constexpr std::size_t kMapped = std::size_t{32} << 20;
+  struct Release {
+    std::size_t mapped = 0;
+    void operator()(T* data) const {
+      if (mapped > 0) {
+        munmap(data, mapped);
+      } else {
+        delete[] data;
+      }
+    }
+  };
+  std::unique_ptr<T[], Release> data_;
+};
+
+}  // namespace marble
