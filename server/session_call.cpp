@@ -26,27 +26,6 @@ Error fault(const char* field, std::string value, std::string bound) {
 
 }  // namespace
 
-class SessionCall::SetupObserver final : public JobObserver {
- public:
-  explicit SetupObserver(std::shared_ptr<SessionCall> call) : call_(std::move(call)) {}
-  void finished(Outcome outcome) override { call_->set_up_done(std::move(outcome)); }
-
- private:
-  const std::shared_ptr<SessionCall> call_;
-};
-
-class SessionCall::UpdateObserver final : public JobObserver {
- public:
-  UpdateObserver(std::shared_ptr<SessionCall> call, std::shared_ptr<Update> update)
-      : call_(std::move(call)), update_(std::move(update)) {}
-  ProgressSink* progress() override { return call_->tell_progress_ ? call_.get() : nullptr; }
-  void finished(Outcome outcome) override { call_->update_done(update_, std::move(outcome)); }
-
- private:
-  const std::shared_ptr<SessionCall> call_;
-  const std::shared_ptr<Update> update_;
-};
-
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
     const ServiceParts& parts, grpc::CallbackServerContext& context) {
   const std::shared_ptr<SessionCall> call(new SessionCall(parts));

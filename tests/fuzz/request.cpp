@@ -30,7 +30,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   few.max_iterations = std::min(few.max_iterations, 4);
   few.local_search_budget = 0;
   few.starts = 1;
-  auto solver = Solver::create(*problem, few, std::int64_t{1} << 24);
+  auto solver = Solver::create(*problem, few, {.most_bytes = std::int64_t{1} << 24});
   if (!solver) return 0;  // too large for this
   const auto answer = solver->solve();
   FUZZ_EXPECT(answer.has_value());

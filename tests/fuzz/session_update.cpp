@@ -1,11 +1,13 @@
-// Two updates of a session, the second of which takes the first along: what the check lets through the solver
-// takes. The first byte says where the second message begins.
+// Two updates of a session as bytes, the second of which takes the first along: what the checks let through
+// the solver takes, and both together are no larger than one may be. The first byte says where the second
+// message begins.
 #include "session_update.h"
 
 #include <google/protobuf/stubs/logging.h>
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 
 #include "expect.h"
 #include "marble/convert.h"
@@ -14,6 +16,7 @@
 namespace {
 
 using namespace marble;
+using server::Update;
 
 // min ½ z'z  s.t.  z0 + z1 = 1,  z2 ≤ 2,  0 ≤ z0 ⊥ z3 ≥ 0: every part of an update has something to change.
 OwnedProblem small_problem() {
@@ -27,20 +30,29 @@ OwnedProblem small_problem() {
   return p;
 }
 
-bool valid(const v1::SessionUpdate& update, const PartSizes& sizes) {
-  const auto checked = server::check_update(update, sizes);
-  if (!checked) FUZZ_EXPECT(!checked.error().field.empty());
-  return checked.has_value();
+std::optional<Update> read(const std::uint8_t* data, std::size_t size, const PartSizes& sizes) {
+  const grpc::Slice slice(data, size);
+  grpc::ByteBuffer bytes(&slice, 1);
+  v1::SessionRequest request;
+  if (const auto parsed = server::parse_update(bytes, sizes, &request); !parsed) {
+    FUZZ_EXPECT(!parsed.error().message().empty());
+    return std::nullopt;
+  }
+  if (!request.has_update()) return std::nullopt;
+  auto update = server::make_update(*request.mutable_update(), sizes);
+  if (update) return std::move(*update);
+  FUZZ_EXPECT(update.error().field.starts_with("update."));
+  return std::nullopt;
 }
 
-void apply(const Problem& problem, const v1::SessionUpdate& update) {
+void apply(const Problem& problem, const Update& update) {
   Options few;
   few.max_iterations = 4;
   few.local_search_budget = 0;
   auto solver = WarmSolver::create(problem, few);
   FUZZ_EXPECT(solver.has_value());
   FUZZ_EXPECT(solver->solve().has_value());
-  FUZZ_EXPECT(solver->solve(update_of(update.problem()), server::restart_of(update)).has_value());
+  FUZZ_EXPECT(solver->solve(update_of(update.message.problem()), server::restart_of(update)).has_value());
 }
 
 }  // namespace
@@ -52,14 +64,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   static const PartSizes sizes = PartSizes::of(problem);
   if (size == 0) return 0;
   const std::size_t first = std::min<std::size_t>(data[0], size - 1);
-  v1::SessionUpdate older, newer;
-  if (!older.ParseFromArray(data + 1, static_cast<int>(first)) ||
-      !newer.ParseFromArray(data + 1 + first, static_cast<int>(size - 1 - first)))
-    return 0;
-  if (!valid(older, sizes) || !valid(newer, sizes)) return 0;
-  apply(problem, older);
-  server::take_along(older, newer);
-  FUZZ_EXPECT(valid(newer, sizes));
-  apply(problem, newer);
+  const std::optional<Update> older = read(data + 1, first, sizes);
+  std::optional<Update> newer = read(data + 1 + first, size - 1 - first, sizes);
+  if (!older || !newer) return 0;
+  apply(problem, *older);
+  server::take_along(*older, *newer, sizes);
+  FUZZ_EXPECT(server::bytes_of(*newer) <= server::most_update_bytes(sizes));
+  apply(problem, *newer);
   return 0;
 }

@@ -1,0 +1,93 @@
+// A request of the HTTP port as it comes over a socket, by our connection, cpp-httplib's parser and the real
+// routes: an answer in HTTP, or none where nothing that could be answered came. Event streams are left out:
+// they do not end.
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <string>
+
+#include "expect.h"
+#include "http/browser_guard.h"
+#include "http/connection.h"
+#include "http/job_routes.h"
+#include "http/metrics_route.h"
+#include "http/page_routes.h"
+
+namespace {
+
+using namespace marble::server;
+
+class Answering final : public httplib::Server {
+ public:
+  bool answer(http::Connection& connection) {
+    bool closes = false;
+    return process_request(connection, true, closes, [](httplib::Request& request) {
+      request.ranges.clear();
+      if (!request.has_header("Content-Length")) request.set_header("Content-Length", "0");
+    });
+  }
+};
+
+// What the routes answer from: a server that has no jobs.
+struct Parts {
+  Parts() {
+    server.set_payload_max_length(1 << 16);
+    server.set_pre_routing_handler([](const httplib::Request& request, httplib::Response& response) {
+      if (http::check_browser(request, true)) return httplib::Server::HandlerResponse::Unhandled;
+      response.status = 403;
+      return httplib::Server::HandlerResponse::Handled;
+    });
+    http::add_job_routes(router, all);
+    http::add_metrics_route(router, all);
+    http::add_page_routes(router);
+  }
+
+  Config config;
+  Log log{"text", "off", 1 << 20};
+  Access access{config};
+  Metrics metrics{true, 10};
+  LiveCalls calls;
+  JobBoard board{{10, 10, 10}};
+  FeedLimit feeds{10};
+  ResultStore results{{std::chrono::seconds(10), 1000}};
+  SessionTable sessions{{10, 1000}};
+  ConnectionTable connections{{}, log};
+  Scheduler scheduler{{1, 10, 1000, 10}, board, log, metrics};
+  Pulse pulse;
+  const ServiceParts all{config, access,  log,       metrics,  pulse,       board,
+                         feeds,  results, scheduler, sessions, connections, calls};
+  Answering server;
+  http::Router router{server};
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static Parts parts;
+  static const std::atomic<bool> stopping = false;
+  int ends[2];
+  FUZZ_EXPECT(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) == 0);
+  const ssize_t sent =
+      send(ends[0], data, std::min<std::size_t>(size, 64 << 10), MSG_NOSIGNAL | MSG_DONTWAIT);
+  ::shutdown(ends[0], SHUT_WR);
+  {
+    http::Connection connection(ends[1], nullptr, std::chrono::seconds(2), stopping);
+    using Arrival = http::Connection::Arrival;
+    Arrival arrival = connection.receive();
+    while (arrival != Arrival::head && arrival != Arrival::closed) arrival = connection.receive();
+    if (arrival == Arrival::head && sent > 0) {
+      connection.begin_request();
+      parts.server.answer(connection);
+    }
+  }
+  char answer[16];
+  const ssize_t got = recv(ends[0], answer, sizeof answer, MSG_DONTWAIT);
+  if (got > 0) {
+    const std::string begin(answer, static_cast<std::size_t>(got));
+    FUZZ_EXPECT(begin.starts_with("HTTP/1.1 "));
+    FUZZ_EXPECT(!begin.starts_with("HTTP/1.1 5"));
+  }
+  close(ends[0]);
+  return 0;
+}
