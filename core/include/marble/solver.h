@@ -48,6 +48,7 @@ struct SetupControls {
   /// there is no hope. The time limit of the options, if it is less, takes its place.
   double most_factorization_s = std::numeric_limits<double>::infinity();
   std::stop_token stop = {};  ///< looked at about once a millisecond
+  /// The moment that ends it; never, unless it is said.
   std::chrono::steady_clock::time_point until = std::chrono::steady_clock::time_point::max();
 };
 
