@@ -21,15 +21,15 @@ namespace {
 constexpr std::size_t kSoonDone = 20'000;  // entries: AMD takes some milliseconds at most
 constexpr std::chrono::milliseconds kBetweenLooks{5};
 
+void order_by_amd(const Pattern& pattern, std::vector<Index>& permutation) {
+  const int result = amd_order(pattern.size(), pattern.pointers.data(), pattern.rows.data(),
+                               permutation.data(), nullptr, nullptr);
+  if (result == AMD_OUT_OF_MEMORY) throw std::bad_alloc();
+}
+
 // One ordering. It belongs to who asked and to the thread that computes it, whoever is there longer.
 struct Work {
   explicit Work(const Pattern& asked) : pattern(asked), permutation(static_cast<std::size_t>(asked.size())) {}
-
-  void compute() {
-    const int result = amd_order(pattern.size(), pattern.pointers.data(), pattern.rows.data(),
-                                 permutation.data(), nullptr, nullptr);
-    if (result == AMD_OUT_OF_MEMORY) throw std::bad_alloc();
-  }
 
   const Pattern pattern;
   std::vector<Index> permutation;
@@ -50,7 +50,7 @@ std::counting_semaphore<>& places() {
 void compute_apart(const std::shared_ptr<Work>& work) {
   std::exception_ptr fault;
   try {
-    work->compute();
+    order_by_amd(work->pattern, work->permutation);
   } catch (...) {
     fault = std::current_exception();
   }
@@ -65,24 +65,25 @@ void compute_apart(const std::shared_ptr<Work>& work) {
 
 bool order(const Pattern& pattern, const Interrupt& interrupt, std::vector<Index>& permutation) {
   if (interrupt.requested()) return false;
-  const auto work = std::make_shared<Work>(pattern);
   if (pattern.rows.size() <= kSoonDone) {
-    work->compute();
-  } else {
-    while (!places().try_acquire_for(kBetweenLooks)) {
-      if (interrupt.requested()) return false;
-    }
-    try {
-      std::thread(compute_apart, work).detach();
-    } catch (const std::system_error&) {  // no more threads
-      compute_apart(work);
-    }
-    std::unique_lock lock(work->mutex);
-    while (!work->ended.wait_for(lock, kBetweenLooks, [&] { return work->has_ended; })) {
-      if (interrupt.requested()) return false;
-    }
-    if (work->fault) std::rethrow_exception(work->fault);
+    permutation.resize(static_cast<std::size_t>(pattern.size()));
+    order_by_amd(pattern, permutation);
+    return true;
   }
+  const auto work = std::make_shared<Work>(pattern);
+  while (!places().try_acquire_for(kBetweenLooks)) {
+    if (interrupt.requested()) return false;
+  }
+  try {
+    std::thread(compute_apart, work).detach();
+  } catch (const std::system_error&) {  // no more threads
+    compute_apart(work);
+  }
+  std::unique_lock lock(work->mutex);
+  while (!work->ended.wait_for(lock, kBetweenLooks, [&] { return work->has_ended; })) {
+    if (interrupt.requested()) return false;
+  }
+  if (work->fault) std::rethrow_exception(work->fault);
   permutation = std::move(work->permutation);
   return true;
 }

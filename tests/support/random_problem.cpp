@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <random>
 
+#include "support/dense_matrix.h"
+
 namespace marble::testing {
 namespace {
 
@@ -26,16 +28,6 @@ Eigen::MatrixXd random_matrix(Source& source, Index rows, Index columns, double 
     m(i, i % columns) += 1.0;  // no zero rows
   }
   return m;
-}
-
-SparseMatrix sparse(const Eigen::MatrixXd& m) {
-  Triplets entries;
-  for (Eigen::Index i = 0; i < m.rows(); ++i) {
-    for (Eigen::Index j = 0; j < m.cols(); ++j) {
-      if (m(i, j) != 0.0) entries.add(static_cast<Index>(i), static_cast<Index>(j), m(i, j));
-    }
-  }
-  return compress(static_cast<Index>(m.rows()), static_cast<Index>(m.cols()), entries, "m").value();
 }
 
 std::vector<double> values(const Eigen::VectorXd& v) { return {v.data(), v.data() + v.size()}; }

@@ -12,19 +12,12 @@
 
 #include "marble/examples.h"
 #include "marble/solver.h"
+#include "support/dense_matrix.h"
 
 namespace marble {
 namespace {
 
-SparseMatrix sparse(const Eigen::MatrixXd& m) {
-  Triplets entries;
-  for (Eigen::Index i = 0; i < m.rows(); ++i) {
-    for (Eigen::Index j = 0; j < m.cols(); ++j) {
-      if (m(i, j) != 0.0) entries.add(static_cast<Index>(i), static_cast<Index>(j), m(i, j));
-    }
-  }
-  return compress(static_cast<Index>(m.rows()), static_cast<Index>(m.cols()), entries, "m").value();
-}
+using testing::sparse;
 
 OwnedProblem quadratic(const Eigen::MatrixXd& Q) {
   OwnedProblem p;
