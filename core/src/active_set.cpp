@@ -4,26 +4,12 @@
 #include <cmath>
 #include <limits>
 
+#include "tuning.h"
+
 namespace marble {
 namespace {
 
-constexpr int kExactSweeps = 6;
-constexpr double kExactTolerance = 1e-12;
-constexpr double kSignTolerance =
-    1e-9;                          // a row or multiplier this little on the wrong side stays where it is
-constexpr double kRunaway = 1e12;  // a point this far out left along a direction nothing bounds
-
 // The globally convergent fallback.
-constexpr double kSafeRho =
-    1e7;  // at 1e5 feasible pieces with large multipliers look infeasible (gates, rocket)
-constexpr double kSafeDelta = 1e-7;
-constexpr double kSafeTolerance = 1e-9;
-constexpr double kRounding = 1e-6;  // ρ times a row's rounding shows in the gradient
-constexpr double kTie =
-    1e-14;  // a slack this small counts as active: rows at 0 would come and go by rounding
-constexpr double kFullStep = 1e-3;  // only rounding keeps the minimum of one set of rows from a step of 1
-constexpr double kElasticDelta = 1e-6;
-constexpr int kExchanges = 8;  // plain exchanges before the fallback takes over
 
 }  // namespace
 
@@ -144,7 +130,7 @@ bool ActiveSet::factor(Run& run, double rho, double delta) {
 // digits.
 bool ActiveSet::solve_equalities(double tolerance) {
   double last = std::numeric_limits<double>::infinity();
-  for (int sweep = 0; sweep < kExactSweeps; ++sweep) {
+  for (int sweep = 0; sweep < tuning::exact_sweeps; ++sweep) {
     images_.evaluate(problem_, x_);
     double error = std::max(max_abs(images_.stationarity), max_abs(images_.equality));
     gradient_ = images_.stationarity;
@@ -159,9 +145,9 @@ bool ActiveSet::solve_equalities(double tolerance) {
       if (weights_.first[i] > 0.0) error = std::max(error, std::abs(images_.left[i]));
       if (weights_.second[i] > 0.0) error = std::max(error, std::abs(images_.right[i]));
     }
-    if (!std::isfinite(error) || !(max_abs(x_.z()) <= kRunaway)) return false;
+    if (!std::isfinite(error) || !(max_abs(x_.z()) <= tuning::runaway)) return false;
     if (error <= tolerance) return true;
-    if (error > 0.5 * last) return error <= kSignTolerance;  // as exact as it gets
+    if (error > 0.5 * last) return error <= tuning::wrong_sign;  // as exact as it gets
     last = error;
     add_transposed(problem_.C, d_.lambda_w(), gradient_);
     add_transposed(problem_.L, d_.lambda_L(), gradient_);
@@ -185,7 +171,7 @@ bool ActiveSet::exchange() {
   const double scale = 1.0 + max_abs(x_.all);
   for_each_row([&](double image, double, double& lambda, double, std::uint8_t* active) {
     if (active == nullptr) return;
-    if (*active ? lambda > kSignTolerance * scale : image < -kSignTolerance) {
+    if (*active ? lambda > tuning::wrong_sign * scale : image < -tuning::wrong_sign) {
       *active ^= 1U;
       if (*active == 0) lambda = 0.0;
       changed = true;
@@ -197,11 +183,11 @@ bool ActiveSet::exchange() {
 bool ActiveSet::solve(Run& run, int budget) {
   const int last = run.factorizations + budget;
   center_.all = x_.all;  // where the fallback starts
-  for (int round = 0; round < kExchanges; ++round) {
+  for (int round = 0; round < tuning::exact_exchanges; ++round) {
     if (run.factorizations >= last || run.interrupted()) return false;
-    if (!factor(run, kExactRho, kExactDelta)) return false;
-    if (!solve_equalities(kExactTolerance)) break;
-    if (exchange()) return error() <= kSignTolerance;
+    if (!factor(run, tuning::exact_rho, tuning::exact_delta)) return false;
+    if (!solve_equalities(tuning::rounding)) break;
+    if (exchange()) return error() <= tuning::wrong_sign;
   }
   return augmented_lagrangian(run, last - run.factorizations);
 }
@@ -234,8 +220,9 @@ bool ActiveSet::relax(Run& run, double rho, bool trust_set, int budget) {
   center_.all.setZero();
   center_.z() = anchor_;
   const int last = run.factorizations + budget;
-  const double delta =
-      rho >= kExactRho ? kExactDelta : kElasticDelta;  // there the exact solve's factor serves too
+  const double delta = rho >= tuning::exact_rho
+                           ? tuning::exact_delta
+                           : tuning::elastic_delta;  // there the exact solve's factor serves too
   if (!minimize(run, rho, delta, trust_set, last)) return false;
   if ((weights_.rho != rho || weights_.delta != delta || factored_set_ != set_) && !factor(run, rho, delta))
     return false;
@@ -258,7 +245,7 @@ void ActiveSet::evaluate_penalty(double rho, double delta, bool choose_rows) {
   d_.lambda_w() = center_.lambda_w() + rho * images_.inequality;
   d_.lambda_L() = center_.lambda_L() + rho * images_.left;
   d_.lambda_R() = center_.lambda_R() + rho * images_.right;
-  const double tie = kTie * rho;
+  const double tie = tuning::elastic_tie * rho;
   for_each_row([=](double, double, double& lambda, double unclipped, std::uint8_t* active) {
     if (active != nullptr && choose_rows) *active = unclipped < tie;
     lambda = active == nullptr || *active != 0 ? unclipped : 0.0;
@@ -272,8 +259,9 @@ void ActiveSet::evaluate_penalty(double rho, double delta, bool choose_rows) {
 bool ActiveSet::minimize(Run& run, double rho, double delta, bool trust_set, int last) {
   evaluate_penalty(rho, delta, !trust_set);
   for (bool full_step = false;; trust_set = false) {
-    const double size = (1.0 + kRounding * rho) * (1.0 + max_abs(images_.stationarity));
-    if (!trust_set && (max_abs(gradient_) <= kSafeTolerance * size || (full_step && set_ == factored_set_)))
+    const double size = (1.0 + tuning::elastic_rounding * rho) * (1.0 + max_abs(images_.stationarity));
+    if (!trust_set &&
+        (max_abs(gradient_) <= tuning::augmented_tolerance * size || (full_step && set_ == factored_set_)))
       return true;
     const bool factored =
         trust_set && set_ == factored_set_ && rho == weights_.rho && delta == weights_.delta;
@@ -292,9 +280,9 @@ bool ActiveSet::minimize(Run& run, double rho, double delta, bool trust_set, int
                                rho * direction_images_.equality.squaredNorm();
       alpha = exact_step(rho, slope, curvature);
     }
-    full_step = std::abs(alpha - 1.0) <= kFullStep;
+    full_step = std::abs(alpha - 1.0) <= tuning::elastic_full_step;
     x_.z() += alpha * d_.z();
-    if (!(max_abs(x_.z()) <= kRunaway)) return false;
+    if (!(max_abs(x_.z()) <= tuning::runaway)) return false;
     evaluate_penalty(rho, delta, true);
   }
 }
@@ -306,21 +294,22 @@ bool ActiveSet::augmented_lagrangian(Run& run, int budget) {
   double outer_error = std::numeric_limits<double>::infinity();
   int outer_without_progress = 0;
   while (true) {
-    if (!minimize(run, kSafeRho, kSafeDelta, false, last)) return false;
-    const double outer = std::max((x_.all - center_.all).lpNorm<Eigen::Infinity>() / kSafeRho,
-                                  kSafeDelta * (x_.z() - center_.z()).lpNorm<Eigen::Infinity>());
-    if (outer <= kSafeTolerance) break;
+    if (!minimize(run, tuning::augmented_rho, tuning::augmented_delta, false, last)) return false;
+    const double outer = std::max((x_.all - center_.all).lpNorm<Eigen::Infinity>() / tuning::augmented_rho,
+                                  tuning::augmented_delta * (x_.z() - center_.z()).lpNorm<Eigen::Infinity>());
+    if (outer <= tuning::augmented_tolerance) break;
     // If the multipliers only grow, the piece is infeasible.
     outer_without_progress = outer > 0.5 * outer_error ? outer_without_progress + 1 : 0;
-    if (outer_without_progress >= 5) return false;
+    if (outer_without_progress >= tuning::augmented_patience) return false;
     outer_error = std::min(outer, outer_error);
     center_.all = x_.all;
   }
   // The active set is known: make the point exact.
   if (run.factorizations >= last || run.interrupted()) return false;
-  for (int round = 0; round < 3 && run.factorizations < last; ++round) {
-    if (!factor(run, kExactRho, kExactDelta) || !solve_equalities(kExactTolerance)) return false;
-    if (exchange()) return error() <= kSignTolerance;
+  for (int round = 0; round < tuning::augmented_rounds && run.factorizations < last; ++round) {
+    if (!factor(run, tuning::exact_rho, tuning::exact_delta) || !solve_equalities(tuning::rounding))
+      return false;
+    if (exchange()) return error() <= tuning::wrong_sign;
   }
   return false;
 }

@@ -14,6 +14,7 @@
 #include "kkt.h"
 #include "residual.h"
 #include "run.h"
+#include "tuning.h"
 
 namespace marble {
 
@@ -42,13 +43,11 @@ class ActiveSet {
   [[nodiscard]] bool solve(Run& run, int budget);
 
   /// Tiny regularization; its effect is removed by repeated solves with the same factor.
-  static constexpr double kExactRho = 1e8;
-  static constexpr double kExactDelta = 1e-8;
   /// Factorizes for the rows held at zero. False if the inertia is wrong: Q + δI has negative curvature, or
   /// none, along a direction that keeps all of them.
   [[nodiscard]] bool factor(Run& run, double rho, double delta);
-  /// With the factor at hand, of kExactRho and kExactDelta: the stationary point on the rows held at zero, as
-  /// exact as rounding lets it be. False if there is none.
+  /// With the factor at hand, of tuning::exact_rho and tuning::exact_delta: the stationary point on the rows
+  /// held at zero, as exact as rounding lets it be. False if there is none.
   [[nodiscard]] bool sharpen();
   /// With the factor at hand: takes out of a direction what changes the rows held at zero.
   [[nodiscard]] bool project(VectorRef direction);

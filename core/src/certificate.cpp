@@ -4,13 +4,12 @@
 #include <cmath>
 #include <limits>
 
+#include "tuning.h"
+
 namespace marble {
 namespace {
 
 // Of a product of two numbers of the problem, scaling of the data included: 128 units of roundoff.
-constexpr double kRounding = 0x1p-46;
-constexpr double kNear = 1e-6;    // relative to the multipliers' or the direction's own size
-constexpr double kFarther = 1e3;  // a proof holds this much farther out than the point it was found from
 
 double smallest(const Vector& values) { return values.size() == 0 ? 0.0 : values.minCoeff(); }
 
@@ -27,7 +26,9 @@ class CarefulSum {
     size_ += std::abs(product);
   }
   [[nodiscard]] double value() const { return value_ + correction_; }
-  [[nodiscard]] double error() const { return kRounding * size_ + std::numeric_limits<double>::min(); }
+  [[nodiscard]] double error() const {
+    return tuning::proof_rounding * size_ + std::numeric_limits<double>::min();
+  }
 
  private:
   double value_ = 0.0, correction_ = 0.0, size_ = 0.0;
@@ -43,7 +44,7 @@ bool all_rows(const RowMatrix& matrix, ConstVectorRef d, Visit&& visit) {
       sum.add(matrix.values[k], d[matrix.column_indices[k]]);
       size += std::abs(matrix.values[k]);
     }
-    if (!visit(row, sum.value(), kRounding * size)) return false;
+    if (!visit(row, sum.value(), tuning::proof_rounding * size)) return false;
   }
   return true;
 }
@@ -65,9 +66,9 @@ int curvature(const SymmetricMatrix& Q, ConstVectorRef d) {
       size[column] += std::abs(value);
     }
   }
-  if (whole.value() < -kRounding * size.sum()) return -1;
+  if (whole.value() < -tuning::proof_rounding * size.sum()) return -1;
   for (Index i = 0; i < Q.size; ++i) {
-    if (!(std::abs(image[static_cast<std::size_t>(i)].value()) <= kRounding * size[i])) return 1;
+    if (!(std::abs(image[static_cast<std::size_t>(i)].value()) <= tuning::proof_rounding * size[i])) return 1;
   }
   return 0;
 }
@@ -101,7 +102,7 @@ std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, con
       for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
         combination[static_cast<std::size_t>(matrix.column_indices[k])].add(sign * matrix.values[k],
                                                                             multipliers[row]);
-        hidden[matrix.column_indices[k]] += kRounding * std::abs(matrix.values[k]);
+        hidden[matrix.column_indices[k]] += tuning::proof_rounding * std::abs(matrix.values[k]);
       }
     }
   };
@@ -121,7 +122,7 @@ std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, con
   FarkasProof proof;
   proof.radius = least_gap / residual;
   const double point = max_abs(x.z().cwiseProduct(p.variable_scale));
-  if (!(proof.radius >= kFarther * point)) return std::nullopt;
+  if (!(proof.radius >= tuning::proof_farther * point)) return std::nullopt;
   proof.multipliers.reserve(static_cast<std::size_t>(m.y.size() + m.nu.size() + 2 * m.xi.size()));
   bool lost = false;  // by underflow
   const auto append = [&](const Vector& multipliers, const Vector& row_scale) {
@@ -151,7 +152,7 @@ std::optional<std::vector<double>> unbounded_direction(const ScaledProblem& p, C
     if (!(largest > 0.0) || !std::isfinite(largest)) return std::nullopt;
     CarefulSum slope;
     for (Eigen::Index j = 0; j < d.size(); ++j) slope.add(p.g[j] / largest, d[j]);
-    if (!(slope.value() < -kRounding * p.g.lpNorm<1>() / largest)) return std::nullopt;
+    if (!(slope.value() < -tuning::proof_rounding * p.g.lpNorm<1>() / largest)) return std::nullopt;
   }
   const bool rows =
       all_rows(p.A, d, [](Index, double value, double rounding) { return std::abs(value) <= rounding; }) &&
@@ -176,7 +177,7 @@ bool seems_infeasible(const ScaledProblem& p, const Iterate& x) {
   const double size = size_of(x);
   if (!(size > 0.0) || !std::isfinite(size)) return false;
   Multipliers m(x, size);
-  if (std::min(smallest(m.xi), smallest(m.eta)) < -kNear) return false;
+  if (std::min(smallest(m.xi), smallest(m.eta)) < -tuning::proof_near) return false;
   for (Vector* multipliers : {&m.nu, &m.xi, &m.eta}) *multipliers = multipliers->cwiseMax(0.0);
   const double gap = p.b.dot(m.y) - p.d.dot(m.nu) - p.l.dot(m.xi) - p.r.dot(m.eta);
   if (!(gap > 0.0)) return false;
@@ -185,7 +186,7 @@ bool seems_infeasible(const ScaledProblem& p, const Iterate& x) {
   add_transposed(p.C, -m.nu, combination);
   add_transposed(p.L, -m.xi, combination);
   add_transposed(p.R, -m.eta, combination);
-  return max_abs(combination) <= kNear * gap;
+  return max_abs(combination) <= tuning::proof_near * gap;
 }
 
 bool seems_unbounded(const ScaledProblem& p, const Iterate& x) {
@@ -194,18 +195,20 @@ bool seems_unbounded(const ScaledProblem& p, const Iterate& x) {
   const Vector d = x.z() / size;
   Vector image(p.variables());
   multiply(p.Q, d, image);
-  if (!(d.dot(image) < -kNear) && !(max_abs(image) <= kNear && p.g.dot(d) < -kNear)) return false;
+  if (!(d.dot(image) < -tuning::proof_near) &&
+      !(max_abs(image) <= tuning::proof_near && p.g.dot(d) < -tuning::proof_near))
+    return false;
   image.resize(p.equalities());
   multiply(p.A, d, image);
-  if (max_abs(image) > kNear) return false;
+  if (max_abs(image) > tuning::proof_near) return false;
   image.resize(p.inequalities());
   multiply(p.C, d, image);
-  if (smallest(image) < -kNear) return false;
+  if (smallest(image) < -tuning::proof_near) return false;
   Vector left(p.pairs());
   Vector right(p.pairs());
   multiply(p.L, d, left);
   multiply(p.R, d, right);
-  return max_abs(left.cwiseMin(right)) <= kNear;
+  return max_abs(left.cwiseMin(right)) <= tuning::proof_near;
 }
 
 }  // namespace marble

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tuning.h"
+
 // The Fortran interface is the one every BLAS and LAPACK shares.
 extern "C" {
 void dsyrk_(const char* uplo, const char* trans, const int* n, const int* k, const double* alpha,
@@ -23,23 +25,20 @@ namespace marble {
 namespace {
 
 // How much faster a dense kernel does a flop than the sparse code, measured on the QPEC and flp4 problems.
-constexpr double kDenseAdvantage = 8.0;
 
 // A call of BLAS or LAPACK cannot be interrupted: one does at most about this many flops, 20 to 100 ms.
-constexpr double kFlopsOfCall = 1e9;
-constexpr int kPanel = 128;
 
 // C += factor · WᵀW, upper triangle, W with k rows and n columns, in as many calls as it takes.
 bool add_product(double factor, const double* w, int w_stride, int k, double* c, int c_stride, int n,
                  const Interrupt& interrupt) {
   const double one = 1.0;
   const double flops = static_cast<double>(n) * n * k;
-  if (flops <= kFlopsOfCall) {
+  if (flops <= tuning::flops_of_call) {
     dsyrk_("U", "T", &n, &k, &factor, w, &w_stride, &one, c, &c_stride);
     return true;
   }
-  const int width = std::min(n, kPanel);
-  const int depth = std::min(k, std::max(1, static_cast<int>(0.5 * kFlopsOfCall / n / width)));
+  const int width = std::min(n, tuning::dense_panel);
+  const int depth = std::min(k, std::max(1, static_cast<int>(0.5 * tuning::flops_of_call / n / width)));
   for (int row = 0; row < k; row += depth) {
     const int rows = std::min(depth, k - row);
     for (int column = 0; column < n; column += width) {
@@ -59,7 +58,7 @@ bool add_product(double factor, const double* w, int w_stride, int k, double* c,
 // dpotrf, in panels where one call would take too long.
 bool factorize_cholesky(double* a, int n, const Interrupt& interrupt) {
   const double cube = static_cast<double>(n) * n * n;
-  const int width = cube / 3.0 <= kFlopsOfCall ? n : kPanel;
+  const int width = cube / 3.0 <= tuning::flops_of_call ? n : tuning::dense_panel;
   const double one = 1.0;
   for (int column = 0; column < n; column += width) {
     if (interrupt.requested()) return false;
@@ -95,7 +94,7 @@ bool fill(Eigen::MatrixXd& to, const From& from, const Interrupt& interrupt) {
 double DenseKkt::estimated_flops(const ScaledProblem& p) {
   const double n = p.variables();
   const double rows = static_cast<double>(p.equalities()) + p.inequalities() + 2.0 * p.pairs();
-  return (n * n * (rows + n / 3.0) + 20.0 * n * n) / kDenseAdvantage;
+  return (n * n * (rows + n / 3.0) + 20.0 * n * n) / tuning::dense_advantage;
 }
 
 DenseKkt::DenseKkt(const ScaledProblem& problem)

@@ -4,19 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include "tuning.h"
+
 namespace marble {
 namespace {
-
-constexpr double kCurvature = 1e-7;  // of vᵀQv relative to vᵀv: less is taken for 0
-constexpr double kFlatDelta = 1e-6;
-constexpr double kLargestDelta = 1e10;
-constexpr double kDecade = 10.0;
-constexpr int kInverseIterations = 40;
-constexpr double kSettled = 0.05;  // relative change of the curvature that ends them
-constexpr double kFlat = 1e-13;    // a row that changes this slowly does not
-constexpr double kSignTolerance = 1e-9;
-constexpr double kShort = 1e-12;     // a step that changes nothing
-constexpr int kManyShortSteps = 20;  // from then on the first row that pulls is released (Bland)
 
 // The same start everywhere: splitmix64, entries in [−1, 1).
 void fill_with_noise(Vector& vector) {
@@ -68,12 +59,12 @@ Descent::End Descent::run(Run& run, const Iterate& x, const WorkingSet& set, Con
     report(run);
     clear_multipliers();
     active_set_.restore(x_, set_);
-    curved = !active_set_.factor(run, ActiveSet::kExactRho, ActiveSet::kExactDelta);
+    curved = !active_set_.factor(run, tuning::exact_rho, tuning::exact_delta);
     if (curved) {
       if (run.interrupted()) return End::stopped;
       if (find_negative_curvature(run, last)) continue;
       // Flat: the penalty ρ alone takes |Q|²/ρ from the curvature, about as much as δ adds.
-      curved = !active_set_.factor(run, ActiveSet::kExactRho, kFlatDelta);
+      curved = !active_set_.factor(run, tuning::exact_rho, tuning::descent_flat_delta);
       if (curved) return End::stopped;
     }
     moved = true;
@@ -102,7 +93,7 @@ void Descent::report(Run& run) {
   Progress progress;
   progress.objective = images_.objective / problem_.cost_scale + problem_.c0;
   progress.violations = violations(problem_, images_);
-  progress.rho = ActiveSet::kExactRho;
+  progress.rho = tuning::exact_rho;
   progress.step_length = 1.0;
   reporter_.tell(run, x_.z(), progress);
 }
@@ -113,14 +104,14 @@ void Descent::move(const Block& block) {
   images_.evaluate(problem_, x_);
   *block.flag = 1;
   short_steps_ =
-      block.length * max_abs(direction_) <= kShort * (1.0 + max_abs(x_.z())) ? short_steps_ + 1 : 0;
+      block.length * max_abs(direction_) <= tuning::rounding * (1.0 + max_abs(x_.z())) ? short_steps_ + 1 : 0;
 }
 
 // Downhill; where that is level, to the side that goes on longer.
 void Descent::orient() {
   const double slope = images_.gradient.dot(direction_);
   if (slope > 0.0) direction_ = -direction_;
-  if (std::abs(slope) > kShort * (1.0 + images_.gradient.norm()) * direction_.norm()) return;
+  if (std::abs(slope) > tuning::rounding * (1.0 + images_.gradient.norm()) * direction_.norm()) return;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const Block ahead = blocking(kInfinity);
   if (ahead.flag == nullptr) return;
@@ -134,7 +125,7 @@ Descent::Block Descent::blocking(double longest) {
   rates_.evaluate_rows(problem_, direction_);
   Block first{nullptr, longest};
   double fastest = 0.0;
-  const double flat = kFlat * max_abs(direction_);
+  const double flat = tuning::descent_flat_rate * max_abs(direction_);
   const auto look = [&](double slack, double rate, std::uint8_t& flag) {
     if (flag != 0 || !(rate < -flat)) return;
     const double length = std::max(slack, 0.0) / -rate;
@@ -167,9 +158,10 @@ void Descent::clear_multipliers() {
 // Of the rows held and free to leave, the one whose multiplier has the wrong sign most.
 bool Descent::release_worst() {
   std::uint8_t* worst = nullptr;
-  double most = kSignTolerance * (1.0 + max_abs(x_.all));
+  double most = tuning::wrong_sign * (1.0 + max_abs(x_.all));
   const auto look = [&](double lambda, std::uint8_t& flag) {
-    if (flag == 0 || !(lambda > most) || (worst != nullptr && short_steps_ > kManyShortSteps)) return;
+    if (flag == 0 || !(lambda > most) || (worst != nullptr && short_steps_ > tuning::descent_short_steps))
+      return;
     worst = &flag;
     most = lambda;
   };
@@ -187,18 +179,19 @@ bool Descent::release_worst() {
 // Inverse iteration with Q + δI + ρJᵀJ, which δ just makes convex: for a curvature between −δ and −δ/10 it
 // gains a factor of 10/9 a step at least.
 bool Descent::find_negative_curvature(Run& run, int last) {
-  const auto convex_at = [&](double delta) { return active_set_.factor(run, ActiveSet::kExactRho, delta); };
-  double low = ActiveSet::kExactDelta;
+  const auto convex_at = [&](double delta) { return active_set_.factor(run, tuning::exact_rho, delta); };
+  double low = tuning::exact_delta;
   double high = delta_;
   while (!convex_at(high)) {
-    if (run.factorizations >= last || high > kLargestDelta) return false;
+    if (run.factorizations >= last || high > tuning::largest_delta) return false;
     low = high;
-    high *= kDecade;
+    high *= tuning::descent_delta_factor;
   }
   while (!iterate_inversely()) {
     double middle = 0.0;
     do {
-      if (high <= kDecade * low || run.factorizations >= last || run.interrupted()) return false;
+      if (high <= tuning::descent_delta_factor * low || run.factorizations >= last || run.interrupted())
+        return false;
       middle = std::sqrt(low * high);
       if (convex_at(middle)) break;
       low = middle;
@@ -212,7 +205,7 @@ bool Descent::find_negative_curvature(Run& run, int last) {
 bool Descent::iterate_inversely() {
   fill_with_noise(direction_);
   double curvature = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < kInverseIterations; ++i) {
+  for (int i = 0; i < tuning::descent_inverse_iterations; ++i) {
     nothing_.setZero();
     if (!kkt_.solve(direction_, nothing_) || !active_set_.project(direction_)) return false;
     const double size = direction_.norm();
@@ -220,11 +213,12 @@ bool Descent::iterate_inversely() {
     direction_ /= size;
     multiply(problem_.Q, direction_, image_);
     const double now = direction_.dot(image_);
-    const bool settled = now < -kCurvature && std::abs(now - curvature) <= kSettled * std::abs(now);
+    const bool settled =
+        now < -tuning::curvature && std::abs(now - curvature) <= tuning::descent_settled * std::abs(now);
     curvature = now;
     if (settled) break;
   }
-  if (!(curvature < -kCurvature)) return false;
+  if (!(curvature < -tuning::curvature)) return false;
   return active_set_.project(direction_);
 }
 

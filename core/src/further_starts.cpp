@@ -5,13 +5,10 @@
 #include <functional>
 #include <new>
 
+#include "tuning.h"
+
 namespace marble {
-namespace {
-
-constexpr double kSofter = 0.3;       // each start begins this much softer
-constexpr double kLeastGain = 1e-12;  // of the objective
-
-}  // namespace
+namespace {}  // namespace
 
 bool solve_exactly(const ScaledProblem& problem, const Options& options, ActiveSet& active_set, Run& run,
                    int budget, ExactSolution& solution) {
@@ -33,18 +30,18 @@ FurtherStarts::FurtherStarts(const ScaledProblem& problem, const Options& option
       options_(options),
       active_set_(active_set),
       search_(search),
-      attempts_(kRound, Attempt(problem)),
+      attempts_(tuning::further_round, Attempt(problem)),
       reporter_(problem) {
-  for (std::size_t i = 0; i < kRound; ++i) tasks_.emplace_back([this, i] { make_attempt(i); });
+  for (std::size_t i = 0; i < tuning::further_round; ++i) tasks_.emplace_back([this, i] { make_attempt(i); });
 }
 
 double FurtherStarts::extra_bytes(const Options& options, double engine_bytes) {
-  return engine_bytes * std::max(0, std::min(options.starts - 1, kRound) - 1);
+  return engine_bytes * std::max(0, std::min(options.starts - 1, tuning::further_round) - 1);
 }
 
 void FurtherStarts::make_attempt(std::size_t number) {
   SearchPlan plan = plan_;
-  plan.rho_first *= std::pow(kSofter, first_ + static_cast<int>(number));
+  plan.rho_first *= std::pow(tuning::further_softer, first_ + static_cast<int>(number));
   Attempt& attempt = attempts_[number];
   try {
     if (number == 0 || !at_once_) {
@@ -62,13 +59,13 @@ void FurtherStarts::search_from(ActiveSet& active_set, LocalSearch& search, Sear
   Run& run = *attempt.run;
   if (run.interrupted()) return;
   active_set.restore(begin_->x, begin_->set);
-  const int last = run.factorizations + kExactBudget + options_.local_search_budget;
+  const int last = run.factorizations + tuning::exact_budget + options_.local_search_budget;
   attempt.succeeded = search.run(run, plan, last) &&
-                      solve_exactly(problem_, options_, active_set, run, kExactBudget, attempt.found);
+                      solve_exactly(problem_, options_, active_set, run, tuning::exact_budget, attempt.found);
 }
 
 bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count, ExactSolution& best) {
-  const auto searches = static_cast<std::size_t>(std::min(count, kRound));
+  const auto searches = static_cast<std::size_t>(std::min(count, tuning::further_round));
   at_once_ = run.runner() != nullptr && searches > 1;
   while (at_once_ && engines_.size() + 1 < searches) {
     std::unique_ptr<Kkt> kkt = make_kkt(problem_, run.interrupt());
@@ -93,7 +90,7 @@ bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count
     for (const auto& task : tasks) task();
   }
   Attempt* winner = nullptr;
-  double goal = best.objective - kLeastGain * std::abs(best.objective);
+  double goal = best.objective - tuning::rounding * std::abs(best.objective);
   for (std::size_t i = 0; i < searches; ++i) {
     Attempt& attempt = attempts_[i];
     run.add_part(*attempt.run);

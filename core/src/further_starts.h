@@ -11,10 +11,9 @@
 
 #include "local_search.h"
 #include "termination.h"
+#include "tuning.h"
 
 namespace marble {
-
-inline constexpr int kExactBudget = 100;  ///< factorizations for the exact solution of one branch
 
 /// An exact solution of a branch that is feasible.
 struct ExactSolution {
@@ -31,13 +30,11 @@ struct ExactSolution {
 
 class FurtherStarts {
  public:
-  static constexpr int kRound = 4;
-
   FurtherStarts(const ScaledProblem& problem, const Options& options, ActiveSet& active_set,
                 LocalSearch& search);
 
-  /// Starts number `first` to `first` + `count` - 1, at most kRound of them, each from `best`, which is
-  /// replaced by the best of what they found if that is better. True if it was.
+  /// Starts number `first` to `first` + `count` - 1, at most tuning::further_round of them, each from `best`,
+  /// which is replaced by the best of what they found if that is better. True if it was.
   bool round(Run& run, const SearchPlan& plan, int first, int count, ExactSolution& best);
 
   /// Memory of the engines that a round needs besides those it was made with.

@@ -3,24 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tuning.h"
+
 namespace marble {
 namespace {
 
-constexpr double kRho = 1e7;
-constexpr double kSmallestDelta = 1e-9;
-constexpr double kProximal = 3.0;   // δ = 3κ
-constexpr double kFraction = 0.99;  // of the way to the boundary
-constexpr double kSpread = 1e6;     // a multiplier stays within this factor of κ/w
-constexpr double kSmallestSide = 1e-13;
-constexpr double kGoodStep = 0.5;  // a step this long lets κ fall
-constexpr double kFirstKappa = 1.0;
-constexpr double kKappaFactor = 0.3;
-constexpr double kLastKappa = 1e-6;
-constexpr int kMostSteps = 100;
-
 // Shortens `length` so that value + length · change keeps 1 % of value.
 void keep_positive(double value, double change, double& length) {
-  if (change < 0.0) length = std::min(length, -kFraction * value / change);
+  if (change < 0.0) length = std::min(length, -tuning::interior_fraction * value / change);
 }
 
 }  // namespace
@@ -45,11 +35,12 @@ InteriorEngine::InteriorEngine(const ScaledProblem& problem, Kkt& kkt)
 
 bool InteriorEngine::run(Run& run, ConstVectorRef initial_z) {
   start(initial_z);
-  for (int i = 0; i < kMostSteps && kappa_ > kLastKappa; ++i) {
+  for (int i = 0; i < tuning::interior_steps && kappa_ > tuning::interior_last_kappa; ++i) {
     if (run.interrupted()) return false;
     const double length = step(run);
     if (length == 0.0) return i > 0;
-    if (length > kGoodStep && primal_residual_ < 10.0 * kappa_) kappa_ *= kKappaFactor;
+    if (length > tuning::interior_good_step && primal_residual_ < tuning::interior_centrality * kappa_)
+      kappa_ *= tuning::interior_kappa_factor;
   }
   evaluate();
   report(run);
@@ -60,7 +51,7 @@ bool InteriorEngine::run(Run& run, ConstVectorRef initial_z) {
 void InteriorEngine::start(ConstVectorRef initial_z) {
   x_.all.setZero();
   x_.z() = initial_z;
-  kappa_ = kFirstKappa;
+  kappa_ = tuning::interior_first_kappa;
   images_.evaluate(problem_, x_);
   const double least = std::sqrt(kappa_);
   w_ = images_.inequality.cwiseMax(least);
@@ -80,20 +71,20 @@ void InteriorEngine::evaluate() {
 
 // Weights of the rows, and what they add to the right-hand side.
 void InteriorEngine::weigh() {
-  weights_.rho = kRho;
-  weights_.delta = std::max(kSmallestDelta, kProximal * kappa_);
+  weights_.rho = tuning::interior_rho;
+  weights_.delta = std::max(tuning::least_delta, tuning::interior_delta_factor * kappa_);
   weights_.inequality = nu_.cwiseQuotient(w_);
   inequality_rhs_ = weights_.inequality.cwiseProduct(images_.inequality - w_) - kappa_ * w_.cwiseInverse();
   for (Eigen::Index i = 0; i < s_.size(); ++i) {  // the row (t, s)·(ds, dt) = κ − st, of norm 1
     const double norm = std::hypot(s_[i], t_[i]);
     const double c = weights_.cosine[i] = t_[i] / norm;
     const double s = weights_.sine[i] = s_[i] / norm;
-    weights_.first[i] = kRho;
+    weights_.first[i] = tuning::interior_rho;
     weights_.second[i] = 0.0;
     const double residual =
         c * (images_.left[i] - s_[i]) + s * (images_.right[i] - t_[i]) - (kappa_ - s_[i] * t_[i]) / norm;
-    left_rhs_[i] = kRho * c * residual;
-    right_rhs_[i] = kRho * s * residual;
+    left_rhs_[i] = tuning::interior_rho * c * residual;
+    right_rhs_[i] = tuning::interior_rho * s * residual;
   }
 }
 
@@ -109,8 +100,8 @@ double InteriorEngine::step(Run& run) {
   add_transposed(problem_.L, left_rhs_, gradient_);
   add_transposed(problem_.R, right_rhs_, gradient_);
   d_.z() = -gradient_;
-  d_.y() =
-      -images_.equality - x_.y() / kRho;  // the second half of the solution is then y itself, not its step
+  d_.y() = -images_.equality -
+           x_.y() / tuning::interior_rho;  // the second half of the solution is then y itself, not its step
   if (!kkt_.solve(d_.z(), d_.y())) return 0.0;
   if (!d_.z().allFinite() || !d_.y().allFinite()) return 0.0;
   direction_images_.evaluate_rows(problem_, d_.z());
@@ -138,11 +129,12 @@ double InteriorEngine::move() {
   }
   for (Eigen::Index i = 0; i < w_.size(); ++i) {
     const double multiplier = nu_[i] + dual * dual_step(i);
-    w_[i] = std::max(w_[i] + primal * direction_images_.inequality[i], kSmallestSide);
-    nu_[i] = std::clamp(multiplier, kappa_ / (kSpread * w_[i]), kSpread * kappa_ / w_[i]);
+    w_[i] = std::max(w_[i] + primal * direction_images_.inequality[i], tuning::interior_least_side);
+    nu_[i] = std::clamp(multiplier, kappa_ / (tuning::interior_spread * w_[i]),
+                        tuning::interior_spread * kappa_ / w_[i]);
   }
-  s_ = (s_ + primal * direction_images_.left).cwiseMax(kSmallestSide);
-  t_ = (t_ + primal * direction_images_.right).cwiseMax(kSmallestSide);
+  s_ = (s_ + primal * direction_images_.left).cwiseMax(tuning::interior_least_side);
+  t_ = (t_ + primal * direction_images_.right).cwiseMax(tuning::interior_least_side);
   x_.z() += primal * d_.z();
   x_.y() += primal * (d_.y() - x_.y());
   return std::min(primal, dual);
@@ -154,7 +146,7 @@ void InteriorEngine::report(Run& run) {
   progress.violations = violations(problem_, images_);
   progress.kkt_residual = primal_residual_;
   progress.kappa = kappa_;
-  progress.rho = kRho;
+  progress.rho = tuning::interior_rho;
   progress.step_length = step_length_;
   progress.regularization = weights_.delta;
   reporter_.tell(run, x_.z(), progress);

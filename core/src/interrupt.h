@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <stop_token>
 
+#include "tuning.h"
+
 namespace marble {
 
 class Interrupt {
@@ -39,9 +41,6 @@ class Interrupt {
 /// Counts the work of some loops and looks at an Interrupt now and then.
 class Checkpoint {
  public:
-  /// Entries of a list or a factor between two looks: from 0.3 ms to 3 ms.
-  static constexpr std::int64_t kEntries = std::int64_t{1} << 18;
-
   explicit Checkpoint(const Interrupt& interrupt) : interrupt_(interrupt) {}
 
   /// Whether to stop, after so many entries more. Once it is true it stays so.
@@ -53,12 +52,12 @@ class Checkpoint {
  private:
   [[nodiscard]] bool look() {
     if (interrupt_.requested()) return true;
-    left_ = kEntries;
+    left_ = tuning::entries_between_looks;
     return false;
   }
 
   const Interrupt& interrupt_;
-  std::int64_t left_ = kEntries;
+  std::int64_t left_ = tuning::entries_between_looks;
 };
 
 }  // namespace marble

@@ -4,16 +4,10 @@
 
 #include "dense_kkt.h"
 #include "sparse_kkt.h"
+#include "tuning.h"
 
 namespace marble {
 namespace {
-
-constexpr Index kTiny = 12;              // below this nothing beats a dense factorization
-constexpr double kWorthAnalysing = 1e8;  // a pattern with more assembly work than this is not even built
-constexpr Index kLongRow = 16;
-constexpr double kNearlyFull = 0.3;
-constexpr double kFilledIn = 40.0;  // flops an entry of the data
-constexpr Index kLargestDense = 2000;
 
 double condensed_work(const RowMatrix& matrix) {
   double work = 0.0;
@@ -24,7 +18,8 @@ double condensed_work(const RowMatrix& matrix) {
 
 bool has_long_rows(const RowMatrix& matrix) {
   for (Index row = 0; row < matrix.rows; ++row) {
-    if (matrix.row_size(row) > std::max(kLongRow, matrix.columns / 8)) return true;
+    if (matrix.row_size(row) > std::max<Index>(tuning::long_row, matrix.columns / tuning::long_row_share))
+      return true;
   }
   return false;
 }
@@ -34,8 +29,9 @@ bool nearly_full(const ScaledProblem& p) {
   const auto entries = [](const auto& matrix) { return static_cast<double>(matrix.values.size()); };
   const double n = p.variables();
   const double rows = 0.5 * n + p.equalities() + p.inequalities() + 2.0 * p.pairs();
-  return n <= kLargestDense &&
-         entries(p.Q) + entries(p.A) + entries(p.C) + entries(p.L) + entries(p.R) > kNearlyFull * rows * n;
+  return n <= tuning::largest_dense &&
+         entries(p.Q) + entries(p.A) + entries(p.C) + entries(p.L) + entries(p.R) >
+             tuning::nearly_full * rows * n;
 }
 
 }  // namespace
@@ -52,7 +48,7 @@ std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p, const KktCost& most, const
   const auto make_dense = [&]() -> std::unique_ptr<Kkt> {
     return dense.flops <= most.flops ? allocated(std::make_unique<DenseKkt>(p)) : nullptr;
   };
-  if (dense_fits && (p.variables() <= kTiny || nearly_full(p))) return make_dense();
+  if (dense_fits && (p.variables() <= tuning::tiny_problem || nearly_full(p))) return make_dense();
   std::unique_ptr<Kkt> best;
   const auto consider = [&](KeptRows kept) {
     const double analysis = SparseKkt::analysis_bytes(p, kept);
@@ -68,12 +64,12 @@ std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p, const KktCost& most, const
     if (!best || candidate->flops() < best->flops()) best = std::move(candidate);
   };
   const double work = condensed_work(p.C) + condensed_work(p.L) + condensed_work(p.R);
-  if (work < std::min(kWorthAnalysing, 2.0 * dense.flops)) consider(KeptRows::none);
+  if (work < std::min(tuning::condensing_work, 2.0 * dense.flops)) consider(KeptRows::none);
   if (has_long_rows(p.C) || has_long_rows(p.L) || has_long_rows(p.R)) consider(KeptRows::dense);
   // The full form has more rows and less fill in each: worth its analysis where condensing filled in.
   const auto entries = static_cast<double>(p.Q.values.size() + p.A.values.size() + p.C.values.size() +
                                            p.L.values.size() + p.R.values.size());
-  if (!best || best->flops() > kFilledIn * entries) consider(KeptRows::all);
+  if (!best || best->flops() > tuning::filled_in * entries) consider(KeptRows::all);
   if (interrupt.requested()) return nullptr;
   if (dense_fits && (!best || dense.flops < best->flops())) return make_dense();
   return best && best->flops() <= most.flops ? allocated(std::move(best)) : nullptr;

@@ -9,6 +9,8 @@
 #include <new>
 #include <type_traits>
 
+#include "tuning.h"
+
 namespace marble {
 
 /// Like new T[size]. From 32 MiB on it is mapped by itself, in huge pages where the system has them: with
@@ -22,7 +24,7 @@ class LargeArray {
   LargeArray() = default;
   explicit LargeArray(std::size_t size) {
     const std::size_t bytes = size * sizeof(T);
-    if (bytes < kMapped) {
+    if (bytes < tuning::mapped_bytes) {
       data_ = {new T[size], Release{0}};
       return;
     }
@@ -36,7 +38,6 @@ class LargeArray {
   T& operator[](std::ptrdiff_t i) const { return data_.get()[i]; }
 
  private:
-  static constexpr std::size_t kMapped = std::size_t{32} << 20;
   struct Release {
     std::size_t mapped = 0;
     void operator()(T* data) const {

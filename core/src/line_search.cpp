@@ -5,23 +5,16 @@
 #include <limits>
 
 #include "retraction.h"
+#include "tuning.h"
 
 namespace marble {
 namespace {
 
 // Constants of Wächter and Biegler (2006), section 4, but for the Armijo fraction, which is IPOPT's default.
-constexpr double kThetaFraction = 1e-5;  // γ_θ
-constexpr double kPhiFraction = 1e-8;    // γ_φ
-constexpr double kSwitchDelta = 1.0;     // δ
-constexpr double kSwitchTheta = 1.1;     // s_θ
-constexpr double kSwitchPhi = 2.3;       // s_φ
-constexpr double kArmijo = 1e-8;         // η_φ
-constexpr double kSmallestStep = 1e-8;
-constexpr std::size_t kFilterCapacity = 256;  // the oldest entry makes room: allocation stays out of the loop
 
 }  // namespace
 
-FilterLineSearch::FilterLineSearch(const ScaledProblem&) : capacity_(kFilterCapacity) {
+FilterLineSearch::FilterLineSearch(const ScaledProblem&) : capacity_(tuning::filter_capacity) {
   filter_.reserve(capacity_);
 }
 
@@ -82,33 +75,35 @@ bool FilterLineSearch::acceptable(const Measures& trial) const {
 
 void FilterLineSearch::add(const Measures& current) {
   if (filter_.size() == capacity_) filter_.erase(filter_.begin());
-  filter_.push_back({(1.0 - kThetaFraction) * current.theta, current.phi - kPhiFraction * current.theta});
+  filter_.push_back({(1.0 - tuning::filter_theta_fraction) * current.theta,
+                     current.phi - tuning::filter_phi_fraction * current.theta});
 }
 
 double FilterLineSearch::search(const Subproblem& sub, const Images& at, const Images& along,
                                 const Iterate& x, const Iterate& d) {
   const Measures current = measure(sub, at, along, x, d, 0.0);
   if (!started_) {
-    theta_max_ = 1e4 * std::max(1.0, current.theta);
-    theta_min_ = 1e-4 * std::max(1.0, current.theta);
+    theta_max_ = tuning::filter_theta_max * std::max(1.0, current.theta);
+    theta_min_ = tuning::filter_theta_min * std::max(1.0, current.theta);
     started_ = true;
   }
   const double descent = phi_slope(sub, at, x, d);
   // Differences below this are rounding: near a solution neither measure can be seen to fall.
-  const double noise = 10.0 * std::numeric_limits<double>::epsilon() * std::abs(current.phi);
-  const double theta_noise = 1e-15 * static_cast<double>(x.all.size());
-  for (double alpha = 1.0; alpha >= kSmallestStep; alpha *= 0.5) {
+  const double noise = tuning::filter_noise * std::abs(current.phi);
+  const double theta_noise = tuning::filter_theta_noise * static_cast<double>(x.all.size());
+  for (double alpha = 1.0; alpha >= tuning::filter_least_step; alpha *= 0.5) {
     const Measures trial = measure(sub, at, along, x, d, alpha);
     if (!std::isfinite(trial.theta) || !std::isfinite(trial.phi) || !acceptable(trial)) continue;
     const bool switching =
         descent < 0.0 && current.theta <= theta_min_ &&
-        alpha * std::pow(-descent, kSwitchPhi) > kSwitchDelta * std::pow(current.theta, kSwitchTheta);
+        alpha * std::pow(-descent, tuning::filter_switch_phi) >
+            tuning::filter_switch_delta * std::pow(current.theta, tuning::filter_switch_theta);
     if (switching) {
-      if (trial.phi <= current.phi + kArmijo * alpha * descent + noise) return alpha;
+      if (trial.phi <= current.phi + tuning::filter_armijo * alpha * descent + noise) return alpha;
       continue;
     }
-    if (trial.theta <= (1.0 - kThetaFraction) * current.theta + theta_noise ||
-        trial.phi <= current.phi - kPhiFraction * current.theta + noise) {
+    if (trial.theta <= (1.0 - tuning::filter_theta_fraction) * current.theta + theta_noise ||
+        trial.phi <= current.phi - tuning::filter_phi_fraction * current.theta + noise) {
       add(current);
       return alpha;
     }

@@ -4,28 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include "tuning.h"
+
 namespace marble {
-namespace {
-
-constexpr double kImprovement = 1e-6;  // least relative fall of the objective
-constexpr double kSmallObjective = 1e-2;
-constexpr double kLeastMultiplier = 1e-5;  // a fixed side that pulls less is left alone
-constexpr double kNear = 1e-3;     // a free side below this is as good as zero when candidates are ranked
-constexpr double kAlike = 0.05;    // relative change that makes a failed candidate worth another try
-constexpr int kFirstRelax = 200;   // factorizations for the first elastic optimum
-constexpr int kRelax = 60;         // for one at a new ρ
-constexpr int kTake = 20;          // for one after a move
-constexpr double kSettled = 1e-7;  // violation at which a higher ρ would change nothing
-constexpr double kLeastFinalRho = 1e6;
-
-constexpr double kLeastExchangeMultiplier = 1e-4;
-constexpr std::size_t kMostExchanged = 12;
-constexpr std::size_t kMostCompanions = 3;
-constexpr double kClimb = 2.0;            // of the whole objective, that an exchange may rise on its way
-constexpr double kStiffCompanion = 0.05;  // of the driven row's own stiffness
-constexpr double kFastCompanion = 0.3;    // of the fastest companion's rate
-
-}  // namespace
+namespace {}  // namespace
 
 LocalSearch::LocalSearch(const ScaledProblem& problem, Kkt& kkt, ActiveSet& active_set)
     : problem_(problem),
@@ -38,7 +20,7 @@ LocalSearch::LocalSearch(const ScaledProblem& problem, Kkt& kkt, ActiveSet& acti
       reporter_(problem) {
   candidates_.reserve(static_cast<std::size_t>(problem.pairs()));
   companions_.reserve(static_cast<std::size_t>(problem.pairs()));
-  failed_exchanges_.reserve(4 * kMostExchanged * kMostCompanions);
+  failed_exchanges_.reserve(4 * tuning::exchange_candidates * tuning::exchange_companions);
 }
 
 bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) {
@@ -51,12 +33,14 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
   }
   bool first = true;
   for (double rho = plan.rho_first;; rho = std::min(rho * plan.rho_factor, plan.rho_last)) {
-    const int budget = std::min(first ? kFirstRelax : kRelax, last_factorization - run.factorizations);
+    const int budget = std::min(first ? tuning::search_first_budget : tuning::search_level_budget,
+                                last_factorization - run.factorizations);
     if (!active_set_.relax(run, rho, first && plan.from_exact, budget)) return false;
     parametric_.start(active_set_);
     failed_exchanges_.clear();
     failed_multiplier_.setConstant(std::numeric_limits<double>::infinity());
-    const bool last = rho >= plan.rho_last || (rho >= kLeastFinalRho && largest_violation() < kSettled);
+    const bool last = rho >= plan.rho_last ||
+                      (rho >= tuning::search_least_final_rho && largest_violation() < tuning::search_settled);
     const bool flips = first || last || rho <= plan.rho_soft;
     int before = 0;
     do {
@@ -71,7 +55,8 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
 }
 
 double LocalSearch::least_improvement() const {
-  return kImprovement * std::max(kSmallObjective, std::abs(active_set_.elastic_objective()));
+  return tuning::search_gain *
+         std::max(tuning::search_small_objective, std::abs(active_set_.elastic_objective()));
 }
 
 double LocalSearch::largest_violation() const {
@@ -86,7 +71,7 @@ int LocalSearch::pulling(const ActiveSet& active_set) {
   int count = 0;
   for (std::size_t i = 0; i < set.left_fixed.size(); ++i) {
     const auto pair = static_cast<Index>(i);
-    if ((set.left_fixed[i] ? x.lambda_L()[pair] : x.lambda_R()[pair]) > kLeastMultiplier) ++count;
+    if ((set.left_fixed[i] ? x.lambda_L()[pair] : x.lambda_R()[pair]) > tuning::search_pull) ++count;
   }
   return count;
 }
@@ -103,10 +88,11 @@ void LocalSearch::rank_flips() {
   for (Index pair = 0; pair < problem_.pairs(); ++pair) {
     const double multiplier = parametric_.multiplier(parametric_.fixed_row(pair));
     const double slack = parametric_.slack(parametric_.free_row(pair));
-    if (multiplier > -kLeastMultiplier) continue;
-    const bool alike = std::abs(multiplier - failed_multiplier_[pair]) <= kAlike * std::abs(multiplier) &&
-                       std::abs(slack - failed_slack_[pair]) <= kAlike * (slack + 1e-6);
-    if (!alike) candidates_.push_back({pair, multiplier / (kNear + slack)});
+    if (multiplier > -tuning::search_pull) continue;
+    const bool alike =
+        std::abs(multiplier - failed_multiplier_[pair]) <= tuning::search_alike * std::abs(multiplier) &&
+        std::abs(slack - failed_slack_[pair]) <= tuning::search_alike * (slack + tuning::search_alike_floor);
+    if (!alike) candidates_.push_back({pair, multiplier / (tuning::search_near + slack)});
   }
   sort_candidates();
 }
@@ -124,7 +110,7 @@ void LocalSearch::search_flips(Run& run, int patience, int last_factorization) {
       const Index fixed = parametric_.fixed_row(pair);
       const Index free = parametric_.free_row(pair);
       const double multiplier = parametric_.multiplier(fixed);
-      if (multiplier > -kLeastMultiplier) continue;
+      if (multiplier > -tuning::search_pull) continue;
       failed_multiplier_[pair] = multiplier;
       failed_slack_[pair] = parametric_.slack(free);
       const Parametric::Move flip[] = {{fixed, false}, {free, true}};
@@ -148,14 +134,15 @@ bool LocalSearch::take(Run& run, std::span<const Index> pairs) {
   for (const Index pair : pairs) next_.left_fixed[pair] ^= 1U;
   parametric_.read_active_rows(next_);
   active_set_.set_working_set(next_);
-  const bool better = active_set_.relax(run, rho, true, kTake) && active_set_.elastic_objective() < target;
+  const bool better = active_set_.relax(run, rho, true, tuning::search_move_budget) &&
+                      active_set_.elastic_objective() < target;
   if (better) {
     ++accepted_;
     ++run.iterations;
     report(run);
   } else {
     active_set_.set_working_set(before_);
-    lost_ = !active_set_.relax(run, rho, true, kTake);
+    lost_ = !active_set_.relax(run, rho, true, tuning::search_move_budget);
     if (lost_) return false;
   }
   parametric_.start(active_set_);
@@ -177,11 +164,11 @@ void LocalSearch::rank_exchanges() {
   candidates_.clear();
   for (Index pair = 0; pair < problem_.pairs(); ++pair) {
     const double multiplier = parametric_.multiplier(parametric_.fixed_row(pair));
-    if (multiplier < -kLeastExchangeMultiplier && parametric_.slack(parametric_.free_row(pair)) > 0.0)
+    if (multiplier < -tuning::exchange_pull && parametric_.slack(parametric_.free_row(pair)) > 0.0)
       candidates_.push_back({pair, multiplier});
   }
   sort_candidates();
-  if (candidates_.size() > kMostExchanged) candidates_.resize(kMostExchanged);
+  if (candidates_.size() > tuning::exchange_candidates) candidates_.resize(tuning::exchange_candidates);
 }
 
 // Pairs that begin to pull as `pair` changes sides: those it takes the place of. Nearest to their corner
@@ -193,20 +180,21 @@ void LocalSearch::find_companions(Index pair) {
   for (Index other = 0; other < problem_.pairs(); ++other) {
     if (other != pair) fastest = std::max(fastest, -parametric_.probed_rate(parametric_.fixed_row(other)));
   }
-  if (fastest < kStiffCompanion * parametric_.probed_stiffness()) return;
+  if (fastest < tuning::exchange_stiffness * parametric_.probed_stiffness()) return;
   for (Index other = 0; other < problem_.pairs(); ++other) {
-    if (other != pair && -parametric_.probed_rate(parametric_.fixed_row(other)) > kFastCompanion * fastest)
+    if (other != pair &&
+        -parametric_.probed_rate(parametric_.fixed_row(other)) > tuning::exchange_speed * fastest)
       companions_.push_back({other, parametric_.slack(parametric_.free_row(other))});
   }
   std::sort(companions_.begin(), companions_.end(), [](const Candidate& a, const Candidate& b) {
     return a.rank != b.rank ? a.rank < b.rank : a.pair < b.pair;
   });
-  if (companions_.size() > kMostCompanions) companions_.resize(kMostCompanions);
+  if (companions_.size() > tuning::exchange_companions) companions_.resize(tuning::exchange_companions);
 }
 
 bool LocalSearch::failed_before(const Candidate& candidate, const Candidate& companion) const {
   const auto alike = [](const Candidate& a, const Candidate& b) {
-    return a.pair == b.pair && std::abs(a.rank - b.rank) <= kAlike * std::abs(b.rank);
+    return a.pair == b.pair && std::abs(a.rank - b.rank) <= tuning::search_alike * std::abs(b.rank);
   };
   return std::any_of(failed_exchanges_.begin(), failed_exchanges_.end(), [&](const auto& failed) {
     return alike(candidate, failed.first) && alike(companion, failed.second);
@@ -234,8 +222,8 @@ bool LocalSearch::exchange_some(Run& run, int& failures, int patience, int last_
                                            {parametric_.free_row(pairs[0]), true},
                                            {parametric_.free_row(pairs[1]), true},
                                            {parametric_.fixed_row(pairs[0]), false}};
-      const double climb =
-          kClimb * std::abs(active_set_.elastic_objective() + problem_.c0 * problem_.cost_scale);
+      const double climb = tuning::exchange_climb *
+                           std::abs(active_set_.elastic_objective() + problem_.c0 * problem_.cost_scale);
       if (parametric_.follow(exchange, active_set_.elastic_objective() - least_improvement(), climb) &&
           take(run, pairs)) {
         failures = 0;

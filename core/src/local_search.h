@@ -5,24 +5,28 @@
 // others have settled, which a feasible one does not.
 #pragma once
 
+#include <limits>
 #include <span>
 #include <utility>
 #include <vector>
 
 #include "parametric.h"
 #include "reporter.h"
+#include "tuning.h"
 
 namespace marble {
 
 /// At which ρ to look, and how hard.
 struct SearchPlan {
-  double rho_first, rho_factor, rho_last;
-  double rho_soft;        ///< flips are searched at the first ρ, up to this one, and at the last
-  double rho_exchange;    ///< exchanges of two pairs are searched from here on
-  bool from_exact;        ///< `active_set` is at the exact solution of its branch, not just near a partition
-  int first_patience;     ///< flips in a row that may fail at the first ρ
-  int flip_patience;      ///< and at later ones
-  int exchange_patience;  ///< exchanges in a row that may fail
+  double rho_first;
+  double rho_factor = tuning::search_rho_factor;
+  double rho_last = tuning::exact_rho;
+  double rho_soft = 0.0;  ///< flips are searched at the first ρ, up to this one, and at the last
+  double rho_exchange = std::numeric_limits<double>::infinity();  ///< exchanges are searched from here on
+  bool from_exact = false;    ///< `active_set` is at the exact solution of its branch, not just near one
+  int first_patience = 0;     ///< flips in a row that may fail at the first ρ
+  int flip_patience = 0;      ///< and at later ones
+  int exchange_patience = 0;  ///< exchanges of two pairs in a row that may fail
 };
 
 class LocalSearch {

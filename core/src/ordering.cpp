@@ -15,11 +15,10 @@
 #include <system_error>
 #include <thread>
 
+#include "tuning.h"
+
 namespace marble {
 namespace {
-
-constexpr std::size_t kSoonDone = 20'000;  // entries: AMD takes some milliseconds at most
-constexpr std::chrono::milliseconds kBetweenLooks{5};
 
 void order_by_amd(const Pattern& pattern, std::vector<Index>& permutation) {
   const int result = amd_order(pattern.size(), pattern.pointers.data(), pattern.rows.data(),
@@ -65,13 +64,13 @@ void compute_apart(const std::shared_ptr<Work>& work) {
 
 bool order(const Pattern& pattern, const Interrupt& interrupt, std::vector<Index>& permutation) {
   if (interrupt.requested()) return false;
-  if (pattern.rows.size() <= kSoonDone) {
+  if (pattern.rows.size() <= tuning::ordered_in_place) {
     permutation.resize(static_cast<std::size_t>(pattern.size()));
     order_by_amd(pattern, permutation);
     return true;
   }
   const auto work = std::make_shared<Work>(pattern);
-  while (!places().try_acquire_for(kBetweenLooks)) {
+  while (!places().try_acquire_for(std::chrono::milliseconds(tuning::ordering_looks_ms))) {
     if (interrupt.requested()) return false;
   }
   try {
@@ -80,7 +79,8 @@ bool order(const Pattern& pattern, const Interrupt& interrupt, std::vector<Index
     compute_apart(work);
   }
   std::unique_lock lock(work->mutex);
-  while (!work->ended.wait_for(lock, kBetweenLooks, [&] { return work->has_ended; })) {
+  while (!work->ended.wait_for(lock, std::chrono::milliseconds(tuning::ordering_looks_ms),
+                               [&] { return work->has_ended; })) {
     if (interrupt.requested()) return false;
   }
   if (work->fault) std::rethrow_exception(work->fault);

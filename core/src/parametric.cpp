@@ -3,26 +3,21 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tuning.h"
+
 extern "C" void dgesv_(const int* n, const int* nrhs, double* a, const int* lda, int* pivots, double* b,
                        const int* ldb, int* info);
 
 namespace marble {
 namespace {
 
-constexpr int kMostEvents = 160;      // changes of the active set one candidate may cost
-constexpr int kMostChanged = 160;     // rows that may differ from the factorized working set
-constexpr double kCacheBytes = 32e6;  // of responses kept
-constexpr double kTiny = 1e-12;
-constexpr double kProximalNoise =
-    3e-5;                        // multipliers that only the proximal term of the elastic problem makes
-constexpr double kFlat = 1e-11;  // a rate this small never reaches zero
-
 constexpr std::size_t square(Index n) { return static_cast<std::size_t>(n) * static_cast<std::size_t>(n); }
 
 }  // namespace
 
 double Parametric::response_bytes(Index pairs, double rows) {
-  const double capacity = std::max(2.0 * kMostChanged, kCacheBytes / (8.0 * std::max(1.0, rows)));
+  const double capacity = std::max(2.0 * tuning::parametric_changed,
+                                   tuning::parametric_cache_bytes / (8.0 * std::max(1.0, rows)));
   return pairs == 0 ? 0.0 : 8.0 * rows * std::min(rows, capacity);
 }
 
@@ -42,16 +37,17 @@ Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
       value_rate_(rows_),
       capacity_(n_c_ == 0
                     ? 0
-                    : std::min(rows_, std::max<Index>(2 * kMostChanged,
-                                                      static_cast<Index>(kCacheBytes / (8.0 * rows_))))),
+                    : std::min(rows_, std::max<Index>(2 * tuning::parametric_changed,
+                                                      static_cast<Index>(tuning::parametric_cache_bytes /
+                                                                         (8.0 * rows_))))),
       responses_(new double[static_cast<std::size_t>(capacity_) * rows_]),
       response_of_row_(rows_),
       displacement_(problem.variables()),
-      bordered_(new double[square(std::min(kMostChanged, rows_))]),
-      right_side_(kMostChanged),
-      pivots_(kMostChanged) {
+      bordered_(new double[square(std::min(tuning::parametric_changed, rows_))]),
+      right_side_(tuning::parametric_changed),
+      pivots_(tuning::parametric_changed) {
   keep_blas_to_one_thread();
-  changed_.reserve(kMostChanged + 2);  // direction() refuses only then
+  changed_.reserve(tuning::parametric_changed + 2);  // direction() refuses only then
 }
 
 void Parametric::start(const ActiveSet& optimum) {
@@ -85,7 +81,8 @@ void Parametric::reset() {
   changed_.clear();
   objective_ = start_objective_;
   events_ = 0;
-  if (used_ + kMostChanged > capacity_ && capacity_ < rows_) {  // room for one candidate at least
+  if (used_ + tuning::parametric_changed > capacity_ &&
+      capacity_ < rows_) {  // room for one candidate at least
     std::fill(response_of_row_.begin(), response_of_row_.end(), -1);
     used_ = 0;
   }
@@ -126,7 +123,7 @@ const double* Parametric::response(Index row) {
 // active.
 bool Parametric::direction(Index prescribed, double prescribed_rate, Index driven) {
   const int count = static_cast<int>(changed_.size());
-  if (count > kMostChanged || kkt_.interrupt().requested()) return false;
+  if (count > tuning::parametric_changed || kkt_.interrupt().requested()) return false;
   const double* fixed_part = prescribed < 0 ? nullptr : response(prescribed);
   if (prescribed >= 0 && fixed_part == nullptr) return false;
   for (int b = 0; b < count; ++b) {
@@ -175,7 +172,9 @@ Index Parametric::first_event(double& length, Index driven) const {
   const double* value = value_.data();
   const double* rate = value_rate_.data();
   for (Index i = 0; i < rows_; ++i) {
-    if (value[i] + length * rate[i] >= 0.0 || rate[i] >= -kFlat || is_changed_[i] || fixed_[i]) continue;
+    if (value[i] + length * rate[i] >= 0.0 || rate[i] >= -tuning::parametric_flat_rate || is_changed_[i] ||
+        fixed_[i])
+      continue;
     const double at = std::max(0.0, value[i]) / -rate[i];
     if (at < length) {
       length = at;
@@ -183,7 +182,8 @@ Index Parametric::first_event(double& length, Index driven) const {
     }
   }
   for (const Changed& changed : changed_) {
-    if (changed.row == driven || fixed_[changed.row] || changed.rate >= -kFlat) continue;
+    if (changed.row == driven || fixed_[changed.row] || changed.rate >= -tuning::parametric_flat_rate)
+      continue;
     const double at = std::max(0.0, changed.value) / -changed.rate;
     if (at < length) {
       length = at;
@@ -218,16 +218,16 @@ void Parametric::toggle(Index row) {
 // Raises the slack of a fixed active row until its multiplier, negative, has come to 0.
 bool Parametric::release(Index row) {
   fixed_[row] = 0;
-  if (value_[row] >= -kProximalNoise) {
+  if (value_[row] >= -tuning::parametric_noise) {
     value_[row] = std::max(0.0, value_[row]);
     return true;
   }
   double slack = 0.0;
   is_changed_[row] = 1;
   for (Index event = row; event >= 0;) {
-    if (events_ > kMostEvents || !direction(row, 1.0, -1)) return false;
+    if (events_ > tuning::parametric_events || !direction(row, 1.0, -1)) return false;
     const double rate = value_rate_[row];
-    if (rate <= 1e-14) return false;
+    if (rate <= tuning::parametric_least_rate) return false;
     double length = -value_[row] / rate;
     event = first_event(length, -1);
     objective_ += length * (value_[row] + 0.5 * rate * length);
@@ -257,10 +257,10 @@ bool Parametric::drive(Index row, double limit) {
   } else if (!active_[row]) {
     changed_.push_back({row, 0.0});
     is_changed_[row] = 1;
-    if (slack <= kTiny) value_[row] = 0.0;
+    if (slack <= tuning::rounding) value_[row] = 0.0;
   }
-  while (slack > kTiny) {
-    if (events_ > kMostEvents || !direction(was_released ? row : -1, -1.0, row)) return false;
+  while (slack > tuning::rounding) {
+    if (events_ > tuning::parametric_events || !direction(was_released ? row : -1, -1.0, row)) return false;
     const double multiplier = was_released ? value_[row] : changed_[find(row)].value;
     const double rate = was_released ? value_rate_[row] : changed_[find(row)].rate;
     double length = slack;

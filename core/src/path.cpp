@@ -4,27 +4,15 @@
 #include <cmath>
 
 #include "retraction.h"
+#include "tuning.h"
 
 namespace marble {
 namespace {
 
-constexpr double kFastRegularization = 1e-9;  // δ of every factorization on the fast path
-constexpr double kEstimateUpdate = 0.1;  // a step that cuts the primal residual to this renews the estimates
-constexpr double kMeritDecrease = 1e-4;  // ‖r‖∞ must fall by this fraction of the step
-constexpr int kPatience = 15;            // steps at one κ before the path retreats to a larger one
-constexpr int kFirstPatience = 25;       // the first κ has nothing to retreat to
-constexpr int kLastResort = 4;           // times as many where no other engine is left to try
-constexpr double kSmallestMeritStep = 0.0625;
-
 // lean(): measured on contact and its variants.
-constexpr double kLeanKappa = 1e-3;
-constexpr double kLeanRho = 1e-3;
-constexpr double kLeanFactor = 4.0;
-constexpr int kLeanSteps = 3;
-constexpr double kLeanTolerance = 1e-3;
 
 Regularization first_regularization(const Options& options) {
-  return {options.path == Path::fast ? kFastRegularization : 0.0, options.regularization_initial};
+  return {options.path == Path::fast ? tuning::least_delta : 0.0, options.regularization_initial};
 }
 
 }  // namespace
@@ -100,12 +88,12 @@ void PathEngine::lean(Run& run, ConstVectorRef initial_z, double rho_end) {
   leaning_ = true;
   x_.lambda_w().setZero();
   images_.evaluate(problem_, x_);
-  sub_.kappa = kLeanKappa;
-  for (sub_.rho = kLeanRho; sub_.rho < rho_end; sub_.rho *= kLeanFactor) {
-    for (int i = 0; i < kLeanSteps; ++i) {
+  sub_.kappa = tuning::lean_kappa;
+  for (sub_.rho = tuning::lean_rho; sub_.rho < rho_end; sub_.rho *= tuning::lean_rho_factor) {
+    for (int i = 0; i < tuning::lean_steps; ++i) {
       evaluate();
       report(run);
-      if (run.interrupted() || residual_norm_ <= kLeanTolerance) break;
+      if (run.interrupted() || residual_norm_ <= tuning::lean_tolerance) break;
       if (!step(run)) break;
     }
   }
@@ -146,8 +134,8 @@ void PathEngine::begin_subproblem(Run& run) {
 // The fast path lowers κ boldly; too many steps at one κ say that it was too bold.
 bool PathEngine::lost(bool last_resort) {
   if (options_.path != Path::fast) return false;
-  const int patience = inner_solution_kappa_ > 0.0 ? kPatience : kFirstPatience;
-  return ++inner_steps_ > (last_resort ? kLastResort * patience : patience);
+  const int patience = inner_solution_kappa_ > 0.0 ? tuning::path_patience : tuning::path_first_patience;
+  return ++inner_steps_ > (last_resort ? tuning::path_last_resort * patience : patience);
 }
 
 bool PathEngine::retreat() {
@@ -194,11 +182,11 @@ bool PathEngine::step(Run& run) {
 double PathEngine::search() {
   if (!d_.all.allFinite()) return 0.0;
   if (options_.path == Path::paper) return filter_.search(sub_, images_, direction_images_, x_, d_);
-  for (double alpha = 1.0; alpha >= kSmallestMeritStep; alpha *= 0.5) {
+  for (double alpha = 1.0; alpha >= tuning::path_least_step; alpha *= 0.5) {
     const double norm = residual_norm(sub_, images_, direction_images_, x_, d_, alpha);
-    if (norm <= (1.0 - kMeritDecrease * alpha) * residual_norm_) return alpha;
+    if (norm <= (1.0 - tuning::path_decrease * alpha) * residual_norm_) return alpha;
   }
-  return kSmallestMeritStep;
+  return tuning::path_least_step;
 }
 
 void PathEngine::accept(double alpha) {
@@ -207,7 +195,7 @@ void PathEngine::accept(double alpha) {
   x_.all += alpha * d_.all;
   if (options_.path != Path::fast || leaning_) return;
   residual(sub_, images_, x_, r_);
-  if (primal_residual() <= kEstimateUpdate * before) sub_.take_estimates(x_);
+  if (primal_residual() <= tuning::path_estimate_update * before) sub_.take_estimates(x_);
 }
 
 double PathEngine::primal_residual() const {

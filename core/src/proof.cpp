@@ -7,13 +7,10 @@
 
 #include "active_set.h"
 #include "termination.h"
+#include "tuning.h"
 
 namespace marble {
 namespace {
-
-constexpr double kElasticRho = 1e3;
-constexpr int kBudget = 100;  // factorizations for one problem
-constexpr int kRefinements = 3;
 
 void append_row(const RowMatrix& from, Index row, RowMatrix& to) {
   const auto begin = static_cast<std::ptrdiff_t>(from.row_pointers[row]);
@@ -117,7 +114,7 @@ class Branch {
     if (active_set_ == nullptr) return std::nullopt;
     problem_.g = -target;
     active_set_->start_from_point(target);
-    if (!active_set_->solve(run, kBudget) || !active_set_->sharpen()) return std::nullopt;
+    if (!active_set_->solve(run, tuning::proof_budget) || !active_set_->sharpen()) return std::nullopt;
     return Vector(active_set_->x().z());
   }
 
@@ -140,7 +137,7 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
   if (kkt == nullptr) return std::nullopt;
   ActiveSet active_set(relaxed, *kkt);
   active_set.start_from_point(z);
-  if (!active_set.relax(run, kElasticRho, false, kBudget)) return std::nullopt;
+  if (!active_set.relax(run, tuning::proof_rho, false, tuning::proof_budget)) return std::nullopt;
   Vector y = active_set.x().y();
   Vector lambda = active_set.x().lambda_w();
   // r = Aᵀy + Cᵀλ is what the proximal term pulls, not 0. The elastic system M = δI + ρ(AᵀA + CᵀC over
@@ -148,7 +145,7 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
   Vector residual(p.variables());
   Vector moved(relaxed.C.rows);
   Vector equality(relaxed.A.rows);
-  for (int i = 0; i < kRefinements; ++i) {
+  for (int i = 0; i < tuning::proof_refinements; ++i) {
     residual.setZero();
     add_transposed(relaxed.A, y, residual);
     add_transposed(relaxed.C, lambda, residual);
@@ -157,7 +154,7 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
     y -= equality;
     multiply(relaxed.C, residual, moved);
     for (Eigen::Index k = 0; k < lambda.size(); ++k) {
-      if (lambda[k] < 0.0) lambda[k] = std::min(lambda[k] - kElasticRho * moved[k], 0.0);
+      if (lambda[k] < 0.0) lambda[k] = std::min(lambda[k] - tuning::proof_rho * moved[k], 0.0);
     }
   }
   Iterate x(p);

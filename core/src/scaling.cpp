@@ -3,15 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tuning.h"
+
 namespace marble {
 namespace {
 
-// Keeps a scale factor inside what doubles bear well, whatever the data.
-constexpr double kSmallestScale = 1e-8;
-constexpr double kLargestScale = 1e8;
-
 double root_inverse(double norm) {
-  return norm > 0.0 ? 1.0 / std::sqrt(std::clamp(norm, kSmallestScale, kLargestScale)) : 1.0;
+  return norm > 0.0 ? 1.0 / std::sqrt(std::clamp(norm, 1.0 / tuning::scale_range, tuning::scale_range)) : 1.0;
 }
 
 void absorb_norms(const RowMatrix& matrix, Vector& row_norm, Vector& column_norm) {
@@ -87,7 +85,7 @@ double cost_scale(const ScaledProblem& p) {
   Vector norm = Vector::Zero(p.variables());
   absorb_norms(p.Q, norm);
   const double size = std::max(norm.mean(), max_abs(p.g));
-  return size > 0.0 ? 1.0 / std::clamp(size, kSmallestScale, kLargestScale) : 1.0;
+  return size > 0.0 ? 1.0 / std::clamp(size, 1.0 / tuning::scale_range, tuning::scale_range) : 1.0;
 }
 
 Vector copy(std::span<const double> values) {

@@ -3,6 +3,7 @@
 
 #include "marble/options.h"
 #include "residual.h"
+#include "tuning.h"
 
 namespace marble {
 
@@ -16,7 +17,7 @@ class Regularization {
   /// After wrong inertia or a failed line search. False once δ is beyond any use.
   [[nodiscard]] bool raise();
   /// After an accepted step.
-  void accept() { last_ = current_ > base_ ? current_ : last_ / 3.0; }
+  void accept() { last_ = current_ > base_ ? current_ : last_ / tuning::delta_lower; }
 
  private:
   double base_, first_;

@@ -6,15 +6,10 @@
 #include <utility>
 #include <vector>
 
+#include "tuning.h"
+
 namespace marble {
 namespace {
-
-constexpr double kZero = 1e-8;             // of slacks; of multipliers relative to the largest
-constexpr double kCurvature = 1e-7;        // of vᵀQv relative to vᵀv: less is taken for 0, as δ takes it
-constexpr std::size_t kMostGrouped = 200;  // weakly active rows, before those that are multiples count as one
-constexpr std::size_t kMostWeak = 10;
-constexpr double kParallel = 1e-12;
-constexpr double kNoWeight = 1e-12;  // of the equality rows
 
 // An active row: an inequality, or a side of a pair with both sides at zero.
 struct ActiveRow {
@@ -42,7 +37,8 @@ double ratio(const RowMatrix& a, Index row_a, const RowMatrix& b, Index row_b) {
   if (!(factor > 0.0)) return 0.0;
   for (Index k = 0; k < size; ++k) {
     if (a.column_indices[at + k] != b.column_indices[bt + k] ||
-        std::abs(a.values[at + k] - factor * b.values[bt + k]) > kParallel * std::abs(a.values[at + k]))
+        std::abs(a.values[at + k] - factor * b.values[bt + k]) >
+            tuning::rounding * std::abs(a.values[at + k]))
       return 0.0;
   }
   return factor;
@@ -60,7 +56,8 @@ class ActiveRowFinder {
   ActiveRowFinder(const ScaledProblem& p, const Iterate& x, const WorkingSet& set)
       : p_(p), x_(x), set_(set), images_(p), rows_{{}, set} {
     images_.evaluate(p, x);
-    zero_ = kZero * (1.0 + std::max({max_abs(x.lambda_w()), max_abs(x.lambda_L()), max_abs(x.lambda_R())}));
+    zero_ = tuning::zero *
+            (1.0 + std::max({max_abs(x.lambda_w()), max_abs(x.lambda_L()), max_abs(x.lambda_R())}));
   }
 
   ActiveRows find() {
@@ -68,7 +65,7 @@ class ActiveRowFinder {
     for (Index i = 0; i < p_.inequalities(); ++i) {
       std::uint8_t& active = rows_.all.active_inequality[static_cast<std::size_t>(i)];
       const bool held = active != 0;
-      if (!held && images_.inequality[i] > kZero) continue;
+      if (!held && images_.inequality[i] > tuning::zero) continue;
       active = 1;
       add({ActiveRow::Kind::inequality, i}, x_.lambda_w()[i], held);
     }
@@ -76,7 +73,7 @@ class ActiveRowFinder {
       const auto pair = static_cast<std::size_t>(i);
       const bool left_fixed = set_.left_fixed[pair] != 0;
       const bool both_held = set_.active_free_side[pair] != 0;
-      if (!both_held && std::max(images_.left[i], images_.right[i]) > kZero) {
+      if (!both_held && std::max(images_.left[i], images_.right[i]) > tuning::zero) {
         strong_.emplace_back(left_fixed ? &p_.L : &p_.R, i);
         continue;
       }
@@ -138,7 +135,7 @@ std::optional<Eigen::MatrixXd> unit_moves(const ScaledProblem& p, Kkt& kkt, cons
     vector->setZero();
   ActiveSet active_set(homogeneous, kkt);
   active_set.set_working_set(rows.all);
-  if (!active_set.factor(run, ActiveSet::kExactRho, ActiveSet::kExactDelta)) return std::nullopt;
+  if (!active_set.factor(run, tuning::exact_rho, tuning::exact_delta)) return std::nullopt;
   const Iterate origin(p);
   Eigen::MatrixXd moves(p.variables(), static_cast<Eigen::Index>(rows.weak.size()));
   for (std::size_t k = 0; k < rows.weak.size(); ++k) {
@@ -189,13 +186,13 @@ bool diagonally_dominant(const ScaledProblem& p) {
       }
     }
   }
-  return (diagonal.array() * (1.0 + 1e-13) >= off_diagonal.array()).all();
+  return (diagonal.array() * (1.0 + tuning::diagonal_rounding) >= off_diagonal.array()).all();
 }
 
 bool convex_by_inertia(const ScaledProblem& p, Kkt& kkt) {
   RowWeights weights(p);
-  weights.rho = kNoWeight;
-  weights.delta = ActiveSet::kExactDelta;
+  weights.rho = tuning::rounding;
+  weights.delta = tuning::exact_delta;
   weights.inequality.setZero();
   weights.first.setZero();
   weights.second.setZero();
@@ -215,9 +212,9 @@ CriticalCurvature critical_curvature(const ScaledProblem& p, Kkt& kkt, const Ite
   CriticalCurvature result{SecondOrder::minimum, {}, rows.all};
   if (!rows.some_held) return result;
   result.kind = SecondOrder::necessary;
-  if (rows.weak.size() > kMostGrouped) return result;
+  if (rows.weak.size() > tuning::weak_rows_grouped) return result;
   rows.weak = finder.group(rows.weak);
-  if (rows.weak.size() > kMostWeak) return result;
+  if (rows.weak.size() > tuning::weak_rows) return result;
   const std::optional<Eigen::MatrixXd> moves = unit_moves(p, kkt, rows, run);
   if (!moves) return result;
   Eigen::MatrixXd images(p.variables(), moves->cols());
@@ -243,7 +240,7 @@ CriticalCurvature critical_curvature(const ScaledProblem& p, Kkt& kkt, const Ite
       if (growth.sum() < 0.0) growth = -growth;
       if (!(growth.minCoeff() > 0.0)) continue;
       const Vector direction = (*moves)(Eigen::all, members) * growth;
-      if (eigen.eigenvalues()[k] > -kCurvature * direction.squaredNorm()) continue;
+      if (eigen.eigenvalues()[k] > -tuning::curvature * direction.squaredNorm()) continue;
       result.kind = SecondOrder::saddle;
       result.direction = direction;
       result.set = released;

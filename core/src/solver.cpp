@@ -7,6 +7,7 @@
 #include "parametric.h"
 #include "stationarity.h"
 #include "strategy.h"
+#include "tuning.h"
 
 namespace marble {
 namespace {
@@ -32,8 +33,6 @@ const char* nonconvex_remark(SecondOrder second_order) {
 // All that does not depend on the factorization: the scaled copy, the engines' vectors, and the responses
 // that a local search keeps.
 double bytes_without_factor(const Problem& problem) {
-  constexpr double kIterates = 24.0;  // counted, with images, weights and step vectors as parts of one
-  constexpr double kFixed = 400e3;    // small systems and the objects themselves
   const ProblemView& view = problem.view();
   double entries = 0.0;
   for (const SparseMatrixView* matrix : {&view.Q, &view.A, &view.C, &view.L, &view.R})
@@ -41,22 +40,22 @@ double bytes_without_factor(const Problem& problem) {
   const double n = problem.variables();
   const double rows = static_cast<double>(problem.inequalities()) + 2.0 * problem.pairs();
   const double iterate = n + problem.equalities() + 2.0 * problem.inequalities() + 3.0 * problem.pairs();
-  return entries * (sizeof(double) + 2.0 * sizeof(Index)) + kIterates * iterate * sizeof(double) +
-         Parametric::response_bytes(problem.pairs(), rows) + kFixed;
+  return entries * (sizeof(double) + 2.0 * sizeof(Index)) +
+         tuning::memory_iterates * iterate * sizeof(double) +
+         Parametric::response_bytes(problem.pairs(), rows) + tuning::memory_fixed_bytes;
 }
 
-// Flops that one factorization may have. No machine does more than kFlopsPerSecond of them on one thread
-// (about 10⁹ are usual), and what takes less than kShort_s at that rate is not worth a refusal: a time limit
-// ends it.
+// Flops that one factorization may have. No machine does more than tuning::flops_per_second of them on one
+// thread (about 10⁹ are usual), and what takes less than tuning::never_refused_s at that rate is not worth a
+// refusal: a time limit ends it.
 struct MostFlops {
-  static constexpr double kFlopsPerSecond = 2e10;
-  static constexpr double kShort_s = 0.5;
-
   MostFlops(const Options& options, const SetupControls& controls)
       : by_time_limit(options.time_limit_s < controls.most_factorization_s),
         seconds(by_time_limit ? options.time_limit_s : controls.most_factorization_s) {}
 
-  [[nodiscard]] double flops() const { return kFlopsPerSecond * std::max(kShort_s, seconds); }
+  [[nodiscard]] double flops() const {
+    return tuning::flops_per_second * std::max(tuning::never_refused_s, seconds);
+  }
   [[nodiscard]] Error refusal(double needed) const {
     char value[64];
     char bound[128];

@@ -3,18 +3,21 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tuning.h"
+
 namespace marble {
 namespace {
 
 // A kept row with weight 0 must drop out: −1/k would be infinite, this decouples it to rounding.
-constexpr double kSmallestWeight = 1e-20;
 
 double minus_inverse(double weight) {
-  return -1.0 / (std::abs(weight) < kSmallestWeight ? kSmallestWeight : weight);
+  return -1.0 / (std::abs(weight) < tuning::least_weight ? tuning::least_weight : weight);
 }
 
 bool is_kept(KeptRows kept, Index length, Index variables) {
-  return kept == KeptRows::all || (kept == KeptRows::dense && length > std::max<Index>(16, variables / 8));
+  return kept == KeptRows::all ||
+         (kept == KeptRows::dense &&
+          length > std::max<Index>(tuning::long_row, variables / tuning::long_row_share));
 }
 
 // Collects the coordinates of the upper triangle and tells each term's position in the compressed pattern.
@@ -277,7 +280,7 @@ void SparseKkt::assemble(const RowWeights& weights) {
 }
 
 Index SparseKkt::kept_negative_weights(const RowWeights& weights) const {
-  const auto negative = [](double weight) { return weight <= -kSmallestWeight ? 1 : 0; };
+  const auto negative = [](double weight) { return weight <= -tuning::least_weight ? 1 : 0; };
   Index count = 0;
   for (std::size_t i = 0; i < pair_rows_.size(); ++i) {
     if (!pair_rows_[i].kept) continue;

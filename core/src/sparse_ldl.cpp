@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <numeric>
 
+#include "tuning.h"
+
 namespace marble {
-namespace {
-
-constexpr Index kBlock = 64;  // columns between two looks at the clock, at most: 64 n entries
-
-}  // namespace
+namespace {}  // namespace
 
 bool SparseLdl::analyse(const Pattern& pattern, const Interrupt& interrupt) {
   const Index n = pattern.size();
@@ -126,8 +124,8 @@ bool SparseLdl::factorize(const std::vector<double>& matrix_values, const Interr
         row[i] = matrix_values[at];
       }
     }
-    for (std::int64_t at = row_pointers_[k]; at < row_pointers_[k + 1]; at += kBlock) {
-      const std::int64_t end = std::min(at + kBlock, row_pointers_[k + 1]);
+    for (std::int64_t at = row_pointers_[k]; at < row_pointers_[k + 1]; at += tuning::ldl_block) {
+      const std::int64_t end = std::min(at + tuning::ldl_block, row_pointers_[k + 1]);
       pivot = eliminate(at, end, pivot);
       if (checkpoint.reached((end - at) * longest_)) {
         std::fill(dense_row_.begin(), dense_row_.end(), 0.0);
@@ -150,8 +148,8 @@ bool SparseLdl::solve(double* x, Index first, const Interrupt& interrupt) const 
   const std::int64_t* const pointers = pointers_.data();
   const Index* const rows = rows_.data();
   const double* const values = values_.data();
-  for (Index begin = first; begin < size(); begin += kBlock) {
-    const Index end = std::min(begin + kBlock, size());
+  for (Index begin = first; begin < size(); begin += tuning::ldl_block) {
+    const Index end = std::min(begin + tuning::ldl_block, size());
     for (Index j = begin; j < end; ++j) {
       const double entry = x[j];
       if (entry == 0.0) continue;
@@ -160,8 +158,8 @@ bool SparseLdl::solve(double* x, Index first, const Interrupt& interrupt) const 
     }
     if (checkpoint.reached(entries_of(begin, end))) return false;
   }
-  for (Index end = size(); end > 0; end -= kBlock) {
-    const Index begin = std::max<Index>(0, end - kBlock);
+  for (Index end = size(); end > 0; end -= tuning::ldl_block) {
+    const Index begin = std::max<Index>(0, end - tuning::ldl_block);
     for (Index j = end - 1; j >= begin; --j) {
       double even = x[j];  // two sums: one would wait for itself
       double odd = 0.0;

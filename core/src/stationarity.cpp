@@ -3,23 +3,21 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tuning.h"
+
 namespace marble {
-namespace {
-
-constexpr double kZero = 1e-8;  // of sides; of multipliers relative to the largest
-
-}  // namespace
+namespace {}  // namespace
 
 std::vector<Index> biactive_pairs(const Images& images) {
   std::vector<Index> pairs;
   for (Index i = 0; i < static_cast<Index>(images.left.size()); ++i) {
-    if (std::max(images.left[i], images.right[i]) <= kZero) pairs.push_back(i);
+    if (std::max(images.left[i], images.right[i]) <= tuning::zero) pairs.push_back(i);
   }
   return pairs;
 }
 
 Stationarity classify(const Images& images, const Iterate& x) {
-  const double zero = kZero * (1.0 + std::max(max_abs(x.lambda_L()), max_abs(x.lambda_R())));
+  const double zero = tuning::zero * (1.0 + std::max(max_abs(x.lambda_L()), max_abs(x.lambda_R())));
   auto kind = Stationarity::strong;
   for (const Index i : biactive_pairs(images)) {
     const double xi = -x.lambda_L()[i];

@@ -10,86 +10,40 @@
 #include "proof.h"
 #include "second_order.h"
 #include "stationarity.h"
+#include "tuning.h"
 
 namespace marble {
 namespace {
 
-constexpr double kBranchKappas[] = {1e-2, 1e-6};  // the branch often shows at the first, else at the second
-constexpr double kPathLoss = 1e-3;  // a feasible path point may be this much lower than its exact neighbour
-constexpr int kManyPulling = 10;    // pairs
-constexpr int kManyMorePulling =
-    30;  // after an interior point method has found a branch that the path did not
-constexpr double kNever = std::numeric_limits<double>::infinity();
+// How a local search begins, by where it comes from.
+SearchPlan near_exact(int patience) {
+  return {.rho_first = tuning::exact_rho, .from_exact = true, .first_patience = patience};
+}
 
-// Measured on contact, rocket, gates, their variants and random QPECs; see core/README.md.
-constexpr SearchPlan kNearby{.rho_first = 1e8,
-                             .rho_factor = 10.0,
-                             .rho_last = 1e8,
-                             .rho_soft = 0.0,
-                             .rho_exchange = kNever,
-                             .from_exact = true,
-                             .first_patience = 25,
-                             .flip_patience = 0,
-                             .exchange_patience = 0};
-constexpr SearchPlan kFromSoft{.rho_first = 10.0,
-                               .rho_factor = 10.0,
-                               .rho_last = 1e8,
-                               .rho_soft = 2e3,
-                               .rho_exchange = kNever,
-                               .from_exact = false,
-                               .first_patience = 40,
-                               .flip_patience = 40,
-                               .exchange_patience = 0};
-constexpr SearchPlan kFromInterior{.rho_first = 1e4,
-                                   .rho_factor = 10.0,
-                                   .rho_last = 1e7,
-                                   .rho_soft = 0.0,
-                                   .rho_exchange = 1e7,
-                                   .from_exact = false,
-                                   .first_patience = 0,
-                                   .flip_patience = 3,
-                                   .exchange_patience = 12};
-constexpr SearchPlan kAfterWarmStart{.rho_first = 1e8,
-                                     .rho_factor = 10.0,
-                                     .rho_last = 1e8,
-                                     .rho_soft = 0.0,
-                                     .rho_exchange = kNever,
-                                     .from_exact = true,
-                                     .first_patience = 3,
-                                     .flip_patience = 0,
-                                     .exchange_patience = 0};
-constexpr SearchPlan kRefresh{.rho_first = 30.0,
-                              .rho_factor = 100.0,
-                              .rho_last = 1e8,
-                              .rho_soft = 0.0,
-                              .rho_exchange = kNever,
-                              .from_exact = false,
-                              .first_patience = 8,
-                              .flip_patience = 0,
-                              .exchange_patience = 0};
-constexpr SearchPlan kMend{.rho_first = 1e8,
-                           .rho_factor = 100.0,
-                           .rho_last = 1e8,
-                           .rho_soft = 1e6,
-                           .rho_exchange = kNever,
-                           .from_exact = true,
-                           .first_patience = 10,
-                           .flip_patience = 10,
-                           .exchange_patience = 0};
-constexpr std::size_t kMostBiactive = 3;  // pairs whose branches are tried to decide B-stationarity
-constexpr int kMostBetterBranches = 5;    // found that way, one after the other
-constexpr int kBranchBudget = 20;         // factorizations
-constexpr double kLeastDescent = 1e-9;
-constexpr double kSamePoint = 1e-6;
-constexpr double kPointRounding = 1e-12;  // a violation this small for a point so large is none
-constexpr int kCheap = 150;     // factorizations within which a soft search begins again without being asked
-constexpr int kFreeStarts = 4;  // of those, at most
-constexpr int kUseless = 2;     // starts without gain that end them
-constexpr int kMostEscapes = 20;   // from saddle points, one after the other
-constexpr double kWarmLoss = 0.1;  // above what a cold start reached, that calls for another
-constexpr int kTinyChange = 4;     // factorizations: so little does not move the best branch
-constexpr int kSmallChange = 12;   // factorizations: so little does not call for a cold start
-constexpr int kWarmBudget = 30;    // factorizations: a change that takes more is not small
+SearchPlan from_soft() {
+  return {.rho_first = tuning::soft_rho,
+          .rho_soft = tuning::soft_last_rho,
+          .first_patience = tuning::soft_patience,
+          .flip_patience = tuning::soft_patience};
+}
+
+SearchPlan from_interior_point(bool search) {
+  return {.rho_first = tuning::interior_search_rho,
+          .rho_last = tuning::interior_search_last_rho,
+          .rho_exchange = tuning::interior_search_last_rho,
+          .flip_patience = search ? tuning::interior_flip_patience : 0,
+          .exchange_patience = search ? tuning::interior_exchange_patience : 0};
+}
+
+SearchPlan refresh() {
+  return {.rho_first = tuning::refresh_rho,
+          .rho_factor = tuning::refresh_rho_factor,
+          .first_patience = tuning::refresh_patience};
+}
+
+SearchPlan mend() {
+  return {.rho_first = tuning::exact_rho, .from_exact = true, .first_patience = tuning::mend_patience};
+}
 
 bool ended_by_force(Status status) {
   return status == Status::cancelled || status == Status::time_limit || status == Status::iteration_limit;
@@ -141,7 +95,7 @@ Ending Strategy::run(Run& run, ConstVectorRef initial_z, const std::optional<War
     }
   }
   const double rounding =
-      kPointRounding * (1.0 + max_abs(fallback_.z().cwiseProduct(problem_.variable_scale)));
+      tuning::rounding * (1.0 + max_abs(fallback_.z().cwiseProduct(problem_.variable_scale)));
   if (end.status == Status::numerical_failure && branch_infeasible_ &&
       largest(fallback_violations_) > rounding)
     return {Status::locally_infeasible, "no feasible branch near; " + end.detail, {}};
@@ -157,7 +111,7 @@ Ending Strategy::cold(Run& run) {
   path_.start(initial_z_);
   std::optional<Ending> end;
   Outcome outcome = Outcome::not_exact;
-  for (const double kappa : kBranchKappas) {
+  for (const double kappa : {tuning::branch_kappa, tuning::branch_last_kappa}) {
     end = follow_path(run, kappa);
     if (end && (ended_by_force(end->status) || is_proof(end->status))) return *end;
     if (options_.polish) outcome = from_path(run);
@@ -168,7 +122,7 @@ Ending Strategy::cold(Run& run) {
       improve(run, run.factorizations + options_.local_search_budget);
     } else if (options_.path == Path::fast) {
       const bool feasible = from_interior(run);
-      if (!feasible || LocalSearch::pulling(active_set_) >= kManyMorePulling)
+      if (!feasible || LocalSearch::pulling(active_set_) >= tuning::many_pulling_after_interior)
         improve_from_soft(run, run.factorizations + options_.local_search_budget);
     }
     start_again(run);
@@ -231,26 +185,27 @@ std::optional<Ending> Strategy::prove_unbounded_from(Run& run, ConstVectorRef z,
 bool Strategy::from_solution(Run& run, const WarmStart& warm_start) {
   const Run::Polishing polishing(run);
   const int before = run.factorizations;
-  const int last = before + kExactBudget + options_.local_search_budget;
+  const int last = before + tuning::exact_budget + options_.local_search_budget;
   active_set_.start_from_solution(*warm_start.solution);
-  bool small_change = make_exact(run, "warm start", kWarmBudget) == Outcome::kept;
+  bool small_change = make_exact(run, "warm start", tuning::warm_budget) == Outcome::kept;
   if (small_change) {
     const int work = run.factorizations - before;
-    small_change = work <= kSmallChange;
-    const bool search = work > kTinyChange && options_.local_search_budget > 0;
+    small_change = work <= tuning::warm_small_change;
+    const bool search = work > tuning::warm_tiny_change && options_.local_search_budget > 0;
     const int pulling = search ? LocalSearch::pulling(active_set_) : 0;
-    const SearchPlan& plan = small_change || pulling < kManyPulling ? kAfterWarmStart : kRefresh;
+    const SearchPlan plan =
+        small_change || pulling < tuning::many_pulling ? near_exact(tuning::warm_patience) : refresh();
     if (pulling > 0 && search_.run(run, plan, last) && search_.accepted() > 0)
-      static_cast<void>(make_exact(run, "warm start, local search", kExactBudget));
+      static_cast<void>(make_exact(run, "warm start, local search", tuning::exact_budget));
   } else {
     active_set_.start_from_solution(*warm_start.solution);
-    if (!search_.run(run, kMend, last) ||
-        make_exact(run, "warm start, mended", kExactBudget) != Outcome::kept)
+    if (!search_.run(run, mend(), last) ||
+        make_exact(run, "warm start, mended", tuning::exact_budget) != Outcome::kept)
       return false;
   }
   const double objective = exact_.objective / problem_.cost_scale + problem_.c0;
   return small_change ||
-         objective <= warm_start.cold_objective + kWarmLoss * std::abs(warm_start.cold_objective);
+         objective <= warm_start.cold_objective + tuning::warm_loss * std::abs(warm_start.cold_objective);
 }
 
 // Solves the branch at hand exactly and keeps the point if it is feasible and the best so far.
@@ -259,7 +214,7 @@ Strategy::Outcome Strategy::make_exact(Run& run, const char* origin, int budget)
     if (!run.interrupted()) branch_infeasible_ = true;
     return Outcome::not_exact;
   }
-  const double least_gain = 1e-12 * std::abs(exact_.objective);
+  const double least_gain = tuning::rounding * std::abs(exact_.objective);
   if (has_exact_ && candidate_.objective >= exact_.objective - least_gain) return Outcome::no_better;
   std::swap(exact_, candidate_);
   has_exact_ = true;
@@ -271,9 +226,9 @@ Strategy::Outcome Strategy::make_exact(Run& run, const char* origin, int budget)
 Strategy::Outcome Strategy::from_path(Run& run) {
   const Run::Polishing polishing(run);
   const double objective = path_.objective();
-  const double slack = kPathLoss * std::max(1.0, std::abs(objective));
+  const double slack = tuning::path_loss * std::max(1.0, std::abs(objective));
   active_set_.start_from_path(path_.iterate());
-  const Outcome outcome = make_exact(run, "path", kExactBudget);
+  const Outcome outcome = make_exact(run, "path", tuning::exact_budget);
   if (outcome != Outcome::kept || !within_tolerances(path_.violations_at(), options_) ||
       exact_.objective <= objective + slack)
     return outcome;
@@ -285,11 +240,10 @@ bool Strategy::from_interior(Run& run) {
   const Run::Polishing polishing(run);
   if (problem_.pairs() == 0 || !interior_.run(run, initial_z_)) return false;
   active_set_.start_from_point(interior_.z());
-  SearchPlan plan = kFromInterior;
-  if (options_.local_search_budget == 0) plan.exchange_patience = plan.flip_patience = 0;
-  const int last = run.factorizations + 2 * kExactBudget + options_.local_search_budget;
+  const SearchPlan plan = from_interior_point(options_.local_search_budget > 0);
+  const int last = run.factorizations + 2 * tuning::exact_budget + options_.local_search_budget;
   return search_.run(run, plan, last) &&
-         make_exact(run, "interior point, local search", kExactBudget) == Outcome::kept;
+         make_exact(run, "interior point, local search", tuning::exact_budget) == Outcome::kept;
 }
 
 // Few pairs that pull: better branches are a flip or two away. Many: they are found where all is soft still.
@@ -298,40 +252,41 @@ void Strategy::improve(Run& run, int last_factorization) {
   const int pulling = LocalSearch::pulling(active_set_);
   if (pulling == 0 || options_.local_search_budget == 0 || run.interrupted()) return;
   const double before = exact_.objective;
-  if (pulling >= kManyPulling && options_.path == Path::fast) improve_from_soft(run, last_factorization);
+  if (pulling >= tuning::many_pulling && options_.path == Path::fast)
+    improve_from_soft(run, last_factorization);
   if (exact_.objective < before) return;
   active_set_.restore(exact_.x, exact_.set);
-  if (search_.run(run, kNearby, last_factorization) && search_.accepted() > 0)
-    static_cast<void>(make_exact(run, "path, local search", kExactBudget));
+  if (search_.run(run, near_exact(tuning::near_patience), last_factorization) && search_.accepted() > 0)
+    static_cast<void>(make_exact(run, "path, local search", tuning::exact_budget));
 }
 
 void Strategy::improve_from_soft(Run& run, int last_factorization) {
   const Run::Polishing polishing(run);
   searched_soft_ = true;
-  path_.lean(run, initial_z_, kFromSoft.rho_first);
+  path_.lean(run, initial_z_, tuning::soft_rho);
   active_set_.start_from_point(path_.iterate().z());
-  if (search_.run(run, kFromSoft, last_factorization))
-    static_cast<void>(make_exact(run, "soft start, local search", kExactBudget));
+  if (search_.run(run, from_soft(), last_factorization))
+    static_cast<void>(make_exact(run, "soft start, local search", tuning::exact_budget));
 }
 
 // Where a soft search was cheap, a few more while they gain; and the starts asked for, in rounds.
 void Strategy::start_again(Run& run) {
   const Run::Polishing polishing(run);
   int done = 1;
-  for (int useless = 0; searched_soft_ && has_exact_ && !run.interrupted() && done < kFreeStarts &&
-                        useless < kUseless && run.factorizations < kCheap;
+  for (int useless = 0; searched_soft_ && has_exact_ && !run.interrupted() && done < tuning::free_starts &&
+                        useless < tuning::useless_starts && run.factorizations < tuning::cheap_search;
        ++done) {
     useless = start_further(run, done, 1) ? 0 : useless + 1;
   }
   while (done < options_.starts && has_exact_ && !run.interrupted()) {
-    const int count = std::min(options_.starts - done, FurtherStarts::kRound);
+    const int count = std::min(options_.starts - done, tuning::further_round);
     static_cast<void>(start_further(run, done, count));
     done += count;
   }
 }
 
 bool Strategy::start_further(Run& run, int first, int count) {
-  if (!further_starts_.round(run, kFromSoft, first, count, exact_)) return false;
+  if (!further_starts_.round(run, from_soft(), first, count, exact_)) return false;
   origin_ = "further start, local search";
   return true;
 }
@@ -385,7 +340,7 @@ Ending Strategy::finish_exact(Run& run) {
     b_stationary_.reset();
     decide_b_stationarity(run);
     const CriticalCurvature curvature = decide_second_order(run);
-    if (curvature.kind != SecondOrder::saddle || escapes == kMostEscapes || run.interrupted() ||
+    if (curvature.kind != SecondOrder::saddle || escapes == tuning::escapes || run.interrupted() ||
         options_.local_search_budget == 0)
       break;
     const double before = exact_.objective;
@@ -405,8 +360,8 @@ void Strategy::decide_b_stationarity(Run& run) {
   const std::vector<Index> biactive = biactive_pairs(images);
   if (classify(images, exact_.x) == Stationarity::strong) {
     b_stationary_ = true;
-  } else if (biactive.size() <= kMostBiactive && options_.local_search_budget > 0) {
-    for (int better = 0; better < kMostBetterBranches; ++better) {
+  } else if (biactive.size() <= tuning::biactive_pairs_tried && options_.local_search_budget > 0) {
+    for (int better = 0; better < tuning::better_branches; ++better) {
       const double before = exact_.objective;
       const bool all = solves_its_branches(run, biactive);
       if (all) b_stationary_ = true;
@@ -455,11 +410,11 @@ bool Strategy::solves_its_branches(Run& run, std::span<const Index> biactive) {
       if ((branch >> k & 1U) != 0) branch_set_.left_fixed[static_cast<std::size_t>(biactive[k])] ^= 1U;
     }
     active_set_.restore(exact_.x, branch_set_);
-    const Outcome outcome = make_exact(run, "neighbouring branch", kBranchBudget);
-    if (exact_.objective < objective - kLeastDescent * (1.0 + std::abs(objective))) return false;
+    const Outcome outcome = make_exact(run, "neighbouring branch", tuning::branch_budget);
+    if (exact_.objective < objective - tuning::branch_gain * (1.0 + std::abs(objective))) return false;
     // Where Q is not convex the solution of another branch may be a stationary point elsewhere.
     const double moved = max_abs(exact_.x.z() - candidate_.x.z());
-    const bool here = moved <= kSamePoint * (1.0 + max_abs(exact_.x.z()));
+    const bool here = moved <= tuning::same_point * (1.0 + max_abs(exact_.x.z()));
     decided = decided && outcome != Outcome::not_exact && (here || is_convex(run));
   }
   return decided;

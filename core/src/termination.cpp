@@ -4,14 +4,10 @@
 #include <cstdio>
 
 #include "certificate.h"
+#include "tuning.h"
 
 namespace marble {
-namespace {
-
-constexpr int kPatience = 12;             // outer iterations without progress before a path counts as stuck
-constexpr double kReducedFactor = 100.0;  // solved_reduced: this times the tolerances
-
-}  // namespace
+namespace {}  // namespace
 
 double largest(const Violations& v) { return std::max({v.equality, v.inequality, v.complementarity}); }
 
@@ -22,13 +18,13 @@ bool within_tolerances(const Violations& violations, const Options& options, dou
 }
 
 bool StallDetector::stalled(double violation) {
-  if (violation < 0.9 * best_) {
+  if (violation < tuning::stall_progress * best_) {
     best_ = violation;
     since_best_ = 0;
   } else {
     ++since_best_;
   }
-  return since_best_ >= kPatience;
+  return since_best_ >= tuning::stall_patience;
 }
 
 Ending explain_end(const ScaledProblem& p, const Options& options, const Iterate& x,
@@ -38,7 +34,8 @@ Ending explain_end(const ScaledProblem& p, const Options& options, const Iterate
   if (seems_unbounded(p, x)) return {Status::unbounded, where, {}};
   char residual_text[64];
   std::snprintf(residual_text, sizeof residual_text, "scaled KKT residual %.2e; ", residual_norm);
-  if (within_tolerances(violations, options, kReducedFactor) && residual_norm <= 1e-2) {
+  if (within_tolerances(violations, options, tuning::reduced_factor) &&
+      residual_norm <= tuning::reduced_residual) {
     return {Status::solved_reduced, "no further progress was possible; " + (residual_text + where), {}};
   }
   if (stalled) {
