@@ -32,7 +32,7 @@ FurtherStarts::FurtherStarts(const ScaledProblem& problem, const Options& option
       search_(search),
       attempts_(tuning::further_round, Attempt(problem)),
       reporter_(problem) {
-  for (std::size_t i = 0; i < tuning::further_round; ++i) tasks_.emplace_back([this, i] { make_attempt(i); });
+  for (std::size_t i = 0; i < attempts_.size(); ++i) tasks_.emplace_back([this, i] { make_attempt(i); });
 }
 
 double FurtherStarts::extra_bytes(const Options& options, double engine_bytes) {

@@ -10,22 +10,51 @@
 #include "families.h"
 #include "peers.h"
 #include "support/shared_problems.h"
+#include "tune.h"
 
 namespace {
 
 constexpr const char* kUsage =
     "Runs families of problems and prints what the solver reached on them.\n"
     "Usage: suite [FAMILY ...] [--seeds N] [--starts K] [--profile FILE.svg] [--benchmarks FOLDER]\n"
+    "       suite tune [--seeds N] [--judge] [NAME ... | NAME=VALUE ...]\n"
     "Families: macmpec perturbed robotics variants qpecs warm mpc growth throughput; all of them by "
     "default.\n"
     "  --seeds N            of the random families, default 20\n"
     "  --starts K           of the references where none is known, default 8\n"
     "  --profile FILE.svg   draw macmpec against its peers\n"
-    "  --benchmarks FOLDER  problems with references\n";
+    "  --benchmarks FOLDER  problems with references\n"
+    "tune, in a build of the preset tune: what numbers of core/src/tuning.def do on generated families, one "
+    "by\n"
+    "one, or what these values do together. On odd seeds, --seeds N (default 10) of each family; with "
+    "--judge\n"
+    "on even ones, the half that nothing is chosen on.\n";
+
+int tune(int argc, char** argv) {
+  marble::suite::Sweep sweep;
+  for (int i = 0; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const std::size_t equals = argument.find('=');
+    if (argument == "--judge") {
+      sweep.judging = true;
+    } else if (argument == "--seeds" && i + 1 < argc) {
+      sweep.seeds = std::max(1, std::atoi(argv[++i]));
+    } else if (argument.starts_with("-")) {
+      std::fputs(kUsage, argument == "--help" || argument == "-h" ? stdout : stderr);
+      return argument == "--help" || argument == "-h" ? 0 : 2;
+    } else if (equals == std::string::npos) {
+      sweep.names.push_back(argument);
+    } else {
+      sweep.values.emplace_back(argument.substr(0, equals), std::atof(argument.c_str() + equals + 1));
+    }
+  }
+  return marble::suite::tune(sweep) ? 0 : 2;
+}
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::strcmp(argv[1], "tune") == 0) return tune(argc - 2, argv + 2);
   using namespace marble;
   suite::Settings settings;
   settings.benchmarks = testing::shared_benchmarks();

@@ -1,0 +1,171 @@
+#include "tuning_families.h"
+
+#include <cmath>
+#include <ctime>
+#include <limits>
+#include <random>
+
+#include "marble/examples.h"
+#include "marble/solver.h"
+#include "support/independent_check.h"
+#include "support/random_problem.h"
+
+namespace marble::suite {
+namespace {
+
+constexpr double kRunaway_s = 60.0;  // of processor time no solve here takes a tenth
+
+double processor_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+// A proof counts as an answer too: 0 if it is given.
+double answer(const OwnedProblem& problem, const Solution& s) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  if (s.status == Status::infeasible || s.status == Status::unbounded) return 0.0;
+  return is_solved(s.status) && testing::judge(problem.view(), s).infeasibility() < 1e-6 ? s.objective
+                                                                                         : kNone;
+}
+
+Outcome cold(const OwnedProblem& problem) {
+  Options options;
+  options.time_limit_s = kRunaway_s;
+  const double begin = processor_seconds();
+  const Solution s = solve_in_process(problem.view(), options).value();
+  const double seconds = processor_seconds() - begin;
+  return {answer(problem, s), static_cast<double>(s.factorizations), seconds};
+}
+
+class Noise {
+ public:
+  explicit Noise(std::uint64_t seed) : engine_(seed) {}
+  double uniform() { return static_cast<double>(engine_() >> 11) * 0x1p-52 - 1.0; }  ///< in [−1, 1)
+  void apply(std::vector<double>& values, double size) {
+    for (double& value : values) value *= 1.0 + size * uniform();
+  }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+// Vectors that change by `size`, ten times in a row.
+Outcome warm(OwnedProblem p, double size, std::uint64_t seed) {
+  Options options;
+  options.time_limit_s = kRunaway_s;
+  Noise noise(seed);
+  Solver solver = Solver::create(Problem::create(p.view()).value(), options).value();
+  Solution last = solver.solve().value();
+  Outcome sum;
+  for (int tick = 0; tick < 10; ++tick) {
+    for (auto* vector : {&p.g, &p.b, &p.d, &p.l, &p.r}) noise.apply(*vector, size);
+    static_cast<void>(solver.update({.g = p.g, .b = p.b, .d = p.d, .l = p.l, .r = p.r}).has_value());
+    const double begin = processor_seconds();
+    last = solver.solve({.warm_start = &last}).value();
+    sum.seconds += processor_seconds() - begin;
+    sum.objective += answer(p, last);
+    sum.factorizations += last.factorizations;
+  }
+  return sum;
+}
+
+// A hopper as its planner runs it: ten ticks of one step.
+Outcome plan(examples::HopperParameters parameters) {
+  Options options;
+  options.time_limit_s = kRunaway_s;
+  OwnedProblem p = examples::hopper(parameters);
+  Solver solver = Solver::create(Problem::create(p.view()).value(), options).value();
+  Solution last = solver.solve().value();
+  Outcome sum;
+  // Every setting is asked for the same ticks: the state moves on as if the reference were met.
+  for (int tick = 0; tick < 10; ++tick) {
+    parameters.reference_x += parameters.speed * parameters.step_s;
+    p = examples::hopper(parameters);
+    static_cast<void>(
+        solver.update({.c0 = p.c0, .g = p.g, .b = p.b, .d = p.d, .l = p.l, .r = p.r}).has_value());
+    const double begin = processor_seconds();
+    last = solver.solve({.warm_start = &last}).value();
+    sum.seconds += processor_seconds() - begin;
+    sum.objective += answer(p, last);
+    sum.factorizations += last.factorizations;
+  }
+  return sum;
+}
+
+// min ½ z'Qz + g'z with a full indefinite Q in a box: descent along negative curvature.
+OwnedProblem box(Index n, std::uint64_t seed) {
+  Noise noise(seed);
+  OwnedProblem p;
+  Triplets Q, C;
+  for (Index j = 0; j < n; ++j) {
+    for (Index i = 0; i <= j; ++i) {
+      const double value = noise.uniform();
+      Q.add(i, j, value);
+      if (i != j) Q.add(j, i, value);
+    }
+    C.add(2 * j, j, 1.0);
+    C.add(2 * j + 1, j, -1.0);
+    p.g.push_back(noise.uniform());
+  }
+  p.Q = compress(n, n, Q, "Q").value();
+  p.C = compress(2 * n, n, C, "C").value();
+  p.d.assign(2 * static_cast<std::size_t>(n), 1.0);
+  return p;
+}
+
+// Feasible, and then a row too many: v ≥ 1 and v ≤ 0.
+OwnedProblem contradictory(std::uint64_t seed) {
+  OwnedProblem p = testing::random_problem({}, seed);
+  Noise noise(seed);
+  Triplets entries;
+  for (Index j = 0; j < p.C.columns; ++j) {
+    for (Index k = p.C.column_pointers[j]; k < p.C.column_pointers[j + 1]; ++k)
+      entries.add(p.C.row_indices[k], j, p.C.values[k]);
+    const double value = noise.uniform();
+    entries.add(p.C.rows, j, value);
+    entries.add(p.C.rows + 1, j, -value);
+  }
+  p.C = compress(p.C.rows + 2, p.C.columns, entries, "C").value();
+  p.d.insert(p.d.end(), {-1.0, 0.0});
+  return p;
+}
+
+}  // namespace
+
+std::vector<Instance> tuning_instances(int seeds, bool judging) {
+  using namespace examples;
+  std::vector<Instance> all;
+  const auto add = [&all](const char* family, auto&& solve) { all.push_back({family, solve}); };
+  for (int number = 0; number < seeds; ++number) {
+    const auto seed = static_cast<std::uint64_t>(2 * number + (judging ? 2 : 1));
+    const int kind = number % 3;
+    HopperParameters hops;
+    hops.steps = 20 + 10 * kind;
+    GatesParameters flight;
+    flight.steps = 20 + 5 * kind;
+    RocketParameters landing;
+    landing.steps = 30 + 10 * kind;
+    QpecParameters sizes;
+    sizes.upper_variables = 10 + 10 * kind;
+    sizes.lower_variables = 60;
+    sizes.degenerate_pairs = 4 * kind;
+    const testing::RandomSizes small{.variables = 20, .equalities = 3, .inequalities = 8, .pairs = 8};
+    const testing::RandomSizes indefinite{
+        .variables = 20, .equalities = 3, .inequalities = 8, .pairs = 8, .density = 0.4, .indefinite = true};
+    add("hopper", [=] { return cold(hopper(vary(hops, seed))); });
+    add("gates", [=] { return cold(gates(vary(flight, seed))); });
+    add("rocket", [=] { return cold(rocket(vary(landing, seed))); });
+    add("qpec", [=] { return cold(qpec(sizes, seed)); });
+    add("random", [=] { return cold(testing::random_problem(small, seed)); });
+    add("indefinite", [=] { return cold(testing::random_problem(indefinite, seed)); });
+    add("box", [=] { return cold(box(20, seed)); });
+    add("contradictory", [=] { return cold(contradictory(seed)); });
+    add("warm rocket", [=] { return warm(rocket(vary(landing, seed)), 1e-3, seed); });
+    add("warm qpec", [=] { return warm(qpec(sizes, seed), kind == 0 ? 1e-3 : 3e-2, seed); });
+    add("warm hopper", [=] { return plan(vary(hops, seed)); });
+  }
+  return all;
+}
+
+}  // namespace marble::suite
