@@ -7,12 +7,6 @@
 #include "tuning.h"
 
 namespace marble {
-namespace {
-
-// The globally convergent fallback.
-
-}  // namespace
-
 ActiveSet::ActiveSet(const ScaledProblem& problem, Kkt& kkt)
     : problem_(problem),
       kkt_(kkt),

@@ -9,8 +9,6 @@
 namespace marble {
 namespace {
 
-// Of a product of two numbers of the problem, scaling of the data included: 128 units of roundoff.
-
 double smallest(const Vector& values) { return values.size() == 0 ? 0.0 : values.minCoeff(); }
 
 // A sum of products as if in twice the precision (Ogita, Rump, Oishi, "Accurate sum and dot product", 2005),

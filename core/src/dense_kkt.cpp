@@ -24,10 +24,6 @@ void dpotrs_(const char* uplo, const int* n, const int* nrhs, const double* a, c
 namespace marble {
 namespace {
 
-// How much faster a dense kernel does a flop than the sparse code, measured on the QPEC and flp4 problems.
-
-// A call of BLAS or LAPACK cannot be interrupted: one does at most about this many flops, 20 to 100 ms.
-
 // C += factor · WᵀW, upper triangle, W with k rows and n columns, in as many calls as it takes.
 bool add_product(double factor, const double* w, int w_stride, int k, double* c, int c_stride, int n,
                  const Interrupt& interrupt) {

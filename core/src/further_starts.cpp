@@ -8,8 +8,6 @@
 #include "tuning.h"
 
 namespace marble {
-namespace {}  // namespace
-
 bool solve_exactly(const ScaledProblem& problem, const Options& options, ActiveSet& active_set, Run& run,
                    int budget, ExactSolution& solution) {
   const bool solved = active_set.solve(run, budget);

@@ -8,12 +8,6 @@
 #include "tuning.h"
 
 namespace marble {
-namespace {
-
-// Constants of Wächter and Biegler (2006), section 4, but for the Armijo fraction, which is IPOPT's default.
-
-}  // namespace
-
 FilterLineSearch::FilterLineSearch(const ScaledProblem&) : capacity_(tuning::filter_capacity) {
   filter_.reserve(capacity_);
 }

@@ -7,8 +7,6 @@
 #include "tuning.h"
 
 namespace marble {
-namespace {}  // namespace
-
 LocalSearch::LocalSearch(const ScaledProblem& problem, Kkt& kkt, ActiveSet& active_set)
     : problem_(problem),
       active_set_(active_set),

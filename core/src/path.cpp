@@ -9,8 +9,6 @@
 namespace marble {
 namespace {
 
-// lean(): measured on contact and its variants.
-
 Regularization first_regularization(const Options& options) {
   return {options.path == Path::fast ? tuning::least_delta : 0.0, options.regularization_initial};
 }

@@ -6,8 +6,6 @@
 #include "tuning.h"
 
 namespace marble {
-namespace {}  // namespace
-
 bool Regularization::raise() {
   current_ =
       current_ > base_ ? tuning::delta_raise * current_ : std::max(first_, last_ / tuning::delta_lower);

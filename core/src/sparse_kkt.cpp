@@ -9,7 +9,6 @@ namespace marble {
 namespace {
 
 // A kept row with weight 0 must drop out: −1/k would be infinite, this decouples it to rounding.
-
 double minus_inverse(double weight) {
   return -1.0 / (std::abs(weight) < tuning::least_weight ? tuning::least_weight : weight);
 }

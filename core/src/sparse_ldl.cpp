@@ -6,8 +6,6 @@
 #include "tuning.h"
 
 namespace marble {
-namespace {}  // namespace
-
 bool SparseLdl::analyse(const Pattern& pattern, const Interrupt& interrupt) {
   const Index n = pattern.size();
   std::vector<Index> permutation;

@@ -6,8 +6,6 @@
 #include "tuning.h"
 
 namespace marble {
-namespace {}  // namespace
-
 std::vector<Index> biactive_pairs(const Images& images) {
   std::vector<Index> pairs;
   for (Index i = 0; i < static_cast<Index>(images.left.size()); ++i) {

@@ -7,8 +7,6 @@
 #include "tuning.h"
 
 namespace marble {
-namespace {}  // namespace
-
 double largest(const Violations& v) { return std::max({v.equality, v.inequality, v.complementarity}); }
 
 bool within_tolerances(const Violations& violations, const Options& options, double factor) {
