@@ -24,42 +24,17 @@ ActiveSet::ActiveSet(const ScaledProblem& problem, Kkt& kkt)
                        static_cast<std::size_t>(problem.pairs()));
 }
 
-// The rows that may hold with equality: `active` points to a row's flag, or is null where the partition fixes
-// it.
-template <class Visit>
-void ActiveSet::for_each_row(Visit&& visit) {
-  auto lambda_w = x_.lambda_w();
-  auto lambda_L = x_.lambda_L();
-  auto lambda_R = x_.lambda_R();
-  auto d_w = d_.lambda_w();
-  auto d_L = d_.lambda_L();
-  auto d_R = d_.lambda_R();
-  for (Eigen::Index i = 0; i < lambda_w.size(); ++i) {
-    visit(images_.inequality[i], direction_images_.inequality[i], lambda_w[i], d_w[i],
-          &set_.active_inequality[i]);
-  }
-  for (Eigen::Index i = 0; i < lambda_L.size(); ++i) {
-    std::uint8_t* free_side = &set_.active_free_side[i];
-    visit(images_.left[i], direction_images_.left[i], lambda_L[i], d_L[i],
-          set_.left_fixed[i] ? nullptr : free_side);
-    visit(images_.right[i], direction_images_.right[i], lambda_R[i], d_R[i],
-          set_.left_fixed[i] ? free_side : nullptr);
-  }
-}
-
 void ActiveSet::start_from_path(const Iterate& iterate) {
   x_.all = iterate.all;
   images_.evaluate(problem_, x_);
-  for (Eigen::Index i = 0; i < images_.inequality.size(); ++i) {
-    set_.active_inequality[i] =
-        iterate.v()[i] < 0.0;  // p(v) < p(−v): the slack is smaller than its multiplier
-  }
-  for (Eigen::Index i = 0; i < images_.left.size(); ++i) {
-    const bool left = images_.left[i] < images_.right[i];
-    set_.left_fixed[i] = left;
-    const double side = left ? images_.right[i] : images_.left[i];
-    const double multiplier = left ? iterate.lambda_R()[i] : iterate.lambda_L()[i];
-    set_.active_free_side[i] = side < -multiplier;
+  for (Index i = 0; i < problem_.inequalities(); ++i)
+    set_.held[i] = iterate.v()[i] < 0.0;  // p(v) < p(−v): the slack is smaller than its multiplier
+  const Vector& value = images_.rows.all;
+  for (Index i = 0; i < problem_.pairs(); ++i) {
+    const RowLayout& rows = problem_.layout;
+    const bool left = value[rows.left(i)] < value[rows.right(i)];
+    const Index free = left ? rows.right(i) : rows.left(i);
+    set_.fix(i, left, value[free] < -iterate.lambda()[free]);
   }
   clear_inactive_multipliers();
 }
@@ -68,14 +43,15 @@ void ActiveSet::start_from_path(const Iterate& iterate) {
 void ActiveSet::start_from_solution(const Iterate& solution) {
   x_.all = solution.all;
   images_.evaluate(problem_, x_);
-  for (Eigen::Index i = 0; i < images_.inequality.size(); ++i)
-    set_.active_inequality[i] = images_.inequality[i] < -x_.lambda_w()[i];
-  for (Eigen::Index i = 0; i < images_.left.size(); ++i) {
-    const double left = images_.left[i] - std::abs(x_.lambda_L()[i]);
-    const double right = images_.right[i] - std::abs(x_.lambda_R()[i]);
-    set_.left_fixed[i] = left < right;
-    set_.active_free_side[i] =
-        left < right ? images_.right[i] < -x_.lambda_R()[i] : images_.left[i] < -x_.lambda_L()[i];
+  const Vector& value = images_.rows.all;
+  const auto lambda = x_.lambda();
+  for (Index i = 0; i < problem_.inequalities(); ++i) set_.held[i] = value[i] < -lambda[i];
+  for (Index i = 0; i < problem_.pairs(); ++i) {
+    const Index left = problem_.layout.left(i);
+    const Index right = problem_.layout.right(i);
+    const bool left_fixed = value[left] - std::abs(lambda[left]) < value[right] - std::abs(lambda[right]);
+    const Index free = left_fixed ? right : left;
+    set_.fix(i, left_fixed, value[free] < -lambda[free]);
   }
   clear_inactive_multipliers();
 }
@@ -86,30 +62,17 @@ void ActiveSet::restore(const Iterate& iterate, const WorkingSet& set) {
   images_.evaluate(problem_, x_);
 }
 
-void ActiveSet::flip(Index pair) {
-  set_.left_fixed[pair] ^= 1U;
-  set_.active_free_side[pair] = 0;
-  clear_inactive_multipliers();
-}
-
 void ActiveSet::clear_inactive_multipliers() {
-  for_each_row([](double, double, double& lambda, double, const std::uint8_t* active) {
-    if (active != nullptr && *active == 0) lambda = 0.0;
-  });
+  for (Index row = 0; row < problem_.layout.size(); ++row) {
+    if (set_.held[row] == 0) x_.lambda()[row] = 0.0;
+  }
 }
 
 void ActiveSet::set_weights(double rho, double delta) {
   weights_.rho = rho;
   weights_.delta = delta;
-  for (Eigen::Index i = 0; i < weights_.inequality.size(); ++i) {
-    weights_.inequality[i] = set_.active_inequality[i] ? rho : 0.0;
-  }
-  for (Eigen::Index i = 0; i < weights_.first.size(); ++i) {  // first: L, second: R
-    weights_.cosine[i] = 1.0;
-    weights_.sine[i] = 0.0;
-    weights_.first[i] = set_.left_fixed[i] || set_.active_free_side[i] ? rho : 0.0;
-    weights_.second[i] = !set_.left_fixed[i] || set_.active_free_side[i] ? rho : 0.0;
-  }
+  for (Index row = 0; row < problem_.layout.size(); ++row)
+    weights_.rows.all[row] = set_.held[row] ? rho : 0.0;
 }
 
 bool ActiveSet::factor(Run& run, double rho, double delta) {
@@ -129,30 +92,20 @@ bool ActiveSet::solve_equalities(double tolerance) {
     double error = std::max(max_abs(images_.stationarity), max_abs(images_.equality));
     gradient_ = images_.stationarity;
     // dλ = ρ(J dz + c): the part ρc goes to the right-hand side.
-    for (Eigen::Index i = 0; i < weights_.inequality.size(); ++i) {
-      d_.lambda_w()[i] = weights_.inequality[i] * images_.inequality[i];
-      if (weights_.inequality[i] > 0.0) error = std::max(error, std::abs(images_.inequality[i]));
-    }
-    for (Eigen::Index i = 0; i < weights_.first.size(); ++i) {
-      d_.lambda_L()[i] = weights_.first[i] * images_.left[i];
-      d_.lambda_R()[i] = weights_.second[i] * images_.right[i];
-      if (weights_.first[i] > 0.0) error = std::max(error, std::abs(images_.left[i]));
-      if (weights_.second[i] > 0.0) error = std::max(error, std::abs(images_.right[i]));
+    for (Index row = 0; row < problem_.layout.size(); ++row) {
+      d_.lambda()[row] = weights_.rows.all[row] * images_.rows.all[row];
+      if (weights_.rows.all[row] > 0.0) error = std::max(error, std::abs(images_.rows.all[row]));
     }
     if (!std::isfinite(error) || !(max_abs(x_.z()) <= tuning::runaway)) return false;
     if (error <= tolerance) return true;
     if (error > 0.5 * last) return error <= tuning::wrong_sign;  // as exact as it gets
     last = error;
-    add_transposed(problem_.C, d_.lambda_w(), gradient_);
-    add_transposed(problem_.L, d_.lambda_L(), gradient_);
-    add_transposed(problem_.R, d_.lambda_R(), gradient_);
+    add_transposed(problem_.rows, d_.lambda(), gradient_);
     d_.z() = -gradient_;
     d_.y() = -images_.equality;
     if (!kkt_.solve(d_.z(), d_.y())) return false;
     direction_images_.evaluate_rows(problem_, d_.z());
-    d_.lambda_w() += weights_.inequality.cwiseProduct(direction_images_.inequality);
-    d_.lambda_L() += weights_.first.cwiseProduct(direction_images_.left);
-    d_.lambda_R() += weights_.second.cwiseProduct(direction_images_.right);
+    d_.lambda() += weights_.rows.all.cwiseProduct(direction_images_.rows.all);
     x_.all += d_.all;
   }
   images_.evaluate(problem_, x_);
@@ -163,13 +116,13 @@ bool ActiveSet::solve_equalities(double tolerance) {
 bool ActiveSet::exchange() {
   bool changed = false;
   const double scale = 1.0 + max_abs(x_.all);
-  for_each_row([&](double image, double, double& lambda, double, std::uint8_t* active) {
-    if (active == nullptr) return;
-    if (*active ? lambda > tuning::wrong_sign * scale : image < -tuning::wrong_sign) {
-      *active ^= 1U;
-      if (*active == 0) lambda = 0.0;
-      changed = true;
-    }
+  set_.for_each_free_row([&](Index row) {
+    std::uint8_t& held = set_.held[row];
+    if (!(held ? x_.lambda()[row] > tuning::wrong_sign * scale : images_.rows.all[row] < -tuning::wrong_sign))
+      return;
+    held ^= 1U;
+    if (held == 0) x_.lambda()[row] = 0.0;
+    changed = true;
   });
   return !changed;
 }
@@ -190,9 +143,7 @@ bool ActiveSet::solve(Run& run, int budget) {
 bool ActiveSet::project(VectorRef direction) {
   direction_images_.evaluate_rows(problem_, direction);
   gradient_.setZero();
-  add_transposed(problem_.C, weights_.inequality.cwiseProduct(direction_images_.inequality), gradient_);
-  add_transposed(problem_.L, weights_.first.cwiseProduct(direction_images_.left), gradient_);
-  add_transposed(problem_.R, weights_.second.cwiseProduct(direction_images_.right), gradient_);
+  add_transposed(problem_.rows, weights_.rows.all.cwiseProduct(direction_images_.rows.all), gradient_);
   d_.z() = -gradient_;
   d_.y() = -direction_images_.equality;
   if (!kkt_.solve(d_.z(), d_.y())) return false;
@@ -206,8 +157,10 @@ void ActiveSet::start_from_point(ConstVectorRef z) {
   x_.all.setZero();
   x_.z() = z;
   images_.evaluate(problem_, x_);
-  for (Eigen::Index i = 0; i < images_.left.size(); ++i)
-    set_.left_fixed[i] = images_.left[i] < images_.right[i];
+  for (Index i = 0; i < problem_.pairs(); ++i) {
+    const bool free_side_held = set_.held[set_.free_row(i)] != 0;
+    set_.fix(i, images_.rows.left()[i] < images_.rows.right()[i], free_side_held);
+  }
 }
 
 bool ActiveSet::relax(Run& run, double rho, bool trust_set, int budget) {
@@ -232,18 +185,13 @@ bool ActiveSet::relax(Run& run, double rho, bool trust_set, int budget) {
 void ActiveSet::evaluate_penalty(double rho, double delta, bool choose_rows) {
   images_.evaluate_rows(problem_, x_.z());
   images_.equality += problem_.b;
-  images_.inequality += problem_.d;
-  images_.left += problem_.l;
-  images_.right += problem_.r;
+  images_.rows.all += problem_.offset;
   x_.y() = center_.y() + rho * images_.equality;
-  d_.lambda_w() = center_.lambda_w() + rho * images_.inequality;
-  d_.lambda_L() = center_.lambda_L() + rho * images_.left;
-  d_.lambda_R() = center_.lambda_R() + rho * images_.right;
+  d_.lambda() = center_.lambda() + rho * images_.rows.all;
   const double tie = tuning::elastic_tie * rho;
-  for_each_row([=](double, double, double& lambda, double unclipped, std::uint8_t* active) {
-    if (active != nullptr && choose_rows) *active = unclipped < tie;
-    lambda = active == nullptr || *active != 0 ? unclipped : 0.0;
-  });
+  if (choose_rows) set_.for_each_free_row([&](Index row) { set_.held[row] = d_.lambda()[row] < tie; });
+  for (Index row = 0; row < problem_.layout.size(); ++row)
+    x_.lambda()[row] = set_.held[row] ? d_.lambda()[row] : 0.0;
   images_.evaluate_duals(problem_, x_);
   gradient_ = images_.stationarity + problem_.g + delta * (x_.z() - center_.z());
 }
@@ -311,13 +259,20 @@ bool ActiveSet::augmented_lagrangian(Run& run, int budget) {
 // Root of the derivative of the piecewise quadratic along the step: linear between breakpoints, ascending.
 double ActiveSet::exact_step(double rho, double slope, double curvature) {
   breakpoints_.clear();
-  for_each_row([&](double, double rate, double&, double unclipped, const std::uint8_t* active) {
+  const auto bends = [&](Index row, bool fixed) {
+    const double rate = direction_images_.rows.all[row];
+    const bool held = set_.held[row] != 0;
     const double bend = rho * rate * rate;
-    if (active == nullptr || *active != 0) curvature += bend;
-    if (active == nullptr || rate == 0.0 || (*active != 0) != (rate > 0.0)) return;
-    const double at = std::max(0.0, -unclipped / (rho * rate));  // where α + ρc changes its sign
-    breakpoints_.push_back({at, *active != 0 ? -bend : bend});
-  });
+    if (held) curvature += bend;
+    if (fixed || rate == 0.0 || held != (rate > 0.0)) return;
+    const double at = std::max(0.0, -d_.lambda()[row] / (rho * rate));  // where α + ρc changes its sign
+    breakpoints_.push_back({at, held ? -bend : bend});
+  };
+  for (Index row = 0; row < problem_.inequalities(); ++row) bends(row, false);
+  for (Index i = 0; i < problem_.pairs(); ++i) {
+    bends(problem_.layout.left(i), set_.left_fixed[i] != 0);
+    bends(problem_.layout.right(i), set_.left_fixed[i] == 0);
+  }
   std::sort(breakpoints_.begin(), breakpoints_.end(),
             [](const Breakpoint& a, const Breakpoint& b) { return a.step < b.step; });
   double position = 0.0;
@@ -333,13 +288,9 @@ double ActiveSet::exact_step(double rho, double slope, double curvature) {
 
 double ActiveSet::error() const {
   double error = std::max(max_abs(images_.stationarity), max_abs(images_.equality));
-  for (Eigen::Index i = 0; i < images_.inequality.size(); ++i)
-    error = std::max(error, -images_.inequality[i]);
-  for (Eigen::Index i = 0; i < images_.left.size(); ++i) {
-    const bool left = set_.left_fixed[i] != 0;
-    error = std::max(error, std::abs(left ? images_.left[i] : images_.right[i]));
-    error = std::max(error, -(left ? images_.right[i] : images_.left[i]));
-  }
+  set_.for_each_free_row([&](Index row) { error = std::max(error, -images_.rows.all[row]); });
+  for (Index i = 0; i < problem_.pairs(); ++i)
+    error = std::max(error, std::abs(images_.rows.all[set_.fixed_row(i)]));
   return error;
 }
 

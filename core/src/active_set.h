@@ -14,19 +14,9 @@
 #include "kkt.h"
 #include "residual.h"
 #include "run.h"
-#include "tuning.h"
+#include "working_set.h"
 
 namespace marble {
-
-/// Which rows are held at zero, and for pairs, which side the partition fixes there.
-struct WorkingSet {
-  explicit WorkingSet(const ScaledProblem& p)
-      : left_fixed(p.pairs()), active_inequality(p.inequalities()), active_free_side(p.pairs()) {}
-  std::vector<std::uint8_t> left_fixed;  ///< n_c: 1 if s = 0 is fixed and t ≥ 0 free, 0 the other way round
-  std::vector<std::uint8_t> active_inequality;  ///< n_i: 1 if (C z + d)_i = 0
-  std::vector<std::uint8_t> active_free_side;   ///< n_c: 1 if the free side is 0 too (a biactive pair)
-  bool operator==(const WorkingSet&) const = default;
-};
 
 class ActiveSet {
  public:
@@ -69,8 +59,6 @@ class ActiveSet {
   [[nodiscard]] double elastic_objective() const { return elastic_objective_; }
   [[nodiscard]] double rho() const { return weights_.rho; }  ///< of the last factorization
 
-  /// Moves pair i to the other branch: the free side becomes the fixed one.
-  void flip(Index pair);
   /// Other rows, same point.
   void set_working_set(const WorkingSet& set) { set_ = set; }
 
@@ -81,7 +69,6 @@ class ActiveSet {
   [[nodiscard]] double error() const;
 
  private:
-  enum class Exchange { none, some, cycled };
   void set_weights(double rho, double delta);
   [[nodiscard]] bool solve_equalities(double tolerance);
   [[nodiscard]] bool exchange();
@@ -90,9 +77,6 @@ class ActiveSet {
   void evaluate_penalty(double rho, double delta, bool choose_rows);
   [[nodiscard]] double exact_step(double rho, double slope, double curvature);
   void clear_inactive_multipliers();
-
-  template <class Visit>
-  void for_each_row(Visit&& visit);  // visit(image, direction image, λ, dλ, active flag or null if fixed)
 
   const ScaledProblem& problem_;
   Kkt& kkt_;

@@ -9,7 +9,7 @@
 namespace marble {
 namespace {
 
-double smallest(const Vector& values) { return values.size() == 0 ? 0.0 : values.minCoeff(); }
+double smallest(ConstVectorRef values) { return values.size() == 0 ? 0.0 : values.minCoeff(); }
 
 // A sum of products as if in twice the precision (Ogita, Rump, Oishi, "Accurate sum and dot product", 2005),
 // and of their sizes: what is left of the error is that of the numbers themselves.
@@ -32,10 +32,11 @@ class CarefulSum {
   double value_ = 0.0, correction_ = 0.0, size_ = 0.0;
 };
 
-// Visits each row's product with d and the rounding that an entry of d of the largest size (1) may hide.
+// Visits the product of d with each row from `first` to before `end`, and the rounding that an entry of d of
+// the largest size (1) may hide.
 template <class Visit>
-bool all_rows(const RowMatrix& matrix, ConstVectorRef d, Visit&& visit) {
-  for (Index row = 0; row < matrix.rows; ++row) {
+bool all_rows(const RowMatrix& matrix, Index first, Index end, ConstVectorRef d, Visit&& visit) {
+  for (Index row = first; row < end; ++row) {
     CarefulSum sum;
     double size = 0.0;
     for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
@@ -73,14 +74,12 @@ int curvature(const SymmetricMatrix& Q, ConstVectorRef d) {
 
 // The multipliers in the order of a certificate, of size 1.
 struct Multipliers {
-  Multipliers(const Iterate& x, double size)
-      : y(x.y() / size), nu(-x.lambda_w() / size), xi(-x.lambda_L() / size), eta(-x.lambda_R() / size) {}
-  Vector y, nu, xi, eta;
+  Multipliers(const Iterate& x, double size) : y(x.y() / size), rows(-x.lambda() / size) {}
+  Vector y;
+  Vector rows;  // ν, ξ and η
 };
 
-double size_of(const Iterate& x) {
-  return std::max({max_abs(x.y()), max_abs(x.lambda_w()), max_abs(x.lambda_L()), max_abs(x.lambda_R())});
-}
+double size_of(const Iterate& x) { return std::max(max_abs(x.y()), max_abs(x.lambda())); }
 
 }  // namespace
 
@@ -88,7 +87,7 @@ std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, con
   const double size = size_of(x);
   if (!(size > 0.0) || !std::isfinite(size)) return std::nullopt;
   const Multipliers m(x, size);
-  if (std::min({smallest(m.nu), smallest(m.xi), smallest(m.eta)}) < 0.0) return std::nullopt;
+  if (smallest(m.rows) < 0.0) return std::nullopt;
   const auto n = static_cast<std::size_t>(p.variables());
   std::vector<CarefulSum> combination(n);
   Vector hidden = Vector::Zero(p.variables());
@@ -105,9 +104,7 @@ std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, con
     }
   };
   combine(p.A, p.b, m.y, 1.0);
-  combine(p.C, p.d, m.nu, -1.0);
-  combine(p.L, p.l, m.xi, -1.0);
-  combine(p.R, p.r, m.eta, -1.0);
+  combine(p.rows, p.offset, m.rows, -1.0);
   const double least_gap = gap.value() - gap.error();
   if (!(least_gap > 0.0) || !std::isfinite(least_gap)) return std::nullopt;
   double residual = 0.0;
@@ -121,7 +118,7 @@ std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, con
   proof.radius = least_gap / residual;
   const double point = max_abs(x.z().cwiseProduct(p.variable_scale));
   if (!(proof.radius >= tuning::proof_farther * point)) return std::nullopt;
-  proof.multipliers.reserve(static_cast<std::size_t>(m.y.size() + m.nu.size() + 2 * m.xi.size()));
+  proof.multipliers.reserve(static_cast<std::size_t>(m.y.size() + m.rows.size()));
   bool lost = false;  // by underflow
   const auto append = [&](const Vector& multipliers, const Vector& row_scale) {
     for (Eigen::Index i = 0; i < multipliers.size(); ++i) {
@@ -132,9 +129,7 @@ std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, con
     }
   };
   append(m.y, p.equality_scale);
-  append(m.nu, p.inequality_scale);
-  append(m.xi, p.left_scale);
-  append(m.eta, p.right_scale);
+  append(m.rows, p.row_scale);
   if (lost) return std::nullopt;
   return proof;
 }
@@ -152,20 +147,22 @@ std::optional<std::vector<double>> unbounded_direction(const ScaledProblem& p, C
     for (Eigen::Index j = 0; j < d.size(); ++j) slope.add(p.g[j] / largest, d[j]);
     if (!(slope.value() < -tuning::proof_rounding * p.g.lpNorm<1>() / largest)) return std::nullopt;
   }
-  const bool rows =
-      all_rows(p.A, d, [](Index, double value, double rounding) { return std::abs(value) <= rounding; }) &&
-      all_rows(p.C, d, [](Index, double value, double rounding) { return value >= -rounding; });
-  if (!rows) return std::nullopt;
-  std::vector<std::uint8_t> left_stays(static_cast<std::size_t>(p.pairs()));
+  const RowLayout& rows = p.layout;
+  std::vector<std::uint8_t> left_stays(static_cast<std::size_t>(rows.pairs));
+  const auto stays = [](Index, double value, double rounding) { return std::abs(value) <= rounding; };
+  const auto grows = [](Index, double value, double rounding) { return value >= -rounding; };
   const auto note = [&](Index row, double value, double rounding) {
-    left_stays[static_cast<std::size_t>(row)] = std::abs(value) <= rounding;
+    left_stays[static_cast<std::size_t>(row - rows.left(0))] = std::abs(value) <= rounding;
     return value >= -rounding;
   };
   const auto one_stays = [&](Index row, double value, double rounding) {
     return value >= -rounding &&
-           (left_stays[static_cast<std::size_t>(row)] != 0 || std::abs(value) <= rounding);
+           (left_stays[static_cast<std::size_t>(row - rows.right(0))] != 0 || std::abs(value) <= rounding);
   };
-  if (!all_rows(p.L, d, note) || !all_rows(p.R, d, one_stays)) return std::nullopt;
+  if (!all_rows(p.A, 0, p.equalities(), d, stays) || !all_rows(p.rows, 0, rows.inequalities, d, grows) ||
+      !all_rows(p.rows, rows.left(0), rows.right(0), d, note) ||
+      !all_rows(p.rows, rows.right(0), rows.size(), d, one_stays))
+    return std::nullopt;
   Vector unscaled = d.cwiseProduct(p.variable_scale);
   unscaled /= max_abs(unscaled);
   return std::vector<double>(unscaled.data(), unscaled.data() + unscaled.size());
@@ -175,15 +172,13 @@ bool seems_infeasible(const ScaledProblem& p, const Iterate& x) {
   const double size = size_of(x);
   if (!(size > 0.0) || !std::isfinite(size)) return false;
   Multipliers m(x, size);
-  if (std::min(smallest(m.xi), smallest(m.eta)) < -tuning::proof_near) return false;
-  for (Vector* multipliers : {&m.nu, &m.xi, &m.eta}) *multipliers = multipliers->cwiseMax(0.0);
-  const double gap = p.b.dot(m.y) - p.d.dot(m.nu) - p.l.dot(m.xi) - p.r.dot(m.eta);
+  if (smallest(m.rows.tail(2 * p.pairs())) < -tuning::proof_near) return false;
+  m.rows = m.rows.cwiseMax(0.0);
+  const double gap = p.b.dot(m.y) - p.offset.dot(m.rows);
   if (!(gap > 0.0)) return false;
   Vector combination = Vector::Zero(p.variables());
   add_transposed(p.A, m.y, combination);
-  add_transposed(p.C, -m.nu, combination);
-  add_transposed(p.L, -m.xi, combination);
-  add_transposed(p.R, -m.eta, combination);
+  add_transposed(p.rows, -m.rows, combination);
   return max_abs(combination) <= tuning::proof_near * gap;
 }
 
@@ -199,14 +194,10 @@ bool seems_unbounded(const ScaledProblem& p, const Iterate& x) {
   image.resize(p.equalities());
   multiply(p.A, d, image);
   if (max_abs(image) > tuning::proof_near) return false;
-  image.resize(p.inequalities());
-  multiply(p.C, d, image);
-  if (smallest(image) < -tuning::proof_near) return false;
-  Vector left(p.pairs());
-  Vector right(p.pairs());
-  multiply(p.L, d, left);
-  multiply(p.R, d, right);
-  return max_abs(left.cwiseMin(right)) <= tuning::proof_near;
+  RowVector rates(p.layout);
+  multiply(p.rows, d, rates.all);
+  return smallest(rates.inequality()) >= -tuning::proof_near &&
+         max_abs(rates.left().cwiseMin(rates.right())) <= tuning::proof_near;
 }
 
 }  // namespace marble

@@ -104,6 +104,8 @@ DenseKkt::DenseKkt(const ScaledProblem& problem)
       weighted_(rows_.rows(), variables_),
       system_(variables_, variables_),
       factor_(variables_, variables_),
+      left_single_(static_cast<std::size_t>(pairs_)),
+      right_single_(static_cast<std::size_t>(pairs_)),
       residual_(variables_) {
   keep_blas_to_one_thread();
   terms_.reserve(static_cast<std::size_t>(rows_.rows()));
@@ -124,7 +126,7 @@ void DenseKkt::load(const ScaledProblem& problem) {
     }
   }
   Index offset = 0;
-  for (const RowMatrix* matrix : {&problem.A, &problem.C, &problem.L, &problem.R}) {
+  for (const RowMatrix* matrix : {&problem.A, &problem.rows}) {
     for (Index row = 0; row < matrix->rows; ++row) {
       for (Index k = matrix->row_pointers[row]; k < matrix->row_pointers[row + 1]; ++k) {
         rows_(offset + row, matrix->column_indices[k]) = matrix->values[k];
@@ -132,16 +134,16 @@ void DenseKkt::load(const ScaledProblem& problem) {
     }
     offset += matrix->rows;
   }
-  const auto find_singles = [](const RowMatrix& matrix, std::vector<Single>& singles) {
-    singles.assign(static_cast<std::size_t>(matrix.rows), {});
-    for (Index row = 0; row < matrix.rows; ++row) {
-      if (matrix.row_size(row) != 1) continue;
+  const auto find_singles = [&matrix = problem.rows](Index first, std::vector<Single>& singles) {
+    for (std::size_t i = 0; i < singles.size(); ++i) {
+      const Index row = first + static_cast<Index>(i);
       const auto entry = static_cast<std::size_t>(matrix.row_pointers[row]);
-      singles[static_cast<std::size_t>(row)] = {matrix.column_indices[entry], matrix.values[entry]};
+      singles[i] =
+          matrix.row_size(row) == 1 ? Single{matrix.column_indices[entry], matrix.values[entry]} : Single{};
     }
   };
-  find_singles(problem.L, left_single_);
-  find_singles(problem.R, right_single_);
+  find_singles(problem.layout.left(0), left_single_);
+  find_singles(problem.layout.right(0), right_single_);
 }
 
 // Weighs e = a·e_j against itself and against the row `other`: w_ee e eᵀ + w_eo (e oᵀ + o eᵀ).
@@ -182,7 +184,7 @@ bool DenseKkt::factor(const RowWeights& weights) {
            right_single_[static_cast<std::size_t>(i)].column >= 0;
   };
   const auto weight_of = [&weights](Index i, double c, double s, double c2, double s2) {
-    return weights.first[i] * c * c2 + weights.second[i] * s * s2;
+    return weights.rows.left()[i] * c * c2 + weights.rows.right()[i] * s * s2;
   };
   for (Index i = 0; i < pairs_; ++i) {
     const double c = weights.cosine[i];
@@ -203,13 +205,13 @@ bool DenseKkt::factor(const RowWeights& weights) {
     };
     for (Index i = 0; i < equalities_; ++i) add(rho_, i, i, 1.0, 0.0);
     for (Index i = 0; i < inequalities_; ++i)
-      add(weights.inequality[i], equalities_ + i, equalities_ + i, 1.0, 0.0);
+      add(weights.rows.all[i], equalities_ + i, equalities_ + i, 1.0, 0.0);
     for (Index i = 0; i < pairs_; ++i) {
       const double c = weights.cosine[i];
       const double s = weights.sine[i];
       if (!single_pair(i)) {
-        add(weights.first[i], left + i, right + i, c, s);
-        add(weights.second[i], left + i, right + i, s, -c);
+        add(weights.rows.left()[i], left + i, right + i, c, s);
+        add(weights.rows.right()[i], left + i, right + i, s, -c);
       } else if (left_single_[static_cast<std::size_t>(i)].column >= 0) {
         add(weight_of(i, s, c, s, c), right + i, right + i, 1.0, 0.0);
       } else {

@@ -126,51 +126,36 @@ Descent::Block Descent::blocking(double longest) {
   Block first{nullptr, longest};
   double fastest = 0.0;
   const double flat = tuning::descent_flat_rate * max_abs(direction_);
-  const auto look = [&](double slack, double rate, std::uint8_t& flag) {
+  set_.for_each_free_row([&](Index row) {
+    std::uint8_t& flag = set_.held[row];
+    const double rate = rates_.rows.all[row];
     if (flag != 0 || !(rate < -flat)) return;
-    const double length = std::max(slack, 0.0) / -rate;
+    const double length = std::max(images_.rows.all[row], 0.0) / -rate;
     if (length > first.length || (length == first.length && -rate <= fastest)) return;
     first = {&flag, length};
     fastest = -rate;
-  };
-  for (Index i = 0; i < problem_.inequalities(); ++i)
-    look(images_.inequality[i], rates_.inequality[i], set_.active_inequality[static_cast<std::size_t>(i)]);
-  for (Index i = 0; i < problem_.pairs(); ++i) {
-    const auto pair = static_cast<std::size_t>(i);
-    const bool left_fixed = set_.left_fixed[pair] != 0;
-    look(left_fixed ? images_.right[i] : images_.left[i], left_fixed ? rates_.right[i] : rates_.left[i],
-         set_.active_free_side[pair]);
-  }
+  });
   return first;
 }
 
 void Descent::clear_multipliers() {
-  for (Index i = 0; i < problem_.inequalities(); ++i) {
-    if (set_.active_inequality[static_cast<std::size_t>(i)] == 0) x_.lambda_w()[i] = 0.0;
-  }
-  for (Index i = 0; i < problem_.pairs(); ++i) {
-    const auto pair = static_cast<std::size_t>(i);
-    if (set_.active_free_side[pair] != 0) continue;
-    (set_.left_fixed[pair] != 0 ? x_.lambda_R()[i] : x_.lambda_L()[i]) = 0.0;
-  }
+  set_.for_each_free_row([this](Index row) {
+    if (set_.held[row] == 0) x_.lambda()[row] = 0.0;
+  });
 }
 
 // Of the rows held and free to leave, the one whose multiplier has the wrong sign most.
 bool Descent::release_worst() {
   std::uint8_t* worst = nullptr;
   double most = tuning::wrong_sign * (1.0 + max_abs(x_.all));
-  const auto look = [&](double lambda, std::uint8_t& flag) {
+  set_.for_each_free_row([&](Index row) {
+    std::uint8_t& flag = set_.held[row];
+    const double lambda = x_.lambda()[row];
     if (flag == 0 || !(lambda > most) || (worst != nullptr && short_steps_ > tuning::descent_short_steps))
       return;
     worst = &flag;
     most = lambda;
-  };
-  for (Index i = 0; i < problem_.inequalities(); ++i)
-    look(x_.lambda_w()[i], set_.active_inequality[static_cast<std::size_t>(i)]);
-  for (Index i = 0; i < problem_.pairs(); ++i) {
-    const auto pair = static_cast<std::size_t>(i);
-    look(set_.left_fixed[pair] != 0 ? x_.lambda_R()[i] : x_.lambda_L()[i], set_.active_free_side[pair]);
-  }
+  });
   if (worst == nullptr) return false;
   *worst = 0;
   return true;

@@ -23,13 +23,9 @@ InteriorEngine::InteriorEngine(const ScaledProblem& problem, Kkt& kkt)
       d_(problem),
       images_(problem),
       direction_images_(problem),
-      w_(problem.inequalities()),
+      slack_(problem.layout),
       nu_(problem.inequalities()),
-      s_(problem.pairs()),
-      t_(problem.pairs()),
-      inequality_rhs_(problem.inequalities()),
-      left_rhs_(problem.pairs()),
-      right_rhs_(problem.pairs()),
+      rhs_(problem.layout),
       gradient_(problem.variables()),
       reporter_(problem) {}
 
@@ -54,37 +50,36 @@ void InteriorEngine::start(ConstVectorRef initial_z) {
   kappa_ = tuning::interior_first_kappa;
   images_.evaluate(problem_, x_);
   const double least = std::sqrt(kappa_);
-  w_ = images_.inequality.cwiseMax(least);
-  s_ = images_.left.cwiseMax(least);
-  t_ = images_.right.cwiseMax(least);
-  nu_ = kappa_ * w_.cwiseInverse();
+  slack_.all = images_.rows.all.cwiseMax(least);
+  nu_ = kappa_ * slack_.inequality().cwiseInverse();
 }
 
 void InteriorEngine::evaluate() {
   images_.evaluate(problem_, x_);
-  const auto gap = [](const Vector& image, const Vector& slack) {
-    return image.size() == 0 ? 0.0 : (image - slack).lpNorm<Eigen::Infinity>();
-  };
-  primal_residual_ = std::max({max_abs(images_.equality), gap(images_.inequality, w_), gap(images_.left, s_),
-                               gap(images_.right, t_)});
+  const double gap = slack_.all.size() == 0 ? 0.0 : (images_.rows.all - slack_.all).lpNorm<Eigen::Infinity>();
+  primal_residual_ = std::max(max_abs(images_.equality), gap);
 }
 
 // Weights of the rows, and what they add to the right-hand side.
 void InteriorEngine::weigh() {
   weights_.rho = tuning::interior_rho;
   weights_.delta = std::max(tuning::least_delta, tuning::interior_delta_factor * kappa_);
-  weights_.inequality = nu_.cwiseQuotient(w_);
-  inequality_rhs_ = weights_.inequality.cwiseProduct(images_.inequality - w_) - kappa_ * w_.cwiseInverse();
-  for (Eigen::Index i = 0; i < s_.size(); ++i) {  // the row (t, s)·(ds, dt) = κ − st, of norm 1
-    const double norm = std::hypot(s_[i], t_[i]);
-    const double c = weights_.cosine[i] = t_[i] / norm;
-    const double s = weights_.sine[i] = s_[i] / norm;
-    weights_.first[i] = tuning::interior_rho;
-    weights_.second[i] = 0.0;
-    const double residual =
-        c * (images_.left[i] - s_[i]) + s * (images_.right[i] - t_[i]) - (kappa_ - s_[i] * t_[i]) / norm;
-    left_rhs_[i] = tuning::interior_rho * c * residual;
-    right_rhs_[i] = tuning::interior_rho * s * residual;
+  const auto w = slack_.inequality();
+  weights_.rows.inequality() = nu_.cwiseQuotient(w);
+  rhs_.inequality() =
+      weights_.rows.inequality().cwiseProduct(images_.rows.inequality() - w) - kappa_ * w.cwiseInverse();
+  for (Index i = 0; i < problem_.pairs(); ++i) {  // the row (t, s)·(ds, dt) = κ − st, of norm 1
+    const double s = slack_.left()[i];
+    const double t = slack_.right()[i];
+    const double norm = std::hypot(s, t);
+    const double cosine = weights_.cosine[i] = t / norm;
+    const double sine = weights_.sine[i] = s / norm;
+    weights_.rows.left()[i] = tuning::interior_rho;
+    weights_.rows.right()[i] = 0.0;
+    const double residual = cosine * (images_.rows.left()[i] - s) + sine * (images_.rows.right()[i] - t) -
+                            (kappa_ - s * t) / norm;
+    rhs_.left()[i] = tuning::interior_rho * cosine * residual;
+    rhs_.right()[i] = tuning::interior_rho * sine * residual;
   }
 }
 
@@ -96,9 +91,7 @@ double InteriorEngine::step(Run& run) {
   ++run.factorizations;
   if (!run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); })) return 0.0;
   gradient_ = images_.gradient;
-  add_transposed(problem_.C, inequality_rhs_, gradient_);
-  add_transposed(problem_.L, left_rhs_, gradient_);
-  add_transposed(problem_.R, right_rhs_, gradient_);
+  add_transposed(problem_.rows, rhs_.all, gradient_);
   d_.z() = -gradient_;
   d_.y() = -images_.equality -
            x_.y() / tuning::interior_rho;  // the second half of the solution is then y itself, not its step
@@ -110,31 +103,21 @@ double InteriorEngine::step(Run& run) {
 }
 
 double InteriorEngine::move() {
-  // From here on direction_images_ holds the steps of w, s and t.
-  direction_images_.inequality += images_.inequality - w_;
-  direction_images_.left += images_.left - s_;
-  direction_images_.right += images_.right - t_;
+  const Index inequalities = problem_.inequalities();
+  Vector& slack = slack_.all;
+  Vector& change = direction_images_.rows.all;  // from here on the step of the slacks
+  change += images_.rows.all - slack;
   double primal = 1.0;
   double dual = 1.0;
-  const auto dual_step = [this](Eigen::Index i) {
-    return kappa_ / w_[i] - nu_[i] - nu_[i] / w_[i] * direction_images_.inequality[i];
-  };
-  for (Eigen::Index i = 0; i < w_.size(); ++i) {
-    keep_positive(w_[i], direction_images_.inequality[i], primal);
-    keep_positive(nu_[i], dual_step(i), dual);
+  const auto dual_step = [&](Index i) { return kappa_ / slack[i] - nu_[i] - nu_[i] / slack[i] * change[i]; };
+  for (Index row = 0; row < slack.size(); ++row) keep_positive(slack[row], change[row], primal);
+  for (Index i = 0; i < inequalities; ++i) keep_positive(nu_[i], dual_step(i), dual);
+  for (Index i = 0; i < inequalities; ++i) nu_[i] += dual * dual_step(i);
+  slack = (slack + primal * change).cwiseMax(tuning::interior_least_side);
+  for (Index i = 0; i < inequalities; ++i) {
+    nu_[i] = std::clamp(nu_[i], kappa_ / (tuning::interior_spread * slack[i]),
+                        tuning::interior_spread * kappa_ / slack[i]);
   }
-  for (Eigen::Index i = 0; i < s_.size(); ++i) {
-    keep_positive(s_[i], direction_images_.left[i], primal);
-    keep_positive(t_[i], direction_images_.right[i], primal);
-  }
-  for (Eigen::Index i = 0; i < w_.size(); ++i) {
-    const double multiplier = nu_[i] + dual * dual_step(i);
-    w_[i] = std::max(w_[i] + primal * direction_images_.inequality[i], tuning::interior_least_side);
-    nu_[i] = std::clamp(multiplier, kappa_ / (tuning::interior_spread * w_[i]),
-                        tuning::interior_spread * kappa_ / w_[i]);
-  }
-  s_ = (s_ + primal * direction_images_.left).cwiseMax(tuning::interior_least_side);
-  t_ = (t_ + primal * direction_images_.right).cwiseMax(tuning::interior_least_side);
   x_.z() += primal * d_.z();
   x_.y() += primal * (d_.y() - x_.y());
   return std::min(primal, dual);

@@ -35,9 +35,10 @@ class InteriorEngine {
   RowWeights weights_;
   Iterate x_, d_;
   Images images_, direction_images_;
-  Vector w_, nu_;  // slacks of the inequalities and their multipliers
-  Vector s_, t_;   // sides of the pairs
-  Vector inequality_rhs_, left_rhs_, right_rhs_, gradient_;
+  RowVector slack_;  // w of the inequalities, s and t of the pairs
+  Vector nu_;        // multipliers of the inequalities
+  RowVector rhs_;
+  Vector gradient_;
   double kappa_ = 0.0, step_length_ = 0.0, primal_residual_ = 0.0;
   Reporter reporter_;
 };

@@ -30,8 +30,7 @@ bool nearly_full(const ScaledProblem& p) {
   const double n = p.variables();
   const double rows = 0.5 * n + p.equalities() + p.inequalities() + 2.0 * p.pairs();
   return n <= tuning::largest_dense &&
-         entries(p.Q) + entries(p.A) + entries(p.C) + entries(p.L) + entries(p.R) >
-             tuning::nearly_full * rows * n;
+         entries(p.Q) + entries(p.A) + entries(p.rows) > tuning::nearly_full * rows * n;
 }
 
 }  // namespace
@@ -63,12 +62,11 @@ std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p, const KktCost& most, const
     least.flops = std::min(least.flops, candidate->flops());
     if (!best || candidate->flops() < best->flops()) best = std::move(candidate);
   };
-  const double work = condensed_work(p.C) + condensed_work(p.L) + condensed_work(p.R);
+  const double work = condensed_work(p.rows);
   if (work < std::min(tuning::condensing_work, 2.0 * dense.flops)) consider(KeptRows::none);
-  if (has_long_rows(p.C) || has_long_rows(p.L) || has_long_rows(p.R)) consider(KeptRows::dense);
+  if (has_long_rows(p.rows)) consider(KeptRows::dense);
   // The full form has more rows and less fill in each: worth its analysis where condensing filled in.
-  const auto entries = static_cast<double>(p.Q.values.size() + p.A.values.size() + p.C.values.size() +
-                                           p.L.values.size() + p.R.values.size());
+  const auto entries = static_cast<double>(p.Q.values.size() + p.A.values.size() + p.rows.values.size());
   if (!best || best->flops() > tuning::filled_in * entries) consider(KeptRows::all);
   if (interrupt.requested()) return nullptr;
   if (dense_fits && (!best || dense.flops < best->flops())) return make_dense();

@@ -3,10 +3,10 @@
 //   [ H   Aᵀ   ] [x]   [f]          H = Q + δI + Σ_r k_r e_r e_rᵀ
 //   [ A  −I/ρ  ] [y] = [h]
 //
-// over the rows e_r of the inequalities and the pairs, each with its weight k_r. A pair has two rows, turned
-// by an angle: c·L_i + s·R_i with weight `first` and s·L_i − c·R_i with weight `second`. A row enters H as a
-// rank-one term or is kept as a row of its own, [e_r, −1/k_r]: the backend decides once, by the fill each way
-// causes.
+// over the rows e_r of the inequalities and the pairs, each with its weight k_r. A pair's two rows are turned
+// by an angle: c·L_i + s·R_i with the weight of its left row and s·L_i − c·R_i with that of its right one. A
+// row enters H as a rank-one term or is kept as a row of its own, [e_r, −1/k_r]: the backend decides once, by
+// the fill each way causes.
 #pragma once
 
 #include <limits>
@@ -21,17 +21,12 @@ namespace marble {
 
 struct RowWeights {
   explicit RowWeights(const ScaledProblem& problem)
-      : inequality(problem.inequalities()),
-        first(problem.pairs()),
-        second(problem.pairs()),
-        cosine(problem.pairs()),
-        sine(problem.pairs()) {}
+      : rows(problem.layout), cosine(Vector::Ones(problem.pairs())), sine(Vector::Zero(problem.pairs())) {}
 
-  double rho = 1.0;      ///< ρ of the equality rows, > 0
-  double delta = 0.0;    ///< δ ≥ 0
-  Vector inequality;     ///< n_i, ≥ 0
-  Vector first, second;  ///< n_c, weights along the turned rows; a negative one makes H lose convexity
-  Vector cosine, sine;   ///< n_c, of the angle; c² + s² = 1
+  double rho = 1.0;     ///< ρ of the equality rows, > 0
+  double delta = 0.0;   ///< δ ≥ 0
+  RowVector rows;       ///< ≥ 0; a negative one of a pair makes H lose convexity
+  Vector cosine, sine;  ///< n_c, of the angle; c² + s² = 1; as made, no turn
 };
 
 /// Factorizes and solves the system above. Allocates only in its constructor and in allocate(). Whatever

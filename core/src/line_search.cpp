@@ -32,19 +32,19 @@ Measures measure(const Subproblem& sub, const Images& at, const Images& along, c
                    x.y()[i] + alpha * d.y()[i]);
   }
   double log_sum = 0.0;
-  for (Eigen::Index i = 0; i < at.inequality.size(); ++i) {
+  for (Eigen::Index i = 0; i < at.rows.inequality().size(); ++i) {
     const Retraction w(x.v()[i] + alpha * d.v()[i], sub.kappa);
     log_sum += std::log(w.positive);
-    add_constraint(at.inequality[i] + alpha * along.inequality[i] - w.positive, sub.inequality_estimate[i],
+    add_constraint(at.rows.all[i] + alpha * along.rows.all[i] - w.positive, sub.row_estimate.all[i],
                    x.lambda_w()[i] + alpha * d.lambda_w()[i]);
   }
   m.phi -= sub.kappa * log_sum;
-  for (Eigen::Index i = 0; i < at.left.size(); ++i) {
+  for (Eigen::Index i = 0; i < at.rows.left().size(); ++i) {
     const Retraction h(x.sigma()[i] + alpha * d.sigma()[i], sub.kappa);
-    add_constraint(at.left[i] + alpha * along.left[i] - h.positive, sub.left_estimate[i],
+    add_constraint(at.rows.left()[i] + alpha * along.rows.left()[i] - h.positive, sub.row_estimate.left()[i],
                    x.lambda_L()[i] + alpha * d.lambda_L()[i]);
-    add_constraint(at.right[i] + alpha * along.right[i] - h.negative, sub.right_estimate[i],
-                   x.lambda_R()[i] + alpha * d.lambda_R()[i]);
+    add_constraint(at.rows.right()[i] + alpha * along.rows.right()[i] - h.negative,
+                   sub.row_estimate.right()[i], x.lambda_R()[i] + alpha * d.lambda_R()[i]);
   }
   return m;
 }
@@ -52,7 +52,7 @@ Measures measure(const Subproblem& sub, const Images& at, const Images& along, c
 double phi_slope(const Subproblem& sub, const Images& at, const Iterate& x, const Iterate& d) {
   // d/dα of φ at 0; ∂φ/∂λ = (α + ρe)/ρ = λ/ρ.
   double slope = at.gradient.dot(d.z());
-  for (Eigen::Index i = 0; i < at.inequality.size(); ++i) {
+  for (Eigen::Index i = 0; i < at.rows.inequality().size(); ++i) {
     slope -= sub.kappa * d.v()[i] / Retraction(x.v()[i], sub.kappa).root;  // p′/p = 1/√(v² + 4κ)
   }
   const double from_multipliers = x.y().dot(d.y()) + x.lambda_w().dot(d.lambda_w()) +
@@ -119,19 +119,20 @@ double residual_norm(const Subproblem& sub, const Images& at, const Images& alon
   for (Eigen::Index i = 0; i < at.equality.size(); ++i) {
     primal(at.equality[i] + alpha * along.equality[i], sub.equality_estimate[i], x.y()[i] + alpha * d.y()[i]);
   }
-  for (Eigen::Index i = 0; i < at.inequality.size(); ++i) {
+  for (Eigen::Index i = 0; i < at.rows.inequality().size(); ++i) {
     const Retraction w(x.v()[i] + alpha * d.v()[i], sub.kappa);
     const double lambda = x.lambda_w()[i] + alpha * d.lambda_w()[i];
     take(lambda + w.negative);
-    primal(at.inequality[i] + alpha * along.inequality[i] - w.positive, sub.inequality_estimate[i], lambda);
+    primal(at.rows.all[i] + alpha * along.rows.all[i] - w.positive, sub.row_estimate.all[i], lambda);
   }
-  for (Eigen::Index i = 0; i < at.left.size(); ++i) {
+  for (Eigen::Index i = 0; i < at.rows.left().size(); ++i) {
     const Retraction h(x.sigma()[i] + alpha * d.sigma()[i], sub.kappa);
     const double left = x.lambda_L()[i] + alpha * d.lambda_L()[i];
     const double right = x.lambda_R()[i] + alpha * d.lambda_R()[i];
     take(h.negative_slope() * right - h.slope() * left);
-    primal(at.left[i] + alpha * along.left[i] - h.positive, sub.left_estimate[i], left);
-    primal(at.right[i] + alpha * along.right[i] - h.negative, sub.right_estimate[i], right);
+    primal(at.rows.left()[i] + alpha * along.rows.left()[i] - h.positive, sub.row_estimate.left()[i], left);
+    primal(at.rows.right()[i] + alpha * along.rows.right()[i] - h.negative, sub.row_estimate.right()[i],
+           right);
   }
   return norm;
 }

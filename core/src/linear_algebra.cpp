@@ -14,27 +14,27 @@ void keep_blas_to_one_thread() {
   }();
 }
 
-RowMatrix by_rows(const SparseMatrixView& matrix, Index rows, Index columns) {
-  RowMatrix result;
-  result.rows = rows;
-  result.columns = columns;
-  result.row_pointers.assign(static_cast<std::size_t>(rows) + 1, 0);
-  result.column_indices.resize(matrix.values.size());
-  result.values.resize(matrix.values.size());
-  result.source.resize(matrix.values.size());
-  for (const Index row : matrix.row_indices) ++result.row_pointers[row + 1];
-  std::partial_sum(result.row_pointers.begin(), result.row_pointers.end(), result.row_pointers.begin());
-  if (matrix.values.empty()) return result;
-  std::vector<Index> next(result.row_pointers.begin(), result.row_pointers.end() - 1);
-  for (Index column = 0; column < columns; ++column) {
+void append_rows(const SparseMatrixView& matrix, Index rows, RowMatrix& to) {
+  const std::size_t entries = to.values.size() + matrix.values.size();
+  const auto first = static_cast<std::size_t>(to.rows);
+  to.rows += rows;
+  to.row_pointers.resize(first + static_cast<std::size_t>(rows) + 1, 0);
+  to.column_indices.resize(entries);
+  to.values.resize(entries);
+  to.source.resize(entries);
+  for (const Index row : matrix.row_indices) ++to.row_pointers[first + static_cast<std::size_t>(row) + 1];
+  const auto begin = to.row_pointers.begin() + static_cast<std::ptrdiff_t>(first);
+  std::partial_sum(begin, to.row_pointers.end(), begin);
+  if (matrix.values.empty()) return;
+  std::vector<Index> next(begin, to.row_pointers.end() - 1);
+  for (Index column = 0; column < to.columns; ++column) {
     for (Index k = matrix.column_pointers[column]; k < matrix.column_pointers[column + 1]; ++k) {
       const Index slot = next[matrix.row_indices[k]]++;
-      result.column_indices[slot] = column;
-      result.values[slot] = matrix.values[k];
-      result.source[slot] = k;
+      to.column_indices[slot] = column;
+      to.values[slot] = matrix.values[k];
+      to.source[slot] = k;
     }
   }
-  return result;
 }
 
 void multiply(const RowMatrix& matrix, ConstVectorRef x, VectorRef out) {

@@ -25,8 +25,8 @@ struct RowMatrix {
   [[nodiscard]] Index row_size(Index row) const { return row_pointers[row + 1] - row_pointers[row]; }
 };
 
-/// Rows of a column-compressed matrix; O(entries).
-RowMatrix by_rows(const SparseMatrixView& matrix, Index rows, Index columns);
+/// Appends the rows of a column-compressed matrix; O(entries).
+void append_rows(const SparseMatrixView& matrix, Index rows, RowMatrix& to);
 
 /// out = M x
 void multiply(const RowMatrix& matrix, ConstVectorRef x, VectorRef out);

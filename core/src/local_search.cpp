@@ -59,17 +59,14 @@ double LocalSearch::least_improvement() const {
 
 double LocalSearch::largest_violation() const {
   const Iterate& x = active_set_.x();
-  return std::max({max_abs(x.y()), max_abs(x.lambda_w()), max_abs(x.lambda_L()), max_abs(x.lambda_R())}) /
-         active_set_.rho();
+  return std::max(max_abs(x.y()), max_abs(x.lambda())) / active_set_.rho();
 }
 
 int LocalSearch::pulling(const ActiveSet& active_set) {
   const WorkingSet& set = active_set.set();
-  const Iterate& x = active_set.x();
   int count = 0;
-  for (std::size_t i = 0; i < set.left_fixed.size(); ++i) {
-    const auto pair = static_cast<Index>(i);
-    if ((set.left_fixed[i] ? x.lambda_L()[pair] : x.lambda_R()[pair]) > tuning::search_pull) ++count;
+  for (Index pair = 0; pair < set.layout.pairs; ++pair) {
+    if (active_set.x().lambda()[set.fixed_row(pair)] > tuning::search_pull) ++count;
   }
   return count;
 }
@@ -129,7 +126,7 @@ bool LocalSearch::take(Run& run, std::span<const Index> pairs) {
   before_ = next_ = active_set_.set();
   const double rho = active_set_.rho();
   const double target = active_set_.elastic_objective() - 0.5 * least_improvement();
-  for (const Index pair : pairs) next_.left_fixed[pair] ^= 1U;
+  for (const Index pair : pairs) next_.flip(pair);
   parametric_.read_active_rows(next_);
   active_set_.set_working_set(next_);
   const bool better = active_set_.relax(run, rho, true, tuning::search_move_budget) &&

@@ -8,20 +8,15 @@
 namespace marble {
 
 Newton::Newton(const ScaledProblem& problem, Kkt& kkt)
-    : problem_(problem),
-      kkt_(kkt),
-      weights_(problem),
-      pivot_(problem.pairs()),
-      inequality_rhs_(problem.inequalities()),
-      left_rhs_(problem.pairs()),
-      right_rhs_(problem.pairs()) {}
+    : problem_(problem), kkt_(kkt), weights_(problem), pivot_(problem.pairs()), rhs_(problem.layout) {}
 
 bool Newton::factor(const Subproblem& sub, const Iterate& x, double delta, bool clip) {
   weights_.rho = sub.rho;
   weights_.delta = delta;
-  for (Eigen::Index i = 0; i < weights_.inequality.size(); ++i) {
+  auto omega = weights_.rows.inequality();
+  for (Eigen::Index i = 0; i < omega.size(); ++i) {
     const Retraction w(x.v()[i], sub.kappa);
-    weights_.inequality[i] = 1.0 / (1.0 / sub.rho + w.positive / w.negative);
+    omega[i] = 1.0 / (1.0 / sub.rho + w.positive / w.negative);
   }
   for (Eigen::Index i = 0; i < pivot_.size(); ++i) {
     const Retraction h(x.sigma()[i], sub.kappa);
@@ -32,8 +27,8 @@ bool Newton::factor(const Subproblem& sub, const Iterate& x, double delta, bool 
     const double u = std::sqrt(a * a + b * b);
     pivot_[i] = u * u + q / sub.rho;
     if (pivot_[i] <= 0.0) return false;
-    weights_.first[i] = sub.rho;
-    weights_.second[i] = q / pivot_[i];
+    weights_.rows.left()[i] = sub.rho;
+    weights_.rows.right()[i] = q / pivot_[i];
     weights_.cosine[i] = b / u;
     weights_.sine[i] = a / u;
   }
@@ -47,33 +42,33 @@ bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r
     const Retraction h(x.sigma()[i], sub.kappa);
     const double c = weights_.cosine[i];
     const double s = weights_.sine[i];
-    const double along_first = weights_.first[i] * (c * e_L + s * e_R);
-    const double along_second = weights_.second[i] * (s * e_L - c * e_R);
+    const double along_first = weights_.rows.left()[i] * (c * e_L + s * e_R);
+    const double along_second = weights_.rows.right()[i] * (s * e_L - c * e_R);
     const double from_sigma = r.sigma()[i] / pivot_[i];
     out_L = c * along_first + s * along_second + h.slope() * from_sigma;
     out_R = s * along_first - c * along_second - h.negative_slope() * from_sigma;
   };
 
-  for (Eigen::Index i = 0; i < inequality_rhs_.size(); ++i) {
+  const auto omega = weights_.rows.inequality();
+  auto from_rows = rhs_.inequality();
+  for (Eigen::Index i = 0; i < omega.size(); ++i) {
     const Retraction w(x.v()[i], sub.kappa);
-    inequality_rhs_[i] = weights_.inequality[i] * (r.lambda_w()[i] - w.positive / w.negative * r.v()[i]);
+    from_rows[i] = omega[i] * (r.lambda_w()[i] - w.positive / w.negative * r.v()[i]);
   }
   for (Eigen::Index i = 0; i < pivot_.size(); ++i) {
-    pair_image(i, r.lambda_L()[i], r.lambda_R()[i], left_rhs_[i], right_rhs_[i]);
+    pair_image(i, r.lambda_L()[i], r.lambda_R()[i], rhs_.left()[i], rhs_.right()[i]);
   }
   images.stationarity = r.z();  // borrowed as workspace for the right-hand side
-  add_transposed(problem_.C, inequality_rhs_, images.stationarity);
-  add_transposed(problem_.L, left_rhs_, images.stationarity);
-  add_transposed(problem_.R, right_rhs_, images.stationarity);
+  add_transposed(problem_.rows, rhs_.all, images.stationarity);
   d.z() = -images.stationarity;
   d.y() = -r.y();
   if (!kkt_.solve(d.z(), d.y())) return false;
 
   images.evaluate_rows(problem_, d.z());
-  for (Eigen::Index i = 0; i < inequality_rhs_.size(); ++i) {
+  for (Eigen::Index i = 0; i < omega.size(); ++i) {
     const Retraction w(x.v()[i], sub.kappa);
-    const double reach = images.inequality[i] + r.lambda_w()[i];  // C dz + r₄
-    const double dlambda = weights_.inequality[i] * (reach - w.positive / w.negative * r.v()[i]);
+    const double reach = images.rows.all[i] + r.lambda_w()[i];  // C dz + r₄
+    const double dlambda = omega[i] * (reach - w.positive / w.negative * r.v()[i]);
     d.lambda_w()[i] = dlambda;
     // Rows r₄ and r₂ both give dv; divide by the slope that is not small.
     d.v()[i] =
@@ -81,8 +76,8 @@ bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r
   }
   for (Eigen::Index i = 0; i < pivot_.size(); ++i) {
     const Retraction h(x.sigma()[i], sub.kappa);
-    const double e_L = images.left[i] + r.lambda_L()[i];
-    const double e_R = images.right[i] + r.lambda_R()[i];
+    const double e_L = images.rows.left()[i] + r.lambda_L()[i];
+    const double e_R = images.rows.right()[i] + r.lambda_R()[i];
     double dL = 0.0;
     double dR = 0.0;
     pair_image(i, e_L, e_R, dL, dR);

@@ -29,7 +29,7 @@ class Newton {
   Kkt& kkt_;
   RowWeights weights_;
   Vector pivot_;  // π of each pair
-  Vector inequality_rhs_, left_rhs_, right_rhs_;
+  RowVector rhs_;
 };
 
 }  // namespace marble

@@ -24,18 +24,15 @@ double Parametric::response_bytes(Index pairs, double rows) {
 Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
     : problem_(problem),
       kkt_(kkt),
-      n_i_(problem.inequalities()),
-      n_c_(problem.pairs()),
-      rows_(n_i_ + 2 * n_c_),
-      left_fixed_(n_c_),
-      active_(rows_),
+      rows_(problem.layout.size()),
+      start_(problem),
       start_fixed_(rows_),
       fixed_(rows_),
       is_changed_(rows_),
       start_value_(rows_),
       value_(rows_),
       value_rate_(rows_),
-      capacity_(n_c_ == 0
+      capacity_(problem.pairs() == 0
                     ? 0
                     : std::min(rows_, std::max<Index>(2 * tuning::parametric_changed,
                                                       static_cast<Index>(tuning::parametric_cache_bytes /
@@ -53,22 +50,12 @@ Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
 void Parametric::start(const ActiveSet& optimum) {
   rho_ = optimum.rho();
   start_objective_ = optimum.elastic_objective();
-  const WorkingSet& set = optimum.set();
-  const Images& images = optimum.images();
-  const auto take = [this](Index row, bool fixed, bool active, double lambda, double slack) {
+  start_ = optimum.set();
+  for (Index row = 0; row < rows_; ++row) {
+    const bool fixed = start_.is_fixed(row);
+    const double value = start_.held[row] ? -optimum.x().lambda()[row] : optimum.images().rows.all[row];
     start_fixed_[row] = fixed;
-    active_[row] = active;
-    const double value = active ? -lambda : slack;
     start_value_[row] = fixed ? value : std::max(0.0, value);
-  };
-  for (Index i = 0; i < n_i_; ++i)
-    take(i, false, set.active_inequality[i], optimum.x().lambda_w()[i], images.inequality[i]);
-  for (Index i = 0; i < n_c_; ++i) {
-    const bool left = set.left_fixed[i] != 0;
-    const bool both = set.active_free_side[i] != 0;
-    left_fixed_[i] = left;
-    take(left_row(i), left, left || both, optimum.x().lambda_L()[i], images.left[i]);
-    take(right_row(i), !left, !left || both, optimum.x().lambda_R()[i], images.right[i]);
   }
   std::fill(response_of_row_.begin(), response_of_row_.end(), -1);
   used_ = 0;
@@ -88,32 +75,23 @@ void Parametric::reset() {
   }
 }
 
-// What a unit force along a row does to z.
-bool Parametric::push(const RowMatrix& matrix, Index row) {
-  const auto begin = static_cast<std::size_t>(matrix.row_pointers[row]);
-  const auto count = static_cast<std::size_t>(matrix.row_size(row));
-  return kkt_.solve_sparse({matrix.column_indices.data() + begin, count},
-                           {matrix.values.data() + begin, count}, displacement_);
-}
-
 // A force f along row j adds f·e_j to the right-hand side. A slack θ in an active row, u + ν/ρ = θ, adds
 // ρθ·e_j.
 const double* Parametric::response(Index row) {
   if (response_of_row_[row] >= 0)
     return responses_.get() + static_cast<std::size_t>(response_of_row_[row]) * rows_;
   if (used_ == capacity_) return nullptr;
-  const bool pushed = row < n_i_          ? push(problem_.C, row)
-                      : row < n_i_ + n_c_ ? push(problem_.L, row - n_i_)
-                                          : push(problem_.R, row - n_i_ - n_c_);
-  if (!pushed) return nullptr;
+  const RowMatrix& matrix = problem_.rows;
+  const auto begin = static_cast<std::size_t>(matrix.row_pointers[row]);
+  const auto count = static_cast<std::size_t>(matrix.row_size(row));
+  if (!kkt_.solve_sparse({matrix.column_indices.data() + begin, count}, {matrix.values.data() + begin, count},
+                         displacement_))
+    return nullptr;
   double* out = responses_.get() + static_cast<std::size_t>(used_) * rows_;
-  Eigen::Map<Vector> image(out, rows_);
-  multiply(problem_.C, displacement_, image.head(n_i_));
-  multiply(problem_.L, displacement_, image.segment(n_i_, n_c_));
-  multiply(problem_.R, displacement_, image.tail(n_c_));
-  const double force = active_[row] ? rho_ : 1.0;
-  for (Index i = 0; i < rows_; ++i) out[i] *= active_[i] ? -rho_ * force : force;
-  if (active_[row]) out[row] += rho_;
+  multiply(matrix, displacement_, Eigen::Map<Vector>(out, rows_));
+  const double force = start_.held[row] ? rho_ : 1.0;
+  for (Index i = 0; i < rows_; ++i) out[i] *= start_.held[i] ? -rho_ * force : force;
+  if (start_.held[row]) out[row] += rho_;
   response_of_row_[row] = used_++;
   return out;
 }
@@ -133,7 +111,7 @@ bool Parametric::direction(Index prescribed, double prescribed_rate, Index drive
   }
   for (int a = 0; a < count; ++a) {
     const Index row = changed_[a].row;
-    if (!active_[row]) bordered_[a * count + a] += 1.0 / rho_;
+    if (!start_.held[row]) bordered_[a * count + a] += 1.0 / rho_;
     right_side_[a] =
         (row == driven ? -1.0 : 0.0) - (fixed_part == nullptr ? 0.0 : prescribed_rate * fixed_part[row]);
   }
@@ -244,17 +222,17 @@ bool Parametric::release(Index row) {
 // `limit`.
 bool Parametric::drive(Index row, double limit) {
   fixed_[row] = 1;
-  double slack = active_[row] ? 0.0 : std::max(0.0, value_[row]);
+  double slack = start_.held[row] ? 0.0 : std::max(0.0, value_[row]);
   bool was_released = false;  // active at the start, inactive now: its own slack is the prescribed one
   if (is_changed_[row]) {
     slack = 0.0;
-    if (active_[row]) {
+    if (start_.held[row]) {
       const std::size_t k = find(row);
       was_released = true;
       slack = changed_[k].value;
       changed_.erase(changed_.begin() + static_cast<std::ptrdiff_t>(k));
     }
-  } else if (!active_[row]) {
+  } else if (!start_.held[row]) {
     changed_.push_back({row, 0.0});
     is_changed_[row] = 1;
     if (slack <= tuning::rounding) value_[row] = 0.0;
@@ -292,14 +270,11 @@ std::optional<double> Parametric::follow(std::span<const Move> moves, double cut
 }
 
 void Parametric::read_active_rows(WorkingSet& set) const {
-  const auto active = [this](Index row) -> std::uint8_t { return active_[row] != is_changed_[row]; };
-  for (Index i = 0; i < n_i_; ++i) set.active_inequality[i] = active(i);
-  for (Index i = 0; i < n_c_; ++i)
-    set.active_free_side[i] = active(set.left_fixed[i] ? right_row(i) : left_row(i));
+  set.for_each_free_row([&](Index row) { set.held[row] = start_.held[row] != is_changed_[row]; });
 }
 
 bool Parametric::probe(Index release, Index drive) {
-  if (active_[drive]) return false;
+  if (start_.held[drive]) return false;
   reset();
   changed_.push_back({release, 0.0});
   changed_.push_back({drive, 0.0});

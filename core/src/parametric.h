@@ -34,17 +34,13 @@ class Parametric {
   /// From now on moves start at this optimum, whose factor `kkt` must hold.
   void start(const ActiveSet& optimum);
 
-  /// Rows of pair i: the side its branch fixes, and the other one.
-  [[nodiscard]] Index fixed_row(Index pair) const {
-    return left_fixed_[pair] ? left_row(pair) : right_row(pair);
-  }
-  [[nodiscard]] Index free_row(Index pair) const {
-    return left_fixed_[pair] ? right_row(pair) : left_row(pair);
-  }
+  /// Rows of pair i at the start: the side its branch fixes, and the other one.
+  [[nodiscard]] Index fixed_row(Index pair) const { return start_.fixed_row(pair); }
+  [[nodiscard]] Index free_row(Index pair) const { return start_.free_row(pair); }
   /// At the start: the multiplier ν of a row that is active (negative where a fixed side would like to
   /// leave), and the slack of one that is not (0 if active).
-  [[nodiscard]] double multiplier(Index row) const { return active_[row] ? start_value_[row] : 0.0; }
-  [[nodiscard]] double slack(Index row) const { return active_[row] ? 0.0 : start_value_[row]; }
+  [[nodiscard]] double multiplier(Index row) const { return start_.held[row] ? start_value_[row] : 0.0; }
+  [[nodiscard]] double slack(Index row) const { return start_.held[row] ? 0.0 : start_value_[row]; }
 
   /// Makes the moves one after the other. The elastic objective at their end, or nothing as soon as it cannot
   /// end below `cutoff`, or if too many rows change. On the way it may climb by `climb` above the cutoff
@@ -65,11 +61,8 @@ class Parametric {
     double value;  // its multiplier if it was inactive at the start, its slack if it was active
     double rate = 0.0;
   };
-  [[nodiscard]] Index left_row(Index pair) const { return n_i_ + pair; }
-  [[nodiscard]] Index right_row(Index pair) const { return n_i_ + n_c_ + pair; }
   void reset();
   [[nodiscard]] const double* response(Index row);
-  [[nodiscard]] bool push(const RowMatrix& matrix, Index row);
   [[nodiscard]] bool direction(Index prescribed, double prescribed_rate, Index driven);
   [[nodiscard]] Index first_event(double& length, Index driven) const;
   void advance(double length);
@@ -80,12 +73,13 @@ class Parametric {
 
   const ScaledProblem& problem_;
   Kkt& kkt_;
-  Index n_i_, n_c_, rows_;
+  Index rows_;
   double rho_ = 1.0, start_objective_ = 0.0, objective_ = 0.0;
   int events_ = 0;
-  std::vector<std::uint8_t> left_fixed_, active_, start_fixed_;  // at the start
-  std::vector<std::uint8_t> fixed_, is_changed_;                 // on the way
-  Vector start_value_, value_, value_rate_;  // by row: multiplier if active at the start, else slack
+  WorkingSet start_;
+  std::vector<std::uint8_t> start_fixed_;         // by row, of start_
+  std::vector<std::uint8_t> fixed_, is_changed_;  // on the way
+  Vector start_value_, value_, value_rate_;       // by row: multiplier if active at the start, else slack
   std::vector<Changed> changed_;
   // Responses of all rows to a unit force in a row (to a unit slack, if it is active), by order of first use.
   Index capacity_, used_ = 0;

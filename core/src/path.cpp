@@ -65,9 +65,9 @@ void PathEngine::start(ConstVectorRef initial_z) {
   x_.all.setZero();
   x_.z() = initial_z;
   images_.evaluate(problem_, x_);
-  x_.sigma() = images_.left - images_.right;  // the point of the curve nearest to (s, t)
-  x_.v() = images_.inequality;
-  for (Eigen::Index i = 0; i < images_.inequality.size(); ++i) {
+  x_.sigma() = images_.rows.left() - images_.rows.right();  // the point of the curve nearest to (s, t)
+  x_.v() = images_.rows.inequality();
+  for (Eigen::Index i = 0; i < x_.v().size(); ++i) {
     x_.lambda_w()[i] = -Retraction(x_.v()[i], sub_.kappa).negative;  // (12): r₂ = 0
   }
   images_.evaluate(problem_, x_);
@@ -196,9 +196,7 @@ void PathEngine::accept(double alpha) {
   if (primal_residual() <= tuning::path_estimate_update * before) sub_.take_estimates(x_);
 }
 
-double PathEngine::primal_residual() const {
-  return std::max({max_abs(r_.y()), max_abs(r_.lambda_w()), max_abs(r_.lambda_L()), max_abs(r_.lambda_R())});
-}
+double PathEngine::primal_residual() const { return std::max(max_abs(r_.y()), max_abs(r_.lambda())); }
 
 void PathEngine::remember_best() {
   const bool feasible = within_tolerances(violations_, options_);

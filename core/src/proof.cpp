@@ -32,7 +32,7 @@ ScaledProblem empty_problem(Index variables) {
   p.Q.size = variables;
   p.Q.column_pointers.assign(static_cast<std::size_t>(variables) + 1, 0);
   p.g = Vector::Zero(variables);
-  p.A.columns = p.C.columns = p.L.columns = p.R.columns = variables;
+  p.A.columns = p.rows.columns = variables;
   return p;
 }
 
@@ -72,26 +72,29 @@ class Branch {
       problem_.Q.column_pointers[static_cast<std::size_t>(j) + 1] = j + 1;
     }
     append_rows(p.A, problem_.A);
-    append_rows(p.C, problem_.C);
     std::vector<double> b(p.b.data(), p.b.data() + p.b.size());
-    std::vector<double> d(p.d.data(), p.d.data() + p.d.size());
-    Vector left(p.pairs());
-    Vector right(p.pairs());
-    multiply(p.L, z, left);
-    multiply(p.R, z, right);
+    std::vector<double> d;
+    Vector value(p.layout.size());
+    multiply(p.rows, z, value);
+    value += p.offset;
+    WorkingSet set(p);
+    for (Index i = 0; i < p.pairs(); ++i)
+      set.fix(i, value[p.layout.left(i)] < value[p.layout.right(i)], false);
     for (Index i = 0; i < p.pairs(); ++i) {
-      const bool left_fixed = left[i] + p.l[i] < right[i] + p.r[i];
-      append_row(left_fixed ? p.L : p.R, i, problem_.A);
-      append_row(left_fixed ? p.R : p.L, i, problem_.C);
-      b.push_back(left_fixed ? p.l[i] : p.r[i]);
-      d.push_back(left_fixed ? p.r[i] : p.l[i]);
+      append_row(p.rows, set.fixed_row(i), problem_.A);
+      b.push_back(p.offset[set.fixed_row(i)]);
     }
+    set.for_each_free_row([&](Index row) {
+      append_row(p.rows, row, problem_.rows);
+      d.push_back(p.offset[row]);
+    });
+    problem_.layout.inequalities = problem_.rows.rows;
     if (flat) append_rows(p.Q, problem_.A);
     b.resize(static_cast<std::size_t>(problem_.A.rows), 0.0);
     b_ = Eigen::Map<const Vector>(b.data(), static_cast<Index>(b.size()));
     d_ = Eigen::Map<const Vector>(d.data(), static_cast<Index>(d.size()));
     problem_.b = Vector::Zero(b_.size());
-    problem_.d = Vector::Zero(d_.size());
+    problem_.offset = Vector::Zero(d_.size());
     kkt_ = make_kkt(problem_, interrupt);
     if (kkt_ != nullptr) active_set_ = std::make_unique<ActiveSet>(problem_, *kkt_);
   }
@@ -99,13 +102,13 @@ class Branch {
   /// The nearest point of the cone to `target`; nothing if that fails.
   std::optional<Vector> nearest_direction(Run& run, ConstVectorRef target) {
     problem_.b.setZero();
-    problem_.d.setZero();
+    problem_.offset.setZero();
     return nearest(run, target);
   }
 
   std::optional<Vector> nearest_point(Run& run, ConstVectorRef target) {
     problem_.b = b_;
-    problem_.d = d_;
+    problem_.offset = d_;
     return nearest(run, target);
   }
 
@@ -130,29 +133,29 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
   ScaledProblem relaxed = empty_problem(p.variables());
   relaxed.A = p.A;
   relaxed.b = p.b;
-  for (const RowMatrix* matrix : {&p.C, &p.L, &p.R}) append_rows(*matrix, relaxed.C);
-  relaxed.d.resize(relaxed.C.rows);
-  relaxed.d << p.d, p.l, p.r;
+  relaxed.rows = p.rows;
+  relaxed.offset = p.offset;
+  relaxed.layout.inequalities = p.layout.size();  // every side of a pair, without complementarity
   const std::unique_ptr<Kkt> kkt = make_kkt(relaxed, run.interrupt());
   if (kkt == nullptr) return std::nullopt;
   ActiveSet active_set(relaxed, *kkt);
   active_set.start_from_point(z);
   if (!active_set.relax(run, tuning::proof_rho, false, tuning::proof_budget)) return std::nullopt;
   Vector y = active_set.x().y();
-  Vector lambda = active_set.x().lambda_w();
+  Vector lambda = active_set.x().lambda();
   // r = Aᵀy + Cᵀλ is what the proximal term pulls, not 0. The elastic system M = δI + ρ(AᵀA + CᵀC over
   // violated rows) is at hand: with M x = r, y − ρAx and λ − ρCx leave δx of it.
   Vector residual(p.variables());
-  Vector moved(relaxed.C.rows);
+  Vector moved(relaxed.rows.rows);
   Vector equality(relaxed.A.rows);
   for (int i = 0; i < tuning::proof_refinements; ++i) {
     residual.setZero();
     add_transposed(relaxed.A, y, residual);
-    add_transposed(relaxed.C, lambda, residual);
+    add_transposed(relaxed.rows, lambda, residual);
     equality.setZero();
     if (!kkt->solve(residual, equality)) return std::nullopt;  // ρAx is its second half
     y -= equality;
-    multiply(relaxed.C, residual, moved);
+    multiply(relaxed.rows, residual, moved);
     for (Eigen::Index k = 0; k < lambda.size(); ++k) {
       if (lambda[k] < 0.0) lambda[k] = std::min(lambda[k] - tuning::proof_rho * moved[k], 0.0);
     }
@@ -160,9 +163,7 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
   Iterate x(p);
   x.z() = active_set.x().z();
   x.y() = y;
-  x.lambda_w() = lambda.head(p.inequalities());
-  x.lambda_L() = lambda.segment(p.inequalities(), p.pairs());
-  x.lambda_R() = lambda.tail(p.pairs());
+  x.lambda() = lambda;
   return infeasibility_certificate(p, x);
 }
 

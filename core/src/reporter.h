@@ -10,7 +10,7 @@ namespace marble {
 class Reporter {
  public:
   explicit Reporter(const ScaledProblem& problem)
-      : problem_(problem), z_(problem.variables()), s_(problem.pairs()), t_(problem.pairs()) {}
+      : problem_(problem), z_(problem.variables()), rows_(problem.layout) {}
 
   /// Adds the run's counters, its clock, z and, if wanted, s and t to `progress` and tells it, unless this
   /// iteration was told already: an engine that goes on begins where the last row was.
@@ -24,22 +24,19 @@ class Reporter {
     progress.elapsed_s = run.elapsed_s();
     progress.z = {z_.data(), static_cast<std::size_t>(z_.size())};
     if (run.sink()->wants_pairs()) {
-      progress.s = side(problem_.L, problem_.l, problem_.left_scale, z, s_);
-      progress.t = side(problem_.R, problem_.r, problem_.right_scale, z, t_);
+      multiply(problem_.rows, z, rows_.all);
+      rows_.all = (rows_.all + problem_.offset).cwiseQuotient(problem_.row_scale);
+      const auto pairs = static_cast<std::size_t>(problem_.pairs());
+      progress.s = {rows_.left().data(), pairs};
+      progress.t = {rows_.right().data(), pairs};
     }
     run.sink()->report(progress);
   }
 
  private:
-  [[nodiscard]] static std::span<const double> side(const RowMatrix& matrix, const Vector& offset,
-                                                    const Vector& scale, ConstVectorRef z, Vector& out) {
-    multiply(matrix, z, out);
-    out = (out + offset).cwiseQuotient(scale);
-    return {out.data(), static_cast<std::size_t>(out.size())};
-  }
-
   const ScaledProblem& problem_;
-  Vector z_, s_, t_;
+  Vector z_;
+  RowVector rows_;
 };
 
 }  // namespace marble

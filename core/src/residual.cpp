@@ -8,35 +8,24 @@
 namespace marble {
 
 Images::Images(const ScaledProblem& p)
-    : equality(p.equalities()),
-      inequality(p.inequalities()),
-      left(p.pairs()),
-      right(p.pairs()),
-      gradient(p.variables()),
-      stationarity(p.variables()) {}
+    : equality(p.equalities()), rows(p.layout), gradient(p.variables()), stationarity(p.variables()) {}
 
 void Images::evaluate_rows(const ScaledProblem& p, ConstVectorRef z) {
   multiply(p.A, z, equality);
-  multiply(p.C, z, inequality);
-  multiply(p.L, z, left);
-  multiply(p.R, z, right);
+  multiply(p.rows, z, rows.all);
 }
 
 void Images::evaluate_duals(const ScaledProblem& p, const Iterate& step) {
   multiply(p.Q, step.z(), gradient);
   stationarity = gradient;
   add_transposed(p.A, step.y(), stationarity);
-  add_transposed(p.C, step.lambda_w(), stationarity);
-  add_transposed(p.L, step.lambda_L(), stationarity);
-  add_transposed(p.R, step.lambda_R(), stationarity);
+  add_transposed(p.rows, step.lambda(), stationarity);
 }
 
 void Images::evaluate(const ScaledProblem& p, const Iterate& x) {
   evaluate_rows(p, x.z());
   equality += p.b;
-  inequality += p.d;
-  left += p.l;
-  right += p.r;
+  rows.all += p.offset;
   evaluate_duals(p, x);
   objective = 0.5 * x.z().dot(gradient) + p.g.dot(x.z());
   gradient += p.g;
@@ -46,9 +35,7 @@ void Images::evaluate(const ScaledProblem& p, const Iterate& x) {
 void Images::advance(double alpha, const Images& direction, ConstVectorRef dz) {
   objective += alpha * (gradient.dot(dz) + 0.5 * alpha * direction.gradient.dot(dz));
   equality += alpha * direction.equality;
-  inequality += alpha * direction.inequality;
-  left += alpha * direction.left;
-  right += alpha * direction.right;
+  rows.all += alpha * direction.rows.all;
   gradient += alpha * direction.gradient;
   stationarity += alpha * direction.stationarity;
 }
@@ -58,17 +45,20 @@ void residual(const Subproblem& sub, const Images& images, const Iterate& x, Ite
   const double softness = 1.0 / sub.rho;
   r.z() = images.stationarity;
   r.y() = images.equality + softness * (sub.equality_estimate - x.y());
-  for (Eigen::Index i = 0; i < images.inequality.size(); ++i) {
+  const auto inequality = images.rows.inequality();
+  const auto left = images.rows.left();
+  const auto right = images.rows.right();
+  for (Eigen::Index i = 0; i < inequality.size(); ++i) {
     const Retraction w(x.v()[i], kappa);
     r.v()[i] = x.lambda_w()[i] + w.negative;
     r.lambda_w()[i] =
-        softness * (sub.inequality_estimate[i] - x.lambda_w()[i]) + images.inequality[i] - w.positive;
+        softness * (sub.row_estimate.inequality()[i] - x.lambda_w()[i]) + inequality[i] - w.positive;
   }
-  for (Eigen::Index i = 0; i < images.left.size(); ++i) {
+  for (Eigen::Index i = 0; i < left.size(); ++i) {
     const Retraction h(x.sigma()[i], kappa);
     r.sigma()[i] = h.negative_slope() * x.lambda_R()[i] - h.slope() * x.lambda_L()[i];
-    r.lambda_L()[i] = softness * (sub.left_estimate[i] - x.lambda_L()[i]) + images.left[i] - h.positive;
-    r.lambda_R()[i] = softness * (sub.right_estimate[i] - x.lambda_R()[i]) + images.right[i] - h.negative;
+    r.lambda_L()[i] = softness * (sub.row_estimate.left()[i] - x.lambda_L()[i]) + left[i] - h.positive;
+    r.lambda_R()[i] = softness * (sub.row_estimate.right()[i] - x.lambda_R()[i]) + right[i] - h.negative;
   }
 }
 
@@ -86,12 +76,14 @@ Violations violations(const ScaledProblem& p, const Images& images) {
   for (Eigen::Index i = 0; i < images.equality.size(); ++i) {
     raise(worst.equality, std::abs(images.equality[i]) / p.equality_scale[i]);
   }
-  for (Eigen::Index i = 0; i < images.inequality.size(); ++i) {
-    raise(worst.inequality, -images.inequality[i] / p.inequality_scale[i]);
+  const RowLayout& rows = p.layout;
+  const Vector& value = images.rows.all;
+  for (Index row = 0; row < rows.inequalities; ++row) {
+    raise(worst.inequality, -value[row] / p.row_scale[row]);
   }
-  for (Eigen::Index i = 0; i < images.left.size(); ++i) {
-    const double s = images.left[i] / p.left_scale[i];
-    const double t = images.right[i] / p.right_scale[i];
+  for (Index pair = 0; pair < rows.pairs; ++pair) {
+    const double s = value[rows.left(pair)] / p.row_scale[rows.left(pair)];
+    const double t = value[rows.right(pair)] / p.row_scale[rows.right(pair)];
     raise(worst.complementarity, std::abs(t < s || std::isnan(t) ? t : s));
   }
   return worst;

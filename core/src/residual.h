@@ -12,15 +12,14 @@ namespace marble {
 struct Images {
   explicit Images(const ScaledProblem& p);
   Vector equality;         ///< A z + b
-  Vector inequality;       ///< C z + d
-  Vector left, right;      ///< L z + l, R z + r
+  RowVector rows;          ///< C z + d, L z + l, R z + r
   Vector gradient;         ///< Q z + g
   Vector stationarity;     ///< Q z + g + Aᵀy + Cᵀλ_w + Lᵀλ_L + Rᵀλ_R
   double objective = 0.0;  ///< ½ zᵀQz + gᵀz, scaled
 
   /// All images of a point.
   void evaluate(const ScaledProblem& p, const Iterate& x);
-  /// The linear parts alone, of z without the constant terms: A z, C z, L z, R z.
+  /// The linear parts alone, of z without the constant terms: A z and [C; L; R] z.
   void evaluate_rows(const ScaledProblem& p, ConstVectorRef z);
   /// gradient = Q z and stationarity = Q z + Aᵀy + …, without constant terms.
   void evaluate_duals(const ScaledProblem& p, const Iterate& step);
@@ -31,21 +30,16 @@ struct Images {
 /// What the inner loop solves: (13) for fixed κ, ρ and multiplier estimates α, β.
 struct Subproblem {
   explicit Subproblem(const ScaledProblem& p)
-      : equality_estimate(Vector::Zero(p.equalities())),
-        inequality_estimate(Vector::Zero(p.inequalities())),
-        left_estimate(Vector::Zero(p.pairs())),
-        right_estimate(Vector::Zero(p.pairs())) {}
+      : equality_estimate(Vector::Zero(p.equalities())), row_estimate(p.layout) {}
 
   double kappa = 0.0, rho = 0.0;
-  Vector equality_estimate, inequality_estimate;  ///< α
-  Vector left_estimate, right_estimate;           ///< β
+  Vector equality_estimate;  ///< α
+  RowVector row_estimate;    ///< α of inequalities, β of pairs
 
   /// [α, β] ← [y, λ_w, λ_σ]
   void take_estimates(const Iterate& x) {
     equality_estimate = x.y();
-    inequality_estimate = x.lambda_w();
-    left_estimate = x.lambda_L();
-    right_estimate = x.lambda_R();
+    row_estimate.all = x.lambda();
   }
 };
 

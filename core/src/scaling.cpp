@@ -32,8 +32,10 @@ void absorb_norms(const SymmetricMatrix& matrix, Vector& norm) {
   }
 }
 
-void apply(RowMatrix& matrix, const Vector& row_factor, const Vector& column_factor) {
-  for (Index row = 0; row < matrix.rows; ++row) {
+// To rows `first` to `first` + `count` − 1.
+void apply(RowMatrix& matrix, Index first, Index count, const Vector& row_factor,
+           const Vector& column_factor) {
+  for (Index row = first; row < first + count; ++row) {
     for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
       matrix.values[k] *= row_factor[row] * column_factor[matrix.column_indices[k]];
     }
@@ -56,10 +58,7 @@ struct Block {
 };
 
 void equilibrate(ScaledProblem& p, int passes, const Interrupt& interrupt) {
-  Block blocks[] = {{&p.A, &p.equality_scale, {}},
-                    {&p.C, &p.inequality_scale, {}},
-                    {&p.L, &p.left_scale, {}},
-                    {&p.R, &p.right_scale, {}}};
+  Block blocks[] = {{&p.A, &p.equality_scale, {}}, {&p.rows, &p.row_scale, {}}};
   for (Block& block : blocks) block.scale->setOnes(block.matrix->rows);
   p.variable_scale.setOnes(p.variables());
   Vector column_norm(p.variables());
@@ -76,7 +75,7 @@ void equilibrate(ScaledProblem& p, int passes, const Interrupt& interrupt) {
     for (Block& block : blocks) {
       block.norm = block.norm.unaryExpr(&root_inverse);
       block.scale->array() *= block.norm.array();
-      apply(*block.matrix, block.norm, column_norm);
+      apply(*block.matrix, 0, block.matrix->rows, block.norm, column_norm);
     }
   }
 }
@@ -92,16 +91,21 @@ Vector copy(std::span<const double> values) {
   return Eigen::Map<const Vector>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
-void replace(std::span<const double> values, const Vector& factor, double common, Vector& out) {
-  if (!values.empty()) out = common * copy(values).cwiseProduct(factor);
+// Into the part of a vector that begins at `first`.
+void replace(std::span<const double> values, const Vector& factor, double common, Vector& out,
+             Index first = 0) {
+  const auto size = static_cast<Eigen::Index>(values.size());
+  if (size > 0) out.segment(first, size) = common * copy(values).cwiseProduct(factor.segment(first, size));
 }
 
+// Into `count` rows of a matrix, from `first` on, that one matrix of the user's became.
 bool replace(std::span<const double> values, const Vector& row_factor, const Vector& column_factor,
-             RowMatrix& out) {
+             RowMatrix& out, Index first, Index count) {
   if (values.empty()) return false;
-  for (std::size_t k = 0; k < out.values.size(); ++k)
+  const auto end = static_cast<std::size_t>(out.row_pointers[first + count]);
+  for (auto k = static_cast<std::size_t>(out.row_pointers[first]); k < end; ++k)
     out.values[k] = values[static_cast<std::size_t>(out.source[k])];
-  apply(out, row_factor, column_factor);
+  apply(out, first, count, row_factor, column_factor);
   return true;
 }
 
@@ -116,17 +120,18 @@ bool replace(std::span<const double> values, const Vector& factor, double common
 }  // namespace
 
 bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
+  const RowLayout& rows = p.layout;
   if (update.c0) p.c0 = *update.c0;
   replace(update.g, p.variable_scale, p.cost_scale, p.g);
   replace(update.b, p.equality_scale, 1.0, p.b);
-  replace(update.d, p.inequality_scale, 1.0, p.d);
-  replace(update.l, p.left_scale, 1.0, p.l);
-  replace(update.r, p.right_scale, 1.0, p.r);
+  replace(update.d, p.row_scale, 1.0, p.offset);
+  replace(update.l, p.row_scale, 1.0, p.offset, rows.left(0));
+  replace(update.r, p.row_scale, 1.0, p.offset, rows.right(0));
   bool changed = replace(update.Q, p.variable_scale, p.cost_scale, p.Q);
-  changed |= replace(update.A, p.equality_scale, p.variable_scale, p.A);
-  changed |= replace(update.C, p.inequality_scale, p.variable_scale, p.C);
-  changed |= replace(update.L, p.left_scale, p.variable_scale, p.L);
-  changed |= replace(update.R, p.right_scale, p.variable_scale, p.R);
+  changed |= replace(update.A, p.equality_scale, p.variable_scale, p.A, 0, p.A.rows);
+  changed |= replace(update.C, p.row_scale, p.variable_scale, p.rows, 0, rows.inequalities);
+  changed |= replace(update.L, p.row_scale, p.variable_scale, p.rows, rows.left(0), rows.pairs);
+  changed |= replace(update.R, p.row_scale, p.variable_scale, p.rows, rows.right(0), rows.pairs);
   return changed;
 }
 
@@ -134,22 +139,22 @@ ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interru
   const ProblemView& view = problem.view();
   const Index n = problem.variables();
   ScaledProblem p;
+  p.layout = {problem.inequalities(), problem.pairs()};
   p.Q = upper_triangle(view.Q, n);
-  p.A = by_rows(view.A, problem.equalities(), n);
-  p.C = by_rows(view.C, problem.inequalities(), n);
-  p.L = by_rows(view.L, problem.pairs(), n);
-  p.R = by_rows(view.R, problem.pairs(), n);
+  p.A.columns = p.rows.columns = n;
+  append_rows(view.A, problem.equalities(), p.A);
+  append_rows(view.C, problem.inequalities(), p.rows);
+  append_rows(view.L, problem.pairs(), p.rows);
+  append_rows(view.R, problem.pairs(), p.rows);
   p.g = copy(view.g);
-  p.b = copy(view.b);
-  p.d = copy(view.d);
-  p.l = copy(view.l);
-  p.r = copy(view.r);
+  p.b.resize(problem.equalities());
+  p.offset.resize(p.layout.size());
   p.c0 = view.c0;
 
   equilibrate(p, passes, interrupt);
   p.g.array() *= p.variable_scale.array();
   if (passes > 0) p.cost_scale = cost_scale(p);
-  // Once more from the original: the same bits as an update with the same numbers.
+  // From the original: the same bits as an update with the same numbers.
   rescale({.g = view.g,
            .b = view.b,
            .d = view.d,

@@ -1,32 +1,33 @@
 // Equilibration, and the solver's only copy of the problem's data.
 //
 // With z = D z̄, rows scaled by E and the cost by c, the scaled problem is
-//   Q̄ = c D Q D, ḡ = c D g, Ā = E_A A D, b̄ = E_A b, and so on for C, L, R.
+//   Q̄ = c D Q D, ḡ = c D g, Ā = E_A A D, b̄ = E_A b, and so on for the rows [C; L; R].
 // A pair's two rows are scaled apart: s̄ t̄ = κ then relaxes s t to κ / (E_L E_R).
 #pragma once
 
 #include "interrupt.h"
-#include "linear_algebra.h"
 #include "marble/problem.h"
+#include "rows.h"
 
 namespace marble {
 
 struct ScaledProblem {
   SymmetricMatrix Q;
-  RowMatrix A, C, L, R;
-  Vector g, b, d, l, r;
+  RowMatrix A;
+  RowMatrix rows;  ///< [C; L; R], numbered by `layout`
+  Vector g, b;
+  Vector offset;  ///< [d; l; r]
+  RowLayout layout;
   double c0 = 0.0;          ///< the user's constant, not scaled
   double cost_scale = 1.0;  ///< c
   Vector variable_scale;    ///< D, n
   Vector equality_scale;    ///< E_A, n_e
-  Vector inequality_scale;  ///< E_C, n_i
-  Vector left_scale;        ///< E_L, n_c
-  Vector right_scale;       ///< E_R, n_c
+  Vector row_scale;         ///< E of [C; L; R], n_i + 2 n_c
 
   [[nodiscard]] Index variables() const { return static_cast<Index>(g.size()); }
   [[nodiscard]] Index equalities() const { return static_cast<Index>(b.size()); }
-  [[nodiscard]] Index inequalities() const { return static_cast<Index>(d.size()); }
-  [[nodiscard]] Index pairs() const { return static_cast<Index>(l.size()); }
+  [[nodiscard]] Index inequalities() const { return layout.inequalities; }
+  [[nodiscard]] Index pairs() const { return layout.pairs; }
 };
 
 /// Ruiz equilibration of [Q Aᵀ Cᵀ Lᵀ Rᵀ; A; C; L; R] in the ∞-norm, `passes` times, then the cost by

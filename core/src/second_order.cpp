@@ -11,22 +11,6 @@
 namespace marble {
 namespace {
 
-// An active row: an inequality, or a side of a pair with both sides at zero.
-struct ActiveRow {
-  enum class Kind { inequality, left, right } kind;
-  Index index;
-};
-
-const RowMatrix& matrix_of(const ScaledProblem& p, const ActiveRow& row) {
-  if (row.kind == ActiveRow::Kind::inequality) return p.C;
-  return row.kind == ActiveRow::Kind::left ? p.L : p.R;
-}
-
-double& offset_of(ScaledProblem& p, const ActiveRow& row) {
-  if (row.kind == ActiveRow::Kind::inequality) return p.d[row.index];
-  return row.kind == ActiveRow::Kind::left ? p.l[row.index] : p.r[row.index];
-}
-
 // The positive factor between two rows, 0 if there is none.
 double ratio(const RowMatrix& a, Index row_a, const RowMatrix& b, Index row_b) {
   const Index size = a.row_size(row_a);
@@ -46,7 +30,7 @@ double ratio(const RowMatrix& a, Index row_a, const RowMatrix& b, Index row_b) {
 
 // Weakly active rows, those that are multiples of each other in one group: they move together.
 struct ActiveRows {
-  std::vector<std::vector<ActiveRow>> weak;
+  std::vector<std::vector<Index>> weak;
   WorkingSet all;
   bool some_held = false;  // the exact solution held one of them at zero
 };
@@ -56,47 +40,43 @@ class ActiveRowFinder {
   ActiveRowFinder(const ScaledProblem& p, const Iterate& x, const WorkingSet& set)
       : p_(p), x_(x), set_(set), images_(p), rows_{{}, set} {
     images_.evaluate(p, x);
-    zero_ = tuning::zero *
-            (1.0 + std::max({max_abs(x.lambda_w()), max_abs(x.lambda_L()), max_abs(x.lambda_R())}));
+    zero_ = tuning::zero * (1.0 + max_abs(x.lambda()));
   }
 
   ActiveRows find() {
     for (Index i = 0; i < p_.equalities(); ++i) strong_.emplace_back(&p_.A, i);
-    for (Index i = 0; i < p_.inequalities(); ++i) {
-      std::uint8_t& active = rows_.all.active_inequality[static_cast<std::size_t>(i)];
-      const bool held = active != 0;
-      if (!held && images_.inequality[i] > tuning::zero) continue;
-      active = 1;
-      add({ActiveRow::Kind::inequality, i}, x_.lambda_w()[i], held);
+    for (Index row = 0; row < p_.inequalities(); ++row) {
+      const bool held = set_.held[row] != 0;
+      if (!held && images_.rows.all[row] > tuning::zero) continue;
+      rows_.all.held[row] = 1;
+      add(row, held);
     }
     for (Index i = 0; i < p_.pairs(); ++i) {
-      const auto pair = static_cast<std::size_t>(i);
-      const bool left_fixed = set_.left_fixed[pair] != 0;
-      const bool both_held = set_.active_free_side[pair] != 0;
-      if (!both_held && std::max(images_.left[i], images_.right[i]) > tuning::zero) {
-        strong_.emplace_back(left_fixed ? &p_.L : &p_.R, i);
+      const Index left = p_.layout.left(i);
+      const Index right = p_.layout.right(i);
+      const bool both_held = set_.held[left] != 0 && set_.held[right] != 0;
+      if (!both_held && std::max(images_.rows.all[left], images_.rows.all[right]) > tuning::zero) {
+        strong_.emplace_back(&p_.rows, set_.fixed_row(i));
         continue;
       }
-      rows_.all.active_free_side[pair] = 1;
-      add({ActiveRow::Kind::left, i}, x_.lambda_L()[i], both_held || left_fixed);
-      add({ActiveRow::Kind::right, i}, x_.lambda_R()[i], both_held || !left_fixed);
+      rows_.all.held[left] = rows_.all.held[right] = 1;
+      add(left, set_.held[left] != 0);
+      add(right, set_.held[right] != 0);
     }
     return std::move(rows_);
   }
 
   // Rows that are multiples of a row that stays at zero stay there too.
-  [[nodiscard]] std::vector<std::vector<ActiveRow>> group(
-      const std::vector<std::vector<ActiveRow>>& weak) const {
-    std::vector<std::vector<ActiveRow>> groups;
+  [[nodiscard]] std::vector<std::vector<Index>> group(const std::vector<std::vector<Index>>& weak) const {
+    std::vector<std::vector<Index>> groups;
     for (const auto& single : weak) {
-      const ActiveRow& row = single.front();
-      const RowMatrix& matrix = matrix_of(p_, row);
+      const Index row = single.front();
       const auto parallel = [&](const auto& strong) {
-        return ratio(matrix, row.index, *strong.first, strong.second) > 0.0;
+        return ratio(p_.rows, row, *strong.first, strong.second) > 0.0;
       };
       if (std::any_of(strong_.begin(), strong_.end(), parallel)) continue;
       const auto alike = std::find_if(groups.begin(), groups.end(), [&](const auto& group) {
-        return ratio(matrix, row.index, matrix_of(p_, group.front()), group.front().index) > 0.0;
+        return ratio(p_.rows, row, p_.rows, group.front()) > 0.0;
       });
       if (alike == groups.end()) {
         groups.push_back({row});
@@ -108,9 +88,9 @@ class ActiveRowFinder {
   }
 
  private:
-  void add(const ActiveRow& row, double multiplier, bool held) {
-    if (std::abs(multiplier) > zero_) {
-      strong_.emplace_back(&matrix_of(p_, row), row.index);
+  void add(Index row, bool held) {
+    if (std::abs(x_.lambda()[row]) > zero_) {
+      strong_.emplace_back(&p_.rows, row);
       return;
     }
     rows_.weak.push_back({row});
@@ -131,21 +111,19 @@ class ActiveRowFinder {
 std::optional<Eigen::MatrixXd> unit_moves(const ScaledProblem& p, Kkt& kkt, const ActiveRows& rows,
                                           Run& run) {
   ScaledProblem homogeneous = p;
-  for (Vector* vector : {&homogeneous.g, &homogeneous.b, &homogeneous.d, &homogeneous.l, &homogeneous.r})
-    vector->setZero();
+  for (Vector* vector : {&homogeneous.g, &homogeneous.b, &homogeneous.offset}) vector->setZero();
   ActiveSet active_set(homogeneous, kkt);
   active_set.set_working_set(rows.all);
   if (!active_set.factor(run, tuning::exact_rho, tuning::exact_delta)) return std::nullopt;
   const Iterate origin(p);
   Eigen::MatrixXd moves(p.variables(), static_cast<Eigen::Index>(rows.weak.size()));
   for (std::size_t k = 0; k < rows.weak.size(); ++k) {
-    const ActiveRow& first = rows.weak[k].front();
-    for (const ActiveRow& row : rows.weak[k])
-      offset_of(homogeneous, row) = -ratio(matrix_of(p, row), row.index, matrix_of(p, first), first.index);
+    for (const Index row : rows.weak[k])
+      homogeneous.offset[row] = -ratio(p.rows, row, p.rows, rows.weak[k].front());
     active_set.restore(origin, rows.all);
     if (!active_set.sharpen()) return std::nullopt;
     moves.col(static_cast<Eigen::Index>(k)) = active_set.x().z();
-    for (const ActiveRow& row : rows.weak[k]) offset_of(homogeneous, row) = 0.0;
+    for (const Index row : rows.weak[k]) homogeneous.offset[row] = 0.0;
   }
   return moves;
 }
@@ -154,15 +132,15 @@ std::optional<Eigen::MatrixXd> unit_moves(const ScaledProblem& p, Kkt& kkt, cons
 bool release(const ActiveRows& rows, unsigned subset, WorkingSet& set) {
   for (std::size_t k = 0; k < rows.weak.size(); ++k) {
     if ((subset >> k & 1U) == 0) continue;
-    for (const ActiveRow& row : rows.weak[k]) {
-      const auto index = static_cast<std::size_t>(row.index);
-      if (row.kind == ActiveRow::Kind::inequality) {
-        set.active_inequality[index] = 0;
-      } else {
-        if (set.active_free_side[index] == 0) return false;
-        set.active_free_side[index] = 0;
-        set.left_fixed[index] = row.kind == ActiveRow::Kind::right;
+    for (const Index row : rows.weak[k]) {
+      if (row >= set.layout.inequalities) {
+        const Index side = row - set.layout.inequalities;
+        const bool left = side < set.layout.pairs;
+        const Index pair = left ? side : side - set.layout.pairs;
+        if (set.held[set.layout.left(pair)] == 0 || set.held[set.layout.right(pair)] == 0) return false;
+        set.left_fixed[pair] = !left;
       }
+      set.held[row] = 0;
     }
   }
   return true;
@@ -193,11 +171,6 @@ bool convex_by_inertia(const ScaledProblem& p, Kkt& kkt) {
   RowWeights weights(p);
   weights.rho = tuning::rounding;
   weights.delta = tuning::exact_delta;
-  weights.inequality.setZero();
-  weights.first.setZero();
-  weights.second.setZero();
-  weights.cosine.setOnes();
-  weights.sine.setZero();
   return kkt.factor(weights);
 }
 

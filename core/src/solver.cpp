@@ -12,7 +12,7 @@
 namespace marble {
 namespace {
 
-std::vector<double> unscaled(ConstVectorRef values, const Vector& scale, double factor) {
+std::vector<double> unscaled(ConstVectorRef values, ConstVectorRef scale, double factor) {
   std::vector<double> result(static_cast<std::size_t>(values.size()));
   for (Eigen::Index i = 0; i < values.size(); ++i)
     result[static_cast<std::size_t>(i)] = factor * values[i] * scale[i];
@@ -85,9 +85,11 @@ Solution answer(const ScaledProblem& problem, const Ending& ending, const Iterat
   solution.certificate = ending.certificate;
   solution.z = unscaled(x.z(), problem.variable_scale, 1.0);
   solution.equality_multipliers = unscaled(x.y(), problem.equality_scale, cost);
-  solution.inequality_multipliers = unscaled(x.lambda_w(), problem.inequality_scale, -cost);
-  solution.complementarity_multipliers_L = unscaled(x.lambda_L(), problem.left_scale, -cost);
-  solution.complementarity_multipliers_R = unscaled(x.lambda_R(), problem.right_scale, -cost);
+  const RowLayout& rows = problem.layout;
+  const Vector& scale = problem.row_scale;
+  solution.inequality_multipliers = unscaled(x.lambda_w(), rows.inequality_part(scale), -cost);
+  solution.complementarity_multipliers_L = unscaled(x.lambda_L(), rows.left_part(scale), -cost);
+  solution.complementarity_multipliers_R = unscaled(x.lambda_R(), rows.right_part(scale), -cost);
   if (is_solved(ending.status)) solution.stationarity = classify(images, x);
   solution.objective = cost * images.objective + problem.c0;
   solution.violations = violations(problem, images);
@@ -127,7 +129,7 @@ struct Solver::State {
 
 Expected<void> Solver::State::take_warm_start(const Solution& solution) {
   const double cost = problem.cost_scale;
-  const auto take = [](const std::vector<double>& values, const char* field, const Vector& scale,
+  const auto take = [](const std::vector<double>& values, const char* field, ConstVectorRef scale,
                        double factor, auto out) -> Expected<void> {
     if (auto valid = check_numbers(values, static_cast<std::size_t>(out.size()), field); !valid) return valid;
     for (Eigen::Index i = 0; i < out.size(); ++i)
@@ -141,15 +143,15 @@ Expected<void> Solver::State::take_warm_start(const Solution& solution) {
   }
   if (taken) {
     taken = take(solution.inequality_multipliers, "warm_start.inequality_multipliers",
-                 problem.inequality_scale, -cost, warm_start.lambda_w());
+                 problem.layout.inequality_part(problem.row_scale), -cost, warm_start.lambda_w());
   }
   if (taken) {
     taken = take(solution.complementarity_multipliers_L, "warm_start.complementarity_multipliers_L",
-                 problem.left_scale, -cost, warm_start.lambda_L());
+                 problem.layout.left_part(problem.row_scale), -cost, warm_start.lambda_L());
   }
   if (taken) {
     taken = take(solution.complementarity_multipliers_R, "warm_start.complementarity_multipliers_R",
-                 problem.right_scale, -cost, warm_start.lambda_R());
+                 problem.layout.right_part(problem.row_scale), -cost, warm_start.lambda_R());
   }
   return taken;
 }

@@ -65,12 +65,11 @@ std::unique_ptr<SparseKkt> SparseKkt::analyse(const ScaledProblem& problem, Kept
 // A condensed row brings a coordinate and a slot for each pair of its columns.
 double SparseKkt::analysis_bytes(const ScaledProblem& problem, KeptRows kept) {
   double coordinates = static_cast<double>(problem.Q.values.size() + problem.A.values.size());
-  for (const RowMatrix* matrix : {&problem.C, &problem.L, &problem.R}) {
-    for (Index row = 0; row < matrix->rows; ++row) {
-      const double length = matrix->row_size(row);
-      coordinates +=
-          is_kept(kept, matrix->row_size(row), problem.variables()) ? length : 0.5 * length * (length + 1.0);
-    }
+  for (Index row = 0; row < problem.rows.rows; ++row) {
+    const double length = problem.rows.row_size(row);
+    coordinates += is_kept(kept, problem.rows.row_size(row), problem.variables())
+                       ? length
+                       : 0.5 * length * (length + 1.0);
   }
   return 4.0 * sizeof(Index) * coordinates;
 }
@@ -91,22 +90,23 @@ void SparseKkt::gather_rows(const ScaledProblem& problem, KeptRows kept) {
   inequality_rows_.resize(problem.inequalities());
   for (Index i = 0; i < problem.inequalities(); ++i) {
     Row& row = inequality_rows_[i];
-    const auto begin = problem.C.row_pointers[i];
-    const auto end = problem.C.row_pointers[i + 1];
-    row.columns.assign(problem.C.column_indices.begin() + begin, problem.C.column_indices.begin() + end);
+    const auto begin = problem.rows.row_pointers[i];
+    const auto end = problem.rows.row_pointers[i + 1];
+    row.columns.assign(problem.rows.column_indices.begin() + begin,
+                       problem.rows.column_indices.begin() + end);
     row.values.resize(row.columns.size());
     row.kept = keep(row.columns.size());
   }
   pair_rows_.resize(problem.pairs());
   for (Index i = 0; i < problem.pairs(); ++i) {
     Row& row = pair_rows_[i];
-    Index p = problem.L.row_pointers[i];
-    Index q = problem.R.row_pointers[i];
-    const Index p_end = problem.L.row_pointers[i + 1];
-    const Index q_end = problem.R.row_pointers[i + 1];
+    Index p = problem.rows.row_pointers[problem.layout.left(i)];
+    Index q = problem.rows.row_pointers[problem.layout.right(i)];
+    const Index p_end = problem.rows.row_pointers[problem.layout.left(i) + 1];
+    const Index q_end = problem.rows.row_pointers[problem.layout.right(i) + 1];
     while (p < p_end || q < q_end) {
-      const Index left = p < p_end ? problem.L.column_indices[p] : variables_;
-      const Index right = q < q_end ? problem.R.column_indices[q] : variables_;
+      const Index left = p < p_end ? problem.rows.column_indices[p] : variables_;
+      const Index right = q < q_end ? problem.rows.column_indices[q] : variables_;
       row.columns.push_back(std::min(left, right));
       if (left <= right) ++p;
       if (right <= left) ++q;
@@ -208,10 +208,10 @@ void SparseKkt::load(const ScaledProblem& problem) {
     for (const double value : *values) constant_[*slot++] += value;
   }
   for (Index i = 0; i < problem.inequalities(); ++i) {
-    const auto begin = problem.C.values.begin() + problem.C.row_pointers[i];
-    std::copy_n(begin, problem.C.row_size(i), inequality_rows_[i].values.begin());
+    const auto begin = problem.rows.values.begin() + problem.rows.row_pointers[i];
+    std::copy_n(begin, problem.rows.row_size(i), inequality_rows_[i].values.begin());
   }
-  const auto spread = [](const RowMatrix& matrix, Index i, const Row& row, std::vector<double>& values) {
+  const auto spread = [&matrix = problem.rows](Index i, const Row& row, std::vector<double>& values) {
     Index k = matrix.row_pointers[i];
     for (std::size_t at = 0; at < values.size(); ++at) {
       const bool here = k < matrix.row_pointers[i + 1] && matrix.column_indices[k] == row.columns[at];
@@ -219,8 +219,8 @@ void SparseKkt::load(const ScaledProblem& problem) {
     }
   };
   for (Index i = 0; i < problem.pairs(); ++i) {
-    spread(problem.L, i, pair_rows_[i], pair_rows_[i].values);
-    spread(problem.R, i, pair_rows_[i], pair_rows_[i].second_values);
+    spread(problem.layout.left(i), pair_rows_[i], pair_rows_[i].values);
+    spread(problem.layout.right(i), pair_rows_[i], pair_rows_[i].second_values);
   }
 }
 
@@ -249,7 +249,7 @@ void SparseKkt::assemble(const RowWeights& weights) {
   for (Index i = 0; i < equalities_; ++i) values_[diagonal_slots_[variables_ + i]] = -1.0 / weights.rho;
   for (std::size_t i = 0; i < inequality_rows_.size(); ++i) {
     const Row& row = inequality_rows_[i];
-    const double weight = weights.inequality[static_cast<Index>(i)];
+    const double weight = weights.rows.all[static_cast<Index>(i)];
     if (!row.kept) {
       if (weight != 0.0) add_condensed(row, weight, 0.0, 0.0);
       continue;
@@ -262,8 +262,8 @@ void SparseKkt::assemble(const RowWeights& weights) {
     const auto index = static_cast<Index>(i);
     const double c = weights.cosine[index];
     const double s = weights.sine[index];
-    const double first = weights.first[index];
-    const double second = weights.second[index];
+    const double first = weights.rows.left()[index];
+    const double second = weights.rows.right()[index];
     if (!row.kept) {
       add_condensed(row, first * c * c + second * s * s, (first - second) * c * s,
                     first * s * s + second * c * c);
@@ -283,7 +283,8 @@ Index SparseKkt::kept_negative_weights(const RowWeights& weights) const {
   Index count = 0;
   for (std::size_t i = 0; i < pair_rows_.size(); ++i) {
     if (!pair_rows_[i].kept) continue;
-    count += negative(weights.first[static_cast<Index>(i)]) + negative(weights.second[static_cast<Index>(i)]);
+    const auto pair = static_cast<Index>(i);
+    count += negative(weights.rows.left()[pair]) + negative(weights.rows.right()[pair]);
   }
   return count;
 }

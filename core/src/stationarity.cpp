@@ -8,8 +8,10 @@
 namespace marble {
 std::vector<Index> biactive_pairs(const Images& images) {
   std::vector<Index> pairs;
-  for (Index i = 0; i < static_cast<Index>(images.left.size()); ++i) {
-    if (std::max(images.left[i], images.right[i]) <= tuning::zero) pairs.push_back(i);
+  const auto left = images.rows.left();
+  const auto right = images.rows.right();
+  for (Index i = 0; i < static_cast<Index>(left.size()); ++i) {
+    if (std::max(left[i], right[i]) <= tuning::zero) pairs.push_back(i);
   }
   return pairs;
 }

@@ -407,7 +407,7 @@ bool Strategy::solves_its_branches(Run& run, std::span<const Index> biactive) {
   for (unsigned branch = 1; branch < 1U << biactive.size(); ++branch) {
     branch_set_ = branch_base_;
     for (std::size_t k = 0; k < biactive.size(); ++k) {
-      if ((branch >> k & 1U) != 0) branch_set_.left_fixed[static_cast<std::size_t>(biactive[k])] ^= 1U;
+      if ((branch >> k & 1U) != 0) branch_set_.flip(biactive[k]);
     }
     active_set_.restore(exact_.x, branch_set_);
     const Outcome outcome = make_exact(run, "neighbouring branch", tuning::branch_budget);
