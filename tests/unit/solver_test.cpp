@@ -130,27 +130,6 @@ TEST(Solver, PublicExampleTakesNoMoreFactorizationsThanTheOriginal) {
   }
 }
 
-TEST(Solver, RoboticsProblemsEndFeasible) {
-  for (const OwnedProblem& p : {examples::hopper(), examples::rocket()}) {
-    const Solution s = solve_in_process(p.view()).value();
-    EXPECT_EQ(s.status, Status::solved) << p.name << ": " << s.detail;
-    EXPECT_LE(judge(p.view(), s).infeasibility(), 1e-8) << p.name;
-  }
-}
-
-TEST(Solver, GatesEndFeasibleOrSayWhyNot) {
-  const OwnedProblem p = examples::gates();
-  const Solution s = solve_in_process(p.view()).value();
-  if (is_solved(s.status)) {
-    EXPECT_LE(judge(p.view(), s).infeasibility(), 1e-6);
-  } else {
-    EXPECT_NE(s.detail.find("violations: equality"), std::string::npos) << s.detail;
-    EXPECT_NEAR(judge(p.view(), s).infeasibility(),
-                std::max({s.violations.equality, s.violations.inequality, s.violations.complementarity}),
-                1e-9);
-  }
-}
-
 TEST(Solver, ReportsEveryIterationOnceWithGrowingCounters) {
   for (const Path path : {Path::fast, Path::paper}) {
     Options options;
