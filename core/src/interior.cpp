@@ -48,7 +48,7 @@ bool InteriorEngine::run(Run& run, ConstVectorRef initial_z) {
   for (int i = 0; i < kMostSteps && kappa_ > kLastKappa; ++i) {
     if (run.interrupted()) return false;
     const double length = step(run);
-    if (length == 0.0) return i > 0;
+    if (length == 0.0) return i > 0 && !run.interrupted();
     if (length > kGoodStep && primal_residual_ < 10.0 * kappa_) kappa_ *= kKappaFactor;
   }
   evaluate();
