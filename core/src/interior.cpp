@@ -34,7 +34,7 @@ bool InteriorEngine::run(Run& run, ConstVectorRef initial_z) {
   for (int i = 0; i < tuning::interior_steps && kappa_ > tuning::interior_last_kappa; ++i) {
     if (run.interrupted()) return false;
     const double length = step(run);
-    if (length == 0.0) return i > 0;
+    if (length == 0.0) return i > 0 && !run.interrupted();
     if (length > tuning::interior_good_step && primal_residual_ < tuning::interior_centrality * kappa_)
       kappa_ *= tuning::interior_kappa_factor;
   }

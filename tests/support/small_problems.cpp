@@ -2,53 +2,14 @@
 
 #include <algorithm>
 #include <iterator>
-#include <string>
+
+#include "support/problem_builder.h"
 
 namespace marble::testing {
 namespace {
 
-using Row = std::vector<double>;
-
-// Dense rows, the last entry of each being the constant.
-class Builder {
- public:
-  Builder(std::string name, Row gradient) {
-    p_.name = std::move(name);
-    p_.g = std::move(gradient);
-  }
-  /// Adds ½ factor z_i z_j + ½ factor z_j z_i, or ½ factor z_i² for i = j.
-  Builder& quadratic(Index i, Index j, double factor) {
-    hessian_.add(i, j, factor);
-    if (i != j) hessian_.add(j, i, factor);
-    return *this;
-  }
-  Builder& constant(double c0) { return p_.c0 = c0, *this; }
-  Builder& equal(const Row& row) { return add(row, equalities_, p_.b); }
-  Builder& at_least(const Row& row) { return add(row, inequalities_, p_.d); }
-  Builder& pair(const Row& left, const Row& right) { return add(left, left_, p_.l).add(right, right_, p_.r); }
-
-  [[nodiscard]] SmallProblem optimum(double value) {
-    const auto n = static_cast<Index>(p_.g.size());
-    p_.Q = compress(n, n, hessian_, "Q").value();
-    p_.A = compress(static_cast<Index>(p_.b.size()), n, equalities_, "A").value();
-    p_.C = compress(static_cast<Index>(p_.d.size()), n, inequalities_, "C").value();
-    p_.L = compress(static_cast<Index>(p_.l.size()), n, left_, "L").value();
-    p_.R = compress(static_cast<Index>(p_.r.size()), n, right_, "R").value();
-    return {p_, value};
-  }
-
- private:
-  Builder& add(const Row& row, Triplets& entries, std::vector<double>& offsets) {
-    for (std::size_t j = 0; j + 1 < row.size(); ++j) {
-      if (row[j] != 0.0) entries.add(static_cast<Index>(offsets.size()), static_cast<Index>(j), row[j]);
-    }
-    offsets.push_back(row.back());
-    return *this;
-  }
-
-  OwnedProblem p_;
-  Triplets hessian_, equalities_, inequalities_, left_, right_;
-};
+using Builder = ProblemBuilder;
+using Row = ProblemBuilder::Row;
 
 // Two copies of: x² − 2x + y² over x ≥ 0 and y minimising (y − x)² s.t. ½ ≤ y ≤ 1½, with multipliers u and v.
 SmallProblem ex9_2_6() {

@@ -16,6 +16,10 @@ struct SmallProblem {
 /// ones for every missing block and for degenerate solutions. Built anew at each call.
 [[nodiscard]] std::vector<SmallProblem> small_problems();
 
+/// Thirty more: bilevel and equilibrium problems of the literature, sources at each, and single elements of
+/// mechanics, circuits and choice. Up to 12 pairs.
+[[nodiscard]] std::vector<SmallProblem> known_problems();
+
 /// The public example of the paper's solver: min zᵀz, z₁ = 1, z₂ ≥ 1, 0 ≤ z₃ + 1 ⊥ z₄ − 1 ≥ 0; optimum 3.
 [[nodiscard]] SmallProblem public_example();
 

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "marble/examples.h"
+#include "support/branch.h"
 #include "support/independent_check.h"
 #include "support/random_problem.h"
 #include "support/small_problems.h"
@@ -127,27 +128,6 @@ TEST(Solver, PublicExampleTakesNoMoreFactorizationsThanTheOriginal) {
     EXPECT_EQ(s.status, Status::solved);
     EXPECT_NEAR(s.objective, optimum, 1e-4);
     EXPECT_LE(s.factorizations, 26);
-  }
-}
-
-TEST(Solver, RoboticsProblemsEndFeasible) {
-  for (const OwnedProblem& p : {examples::hopper(), examples::rocket()}) {
-    const Solution s = solve_in_process(p.view()).value();
-    EXPECT_EQ(s.status, Status::solved) << p.name << ": " << s.detail;
-    EXPECT_LE(judge(p.view(), s).infeasibility(), 1e-8) << p.name;
-  }
-}
-
-TEST(Solver, GatesEndFeasibleOrSayWhyNot) {
-  const OwnedProblem p = examples::gates();
-  const Solution s = solve_in_process(p.view()).value();
-  if (is_solved(s.status)) {
-    EXPECT_LE(judge(p.view(), s).infeasibility(), 1e-6);
-  } else {
-    EXPECT_NE(s.detail.find("violations: equality"), std::string::npos) << s.detail;
-    EXPECT_NEAR(judge(p.view(), s).infeasibility(),
-                std::max({s.violations.equality, s.violations.inequality, s.violations.complementarity}),
-                1e-9);
   }
 }
 
@@ -369,32 +349,7 @@ double best_of_all_partitions(const OwnedProblem& p) {
   double best = std::numeric_limits<double>::infinity();
   const auto pairs = static_cast<unsigned>(p.l.size());
   for (unsigned partition = 0; partition < 1U << pairs; ++partition) {
-    OwnedProblem piece = p;
-    Triplets equalities, inequalities;
-    const auto append = [](const SparseMatrix& m, Index row, Index to, Triplets& entries) {
-      for (Index j = 0; j < m.columns; ++j) {
-        for (Index k = m.column_pointers[j]; k < m.column_pointers[j + 1]; ++k) {
-          if (row < 0) entries.add(m.row_indices[k], j, m.values[k]);
-          if (row == m.row_indices[k]) entries.add(to, j, m.values[k]);
-        }
-      }
-    };
-    append(p.A, -1, 0, equalities);
-    append(p.C, -1, 0, inequalities);
-    for (unsigned i = 0; i < pairs; ++i) {
-      const bool left = (partition >> i & 1U) != 0;
-      const auto row = static_cast<Index>(i);
-      append(left ? p.L : p.R, row, static_cast<Index>(piece.b.size()), equalities);
-      piece.b.push_back(left ? p.l[i] : p.r[i]);
-      append(left ? p.R : p.L, row, static_cast<Index>(piece.d.size()), inequalities);
-      piece.d.push_back(left ? p.r[i] : p.l[i]);
-    }
-    const auto n = static_cast<Index>(p.g.size());
-    piece.A = compress(static_cast<Index>(piece.b.size()), n, equalities, "A").value();
-    piece.C = compress(static_cast<Index>(piece.d.size()), n, inequalities, "C").value();
-    piece.L = piece.R = {};
-    piece.l.clear();
-    piece.r.clear();
+    const OwnedProblem piece = testing::branch(p, partition);
     const Solution s = solve_in_process(piece.view()).value();
     if (s.status == Status::solved) best = std::min(best, s.objective);
   }

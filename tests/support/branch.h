@@ -1,0 +1,40 @@
+// One branch of a problem, as a problem of its own without pairs.
+#pragma once
+
+#include "marble/problem.h"
+
+namespace marble::testing {
+
+/// Bit i of `left_fixed` says that s_i = 0 and t_i ≥ 0; else it is the other way round. Up to 32 pairs.
+[[nodiscard]] inline OwnedProblem branch(const OwnedProblem& p, unsigned left_fixed) {
+  OwnedProblem out = p;
+  const auto n = static_cast<Index>(p.g.size());
+  Triplets equalities, inequalities;
+  // Row `row` of m, or all of them, become rows from `to` on.
+  const auto append = [](const SparseMatrix& m, Index row, Index to, Triplets& entries) {
+    for (Index j = 0; j < m.columns; ++j) {
+      for (Index k = m.column_pointers[j]; k < m.column_pointers[j + 1]; ++k) {
+        if (row < 0) entries.add(m.row_indices[k], j, m.values[k]);
+        if (row == m.row_indices[k]) entries.add(to, j, m.values[k]);
+      }
+    }
+  };
+  append(p.A, -1, 0, equalities);
+  append(p.C, -1, 0, inequalities);
+  for (std::size_t i = 0; i < p.l.size(); ++i) {
+    const bool left = (left_fixed >> i & 1U) != 0;
+    const auto row = static_cast<Index>(i);
+    append(left ? p.L : p.R, row, static_cast<Index>(out.b.size()), equalities);
+    out.b.push_back(left ? p.l[i] : p.r[i]);
+    append(left ? p.R : p.L, row, static_cast<Index>(out.d.size()), inequalities);
+    out.d.push_back(left ? p.r[i] : p.l[i]);
+  }
+  out.A = compress(static_cast<Index>(out.b.size()), n, equalities, "A").value();
+  out.C = compress(static_cast<Index>(out.d.size()), n, inequalities, "C").value();
+  out.L = out.R = {};
+  out.l.clear();
+  out.r.clear();
+  return out;
+}
+
+}  // namespace marble::testing

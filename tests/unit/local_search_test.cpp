@@ -1,0 +1,268 @@
+// What others rely on of the local search: it never ends worse than it began, stays within its budget, and
+// what it leaves behind is the elastic optimum of the branch it names.
+#include "local_search.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "marble/examples.h"
+#include "support/random_problem.h"
+#include "workbench.h"
+
+namespace marble {
+namespace {
+
+using testing::Rows;
+using testing::Workbench;
+
+constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr int kBudget = 200;
+constexpr int kNoLimit = std::numeric_limits<int>::max() / 2;
+
+SearchPlan flips(int patience) {
+  return {.rho_first = 1e8,
+          .rho_factor = 10.0,
+          .rho_last = 1e8,
+          .rho_soft = 0.0,
+          .rho_exchange = kNever,
+          .from_exact = true,
+          .first_patience = patience,
+          .flip_patience = 0,
+          .exchange_patience = 0};
+}
+
+SearchPlan from_soft() {
+  SearchPlan plan = flips(20);
+  plan.rho_first = 10.0;
+  plan.rho_soft = 2e3;
+  plan.from_exact = false;
+  plan.flip_patience = 20;
+  return plan;
+}
+
+struct Search : Workbench {
+  explicit Search(const OwnedProblem& p, const Options& chosen = {}, Rows* told = nullptr)
+      : Workbench(p, chosen, told), active_set(problem, *kkt), engine(problem, *kkt, active_set) {}
+
+  void choose(unsigned left_fixed) {
+    WorkingSet set(problem);
+    for (std::size_t i = 0; i < set.left_fixed.size(); ++i) set.left_fixed[i] = left_fixed >> i & 1U;
+    active_set.restore(Iterate(problem), set);
+  }
+  /// The exact objective of a branch, infinite if it is empty.
+  [[nodiscard]] double exact(const WorkingSet& set) {
+    const auto own_kkt = make_kkt(problem);
+    ActiveSet fresh(problem, *own_kkt);
+    marble::Run own = run.part(true);
+    WorkingSet sides(problem);
+    sides.left_fixed = set.left_fixed;
+    fresh.set_working_set(sides);
+    return fresh.solve(own, kBudget) ? fresh.images().objective : kNever;
+  }
+
+  ActiveSet active_set;
+  LocalSearch engine;
+};
+
+OwnedProblem problem(std::uint64_t seed) {
+  return testing::random_problem({.variables = 16, .equalities = 2, .inequalities = 6, .pairs = 6}, seed);
+}
+
+TEST(LocalSearch, NeverEndsWorseThanItBeganAndNoFlipIsLeftThatHelps) {
+  int improved = 0;
+  int searched = 0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    Search s(problem(seed));
+    s.choose(static_cast<unsigned>(seed) * 7U);
+    if (!s.active_set.solve(s.run, kBudget)) continue;
+    ++searched;
+    const double before = s.active_set.images().objective;
+    ASSERT_TRUE(s.engine.run(s.run, flips(100), kNoLimit)) << seed;
+    const WorkingSet set = s.active_set.set();
+    const double after = s.exact(set);
+    const double slack = 1e-5 * (1.0 + std::abs(before));
+    EXPECT_LE(after, before + slack) << seed;
+    EXPECT_EQ(s.engine.accepted() > 0, after < before - slack) << seed;
+    improved += after < before - slack ? 1 : 0;
+    for (std::size_t pair = 0; pair < set.left_fixed.size(); ++pair) {
+      WorkingSet neighbour = set;
+      neighbour.left_fixed[pair] ^= 1U;
+      EXPECT_GE(s.exact(neighbour), after - slack)
+          << seed << ": pair " << pair << " should have been flipped";
+    }
+  }
+  EXPECT_GE(searched, 15);
+  EXPECT_GE(improved, 10);
+}
+
+TEST(LocalSearch, LeavesTheElasticOptimumOfItsBranchBehind) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Search s(problem(seed));
+    s.active_set.start_from_point(s.zero());
+    const SearchPlan plan = from_soft();
+    ASSERT_TRUE(s.engine.run(s.run, plan, kNoLimit)) << seed;
+    EXPECT_GE(s.active_set.rho(), 1e6) << "the last ρ, or one at which a higher one would change nothing";
+    const auto own_kkt = make_kkt(s.problem);
+    ActiveSet fresh(s.problem, *own_kkt);
+    fresh.set_working_set(s.active_set.set());
+    ASSERT_TRUE(fresh.relax(s.run, s.active_set.rho(), true, kBudget));
+    EXPECT_NEAR(s.active_set.elastic_objective(), fresh.elastic_objective(),
+                1e-6 * (1.0 + std::abs(fresh.elastic_objective())))
+        << seed;
+  }
+}
+
+TEST(LocalSearch, FromWhereAllIsSoftItFindsABetterBranchThanTheOneItBeganAt) {
+  int better = 0;
+  int worse = 0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    Search s(problem(seed));
+    s.active_set.start_from_point(s.zero());
+    const double before = s.exact(s.active_set.set());
+    ASSERT_TRUE(s.engine.run(s.run, from_soft(), kNoLimit)) << seed;
+    const double after = s.exact(s.active_set.set());
+    better += after < before - 1e-6 ? 1 : 0;
+    worse += after > before + 1e-6 ? 1 : 0;
+  }
+  EXPECT_GE(better, 30);
+  EXPECT_EQ(worse, 0);
+}
+
+TEST(LocalSearch, AMoveThatIsAcceptedIsAnIterationAndARow) {
+  int accepted = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Rows rows;
+    Search s(problem(seed), {}, &rows);
+    s.active_set.start_from_point(s.zero());
+    ASSERT_TRUE(s.engine.run(s.run, from_soft(), kNoLimit));
+    EXPECT_EQ(s.run.iterations, s.engine.accepted());
+    EXPECT_EQ(rows.rows.size(), static_cast<std::size_t>(s.engine.accepted()));
+    accepted += s.engine.accepted();
+    for (std::size_t i = 0; i < rows.rows.size(); ++i) {
+      EXPECT_EQ(rows.rows[i].kappa, 0.0) << "there is none";
+      EXPECT_EQ(rows.rows[i].iteration, static_cast<int>(i) + 1);
+      EXPECT_GE(rows.rows[i].rho, rows.rows[i == 0 ? 0 : i - 1].rho);
+    }
+  }
+  EXPECT_GT(accepted, 20);
+}
+
+TEST(LocalSearch, WithoutPatienceNothingMoves) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    Search s(problem(seed));
+    s.choose(21);
+    if (!s.active_set.solve(s.run, kBudget)) continue;
+    const WorkingSet set = s.active_set.set();
+    ASSERT_TRUE(s.engine.run(s.run, flips(0), kNoLimit));
+    EXPECT_EQ(s.engine.accepted(), 0);
+    EXPECT_TRUE(s.active_set.set() == set);
+  }
+}
+
+TEST(LocalSearch, StopsAtItsLastFactorization) {
+  const OwnedProblem p = examples::hopper({.steps = 8});
+  int whole = 0;
+  {
+    Search s(p);
+    s.active_set.start_from_point(s.zero());
+    ASSERT_TRUE(s.engine.run(s.run, from_soft(), kNoLimit));
+    whole = s.run.factorizations;
+  }
+  EXPECT_GT(whole, 40);
+  for (const int last : {0, 1, 10, 20, 30}) {
+    Search s(p);
+    s.active_set.start_from_point(s.zero());
+    const bool found = s.engine.run(s.run, from_soft(), last);
+    // One candidate may be under way: the move, and the way back.
+    EXPECT_LE(s.run.factorizations, last + 41) << last;
+    EXPECT_LT(s.run.factorizations, whole) << last;
+    EXPECT_TRUE(last > 0 || !found) << "not even a first elastic optimum";
+  }
+}
+
+TEST(LocalSearch, IsFalseForWhoIsToStopAndEndsSoonAfterAStop) {
+  Rows rows;
+  rows.stop_after = 3;
+  Search s(examples::hopper({.steps = 8}), {}, &rows);
+  s.active_set.start_from_point(s.zero());
+  EXPECT_FALSE(s.engine.run(s.run, from_soft(), kNoLimit));
+  EXPECT_EQ(s.engine.accepted(), 3) << "the move that was told, and none after it";
+  EXPECT_FALSE(s.engine.run(s.run, from_soft(), kNoLimit));
+  EXPECT_EQ(s.engine.accepted(), 0);
+}
+
+// −x₁ − 3x₂, x ≤ 1, 0 ≤ xᵢ ⊥ yᵢ ≥ 0, y₁ + y₂ ≥ 1: one of the two, and no way from the first to the second but
+// by both pairs at once.
+OwnedProblem one_of_two() {
+  OwnedProblem p;
+  p.g = {-1.0, -3.0, 0.0, 0.0};
+  p.Q = compress(4, 4, {{0, 1, 2, 3}, {0, 1, 2, 3}, {0.01, 0.01, 0.01, 0.01}}, "Q").value();
+  p.C = compress(3, 4, {{0, 1, 2, 2}, {0, 1, 2, 3}, {-1.0, -1.0, 1.0, 1.0}}, "C").value();
+  p.d = {1.0, 1.0, -1.0};
+  p.L = compress(2, 4, {{0, 1}, {0, 1}, {1.0, 1.0}}, "L").value();
+  p.R = compress(2, 4, {{0, 1}, {2, 3}, {1.0, 1.0}}, "R").value();
+  p.l = p.r = {0.0, 0.0};
+  return p;
+}
+
+TEST(LocalSearch, ExchangesTwoPairsWhereNoFlipAloneIsFeasible) {
+  for (const bool exchanges : {false, true}) {
+    Search s(one_of_two());
+    s.choose(2U);  // x₂ = 0 and y₁ = 0: x = (1, 0)
+    ASSERT_TRUE(s.active_set.solve(s.run, kBudget));
+    SearchPlan plan = flips(20);
+    plan.rho_first = plan.rho_last = 1e7;
+    plan.rho_exchange = exchanges ? 1e7 : kNever;
+    plan.exchange_patience = 5;
+    ASSERT_TRUE(s.engine.run(s.run, plan, kNoLimit));
+    EXPECT_EQ(s.engine.accepted(), exchanges ? 1 : 0);
+    ASSERT_TRUE(s.active_set.solve(s.run, kBudget));
+    EXPECT_NEAR(s.user(s.active_set.x().z())[exchanges ? 1 : 0], 1.0, 1e-6);
+  }
+}
+
+TEST(LocalSearch, PullingAreFixedSidesWithDescentOnTheOtherSide) {
+  // ½(x − a)² + ½(y − b)² on the branch x = 0: x pulls exactly if a > 0.
+  for (const double a : {-1.0, 0.0, 2.0}) {
+    OwnedProblem p;
+    p.g = {-a, -1.0};
+    p.Q = compress(2, 2, {{0, 1}, {0, 1}, {1.0, 1.0}}, "Q").value();
+    p.L = compress(1, 2, {{0}, {0}, {1.0}}, "L").value();
+    p.R = compress(1, 2, {{0}, {1}, {1.0}}, "R").value();
+    p.l = p.r = {0.0};
+    Search s(p);
+    s.choose(1);
+    ASSERT_TRUE(s.active_set.solve(s.run, kBudget));
+    EXPECT_EQ(LocalSearch::pulling(s.active_set), a > 0.0 ? 1 : 0) << a;
+    OwnedProblem mirrored = p;
+    std::swap(mirrored.L, mirrored.R);
+    Search m(mirrored);
+    m.choose(0);
+    ASSERT_TRUE(m.active_set.solve(m.run, kBudget));
+    EXPECT_EQ(LocalSearch::pulling(m.active_set), a > 0.0 ? 1 : 0) << a;
+  }
+}
+
+TEST(LocalSearch, ARunBeforeLeavesNoTrace) {
+  const OwnedProblem p = examples::hopper({.steps = 6});
+  Search s(p);
+  s.active_set.start_from_point(s.zero());
+  ASSERT_TRUE(s.engine.run(s.run, from_soft(), kNoLimit));
+  const Vector first = s.active_set.x().all;
+  const int factorizations = s.run.factorizations;
+  const int accepted = s.engine.accepted();
+  s.choose(12345);
+  static_cast<void>(s.engine.run(s.run, from_soft(), kNoLimit));
+  s.choose(0);
+  s.active_set.start_from_point(s.zero());
+  const int before = s.run.factorizations;
+  ASSERT_TRUE(s.engine.run(s.run, from_soft(), kNoLimit));
+  EXPECT_EQ(s.active_set.x().all, first);
+  EXPECT_EQ(s.engine.accepted(), accepted);
+  EXPECT_EQ(s.run.factorizations - before, factorizations);
+}
+
+}  // namespace
+}  // namespace marble
