@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <ranges>
 
 #include "support/branch.h"
 #include "support/brute_force.h"
@@ -24,7 +25,8 @@ constexpr int kBudget = 100;
 
 void choose(ActiveSet& engine, unsigned left_fixed) {
   WorkingSet set = engine.set();
-  for (std::size_t i = 0; i < set.left_fixed.size(); ++i) set.left_fixed[i] = left_fixed >> i & 1U;
+  for (Index pair = 0; pair < set.layout.pairs; ++pair)
+    set.fix(pair, (left_fixed >> pair & 1U) != 0, set.held[set.free_row(pair)] != 0);
   engine.set_working_set(set);
 }
 
@@ -48,21 +50,20 @@ void expect_optimal(const Workbench& w, const ActiveSet& engine, const std::stri
   EXPECT_LE(engine.error(), 1e-9) << what;
   EXPECT_LE(max_abs(images.stationarity), 1e-9) << what;
   EXPECT_LE(max_abs(images.equality), 1e-9) << what;
-  for (std::size_t k = 0; k < set.active_inequality.size(); ++k) {
-    const auto i = static_cast<Eigen::Index>(k);
-    EXPECT_GE(images.inequality[i], -1e-9) << what;
+  for (Index i = 0; i < set.layout.inequalities; ++i) {
+    EXPECT_GE(images.rows.inequality()[i], -1e-9) << what;
     EXPECT_LE(engine.x().lambda_w()[i], kSign) << what;
-    EXPECT_NEAR(set.active_inequality[k] ? images.inequality[i] : engine.x().lambda_w()[i], 0.0, 1e-9);
+    EXPECT_NEAR(set.held[i] ? images.rows.inequality()[i] : engine.x().lambda_w()[i], 0.0, 1e-9);
   }
-  for (std::size_t k = 0; k < set.left_fixed.size(); ++k) {
-    const auto i = static_cast<Eigen::Index>(k);
-    const bool left = set.left_fixed[k] != 0;
-    EXPECT_NEAR(left ? images.left[i] : images.right[i], 0.0, 1e-9) << what << ": the fixed side";
-    const double free = left ? images.right[i] : images.left[i];
+  for (Index i = 0; i < set.layout.pairs; ++i) {
+    const bool left = set.left_fixed[i] != 0;
+    EXPECT_NEAR(left ? images.rows.left()[i] : images.rows.right()[i], 0.0, 1e-9)
+        << what << ": the fixed side";
+    const double free = left ? images.rows.right()[i] : images.rows.left()[i];
     const double multiplier = left ? engine.x().lambda_R()[i] : engine.x().lambda_L()[i];
     EXPECT_GE(free, -1e-9) << what;
     EXPECT_LE(multiplier, kSign) << what << ": only a fixed side may pull";
-    EXPECT_NEAR(set.active_free_side[k] ? free : multiplier, 0.0, 1e-9) << what;
+    EXPECT_NEAR(set.held[set.free_row(i)] ? free : multiplier, 0.0, 1e-9) << what;
   }
 }
 
@@ -160,8 +161,8 @@ TEST(ActiveSet, ReadsABranchOffAPathPoint) {
   x.lambda_R()[0] = -0.2;
   engine.start_from_path(x);
   EXPECT_EQ(engine.set().left_fixed[0], 1) << "x < y";
-  EXPECT_EQ(engine.set().active_inequality[0], 0) << "v > 0";
-  EXPECT_EQ(engine.set().active_free_side[0], 0) << "y is larger than its multiplier";
+  EXPECT_EQ(engine.set().held[0], 0) << "v > 0";
+  EXPECT_EQ(engine.set().held[engine.set().free_row(0)], 0) << "y is larger than its multiplier";
   EXPECT_EQ(engine.x().lambda_w()[0], 0.0) << "what is not active has no multiplier";
   EXPECT_EQ(engine.x().lambda_R()[0], 0.0);
   EXPECT_EQ(engine.x().lambda_L()[0], 0.7) << "that of a fixed side stays";
@@ -171,8 +172,8 @@ TEST(ActiveSet, ReadsABranchOffAPathPoint) {
   x.lambda_L()[0] = -3.0;
   engine.start_from_path(x);
   EXPECT_EQ(engine.set().left_fixed[0], 0);
-  EXPECT_EQ(engine.set().active_inequality[0], 1);
-  EXPECT_EQ(engine.set().active_free_side[0], 1) << "x = 2 against its multiplier 3";
+  EXPECT_EQ(engine.set().held[0], 1);
+  EXPECT_EQ(engine.set().held[engine.set().free_row(0)], 1) << "x = 2 against its multiplier 3";
 }
 
 TEST(ActiveSet, ReadsABranchOffASolutionOfAnotherProblem) {
@@ -187,14 +188,14 @@ TEST(ActiveSet, ReadsABranchOffASolutionOfAnotherProblem) {
   x.lambda_R()[0] = -2.0;
   engine.start_from_solution(x);
   EXPECT_EQ(engine.set().left_fixed[0], 0) << "y − |η| < x − |ξ|";
-  EXPECT_EQ(engine.set().active_inequality[0], 1) << "slack 0.01 against multiplier 0.5";
-  EXPECT_EQ(engine.set().active_free_side[0], 0);
+  EXPECT_EQ(engine.set().held[0], 1) << "slack 0.01 against multiplier 0.5";
+  EXPECT_EQ(engine.set().held[engine.set().free_row(0)], 0);
   x.lambda_L()[0] = -0.45;
   x.lambda_R()[0] = 0.1;
   x.z()[2] = 2.0;
   engine.start_from_solution(x);
   EXPECT_EQ(engine.set().left_fixed[0], 1);
-  EXPECT_EQ(engine.set().active_inequality[0], 0);
+  EXPECT_EQ(engine.set().held[0], 0);
 }
 
 TEST(ActiveSet, ReadsABranchOffAPoint) {
@@ -220,8 +221,8 @@ TEST(ActiveSet, FromAnExactSolutionItIsThereAfterOneFactorization) {
     const Iterate x = engine.x();
     const WorkingSet set = engine.set();
     int before = w.run.factorizations;
-    if (std::count(set.active_free_side.begin(), set.active_free_side.end(), 1) ==
-        0) {  // else either side may be
+    const auto both_held = [&set](Index pair) { return set.held[set.free_row(pair)] != 0; };
+    if (std::ranges::none_of(std::views::iota(0, set.layout.pairs), both_held)) {  // else either side may be
       ++read;
       engine.start_from_solution(x);
       EXPECT_TRUE(engine.set() == set) << seed;
@@ -251,11 +252,11 @@ double elastic(const Workbench& w, const WorkingSet& set, double rho, const Vect
   const Images images = w.images(x);
   double violation = images.equality.squaredNorm();
   const auto below = [](double value) { return std::min(0.0, value) * std::min(0.0, value); };
-  for (const double value : images.inequality) violation += below(value);
-  for (Eigen::Index i = 0; i < images.left.size(); ++i) {
+  for (const double value : images.rows.inequality()) violation += below(value);
+  for (Eigen::Index i = 0; i < images.rows.left().size(); ++i) {
     const bool left = set.left_fixed[static_cast<std::size_t>(i)] != 0;
-    violation += left ? images.left[i] * images.left[i] + below(images.right[i])
-                      : images.right[i] * images.right[i] + below(images.left[i]);
+    violation += left ? images.rows.left()[i] * images.rows.left()[i] + below(images.rows.right()[i])
+                      : images.rows.right()[i] * images.rows.right()[i] + below(images.rows.left()[i]);
   }
   const double delta = rho >= 1e8 ? 1e-8 : 1e-6;
   return images.objective + 0.5 * delta * (z - anchor).squaredNorm() + 0.5 * rho * violation;
@@ -325,11 +326,11 @@ TEST(ActiveSet, AFactorTellsNegativeCurvatureThatNoRowHolds) {
   p.Q = compress(3, 3, {{0, 1, 2}, {0, 1, 2}, {1.0, 1.0, -1.0}}, "Q").value();
   Workbench w(p);
   ActiveSet engine(w.problem, *w.kkt);
-  EXPECT_FALSE(engine.factor(w.run, ActiveSet::kExactRho, ActiveSet::kExactDelta));
+  EXPECT_FALSE(engine.factor(w.run, tuning::exact_rho, tuning::exact_delta));
   WorkingSet set = engine.set();
-  set.active_inequality[0] = 1;
+  set.held[0] = 1;
   engine.set_working_set(set);
-  EXPECT_TRUE(engine.factor(w.run, ActiveSet::kExactRho, ActiveSet::kExactDelta));
+  EXPECT_TRUE(engine.factor(w.run, tuning::exact_rho, tuning::exact_delta));
   EXPECT_EQ(w.run.factorizations, 2);
   engine.set_working_set(WorkingSet(w.problem));
   EXPECT_FALSE(engine.solve(w.run, kBudget)) << "without a minimum there is no solution";
@@ -342,7 +343,7 @@ TEST(ActiveSet, WithAFactorItProjectsAndSharpens) {
     engine.start_from_point(w.zero());
     if (!engine.solve(w.run, kBudget)) continue;
     const Vector solution = engine.x().z();
-    ASSERT_TRUE(engine.factor(w.run, ActiveSet::kExactRho, ActiveSet::kExactDelta));
+    ASSERT_TRUE(engine.factor(w.run, tuning::exact_rho, tuning::exact_delta));
     Vector direction = Vector::LinSpaced(w.problem.variables(), -1.0, 2.0);
     ASSERT_TRUE(engine.project(direction));
     Images along(w.problem);
@@ -350,7 +351,8 @@ TEST(ActiveSet, WithAFactorItProjectsAndSharpens) {
     EXPECT_LE(max_abs(along.equality), 1e-6) << seed;
     for (std::size_t k = 0; k < engine.set().left_fixed.size(); ++k) {
       const auto i = static_cast<Eigen::Index>(k);
-      EXPECT_NEAR(engine.set().left_fixed[k] ? along.left[i] : along.right[i], 0.0, 1e-6) << seed;
+      EXPECT_NEAR(engine.set().left_fixed[k] ? along.rows.left()[i] : along.rows.right()[i], 0.0, 1e-6)
+          << seed;
     }
     Iterate x = engine.x();
     x.z() += 1e-3 * Vector::Ones(x.z().size());

@@ -7,6 +7,7 @@
 
 #include "kkt.h"
 #include "residual.h"
+#include "row_parts.h"
 
 namespace marble::testing {
 
@@ -40,8 +41,8 @@ inline double p_curvature(double sigma, double kappa) {
 
 /// r(x) of (13) with equality constraints, in the segments of Iterate.
 inline Vector literal_residual(const ScaledProblem& problem, const Subproblem& sub, const Iterate& x) {
-  const Eigen::MatrixXd A = dense(problem.A), C = dense(problem.C), L = dense(problem.L),
-                        R = dense(problem.R);
+  const Eigen::MatrixXd A = dense(problem.A), C = dense(C_of(problem)), L = dense(L_of(problem)),
+                        R = dense(R_of(problem));
   const auto every = [&sub](const auto& values, double sign, double (*f)(double, double)) {
     return Vector(values.unaryExpr([&](double value) { return f(sign * value, sub.kappa); }));
   };
@@ -52,12 +53,12 @@ inline Vector literal_residual(const ScaledProblem& problem, const Subproblem& s
               every(x.sigma(), 1.0, p_slope).cwiseProduct(x.lambda_L());
   r.v() = x.lambda_w() + every(x.v(), -1.0, p);
   r.y() = (sub.equality_estimate - x.y()) / sub.rho + A * x.z() + problem.b;
-  r.lambda_w() =
-      (sub.inequality_estimate - x.lambda_w()) / sub.rho + C * x.z() + problem.d - every(x.v(), 1.0, p);
-  r.lambda_L() =
-      (sub.left_estimate - x.lambda_L()) / sub.rho + L * x.z() + problem.l - every(x.sigma(), 1.0, p);
-  r.lambda_R() =
-      (sub.right_estimate - x.lambda_R()) / sub.rho + R * x.z() + problem.r - every(x.sigma(), -1.0, p);
+  r.lambda_w() = (sub.row_estimate.inequality() - x.lambda_w()) / sub.rho + C * x.z() + d_of(problem) -
+                 every(x.v(), 1.0, p);
+  r.lambda_L() = (sub.row_estimate.left() - x.lambda_L()) / sub.rho + L * x.z() + l_of(problem) -
+                 every(x.sigma(), 1.0, p);
+  r.lambda_R() = (sub.row_estimate.right() - x.lambda_R()) / sub.rho + R * x.z() + r_of(problem) -
+                 every(x.sigma(), -1.0, p);
   return r.all;
 }
 
@@ -81,9 +82,9 @@ inline Eigen::MatrixXd full_jacobian(const ScaledProblem& problem, const Subprob
     J.block(at, at, m.rows, m.rows).diagonal().setConstant(-1.0 / sub.rho);
   };
   couple(problem.A, y);
-  couple(problem.C, w);
-  couple(problem.L, left);
-  couple(problem.R, right);
+  couple(C_of(problem), w);
+  couple(L_of(problem), left);
+  couple(R_of(problem), right);
   for (Index i = 0; i < n_i; ++i) {
     J(v + i, v + i) = -p_slope(-x.v()[i], sub.kappa);
     J(v + i, w + i) = 1.0;
@@ -100,15 +101,16 @@ inline Eigen::MatrixXd full_jacobian(const ScaledProblem& problem, const Subprob
 /// [H Aᵀ; A −I/ρ] with H = Q + δI + Σ k e eᵀ, as kkt.h defines it.
 inline Eigen::MatrixXd dense_system(const ScaledProblem& problem, const RowWeights& weights) {
   const Index n = problem.variables(), n_e = problem.equalities();
-  const Eigen::MatrixXd A = dense(problem.A), C = dense(problem.C), L = dense(problem.L),
-                        R = dense(problem.R);
+  const Eigen::MatrixXd A = dense(problem.A), C = dense(C_of(problem)), L = dense(L_of(problem)),
+                        R = dense(R_of(problem));
   Eigen::MatrixXd K = Eigen::MatrixXd::Zero(n + n_e, n + n_e);
   Eigen::MatrixXd H = dense(problem.Q) + weights.delta * Eigen::MatrixXd::Identity(n, n);
-  H += C.transpose() * weights.inequality.asDiagonal() * C;
+  H += C.transpose() * weights.rows.inequality().asDiagonal() * C;
   for (Index i = 0; i < problem.pairs(); ++i) {
     const Eigen::RowVectorXd first = weights.cosine[i] * L.row(i) + weights.sine[i] * R.row(i);
     const Eigen::RowVectorXd second = weights.sine[i] * L.row(i) - weights.cosine[i] * R.row(i);
-    H += weights.first[i] * first.transpose() * first + weights.second[i] * second.transpose() * second;
+    H += weights.rows.left()[i] * first.transpose() * first +
+         weights.rows.right()[i] * second.transpose() * second;
   }
   K.topLeftCorner(n, n) = H;
   K.topRightCorner(n, n_e) = A.transpose();

@@ -8,6 +8,7 @@
 
 #include "active_set.h"
 #include "marble/examples.h"
+#include "row_parts.h"
 #include "support/random_problem.h"
 #include "support/small_problems.h"
 #include "workbench.h"
@@ -64,8 +65,8 @@ TEST(InteriorEngine, FollowsSTimesTEqualKappaDownToTheLastKappaOrStaysAtAnEarlie
     double largest = rows.rows.back().kkt_residual;
     for (std::size_t pair = 0; pair < rows.s.back().size(); ++pair) {
       const auto i = static_cast<Eigen::Index>(pair);
-      const double s = rows.s.back()[pair] * w.problem.left_scale[i];
-      const double t = rows.t.back()[pair] * w.problem.right_scale[i];
+      const double s = rows.s.back()[pair] * left_scale_of(w.problem)[i];
+      const double t = rows.t.back()[pair] * right_scale_of(w.problem)[i];
       largest = std::max({largest, -s, -t, s * t});
     }
     if (largest <= 1e-5 && rows.rows.back().kappa <= 1e-6) ++on_the_curve;

@@ -104,9 +104,9 @@ TEST(Measures, AreTheLiteralSumsAtTheMovedPoint) {
         double phi = 0.5 * z.dot(testing::dense(p.Q) * z) + p.g.dot(z);
         for (const double v : Vector(moved.v())) phi -= s.sub.kappa * std::log(testing::p(v, s.sub.kappa));
         phi += penalty(moved.y(), s.sub.equality_estimate) +
-               penalty(moved.lambda_w(), s.sub.inequality_estimate) +
-               penalty(moved.lambda_L(), s.sub.left_estimate) +
-               penalty(moved.lambda_R(), s.sub.right_estimate);
+               penalty(moved.lambda_w(), s.sub.row_estimate.inequality()) +
+               penalty(moved.lambda_L(), s.sub.row_estimate.left()) +
+               penalty(moved.lambda_R(), s.sub.row_estimate.right());
         const Measures m = measure(s.sub, s.images, along, s.x, d, alpha);
         EXPECT_NEAR(m.theta, theta, 1e-12 * (1.0 + theta));
         EXPECT_NEAR(m.phi, phi, 1e-12 * (1.0 + std::abs(phi)));

@@ -48,7 +48,8 @@ struct Search : Workbench {
 
   void choose(unsigned left_fixed) {
     WorkingSet set(problem);
-    for (std::size_t i = 0; i < set.left_fixed.size(); ++i) set.left_fixed[i] = left_fixed >> i & 1U;
+    for (Index pair = 0; pair < set.layout.pairs; ++pair)
+      set.fix(pair, (left_fixed >> pair & 1U) != 0, false);
     active_set.restore(Iterate(problem), set);
   }
   /// The exact objective of a branch, infinite if it is empty.
@@ -57,7 +58,7 @@ struct Search : Workbench {
     ActiveSet fresh(problem, *own_kkt);
     marble::Run own = run.part(true);
     WorkingSet sides(problem);
-    sides.left_fixed = set.left_fixed;
+    for (Index pair = 0; pair < set.layout.pairs; ++pair) sides.fix(pair, set.left_fixed[pair] != 0, false);
     fresh.set_working_set(sides);
     return fresh.solve(own, kBudget) ? fresh.images().objective : kNever;
   }
@@ -86,9 +87,9 @@ TEST(LocalSearch, NeverEndsWorseThanItBeganAndNoFlipIsLeftThatHelps) {
     EXPECT_LE(after, before + slack) << seed;
     EXPECT_EQ(s.engine.accepted() > 0, after < before - slack) << seed;
     improved += after < before - slack ? 1 : 0;
-    for (std::size_t pair = 0; pair < set.left_fixed.size(); ++pair) {
+    for (Index pair = 0; pair < set.layout.pairs; ++pair) {
       WorkingSet neighbour = set;
-      neighbour.left_fixed[pair] ^= 1U;
+      neighbour.flip(pair);
       EXPECT_GE(s.exact(neighbour), after - slack)
           << seed << ": pair " << pair << " should have been flipped";
     }

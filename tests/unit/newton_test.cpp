@@ -4,6 +4,7 @@
 
 #include "dense_system.h"
 #include "random_setting.h"
+#include "row_parts.h"
 
 namespace marble {
 namespace {
@@ -86,14 +87,14 @@ TEST(Newton, ImagesOfTheStepAreItsLiteralProducts) {
       ASSERT_TRUE(newton.direction(s.sub, s.x, s.r, d, along));
       const double tolerance = 1e-12 * (1.0 + max_abs(d.all));
       EXPECT_LT(max_abs(along.equality - dense(p.A) * d.z()), tolerance);
-      EXPECT_LT(max_abs(along.inequality - dense(p.C) * d.z()), tolerance);
-      EXPECT_LT(max_abs(along.left - dense(p.L) * d.z()), tolerance);
-      EXPECT_LT(max_abs(along.right - dense(p.R) * d.z()), tolerance);
+      EXPECT_LT(max_abs(along.rows.inequality() - dense(C_of(p)) * d.z()), tolerance);
+      EXPECT_LT(max_abs(along.rows.left() - dense(L_of(p)) * d.z()), tolerance);
+      EXPECT_LT(max_abs(along.rows.right() - dense(R_of(p)) * d.z()), tolerance);
       const Vector gradient = dense(p.Q) * d.z();
       EXPECT_LT(max_abs(along.gradient - gradient), tolerance);
       const Vector stationarity =
-          gradient + dense(p.A).transpose() * d.y() + dense(p.C).transpose() * d.lambda_w() +
-          dense(p.L).transpose() * d.lambda_L() + dense(p.R).transpose() * d.lambda_R();
+          gradient + dense(p.A).transpose() * d.y() + dense(C_of(p)).transpose() * d.lambda_w() +
+          dense(L_of(p)).transpose() * d.lambda_L() + dense(R_of(p)).transpose() * d.lambda_R();
       EXPECT_LT(max_abs(along.stationarity - stationarity), tolerance);
     }
   }
@@ -126,9 +127,9 @@ TEST(Newton, AStepCutsTheResidualOfANearlySolvedSubproblemQuadratically) {
     residual(s.sub, s.images, s.x, s.r);
     s.problem.g -= s.r.z();
     s.sub.equality_estimate -= s.sub.rho * s.r.y();
-    s.sub.inequality_estimate -= s.sub.rho * s.r.lambda_w();
-    s.sub.left_estimate -= s.sub.rho * s.r.lambda_L();
-    s.sub.right_estimate -= s.sub.rho * s.r.lambda_R();
+    s.sub.row_estimate.inequality() -= s.sub.rho * s.r.lambda_w();
+    s.sub.row_estimate.left() -= s.sub.rho * s.r.lambda_L();
+    s.sub.row_estimate.right() -= s.sub.rho * s.r.lambda_R();
     s.x.all += 1e-3 * Vector::Random(s.x.all.size());
     s.images.evaluate(s.problem, s.x);
     residual(s.sub, s.images, s.x, s.r);
@@ -181,13 +182,13 @@ TEST(Newton, InertiaVerdictIsTheConvexityOfTheCondensedHessianForEveryShape) {
     for (std::uint64_t seed = 1; seed <= 8; ++seed) {
       const Setting s(sizes, seed);
       const double delta = 0.3 * static_cast<double>(seed);
-      const Eigen::MatrixXd L = dense(s.problem.L), R = dense(s.problem.R), A = dense(s.problem.A);
+      const Eigen::MatrixXd L = dense(L_of(s.problem)), R = dense(R_of(s.problem)), A = dense(s.problem.A);
       Eigen::MatrixXd H = dense(s.problem.Q) + s.sub.rho * A.transpose() * A;
       H.diagonal().array() += delta;
       bool expected = true;
       for (Index i = 0; i < s.problem.inequalities(); ++i) {
         const double ratio = testing::p(s.x.v()[i], s.sub.kappa) / testing::p(-s.x.v()[i], s.sub.kappa);
-        const Eigen::RowVectorXd row = dense(s.problem.C).row(i);
+        const Eigen::RowVectorXd row = dense(C_of(s.problem)).row(i);
         H += row.transpose() * row / (1.0 / s.sub.rho + ratio);
       }
       for (Index i = 0; i < s.problem.pairs(); ++i) {  // design page: W, with b² for the left-left entry

@@ -33,7 +33,7 @@ struct Setting {
     ActiveSet fresh(problem, *own_kkt);
     fresh.start_from_point(Vector::Zero(problem.variables()));
     WorkingSet set = active_set.set();
-    for (const Index pair : flipped) set.left_fixed[static_cast<std::size_t>(pair)] ^= 1U;
+    for (const Index pair : flipped) set.flip(pair);
     fresh.set_working_set(set);
     EXPECT_TRUE(fresh.relax(run, rho, false, kBudget));
     return fresh.elastic_objective();
@@ -134,7 +134,7 @@ TEST(Parametric, TheWorkingSetItEndsWithIsTheOneOfTheNewOptimum) {
     ASSERT_TRUE(s.parametric.follow(flip, kInfinity, 0.0).has_value());
     WorkingSet before = s.active_set.set();
     WorkingSet after = before;
-    after.left_fixed[static_cast<std::size_t>(pair)] ^= 1U;
+    after.flip(pair);
     s.parametric.read_active_rows(after);
     const int factorizations = s.run.factorizations;
     s.active_set.set_working_set(after);

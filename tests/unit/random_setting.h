@@ -41,9 +41,9 @@ struct Setting {
     sub.kappa = kappa;
     sub.rho = rho;
     sub.equality_estimate.setRandom();
-    sub.inequality_estimate.setRandom();
-    sub.left_estimate.setRandom();
-    sub.right_estimate.setRandom();
+    sub.row_estimate.inequality().setRandom();
+    sub.row_estimate.left().setRandom();
+    sub.row_estimate.right().setRandom();
     images.evaluate(problem, x);
     residual(sub, images, x, r);
   }

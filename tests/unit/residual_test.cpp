@@ -6,6 +6,7 @@
 
 #include "dense_system.h"
 #include "random_setting.h"
+#include "row_parts.h"
 
 namespace marble {
 namespace {
@@ -83,9 +84,9 @@ TEST(Images, AreTheLiteralProducts) {
     const ScaledProblem& p = s.problem;
     const Vector z = s.x.z();
     EXPECT_LT(max_abs(s.images.equality - (dense(p.A) * z + p.b)), 1e-13);
-    EXPECT_LT(max_abs(s.images.inequality - (dense(p.C) * z + p.d)), 1e-13);
-    EXPECT_LT(max_abs(s.images.left - (dense(p.L) * z + p.l)), 1e-13);
-    EXPECT_LT(max_abs(s.images.right - (dense(p.R) * z + p.r)), 1e-13);
+    EXPECT_LT(max_abs(s.images.rows.inequality() - (dense(C_of(p)) * z + d_of(p))), 1e-13);
+    EXPECT_LT(max_abs(s.images.rows.left() - (dense(L_of(p)) * z + l_of(p))), 1e-13);
+    EXPECT_LT(max_abs(s.images.rows.right() - (dense(R_of(p)) * z + r_of(p))), 1e-13);
     EXPECT_LT(max_abs(s.images.gradient - (dense(p.Q) * z + p.g)), 1e-13);
     EXPECT_NEAR(s.images.objective, 0.5 * z.dot(dense(p.Q) * z) + p.g.dot(z), 1e-13);
   }
@@ -108,9 +109,9 @@ TEST(Images, AdvancedManyTimesAreThoseOfTheMovedPoint) {
     fresh.evaluate(s.problem, s.x);
     EXPECT_NEAR(s.images.objective, fresh.objective, 1e-11);
     EXPECT_LT(max_abs(s.images.equality - fresh.equality), 1e-12);
-    EXPECT_LT(max_abs(s.images.inequality - fresh.inequality), 1e-12);
-    EXPECT_LT(max_abs(s.images.left - fresh.left), 1e-12);
-    EXPECT_LT(max_abs(s.images.right - fresh.right), 1e-12);
+    EXPECT_LT(max_abs(s.images.rows.inequality() - fresh.rows.inequality()), 1e-12);
+    EXPECT_LT(max_abs(s.images.rows.left() - fresh.rows.left()), 1e-12);
+    EXPECT_LT(max_abs(s.images.rows.right() - fresh.rows.right()), 1e-12);
     EXPECT_LT(max_abs(s.images.gradient - fresh.gradient), 1e-12);
     EXPECT_LT(max_abs(s.images.stationarity - fresh.stationarity), 1e-12);
   }
@@ -119,10 +120,13 @@ TEST(Images, AdvancedManyTimesAreThoseOfTheMovedPoint) {
 TEST(Violations, OfANumberlessPointAreNeverSmall) {
   const Setting s({}, 1);
   const Images& sound = s.images;
-  for (Vector Images::*part : {&Images::equality, &Images::inequality, &Images::left, &Images::right}) {
-    for (Eigen::Index i = 0; i < (sound.*part).size(); ++i) {
+  for (const bool equality : {true, false}) {
+    const auto part = [equality](auto& images) -> auto& {
+      return equality ? images.equality : images.rows.all;
+    };
+    for (Eigen::Index i = 0; i < part(sound).size(); ++i) {
       Images broken = sound;
-      (broken.*part)[i] = std::numeric_limits<double>::quiet_NaN();
+      part(broken)[i] = std::numeric_limits<double>::quiet_NaN();
       const Violations v = violations(s.problem, broken);
       EXPECT_TRUE(std::isnan(v.equality) || std::isnan(v.inequality) || std::isnan(v.complementarity)) << i;
     }

@@ -4,6 +4,7 @@
 
 #include "dense_system.h"
 #include "random_setting.h"
+#include "row_parts.h"
 #include "support/independent_check.h"
 
 namespace marble {
@@ -24,7 +25,7 @@ TEST(Scaling, RowsAndColumnsEndNearNormOne) {
     for (double& value : problem.A.values) value *= 1e4;
     for (double& value : problem.L.values) value *= 1e-3;
     const ScaledProblem p = scale(Problem::create(problem.view()).value(), 10);
-    for (const RowMatrix* matrix : {&p.A, &p.C, &p.L, &p.R}) {
+    for (const RowMatrix* matrix : {&p.A, &p.rows}) {
       for (Index row = 0; row < matrix->rows; ++row) {
         double norm = 0.0;
         for (Index k = matrix->row_pointers[row]; k < matrix->row_pointers[row + 1]; ++k) {
@@ -81,14 +82,14 @@ TEST(Scaling, NoPassesLeaveTheDataAsTheyAre) {
     EXPECT_TRUE(p.variable_scale.isOnes(0.0) && p.equality_scale.isOnes(0.0));
     EXPECT_EQ(testing::dense(p.Q), dense(problem.Q));
     EXPECT_EQ(testing::dense(p.A), dense(problem.A));
-    EXPECT_EQ(testing::dense(p.C), dense(problem.C));
-    EXPECT_EQ(testing::dense(p.L), dense(problem.L));
-    EXPECT_EQ(testing::dense(p.R), dense(problem.R));
+    EXPECT_EQ(testing::dense(C_of(p)), dense(problem.C));
+    EXPECT_EQ(testing::dense(L_of(p)), dense(problem.L));
+    EXPECT_EQ(testing::dense(R_of(p)), dense(problem.R));
     EXPECT_EQ(p.g, vector(problem.g));
     EXPECT_EQ(p.b, vector(problem.b));
-    EXPECT_EQ(p.d, vector(problem.d));
-    EXPECT_EQ(p.l, vector(problem.l));
-    EXPECT_EQ(p.r, vector(problem.r));
+    EXPECT_EQ(d_of(p), vector(problem.d));
+    EXPECT_EQ(l_of(p), vector(problem.l));
+    EXPECT_EQ(r_of(p), vector(problem.r));
     EXPECT_EQ(p.c0, problem.c0);
   }
 }
@@ -109,10 +110,12 @@ TEST(Scaling, UndoneTheImagesAreThoseOfTheUsersData) {
         EXPECT_LT(max_abs(unscaled - direct), 1e-12 * (1.0 + max_abs(direct)));
       };
       expect_same(images.equality.cwiseQuotient(p.equality_scale), dense(problem.A) * z + vector(problem.b));
-      expect_same(images.inequality.cwiseQuotient(p.inequality_scale),
+      expect_same(images.rows.inequality().cwiseQuotient(inequality_scale_of(p)),
                   dense(problem.C) * z + vector(problem.d));
-      expect_same(images.left.cwiseQuotient(p.left_scale), dense(problem.L) * z + vector(problem.l));
-      expect_same(images.right.cwiseQuotient(p.right_scale), dense(problem.R) * z + vector(problem.r));
+      expect_same(images.rows.left().cwiseQuotient(left_scale_of(p)),
+                  dense(problem.L) * z + vector(problem.l));
+      expect_same(images.rows.right().cwiseQuotient(right_scale_of(p)),
+                  dense(problem.R) * z + vector(problem.r));
       const Vector gradient = dense(problem.Q) * z + vector(problem.g);
       expect_same(images.gradient.cwiseQuotient(p.variable_scale) / p.cost_scale, gradient);
       // The multipliers' own units: stationarity of the user's problem with y = E_A ȳ / c and so on.
@@ -122,9 +125,9 @@ TEST(Scaling, UndoneTheImagesAreThoseOfTheUsersData) {
         if (m.rows > 0) stationarity += cost * (dense(m).transpose() * lambda.cwiseProduct(row_scale));
       };
       add(problem.A, x.y(), p.equality_scale);
-      add(problem.C, x.lambda_w(), p.inequality_scale);
-      add(problem.L, x.lambda_L(), p.left_scale);
-      add(problem.R, x.lambda_R(), p.right_scale);
+      add(problem.C, x.lambda_w(), inequality_scale_of(p));
+      add(problem.L, x.lambda_L(), left_scale_of(p));
+      add(problem.R, x.lambda_R(), right_scale_of(p));
       expect_same(cost * images.stationarity.cwiseQuotient(p.variable_scale), stationarity);
     }
   }
@@ -136,8 +139,9 @@ TEST(Scaling, ColumnsEndNearNormOneToo) {
     for (double& value : problem.Q.values) value *= 1e-5;
     const ScaledProblem p = testing::scaled(problem);
     Vector norm = Vector::Zero(p.variables());
-    for (const Eigen::MatrixXd& m : {Eigen::MatrixXd(testing::dense(p.Q) / p.cost_scale), testing::dense(p.A),
-                                     testing::dense(p.C), testing::dense(p.L), testing::dense(p.R)}) {
+    for (const Eigen::MatrixXd& m :
+         {Eigen::MatrixXd(testing::dense(p.Q) / p.cost_scale), testing::dense(p.A), testing::dense(C_of(p)),
+          testing::dense(L_of(p)), testing::dense(R_of(p))}) {
       for (Index j = 0; j < p.variables(); ++j) norm[j] = std::max(norm[j], max_abs(m.col(j)));
     }
     EXPECT_LT(norm.maxCoeff(), 1.1) << seed;
@@ -165,7 +169,7 @@ TEST(Scaling, ZeroRowsAndColumnsKeepScaleOne) {
   problem.C = compress(2, 2, entries, "C").value();  // row 1 and column 1 are empty
   problem.d = {0.0, 1.0};
   const ScaledProblem p = scale(Problem::create(problem.view()).value(), 10);
-  EXPECT_EQ(p.inequality_scale[1], 1.0);
+  EXPECT_EQ(inequality_scale_of(p)[1], 1.0);
   EXPECT_EQ(p.variable_scale[1], 1.0);
   EXPECT_TRUE(p.variable_scale.allFinite());
 }
@@ -175,7 +179,8 @@ TEST(Scaling, ExtremeMagnitudesStayFinite) {
   for (double& value : problem.A.values) value *= 1e150;
   for (double& value : problem.C.values) value *= 1e-150;
   const ScaledProblem p = scale(Problem::create(problem.view()).value(), 10);
-  EXPECT_TRUE(p.variable_scale.allFinite() && p.equality_scale.allFinite() && p.inequality_scale.allFinite());
+  EXPECT_TRUE(p.variable_scale.allFinite() && p.equality_scale.allFinite() &&
+              inequality_scale_of(p).allFinite());
   EXPECT_GT(p.variable_scale.minCoeff(), 0.0);
 }
 

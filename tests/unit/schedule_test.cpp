@@ -32,7 +32,7 @@ TEST_F(ScheduleTest, PaperRaisesRhoFirstThenLowersKappaAndTakesEstimates) {
   EXPECT_EQ(raises, 6);
   schedule.advance(sub, x);
   EXPECT_EQ(sub.kappa, 0.05);
-  EXPECT_TRUE(sub.equality_estimate.isOnes() && sub.left_estimate.isOnes());
+  EXPECT_TRUE(sub.equality_estimate.isOnes() && sub.row_estimate.left().isOnes());
 }
 
 TEST_F(ScheduleTest, KappaNeverFallsBelowItsMinimum) {

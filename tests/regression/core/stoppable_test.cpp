@@ -75,9 +75,9 @@ TEST_F(Stopped, ADenseFactorizationEndsBetweenItsPanels) {
   ASSERT_TRUE(kkt.allocate(p));
   RowWeights weights(p);
   weights.delta = 1.0;
-  weights.inequality.setOnes();
-  weights.first.setOnes();
-  weights.second.setOnes();
+  weights.rows.inequality().setOnes();
+  weights.rows.left().setOnes();
+  weights.rows.right().setOnes();
   weights.cosine.setOnes();
   weights.sine.setZero();
   kkt.attend(stop_);
@@ -93,7 +93,7 @@ TEST_F(Stopped, ADenseFactorizationEndsBetweenItsPanels) {
   f += weights.delta * x;
   add_transposed(p.A, y, f);
   Vector rows(1);
-  for (const RowMatrix* matrix : {&p.C, &p.L, &p.R}) {
+  for (const RowMatrix* matrix : {&C_of(p), &L_of(p), &R_of(p)}) {
     multiply(*matrix, x, rows);
     add_transposed(*matrix, rows, f);
   }
