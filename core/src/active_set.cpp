@@ -92,9 +92,9 @@ bool ActiveSet::solve_equalities(double tolerance) {
     double error = std::max(max_abs(images_.stationarity), max_abs(images_.equality));
     gradient_ = images_.stationarity;
     // dλ = ρ(J dz + c): the part ρc goes to the right-hand side.
+    d_.lambda() = weights_.rows.all.cwiseProduct(images_.rows.all);
     for (Index row = 0; row < problem_.layout.size(); ++row) {
-      d_.lambda()[row] = weights_.rows.all[row] * images_.rows.all[row];
-      if (weights_.rows.all[row] > 0.0) error = std::max(error, std::abs(images_.rows.all[row]));
+      if (set_.held[row]) error = std::max(error, std::abs(images_.rows.all[row]));
     }
     if (!std::isfinite(error) || !(max_abs(x_.z()) <= tuning::runaway)) return false;
     if (error <= tolerance) return true;
@@ -189,9 +189,11 @@ void ActiveSet::evaluate_penalty(double rho, double delta, bool choose_rows) {
   x_.y() = center_.y() + rho * images_.equality;
   d_.lambda() = center_.lambda() + rho * images_.rows.all;
   const double tie = tuning::elastic_tie * rho;
-  if (choose_rows) set_.for_each_free_row([&](Index row) { set_.held[row] = d_.lambda()[row] < tie; });
-  for (Index row = 0; row < problem_.layout.size(); ++row)
-    x_.lambda()[row] = set_.held[row] ? d_.lambda()[row] : 0.0;
+  const double* const unclipped = d_.lambda().data();
+  double* const lambda = x_.lambda().data();
+  std::uint8_t* const held = set_.held.data();
+  if (choose_rows) set_.for_each_free_row([=](Index row) { held[row] = unclipped[row] < tie; });
+  for (Index row = 0; row < problem_.layout.size(); ++row) lambda[row] = held[row] ? unclipped[row] : 0.0;
   images_.evaluate_duals(problem_, x_);
   gradient_ = images_.stationarity + problem_.g + delta * (x_.z() - center_.z());
 }
@@ -259,14 +261,16 @@ bool ActiveSet::augmented_lagrangian(Run& run, int budget) {
 // Root of the derivative of the piecewise quadratic along the step: linear between breakpoints, ascending.
 double ActiveSet::exact_step(double rho, double slope, double curvature) {
   breakpoints_.clear();
+  const double* const rates = direction_images_.rows.all.data();
+  const double* const unclipped = d_.lambda().data();
+  const std::uint8_t* const held = set_.held.data();
   const auto bends = [&](Index row, bool fixed) {
-    const double rate = direction_images_.rows.all[row];
-    const bool held = set_.held[row] != 0;
+    const double rate = rates[row];
     const double bend = rho * rate * rate;
-    if (held) curvature += bend;
-    if (fixed || rate == 0.0 || held != (rate > 0.0)) return;
-    const double at = std::max(0.0, -d_.lambda()[row] / (rho * rate));  // where α + ρc changes its sign
-    breakpoints_.push_back({at, held ? -bend : bend});
+    if (held[row] != 0) curvature += bend;
+    if (fixed || rate == 0.0 || (held[row] != 0) != (rate > 0.0)) return;
+    const double at = std::max(0.0, -unclipped[row] / (rho * rate));  // where α + ρc changes its sign
+    breakpoints_.push_back({at, held[row] != 0 ? -bend : bend});
   };
   for (Index row = 0; row < problem_.inequalities(); ++row) bends(row, false);
   for (Index i = 0; i < problem_.pairs(); ++i) {

@@ -125,14 +125,19 @@ double residual_norm(const Subproblem& sub, const Images& at, const Images& alon
     take(lambda + w.negative);
     primal(at.rows.all[i] + alpha * along.rows.all[i] - w.positive, sub.row_estimate.all[i], lambda);
   }
-  for (Eigen::Index i = 0; i < at.rows.left().size(); ++i) {
+  const auto left_at = at.rows.left();
+  const auto right_at = at.rows.right();
+  const auto left_along = along.rows.left();
+  const auto right_along = along.rows.right();
+  const auto left_estimate = sub.row_estimate.left();
+  const auto right_estimate = sub.row_estimate.right();
+  for (Eigen::Index i = 0; i < left_at.size(); ++i) {
     const Retraction h(x.sigma()[i] + alpha * d.sigma()[i], sub.kappa);
     const double left = x.lambda_L()[i] + alpha * d.lambda_L()[i];
     const double right = x.lambda_R()[i] + alpha * d.lambda_R()[i];
     take(h.negative_slope() * right - h.slope() * left);
-    primal(at.rows.left()[i] + alpha * along.rows.left()[i] - h.positive, sub.row_estimate.left()[i], left);
-    primal(at.rows.right()[i] + alpha * along.rows.right()[i] - h.negative, sub.row_estimate.right()[i],
-           right);
+    primal(left_at[i] + alpha * left_along[i] - h.positive, left_estimate[i], left);
+    primal(right_at[i] + alpha * right_along[i] - h.negative, right_estimate[i], right);
   }
   return norm;
 }

@@ -38,12 +38,14 @@ bool Newton::factor(const Subproblem& sub, const Iterate& x, double delta, bool 
 bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r, Iterate& d,
                        Images& images) {
   // W e + (a, −b)·r₃/π of one pair, for e = (e_L, e_R).
+  const auto first = weights_.rows.left();
+  const auto second = weights_.rows.right();
   const auto pair_image = [&](Eigen::Index i, double e_L, double e_R, double& out_L, double& out_R) {
     const Retraction h(x.sigma()[i], sub.kappa);
     const double c = weights_.cosine[i];
     const double s = weights_.sine[i];
-    const double along_first = weights_.rows.left()[i] * (c * e_L + s * e_R);
-    const double along_second = weights_.rows.right()[i] * (s * e_L - c * e_R);
+    const double along_first = first[i] * (c * e_L + s * e_R);
+    const double along_second = second[i] * (s * e_L - c * e_R);
     const double from_sigma = r.sigma()[i] / pivot_[i];
     out_L = c * along_first + s * along_second + h.slope() * from_sigma;
     out_R = s * along_first - c * along_second - h.negative_slope() * from_sigma;

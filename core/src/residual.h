@@ -30,7 +30,9 @@ struct Images {
 /// What the inner loop solves: (13) for fixed κ, ρ and multiplier estimates α, β.
 struct Subproblem {
   explicit Subproblem(const ScaledProblem& p)
-      : equality_estimate(Vector::Zero(p.equalities())), row_estimate(p.layout) {}
+      : equality_estimate(Vector::Zero(p.equalities())), row_estimate(p.layout) {
+    row_estimate.all.setZero();
+  }
 
   double kappa = 0.0, rho = 0.0;
   Vector equality_estimate;  ///< α

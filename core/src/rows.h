@@ -22,10 +22,10 @@ struct RowLayout {
   auto right_part(auto&& values) const { return values.segment(inequalities + pairs, pairs); }
 };
 
-/// A number for each row.
+/// A number for each row, at first none in particular.
 class RowVector {
  public:
-  explicit RowVector(const RowLayout& layout) : all(Vector::Zero(layout.size())), layout_(layout) {}
+  explicit RowVector(const RowLayout& layout) : all(layout.size()), layout_(layout) {}
 
   Vector all;
 

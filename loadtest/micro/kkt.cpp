@@ -21,9 +21,9 @@ RowWeights weights_of(const ScaledProblem& problem) {
   RowWeights weights(problem);
   weights.rho = 1e6;
   weights.delta = 1e-6;
-  weights.inequality.setConstant(0.5);
-  weights.first.setConstant(2.0);
-  weights.second.setConstant(0.1);
+  weights.rows.inequality().setConstant(0.5);
+  weights.rows.left().setConstant(2.0);
+  weights.rows.right().setConstant(0.1);
   weights.cosine.setConstant(0.6);
   weights.sine.setConstant(0.8);
   return weights;

@@ -92,11 +92,9 @@ TEST_F(Stopped, ADenseFactorizationEndsBetweenItsPanels) {
   multiply(p.Q, x, f);
   f += weights.delta * x;
   add_transposed(p.A, y, f);
-  Vector rows(1);
-  for (const RowMatrix* matrix : {&C_of(p), &L_of(p), &R_of(p)}) {
-    multiply(*matrix, x, rows);
-    add_transposed(*matrix, rows, f);
-  }
+  Vector images(p.layout.size());
+  multiply(p.rows, x, images);
+  add_transposed(p.rows, images, f);
   EXPECT_LT((f - Vector::Ones(p.variables())).lpNorm<Eigen::Infinity>(), 1e-9);
 }
 
