@@ -47,7 +47,8 @@ def make_checkout(folder):
     """What the commands touch of a checkout that was built."""
     for part in ("client/ts", "client/python", "proto"):
         shutil.copytree(ROOT / part, folder / part, ignore=MADE)
-    shutil.copy(ROOT / "LICENSE", folder)
+    for name in ("LICENSE", "VERSION"):
+        shutil.copy(ROOT / name, folder)
     (folder / "build").mkdir()
     (folder / "build" / "release").symlink_to(BUILD)
 
