@@ -106,12 +106,6 @@ void ActiveSet::restore(const Iterate& iterate, const WorkingSet& set) {
   images_.evaluate(problem_, x_);
 }
 
-void ActiveSet::flip(Index pair) {
-  set_.left_fixed[pair] ^= 1U;
-  set_.active_free_side[pair] = 0;
-  clear_inactive_multipliers();
-}
-
 void ActiveSet::clear_inactive_multipliers() {
   for_each_row([](double, double, double& lambda, double, const std::uint8_t* active) {
     if (active != nullptr && *active == 0) lambda = 0.0;

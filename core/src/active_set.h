@@ -70,8 +70,6 @@ class ActiveSet {
   [[nodiscard]] double elastic_objective() const { return elastic_objective_; }
   [[nodiscard]] double rho() const { return weights_.rho; }  ///< of the last factorization
 
-  /// Moves pair i to the other branch: the free side becomes the fixed one.
-  void flip(Index pair);
   /// Other rows, same point.
   void set_working_set(const WorkingSet& set) { set_ = set; }
 
@@ -82,7 +80,6 @@ class ActiveSet {
   [[nodiscard]] double error() const;
 
  private:
-  enum class Exchange { none, some, cycled };
   void set_weights(double rho, double delta);
   [[nodiscard]] bool solve_equalities(double tolerance);
   [[nodiscard]] bool exchange();

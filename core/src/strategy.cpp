@@ -21,7 +21,7 @@ constexpr int kManyMorePulling =
     30;  // after an interior point method has found a branch that the path did not
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
-// Measured on contact, rocket, gates, their variants and random QPECs; see core/README.md.
+// Measured on contact, rocket, gates, their variants and random QPECs; see core/TRIED.md.
 constexpr SearchPlan kNearby{.rho_first = 1e8,
                              .rho_factor = 10.0,
                              .rho_last = 1e8,
