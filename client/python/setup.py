@@ -22,7 +22,7 @@ MADE = PACKAGE / "contract.pb"
 
 def version_file():
     carried = HERE / PACKAGE / "VERSION"
-    return carried if carried.is_file() else PROJECT / "VERSION"
+    return carried if carried.is_file() else PROJECT / "deploy" / "VERSION"
 
 
 def protoc():

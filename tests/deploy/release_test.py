@@ -26,7 +26,7 @@ class Release(unittest.TestCase):
         for name in ("proto/released/marble-v1.binpb", "build/release/marble.binpb"):
             self.write(name, "the contract")
         self.write("client/ts/package.json", "{}")
-        self.write("VERSION", "1.2.3\n")
+        self.write("deploy/VERSION", "1.2.3\n")
         self.write("CHANGELOG.md", "# Changes\n\n## 1.2.3, 2026-01-02\n\nWhat is new.\n\n## 1.2.2, 2026-01-01\n\nOld.\n")
         shutil.copy(ROOT / "deploy/release", self.checkout / "deploy/release")
         self.git("init", "--quiet")
@@ -85,7 +85,7 @@ class Release(unittest.TestCase):
         self.refuses("no dated entry of 1.2.3")
 
     def test_what_is_no_version_is_refused(self):
-        self.write("VERSION", "1.2\n")
+        self.write("deploy/VERSION", "1.2\n")
         self.commit()
         self.refuses("not major.minor.patch")
 

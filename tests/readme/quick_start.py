@@ -47,8 +47,9 @@ def make_checkout(folder):
     """What the commands touch of a checkout that was built."""
     for part in ("client/ts", "client/python", "proto"):
         shutil.copytree(ROOT / part, folder / part, ignore=MADE)
-    for name in ("LICENSE", "VERSION"):
-        shutil.copy(ROOT / name, folder)
+    (folder / "deploy").mkdir()
+    for name in ("LICENSE", "deploy/VERSION"):
+        shutil.copy(ROOT / name, folder / name)
     (folder / "build").mkdir()
     (folder / "build" / "release").symlink_to(BUILD)
 

@@ -85,7 +85,8 @@ def test_wheel_and_sdist_build_and_the_wheel_works_elsewhere(server, tmp_path):
     source = tmp_path / "repository" / "client" / "python"
     shutil.copytree(HERE, source, ignore=shutil.ignore_patterns("build", "dist", "__pycache__", "*.egg-info"))
     shutil.copytree(HERE.parent.parent / "proto", tmp_path / "repository" / "proto")
-    shutil.copy(HERE.parent.parent / "VERSION", tmp_path / "repository")
+    (tmp_path / "repository" / "deploy").mkdir()
+    shutil.copy(HERE.parent.parent / "deploy" / "VERSION", tmp_path / "repository" / "deploy")
     run = subprocess.run([sys.executable, "-m", "build", "--no-isolation", "--skip-dependency-check", "."], cwd=source,
                          env=clean_environment(), capture_output=True, text=True, timeout=200)
     assert run.returncode == 0, run.stdout + run.stderr
@@ -94,7 +95,7 @@ def test_wheel_and_sdist_build_and_the_wheel_works_elsewhere(server, tmp_path):
     zipfile.ZipFile(wheel).extractall(tmp_path / "installed")
     names = {path.name for path in (tmp_path / "installed" / "marble").iterdir()}
     assert {"py.typed", "contract.pb", "__init__.py"} <= names and not any("pb2" in name for name in names)
-    assert (HERE.parent.parent / "VERSION").read_text().strip() in wheel.name
+    assert (HERE.parent.parent / "deploy" / "VERSION").read_text().strip() in wheel.name
     script = "import marble; print(marble.__file__, marble.__version__, marble.solve([[1.0]], [-1.0]).status)"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path, timeout=60,
                          env=clean_environment(PYTHONPATH=str(tmp_path / "installed"), MARBLE_SERVER=server.address))
