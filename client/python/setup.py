@@ -1,4 +1,8 @@
-"""Puts the contract into the package: the .proto files as one descriptor set, made by protoc when it is built."""
+"""Puts into the package what the whole project has once: its version and its contract.
+
+The contract is the .proto files as one descriptor set, made by protoc when the package is built. A source distribution
+has neither the .proto files nor the project's VERSION around it, and carries both in the package.
+"""
 
 import pathlib
 import shutil
@@ -10,8 +14,15 @@ from setuptools.command.build_py import build_py
 from setuptools.command.sdist import sdist
 
 HERE = pathlib.Path(__file__).resolve().parent
-PROTOS = HERE.parent.parent / "proto"
-MADE = pathlib.Path("src") / "marble" / "contract.pb"  # there in a source distribution, which has no .proto files
+PROJECT = HERE.parent.parent
+PROTOS = PROJECT / "proto"
+PACKAGE = pathlib.Path("src") / "marble"
+MADE = PACKAGE / "contract.pb"
+
+
+def version_file():
+    carried = HERE / PACKAGE / "VERSION"
+    return carried if carried.is_file() else PROJECT / "deploy" / "VERSION"
 
 
 def protoc():
@@ -41,6 +52,7 @@ def make_contract(target):
 class BuildWithContract(build_py):
     def run(self):
         super().run()
+        shutil.copyfile(version_file(), pathlib.Path(self.build_lib) / "marble" / "VERSION")
         make_contract(pathlib.Path(self.build_lib) / "marble" / "contract.pb")
 
 
@@ -48,6 +60,8 @@ class SourceWithContract(sdist):
     def make_release_tree(self, base_dir, files):
         super().make_release_tree(base_dir, files)
         make_contract(pathlib.Path(base_dir) / MADE)
+        shutil.copyfile(version_file(), pathlib.Path(base_dir) / PACKAGE / "VERSION")
 
 
-setup(cmdclass={"build_py": BuildWithContract, "sdist": SourceWithContract})
+setup(version=version_file().read_text(encoding="utf-8").strip(),
+      cmdclass={"build_py": BuildWithContract, "sdist": SourceWithContract})

@@ -9,7 +9,7 @@ install(FILES ${systemd}/marble.toml DESTINATION /etc/marble COMPONENT server EX
 install(FILES ${debian}/marble-server.8 DESTINATION /usr/share/man/man8 COMPONENT server EXCLUDE_FROM_ALL)
 install(FILES ${debian}/marble.1 ${debian}/marble-load.1 DESTINATION /usr/share/man/man1 COMPONENT cli EXCLUDE_FROM_ALL)
 foreach(component server cli dev)
-  install(FILES ${debian}/copyright ${debian}/changelog DESTINATION /usr/share/doc/marble-${component}
+  install(FILES ${debian}/copyright ${debian}/changelog DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/marble-${component}
           COMPONENT ${component} EXCLUDE_FROM_ALL)
 endforeach()
 

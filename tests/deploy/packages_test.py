@@ -176,8 +176,8 @@ def test_systemd_starts_watches_reloads_and_stops_it(tree):
 
 def commands_of_the_runbook():
     """Its indented lines, without what comes after a #, and the commands in its table of alerts."""
-    text = (ROOT / "deploy/README.md").read_text()
-    blocks = re.findall(r"^    (.+?)(?:\s+#.*)?$", text, re.M)
+    text = (ROOT / "server/OPERATE.md").read_text()
+    blocks = re.findall(r"^    (.+?)(?:\s+#.*)?$", text + (ROOT / "deploy/FLEET.md").read_text(), re.M)
     alerts = re.findall(r"`([^`]+)`", text[text.index("## Alerts"):text.index("## Upgrade")])
     ours = ("apt-get ", "install ", "journalctl ", "marble ", "marble-load ", "marble-server ", "systemctl ", "systemd-analyze ")
     return [line for line in blocks + alerts if line.startswith(ours)]

@@ -45,14 +45,8 @@ std::optional<Update> read(const std::uint8_t* data, std::size_t size, const Par
   return std::nullopt;
 }
 
-void apply(const Problem& problem, const Update& update) {
-  Options few;
-  few.max_iterations = 4;
-  few.local_search_budget = 0;
-  auto solver = WarmSolver::create(problem, few);
-  FUZZ_EXPECT(solver.has_value());
-  FUZZ_EXPECT(solver->solve().has_value());
-  FUZZ_EXPECT(solver->solve(update_of(update.message.problem()), server::restart_of(update)).has_value());
+void apply(WarmSolver& solver, const Update& update) {
+  FUZZ_EXPECT(solver.solve(update_of(update.message.problem()), server::restart_of(update)).has_value());
 }
 
 }  // namespace
@@ -67,9 +61,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::optional<Update> older = read(data + 1, first, sizes);
   std::optional<Update> newer = read(data + 1 + first, size - 1 - first, sizes);
   if (!older || !newer) return 0;
-  apply(problem, *older);
+  Options few;
+  few.max_iterations = 4;
+  few.local_search_budget = 0;
+  auto solver = WarmSolver::create(problem, few);
+  FUZZ_EXPECT(solver.has_value());
+  apply(*solver, *older);
   server::take_along(*older, *newer, sizes);
   FUZZ_EXPECT(server::bytes_of(*newer) <= server::most_update_bytes(sizes));
-  apply(problem, *newer);
+  apply(*solver, *newer);
   return 0;
 }

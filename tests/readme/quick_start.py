@@ -1,4 +1,4 @@
-"""A quick start of the README, done word for word: its files written, its commands run in a checkout and in an empty folder
+"""A first answer of the front page or of client/SOLVING.md, done word for word: its files written, its commands run in a checkout and in an empty folder
 against a real server, and what they print compared with what it shows.
 
 Usage: quick_start.py ROOT BUILD_DIR SECTION [FOLDER_OF_PROGRAMS]    exit 77 where what it needs is not there
@@ -22,10 +22,10 @@ MADE = shutil.ignore_patterns("node_modules", "dist", "build", "docs", "generate
 
 
 def blocks_of(section):
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    start = text.index(f"\n### {section}\n")
-    end = re.compile(r"^##", re.MULTILINE).search(text, start + len(section) + 6).start()
-    return re.findall(r"^```(\w+)\n(.*?)^```$", text[start:end], re.DOTALL | re.MULTILINE)
+    pages = "".join((ROOT / page).read_text(encoding="utf-8") for page in ("README.md", "client/SOLVING.md"))
+    start = pages.index(f"\n### {section}\n")
+    end = re.compile(r"^##|\Z", re.MULTILINE).search(pages, start + len(section) + 6).start()
+    return re.findall(r"^```(\w+)\n(.*?)^```$", pages[start:end], re.DOTALL | re.MULTILINE)
 
 
 def skip(why):
@@ -47,7 +47,9 @@ def make_checkout(folder):
     """What the commands touch of a checkout that was built."""
     for part in ("client/ts", "client/python", "proto"):
         shutil.copytree(ROOT / part, folder / part, ignore=MADE)
-    shutil.copy(ROOT / "LICENSE", folder)
+    (folder / "deploy").mkdir()
+    for name in ("LICENSE", "deploy/VERSION"):
+        shutil.copy(ROOT / name, folder / name)
     (folder / "build").mkdir()
     (folder / "build" / "release").symlink_to(BUILD)
 
@@ -78,8 +80,8 @@ def main():
         work = pathlib.Path(work)
         make_checkout(work / "checkout")
         (work / "home").mkdir()
-        # Debian's programs first, its Python above all; npm keeps what it has fetched before.
-        path = os.pathsep.join([*sys.argv[4:], "/usr/bin", os.environ["PATH"]])
+        # Those that were built, then Debian's, its Python above all; npm keeps what it has fetched before.
+        path = os.pathsep.join([*sys.argv[4:], str(BUILD / "bin"), "/usr/bin", os.environ["PATH"]])
         cache = os.environ.get("npm_config_cache") or str(pathlib.Path.home() / ".npm")
         server = Server(BUILD / "bin")
         try:
@@ -88,7 +90,7 @@ def main():
         finally:
             server.stop()
     # Builds talk before their program does.
-    assert printed.endswith(shown[0]), f"the README shows\n{shown[0]}\nand this was printed:\n{printed}"
+    assert printed.endswith(shown[0]), f"the page shows\n{shown[0]}\nand this was printed:\n{printed}"
     print(shown[0], end="")
 
 

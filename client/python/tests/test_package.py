@@ -85,6 +85,8 @@ def test_wheel_and_sdist_build_and_the_wheel_works_elsewhere(server, tmp_path):
     source = tmp_path / "repository" / "client" / "python"
     shutil.copytree(HERE, source, ignore=shutil.ignore_patterns("build", "dist", "__pycache__", "*.egg-info"))
     shutil.copytree(HERE.parent.parent / "proto", tmp_path / "repository" / "proto")
+    (tmp_path / "repository" / "deploy").mkdir()
+    shutil.copy(HERE.parent.parent / "deploy" / "VERSION", tmp_path / "repository" / "deploy")
     run = subprocess.run([sys.executable, "-m", "build", "--no-isolation", "--skip-dependency-check", "."], cwd=source,
                          env=clean_environment(), capture_output=True, text=True, timeout=200)
     assert run.returncode == 0, run.stdout + run.stderr
@@ -93,10 +95,12 @@ def test_wheel_and_sdist_build_and_the_wheel_works_elsewhere(server, tmp_path):
     zipfile.ZipFile(wheel).extractall(tmp_path / "installed")
     names = {path.name for path in (tmp_path / "installed" / "marble").iterdir()}
     assert {"py.typed", "contract.pb", "__init__.py"} <= names and not any("pb2" in name for name in names)
-    script = "import marble; print(marble.__file__, marble.solve([[1.0]], [-1.0]).status)"
+    assert (HERE.parent.parent / "deploy" / "VERSION").read_text().strip() in wheel.name
+    script = "import marble; print(marble.__file__, marble.__version__, marble.solve([[1.0]], [-1.0]).status)"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path, timeout=60,
                          env=clean_environment(PYTHONPATH=str(tmp_path / "installed"), MARBLE_SERVER=server.address))
     assert str(tmp_path) in run.stdout and "Status.SOLVED" in run.stdout, run.stderr
+    assert f" {marble.__version__} " in run.stdout
 
 
 def test_another_package_s_google_rpc_does_not_clash():
@@ -119,7 +123,8 @@ def test_the_types_hold(tmp_path):
 
 def test_the_reference_is_generated_without_warnings_and_has_every_name(tmp_path):
     pytest.importorskip("sphinx", reason="python3-sphinx is not installed")
-    run = _python("-m", "sphinx", "-q", "-W", "--keep-going", "-d", tmp_path / "trees", HERE / "reference", tmp_path / "html")
+    run = _python("-m", "sphinx", "-q", "-W", "--keep-going", "-d", tmp_path / "trees", HERE / "reference",
+                  tmp_path / "html")
     assert run.returncode == 0 and not run.stderr, run.stderr
     page = (tmp_path / "html" / "index.html").read_text(encoding="utf-8")
     for name in [*(set(marble.__all__) - {"aio", "__version__"}), "aio.Client", "hopper.Hopper", "casadi.from_casadi"]:

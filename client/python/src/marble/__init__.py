@@ -7,6 +7,8 @@ keeps a connection, with sessions, batches and jobs; `marble.aio` has the same f
 MARBLE_SERVER names, if nothing else is said; without it a `marble-server` of this process alone, if one is in PATH.
 """
 
+import pathlib
+
 from marble import aio
 from marble.batch import BatchAnswer, BatchItem
 from marble.client import Client, SolveHandle, solve
@@ -36,7 +38,7 @@ from marble.session import Session
 from marble.session_core import SessionEvent, Shift, ShiftBlock, Superseded
 from marble.solution import Progress, SecondOrder, Solution, Stationarity, Status, Times, Violations
 
-__version__ = "0.1.0"
+__version__ = pathlib.Path(__file__).with_name("VERSION").read_text(encoding="utf-8").strip()
 
 __all__ = [
     "LCQP",

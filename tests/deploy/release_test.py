@@ -1,0 +1,103 @@
+"""deploy/release, in a repository of its own where building and packing are stand-ins: what it refuses, and what it tags."""
+
+import os
+import pathlib
+import shutil
+import subprocess
+import tempfile
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+STANDS_IN = {
+    "tests/tidy": "exit ${TIDY_FAULTS:-0}",
+    "deploy/make-packages": 'touch "$1/marble-server.deb"',
+    "programs/python3": 'touch "$6/marble_client.whl" "$6/marble_client.tar.gz"',
+    "programs/npm": 'if [ "$1" = pack ]; then touch "$3/marble-client.tgz"; fi',
+}
+
+
+class Release(unittest.TestCase):
+    def setUp(self):
+        self.work = pathlib.Path(tempfile.mkdtemp(prefix="marble release "))
+        self.addCleanup(shutil.rmtree, self.work)
+        self.checkout = self.work / "checkout"
+        for name, command in STANDS_IN.items():
+            self.write(name, f"#!/bin/sh\n{command}\n", 0o755)
+        for name in ("proto/released/marble-v1.binpb", "build/release/marble.binpb"):
+            self.write(name, "the contract")
+        self.write("client/ts/package.json", "{}")
+        self.write("deploy/VERSION", "1.2.3\n")
+        self.write("CHANGELOG.md", "# Changes\n\n## 1.2.3, 2026-01-02\n\nWhat is new.\n\n## 1.2.2, 2026-01-01\n\nOld.\n")
+        shutil.copy(ROOT / "deploy/release", self.checkout / "deploy/release")
+        self.git("init", "--quiet")
+        self.commit()
+
+    def write(self, name, text, mode=0o644):
+        path = self.checkout / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        path.chmod(mode)
+
+    def git(self, *arguments):
+        identity = ["-c", "user.name=A Tester", "-c", "user.email=tester@marble.example"]
+        return subprocess.run(["git", *identity, *arguments], cwd=self.checkout, capture_output=True, text=True,
+                              check=True).stdout
+
+    def commit(self):
+        self.git("add", "--all")
+        self.git("commit", "--quiet", "--message", "All of it")
+
+    def release(self, *arguments, **environment):
+        path = f"{self.checkout / 'programs'}{os.pathsep}{os.environ['PATH']}"
+        names = {"GIT_COMMITTER_NAME": "A Tester", "GIT_COMMITTER_EMAIL": "tester@marble.example"}
+        return subprocess.run([self.checkout / "deploy/release", *arguments, self.work / "packages"], text=True,
+                              capture_output=True, env={**os.environ, **names, **environment, "PATH": path})
+
+    def refuses(self, why, *arguments, **environment):
+        done = self.release(*arguments, **environment)
+        self.assertEqual(done.returncode, 1, done.stdout)
+        self.assertIn(why, done.stderr)
+
+    def test_packages_are_built_with_their_checksums_and_nothing_is_tagged(self):
+        done = self.release()
+        self.assertEqual(done.returncode, 0, done.stderr)
+        sums = (self.work / "packages/SHA256SUMS").read_text().split()[1::2]
+        self.assertEqual(sums, ["marble-server.deb", "marble_client.whl", "marble_client.tar.gz", "marble-client.tgz"])
+        self.assertEqual(self.git("tag"), "")
+
+    def test_the_tag_is_made_when_asked_and_carries_this_version_s_changes(self):
+        done = self.release("--tag")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(self.git("tag"), "v1.2.3\n")
+        message = self.git("tag", "--list", "--format=%(contents)")
+        self.assertIn("What is new.", message)
+        self.assertNotIn("Old.", message)
+        shutil.rmtree(self.work / "packages")
+        self.refuses("the tag v1.2.3 exists")
+
+    def test_changes_that_are_not_committed_are_refused(self):
+        self.write("README.md", "new")
+        self.refuses("not committed", "--tag")
+
+    def test_a_version_without_a_dated_entry_is_refused(self):
+        self.write("CHANGELOG.md", "# Changes\n\n## 1.2.3, unreleased\n")
+        self.commit()
+        self.refuses("no dated entry of 1.2.3")
+
+    def test_what_is_no_version_is_refused(self):
+        self.write("deploy/VERSION", "1.2\n")
+        self.commit()
+        self.refuses("not major.minor.patch")
+
+    def test_a_contract_that_was_not_released_is_refused(self):
+        self.write("build/release/marble.binpb", "another contract")
+        self.commit()
+        self.refuses("not the contract that was built", "--tag")
+        self.assertEqual(self.git("tag"), "")
+
+    def test_faults_of_tidy_are_refused(self):
+        self.refuses("tests/tidy found faults", TIDY_FAULTS="1")
+
+
+if __name__ == "__main__":
+    unittest.main()
