@@ -80,9 +80,7 @@ double LocalSearch::largest_violation() const {
          active_set_.rho();
 }
 
-int LocalSearch::pulling(const ActiveSet& active_set) {
-  const WorkingSet& set = active_set.set();
-  const Iterate& x = active_set.x();
+int LocalSearch::pulling(const Iterate& x, const WorkingSet& set) {
   int count = 0;
   for (std::size_t i = 0; i < set.left_fixed.size(); ++i) {
     const auto pair = static_cast<Index>(i);
