@@ -129,7 +129,7 @@ TEST(Newton, AStepCutsTheResidualOfANearlySolvedSubproblemQuadratically) {
     s.sub.inequality_estimate -= s.sub.rho * s.r.lambda_w();
     s.sub.left_estimate -= s.sub.rho * s.r.lambda_L();
     s.sub.right_estimate -= s.sub.rho * s.r.lambda_R();
-    s.x.all += 1e-3 * Vector::Random(s.x.all.size());
+    s.x.all += 1e-3 * testing::RandomVectors(seed).next(s.x.all.size());
     s.images.evaluate(s.problem, s.x);
     residual(s.sub, s.images, s.x, s.r);
     const double before = max_abs(s.r.all);

@@ -94,6 +94,21 @@ TEST(Strategy, SaysWhichEnginesFoundTheAnswer) {
   EXPECT_EQ(p.warm(p.solved_branch(1), 1.0).detail.rfind("warm start; ", 0), 0U);
 }
 
+TEST(Strategy, AFeasiblePointOfThePathThatIsClearlyLowerIsTheAnswer) {
+  Options options;
+  options.kappa_min = 1e-2;
+  options.complementarity_tolerance = 0.05;
+  Planned p(corner(1.0, 2.0), options);
+  const Ending end = p.cold();
+  EXPECT_EQ(end.status, Status::solved) << end.detail;
+  EXPECT_LT(p.objective(), 1.0 - 5e-3) << "1 is the best branch's";
+  EXPECT_LE(p.judged(p.strategy.best().z()).infeasibility(), 0.05);
+  options.complementarity_tolerance = 1e-6;
+  Planned strict(corner(1.0, 2.0), options);
+  EXPECT_EQ(strict.cold().status, Status::solved);
+  EXPECT_NEAR(strict.objective(), 1.0, 1e-9) << "what is not feasible is no answer";
+}
+
 TEST(Strategy, WithoutPolishItIsThePathAlone) {
   Options options;
   options.polish = false;
