@@ -219,49 +219,5 @@ TEST(Strategy, BetweenAWarmAnswerAndAColdOneTheBetterWins) {
   EXPECT_GE(both, 8);
 }
 
-// ½(x₁ − 3)² + ½(x₂ − 4)² + ½‖y‖², 0 ≤ xᵢ ⊥ yᵢ ≥ 0, y₁ + y₂ ≥ 0.1: x = (3, 0) is a local optimum that no flip
-// leaves. At κ = 10⁻² the path is feasible to loose tolerances and clearly lower than any branch. A pair u ≥
-// 1 ⊥ v makes a start with u = 0 one to be mended.
-OwnedProblem lower_path() {
-  OwnedProblem p;
-  p.name = "a path lower than its branch";
-  p.g = {-3.0, -4.0, 0.0, 0.0, 0.0, 0.0};
-  Triplets hessian, rows, left, right;
-  for (Index i = 0; i < 6; ++i) hessian.add(i, i, 1.0);
-  rows.add(0, 2, 1.0), rows.add(0, 3, 1.0), rows.add(1, 4, 1.0);
-  left.add(0, 0, 1.0), left.add(1, 1, 1.0), left.add(2, 4, 1.0);
-  right.add(0, 2, 1.0), right.add(1, 3, 1.0), right.add(2, 5, 1.0);
-  p.Q = compress(6, 6, hessian, "Q").value();
-  p.C = compress(2, 6, rows, "C").value();
-  p.d = {-0.1, -1.0};
-  p.L = compress(3, 6, left, "L").value();
-  p.R = compress(3, 6, right, "R").value();
-  p.l = p.r = {0.0, 0.0, 0.0};
-  return p;
-}
-
-// A warm answer, mended, that a cold start has to beat, was lost where the path then looked better for a
-// while.
-TEST(Strategy, OnceItHasAnAnswerMoreIterationsNeverLoseIt) {
-  double before = kInfinity;
-  for (int limit = 0; limit <= 40; ++limit) {
-    Options options;
-    options.max_iterations = limit;
-    options.inequality_tolerance = options.complementarity_tolerance = 5e-2;
-    Planned p(lower_path(), options);
-    Iterate start(p.problem);
-    start.z() << 3.0, 0.0, 0.0, 0.1, 0.0, 1.0;
-    start.z() = start.z().cwiseQuotient(p.problem.variable_scale).eval();
-    const Ending end = p.warm(start, -1e30);
-    if (end.status != Status::solved) {
-      EXPECT_EQ(before, kInfinity) << limit << ": " << end.detail;
-      continue;
-    }
-    EXPECT_LE(p.objective(), before + 1e-9 * std::abs(before)) << limit << ": " << end.detail;
-    before = p.objective();
-  }
-  EXPECT_NEAR(before, -7.495, 1e-6) << "and the path goes on to the branch that it promised";
-}
-
 }  // namespace
 }  // namespace marble
