@@ -219,5 +219,34 @@ TEST(Strategy, BetweenAWarmAnswerAndAColdOneTheBetterWins) {
   EXPECT_GE(both, 8);
 }
 
+// ½qx² − 2x + ½y² + y over 0 ≤ x ⊥ y ≥ 0: (0, 0) solves the branch x = 0, but on the other x grows, to 2/q.
+OwnedProblem half_a_corner(double q) {
+  OwnedProblem p = corner(0.0, 0.0);
+  p.g = {-2.0, 1.0};
+  p.Q = compress(2, 2, {{0, 1}, {0, 1}, {q, 1.0}}, "Q").value();
+  return p;
+}
+
+TEST(Strategy, WhereBranchesMeetTheOthersAreTriedToo) {
+  Planned p(half_a_corner(1.0));
+  const Ending end = p.warm(p.solved_branch(1), kInfinity);
+  EXPECT_EQ(end.status, Status::solved);
+  EXPECT_NEAR(p.objective(), -2.0, 1e-9) << end.detail;
+  EXPECT_EQ(end.detail.rfind("neighbouring branch; ", 0), 0U) << end.detail;
+  EXPECT_EQ(p.strategy.b_stationary(), true);
+  Options options;
+  options.local_search_budget = 0;
+  Planned none(half_a_corner(1.0), options);
+  EXPECT_EQ(none.warm(none.solved_branch(1), kInfinity).status, Status::solved);
+  EXPECT_NEAR(none.objective(), 0.0, 1e-9) << "no branch but its own is looked at";
+  EXPECT_FALSE(none.strategy.b_stationary().has_value()) << "and nothing is said of the others";
+}
+
+TEST(Strategy, IsNotCalledBStationaryWhereABranchCouldNotBeSolved) {
+  Planned p(half_a_corner(0.0));  // on the other branch x grows for ever
+  EXPECT_EQ(p.warm(p.solved_branch(1), kInfinity).status, Status::solved);
+  EXPECT_FALSE(p.strategy.b_stationary().has_value());
+}
+
 }  // namespace
 }  // namespace marble
