@@ -62,11 +62,10 @@ double LocalSearch::largest_violation() const {
   return std::max(max_abs(x.y()), max_abs(x.lambda())) / active_set_.rho();
 }
 
-int LocalSearch::pulling(const ActiveSet& active_set) {
-  const WorkingSet& set = active_set.set();
+int LocalSearch::pulling(const Iterate& x, const WorkingSet& set) {
   int count = 0;
   for (Index pair = 0; pair < set.layout.pairs; ++pair) {
-    if (active_set.x().lambda()[set.fixed_row(pair)] > tuning::search_pull) ++count;
+    if (x.lambda()[set.fixed_row(pair)] > tuning::search_pull) ++count;
   }
   return count;
 }

@@ -38,7 +38,7 @@ class LocalSearch {
   /// there is none.
   [[nodiscard]] bool run(Run& run, const SearchPlan& plan, int last_factorization);
   /// Pairs of an exact solution whose fixed side has descent on its other side: what there is to search.
-  [[nodiscard]] static int pulling(const ActiveSet& active_set);
+  [[nodiscard]] static int pulling(const Iterate& x, const WorkingSet& set);
   [[nodiscard]] int accepted() const { return accepted_; }  ///< moves, of the last run()
 
  private:

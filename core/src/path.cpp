@@ -148,6 +148,7 @@ bool PathEngine::retreat() {
 
 Ending PathEngine::give_best(Status reason) {
   x_.all = best_.all;
+  images_.evaluate(problem_, x_);
   violations_ = best_violations_;
   return {reason, "stopped early; " + describe(best_violations_), {}};
 }

@@ -36,6 +36,7 @@ class PathEngine {
   /// within the tolerances.
   [[nodiscard]] const Iterate& best() const { return best_; }
   [[nodiscard]] const Violations& best_violations() const { return best_violations_; }
+  [[nodiscard]] double best_objective() const { return best_objective_; }
   [[nodiscard]] double objective() const { return images_.objective; }
 
  private:

@@ -81,6 +81,8 @@ Ending Strategy::run(Run& run, ConstVectorRef initial_z, const std::optional<War
   stayed_warm_ = warm_start && options_.polish && from_solution(run, *warm_start);
   if (stayed_warm_) return finish_exact(run);
   Ending end = cold(run);
+  if (has_exact_ && is_solved(end.status) && is_lower(fallback_violations_, fallback_objective_))
+    has_exact_ = false;
   if (has_exact_) return finish_exact(run);
   if (const auto reason = run.interrupted(); reason && !is_solved(end.status) && !is_proof(end.status))
     return {*reason, "stopped early; " + describe(fallback_violations_), {}};
@@ -115,18 +117,19 @@ Ending Strategy::cold(Run& run) {
     end = follow_path(run, kappa);
     if (end && (ended_by_force(end->status) || is_proof(end->status))) return *end;
     if (options_.polish) outcome = from_path(run);
-    if (end || path_.is_lost() || outcome != Outcome::not_exact) break;
+    if (end || path_.is_lost() || is_answer(outcome)) break;
   }
   if (options_.polish) {
-    if (outcome != Outcome::not_exact) {
+    if (is_answer(outcome)) {
       improve(run, run.factorizations + options_.local_search_budget);
     } else if (options_.path == Path::fast) {
       const bool feasible = from_interior(run);
-      if (!feasible || LocalSearch::pulling(active_set_) >= tuning::many_pulling_after_interior)
+      if (!feasible || LocalSearch::pulling(exact_.x, exact_.set) >= tuning::many_pulling_after_interior)
         improve_from_soft(run, run.factorizations + options_.local_search_budget);
     }
     start_again(run);
-    if (has_exact_ || (end && is_solved(end->status))) return end.value_or(Ending{});
+    const bool exact = has_exact_ && outcome != Outcome::path_is_lower;
+    if (exact || (end && is_solved(end->status))) return end.value_or(Ending{});
   }
   if (!end) {
     if (searched_soft_) path_.start(initial_z_);  // it was borrowed
@@ -146,6 +149,7 @@ std::optional<Ending> Strategy::follow_path(Run& run, double kappa_end) {
   if (cut_short && has_fallback_ && largest(fallback_violations_) < largest(violations)) return end;
   fallback_.all = x.all;
   fallback_violations_ = violations;
+  fallback_objective_ = end ? path_.objective() : path_.best_objective();
   has_fallback_ = true;
   if (!end || !is_proof(end->status)) return end;
   if (std::optional<Ending> proved = prove(run, end->status)) return proved;
@@ -192,7 +196,7 @@ bool Strategy::from_solution(Run& run, const WarmStart& warm_start) {
     const int work = run.factorizations - before;
     small_change = work <= tuning::warm_small_change;
     const bool search = work > tuning::warm_tiny_change && options_.local_search_budget > 0;
-    const int pulling = search ? LocalSearch::pulling(active_set_) : 0;
+    const int pulling = search ? LocalSearch::pulling(exact_.x, exact_.set) : 0;
     const SearchPlan plan =
         small_change || pulling < tuning::many_pulling ? near_exact(tuning::warm_patience) : refresh();
     if (pulling > 0 && search_.run(run, plan, last) && search_.accepted() > 0)
@@ -222,18 +226,19 @@ Strategy::Outcome Strategy::make_exact(Run& run, const char* origin, int budget)
   return Outcome::kept;
 }
 
-// A feasible path point that is clearly lower than its exact neighbour is the better answer.
 Strategy::Outcome Strategy::from_path(Run& run) {
   const Run::Polishing polishing(run);
   const double objective = path_.objective();
-  const double slack = tuning::path_loss * std::max(1.0, std::abs(objective));
   active_set_.start_from_path(path_.iterate());
   const Outcome outcome = make_exact(run, "path", tuning::exact_budget);
-  if (outcome != Outcome::kept || !within_tolerances(path_.violations_at(), options_) ||
-      exact_.objective <= objective + slack)
-    return outcome;
-  has_exact_ = false;
-  return Outcome::not_exact;
+  const bool lower = outcome != Outcome::not_exact && is_lower(path_.violations_at(), objective);
+  return lower ? Outcome::path_is_lower : outcome;
+}
+
+// A feasible path point that is clearly lower than its exact neighbour is the better answer.
+bool Strategy::is_lower(const Violations& violations, double objective) const {
+  return within_tolerances(violations, options_) &&
+         exact_.objective > objective + tuning::path_loss * std::max(1.0, std::abs(objective));
 }
 
 bool Strategy::from_interior(Run& run) {
@@ -249,7 +254,7 @@ bool Strategy::from_interior(Run& run) {
 // Few pairs that pull: better branches are a flip or two away. Many: they are found where all is soft still.
 void Strategy::improve(Run& run, int last_factorization) {
   const Run::Polishing polishing(run);
-  const int pulling = LocalSearch::pulling(active_set_);
+  const int pulling = LocalSearch::pulling(exact_.x, exact_.set);
   if (pulling == 0 || options_.local_search_budget == 0 || run.interrupted()) return;
   const double before = exact_.objective;
   if (pulling >= tuning::many_pulling && options_.path == Path::fast)

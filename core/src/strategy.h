@@ -44,13 +44,17 @@ class Strategy {
   void forget_convexity() { convexity_ = Convexity::unknown; }
 
  private:
-  enum class Outcome { kept, no_better, not_exact };
+  enum class Outcome { kept, no_better, path_is_lower, not_exact };
+  [[nodiscard]] static bool is_answer(Outcome outcome) {
+    return outcome == Outcome::kept || outcome == Outcome::no_better;
+  }
   enum class Convexity { unknown, dominant, convex, indefinite };
   [[nodiscard]] Outcome make_exact(Run& run, const char* origin, int budget);
   [[nodiscard]] bool from_solution(Run& run, const WarmStart& warm_start);
   [[nodiscard]] Ending cold(Run& run);
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
   [[nodiscard]] Outcome from_path(Run& run);
+  [[nodiscard]] bool is_lower(const Violations& violations, double objective) const;
   [[nodiscard]] bool from_interior(Run& run);
   void improve(Run& run, int last_factorization);
   void improve_from_soft(Run& run, int last_factorization);
@@ -82,6 +86,7 @@ class Strategy {
   Vector initial_z_;
   Iterate fallback_;  // what the path ended with, for solves without anything better
   Violations fallback_violations_;
+  double fallback_objective_ = 0.0;  // scaled
   bool has_fallback_ = false;
   FurtherStarts further_starts_;
   ExactSolution exact_, candidate_;  // the best one so far, and the one at hand

@@ -48,6 +48,10 @@ TEST_F(Conformance, SmallProblems) {
   for (const auto& [problem, optimum] : small_problems()) expect_same(problem);
 }
 
+TEST_F(Conformance, KnownProblems) {
+  for (const auto& [problem, optimum] : known_problems()) expect_same(problem);
+}
+
 TEST_F(Conformance, OptionsMeanTheSame) {
   Options options;
   options.path = Path::paper;

@@ -1,12 +1,15 @@
 // Option starts: further searches from the best branch, at once or one after the other.
+#include "further_starts.h"
+
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <thread>
 
 #include "marble/examples.h"
 #include "marble/solver.h"
 #include "support/independent_check.h"
+#include "support/random_problem.h"
+#include "workbench.h"
 
 namespace marble {
 namespace {
@@ -86,6 +89,94 @@ TEST(FurtherStarts, StopWithTheRestOfTheSolve) {
   const Solution s = solver.solve({.stop = source.get_token(), .runner = &stopper}).value();
   EXPECT_EQ(stopper.rounds, 1);
   EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-6) << "the best so far";
+}
+
+// One round by itself.
+struct Round : testing::Workbench {
+  explicit Round(const OwnedProblem& p, const Options& chosen = {}, testing::Rows* told = nullptr)
+      : Workbench(p, chosen, told),
+        active_set(problem, *kkt),
+        search(problem, *kkt, active_set),
+        engine(problem, options, active_set, search),
+        best(problem) {
+    active_set.start_from_point(zero());
+    begun = search.run(run, kPlan, 1000) && solve_exactly(problem, options, active_set, run, 100, best);
+  }
+  static constexpr SearchPlan kPlan{.rho_first = 10.0,
+                                    .rho_factor = 10.0,
+                                    .rho_last = 1e8,
+                                    .rho_soft = 2e3,
+                                    .rho_exchange = 1e300,
+                                    .from_exact = false,
+                                    .first_patience = 5,
+                                    .flip_patience = 5,
+                                    .exchange_patience = 0};
+
+  ActiveSet active_set;
+  LocalSearch search;
+  FurtherStarts engine;
+  ExactSolution best;
+  bool begun = false;
+};
+
+TEST(FurtherStarts, ARoundReplacesTheBestOnlyByWhatIsBetterExactAndFeasible) {
+  int better = 0;
+  int kept = 0;
+  for (const int steps : {6, 8, 10, 12, 14, 16}) {
+    Round r(examples::hopper({.steps = steps}));
+    ASSERT_TRUE(r.begun) << steps;
+    const ExactSolution before = r.best;
+    if (r.engine.round(r.run, Round::kPlan, 1, FurtherStarts::kRound, r.best)) {
+      ++better;
+      EXPECT_LT(r.best.objective, before.objective) << steps;
+      EXPECT_LE(r.judged(r.best.x.z()).infeasibility(), 1e-8) << steps;
+      EXPECT_NEAR(r.best.objective, r.images(r.best.x).objective, 1e-9 * (1.0 + std::abs(r.best.objective)));
+    } else {
+      ++kept;
+      EXPECT_EQ(r.best.x.all, before.x.all) << "what is not better leaves no trace: " << steps;
+      EXPECT_EQ(r.best.objective, before.objective);
+      EXPECT_TRUE(r.best.set == before.set);
+    }
+  }
+  EXPECT_GT(better, 0);
+  EXPECT_GT(kept, 0);
+}
+
+TEST(FurtherStarts, ARoundCountsTheWorkOfAllItsSearchesAndTellsOneRowAtMost) {
+  testing::Rows rows;
+  Round r(examples::hopper({.steps = 10}), {}, &rows);
+  ASSERT_TRUE(r.begun);
+  const int factorizations = r.run.factorizations;
+  const int iterations = r.run.iterations;
+  const std::size_t told = rows.rows.size();
+  static_cast<void>(r.engine.round(r.run, Round::kPlan, 1, FurtherStarts::kRound, r.best));
+  EXPECT_GE(r.run.factorizations - factorizations, FurtherStarts::kRound);
+  EXPECT_GT(r.run.iterations, iterations);
+  EXPECT_LE(rows.rows.size(), told + 1) << "searches that may go on at once are silent";
+}
+
+TEST(FurtherStarts, ARoundForWhoIsToStopChangesNothing) {
+  testing::Rows rows;
+  Round r(examples::hopper({.steps = 8}), {}, &rows);
+  ASSERT_TRUE(r.begun);
+  const Vector before = r.best.x.all;
+  rows.source.request_stop();
+  const int factorizations = r.run.factorizations;
+  EXPECT_FALSE(r.engine.round(r.run, Round::kPlan, 1, FurtherStarts::kRound, r.best));
+  EXPECT_EQ(r.run.factorizations, factorizations);
+  EXPECT_EQ(r.best.x.all, before);
+}
+
+TEST(SolveExactly, RefusesBranchesThatAreNotFeasibleAndKeepsThePointItWasGiven) {
+  testing::Workbench w(testing::without_feasible_branch());
+  ActiveSet active_set(w.problem, *w.kkt);
+  ExactSolution solution(w.problem);
+  solution.x.all.setConstant(7.0);
+  solution.objective = -3.0;
+  active_set.start_from_point(w.zero());
+  EXPECT_FALSE(solve_exactly(w.problem, w.options, active_set, w.run, 100, solution));
+  EXPECT_EQ(solution.objective, -3.0);
+  EXPECT_EQ(solution.x.all.minCoeff(), 7.0);
 }
 
 }  // namespace

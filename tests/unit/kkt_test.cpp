@@ -4,6 +4,7 @@
 
 #include "dense_system.h"
 #include "random_setting.h"
+#include "random_vector.h"
 
 namespace marble {
 namespace {
@@ -12,14 +13,15 @@ using testing::all_shapes;
 using testing::backends;
 using testing::dense_system;
 using testing::random_problem;
+using testing::RandomVectors;
 using testing::scaled;
 
 RowWeights random_weights(const ScaledProblem& p, unsigned seed, bool with_zeros) {
-  std::srand(seed);
+  RandomVectors random(seed);
   RowWeights weights(p);
   weights.rho = 20.0;
   weights.delta = 0.01;
-  const auto positive = [](VectorRef v) { v = Vector::Random(v.size()).cwiseAbs() * 10.0; };
+  const auto positive = [&](VectorRef v) { v = random.next(v.size()).cwiseAbs() * 10.0; };
   positive(weights.rows.inequality());
   positive(weights.rows.left());
   positive(weights.rows.right());
@@ -27,7 +29,7 @@ RowWeights random_weights(const ScaledProblem& p, unsigned seed, bool with_zeros
     for (Eigen::Index i = 0; i < weights.rows.inequality().size(); i += 2) weights.rows.inequality()[i] = 0.0;
     for (Eigen::Index i = 0; i < weights.rows.right().size(); i += 2) weights.rows.right()[i] = 0.0;
   }
-  const Vector angle = Vector::Random(p.pairs()) * 3.0;
+  const Vector angle = random.next(p.pairs()) * 3.0;
   weights.cosine = angle.array().cos();
   weights.sine = angle.array().sin();
   return weights;
@@ -35,8 +37,9 @@ RowWeights random_weights(const ScaledProblem& p, unsigned seed, bool with_zeros
 
 void expect_solves(Kkt& kkt, const ScaledProblem& p, const RowWeights& weights) {
   ASSERT_TRUE(kkt.factor(weights)) << kkt.name();
-  Vector x = Vector::Random(p.variables());
-  Vector y = Vector::Random(p.equalities());
+  RandomVectors random(11);
+  Vector x = random.next(p.variables());
+  Vector y = random.next(p.equalities());
   Vector right(x.size() + y.size());
   right << x, y;
   const Vector expected = dense_system(p, weights).fullPivLu().solve(right);
@@ -105,8 +108,9 @@ TEST(Kkt, SurvivesTheWeightsOfAnExactActiveSet) {
     for (const auto& kkt : backends(p)) {
       ASSERT_TRUE(kkt->factor(weights)) << kkt->name();
       // A right-hand side whose solution is known and of moderate size.
-      const Vector x = Vector::Random(p.variables());
-      const Vector y = Vector::Random(p.equalities());
+      RandomVectors random(seed);
+      const Vector x = random.next(p.variables());
+      const Vector y = random.next(p.equalities());
       Vector expected(x.size() + y.size());
       expected << x, y;
       const Vector right = K * expected;

@@ -14,6 +14,7 @@ namespace {
 struct Step {
   explicit Step(std::uint64_t seed)
       : owned(testing::random_problem({}, seed)),
+        random(seed),
         problem(scale(Problem::create(owned.view()).value(), 10)),
         kkt(make_kkt(problem)),
         newton(problem, *kkt),
@@ -23,8 +24,7 @@ struct Step {
         d(problem),
         at(problem),
         along(problem) {
-    std::srand(static_cast<unsigned>(seed));
-    x.all.setRandom();
+    random.fill(x.all);
     sub.kappa = 0.1;
     sub.rho = 10.0;
     at.evaluate(problem, x);
@@ -42,6 +42,7 @@ struct Step {
     return max_abs(fresh.all);
   }
   OwnedProblem owned;
+  testing::RandomVectors random;
   ScaledProblem problem;
   std::unique_ptr<Kkt> kkt;
   Newton newton;
@@ -85,7 +86,7 @@ TEST(Measures, AreTheLiteralSumsAtTheMovedPoint) {
       const testing::Setting s(sizes, seed);
       const ScaledProblem& p = s.problem;
       Iterate d(p);
-      d.all.setRandom();
+      testing::RandomVectors(seed).fill(d.all);
       Images along(p);
       along.evaluate_rows(p, d.z());
       along.evaluate_duals(p, d);
@@ -120,7 +121,7 @@ TEST(Measures, SlopeIsTheFiniteDifferenceOfPhi) {
     for (std::uint64_t seed = 1; seed <= 5; ++seed) {
       const testing::Setting s(sizes, seed);
       Iterate d(s.problem);
-      d.all.setRandom();
+      testing::RandomVectors(seed).fill(d.all);
       Images along(s.problem);
       along.evaluate_rows(s.problem, d.z());
       along.evaluate_duals(s.problem, d);
@@ -135,7 +136,7 @@ TEST(Measures, SlopeIsTheFiniteDifferenceOfPhi) {
 
 // A random direction, which the filter knows nothing about.
 void turn_at_random(Step& step, double length) {
-  step.d.all = length * Vector::Random(step.d.all.size());
+  step.d.all = length * step.random.next(step.d.all.size());
   step.along.evaluate_rows(step.problem, step.d.z());
   step.along.evaluate_duals(step.problem, step.d);
 }

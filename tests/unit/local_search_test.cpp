@@ -236,13 +236,13 @@ TEST(LocalSearch, PullingAreFixedSidesWithDescentOnTheOtherSide) {
     Search s(p);
     s.choose(1);
     ASSERT_TRUE(s.active_set.solve(s.run, kBudget));
-    EXPECT_EQ(LocalSearch::pulling(s.active_set), a > 0.0 ? 1 : 0) << a;
+    EXPECT_EQ(LocalSearch::pulling(s.active_set.x(), s.active_set.set()), a > 0.0 ? 1 : 0) << a;
     OwnedProblem mirrored = p;
     std::swap(mirrored.L, mirrored.R);
     Search m(mirrored);
     m.choose(0);
     ASSERT_TRUE(m.active_set.solve(m.run, kBudget));
-    EXPECT_EQ(LocalSearch::pulling(m.active_set), a > 0.0 ? 1 : 0) << a;
+    EXPECT_EQ(LocalSearch::pulling(m.active_set.x(), m.active_set.set()), a > 0.0 ? 1 : 0) << a;
   }
 }
 

@@ -127,10 +127,8 @@ TEST(Newton, AStepCutsTheResidualOfANearlySolvedSubproblemQuadratically) {
     residual(s.sub, s.images, s.x, s.r);
     s.problem.g -= s.r.z();
     s.sub.equality_estimate -= s.sub.rho * s.r.y();
-    s.sub.row_estimate.inequality() -= s.sub.rho * s.r.lambda_w();
-    s.sub.row_estimate.left() -= s.sub.rho * s.r.lambda_L();
-    s.sub.row_estimate.right() -= s.sub.rho * s.r.lambda_R();
-    s.x.all += 1e-3 * Vector::Random(s.x.all.size());
+    s.sub.row_estimate.all -= s.sub.rho * s.r.lambda();
+    s.x.all += 1e-3 * testing::RandomVectors(seed).next(s.x.all.size());
     s.images.evaluate(s.problem, s.x);
     residual(s.sub, s.images, s.x, s.r);
     const double before = max_abs(s.r.all);

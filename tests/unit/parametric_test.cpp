@@ -147,5 +147,60 @@ TEST(Parametric, TheWorkingSetItEndsWithIsTheOneOfTheNewOptimum) {
   }
 }
 
+TEST(Parametric, FollowingMovesLeavesTheStartAsItWas) {
+  const OwnedProblem p = testing::random_problem({.variables = 20, .inequalities = 12, .pairs = 8}, 5);
+  Setting s(p, 1e3);
+  ASSERT_TRUE(s.solved);
+  const auto follow = [&](Index pair) {
+    const Parametric::Move flip[] = {{s.parametric.fixed_row(pair), false},
+                                     {s.parametric.free_row(pair), true}};
+    return s.parametric.follow(flip, kInfinity, 0.0);
+  };
+  const auto first = follow(0);
+  for (Index pair = 1; pair < 8; ++pair) static_cast<void>(follow(pair));
+  EXPECT_EQ(follow(0), first) << "candidates are judged in any order";
+  const int factorizations = s.run.factorizations;
+  static_cast<void>(follow(3));
+  EXPECT_EQ(s.run.factorizations, factorizations) << "and without a factorization";
+}
+
+TEST(Parametric, ReleasingWhatPullsLowersTheObjectiveAndWhatDoesNotIsFree) {
+  int pulled = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Setting s(testing::random_problem({.variables = 20, .inequalities = 12, .pairs = 8}, seed), 1e3);
+    ASSERT_TRUE(s.solved);
+    for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
+      const Index row = s.parametric.fixed_row(pair);
+      const Parametric::Move release[] = {{row, false}};
+      const auto objective = s.parametric.follow(release, kInfinity, 0.0);
+      if (!objective) continue;
+      const double change = *objective - s.active_set.elastic_objective();
+      if (s.parametric.multiplier(row) < -1e-3) {
+        ++pulled;
+        EXPECT_LT(change, 0.0) << seed << " pair " << pair;
+      } else if (s.parametric.multiplier(row) >= 0.0) {
+        EXPECT_EQ(change, 0.0) << seed << " pair " << pair;
+      }
+    }
+  }
+  EXPECT_GT(pulled, 20);
+}
+
+TEST(Parametric, AProbeIsOfARowThatHasWayToGo) {
+  int active = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Setting s(testing::random_problem({.variables = 20, .inequalities = 12, .pairs = 8}, seed), 1e3);
+    ASSERT_TRUE(s.solved);
+    for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
+      const bool biactive = s.active_set.set().active_free_side[static_cast<std::size_t>(pair)] != 0;
+      active += biactive ? 1 : 0;
+      EXPECT_EQ(s.parametric.probe(s.parametric.fixed_row(pair), s.parametric.free_row(pair)), !biactive)
+          << seed;
+      EXPECT_TRUE(biactive || s.parametric.probed_stiffness() > 0.0) << seed;
+    }
+  }
+  EXPECT_GT(active, 0);
+}
+
 }  // namespace
 }  // namespace marble

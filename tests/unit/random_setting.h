@@ -1,11 +1,11 @@
 // A random point of a random subproblem, and every backend that can solve its linear system.
 #pragma once
 
-#include <cstdlib>
 #include <memory>
 #include <vector>
 
 #include "dense_kkt.h"
+#include "random_vector.h"
 #include "residual.h"
 #include "sparse_kkt.h"
 #include "support/random_problem.h"
@@ -36,14 +36,11 @@ struct Setting {
         x(problem),
         r(problem),
         images(problem) {
-    std::srand(static_cast<unsigned>(seed));
-    x.all.setRandom();
+    RandomVectors random(seed);
+    random.fill(x.all);
     sub.kappa = kappa;
     sub.rho = rho;
-    sub.equality_estimate.setRandom();
-    sub.row_estimate.inequality().setRandom();
-    sub.row_estimate.left().setRandom();
-    sub.row_estimate.right().setRandom();
+    for (Vector* estimate : {&sub.equality_estimate, &sub.row_estimate.all}) random.fill(*estimate);
     images.evaluate(problem, x);
     residual(sub, images, x, r);
   }

@@ -95,10 +95,11 @@ TEST(Images, AreTheLiteralProducts) {
 TEST(Images, AdvancedManyTimesAreThoseOfTheMovedPoint) {
   for (const auto& sizes : all_shapes()) {
     Setting s(sizes, 6);
+    testing::RandomVectors random(6);
     Iterate d(s.problem);
     Images along(s.problem);
     for (int step = 0; step < 50; ++step) {
-      d.all.setRandom();
+      random.fill(d.all);
       along.evaluate_rows(s.problem, d.z());
       along.evaluate_duals(s.problem, d);
       const double alpha = 1.0 / (1.0 + step);
@@ -136,7 +137,7 @@ TEST(Violations, OfANumberlessPointAreNeverSmall) {
 TEST(MaxAbs, IsTheLargestSizeAndNoNumberIfOneIsNone) {
   EXPECT_EQ(max_abs(Vector()), 0.0);
   for (Eigen::Index size = 1; size < 40; ++size) {
-    Vector x = Vector::Random(size);
+    Vector x = testing::RandomVectors(1).next(size);
     const Eigen::Index at = size / 2;
     x[at] = -3.0;
     EXPECT_EQ(max_abs(x), 3.0);

@@ -14,8 +14,7 @@ using testing::random_problem;
 
 Iterate random_iterate(const ScaledProblem& p, unsigned seed) {
   Iterate x(p);
-  std::srand(seed);
-  x.all.setRandom();
+  testing::RandomVectors(seed).fill(x.all);
   return x;
 }
 

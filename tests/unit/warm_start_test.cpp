@@ -57,7 +57,7 @@ TEST(Update, SolvesTheNewProblemAsIfItWereMadeForIt) {
     ASSERT_EQ(updated.status, Status::solved) << p.name << updated.detail;
     // Its scale factors are those of the first problem, so the bits differ, and the branch may.
     EXPECT_LE(testing::judge(changed.view(), updated).infeasibility(), 1e-8) << p.name;
-    EXPECT_NEAR(updated.objective, made.objective, 0.01 * (1.0 + std::abs(made.objective))) << p.name;
+    EXPECT_NEAR(updated.objective, made.objective, 1e-8 * (1.0 + std::abs(made.objective))) << p.name;
   }
 }
 

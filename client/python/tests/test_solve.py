@@ -59,9 +59,11 @@ def test_a_solve_that_ends_unsolved_is_an_answer(client):
 
 
 def test_a_start_is_taken(client):
-    for z0 in ([1.0, 0.0], [0.0, 1.0]):
-        problem = marble.LCQP(2 * np.eye(2), [-2, -2], L=[1, 0], R=[0, 1], z0=z0)
-        assert client.solve(problem, options={"local_search_budget": 0}).solved
+    for z0, objective in (([1.0, 0.0], -1.0), ([0.0, 1.0], -3.0)):
+        problem = marble.LCQP(2 * np.eye(2), [-2, -4], L=[1, 0], R=[0, 1], z0=z0)
+        rows = []
+        assert client.solve(problem, options={"local_search_budget": 0}, progress=rows.append).solved
+        assert rows[0].iteration == 0 and rows[0].objective == pytest.approx(objective, abs=1e-12)
 
 
 def test_progress_is_told_on_the_calling_thread(client):
