@@ -218,13 +218,16 @@ void SessionCall::take_update(v1::SessionUpdate& message, std::unique_ptr<Schedu
   }
   auto update = make_update(message, sizes_);
   if (!update) return refuse(sequence, update.error());
-  const auto options = options_of(update->message.options(), options_);
-  if (!options) {
-    Error error = options.error();
-    error.field = "update.options." + error.field;
-    return refuse(sequence, error);
+  if (update->message.has_options()) {
+    const auto options = options_of(update->message.options(), options_);
+    if (!options) {
+      Error error = options.error();
+      error.field = "update.options." + error.field;
+      return refuse(sequence, error);
+    }
+    options_ = *options;
   }
-  update->options = options_ = *options;
+  update->options = options_;
   const auto older = waiting_->push(std::make_shared<Update>(std::move(*update)), std::move(room));
   if (!older) return;
   v1::SessionSuperseded* superseded = events_.emplace_back().mutable_superseded();

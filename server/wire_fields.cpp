@@ -21,26 +21,42 @@ class FieldCounter {
   /// False when there are too many, or where the bytes end or are none that a parser takes.
   bool count(const Descriptor& type) {
     int last = 0, same = 0;  // how often in a row the last number came
+    int groups = 0;          // open: nothing in them is known, as the contract has none
     while (const std::uint32_t tag = input_.ReadTag()) {
+      const auto wire = Wire::GetTagWireType(tag);
+      if (wire == Wire::WIRETYPE_END_GROUP) {
+        if (--groups < 0) return false;
+        continue;
+      }
       const int number = Wire::GetTagFieldNumber(tag);
       same = number == last ? same + 1 : 0;
       last = number;
-      const FieldDescriptor* field = type.FindFieldByNumber(number);
-      if ((field == nullptr || !field->is_packable()) && --left_ < 0) return false_at(field, number, same);
-      if (!pass(tag, field)) return false_at(field, number, same);
+      const FieldDescriptor* field = groups > 0 ? nullptr : type.FindFieldByNumber(number);
+      if (!is_array(field, wire) && --left_ < 0) return false_at(field, number, same);
+      if (wire == Wire::WIRETYPE_START_GROUP) {
+        ++groups;
+      } else if (!pass(wire, field)) {
+        return false_at(field, number, same);
+      }
     }
     return input_.ConsumedEntireMessage();
   }
 
   [[nodiscard]] bool too_many() const { return left_ < 0; }
-  [[nodiscard]] bool has_group() const { return group_; }
   [[nodiscard]] const std::string& path() const { return path_; }
 
  private:
-  bool pass(std::uint32_t tag, const FieldDescriptor* field) {
+  // Numbers go into an array; what is no number of its type is kept as a field that is not known.
+  static bool is_array(const FieldDescriptor* field, Wire::WireType wire) {
+    return field != nullptr && field->is_packable() &&
+           (wire == Wire::WIRETYPE_LENGTH_DELIMITED ||
+            wire == Wire::WireTypeForFieldType(static_cast<Wire::FieldType>(field->type())));
+  }
+
+  bool pass(Wire::WireType wire, const FieldDescriptor* field) {
     std::uint64_t number = 0;
     std::uint32_t size = 0;
-    switch (Wire::GetTagWireType(tag)) {
+    switch (wire) {
       case Wire::WIRETYPE_VARINT:
         return input_.ReadVarint64(&number);
       case Wire::WIRETYPE_FIXED64:
@@ -52,7 +68,6 @@ class FieldCounter {
         return field != nullptr && field->message_type() != nullptr ? enter(*field->message_type(), size)
                                                                     : input_.Skip(static_cast<int>(size));
       default:
-        group_ = true;
         return false;
     }
   }
@@ -73,23 +88,17 @@ class FieldCounter {
 
   google::protobuf::io::CodedInputStream& input_;
   std::int64_t left_;
-  bool group_ = false;
   std::string path_;
 };
 
 }  // namespace
-
-Error not_a_message(const Descriptor& type) {
-  return {ErrorCode::invalid_argument, "", -1, "", "the request is not a " + type.full_name() + " message"};
-}
 
 Expected<void> check_fields(grpc::ByteBuffer& bytes, const Descriptor& type, std::int64_t most) {
   grpc::ProtoBufferReader reader(&bytes);
   if (!reader.status().ok()) return {};
   google::protobuf::io::CodedInputStream input(&reader);
   FieldCounter counter(input, most);
-  if (counter.count(type) || !(counter.too_many() || counter.has_group())) return {};
-  if (counter.has_group()) return unexpected(not_a_message(type));
+  if (counter.count(type) || !counter.too_many()) return {};
   return unexpected(Error{ErrorCode::invalid_argument, counter.path(), -1, "",
                           "is beyond the " + std::to_string(most) +
                               " fields that the request may have, an array of numbers counted as one"});

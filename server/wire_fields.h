@@ -9,12 +9,9 @@
 
 namespace marble::server {
 
-/// What bytes are refused with that are no message of this type.
-[[nodiscard]] Error not_a_message(const google::protobuf::Descriptor& type);
-
 /// Errors: invalid_argument if the bytes hold more than `most` fields of a message of this type, those of its
-/// parts among them and an array of numbers as one; the field says where. Groups, which the contract does not
-/// have, make it no message. What else cannot be parsed is left to the parser. The bytes stay.
+/// parts and of groups among them and an array of numbers as one; the field says where. What cannot be parsed
+/// is left to the parser. The bytes stay.
 [[nodiscard]] Expected<void> check_fields(grpc::ByteBuffer& bytes, const google::protobuf::Descriptor& type,
                                           std::int64_t most);
 

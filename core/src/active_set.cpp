@@ -7,6 +7,7 @@
 #include "tuning.h"
 
 namespace marble {
+
 ActiveSet::ActiveSet(const ScaledProblem& problem, Kkt& kkt)
     : problem_(problem),
       kkt_(kkt),

@@ -57,7 +57,7 @@ bool factorize_cholesky(double* a, int n, const Interrupt& interrupt) {
   const int width = cube / 3.0 <= tuning::flops_of_call ? n : tuning::dense_panel;
   const double one = 1.0;
   for (int column = 0; column < n; column += width) {
-    if (interrupt.requested()) return false;
+    if (column > 0 && interrupt.requested()) return false;
     const int columns = std::min(width, n - column);
     const int rest = n - column - columns;
     double* const corner = a + column + static_cast<std::ptrdiff_t>(column) * n;
@@ -77,6 +77,10 @@ bool factorize_cholesky(double* a, int n, const Interrupt& interrupt) {
 // Large matrices are copied by columns: their memory is touched for the first time then.
 template <class From>
 bool fill(Eigen::MatrixXd& to, const From& from, const Interrupt& interrupt) {
+  if (to.size() <= tuning::entries_between_looks) {
+    to = from;
+    return true;
+  }
   Checkpoint checkpoint(interrupt);
   for (Eigen::Index column = 0; column < to.cols(); ++column) {
     to.col(column) = from.col(column);
@@ -231,7 +235,7 @@ bool DenseKkt::solve(VectorRef x, VectorRef y) {
   const int one = 1;
   int info = 0;
   dpotrs_("U", &variables_, &one, factor_.data(), &variables_, x.data(), &variables_, &info);
-  if (interrupt().requested()) return false;
+  if (Checkpoint(interrupt()).reached(factor_.size())) return false;
   const double minus = -1.0;
   const double plus = 1.0;
   dsymv_("U", &variables_, &minus, system_.data(), &variables_, x.data(), &one, &plus, residual_.data(),
@@ -250,7 +254,7 @@ bool DenseKkt::solve_sparse(std::span<const Index> indices, std::span<const doub
   const int one = 1;
   int info = 0;
   dpotrs_("U", &variables_, &one, factor_.data(), &variables_, x.data(), &variables_, &info);
-  return !interrupt().requested();
+  return !Checkpoint(interrupt()).reached(factor_.size());
 }
 
 double DenseKkt::bytes() const {

@@ -8,6 +8,7 @@
 #include "tuning.h"
 
 namespace marble {
+
 bool solve_exactly(const ScaledProblem& problem, const Options& options, ActiveSet& active_set, Run& run,
                    int budget, ExactSolution& solution) {
   const bool solved = active_set.solve(run, budget);

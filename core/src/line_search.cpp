@@ -8,6 +8,7 @@
 #include "tuning.h"
 
 namespace marble {
+
 FilterLineSearch::FilterLineSearch(const ScaledProblem&) : capacity_(tuning::filter_capacity) {
   filter_.reserve(capacity_);
 }

@@ -7,6 +7,7 @@
 #include "tuning.h"
 
 namespace marble {
+
 LocalSearch::LocalSearch(const ScaledProblem& problem, Kkt& kkt, ActiveSet& active_set)
     : problem_(problem),
       active_set_(active_set),

@@ -6,6 +6,7 @@
 #include "tuning.h"
 
 namespace marble {
+
 bool Regularization::raise() {
   current_ =
       current_ > base_ ? tuning::delta_raise * current_ : std::max(first_, last_ / tuning::delta_lower);

@@ -6,6 +6,7 @@
 #include "tuning.h"
 
 namespace marble {
+
 bool SparseLdl::analyse(const Pattern& pattern, const Interrupt& interrupt) {
   const Index n = pattern.size();
   std::vector<Index> permutation;
@@ -84,57 +85,61 @@ bool SparseLdl::find_patterns(const Interrupt& interrupt) {
   return true;
 }
 
-// Takes some columns off the row at hand, whose pivot is told and told anew. Not part of the loop around it:
-// the look at the clock there would take its registers, a fifth of its speed.
-[[gnu::noinline]] double SparseLdl::eliminate(std::int64_t first, std::int64_t last, double pivot) {
+// Goes on to entry `last` of the rows' patterns, or to the end; false at a pivot that is 0. Not part of the
+// loop around it: the look at the clock there would take its registers, a fifth of its speed.
+[[gnu::noinline]] bool SparseLdl::eliminate(const double* matrix_values, Place& place, std::int64_t last) {
   const std::int64_t* const pointers = pointers_.data();
   const Index* const rows = rows_.data();
   const Index* const columns = columns_.data();
   std::int64_t* const next = next_.data();
   double* const values = values_.data();
   double* const row = dense_row_.data();
-  for (std::int64_t at = first; at < last; ++at) {
-    const Index i = columns[at];
-    const double entry = row[i];
-    row[i] = 0.0;
-    const std::int64_t end = next[i];
-    for (std::int64_t p = pointers[i]; p < end; ++p) row[rows[p]] -= values[p] * entry;
-    const double scaled = entry * inverse_pivots_[i];
-    pivot -= scaled * entry;
-    values[end] = scaled;
-    next[i] = end + 1;
-  }
-  return pivot;
-}
-
-// Up-looking, as in SuiteSparse's LDL but with the patterns at hand.
-bool SparseLdl::factorize(const std::vector<double>& matrix_values, const Interrupt& interrupt) {
-  Checkpoint checkpoint(interrupt);
-  std::copy(pointers_.begin(), pointers_.end() - 1, next_.begin());
-  double* const row = dense_row_.data();
-  for (Index k = 0; k < size(); ++k) {
-    double pivot = 0.0;
-    for (Index at = matrix_.pointers[k]; at < matrix_.pointers[k + 1]; ++at) {
-      const Index i = matrix_.rows[at];
-      if (i == k) {
-        pivot = matrix_values[at];
-      } else {
-        row[i] = matrix_values[at];
+  auto [k, at, pivot] = place;
+  for (const Index n = size(); k < n; ++k) {
+    if (at == row_pointers_[k]) {  // the row has not begun
+      next[k] = pointers[k];
+      pivot = 0.0;
+      for (Index entry = matrix_.pointers[k]; entry < matrix_.pointers[k + 1]; ++entry) {
+        const Index i = matrix_.rows[entry];
+        if (i == k) {
+          pivot = matrix_values[entry];
+        } else {
+          row[i] = matrix_values[entry];
+        }
       }
     }
-    for (std::int64_t at = row_pointers_[k]; at < row_pointers_[k + 1]; at += tuning::ldl_block) {
-      const std::int64_t end = std::min(at + tuning::ldl_block, row_pointers_[k + 1]);
-      pivot = eliminate(at, end, pivot);
-      if (checkpoint.reached((end - at) * longest_)) {
-        std::fill(dense_row_.begin(), dense_row_.end(), 0.0);
-        return false;
-      }
+    const std::int64_t row_end = row_pointers_[k + 1];
+    for (const std::int64_t stop = std::min(last, row_end); at < stop; ++at) {
+      const Index i = columns[at];
+      const double entry = row[i];
+      row[i] = 0.0;
+      const std::int64_t end = next[i];
+      for (std::int64_t p = pointers[i]; p < end; ++p) row[rows[p]] -= values[p] * entry;
+      const double scaled = entry * inverse_pivots_[i];
+      pivot -= scaled * entry;
+      values[end] = scaled;
+      next[i] = end + 1;
     }
+    if (at < row_end) break;
     if (pivot == 0.0) return false;
     pivots_[k] = pivot;
     inverse_pivots_[k] = 1.0 / pivot;
   }
+  place = {k, at, pivot};
   return true;
+}
+
+// Up-looking, as in SuiteSparse's LDL but with the patterns at hand.
+bool SparseLdl::factorize(const std::vector<double>& matrix_values, const Interrupt& interrupt) {
+  const std::int64_t between_looks =
+      std::max<std::int64_t>(1, tuning::entries_between_looks / (longest_ + 1));
+  Place place;
+  while (eliminate(matrix_values.data(), place, place.at + between_looks)) {
+    if (place.row == size()) return true;
+    if (interrupt.requested()) break;
+  }
+  std::fill(dense_row_.begin(), dense_row_.end(), 0.0);
+  return false;
 }
 
 Index SparseLdl::positive_pivots() const {

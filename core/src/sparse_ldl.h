@@ -40,7 +40,13 @@ class SparseLdl {
     return pointers_[end] - pointers_[begin];
   }
   [[nodiscard]] bool find_patterns(const Interrupt& interrupt);
-  [[nodiscard]] double eliminate(std::int64_t first, std::int64_t last, double pivot);
+  /// Where a factorization is: the row at hand, the next entry of its pattern, its pivot so far.
+  struct Place {
+    Index row = 0;
+    std::int64_t at = 0;
+    double pivot = 0.0;
+  };
+  [[nodiscard]] bool eliminate(const double* matrix_values, Place& place, std::int64_t last);
 
   Pattern matrix_;
   std::vector<Index> places_, inverse_permutation_;

@@ -6,6 +6,7 @@
 #include "tuning.h"
 
 namespace marble {
+
 std::vector<Index> biactive_pairs(const Images& images) {
   std::vector<Index> pairs;
   const auto left = images.rows.left();

@@ -7,6 +7,7 @@
 #include "tuning.h"
 
 namespace marble {
+
 double largest(const Violations& v) { return std::max({v.equality, v.inequality, v.complementarity}); }
 
 bool within_tolerances(const Violations& violations, const Options& options, double factor) {

@@ -126,7 +126,7 @@ TEST(FurtherStarts, ARoundReplacesTheBestOnlyByWhatIsBetterExactAndFeasible) {
     Round r(examples::hopper({.steps = steps}));
     ASSERT_TRUE(r.begun) << steps;
     const ExactSolution before = r.best;
-    if (r.engine.round(r.run, Round::kPlan, 1, FurtherStarts::kRound, r.best)) {
+    if (r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.best)) {
       ++better;
       EXPECT_LT(r.best.objective, before.objective) << steps;
       EXPECT_LE(r.judged(r.best.x.z()).infeasibility(), 1e-8) << steps;
@@ -149,8 +149,8 @@ TEST(FurtherStarts, ARoundCountsTheWorkOfAllItsSearchesAndTellsOneRowAtMost) {
   const int factorizations = r.run.factorizations;
   const int iterations = r.run.iterations;
   const std::size_t told = rows.rows.size();
-  static_cast<void>(r.engine.round(r.run, Round::kPlan, 1, FurtherStarts::kRound, r.best));
-  EXPECT_GE(r.run.factorizations - factorizations, FurtherStarts::kRound);
+  static_cast<void>(r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.best));
+  EXPECT_GE(r.run.factorizations - factorizations, tuning::further_round);
   EXPECT_GT(r.run.iterations, iterations);
   EXPECT_LE(rows.rows.size(), told + 1) << "searches that may go on at once are silent";
 }
@@ -162,7 +162,7 @@ TEST(FurtherStarts, ARoundForWhoIsToStopChangesNothing) {
   const Vector before = r.best.x.all;
   rows.source.request_stop();
   const int factorizations = r.run.factorizations;
-  EXPECT_FALSE(r.engine.round(r.run, Round::kPlan, 1, FurtherStarts::kRound, r.best));
+  EXPECT_FALSE(r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.best));
   EXPECT_EQ(r.run.factorizations, factorizations);
   EXPECT_EQ(r.best.x.all, before);
 }

@@ -192,7 +192,7 @@ TEST(Parametric, AProbeIsOfARowThatHasWayToGo) {
     Setting s(testing::random_problem({.variables = 20, .inequalities = 12, .pairs = 8}, seed), 1e3);
     ASSERT_TRUE(s.solved);
     for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
-      const bool biactive = s.active_set.set().active_free_side[static_cast<std::size_t>(pair)] != 0;
+      const bool biactive = s.active_set.set().held[s.active_set.set().free_row(pair)] != 0;
       active += biactive ? 1 : 0;
       EXPECT_EQ(s.parametric.probe(s.parametric.fixed_row(pair), s.parametric.free_row(pair)), !biactive)
           << seed;

@@ -37,6 +37,11 @@ class SessionMemory : public ServiceTest {
     EXPECT_TRUE(ready && ready->has_ready());
     return call;
   }
+  static Expected<void> check(const std::string& message, const google::protobuf::Descriptor& type) {
+    const grpc::Slice slice(message);
+    grpc::ByteBuffer bytes(&slice, 1);
+    return server::check_fields(bytes, type, server::kMostFields);
+  }
   static v1::SessionRequest update(std::int64_t sequence, int numbers = 0) {
     v1::SessionRequest request;
     request.mutable_update()->set_sequence(sequence);
@@ -79,6 +84,33 @@ TEST_F(SessionMemory, FieldsThatAreNotKnownAreCountedToo) {
   const RawAnswer answer = raw_call(channel(), "/marble.v1.Solver/Solve", bytes);
   EXPECT_EQ(answer.status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(bad_field(answer.status).field(), "99[1000]") << answer.status.error_message();
+}
+
+// So did numbers of an array that have another type on the wire than the array's, which nobody counted.
+TEST_F(SessionMemory, NumbersOfAnotherTypeThanTheirArrayAreCounted) {
+  const google::protobuf::Descriptor& type = *v1::Problem::descriptor();
+  const auto number = static_cast<char>(type.FindFieldByName("gradient")->number() << 3);
+  std::string bytes;
+  for (int i = 0; i < 5000; ++i) bytes += {number, 0};  // a varint, of doubles
+  const auto refused = check(bytes, type);
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error().field, "gradient[1000]");
+  v1::Problem honest;
+  for (int i = 0; i < 5000; ++i) honest.add_gradient(1.0);
+  EXPECT_TRUE(check(honest.SerializeAsString(), type).has_value());
+}
+
+TEST_F(SessionMemory, FieldsWithinGroupsAreCounted) {
+  const google::protobuf::Descriptor& type = *v1::Problem::descriptor();
+  std::string pairs, nested;
+  for (int i = 0; i < 5000; ++i) pairs += "\x7b\x7c";  // field 15: a group, which ends
+  for (int i = 0; i < 5000; ++i) nested += "\x7b";
+  const std::string filled = "\x7b" + pairs;
+  for (const std::string& bytes : {pairs, nested, filled}) {
+    const auto refused = check(bytes, type);
+    ASSERT_FALSE(refused.has_value());
+    EXPECT_EQ(refused.error().field.substr(0, 3), "15[") << refused.error().field;
+  }
 }
 
 TEST_F(SessionMemory, AShiftThatMovesMoreThanThereIsIsToldWithItsBlock) {
