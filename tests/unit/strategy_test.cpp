@@ -57,7 +57,8 @@ struct Planned : Workbench {
     const auto own_kkt = make_kkt(problem);
     ActiveSet active_set(problem, *own_kkt);
     WorkingSet set(problem);
-    for (std::size_t i = 0; i < set.left_fixed.size(); ++i) set.left_fixed[i] = left_fixed >> i & 1U;
+    for (Index pair = 0; pair < set.layout.pairs; ++pair)
+      set.fix(pair, (left_fixed >> pair & 1U) != 0, false);
     active_set.set_working_set(set);
     EXPECT_TRUE(active_set.solve(run, 100));
     return active_set.x();
