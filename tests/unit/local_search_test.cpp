@@ -162,16 +162,17 @@ TEST(LocalSearch, WithoutPatienceNothingMoves) {
 }
 
 TEST(LocalSearch, StopsAtItsLastFactorization) {
-  const OwnedProblem p = examples::hopper({.steps = 8});
+  const OwnedProblem p = examples::hopper({.steps = 30});
   int whole = 0;
+  Rows rows;
   {
-    Search s(p);
+    Search s(p, {}, &rows);
     s.active_set.start_from_point(s.zero());
     ASSERT_TRUE(s.engine.run(s.run, from_soft(), kNoLimit));
     whole = s.run.factorizations;
   }
-  EXPECT_GT(whole, 40);
-  for (const int last : {0, 1, 10, 20, 30}) {
+  EXPECT_GT(whole, 80);
+  for (const int last : {0, 1, 10, 20}) {
     Search s(p);
     s.active_set.start_from_point(s.zero());
     const bool found = s.engine.run(s.run, from_soft(), last);
@@ -180,6 +181,11 @@ TEST(LocalSearch, StopsAtItsLastFactorization) {
     EXPECT_LT(s.run.factorizations, whole) << last;
     EXPECT_TRUE(last > 0 || !found) << "not even a first elastic optimum";
   }
+  ASSERT_GT(rows.rows.size(), 3U);
+  Search s(p);
+  s.active_set.start_from_point(s.zero());
+  static_cast<void>(s.engine.run(s.run, from_soft(), rows.rows[0].factorizations));
+  EXPECT_EQ(s.engine.accepted(), 1) << "the move that took the last one was the last";
 }
 
 TEST(LocalSearch, IsFalseForWhoIsToStopAndEndsSoonAfterAStop) {
