@@ -336,17 +336,18 @@ TEST_F(Jobs, WatchersAreLimited) {
   EXPECT_EQ(second->finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
 }
 
-TEST_F(Jobs, ADrainFinishesSubmittedJobsAndTellsWhoWaits) {
-  start({"--workers", "1"});
+// The other job keeps the server from leaving before the first one's answer is fetched.
+TEST_F(Jobs, ADrainFinishesSubmittedJobsAndGivesTheirAnswers) {
+  start({"--workers", "2", "--drain-grace-s", "3600"});
+  const std::string other = submit(long_request());
   const std::string id = submit(long_request(300));
-  v1::SolveResponse response;
-  grpc::Status waited;
-  std::thread waiter([&] { waited = result(id, true, &response); });
-  ASSERT_TRUE(eventually([&] { return counters().running() == 1; }));
-  std::this_thread::sleep_for(std::chrono::milliseconds(50));
   server().terminate();
-  waiter.join();
-  EXPECT_TRUE(waited.ok() || waited.error_code() == grpc::StatusCode::UNAVAILABLE) << waited.error_message();
+  ASSERT_TRUE(eventually([&] { return health() == "NOT_SERVING"; }));
+  v1::SolveResponse response;
+  const grpc::Status waited = result(id, true, &response);
+  EXPECT_TRUE(waited.ok()) << waited.error_message();
+  EXPECT_EQ(response.solution().status(), v1::STATUS_ITERATION_LIMIT) << "it ran to its own end";
+  EXPECT_TRUE(cancel(other).ok());
   EXPECT_EQ(server().wait(), 0);
 }
 

@@ -163,16 +163,17 @@ TEST(LocalSearch, WithoutPatienceNothingMoves) {
 }
 
 TEST(LocalSearch, StopsAtItsLastFactorization) {
-  const OwnedProblem p = examples::hopper({.steps = 8});
+  const OwnedProblem p = examples::hopper({.steps = 30});
   int whole = 0;
+  Rows rows;
   {
-    Search s(p);
+    Search s(p, {}, &rows);
     s.active_set.start_from_point(s.zero());
     ASSERT_TRUE(s.engine.run(s.run, from_soft(), kNoLimit));
     whole = s.run.factorizations;
   }
-  EXPECT_GT(whole, 40);
-  for (const int last : {0, 1, 10, 20, 30}) {
+  EXPECT_GT(whole, 80);
+  for (const int last : {0, 1, 10, 20}) {
     Search s(p);
     s.active_set.start_from_point(s.zero());
     const bool found = s.engine.run(s.run, from_soft(), last);
@@ -181,6 +182,11 @@ TEST(LocalSearch, StopsAtItsLastFactorization) {
     EXPECT_LT(s.run.factorizations, whole) << last;
     EXPECT_TRUE(last > 0 || !found) << "not even a first elastic optimum";
   }
+  ASSERT_GT(rows.rows.size(), 3U);
+  Search s(p);
+  s.active_set.start_from_point(s.zero());
+  static_cast<void>(s.engine.run(s.run, from_soft(), rows.rows[0].factorizations));
+  EXPECT_EQ(s.engine.accepted(), 1) << "the move that took the last one was the last";
 }
 
 TEST(LocalSearch, IsFalseForWhoIsToStopAndEndsSoonAfterAStop) {
@@ -222,6 +228,44 @@ TEST(LocalSearch, ExchangesTwoPairsWhereNoFlipAloneIsFeasible) {
     ASSERT_TRUE(s.active_set.solve(s.run, kBudget));
     EXPECT_NEAR(s.user(s.active_set.x().z())[exchanges ? 1 : 0], 1.0, 1e-6);
   }
+}
+
+// Rows that are not held give way a hundred times as far, so that to drive one to 0 seems to cost next to
+// nothing.
+class LyingKkt final : public testing::WrappedKkt {
+ public:
+  using WrappedKkt::WrappedKkt;
+  [[nodiscard]] bool solve_sparse(std::span<const Index> indices, std::span<const double> values,
+                                  VectorRef x) override {
+    const bool solved = WrappedKkt::solve_sparse(indices, values, x);
+    if (max_abs(x) > 1e-5) x *= 100.0;  // of a row that is held it is about 1/ρ
+    return solved;
+  }
+};
+
+TEST(LocalSearch, AMoveThatProvesNoBetterThanWasSaidIsTakenBack) {
+  int tried = 0;
+  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+    Search s(problem(seed));
+    s.choose(static_cast<unsigned>(seed) * 7U);
+    if (!s.active_set.solve(s.run, kBudget)) continue;
+    ASSERT_TRUE(s.engine.run(s.run, flips(100), kNoLimit)) << seed;  // no flip is left that helps
+    const WorkingSet best = s.active_set.set();
+    const Iterate x = s.active_set.x();
+    LyingKkt lying(*s.kkt);
+    ActiveSet active_set(s.problem, lying);
+    LocalSearch search(s.problem, lying, active_set);
+    active_set.restore(x, best);
+    const int before = s.run.factorizations;
+    ASSERT_TRUE(search.run(s.run, flips(100), kNoLimit)) << seed;
+    tried += s.run.factorizations - before > 2 ? 1 : 0;
+    EXPECT_EQ(search.accepted(), 0) << seed;
+    EXPECT_EQ(active_set.set().left_fixed, best.left_fixed) << seed;
+    EXPECT_NEAR(active_set.elastic_objective(), s.active_set.elastic_objective(),
+                1e-6 * (1.0 + std::abs(s.active_set.elastic_objective())))
+        << seed;
+  }
+  EXPECT_GE(tried, 40);
 }
 
 TEST(LocalSearch, PullingAreFixedSidesWithDescentOnTheOtherSide) {

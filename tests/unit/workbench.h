@@ -33,29 +33,38 @@ class Rows : public ProgressSink {
   bool pairs_;
 };
 
-/// A linear system whose factorization number `last` and all after it fail, after `stop` was asked to stop.
-class FailingKkt final : public Kkt {
+/// Another linear system, to be changed where a test wants it to go wrong.
+class WrappedKkt : public Kkt {
  public:
-  FailingKkt(Kkt& inner, int last, std::stop_source* stop = nullptr)
-      : inner_(inner), left_(last - 1), stop_(stop) {}
+  explicit WrappedKkt(Kkt& inner) : inner_(inner) {}
   [[nodiscard]] bool allocate(const ScaledProblem&) override { return true; }
   void load(const ScaledProblem& problem) override { inner_.load(problem); }
-  [[nodiscard]] bool factor(const RowWeights& weights) override {
-    if (left_-- > 0) return inner_.factor(weights);
-    if (stop_ != nullptr) stop_->request_stop();
-    return false;
-  }
+  [[nodiscard]] bool factor(const RowWeights& weights) override { return inner_.factor(weights); }
   [[nodiscard]] bool solve(VectorRef x, VectorRef y) override { return inner_.solve(x, y); }
   [[nodiscard]] bool solve_sparse(std::span<const Index> indices, std::span<const double> values,
                                   VectorRef x) override {
     return inner_.solve_sparse(indices, values, x);
   }
-  [[nodiscard]] std::string_view name() const override { return "failing"; }
+  [[nodiscard]] std::string_view name() const override { return "wrapped"; }
   [[nodiscard]] double flops() const override { return inner_.flops(); }
   [[nodiscard]] double bytes() const override { return inner_.bytes(); }
 
  private:
   Kkt& inner_;
+};
+
+/// Its factorization number `last` and all after it fail, after `stop` was asked to stop.
+class FailingKkt final : public WrappedKkt {
+ public:
+  FailingKkt(Kkt& inner, int last, std::stop_source* stop = nullptr)
+      : WrappedKkt(inner), left_(last - 1), stop_(stop) {}
+  [[nodiscard]] bool factor(const RowWeights& weights) override {
+    if (left_-- > 0) return WrappedKkt::factor(weights);
+    if (stop_ != nullptr) stop_->request_stop();
+    return false;
+  }
+
+ private:
   int left_;
   std::stop_source* stop_;
 };
