@@ -92,8 +92,19 @@ class ConnectionTable {
   /// all cost.
   void watch(Clock::time_point now) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Ends all of them; what was written to them still arrives. After the acceptor has stopped.
-  void hang_up() ABSL_LOCKS_EXCLUDED(mutex_);
+  // At the end, when nobody is accepted any more.
+
+  /// Leaves in their sockets what gRPC has not begun to read. Unix sockets, of which the kernel cannot, are
+  /// ended. What was written still arrives, here and below.
+  void hold() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// How much was read of all, by gRPC.
+  [[nodiscard]] std::int64_t taken_bytes() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Ends those on which calls are open.
+  void cut_open() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Ends all of them.
+  void cut_all() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Whether everything that was written to them has arrived.
+  [[nodiscard]] bool all_arrived() ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// A caller on the connection of this peer, as gRPC names it, is known.
   void known(const std::string& peer) ABSL_LOCKS_EXCLUDED(mutex_);

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "config.h"
+#include "hang_up.h"
 #include "http/http_server.h"
 #include "info_service.h"
 #include "jobs_service.h"
@@ -28,7 +29,6 @@ namespace {
 using namespace marble::server;
 
 constexpr int kBadConfiguration = 2;
-constexpr std::chrono::seconds kLastAnswers{5};  // for answers on their way to slow readers
 
 bool write_lines(const std::string& path, const std::vector<std::string>& lines) {
   // Renamed into place, so that whoever waits for the file never reads half of it.
@@ -221,17 +221,14 @@ int main(int argc, char** argv) {
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
-  calls.wait_for_last(kLastAnswers);
-  // gRPC's own shutdown would answer a call that comes too late with CANCELLED, which nobody retries: one
-  // that finds its connection closed is UNAVAILABLE to every client, and is sent elsewhere.
-  listening->acceptor->stop();
-  connections.hang_up();
-  listening->server->Shutdown(std::chrono::system_clock::now());
-  listening->server->Wait();
+  hang_up(*listening, connections, calls);
   http.reset();
   log.tell_all_suppressed();
   const Counters counters = scheduler.counters();
   log.info(Component::server, "stopped",
-           {{"answered", counters.answered}, {"cancelled", counters.cancelled}, {"failed", counters.failed}});
+           {{"answered", counters.answered},
+            {"refused", counters.refused},
+            {"cancelled", counters.cancelled},
+            {"failed", counters.failed}});
   return 0;
 }
