@@ -272,7 +272,7 @@ std::int64_t ConnectionTable::taken_bytes() {
 void ConnectionTable::cut_open() {
   const MutexLock lock(mutex_);
   for (const auto& [socket, connection] : connections_) {
-    if (connection->calls_ > 0) shutdown(socket, SHUT_RDWR);
+    if (connection->own_calls_ > 0) shutdown(socket, SHUT_RDWR);
   }
 }
 
