@@ -18,13 +18,18 @@ bool is_raw(const char* method) {
   return false;
 }
 
+bool is_own(const char* method) {
+  constexpr char kPackage[] = "/marble.v1.";
+  return std::strncmp(method, kPackage, std::strlen(kPackage)) == 0;
+}
+
 class ConnectionCall final : public grpc::experimental::Interceptor {
  public:
-  ConnectionCall(std::shared_ptr<Connection> connection, bool raw)
-      : connection_(std::move(connection)), raw_(raw) {
-    connection_->call_began();
+  ConnectionCall(std::shared_ptr<Connection> connection, const char* method)
+      : connection_(std::move(connection)), raw_(is_raw(method)), own_(is_own(method)) {
+    connection_->call_began(own_);
   }
-  ~ConnectionCall() override { connection_->call_ended(); }
+  ~ConnectionCall() override { connection_->call_ended(own_); }
   ConnectionCall(const ConnectionCall&) = delete;
   ConnectionCall& operator=(const ConnectionCall&) = delete;
 
@@ -39,7 +44,7 @@ class ConnectionCall final : public grpc::experimental::Interceptor {
 
  private:
   const std::shared_ptr<Connection> connection_;
-  const bool raw_;
+  const bool raw_, own_;
 };
 
 class ConnectionCalls final : public grpc::experimental::ServerInterceptorFactoryInterface {
@@ -48,8 +53,8 @@ class ConnectionCalls final : public grpc::experimental::ServerInterceptorFactor
 
   grpc::experimental::Interceptor* CreateServerInterceptor(grpc::experimental::ServerRpcInfo* info) override {
     auto connection = connections_.find(info->server_context()->peer());
-    if (connection == nullptr) return nullptr;                                 // a unix socket's
-    return new ConnectionCall(std::move(connection), is_raw(info->method()));  // gRPC deletes it
+    if (connection == nullptr) return nullptr;                         // a unix socket's
+    return new ConnectionCall(std::move(connection), info->method());  // gRPC deletes it
   }
 
  private:

@@ -1,11 +1,14 @@
 #include "connection_table.h"
 
+#include <linux/sockios.h>
 #include <linux/tcp.h>
 #include <netinet/in.h>
 #include <sys/epoll.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "access.h"
@@ -15,6 +18,7 @@ namespace {
 
 constexpr double kQuietBytesPerS = 16.0;  // pings and their answers, while no call does anything
 constexpr std::chrono::seconds kAllPeriod{1};
+constexpr int kTcpClosed = 7;                   // the kernel's TCP_CLOSE: reset by the other side
 constexpr std::chrono::seconds kIdleGrace{10};  // gRPC ends an idle connection more gently: it comes first
 
 bool is_unix(const std::string& peer) { return peer.rfind("unix", 0) == 0; }
@@ -241,9 +245,52 @@ void ConnectionTable::tell() {
   }
 }
 
-void ConnectionTable::hang_up() {
+// gRPC reads when epoll says that there is something to read: there is not, below so many bytes (socket(7)).
+void ConnectionTable::hold() {
+  const MutexLock lock(mutex_);
+  const int never = std::numeric_limits<int>::max();
+  for (const auto& [socket, connection] : connections_) {
+    if (is_unix(connection->peer_)) {
+      shutdown(socket, SHUT_RDWR);
+    } else {
+      setsockopt(socket, SOL_SOCKET, SO_RCVLOWAT, &never, sizeof never);
+    }
+  }
+}
+
+std::int64_t ConnectionTable::taken_bytes() {
+  const MutexLock lock(mutex_);
+  std::int64_t sum = 0;
+  for (const auto& [socket, connection] : connections_) {
+    int waiting = 0;
+    ioctl(socket, SIOCINQ, &waiting);
+    sum += bytes_received(socket).value_or(waiting) - waiting;
+  }
+  return sum;
+}
+
+void ConnectionTable::cut_open() {
+  const MutexLock lock(mutex_);
+  for (const auto& [socket, connection] : connections_) {
+    if (connection->own_calls_ > 0) shutdown(socket, SHUT_RDWR);
+  }
+}
+
+void ConnectionTable::cut_all() {
   const MutexLock lock(mutex_);
   for (const auto& [socket, connection] : connections_) shutdown(socket, SHUT_RDWR);
+}
+
+bool ConnectionTable::all_arrived() {
+  const MutexLock lock(mutex_);
+  return std::all_of(connections_.begin(), connections_.end(), [](const auto& one) {
+    tcp_info info = {};
+    socklen_t length = sizeof info;
+    const bool tcp = getsockopt(one.first, IPPROTO_TCP, TCP_INFO, &info, &length) == 0;
+    int on_their_way = 0;
+    ioctl(one.first, SIOCOUTQ, &on_their_way);
+    return !tcp || info.tcpi_state == kTcpClosed || on_their_way == 0;
+  });
 }
 
 void ConnectionTable::known(const std::string& peer) {

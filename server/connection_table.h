@@ -45,10 +45,15 @@ class Connection {
   /// acknowledgements of what was sent. Nobody gets far with what is left over.
   static constexpr std::int64_t kCallBytes = 16 << 10, kMessageBytes = 1 << 10;
 
-  void call_began() { ++calls_; }
-  void call_ended() {
+  /// `own`: of a service of ours.
+  void call_began(bool own) {
+    ++calls_;
+    own_calls_ += own ? 1 : 0;
+  }
+  void call_ended(bool own) {
     explained_ += kCallBytes;
     last_call_ = Clock::now().time_since_epoch().count();
+    own_calls_ -= own ? 1 : 0;
     --calls_;
   }
   /// A message was taken, or one of no bytes sent.
@@ -61,11 +66,11 @@ class Connection {
   const Descriptor socket_;  // a copy of gRPC's: shutting it down ends the connection whatever gRPC does
   const std::string peer_, host_;
   const Clock::time_point opened_;
-  std::atomic<int> calls_ = 0;                 // open
-  std::atomic<std::int64_t> explained_ = 0;    // bytes, since the last look
-  std::atomic<Clock::rep> last_call_;          // its end
-  std::atomic<bool> known_ = false;            // one of its callers was
-  std::list<Connection*>::iterator stranger_;  // of one that is not; the table's
+  std::atomic<int> calls_ = 0, own_calls_ = 0;  // open
+  std::atomic<std::int64_t> explained_ = 0;     // bytes, since the last look
+  std::atomic<Clock::rep> last_call_;           // its end
+  std::atomic<bool> known_ = false;             // one of its callers was
+  std::list<Connection*>::iterator stranger_;   // of one that is not; the table's
 
   // The watch's.
   Clock::time_point looked_;
@@ -92,8 +97,19 @@ class ConnectionTable {
   /// all cost.
   void watch(Clock::time_point now) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Ends all of them; what was written to them still arrives. After the acceptor has stopped.
-  void hang_up() ABSL_LOCKS_EXCLUDED(mutex_);
+  // At the end, when nobody is accepted any more.
+
+  /// Leaves in their sockets what gRPC has not begun to read. Unix sockets, of which the kernel cannot, are
+  /// ended. What was written still arrives, here and below.
+  void hold() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// How much was read of all, by gRPC.
+  [[nodiscard]] std::int64_t taken_bytes() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Ends those on which calls of our services are open.
+  void cut_open() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Ends all of them.
+  void cut_all() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Whether everything that was written to them has arrived.
+  [[nodiscard]] bool all_arrived() ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// A caller on the connection of this peer, as gRPC names it, is known.
   void known(const std::string& peer) ABSL_LOCKS_EXCLUDED(mutex_);

@@ -1,9 +1,9 @@
 // The queue as a pure data structure: who is next, who must be refused. No threads, no clock.
 //
-// A higher priority goes first; one that was passed over `passed_over` times in a row goes once in between.
-// Within a priority clients take turns. Within a client the earliest deadline goes first, then who came
-// first; a job without a deadline, or with a far one, counts as due `patience` after it came, so that it does
-// not starve.
+// A higher priority goes first; one that was passed over `passed_over` times in a row, or for
+// `passed_over_time`, goes once in between. Within a priority clients take turns. Within a client the
+// earliest deadline goes first, then who came first; a job without a deadline, or with a far one, counts as
+// due `patience` after it came, so that it does not starve.
 #pragma once
 
 #include <algorithm>
@@ -27,6 +27,7 @@ struct QueueLimits {
   int jobs = 0;            ///< that wait; one place in 16 is for realtime jobs alone
   std::int64_t bytes = 0;  ///< of requests that wait, here or in their sessions, or run
   int passed_over = 32;    ///< how often in a row a priority with something to do may be passed over
+  std::chrono::steady_clock::duration passed_over_time = std::chrono::seconds(1);  ///< for how long
   std::chrono::steady_clock::duration patience = std::chrono::seconds(10);
 
   /// How many may wait when a job of this priority comes. Others' jobs never fill the queue, so that a
@@ -106,9 +107,9 @@ class JobQueue {
     forget_if_idle(owner);
   }
 
-  /// The next item that may run, which then does; null if there is none.
-  [[nodiscard]] std::shared_ptr<Item> pop() {
-    const std::size_t at = choose_priority();
+  /// The next item that may run, which then does; null if there is none. Without a time only turns count.
+  [[nodiscard]] std::shared_ptr<Item> pop(Time now = Time()) {
+    const std::size_t at = choose_priority(now);
     if (at == kPriorities) return nullptr;
     const auto turn = find_turn(at);
     Client& client = clients_.at(*turn);
@@ -216,6 +217,10 @@ class JobQueue {
     bool running;
   };
   using Tickets = std::map<const Item*, Known>;
+  struct PassedOver {
+    int turns = 0;  // in a row
+    Time since;
+  };
 
   [[nodiscard]] auto find_turn(std::size_t at) const {
     return std::find_if(turns_[at].begin(), turns_[at].end(), [this](const std::string& name) {
@@ -225,7 +230,7 @@ class JobQueue {
   }
 
   // Counts who was passed over, too.
-  [[nodiscard]] std::size_t choose_priority() {
+  [[nodiscard]] std::size_t choose_priority(Time now) {
     std::array<bool, kPriorities> able = {};
     std::size_t chosen = kPriorities;
     for (std::size_t at = kPriorities; at-- > 0;) {
@@ -233,14 +238,21 @@ class JobQueue {
       if (able[at]) chosen = at;
     }
     if (chosen == kPriorities) return chosen;
-    const auto longest = std::max_element(passed_over_.begin(), passed_over_.end());
-    const auto starved = static_cast<std::size_t>(longest - passed_over_.begin());
-    if (*longest >= limits_.passed_over && able[starved]) chosen = starved;
+    int longest = 0;
     for (std::size_t at = 0; at < kPriorities; ++at) {
+      const PassedOver& past = passed_over_[at];
+      const bool starved = past.turns >= limits_.passed_over ||
+                           (past.turns > 0 && now - past.since >= limits_.passed_over_time);
+      if (!able[at] || !starved || past.turns <= longest) continue;
+      longest = past.turns;
+      chosen = at;
+    }
+    for (std::size_t at = 0; at < kPriorities; ++at) {
+      PassedOver& past = passed_over_[at];
       if (!able[at] || at == chosen) {
-        passed_over_[at] = 0;
-      } else {
-        ++passed_over_[at];
+        past.turns = 0;
+      } else if (past.turns++ == 0) {
+        past.since = now;
       }
     }
     return chosen;
@@ -296,7 +308,7 @@ class JobQueue {
   std::array<std::list<std::string>, kPriorities> turns_;  // clients with something waiting, next one first
   Tickets tickets_;
   Ahead waiting_ = {};
-  std::array<int, kPriorities> passed_over_ = {};
+  std::array<PassedOver, kPriorities> passed_over_ = {};
   int running_ = 0, unreserved_ = 0;
   std::int64_t bytes_ = 0, held_ = 0, next_number_ = 0;  // bytes: with those held
 };

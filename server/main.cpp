@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "config.h"
+#include "hang_up.h"
 #include "http/http_server.h"
 #include "info_service.h"
 #include "jobs_service.h"
@@ -28,7 +29,6 @@ namespace {
 using namespace marble::server;
 
 constexpr int kBadConfiguration = 2;
-constexpr std::chrono::seconds kLastAnswers{5};  // for answers on their way to slow readers
 
 bool write_lines(const std::string& path, const std::vector<std::string>& lines) {
   // Renamed into place, so that whoever waits for the file never reads half of it.
@@ -42,14 +42,20 @@ bool write_lines(const std::string& path, const std::vector<std::string>& lines)
   return std::rename(draft.c_str(), path.c_str()) == 0;
 }
 
+Clock::duration duration_of(double seconds) {
+  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+}
+
 QueueLimits queue_limits(const Config& config) {
-  return {config.workers > 0 ? config.workers : usable_cores(), config.queue_jobs, config.queue_bytes,
-          config.passed_over};
+  return {.workers = config.workers > 0 ? config.workers : usable_cores(),
+          .jobs = config.queue_jobs,
+          .bytes = config.queue_bytes,
+          .passed_over = config.passed_over,
+          .passed_over_time = duration_of(config.passed_over_s)};
 }
 
 ResultLimits result_limits(const Config& config) {
-  const std::chrono::duration<double> keep(config.result_keep_s);
-  return {std::chrono::duration_cast<Clock::duration>(keep), config.result_bytes};
+  return {duration_of(config.result_keep_s), config.result_bytes};
 }
 
 // Lets go of answers that were kept long enough.
@@ -96,8 +102,7 @@ int print_new_token(const std::string& name_and_roles) {
 // the grace with it.
 void give_notice(Scheduler& scheduler, Signals& signals, double notice_s) {
   scheduler.give_notice();
-  const auto end =
-      Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(notice_s));
+  const auto end = Clock::now() + duration_of(notice_s);
   int signal = SIGHUP;
   while (signal == SIGHUP) signal = signals.wait_for(end - Clock::now());
   if (signal != 0) scheduler.hurry();
@@ -221,17 +226,14 @@ int main(int argc, char** argv) {
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
-  calls.wait_for_last(kLastAnswers);
-  // gRPC's own shutdown would answer a call that comes too late with CANCELLED, which nobody retries: one
-  // that finds its connection closed is UNAVAILABLE to every client, and is sent elsewhere.
-  listening->acceptor->stop();
-  connections.hang_up();
-  listening->server->Shutdown(std::chrono::system_clock::now());
-  listening->server->Wait();
+  hang_up(*listening, connections, calls);
   http.reset();
   log.tell_all_suppressed();
   const Counters counters = scheduler.counters();
   log.info(Component::server, "stopped",
-           {{"answered", counters.answered}, {"cancelled", counters.cancelled}, {"failed", counters.failed}});
+           {{"answered", counters.answered},
+            {"refused", counters.refused},
+            {"cancelled", counters.cancelled},
+            {"failed", counters.failed}});
   return 0;
 }

@@ -80,4 +80,18 @@ ProcessFacts process_facts() {
   return facts;
 }
 
+bool others_wait() {
+  std::error_code ignored;
+  const std::filesystem::directory_iterator threads("/proc/self/task", ignored);
+  const std::string own = std::to_string(gettid());
+  return std::none_of(begin(threads), end(threads), [&](const std::filesystem::directory_entry& thread) {
+    if (thread.path().filename() == own) return false;
+    std::ifstream stat(thread.path() / "stat");  // proc_pid_stat(5): pid (name) state ...
+    stat.ignore(std::numeric_limits<std::streamsize>::max(), ')');
+    char state = 'S';
+    stat >> state;
+    return state == 'R' || state == 'D';
+  });
+}
+
 }  // namespace marble::server

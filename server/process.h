@@ -27,4 +27,7 @@ struct ProcessFacts {
 
 [[nodiscard]] ProcessFacts process_facts();
 
+/// Whether every thread but the calling one waits for something: none runs or is about to.
+[[nodiscard]] bool others_wait();
+
 }  // namespace marble::server

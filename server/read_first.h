@@ -10,7 +10,9 @@
 #include <functional>
 #include <utility>
 
+#include "admission.h"
 #include "marble/v1/service.grpc.pb.h"
+#include "origin.h"
 #include "service_parts.h"
 #include "status.h"
 
@@ -19,17 +21,19 @@ namespace marble::server {
 /// gRPC's side of a call is a stream; `Inner`, a reactor of a method with one message, is begun with that
 /// message, or with none if the caller is not known: it refuses such a caller first thing. Owns itself.
 template <class Inner, class InnerCall>
-class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer> {
+class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
+                        private LiveCalls::Unread {
  public:
   /// `method` is called with the context, the request and the response, of which it uses what it knows.
   template <class Method>
   static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
       const ServiceParts& parts, grpc::CallbackServerContext* context, const Method& method) {
-    auto* const call = new ReadFirst;
+    auto* const call = new ReadFirst(parts, *context);
     call->method_ = [method, context, call] { return method(context, &call->request_, &call->response_); };
     if (parts.access.is_known(*context)) {
       parts.connections.known(context->peer());
-      call->StartRead(&call->request_);
+      call->StartRead(&call->request_);  // before it may be refused: afterwards gRPC may be done with it
+      if (!parts.calls.may_wait(*call)) call->refuse();
     } else {
       const grpc::Slice nothing;
       call->request_ = grpc::ByteBuffer(&nothing, 1);
@@ -39,6 +43,7 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
   }
 
   void OnReadDone(bool ok) override {
+    if (!parts_.calls.has_come(*this)) return;
     if (ok) return begin_inner();
     this->Finish(to_status({ErrorCode::invalid_argument, "", -1, "", "the request has no message"}));
   }
@@ -51,8 +56,13 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
 
  private:
   friend InnerCall;
-  ReadFirst() : call_(*this) {}
+  ReadFirst(const ServiceParts& parts, grpc::CallbackServerContext& context)
+      : token_(parts.calls), parts_(parts), context_(context), call_(*this) {}
 
+  void refuse() override {
+    const Error error{ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"};
+    this->Finish(marble::server::refuse(parts_, origin_of(context_), error));
+  }
   void begin_inner() {
     inner_ = method_();
     call_.bind(inner_);
@@ -63,6 +73,9 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
     if (--until_cancel_ == 0) inner_->OnCancel();
   }
 
+  const LiveCalls::Token token_;
+  const ServiceParts& parts_;
+  grpc::CallbackServerContext& context_;
   InnerCall call_;
   std::function<Inner*()> method_;
   Inner* inner_ = nullptr;

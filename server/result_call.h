@@ -23,13 +23,11 @@ class ResultCall final : public grpc::ServerUnaryReactor, public Pulsed {
   void pulse(Clock::time_point now) override;
 
  private:
-  ResultCall(const ServiceParts& parts, grpc::ByteBuffer* response)
-      : token_(parts.calls), parts_(parts), response_(response) {}
+  ResultCall(const ServiceParts& parts, grpc::ByteBuffer* response) : parts_(parts), response_(response) {}
   [[nodiscard]] Expected<void> wait(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request);
   void answer(const ResultStore::Shared& result);
   void finish(const grpc::Status& status);
 
-  const LiveCalls::Token token_;
   const ServiceParts& parts_;
   grpc::ByteBuffer* const response_;
   std::string id_;

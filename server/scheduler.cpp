@@ -172,10 +172,10 @@ bool Scheduler::is_closed() const {
 
 std::shared_ptr<Job> Scheduler::next() {
   const MutexLock lock(mutex_);
-  std::shared_ptr<Job> job = queue_.pop();
+  std::shared_ptr<Job> job = queue_.pop(Clock::now());
   while (job == nullptr && !stopping_) {
     if (!help()) work_.wait(mutex_);
-    job = queue_.pop();
+    job = queue_.pop(Clock::now());
   }
   if (job != nullptr) {
     job->begun = Clock::now();

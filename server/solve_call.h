@@ -23,12 +23,10 @@ class SolveCall final : public grpc::ServerUnaryReactor, public JobObserver {
   void finished(Outcome outcome) override;
 
  private:
-  SolveCall(const ServiceParts& parts, grpc::ByteBuffer* response)
-      : token_(parts.calls), parts_(parts), response_(response) {}
+  SolveCall(const ServiceParts& parts, grpc::ByteBuffer* response) : parts_(parts), response_(response) {}
   [[nodiscard]] Expected<void> admit(const grpc::ByteBuffer* request,
                                      const grpc::CallbackServerContext& context, Origin& origin);
 
-  const LiveCalls::Token token_;
   const ServiceParts& parts_;
   grpc::ByteBuffer* const response_;
   std::shared_ptr<Job> job_;  // constant once admitted

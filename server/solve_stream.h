@@ -41,14 +41,13 @@ class SolveStreamCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
-  explicit SolveStreamCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}
+  explicit SolveStreamCall(const ServiceParts& parts) : parts_(parts) {}
   [[nodiscard]] Expected<void> admit(const grpc::ByteBuffer* bytes,
                                      const grpc::CallbackServerContext& context, Origin& origin)
       ABSL_LOCKS_EXCLUDED(mutex_);
   void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool next_event(v1::SolveStreamResponse* event) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  const LiveCalls::Token token_;
   const ServiceParts& parts_;
   double progress_interval_s_ = 0.0;  // constant once admitted, like job_
   int iterate_every_ = 0;

@@ -24,12 +24,11 @@ class WatchCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>, publi
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
-  explicit WatchCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}
+  explicit WatchCall(const ServiceParts& parts) : parts_(parts) {}
   [[nodiscard]] Expected<void> start(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request)
       ABSL_LOCKS_EXCLUDED(mutex_);
   void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
 
-  const LiveCalls::Token token_;
   const ServiceParts& parts_;
   std::shared_ptr<WatchCall> self_;
   grpc::ByteBuffer bytes_;  // the write in flight

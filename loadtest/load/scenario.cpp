@@ -1,14 +1,13 @@
 #include "scenario.h"
 
-#define TOML_EXCEPTIONS 0
-#include <toml++/toml.h>
-
 #include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <set>
 #include <sstream>
 #include <string_view>
+
+#include "guarded_toml.h"
 
 namespace marble::load {
 namespace {

@@ -74,6 +74,14 @@ TEST(Scenario, WhatIsNotTomlIsToldWithItsLine) {
       << error_of("[[entry]]\nproblem = \n");
 }
 
+TEST(Scenario, WhatTomlPlusPlusTakesForGrantedIsToldToo) {
+  // Undefined behaviour in toml++ 3.3 as it comes: see guarded_toml.h.
+  EXPECT_EQ(error_of("[=w").rfind("mix.toml:1", 0), 0u) << error_of("[=w");
+  const std::string letters = "[[entry]]\nproblem = 'jr1'\n\xc3\xa9 = 1\n";
+  EXPECT_EQ(error_of(letters).rfind("mix.toml:3", 0), 0u) << error_of(letters);
+  EXPECT_EQ(error_of("[[\xef\xbb\xbe]]").rfind("mix.toml:1", 0), 0u);
+}
+
 TEST(Scenario, AnEntryHasEitherAProblemOrAFile) {
   EXPECT_EQ(error_of("[[entry]]\nweight = 1\n"), "mix.toml:1: entry: must have either problem or file");
   EXPECT_EQ(error_of("[[entry]]\nproblem = 'jr1'\nfile = 'a.json'\n"),

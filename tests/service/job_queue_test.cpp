@@ -89,6 +89,21 @@ TEST(JobQueue, APriorityThatIsPassedOverTooOftenInARowGoesInBetween) {
   EXPECT_EQ(run_all(queue), (std::vector{0, 1, 2, 50, 100, 3, 4, 5, 6, 7, 8}));
 }
 
+TEST(JobQueue, APriorityThatIsPassedOverForTooLongGoesInBetween) {
+  using std::chrono::seconds;
+  Queue queue(
+      {.workers = 1, .jobs = 1000, .bytes = 1000, .passed_over = 1000, .passed_over_time = seconds(3)});
+  add(queue, 50, {.client = "i", .priority = Priority::interactive});
+  add(queue, 51, {.client = "i", .priority = Priority::interactive});
+  for (int i = 0; i < 9; ++i) add(queue, i, {.client = "r", .priority = Priority::realtime});
+  std::vector<int> order;
+  for (Queue::Time now(seconds(1000)); const auto item = queue.pop(now); now += seconds(2)) {
+    order.push_back(*item);
+    queue.done(item.get());
+  }
+  EXPECT_EQ(order, (std::vector{0, 1, 50, 2, 3, 51, 4, 5, 6, 7, 8}));
+}
+
 TEST(JobQueue, OneWhoIsServedNowAndThenDoesNotGetAhead) {
   // A tick that comes while a batch runs is next: the batch was served just before, so it was not passed
   // over.
