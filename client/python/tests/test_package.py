@@ -119,7 +119,8 @@ def test_the_types_hold(tmp_path):
 
 def test_the_reference_is_generated_without_warnings_and_has_every_name(tmp_path):
     pytest.importorskip("sphinx", reason="python3-sphinx is not installed")
-    run = _python("-m", "sphinx", "-q", "-W", "--keep-going", "-d", tmp_path / "trees", HERE / "reference", tmp_path / "html")
+    run = _python("-m", "sphinx", "-q", "-W", "--keep-going", "-d", tmp_path / "trees", HERE / "reference",
+                  tmp_path / "html")
     assert run.returncode == 0 and not run.stderr, run.stderr
     page = (tmp_path / "html" / "index.html").read_text(encoding="utf-8")
     for name in [*(set(marble.__all__) - {"aio", "__version__"}), "aio.Client", "hopper.Hopper", "casadi.from_casadi"]:

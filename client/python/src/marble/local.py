@@ -1,4 +1,4 @@
-"""A server of this process alone, for calls that name none: without MARBLE_SERVER a program solves on its own machine."""
+"""A server of this process alone, for calls that name none: without MARBLE_SERVER, solves on the own machine."""
 
 from __future__ import annotations
 
