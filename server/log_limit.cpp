@@ -70,7 +70,7 @@ std::vector<LogLimit::Suppressed> LogLimit::take_quiet(Time now) {
   std::vector<Suppressed> result;
   const MutexLock lock(mutex_);
   if (untold_ == 0) return result;
-  const auto take = [&](Suppressed& suppressed, Time last) {
+  const auto take = [&](Suppressed& suppressed, Time last) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (suppressed.lines == 0 || now < last + kQuiet) return;
     result.push_back(suppressed);
     untold_ -= std::exchange(suppressed.lines, 0);

@@ -373,7 +373,7 @@ void Scheduler::pulse(Clock::time_point now) {
     if (queue_.waiting() > 0) late = queue_.expire(now);
     finishing_ += static_cast<int>(late.size());
     const std::vector<double> busy = place_listeners_.empty() ? std::vector<double>() : busy_s();
-    const auto gone = [&](const PlaceListener& listener) {
+    const auto gone = [&](const PlaceListener& listener) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
       const std::shared_ptr<Job> job = listener.job.lock();
       std::shared_ptr<JobObserver> observer = listener.observer.lock();
       if (job == nullptr || observer == nullptr || !queue_.is_waiting(job.get())) return true;

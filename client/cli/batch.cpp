@@ -2,13 +2,13 @@
 #include <iostream>
 #include <map>
 #include <memory>
-#include <mutex>
 
 #include "commands.h"
 #include "exit_code.h"
 #include "formats.h"
 #include "interrupt.h"
 #include "marble/problem_file.h"
+#include "mutex.h"
 #include "report.h"
 #include "server_arguments.h"
 #include "solver_arguments.h"
@@ -35,7 +35,7 @@ class BatchRun {
         [this](std::int64_t tag, const Expected<RemoteSolution>& answer) { tell(tag, answer); },
         {.priority = arguments_.priority, .stop = stop});
     // One outcome a file, also of those that were not reached: programs count the lines.
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     Error unreached = done ? Error{} : done.error();
     if (unreached.code == ErrorCode::cancelled) unreached.bound = "not solved: interrupted before";
     for (; next_ < arguments_.files.size(); ++next_) tell_error(arguments_.files[next_], "", unreached, true);
@@ -47,12 +47,12 @@ class BatchRun {
     while (true) {
       std::string path;
       {
-        const std::lock_guard lock(mutex_);
+        const MutexLock lock(mutex_);
         if (next_ == arguments_.files.size()) return std::nullopt;
         path = arguments_.files[next_];
       }
       auto file = formats::read_any_problem(path);
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       const auto tag = static_cast<std::int64_t>(next_++);
       if (!file) {
         tell_error(path, "", file.error(), false);
@@ -66,7 +66,7 @@ class BatchRun {
   }
 
   void tell(std::int64_t tag, const Expected<RemoteSolution>& answer) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const Subject subject = std::move(subjects_.extract(tag).mapped());
     if (!answer) return tell_error(subject.file, subject.name, answer.error(), true);
     if (arguments_.server.json()) {
@@ -80,7 +80,8 @@ class BatchRun {
     exit_code_ = worse(exit_code_, is_solved(answer->status) ? kAllSolved : kNotSolved);
   }
 
-  void tell_error(const std::string& path, const std::string& name, Error error, bool remote) {
+  void tell_error(const std::string& path, const std::string& name, Error error, bool remote)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (error.code == ErrorCode::unavailable)
       error.bound = "server " + arguments_.server.server + ": " + error.bound;
     std::cerr << "marble: " << path << ": " << error.message() << '\n';
@@ -90,11 +91,11 @@ class BatchRun {
 
   const BatchArguments& arguments_;
   const Options& options_;
-  std::mutex mutex_;
-  std::size_t next_ = 0;
-  ProblemFile file_;  // lent to the batch until it asks for the next one
-  std::map<std::int64_t, Subject> subjects_;
-  int exit_code_ = kAllSolved;
+  Mutex mutex_;
+  std::size_t next_ ABSL_GUARDED_BY(mutex_) = 0;
+  ProblemFile file_ ABSL_GUARDED_BY(mutex_);  // lent to the batch until it asks for the next one
+  std::map<std::int64_t, Subject> subjects_ ABSL_GUARDED_BY(mutex_);
+  int exit_code_ ABSL_GUARDED_BY(mutex_) = kAllSolved;
 };
 
 int run(const BatchArguments& arguments) {

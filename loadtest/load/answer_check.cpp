@@ -74,7 +74,7 @@ AnswerCheck::~AnswerCheck() {
 }
 
 void AnswerCheck::add(const Work& work, v1::Solution&& answer) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (items_.size() >= kMostWaiting) {
     ++findings_.let_go;
     return;
@@ -85,36 +85,38 @@ void AnswerCheck::add(const Work& work, v1::Solution&& answer) {
 
 AnswerCheck::Findings AnswerCheck::finish() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     ending_ = true;
     changed_.notify_one();
   }
   thread_.join();
+  const MutexLock lock(mutex_);
   return findings_;
 }
 
 void AnswerCheck::run() {
   setpriority(PRIO_PROCESS, 0, 19);  // of this thread alone, on Linux
-  std::unique_lock lock(mutex_);
-  while (true) {
-    changed_.wait(lock, [this] { return ending_ || !items_.empty(); });
-    if (items_.empty()) break;
-    const Item item = std::move(items_.front());
-    items_.pop_front();
-    lock.unlock();
-    judge(item);
-    lock.lock();
-  }
+  while (const std::optional<Item> item = next()) judge(*item);
   timespec used = {};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &used);
+  const MutexLock lock(mutex_);
   findings_.cpu_s = static_cast<double>(used.tv_sec) + 1e-9 * static_cast<double>(used.tv_nsec);
+}
+
+std::optional<AnswerCheck::Item> AnswerCheck::next() {
+  const MutexLock lock(mutex_);
+  while (!ending_ && items_.empty()) changed_.wait(mutex_);
+  if (items_.empty()) return std::nullopt;
+  Item item = std::move(items_.front());
+  items_.pop_front();
+  return item;
 }
 
 void AnswerCheck::judge(const Item& item) {
   const LoadedEntry& loaded = entries_[item.work.entry];
   const auto fault =
       fault_of(loaded.problems[item.work.variant], loaded.entry.options, solution_of(item.answer));
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   ++findings_.checked;
   if (!fault) return;
   ++findings_.wrong[loaded.entry.name];

@@ -3,15 +3,14 @@
 #pragma once
 
 #include <atomic>
-#include <condition_variable>
 #include <deque>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
 
 #include "marble/options.h"
+#include "mutex.h"
 #include "work.h"
 #include "workload.h"
 
@@ -50,14 +49,15 @@ class AnswerCheck {
     v1::Solution answer;
   };
   void run();
+  [[nodiscard]] std::optional<Item> next();  // waits for one; nothing once all is judged
   void judge(const Item& item);
 
   const std::vector<LoadedEntry>& entries_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::deque<Item> items_;
-  bool ending_ = false;
-  Findings findings_;
+  Mutex mutex_;
+  Condition changed_;
+  std::deque<Item> items_ ABSL_GUARDED_BY(mutex_);
+  bool ending_ ABSL_GUARDED_BY(mutex_) = false;
+  Findings findings_ ABSL_GUARDED_BY(mutex_);
   std::thread thread_;  // last: it uses the others
 };
 

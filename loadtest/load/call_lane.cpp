@@ -104,8 +104,8 @@ CallLane::CallLane(const Target& target, const LoadedEntry& entry, const Done& d
 
 CallLane::~CallLane() {
   cancel();
-  std::unique_lock lock(mutex_);
-  ended_.wait(lock, [this] { return under_way_.empty(); });
+  const MutexLock lock(mutex_);
+  while (!under_way_.empty()) ended_.wait(mutex_);
 }
 
 void CallLane::send(const Work& work) {
@@ -114,17 +114,17 @@ void CallLane::send(const Work& work) {
 }
 
 void CallLane::cancel() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   for (grpc::ClientContext* context : under_way_) context->TryCancel();
 }
 
 void CallLane::begun(grpc::ClientContext* context) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   under_way_.insert(context);
 }
 
 void CallLane::over(grpc::ClientContext* context) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   under_way_.erase(context);
   if (under_way_.empty()) ended_.notify_all();
 }

@@ -1,11 +1,10 @@
 // Requests that are calls of their own: Solve and SolveStream.
 #pragma once
 
-#include <condition_variable>
-#include <mutex>
 #include <set>
 
 #include "load_target.h"
+#include "mutex.h"
 #include "work.h"
 #include "workload.h"
 
@@ -30,9 +29,9 @@ class CallLane : public Lane {
   const Target& target_;
   const LoadedEntry& entry_;
   const Done& done_;
-  std::mutex mutex_;
-  std::condition_variable ended_;
-  std::set<grpc::ClientContext*> under_way_;
+  Mutex mutex_;
+  Condition ended_;
+  std::set<grpc::ClientContext*> under_way_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace marble::load

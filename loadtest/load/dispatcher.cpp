@@ -64,9 +64,9 @@ void Dispatcher::send(const Lanes& lanes, Work& work) {
 bool Dispatcher::sleep_until(Clock::time_point at, const std::stop_token& stop) {
   // A condition variable wakes some 50 µs late, a sleep is no better: good enough beside a solve, and told as
   // lag.
-  std::unique_lock lock(mutex_);
+  const MutexLock lock(mutex_);
   while (!stop.stop_requested() && Clock::now() < at)
-    changed_.wait_until(lock, stop, at, [&] { return Clock::now() >= at; });
+    changed_.wait_until(mutex_, stop, at, [&] { return Clock::now() >= at; });
   return !stop.stop_requested();
 }
 
@@ -79,9 +79,11 @@ void Dispatcher::run_open(const Lanes& lanes, const std::stop_token& stop) {
     Work work = make_work(engines_.front(), client++ % engines_.size(), intended);
     if (!claim(work)) return;
     {
-      std::unique_lock lock(mutex_);
+      const MutexLock lock(mutex_);
       if (under_way_ >= plan_.in_flight) reached_limit_ = true;
-      if (!changed_.wait(lock, stop, [this] { return under_way_ < plan_.in_flight; })) return;
+      const auto room = [this]()
+                            ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return under_way_ < plan_.in_flight; };
+      if (!changed_.wait(mutex_, stop, room)) return;
       ++under_way_;
     }
     send(lanes, work);
@@ -90,17 +92,17 @@ void Dispatcher::run_open(const Lanes& lanes, const std::stop_token& stop) {
 
 void Dispatcher::run_closed(const Lanes& lanes, const std::stop_token& stop) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     active_clients_ = plan_.clients;
   }
   for (int client = 0; client < plan_.clients; ++client)
     next_of_client(lanes, static_cast<std::size_t>(client));
-  std::unique_lock lock(mutex_);
-  const auto idle = [this] { return active_clients_ == 0; };
+  const MutexLock lock(mutex_);
+  const auto idle = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return active_clients_ == 0; };
   if (plan_.count > 0) {
-    changed_.wait(lock, stop, idle);
+    changed_.wait(mutex_, stop, idle);
   } else {
-    changed_.wait_until(lock, stop, end_, idle);
+    changed_.wait_until(mutex_, stop, end_, idle);
   }
   stopping_ = true;
 }
@@ -109,7 +111,7 @@ void Dispatcher::next_of_client(const Lanes& lanes, std::size_t client) {
   thread_local bool sending = false;
   const Clock::time_point now = Clock::now();
   const auto leave = [this] {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (--active_clients_ == 0) changed_.notify_all();
   };
   // A request that is done while it is being sent never left: its client's stream has ended, and so has it.
@@ -117,7 +119,7 @@ void Dispatcher::next_of_client(const Lanes& lanes, std::size_t client) {
   Work work = make_work(engines_[client], client, now);
   if (!claim(work)) return leave();
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     ++under_way_;
   }
   sending = true;
@@ -127,15 +129,16 @@ void Dispatcher::next_of_client(const Lanes& lanes, std::size_t client) {
 
 void Dispatcher::done(const Lanes& lanes, const Work& work) {
   if (plan_.loop == Loop::closed) next_of_client(lanes, work.client);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   --under_way_;
   if (under_way_ == 0 || under_way_ + 1 >= plan_.in_flight) changed_.notify_all();
 }
 
 bool Dispatcher::wait_for_answers(double patience_s, const std::stop_token& stop) {
   stopping_ = true;
-  std::unique_lock lock(mutex_);
-  return changed_.wait_for(lock, stop, duration_of(patience_s), [this] { return under_way_ == 0; });
+  const MutexLock lock(mutex_);
+  const auto all = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return under_way_ == 0; };
+  return changed_.wait_for(mutex_, stop, duration_of(patience_s), all);
 }
 
 }  // namespace marble::load

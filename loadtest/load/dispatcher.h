@@ -4,12 +4,12 @@
 #include <atomic>
 #include <condition_variable>
 #include <memory>
-#include <mutex>
 #include <random>
 #include <stop_token>
 #include <vector>
 
 #include "lanes.h"
+#include "mutex.h"
 #include "plan.h"
 
 namespace marble::load {
@@ -49,10 +49,10 @@ class Dispatcher {
 
   std::atomic<std::uint64_t> sent_ = 0;
   std::atomic<bool> stopping_ = false, reached_limit_ = false;
-  std::mutex mutex_;
+  Mutex mutex_;
   std::condition_variable_any changed_;
-  std::uint64_t under_way_ = 0;
-  int active_clients_ = 0;
+  std::uint64_t under_way_ ABSL_GUARDED_BY(mutex_) = 0;
+  int active_clients_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace marble::load

@@ -7,6 +7,7 @@
 #include "dispatcher.h"
 #include "lanes.h"
 #include "machine.h"
+#include "mutex.h"
 #include "reply.h"
 
 namespace marble::load {
@@ -29,7 +30,7 @@ class Log {
   /// The last request was sent.
   void end() {
     {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       ending_ = true;
       changed_.notify_one();
     }
@@ -49,8 +50,10 @@ class Log {
   }
   // False if the end came first.
   bool wait_until(Clock::time_point at) {
-    std::unique_lock lock(mutex_);
-    return !changed_.wait_until(lock, at, [this] { return ending_; });
+    const MutexLock lock(mutex_);
+    while (!ending_ && changed_.wait_until(mutex_, at) == std::cv_status::no_timeout) {
+    }
+    return !ending_;
   }
   void begin() {
     begun_ = true;
@@ -87,9 +90,9 @@ class Log {
   const Clock::time_point from_;
   double own_cpu_before_s_ = 0.0;
   bool begun_ = false;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  bool ending_ = false;
+  Mutex mutex_;
+  Condition changed_;
+  bool ending_ ABSL_GUARDED_BY(mutex_) = false;
   std::thread thread_;  // last: it uses the others
 };
 

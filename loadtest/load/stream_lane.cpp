@@ -11,8 +11,8 @@ StreamLane::StreamLane(const Target& target, const LoadedEntry& entry, std::size
 StreamLane::~StreamLane() {
   if (!opened_) return;
   cancel();
-  std::unique_lock lock(mutex_);
-  changed_.wait(lock, [this] { return over_; });
+  const MutexLock lock(mutex_);
+  while (!over_) changed_.wait(mutex_);
 }
 
 Expected<void> StreamLane::open() {
@@ -23,15 +23,18 @@ Expected<void> StreamLane::open() {
   AddHold();  // others than its own reactions write
   StartRead(&read_);
   opened_ = true;
-  ready_ = !session;
-  if (session) {
-    writing_ = true;
-    written_ = entry_.setup;
-    StartWrite(&written_);
+  {
+    const MutexLock lock(mutex_);
+    ready_ = !session;
+    if (session) {
+      writing_ = true;
+      written_ = entry_.setup;
+      StartWrite(&written_);
+    }
   }
   StartCall();
-  std::unique_lock lock(mutex_);
-  changed_.wait(lock, [this] { return ready_ || over_; });
+  const MutexLock lock(mutex_);
+  while (!ready_ && !over_) changed_.wait(mutex_);
   if (!over_) return {};
   const Reply why = error_reply(status_);
   const bool away = why.error == "unavailable";
@@ -52,15 +55,17 @@ grpc::ByteBuffer StreamLane::message(std::int64_t id, const Work& work) const {
 }
 
 void StreamLane::send(const Work& work) {
-  std::unique_lock lock(mutex_);
-  if (broken_) {
-    lock.unlock();
-    return done_(work, broken_reply("its stream has ended"));
+  {
+    const MutexLock lock(mutex_);
+    if (!broken_) {
+      const std::int64_t id = ++last_id_;
+      waiting_.emplace(id, work);
+      unwritten_.push_back(message(id, work));
+      if (!writing_) write_next();
+      return;
+    }
   }
-  const std::int64_t id = ++last_id_;
-  waiting_.emplace(id, work);
-  unwritten_.push_back(message(id, work));
-  if (!writing_) write_next();
+  done_(work, broken_reply("its stream has ended"));
 }
 
 void StreamLane::write_next() {
@@ -72,7 +77,7 @@ void StreamLane::write_next() {
 }
 
 void StreamLane::OnWriteDone(bool good) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   writing_ = false;
   if (good) write_next();
 }
@@ -100,26 +105,29 @@ void StreamLane::OnReadDone(bool good) {
   bool ready = false;
   Outcome outcome = outcome_of(read_, ready);
   StartRead(&read_);
-  std::unique_lock lock(mutex_);
-  if (ready) {
-    ready_ = true;
-    changed_.notify_all();
-    return;
+  Work work;
+  {
+    const MutexLock lock(mutex_);
+    if (ready) {
+      ready_ = true;
+      changed_.notify_all();
+      return;
+    }
+    const auto found = waiting_.find(outcome.id);
+    if (found ==
+        waiting_.end()) {  // nothing to which it could be the answer: nothing can be trusted from here
+      context_.TryCancel();
+      return;
+    }
+    work = found->second;
+    waiting_.erase(found);
   }
-  const auto found = waiting_.find(outcome.id);
-  if (found == waiting_.end()) {  // nothing to which it could be the answer: nothing can be trusted from here
-    context_.TryCancel();
-    return;
-  }
-  const Work work = found->second;
-  waiting_.erase(found);
-  lock.unlock();
   done_(work, std::move(outcome.reply));
 }
 
 void StreamLane::end_writing() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (broken_) return;
     broken_ = true;
   }
@@ -131,14 +139,14 @@ void StreamLane::cancel() { context_.TryCancel(); }
 void StreamLane::OnDone(const grpc::Status& status) {
   std::map<std::int64_t, Work> left;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     left.swap(waiting_);
   }
   for (const auto& [id, work] : left) {
     Reply reply = status.ok() ? broken_reply("the stream ended without its answer") : error_reply(status);
     done_(work, std::move(reply));
   }
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   status_ = status;
   over_ = true;
   changed_.notify_all();

@@ -1,14 +1,13 @@
 // Requests that share a stream: updates of a session, problems of a batch.
 #pragma once
 
-#include <condition_variable>
 #include <deque>
 #include <map>
-#include <mutex>
 #include <string>
 #include <utility>
 
 #include "load_target.h"
+#include "mutex.h"
 #include "work.h"
 #include "workload.h"
 
@@ -37,7 +36,7 @@ class StreamLane : public Lane, private grpc::ClientBidiReactor<grpc::ByteBuffer
   };
   [[nodiscard]] grpc::ByteBuffer message(std::int64_t id, const Work& work) const;
   [[nodiscard]] Outcome outcome_of(grpc::ByteBuffer& bytes, bool& ready) const;
-  void write_next();  // with mutex_ held
+  void write_next() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void end_writing();
 
   const Target& target_;
@@ -45,17 +44,19 @@ class StreamLane : public Lane, private grpc::ClientBidiReactor<grpc::ByteBuffer
   const std::size_t client_;
   const Done& done_;
   grpc::ClientContext context_;
-  grpc::ByteBuffer read_, written_;
+  grpc::ByteBuffer read_;
+  bool opened_ = false;
 
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  bool opened_ = false, ready_ = false, writing_ = false;
-  bool broken_ = false;  // no more writes: the hold that let others write is gone
-  bool over_ = false;
-  grpc::Status status_;
-  std::int64_t last_id_ = 0;
-  std::map<std::int64_t, Work> waiting_;
-  std::deque<grpc::ByteBuffer> unwritten_;
+  Mutex mutex_;
+  Condition changed_;
+  grpc::ByteBuffer written_ ABSL_GUARDED_BY(mutex_);
+  bool ready_ ABSL_GUARDED_BY(mutex_) = false, writing_ ABSL_GUARDED_BY(mutex_) = false;
+  bool broken_ ABSL_GUARDED_BY(mutex_) = false;  // no more writes: the hold that let others write is gone
+  bool over_ ABSL_GUARDED_BY(mutex_) = false;
+  grpc::Status status_ ABSL_GUARDED_BY(mutex_);
+  std::int64_t last_id_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::map<std::int64_t, Work> waiting_ ABSL_GUARDED_BY(mutex_);
+  std::deque<grpc::ByteBuffer> unwritten_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace marble::load

@@ -91,12 +91,15 @@ EntryTally Tally::sum() const {
 }
 
 Recorder::Recorder(std::size_t entries) : entries_(entries) {
-  for (Shard& shard : shards_) shard.tally = Tally(entries);
+  for (Shard& shard : shards_) {
+    const MutexLock lock(shard.mutex);
+    shard.tally = Tally(entries);
+  }
 }
 
 void Recorder::add(const Work& work, const Reply& reply, Clock::time_point now) {
   Shard& shard = shards_[thread_number() % shards_.size()];
-  const std::lock_guard lock(shard.mutex);
+  const MutexLock lock(shard.mutex);
   Tally& tally = shard.tally;
   const bool answered = reply.error.empty();
   ++(answered ? tally.ended_answers : tally.ended_errors);
@@ -113,7 +116,7 @@ void Recorder::add(const Work& work, const Reply& reply, Clock::time_point now) 
 Tally Recorder::take() {
   Tally result(entries_);
   for (Shard& shard : shards_) {
-    const std::lock_guard lock(shard.mutex);
+    const MutexLock lock(shard.mutex);
     result.merge(shard.tally);
     shard.tally.clear();
   }

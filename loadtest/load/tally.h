@@ -4,11 +4,11 @@
 #include <array>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
 #include "histogram.h"
+#include "mutex.h"
 #include "work.h"
 
 namespace marble::load {
@@ -55,8 +55,8 @@ class Recorder {
 
  private:
   struct alignas(64) Shard {
-    std::mutex mutex;
-    Tally tally;
+    Mutex mutex;
+    Tally tally ABSL_GUARDED_BY(mutex);
   };
   const std::size_t entries_;
   std::array<Shard, 8> shards_;

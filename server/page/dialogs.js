@@ -15,7 +15,7 @@ let asking = null;
 /** The token that was typed; asks again after Esc, since without one there is nothing to show. Asks once at a time. */
 export function askForToken(why) {
   asking ??= (async () => {
-    const field = byId("token");
+    const field = /** @type {HTMLInputElement} */ (byId("token"));
     field.value = "";
     if (why) fill(byId("token-why"), why);
     while ((await ask(byId("token-dialog"))) !== "ok" || field.value.trim() === "");

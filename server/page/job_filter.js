@@ -48,7 +48,8 @@ function matches(job, words) {
 /** The jobs to show, in order. `chips` is a set of names; `sort` {column, down}, its column "" for the table's order. */
 export function select(jobs, text, chips, sort) {
   const words = text.toLowerCase().split(/\s+/).filter((word) => word !== "");
-  const groups = Object.values(Object.groupBy(CHIPS.filter((chip) => chips.has(chip.name)), (chip) => chip.group));
+  const on = CHIPS.filter((chip) => chips.has(chip.name));
+  const groups = [...new Set(on.map((chip) => chip.group))].map((group) => on.filter((chip) => chip.group === group));
   const chosen = [];
   for (const job of jobs) {
     if (groups.every((group) => group.some((chip) => chip.holds(job))) && matches(job, words)) chosen.push(job);

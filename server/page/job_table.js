@@ -55,7 +55,7 @@ export class JobTable {
     this.scroller.focus({ preventScroll: true });
   }
 
-  #headCell({ key, title, hint, numeric }, at) {
+  #headCell({ key, title, hint, numeric = undefined }, at) {
     const button = make("button", { type: "button", tabindex: "-1", title: hint }, ...this.#title(title), make("span", { class: "arrow", "aria-hidden": "true" }));
     button.addEventListener("click", () => this.#sortBy(key));
     return make("div", { role: "columnheader", class: `${key}${numeric ? " numeric" : ""}`, "aria-sort": "none", "aria-colindex": at + 1, "data-key": key }, button);

@@ -24,6 +24,7 @@ export class JobView {
   #closed = false;
   #tablesAt = -Infinity;
   #timer = 0;
+  pairs = null; // a PairsPlot, once there is a frame
 
   /** `context` has api, info() (GetInfoResponse or null), forget(id). */
   constructor(place, id, context) {

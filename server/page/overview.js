@@ -8,6 +8,7 @@ const MOST_CELLS = 64;
 const PRIORITIES = ["realtime", "interactive", "batch"];
 
 export class Overview {
+  /** @type {[TimePlot, (index: number) => number][]} */
   #plots;
   #workers = 0;
 

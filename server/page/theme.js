@@ -17,7 +17,7 @@
   apply(read());
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => apply(read()));
   document.addEventListener("DOMContentLoaded", () => {
-    const choice = document.getElementById("theme");
+    const choice = /** @type {HTMLSelectElement} */ (document.getElementById("theme"));
     choice.value = read();
     choice.addEventListener("change", () => {
       apply(choice.value);

@@ -17,7 +17,10 @@ export class TimePlot {
 
   /** `words` names the quantity, `text` a value of it, `most` the top of the axis if it is fixed. */
   constructor(parent, { words, text, colour, most = null }) {
-    Object.assign(this, { words, text, colour, most });
+    this.words = words;
+    this.text = text;
+    this.colour = colour;
+    this.most = most;
     this.top = make("span", { class: "axis-top", "aria-hidden": "true" });
     this.readout = make("span", { class: "axis-now", "aria-hidden": "true" }, "last 5 min");
     this.canvas = make("canvas", { role: "img", "aria-label": words });

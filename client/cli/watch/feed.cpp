@@ -51,26 +51,26 @@ void Feed::close() {
 
 void Feed::cancel(std::string job_id) {
   model_.change([&](Model& model) { model.notice = "cancelling " + job_id; });
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   to_cancel_.push_back(std::move(job_id));
   woken_.notify_all();
 }
 
 std::optional<Error> Feed::refusal() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return refusal_;
 }
 
 bool Feed::gave_up(const Error& error) {
   const bool final = error.code == ErrorCode::permission_denied || error.code == ErrorCode::unauthenticated;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (final && !refusal_) refusal_ = error;
   return final;
 }
 
 void Feed::pause(const std::stop_token& stop, double seconds) {
-  std::unique_lock lock(mutex_);
-  woken_.wait_for(lock, stop, std::chrono::duration<double>(seconds), [] { return false; });
+  const MutexLock lock(mutex_);
+  woken_.wait_for(mutex_, stop, std::chrono::duration<double>(seconds), [] { return false; });
 }
 
 void Feed::follow_jobs(const std::stop_token& stop) {
@@ -139,17 +139,21 @@ void Feed::follow_one(const std::string& job_id, const std::stop_token& stop) {
   }
 }
 
+std::optional<std::string> Feed::next_to_cancel(const std::stop_token& stop) {
+  const MutexLock lock(mutex_);
+  const auto any = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return !to_cancel_.empty(); };
+  if (!woken_.wait(mutex_, stop, any)) return std::nullopt;
+  std::string job_id = std::move(to_cancel_.front());
+  to_cancel_.pop_front();
+  return job_id;
+}
+
 void Feed::make_requests(const std::stop_token& stop) {
-  for (;;) {
-    std::unique_lock lock(mutex_);
-    if (!woken_.wait(lock, stop, [this] { return !to_cancel_.empty(); })) return;
-    const std::string job_id = std::move(to_cancel_.front());
-    to_cancel_.pop_front();
-    lock.unlock();
-    const auto cancelled = client_.jobs().cancel(job_id);
+  while (const std::optional<std::string> job_id = next_to_cancel(stop)) {
+    const auto cancelled = client_.jobs().cancel(*job_id);
     model_.change([&](Model& model) {
-      model.notice = cancelled ? "job " + job_id + " is cancelled"
-                               : "job " + job_id + " is not cancelled: " + cancelled.error().message();
+      model.notice = cancelled ? "job " + *job_id + " is cancelled"
+                               : "job " + *job_id + " is not cancelled: " + cancelled.error().message();
       if (cancelled) model.jobs.update(*cancelled);
     });
   }

@@ -4,7 +4,6 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
-#include <mutex>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -13,6 +12,7 @@
 
 #include "marble/client.h"
 #include "model.h"
+#include "mutex.h"
 
 namespace marble::cli {
 
@@ -26,25 +26,25 @@ class SharedModel {
 
   template <class Change>
   void change(Change&& change) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     change(model_);
     ++version_;
   }
   template <class Look>
   [[nodiscard]] auto look(Look&& look) const {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     return look(std::as_const(model_));
   }
   /// Another number whenever something has changed.
   [[nodiscard]] std::int64_t version() const {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     return version_;
   }
 
  private:
-  mutable std::mutex mutex_;
-  Model model_;
-  std::int64_t version_ = 0;
+  mutable Mutex mutex_;
+  Model model_ ABSL_GUARDED_BY(mutex_);
+  std::int64_t version_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 class Feed {
@@ -69,15 +69,17 @@ class Feed {
   void follow_server(const std::stop_token& stop);
   void follow_one(const std::string& job_id, const std::stop_token& stop);
   void make_requests(const std::stop_token& stop);
+  /// Waits for one; nothing once a stop came and none is left.
+  [[nodiscard]] std::optional<std::string> next_to_cancel(const std::stop_token& stop);
   [[nodiscard]] bool gave_up(const Error& error);
   void pause(const std::stop_token& stop, double seconds);
 
   const Client& client_;
   SharedModel& model_;
-  mutable std::mutex mutex_;
+  mutable Mutex mutex_;
   std::condition_variable_any woken_;
-  std::deque<std::string> to_cancel_;  // guarded by mutex_
-  std::optional<Error> refusal_;       // guarded by mutex_
+  std::deque<std::string> to_cancel_ ABSL_GUARDED_BY(mutex_);
+  std::optional<Error> refusal_ ABSL_GUARDED_BY(mutex_);
   // Last, so that all else outlives them.
   std::jthread jobs_, server_, requests_, one_;
 };

@@ -1,7 +1,6 @@
 #include "marble/batch.h"
 
 #include <exception>
-#include <mutex>
 #include <new>
 #include <set>
 #include <thread>
@@ -11,6 +10,7 @@
 #include "connection.h"
 #include "in_process.h"
 #include "marble/client.h"
+#include "mutex.h"
 #include "request.h"
 #include "status.h"
 #include "traceparent.h"
@@ -31,7 +31,7 @@ class BatchWriter {
 
   /// False if the tag is none that waits for an answer.
   [[nodiscard]] bool answered(std::int64_t tag) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const auto found = open_.find(tag);
     if (found == open_.end()) return false;
     open_.erase(found);
@@ -46,6 +46,7 @@ class BatchWriter {
   };
   [[nodiscard]] Rest finish() {
     thread_.join();
+    const MutexLock lock(mutex_);
     rest_.unanswered = std::move(open_);
     return std::move(rest_);
   }
@@ -76,7 +77,7 @@ class BatchWriter {
       return true;
     }
     {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       open_.insert(p.tag);
     }
     return stream_.Write(request);
@@ -87,8 +88,8 @@ class BatchWriter {
   grpc::ClientContext& context_;
   Stream& stream_;
   Rest rest_;
-  std::mutex mutex_;
-  std::multiset<std::int64_t> open_;
+  Mutex mutex_;
+  std::multiset<std::int64_t> open_ ABSL_GUARDED_BY(mutex_);
   std::thread thread_;  // the last member: it uses the others
 };
 

@@ -2,11 +2,11 @@
 
 #include <cstdlib>
 #include <memory>
-#include <mutex>
 #include <new>
 
 #include "connection.h"
 #include "in_process.h"
+#include "mutex.h"
 #include "pending_solve.h"
 #include "solve.h"
 #include "status.h"
@@ -84,7 +84,7 @@ class EnvironmentClient {
   [[nodiscard]] Expected<std::shared_ptr<const Client>> get() {
     const std::string address = default_server_address();
     const ConnectOptions options = ConnectOptions::from_environment();
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (client_ != nullptr && address == client_->address() && options == options_) return client_;
     auto connected = Client::connect(address, options);
     if (!connected) return unexpected(connected.error());
@@ -94,9 +94,9 @@ class EnvironmentClient {
   }
 
  private:
-  std::mutex mutex_;
-  ConnectOptions options_;
-  std::shared_ptr<const Client> client_;  // calls that still run keep an older one
+  Mutex mutex_;
+  ConnectOptions options_ ABSL_GUARDED_BY(mutex_);
+  std::shared_ptr<const Client> client_ ABSL_GUARDED_BY(mutex_);  // calls that still run keep an older one
 };
 
 }  // namespace

@@ -2,15 +2,14 @@
 #pragma once
 
 #include <algorithm>
-#include <condition_variable>
 #include <memory>
-#include <mutex>
 
 #include "connection.h"
 #include "marble/options.h"
 #include "marble/pending_solution.h"
 #include "marble/problem.h"
 #include "marble/solver.h"
+#include "mutex.h"
 
 namespace marble {
 
@@ -24,28 +23,31 @@ struct PendingSolution::State {
 
   [[nodiscard]] bool wait(std::chrono::duration<double> longest) {
     constexpr std::chrono::duration<double> kLongest{1e8};  // the clock's own range ends
-    std::unique_lock lock(mutex_);
-    return changed_.wait_for(lock, std::min(longest, kLongest), [&] { return over_; });
+    const auto end = std::chrono::steady_clock::now() + std::min(longest, kLongest);
+    const MutexLock lock(mutex_);
+    while (!over_ && changed_.wait_until(mutex_, end) == std::cv_status::no_timeout) {
+    }
+    return over_;
   }
 
   void wait() {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return over_; });
+    const MutexLock lock(mutex_);
+    while (!over_) changed_.wait(mutex_);
   }
 
   bool taken = false;
 
  protected:
   void end() {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     over_ = true;
     changed_.notify_all();  // under the lock: whoever waited may delete this next
   }
 
  private:
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  bool over_ = false;
+  Mutex mutex_;
+  Condition changed_;
+  bool over_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 namespace client {

@@ -3,11 +3,11 @@
 #include <deque>
 #include <functional>
 #include <map>
-#include <mutex>
 #include <thread>
 
 #include "answer.h"
 #include "connection.h"
+#include "mutex.h"
 #include "session_memory.h"
 #include "session_request.h"
 #include "session_state.h"
@@ -26,20 +26,25 @@ constexpr std::chrono::milliseconds kBackoffs[] = {
 // Two locks, as a stream may be written by one thread while another one reads. Whoever finds a write failed
 // takes `reading` as well, and reads on to learn why.
 struct SessionStream {
-  SessionStream(std::shared_ptr<const Connection> to, std::string span, std::stop_token given_up)
-      : connection(std::move(to)), parent(std::move(span)), stop(std::move(given_up)) {}
+  SessionStream(std::shared_ptr<const Connection> to, std::string span, std::stop_token given_up,
+                std::int64_t sent_before)
+      : connection(std::move(to)),
+        parent(std::move(span)),
+        stop(std::move(given_up)),
+        sequence(sent_before) {}
 
   ~SessionStream();
 
   [[nodiscard]] Expected<void> set_up(const v1::SessionRequest& request);
-  [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls);
-  [[nodiscard]] std::optional<SessionEvent> read();
+  [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(writing);
+  [[nodiscard]] std::optional<SessionEvent> read() ABSL_EXCLUSIVE_LOCKS_REQUIRED(reading);
   [[nodiscard]] std::optional<SessionEvent> event_of(const v1::SessionResponse& response);
   [[nodiscard]] Expected<RemoteSolution> solve(const ProblemUpdate& update, const UpdateControls& controls);
   [[nodiscard]] Expected<RemoteSolution> outcome_of(SessionEvent event, const ProblemUpdate& update,
                                                     const UpdateControls& controls);
   [[nodiscard]] Error reason() const { return status.ok() ? session_ended() : to_error(status, stop); }
-  void read_to_the_end();
+  void read_to_the_end() ABSL_EXCLUSIVE_LOCKS_REQUIRED(reading);
   void tell(const v1::SessionProgress& progress);
 
   const std::shared_ptr<const Connection> connection;  // the stream's, for as long as there is one
@@ -52,17 +57,17 @@ struct SessionStream {
   std::string traceparent;
   std::unique_ptr<SessionMemory> memory;  // of one that may be reopened
 
-  std::mutex writing;
-  std::int64_t sequence = 0;
-  bool writes_done = false;
+  Mutex writing;
+  std::int64_t sequence ABSL_GUARDED_BY(writing);
+  bool writes_done ABSL_GUARDED_BY(writing) = false;
 
-  std::mutex reading;
-  std::deque<SessionEvent> unfetched;
+  Mutex reading;
+  std::deque<SessionEvent> unfetched ABSL_GUARDED_BY(reading);
   grpc::Status status;
   std::atomic<bool> over = false;  // set after `status`, which then stays
 
-  std::mutex sinks_access;
-  std::map<std::int64_t, ProgressSink*> sinks;
+  Mutex sinks_access;
+  std::map<std::int64_t, ProgressSink*> sinks ABSL_GUARDED_BY(sinks_access);
 };
 
 SessionStream::~SessionStream() {
@@ -91,7 +96,6 @@ Expected<void> SessionStream::set_up(const v1::SessionRequest& request) {
   return unexpected(reason());
 }
 
-// With `writing` held.
 Expected<std::int64_t> SessionStream::send(const ProblemUpdate& update, const UpdateControls& controls) {
   if (over) return unexpected(reason());
   if (writes_done) return unexpected(session_ended());
@@ -99,23 +103,23 @@ Expected<std::int64_t> SessionStream::send(const ProblemUpdate& update, const Up
   if (!request) return unexpected(request.error());
   ++sequence;
   if (controls.progress != nullptr) {
-    const std::lock_guard lock(sinks_access);
+    const MutexLock lock(sinks_access);
     sinks[sequence] = controls.progress;
   }
   if (stream->Write(*request)) return sequence;
   writes_done = true;
-  const std::lock_guard lock(reading);
+  const MutexLock lock(reading);
   read_to_the_end();
   return unexpected(reason());
 }
 
 Expected<RemoteSolution> SessionStream::solve(const ProblemUpdate& update, const UpdateControls& controls) {
   const auto sent = [&] {
-    const std::lock_guard lock(writing);
+    const MutexLock lock(writing);
     return send(update, controls);
   }();
   if (!sent) return unexpected(sent.error());
-  const std::lock_guard lock(reading);
+  const MutexLock lock(reading);
   while (auto event = read()) {
     if (event->sequence == *sent) return outcome_of(std::move(*event), update, controls);
     unfetched.push_back(std::move(*event));
@@ -137,7 +141,6 @@ Expected<RemoteSolution> SessionStream::outcome_of(SessionEvent event, const Pro
   return unexpected(Error{ErrorCode::cancelled, "", -1, "", "a newer update took its place"});
 }
 
-// With `reading` held, as all that follow.
 std::optional<SessionEvent> SessionStream::read() {
   v1::SessionResponse response;
   while (!over && stream->Read(&response)) {
@@ -166,7 +169,7 @@ std::optional<SessionEvent> SessionStream::event_of(const v1::SessionResponse& r
     event = {response.error().sequence(), to_error(response.error().status())};
   }
   if (event) {
-    const std::lock_guard lock(sinks_access);
+    const MutexLock lock(sinks_access);
     sinks.erase(event->sequence);
   }
   return event;
@@ -175,7 +178,7 @@ std::optional<SessionEvent> SessionStream::event_of(const v1::SessionResponse& r
 void SessionStream::tell(const v1::SessionProgress& progress) {
   ProgressSink* sink = nullptr;
   {
-    const std::lock_guard lock(sinks_access);
+    const MutexLock lock(sinks_access);
     if (const auto found = sinks.find(progress.sequence()); found != sinks.end()) sink = found->second;
   }
   if (sink == nullptr) return;
@@ -212,13 +215,13 @@ void RemoteSession::take(std::unique_ptr<SessionStream> stream) {
 Expected<std::int64_t> RemoteSession::send(const ProblemUpdate& update, const UpdateControls& controls) {
   if (stream_->memory != nullptr)
     return unexpected(Error{ErrorCode::failed_precondition, "reopen", -1, "", "leaves only solve()"});
-  const std::lock_guard lock(stream_->writing);
+  const MutexLock lock(stream_->writing);
   return stream_->send(update, controls);
 }
 
 Expected<std::optional<SessionEvent>> RemoteSession::next() {
   SessionStream& s = *stream_;
-  const std::lock_guard lock(s.reading);
+  const MutexLock lock(s.reading);
   if (!s.unfetched.empty()) {
     std::optional<SessionEvent> event = std::move(s.unfetched.front());
     s.unfetched.pop_front();
@@ -247,8 +250,12 @@ Expected<RemoteSolution> RemoteSession::solve(const ProblemUpdate& update, const
 }
 
 Expected<void> RemoteSession::reopen(const UpdateControls& next) {
-  auto stream = std::make_unique<SessionStream>(stream_->connection, stream_->parent, stream_->stop);
-  stream->sequence = stream_->sequence;
+  std::int64_t sent = 0;
+  {
+    const MutexLock lock(stream_->writing);
+    sent = stream_->sequence;
+  }
+  auto stream = std::make_unique<SessionStream>(stream_->connection, stream_->parent, stream_->stop, sent);
   if (auto made = stream->set_up(stream_->memory->setup(next)); !made) return made;
   stream->memory = std::move(stream_->memory);
   take(std::move(stream));
@@ -258,11 +265,11 @@ Expected<void> RemoteSession::reopen(const UpdateControls& next) {
 Expected<void> RemoteSession::close() {
   SessionStream& s = *stream_;
   {
-    const std::lock_guard lock(s.writing);
+    const MutexLock lock(s.writing);
     if (!s.writes_done) s.stream->WritesDone();
     s.writes_done = true;
   }
-  const std::lock_guard lock(s.reading);
+  const MutexLock lock(s.reading);
   s.read_to_the_end();
   if (!s.status.ok()) return unexpected(s.reason());
   return {};
@@ -276,7 +283,7 @@ Expected<std::unique_ptr<Session::State>> open_remote_session(std::shared_ptr<co
                                                               const SessionOptions& session) {
   auto request = make_setup(problem, options, session);
   if (!request) return unexpected(request.error());
-  auto stream = std::make_unique<SessionStream>(std::move(connection), session.traceparent, session.stop);
+  auto stream = std::make_unique<SessionStream>(std::move(connection), session.traceparent, session.stop, 0);
   if (auto made = stream->set_up(*request); !made) return unexpected(made.error());
   if (session.reopen) stream->memory = std::make_unique<SessionMemory>(std::move(*request));
   return std::make_unique<RemoteSession>(std::move(stream));

@@ -1,5 +1,6 @@
 // A mutex that clang's thread-safety analysis and ThreadSanitizer both understand: absl::Mutex synchronises
-// inside a library that is not instrumented, so the latter would see none of it.
+// inside a library that is not instrumented, so the latter would see none of it. Server, client and load
+// tester share it; nobody who uses the client sees it.
 #pragma once
 
 #include <absl/base/thread_annotations.h>
@@ -8,7 +9,7 @@
 #include <condition_variable>
 #include <mutex>
 
-namespace marble::server {
+namespace marble {
 
 class ABSL_LOCKABLE Mutex {
  public:
@@ -32,7 +33,8 @@ class ABSL_SCOPED_LOCKABLE MutexLock {
 };
 
 /// Waited on with a locked Mutex, in a loop that looks at what it waits for. (std::condition_variable_any
-/// would do, but has a mutex of its own, on which each who is woken may stumble once more.)
+/// would do, but has a mutex of its own, on which each who is woken may stumble once more. It is right for
+/// whoever waits for a std::stop_token too: it takes a Mutex as its lock.)
 class Condition {
  public:
   void notify_one() { condition_.notify_one(); }
@@ -56,4 +58,4 @@ class Condition {
   std::condition_variable condition_;
 };
 
-}  // namespace marble::server
+}  // namespace marble
