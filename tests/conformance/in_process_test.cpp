@@ -19,7 +19,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-class Rows final : public ProgressSink {
+class CountedRows final : public ProgressSink {
  public:
   void report(const Progress& progress) override {
     iterations.push_back(progress.iteration);
@@ -52,7 +52,7 @@ class InProcess : public ::testing::Test {
 
 TEST_F(InProcess, OneSolveHasTheBitsAndTheRowsOfTheServer) {
   const OwnedProblem p = examples::hopper();
-  Rows here, there;
+  CountedRows here, there;
   const CallControls call{.iterate_every = 2};
   const SolveControls from{.initial_z = p.initial_z};
   SolveControls told_here = from, told_there = from;
