@@ -7,11 +7,10 @@
 #include <numeric>
 #include <string>
 
+#include "tuning.h"
+
 namespace marble {
 namespace {
-
-// Q given in full may differ from its transpose by this much of the larger entry: rounding, not a mistake.
-constexpr double kSymmetryTolerance = 1e-12;
 
 std::string text_of(double value) {
   char buffer[32];
@@ -126,7 +125,7 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
       const bool present = mirror < q.column_pointers[row + 1] && q.row_indices[mirror] == column;
       const double below = present ? q.values[mirror] : 0.0;
       const double size = std::max(std::abs(q.values[k]), std::abs(below));
-      if (std::abs(q.values[k] - below) > kSymmetryTolerance * size) return asymmetric(k, row, column, below);
+      if (std::abs(q.values[k] - below) > tuning::symmetry * size) return asymmetric(k, row, column, below);
       if (present) ++mirror;
     }
   }

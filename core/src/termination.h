@@ -1,6 +1,7 @@
 // When to stop, and the word for it.
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -29,7 +30,7 @@ class StallDetector {
   [[nodiscard]] bool stalled(double violation);
 
  private:
-  double best_ = 1e300;
+  double best_ = std::numeric_limits<double>::infinity();
   int since_best_ = 0;
 };
 

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <random>
 #include <stdexcept>
 #include <thread>
 
 #include "marble/examples.h"
+#include "noise.h"
 #include "support/independent_check.h"
 #include "support/shared_problems.h"
 
@@ -17,19 +17,6 @@ namespace marble::suite {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-class Noise {
- public:
-  explicit Noise(std::uint64_t seed) : engine_(seed) {}
-  /// Uniform in [1 − size, 1 + size].
-  double factor(double size) { return 1.0 + size * (static_cast<double>(engine_() >> 11) * 0x1p-52 - 1.0); }
-  void apply(std::vector<double>& values, double size) {
-    for (double& value : values) value *= factor(size);
-  }
-
- private:
-  std::mt19937_64 engine_;
-};
 
 // Multiplies all data but the structure of the pairs; Q by D Q D, which keeps it symmetric and definite.
 OwnedProblem perturb(OwnedProblem p, double size, std::uint64_t seed) {

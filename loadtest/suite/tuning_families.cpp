@@ -3,10 +3,10 @@
 #include <cmath>
 #include <ctime>
 #include <limits>
-#include <random>
 
 #include "marble/examples.h"
 #include "marble/solver.h"
+#include "noise.h"
 #include "support/independent_check.h"
 #include "support/random_problem.h"
 
@@ -23,10 +23,10 @@ double processor_seconds() {
 
 // A proof counts as an answer too: 0 if it is given.
 double answer(const OwnedProblem& problem, const Solution& s) {
-  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   if (s.status == Status::infeasible || s.status == Status::unbounded) return 0.0;
-  return is_solved(s.status) && testing::judge(problem.view(), s).infeasibility() < 1e-6 ? s.objective
-                                                                                         : kNone;
+  return is_solved(s.status) && testing::judge(problem.view(), s).infeasibility() < 1e-6
+             ? s.objective
+             : std::numeric_limits<double>::quiet_NaN();
 }
 
 Outcome cold(const OwnedProblem& problem) {
@@ -37,18 +37,6 @@ Outcome cold(const OwnedProblem& problem) {
   const double seconds = processor_seconds() - begin;
   return {answer(problem, s), static_cast<double>(s.factorizations), seconds};
 }
-
-class Noise {
- public:
-  explicit Noise(std::uint64_t seed) : engine_(seed) {}
-  double uniform() { return static_cast<double>(engine_() >> 11) * 0x1p-52 - 1.0; }  ///< in [−1, 1)
-  void apply(std::vector<double>& values, double size) {
-    for (double& value : values) value *= 1.0 + size * uniform();
-  }
-
- private:
-  std::mt19937_64 engine_;
-};
 
 // Vectors that change by `size`, ten times in a row.
 Outcome warm(OwnedProblem p, double size, std::uint64_t seed) {
