@@ -208,7 +208,11 @@ void ConnectionTable::look_at_strangers() {
 }
 
 void ConnectionTable::close(Connection& connection, CloseReason reason) {
-  shutdown(connection.socket_.get(), SHUT_RDWR);
+  const int socket = connection.socket_.get();
+  shutdown(socket, SHUT_RDWR);
+  // Who is short of memory for it does not read on to the end: only a reset stops a client that pours then.
+  constexpr sockaddr kNobody = {.sa_family = AF_UNSPEC, .sa_data = {}};
+  if (reason == CloseReason::pouring) static_cast<void>(connect(socket, &kNobody, sizeof kNobody));
   count({connection.peer_, connection.host_, reason, connection.received_});
   forget(connection);
 }
