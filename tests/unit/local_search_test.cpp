@@ -49,7 +49,7 @@ struct Search : Workbench {
   void choose(unsigned left_fixed) {
     WorkingSet set(problem);
     for (Index pair = 0; pair < set.layout.pairs; ++pair)
-      set.fix(pair, (left_fixed >> pair & 1U) != 0, false);
+      set.fix(pair, (left_fixed >> pair % 32 & 1U) != 0, false);
     active_set.restore(Iterate(problem), set);
   }
   /// The exact objective of a branch, infinite if it is empty.
