@@ -37,7 +37,7 @@ void ActiveSet::start_from_path(const Iterate& iterate) {
     const Index free = left ? rows.right(i) : rows.left(i);
     set_.fix(i, left, value[free] < -iterate.lambda()[free]);
   }
-  clear_inactive_multipliers();
+  set_.clear_others(x_.lambda());
 }
 
 // Of two numbers whose product should be 0, the smaller one was: a slack against its own multiplier.
@@ -54,19 +54,13 @@ void ActiveSet::start_from_solution(const Iterate& solution) {
     const Index free = left_fixed ? right : left;
     set_.fix(i, left_fixed, value[free] < -lambda[free]);
   }
-  clear_inactive_multipliers();
+  set_.clear_others(x_.lambda());
 }
 
 void ActiveSet::restore(const Iterate& iterate, const WorkingSet& set) {
   x_.all = iterate.all;
   set_ = set;
   images_.evaluate(problem_, x_);
-}
-
-void ActiveSet::clear_inactive_multipliers() {
-  for (Index row = 0; row < problem_.layout.size(); ++row) {
-    if (set_.held[row] == 0) x_.lambda()[row] = 0.0;
-  }
 }
 
 void ActiveSet::set_weights(double rho, double delta) {

@@ -76,7 +76,6 @@ class ActiveSet {
   [[nodiscard]] bool minimize(Run& run, double rho, double delta, bool trust_set, int last);
   void evaluate_penalty(double rho, double delta, bool choose_rows);
   [[nodiscard]] double exact_step(double rho, double slope, double curvature);
-  void clear_inactive_multipliers();
 
   const ScaledProblem& problem_;
   Kkt& kkt_;

@@ -57,7 +57,7 @@ Descent::End Descent::run(Run& run, const Iterate& x, const WorkingSet& set, Con
     if (run.factorizations >= last || run.interrupted()) return End::stopped;
     ++run.iterations;
     report(run);
-    clear_multipliers();
+    set_.clear_others(x_.lambda());
     active_set_.restore(x_, set_);
     curved = !active_set_.factor(run, tuning::exact_rho, tuning::exact_delta);
     if (curved) {
@@ -136,12 +136,6 @@ Descent::Block Descent::blocking(double longest) {
     fastest = -rate;
   });
   return first;
-}
-
-void Descent::clear_multipliers() {
-  set_.for_each_free_row([this](Index row) {
-    if (set_.held[row] == 0) x_.lambda()[row] = 0.0;
-  });
 }
 
 // Of the rows held and free to leave, the one whose multiplier has the wrong sign most.

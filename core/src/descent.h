@@ -45,7 +45,6 @@ class Descent {
   void orient();
   void move(const Block& block);
   [[nodiscard]] bool release_worst();
-  void clear_multipliers();
   void report(Run& run);
 
   const ScaledProblem& problem_;

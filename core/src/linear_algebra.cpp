@@ -37,13 +37,13 @@ void append_rows(const SparseMatrixView& matrix, Index rows, RowMatrix& to) {
   }
 }
 
-void multiply(const RowMatrix& matrix, ConstVectorRef x, VectorRef out) {
-  for (Index row = 0; row < matrix.rows; ++row) {
+void multiply(const RowMatrix& matrix, ConstVectorRef x, VectorRef out, Index first) {
+  for (Index row = first; row < matrix.rows; ++row) {
     double sum = 0.0;
     for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
       sum += matrix.values[k] * x[matrix.column_indices[k]];
     }
-    out[row] = sum;
+    out[row - first] = sum;
   }
 }
 

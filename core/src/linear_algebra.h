@@ -28,8 +28,8 @@ struct RowMatrix {
 /// Appends the rows of a column-compressed matrix; O(entries).
 void append_rows(const SparseMatrixView& matrix, Index rows, RowMatrix& to);
 
-/// out = M x
-void multiply(const RowMatrix& matrix, ConstVectorRef x, VectorRef out);
+/// out = M x, of the rows from `first` on.
+void multiply(const RowMatrix& matrix, ConstVectorRef x, VectorRef out, Index first = 0);
 /// out += Mᵀ y
 void add_transposed(const RowMatrix& matrix, ConstVectorRef y, VectorRef out);
 

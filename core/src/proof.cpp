@@ -78,9 +78,8 @@ class Branch {
     multiply(p.rows, z, value);
     value += p.offset;
     WorkingSet set(p);
-    for (Index i = 0; i < p.pairs(); ++i)
-      set.fix(i, value[p.layout.left(i)] < value[p.layout.right(i)], false);
     for (Index i = 0; i < p.pairs(); ++i) {
+      set.fix(i, value[p.layout.left(i)] < value[p.layout.right(i)], false);
       append_row(p.rows, set.fixed_row(i), problem_.A);
       b.push_back(p.offset[set.fixed_row(i)]);
     }

@@ -10,7 +10,7 @@ namespace marble {
 class Reporter {
  public:
   explicit Reporter(const ScaledProblem& problem)
-      : problem_(problem), z_(problem.variables()), rows_(problem.layout) {}
+      : problem_(problem), z_(problem.variables()), sides_(2 * problem.pairs()) {}
 
   /// Adds the run's counters, its clock, z and, if wanted, s and t to `progress` and tells it, unless this
   /// iteration was told already: an engine that goes on begins where the last row was.
@@ -24,11 +24,12 @@ class Reporter {
     progress.elapsed_s = run.elapsed_s();
     progress.z = {z_.data(), static_cast<std::size_t>(z_.size())};
     if (run.sink()->wants_pairs()) {
-      multiply(problem_.rows, z, rows_.all);
-      rows_.all = (rows_.all + problem_.offset).cwiseQuotient(problem_.row_scale);
-      const auto pairs = static_cast<std::size_t>(problem_.pairs());
-      progress.s = {rows_.left().data(), pairs};
-      progress.t = {rows_.right().data(), pairs};
+      multiply(problem_.rows, z, sides_, problem_.layout.left(0));
+      sides_ = (sides_ + problem_.offset.tail(sides_.size()))
+                   .cwiseQuotient(problem_.row_scale.tail(sides_.size()));
+      const std::span<const double> sides(sides_.data(), static_cast<std::size_t>(sides_.size()));
+      progress.s = sides.first(sides.size() / 2);
+      progress.t = sides.last(sides.size() / 2);
     }
     run.sink()->report(progress);
   }
@@ -36,7 +37,7 @@ class Reporter {
  private:
   const ScaledProblem& problem_;
   Vector z_;
-  RowVector rows_;
+  Vector sides_;  // of all pairs: s, then t
 };
 
 }  // namespace marble

@@ -13,6 +13,9 @@ struct RowLayout {
   [[nodiscard]] Index size() const { return inequalities + 2 * pairs; }
   [[nodiscard]] Index left(Index pair) const { return inequalities + pair; }
   [[nodiscard]] Index right(Index pair) const { return inequalities + pairs + pair; }
+  /// Of a row that is no inequality: which pair it is a side of, and whether the left one.
+  [[nodiscard]] Index pair_of(Index row) const { return (row - inequalities) % pairs; }
+  [[nodiscard]] bool is_left(Index row) const { return row < right(0); }
   bool operator==(const RowLayout&) const = default;
 
   /// The part of a vector with a number for each row that belongs to the inequalities, to left or right

@@ -133,14 +133,13 @@ bool release(const ActiveRows& rows, unsigned subset, WorkingSet& set) {
   for (std::size_t k = 0; k < rows.weak.size(); ++k) {
     if ((subset >> k & 1U) == 0) continue;
     for (const Index row : rows.weak[k]) {
-      if (row >= set.layout.inequalities) {
-        const Index side = row - set.layout.inequalities;
-        const bool left = side < set.layout.pairs;
-        const Index pair = left ? side : side - set.layout.pairs;
-        if (set.held[set.layout.left(pair)] == 0 || set.held[set.layout.right(pair)] == 0) return false;
-        set.left_fixed[pair] = !left;
+      if (row < set.layout.inequalities) {
+        set.held[row] = 0;
+      } else {
+        const Index pair = set.layout.pair_of(row);
+        if (set.held[set.free_row(pair)] == 0) return false;
+        set.fix(pair, !set.layout.is_left(row), false);
       }
-      set.held[row] = 0;
     }
   }
   return true;

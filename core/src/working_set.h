@@ -28,9 +28,7 @@ struct WorkingSet {
     return left_fixed[pair] ? layout.right(pair) : layout.left(pair);
   }
   [[nodiscard]] bool is_fixed(Index row) const {
-    if (row < layout.inequalities) return false;
-    const Index side = row - layout.inequalities;
-    return side < layout.pairs ? left_fixed[side] != 0 : left_fixed[side - layout.pairs] == 0;
+    return row >= layout.inequalities && row == fixed_row(layout.pair_of(row));
   }
 
   /// Fixes a side of a pair, and tells whether the other one is held too.
@@ -43,6 +41,12 @@ struct WorkingSet {
   void flip(Index pair) {
     left_fixed[pair] ^= 1U;
     std::swap(held[layout.left(pair)], held[layout.right(pair)]);
+  }
+  /// Zero for the multiplier of every row that is not held.
+  void clear_others(VectorRef multipliers) const {
+    for (Index row = 0; row < layout.size(); ++row) {
+      if (held[row] == 0) multipliers[row] = 0.0;
+    }
   }
   /// Visits every row that may be left, as visit(row).
   template <class Visit>

@@ -11,6 +11,7 @@
 #include <thread>
 #include <type_traits>
 
+#include "record.h"
 #include "tuning.h"
 #include "tuning_families.h"
 
@@ -70,16 +71,6 @@ std::vector<double> others(const Number& n) {
 
 using Outcomes = std::vector<Outcome>;
 
-void write_all(int end, const void* data, std::size_t size) {
-  const char* at = static_cast<const char*>(data);
-  while (size > 0) {
-    const ssize_t done = write(end, at, size);
-    if (done <= 0) _exit(1);
-    at += done;
-    size -= static_cast<std::size_t>(done);
-  }
-}
-
 // In a process of its own, which a number that makes no sense may end: what is missing then counts as not
 // solved.
 class Measurement {
@@ -90,45 +81,39 @@ class Measurement {
     if (pipe(ends) != 0) return;
     child_ = fork();
     if (child_ == 0) {
-      close(ends[0]);
+      std::FILE* const to_parent = fdopen(ends[1], "w");
       prepare();
       for (const Instance& instance : instances) {
         const Outcome outcome = instance.solve();
-        write_all(ends[1], &outcome, sizeof outcome);
+        std::fwrite(&outcome, sizeof outcome, 1, to_parent);
+        std::fflush(to_parent);
       }
       _exit(0);
     }
     close(ends[1]);
-    from_child_ = ends[0];
+    from_child_ = fdopen(ends[0], "r");
   }
   Measurement(const Measurement&) = delete;
   Measurement& operator=(const Measurement&) = delete;
   ~Measurement() {
-    if (from_child_ >= 0) close(from_child_);
+    if (from_child_ != nullptr) std::fclose(from_child_);
   }
 
   const Outcomes& wait() {
+    if (from_child_ == nullptr) return outcomes_;
+    Outcome next;
     for (Outcome& outcome : outcomes_) {
-      char* at = reinterpret_cast<char*>(&outcome);
-      Outcome whole;
-      std::size_t got = 0;
-      while (got < sizeof whole) {
-        const ssize_t more = read(from_child_, reinterpret_cast<char*>(&whole) + got, sizeof whole - got);
-        if (more <= 0) break;
-        got += static_cast<std::size_t>(more);
-      }
-      if (got < sizeof whole) break;
-      std::copy_n(reinterpret_cast<const char*>(&whole), sizeof whole, at);
+      if (std::fread(&next, sizeof next, 1, from_child_) != 1) break;
+      outcome = next;
     }
-    if (child_ > 0) waitpid(child_, nullptr, 0);
-    child_ = -1;
+    waitpid(child_, nullptr, 0);
     return outcomes_;
   }
 
  private:
   Outcomes outcomes_;
   pid_t child_ = -1;
-  int from_child_ = -1;
+  std::FILE* from_child_ = nullptr;
 };
 
 double worst_tenth(std::vector<double> values) {
@@ -137,11 +122,6 @@ double worst_tenth(std::vector<double> values) {
   double sum = 0.0;
   for (const double value : values) sum += value;
   return sum / static_cast<double>(values.size());
-}
-
-double middle(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values.empty() ? 0.0 : values[values.size() / 2];
 }
 
 // Relative to the base: 1 where only one of the two is solved.
@@ -263,8 +243,8 @@ bool tune(const Sweep& sweep) {
                          }).wait();
   const Effect e = effect(base, other);
   std::printf("objective: %d better, %d worse of %zu, median %+.3f %%, worst tenth %+.2f %%\n", e.better,
-              e.worse, instances.size(), 100.0 * middle(e.changes), 100.0 * worst_tenth(e.changes));
-  std::printf("factorizations: median %.3f, worst tenth %.2f, all %.3f; time %.2f times\n", middle(e.work),
+              e.worse, instances.size(), 100.0 * median(e.changes), 100.0 * worst_tenth(e.changes));
+  std::printf("factorizations: median %.3f, worst tenth %.2f, all %.3f; time %.2f times\n", median(e.work),
               worst_tenth(e.work), e.factorizations, e.seconds);
   print_families(instances, base, other);
   return true;

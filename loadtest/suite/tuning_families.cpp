@@ -38,38 +38,15 @@ Outcome cold(const OwnedProblem& problem) {
   return {answer(problem, s), static_cast<double>(s.factorizations), seconds};
 }
 
-// Vectors that change by `size`, ten times in a row.
-Outcome warm(OwnedProblem p, double size, std::uint64_t seed) {
+// Ten problems in a row, each from the answer before: `next` makes one of the last, of the same matrices.
+Outcome chain(OwnedProblem p, const std::function<void(OwnedProblem&)>& next) {
   Options options;
   options.time_limit_s = kRunaway_s;
-  Noise noise(seed);
   Solver solver = Solver::create(Problem::create(p.view()).value(), options).value();
   Solution last = solver.solve().value();
   Outcome sum;
   for (int tick = 0; tick < 10; ++tick) {
-    for (auto* vector : {&p.g, &p.b, &p.d, &p.l, &p.r}) noise.apply(*vector, size);
-    static_cast<void>(solver.update({.g = p.g, .b = p.b, .d = p.d, .l = p.l, .r = p.r}).has_value());
-    const double begin = processor_seconds();
-    last = solver.solve({.warm_start = &last}).value();
-    sum.seconds += processor_seconds() - begin;
-    sum.objective += answer(p, last);
-    sum.factorizations += last.factorizations;
-  }
-  return sum;
-}
-
-// A hopper as its planner runs it: ten ticks of one step.
-Outcome plan(examples::HopperParameters parameters) {
-  Options options;
-  options.time_limit_s = kRunaway_s;
-  OwnedProblem p = examples::hopper(parameters);
-  Solver solver = Solver::create(Problem::create(p.view()).value(), options).value();
-  Solution last = solver.solve().value();
-  Outcome sum;
-  // Every setting is asked for the same ticks: the state moves on as if the reference were met.
-  for (int tick = 0; tick < 10; ++tick) {
-    parameters.reference_x += parameters.speed * parameters.step_s;
-    p = examples::hopper(parameters);
+    next(p);
     static_cast<void>(
         solver.update({.c0 = p.c0, .g = p.g, .b = p.b, .d = p.d, .l = p.l, .r = p.r}).has_value());
     const double begin = processor_seconds();
@@ -79,6 +56,22 @@ Outcome plan(examples::HopperParameters parameters) {
     sum.factorizations += last.factorizations;
   }
   return sum;
+}
+
+// Vectors that change by `size`.
+Outcome warm(const OwnedProblem& problem, double size, std::uint64_t seed) {
+  return chain(problem, [noise = Noise(seed), size](OwnedProblem& p) mutable {
+    for (auto* vector : {&p.g, &p.b, &p.d, &p.l, &p.r}) noise.apply(*vector, size);
+  });
+}
+
+// A hopper as its planner runs it. Every setting is asked for the same ticks: the state moves on as if the
+// reference were met.
+Outcome plan(const examples::HopperParameters& first) {
+  return chain(examples::hopper(first), [parameters = first](OwnedProblem& p) mutable {
+    parameters.reference_x += parameters.speed * parameters.step_s;
+    p = examples::hopper(parameters);
+  });
 }
 
 // min ½ z'Qz + g'z with a full indefinite Q in a box: descent along negative curvature.

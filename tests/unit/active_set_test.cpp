@@ -30,6 +30,12 @@ void choose(ActiveSet& engine, unsigned left_fixed) {
   engine.set_working_set(set);
 }
 
+Options unscaled() {
+  Options options;
+  options.scaling_passes = 0;
+  return options;
+}
+
 // One variable z ≥ 1 and a pair 0 ≤ x ⊥ y ≥ 0, unscaled: (x, y, z).
 OwnedProblem row_and_pair() {
   OwnedProblem p;
@@ -149,9 +155,7 @@ TEST(ActiveSet, DoesNothingForWhoIsToStop) {
 }
 
 TEST(ActiveSet, ReadsABranchOffAPathPoint) {
-  Options options;
-  options.scaling_passes = 0;
-  Workbench w(row_and_pair(), options);
+  Workbench w(row_and_pair(), unscaled());
   ActiveSet engine(w.problem, *w.kkt);
   Iterate x(w.problem);
   x.z() << 0.1, 2.0, 1.5;
@@ -177,9 +181,7 @@ TEST(ActiveSet, ReadsABranchOffAPathPoint) {
 }
 
 TEST(ActiveSet, ReadsABranchOffASolutionOfAnotherProblem) {
-  Options options;
-  options.scaling_passes = 0;
-  Workbench w(row_and_pair(), options);
+  Workbench w(row_and_pair(), unscaled());
   ActiveSet engine(w.problem, *w.kkt);
   Iterate x(w.problem);
   x.z() << 0.4, 0.5, 1.01;  // sides that are both off zero: the multipliers tell
@@ -199,9 +201,7 @@ TEST(ActiveSet, ReadsABranchOffASolutionOfAnotherProblem) {
 }
 
 TEST(ActiveSet, ReadsABranchOffAPoint) {
-  Options options;
-  options.scaling_passes = 0;
-  Workbench w(row_and_pair(), options);
+  Workbench w(row_and_pair(), unscaled());
   ActiveSet engine(w.problem, *w.kkt);
   const Eigen::Vector3d left(0.1, 0.2, 0.0), right(0.3, 0.2, 0.0);
   engine.start_from_point(left);
