@@ -11,10 +11,6 @@
 namespace marble::server {
 namespace {
 
-Error fault(std::string field, std::string value, std::string bound) {
-  return {ErrorCode::invalid_argument, std::move(field), -1, std::move(value), std::move(bound)};
-}
-
 Clock::time_point deadline_of(const grpc::CallbackServerContext& context) {
   // gRPC tells an absolute wall time; jobs are timed by the steady clock.
   const auto left = context.deadline() - std::chrono::system_clock::now();
@@ -48,37 +44,37 @@ Expected<Identity> identify(const ServiceParts& parts, const grpc::CallbackServe
 Expected<Priority> priority_of(v1::Priority asked, Priority by_default, const Quota& quota) {
   if (asked == v1::PRIORITY_UNSPECIFIED) return std::max(by_default, quota.priority);
   if (asked < v1::PRIORITY_REALTIME || asked > v1::PRIORITY_BATCH) {
-    return unexpected(fault("priority", std::to_string(asked), "must be in [0, 3]"));
+    return unexpected(invalid("priority", std::to_string(asked), "must be in [0, 3]"));
   }
   const auto priority = static_cast<Priority>(asked - v1::PRIORITY_REALTIME);
   if (priority < quota.priority) {
-    return unexpected(Error{ErrorCode::permission_denied, "priority", -1, to_string(priority),
-                            std::string("the client's highest priority is ") + to_string(quota.priority)});
+    return unexpected(failure(ErrorCode::permission_denied, "priority", to_string(priority),
+                              std::string("the client's highest priority is ") + to_string(quota.priority)));
   }
   return priority;
 }
 
 Expected<void> check_labels(const std::string& request_id, const std::string& problem_name) {
   if (request_id.size() > kLongestRequestId) {
-    return unexpected(fault("request_id", std::to_string(request_id.size()) + " bytes",
-                            "must have at most " + std::to_string(kLongestRequestId) + " bytes"));
+    return unexpected(invalid("request_id", std::to_string(request_id.size()) + " bytes",
+                              "must have at most " + std::to_string(kLongestRequestId) + " bytes"));
   }
   const auto printable = [](unsigned char c) { return c >= 0x20 && c < 0x7f; };
   if (!std::all_of(request_id.begin(), request_id.end(), printable)) {
-    return unexpected(fault("request_id", "", "must be printable ASCII"));
+    return unexpected(invalid("request_id", "must be printable ASCII"));
   }
   if (problem_name.size() > kLongestName) {
-    return unexpected(fault("problem.name", std::to_string(problem_name.size()) + " bytes",
-                            "must have at most " + std::to_string(kLongestName) + " bytes"));
+    return unexpected(invalid("problem.name", std::to_string(problem_name.size()) + " bytes",
+                              "must have at most " + std::to_string(kLongestName) + " bytes"));
   }
   return {};
 }
 
 Expected<void> check_progress(double interval_s, std::int32_t iterate_every, const std::string& path) {
   if (!(interval_s >= 0.0))
-    return unexpected(fault(path + "progress_interval_s", std::to_string(interval_s), "must be >= 0"));
+    return unexpected(invalid(path + "progress_interval_s", std::to_string(interval_s), "must be >= 0"));
   if (iterate_every < 0)
-    return unexpected(fault(path + "iterate_every", std::to_string(iterate_every), "must be >= 0"));
+    return unexpected(invalid(path + "iterate_every", std::to_string(iterate_every), "must be >= 0"));
   return {};
 }
 
@@ -102,24 +98,16 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
   const auto priority = priority_of(request.priority(), by_default, quota);
   if (!priority) return unexpected(priority.error());
   const auto options = options_of(request.options(), parts.config.solver_defaults);
-  if (!options) {
-    Error error = options.error();
-    error.field = "options." + error.field;
-    return unexpected(std::move(error));
-  }
+  if (!options) return unexpected(inside("options", options.error()));
   const auto problem = Problem::create(view_of(request.problem()));
   if (!problem) {
-    Error error = problem.error();
-    error.field = "problem." + message_field(error.field);
-    return unexpected(std::move(error));
+    const Error& error = problem.error();
+    return unexpected(inside("problem", of_field(message_field(error.field), error)));
   }
   const auto& z = request.initial_point().z();
   const std::span initial_z(z.data(), static_cast<std::size_t>(z.size()));
-  if (auto valid = Problem::check_initial_point(initial_z, problem->variables()); !valid) {
-    Error error = valid.error();
-    error.field = "initial_point.z";
-    return unexpected(std::move(error));
-  }
+  if (auto valid = Problem::check_initial_point(initial_z, problem->variables()); !valid)
+    return unexpected(of_field("initial_point.z", valid.error()));
   auto job = std::make_shared<Job>();
   job->record = parts.board.make({.id = random_id(),
                                   .kind = kind,

@@ -54,9 +54,7 @@ void BatchCall::OnReadDone(bool ok) {
       (*job)->observer = std::make_shared<Item>(self_, (*job)->record, request.tag());
       take(*job, request.tag());
     } else {
-      Error error = job.error();
-      error.field = "solve." + error.field;
-      refuse(request.tag(), request_id, error);
+      refuse(request.tag(), request_id, inside("solve", job.error()));
     }
   }
   {
@@ -189,7 +187,7 @@ void BatchCall::pulse(Clock::time_point /*now*/) {
   {
     const MutexLock lock(mutex_);
     if (finishing_) return;
-    if (!end_ && !read_all_) end_ = Error{ErrorCode::unavailable, "", -1, "", "the server is draining"};
+    if (!end_ && !read_all_) end_ = draining();
   }
   go_on();
 }

@@ -17,8 +17,8 @@ constexpr int kLargestPage = 10'000;
 Expected<void> list_jobs(const JobBoard& board, const Identity& caller, const v1::ListJobsRequest& request,
                          v1::ListJobsResponse* response) {
   if (request.limit() < 0 || request.limit() > kLargestPage) {
-    return unexpected(Error{ErrorCode::invalid_argument, "limit", -1, std::to_string(request.limit()),
-                            "must be in [0, " + std::to_string(kLargestPage) + "]"});
+    return unexpected(invalid("limit", std::to_string(request.limit()),
+                              "must be in [0, " + std::to_string(kLargestPage) + "]"));
   }
   const auto visible = [&](const JobRecord& record) { return may_see(caller, record.description().client); };
   const auto passes = [&](const JobRecord& record) {

@@ -45,7 +45,7 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
   void OnReadDone(bool ok) override {
     if (!parts_.calls.has_come(*this)) return;
     if (ok) return begin_inner();
-    this->Finish(to_status({ErrorCode::invalid_argument, "", -1, "", "the request has no message"}));
+    this->Finish(to_status(failure(ErrorCode::invalid_argument, "the request has no message")));
   }
   void OnWriteDone(bool ok) override { call_.write_done(inner_, ok); }
   void OnCancel() override { cancel_when_both(); }
@@ -60,7 +60,7 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
       : token_(parts.calls), parts_(parts), context_(context), call_(*this) {}
 
   void refuse() override {
-    const Error error{ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"};
+    const Error error = draining();
     this->Finish(marble::server::refuse(parts_, origin_of(context_), error));
   }
   void begin_inner() {

@@ -14,9 +14,7 @@ constexpr double kNewest = 0.1;  // weight of the newest solve in the mean
 
 double seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
 
-Error too_late() {
-  return {ErrorCode::deadline_exceeded, "", -1, "", "the deadline passed while the job waited"};
-}
+Error too_late() { return failure(ErrorCode::deadline_exceeded, "the deadline passed while the job waited"); }
 
 // To the job's record, and to who waits for it.
 class ProgressSplitter final : public ProgressSink {
@@ -43,9 +41,9 @@ Expected<Solution> solve(Job& job, TaskRunner& runner) {
     controls.runner = &runner;
     return job.work(controls);
   } catch (const std::bad_alloc&) {
-    return unexpected(out_of_memory());
+    return unexpected(does_not_fit());
   } catch (const std::exception& error) {
-    return unexpected(Error{ErrorCode::internal, "", -1, "", error.what()});
+    return unexpected(failure(ErrorCode::internal, error.what()));
   }
 }
 
@@ -57,24 +55,22 @@ std::string full_queue(const QueueLimits& limits, Priority priority) {
 }
 
 Error refusal(QueueRefusal why, const QueueLimits& limits, const Job& job) {
-  const auto error = [](const char* field, std::string value, std::string bound) {
-    return Error{ErrorCode::resource_exhausted, field, -1, std::move(value), std::move(bound)};
-  };
+  constexpr ErrorCode kFull = ErrorCode::resource_exhausted;
   const std::string bytes = std::to_string(job.ticket.bytes) + " more";
   switch (why) {
     case QueueRefusal::jobs:
-      return error("queue_jobs", "", full_queue(limits, job.ticket.priority));
+      return failure(kFull, "queue_jobs", full_queue(limits, job.ticket.priority));
     case QueueRefusal::bytes:
-      return error("queue_bytes", bytes,
-                   "requests may take at most " + std::to_string(limits.bytes) + " bytes together");
+      return failure(kFull, "queue_bytes", bytes,
+                     "requests may take at most " + std::to_string(limits.bytes) + " bytes together");
     case QueueRefusal::client_jobs:
-      return error("client_queued", "",
-                   "the client \"" + job.ticket.client + "\" may have at most " +
-                       std::to_string(job.quota.queued) + " waiting jobs");
+      return failure(kFull, "client_queued",
+                     "the client \"" + job.ticket.client + "\" may have at most " +
+                         std::to_string(job.quota.queued) + " waiting jobs");
     case QueueRefusal::client_bytes:
-      return error("client_bytes", bytes,
-                   "requests of the client \"" + job.ticket.client + "\" may take at most " +
-                       std::to_string(job.quota.bytes) + " bytes together");
+      return failure(kFull, "client_bytes", bytes,
+                     "requests of the client \"" + job.ticket.client + "\" may take at most " +
+                         std::to_string(job.quota.bytes) + " bytes together");
     case QueueRefusal::none:
       break;
   }
@@ -109,7 +105,7 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
                                         const std::weak_ptr<RoomWaiter>& waiter) {
   const MutexLock lock(mutex_);
   if (closed_ && !(job->ticket.reserved && !hurried_)) {
-    return unexpected(Error{ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"});
+    return unexpected(draining());
   }
   if (const auto why = queue_.push(job, job->ticket, job->quota); why != QueueRefusal::none) {
     if (fits_alone(*job) && !waiter.expired()) room_waiters_.push_back(waiter);
@@ -154,8 +150,8 @@ void Scheduler::cancel(const std::shared_ptr<Job>& job) {
   }
   const bool late = Clock::now() >= job->ticket.deadline;
   Outcome outcome;
-  outcome.solution = unexpected(
-      late ? too_late() : Error{ErrorCode::cancelled, "", -1, "", "given up while the job waited"});
+  outcome.solution =
+      unexpected(late ? too_late() : failure(ErrorCode::cancelled, "given up while the job waited"));
   finish(*job, std::move(outcome), false);
 }
 
@@ -351,8 +347,7 @@ void Scheduler::drain(std::chrono::duration<double> grace) {
     finishing_ += static_cast<int>(waiting.size());
     for (const auto& job : running_) job->stop.request_stop();
   }
-  refuse_waiting(waiting,
-                 {ErrorCode::unavailable, "", -1, "", "the server is draining; the job was not started"});
+  refuse_waiting(waiting, draining("the job was not started"));
   const MutexLock lock(mutex_);
   while (!idle()) progress_.wait(mutex_);
 }

@@ -20,10 +20,6 @@ constexpr double kHopeless = 0.5;  // of the fastest solve so far: less time tha
 constexpr std::int64_t kUpdates = 2;
 constexpr int kUnreadAnswers = 2;  // nothing more is solved for a client that does not read
 
-Error fault(const char* field, std::string value, std::string bound) {
-  return {ErrorCode::invalid_argument, field, -1, std::move(value), std::move(bound)};
-}
-
 }  // namespace
 
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
@@ -35,8 +31,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
     auto caller = caller_of(parts, context, origin, Role::solve);
     if (!caller) return unexpected(caller.error());
     call->caller_ = std::move(*caller);
-    if (parts.scheduler.is_closed())
-      return unexpected(Error{ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"});
+    if (parts.scheduler.is_closed()) return unexpected(draining());
     call->quota_ = parts.access.quota_of(call->caller_.identity.client);
     auto place = parts.sessions.open(call->caller_.identity.client, call->quota_);
     if (!place) return unexpected(place.error());
@@ -115,25 +110,25 @@ void SessionCall::take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Schedule
   } else if (end_ || broken_ || place_ == nullptr) {
     // Over meanwhile.
   } else if (request.has_update() && record_ == nullptr) {
-    end({ErrorCode::failed_precondition, "update", -1, "", "comes before the set-up"});
+    end(failure(ErrorCode::failed_precondition, "update", "comes before the set-up"));
   } else if (request.has_update()) {
     take_update(*request.mutable_update(), std::move(room));
   } else if (!request.has_setup()) {
-    end(fault("request", "", "must be a set-up or an update"));
+    end(invalid("request", "must be a set-up or an update"));
   }
 }
 
 Expected<void> SessionCall::take_setup(v1::SessionSetup& message) {
   if (record_ != nullptr) {
-    return unexpected(Error{ErrorCode::failed_precondition, "setup", -1, "",
-                            "the session is set up already; open another"});
+    return unexpected(
+        failure(ErrorCode::failed_precondition, "setup", "the session is set up already; open another"));
   }
   const auto setup = check_setup(message, quota_, parts_.config.solver_defaults);
   if (!setup) return unexpected(setup.error());
   const auto record = make_record(parts_.board, caller_, *setup);
   record->set_cancel([weak = std::weak_ptr<SessionCall>(self_)] {
     const std::shared_ptr<SessionCall> call = weak.lock();
-    if (call != nullptr) call->cancel({ErrorCode::cancelled, "", -1, "", "ended by Jobs.Cancel"});
+    if (call != nullptr) call->cancel(failure(ErrorCode::cancelled, "ended by Jobs.Cancel"));
   });
   std::shared_ptr<Job> job;
   {
@@ -182,10 +177,9 @@ void SessionCall::set_up_done(Outcome outcome) {
         outcome.solution ? solver_->memory_bytes() + kUpdates * most_update_bytes(sizes_) : 0;
     if (outcome.solution) counted = place_->take(bytes);
     if (!outcome.solution) {
-      Error error = outcome.solution.error();
-      if (!error.field.empty()) error.field = "setup." + error.field;
+      Error error = inside("setup", outcome.solution.error());
       if (error.code == ErrorCode::cancelled && parts_.scheduler.is_closed())
-        error = {ErrorCode::unavailable, "", -1, "", "the server is draining; set the session up elsewhere"};
+        error = draining("set the session up elsewhere");
       end(error);
     } else if (!counted) {
       end(counted.error());
@@ -207,24 +201,19 @@ void SessionCall::set_up_done(Outcome outcome) {
 void SessionCall::take_update(v1::SessionUpdate& message, std::unique_ptr<Scheduler::Held> room) {
   const std::int64_t sequence = message.sequence();
   if (any_update_ && sequence <= newest_sequence_) {
-    return refuse(sequence, fault("update.sequence", std::to_string(sequence),
-                                  "must be > " + std::to_string(newest_sequence_) + ", the one before"));
+    return refuse(sequence, invalid("update.sequence", std::to_string(sequence),
+                                    "must be > " + std::to_string(newest_sequence_) + ", the one before"));
   }
   any_update_ = true;
   newest_sequence_ = sequence;
   if (parts_.scheduler.is_closed()) {
-    return refuse(sequence, {ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"},
-                  parts_.scheduler.retry_delay_s());
+    return refuse(sequence, draining(), parts_.scheduler.retry_delay_s());
   }
   auto update = make_update(message, sizes_);
   if (!update) return refuse(sequence, update.error());
   if (update->message.has_options()) {
     const auto options = options_of(update->message.options(), options_);
-    if (!options) {
-      Error error = options.error();
-      error.field = "update.options." + error.field;
-      return refuse(sequence, error);
-    }
+    if (!options) return refuse(sequence, inside("update.options", options.error()));
     options_ = *options;
   }
   update->options = options_;
@@ -278,7 +267,7 @@ std::shared_ptr<Job> SessionCall::next_job() {
     auto solution = solver_->solve(update_of(update->message.problem()), restart_of(*update), controls);
     if (late_possible && solution && solution->status == Status::time_limit && Clock::now() >= deadline) {
       return unexpected(
-          Error{ErrorCode::deadline_exceeded, "", -1, "", "the deadline passed while the update was solved"});
+          failure(ErrorCode::deadline_exceeded, "the deadline passed while the update was solved"));
     }
     return solution;
   };
@@ -375,7 +364,7 @@ void SessionCall::OnCancel() {
     const MutexLock lock(mutex_);
     broken_ = true;
   }
-  cancel({ErrorCode::cancelled, "", -1, "", "the client went away"});
+  cancel(failure(ErrorCode::cancelled, "the client went away"));
 }
 
 void SessionCall::OnDone() {
@@ -395,11 +384,11 @@ void SessionCall::pulse(Clock::time_point now) {
     const auto idle = std::chrono::duration<double>(now - last_activity_).count();
     if (parts_.scheduler.is_closed()) {
       if (!quiet) return;  // what was accepted is answered
-      end({ErrorCode::unavailable, "", -1, "", "the server is draining; set the session up elsewhere"});
+      end(draining("set the session up elsewhere"));
     } else if ((quiet || stalled) && idle > parts_.config.session_idle_s) {
-      end({ErrorCode::aborted, "session_idle_s", -1, "",
-           (stalled ? "no answer was read for " : "no update for ") + std::to_string(std::lround(idle)) +
-               " s"});
+      end(failure(ErrorCode::aborted, "session_idle_s",
+                  (stalled ? "no answer was read for " : "no update for ") +
+                      std::to_string(std::lround(idle)) + " s"));
     } else if (!slot_.due()) {  // rows that waited for others
       return;
     }

@@ -8,32 +8,24 @@
 namespace marble::server {
 
 Expected<CheckedSetup> check_setup(v1::SessionSetup& setup, const Quota& quota, const Options& defaults) {
-  const auto inside = [](Error error, const char* path) {
-    error.field = path + error.field;
-    return unexpected(std::move(error));
-  };
   if (auto valid = check_labels(setup.request_id(), setup.problem().name()); !valid)
-    return inside(valid.error(), "setup.");
+    return unexpected(inside("setup", valid.error()));
   const auto priority = priority_of(setup.priority(), Priority::realtime, quota);
-  if (!priority) return inside(priority.error(), "setup.");
+  if (!priority) return unexpected(inside("setup", priority.error()));
   if (auto valid = check_progress(setup.progress_interval_s(), setup.iterate_every(), "setup."); !valid)
     return unexpected(valid.error());
   const auto options = options_of(setup.options(), defaults);
-  if (!options) return inside(options.error(), "setup.options.");
+  if (!options) return unexpected(inside("setup.options", options.error()));
   const auto message = std::make_shared<v1::SessionSetup>(std::move(setup));
   const auto problem = Problem::create(view_of(message->problem()));
   if (!problem) {
-    Error error = problem.error();
-    error.field = message_field(error.field);
-    return inside(std::move(error), "setup.problem.");
+    const Error& error = problem.error();
+    return unexpected(inside("setup.problem", of_field(message_field(error.field), error)));
   }
   const auto& z = message->initial_point().z();
   const std::span initial_z(z.data(), static_cast<std::size_t>(z.size()));
-  if (auto valid = Problem::check_initial_point(initial_z, problem->variables()); !valid) {
-    Error error = valid.error();
-    error.field = "setup.initial_point.z";
-    return unexpected(std::move(error));
-  }
+  if (auto valid = Problem::check_initial_point(initial_z, problem->variables()); !valid)
+    return unexpected(of_field("setup.initial_point.z", valid.error()));
   return CheckedSetup{message, *problem, *options, *priority, initial_z};
 }
 

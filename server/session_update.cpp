@@ -38,7 +38,7 @@ std::string update_field(const std::string& core_field) {
   if (const auto at = field.find(matrix); at != std::string::npos)
     field.replace(at, matrix.size(), "_values");
   if (field == "hessian.values") field = "hessian_values";
-  return "problem." + field;
+  return "update.problem." + field;
 }
 
 }  // namespace
@@ -53,40 +53,31 @@ std::int64_t most_update_bytes(const PartSizes& sizes) {
 Expected<void> parse_update(grpc::ByteBuffer& bytes, const PartSizes& sizes, v1::SessionRequest* request) {
   const std::int64_t most = most_update_bytes(sizes);
   if (static_cast<std::int64_t>(bytes.Length()) > most) {
-    return unexpected(Error{ErrorCode::invalid_argument, "update", -1,
-                            std::to_string(bytes.Length()) + " bytes",
-                            "must have at most " + std::to_string(most) +
-                                " bytes, all numbers of the problem and a block of a shift for each entry"});
+    return unexpected(
+        invalid("update", std::to_string(bytes.Length()) + " bytes",
+                "must have at most " + std::to_string(most) +
+                    " bytes, all numbers of the problem and a block of a shift for each entry"));
   }
   const std::size_t blocks = sizes.g + sizes.b + sizes.d + sizes.l;
   return parse(&bytes, request, kMostFields + static_cast<std::int64_t>(kBlockFields * blocks));
 }
 
 Expected<Update> make_update(v1::SessionUpdate& message, const PartSizes& sizes) {
-  const auto inside = [](Error error) {
-    error.field = "update." + error.field;
-    return unexpected(std::move(error));
-  };
-  if (auto valid = sizes.check(update_of(message.problem())); !valid) {
-    Error error = valid.error();
-    error.field = update_field(error.field);
-    return inside(std::move(error));
-  }
+  if (auto valid = sizes.check(update_of(message.problem())); !valid)
+    return unexpected(of_field(update_field(valid.error().field), valid.error()));
   Update update{std::move(message), {}, {}};
   const v1::Shift& shift = update.message.shift();
   update.shift = {blocks_of(shift.variables()), blocks_of(shift.equalities()),
                   blocks_of(shift.inequalities()), blocks_of(shift.pairs())};
   update.message.clear_shift();
   if (auto valid = restart_of(update).check(sizes); !valid) {
-    Error error = valid.error();
-    if (error.field == "initial_z") error.field = "initial_point.z";
-    return inside(std::move(error));
+    const bool of_point = valid.error().field == "initial_z";
+    return unexpected(
+        inside("update", of_point ? of_field("initial_point.z", valid.error()) : valid.error()));
   }
   const double deadline_s = update.message.deadline_s();
-  if (!(deadline_s >= 0.0)) {
-    return inside(
-        {ErrorCode::invalid_argument, "deadline_s", -1, std::to_string(deadline_s), "must be >= 0"});
-  }
+  if (!(deadline_s >= 0.0))
+    return unexpected(invalid("update.deadline_s", std::to_string(deadline_s), "must be >= 0"));
   return update;
 }
 

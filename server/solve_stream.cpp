@@ -38,11 +38,7 @@ Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
   (void)request.mutable_solve();  // an absent one is an empty one, and refused as such
   auto job = make_job(parts_, *caller, JobKind::solve,
                       std::shared_ptr<const v1::SolveRequest>(request.release_solve()));
-  if (!job) {
-    Error error = job.error();
-    error.field = "solve." + error.field;
-    return unexpected(std::move(error));
-  }
+  if (!job) return unexpected(inside("solve", job.error()));
   (*job)->observer = self_;
   job_ = *job;
   // A worker may take the job, and even finish it, before its place is known: nothing goes out before

@@ -75,7 +75,7 @@ void WatchCall::go_on() {
     const bool over = feed_->is_over();
     if (!write && !over && !broken_ && !drained) return;
     if (!write && !over)
-      status = end_of_stream(parts_, {ErrorCode::unavailable, "", -1, "", "the server has drained"});
+      status = end_of_stream(parts_, failure(ErrorCode::unavailable, "the server has drained"));
     writing_ = write;
     finishing_ = !write;
   }

@@ -91,8 +91,7 @@ class Engine {
     if (!solution) return unexpected(solution.error());
     return Answer{std::move(*solution), "", 0.0, 0.0, 0};
   } catch (const std::bad_alloc&) {  // the files after it have their turn
-    return unexpected(
-        Error{ErrorCode::resource_exhausted, "", -1, "", "is too large for the memory there is"});
+    return unexpected(failure(ErrorCode::resource_exhausted, "is too large for the memory there is"));
   }
 
   [[nodiscard]] Expected<Answer> remote(const OwnedProblem& problem, const Options& options,
@@ -147,9 +146,8 @@ int trace_fails(const Error& error) {
 Expected<std::optional<TraceWriter>> open_trace(const SolveArguments& arguments) {
   if (arguments.trace.empty()) return std::nullopt;
   if (arguments.files.size() > 1) {
-    return unexpected(Error{ErrorCode::invalid_argument, "--trace", -1, "",
-                            "is the convergence of one problem: must go with one FILE, not " +
-                                std::to_string(arguments.files.size())});
+    return unexpected(invalid("--trace", "is the convergence of one problem: must go with one FILE, not " +
+                                             std::to_string(arguments.files.size())));
   }
   auto writer = TraceWriter::open(arguments.trace);
   if (!writer) return unexpected(writer.error());
@@ -177,8 +175,8 @@ int run(const SolveArguments& arguments) {
     // One outcome a file, also after Ctrl-C: programs count the lines.
     const int outcome =
         interrupt.token().stop_requested()
-            ? tell_error(arguments, path, "",
-                         {ErrorCode::cancelled, "", -1, "", "not solved: interrupted before"}, false)
+            ? tell_error(arguments, path, "", failure(ErrorCode::cancelled, "not solved: interrupted before"),
+                         false)
             : solve_file(arguments, path, *options, engine, interrupt.token());
     exit_code = worse(exit_code, outcome);
   }

@@ -16,12 +16,10 @@ constexpr std::size_t kLongestClientName = 64;
 Expected<void> check_labels(const ConnectOptions& options) {
   // The token itself is a secret: no error shows it.
   if (!is_printable(options.token) || options.token.find(' ') != std::string::npos) {
-    return unexpected(
-        Error{ErrorCode::invalid_argument, "token", -1, "", "must be printable ASCII without spaces"});
+    return unexpected(invalid("token", "must be printable ASCII without spaces"));
   }
   if (options.name.size() > kLongestClientName || !is_printable(options.name)) {
-    return unexpected(
-        Error{ErrorCode::invalid_argument, "name", -1, "", "must be at most 64 bytes of printable ASCII"});
+    return unexpected(invalid("name", "must be at most 64 bytes of printable ASCII"));
   }
   return check_traceparent(options.traceparent);
 }

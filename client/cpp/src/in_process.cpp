@@ -28,7 +28,7 @@ Expected<RemoteSolution> DeadlineLimit::answer(Expected<Solution> solution) cons
   if (solution->status == Status::cancelled) return unexpected(given_up());
   if (!(left_s() > 0.0)) {
     return unexpected(
-        Error{ErrorCode::deadline_exceeded, "", -1, "", "the deadline passed while the problem was solved"});
+        failure(ErrorCode::deadline_exceeded, "the deadline passed while the problem was solved"));
   }
   RemoteSolution answer;
   static_cast<Solution&>(answer) = std::move(*solution);

@@ -14,11 +14,11 @@ inline constexpr const char* kInProcess = "in process";
 
 /// What asks for a server gets this.
 [[nodiscard]] inline Error no_server() {
-  return {ErrorCode::unavailable, "address", -1, "", "there is no server: this client solves in process"};
+  return failure(ErrorCode::unavailable, "address", "there is no server: this client solves in process");
 }
 
 /// The caller's stop token ended it.
-[[nodiscard]] inline Error given_up() { return {ErrorCode::cancelled, "", -1, "", "given up by the caller"}; }
+[[nodiscard]] inline Error given_up() { return failure(ErrorCode::cancelled, "given up by the caller"); }
 
 [[nodiscard]] Expected<RemoteSolution> solve_here(const ProblemView& problem, const Options& options,
                                                   const SolveControls& controls, const CallControls& call);
