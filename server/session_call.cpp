@@ -140,7 +140,7 @@ Expected<void> SessionCall::take_setup(v1::SessionSetup& message) {
     iterate_every_ = setup->message->iterate_every();
     options_ = setup->options;
     sizes_ = PartSizes::of(setup->problem);
-    waiting_.emplace(setup->message->latest_only(), sizes_);
+    waiting_.emplace(setup->message->latest_only());
     record_ = record;
     job = job_ = make_job(Clock::time_point::max());
   }
@@ -209,14 +209,9 @@ void SessionCall::take_update(v1::SessionUpdate& message, std::unique_ptr<Schedu
   if (parts_.scheduler.is_closed()) {
     return refuse(sequence, draining(), parts_.scheduler.retry_delay_s());
   }
-  auto update = make_update(message, sizes_);
+  auto update = Update::check(message, sizes_, options_);
   if (!update) return refuse(sequence, update.error());
-  if (update->message.has_options()) {
-    const auto options = options_of(update->message.options(), options_);
-    if (!options) return refuse(sequence, inside("update.options", options.error()));
-    options_ = *options;
-  }
-  update->options = options_;
+  options_ = update->options();
   const auto older = waiting_->push(std::make_shared<Update>(std::move(*update)), std::move(room));
   if (!older) return;
   v1::SessionSuperseded* superseded = events_.emplace_back().mutable_superseded();
@@ -241,31 +236,20 @@ std::shared_ptr<Job> SessionCall::next_job() {
   if (!set_up_ || job_ != nullptr || waiting_->empty() || answers_ >= kUnreadAnswers || end_ || broken_)
     return nullptr;
   const std::shared_ptr<Update> update = waiting_->pop();
-  const double deadline_s = update->message.deadline_s();
-  const bool limited = deadline_s > 0.0 && deadline_s < 1e9;
-  const auto deadline = limited ? update->arrival + std::chrono::duration_cast<Clock::duration>(
-                                                        std::chrono::duration<double>(deadline_s))
-                                : Clock::time_point::max();
+  const Clock::time_point deadline = update->deadline();
   job_ = make_job(deadline);
-  job_->accepted = update->arrival;
-  job_->ticket.bytes = bytes_of(*update);
-  job_->time_limit_s = update->options.time_limit_s;
+  job_->accepted = update->arrival();
+  job_->ticket.bytes = update->bytes();
+  job_->time_limit_s = update->options().time_limit_s;
   job_->ticket.least_run =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kHopeless * fastest_s_));
-  solving_ = update->message.sequence();
+  solving_ = update->sequence();
   job_->work = [this, update, deadline](const SolveControls& controls) -> Expected<Solution> {
     update->taken = true;
     last_progress_s_ = -1.0;
-    record_->set_options(update->options);
-    Options options = update->options;
-    const bool late_possible = deadline != Clock::time_point::max();
-    if (late_possible) {
-      const double left = std::chrono::duration<double>(deadline - Clock::now()).count();
-      options.time_limit_s = std::clamp(left, 0.0, options.time_limit_s);
-    }
-    if (auto set = solver_->set_options(options); !set) return unexpected(set.error());
-    auto solution = solver_->solve(update_of(update->message.problem()), restart_of(*update), controls);
-    if (late_possible && solution && solution->status == Status::time_limit && Clock::now() >= deadline) {
+    record_->set_options(update->options());
+    auto solution = solver_->solve(update->checked(), controls);
+    if (solution && solution->status == Status::time_limit && Clock::now() >= deadline) {
       return unexpected(
           failure(ErrorCode::deadline_exceeded, "the deadline passed while the update was solved"));
     }
@@ -276,7 +260,7 @@ std::shared_ptr<Job> SessionCall::next_job() {
 }
 
 void SessionCall::update_done(const std::shared_ptr<Update>& update, Outcome outcome) {
-  const std::int64_t sequence = update->message.sequence();
+  const std::int64_t sequence = update->sequence();
   {
     const MutexLock lock(mutex_);
     job_ = nullptr;
@@ -289,7 +273,7 @@ void SessionCall::update_done(const std::shared_ptr<Update>& update, Outcome out
       ++answers_;
       v1::SessionAnswer* answer = events_.emplace_back().mutable_answer();
       answer->set_sequence(sequence);
-      fill_solution(outcome, update->options, answer->mutable_solution());
+      fill_solution(outcome, update->options(), answer->mutable_solution());
     } else {
       refuse(sequence, outcome.solution.error(), outcome.retry_delay_s);
     }

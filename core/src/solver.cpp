@@ -194,19 +194,26 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options,
 
 Expected<void> Solver::update(const ProblemUpdate& update) {
   if (auto valid = state_->sizes.check(update); !valid) return valid;
-  if (rescale(update, state_->problem)) {
-    state_->kkt->load(state_->problem);
-    state_->strategy.forget_convexity();
-  }
+  take(update);
   return {};
+}
+
+void Solver::take(const ProblemUpdate& checked) {
+  if (!rescale(checked, state_->problem)) return;
+  state_->kkt->load(state_->problem);
+  state_->strategy.forget_convexity();
 }
 
 Expected<void> Solver::set_options(const Options& options) {
   if (auto valid = validate(options); !valid) return valid;
-  const int scaling_passes = state_->options.scaling_passes;
-  state_->options = options;
-  state_->options.scaling_passes = scaling_passes;
+  take(options);
   return {};
+}
+
+void Solver::take(const Options& checked) {
+  const int scaling_passes = state_->options.scaling_passes;
+  state_->options = checked;
+  state_->options.scaling_passes = scaling_passes;
 }
 
 std::int64_t Solver::memory_bytes() const { return state_->memory_bytes; }
