@@ -40,11 +40,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
     return {};
   };
   if (const auto admitted = admit(); !admitted) {
-    {
-      const MutexLock lock(call->mutex_);
-      call->finishing_ = true;  // a client that goes away before it has heard must not end it again
-    }
-    call->Finish(marble::server::refuse(parts, origin, admitted.error()));
+    call->end_at_once(marble::server::refuse(parts, origin, admitted.error()));
     return call.get();
   }
   parts.pulse.add(call);
@@ -52,27 +48,18 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
   return call.get();
 }
 
-void SessionCall::OnReadDone(bool ok) {
-  {
-    const MutexLock lock(mutex_);
-    reading_ = false;
-    last_activity_ = Clock::now();
-    if (!ok) {
-      read_all_ = true;
-    } else if (!end_ && !broken_ && place_ != nullptr) {  // else whatever comes is of no interest
-      unread_.emplace();
-      unread_->Swap(&incoming_);
-    }
-    incoming_.Clear();
-  }
-  go_on();
+void SessionCall::received(grpc::ByteBuffer* message) {
+  const MutexLock lock(mutex_);
+  last_activity_ = Clock::now();
+  if (message == nullptr || end_ || broken() || place_ == nullptr) return;  // of no interest
+  unread_.emplace();
+  unread_->Swap(message);
 }
 
 bool SessionCall::may_read() const {
   const auto room = static_cast<std::size_t>(parts_.config.session_updates);
   const std::size_t waiting = waiting_ ? waiting_->size() : 0;
-  return !reading_ && !parsing_ && !unread_ && !read_all_ && !end_ && !finishing_ &&
-         waiting + events_.size() < room;
+  return !parsing_ && !unread_ && !end_ && waiting + events_.size() < room;
 }
 
 // A message is parsed when there is room for what it becomes: in the session, for one that waits, else among
@@ -107,7 +94,7 @@ void SessionCall::take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Schedule
   parsing_ = false;
   if (!parsed) {
     end(parsed.error());
-  } else if (end_ || broken_ || place_ == nullptr) {
+  } else if (end_ || broken() || place_ == nullptr) {
     // Over meanwhile.
   } else if (request.has_update() && record_ == nullptr) {
     end(failure(ErrorCode::failed_precondition, "update", "comes before the set-up"));
@@ -233,7 +220,7 @@ std::shared_ptr<Job> SessionCall::make_job(Clock::time_point deadline) {
 }
 
 std::shared_ptr<Job> SessionCall::next_job() {
-  if (!set_up_ || job_ != nullptr || waiting_->empty() || answers_ >= kUnreadAnswers || end_ || broken_)
+  if (!set_up_ || job_ != nullptr || waiting_->empty() || answers_ >= kUnreadAnswers || end_ || broken())
     return nullptr;
   const std::shared_ptr<Update> update = waiting_->pop();
   const Clock::time_point deadline = update->deadline();
@@ -306,7 +293,6 @@ void SessionCall::take_rows() {
 }
 
 bool SessionCall::next_event(v1::SessionResponse* event) {
-  if (broken_) return false;
   if (events_.empty() && slot_.due()) take_rows();
   if (events_.empty()) return false;
   *event = std::move(events_.front());
@@ -315,14 +301,9 @@ bool SessionCall::next_event(v1::SessionResponse* event) {
   return true;
 }
 
-void SessionCall::OnWriteDone(bool ok) {
-  {
-    const MutexLock lock(mutex_);
-    writing_ = false;
-    last_activity_ = Clock::now();
-    if (!ok) broken_ = true;
-  }
-  go_on();
+bool SessionCall::wrote() {
+  last_activity_ = Clock::now();
+  return true;
 }
 
 void SessionCall::end(const Error& reason) {
@@ -343,26 +324,17 @@ void SessionCall::cancel(const Error& reason) {
   go_on();
 }
 
-void SessionCall::OnCancel() {
-  {
-    const MutexLock lock(mutex_);
-    broken_ = true;
-  }
-  cancel(failure(ErrorCode::cancelled, "the client went away"));
-}
+void SessionCall::gone() { cancel(failure(ErrorCode::cancelled, "the client went away")); }
 
-void SessionCall::OnDone() {
-  {
-    const MutexLock lock(mutex_);
-    release();
-  }
-  const auto last = std::move(self_);
+void SessionCall::done() {
+  const MutexLock lock(mutex_);
+  release();
 }
 
 void SessionCall::pulse(Clock::time_point now) {
   {
     const MutexLock lock(mutex_);
-    if (finishing_ || end_) return;
+    if (finishing() || end_) return;
     const bool stalled = job_ == nullptr && answers_ >= kUnreadAnswers;
     const bool quiet = job_ == nullptr && !parsing_ && (!waiting_ || waiting_->empty());
     const auto idle = std::chrono::duration<double>(now - last_activity_).count();
@@ -391,69 +363,38 @@ void SessionCall::release() {
   log_session_end(parts_.log, *record_, end_);
 }
 
-// A thread of ours may ask for a read while gRPC's tells that the client is gone. Finishing waits until it
-// has asked: afterwards gRPC may be done with the call, and asking would use memory it has freed.
-void SessionCall::go_on() {
-  while (step()) {
-  }
+bool SessionCall::is_over() const {
+  const bool none_waits = !unread_ && (!waiting_ || waiting_->empty());
+  return (end_ || (read_all() && none_waits)) && job_ == nullptr && !parsing_;
 }
 
-// gRPC may react within StartRead, StartWrite or Finish, on this very thread, and a job may be answered
-// within admit(): no lock is held there.
-bool SessionCall::step() {
-  v1::SessionResponse event;
-  std::shared_ptr<Job> job;
+std::optional<grpc::Status> SessionCall::ending() {
+  if (!is_over()) return std::nullopt;
+  return end_ ? end_of_stream(parts_, *end_) : grpc::Status::OK;
+}
+
+// The next message, else the next job, which may be answered within admit(): no lock is held there.
+bool SessionCall::work() {
   grpc::ByteBuffer message;
   std::unique_ptr<Scheduler::Held> room;
+  std::shared_ptr<Job> job;
   bool parse = false;
-  bool read = false;
-  bool write = false;
-  bool finish = false;
-  grpc::Status status;
   {
     const MutexLock lock(mutex_);
-    job = next_job();
     parse = take_unread(&message, &room);
-    read = may_read();
-    reading_ = reading_ || read;
-    starting_ += read ? 1 : 0;
-    const bool none_waits = !unread_ && !parsing_ && (!waiting_ || waiting_->empty());
-    const bool over = (end_.has_value() || (read_all_ && none_waits)) && job_ == nullptr && !parsing_;
-    if (over) release();
-    if (!writing_ && !finishing_) {
-      write = next_event(&event);
-      writing_ = write;
-      finish = over && !write && starting_ == 0;
-      finishing_ = finish;
-      if (finish && end_) status = end_of_stream(parts_, *end_);
-    }
-  }
-  if (job != nullptr) {
-    if (const auto admitted = parts_.scheduler.admit(job); !admitted) {
-      Outcome outcome;
-      outcome.solution = unexpected(admitted.error());
-      outcome.retry_delay_s = parts_.scheduler.retry_delay_s();
-      job->observer->finished(std::move(outcome));
-      job->observer = nullptr;
-    }
-  }
-  if (read) StartRead(&incoming_);
-  if (write) {
-    grpc::ByteBuffer bytes = serialize(event);
-    {
-      const MutexLock lock(mutex_);  // the next write comes from any thread
-      outgoing_.Swap(&bytes);
-    }
-    StartWrite(&outgoing_);
-  } else if (finish) {
-    Finish(status);
+    if (!parse) job = next_job();
+    if (is_over()) release();
   }
   if (parse) take_message(message, std::move(room));
-  if (read) {
-    const MutexLock lock(mutex_);
-    --starting_;
+  if (job == nullptr) return parse;
+  if (const auto admitted = parts_.scheduler.admit(job); !admitted) {
+    Outcome outcome;
+    outcome.solution = unexpected(admitted.error());
+    outcome.retry_delay_s = parts_.scheduler.retry_delay_s();
+    job->observer->finished(std::move(outcome));
+    job->observer = nullptr;
   }
-  return read || parse;
+  return false;
 }
 
 }  // namespace marble::server
