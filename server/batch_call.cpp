@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "job_log.h"
 #include "reply.h"
 #include "status.h"
 #include "wire.h"
@@ -29,7 +28,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* BatchCall::begin(
   Origin origin = origin_of(context);
   auto caller = caller_of(parts, context, origin, Role::solve);
   if (!caller) {
-    call->end_at_once(marble::server::refuse(parts, origin, caller.error()));
+    call->end_at_once(refused(parts, origin, caller.error()));
     return call.get();
   }
   call->caller_ = std::move(*caller);
@@ -118,10 +117,9 @@ void BatchCall::room() {
 }
 
 void BatchCall::refuse(std::int64_t tag, const std::string& request_id, const Error& error) {
-  parts_.scheduler.count_refused(error);
   Origin origin = caller_.origin;
   origin.request_id = request_id;
-  log_refusal(parts_.log, origin, error);
+  note_refusal(parts_, origin, error);
   v1::SolveBatchResponse response;
   response.set_tag(tag);
   *response.mutable_error() = to_message(error, parts_.scheduler.retry_delay_s());

@@ -60,8 +60,7 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
       : token_(parts.calls), parts_(parts), context_(context), call_(*this) {}
 
   void refuse() override {
-    const Error error = draining();
-    this->Finish(marble::server::refuse(parts_, origin_of(context_), error));
+    this->Finish(refused(parts_, origin_of(context_), draining()));
   }
   void begin_inner() {
     inner_ = method_();

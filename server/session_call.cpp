@@ -7,7 +7,6 @@
 #include "job_log.h"
 #include "marble/convert.h"
 #include "reply.h"
-#include "session_setup.h"
 #include "status.h"
 #include "wire.h"
 
@@ -40,7 +39,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
     return {};
   };
   if (const auto admitted = admit(); !admitted) {
-    call->end_at_once(marble::server::refuse(parts, origin, admitted.error()));
+    call->end_at_once(refused(parts, origin, admitted.error()));
     return call.get();
   }
   parts.pulse.add(call);
@@ -82,10 +81,11 @@ void SessionCall::take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Schedule
   v1::SessionRequest request;
   const auto parsed = record_ == nullptr ? parse(&bytes, &request) : parse_update(bytes, sizes_, &request);
   if (parsed && request.has_setup()) {
-    if (const auto taken = take_setup(*request.mutable_setup()); !taken) {
-      Origin origin = caller_.origin;
-      origin.request_id = request.setup().request_id();
-      static_cast<void>(marble::server::refuse(parts_, origin, taken.error()));
+    Origin origin = caller_.origin;
+    origin.request_id = request.setup().request_id();
+    const auto setup = std::make_shared<const v1::SessionSetup>(std::move(*request.mutable_setup()));
+    if (const auto taken = take_setup(setup); !taken) {
+      note_refusal(parts_, origin, taken.error());
       const MutexLock lock(mutex_);
       end(taken.error());
     }
@@ -105,14 +105,16 @@ void SessionCall::take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Schedule
   }
 }
 
-Expected<void> SessionCall::take_setup(v1::SessionSetup& message) {
+Expected<void> SessionCall::take_setup(const std::shared_ptr<const v1::SessionSetup>& message) {
   if (record_ != nullptr) {
     return unexpected(
         failure(ErrorCode::failed_precondition, "setup", "the session is set up already; open another"));
   }
-  const auto setup = check_setup(message, quota_, parts_.config.solver_defaults);
-  if (!setup) return unexpected(setup.error());
-  const auto record = make_record(parts_.board, caller_, *setup);
+  if (auto valid = check_progress(message->progress_interval_s(), message->iterate_every()); !valid)
+    return unexpected(inside("setup", valid.error()));
+  const auto setup = check_request(parts_, caller_, quota_, JobKind::session, *message);
+  if (!setup) return unexpected(inside("setup", setup.error()));
+  const std::shared_ptr<JobRecord> record = setup->record;
   record->set_cancel([weak = std::weak_ptr<SessionCall>(self_)] {
     const std::shared_ptr<SessionCall> call = weak.lock();
     if (call != nullptr) call->cancel(failure(ErrorCode::cancelled, "ended by Jobs.Cancel"));
@@ -122,19 +124,19 @@ Expected<void> SessionCall::take_setup(v1::SessionSetup& message) {
     const MutexLock lock(mutex_);
     if (end_ || place_ == nullptr) return {};  // the client has gone meanwhile
     priority_ = setup->priority;
-    tell_progress_ = setup->message->progress();
-    progress_interval_s_ = setup->message->progress_interval_s();
-    iterate_every_ = setup->message->iterate_every();
+    tell_progress_ = message->progress();
+    progress_interval_s_ = message->progress_interval_s();
+    iterate_every_ = message->iterate_every();
     options_ = setup->options;
     sizes_ = PartSizes::of(setup->problem);
-    waiting_.emplace(setup->message->latest_only());
+    waiting_.emplace(message->latest_only());
     record_ = record;
     job = job_ = make_job(Clock::time_point::max());
   }
   parts_.board.add(record);
   job->is_setup = true;
-  job->ticket.bytes = static_cast<std::int64_t>(setup->message->ByteSizeLong());
-  job->work = [this, setup = *setup](const SolveControls& controls) -> Expected<Solution> {
+  job->ticket.bytes = static_cast<std::int64_t>(message->ByteSizeLong());
+  job->work = [this, message, setup = *setup](const SolveControls& controls) -> Expected<Solution> {
     const SetupControls limits{.most_bytes = std::min(parts_.config.solve_bytes, parts_.sessions.room()),
                                .most_factorization_s = parts_.config.solve_seconds,
                                .stop = controls.stop};

@@ -40,7 +40,8 @@ class SessionCall final
 
   void take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Scheduler::Held> room)
       ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] Expected<void> take_setup(v1::SessionSetup& setup) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Expected<void> take_setup(const std::shared_ptr<const v1::SessionSetup>& message)
+      ABSL_LOCKS_EXCLUDED(mutex_);
   void take_update(v1::SessionUpdate& message, std::unique_ptr<Scheduler::Held> room)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void set_up_done(Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);

@@ -16,7 +16,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const Service
   call->self_ = call;
   Origin origin = origin_of(context);
   if (const auto admitted = call->admit(request, context, origin); !admitted) {
-    call->end_at_once(marble::server::refuse(parts, origin, admitted.error()));
+    call->end_at_once(refused(parts, origin, admitted.error()));
   } else {
     parts.pulse.add(call);
     call->go_on();
