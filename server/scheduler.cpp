@@ -79,6 +79,15 @@ Error refusal(QueueRefusal why, const QueueLimits& limits, const Job& job) {
 
 }  // namespace
 
+EndedJob counted_of(const Job& job, const Outcome& outcome) {
+  EndedJob ended{.client = job.ticket.client, .priority = job.ticket.priority, .queue_s = outcome.queue_s};
+  if (!outcome.solution) return ended;
+  const bool is_update = job.ticket.reserved && !job.is_setup;
+  if (!is_update) ended.setup_s = outcome.solution->times.setup_s;
+  if (!job.is_setup) ended.solution = &*outcome.solution;
+  return ended;
+}
+
 Scheduler::Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log, Metrics& metrics)
     : limits_(limits), board_(board), log_(log), metrics_(metrics), queue_(limits) {
   for (int i = 0; i < limits_.workers; ++i) workers_.emplace_back([this] { work(); });
@@ -166,52 +175,62 @@ bool Scheduler::is_closed() const {
   return closed_;
 }
 
-std::shared_ptr<Job> Scheduler::next() {
+// Jobs that wait go before tasks of others.
+Scheduler::Next Scheduler::next() {
   const MutexLock lock(mutex_);
-  std::shared_ptr<Job> job = queue_.pop(Clock::now());
-  while (job == nullptr && !stopping_) {
-    if (!help()) work_.wait(mutex_);
-    job = queue_.pop(Clock::now());
+  while (true) {
+    if (std::shared_ptr<Job> job = queue_.pop(Clock::now())) {
+      job->begun = Clock::now();
+      running_.push_back(job);
+      return {.job = std::move(job)};
+    }
+    if (stopping_) return {};
+    if (!shared_tasks_.empty()) {
+      SharedTasks& shared = *shared_tasks_.front();
+      ++shared.helpers;
+      return {.job = nullptr, .shared = &shared, .task = &begin_task(shared)};
+    }
+    work_.wait(mutex_);
   }
-  if (job != nullptr) {
-    job->begun = Clock::now();
-    running_.push_back(job);
-  }
-  return job;
 }
 
 void Scheduler::work() {
-  while (const std::shared_ptr<Job> job = next()) run_job(job);
+  while (true) {
+    const Next next = this->next();
+    if (next.job != nullptr) {
+      run_job(next.job);
+    } else if (next.task != nullptr) {
+      (*next.task)();
+      const MutexLock lock(mutex_);
+      --next.shared->helpers;
+      helped_.notify_all();
+    } else {
+      return;
+    }
+  }
 }
 
-// One task of somebody else's job, if there is one to begin. Jobs that wait go before.
-bool Scheduler::help() {
-  if (shared_tasks_.empty()) return false;
-  SharedTasks& shared = *shared_tasks_.front();
+// There must be one.
+const std::function<void()>& Scheduler::begin_task(SharedTasks& shared) {
   const std::function<void()>& task = shared.tasks[shared.next++];
-  if (shared.next == shared.tasks.size()) shared_tasks_.erase(shared_tasks_.begin());
-  ++shared.helpers;
-  mutex_.unlock();
-  task();
-  mutex_.lock();
-  --shared.helpers;
-  helped_.notify_all();
-  return true;
+  if (shared.next == shared.tasks.size())
+    shared_tasks_.erase(std::find(shared_tasks_.begin(), shared_tasks_.end(), &shared));
+  return task;
 }
 
 void Scheduler::run(std::span<const std::function<void()>> tasks) {
   SharedTasks shared{tasks};
-  const MutexLock lock(mutex_);
-  shared_tasks_.push_back(&shared);
-  work_.notify_all();
-  while (shared.next < tasks.size()) {
-    const std::function<void()>& task = tasks[shared.next++];
-    if (shared.next == tasks.size())
-      shared_tasks_.erase(std::find(shared_tasks_.begin(), shared_tasks_.end(), &shared));
-    mutex_.unlock();
-    task();
-    mutex_.lock();
+  const auto next_task = [&]() ABSL_LOCKS_EXCLUDED(mutex_) -> const std::function<void()>* {
+    const MutexLock lock(mutex_);
+    return shared.next < tasks.size() ? &begin_task(shared) : nullptr;
+  };
+  {
+    const MutexLock lock(mutex_);
+    shared_tasks_.push_back(&shared);
   }
+  work_.notify_all();
+  while (const auto* const task = next_task()) (*task)();
+  const MutexLock lock(mutex_);
   while (shared.helpers > 0) helped_.wait(mutex_);
 }
 
@@ -252,7 +271,7 @@ void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
   if (!ran) outcome.retry_delay_s = retry_delay_s();  // what failed by itself would fail again
   job.work = nullptr;
   log_end(log_, job, outcome);
-  metrics_.job_ended(job, outcome);
+  metrics_.job_ended(counted_of(job, outcome));
   if (job.ticket.reserved) {
     if (!job.is_setup) job.record->answered(outcome.solution, outcome.total_s);
   } else {
