@@ -39,7 +39,7 @@ Expected<RemoteSolution> Client::solve(const ProblemView& problem, const Options
                                        const SolveControls& controls, const CallControls& call) const {
   return or_out_of_memory([&] {
     if (connection_ == nullptr) return client::solve_here(problem, options, controls, call);
-    return client::solve(*connection_, problem, options, controls, call);
+    return client::solve_there(*connection_, problem, options, controls, call);
   });
 }
 

@@ -20,6 +20,7 @@ inline constexpr const char* kInProcess = "in process";
 /// The caller's stop token ended it.
 [[nodiscard]] inline Error given_up() { return failure(ErrorCode::cancelled, "given up by the caller"); }
 
+/// A stopped solve answers with its best iterate.
 [[nodiscard]] Expected<RemoteSolution> solve_here(const ProblemView& problem, const Options& options,
                                                   const SolveControls& controls, const CallControls& call);
 
@@ -32,7 +33,7 @@ class DeadlineLimit {
   explicit DeadlineLimit(std::optional<std::chrono::duration<double>> from_now);
   /// `options` with what is left until the deadline.
   [[nodiscard]] Options limit(Options options) const;
-  /// The solution as an answer; or the error deadline_exceeded or cancelled, as a server would say it.
+  /// The solution as an answer; or the error deadline_exceeded, as a server would say it.
   [[nodiscard]] Expected<RemoteSolution> answer(Expected<Solution> solution) const;
 
  private:
@@ -40,6 +41,9 @@ class DeadlineLimit {
   std::chrono::steady_clock::time_point begin_;
   double seconds_;
 };
+
+/// A stopped solve as the error of a call that was given up.
+[[nodiscard]] Expected<RemoteSolution> unless_stopped(Expected<RemoteSolution> answer);
 
 /// Thins progress out as a server does.
 class ThinnedProgress final : public ProgressSink {

@@ -7,7 +7,7 @@
 
 namespace marble::client {
 
-[[nodiscard]] Expected<RemoteSolution> solve(const Connection& connection, const ProblemView& problem,
+[[nodiscard]] Expected<RemoteSolution> solve_there(const Connection& connection, const ProblemView& problem,
                                              const Options& options, const SolveControls& controls,
                                              const CallControls& call);
 
