@@ -59,9 +59,7 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
   ReadFirst(const ServiceParts& parts, grpc::CallbackServerContext& context)
       : token_(parts.calls), parts_(parts), context_(context), call_(*this) {}
 
-  void refuse() override {
-    this->Finish(refused(parts_, origin_of(context_), draining()));
-  }
+  void refuse() override { this->Finish(refused(parts_, origin_of(context_), draining())); }
   void begin_inner() {
     inner_ = method_();
     call_.bind(inner_);
