@@ -8,7 +8,7 @@
 namespace marble::client {
 
 [[nodiscard]] Expected<RemoteSolution> solve_there(const Connection& connection, const ProblemView& problem,
-                                             const Options& options, const SolveControls& controls,
-                                             const CallControls& call);
+                                                   const Options& options, const SolveControls& controls,
+                                                   const CallControls& call);
 
 }  // namespace marble::client
