@@ -47,13 +47,14 @@ Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
   changed_.reserve(tuning::parametric_changed + 2);  // direction() refuses only then
 }
 
-void Parametric::start(const ActiveSet& optimum) {
+void Parametric::start(const ElasticRelaxation& optimum) {
+  const BranchPoint& point = optimum.point();
   rho_ = optimum.rho();
-  start_objective_ = optimum.elastic_objective();
-  start_ = optimum.set();
+  start_objective_ = optimum.objective();
+  start_ = point.set;
   for (Index row = 0; row < rows_; ++row) {
     const bool fixed = start_.is_fixed(row);
-    const double value = start_.held[row] ? -optimum.x().lambda()[row] : optimum.images().rows.all[row];
+    const double value = start_.held[row] ? -point.x.lambda()[row] : point.images.rows.all[row];
     start_fixed_[row] = fixed;
     start_value_[row] = fixed ? value : std::max(0.0, value);
   }

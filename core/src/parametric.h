@@ -1,6 +1,6 @@
 // Parametric active set: how the optimum of an elastic piece moves while rows are released or driven to zero.
 //
-// A row is an inequality or a side of a pair: C, then L, then R. From the optimum that ActiveSet::relax
+// A row is an inequality or a side of a pair: C, then L, then R. From the optimum that ElasticRelaxation
 // found, a released row's slack grows until its multiplier is gone, a driven row's slack falls to 0 and stays
 // there; between the steps at which other rows become active or inactive everything is linear, and the
 // objective quadratic. Rows that differ from the factorized working set are bordered: what unit forces (or
@@ -16,7 +16,7 @@
 #include <span>
 #include <vector>
 
-#include "active_set.h"
+#include "elastic_relaxation.h"
 
 namespace marble {
 
@@ -32,7 +32,7 @@ class Parametric {
   [[nodiscard]] static double response_bytes(Index pairs, double rows);
 
   /// From now on moves start at this optimum, whose factor `kkt` must hold.
-  void start(const ActiveSet& optimum);
+  void start(const ElasticRelaxation& optimum);
 
   /// Rows of pair i at the start: the side its branch fixes, and the other one.
   [[nodiscard]] Index fixed_row(Index pair) const { return start_.fixed_row(pair); }

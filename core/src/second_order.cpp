@@ -112,17 +112,17 @@ std::optional<Eigen::MatrixXd> unit_moves(const ScaledProblem& p, Kkt& kkt, cons
                                           Run& run) {
   ScaledProblem homogeneous = p;
   for (Vector* vector : {&homogeneous.g, &homogeneous.b, &homogeneous.offset}) vector->setZero();
-  ActiveSet active_set(homogeneous, kkt);
-  active_set.set_working_set(rows.all);
-  if (!active_set.factor(run, tuning::exact_rho, tuning::exact_delta)) return std::nullopt;
+  BranchPoint point(homogeneous, kkt);
+  point.set = rows.all;
+  if (!point.factor(run, tuning::exact_rho, tuning::exact_delta)) return std::nullopt;
   const Iterate origin(p);
   Eigen::MatrixXd moves(p.variables(), static_cast<Eigen::Index>(rows.weak.size()));
   for (std::size_t k = 0; k < rows.weak.size(); ++k) {
     for (const Index row : rows.weak[k])
       homogeneous.offset[row] = -ratio(p.rows, row, p.rows, rows.weak[k].front());
-    active_set.restore(origin, rows.all);
-    if (!active_set.sharpen()) return std::nullopt;
-    moves.col(static_cast<Eigen::Index>(k)) = active_set.x().z();
+    point.restore(origin, rows.all);
+    if (!point.sharpen()) return std::nullopt;
+    moves.col(static_cast<Eigen::Index>(k)) = point.x.z();
     for (const Index row : rows.weak[k]) homogeneous.offset[row] = 0.0;
   }
   return moves;

@@ -55,13 +55,13 @@ struct Planned : Workbench {
   /// The exact solution of a branch.
   [[nodiscard]] Iterate solved_branch(unsigned left_fixed) {
     const auto own_kkt = make_kkt(problem);
-    ActiveSet active_set(problem, *own_kkt);
+    BranchEngines branch(problem, *own_kkt);
     WorkingSet set(problem);
     for (Index pair = 0; pair < set.layout.pairs; ++pair)
       set.fix(pair, (left_fixed >> pair & 1U) != 0, false);
-    active_set.set_working_set(set);
-    EXPECT_TRUE(active_set.solve(run, 100));
-    return active_set.x();
+    branch.point.set = set;
+    EXPECT_TRUE(branch.exact.solve(run, 100));
+    return branch.point.x;
   }
   [[nodiscard]] double objective() const { return judged(answer.x->z()).objective; }
 
