@@ -34,9 +34,10 @@ class InteriorEngine {
   Kkt& kkt_;
   RowWeights weights_;
   Iterate x_, d_;
-  Images images_, direction_images_;
+  Images images_;
   RowVector slack_;  // w of the inequalities, s and t of the pairs
-  Vector nu_;        // multipliers of the inequalities
+  RowVector slack_step_;
+  Vector nu_;  // multipliers of the inequalities
   RowVector rhs_;
   Vector gradient_;
   double kappa_ = 0.0, step_length_ = 0.0, primal_residual_ = 0.0;

@@ -60,13 +60,14 @@ bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r
   for (Eigen::Index i = 0; i < pivot_.size(); ++i) {
     pair_image(i, r.lambda_L()[i], r.lambda_R()[i], rhs_.left()[i], rhs_.right()[i]);
   }
-  images.stationarity = r.z();  // borrowed as workspace for the right-hand side
-  add_transposed(problem_.rows, rhs_.all, images.stationarity);
-  d.z() = -images.stationarity;
+  auto dz = d.z();
+  dz = r.z();
+  add_transposed(problem_.rows, rhs_.all, dz);
+  dz = -dz;
   d.y() = -r.y();
-  if (!kkt_.solve(d.z(), d.y())) return false;
+  if (!kkt_.solve(dz, d.y())) return false;
 
-  images.evaluate_rows(problem_, d.z());
+  images.evaluate_rows(problem_, dz);
   for (Eigen::Index i = 0; i < omega.size(); ++i) {
     const Retraction w(x.v()[i], sub.kappa);
     const double reach = images.rows.all[i] + r.lambda_w()[i];  // C dz + r₄
