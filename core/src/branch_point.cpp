@@ -26,9 +26,9 @@ void BranchPoint::start_from_path(const Iterate& iterate) {
   const Vector& value = images.rows.all;
   for (Index i = 0; i < problem_.pairs(); ++i) {
     const RowLayout& rows = problem_.layout;
-    const bool left = value[rows.left(i)] < value[rows.right(i)];
-    const Index free = left ? rows.right(i) : rows.left(i);
-    set.fix(i, left, value[free] < -iterate.lambda()[free]);
+    const bool s_smaller = value[rows.s(i)] < value[rows.t(i)];
+    const Index free = s_smaller ? rows.t(i) : rows.s(i);
+    set.fix(i, s_smaller, value[free] < -iterate.lambda()[free]);
   }
   set.clear_others(x.lambda());
 }
@@ -41,11 +41,11 @@ void BranchPoint::start_from_solution(const Iterate& solution) {
   const auto lambda = x.lambda();
   for (Index i = 0; i < problem_.inequalities(); ++i) set.held[i] = value[i] < -lambda[i];
   for (Index i = 0; i < problem_.pairs(); ++i) {
-    const Index left = problem_.layout.left(i);
-    const Index right = problem_.layout.right(i);
-    const bool left_fixed = value[left] - std::abs(lambda[left]) < value[right] - std::abs(lambda[right]);
-    const Index free = left_fixed ? right : left;
-    set.fix(i, left_fixed, value[free] < -lambda[free]);
+    const Index s = problem_.layout.s(i);
+    const Index t = problem_.layout.t(i);
+    const bool s_fixed = value[s] - std::abs(lambda[s]) < value[t] - std::abs(lambda[t]);
+    const Index free = s_fixed ? t : s;
+    set.fix(i, s_fixed, value[free] < -lambda[free]);
   }
   set.clear_others(x.lambda());
 }
@@ -56,7 +56,7 @@ void BranchPoint::start_from_point(ConstVectorRef z) {
   images.evaluate(problem_, x);
   for (Index i = 0; i < problem_.pairs(); ++i) {
     const bool free_side_held = set.held[set.free_row(i)] != 0;
-    set.fix(i, images.rows.left()[i] < images.rows.right()[i], free_side_held);
+    set.fix(i, images.rows.s()[i] < images.rows.t()[i], free_side_held);
   }
 }
 

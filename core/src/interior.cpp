@@ -69,17 +69,17 @@ void InteriorEngine::weigh() {
   rhs_.inequality() =
       weights_.rows.inequality().cwiseProduct(images_.rows.inequality() - w) - kappa_ * w.cwiseInverse();
   for (Index i = 0; i < problem_.pairs(); ++i) {  // the row (t, s)·(ds, dt) = κ − st, of norm 1
-    const double s = slack_.left()[i];
-    const double t = slack_.right()[i];
+    const double s = slack_.s()[i];
+    const double t = slack_.t()[i];
     const double norm = std::hypot(s, t);
     const double cosine = weights_.cosine[i] = t / norm;
     const double sine = weights_.sine[i] = s / norm;
-    weights_.rows.left()[i] = tuning::interior_rho;
-    weights_.rows.right()[i] = 0.0;
-    const double residual = cosine * (images_.rows.left()[i] - s) + sine * (images_.rows.right()[i] - t) -
-                            (kappa_ - s * t) / norm;
-    rhs_.left()[i] = tuning::interior_rho * cosine * residual;
-    rhs_.right()[i] = tuning::interior_rho * sine * residual;
+    weights_.rows.s()[i] = tuning::interior_rho;
+    weights_.rows.t()[i] = 0.0;
+    const double residual =
+        cosine * (images_.rows.s()[i] - s) + sine * (images_.rows.t()[i] - t) - (kappa_ - s * t) / norm;
+    rhs_.s()[i] = tuning::interior_rho * cosine * residual;
+    rhs_.t()[i] = tuning::interior_rho * sine * residual;
   }
 }
 

@@ -2,7 +2,7 @@
 //
 // It keeps s, t > 0 and follows s∘t = κ, linearised as t ds + s dt = κ − st, to κ → 0 with a proximal term 3κ
 // on z. Nothing softens that constraint, so that t cannot drift away along −κ log as it can on the path at
-// finite ρ. What it ends with need not be feasible either, but its partition is near one that is.
+// finite ρ. What it ends with need not be feasible either, but its branch is near one that is.
 #pragma once
 
 #include "kkt.h"

@@ -1,4 +1,4 @@
-// Local search over partitions: which side of each pair is zero.
+// Local search over branches: which side of each pair is zero.
 //
 // The moves are flips of one pair and exchanges of two, judged by Parametric without a factorization. They
 // are searched on the elastic problem while its ρ rises: a soft problem lets a pair change sides before all

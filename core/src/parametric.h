@@ -1,4 +1,5 @@
-// Parametric active set: how the optimum of an elastic piece moves while rows are released or driven to zero.
+// Parametric active set: how the optimum of an elastic branch moves while rows are released or driven to
+// zero.
 //
 // A row is an inequality or a side of a pair: C, then L, then R. From the optimum that ElasticRelaxation
 // found, a released row's slack grows until its multiplier is gone, a driven row's slack falls to 0 and stays

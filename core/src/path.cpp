@@ -67,7 +67,7 @@ void PathEngine::start(ConstVectorRef initial_z) {
   x_.all.setZero();
   x_.z() = initial_z;
   images_.evaluate(problem_, x_);
-  x_.sigma() = images_.rows.left() - images_.rows.right();  // the point of the curve nearest to (s, t)
+  x_.sigma() = images_.rows.s() - images_.rows.t();  // the point of the curve nearest to (s, t)
   x_.v() = images_.rows.inequality();
   for (Eigen::Index i = 0; i < x_.v().size(); ++i) {
     x_.lambda_w()[i] = -Retraction(x_.v()[i], sub_.kappa).negative;  // (12): r₂ = 0

@@ -79,7 +79,7 @@ class Branch {
     value += p.offset;
     WorkingSet set(p);
     for (Index i = 0; i < p.pairs(); ++i) {
-      set.fix(i, value[p.layout.left(i)] < value[p.layout.right(i)], false);
+      set.fix(i, value[p.layout.s(i)] < value[p.layout.t(i)], false);
       append_row(p.rows, set.fixed_row(i), problem_.A);
       b.push_back(p.offset[set.fixed_row(i)]);
     }

@@ -117,8 +117,8 @@ double SemismoothNewton::exact_length(const Penalty& penalty) {
   };
   for (Index row = 0; row < problem_.inequalities(); ++row) bends(row, false);
   for (Index i = 0; i < problem_.pairs(); ++i) {
-    bends(problem_.layout.left(i), point_.set.left_fixed[i] != 0);
-    bends(problem_.layout.right(i), point_.set.left_fixed[i] == 0);
+    bends(problem_.layout.s(i), point_.set.s_fixed[i] != 0);
+    bends(problem_.layout.t(i), point_.set.s_fixed[i] == 0);
   }
   std::sort(breakpoints_.begin(), breakpoints_.end(),
             [](const Breakpoint& a, const Breakpoint& b) { return a.step < b.step; });

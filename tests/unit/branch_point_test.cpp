@@ -32,7 +32,7 @@ TEST(BranchPoint, ReadsABranchOffAPathPoint) {
   x.lambda_L()[0] = 0.7;
   x.lambda_R()[0] = -0.2;
   branch.point.start_from_path(x);
-  EXPECT_EQ(branch.point.set.left_fixed[0], 1) << "x < y";
+  EXPECT_EQ(branch.point.set.s_fixed[0], 1) << "x < y";
   EXPECT_EQ(branch.point.set.held[0], 0) << "v > 0";
   EXPECT_EQ(branch.point.set.held[branch.point.set.free_row(0)], 0) << "y is larger than its multiplier";
   EXPECT_EQ(branch.point.x.lambda_w()[0], 0.0) << "what is not active has no multiplier";
@@ -43,7 +43,7 @@ TEST(BranchPoint, ReadsABranchOffAPathPoint) {
   x.v()[0] = -0.5;
   x.lambda_L()[0] = -3.0;
   branch.point.start_from_path(x);
-  EXPECT_EQ(branch.point.set.left_fixed[0], 0);
+  EXPECT_EQ(branch.point.set.s_fixed[0], 0);
   EXPECT_EQ(branch.point.set.held[0], 1);
   EXPECT_EQ(branch.point.set.held[branch.point.set.free_row(0)], 1) << "x = 2 against its multiplier 3";
 }
@@ -57,26 +57,26 @@ TEST(BranchPoint, ReadsABranchOffASolutionOfAnotherProblem) {
   x.lambda_L()[0] = 0.1;
   x.lambda_R()[0] = -2.0;
   branch.point.start_from_solution(x);
-  EXPECT_EQ(branch.point.set.left_fixed[0], 0) << "y − |η| < x − |ξ|";
+  EXPECT_EQ(branch.point.set.s_fixed[0], 0) << "y − |η| < x − |ξ|";
   EXPECT_EQ(branch.point.set.held[0], 1) << "slack 0.01 against multiplier 0.5";
   EXPECT_EQ(branch.point.set.held[branch.point.set.free_row(0)], 0);
   x.lambda_L()[0] = -0.45;
   x.lambda_R()[0] = 0.1;
   x.z()[2] = 2.0;
   branch.point.start_from_solution(x);
-  EXPECT_EQ(branch.point.set.left_fixed[0], 1);
+  EXPECT_EQ(branch.point.set.s_fixed[0], 1);
   EXPECT_EQ(branch.point.set.held[0], 0);
 }
 
 TEST(BranchPoint, ReadsABranchOffAPoint) {
   Workbench w(row_and_pair(), unscaled());
   BranchEngines branch(w.problem, *w.kkt);
-  const Eigen::Vector3d left(0.1, 0.2, 0.0), right(0.3, 0.2, 0.0);
-  branch.point.start_from_point(left);
-  EXPECT_EQ(branch.point.set.left_fixed[0], 1);
-  branch.point.start_from_point(right);
-  EXPECT_EQ(branch.point.set.left_fixed[0], 0);
-  EXPECT_EQ(branch.point.x.z(), right);
+  const Eigen::Vector3d s_smaller(0.1, 0.2, 0.0), t_smaller(0.3, 0.2, 0.0);
+  branch.point.start_from_point(s_smaller);
+  EXPECT_EQ(branch.point.set.s_fixed[0], 1);
+  branch.point.start_from_point(t_smaller);
+  EXPECT_EQ(branch.point.set.s_fixed[0], 0);
+  EXPECT_EQ(branch.point.x.z(), t_smaller);
 }
 
 TEST(BranchPoint, AFactorTellsNegativeCurvatureThatNoRowHolds) {
@@ -107,10 +107,9 @@ TEST(BranchPoint, WithAFactorItProjectsAndSharpens) {
     Images along(w.problem);
     along.evaluate_rows(w.problem, direction);
     EXPECT_LE(max_abs(along.equality), 1e-6) << seed;
-    for (std::size_t k = 0; k < branch.point.set.left_fixed.size(); ++k) {
+    for (std::size_t k = 0; k < branch.point.set.s_fixed.size(); ++k) {
       const auto i = static_cast<Eigen::Index>(k);
-      EXPECT_NEAR(branch.point.set.left_fixed[k] ? along.rows.left()[i] : along.rows.right()[i], 0.0, 1e-6)
-          << seed;
+      EXPECT_NEAR(branch.point.set.s_fixed[k] ? along.rows.s()[i] : along.rows.t()[i], 0.0, 1e-6) << seed;
     }
     Iterate x = branch.point.x;
     x.z() += 1e-3 * Vector::Ones(x.z().size());

@@ -29,10 +29,10 @@ double elastic(const Workbench& w, const WorkingSet& set, double rho, const Vect
   double violation = images.equality.squaredNorm();
   const auto below = [](double value) { return std::min(0.0, value) * std::min(0.0, value); };
   for (const double value : images.rows.inequality()) violation += below(value);
-  for (Eigen::Index i = 0; i < images.rows.left().size(); ++i) {
-    const bool left = set.left_fixed[static_cast<std::size_t>(i)] != 0;
-    violation += left ? images.rows.left()[i] * images.rows.left()[i] + below(images.rows.right()[i])
-                      : images.rows.right()[i] * images.rows.right()[i] + below(images.rows.left()[i]);
+  for (Eigen::Index i = 0; i < images.rows.s().size(); ++i) {
+    const bool s_side = set.s_fixed[static_cast<std::size_t>(i)] != 0;
+    violation += s_side ? images.rows.s()[i] * images.rows.s()[i] + below(images.rows.t()[i])
+                        : images.rows.t()[i] * images.rows.t()[i] + below(images.rows.s()[i]);
   }
   const double delta = rho >= 1e8 ? 1e-8 : 1e-6;
   return images.objective + 0.5 * delta * (z - anchor).squaredNorm() + 0.5 * rho * violation;
@@ -74,7 +74,7 @@ TEST(ElasticRelaxation, AStifferOneCostsMoreAndEndsAtTheExactOne) {
       EXPECT_GE(branch.elastic.objective(), before - 1e-7 * (1.0 + std::abs(before))) << seed;
       before = branch.elastic.objective();
     }
-    EXPECT_EQ(branch.point.set.left_fixed, first.left_fixed) << "sides never change by themselves";
+    EXPECT_EQ(branch.point.set.s_fixed, first.s_fixed) << "sides never change by themselves";
     if (!branch.exact.solve(w.run, kBudget)) continue;
     const double exact = branch.point.images.objective;
     EXPECT_NEAR(before, exact, 1e-3 * (1.0 + std::abs(exact))) << seed;

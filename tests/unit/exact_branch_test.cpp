@@ -23,10 +23,10 @@ using testing::Workbench;
 
 constexpr int kBudget = 100;
 
-void choose(BranchEngines& branch, unsigned left_fixed) {
+void choose(BranchEngines& branch, unsigned s_fixed) {
   WorkingSet set = branch.point.set;
   for (Index pair = 0; pair < set.layout.pairs; ++pair)
-    set.fix(pair, (left_fixed >> pair & 1U) != 0, set.held[set.free_row(pair)] != 0);
+    set.fix(pair, (s_fixed >> pair & 1U) != 0, set.held[set.free_row(pair)] != 0);
   branch.point.set = set;
 }
 
@@ -43,11 +43,10 @@ void expect_optimal(const Workbench& w, const BranchEngines& branch, const std::
     EXPECT_NEAR(set.held[i] ? images.rows.inequality()[i] : branch.point.x.lambda_w()[i], 0.0, 1e-9);
   }
   for (Index i = 0; i < set.layout.pairs; ++i) {
-    const bool left = set.left_fixed[i] != 0;
-    EXPECT_NEAR(left ? images.rows.left()[i] : images.rows.right()[i], 0.0, 1e-9)
-        << what << ": the fixed side";
-    const double free = left ? images.rows.right()[i] : images.rows.left()[i];
-    const double multiplier = left ? branch.point.x.lambda_R()[i] : branch.point.x.lambda_L()[i];
+    const bool s_side = set.s_fixed[i] != 0;
+    EXPECT_NEAR(s_side ? images.rows.s()[i] : images.rows.t()[i], 0.0, 1e-9) << what << ": the fixed side";
+    const double free = s_side ? images.rows.t()[i] : images.rows.s()[i];
+    const double multiplier = s_side ? branch.point.x.lambda_R()[i] : branch.point.x.lambda_L()[i];
     EXPECT_GE(free, -1e-9) << what;
     EXPECT_LE(multiplier, kSign) << what << ": only a fixed side may pull";
     EXPECT_NEAR(set.held[set.free_row(i)] ? free : multiplier, 0.0, 1e-9) << what;
@@ -60,12 +59,12 @@ TEST(ExactBranch, SolvesEveryBranchExactlyOrSaysThatItIsEmpty) {
   for (std::uint64_t seed = 1; seed <= 25; ++seed) {
     const OwnedProblem p =
         testing::random_problem({.variables = 8, .equalities = 2, .inequalities = 5, .pairs = 3}, seed);
-    for (unsigned left_fixed = 0; left_fixed < 8; ++left_fixed) {
-      const std::string what = p.name + " branch " + std::to_string(left_fixed);
-      const auto best = testing::brute_force(testing::branch(p, left_fixed).view());
+    for (unsigned s_fixed = 0; s_fixed < 8; ++s_fixed) {
+      const std::string what = p.name + " branch " + std::to_string(s_fixed);
+      const auto best = testing::brute_force(testing::branch(p, s_fixed).view());
       Workbench w(p);
       BranchEngines branch(w.problem, *w.kkt);
-      choose(branch, left_fixed);
+      choose(branch, s_fixed);
       ASSERT_EQ(branch.exact.solve(w.run, kBudget), best.has_value()) << what;
       EXPECT_LE(w.run.factorizations, kBudget) << what;
       if (!best) {
@@ -88,10 +87,10 @@ TEST(ExactBranch, SolvesDegenerateBranchesAsWell) {
     for (const auto& [problem, optimum] : problems) {
       if (problem.l.size() > 5) continue;
       double lowest = std::numeric_limits<double>::infinity();
-      for (unsigned left_fixed = 0; left_fixed < 1U << problem.l.size(); ++left_fixed) {
+      for (unsigned s_fixed = 0; s_fixed < 1U << problem.l.size(); ++s_fixed) {
         Workbench w(problem);
         BranchEngines branch(w.problem, *w.kkt);
-        choose(branch, left_fixed);
+        choose(branch, s_fixed);
         if (!branch.exact.solve(w.run, kBudget)) continue;
         expect_optimal(w, branch, problem.name);
         lowest = std::min(lowest, w.judged(branch.point.x.z()).objective);

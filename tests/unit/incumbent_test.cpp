@@ -30,9 +30,9 @@ struct Kept : Workbench {
   explicit Kept(const OwnedProblem& p)
       : Workbench(p), branch(problem, *kkt), incumbent(problem, options, branch.exact) {}
 
-  [[nodiscard]] Outcome solve(bool left, const char* origin) {
+  [[nodiscard]] Outcome solve(bool s, const char* origin) {
     WorkingSet set(problem);
-    set.fix(0, left, false);
+    set.fix(0, s, false);
     branch.point.set = set;
     return incumbent.solve_branch(run, origin, kBudget);
   }

@@ -46,10 +46,10 @@ struct Search : Workbench {
   explicit Search(const OwnedProblem& p, const Options& chosen = {}, Rows* told = nullptr)
       : Workbench(p, chosen, told), branch(problem, *kkt), engine(problem, *kkt, branch.elastic) {}
 
-  void choose(unsigned left_fixed) {
+  void choose(unsigned s_fixed) {
     WorkingSet set(problem);
     for (Index pair = 0; pair < set.layout.pairs; ++pair)
-      set.fix(pair, (left_fixed >> pair % 32 & 1U) != 0, false);
+      set.fix(pair, (s_fixed >> pair % 32 & 1U) != 0, false);
     branch.point.restore(Iterate(problem), set);
   }
   /// The exact objective of a branch, infinite if it is empty.
@@ -58,7 +58,7 @@ struct Search : Workbench {
     BranchEngines fresh(problem, *own_kkt);
     marble::Run own = run.part(true);
     WorkingSet sides(problem);
-    for (Index pair = 0; pair < set.layout.pairs; ++pair) sides.fix(pair, set.left_fixed[pair] != 0, false);
+    for (Index pair = 0; pair < set.layout.pairs; ++pair) sides.fix(pair, set.s_fixed[pair] != 0, false);
     fresh.point.set = sides;
     return fresh.exact.solve(own, kBudget) ? fresh.point.images.objective : kNever;
   }
@@ -260,7 +260,7 @@ TEST(LocalSearch, AMoveThatProvesNoBetterThanWasSaidIsTakenBack) {
     ASSERT_TRUE(search.run(s.run, flips(100), kNoLimit)) << seed;
     tried += s.run.factorizations - before > 2 ? 1 : 0;
     EXPECT_EQ(search.accepted(), 0) << seed;
-    EXPECT_EQ(branch.point.set.left_fixed, best.left_fixed) << seed;
+    EXPECT_EQ(branch.point.set.s_fixed, best.s_fixed) << seed;
     EXPECT_NEAR(branch.elastic.objective(), s.branch.elastic.objective(),
                 1e-6 * (1.0 + std::abs(s.branch.elastic.objective())))
         << seed;

@@ -33,7 +33,7 @@ TEST_F(ScheduleTest, PaperRaisesRhoFirstThenLowersKappaAndTakesEstimates) {
   EXPECT_EQ(raises, 6);
   schedule.advance(sub, x);
   EXPECT_EQ(sub.kappa, 0.05);
-  EXPECT_TRUE(sub.equality_estimate.isOnes() && sub.row_estimate.left().isOnes());
+  EXPECT_TRUE(sub.equality_estimate.isOnes() && sub.row_estimate.s().isOnes());
 }
 
 TEST_F(ScheduleTest, KappaNeverFallsBelowItsMinimum) {
