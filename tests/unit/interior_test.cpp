@@ -1,4 +1,4 @@
-// What others rely on of the interior point method: a point whose partition is near a feasible branch, at a
+// What others rely on of the interior point method: a point whose branch is near a feasible branch, at a
 // bounded number of factorizations.
 #include "interior.h"
 

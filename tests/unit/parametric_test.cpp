@@ -14,7 +14,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kBudget = 200;
 
-// An elastic piece of a problem, solved, and what a local search asks of it.
+// An elastic branch of a problem, solved, and what a local search asks of it.
 struct Setting {
   Setting(const OwnedProblem& p, double elastic_rho)
       : rho(elastic_rho),
