@@ -8,7 +8,8 @@ ExactBranch::ExactBranch(BranchPoint& point, SemismoothNewton& newton) : point_(
 
 bool ExactBranch::solve(Run& run, int budget) {
   const int last = run.factorizations + budget;
-  newton_.center.all = point_.x.all;  // should the exchanges lead nowhere
+  point_.set.clear_others(point_.x.lambda());  // they may be of another branch
+  newton_.center.all = point_.x.all;           // should the exchanges lead nowhere
   if (const auto solved = exchange_rows(run, tuning::exact_exchanges, last)) return *solved;
   const bool rows_known = newton_.converge(run, {tuning::augmented_rho, tuning::augmented_delta}, last);
   return rows_known && exchange_rows(run, tuning::augmented_rounds, last).value_or(false);

@@ -220,21 +220,23 @@ TEST(Strategy, BetweenAWarmAnswerAndAColdOneTheBetterWins) {
   EXPECT_GE(both, 8);
 }
 
-// ½qx² − 2x + ½y² + y over 0 ≤ x ⊥ y ≥ 0: (0, 0) solves the branch x = 0, but on the other x grows, to 2/q.
-OwnedProblem half_a_corner(double q) {
+// ½qx² − 2x + ½y² + gy over 0 ≤ x ⊥ y ≥ 0: (0, 0) solves the branch x = 0, but on the other x grows, to 2/q.
+OwnedProblem half_a_corner(double q, double g = 1.0) {
   OwnedProblem p = corner(0.0, 0.0);
-  p.g = {-2.0, 1.0};
+  p.g = {-2.0, g};
   p.Q = compress(2, 2, {{0, 1}, {0, 1}, {q, 1.0}}, "Q").value();
   return p;
 }
 
 TEST(Strategy, WhereBranchesMeetTheOthersAreTriedToo) {
-  Planned p(half_a_corner(1.0));
-  const Ending end = p.warm(p.solved_branch(1), kInfinity);
-  EXPECT_EQ(end.status, Status::solved);
-  EXPECT_NEAR(p.objective(), -2.0, 1e-9) << end.detail;
-  EXPECT_EQ(end.detail.rfind("neighbouring branch; ", 0), 0U) << end.detail;
-  EXPECT_EQ(p.answer.b_stationary, true);
+  for (const double g : {1.0, 0.0}) {  // y = 0 with a multiplier, and as the minimum that happens to be there
+    Planned p(half_a_corner(1.0, g));
+    const Ending end = p.warm(p.solved_branch(1), kInfinity);
+    EXPECT_EQ(end.status, Status::solved);
+    EXPECT_NEAR(p.objective(), -2.0, 1e-9) << end.detail;
+    EXPECT_EQ(end.detail.rfind("neighbouring branch; ", 0), 0U) << end.detail;
+    EXPECT_EQ(p.answer.b_stationary, true);
+  }
   Options options;
   options.local_search_budget = 0;
   Planned none(half_a_corner(1.0), options);
