@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "branch_engines.h"
 #include "support/random_problem.h"
 #include "workbench.h"
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "branch_engines.h"
 #include "marble/examples.h"
 #include "support/random_problem.h"
 
