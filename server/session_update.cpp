@@ -31,22 +31,14 @@ void take_shift(std::vector<ShiftBlock> older, std::vector<ShiftBlock>& newer, s
   newer = newer.empty() ? std::move(older) : joined(older, newer, size);
 }
 
-// Paths of an update's own fields, where a part's differs from that of a whole problem.
-std::string update_field(const std::string& core_field) {
-  std::string field = message_field(core_field);
-  const std::string matrix = "_matrix.values";
-  if (const auto at = field.find(matrix); at != std::string::npos)
-    field.replace(at, matrix.size(), "_values");
-  if (field == "hessian.values") field = "hessian_values";
-  return "problem." + field;
-}
-
 }  // namespace
 
 std::int64_t most_update_bytes(const PartSizes& sizes) {
   const std::size_t entries = sizes.g + sizes.b + sizes.d + sizes.l;
-  const std::size_t numbers =
-      2 * sizes.g + sizes.b + sizes.d + sizes.l + sizes.r + sizes.Q + sizes.A + sizes.C + sizes.L + sizes.R;
+  std::size_t numbers = sizes.g;  // of a point to start from
+#define MARBLE_VECTOR(letter, field) numbers += sizes.letter;
+#define MARBLE_MATRIX(letter, field, update, vector) numbers += sizes.letter;
+#include "marble/contract.def"
   return kRest + static_cast<std::int64_t>(kBlockBytes * entries + sizeof(double) * numbers);
 }
 
@@ -69,7 +61,7 @@ Expected<Update> make_update(v1::SessionUpdate& message, const PartSizes& sizes)
   };
   if (auto valid = sizes.check(update_of(message.problem())); !valid) {
     Error error = valid.error();
-    error.field = update_field(error.field);
+    error.field = "problem." + update_field(error.field);
     return inside(std::move(error));
   }
   Update update{std::move(message), {}, {}};
@@ -94,16 +86,10 @@ void take_along(Update older, Update& newer, const PartSizes& sizes) {
   v1::ProblemUpdate& from = *older.message.mutable_problem();
   v1::ProblemUpdate& to = *newer.message.mutable_problem();
   if (from.has_constant() && !to.has_constant()) to.set_constant(from.constant());
-  take_field(from.mutable_gradient(), to.mutable_gradient());
-  take_field(from.mutable_equality_offset(), to.mutable_equality_offset());
-  take_field(from.mutable_inequality_offset(), to.mutable_inequality_offset());
-  take_field(from.mutable_left_offset(), to.mutable_left_offset());
-  take_field(from.mutable_right_offset(), to.mutable_right_offset());
-  take_field(from.mutable_hessian_values(), to.mutable_hessian_values());
-  take_field(from.mutable_equality_values(), to.mutable_equality_values());
-  take_field(from.mutable_inequality_values(), to.mutable_inequality_values());
-  take_field(from.mutable_left_values(), to.mutable_left_values());
-  take_field(from.mutable_right_values(), to.mutable_right_values());
+#define MARBLE_VECTOR(letter, field) take_field(from.mutable_##field(), to.mutable_##field());
+#define MARBLE_MATRIX(letter, field, update, vector) \
+  take_field(from.mutable_##update(), to.mutable_##update());
+#include "marble/contract.def"
   if (older.message.has_initial_point() && !newer.message.has_initial_point())
     newer.message.mutable_initial_point()->Swap(older.message.mutable_initial_point());
   newer.message.set_cold(older.message.cold() || newer.message.cold());

@@ -3,37 +3,10 @@
 #include <cmath>
 
 #include "google/rpc/error_details.pb.h"
+#include "marble/convert.h"
 
 namespace marble::server {
 namespace {
-
-grpc::StatusCode code_of(ErrorCode code) {
-  switch (code) {
-    case ErrorCode::invalid_argument:
-      return grpc::StatusCode::INVALID_ARGUMENT;
-    case ErrorCode::failed_precondition:
-      return grpc::StatusCode::FAILED_PRECONDITION;
-    case ErrorCode::resource_exhausted:
-      return grpc::StatusCode::RESOURCE_EXHAUSTED;
-    case ErrorCode::not_found:
-      return grpc::StatusCode::NOT_FOUND;
-    case ErrorCode::unavailable:
-      return grpc::StatusCode::UNAVAILABLE;
-    case ErrorCode::cancelled:
-      return grpc::StatusCode::CANCELLED;
-    case ErrorCode::deadline_exceeded:
-      return grpc::StatusCode::DEADLINE_EXCEEDED;
-    case ErrorCode::permission_denied:
-      return grpc::StatusCode::PERMISSION_DENIED;
-    case ErrorCode::unauthenticated:
-      return grpc::StatusCode::UNAUTHENTICATED;
-    case ErrorCode::aborted:
-      return grpc::StatusCode::ABORTED;
-    case ErrorCode::internal:
-      return grpc::StatusCode::INTERNAL;
-  }
-  return grpc::StatusCode::UNKNOWN;
-}
 
 constexpr std::size_t kLongestValue = 64;  // bytes of an error's value that are told
 
@@ -52,7 +25,7 @@ Error abridged(Error error) {
 google::rpc::Status to_message(const Error& whole, double retry_delay_s) {
   const Error error = abridged(whole);
   google::rpc::Status details;
-  details.set_code(code_of(error.code));
+  details.set_code(marble::to_message(error.code));
   details.set_message(error.message());
   if (error.code == ErrorCode::invalid_argument) {
     google::rpc::BadRequest bad_request;
@@ -75,7 +48,7 @@ google::rpc::Status to_message(const Error& whole, double retry_delay_s) {
 
 grpc::Status to_status(const Error& error, double retry_delay_s) {
   const google::rpc::Status details = to_message(error, retry_delay_s);
-  return {code_of(error.code), details.message(), details.SerializeAsString()};
+  return {static_cast<grpc::StatusCode>(details.code()), details.message(), details.SerializeAsString()};
 }
 
 }  // namespace marble::server

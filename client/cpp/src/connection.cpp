@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "channel.h"
+#include "marble/contract.h"
 #include "printable.h"
 #include "target.h"
 #include "traceparent.h"
@@ -11,7 +12,6 @@ namespace marble::client {
 namespace {
 
 constexpr std::chrono::duration<double> kLongestDeadline{std::int32_t{0x7fffffff}};
-constexpr std::size_t kLongestClientName = 64;
 
 Expected<void> check_labels(const ConnectOptions& options) {
   // The token itself is a secret: no error shows it.
@@ -19,9 +19,10 @@ Expected<void> check_labels(const ConnectOptions& options) {
     return unexpected(
         Error{ErrorCode::invalid_argument, "token", -1, "", "must be printable ASCII without spaces"});
   }
-  if (options.name.size() > kLongestClientName || !is_printable(options.name)) {
-    return unexpected(
-        Error{ErrorCode::invalid_argument, "name", -1, "", "must be at most 64 bytes of printable ASCII"});
+  if (options.name.size() > contract::longest_client_name || !is_printable(options.name)) {
+    return unexpected(Error{
+        ErrorCode::invalid_argument, "name", -1, "",
+        "must be at most " + std::to_string(contract::longest_client_name) + " bytes of printable ASCII"});
   }
   return check_traceparent(options.traceparent);
 }

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import grpc
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from support import long_solve, tiny, wait_until
 
 import marble
-from marble import contract, errors
+from marble import contract, errors, tables
 
 
 @pytest.mark.parametrize(("parts", "field", "index"), [
@@ -30,6 +31,37 @@ def test_a_bad_problem_is_told_before_anything_is_sent(parts, field, index):
         marble.LCQP(parts.pop("Q", None), parts.pop("g"), **parts)
     assert (caught.value.field, caught.value.index) == (field, index)
     assert isinstance(caught.value, ValueError) and caught.value.bound in str(caught.value)
+
+
+@pytest.mark.parametrize(("above", "below", "fits"), [
+    (1.0, 1.0 + 5e-13, True),
+    (1.0, 1.0 + 2e-12, False),
+    (1e-15, 1e-15 + 1e-24, False),  # of the two, not of the largest entry
+    (1e-15, 0.0, False),
+])
+def test_q_is_symmetric_to_the_server_s_tolerance(above, below, fits):
+    Q = [[1e3, above], [below, 1e3]]
+    if fits:
+        assert marble.LCQP(Q, [0, 0]).Q[0, 1] == above
+        return
+    with pytest.raises(marble.InvalidProblem, match=r"must be symmetric, as \(Q \+ Q.T\) / 2 is") as caught:
+        marble.LCQP(Q, [0, 0])
+    assert (caught.value.field, caught.value.index) == ("Q", (0, 1))
+
+
+def test_every_code_of_the_contract_has_an_exception_of_its_own():
+    seen = {}
+    for code, name in tables.ERRORS.items():
+        error = errors.from_status(contract.message("google.rpc.Status")(code=code, message="m"))
+        assert seen.setdefault(name, type(error)) is type(error)
+        if code != 12:  # UNIMPLEMENTED: no Marble server
+            assert grpc.StatusCode[name.upper()].value[0] == code
+    assert len(set(seen.values())) == len(seen) and marble.Error not in seen.values()
+
+
+def test_every_status_says_what_to_try():
+    assert [status.value for status in marble.Status] == list(contract.enum_numbers("Status"))[1:]
+    assert all(status.advice for status in marble.Status if status is not marble.Status.SOLVED)
 
 
 @pytest.mark.parametrize(("path", "field", "index"), [
