@@ -4,9 +4,20 @@
 
 #include "google/rpc/error_details.pb.h"
 #include "marble/convert.h"
+#include "marble/v1/fault.pb.h"
 
 namespace marble::server {
 namespace {
+
+bool retry_may_help(ErrorCode code) {
+  switch (code) {
+#define MARBLE_ERROR(name, code, exit, retry, ...) \
+  case ErrorCode::name:                            \
+    return retry;
+#include "marble/contract.def"
+  }
+  return false;
+}
 
 constexpr std::size_t kLongestValue = 64;  // bytes of an error's value that are told
 
@@ -35,8 +46,15 @@ google::rpc::Status to_message(const Error& whole, double retry_delay_s) {
     violation->set_description(error.value.empty() ? error.bound : "is " + error.value + ", " + error.bound);
     details.add_details()->PackFrom(bad_request);
   }
-  const bool may_help = error.code == ErrorCode::resource_exhausted || error.code == ErrorCode::unavailable;
-  if (may_help && retry_delay_s > 0.0) {
+  if (!error.field.empty()) {
+    v1::Fault fault;
+    fault.set_field(error.field);
+    if (error.index >= 0) fault.set_index(error.index);
+    fault.set_value(error.value);
+    fault.set_bound(error.bound);
+    details.add_details()->PackFrom(fault);
+  }
+  if (retry_may_help(error.code) && retry_delay_s > 0.0) {
     google::rpc::RetryInfo retry;
     retry.mutable_retry_delay()->set_seconds(static_cast<std::int64_t>(retry_delay_s));
     retry.mutable_retry_delay()->set_nanos(

@@ -49,18 +49,10 @@ function underWay(job) {
   return lines;
 }
 
-// The message, and field, index and rule as the request's author needs them.
+// The message has field, index and rule.
 function errorDetails(error) {
-  const lines = [error.message];
-  for (const detail of error.details ?? []) {
-    for (const { field, description } of detail.fieldViolations ?? detail.field_violations ?? []) {
-      const text = `${field}: ${description}`;
-      if (!error.message.includes(description)) lines.push(text);
-    }
-    const delay = detail.retryDelay ?? detail.retry_delay;
-    if (delay) lines.push(`The server proposes to try again after ${delay}.`);
-  }
-  return lines;
+  const delay = (error.details ?? []).map((detail) => detail.retryDelay ?? detail.retry_delay).find(Boolean);
+  return delay ? [error.message, `The server proposes to try again after ${delay}.`] : [error.message];
 }
 
 function unmet(job, options) {

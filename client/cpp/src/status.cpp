@@ -6,6 +6,7 @@
 #include "google/rpc/error_details.pb.h"
 #include "marble/contract.h"
 #include "marble/convert.h"
+#include "marble/v1/fault.pb.h"
 
 namespace marble::client {
 namespace {
@@ -23,17 +24,6 @@ void take_field(std::string path, Error& error) {
     }
   }
   error.field = path == "initial_point.z" ? "initial_z" : core_field(path);
-}
-
-// "is 12, must be in [0, 12)" → value and bound.
-void take_description(const std::string& description, Error& error) {
-  const std::size_t comma = description.find(", ");
-  if (description.rfind("is ", 0) == 0 && comma != std::string::npos) {
-    error.value = description.substr(3, comma - 3);
-    error.bound = description.substr(comma + 2);
-  } else {
-    error.bound = description;
-  }
 }
 
 }  // namespace
@@ -55,10 +45,17 @@ Error to_error(const google::rpc::Status& status) {
       error.bound.find(contract::default_address) != std::string::npos)
     error.bound += std::string(contract::no_server_hint) + contract::local_hint;
   for (const auto& any : status.details()) {
-    google::rpc::BadRequest bad_request;
+    if (v1::Fault fault; any.UnpackTo(&fault)) {
+      take_field(fault.field(), error);
+      if (fault.has_index()) error.index = fault.index();
+      error.value = fault.value();
+      error.bound = fault.bound();
+      return error;
+    }
+    google::rpc::BadRequest bad_request;  // of a server that knows no Fault
     if (!any.UnpackTo(&bad_request) || bad_request.field_violations().empty()) continue;
     take_field(bad_request.field_violations(0).field(), error);
-    take_description(bad_request.field_violations(0).description(), error);
+    error.bound = bad_request.field_violations(0).description();
   }
   return error;
 }

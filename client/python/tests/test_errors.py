@@ -64,21 +64,42 @@ def test_every_status_says_what_to_try():
     assert all(status.advice for status in marble.Status if status is not marble.Status.SOLVED)
 
 
-@pytest.mark.parametrize(("path", "field", "index"), [
-    ("problem.gradient[3]", "g", 3),
-    ("solve.problem.equality_matrix.values[7]", "A.values", 7),
-    ("update.problem.hessian_values[2]", "Q.values", 2),
-    ("setup.options.max_iterations", "max_iterations", None),
-    ("initial_point.z[1]", "z0", 1),
-])
-def test_the_server_s_fields_become_the_letters_of_the_equation(path, field, index):
-    packed = contract.message("google.rpc.BadRequest")()
-    packed.field_violations.add(field=path, description="is nan, must be finite")
+PLACES = [
+    ("problem.gradient", 3, "g", 3),
+    ("solve.problem.equality_matrix.values", 7, "A.values", 7),
+    ("update.problem.hessian_values", 2, "Q.values", 2),
+    ("setup.options.max_iterations", None, "max_iterations", None),
+    ("initial_point.z", 1, "z0", 1),
+    ("update.shift.pairs[2].by", None, "shift.pairs[2].by", None),
+]
+
+
+def _invalid(*details):
     status = contract.message("google.rpc.Status")(code=3, message="m")
-    status.details.add(type_url="type.googleapis.com/google.rpc.BadRequest", value=packed.SerializeToString())
-    error = errors.from_status(status)
-    assert (error.field, error.index, error.value, error.bound) == (field, index, "nan", "must be finite")
-    assert isinstance(error, marble.InvalidProblem) == (field != "max_iterations")
+    for name, message in details:
+        status.details.add(type_url="type.googleapis.com/" + name, value=message.SerializeToString())
+    return errors.from_status(status)
+
+
+def _bad_request(path, index, description):
+    packed = contract.message("google.rpc.BadRequest")()
+    packed.field_violations.add(field=path if index is None else f"{path}[{index}]", description=description)
+    return "google.rpc.BadRequest", packed
+
+
+@pytest.mark.parametrize(("path", "entry", "field", "index"), PLACES)
+def test_the_server_s_fields_become_the_letters_of_the_equation(path, entry, field, index):
+    fault = contract.message("Fault")(field=path, index=entry, value="is this, or that", bound="must be, well, finite")
+    error = _invalid(_bad_request(path, entry, "prose"), ("marble.v1.Fault", fault))
+    assert (error.field, error.index) == (field, index)
+    assert (error.value, error.bound) == ("is this, or that", "must be, well, finite"), "no prose is taken apart"
+    assert isinstance(error, marble.InvalidProblem) == field.startswith(("g", "A", "Q", "z0"))
+
+
+@pytest.mark.parametrize(("path", "entry", "field", "index"), PLACES)
+def test_an_older_server_s_errors_have_their_place_and_its_words(path, entry, field, index):
+    error = _invalid(_bad_request(path, entry, "is nan, must be finite"))
+    assert (error.field, error.index, error.value, error.bound) == (field, index, "", "is nan, must be finite")
 
 
 @pytest.mark.parametrize(("options", "field"), [

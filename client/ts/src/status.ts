@@ -1,10 +1,11 @@
 // gRPC's statuses and their details become errors here, and nowhere else.
 import { Metadata, type ServiceError } from "@grpc/grpc-js";
 
-import { type ErrorCode, type ErrorDetails, MarbleError, errorOf, invalid } from "./errors.js";
+import { type ErrorCode, MarbleError, errorOf, invalid } from "./errors.js";
 import type { Duration } from "./generated/google/protobuf/duration.js";
 import { BadRequest, RetryInfo } from "./generated/google/rpc/error_details.js";
 import { Status } from "./generated/google/rpc/status.js";
+import { Fault } from "./generated/marble/v1/fault.js";
 import { defaultAddress, errorNames, matrices, matrixValues, noServerHint, vectors } from "./tables.js";
 
 /** The caller's names by the contract's, of a problem's parts and of an update's values. */
@@ -32,17 +33,26 @@ export function errorOfCall(thrown: unknown, signal?: AbortSignal): MarbleError 
 /** Of a status that came as a message. */
 export function errorOfStatus(status: Status): MarbleError {
   const code = (errorNames as Partial<Record<number, ErrorCode>>)[status.code] ?? "internal";
-  const details: ErrorDetails = {};
-  for (const any of status.details) {
-    if (any.typeUrl.endsWith("/google.rpc.BadRequest")) {
-      const violation = BadRequest.decode(any.value).fieldViolations[0];
-      if (violation !== undefined) return violated(violation.field, violation.description);
-    } else if (any.typeUrl.endsWith("/google.rpc.RetryInfo")) {
-      details.retryAfterMs = milliseconds(RetryInfo.decode(any.value).retryDelay);
-    }
+  const read = <Detail>(name: string, type: { decode(bytes: Uint8Array): Detail }): Detail | undefined => {
+    const packed = status.details.find(({ typeUrl }) => typeUrl.endsWith(`/${name}`));
+    return packed && type.decode(packed.value);
+  };
+  const fault = read("marble.v1.Fault", Fault);
+  const place = fault && {
+    field: callersName(fault.field),
+    index: fault.index,
+    value: fault.value === "" ? undefined : fault.value,
+    bound: fault.bound,
+  };
+  if (code === "invalid_argument") {
+    if (place !== undefined) return invalid(place.field, place.bound, place);
+    const violation = read("google.rpc.BadRequest", BadRequest)?.fieldViolations[0];
+    if (violation !== undefined) return violated(violation.field, violation.description);
   }
+  const retry = read("google.rpc.RetryInfo", RetryInfo);
+  const retryAfterMs = retry && milliseconds(retry.retryDelay);
   const nobody = code === "unavailable" && status.message.includes(defaultAddress);
-  return errorOf(code, nobody ? status.message + noServerHint : status.message, details);
+  return errorOf(code, nobody ? status.message + noServerHint : status.message, { ...place, retryAfterMs });
 }
 
 export function cancelled(signal: AbortSignal): MarbleError {
@@ -64,17 +74,14 @@ function isServiceError(thrown: unknown): thrown is ServiceError {
   return thrown instanceof Error && typeof (thrown as Partial<ServiceError>).code === "number";
 }
 
-// "solve.problem.equality_matrix.values[3]", "is NaN, must be finite" → A.values[3] = NaN: must be finite
+// Of a server that knows no Fault: "solve.problem.equality_matrix.values[3]" and prose.
 function violated(path: string, description: string): MarbleError {
-  const [, name, index] = /^(?:solve\.|setup\.|update\.)*(?:problem\.)?(.*?)(?:\[(\d+)\])?$/.exec(path) ?? [];
-  const [, value, bound] = /^is (.*?), (.*)$/s.exec(description) ?? [];
-  return invalid(callersName(name), bound ?? description, {
-    value,
-    index: index === undefined ? undefined : Number(index),
-  });
+  const [, name, index] = /^(.*?)(?:\[(\d+)\])?$/.exec(path) ?? [];
+  return invalid(callersName(name), description, { index: index === undefined ? undefined : Number(index) });
 }
 
-function callersName(name: string): string {
+function callersName(path: string): string {
+  const name = path.replace(/^(?:solve\.|setup\.|update\.)*(?:problem\.)?/, "");
   if (name === "initial_point.z") return "initialPoint";
   const [head, ...rest] = name.replace(/_(\w)/g, (_, letter: string) => letter.toUpperCase()).split(".");
   return [parts[head] ?? head, ...rest].join(".");

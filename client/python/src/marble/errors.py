@@ -129,29 +129,15 @@ _KINDS: dict[str, type[Error]] = {
 _DETAILS = "grpc-status-details-bin"
 
 
-def _in_letters(path: str) -> tuple[str, int | None]:
-    """("A.values", 3) of "solve.problem.equality_matrix.values[3]"."""
+def _in_letters(path: str) -> str:
+    """"A.values" of "solve.problem.equality_matrix.values"."""
     while True:
         head, dot, tail = path.partition(".")
+        if path in _LETTERS:
+            return _LETTERS[path]
         if not dot or head not in ("solve", "setup", "update", "problem", "options"):
-            break
+            return _LETTERS.get(head, head) + dot + tail
         path = tail
-    indexed = re.fullmatch(r"(.*)\[(\d+)\]", path)
-    index = int(indexed[2]) if indexed else None
-    if indexed:
-        path = indexed[1]
-    if path in _LETTERS:
-        return _LETTERS[path], index
-    head, dot, tail = path.partition(".")
-    return _LETTERS.get(head, head) + dot + tail, index
-
-
-def _invalid(violation: Any) -> InvalidArgument:
-    field, index = _in_letters(violation.field)
-    parts = re.fullmatch(r"is (.*?), (.*)", violation.description, re.DOTALL)
-    value, bound = (parts[1], parts[2]) if parts else ("", violation.description)
-    kind = InvalidProblem if field.partition(".")[0] in _PARTS else InvalidArgument
-    return kind(field, bound, index=index, value=value)
 
 
 def _unpack(details: Any, name: str) -> Any:
@@ -161,14 +147,29 @@ def _unpack(details: Any, name: str) -> Any:
     return None
 
 
+def _invalid(status: Any) -> InvalidArgument:
+    fault = _unpack(status.details, "marble.v1.Fault")
+    broken = _unpack(status.details, "google.rpc.BadRequest")
+    if fault is not None:
+        path, index = fault.field, fault.index if fault.HasField("index") else None
+        value, bound = fault.value, fault.bound
+    elif broken is not None and broken.field_violations:  # of a server that knows no Fault
+        path, index = broken.field_violations[0].field, None
+        if indexed := re.fullmatch(r"(.*)\[(\d+)\]", path):
+            path, index = indexed[1], int(indexed[2])
+        value, bound = "", broken.field_violations[0].description
+    else:
+        return InvalidArgument("", status.message)
+    field = _in_letters(path)
+    kind = InvalidProblem if field.partition(".")[0] in _PARTS else InvalidArgument
+    return kind(field, bound, index=index, value=value)
+
+
 def from_status(status: Any) -> Error:
     """The exception of a google.rpc.Status."""
     kind = _KINDS[tables.ERRORS.get(status.code, "internal")]
     if kind is InvalidArgument:
-        broken = _unpack(status.details, "google.rpc.BadRequest")
-        if broken is not None and broken.field_violations:
-            return _invalid(broken.field_violations[0])
-        return InvalidArgument("", status.message)
+        return _invalid(status)
     if kind is Refused:
         retry = _unpack(status.details, "google.rpc.RetryInfo")
         delay = None if retry is None else retry.retry_delay.seconds + 1e-9 * retry.retry_delay.nanos
