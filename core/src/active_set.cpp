@@ -124,7 +124,8 @@ bool ActiveSet::exchange() {
 
 bool ActiveSet::solve(Run& run, int budget) {
   const int last = run.factorizations + budget;
-  center_.all = x_.all;  // where the fallback starts
+  set_.clear_others(x_.lambda());  // they may be of another branch
+  center_.all = x_.all;            // where the fallback starts
   for (int round = 0; round < tuning::exact_exchanges; ++round) {
     if (run.factorizations >= last || run.interrupted()) return false;
     if (!factor(run, tuning::exact_rho, tuning::exact_delta)) return false;

@@ -90,12 +90,8 @@ Descent::End Descent::run(Run& run, const Iterate& x, const WorkingSet& set, Con
 }
 
 void Descent::report(Run& run) {
-  Progress progress;
-  progress.objective = images_.objective / problem_.cost_scale + problem_.c0;
-  progress.violations = violations(problem_, images_);
-  progress.rho = tuning::exact_rho;
-  progress.step_length = 1.0;
-  reporter_.tell(run, x_.z(), progress);
+  reporter_.tell(run, x_.z(), images_.objective, violations(problem_, images_),
+                 {.rho = tuning::exact_rho, .step_length = 1.0});
 }
 
 // To the row that blocks, which is held from there on.

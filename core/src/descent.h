@@ -29,6 +29,7 @@ class Descent {
   [[nodiscard]] End run(Run& run, const Iterate& x, const WorkingSet& set, ConstVectorRef first, int budget);
 
   [[nodiscard]] const Iterate& x() const { return x_; }
+  [[nodiscard]] const Images& images() const { return images_; }
   [[nodiscard]] const WorkingSet& set() const { return set_; }
   [[nodiscard]] const Vector& direction() const { return direction_; }
   /// Whether the point it began at was no local minimum: it had a direction of negative curvature.

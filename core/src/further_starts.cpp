@@ -9,17 +9,6 @@
 
 namespace marble {
 
-bool solve_exactly(const ScaledProblem& problem, const Options& options, ActiveSet& active_set, Run& run,
-                   int budget, ExactSolution& solution) {
-  const bool solved = active_set.solve(run, budget);
-  solution.violations = violations(problem, active_set.images());
-  if (!solved || !within_tolerances(solution.violations, options)) return false;
-  solution.x.all = active_set.x().all;
-  solution.set = active_set.set();
-  solution.objective = active_set.images().objective;
-  return true;
-}
-
 FurtherStarts::Engine::Engine(const ScaledProblem& problem, std::unique_ptr<Kkt> own_kkt)
     : kkt(std::move(own_kkt)), active_set(problem, *kkt), search(problem, *kkt, active_set) {}
 
@@ -63,7 +52,7 @@ void FurtherStarts::search_from(ActiveSet& active_set, LocalSearch& search, Sear
                       solve_exactly(problem_, options_, active_set, run, tuning::exact_budget, attempt.found);
 }
 
-bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count, ExactSolution& best) {
+bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count, Incumbent& incumbent) {
   const auto searches = static_cast<std::size_t>(std::min(count, tuning::further_round));
   at_once_ = run.runner() != nullptr && searches > 1;
   while (at_once_ && engines_.size() + 1 < searches) {
@@ -75,6 +64,7 @@ bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count
     engine->kkt->attend(run.interrupt());
     engine->kkt->load(problem_);
   }
+  const ExactSolution& best = incumbent.best();
   begin_ = &best;
   plan_ = plan;
   first_ = first;
@@ -99,17 +89,10 @@ bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count
     goal = attempt.found.objective;
   }
   if (winner == nullptr) return false;
-  std::swap(best, winner->found);
-  report(run, best);
+  winner->found.origin = "further start, local search";
+  incumbent.replace(winner->found);
+  reporter_.tell(run, best.x.z(), best.objective, best.violations, {.step_length = 1.0});
   return true;
-}
-
-void FurtherStarts::report(Run& run, const ExactSolution& best) {
-  Progress progress;
-  progress.objective = best.objective / problem_.cost_scale + problem_.c0;
-  progress.violations = best.violations;
-  progress.step_length = 1.0;
-  reporter_.tell(run, best.x.z(), progress);
 }
 
 }  // namespace marble

@@ -9,33 +9,20 @@
 #include <optional>
 #include <vector>
 
+#include "incumbent.h"
 #include "local_search.h"
-#include "termination.h"
 #include "tuning.h"
 
 namespace marble {
-
-/// An exact solution of a branch that is feasible.
-struct ExactSolution {
-  explicit ExactSolution(const ScaledProblem& problem) : x(problem), set(problem) {}
-  Iterate x;
-  WorkingSet set;
-  double objective = 0.0;  ///< scaled
-  Violations violations;   ///< user units
-};
-
-/// Solves the branch at hand exactly. False if that fails or the solution is not feasible.
-[[nodiscard]] bool solve_exactly(const ScaledProblem& problem, const Options& options, ActiveSet& active_set,
-                                 Run& run, int budget, ExactSolution& solution);
 
 class FurtherStarts {
  public:
   FurtherStarts(const ScaledProblem& problem, const Options& options, ActiveSet& active_set,
                 LocalSearch& search);
 
-  /// Starts number `first` to `first` + `count` - 1, at most tuning::further_round of them, each from `best`,
-  /// which is replaced by the best of what they found if that is better. True if it was.
-  bool round(Run& run, const SearchPlan& plan, int first, int count, ExactSolution& best);
+  /// Starts number `first` to `first` + `count` - 1, at most tuning::further_round of them, each from the
+  /// incumbent, which is replaced by the best of what they found if that is better. True if it was.
+  bool round(Run& run, const SearchPlan& plan, int first, int count, Incumbent& incumbent);
 
   /// Memory of the engines that a round needs besides those it was made with.
   [[nodiscard]] static double extra_bytes(const Options& options, double engine_bytes);
@@ -56,7 +43,6 @@ class FurtherStarts {
   };
   void make_attempt(std::size_t number);
   void search_from(ActiveSet& active_set, LocalSearch& search, SearchPlan plan, Attempt& attempt) const;
-  void report(Run& run, const ExactSolution& best);
 
   const ScaledProblem& problem_;
   const Options& options_;

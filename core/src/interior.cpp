@@ -124,15 +124,12 @@ double InteriorEngine::move() {
 }
 
 void InteriorEngine::report(Run& run) {
-  Progress progress;
-  progress.objective = images_.objective / problem_.cost_scale + problem_.c0;
-  progress.violations = violations(problem_, images_);
-  progress.kkt_residual = primal_residual_;
-  progress.kappa = kappa_;
-  progress.rho = tuning::interior_rho;
-  progress.step_length = step_length_;
-  progress.regularization = weights_.delta;
-  reporter_.tell(run, x_.z(), progress);
+  reporter_.tell(run, x_.z(), images_.objective, violations(problem_, images_),
+                 {.kkt_residual = primal_residual_,
+                  .kappa = kappa_,
+                  .rho = tuning::interior_rho,
+                  .step_length = step_length_,
+                  .regularization = weights_.delta});
 }
 
 }  // namespace marble

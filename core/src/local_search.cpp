@@ -146,12 +146,9 @@ bool LocalSearch::take(Run& run, std::span<const Index> pairs) {
 
 // An accepted move is an iteration of the search.
 void LocalSearch::report(Run& run) {
-  Progress progress;
-  progress.objective = active_set_.images().objective / problem_.cost_scale + problem_.c0;
-  progress.violations = violations(problem_, active_set_.images());
-  progress.rho = active_set_.rho();
-  progress.step_length = 1.0;
-  reporter_.tell(run, active_set_.x().z(), progress);
+  const Images& images = active_set_.images();
+  reporter_.tell(run, active_set_.x().z(), images.objective, violations(problem_, images),
+                 {.rho = active_set_.rho(), .step_length = 1.0});
 }
 
 // Pairs that pull hardest, their other side not at zero.

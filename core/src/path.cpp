@@ -212,15 +212,12 @@ void PathEngine::remember_best() {
 }
 
 void PathEngine::report(Run& run) {
-  Progress progress;
-  progress.objective = images_.objective / problem_.cost_scale + problem_.c0;
-  progress.violations = violations_;
-  progress.kkt_residual = residual_norm_;
-  progress.kappa = sub_.kappa;
-  progress.rho = sub_.rho;
-  progress.step_length = step_length_;
-  progress.regularization = regularization_.current();
-  reporter_.tell(run, x_.z(), progress);
+  reporter_.tell(run, x_.z(), images_.objective, violations_,
+                 {.kkt_residual = residual_norm_,
+                  .kappa = sub_.kappa,
+                  .rho = sub_.rho,
+                  .step_length = step_length_,
+                  .regularization = regularization_.current()});
 }
 
 }  // namespace marble

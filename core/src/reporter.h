@@ -12,12 +12,15 @@ class Reporter {
   explicit Reporter(const ScaledProblem& problem)
       : problem_(problem), z_(problem.variables()), sides_(2 * problem.pairs()) {}
 
-  /// Adds the run's counters, its clock, z and, if wanted, s and t to `progress` and tells it, unless this
-  /// iteration was told already: an engine that goes on begins where the last row was.
-  void tell(Run& run, ConstVectorRef z, Progress progress) {
+  /// Adds a point (scaled) with its objective (scaled) and violations, the run's counters and its clock to
+  /// `progress` and tells it, unless this iteration was told already: an engine that goes on begins where the
+  /// last row was.
+  void tell(Run& run, ConstVectorRef z, double objective, const Violations& violations, Progress progress) {
     if (run.sink() == nullptr || run.iterations == run.told_iteration) return;
     run.told_iteration = run.iterations;
     z_ = z.cwiseProduct(problem_.variable_scale);
+    progress.objective = problem_.user_objective(objective);
+    progress.violations = violations;
     progress.iteration = run.iterations;
     progress.outer_iteration = run.outer_iterations;
     progress.factorizations = run.factorizations;

@@ -28,6 +28,8 @@ struct ScaledProblem {
   [[nodiscard]] Index equalities() const { return static_cast<Index>(b.size()); }
   [[nodiscard]] Index inequalities() const { return layout.inequalities; }
   [[nodiscard]] Index pairs() const { return layout.pairs; }
+  /// What an objective of this problem, without a constant, is in the user's units.
+  [[nodiscard]] double user_objective(double scaled) const { return scaled / cost_scale + c0; }
 };
 
 /// Ruiz equilibration of [Q Aᵀ Cᵀ Lᵀ Rᵀ; A; C; L; R] in the ∞-norm, `passes` times, then the cost by

@@ -147,32 +147,6 @@ bool release(const ActiveRows& rows, unsigned subset, WorkingSet& set) {
 
 }  // namespace
 
-bool diagonally_dominant(const ScaledProblem& p) {
-  // In the user's units, where (z₁ − z₂)² still has a row that adds up to 0.
-  Vector off_diagonal = Vector::Zero(p.variables());
-  Vector diagonal = Vector::Zero(p.variables());
-  for (Index column = 0; column < p.Q.size; ++column) {
-    for (Index k = p.Q.column_pointers[column]; k < p.Q.column_pointers[column + 1]; ++k) {
-      const Index row = p.Q.row_indices[k];
-      const double value = p.Q.values[k] / (p.variable_scale[row] * p.variable_scale[column]);
-      if (row == column) {
-        diagonal[row] = value;
-      } else {
-        off_diagonal[row] += std::abs(value);
-        off_diagonal[column] += std::abs(value);
-      }
-    }
-  }
-  return (diagonal.array() * (1.0 + tuning::diagonal_rounding) >= off_diagonal.array()).all();
-}
-
-bool convex_by_inertia(const ScaledProblem& p, Kkt& kkt) {
-  RowWeights weights(p);
-  weights.rho = tuning::rounding;
-  weights.delta = tuning::exact_delta;
-  return kkt.factor(weights);
-}
-
 bool has_weakly_active_rows(const ScaledProblem& p, const Iterate& x, const WorkingSet& set) {
   return ActiveRowFinder(p, x, set).find().some_held;
 }

@@ -12,12 +12,6 @@
 
 namespace marble {
 
-/// Whether Q is known to be convex without a factorization: diagonally dominant, zero included. O(entries).
-[[nodiscard]] bool diagonally_dominant(const ScaledProblem& p);
-
-/// Whether Q is convex, by one factorization.
-[[nodiscard]] bool convex_by_inertia(const ScaledProblem& p, Kkt& kkt);
-
 /// What is known of the curvature of Q over the critical cone.
 struct CriticalCurvature {
   SecondOrder kind = SecondOrder::unknown;  ///< minimum, necessary or saddle, as far as curvature decides

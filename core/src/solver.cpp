@@ -228,20 +228,19 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   std::optional<Strategy::WarmStart> warm_start;
   if (controls.warm_start != nullptr)
     warm_start = Strategy::WarmStart{&state_->warm_start, controls.warm_start->cold_objective};
-  const Ending ending = state_->strategy.run(run, state_->initial_z, warm_start);
-  Solution solution = answer(state_->problem, ending, state_->strategy.best(), run);
-  solution.b_stationary = state_->strategy.b_stationary();
-  if (is_solved(ending.status)) {
+  const Strategy::Answer found = state_->strategy.run(run, state_->initial_z, warm_start);
+  Solution solution = answer(state_->problem, found.ending, *found.x, run);
+  solution.b_stationary = found.b_stationary;
+  if (is_solved(solution.status)) {
     const bool stationary =
         solution.stationarity == Stationarity::strong || solution.b_stationary.value_or(false);
-    solution.second_order = state_->strategy.second_order();
+    solution.second_order = found.second_order;
     if (solution.second_order == SecondOrder::minimum && !stationary)
       solution.second_order = SecondOrder::necessary;
     if (run.nonconvex) solution.detail += nonconvex_remark(solution.second_order);
   }
   solution.times.setup_s = state_->setup_s;
-  const bool stayed_warm = controls.warm_start != nullptr && state_->strategy.stayed_warm();
-  solution.cold_objective = stayed_warm ? controls.warm_start->cold_objective : solution.objective;
+  solution.cold_objective = found.stayed_warm ? controls.warm_start->cold_objective : solution.objective;
   return solution;
 }
 

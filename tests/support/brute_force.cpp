@@ -1,11 +1,12 @@
 #include "support/brute_force.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+
+#include "support/dense_algebra.h"
 
 namespace marble::testing {
 namespace {
@@ -178,8 +179,7 @@ std::optional<Vector> best_point(const Dense& p, unsigned choice) {
     if (f.size() > 0 && piece.h.minCoeff() < -kFeasible * (1.0 + point.norm())) return std::nullopt;
     return point;
   }
-  if (Eigen::SelfAdjointEigenSolver<Matrix>(piece.H).eigenvalues()[0] < -1e-9)
-    throw std::invalid_argument("Q is not convex on a piece");
+  if (eigenvalues(piece.H)[0] < -1e-9) throw std::invalid_argument("Q is not convex on a piece");
   if (!normalize(piece.G, piece.h, false)) return std::nullopt;
   const double violation = least_violation(piece);
   if (violation > kFeasible * (1.0 + point.norm())) return std::nullopt;

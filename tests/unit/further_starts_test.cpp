@@ -98,9 +98,10 @@ struct Round : testing::Workbench {
         active_set(problem, *kkt),
         search(problem, *kkt, active_set),
         engine(problem, options, active_set, search),
-        best(problem) {
+        incumbent(problem, options, active_set) {
     active_set.start_from_point(zero());
-    begun = search.run(run, kPlan, 1000) && solve_exactly(problem, options, active_set, run, 100, best);
+    begun = search.run(run, kPlan, 1000) &&
+            incumbent.solve_branch(run, "a search", 100) == Incumbent::Outcome::kept;
   }
   static constexpr SearchPlan kPlan{.rho_first = 10.0,
                                     .rho_factor = 10.0,
@@ -115,7 +116,7 @@ struct Round : testing::Workbench {
   ActiveSet active_set;
   LocalSearch search;
   FurtherStarts engine;
-  ExactSolution best;
+  Incumbent incumbent;
   bool begun = false;
 };
 
@@ -125,17 +126,18 @@ TEST(FurtherStarts, ARoundReplacesTheBestOnlyByWhatIsBetterExactAndFeasible) {
   for (const int steps : {6, 8, 10, 12, 14, 16}) {
     Round r(examples::hopper({.steps = steps}));
     ASSERT_TRUE(r.begun) << steps;
-    const ExactSolution before = r.best;
-    if (r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.best)) {
+    const ExactSolution before = r.incumbent.best();
+    if (r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.incumbent)) {
       ++better;
-      EXPECT_LT(r.best.objective, before.objective) << steps;
-      EXPECT_LE(r.judged(r.best.x.z()).infeasibility(), 1e-8) << steps;
-      EXPECT_NEAR(r.best.objective, r.images(r.best.x).objective, 1e-9 * (1.0 + std::abs(r.best.objective)));
+      EXPECT_LT(r.incumbent.best().objective, before.objective) << steps;
+      EXPECT_LE(r.judged(r.incumbent.best().x.z()).infeasibility(), 1e-8) << steps;
+      EXPECT_NEAR(r.incumbent.best().objective, r.images(r.incumbent.best().x).objective,
+                  1e-9 * (1.0 + std::abs(r.incumbent.best().objective)));
     } else {
       ++kept;
-      EXPECT_EQ(r.best.x.all, before.x.all) << "what is not better leaves no trace: " << steps;
-      EXPECT_EQ(r.best.objective, before.objective);
-      EXPECT_TRUE(r.best.set == before.set);
+      EXPECT_EQ(r.incumbent.best().x.all, before.x.all) << "what is not better leaves no trace: " << steps;
+      EXPECT_EQ(r.incumbent.best().objective, before.objective);
+      EXPECT_TRUE(r.incumbent.best().set == before.set);
     }
   }
   EXPECT_GT(better, 0);
@@ -149,7 +151,7 @@ TEST(FurtherStarts, ARoundCountsTheWorkOfAllItsSearchesAndTellsOneRowAtMost) {
   const int factorizations = r.run.factorizations;
   const int iterations = r.run.iterations;
   const std::size_t told = rows.rows.size();
-  static_cast<void>(r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.best));
+  static_cast<void>(r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.incumbent));
   EXPECT_GE(r.run.factorizations - factorizations, tuning::further_round);
   EXPECT_GT(r.run.iterations, iterations);
   EXPECT_LE(rows.rows.size(), told + 1) << "searches that may go on at once are silent";
@@ -159,24 +161,12 @@ TEST(FurtherStarts, ARoundForWhoIsToStopChangesNothing) {
   testing::Rows rows;
   Round r(examples::hopper({.steps = 8}), {}, &rows);
   ASSERT_TRUE(r.begun);
-  const Vector before = r.best.x.all;
+  const Vector before = r.incumbent.best().x.all;
   rows.source.request_stop();
   const int factorizations = r.run.factorizations;
-  EXPECT_FALSE(r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.best));
+  EXPECT_FALSE(r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.incumbent));
   EXPECT_EQ(r.run.factorizations, factorizations);
-  EXPECT_EQ(r.best.x.all, before);
-}
-
-TEST(SolveExactly, RefusesBranchesThatAreNotFeasibleAndKeepsThePointItWasGiven) {
-  testing::Workbench w(testing::without_feasible_branch());
-  ActiveSet active_set(w.problem, *w.kkt);
-  ExactSolution solution(w.problem);
-  solution.x.all.setConstant(7.0);
-  solution.objective = -3.0;
-  active_set.start_from_point(w.zero());
-  EXPECT_FALSE(solve_exactly(w.problem, w.options, active_set, w.run, 100, solution));
-  EXPECT_EQ(solution.objective, -3.0);
-  EXPECT_EQ(solution.x.all.minCoeff(), 7.0);
+  EXPECT_EQ(r.incumbent.best().x.all, before);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include "dense_system.h"
 #include "random_setting.h"
 #include "random_vector.h"
+#include "support/dense_algebra.h"
 
 namespace marble {
 namespace {
@@ -42,7 +43,7 @@ void expect_solves(Kkt& kkt, const ScaledProblem& p, const RowWeights& weights) 
   Vector y = random.next(p.equalities());
   Vector right(x.size() + y.size());
   right << x, y;
-  const Vector expected = dense_system(p, weights).fullPivLu().solve(right);
+  const Vector expected = testing::dense_solve(dense_system(p, weights), right);
   ASSERT_TRUE(kkt.solve(x, y));
   Vector found(x.size() + y.size());
   found << x, y;
@@ -179,7 +180,7 @@ TEST(Kkt, NegativeWeightsAreWrongInertiaOnlyWhenTheyOutweighTheRest) {
     RowWeights weights = random_weights(p, static_cast<unsigned>(seed), false);
     weights.rows.right() *= seed % 2 == 0 ? -1.0 : -0.001;
     const Eigen::MatrixXd K = dense_system(p, weights);
-    const Vector eigenvalues = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(K).eigenvalues();
+    const Vector eigenvalues = testing::eigenvalues(K);
     const bool expected = (eigenvalues.array() > 0.0).count() == p.variables();
     (expected ? right : wrong) += 1;
     for (const auto& kkt : backends(p))

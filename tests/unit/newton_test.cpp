@@ -5,6 +5,7 @@
 #include "dense_system.h"
 #include "random_setting.h"
 #include "row_parts.h"
+#include "support/dense_algebra.h"
 
 namespace marble {
 namespace {
@@ -24,7 +25,7 @@ bool expect_full_step(const Setting& s, Kkt& kkt, double delta, bool clip, doubl
   Images along(s.problem);
   EXPECT_TRUE(newton.direction(s.sub, s.x, s.r, d, along));
   const Eigen::MatrixXd J = full_jacobian(s.problem, s.sub, s.x, delta, clip);
-  const Vector expected = J.fullPivLu().solve(-s.r.all);
+  const Vector expected = testing::dense_solve(J, -s.r.all);
   EXPECT_LT(max_abs(d.all - expected), tolerance * (1.0 + max_abs(expected))) << kkt.name();
   return true;
 }
@@ -159,7 +160,7 @@ TEST(Newton, InertiaVerdictIsThatOfTheFullSystem) {
       condensed(lambda, lambda) =
           -(1.0 / s.sub.rho + testing::p(v, s.sub.kappa) / testing::p(-v, s.sub.kappa));
     }
-    const Vector eigenvalues = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(condensed).eigenvalues();
+    const Vector eigenvalues = testing::eigenvalues(condensed);
     const bool expected = (eigenvalues.array() > 0.0).count() == n + n_c + n_i;
     (expected ? right : wrong) += 1;
     for (const auto& kkt : backends(s.problem)) {
@@ -201,7 +202,7 @@ TEST(Newton, InertiaVerdictIsTheConvexityOfTheCondensedHessianForEveryShape) {
         rows << L.row(i), R.row(i);
         H += rows.transpose() * (s.sub.rho * stiff + q / pivot * soft) * rows / u2;
       }
-      const double smallest = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(H).eigenvalues().minCoeff();
+      const double smallest = testing::eigenvalues(H).minCoeff();
       expected = expected && smallest > 0.0;
       (expected ? right : wrong) += 1;
       for (const auto& kkt : backends(s.problem)) {

@@ -14,27 +14,27 @@ namespace {
 using testing::Rows;
 using testing::Workbench;
 
-Progress row(double objective) {
-  Progress progress;
-  progress.objective = objective;
-  progress.kappa = 0.25;
-  progress.step_length = 0.5;
-  return progress;
+constexpr Violations kViolations{1e-3, 2e-3, 3e-3};
+
+// At z (scaled), with this objective in the user's units.
+void tell(Reporter reporter, const Workbench& w, Run& run, ConstVectorRef z, double objective) {
+  const double scaled = (objective - w.problem.c0) * w.problem.cost_scale;
+  reporter.tell(run, z, scaled, kViolations, {.kappa = 0.25, .step_length = 0.5});
 }
 
 TEST(Reporter, TellsAnIterationOnceWhoeverTellsIt) {
   Rows rows;
   Workbench w(testing::random_problem({}, 1), {}, &rows);
   Reporter path(w.problem), search(w.problem);
-  path.tell(w.run, w.zero(), row(1.0));
-  search.tell(w.run, w.zero(), row(2.0));
+  tell(path, w, w.run, w.zero(), 1.0);
+  tell(search, w, w.run, w.zero(), 2.0);
   EXPECT_EQ(rows.rows.size(), 1U) << "an engine that goes on begins where the last row was";
   ++w.run.iterations;
-  search.tell(w.run, w.zero(), row(3.0));
-  path.tell(w.run, w.zero(), row(4.0));
+  tell(search, w, w.run, w.zero(), 3.0);
+  tell(path, w, w.run, w.zero(), 4.0);
   ASSERT_EQ(rows.rows.size(), 2U);
-  EXPECT_EQ(rows.rows[0].objective, 1.0);
-  EXPECT_EQ(rows.rows[1].objective, 3.0);
+  EXPECT_NEAR(rows.rows[0].objective, 1.0, 1e-12);
+  EXPECT_NEAR(rows.rows[1].objective, 3.0, 1e-12);
 }
 
 TEST(Reporter, AddsTheCountersOfTheRunAndLeavesTheRestAsItWas) {
@@ -44,13 +44,14 @@ TEST(Reporter, AddsTheCountersOfTheRunAndLeavesTheRestAsItWas) {
   w.run.iterations = 7;
   w.run.outer_iterations = 3;
   w.run.factorizations = 11;
-  reporter.tell(w.run, w.zero(), row(1.0));
+  tell(reporter, w, w.run, w.zero(), 1.0);
   ++w.run.iterations;
-  reporter.tell(w.run, w.zero(), row(1.0));
+  tell(reporter, w, w.run, w.zero(), 1.0);
   ASSERT_EQ(rows.rows.size(), 2U);
   EXPECT_EQ(rows.rows[0].iteration, 7);
   EXPECT_EQ(rows.rows[0].outer_iteration, 3);
   EXPECT_EQ(rows.rows[0].factorizations, 11);
+  EXPECT_EQ(rows.rows[0].violations.inequality, kViolations.inequality);
   EXPECT_EQ(rows.rows[0].kappa, 0.25);
   EXPECT_EQ(rows.rows[0].step_length, 0.5);
   EXPECT_GE(rows.rows[0].elapsed_s, 0.0);
@@ -65,7 +66,7 @@ TEST(Reporter, GivesVectorsInTheUsersUnits) {
     Reporter reporter(w.problem);
     Iterate x(w.problem);
     x.z() = Vector::LinSpaced(w.problem.variables(), -1.0, 2.0);
-    reporter.tell(w.run, x.z(), row(0.0));
+    tell(reporter, w, w.run, x.z(), 0.0);
     ASSERT_EQ(rows.z.size(), 1U);
     EXPECT_EQ(rows.z[0], w.user(x.z()));
     ASSERT_EQ(rows.s[0].size(), pairs ? p.l.size() : 0U);
@@ -87,20 +88,20 @@ TEST(Reporter, GivesVectorsInTheUsersUnits) {
 
 TEST(Reporter, WithoutASinkOrInASilentPartNobodyIsTold) {
   Workbench alone(testing::random_problem({}, 1));
-  Reporter(alone.problem).tell(alone.run, alone.zero(), row(1.0));
+  tell(Reporter(alone.problem), alone, alone.run, alone.zero(), 1.0);
   EXPECT_EQ(alone.run.told_iteration, -1);
   Rows rows;
   Workbench w(testing::random_problem({}, 1), {}, &rows);
   auto silent = w.run.part(true);
   ++silent.iterations;
-  Reporter(w.problem).tell(silent, w.zero(), row(1.0));
+  tell(Reporter(w.problem), w, silent, w.zero(), 1.0);
   EXPECT_TRUE(rows.rows.empty());
   auto loud = w.run.part(false);
   ++loud.iterations;
-  Reporter(w.problem).tell(loud, w.zero(), row(1.0));
+  tell(Reporter(w.problem), w, loud, w.zero(), 1.0);
   EXPECT_EQ(rows.rows.size(), 1U);
   w.run.add_part(loud);
-  Reporter(w.problem).tell(w.run, w.zero(), row(1.0));
+  tell(Reporter(w.problem), w, w.run, w.zero(), 1.0);
   EXPECT_EQ(rows.rows.size(), 1U) << "what a part has told the whole does not tell again";
 }
 

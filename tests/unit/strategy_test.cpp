@@ -43,10 +43,10 @@ struct Planned : Workbench {
   Ending start(ConstVectorRef z, const std::optional<Strategy::WarmStart>& warm_start) {
     marble::Run own(options, controls);
     kkt->attend(own.interrupt());
-    const Ending end = strategy.run(own, z, warm_start);
+    answer = strategy.run(own, z, warm_start);
     iterations = own.iterations;
     factorizations = own.factorizations;
-    return end;
+    return answer.ending;
   }
   Ending cold() { return start(zero(), std::nullopt); }
   Ending warm(const Iterate& solution, double cold_objective) {
@@ -63,9 +63,10 @@ struct Planned : Workbench {
     EXPECT_TRUE(active_set.solve(run, 100));
     return active_set.x();
   }
-  [[nodiscard]] double objective() const { return judged(strategy.best().z()).objective; }
+  [[nodiscard]] double objective() const { return judged(answer.x->z()).objective; }
 
   Strategy strategy;
+  Strategy::Answer answer = {};
   int iterations = 0, factorizations = 0;
 };
 
@@ -76,7 +77,7 @@ TEST(Strategy, WhatItCallsSolvedIsExactAndNoWorseThanThePathAlone) {
     Planned whole(problem), alone(problem, path_only);
     const Ending end = whole.cold();
     ASSERT_EQ(end.status, Status::solved) << problem.name << ": " << end.detail;
-    EXPECT_LE(whole.judged(whole.strategy.best().z()).infeasibility(), 1e-9) << problem.name;
+    EXPECT_LE(whole.judged(whole.answer.x->z()).infeasibility(), 1e-9) << problem.name;
     EXPECT_NE(end.detail.find("violations: equality"), std::string::npos) << end.detail;
     if (alone.cold().status != Status::solved) continue;
     EXPECT_LE(whole.objective(), alone.objective() + 1e-3 * (1.0 + std::abs(optimum))) << problem.name;
@@ -105,7 +106,7 @@ TEST(Strategy, AFeasiblePointOfThePathThatIsClearlyLowerIsTheAnswer) {
     const Ending end = p.cold();
     EXPECT_EQ(end.status, Status::solved) << end.detail;
     EXPECT_LT(p.objective(), kBest - 2e-3);
-    EXPECT_LE(p.judged(p.strategy.best().z()).infeasibility(), 0.05);
+    EXPECT_LE(p.judged(p.answer.x->z()).infeasibility(), 0.05);
     options.complementarity_tolerance = 1e-6;
     Planned strict(corner(0.45, 0.5), options);
     EXPECT_EQ(strict.cold().status, Status::solved);
@@ -127,9 +128,9 @@ TEST(Strategy, WithoutPolishItIsThePathAlone) {
     for (const double kappa : {1e-2, 1e-6, w.options.kappa_min}) {
       if (path.follow(w.run, kappa)) break;
     }
-    EXPECT_EQ(whole.strategy.best().all, path.iterate().all) << p.name;
+    EXPECT_EQ(whole.answer.x->all, path.iterate().all) << p.name;
     EXPECT_EQ(whole.factorizations, w.run.factorizations) << p.name;
-    EXPECT_FALSE(whole.strategy.b_stationary().has_value());
+    EXPECT_FALSE(whole.answer.b_stationary.has_value());
   }
 }
 
@@ -162,16 +163,16 @@ TEST(Strategy, SearchesAreWorthTheirFactorizations) {
 TEST(Strategy, RunsBeforeLeaveNoTrace) {
   Planned p(examples::hopper({.steps = 12}));
   const Ending first = p.cold();
-  const Vector z = p.strategy.best().z();
+  const Vector z = p.answer.x->z();
   const int factorizations = p.factorizations;
-  const Iterate solution = p.strategy.best();
+  const Iterate solution = *p.answer.x;
   EXPECT_EQ(p.warm(solution, p.objective()).status, Status::solved);
-  EXPECT_TRUE(p.strategy.stayed_warm());
+  EXPECT_TRUE(p.answer.stayed_warm);
   static_cast<void>(p.start(Vector::Constant(z.size(), 0.2), std::nullopt));
-  EXPECT_FALSE(p.strategy.stayed_warm());
+  EXPECT_FALSE(p.answer.stayed_warm);
   const Ending again = p.cold();
   EXPECT_EQ(again.detail, first.detail);
-  EXPECT_EQ(p.strategy.best().z(), z);
+  EXPECT_EQ(p.answer.x->z(), z);
   EXPECT_EQ(p.factorizations, factorizations);
 }
 
@@ -181,7 +182,7 @@ TEST(Strategy, AWarmStartWhoseBranchIsStillFeasibleIsAllThereIs) {
     const Iterate solution = p.solved_branch(left_fixed);
     const Ending end = p.warm(solution, -kInfinity);
     EXPECT_EQ(end.status, Status::solved);
-    EXPECT_TRUE(p.strategy.stayed_warm());
+    EXPECT_TRUE(p.answer.stayed_warm);
     EXPECT_EQ(p.iterations, 0) << "no step of the path";
     EXPECT_LE(p.factorizations, 2);
     EXPECT_NEAR(p.objective(), left_fixed ? 1.0 : 4.0, 1e-9);
@@ -207,46 +208,48 @@ TEST(Strategy, BetweenAWarmAnswerAndAColdOneTheBetterWins) {
     Planned other(testing::random_problem(sizes, seed + 1000));
     static_cast<void>(other.cold());
     Planned warm(problem), judged_worse(problem), cold(problem);
-    const Iterate start = other.strategy.best();
-    if (warm.warm(start, kInfinity).status != Status::solved || !warm.strategy.stayed_warm()) continue;
+    const Iterate start = *other.answer.x;
+    if (warm.warm(start, kInfinity).status != Status::solved || !warm.answer.stayed_warm) continue;
     if (cold.cold().status != Status::solved) continue;
     const Ending end = judged_worse.warm(start, -1e30);
     ASSERT_EQ(end.status, Status::solved) << seed;
     const double slack = 1e-8 * (1.0 + std::abs(warm.objective()));
-    if (judged_worse.strategy.stayed_warm()) continue;  // so little work that it needs no other opinion
+    if (judged_worse.answer.stayed_warm) continue;  // so little work that it needs no other opinion
     ++both;
     EXPECT_LE(judged_worse.objective(), std::min(warm.objective(), cold.objective()) + slack) << seed;
   }
   EXPECT_GE(both, 8);
 }
 
-// ½qx² − 2x + ½y² + y over 0 ≤ x ⊥ y ≥ 0: (0, 0) solves the branch x = 0, but on the other x grows, to 2/q.
-OwnedProblem half_a_corner(double q) {
+// ½qx² − 2x + ½y² + gy over 0 ≤ x ⊥ y ≥ 0: (0, 0) solves the branch x = 0, but on the other x grows, to 2/q.
+OwnedProblem half_a_corner(double q, double g = 1.0) {
   OwnedProblem p = corner(0.0, 0.0);
-  p.g = {-2.0, 1.0};
+  p.g = {-2.0, g};
   p.Q = compress(2, 2, {{0, 1}, {0, 1}, {q, 1.0}}, "Q").value();
   return p;
 }
 
 TEST(Strategy, WhereBranchesMeetTheOthersAreTriedToo) {
-  Planned p(half_a_corner(1.0));
-  const Ending end = p.warm(p.solved_branch(1), kInfinity);
-  EXPECT_EQ(end.status, Status::solved);
-  EXPECT_NEAR(p.objective(), -2.0, 1e-9) << end.detail;
-  EXPECT_EQ(end.detail.rfind("neighbouring branch; ", 0), 0U) << end.detail;
-  EXPECT_EQ(p.strategy.b_stationary(), true);
+  for (const double g : {1.0, 0.0}) {  // y = 0 with a multiplier, and as the minimum that happens to be there
+    Planned p(half_a_corner(1.0, g));
+    const Ending end = p.warm(p.solved_branch(1), kInfinity);
+    EXPECT_EQ(end.status, Status::solved);
+    EXPECT_NEAR(p.objective(), -2.0, 1e-9) << end.detail;
+    EXPECT_EQ(end.detail.rfind("neighbouring branch; ", 0), 0U) << end.detail;
+    EXPECT_EQ(p.answer.b_stationary, true);
+  }
   Options options;
   options.local_search_budget = 0;
   Planned none(half_a_corner(1.0), options);
   EXPECT_EQ(none.warm(none.solved_branch(1), kInfinity).status, Status::solved);
   EXPECT_NEAR(none.objective(), 0.0, 1e-9) << "no branch but its own is looked at";
-  EXPECT_FALSE(none.strategy.b_stationary().has_value()) << "and nothing is said of the others";
+  EXPECT_FALSE(none.answer.b_stationary.has_value()) << "and nothing is said of the others";
 }
 
 TEST(Strategy, IsNotCalledBStationaryWhereABranchCouldNotBeSolved) {
   Planned p(half_a_corner(0.0));  // on the other branch x grows for ever
   EXPECT_EQ(p.warm(p.solved_branch(1), kInfinity).status, Status::solved);
-  EXPECT_FALSE(p.strategy.b_stationary().has_value());
+  EXPECT_FALSE(p.answer.b_stationary.has_value());
 }
 
 }  // namespace

@@ -1,0 +1,50 @@
+#include "incumbent.h"
+
+#include <cmath>
+#include <utility>
+
+#include "termination.h"
+#include "tuning.h"
+
+namespace marble {
+
+bool solve_exactly(const ScaledProblem& problem, const Options& options, ActiveSet& active_set, Run& run,
+                   int budget, ExactSolution& solution) {
+  const bool solved = active_set.solve(run, budget);
+  solution.violations = violations(problem, active_set.images());
+  if (!solved || !within_tolerances(solution.violations, options)) return false;
+  solution.x.all = active_set.x().all;
+  solution.set = active_set.set();
+  solution.objective = active_set.images().objective;
+  return true;
+}
+
+Incumbent::Incumbent(const ScaledProblem& problem, const Options& options, ActiveSet& active_set)
+    : problem_(problem), options_(options), active_set_(active_set), best_(problem), other_(problem) {}
+
+Incumbent::Outcome Incumbent::solve_branch(Run& run, const char* origin, int budget) {
+  if (!solve_exactly(problem_, options_, active_set_, run, budget, other_)) return Outcome::not_exact;
+  const double least_gain = tuning::rounding * std::abs(best_.objective);
+  if (exists_ && other_.objective >= best_.objective - least_gain) return Outcome::no_better;
+  other_.origin = origin;
+  replace(other_);
+  return Outcome::kept;
+}
+
+void Incumbent::offer(const Iterate& x, const Images& images, const WorkingSet& set, const char* origin) {
+  if (exists_ && !(images.objective < best_.objective)) return;
+  other_.violations = violations(problem_, images);
+  if (!within_tolerances(other_.violations, options_)) return;
+  other_.x.all = x.all;
+  other_.set = set;
+  other_.objective = images.objective;
+  other_.origin = origin;
+  replace(other_);
+}
+
+void Incumbent::replace(ExactSolution& better) {
+  std::swap(best_, better);
+  exists_ = true;
+}
+
+}  // namespace marble

@@ -1,0 +1,113 @@
+#include "optimality.h"
+
+#include <cmath>
+#include <vector>
+
+#include "descent.h"
+#include "stationarity.h"
+#include "tuning.h"
+
+namespace marble {
+
+Optimality::Optimality(const ScaledProblem& problem, Kkt& kkt, const Options& options, ActiveSet& active_set,
+                       Incumbent& incumbent)
+    : problem_(problem),
+      kkt_(kkt),
+      options_(options),
+      active_set_(active_set),
+      incumbent_(incumbent),
+      convexity_(problem, kkt),
+      base_(problem),
+      branch_(problem),
+      images_(problem) {}
+
+Optimality::Verdict Optimality::judge(Run& run) {
+  Verdict verdict;
+  for (int escapes = 0;; ++escapes) {
+    verdict.b_stationary = decide_b_stationarity(run);
+    const CriticalCurvature curvature = decide_second_order(run);
+    verdict.second_order = curvature.kind;
+    if (curvature.kind != SecondOrder::saddle || escapes == tuning::escapes || run.interrupted() ||
+        options_.local_search_budget == 0)
+      return verdict;
+    const double before = incumbent_.best().objective;
+    verdict.unbounded = descend(run, incumbent_.best().x, curvature.set, curvature.direction).unbounded;
+    if (verdict.unbounded || incumbent_.best().objective >= before) return verdict;
+  }
+}
+
+Optimality::Descended Optimality::descend(Run& run, const Iterate& x, const WorkingSet& set,
+                                          ConstVectorRef first) {
+  Descent descent(problem_, kkt_, active_set_);
+  const Descent::End end = descent.run(run, x, set, first, options_.local_search_budget);
+  run.nonconvex = run.nonconvex || descent.began_at_saddle();
+  Descended descended{descent.began_at_saddle(), {}};
+  if (end == Descent::End::unbounded)
+    descended.unbounded = prove_unbounded(problem_, options_, descent.x().z(), descent.direction(), run);
+  if (end == Descent::End::minimum)
+    incumbent_.offer(descent.x(), descent.images(), descent.set(), "descent along negative curvature");
+  return descended;
+}
+
+// Strongly stationary points are B-stationary; of others, those with few biactive pairs are tried on each
+// branch.
+std::optional<bool> Optimality::decide_b_stationarity(Run& run) {
+  const auto is_strong = [this] {
+    images_.evaluate(problem_, incumbent_.best().x);
+    return classify(images_, incumbent_.best().x) == Stationarity::strong;
+  };
+  if (is_strong()) return true;
+  const std::vector<Index> biactive = biactive_pairs(images_);
+  if (biactive.size() > tuning::biactive_pairs_tried || options_.local_search_budget == 0)
+    return std::nullopt;
+  bool all = false;
+  for (int better = 0; better < tuning::better_branches && !all; ++better) {
+    const double before = incumbent_.best().objective;
+    all = solves_its_branches(run, biactive);
+    if (incumbent_.best().objective >= before || run.interrupted()) break;
+  }
+  const bool strong = is_strong();  // it may be another one now
+  if (all || strong) return true;
+  return std::nullopt;
+}
+
+// Whether no branch that meets in the point has a better one; else goes there.
+bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive) {
+  base_ = incumbent_.best().set;
+  const double objective = incumbent_.best().objective;
+  bool decided = true;
+  for (unsigned branch = 1; branch < 1U << biactive.size(); ++branch) {
+    branch_ = base_;
+    for (std::size_t k = 0; k < biactive.size(); ++k) {
+      if ((branch >> k & 1U) != 0) branch_.flip(biactive[k]);
+    }
+    active_set_.restore(incumbent_.best().x, branch_);
+    const Incumbent::Outcome outcome =
+        incumbent_.solve_branch(run, "neighbouring branch", tuning::branch_budget);
+    const Iterate& x = incumbent_.best().x;
+    if (incumbent_.best().objective < objective - tuning::branch_gain * (1.0 + std::abs(objective)))
+      return false;
+    // Where Q is not convex the solution of another branch may be a stationary point elsewhere.
+    const double moved = max_abs(x.z() - incumbent_.other().x.z());
+    const bool here = moved <= tuning::same_point * (1.0 + max_abs(x.z()));
+    decided = decided && outcome != Incumbent::Outcome::not_exact && (here || convexity_.decide(run));
+  }
+  return decided;
+}
+
+// Costs a factorization only where rows of the exact solution's working set have no multiplier and Q is not
+// known to be convex: of Q itself, once for all solves with it, and with the active rows.
+CriticalCurvature Optimality::decide_second_order(Run& run) {
+  const Iterate& x = incumbent_.best().x;
+  const WorkingSet& set = incumbent_.best().set;
+  CriticalCurvature curvature{SecondOrder::minimum, {}, set};
+  if (!convexity_.known() && has_weakly_active_rows(problem_, x, set) && !convexity_.decide(run))
+    curvature = critical_curvature(problem_, kkt_, x, set, run);
+  // Where the multipliers of a branch pull, its cone is not that of the others.
+  if (curvature.kind == SecondOrder::minimum && classify(images_, x) != Stationarity::strong &&
+      !convexity_.decide(run))
+    curvature.kind = SecondOrder::necessary;
+  return curvature;
+}
+
+}  // namespace marble
