@@ -41,15 +41,15 @@ int pulling(const Incumbent& incumbent) {
 }  // namespace
 
 BranchSearch::BranchSearch(const ScaledProblem& problem, Kkt& kkt, const Options& options, PathEngine& path,
-                           ActiveSet& active_set, Incumbent& incumbent)
+                           BranchEngines& branch, Incumbent& incumbent)
     : problem_(problem),
       options_(options),
       path_(path),
-      active_set_(active_set),
+      point_(branch.point),
       incumbent_(incumbent),
       interior_(problem, kkt),
-      search_(problem, kkt, active_set),
-      further_starts_(problem, options, active_set, search_) {}
+      search_(problem, kkt, branch.elastic),
+      further_starts_(problem, options, branch, search_) {}
 
 // Few pairs that pull: better branches are a flip or two away. Many: they are found where all is soft still.
 bool BranchSearch::improve(Run& run, ConstVectorRef initial_z) {
@@ -61,7 +61,7 @@ bool BranchSearch::improve(Run& run, ConstVectorRef initial_z) {
   const bool soft = pull >= tuning::many_pulling && options_.path == Path::fast;
   if (soft) from_soft_start(run, initial_z, last);
   if (incumbent_.best().objective < before) return soft;
-  active_set_.restore(incumbent_.best().x, incumbent_.best().set);
+  point_.restore(incumbent_.best().x, incumbent_.best().set);
   if (search_.run(run, near_exact(tuning::near_patience), last) && search_.accepted() > 0)
     static_cast<void>(incumbent_.solve_branch(run, "path, local search", tuning::exact_budget));
   return soft;
@@ -77,7 +77,7 @@ bool BranchSearch::find(Run& run, ConstVectorRef initial_z) {
 
 bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z) {
   if (problem_.pairs() == 0 || !interior_.run(run, initial_z)) return false;
-  active_set_.start_from_point(interior_.z());
+  point_.start_from_point(interior_.z());
   const SearchPlan plan = from_interior_point(options_.local_search_budget > 0);
   const int last = run.factorizations + 2 * tuning::exact_budget + options_.local_search_budget;
   return search_.run(run, plan, last) &&
@@ -87,7 +87,7 @@ bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z) {
 
 void BranchSearch::from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization) {
   path_.lean(run, initial_z, tuning::soft_rho);
-  active_set_.start_from_point(path_.iterate().z());
+  point_.start_from_point(path_.iterate().z());
   if (search_.run(run, from_soft(), last_factorization))
     static_cast<void>(incumbent_.solve_branch(run, "soft start, local search", tuning::exact_budget));
 }
@@ -116,7 +116,7 @@ bool BranchSearch::resume(Run& run, const Iterate& solution, double cold_objecti
   const Run::Polishing polishing(run);
   const int before = run.factorizations;
   const int last = before + tuning::exact_budget + options_.local_search_budget;
-  active_set_.start_from_solution(solution);
+  point_.start_from_solution(solution);
   bool small_change = incumbent_.solve_branch(run, "warm start", tuning::warm_budget) == Outcome::kept;
   if (small_change) {
     const int work = run.factorizations - before;
@@ -128,7 +128,7 @@ bool BranchSearch::resume(Run& run, const Iterate& solution, double cold_objecti
     if (pull > 0 && search_.run(run, plan, last) && search_.accepted() > 0)
       static_cast<void>(incumbent_.solve_branch(run, "warm start, local search", tuning::exact_budget));
   } else {
-    active_set_.start_from_solution(solution);
+    point_.start_from_solution(solution);
     if (!search_.run(run, near_exact(tuning::mend_patience), last) ||
         incumbent_.solve_branch(run, "warm start, mended", tuning::exact_budget) != Outcome::kept)
       return false;

@@ -14,7 +14,7 @@ class BranchSearch {
  public:
   /// Leans the path where it needs a soft start.
   BranchSearch(const ScaledProblem& problem, Kkt& kkt, const Options& options, PathEngine& path,
-               ActiveSet& active_set, Incumbent& incumbent);
+               BranchEngines& branch, Incumbent& incumbent);
 
   /// Better branches than the incumbent's. True if that took a soft start, which borrowed the path.
   bool improve(Run& run, ConstVectorRef initial_z);
@@ -33,7 +33,7 @@ class BranchSearch {
   const ScaledProblem& problem_;
   const Options& options_;
   PathEngine& path_;
-  ActiveSet& active_set_;
+  BranchPoint& point_;
   Incumbent& incumbent_;
   InteriorEngine interior_;
   LocalSearch search_;

@@ -148,20 +148,20 @@ std::optional<std::vector<double>> unbounded_direction(const ScaledProblem& p, C
     if (!(slope.value() < -tuning::proof_rounding * p.g.lpNorm<1>() / largest)) return std::nullopt;
   }
   const RowLayout& rows = p.layout;
-  std::vector<std::uint8_t> left_stays(static_cast<std::size_t>(rows.pairs));
+  std::vector<std::uint8_t> s_stays(static_cast<std::size_t>(rows.pairs));
   const auto stays = [](Index, double value, double rounding) { return std::abs(value) <= rounding; };
   const auto grows = [](Index, double value, double rounding) { return value >= -rounding; };
   const auto note = [&](Index row, double value, double rounding) {
-    left_stays[static_cast<std::size_t>(row - rows.left(0))] = std::abs(value) <= rounding;
+    s_stays[static_cast<std::size_t>(row - rows.s(0))] = std::abs(value) <= rounding;
     return value >= -rounding;
   };
   const auto one_stays = [&](Index row, double value, double rounding) {
     return value >= -rounding &&
-           (left_stays[static_cast<std::size_t>(row - rows.right(0))] != 0 || std::abs(value) <= rounding);
+           (s_stays[static_cast<std::size_t>(row - rows.t(0))] != 0 || std::abs(value) <= rounding);
   };
   if (!all_rows(p.A, 0, p.equalities(), d, stays) || !all_rows(p.rows, 0, rows.inequalities, d, grows) ||
-      !all_rows(p.rows, rows.left(0), rows.right(0), d, note) ||
-      !all_rows(p.rows, rows.right(0), rows.size(), d, one_stays))
+      !all_rows(p.rows, rows.s(0), rows.t(0), d, note) ||
+      !all_rows(p.rows, rows.t(0), rows.size(), d, one_stays))
     return std::nullopt;
   Vector unscaled = d.cwiseProduct(p.variable_scale);
   unscaled /= max_abs(unscaled);
@@ -197,7 +197,7 @@ bool seems_unbounded(const ScaledProblem& p, const Iterate& x) {
   RowVector rates(p.layout);
   multiply(p.rows, d, rates.all);
   return smallest(rates.inequality()) >= -tuning::proof_near &&
-         max_abs(rates.left().cwiseMin(rates.right())) <= tuning::proof_near;
+         max_abs(rates.s().cwiseMin(rates.t())) <= tuning::proof_near;
 }
 
 }  // namespace marble

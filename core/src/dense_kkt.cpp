@@ -108,8 +108,8 @@ DenseKkt::DenseKkt(const ScaledProblem& problem)
       weighted_(rows_.rows(), variables_),
       system_(variables_, variables_),
       factor_(variables_, variables_),
-      left_single_(static_cast<std::size_t>(pairs_)),
-      right_single_(static_cast<std::size_t>(pairs_)),
+      s_single_(static_cast<std::size_t>(pairs_)),
+      t_single_(static_cast<std::size_t>(pairs_)),
       residual_(variables_) {
   keep_blas_to_one_thread();
   terms_.reserve(static_cast<std::size_t>(rows_.rows()));
@@ -146,8 +146,8 @@ void DenseKkt::load(const ScaledProblem& problem) {
           matrix.row_size(row) == 1 ? Single{matrix.column_indices[entry], matrix.values[entry]} : Single{};
     }
   };
-  find_singles(problem.layout.left(0), left_single_);
-  find_singles(problem.layout.right(0), right_single_);
+  find_singles(problem.layout.s(0), s_single_);
+  find_singles(problem.layout.t(0), t_single_);
 }
 
 // Weighs e = a·e_j against itself and against the row `other`: w_ee e eᵀ + w_eo (e oᵀ + o eᵀ).
@@ -167,10 +167,8 @@ bool DenseKkt::add_terms(double sign) {
   for (Index column = 0; column < variables_; ++column) {
     const double* source = rows_.col(column).data();
     double* target = weighted_.col(column).data();
-    for (std::size_t t = 0; t < terms_.size(); ++t) {
-      target[t] =
-          terms_[t].left_factor * source[terms_[t].left] + terms_[t].right_factor * source[terms_[t].right];
-    }
+    for (std::size_t k = 0; k < terms_.size(); ++k)
+      target[k] = terms_[k].s_factor * source[terms_[k].s] + terms_[k].t_factor * source[terms_[k].t];
     if (checkpoint.reached(static_cast<std::int64_t>(terms_.size()))) return false;
   }
   return add_product(sign, weighted_.data(), static_cast<int>(weighted_.rows()),
@@ -181,45 +179,45 @@ bool DenseKkt::factor(const RowWeights& weights) {
   rho_ = weights.rho;
   if (!fill(system_, hessian_, interrupt())) return false;
   system_.diagonal().array() += weights.delta;
-  const Index left = equalities_ + inequalities_;
-  const Index right = left + pairs_;
+  const Index first_s = equalities_ + inequalities_;
+  const Index first_t = first_s + pairs_;
   const auto single_pair = [this](Index i) {
-    return left_single_[static_cast<std::size_t>(i)].column >= 0 ||
-           right_single_[static_cast<std::size_t>(i)].column >= 0;
+    return s_single_[static_cast<std::size_t>(i)].column >= 0 ||
+           t_single_[static_cast<std::size_t>(i)].column >= 0;
   };
-  const auto weight_of = [&weights](Index i, double c, double s, double c2, double s2) {
-    return weights.rows.left()[i] * c * c2 + weights.rows.right()[i] * s * s2;
+  const auto weight_of = [&weights](Index i, double a, double b, double a2, double b2) {
+    return weights.rows.s()[i] * a * a2 + weights.rows.t()[i] * b * b2;
   };
   for (Index i = 0; i < pairs_; ++i) {
-    const double c = weights.cosine[i];
-    const double s = weights.sine[i];
-    const double left_right = weight_of(i, c, s, s, -c);
-    if (const Single& single = left_single_[static_cast<std::size_t>(i)]; single.column >= 0) {
-      add_single(single, right + i, weight_of(i, c, s, c, s), left_right);
-    } else if (const Single& other = right_single_[static_cast<std::size_t>(i)]; other.column >= 0) {
-      add_single(other, left + i, weight_of(i, s, c, s, c), left_right);
+    const double cosine = weights.cosine[i];
+    const double sine = weights.sine[i];
+    const double mixed = weight_of(i, cosine, sine, sine, -cosine);
+    if (const Single& single = s_single_[static_cast<std::size_t>(i)]; single.column >= 0) {
+      add_single(single, first_t + i, weight_of(i, cosine, sine, cosine, sine), mixed);
+    } else if (const Single& other = t_single_[static_cast<std::size_t>(i)]; other.column >= 0) {
+      add_single(other, first_s + i, weight_of(i, sine, cosine, sine, cosine), mixed);
     }
   }
   for (const double sign : {1.0, -1.0}) {
     terms_.clear();
-    const auto add = [&](double weight, Index a, Index b, double c, double s) {
+    const auto add = [&](double weight, Index s, Index t, double s_factor, double t_factor) {
       if (sign * weight <= 0.0) return;
       const double root = std::sqrt(std::abs(weight));
-      terms_.push_back({a, b, root * c, root * s});
+      terms_.push_back({s, t, root * s_factor, root * t_factor});
     };
     for (Index i = 0; i < equalities_; ++i) add(rho_, i, i, 1.0, 0.0);
     for (Index i = 0; i < inequalities_; ++i)
       add(weights.rows.all[i], equalities_ + i, equalities_ + i, 1.0, 0.0);
     for (Index i = 0; i < pairs_; ++i) {
-      const double c = weights.cosine[i];
-      const double s = weights.sine[i];
+      const double cosine = weights.cosine[i];
+      const double sine = weights.sine[i];
       if (!single_pair(i)) {
-        add(weights.rows.left()[i], left + i, right + i, c, s);
-        add(weights.rows.right()[i], left + i, right + i, s, -c);
-      } else if (left_single_[static_cast<std::size_t>(i)].column >= 0) {
-        add(weight_of(i, s, c, s, c), right + i, right + i, 1.0, 0.0);
+        add(weights.rows.s()[i], first_s + i, first_t + i, cosine, sine);
+        add(weights.rows.t()[i], first_s + i, first_t + i, sine, -cosine);
+      } else if (s_single_[static_cast<std::size_t>(i)].column >= 0) {
+        add(weight_of(i, sine, cosine, sine, cosine), first_t + i, first_t + i, 1.0, 0.0);
       } else {
-        add(weight_of(i, c, s, c, s), left + i, left + i, 1.0, 0.0);
+        add(weight_of(i, cosine, sine, cosine, sine), first_s + i, first_s + i, 1.0, 0.0);
       }
     }
     if (!add_terms(sign)) return false;

@@ -28,10 +28,10 @@ class DenseKkt final : public Kkt {
 
  private:
   using Matrix = Eigen::MatrixXd;
-  // A row of `weighted_`: scale · (c · rows_[left] + s · rows_[right]).
+  // A row of `weighted_`: scale · (cos · rows_[s] + sin · rows_[t]).
   struct Term {
-    Index left, right;
-    double left_factor, right_factor;
+    Index s, t;
+    double s_factor, t_factor;
   };
   // A row with one entry: its products need no matrix multiplication.
   struct Single {
@@ -49,7 +49,7 @@ class DenseKkt final : public Kkt {
   Matrix system_;    // H + ρAᵀA, upper triangle
   Matrix factor_;
   std::vector<Term> terms_;
-  std::vector<Single> left_single_, right_single_;
+  std::vector<Single> s_single_, t_single_;
   Vector residual_;
 };
 

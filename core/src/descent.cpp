@@ -22,10 +22,10 @@ void fill_with_noise(Vector& vector) {
 
 }  // namespace
 
-Descent::Descent(const ScaledProblem& problem, Kkt& kkt, ActiveSet& active_set)
+Descent::Descent(const ScaledProblem& problem, Kkt& kkt, BranchPoint& point)
     : problem_(problem),
       kkt_(kkt),
-      active_set_(active_set),
+      point_(point),
       x_(problem),
       set_(problem),
       images_(problem),
@@ -58,32 +58,32 @@ Descent::End Descent::run(Run& run, const Iterate& x, const WorkingSet& set, Con
     ++run.iterations;
     report(run);
     set_.clear_others(x_.lambda());
-    active_set_.restore(x_, set_);
-    curved = !active_set_.factor(run, tuning::exact_rho, tuning::exact_delta);
+    point_.restore(x_, set_);
+    curved = !point_.factor(run, tuning::exact_rho, tuning::exact_delta);
     if (curved) {
       if (run.interrupted()) return End::stopped;
       if (find_negative_curvature(run, last)) continue;
       // Flat: the penalty ρ alone takes |Q|²/ρ from the curvature, about as much as δ adds.
-      curved = !active_set_.factor(run, tuning::exact_rho, tuning::descent_flat_delta);
+      curved = !point_.factor(run, tuning::exact_rho, tuning::descent_flat_delta);
       if (curved) return End::stopped;
     }
     moved = true;
-    if (!active_set_.sharpen()) {  // the gradient has a part along which Q is flat
+    if (!point_.sharpen()) {  // the gradient has a part along which Q is flat
       direction_ = -images_.gradient;
       nothing_.setZero();
-      if (!kkt_.solve(direction_, nothing_) || !active_set_.project(direction_)) return End::stopped;
+      if (!kkt_.solve(direction_, nothing_) || !point_.project(direction_)) return End::stopped;
       const Block block = blocking(1.0);
       if (block.flag == nullptr) return End::unbounded;
       move(block);
       continue;
     }
-    direction_ = active_set_.x().z() - x_.z();
+    direction_ = point_.x.z() - x_.z();
     const Block block = blocking(1.0);
     if (block.flag != nullptr) {
       move(block);
       continue;
     }
-    x_.all = active_set_.x().all;
+    x_.all = point_.x.all;
     images_.evaluate(problem_, x_);
     if (!release_worst()) return End::minimum;
   }
@@ -154,7 +154,7 @@ bool Descent::release_worst() {
 // Inverse iteration with Q + δI + ρJᵀJ, which δ just makes convex: for a curvature between −δ and −δ/10 it
 // gains a factor of 10/9 a step at least.
 bool Descent::find_negative_curvature(Run& run, int last) {
-  const auto convex_at = [&](double delta) { return active_set_.factor(run, tuning::exact_rho, delta); };
+  const auto convex_at = [&](double delta) { return point_.factor(run, tuning::exact_rho, delta); };
   double low = tuning::exact_delta;
   double high = delta_;
   while (!convex_at(high)) {
@@ -182,7 +182,7 @@ bool Descent::iterate_inversely() {
   double curvature = std::numeric_limits<double>::infinity();
   for (int i = 0; i < tuning::descent_inverse_iterations; ++i) {
     nothing_.setZero();
-    if (!kkt_.solve(direction_, nothing_) || !active_set_.project(direction_)) return false;
+    if (!kkt_.solve(direction_, nothing_) || !point_.project(direction_)) return false;
     const double size = direction_.norm();
     if (!(size > 0.0) || !std::isfinite(size)) return false;
     direction_ /= size;
@@ -194,7 +194,7 @@ bool Descent::iterate_inversely() {
     if (settled) break;
   }
   if (!(curvature < -tuning::curvature)) return false;
-  return active_set_.project(direction_);
+  return point_.project(direction_);
 }
 
 }  // namespace marble

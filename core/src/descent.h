@@ -7,7 +7,7 @@
 // quadratic programming", 1991.)
 #pragma once
 
-#include "active_set.h"
+#include "branch_point.h"
 #include "reporter.h"
 #include "tuning.h"
 
@@ -21,8 +21,8 @@ class Descent {
     stopped,    ///< by the budget, an interruption or rounding
   };
 
-  /// Uses the active set as its workspace.
-  Descent(const ScaledProblem& problem, Kkt& kkt, ActiveSet& active_set);
+  /// Uses `point` as its workspace.
+  Descent(const ScaledProblem& problem, Kkt& kkt, BranchPoint& point);
 
   /// From a point and the rows it holds at zero, along `first` if that is not empty: a direction of negative
   /// curvature that keeps them.
@@ -50,7 +50,7 @@ class Descent {
 
   const ScaledProblem& problem_;
   Kkt& kkt_;
-  ActiveSet& active_set_;
+  BranchPoint& point_;
   Iterate x_;
   WorkingSet set_;
   Images images_, rates_;

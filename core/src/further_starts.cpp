@@ -10,13 +10,13 @@
 namespace marble {
 
 FurtherStarts::Engine::Engine(const ScaledProblem& problem, std::unique_ptr<Kkt> own_kkt)
-    : kkt(std::move(own_kkt)), active_set(problem, *kkt), search(problem, *kkt, active_set) {}
+    : kkt(std::move(own_kkt)), branch(problem, *kkt), search(problem, *kkt, branch.elastic) {}
 
-FurtherStarts::FurtherStarts(const ScaledProblem& problem, const Options& options, ActiveSet& active_set,
+FurtherStarts::FurtherStarts(const ScaledProblem& problem, const Options& options, BranchEngines& branch,
                              LocalSearch& search)
     : problem_(problem),
       options_(options),
-      active_set_(active_set),
+      branch_(branch),
       search_(search),
       attempts_(tuning::further_round, Attempt(problem)),
       reporter_(problem) {
@@ -33,23 +33,23 @@ void FurtherStarts::make_attempt(std::size_t number) {
   Attempt& attempt = attempts_[number];
   try {
     if (number == 0 || !at_once_) {
-      search_from(active_set_, search_, plan, attempt);
+      search_from(branch_, search_, plan, attempt);
     } else {
-      search_from(engines_[number - 1]->active_set, engines_[number - 1]->search, plan, attempt);
+      search_from(engines_[number - 1]->branch, engines_[number - 1]->search, plan, attempt);
     }
   } catch (const std::bad_alloc&) {
     attempt.out_of_memory = true;
   }
 }
 
-void FurtherStarts::search_from(ActiveSet& active_set, LocalSearch& search, SearchPlan plan,
+void FurtherStarts::search_from(BranchEngines& branch, LocalSearch& search, SearchPlan plan,
                                 Attempt& attempt) const {
   Run& run = *attempt.run;
   if (run.interrupted()) return;
-  active_set.restore(begin_->x, begin_->set);
+  branch.point.restore(begin_->x, begin_->set);
   const int last = run.factorizations + tuning::exact_budget + options_.local_search_budget;
-  attempt.succeeded = search.run(run, plan, last) &&
-                      solve_exactly(problem_, options_, active_set, run, tuning::exact_budget, attempt.found);
+  attempt.succeeded = search.run(run, plan, last) && solve_exactly(problem_, options_, branch.exact, run,
+                                                                   tuning::exact_budget, attempt.found);
 }
 
 bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count, Incumbent& incumbent) {

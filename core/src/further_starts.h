@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "branch_engines.h"
 #include "incumbent.h"
 #include "local_search.h"
 #include "tuning.h"
@@ -17,7 +18,7 @@ namespace marble {
 
 class FurtherStarts {
  public:
-  FurtherStarts(const ScaledProblem& problem, const Options& options, ActiveSet& active_set,
+  FurtherStarts(const ScaledProblem& problem, const Options& options, BranchEngines& branch,
                 LocalSearch& search);
 
   /// Starts number `first` to `first` + `count` - 1, at most tuning::further_round of them, each from the
@@ -32,7 +33,7 @@ class FurtherStarts {
   struct Engine {
     Engine(const ScaledProblem& problem, std::unique_ptr<Kkt> own_kkt);
     std::unique_ptr<Kkt> kkt;
-    ActiveSet active_set;
+    BranchEngines branch;
     LocalSearch search;
   };
   struct Attempt {
@@ -42,11 +43,11 @@ class FurtherStarts {
     bool succeeded = false, out_of_memory = false;
   };
   void make_attempt(std::size_t number);
-  void search_from(ActiveSet& active_set, LocalSearch& search, SearchPlan plan, Attempt& attempt) const;
+  void search_from(BranchEngines& branch, LocalSearch& search, SearchPlan plan, Attempt& attempt) const;
 
   const ScaledProblem& problem_;
   const Options& options_;
-  ActiveSet& active_set_;
+  BranchEngines& branch_;
   LocalSearch& search_;
   std::vector<std::unique_ptr<Engine>> engines_;  // made when they are first needed
   std::vector<Attempt> attempts_;

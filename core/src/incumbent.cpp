@@ -8,22 +8,22 @@
 
 namespace marble {
 
-bool solve_exactly(const ScaledProblem& problem, const Options& options, ActiveSet& active_set, Run& run,
+bool solve_exactly(const ScaledProblem& problem, const Options& options, ExactBranch& branch, Run& run,
                    int budget, ExactSolution& solution) {
-  const bool solved = active_set.solve(run, budget);
-  solution.violations = violations(problem, active_set.images());
+  const bool solved = branch.solve(run, budget);
+  solution.violations = violations(problem, branch.point().images);
   if (!solved || !within_tolerances(solution.violations, options)) return false;
-  solution.x.all = active_set.x().all;
-  solution.set = active_set.set();
-  solution.objective = active_set.images().objective;
+  solution.x.all = branch.point().x.all;
+  solution.set = branch.point().set;
+  solution.objective = branch.point().images.objective;
   return true;
 }
 
-Incumbent::Incumbent(const ScaledProblem& problem, const Options& options, ActiveSet& active_set)
-    : problem_(problem), options_(options), active_set_(active_set), best_(problem), other_(problem) {}
+Incumbent::Incumbent(const ScaledProblem& problem, const Options& options, ExactBranch& branch)
+    : problem_(problem), options_(options), branch_(branch), best_(problem), other_(problem) {}
 
 Incumbent::Outcome Incumbent::solve_branch(Run& run, const char* origin, int budget) {
-  if (!solve_exactly(problem_, options_, active_set_, run, budget, other_)) return Outcome::not_exact;
+  if (!solve_exactly(problem_, options_, branch_, run, budget, other_)) return Outcome::not_exact;
   const double least_gain = tuning::rounding * std::abs(best_.objective);
   if (exists_ && other_.objective >= best_.objective - least_gain) return Outcome::no_better;
   other_.origin = origin;

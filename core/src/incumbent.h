@@ -1,7 +1,7 @@
 // The best exact solution of a branch that the stages of a solve have found so far.
 #pragma once
 
-#include "active_set.h"
+#include "exact_branch.h"
 #include "marble/options.h"
 
 namespace marble {
@@ -17,12 +17,12 @@ struct ExactSolution {
 };
 
 /// Solves the branch at hand exactly. False if that fails or the solution is not feasible.
-[[nodiscard]] bool solve_exactly(const ScaledProblem& problem, const Options& options, ActiveSet& active_set,
+[[nodiscard]] bool solve_exactly(const ScaledProblem& problem, const Options& options, ExactBranch& branch,
                                  Run& run, int budget, ExactSolution& solution);
 
 class Incumbent {
  public:
-  Incumbent(const ScaledProblem& problem, const Options& options, ActiveSet& active_set);
+  Incumbent(const ScaledProblem& problem, const Options& options, ExactBranch& branch);
 
   /// What came of a branch that was solved.
   enum class Outcome {
@@ -47,7 +47,7 @@ class Incumbent {
  private:
   const ScaledProblem& problem_;
   const Options& options_;
-  ActiveSet& active_set_;
+  ExactBranch& branch_;
   ExactSolution best_, other_;
   bool exists_ = false;
 };

@@ -22,8 +22,8 @@ InteriorEngine::InteriorEngine(const ScaledProblem& problem, Kkt& kkt)
       x_(problem),
       d_(problem),
       images_(problem),
-      direction_images_(problem),
       slack_(problem.layout),
+      slack_step_(problem.layout),
       nu_(problem.inequalities()),
       rhs_(problem.layout),
       gradient_(problem.variables()),
@@ -69,17 +69,17 @@ void InteriorEngine::weigh() {
   rhs_.inequality() =
       weights_.rows.inequality().cwiseProduct(images_.rows.inequality() - w) - kappa_ * w.cwiseInverse();
   for (Index i = 0; i < problem_.pairs(); ++i) {  // the row (t, s)·(ds, dt) = κ − st, of norm 1
-    const double s = slack_.left()[i];
-    const double t = slack_.right()[i];
+    const double s = slack_.s()[i];
+    const double t = slack_.t()[i];
     const double norm = std::hypot(s, t);
     const double cosine = weights_.cosine[i] = t / norm;
     const double sine = weights_.sine[i] = s / norm;
-    weights_.rows.left()[i] = tuning::interior_rho;
-    weights_.rows.right()[i] = 0.0;
-    const double residual = cosine * (images_.rows.left()[i] - s) + sine * (images_.rows.right()[i] - t) -
-                            (kappa_ - s * t) / norm;
-    rhs_.left()[i] = tuning::interior_rho * cosine * residual;
-    rhs_.right()[i] = tuning::interior_rho * sine * residual;
+    weights_.rows.s()[i] = tuning::interior_rho;
+    weights_.rows.t()[i] = 0.0;
+    const double residual =
+        cosine * (images_.rows.s()[i] - s) + sine * (images_.rows.t()[i] - t) - (kappa_ - s * t) / norm;
+    rhs_.s()[i] = tuning::interior_rho * cosine * residual;
+    rhs_.t()[i] = tuning::interior_rho * sine * residual;
   }
 }
 
@@ -97,7 +97,8 @@ double InteriorEngine::step(Run& run) {
            x_.y() / tuning::interior_rho;  // the second half of the solution is then y itself, not its step
   if (!kkt_.solve(d_.z(), d_.y())) return 0.0;
   if (!d_.z().allFinite() || !d_.y().allFinite()) return 0.0;
-  direction_images_.evaluate_rows(problem_, d_.z());
+  multiply(problem_.rows, d_.z(), slack_step_.all);
+  slack_step_.all += images_.rows.all - slack_.all;
   ++run.iterations;
   return step_length_ = move();
 }
@@ -105,8 +106,7 @@ double InteriorEngine::step(Run& run) {
 double InteriorEngine::move() {
   const Index inequalities = problem_.inequalities();
   Vector& slack = slack_.all;
-  Vector& change = direction_images_.rows.all;  // from here on the step of the slacks
-  change += images_.rows.all - slack;
+  const Vector& change = slack_step_.all;
   double primal = 1.0;
   double dual = 1.0;
   const auto dual_step = [&](Index i) { return kappa_ / slack[i] - nu_[i] - nu_[i] / slack[i] * change[i]; };

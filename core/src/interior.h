@@ -2,7 +2,7 @@
 //
 // It keeps s, t > 0 and follows s∘t = κ, linearised as t ds + s dt = κ − st, to κ → 0 with a proximal term 3κ
 // on z. Nothing softens that constraint, so that t cannot drift away along −κ log as it can on the path at
-// finite ρ. What it ends with need not be feasible either, but its partition is near one that is.
+// finite ρ. What it ends with need not be feasible either, but its branch is near one that is.
 #pragma once
 
 #include "kkt.h"
@@ -34,9 +34,10 @@ class InteriorEngine {
   Kkt& kkt_;
   RowWeights weights_;
   Iterate x_, d_;
-  Images images_, direction_images_;
+  Images images_;
   RowVector slack_;  // w of the inequalities, s and t of the pairs
-  Vector nu_;        // multipliers of the inequalities
+  RowVector slack_step_;
+  Vector nu_;  // multipliers of the inequalities
   RowVector rhs_;
   Vector gradient_;
   double kappa_ = 0.0, step_length_ = 0.0, primal_residual_ = 0.0;

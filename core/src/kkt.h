@@ -4,7 +4,7 @@
 //   [ A  −I/ρ  ] [y] = [h]
 //
 // over the rows e_r of the inequalities and the pairs, each with its weight k_r. A pair's two rows are turned
-// by an angle: c·L_i + s·R_i with the weight of its left row and s·L_i − c·R_i with that of its right one. A
+// by an angle: cos·L_i + sin·R_i with the weight of its row s and sin·L_i − cos·R_i with that of its row t. A
 // row enters H as a rank-one term or is kept as a row of its own, [e_r, −1/k_r]: the backend decides once, by
 // the fill each way causes.
 #pragma once
@@ -26,7 +26,7 @@ struct RowWeights {
   double rho = 1.0;     ///< ρ of the equality rows, > 0
   double delta = 0.0;   ///< δ ≥ 0
   RowVector rows;       ///< ≥ 0; a negative one of a pair makes H lose convexity
-  Vector cosine, sine;  ///< n_c, of the angle; c² + s² = 1; as made, no turn
+  Vector cosine, sine;  ///< n_c, of the angle; as made, no turn
 };
 
 /// Factorizes and solves the system above. Allocates only in its constructor and in allocate(). Whatever

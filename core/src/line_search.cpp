@@ -40,12 +40,12 @@ Measures measure(const Subproblem& sub, const Images& at, const Images& along, c
                    x.lambda_w()[i] + alpha * d.lambda_w()[i]);
   }
   m.phi -= sub.kappa * log_sum;
-  for (Eigen::Index i = 0; i < at.rows.left().size(); ++i) {
+  for (Eigen::Index i = 0; i < at.rows.s().size(); ++i) {
     const Retraction h(x.sigma()[i] + alpha * d.sigma()[i], sub.kappa);
-    add_constraint(at.rows.left()[i] + alpha * along.rows.left()[i] - h.positive, sub.row_estimate.left()[i],
+    add_constraint(at.rows.s()[i] + alpha * along.rows.s()[i] - h.positive, sub.row_estimate.s()[i],
                    x.lambda_L()[i] + alpha * d.lambda_L()[i]);
-    add_constraint(at.rows.right()[i] + alpha * along.rows.right()[i] - h.negative,
-                   sub.row_estimate.right()[i], x.lambda_R()[i] + alpha * d.lambda_R()[i]);
+    add_constraint(at.rows.t()[i] + alpha * along.rows.t()[i] - h.negative, sub.row_estimate.t()[i],
+                   x.lambda_R()[i] + alpha * d.lambda_R()[i]);
   }
   return m;
 }
@@ -126,19 +126,19 @@ double residual_norm(const Subproblem& sub, const Images& at, const Images& alon
     take(lambda + w.negative);
     primal(at.rows.all[i] + alpha * along.rows.all[i] - w.positive, sub.row_estimate.all[i], lambda);
   }
-  const auto left_at = at.rows.left();
-  const auto right_at = at.rows.right();
-  const auto left_along = along.rows.left();
-  const auto right_along = along.rows.right();
-  const auto left_estimate = sub.row_estimate.left();
-  const auto right_estimate = sub.row_estimate.right();
-  for (Eigen::Index i = 0; i < left_at.size(); ++i) {
+  const auto s_at = at.rows.s();
+  const auto t_at = at.rows.t();
+  const auto s_along = along.rows.s();
+  const auto t_along = along.rows.t();
+  const auto s_estimate = sub.row_estimate.s();
+  const auto t_estimate = sub.row_estimate.t();
+  for (Eigen::Index i = 0; i < s_at.size(); ++i) {
     const Retraction h(x.sigma()[i] + alpha * d.sigma()[i], sub.kappa);
-    const double left = x.lambda_L()[i] + alpha * d.lambda_L()[i];
-    const double right = x.lambda_R()[i] + alpha * d.lambda_R()[i];
-    take(h.negative_slope() * right - h.slope() * left);
-    primal(left_at[i] + alpha * left_along[i] - h.positive, left_estimate[i], left);
-    primal(right_at[i] + alpha * right_along[i] - h.negative, right_estimate[i], right);
+    const double lambda_L = x.lambda_L()[i] + alpha * d.lambda_L()[i];
+    const double lambda_R = x.lambda_R()[i] + alpha * d.lambda_R()[i];
+    take(h.negative_slope() * lambda_R - h.slope() * lambda_L);
+    primal(s_at[i] + alpha * s_along[i] - h.positive, s_estimate[i], lambda_L);
+    primal(t_at[i] + alpha * t_along[i] - h.negative, t_estimate[i], lambda_R);
   }
   return norm;
 }

@@ -8,9 +8,9 @@
 
 namespace marble {
 
-LocalSearch::LocalSearch(const ScaledProblem& problem, Kkt& kkt, ActiveSet& active_set)
+LocalSearch::LocalSearch(const ScaledProblem& problem, Kkt& kkt, ElasticRelaxation& elastic)
     : problem_(problem),
-      active_set_(active_set),
+      elastic_(elastic),
       parametric_(problem, kkt),
       before_(problem),
       next_(problem),
@@ -26,16 +26,20 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
   accepted_ = 0;
   lost_ = false;
   if (plan.from_exact) {
-    active_set_.anchor_here();
+    elastic_.anchor_here();
   } else {
-    active_set_.anchor_at_zero();
+    elastic_.anchor_at_zero();
   }
   bool first = true;
   for (double rho = plan.rho_first;; rho = std::min(rho * plan.rho_factor, plan.rho_last)) {
     const int budget = std::min(first ? tuning::search_first_budget : tuning::search_level_budget,
                                 last_factorization - run.factorizations);
-    if (!active_set_.relax(run, rho, first && plan.from_exact, budget)) return false;
-    parametric_.start(active_set_);
+    if (!elastic_.solve(
+            run, rho,
+            first && plan.from_exact ? ElasticRelaxation::Rows::held : ElasticRelaxation::Rows::violated,
+            budget))
+      return false;
+    parametric_.start(elastic_);
     failed_exchanges_.clear();
     failed_multiplier_.setConstant(std::numeric_limits<double>::infinity());
     const bool last = rho >= plan.rho_last ||
@@ -54,13 +58,12 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
 }
 
 double LocalSearch::least_improvement() const {
-  return tuning::search_gain *
-         std::max(tuning::search_small_objective, std::abs(active_set_.elastic_objective()));
+  return tuning::search_gain * std::max(tuning::search_small_objective, std::abs(elastic_.objective()));
 }
 
 double LocalSearch::largest_violation() const {
-  const Iterate& x = active_set_.x();
-  return std::max(max_abs(x.y()), max_abs(x.lambda())) / active_set_.rho();
+  const Iterate& x = elastic_.point().x;
+  return std::max(max_abs(x.y()), max_abs(x.lambda())) / elastic_.rho();
 }
 
 int LocalSearch::pulling(const Iterate& x, const WorkingSet& set) {
@@ -109,7 +112,7 @@ void LocalSearch::search_flips(Run& run, int patience, int last_factorization) {
       failed_multiplier_[pair] = multiplier;
       failed_slack_[pair] = parametric_.slack(free);
       const Parametric::Move flip[] = {{fixed, false}, {free, true}};
-      if (parametric_.follow(flip, active_set_.elastic_objective() - least_improvement(), 0.0) &&
+      if (parametric_.follow(flip, elastic_.objective() - least_improvement(), 0.0) &&
           take(run, {&pair, 1})) {
         any = true;
         failures = 0;
@@ -123,32 +126,32 @@ void LocalSearch::search_flips(Run& run, int patience, int last_factorization) {
 
 // Makes the moves that Parametric has just followed, or takes them back if its word was wrong.
 bool LocalSearch::take(Run& run, std::span<const Index> pairs) {
-  before_ = next_ = active_set_.set();
-  const double rho = active_set_.rho();
-  const double target = active_set_.elastic_objective() - 0.5 * least_improvement();
+  before_ = next_ = elastic_.point().set;
+  const double rho = elastic_.rho();
+  const double target = elastic_.objective() - 0.5 * least_improvement();
   for (const Index pair : pairs) next_.flip(pair);
   parametric_.read_active_rows(next_);
-  active_set_.set_working_set(next_);
-  const bool better = active_set_.relax(run, rho, true, tuning::search_move_budget) &&
-                      active_set_.elastic_objective() < target;
+  elastic_.point().set = next_;
+  const bool better = elastic_.solve(run, rho, ElasticRelaxation::Rows::held, tuning::search_move_budget) &&
+                      elastic_.objective() < target;
   if (better) {
     ++accepted_;
     ++run.iterations;
     report(run);
   } else {
-    active_set_.set_working_set(before_);
-    lost_ = !active_set_.relax(run, rho, true, tuning::search_move_budget);
+    elastic_.point().set = before_;
+    lost_ = !elastic_.solve(run, rho, ElasticRelaxation::Rows::held, tuning::search_move_budget);
     if (lost_) return false;
   }
-  parametric_.start(active_set_);
+  parametric_.start(elastic_);
   return better;
 }
 
 // An accepted move is an iteration of the search.
 void LocalSearch::report(Run& run) {
-  const Images& images = active_set_.images();
-  reporter_.tell(run, active_set_.x().z(), images.objective, violations(problem_, images),
-                 {.rho = active_set_.rho(), .step_length = 1.0});
+  const Images& images = elastic_.point().images;
+  reporter_.tell(run, elastic_.point().x.z(), images.objective, violations(problem_, images),
+                 {.rho = elastic_.rho(), .step_length = 1.0});
 }
 
 // Pairs that pull hardest, their other side not at zero.
@@ -214,9 +217,9 @@ bool LocalSearch::exchange_some(Run& run, int& failures, int patience, int last_
                                            {parametric_.free_row(pairs[0]), true},
                                            {parametric_.free_row(pairs[1]), true},
                                            {parametric_.fixed_row(pairs[0]), false}};
-      const double climb = tuning::exchange_climb *
-                           std::abs(active_set_.elastic_objective() + problem_.c0 * problem_.cost_scale);
-      if (parametric_.follow(exchange, active_set_.elastic_objective() - least_improvement(), climb) &&
+      const double climb =
+          tuning::exchange_climb * std::abs(elastic_.objective() + problem_.c0 * problem_.cost_scale);
+      if (parametric_.follow(exchange, elastic_.objective() - least_improvement(), climb) &&
           take(run, pairs)) {
         failures = 0;
         return true;

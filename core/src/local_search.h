@@ -1,4 +1,4 @@
-// Local search over partitions: which side of each pair is zero.
+// Local search over branches: which side of each pair is zero.
 //
 // The moves are flips of one pair and exchanges of two, judged by Parametric without a factorization. They
 // are searched on the elastic problem while its ρ rises: a soft problem lets a pair change sides before all
@@ -23,7 +23,7 @@ struct SearchPlan {
   double rho_last = tuning::exact_rho;
   double rho_soft = 0.0;  ///< flips are searched at the first ρ, up to this one, and at the last
   double rho_exchange = std::numeric_limits<double>::infinity();  ///< exchanges are searched from here on
-  bool from_exact = false;    ///< `active_set` is at the exact solution of its branch, not just near one
+  bool from_exact = false;    ///< the point is the exact solution of its branch, not just near one
   int first_patience = 0;     ///< flips in a row that may fail at the first ρ
   int flip_patience = 0;      ///< and at later ones
   int exchange_patience = 0;  ///< exchanges of two pairs in a row that may fail
@@ -31,11 +31,10 @@ struct SearchPlan {
 
 class LocalSearch {
  public:
-  LocalSearch(const ScaledProblem& problem, Kkt& kkt, ActiveSet& active_set);
+  LocalSearch(const ScaledProblem& problem, Kkt& kkt, ElasticRelaxation& elastic);
 
-  /// Searches from the partition and the point of `active_set`, up to the run's given count of
-  /// factorizations, and leaves `active_set` at the best elastic optimum found, for the last ρ. False if
-  /// there is none.
+  /// Searches from the branch and the point of `elastic`, up to the run's given count of factorizations, and
+  /// leaves that at the best elastic optimum found, for the last ρ. False if there is none.
   [[nodiscard]] bool run(Run& run, const SearchPlan& plan, int last_factorization);
   /// Pairs of an exact solution whose fixed side has descent on its other side: what there is to search.
   [[nodiscard]] static int pulling(const Iterate& x, const WorkingSet& set);
@@ -60,7 +59,7 @@ class LocalSearch {
   void report(Run& run);
 
   const ScaledProblem& problem_;
-  ActiveSet& active_set_;
+  ElasticRelaxation& elastic_;
   Parametric parametric_;
   WorkingSet before_, next_;
   std::vector<Candidate> candidates_, companions_;

@@ -27,8 +27,8 @@ bool Newton::factor(const Subproblem& sub, const Iterate& x, double delta, bool 
     const double u = std::sqrt(a * a + b * b);
     pivot_[i] = u * u + q / sub.rho;
     if (pivot_[i] <= 0.0) return false;
-    weights_.rows.left()[i] = sub.rho;
-    weights_.rows.right()[i] = q / pivot_[i];
+    weights_.rows.s()[i] = sub.rho;
+    weights_.rows.t()[i] = q / pivot_[i];
     weights_.cosine[i] = b / u;
     weights_.sine[i] = a / u;
   }
@@ -38,17 +38,17 @@ bool Newton::factor(const Subproblem& sub, const Iterate& x, double delta, bool 
 bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r, Iterate& d,
                        Images& images) {
   // W e + (a, −b)·r₃/π of one pair, for e = (e_L, e_R).
-  const auto first = weights_.rows.left();
-  const auto second = weights_.rows.right();
+  const auto weight_s = weights_.rows.s();
+  const auto weight_t = weights_.rows.t();
   const auto pair_image = [&](Eigen::Index i, double e_L, double e_R, double& out_L, double& out_R) {
     const Retraction h(x.sigma()[i], sub.kappa);
-    const double c = weights_.cosine[i];
-    const double s = weights_.sine[i];
-    const double along_first = first[i] * (c * e_L + s * e_R);
-    const double along_second = second[i] * (s * e_L - c * e_R);
+    const double cosine = weights_.cosine[i];
+    const double sine = weights_.sine[i];
+    const double across = weight_s[i] * (cosine * e_L + sine * e_R);
+    const double along = weight_t[i] * (sine * e_L - cosine * e_R);
     const double from_sigma = r.sigma()[i] / pivot_[i];
-    out_L = c * along_first + s * along_second + h.slope() * from_sigma;
-    out_R = s * along_first - c * along_second - h.negative_slope() * from_sigma;
+    out_L = cosine * across + sine * along + h.slope() * from_sigma;
+    out_R = sine * across - cosine * along - h.negative_slope() * from_sigma;
   };
 
   const auto omega = weights_.rows.inequality();
@@ -58,15 +58,16 @@ bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r
     from_rows[i] = omega[i] * (r.lambda_w()[i] - w.positive / w.negative * r.v()[i]);
   }
   for (Eigen::Index i = 0; i < pivot_.size(); ++i) {
-    pair_image(i, r.lambda_L()[i], r.lambda_R()[i], rhs_.left()[i], rhs_.right()[i]);
+    pair_image(i, r.lambda_L()[i], r.lambda_R()[i], rhs_.s()[i], rhs_.t()[i]);
   }
-  images.stationarity = r.z();  // borrowed as workspace for the right-hand side
-  add_transposed(problem_.rows, rhs_.all, images.stationarity);
-  d.z() = -images.stationarity;
+  auto dz = d.z();
+  dz = r.z();
+  add_transposed(problem_.rows, rhs_.all, dz);
+  dz = -dz;
   d.y() = -r.y();
-  if (!kkt_.solve(d.z(), d.y())) return false;
+  if (!kkt_.solve(dz, d.y())) return false;
 
-  images.evaluate_rows(problem_, d.z());
+  images.evaluate_rows(problem_, dz);
   for (Eigen::Index i = 0; i < omega.size(); ++i) {
     const Retraction w(x.v()[i], sub.kappa);
     const double reach = images.rows.all[i] + r.lambda_w()[i];  // C dz + r₄
@@ -78,8 +79,8 @@ bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r
   }
   for (Eigen::Index i = 0; i < pivot_.size(); ++i) {
     const Retraction h(x.sigma()[i], sub.kappa);
-    const double e_L = images.rows.left()[i] + r.lambda_L()[i];
-    const double e_R = images.rows.right()[i] + r.lambda_R()[i];
+    const double e_L = images.rows.s()[i] + r.lambda_L()[i];
+    const double e_R = images.rows.t()[i] + r.lambda_R()[i];
     double dL = 0.0;
     double dR = 0.0;
     pair_image(i, e_L, e_R, dL, dR);

@@ -9,12 +9,12 @@
 
 namespace marble {
 
-Optimality::Optimality(const ScaledProblem& problem, Kkt& kkt, const Options& options, ActiveSet& active_set,
+Optimality::Optimality(const ScaledProblem& problem, Kkt& kkt, const Options& options, BranchPoint& point,
                        Incumbent& incumbent)
     : problem_(problem),
       kkt_(kkt),
       options_(options),
-      active_set_(active_set),
+      point_(point),
       incumbent_(incumbent),
       convexity_(problem, kkt),
       base_(problem),
@@ -38,7 +38,7 @@ Optimality::Verdict Optimality::judge(Run& run) {
 
 Optimality::Descended Optimality::descend(Run& run, const Iterate& x, const WorkingSet& set,
                                           ConstVectorRef first) {
-  Descent descent(problem_, kkt_, active_set_);
+  Descent descent(problem_, kkt_, point_);
   const Descent::End end = descent.run(run, x, set, first, options_.local_search_budget);
   run.nonconvex = run.nonconvex || descent.began_at_saddle();
   Descended descended{descent.began_at_saddle(), {}};
@@ -81,7 +81,7 @@ bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive) 
     for (std::size_t k = 0; k < biactive.size(); ++k) {
       if ((branch >> k & 1U) != 0) branch_.flip(biactive[k]);
     }
-    active_set_.restore(incumbent_.best().x, branch_);
+    point_.restore(incumbent_.best().x, branch_);
     const Incumbent::Outcome outcome =
         incumbent_.solve_branch(run, "neighbouring branch", tuning::branch_budget);
     const Iterate& x = incumbent_.best().x;

@@ -14,7 +14,7 @@ namespace marble {
 
 class Optimality {
  public:
-  Optimality(const ScaledProblem& problem, Kkt& kkt, const Options& options, ActiveSet& active_set,
+  Optimality(const ScaledProblem& problem, Kkt& kkt, const Options& options, BranchPoint& point,
              Incumbent& incumbent);
 
   struct Verdict {
@@ -48,7 +48,7 @@ class Optimality {
   const ScaledProblem& problem_;
   Kkt& kkt_;
   const Options& options_;
-  ActiveSet& active_set_;
+  BranchPoint& point_;
   Incumbent& incumbent_;
   Convexity convexity_;
   WorkingSet base_, branch_;

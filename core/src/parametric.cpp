@@ -13,12 +13,17 @@ namespace {
 
 constexpr std::size_t square(Index n) { return static_cast<std::size_t>(n) * static_cast<std::size_t>(n); }
 
+// Responses to keep: of all rows if they fit, else enough for two candidates at least.
+double responses_kept(Index pairs, double rows) {
+  if (pairs == 0) return 0.0;
+  return std::min(rows, std::max(2.0 * tuning::parametric_changed,
+                                 tuning::parametric_cache_bytes / (8.0 * std::max(1.0, rows))));
+}
+
 }  // namespace
 
 double Parametric::response_bytes(Index pairs, double rows) {
-  const double capacity = std::max(2.0 * tuning::parametric_changed,
-                                   tuning::parametric_cache_bytes / (8.0 * std::max(1.0, rows)));
-  return pairs == 0 ? 0.0 : 8.0 * rows * std::min(rows, capacity);
+  return 8.0 * rows * responses_kept(pairs, rows);
 }
 
 Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
@@ -26,17 +31,12 @@ Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
       kkt_(kkt),
       rows_(problem.layout.size()),
       start_(problem),
-      start_fixed_(rows_),
-      fixed_(rows_),
-      is_changed_(rows_),
+      start_state_(rows_),
+      state_(rows_),
       start_value_(rows_),
       value_(rows_),
       value_rate_(rows_),
-      capacity_(problem.pairs() == 0
-                    ? 0
-                    : std::min(rows_, std::max<Index>(2 * tuning::parametric_changed,
-                                                      static_cast<Index>(tuning::parametric_cache_bytes /
-                                                                         (8.0 * rows_))))),
+      capacity_(static_cast<Index>(responses_kept(problem.pairs(), rows_))),
       responses_(new double[static_cast<std::size_t>(capacity_) * rows_]),
       response_of_row_(rows_),
       displacement_(problem.variables()),
@@ -47,14 +47,15 @@ Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
   changed_.reserve(tuning::parametric_changed + 2);  // direction() refuses only then
 }
 
-void Parametric::start(const ActiveSet& optimum) {
+void Parametric::start(const ElasticRelaxation& optimum) {
+  const BranchPoint& point = optimum.point();
   rho_ = optimum.rho();
-  start_objective_ = optimum.elastic_objective();
-  start_ = optimum.set();
+  start_objective_ = optimum.objective();
+  start_ = point.set;
   for (Index row = 0; row < rows_; ++row) {
     const bool fixed = start_.is_fixed(row);
-    const double value = start_.held[row] ? -optimum.x().lambda()[row] : optimum.images().rows.all[row];
-    start_fixed_[row] = fixed;
+    const double value = start_.held[row] ? -point.x.lambda()[row] : point.images.rows.all[row];
+    start_state_[row].fixed = fixed;
     start_value_[row] = fixed ? value : std::max(0.0, value);
   }
   std::fill(response_of_row_.begin(), response_of_row_.end(), -1);
@@ -63,8 +64,7 @@ void Parametric::start(const ActiveSet& optimum) {
 
 void Parametric::reset() {
   value_ = start_value_;
-  fixed_ = start_fixed_;
-  std::fill(is_changed_.begin(), is_changed_.end(), 0);
+  state_ = start_state_;
   changed_.clear();
   objective_ = start_objective_;
   events_ = 0;
@@ -149,9 +149,10 @@ Index Parametric::first_event(double& length, Index driven) const {
   Index first = -1;
   const double* value = value_.data();
   const double* rate = value_rate_.data();
+  const RowState* state = state_.data();
   for (Index i = 0; i < rows_; ++i) {
-    if (value[i] + length * rate[i] >= 0.0 || rate[i] >= -tuning::parametric_flat_rate || is_changed_[i] ||
-        fixed_[i])
+    if (value[i] + length * rate[i] >= 0.0 || rate[i] >= -tuning::parametric_flat_rate || state[i].changed ||
+        state[i].fixed)
       continue;
     const double at = std::max(0.0, value[i]) / -rate[i];
     if (at < length) {
@@ -160,7 +161,7 @@ Index Parametric::first_event(double& length, Index driven) const {
     }
   }
   for (const Changed& changed : changed_) {
-    if (changed.row == driven || fixed_[changed.row] || changed.rate >= -tuning::parametric_flat_rate)
+    if (changed.row == driven || state[changed.row].fixed || changed.rate >= -tuning::parametric_flat_rate)
       continue;
     const double at = std::max(0.0, changed.value) / -changed.rate;
     if (at < length) {
@@ -185,23 +186,23 @@ std::size_t Parametric::find(Index row) const {
 void Parametric::toggle(Index row) {
   ++events_;
   value_[row] = 0.0;
-  if (is_changed_[row]) {
+  if (state_[row].changed) {
     changed_.erase(changed_.begin() + static_cast<std::ptrdiff_t>(find(row)));
   } else {
     changed_.push_back({row, 0.0});
   }
-  is_changed_[row] ^= 1U;
+  state_[row].changed = !state_[row].changed;
 }
 
 // Raises the slack of a fixed active row until its multiplier, negative, has come to 0.
 bool Parametric::release(Index row) {
-  fixed_[row] = 0;
+  state_[row].fixed = false;
   if (value_[row] >= -tuning::parametric_noise) {
     value_[row] = std::max(0.0, value_[row]);
     return true;
   }
   double slack = 0.0;
-  is_changed_[row] = 1;
+  state_[row].changed = true;
   for (Index event = row; event >= 0;) {
     if (events_ > tuning::parametric_events || !direction(row, 1.0, -1)) return false;
     const double rate = value_rate_[row];
@@ -221,26 +222,25 @@ bool Parametric::release(Index row) {
 // Lowers a row's slack to 0, where it stays as an equality. False once the objective cannot end below
 // `limit`.
 bool Parametric::drive(Index row, double limit) {
-  fixed_[row] = 1;
-  double slack = start_.held[row] ? 0.0 : std::max(0.0, value_[row]);
-  bool was_released = false;  // active at the start, inactive now: its own slack is the prescribed one
-  if (is_changed_[row]) {
-    slack = 0.0;
-    if (start_.held[row]) {
-      const std::size_t k = find(row);
-      was_released = true;
-      slack = changed_[k].value;
-      changed_.erase(changed_.begin() + static_cast<std::ptrdiff_t>(k));
-    }
-  } else if (!start_.held[row]) {
+  state_[row].fixed = true;
+  if (is_active(row)) return objective_ < limit;
+  // The slack of a row that was released before is prescribed; else the force that lowers it is solved for.
+  const bool prescribed = start_.held[row] != 0;
+  double slack = 0.0;
+  if (prescribed) {
+    const std::size_t k = find(row);
+    slack = changed_[k].value;
+    changed_.erase(changed_.begin() + static_cast<std::ptrdiff_t>(k));
+  } else {
+    slack = std::max(0.0, value_[row]);
     changed_.push_back({row, 0.0});
-    is_changed_[row] = 1;
+    state_[row].changed = true;
     if (slack <= tuning::rounding) value_[row] = 0.0;
   }
   while (slack > tuning::rounding) {
-    if (events_ > tuning::parametric_events || !direction(was_released ? row : -1, -1.0, row)) return false;
-    const double multiplier = was_released ? value_[row] : changed_[find(row)].value;
-    const double rate = was_released ? value_rate_[row] : changed_[find(row)].rate;
+    if (events_ > tuning::parametric_events || !direction(prescribed ? row : -1, -1.0, row)) return false;
+    const double multiplier = prescribed ? value_[row] : changed_[find(row)].value;
+    const double rate = prescribed ? value_rate_[row] : changed_[find(row)].rate;
     double length = slack;
     const Index event = first_event(length, row);
     objective_ -= length * (multiplier + 0.5 * rate * length);
@@ -251,7 +251,7 @@ bool Parametric::drive(Index row, double limit) {
     if (event < 0) break;
     toggle(event);
   }
-  if (was_released) is_changed_[row] = 0;
+  if (prescribed) state_[row].changed = false;
   return objective_ < limit;
 }
 
@@ -270,7 +270,7 @@ std::optional<double> Parametric::follow(std::span<const Move> moves, double cut
 }
 
 void Parametric::read_active_rows(WorkingSet& set) const {
-  set.for_each_free_row([&](Index row) { set.held[row] = start_.held[row] != is_changed_[row]; });
+  set.for_each_free_row([&](Index row) { set.held[row] = is_active(row); });
 }
 
 bool Parametric::probe(Index release, Index drive) {

@@ -1,6 +1,7 @@
-// Parametric active set: how the optimum of an elastic piece moves while rows are released or driven to zero.
+// Parametric active set: how the optimum of an elastic branch moves while rows are released or driven to
+// zero.
 //
-// A row is an inequality or a side of a pair: C, then L, then R. From the optimum that ActiveSet::relax
+// A row is an inequality or a side of a pair: C, then L, then R. From the optimum that ElasticRelaxation
 // found, a released row's slack grows until its multiplier is gone, a driven row's slack falls to 0 and stays
 // there; between the steps at which other rows become active or inactive everything is linear, and the
 // objective quadratic. Rows that differ from the factorized working set are bordered: what unit forces (or
@@ -16,7 +17,7 @@
 #include <span>
 #include <vector>
 
-#include "active_set.h"
+#include "elastic_relaxation.h"
 
 namespace marble {
 
@@ -32,7 +33,7 @@ class Parametric {
   [[nodiscard]] static double response_bytes(Index pairs, double rows);
 
   /// From now on moves start at this optimum, whose factor `kkt` must hold.
-  void start(const ActiveSet& optimum);
+  void start(const ElasticRelaxation& optimum);
 
   /// Rows of pair i at the start: the side its branch fixes, and the other one.
   [[nodiscard]] Index fixed_row(Index pair) const { return start_.fixed_row(pair); }
@@ -61,6 +62,11 @@ class Parametric {
     double value;  // its multiplier if it was inactive at the start, its slack if it was active
     double rate = 0.0;
   };
+  // A row on the way: from the start it takes what the moves and events before have made of it.
+  struct RowState {
+    bool fixed = false;    // it stays at zero whatever its multiplier
+    bool changed = false;  // it is active and was not at the start, or the other way round
+  };
   void reset();
   [[nodiscard]] const double* response(Index row);
   [[nodiscard]] bool direction(Index prescribed, double prescribed_rate, Index driven);
@@ -70,6 +76,7 @@ class Parametric {
   [[nodiscard]] bool release(Index row);
   [[nodiscard]] bool drive(Index row, double limit);
   [[nodiscard]] std::size_t find(Index row) const;
+  [[nodiscard]] bool is_active(Index row) const { return (start_.held[row] != 0) != state_[row].changed; }
 
   const ScaledProblem& problem_;
   Kkt& kkt_;
@@ -77,9 +84,10 @@ class Parametric {
   double rho_ = 1.0, start_objective_ = 0.0, objective_ = 0.0;
   int events_ = 0;
   WorkingSet start_;
-  std::vector<std::uint8_t> start_fixed_;         // by row, of start_
-  std::vector<std::uint8_t> fixed_, is_changed_;  // on the way
-  Vector start_value_, value_, value_rate_;       // by row: multiplier if active at the start, else slack
+  std::vector<RowState> start_state_, state_;  // by row
+  // By row: its multiplier if it was active at the start, else its slack. Of a changed row that is the one
+  // that stays 0, but for the row that a move is about.
+  Vector start_value_, value_, value_rate_;
   std::vector<Changed> changed_;
   // Responses of all rows to a unit force in a row (to a unit slack, if it is active), by order of first use.
   Index capacity_, used_ = 0;

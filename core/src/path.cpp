@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "retraction.h"
 #include "tuning.h"
@@ -20,7 +21,7 @@ PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& op
       options_(options),
       newton_(problem, kkt),
       sub_(problem),
-      schedule_(options, sub_),
+      schedule_(options),
       regularization_(first_regularization(options)),
       filter_(problem),
       x_(problem),
@@ -34,6 +35,7 @@ PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& op
 
 // Algorithm 1; start() is lines 1–2. Line numbers are the paper's.
 std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
+  const bool to_its_end = kappa_end <= options_.kappa_min;
   lost_ = false;
   while (true) {
     evaluate();  // line 4
@@ -44,12 +46,12 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
     if (schedule_.inner_converged(sub_, residual_norm_)) {  // lines 20–29
       if (schedule_.exhausted(sub_) && stall_.stalled(largest(violations_) + residual_norm_))
         return explain(true);
-      if (sub_.kappa <= kappa_end && kappa_end > options_.kappa_min) return std::nullopt;
+      if (!to_its_end && sub_.kappa <= kappa_end) return std::nullopt;
       begin_subproblem(run);
-    } else if (lost(kappa_end <= options_.kappa_min)) {
+    } else if (++inner_steps_ > patience(to_its_end)) {
       lost_ = true;
       if (!retreat()) return explain(false);
-      if (kappa_end > options_.kappa_min) return std::nullopt;
+      if (!to_its_end) return std::nullopt;
     }
     if (!step(run)) {  // lines 5–19
       if (const auto reason = run.interrupted()) return give_best(*reason);
@@ -59,13 +61,13 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
 }
 
 void PathEngine::start(ConstVectorRef initial_z) {
-  schedule_ = Schedule(options_, sub_);
+  schedule_.begin(sub_);
   leaning_ = false;
   regularization_ = first_regularization(options_);
   x_.all.setZero();
   x_.z() = initial_z;
   images_.evaluate(problem_, x_);
-  x_.sigma() = images_.rows.left() - images_.rows.right();  // the point of the curve nearest to (s, t)
+  x_.sigma() = images_.rows.s() - images_.rows.t();  // the point of the curve nearest to (s, t)
   x_.v() = images_.rows.inequality();
   for (Eigen::Index i = 0; i < x_.v().size(); ++i) {
     x_.lambda_w()[i] = -Retraction(x_.v()[i], sub_.kappa).negative;  // (12): r₂ = 0
@@ -130,10 +132,10 @@ void PathEngine::begin_subproblem(Run& run) {
 }
 
 // The fast path lowers κ boldly; too many steps at one κ say that it was too bold.
-bool PathEngine::lost(bool last_resort) {
-  if (options_.path != Path::fast) return false;
-  const int patience = inner_solution_kappa_ > 0.0 ? tuning::path_patience : tuning::path_first_patience;
-  return ++inner_steps_ > (last_resort ? tuning::path_last_resort * patience : patience);
+int PathEngine::patience(bool last_resort) const {
+  if (options_.path != Path::fast) return std::numeric_limits<int>::max();
+  const int steps = inner_solution_kappa_ > 0.0 ? tuning::path_patience : tuning::path_first_patience;
+  return last_resort ? tuning::path_last_resort * steps : steps;
 }
 
 bool PathEngine::retreat() {

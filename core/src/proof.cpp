@@ -5,7 +5,7 @@
 #include <memory>
 #include <utility>
 
-#include "active_set.h"
+#include "branch_engines.h"
 #include "termination.h"
 #include "tuning.h"
 
@@ -79,7 +79,7 @@ class Branch {
     value += p.offset;
     WorkingSet set(p);
     for (Index i = 0; i < p.pairs(); ++i) {
-      set.fix(i, value[p.layout.left(i)] < value[p.layout.right(i)], false);
+      set.fix(i, value[p.layout.s(i)] < value[p.layout.t(i)], false);
       append_row(p.rows, set.fixed_row(i), problem_.A);
       b.push_back(p.offset[set.fixed_row(i)]);
     }
@@ -95,7 +95,7 @@ class Branch {
     problem_.b = Vector::Zero(b_.size());
     problem_.offset = Vector::Zero(d_.size());
     kkt_ = make_kkt(problem_, interrupt);
-    if (kkt_ != nullptr) active_set_ = std::make_unique<ActiveSet>(problem_, *kkt_);
+    if (kkt_ != nullptr) engines_ = std::make_unique<BranchEngines>(problem_, *kkt_);
   }
 
   /// The nearest point of the cone to `target`; nothing if that fails.
@@ -113,17 +113,17 @@ class Branch {
 
  private:
   std::optional<Vector> nearest(Run& run, ConstVectorRef target) {
-    if (active_set_ == nullptr) return std::nullopt;
+    if (engines_ == nullptr) return std::nullopt;
     problem_.g = -target;
-    active_set_->start_from_point(target);
-    if (!active_set_->solve(run, tuning::proof_budget) || !active_set_->sharpen()) return std::nullopt;
-    return Vector(active_set_->x().z());
+    engines_->point.start_from_point(target);
+    if (!engines_->exact.solve(run, tuning::proof_budget) || !engines_->point.sharpen()) return std::nullopt;
+    return Vector(engines_->point.x.z());
   }
 
   ScaledProblem problem_;
   Vector b_, d_;  // of the polyhedron
   std::unique_ptr<Kkt> kkt_;
-  std::unique_ptr<ActiveSet> active_set_;
+  std::unique_ptr<BranchEngines> engines_;
 };
 
 }  // namespace
@@ -137,11 +137,13 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
   relaxed.layout.inequalities = p.layout.size();  // every side of a pair, without complementarity
   const std::unique_ptr<Kkt> kkt = make_kkt(relaxed, run.interrupt());
   if (kkt == nullptr) return std::nullopt;
-  ActiveSet active_set(relaxed, *kkt);
-  active_set.start_from_point(z);
-  if (!active_set.relax(run, tuning::proof_rho, false, tuning::proof_budget)) return std::nullopt;
-  Vector y = active_set.x().y();
-  Vector lambda = active_set.x().lambda();
+  BranchEngines engines(relaxed, *kkt);
+  const Iterate& elastic = engines.point.x;
+  engines.point.start_from_point(z);
+  if (!engines.elastic.solve(run, tuning::proof_rho, ElasticRelaxation::Rows::violated, tuning::proof_budget))
+    return std::nullopt;
+  Vector y = elastic.y();
+  Vector lambda = elastic.lambda();
   // r = Aᵀy + Cᵀλ is what the proximal term pulls, not 0. The elastic system M = δI + ρ(AᵀA + CᵀC over
   // violated rows) is at hand: with M x = r, y − ρAx and λ − ρCx leave δx of it.
   Vector residual(p.variables());
@@ -160,7 +162,7 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
     }
   }
   Iterate x(p);
-  x.z() = active_set.x().z();
+  x.z() = elastic.z();
   x.y() = y;
   x.lambda() = lambda;
   return infeasibility_certificate(p, x);

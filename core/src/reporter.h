@@ -27,7 +27,7 @@ class Reporter {
     progress.elapsed_s = run.elapsed_s();
     progress.z = {z_.data(), static_cast<std::size_t>(z_.size())};
     if (run.sink()->wants_pairs()) {
-      multiply(problem_.rows, z, sides_, problem_.layout.left(0));
+      multiply(problem_.rows, z, sides_, problem_.layout.s(0));
       sides_ = (sides_ + problem_.offset.tail(sides_.size()))
                    .cwiseQuotient(problem_.row_scale.tail(sides_.size()));
       const std::span<const double> sides(sides_.data(), static_cast<std::size_t>(sides_.size()));

@@ -46,19 +46,19 @@ void residual(const Subproblem& sub, const Images& images, const Iterate& x, Ite
   r.z() = images.stationarity;
   r.y() = images.equality + softness * (sub.equality_estimate - x.y());
   const auto inequality = images.rows.inequality();
-  const auto left = images.rows.left();
-  const auto right = images.rows.right();
+  const auto s = images.rows.s();
+  const auto t = images.rows.t();
   for (Eigen::Index i = 0; i < inequality.size(); ++i) {
     const Retraction w(x.v()[i], kappa);
     r.v()[i] = x.lambda_w()[i] + w.negative;
     r.lambda_w()[i] =
         softness * (sub.row_estimate.inequality()[i] - x.lambda_w()[i]) + inequality[i] - w.positive;
   }
-  for (Eigen::Index i = 0; i < left.size(); ++i) {
+  for (Eigen::Index i = 0; i < s.size(); ++i) {
     const Retraction h(x.sigma()[i], kappa);
     r.sigma()[i] = h.negative_slope() * x.lambda_R()[i] - h.slope() * x.lambda_L()[i];
-    r.lambda_L()[i] = softness * (sub.row_estimate.left()[i] - x.lambda_L()[i]) + left[i] - h.positive;
-    r.lambda_R()[i] = softness * (sub.row_estimate.right()[i] - x.lambda_R()[i]) + right[i] - h.negative;
+    r.lambda_L()[i] = softness * (sub.row_estimate.s()[i] - x.lambda_L()[i]) + s[i] - h.positive;
+    r.lambda_R()[i] = softness * (sub.row_estimate.t()[i] - x.lambda_R()[i]) + t[i] - h.negative;
   }
 }
 
@@ -82,8 +82,8 @@ Violations violations(const ScaledProblem& p, const Images& images) {
     raise(worst.inequality, -value[row] / p.row_scale[row]);
   }
   for (Index pair = 0; pair < rows.pairs; ++pair) {
-    const double s = value[rows.left(pair)] / p.row_scale[rows.left(pair)];
-    const double t = value[rows.right(pair)] / p.row_scale[rows.right(pair)];
+    const double s = value[rows.s(pair)] / p.row_scale[rows.s(pair)];
+    const double t = value[rows.t(pair)] / p.row_scale[rows.t(pair)];
     raise(worst.complementarity, std::abs(t < s || std::isnan(t) ? t : s));
   }
   return worst;

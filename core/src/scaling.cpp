@@ -125,13 +125,13 @@ bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
   replace(update.g, p.variable_scale, p.cost_scale, p.g);
   replace(update.b, p.equality_scale, 1.0, p.b);
   replace(update.d, p.row_scale, 1.0, p.offset);
-  replace(update.l, p.row_scale, 1.0, p.offset, rows.left(0));
-  replace(update.r, p.row_scale, 1.0, p.offset, rows.right(0));
+  replace(update.l, p.row_scale, 1.0, p.offset, rows.s(0));
+  replace(update.r, p.row_scale, 1.0, p.offset, rows.t(0));
   bool changed = replace(update.Q, p.variable_scale, p.cost_scale, p.Q);
   changed |= replace(update.A, p.equality_scale, p.variable_scale, p.A, 0, p.A.rows);
   changed |= replace(update.C, p.row_scale, p.variable_scale, p.rows, 0, rows.inequalities);
-  changed |= replace(update.L, p.row_scale, p.variable_scale, p.rows, rows.left(0), rows.pairs);
-  changed |= replace(update.R, p.row_scale, p.variable_scale, p.rows, rows.right(0), rows.pairs);
+  changed |= replace(update.L, p.row_scale, p.variable_scale, p.rows, rows.s(0), rows.pairs);
+  changed |= replace(update.R, p.row_scale, p.variable_scale, p.rows, rows.t(0), rows.pairs);
   return changed;
 }
 

@@ -13,11 +13,12 @@ bool Regularization::raise() {
   return current_ <= tuning::largest_delta;
 }
 
-Schedule::Schedule(const Options& options, Subproblem& sub) : options_(options) {
-  const bool fast = options.path == Path::fast;
+void Schedule::begin(Subproblem& sub) const {
+  const bool fast = options_.path == Path::fast;
   const double own_kappa = fast ? tuning::path_first_kappa : tuning::paper_first_kappa;
-  sub.kappa = std::max(options.kappa_initial > 0.0 ? options.kappa_initial : own_kappa, options.kappa_min);
-  sub.rho = fast ? options.rho_max : std::min(options.rho_initial, options.rho_max);
+  const double first_kappa = options_.kappa_initial > 0.0 ? options_.kappa_initial : own_kappa;
+  sub.kappa = std::max(first_kappa, options_.kappa_min);
+  sub.rho = fast ? options_.rho_max : std::min(options_.rho_initial, options_.rho_max);
 }
 
 bool Schedule::inner_converged(const Subproblem& sub, double residual_norm) const {
@@ -25,7 +26,7 @@ bool Schedule::inner_converged(const Subproblem& sub, double residual_norm) cons
   return residual_norm <= std::max(tuning::path_centrality * sub.kappa, options_.stationarity_tolerance);
 }
 
-void Schedule::advance(Subproblem& sub, const Iterate& x) {
+void Schedule::advance(Subproblem& sub, const Iterate& x) const {
   if (sub.rho < options_.rho_max) {
     sub.rho = std::min(options_.rho_factor * sub.rho, options_.rho_max);
     return;

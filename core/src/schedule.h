@@ -27,12 +27,14 @@ class Regularization {
 /// Decides when an inner loop ends and what the next subproblem is.
 class Schedule {
  public:
-  Schedule(const Options& options, Subproblem& sub);
+  explicit Schedule(const Options& options) : options_(options) {}
 
+  /// κ and ρ of the first subproblem.
+  void begin(Subproblem& sub) const;
   /// Whether ‖r‖∞ is small enough for this subproblem.
   [[nodiscard]] bool inner_converged(const Subproblem& sub, double residual_norm) const;
   /// Algorithm 1, lines 23–28: ρ first, then κ and the multiplier estimates.
-  void advance(Subproblem& sub, const Iterate& x);
+  void advance(Subproblem& sub, const Iterate& x) const;
   /// The fast path's second thought: κ was lowered too far to be followed from where it was `kappa_before`.
   /// Goes half of the way (in log κ). False once the way left is too short to matter.
   [[nodiscard]] bool retreat(Subproblem& sub, double kappa_before) const;
@@ -40,7 +42,7 @@ class Schedule {
   [[nodiscard]] bool exhausted(const Subproblem& sub) const;
 
  private:
-  Options options_;
+  const Options& options_;
 };
 
 }  // namespace marble

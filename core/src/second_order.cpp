@@ -52,16 +52,16 @@ class ActiveRowFinder {
       add(row, held);
     }
     for (Index i = 0; i < p_.pairs(); ++i) {
-      const Index left = p_.layout.left(i);
-      const Index right = p_.layout.right(i);
-      const bool both_held = set_.held[left] != 0 && set_.held[right] != 0;
-      if (!both_held && std::max(images_.rows.all[left], images_.rows.all[right]) > tuning::zero) {
+      const Index s = p_.layout.s(i);
+      const Index t = p_.layout.t(i);
+      const bool both_held = set_.held[s] != 0 && set_.held[t] != 0;
+      if (!both_held && std::max(images_.rows.all[s], images_.rows.all[t]) > tuning::zero) {
         strong_.emplace_back(&p_.rows, set_.fixed_row(i));
         continue;
       }
-      rows_.all.held[left] = rows_.all.held[right] = 1;
-      add(left, set_.held[left] != 0);
-      add(right, set_.held[right] != 0);
+      rows_.all.held[s] = rows_.all.held[t] = 1;
+      add(s, set_.held[s] != 0);
+      add(t, set_.held[t] != 0);
     }
     return std::move(rows_);
   }
@@ -112,17 +112,17 @@ std::optional<Eigen::MatrixXd> unit_moves(const ScaledProblem& p, Kkt& kkt, cons
                                           Run& run) {
   ScaledProblem homogeneous = p;
   for (Vector* vector : {&homogeneous.g, &homogeneous.b, &homogeneous.offset}) vector->setZero();
-  ActiveSet active_set(homogeneous, kkt);
-  active_set.set_working_set(rows.all);
-  if (!active_set.factor(run, tuning::exact_rho, tuning::exact_delta)) return std::nullopt;
+  BranchPoint point(homogeneous, kkt);
+  point.set = rows.all;
+  if (!point.factor(run, tuning::exact_rho, tuning::exact_delta)) return std::nullopt;
   const Iterate origin(p);
   Eigen::MatrixXd moves(p.variables(), static_cast<Eigen::Index>(rows.weak.size()));
   for (std::size_t k = 0; k < rows.weak.size(); ++k) {
     for (const Index row : rows.weak[k])
       homogeneous.offset[row] = -ratio(p.rows, row, p.rows, rows.weak[k].front());
-    active_set.restore(origin, rows.all);
-    if (!active_set.sharpen()) return std::nullopt;
-    moves.col(static_cast<Eigen::Index>(k)) = active_set.x().z();
+    point.restore(origin, rows.all);
+    if (!point.sharpen()) return std::nullopt;
+    moves.col(static_cast<Eigen::Index>(k)) = point.x.z();
     for (const Index row : rows.weak[k]) homogeneous.offset[row] = 0.0;
   }
   return moves;
@@ -138,7 +138,7 @@ bool release(const ActiveRows& rows, unsigned subset, WorkingSet& set) {
       } else {
         const Index pair = set.layout.pair_of(row);
         if (set.held[set.free_row(pair)] == 0) return false;
-        set.fix(pair, !set.layout.is_left(row), false);
+        set.fix(pair, !set.layout.is_s(row), false);
       }
     }
   }

@@ -8,7 +8,7 @@
 
 #include <optional>
 
-#include "active_set.h"
+#include "branch_point.h"
 
 namespace marble {
 

@@ -88,8 +88,8 @@ Solution answer(const ScaledProblem& problem, const Ending& ending, const Iterat
   const RowLayout& rows = problem.layout;
   const Vector& scale = problem.row_scale;
   solution.inequality_multipliers = unscaled(x.lambda_w(), rows.inequality_part(scale), -cost);
-  solution.complementarity_multipliers_L = unscaled(x.lambda_L(), rows.left_part(scale), -cost);
-  solution.complementarity_multipliers_R = unscaled(x.lambda_R(), rows.right_part(scale), -cost);
+  solution.complementarity_multipliers_L = unscaled(x.lambda_L(), rows.s_part(scale), -cost);
+  solution.complementarity_multipliers_R = unscaled(x.lambda_R(), rows.t_part(scale), -cost);
   if (is_solved(ending.status)) solution.stationarity = classify(images, x);
   solution.objective = cost * images.objective + problem.c0;
   solution.violations = violations(problem, images);
@@ -147,11 +147,11 @@ Expected<void> Solver::State::take_warm_start(const Solution& solution) {
   }
   if (taken) {
     taken = take(solution.complementarity_multipliers_L, "warm_start.complementarity_multipliers_L",
-                 problem.layout.left_part(problem.row_scale), -cost, warm_start.lambda_L());
+                 problem.layout.s_part(problem.row_scale), -cost, warm_start.lambda_L());
   }
   if (taken) {
     taken = take(solution.complementarity_multipliers_R, "warm_start.complementarity_multipliers_R",
-                 problem.layout.right_part(problem.row_scale), -cost, warm_start.lambda_R());
+                 problem.layout.t_part(problem.row_scale), -cost, warm_start.lambda_R());
   }
   return taken;
 }

@@ -100,16 +100,16 @@ void SparseKkt::gather_rows(const ScaledProblem& problem, KeptRows kept) {
   pair_rows_.resize(problem.pairs());
   for (Index i = 0; i < problem.pairs(); ++i) {
     Row& row = pair_rows_[i];
-    Index p = problem.rows.row_pointers[problem.layout.left(i)];
-    Index q = problem.rows.row_pointers[problem.layout.right(i)];
-    const Index p_end = problem.rows.row_pointers[problem.layout.left(i) + 1];
-    const Index q_end = problem.rows.row_pointers[problem.layout.right(i) + 1];
+    Index p = problem.rows.row_pointers[problem.layout.s(i)];
+    Index q = problem.rows.row_pointers[problem.layout.t(i)];
+    const Index p_end = problem.rows.row_pointers[problem.layout.s(i) + 1];
+    const Index q_end = problem.rows.row_pointers[problem.layout.t(i) + 1];
     while (p < p_end || q < q_end) {
-      const Index left = p < p_end ? problem.rows.column_indices[p] : variables_;
-      const Index right = q < q_end ? problem.rows.column_indices[q] : variables_;
-      row.columns.push_back(std::min(left, right));
-      if (left <= right) ++p;
-      if (right <= left) ++q;
+      const Index s_column = p < p_end ? problem.rows.column_indices[p] : variables_;
+      const Index t_column = q < q_end ? problem.rows.column_indices[q] : variables_;
+      row.columns.push_back(std::min(s_column, t_column));
+      if (s_column <= t_column) ++p;
+      if (t_column <= s_column) ++q;
     }
     row.values.resize(row.columns.size());
     row.second_values.resize(row.columns.size());
@@ -219,8 +219,8 @@ void SparseKkt::load(const ScaledProblem& problem) {
     }
   };
   for (Index i = 0; i < problem.pairs(); ++i) {
-    spread(problem.layout.left(i), pair_rows_[i], pair_rows_[i].values);
-    spread(problem.layout.right(i), pair_rows_[i], pair_rows_[i].second_values);
+    spread(problem.layout.s(i), pair_rows_[i], pair_rows_[i].values);
+    spread(problem.layout.t(i), pair_rows_[i], pair_rows_[i].second_values);
   }
 }
 
@@ -260,21 +260,22 @@ void SparseKkt::assemble(const RowWeights& weights) {
   for (std::size_t i = 0; i < pair_rows_.size(); ++i) {
     const Row& row = pair_rows_[i];
     const auto index = static_cast<Index>(i);
-    const double c = weights.cosine[index];
-    const double s = weights.sine[index];
-    const double first = weights.rows.left()[index];
-    const double second = weights.rows.right()[index];
+    const double cosine = weights.cosine[index];
+    const double sine = weights.sine[index];
+    const double weight_s = weights.rows.s()[index];
+    const double weight_t = weights.rows.t()[index];
     if (!row.kept) {
-      add_condensed(row, first * c * c + second * s * s, (first - second) * c * s,
-                    first * s * s + second * c * c);
+      add_condensed(row, weight_s * cosine * cosine + weight_t * sine * sine,
+                    (weight_s - weight_t) * cosine * sine,
+                    weight_s * sine * sine + weight_t * cosine * cosine);
       continue;
     }
     for (std::size_t k = 0; k < row.slots.size(); ++k) {
-      values_[row.slots[k]] = c * row.values[k] + s * row.second_values[k];
-      values_[row.second_slots[k]] = s * row.values[k] - c * row.second_values[k];
+      values_[row.slots[k]] = cosine * row.values[k] + sine * row.second_values[k];
+      values_[row.second_slots[k]] = sine * row.values[k] - cosine * row.second_values[k];
     }
-    values_[row.diagonal] = minus_inverse(first);
-    values_[row.second_diagonal] = minus_inverse(second);
+    values_[row.diagonal] = minus_inverse(weight_s);
+    values_[row.second_diagonal] = minus_inverse(weight_t);
   }
 }
 
@@ -284,7 +285,7 @@ Index SparseKkt::kept_negative_weights(const RowWeights& weights) const {
   for (std::size_t i = 0; i < pair_rows_.size(); ++i) {
     if (!pair_rows_[i].kept) continue;
     const auto pair = static_cast<Index>(i);
-    count += negative(weights.rows.left()[pair]) + negative(weights.rows.right()[pair]);
+    count += negative(weights.rows.s()[pair]) + negative(weights.rows.t()[pair]);
   }
   return count;
 }

@@ -9,10 +9,10 @@ namespace marble {
 
 std::vector<Index> biactive_pairs(const Images& images) {
   std::vector<Index> pairs;
-  const auto left = images.rows.left();
-  const auto right = images.rows.right();
-  for (Index i = 0; i < static_cast<Index>(left.size()); ++i) {
-    if (std::max(left[i], right[i]) <= tuning::zero) pairs.push_back(i);
+  const auto s = images.rows.s();
+  const auto t = images.rows.t();
+  for (Index i = 0; i < static_cast<Index>(s.size()); ++i) {
+    if (std::max(s[i], t[i]) <= tuning::zero) pairs.push_back(i);
   }
   return pairs;
 }

@@ -24,10 +24,10 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
     : problem_(problem),
       options_(options),
       path_(problem, kkt, options),
-      active_set_(problem, kkt),
-      incumbent_(problem, options, active_set_),
-      branches_(problem, kkt, options, path_, active_set_, incumbent_),
-      optimality_(problem, kkt, options, active_set_, incumbent_),
+      branch_(problem, kkt),
+      incumbent_(problem, options, branch_.exact),
+      search_(problem, kkt, options, path_, branch_, incumbent_),
+      optimality_(problem, kkt, options, branch_.point, incumbent_),
       path_point_(problem) {}
 
 Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z,
@@ -36,7 +36,7 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z,
   path_point_.violations.equality = std::numeric_limits<double>::infinity();  // none yet
   looked_for_ = {};
   if (warm_start && options_.polish &&
-      branches_.resume(run, *warm_start->solution, warm_start->cold_objective)) {
+      search_.resume(run, *warm_start->solution, warm_start->cold_objective)) {
     Answer answer = finish_exact(run);
     answer.stayed_warm = true;
     return answer;
@@ -65,11 +65,11 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z) {
   bool path_borrowed = false;
   if (options_.polish) {
     if (branch == PathBranch::exact) {
-      path_borrowed = branches_.improve(run, initial_z);
+      path_borrowed = search_.improve(run, initial_z);
     } else if (options_.path == Path::fast) {
-      path_borrowed = branches_.find(run, initial_z);
+      path_borrowed = search_.find(run, initial_z);
     }
-    branches_.start_further(run, path_borrowed);
+    search_.start_further(run, path_borrowed);
     const bool exact = incumbent_.exists() && branch != PathBranch::path_is_lower;
     if (exact || (end && is_solved(end->status))) return end;
   }
@@ -100,7 +100,7 @@ std::optional<Ending> Strategy::follow_path(Run& run, double kappa_end) {
 Strategy::PathBranch Strategy::solve_path_branch(Run& run) {
   const Run::Polishing polishing(run);
   const double objective = path_.objective();
-  active_set_.start_from_path(path_.iterate());
+  branch_.point.start_from_path(path_.iterate());
   if (incumbent_.solve_branch(run, "path", tuning::exact_budget) == Incumbent::Outcome::not_exact)
     return PathBranch::not_exact;
   return path_is_lower(path_.violations_at(), objective) ? PathBranch::path_is_lower : PathBranch::exact;
@@ -162,16 +162,16 @@ Optimality::Descended Strategy::descend_from_path(Run& run) {
   if (!options_.polish || options_.local_search_budget == 0 || optimality_.known_convex()) return {};
   const Run::Polishing polishing(run);
   if (within_tolerances(path_point_.violations, options_)) {
-    active_set_.start_from_path(path_point_.x);
+    branch_.point.start_from_path(path_point_.x);
   } else {
     if (!run.nonconvex) return {};
     const Vector z = path_point_.x.z();
     const std::optional<Vector> point = feasible_point(problem_, options_, z, z, run);
     if (!point) return {};
-    active_set_.set_working_set(WorkingSet(problem_));
-    active_set_.start_from_point(*point);
+    branch_.point.set = WorkingSet(problem_);
+    branch_.point.start_from_point(*point);
   }
-  return optimality_.descend(run, active_set_.x(), active_set_.set(), Vector());
+  return optimality_.descend(run, branch_.point.x, branch_.point.set, Vector());
 }
 
 // Once a solve each.

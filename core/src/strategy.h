@@ -65,9 +65,9 @@ class Strategy {
   const ScaledProblem& problem_;
   const Options& options_;
   PathEngine path_;
-  ActiveSet active_set_;
+  BranchEngines branch_;
   Incumbent incumbent_;
-  BranchSearch branches_;
+  BranchSearch search_;
   Optimality optimality_;
   PathPoint path_point_;
   struct {

@@ -11,36 +11,31 @@
 namespace marble {
 
 struct WorkingSet {
-  explicit WorkingSet(const ScaledProblem& p)
-      : layout(p.layout), left_fixed(p.pairs()), held(p.layout.size()) {
-    for (Index pair = 0; pair < layout.pairs; ++pair) held[layout.right(pair)] = 1;
+  explicit WorkingSet(const ScaledProblem& p) : layout(p.layout), s_fixed(p.pairs()), held(p.layout.size()) {
+    for (Index pair = 0; pair < layout.pairs; ++pair) held[layout.t(pair)] = 1;
   }
 
   RowLayout layout;
-  std::vector<std::uint8_t> left_fixed;  ///< n_c: 1 if s = 0 is fixed and t ≥ 0 free, 0 the other way round
-  std::vector<std::uint8_t> held;        ///< by row; 1 for every fixed side
+  std::vector<std::uint8_t> s_fixed;  ///< n_c: 1 if s = 0 is fixed and t ≥ 0 free, 0 the other way round
+  std::vector<std::uint8_t> held;     ///< by row; 1 for every fixed side
   bool operator==(const WorkingSet&) const = default;
 
-  [[nodiscard]] Index fixed_row(Index pair) const {
-    return left_fixed[pair] ? layout.left(pair) : layout.right(pair);
-  }
-  [[nodiscard]] Index free_row(Index pair) const {
-    return left_fixed[pair] ? layout.right(pair) : layout.left(pair);
-  }
+  [[nodiscard]] Index fixed_row(Index pair) const { return s_fixed[pair] ? layout.s(pair) : layout.t(pair); }
+  [[nodiscard]] Index free_row(Index pair) const { return s_fixed[pair] ? layout.t(pair) : layout.s(pair); }
   [[nodiscard]] bool is_fixed(Index row) const {
     return row >= layout.inequalities && row == fixed_row(layout.pair_of(row));
   }
 
   /// Fixes a side of a pair, and tells whether the other one is held too.
-  void fix(Index pair, bool left, bool free_side_held) {
-    left_fixed[pair] = left;
+  void fix(Index pair, bool s, bool free_side_held) {
+    s_fixed[pair] = s;
     held[fixed_row(pair)] = 1;
     held[free_row(pair)] = free_side_held;
   }
   /// To the other branch: the free side becomes the fixed one; the other one is held if the free side was.
   void flip(Index pair) {
-    left_fixed[pair] ^= 1U;
-    std::swap(held[layout.left(pair)], held[layout.right(pair)]);
+    s_fixed[pair] ^= 1U;
+    std::swap(held[layout.s(pair)], held[layout.t(pair)]);
   }
   /// Zero for the multiplier of every row that is not held.
   void clear_others(VectorRef multipliers) const {

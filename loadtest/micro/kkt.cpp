@@ -22,8 +22,8 @@ RowWeights weights_of(const ScaledProblem& problem) {
   weights.rho = 1e6;
   weights.delta = 1e-6;
   weights.rows.inequality().setConstant(0.5);
-  weights.rows.left().setConstant(2.0);
-  weights.rows.right().setConstant(0.1);
+  weights.rows.s().setConstant(2.0);
+  weights.rows.t().setConstant(0.1);
   weights.cosine.setConstant(0.6);
   weights.sine.setConstant(0.8);
   return weights;

@@ -5,8 +5,8 @@
 
 namespace marble::testing {
 
-/// Bit i of `left_fixed` says that s_i = 0 and t_i ≥ 0; else it is the other way round. Up to 32 pairs.
-[[nodiscard]] inline OwnedProblem branch(const OwnedProblem& p, unsigned left_fixed) {
+/// Bit i of `s_fixed` says that s_i = 0 and t_i ≥ 0; else it is the other way round. Up to 32 pairs.
+[[nodiscard]] inline OwnedProblem branch(const OwnedProblem& p, unsigned s_fixed) {
   OwnedProblem out = p;
   const auto n = static_cast<Index>(p.g.size());
   Triplets equalities, inequalities;
@@ -22,12 +22,12 @@ namespace marble::testing {
   append(p.A, -1, 0, equalities);
   append(p.C, -1, 0, inequalities);
   for (std::size_t i = 0; i < p.l.size(); ++i) {
-    const bool left = (left_fixed >> i & 1U) != 0;
+    const bool s_side = (s_fixed >> i & 1U) != 0;
     const auto row = static_cast<Index>(i);
-    append(left ? p.L : p.R, row, static_cast<Index>(out.b.size()), equalities);
-    out.b.push_back(left ? p.l[i] : p.r[i]);
-    append(left ? p.R : p.L, row, static_cast<Index>(out.d.size()), inequalities);
-    out.d.push_back(left ? p.r[i] : p.l[i]);
+    append(s_side ? p.L : p.R, row, static_cast<Index>(out.b.size()), equalities);
+    out.b.push_back(s_side ? p.l[i] : p.r[i]);
+    append(s_side ? p.R : p.L, row, static_cast<Index>(out.d.size()), inequalities);
+    out.d.push_back(s_side ? p.r[i] : p.l[i]);
   }
   out.A = compress(static_cast<Index>(out.b.size()), n, equalities, "A").value();
   out.C = compress(static_cast<Index>(out.d.size()), n, inequalities, "C").value();

@@ -19,7 +19,7 @@ constexpr double kFeasible = 1e-7;  // of rows of norm 1
 constexpr double kRunaway = 1e7;    // of rows of norm 1: an iterate this far out is on its way to −∞
 
 // min ½ yᵀHy + cᵀy  s.t.  G y + h ≥ 0
-struct Piece {
+struct Branch {
   Matrix H, G;
   Vector c, h;
 };
@@ -45,8 +45,8 @@ double longest_step(const Vector& x, const Vector& dx) {
   return step;
 }
 
-// Mehrotra's predictor and corrector from an infeasible start. Its caller knows that the piece is feasible.
-Vector interior_point(const Piece& p) {
+// Mehrotra's predictor and corrector from an infeasible start. Its caller knows that the branch is feasible.
+Vector interior_point(const Branch& p) {
   const Eigen::Index m = p.h.size();
   Vector y = Vector::Zero(p.c.size());
   Vector w = (p.G * y + p.h).cwiseAbs().cwiseMax(1.0);
@@ -87,10 +87,10 @@ Vector interior_point(const Piece& p) {
 }
 
 // The least violation of G y + h ≥ 0, by the linear program over (y, violation), which is always feasible.
-double least_violation(const Piece& p) {
+double least_violation(const Branch& p) {
   const Eigen::Index n = p.c.size();
   const Eigen::Index m = p.h.size();
-  Piece phase;
+  Branch phase;
   phase.H = Matrix::Zero(n + 1, n + 1);
   phase.H.topLeftCorner(n, n).diagonal().setConstant(1e-10);  // of all such y a near one
   phase.c = Vector::Unit(n + 1, n);
@@ -139,7 +139,7 @@ struct Dense {
   Matrix Q, A, C, L, R;
 };
 
-// The best point of the piece in which the pairs of `choice` have t = 0 and the others s = 0.
+// The best point of the branch in which the pairs of `choice` have t = 0 and the others s = 0.
 std::optional<Vector> best_point(const Dense& p, unsigned choice) {
   const Eigen::Index n = p.g.size();
   const Eigen::Index pairs = p.l.size();
@@ -173,17 +173,17 @@ std::optional<Vector> best_point(const Dense& p, unsigned choice) {
     if ((E * point + e).lpNorm<Eigen::Infinity>() > kFeasible * (1.0 + point.norm())) return std::nullopt;
     basis = orthogonal.rightCols(n - rank);
   }
-  Piece piece{basis.transpose() * p.Q * basis, F * basis, basis.transpose() * (p.Q * point + p.g),
-              F * point + f};
+  Branch branch{basis.transpose() * p.Q * basis, F * basis, basis.transpose() * (p.Q * point + p.g),
+                F * point + f};
   if (basis.cols() == 0) {
-    if (f.size() > 0 && piece.h.minCoeff() < -kFeasible * (1.0 + point.norm())) return std::nullopt;
+    if (f.size() > 0 && branch.h.minCoeff() < -kFeasible * (1.0 + point.norm())) return std::nullopt;
     return point;
   }
-  if (eigenvalues(piece.H)[0] < -1e-9) throw std::invalid_argument("Q is not convex on a piece");
-  if (!normalize(piece.G, piece.h, false)) return std::nullopt;
-  const double violation = least_violation(piece);
+  if (eigenvalues(branch.H)[0] < -1e-9) throw std::invalid_argument("Q is not convex on a branch");
+  if (!normalize(branch.G, branch.h, false)) return std::nullopt;
+  const double violation = least_violation(branch);
   if (violation > kFeasible * (1.0 + point.norm())) return std::nullopt;
-  return point + basis * interior_point(piece);
+  return point + basis * interior_point(branch);
 }
 
 }  // namespace
@@ -196,7 +196,7 @@ std::optional<GlobalOptimum> brute_force(const ProblemView& view) {
     const auto x = best_point(p, choice);
     if (!x) continue;
     if (!best) best.emplace().objective = kInfinity;
-    ++best->feasible_pieces;
+    ++best->feasible_branches;
     const bool unbounded = x->lpNorm<Eigen::Infinity>() > kRunaway;
     const double objective = unbounded ? -kInfinity : 0.5 * x->dot(p.Q * *x) + p.g.dot(*x) + view.c0;
     if (objective >= best->objective) continue;

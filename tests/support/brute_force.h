@@ -11,11 +11,11 @@ namespace marble::testing {
 struct GlobalOptimum {
   double objective = 0.0;  ///< −∞ if unbounded
   std::vector<double> z;   ///< a point that attains it, to about 1e-8; empty if unbounded
-  int feasible_pieces = 0;
+  int feasible_branches = 0;
 };
 
 /// Solves the convex QP left by each of the 2^n_c choices of the side of a pair that is zero. For n_c <= 10
-/// and a Q that is convex on every piece; throws std::invalid_argument otherwise. Empty if no piece is
+/// and a Q that is convex on every branch; throws std::invalid_argument otherwise. Empty if no branch is
 /// feasible.
 [[nodiscard]] std::optional<GlobalOptimum> brute_force(const ProblemView& problem);
 

@@ -72,7 +72,7 @@ TEST(BruteForce, NoFeasibleRandomPointIsBetter) {
         random_problem({.variables = 8, .equalities = 2, .inequalities = 4, .pairs = 4}, seed);
     const auto best = brute_force(p.view());
     ASSERT_TRUE(best.has_value()) << p.name;
-    EXPECT_GE(best->feasible_pieces, 1);
+    EXPECT_GE(best->feasible_branches, 1);
     EXPECT_LE(judge_point(p, best->z).infeasibility(), 1e-6) << p.name;
     EXPECT_NEAR(judge_point(p, best->z).objective, best->objective, slack(best->objective)) << p.name;
     const Solution s = solve_in_process(p.view()).value();
@@ -101,7 +101,7 @@ TEST(BruteForce, SaysWhenNoPieceIsFeasible) {
   p.d = {-1.0, 0.0};
   const auto best = brute_force(p.view());
   ASSERT_TRUE(best.has_value());
-  EXPECT_EQ(best->feasible_pieces, 1);
+  EXPECT_EQ(best->feasible_branches, 1);
   EXPECT_NEAR(best->objective, 1.0, 1e-6);
 }
 

@@ -49,10 +49,10 @@ Vector literal_residual(const ScaledProblem& problem, const Subproblem& sub, con
   r.y() = (sub.equality_estimate - x.y()) / sub.rho + A * x.z() + problem.b;
   r.lambda_w() = (sub.row_estimate.inequality() - x.lambda_w()) / sub.rho + C * x.z() + d_of(problem) -
                  every(x.v(), 1.0, p);
-  r.lambda_L() = (sub.row_estimate.left() - x.lambda_L()) / sub.rho + L * x.z() + l_of(problem) -
-                 every(x.sigma(), 1.0, p);
-  r.lambda_R() = (sub.row_estimate.right() - x.lambda_R()) / sub.rho + R * x.z() + r_of(problem) -
-                 every(x.sigma(), -1.0, p);
+  r.lambda_L() =
+      (sub.row_estimate.s() - x.lambda_L()) / sub.rho + L * x.z() + l_of(problem) - every(x.sigma(), 1.0, p);
+  r.lambda_R() =
+      (sub.row_estimate.t() - x.lambda_R()) / sub.rho + R * x.z() + r_of(problem) - every(x.sigma(), -1.0, p);
   return r.all;
 }
 
@@ -100,8 +100,7 @@ Eigen::MatrixXd dense_system(const ScaledProblem& problem, const RowWeights& wei
   for (Index i = 0; i < problem.pairs(); ++i) {
     const Eigen::RowVectorXd first = weights.cosine[i] * L.row(i) + weights.sine[i] * R.row(i);
     const Eigen::RowVectorXd second = weights.sine[i] * L.row(i) - weights.cosine[i] * R.row(i);
-    H += weights.rows.left()[i] * first.transpose() * first +
-         weights.rows.right()[i] * second.transpose() * second;
+    H += weights.rows.s()[i] * first.transpose() * first + weights.rows.t()[i] * second.transpose() * second;
   }
   K.topLeftCorner(n, n) = H;
   K.topRightCorner(n, n_e) = A.transpose();

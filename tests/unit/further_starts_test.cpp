@@ -95,11 +95,11 @@ TEST(FurtherStarts, StopWithTheRestOfTheSolve) {
 struct Round : testing::Workbench {
   explicit Round(const OwnedProblem& p, const Options& chosen = {}, testing::Rows* told = nullptr)
       : Workbench(p, chosen, told),
-        active_set(problem, *kkt),
-        search(problem, *kkt, active_set),
-        engine(problem, options, active_set, search),
-        incumbent(problem, options, active_set) {
-    active_set.start_from_point(zero());
+        branch(problem, *kkt),
+        search(problem, *kkt, branch.elastic),
+        engine(problem, options, branch, search),
+        incumbent(problem, options, branch.exact) {
+    branch.point.start_from_point(zero());
     begun = search.run(run, kPlan, 1000) &&
             incumbent.solve_branch(run, "a search", 100) == Incumbent::Outcome::kept;
   }
@@ -113,7 +113,7 @@ struct Round : testing::Workbench {
                                     .flip_patience = 5,
                                     .exchange_patience = 0};
 
-  ActiveSet active_set;
+  BranchEngines branch;
   LocalSearch search;
   FurtherStarts engine;
   Incumbent incumbent;

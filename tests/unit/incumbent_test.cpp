@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "branch_engines.h"
 #include "support/random_problem.h"
 #include "workbench.h"
 
@@ -28,17 +29,17 @@ OwnedProblem corner() {
 
 struct Kept : Workbench {
   explicit Kept(const OwnedProblem& p)
-      : Workbench(p), active_set(problem, *kkt), incumbent(problem, options, active_set) {}
+      : Workbench(p), branch(problem, *kkt), incumbent(problem, options, branch.exact) {}
 
-  [[nodiscard]] Outcome solve(bool left, const char* origin) {
+  [[nodiscard]] Outcome solve(bool s, const char* origin) {
     WorkingSet set(problem);
-    set.fix(0, left, false);
-    active_set.set_working_set(set);
+    set.fix(0, s, false);
+    branch.point.set = set;
     return incumbent.solve_branch(run, origin, kBudget);
   }
   [[nodiscard]] double objective() const { return judged(incumbent.best().x.z()).objective; }
 
-  ActiveSet active_set;
+  BranchEngines branch;
   Incumbent incumbent;
 };
 
@@ -84,12 +85,12 @@ TEST(Incumbent, TakesOnlyOffersThatAreFeasibleAndLower) {
 
 TEST(SolveExactly, RefusesBranchesThatAreNotFeasibleAndKeepsThePointItWasGiven) {
   testing::Workbench w(testing::without_feasible_branch());
-  ActiveSet active_set(w.problem, *w.kkt);
+  BranchEngines branch(w.problem, *w.kkt);
   ExactSolution solution(w.problem);
   solution.x.all.setConstant(7.0);
   solution.objective = -3.0;
-  active_set.start_from_point(w.zero());
-  EXPECT_FALSE(solve_exactly(w.problem, w.options, active_set, w.run, 100, solution));
+  branch.point.start_from_point(w.zero());
+  EXPECT_FALSE(solve_exactly(w.problem, w.options, branch.exact, w.run, 100, solution));
   EXPECT_EQ(solution.objective, -3.0);
   EXPECT_EQ(solution.x.all.minCoeff(), 7.0);
 }

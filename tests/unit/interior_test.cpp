@@ -1,4 +1,4 @@
-// What others rely on of the interior point method: a point whose partition is near a feasible branch, at a
+// What others rely on of the interior point method: a point whose branch is near a feasible branch, at a
 // bounded number of factorizations.
 #include "interior.h"
 
@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "active_set.h"
+#include "branch_engines.h"
 #include "marble/examples.h"
 #include "row_parts.h"
 #include "support/random_problem.h"
@@ -42,9 +42,9 @@ TEST(InteriorEngine, EndsWithEverySideAtZeroOrNearIt) {
     InteriorEngine engine(w.problem, *w.kkt);
     if (!engine.run(w.run, w.zero())) continue;
     near += w.judged(engine.z()).infeasibility() <= 1e-2 ? 1 : 0;
-    ActiveSet branch(w.problem, *w.kkt);
-    branch.start_from_point(engine.z());
-    solvable += branch.solve(w.run, 100) ? 1 : 0;
+    BranchEngines branch(w.problem, *w.kkt);
+    branch.point.start_from_point(engine.z());
+    solvable += branch.exact.solve(w.run, 100) ? 1 : 0;
   }
   EXPECT_GE(near, 27) << "of " << problems.size();
   EXPECT_GE(solvable, 27) << "the smaller side of every pair is a feasible branch";

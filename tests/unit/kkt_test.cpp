@@ -24,11 +24,11 @@ RowWeights random_weights(const ScaledProblem& p, unsigned seed, bool with_zeros
   weights.delta = 0.01;
   const auto positive = [&](VectorRef v) { v = random.next(v.size()).cwiseAbs() * 10.0; };
   positive(weights.rows.inequality());
-  positive(weights.rows.left());
-  positive(weights.rows.right());
+  positive(weights.rows.s());
+  positive(weights.rows.t());
   if (with_zeros) {
     for (Eigen::Index i = 0; i < weights.rows.inequality().size(); i += 2) weights.rows.inequality()[i] = 0.0;
-    for (Eigen::Index i = 0; i < weights.rows.right().size(); i += 2) weights.rows.right()[i] = 0.0;
+    for (Eigen::Index i = 0; i < weights.rows.t().size(); i += 2) weights.rows.t()[i] = 0.0;
   }
   const Vector angle = random.next(p.pairs()) * 3.0;
   weights.cosine = angle.array().cos();
@@ -77,8 +77,8 @@ TEST(Kkt, WeightsOfZeroDropTheirRows) {
   for (const auto& kkt : backends(p)) {
     RowWeights weights = random_weights(p, 5, false);
     weights.rows.inequality().setZero();
-    weights.rows.left().setZero();
-    weights.rows.right().setZero();
+    weights.rows.s().setZero();
+    weights.rows.t().setZero();
     expect_solves(*kkt, p, weights);
   }
 }
@@ -88,7 +88,7 @@ TEST(Kkt, NegativeWeightsThatLeaveConvexityAreSolvedWith) {
     const ScaledProblem p = scaled(random_problem({.variables = 20, .equalities = 4}, seed));
     RowWeights weights = random_weights(p, static_cast<unsigned>(seed), false);
     weights.delta = 1.0;
-    weights.rows.right() *= -0.01;
+    weights.rows.t() *= -0.01;
     for (const auto& kkt : backends(p)) expect_solves(*kkt, p, weights);
   }
 }
@@ -101,8 +101,8 @@ TEST(Kkt, SurvivesTheWeightsOfAnExactActiveSet) {
     weights.rho = 1e8;
     weights.delta = 1e-8;
     weights.rows.inequality().setConstant(1e8);
-    weights.rows.left().setConstant(1e8);
-    weights.rows.right().setZero();
+    weights.rows.s().setConstant(1e8);
+    weights.rows.t().setZero();
     weights.cosine.setOnes();
     weights.sine.setZero();
     const Eigen::MatrixXd K = dense_system(p, weights);
@@ -129,7 +129,7 @@ TEST(Kkt, AFactorizationDoesNotDependOnTheOnesBefore) {
         scaled(random_problem({.variables = 30, .equalities = 5, .inequalities = 12, .pairs = 9}, seed));
     const RowWeights other = random_weights(p, 7, true);
     RowWeights hopeless = random_weights(p, 8, false);
-    hopeless.rows.right() *= -100.0;
+    hopeless.rows.t() *= -100.0;
     const RowWeights wanted = random_weights(p, 9, false);
     const auto used = backends(p);
     const auto fresh = backends(p);
@@ -164,9 +164,9 @@ TEST(Kkt, ANegativeWeightOnAKeptRowIsToldFromANegativePivotOfTheRest) {
   RowWeights weights(p);
   weights.cosine.setOnes();
   weights.sine.setZero();
-  weights.rows.right().setZero();
+  weights.rows.t().setZero();
   for (const double k : {-3.0, -1.5, -0.5, 0.0, 0.5}) {
-    weights.rows.left().setConstant(k);
+    weights.rows.s().setConstant(k);
     for (const auto& kkt : backends(p)) EXPECT_EQ(kkt->factor(weights), 1.0 + k > 0.0) << kkt->name() << k;
   }
 }
@@ -178,7 +178,7 @@ TEST(Kkt, NegativeWeightsAreWrongInertiaOnlyWhenTheyOutweighTheRest) {
     const OwnedProblem problem = random_problem({}, seed);
     const ScaledProblem p = scaled(problem);
     RowWeights weights = random_weights(p, static_cast<unsigned>(seed), false);
-    weights.rows.right() *= seed % 2 == 0 ? -1.0 : -0.001;
+    weights.rows.t() *= seed % 2 == 0 ? -1.0 : -0.001;
     const Eigen::MatrixXd K = dense_system(p, weights);
     const Vector eigenvalues = testing::eigenvalues(K);
     const bool expected = (eigenvalues.array() > 0.0).count() == p.variables();

@@ -106,8 +106,8 @@ TEST(Measures, AreTheLiteralSumsAtTheMovedPoint) {
         for (const double v : Vector(moved.v())) phi -= s.sub.kappa * std::log(testing::p(v, s.sub.kappa));
         phi += penalty(moved.y(), s.sub.equality_estimate) +
                penalty(moved.lambda_w(), s.sub.row_estimate.inequality()) +
-               penalty(moved.lambda_L(), s.sub.row_estimate.left()) +
-               penalty(moved.lambda_R(), s.sub.row_estimate.right());
+               penalty(moved.lambda_L(), s.sub.row_estimate.s()) +
+               penalty(moved.lambda_R(), s.sub.row_estimate.t());
         const Measures m = measure(s.sub, s.images, along, s.x, d, alpha);
         EXPECT_NEAR(m.theta, theta, 1e-12 * (1.0 + theta));
         EXPECT_NEAR(m.phi, phi, 1e-12 * (1.0 + std::abs(phi)));

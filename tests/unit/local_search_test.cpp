@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "branch_engines.h"
 #include "marble/examples.h"
 #include "support/random_problem.h"
 #include "workbench.h"
@@ -44,26 +45,26 @@ SearchPlan from_soft() {
 
 struct Search : Workbench {
   explicit Search(const OwnedProblem& p, const Options& chosen = {}, Rows* told = nullptr)
-      : Workbench(p, chosen, told), active_set(problem, *kkt), engine(problem, *kkt, active_set) {}
+      : Workbench(p, chosen, told), branch(problem, *kkt), engine(problem, *kkt, branch.elastic) {}
 
-  void choose(unsigned left_fixed) {
+  void choose(unsigned s_fixed) {
     WorkingSet set(problem);
     for (Index pair = 0; pair < set.layout.pairs; ++pair)
-      set.fix(pair, (left_fixed >> pair % 32 & 1U) != 0, false);
-    active_set.restore(Iterate(problem), set);
+      set.fix(pair, (s_fixed >> pair % 32 & 1U) != 0, false);
+    branch.point.restore(Iterate(problem), set);
   }
   /// The exact objective of a branch, infinite if it is empty.
   [[nodiscard]] double exact(const WorkingSet& set) {
     const auto own_kkt = make_kkt(problem);
-    ActiveSet fresh(problem, *own_kkt);
+    BranchEngines fresh(problem, *own_kkt);
     marble::Run own = run.part(true);
     WorkingSet sides(problem);
-    for (Index pair = 0; pair < set.layout.pairs; ++pair) sides.fix(pair, set.left_fixed[pair] != 0, false);
-    fresh.set_working_set(sides);
-    return fresh.solve(own, kBudget) ? fresh.images().objective : kNever;
+    for (Index pair = 0; pair < set.layout.pairs; ++pair) sides.fix(pair, set.s_fixed[pair] != 0, false);
+    fresh.point.set = sides;
+    return fresh.exact.solve(own, kBudget) ? fresh.point.images.objective : kNever;
   }
 
-  ActiveSet active_set;
+  BranchEngines branch;
   LocalSearch engine;
 };
 
@@ -77,11 +78,11 @@ TEST(LocalSearch, NeverEndsWorseThanItBeganAndNoFlipIsLeftThatHelps) {
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     Search s(problem(seed));
     s.choose(static_cast<unsigned>(seed) * 7U);
-    if (!s.active_set.solve(s.run, kBudget)) continue;
+    if (!s.branch.exact.solve(s.run, kBudget)) continue;
     ++searched;
-    const double before = s.active_set.images().objective;
+    const double before = s.branch.point.images.objective;
     ASSERT_TRUE(s.engine.run(s.run, flips(100), kNoLimit)) << seed;
-    const WorkingSet set = s.active_set.set();
+    const WorkingSet set = s.branch.point.set;
     const double after = s.exact(set);
     const double slack = 1e-5 * (1.0 + std::abs(before));
     EXPECT_LE(after, before + slack) << seed;
@@ -101,16 +102,16 @@ TEST(LocalSearch, NeverEndsWorseThanItBeganAndNoFlipIsLeftThatHelps) {
 TEST(LocalSearch, LeavesTheElasticOptimumOfItsBranchBehind) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Search s(problem(seed));
-    s.active_set.start_from_point(s.zero());
+    s.branch.point.start_from_point(s.zero());
     const SearchPlan plan = from_soft();
     ASSERT_TRUE(s.engine.run(s.run, plan, kNoLimit)) << seed;
-    EXPECT_GE(s.active_set.rho(), 1e6) << "the last ρ, or one at which a higher one would change nothing";
+    EXPECT_GE(s.branch.elastic.rho(), 1e6) << "the last ρ, or one at which a higher one would change nothing";
     const auto own_kkt = make_kkt(s.problem);
-    ActiveSet fresh(s.problem, *own_kkt);
-    fresh.set_working_set(s.active_set.set());
-    ASSERT_TRUE(fresh.relax(s.run, s.active_set.rho(), true, kBudget));
-    EXPECT_NEAR(s.active_set.elastic_objective(), fresh.elastic_objective(),
-                1e-6 * (1.0 + std::abs(fresh.elastic_objective())))
+    BranchEngines fresh(s.problem, *own_kkt);
+    fresh.point.set = s.branch.point.set;
+    ASSERT_TRUE(fresh.elastic.solve(s.run, s.branch.elastic.rho(), ElasticRelaxation::Rows::held, kBudget));
+    EXPECT_NEAR(s.branch.elastic.objective(), fresh.elastic.objective(),
+                1e-6 * (1.0 + std::abs(fresh.elastic.objective())))
         << seed;
   }
 }
@@ -120,10 +121,10 @@ TEST(LocalSearch, FromWhereAllIsSoftItFindsABetterBranchThanTheOneItBeganAt) {
   int worse = 0;
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     Search s(problem(seed));
-    s.active_set.start_from_point(s.zero());
-    const double before = s.exact(s.active_set.set());
+    s.branch.point.start_from_point(s.zero());
+    const double before = s.exact(s.branch.point.set);
     ASSERT_TRUE(s.engine.run(s.run, from_soft(), kNoLimit)) << seed;
-    const double after = s.exact(s.active_set.set());
+    const double after = s.exact(s.branch.point.set);
     better += after < before - 1e-6 ? 1 : 0;
     worse += after > before + 1e-6 ? 1 : 0;
   }
@@ -136,7 +137,7 @@ TEST(LocalSearch, AMoveThatIsAcceptedIsAnIterationAndARow) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Rows rows;
     Search s(problem(seed), {}, &rows);
-    s.active_set.start_from_point(s.zero());
+    s.branch.point.start_from_point(s.zero());
     ASSERT_TRUE(s.engine.run(s.run, from_soft(), kNoLimit));
     EXPECT_EQ(s.run.iterations, s.engine.accepted());
     EXPECT_EQ(rows.rows.size(), static_cast<std::size_t>(s.engine.accepted()));
@@ -154,11 +155,11 @@ TEST(LocalSearch, WithoutPatienceNothingMoves) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     Search s(problem(seed));
     s.choose(21);
-    if (!s.active_set.solve(s.run, kBudget)) continue;
-    const WorkingSet set = s.active_set.set();
+    if (!s.branch.exact.solve(s.run, kBudget)) continue;
+    const WorkingSet set = s.branch.point.set;
     ASSERT_TRUE(s.engine.run(s.run, flips(0), kNoLimit));
     EXPECT_EQ(s.engine.accepted(), 0);
-    EXPECT_TRUE(s.active_set.set() == set);
+    EXPECT_TRUE(s.branch.point.set == set);
   }
 }
 
@@ -168,14 +169,14 @@ TEST(LocalSearch, StopsAtItsLastFactorization) {
   Rows rows;
   {
     Search s(p, {}, &rows);
-    s.active_set.start_from_point(s.zero());
+    s.branch.point.start_from_point(s.zero());
     ASSERT_TRUE(s.engine.run(s.run, from_soft(), kNoLimit));
     whole = s.run.factorizations;
   }
   EXPECT_GT(whole, 80);
   for (const int last : {0, 1, 10, 20}) {
     Search s(p);
-    s.active_set.start_from_point(s.zero());
+    s.branch.point.start_from_point(s.zero());
     const bool found = s.engine.run(s.run, from_soft(), last);
     // One candidate may be under way: the move, and the way back.
     EXPECT_LE(s.run.factorizations, last + 41) << last;
@@ -184,7 +185,7 @@ TEST(LocalSearch, StopsAtItsLastFactorization) {
   }
   ASSERT_GT(rows.rows.size(), 3U);
   Search s(p);
-  s.active_set.start_from_point(s.zero());
+  s.branch.point.start_from_point(s.zero());
   static_cast<void>(s.engine.run(s.run, from_soft(), rows.rows[0].factorizations));
   EXPECT_EQ(s.engine.accepted(), 1) << "the move that took the last one was the last";
 }
@@ -193,7 +194,7 @@ TEST(LocalSearch, IsFalseForWhoIsToStopAndEndsSoonAfterAStop) {
   Rows rows;
   rows.stop_after = 3;
   Search s(examples::hopper({.steps = 8}), {}, &rows);
-  s.active_set.start_from_point(s.zero());
+  s.branch.point.start_from_point(s.zero());
   EXPECT_FALSE(s.engine.run(s.run, from_soft(), kNoLimit));
   EXPECT_EQ(s.engine.accepted(), 3) << "the move that was told, and none after it";
   EXPECT_FALSE(s.engine.run(s.run, from_soft(), kNoLimit));
@@ -218,15 +219,15 @@ TEST(LocalSearch, ExchangesTwoPairsWhereNoFlipAloneIsFeasible) {
   for (const bool exchanges : {false, true}) {
     Search s(one_of_two());
     s.choose(2U);  // x₂ = 0 and y₁ = 0: x = (1, 0)
-    ASSERT_TRUE(s.active_set.solve(s.run, kBudget));
+    ASSERT_TRUE(s.branch.exact.solve(s.run, kBudget));
     SearchPlan plan = flips(20);
     plan.rho_first = plan.rho_last = 1e7;
     plan.rho_exchange = exchanges ? 1e7 : kNever;
     plan.exchange_patience = 5;
     ASSERT_TRUE(s.engine.run(s.run, plan, kNoLimit));
     EXPECT_EQ(s.engine.accepted(), exchanges ? 1 : 0);
-    ASSERT_TRUE(s.active_set.solve(s.run, kBudget));
-    EXPECT_NEAR(s.user(s.active_set.x().z())[exchanges ? 1 : 0], 1.0, 1e-6);
+    ASSERT_TRUE(s.branch.exact.solve(s.run, kBudget));
+    EXPECT_NEAR(s.user(s.branch.point.x.z())[exchanges ? 1 : 0], 1.0, 1e-6);
   }
 }
 
@@ -248,21 +249,21 @@ TEST(LocalSearch, AMoveThatProvesNoBetterThanWasSaidIsTakenBack) {
   for (std::uint64_t seed = 1; seed <= 60; ++seed) {
     Search s(problem(seed));
     s.choose(static_cast<unsigned>(seed) * 7U);
-    if (!s.active_set.solve(s.run, kBudget)) continue;
+    if (!s.branch.exact.solve(s.run, kBudget)) continue;
     ASSERT_TRUE(s.engine.run(s.run, flips(100), kNoLimit)) << seed;  // no flip is left that helps
-    const WorkingSet best = s.active_set.set();
-    const Iterate x = s.active_set.x();
+    const WorkingSet best = s.branch.point.set;
+    const Iterate x = s.branch.point.x;
     LyingKkt lying(*s.kkt);
-    ActiveSet active_set(s.problem, lying);
-    LocalSearch search(s.problem, lying, active_set);
-    active_set.restore(x, best);
+    BranchEngines branch(s.problem, lying);
+    LocalSearch search(s.problem, lying, branch.elastic);
+    branch.point.restore(x, best);
     const int before = s.run.factorizations;
     ASSERT_TRUE(search.run(s.run, flips(100), kNoLimit)) << seed;
     tried += s.run.factorizations - before > 2 ? 1 : 0;
     EXPECT_EQ(search.accepted(), 0) << seed;
-    EXPECT_EQ(active_set.set().left_fixed, best.left_fixed) << seed;
-    EXPECT_NEAR(active_set.elastic_objective(), s.active_set.elastic_objective(),
-                1e-6 * (1.0 + std::abs(s.active_set.elastic_objective())))
+    EXPECT_EQ(branch.point.set.s_fixed, best.s_fixed) << seed;
+    EXPECT_NEAR(branch.elastic.objective(), s.branch.elastic.objective(),
+                1e-6 * (1.0 + std::abs(s.branch.elastic.objective())))
         << seed;
   }
   EXPECT_GE(tried, 40);
@@ -279,32 +280,32 @@ TEST(LocalSearch, PullingAreFixedSidesWithDescentOnTheOtherSide) {
     p.l = p.r = {0.0};
     Search s(p);
     s.choose(1);
-    ASSERT_TRUE(s.active_set.solve(s.run, kBudget));
-    EXPECT_EQ(LocalSearch::pulling(s.active_set.x(), s.active_set.set()), a > 0.0 ? 1 : 0) << a;
+    ASSERT_TRUE(s.branch.exact.solve(s.run, kBudget));
+    EXPECT_EQ(LocalSearch::pulling(s.branch.point.x, s.branch.point.set), a > 0.0 ? 1 : 0) << a;
     OwnedProblem mirrored = p;
     std::swap(mirrored.L, mirrored.R);
     Search m(mirrored);
     m.choose(0);
-    ASSERT_TRUE(m.active_set.solve(m.run, kBudget));
-    EXPECT_EQ(LocalSearch::pulling(m.active_set.x(), m.active_set.set()), a > 0.0 ? 1 : 0) << a;
+    ASSERT_TRUE(m.branch.exact.solve(m.run, kBudget));
+    EXPECT_EQ(LocalSearch::pulling(m.branch.point.x, m.branch.point.set), a > 0.0 ? 1 : 0) << a;
   }
 }
 
 TEST(LocalSearch, ARunBeforeLeavesNoTrace) {
   const OwnedProblem p = examples::hopper({.steps = 6});
   Search s(p);
-  s.active_set.start_from_point(s.zero());
+  s.branch.point.start_from_point(s.zero());
   ASSERT_TRUE(s.engine.run(s.run, from_soft(), kNoLimit));
-  const Vector first = s.active_set.x().all;
+  const Vector first = s.branch.point.x.all;
   const int factorizations = s.run.factorizations;
   const int accepted = s.engine.accepted();
   s.choose(12345);
   static_cast<void>(s.engine.run(s.run, from_soft(), kNoLimit));
   s.choose(0);
-  s.active_set.start_from_point(s.zero());
+  s.branch.point.start_from_point(s.zero());
   const int before = s.run.factorizations;
   ASSERT_TRUE(s.engine.run(s.run, from_soft(), kNoLimit));
-  EXPECT_EQ(s.active_set.x().all, first);
+  EXPECT_EQ(s.branch.point.x.all, first);
   EXPECT_EQ(s.engine.accepted(), accepted);
   EXPECT_EQ(s.run.factorizations - before, factorizations);
 }

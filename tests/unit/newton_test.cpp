@@ -89,8 +89,8 @@ TEST(Newton, ImagesOfTheStepAreItsLiteralProducts) {
       const double tolerance = 1e-12 * (1.0 + max_abs(d.all));
       EXPECT_LT(max_abs(along.equality - dense(p.A) * d.z()), tolerance);
       EXPECT_LT(max_abs(along.rows.inequality() - dense(C_of(p)) * d.z()), tolerance);
-      EXPECT_LT(max_abs(along.rows.left() - dense(L_of(p)) * d.z()), tolerance);
-      EXPECT_LT(max_abs(along.rows.right() - dense(R_of(p)) * d.z()), tolerance);
+      EXPECT_LT(max_abs(along.rows.s() - dense(L_of(p)) * d.z()), tolerance);
+      EXPECT_LT(max_abs(along.rows.t() - dense(R_of(p)) * d.z()), tolerance);
       const Vector gradient = dense(p.Q) * d.z();
       EXPECT_LT(max_abs(along.gradient - gradient), tolerance);
       const Vector stationarity =

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "branch_engines.h"
 #include "marble/examples.h"
 #include "support/random_problem.h"
 
@@ -14,29 +15,29 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kBudget = 200;
 
-// An elastic piece of a problem, solved, and what a local search asks of it.
+// An elastic branch of a problem, solved, and what a local search asks of it.
 struct Setting {
   Setting(const OwnedProblem& p, double elastic_rho)
       : rho(elastic_rho),
         problem(scale(Problem::create(p.view()).value(), 10)),
         kkt(make_kkt(problem)),
-        active_set(problem, *kkt),
+        branch(problem, *kkt),
         parametric(problem, *kkt) {
-    active_set.start_from_point(Vector::Zero(problem.variables()));
-    solved = active_set.relax(run, rho, false, kBudget);
-    if (solved) parametric.start(active_set);
+    branch.point.start_from_point(Vector::Zero(problem.variables()));
+    solved = branch.elastic.solve(run, rho, ElasticRelaxation::Rows::violated, kBudget);
+    if (solved) parametric.start(branch.elastic);
   }
 
   // The elastic optimum with some pairs on their other side, by brute force.
   double objective_after(std::span<const Index> flipped) {
     const auto own_kkt = make_kkt(problem);
-    ActiveSet fresh(problem, *own_kkt);
-    fresh.start_from_point(Vector::Zero(problem.variables()));
-    WorkingSet set = active_set.set();
+    BranchEngines fresh(problem, *own_kkt);
+    fresh.point.start_from_point(Vector::Zero(problem.variables()));
+    WorkingSet set = branch.point.set;
     for (const Index pair : flipped) set.flip(pair);
-    fresh.set_working_set(set);
-    EXPECT_TRUE(fresh.relax(run, rho, false, kBudget));
-    return fresh.elastic_objective();
+    fresh.point.set = set;
+    EXPECT_TRUE(fresh.elastic.solve(run, rho, ElasticRelaxation::Rows::violated, kBudget));
+    return fresh.elastic.objective();
   }
 
   Options options;
@@ -45,7 +46,7 @@ struct Setting {
   double rho;
   ScaledProblem problem;
   std::unique_ptr<Kkt> kkt;
-  ActiveSet active_set;
+  BranchEngines branch;
   Parametric parametric;
   bool solved = false;
 };
@@ -132,18 +133,18 @@ TEST(Parametric, TheWorkingSetItEndsWithIsTheOneOfTheNewOptimum) {
     const Parametric::Move flip[] = {{s.parametric.fixed_row(pair), false},
                                      {s.parametric.free_row(pair), true}};
     ASSERT_TRUE(s.parametric.follow(flip, kInfinity, 0.0).has_value());
-    WorkingSet before = s.active_set.set();
+    WorkingSet before = s.branch.point.set;
     WorkingSet after = before;
     after.flip(pair);
     s.parametric.read_active_rows(after);
     const int factorizations = s.run.factorizations;
-    s.active_set.set_working_set(after);
-    ASSERT_TRUE(s.active_set.relax(s.run, s.rho, true, kBudget));
+    s.branch.point.set = after;
+    ASSERT_TRUE(s.branch.elastic.solve(s.run, s.rho, ElasticRelaxation::Rows::held, kBudget));
     EXPECT_EQ(s.run.factorizations - factorizations, 1) << "the first guess was right";
-    EXPECT_EQ(s.active_set.set(), after);
-    s.active_set.set_working_set(before);
-    ASSERT_TRUE(s.active_set.relax(s.run, s.rho, true, kBudget));
-    s.parametric.start(s.active_set);
+    EXPECT_EQ(s.branch.point.set, after);
+    s.branch.point.set = before;
+    ASSERT_TRUE(s.branch.elastic.solve(s.run, s.rho, ElasticRelaxation::Rows::held, kBudget));
+    s.parametric.start(s.branch.elastic);
   }
 }
 
@@ -174,7 +175,7 @@ TEST(Parametric, ReleasingWhatPullsLowersTheObjectiveAndWhatDoesNotIsFree) {
       const Parametric::Move release[] = {{row, false}};
       const auto objective = s.parametric.follow(release, kInfinity, 0.0);
       if (!objective) continue;
-      const double change = *objective - s.active_set.elastic_objective();
+      const double change = *objective - s.branch.elastic.objective();
       if (s.parametric.multiplier(row) < -1e-3) {
         ++pulled;
         EXPECT_LT(change, 0.0) << seed << " pair " << pair;
@@ -192,7 +193,7 @@ TEST(Parametric, AProbeIsOfARowThatHasWayToGo) {
     Setting s(testing::random_problem({.variables = 20, .inequalities = 12, .pairs = 8}, seed), 1e3);
     ASSERT_TRUE(s.solved);
     for (Index pair = 0; pair < s.problem.pairs(); ++pair) {
-      const bool biactive = s.active_set.set().held[s.active_set.set().free_row(pair)] != 0;
+      const bool biactive = s.branch.point.set.held[s.branch.point.set.free_row(pair)] != 0;
       active += biactive ? 1 : 0;
       EXPECT_EQ(s.parametric.probe(s.parametric.fixed_row(pair), s.parametric.free_row(pair)), !biactive)
           << seed;

@@ -62,14 +62,13 @@ TEST(PathEngine, AtTheEndOfAnInnerLoopTheSidesOfEveryPairAreOnTheCurveOfItsKappa
       EXPECT_LE(kappa, 1e-2);
       EXPECT_GT(kappa, 1e-3) << "no further than asked for";
       const Images images = w.images(engine.iterate());
-      for (Eigen::Index i = 0; i < images.rows.left().size(); ++i) {
+      for (Eigen::Index i = 0; i < images.rows.s().size(); ++i) {
         // A residual ρ₅ moves a side by ρ₅ + |λ − β|/ρ; both shrink together.
         const double slack =
-            10.0 * residual * (1.0 + std::abs(images.rows.left()[i]) + std::abs(images.rows.right()[i]));
-        EXPECT_NEAR(images.rows.left()[i] * images.rows.right()[i], kappa, slack + 1e-6)
-            << seed << " pair " << i;
-        EXPECT_GT(images.rows.left()[i], -residual - 1e-6);
-        EXPECT_GT(images.rows.right()[i], -residual - 1e-6);
+            10.0 * residual * (1.0 + std::abs(images.rows.s()[i]) + std::abs(images.rows.t()[i]));
+        EXPECT_NEAR(images.rows.s()[i] * images.rows.t()[i], kappa, slack + 1e-6) << seed << " pair " << i;
+        EXPECT_GT(images.rows.s()[i], -residual - 1e-6);
+        EXPECT_GT(images.rows.t()[i], -residual - 1e-6);
       }
     }
   }

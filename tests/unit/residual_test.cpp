@@ -85,8 +85,8 @@ TEST(Images, AreTheLiteralProducts) {
     const Vector z = s.x.z();
     EXPECT_LT(max_abs(s.images.equality - (dense(p.A) * z + p.b)), 1e-13);
     EXPECT_LT(max_abs(s.images.rows.inequality() - (dense(C_of(p)) * z + d_of(p))), 1e-13);
-    EXPECT_LT(max_abs(s.images.rows.left() - (dense(L_of(p)) * z + l_of(p))), 1e-13);
-    EXPECT_LT(max_abs(s.images.rows.right() - (dense(R_of(p)) * z + r_of(p))), 1e-13);
+    EXPECT_LT(max_abs(s.images.rows.s() - (dense(L_of(p)) * z + l_of(p))), 1e-13);
+    EXPECT_LT(max_abs(s.images.rows.t() - (dense(R_of(p)) * z + r_of(p))), 1e-13);
     EXPECT_LT(max_abs(s.images.gradient - (dense(p.Q) * z + p.g)), 1e-13);
     EXPECT_NEAR(s.images.objective, 0.5 * z.dot(dense(p.Q) * z) + p.g.dot(z), 1e-13);
   }
@@ -111,8 +111,8 @@ TEST(Images, AdvancedManyTimesAreThoseOfTheMovedPoint) {
     EXPECT_NEAR(s.images.objective, fresh.objective, 1e-11);
     EXPECT_LT(max_abs(s.images.equality - fresh.equality), 1e-12);
     EXPECT_LT(max_abs(s.images.rows.inequality() - fresh.rows.inequality()), 1e-12);
-    EXPECT_LT(max_abs(s.images.rows.left() - fresh.rows.left()), 1e-12);
-    EXPECT_LT(max_abs(s.images.rows.right() - fresh.rows.right()), 1e-12);
+    EXPECT_LT(max_abs(s.images.rows.s() - fresh.rows.s()), 1e-12);
+    EXPECT_LT(max_abs(s.images.rows.t() - fresh.rows.t()), 1e-12);
     EXPECT_LT(max_abs(s.images.gradient - fresh.gradient), 1e-12);
     EXPECT_LT(max_abs(s.images.stationarity - fresh.stationarity), 1e-12);
   }

@@ -19,13 +19,13 @@ inline RowMatrix rows_from(const RowMatrix& matrix, Index first, Index count) {
 }
 
 inline RowMatrix C_of(const ScaledProblem& p) { return rows_from(p.rows, 0, p.inequalities()); }
-inline RowMatrix L_of(const ScaledProblem& p) { return rows_from(p.rows, p.layout.left(0), p.pairs()); }
-inline RowMatrix R_of(const ScaledProblem& p) { return rows_from(p.rows, p.layout.right(0), p.pairs()); }
+inline RowMatrix L_of(const ScaledProblem& p) { return rows_from(p.rows, p.layout.s(0), p.pairs()); }
+inline RowMatrix R_of(const ScaledProblem& p) { return rows_from(p.rows, p.layout.t(0), p.pairs()); }
 inline Vector d_of(const ScaledProblem& p) { return p.layout.inequality_part(p.offset); }
-inline Vector l_of(const ScaledProblem& p) { return p.layout.left_part(p.offset); }
-inline Vector r_of(const ScaledProblem& p) { return p.layout.right_part(p.offset); }
+inline Vector l_of(const ScaledProblem& p) { return p.layout.s_part(p.offset); }
+inline Vector r_of(const ScaledProblem& p) { return p.layout.t_part(p.offset); }
 inline Vector inequality_scale_of(const ScaledProblem& p) { return p.layout.inequality_part(p.row_scale); }
-inline Vector left_scale_of(const ScaledProblem& p) { return p.layout.left_part(p.row_scale); }
-inline Vector right_scale_of(const ScaledProblem& p) { return p.layout.right_part(p.row_scale); }
+inline Vector left_scale_of(const ScaledProblem& p) { return p.layout.s_part(p.row_scale); }
+inline Vector right_scale_of(const ScaledProblem& p) { return p.layout.t_part(p.row_scale); }
 
 }  // namespace marble

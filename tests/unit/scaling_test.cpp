@@ -111,10 +111,8 @@ TEST(Scaling, UndoneTheImagesAreThoseOfTheUsersData) {
       expect_same(images.equality.cwiseQuotient(p.equality_scale), dense(problem.A) * z + vector(problem.b));
       expect_same(images.rows.inequality().cwiseQuotient(inequality_scale_of(p)),
                   dense(problem.C) * z + vector(problem.d));
-      expect_same(images.rows.left().cwiseQuotient(left_scale_of(p)),
-                  dense(problem.L) * z + vector(problem.l));
-      expect_same(images.rows.right().cwiseQuotient(right_scale_of(p)),
-                  dense(problem.R) * z + vector(problem.r));
+      expect_same(images.rows.s().cwiseQuotient(left_scale_of(p)), dense(problem.L) * z + vector(problem.l));
+      expect_same(images.rows.t().cwiseQuotient(right_scale_of(p)), dense(problem.R) * z + vector(problem.r));
       const Vector gradient = dense(problem.Q) * z + vector(problem.g);
       expect_same(images.gradient.cwiseQuotient(p.variable_scale) / p.cost_scale, gradient);
       // The multipliers' own units: stationarity of the user's problem with y = E_A ȳ / c and so on.

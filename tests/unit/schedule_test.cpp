@@ -18,7 +18,8 @@ class ScheduleTest : public ::testing::Test {
 TEST_F(ScheduleTest, PaperRaisesRhoFirstThenLowersKappaAndTakesEstimates) {
   Options options;
   options.path = Path::paper;
-  Schedule schedule(options, sub);
+  const Schedule schedule(options);
+  schedule.begin(sub);
   EXPECT_EQ(sub.rho, options.rho_initial);
   EXPECT_EQ(sub.kappa, 0.1);
   x.all.setOnes();
@@ -32,7 +33,7 @@ TEST_F(ScheduleTest, PaperRaisesRhoFirstThenLowersKappaAndTakesEstimates) {
   EXPECT_EQ(raises, 6);
   schedule.advance(sub, x);
   EXPECT_EQ(sub.kappa, 0.05);
-  EXPECT_TRUE(sub.equality_estimate.isOnes() && sub.row_estimate.left().isOnes());
+  EXPECT_TRUE(sub.equality_estimate.isOnes() && sub.row_estimate.s().isOnes());
 }
 
 TEST_F(ScheduleTest, KappaNeverFallsBelowItsMinimum) {
@@ -41,7 +42,8 @@ TEST_F(ScheduleTest, KappaNeverFallsBelowItsMinimum) {
     options.path = path;
     options.rho_initial = options.rho_max;
     options.kappa_min = 1e-7;
-    Schedule schedule(options, sub);
+    const Schedule schedule(options);
+    schedule.begin(sub);
     for (int i = 0; i < 200; ++i) {
       schedule.advance(sub, x);
       EXPECT_GE(sub.kappa, 1e-7);
@@ -51,7 +53,9 @@ TEST_F(ScheduleTest, KappaNeverFallsBelowItsMinimum) {
 }
 
 TEST_F(ScheduleTest, FastLowersKappaSuperlinearly) {
-  Schedule schedule(Options{}, sub);
+  const Options options;
+  const Schedule schedule(options);
+  schedule.begin(sub);
   EXPECT_EQ(sub.kappa, 10.0);
   sub.kappa = 1e-4;
   schedule.advance(sub, x);
@@ -59,7 +63,9 @@ TEST_F(ScheduleTest, FastLowersKappaSuperlinearly) {
 }
 
 TEST_F(ScheduleTest, RetreatGoesHalfTheWayBackAndEndsWhenTooLittleIsLeft) {
-  Schedule schedule(Options{}, sub);
+  const Options options;
+  const Schedule schedule(options);
+  schedule.begin(sub);
   sub.kappa = 1e-6;
   EXPECT_TRUE(schedule.retreat(sub, 1e-4));
   EXPECT_DOUBLE_EQ(sub.kappa, 1e-5);

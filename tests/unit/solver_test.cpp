@@ -344,24 +344,24 @@ TEST(Solver, SolvesBeforeLeaveNoTraceWhereTheInertiaIsCorrected) {
   }
 }
 
-// The optimum over all partitions, each solved as a problem without pairs.
-double best_of_all_partitions(const OwnedProblem& p) {
+// The optimum over all branches, each solved as a problem without pairs.
+double best_of_all_branches(const OwnedProblem& p) {
   double best = std::numeric_limits<double>::infinity();
   const auto pairs = static_cast<unsigned>(p.l.size());
-  for (unsigned partition = 0; partition < 1U << pairs; ++partition) {
-    const OwnedProblem piece = testing::branch(p, partition);
-    const Solution s = solve_in_process(piece.view()).value();
+  for (unsigned s_fixed = 0; s_fixed < 1U << pairs; ++s_fixed) {
+    const OwnedProblem branch = testing::branch(p, s_fixed);
+    const Solution s = solve_in_process(branch.view()).value();
     if (s.status == Status::solved) best = std::min(best, s.objective);
   }
   return best;
 }
 
-TEST(Solver, IsNeverBelowTheBestPartitionAndMostlyAtIt) {
+TEST(Solver, IsNeverBelowTheBestBranchAndMostlyAtIt) {
   constexpr int kProblems = 60;
   int global = 0;
   for (std::uint64_t seed = 1; seed <= kProblems; ++seed) {
     const OwnedProblem p = testing::random_problem({}, seed);
-    const double best = best_of_all_partitions(p);
+    const double best = best_of_all_branches(p);
     const Solution s = solve_in_process(p.view()).value();
     ASSERT_EQ(s.status, Status::solved) << p.name;
     EXPECT_GE(s.objective, best - 1e-7 * (1.0 + std::abs(best))) << p.name;

@@ -53,15 +53,14 @@ struct Planned : Workbench {
     return start(zero(), Strategy::WarmStart{&solution, cold_objective});
   }
   /// The exact solution of a branch.
-  [[nodiscard]] Iterate solved_branch(unsigned left_fixed) {
+  [[nodiscard]] Iterate solved_branch(unsigned s_fixed) {
     const auto own_kkt = make_kkt(problem);
-    ActiveSet active_set(problem, *own_kkt);
+    BranchEngines branch(problem, *own_kkt);
     WorkingSet set(problem);
-    for (Index pair = 0; pair < set.layout.pairs; ++pair)
-      set.fix(pair, (left_fixed >> pair & 1U) != 0, false);
-    active_set.set_working_set(set);
-    EXPECT_TRUE(active_set.solve(run, 100));
-    return active_set.x();
+    for (Index pair = 0; pair < set.layout.pairs; ++pair) set.fix(pair, (s_fixed >> pair & 1U) != 0, false);
+    branch.point.set = set;
+    EXPECT_TRUE(branch.exact.solve(run, 100));
+    return branch.point.x;
   }
   [[nodiscard]] double objective() const { return judged(answer.x->z()).objective; }
 
@@ -177,15 +176,15 @@ TEST(Strategy, RunsBeforeLeaveNoTrace) {
 }
 
 TEST(Strategy, AWarmStartWhoseBranchIsStillFeasibleIsAllThereIs) {
-  for (const unsigned left_fixed : {0U, 1U}) {
+  for (const unsigned s_fixed : {0U, 1U}) {
     Planned p(corner(1.0, 2.0));
-    const Iterate solution = p.solved_branch(left_fixed);
+    const Iterate solution = p.solved_branch(s_fixed);
     const Ending end = p.warm(solution, -kInfinity);
     EXPECT_EQ(end.status, Status::solved);
     EXPECT_TRUE(p.answer.stayed_warm);
     EXPECT_EQ(p.iterations, 0) << "no step of the path";
     EXPECT_LE(p.factorizations, 2);
-    EXPECT_NEAR(p.objective(), left_fixed ? 1.0 : 4.0, 1e-9);
+    EXPECT_NEAR(p.objective(), s_fixed ? 1.0 : 4.0, 1e-9);
   }
 }
 

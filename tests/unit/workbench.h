@@ -126,4 +126,17 @@ struct Workbench {
   return p;
 }
 
+/// One variable z ≥ 1 and a pair 0 ≤ x ⊥ y ≥ 0, unscaled: (x, y, z).
+[[nodiscard]] inline OwnedProblem row_and_pair() {
+  OwnedProblem p;
+  p.g = {0.0, 0.0, 0.0};
+  p.Q = compress(3, 3, {{0, 1, 2}, {0, 1, 2}, {1.0, 1.0, 1.0}}, "Q").value();
+  p.C = compress(1, 3, {{0}, {2}, {1.0}}, "C").value();
+  p.d = {-1.0};
+  p.L = compress(1, 3, {{0}, {0}, {1.0}}, "L").value();
+  p.R = compress(1, 3, {{0}, {1}, {1.0}}, "R").value();
+  p.l = p.r = {0.0};
+  return p;
+}
+
 }  // namespace marble::testing

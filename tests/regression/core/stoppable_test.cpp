@@ -76,8 +76,8 @@ TEST_F(Stopped, ADenseFactorizationEndsBetweenItsPanels) {
   RowWeights weights(p);
   weights.delta = 1.0;
   weights.rows.inequality().setOnes();
-  weights.rows.left().setOnes();
-  weights.rows.right().setOnes();
+  weights.rows.s().setOnes();
+  weights.rows.t().setOnes();
   weights.cosine.setOnes();
   weights.sine.setZero();
   kkt.attend(stop_);
