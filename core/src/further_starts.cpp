@@ -20,60 +20,59 @@ FurtherStarts::FurtherStarts(const ScaledProblem& problem, const Options& option
       search_(search),
       attempts_(tuning::further_round, Attempt(problem)),
       reporter_(problem) {
-  for (std::size_t i = 0; i < attempts_.size(); ++i) tasks_.emplace_back([this, i] { make_attempt(i); });
+  for (std::size_t i = 0; i < attempts_.size(); ++i) tasks_.emplace_back([this, i] { make(attempts_[i]); });
 }
 
 double FurtherStarts::extra_bytes(const Options& options, double engine_bytes) {
   return engine_bytes * std::max(0, std::min(options.starts - 1, tuning::further_round) - 1);
 }
 
-void FurtherStarts::make_attempt(std::size_t number) {
-  SearchPlan plan = plan_;
-  plan.rho_first *= std::pow(tuning::further_softer, first_ + static_cast<int>(number));
-  Attempt& attempt = attempts_[number];
+void FurtherStarts::make(Attempt& attempt) const {
+  Run& run = *attempt.run;
+  if (run.interrupted()) return;
   try {
-    if (number == 0 || !at_once_) {
-      search_from(branch_, search_, plan, attempt);
-    } else {
-      search_from(engines_[number - 1]->branch, engines_[number - 1]->search, plan, attempt);
-    }
+    attempt.branch->point.restore(attempt.begin->x, attempt.begin->set);
+    const int last = run.factorizations + tuning::exact_budget + options_.local_search_budget;
+    attempt.succeeded =
+        attempt.search->run(run, attempt.plan, last) &&
+        solve_exactly(problem_, options_, attempt.branch->exact, run, tuning::exact_budget, attempt.found);
   } catch (const std::bad_alloc&) {
     attempt.out_of_memory = true;
   }
 }
 
-void FurtherStarts::search_from(BranchEngines& branch, LocalSearch& search, SearchPlan plan,
-                                Attempt& attempt) const {
-  Run& run = *attempt.run;
-  if (run.interrupted()) return;
-  branch.point.restore(begin_->x, begin_->set);
-  const int last = run.factorizations + tuning::exact_budget + options_.local_search_budget;
-  attempt.succeeded = search.run(run, plan, last) && solve_exactly(problem_, options_, branch.exact, run,
-                                                                   tuning::exact_budget, attempt.found);
-}
-
-bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count, Incumbent& incumbent) {
-  const auto searches = static_cast<std::size_t>(std::min(count, tuning::further_round));
-  at_once_ = run.runner() != nullptr && searches > 1;
-  while (at_once_ && engines_.size() + 1 < searches) {
+// For all searches that go on at once but one, with the problem's present values. False if one is refused.
+bool FurtherStarts::make_engines(Run& run, std::size_t count) {
+  while (engines_.size() < count) {
     std::unique_ptr<Kkt> kkt = make_kkt(problem_, run.interrupt());
     if (kkt == nullptr) return false;
     engines_.push_back(std::make_unique<Engine>(problem_, std::move(kkt)));
   }
-  for (const auto& engine : engines_) {  // of an earlier solve, perhaps with other values
+  for (const auto& engine : engines_) {
     engine->kkt->attend(run.interrupt());
     engine->kkt->load(problem_);
   }
+  return true;
+}
+
+bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count, Incumbent& incumbent) {
+  const auto searches = static_cast<std::size_t>(std::min(count, tuning::further_round));
+  const bool at_once = run.runner() != nullptr && searches > 1;
+  if (at_once && !make_engines(run, searches - 1)) return false;
   const ExactSolution& best = incumbent.best();
-  begin_ = &best;
-  plan_ = plan;
-  first_ = first;
   for (std::size_t i = 0; i < searches; ++i) {
-    attempts_[i].run.emplace(run.part(searches > 1));
-    attempts_[i].succeeded = attempts_[i].out_of_memory = false;
+    Attempt& attempt = attempts_[i];
+    const bool own_engine = at_once && i > 0;
+    attempt.branch = own_engine ? &engines_[i - 1]->branch : &branch_;
+    attempt.search = own_engine ? &engines_[i - 1]->search : &search_;
+    attempt.plan = plan;
+    attempt.plan.rho_first *= std::pow(tuning::further_softer, first + static_cast<int>(i));
+    attempt.begin = &best;
+    attempt.run.emplace(run.part(searches > 1));
+    attempt.succeeded = attempt.out_of_memory = false;
   }
   const std::span<const std::function<void()>> tasks(tasks_.data(), searches);
-  if (at_once_) {
+  if (at_once) {
     run.runner()->run(tasks);
   } else {
     for (const auto& task : tasks) task();

@@ -36,14 +36,19 @@ class FurtherStarts {
     BranchEngines branch;
     LocalSearch search;
   };
+  // One search of a round: what it begins with, and what comes of it.
   struct Attempt {
     explicit Attempt(const ScaledProblem& problem) : found(problem) {}
-    ExactSolution found;
+    BranchEngines* branch = nullptr;
+    LocalSearch* search = nullptr;
+    SearchPlan plan = {};
+    const ExactSolution* begin = nullptr;
     std::optional<Run> run;
+    ExactSolution found;
     bool succeeded = false, out_of_memory = false;
   };
-  void make_attempt(std::size_t number);
-  void search_from(BranchEngines& branch, LocalSearch& search, SearchPlan plan, Attempt& attempt) const;
+  [[nodiscard]] bool make_engines(Run& run, std::size_t count);
+  void make(Attempt& attempt) const;
 
   const ScaledProblem& problem_;
   const Options& options_;
@@ -53,11 +58,6 @@ class FurtherStarts {
   std::vector<Attempt> attempts_;
   std::vector<std::function<void()>> tasks_;  // each makes one attempt
   Reporter reporter_;
-  // Of the round under way.
-  const ExactSolution* begin_ = nullptr;
-  SearchPlan plan_ = {};
-  int first_ = 0;
-  bool at_once_ = false;
 };
 
 }  // namespace marble
