@@ -7,11 +7,11 @@
 #include <vector>
 
 #include "certificates.h"
+#include "marble/contract.h"
 
 namespace marble::server {
 namespace {
 
-constexpr std::size_t kLongestName = 64;
 constexpr Roles kCertificateRoles = {Role::solve, Role::observe};  // of a client that the file gives none
 
 // What a table says of the client: under its own name, or under the one in its certificate.
@@ -64,9 +64,10 @@ std::optional<std::string> certificate_name(const grpc::CallbackServerContext& c
 Expected<std::string> own_name(const std::string& name) {
   const bool printable =
       std::all_of(name.begin(), name.end(), [](unsigned char c) { return c >= 0x20 && c < 0x7f; });
-  if (!name.empty() && name.size() <= kLongestName && printable) return name;
-  return unexpected(invalid("marble-client", std::to_string(name.size()) + " bytes",
-                            "must have 1 to 64 bytes of printable ASCII"));
+  if (!name.empty() && name.size() <= contract::longest_client_name && printable) return name;
+  return unexpected(invalid(
+      "marble-client", std::to_string(name.size()) + " bytes",
+      "must have 1 to " + std::to_string(contract::longest_client_name) + " bytes of printable ASCII"));
 }
 
 }  // namespace

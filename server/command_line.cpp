@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "marble/contract.h"
 #include "marble/version.h"
 #include "settings.h"
 
@@ -52,7 +53,7 @@ std::optional<CommandLine> parse_command_line(int argc, const char* const* argv,
                  "address to listen on: host:port (port 0 takes a free one) or unix:PATH; "
                  "may be given several times [MARBLE_LISTEN]")
       ->delimiter(',')
-      ->default_str("127.0.0.1:50051");
+      ->default_str(contract::default_address);
   for (const SettingInfo& setting : setting_table()) add_setting(app, setting, result);
   try {
     app.parse(argc, argv);

@@ -8,6 +8,7 @@
 
 #include "command_line.h"
 #include "identity.h"
+#include "marble/contract.h"
 #include "marble/options.h"
 #include "settings.h"
 #include "tokens.h"
@@ -23,8 +24,9 @@ struct ClientConfig {
 };
 
 struct Config : Settings {
-  std::vector<std::string> listen = {"127.0.0.1:50051"};  ///< host:port, port 0 for a free one, or unix:PATH
-  Options solver_defaults;                                ///< of options that a request leaves out
+  std::vector<std::string> listen = {
+      contract::default_address};  ///< host:port, port 0 for a free one, or unix:PATH
+  Options solver_defaults;         ///< of options that a request leaves out
   std::map<std::string, ClientConfig> clients;
   std::vector<Token> known_tokens;             ///< what the file `tokens` holds
   std::map<std::string, std::string> sources;  ///< of keys that are not at their default: where from

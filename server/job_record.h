@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "marble/contract.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
@@ -23,8 +24,8 @@ namespace marble::server {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t kLongestRequestId = 128;  // bytes
-constexpr std::size_t kLongestName = 256;       // bytes
+constexpr std::size_t kLongestRequestId = contract::longest_request_id;  // bytes
+constexpr std::size_t kLongestName = contract::longest_problem_name;     // bytes
 
 enum class JobKind { solve, batch, submitted, session };
 enum class JobState { queued, running, idle, finished };

@@ -4,21 +4,21 @@
 
 #include "job_access.h"
 #include "job_message.h"
+#include "marble/contract.h"
 #include "marble/convert.h"
 
 namespace marble::server {
 namespace {
 
-constexpr int kDefaultPage = 100;
-constexpr int kLargestPage = 10'000;
+using contract::default_page, contract::largest_page;
 
 }  // namespace
 
 Expected<void> list_jobs(const JobBoard& board, const Identity& caller, const v1::ListJobsRequest& request,
                          v1::ListJobsResponse* response) {
-  if (request.limit() < 0 || request.limit() > kLargestPage) {
+  if (request.limit() < 0 || request.limit() > largest_page) {
     return unexpected(invalid("limit", std::to_string(request.limit()),
-                              "must be in [0, " + std::to_string(kLargestPage) + "]"));
+                              "must be in [0, " + std::to_string(largest_page) + "]"));
   }
   const auto visible = [&](const JobRecord& record) { return may_see(caller, record.description().client); };
   const auto passes = [&](const JobRecord& record) {
@@ -27,7 +27,7 @@ Expected<void> list_jobs(const JobBoard& board, const Identity& caller, const v1
     const auto& states = request.states();
     return states.empty() || std::find(states.begin(), states.end(), state) != states.end();
   };
-  const int limit = request.limit() == 0 ? kDefaultPage : request.limit();
+  const int limit = request.limit() == 0 ? default_page : request.limit();
   const auto page = board.list(visible, passes, static_cast<std::size_t>(limit), request.before_job_id());
   if (!page) return unexpected(page.error());
   for (const auto& record : page->records) to_message(*record, response->add_jobs());

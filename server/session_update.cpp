@@ -33,22 +33,14 @@ void take_shift(std::vector<ShiftBlock> older, std::vector<ShiftBlock>& newer, s
   newer = newer.empty() ? std::move(older) : joined(older, newer, size);
 }
 
-// Paths of an update's own fields, where a part's differs from that of a whole problem.
-std::string update_field(const std::string& core_field) {
-  std::string field = message_field(core_field);
-  const std::string matrix = "_matrix.values";
-  if (const auto at = field.find(matrix); at != std::string::npos)
-    field.replace(at, matrix.size(), "_values");
-  if (field == "hessian.values") field = "hessian_values";
-  return "update.problem." + field;
-}
-
 }  // namespace
 
 std::int64_t most_update_bytes(const PartSizes& sizes) {
   const std::size_t entries = sizes.g + sizes.b + sizes.d + sizes.l;
-  const std::size_t numbers =
-      2 * sizes.g + sizes.b + sizes.d + sizes.l + sizes.r + sizes.Q + sizes.A + sizes.C + sizes.L + sizes.R;
+  std::size_t numbers = sizes.g;  // of a point to start from
+#define MARBLE_VECTOR(letter, field) numbers += sizes.letter;
+#define MARBLE_MATRIX(letter, field, update, vector) numbers += sizes.letter;
+#include "marble/contract.def"
   return kRest + static_cast<std::int64_t>(kBlockBytes * entries + sizeof(double) * numbers);
 }
 
@@ -66,7 +58,7 @@ Expected<void> parse_update(grpc::ByteBuffer& bytes, const PartSizes& sizes, v1:
 
 Expected<Update> Update::check(v1::SessionUpdate& message, const PartSizes& sizes, const Options& in_force) {
   if (auto valid = sizes.check(update_of(message.problem())); !valid)
-    return unexpected(of_field(update_field(valid.error().field), valid.error()));
+    return unexpected(of_field("update.problem." + update_field(valid.error().field), valid.error()));
   Update update(std::move(message), sizes, in_force);
   const v1::Shift& shift = update.message_.shift();
   update.shift_ = {blocks_of(shift.variables()), blocks_of(shift.equalities()),
@@ -104,16 +96,10 @@ void Update::take_along(Update older) {
   v1::ProblemUpdate& from = *older.message_.mutable_problem();
   v1::ProblemUpdate& to = *message_.mutable_problem();
   if (from.has_constant() && !to.has_constant()) to.set_constant(from.constant());
-  take_field(from.mutable_gradient(), to.mutable_gradient());
-  take_field(from.mutable_equality_offset(), to.mutable_equality_offset());
-  take_field(from.mutable_inequality_offset(), to.mutable_inequality_offset());
-  take_field(from.mutable_left_offset(), to.mutable_left_offset());
-  take_field(from.mutable_right_offset(), to.mutable_right_offset());
-  take_field(from.mutable_hessian_values(), to.mutable_hessian_values());
-  take_field(from.mutable_equality_values(), to.mutable_equality_values());
-  take_field(from.mutable_inequality_values(), to.mutable_inequality_values());
-  take_field(from.mutable_left_values(), to.mutable_left_values());
-  take_field(from.mutable_right_values(), to.mutable_right_values());
+#define MARBLE_VECTOR(letter, field) take_field(from.mutable_##field(), to.mutable_##field());
+#define MARBLE_MATRIX(letter, field, update, vector) \
+  take_field(from.mutable_##update(), to.mutable_##update());
+#include "marble/contract.def"
   if (older.message_.has_initial_point() && !message_.has_initial_point())
     message_.mutable_initial_point()->Swap(older.message_.mutable_initial_point());
   message_.set_cold(older.message_.cold() || message_.cold());

@@ -3,36 +3,20 @@
 #include <cmath>
 
 #include "google/rpc/error_details.pb.h"
+#include "marble/convert.h"
+#include "marble/v1/fault.pb.h"
 
 namespace marble::server {
 namespace {
 
-grpc::StatusCode code_of(ErrorCode code) {
+bool retry_may_help(ErrorCode code) {
   switch (code) {
-    case ErrorCode::invalid_argument:
-      return grpc::StatusCode::INVALID_ARGUMENT;
-    case ErrorCode::failed_precondition:
-      return grpc::StatusCode::FAILED_PRECONDITION;
-    case ErrorCode::resource_exhausted:
-      return grpc::StatusCode::RESOURCE_EXHAUSTED;
-    case ErrorCode::not_found:
-      return grpc::StatusCode::NOT_FOUND;
-    case ErrorCode::unavailable:
-      return grpc::StatusCode::UNAVAILABLE;
-    case ErrorCode::cancelled:
-      return grpc::StatusCode::CANCELLED;
-    case ErrorCode::deadline_exceeded:
-      return grpc::StatusCode::DEADLINE_EXCEEDED;
-    case ErrorCode::permission_denied:
-      return grpc::StatusCode::PERMISSION_DENIED;
-    case ErrorCode::unauthenticated:
-      return grpc::StatusCode::UNAUTHENTICATED;
-    case ErrorCode::aborted:
-      return grpc::StatusCode::ABORTED;
-    case ErrorCode::internal:
-      return grpc::StatusCode::INTERNAL;
+#define MARBLE_ERROR(name, code, exit, retry, ...) \
+  case ErrorCode::name:                            \
+    return retry;
+#include "marble/contract.def"
   }
-  return grpc::StatusCode::UNKNOWN;
+  return false;
 }
 
 constexpr std::size_t kLongestValue = 64;  // bytes of an error's value that are told
@@ -52,7 +36,7 @@ Error abridged(Error error) {
 google::rpc::Status to_message(const Error& whole, double retry_delay_s) {
   const Error error = abridged(whole);
   google::rpc::Status details;
-  details.set_code(code_of(error.code));
+  details.set_code(marble::to_message(error.code));
   details.set_message(error.message());
   if (error.code == ErrorCode::invalid_argument) {
     google::rpc::BadRequest bad_request;
@@ -62,8 +46,15 @@ google::rpc::Status to_message(const Error& whole, double retry_delay_s) {
     violation->set_description(error.value.empty() ? error.bound : "is " + error.value + ", " + error.bound);
     details.add_details()->PackFrom(bad_request);
   }
-  const bool may_help = error.code == ErrorCode::resource_exhausted || error.code == ErrorCode::unavailable;
-  if (may_help && retry_delay_s > 0.0) {
+  if (!error.field.empty()) {
+    v1::Fault fault;
+    fault.set_field(error.field);
+    if (error.index >= 0) fault.set_index(error.index);
+    fault.set_value(error.value);
+    fault.set_bound(error.bound);
+    details.add_details()->PackFrom(fault);
+  }
+  if (retry_may_help(error.code) && retry_delay_s > 0.0) {
     google::rpc::RetryInfo retry;
     retry.mutable_retry_delay()->set_seconds(static_cast<std::int64_t>(retry_delay_s));
     retry.mutable_retry_delay()->set_nanos(
@@ -75,7 +66,7 @@ google::rpc::Status to_message(const Error& whole, double retry_delay_s) {
 
 grpc::Status to_status(const Error& error, double retry_delay_s) {
   const google::rpc::Status details = to_message(error, retry_delay_s);
-  return {code_of(error.code), details.message(), details.SerializeAsString()};
+  return {static_cast<grpc::StatusCode>(details.code()), details.message(), details.SerializeAsString()};
 }
 
 }  // namespace marble::server

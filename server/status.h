@@ -11,8 +11,9 @@ namespace marble::server {
 /// The error with no more of its value than its first 64 bytes and how many there are: a value is a client's
 /// text, and trailers hold 8 kB.
 [[nodiscard]] Error abridged(Error error);
-/// The error, abridged, with its details: BadRequest with field path and rule for invalid_argument, RetryInfo
-/// for resource_exhausted and unavailable where waiting helps: where `retry_delay_s` > 0.
+/// The error, abridged, with its details: Fault where it has a field; BadRequest with field path and rule, in
+/// prose, for invalid_argument; RetryInfo for resource_exhausted and unavailable where waiting helps: where
+/// `retry_delay_s` > 0.
 [[nodiscard]] google::rpc::Status to_message(const Error& error, double retry_delay_s = 0.0);
 /// The same as a call's end has it.
 [[nodiscard]] grpc::Status to_status(const Error& error, double retry_delay_s = 0.0);

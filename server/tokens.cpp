@@ -9,13 +9,14 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "marble/contract.h"
+
 namespace marble::server {
 namespace {
 
 constexpr std::size_t kHashBytes = 32;
 constexpr std::size_t kSaltBytes = 16;
 constexpr std::size_t kSecretBytes = 32;
-constexpr std::size_t kLongestName = 64;
 constexpr const char* kDigits = "0123456789abcdef";
 
 std::string hash_of(std::string_view salt, std::string_view secret) {
@@ -61,7 +62,7 @@ std::string random_bytes(std::size_t count) {
 
 Expected<void> check_name(std::string_view name) {
   const auto printable = [](char c) { return c > ' ' && c <= '~'; };
-  if (name.empty() || name.size() > kLongestName || name[0] == '#' ||
+  if (name.empty() || name.size() > contract::longest_client_name || name[0] == '#' ||
       !std::all_of(name.begin(), name.end(), printable))
     return unexpected(invalid("name", "must have 1 to 64 bytes of printable ASCII"));
   if (name.rfind(kCertificatePrefix, 0) == 0)

@@ -24,20 +24,10 @@ inline constexpr const char* kExitCodes =
 /// Which outcome an error is.
 [[nodiscard]] inline int exit_code_of(const Error& error) {
   switch (error.code) {
-    case ErrorCode::invalid_argument:
-    case ErrorCode::not_found:
-    case ErrorCode::failed_precondition:
-      return kBadInput;
-    case ErrorCode::cancelled:
-    case ErrorCode::deadline_exceeded:
-      return kNotSolved;
-    case ErrorCode::resource_exhausted:
-    case ErrorCode::unavailable:
-    case ErrorCode::permission_denied:
-    case ErrorCode::unauthenticated:
-    case ErrorCode::aborted:
-    case ErrorCode::internal:
-      break;
+#define MARBLE_ERROR(name, code, exit, ...) \
+  case ErrorCode::name:                     \
+    return exit;
+#include "marble/contract.def"
   }
   return kUnreachable;
 }

@@ -15,7 +15,8 @@ int main(int argc, char** argv) {
   program.get_formatter()->column_width(36);
   program.footer(std::string(kExitCodes) +
                  "\nThe server is --server ADDR, else MARBLE_SERVER, else 127.0.0.1:50051; ADDR is "
-                 "host:port, or several with commas between, or unix:PATH.\nMARBLE_TOKEN, MARBLE_TLS_CA, "
+                 "host:port, or several with commas between, or unix:PATH, or local for none.\nMARBLE_TOKEN, "
+                 "MARBLE_TLS_CA, "
                  "MARBLE_TLS_CERTIFICATE and MARBLE_TLS_KEY are the defaults "
                  "of "
                  "their options.");

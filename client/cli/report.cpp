@@ -47,6 +47,7 @@ std::string summary(const Subject& p, const Answer& s) {
     text += std::string("  second order    ") + to_string(s.second_order) + "\n";
   } else {
     text += "  why             " + s.detail + "\n";
+    text += std::string("  what to try     ") + advice(s.status) + "\n";
   }
   return text;
 }

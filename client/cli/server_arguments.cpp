@@ -29,7 +29,7 @@ Expected<std::string> read_token(const std::string& path) {
 void add_server_arguments(CLI::App& command, ServerArguments& arguments) {
   command.add_option("--server", arguments.server,
                      "address of the server: host:port, or several with commas between, or unix:PATH; "
-                     "default MARBLE_SERVER, else 127.0.0.1:50051");
+                     "or local, which is this process; default MARBLE_SERVER, else 127.0.0.1:50051");
   command.add_option("--token-file", arguments.token_file,
                      "its first line is the token to show; default the token in MARBLE_TOKEN");
   command.add_flag("--tls", arguments.connect.tls, "encrypt; any other --tls option does so too");

@@ -51,6 +51,7 @@ class NlReader {
         segment(key);
         if (in_.failed()) break;
       }
+      check_complete();
     }
     if (in_.failed()) return unexpected(in_.error());
     return assemble(name);
@@ -77,6 +78,21 @@ class NlReader {
     }
   }
 
+  // A file that was cut at a segment's end is a file still, but of another problem.
+  void check_complete() {
+    const auto need = [&](const char* key, std::int64_t there, std::int64_t told) {
+      if (there >= told) return;
+      in_.fail(key, std::to_string(there) + " of " + std::to_string(told),
+               "is missing: the file ends too soon");
+    };
+    need("C", seen_.constraints, header_.constraints);
+    need("O", seen_.objectives, header_.objectives);
+    need("r", seen_.row_bounds, header_.constraints);
+    need("b", seen_.bounds, header_.variables);
+    need("J", seen_.jacobian, header_.jacobian);
+    need("G", seen_.gradient, header_.gradient);
+  }
+
   void segment(char key) {
     switch (key) {
       case 'C':
@@ -89,13 +105,15 @@ class NlReader {
         return jacobian_row();
       case 'G':
         static_cast<void>(in_.integer("G", 0, header_.objectives - 1));
-        return linear_terms(objective_);
+        return linear_terms(objective_, seen_.gradient);
       case 'b':
         for (std::size_t i = 0; i < bounds_.size() && !in_.failed(); ++i) bounds_[i] = bound("b", false);
+        seen_.bounds = header_.variables;
         return;
       case 'r':
         for (std::size_t i = 0; i < row_bounds_.size() && !in_.failed(); ++i)
           row_bounds_[i] = bound("r", true);
+        seen_.row_bounds = header_.constraints;
         return;
       case 'x':
         return initial_point();
@@ -120,12 +138,14 @@ class NlReader {
     if (body.degree() == 2)
       in_.fail("C" + std::to_string(index), "quadratic", "must be linear: constraints of an LCQP are");
     if (!in_.failed()) keep(std::move(body), rows_[at(index)]);
+    ++seen_.constraints;
   }
 
   void objective() {
     static_cast<void>(in_.integer("O", 0, header_.objectives - 1));
     maximize_ = in_.integer("O", 0, 1) == 1;
     keep(expression(), objective_);
+    ++seen_.objectives;
   }
 
   void defined_variable() {
@@ -144,13 +164,14 @@ class NlReader {
 
   void jacobian_row() {
     const int index = in_.integer("J", 0, header_.constraints - 1);
-    if (!in_.failed()) linear_terms(rows_[at(index)]);
+    if (!in_.failed()) linear_terms(rows_[at(index)], seen_.jacobian);
   }
 
-  void linear_terms(Quadratic& sum) {
+  void linear_terms(Quadratic& sum, std::int64_t& seen) {
     for (int count = in_.integer("J", 0, header_.variables); count > 0 && !in_.failed(); --count) {
       const int variable = in_.integer("J", 0, header_.variables - 1);
       sum.linear[variable] += in_.real("J");
+      ++seen;
     }
   }
 
@@ -412,6 +433,9 @@ class NlReader {
   const std::size_t most_terms_, length_;
   std::size_t held_ = 0;
   NlHeader header_;
+  struct {
+    std::int64_t constraints = 0, objectives = 0, row_bounds = 0, bounds = 0, jacobian = 0, gradient = 0;
+  } seen_;  // of what the header tells
   bool maximize_ = false;
   Quadratic objective_;
   std::vector<Quadratic> rows_;

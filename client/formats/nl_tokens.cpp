@@ -81,7 +81,10 @@ NlHeader NlTokens::header() {
     fail("header", "arithmetic " + std::to_string(flags[2]), "must be IEEE, little-endian");
   const auto discrete = header_line(7, 2);
   header.integers = std::accumulate(discrete.begin(), discrete.begin() + 5, std::int64_t{0});
-  for (int number = 8; number <= 10; ++number) static_cast<void>(header_line(number, 1));
+  const auto nonzeros = header_line(8, 2);
+  header.jacobian = nonzeros[0];
+  header.gradient = nonzeros[1];
+  for (int number = 9; number <= 10; ++number) static_cast<void>(header_line(number, 1));
   binary_ = header.binary;
   return header;
 }

@@ -14,9 +14,10 @@ namespace marble::formats {
 struct NlHeader {
   bool binary = false;
   int variables = 0, constraints = 0, objectives = 0;
-  std::int64_t integers = 0;  ///< integer and binary variables
-  std::int64_t networks = 0;  ///< network constraints
-  int functions = 0;          ///< imported ones
+  std::int64_t integers = 0;                ///< integer and binary variables
+  std::int64_t networks = 0;                ///< network constraints
+  int functions = 0;                        ///< imported ones
+  std::int64_t jacobian = 0, gradient = 0;  ///< entries of the segments J, of the segments G
   int logical_constraints = 0;
 };
 

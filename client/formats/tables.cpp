@@ -1,6 +1,7 @@
 #include "tables.h"
 
 #include <algorithm>
+#include <span>
 
 namespace marble::formats {
 namespace {
@@ -11,10 +12,12 @@ struct BlockNames {
   std::vector<double> OwnedProblem::*vector_part;
 };
 
-constexpr BlockNames kBlocks[] = {{"A", "b", &OwnedProblem::A, &OwnedProblem::b},
-                                  {"C", "d", &OwnedProblem::C, &OwnedProblem::d},
-                                  {"L", "l", &OwnedProblem::L, &OwnedProblem::l},
-                                  {"R", "r", &OwnedProblem::R, &OwnedProblem::r}};
+constexpr BlockNames kParts[] = {
+#define MARBLE_MATRIX(letter, field, update, vector) \
+  {#letter, #vector, &OwnedProblem::letter, &OwnedProblem::vector},
+#include "marble/contract.def"
+};
+constexpr auto kBlocks = std::span(kParts).subspan<1>();  // but for Q and g, which say n
 
 Expected<std::vector<double>> read_vector(const TableReader& read, const char* name, std::size_t size) {
   const auto table = read(name);

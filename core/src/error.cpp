@@ -6,28 +6,10 @@ namespace marble {
 
 const char* to_string(ErrorCode code) {
   switch (code) {
-    case ErrorCode::invalid_argument:
-      return "invalid_argument";
-    case ErrorCode::failed_precondition:
-      return "failed_precondition";
-    case ErrorCode::resource_exhausted:
-      return "resource_exhausted";
-    case ErrorCode::not_found:
-      return "not_found";
-    case ErrorCode::unavailable:
-      return "unavailable";
-    case ErrorCode::cancelled:
-      return "cancelled";
-    case ErrorCode::deadline_exceeded:
-      return "deadline_exceeded";
-    case ErrorCode::permission_denied:
-      return "permission_denied";
-    case ErrorCode::unauthenticated:
-      return "unauthenticated";
-    case ErrorCode::aborted:
-      return "aborted";
-    case ErrorCode::internal:
-      return "internal";
+#define MARBLE_ERROR(name, ...) \
+  case ErrorCode::name:         \
+    return #name;
+#include "marble/contract.def"
   }
   return "unknown";
 }

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <string>
 
-#include "tuning.h"
+#include "marble/contract.h"
 
 namespace marble {
 namespace {
@@ -120,7 +120,7 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
       const bool present = mirror < q.column_pointers[row + 1] && q.row_indices[mirror] == column;
       const double below = present ? q.values[mirror] : 0.0;
       const double size = std::max(std::abs(q.values[k]), std::abs(below));
-      if (std::abs(q.values[k] - below) > tuning::symmetry * size) return asymmetric(k, row, column, below);
+      if (std::abs(q.values[k] - below) > contract::symmetry * size) return asymmetric(k, row, column, below);
       if (present) ++mirror;
     }
   }
@@ -139,17 +139,19 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
 
 Expected<Problem> Problem::create(const ProblemView& view) {
   const std::size_t n = view.g.size();
-  constexpr auto kMost = static_cast<std::size_t>(std::numeric_limits<Index>::max() / 8);
   if (n == 0)
     return unexpected(invalid("g", "0 entries", "must have at least 1 entry: there must be a variable"));
   const struct {
     const char* name;
     std::span<const double> values;
-  } vectors[] = {{"g", view.g}, {"b", view.b}, {"d", view.d}, {"l", view.l}, {"r", view.r}};
+  } vectors[] = {
+#define MARBLE_VECTOR(letter, field) {#letter, view.letter},
+#include "marble/contract.def"
+  };
   for (const auto& vector : vectors) {
-    if (vector.values.size() > kMost) {
+    if (vector.values.size() > contract::most_rows) {
       return unexpected(invalid(vector.name, std::to_string(vector.values.size()) + " entries",
-                                "must have at most " + std::to_string(kMost) + " entries"));
+                                "must have at most " + std::to_string(contract::most_rows) + " entries"));
     }
   }
   if (view.r.size() != view.l.size()) {
@@ -161,13 +163,14 @@ Expected<Problem> Problem::create(const ProblemView& view) {
     const SparseMatrixView& matrix;
     std::size_t rows;
     const char* rule;
-  } matrices[] = {{"Q", view.Q, n, "variables"},
-                  {"A", view.A, view.b.size(), "entries of b"},
-                  {"C", view.C, view.d.size(), "entries of d"},
-                  {"L", view.L, view.l.size(), "entries of l"},
-                  {"R", view.R, view.r.size(), "entries of r"}};
+  } matrices[] = {
+#define MARBLE_MATRIX(letter, field, update, vector) \
+  {#letter, view.letter, view.vector.size(), "entries of " #vector},
+#include "marble/contract.def"
+  };
   for (const auto& m : matrices) {
-    if (auto valid = check_matrix(m.matrix, m.name, m.rows, n, m.rule); !valid)
+    if (auto valid = check_matrix(m.matrix, m.name, m.rows, n, &m.matrix == &view.Q ? "variables" : m.rule);
+        !valid)
       return unexpected(valid.error());
   }
   for (const auto& vector : vectors) {
@@ -256,16 +259,11 @@ Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entri
 
 PartSizes PartSizes::of(const Problem& problem) {
   const ProblemView& view = problem.view();
-  return {.g = view.g.size(),
-          .b = view.b.size(),
-          .d = view.d.size(),
-          .l = view.l.size(),
-          .r = view.r.size(),
-          .Q = view.Q.values.size(),
-          .A = view.A.values.size(),
-          .C = view.C.values.size(),
-          .L = view.L.values.size(),
-          .R = view.R.values.size()};
+  PartSizes sizes;
+#define MARBLE_VECTOR(letter, field) sizes.letter = view.letter.size();
+#define MARBLE_MATRIX(letter, field, update, vector) sizes.letter = view.letter.values.size();
+#include "marble/contract.def"
+  return sizes;
 }
 
 Expected<void> PartSizes::check(const ProblemUpdate& update) const {
@@ -273,10 +271,11 @@ Expected<void> PartSizes::check(const ProblemUpdate& update) const {
     const char* field;
     std::span<const double> values;
     std::size_t size;
-  } parts[] = {{"g", update.g, g},        {"b", update.b, b},        {"d", update.d, d},
-               {"l", update.l, l},        {"r", update.r, r},        {"Q.values", update.Q, Q},
-               {"A.values", update.A, A}, {"C.values", update.C, C}, {"L.values", update.L, L},
-               {"R.values", update.R, R}};
+  } parts[] = {
+#define MARBLE_VECTOR(letter, field) {#letter, update.letter, letter},
+#define MARBLE_MATRIX(letter, field, values, vector) {#letter ".values", update.letter, letter},
+#include "marble/contract.def"
+  };
   if (update.c0) {
     if (auto valid = check_numbers({&*update.c0, 1}, 1, "c0"); !valid) {
       valid.error().index = -1;

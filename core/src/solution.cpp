@@ -4,26 +4,22 @@ namespace marble {
 
 const char* to_string(Status status) {
   switch (status) {
-    case Status::solved:
-      return "solved";
-    case Status::solved_reduced:
-      return "solved_reduced";
-    case Status::iteration_limit:
-      return "iteration_limit";
-    case Status::time_limit:
-      return "time_limit";
-    case Status::cancelled:
-      return "cancelled";
-    case Status::infeasible:
-      return "infeasible";
-    case Status::locally_infeasible:
-      return "locally_infeasible";
-    case Status::unbounded:
-      return "unbounded";
-    case Status::numerical_failure:
-      return "numerical_failure";
+#define MARBLE_STATUS(name, ...) \
+  case Status::name:             \
+    return #name;
+#include "marble/contract.def"
   }
   return "unknown";
+}
+
+const char* advice(Status status) {
+  switch (status) {
+#define MARBLE_STATUS(name, tone, means, advice) \
+  case Status::name:                             \
+    return advice;
+#include "marble/contract.def"
+  }
+  return "";
 }
 
 const char* to_string(Stationarity stationarity) {

@@ -53,26 +53,13 @@ grpc::ByteBuffer update_of(const Entry& entry, const std::vector<OwnedProblem>& 
   v1::ProblemUpdate* changed = update.mutable_problem();
   using P = const OwnedProblem&;
   changed->set_constant(p.c0);
-  add_changes(
-      all, p, [](P x) -> auto& { return x.g; }, changed->mutable_gradient());
-  add_changes(
-      all, p, [](P x) -> auto& { return x.b; }, changed->mutable_equality_offset());
-  add_changes(
-      all, p, [](P x) -> auto& { return x.d; }, changed->mutable_inequality_offset());
-  add_changes(
-      all, p, [](P x) -> auto& { return x.l; }, changed->mutable_left_offset());
-  add_changes(
-      all, p, [](P x) -> auto& { return x.r; }, changed->mutable_right_offset());
-  add_changes(
-      all, p, [](P x) -> auto& { return x.Q.values; }, changed->mutable_hessian_values());
-  add_changes(
-      all, p, [](P x) -> auto& { return x.A.values; }, changed->mutable_equality_values());
-  add_changes(
-      all, p, [](P x) -> auto& { return x.C.values; }, changed->mutable_inequality_values());
-  add_changes(
-      all, p, [](P x) -> auto& { return x.L.values; }, changed->mutable_left_values());
-  add_changes(
-      all, p, [](P x) -> auto& { return x.R.values; }, changed->mutable_right_values());
+#define MARBLE_VECTOR(letter, field) \
+  add_changes(                       \
+      all, p, [](P x) -> auto& { return x.letter; }, changed->mutable_##field());
+#define MARBLE_MATRIX(letter, field, update, vector) \
+  add_changes(                                       \
+      all, p, [](P x) -> auto& { return x.letter.values; }, changed->mutable_##update());
+#include "marble/contract.def"
   return bytes_of(message);
 }
 

@@ -29,11 +29,18 @@ void to_message(const SparseMatrixView& matrix, v1::SparseMatrix* message) {
 }
 
 // The core speaks the letters of the equation, the message the field's terms.
-constexpr std::pair<const char*, const char*> kFieldNames[] = {
-    {"Q", "hessian"},           {"g", "gradient"},        {"c0", "constant"},
-    {"A", "equality_matrix"},   {"b", "equality_offset"}, {"C", "inequality_matrix"},
-    {"d", "inequality_offset"}, {"L", "left_matrix"},     {"l", "left_offset"},
-    {"R", "right_matrix"},      {"r", "right_offset"},
+struct FieldNames {
+  const char *core, *message;
+};
+constexpr FieldNames kFieldNames[] = {
+    {"c0", "constant"},
+#define MARBLE_VECTOR(letter, field) {#letter, #field},
+#define MARBLE_MATRIX(letter, field, update, vector) {#letter, #field},
+#include "marble/contract.def"
+};
+constexpr FieldNames kUpdateNames[] = {
+#define MARBLE_MATRIX(letter, field, update, vector) {#letter ".values", #update},
+#include "marble/contract.def"
 };
 
 using google::protobuf::FieldDescriptor;
@@ -60,66 +67,39 @@ const std::vector<OptionField>& option_fields() {
 
 ProblemView view_of(const v1::Problem& m) {
   ProblemView view;
-  if (m.has_hessian()) view.Q = view_of(m.hessian());
   view.hessian_form =
       m.hessian_form() == v1::HESSIAN_FORM_UPPER_TRIANGLE ? HessianForm::upper_triangle : HessianForm::full;
-  view.g = span_of(m.gradient());
   view.c0 = m.constant();
-  if (m.has_equality_matrix()) view.A = view_of(m.equality_matrix());
-  view.b = span_of(m.equality_offset());
-  if (m.has_inequality_matrix()) view.C = view_of(m.inequality_matrix());
-  view.d = span_of(m.inequality_offset());
-  if (m.has_left_matrix()) view.L = view_of(m.left_matrix());
-  view.l = span_of(m.left_offset());
-  if (m.has_right_matrix()) view.R = view_of(m.right_matrix());
-  view.r = span_of(m.right_offset());
+#define MARBLE_VECTOR(letter, field) view.letter = span_of(m.field());
+#define MARBLE_MATRIX(letter, field, update, vector) \
+  if (m.has_##field()) view.letter = view_of(m.field());
+#include "marble/contract.def"
   return view;
 }
 
 ProblemUpdate update_of(const v1::ProblemUpdate& m) {
   ProblemUpdate update;
   if (m.has_constant()) update.c0 = m.constant();
-  update.g = span_of(m.gradient());
-  update.b = span_of(m.equality_offset());
-  update.d = span_of(m.inequality_offset());
-  update.l = span_of(m.left_offset());
-  update.r = span_of(m.right_offset());
-  update.Q = span_of(m.hessian_values());
-  update.A = span_of(m.equality_values());
-  update.C = span_of(m.inequality_values());
-  update.L = span_of(m.left_values());
-  update.R = span_of(m.right_values());
+#define MARBLE_VECTOR(letter, field) update.letter = span_of(m.field());
+#define MARBLE_MATRIX(letter, field, values, vector) update.letter = span_of(m.values());
+#include "marble/contract.def"
   return update;
 }
 
 void to_message(const ProblemUpdate& update, v1::ProblemUpdate* message) {
   if (update.c0) message->set_constant(*update.c0);
-  assign(message->mutable_gradient(), update.g);
-  assign(message->mutable_equality_offset(), update.b);
-  assign(message->mutable_inequality_offset(), update.d);
-  assign(message->mutable_left_offset(), update.l);
-  assign(message->mutable_right_offset(), update.r);
-  assign(message->mutable_hessian_values(), update.Q);
-  assign(message->mutable_equality_values(), update.A);
-  assign(message->mutable_inequality_values(), update.C);
-  assign(message->mutable_left_values(), update.L);
-  assign(message->mutable_right_values(), update.R);
+#define MARBLE_VECTOR(letter, field) assign(message->mutable_##field(), update.letter);
+#define MARBLE_MATRIX(letter, field, values, vector) assign(message->mutable_##values(), update.letter);
+#include "marble/contract.def"
 }
 
 void to_message(const ProblemView& problem, v1::Problem* message) {
-  to_message(problem.Q, message->mutable_hessian());
   message->set_hessian_form(problem.hessian_form == HessianForm::full ? v1::HESSIAN_FORM_FULL
                                                                       : v1::HESSIAN_FORM_UPPER_TRIANGLE);
-  assign(message->mutable_gradient(), problem.g);
   message->set_constant(problem.c0);
-  to_message(problem.A, message->mutable_equality_matrix());
-  assign(message->mutable_equality_offset(), problem.b);
-  to_message(problem.C, message->mutable_inequality_matrix());
-  assign(message->mutable_inequality_offset(), problem.d);
-  to_message(problem.L, message->mutable_left_matrix());
-  assign(message->mutable_left_offset(), problem.l);
-  to_message(problem.R, message->mutable_right_matrix());
-  assign(message->mutable_right_offset(), problem.r);
+#define MARBLE_VECTOR(letter, field) assign(message->mutable_##field(), problem.letter);
+#define MARBLE_MATRIX(letter, field, update, vector) to_message(problem.letter, message->mutable_##field());
+#include "marble/contract.def"
 }
 
 std::string message_field(const std::string& field) {
@@ -131,13 +111,47 @@ std::string message_field(const std::string& field) {
   return field;
 }
 
+std::string update_field(const std::string& field) {
+  for (const auto& [core, message] : kUpdateNames) {
+    if (field == core) return message;
+  }
+  return message_field(field);
+}
+
 std::string core_field(const std::string& field) {
   const std::size_t dot = field.find('.');
   const std::string head = field.substr(0, dot);
+  for (const auto& [core, message] : kUpdateNames) {
+    if (field == message) return core;
+  }
   for (const auto& [core, message] : kFieldNames) {
     if (head == message) return dot == std::string::npos ? core : core + field.substr(dot);
   }
   return field;
+}
+
+int to_message(ErrorCode code) {
+  switch (code) {
+#define MARBLE_ERROR(name, code, ...) \
+  case ErrorCode::name:               \
+    return code;
+#include "marble/contract.def"
+  }
+  return 2;  // UNKNOWN
+}
+
+ErrorCode error_code_of(int code) {
+  switch (code) {
+#define MARBLE_ERROR(name, code, ...) \
+  case code:                          \
+    return ErrorCode::name;
+#define MARBLE_FOREIGN_CODE(code, name) \
+  case code:                            \
+    return ErrorCode::name;
+#include "marble/contract.def"
+    default:
+      return ErrorCode::internal;
+  }
 }
 
 Expected<Options> options_of(const v1::SolveOptions& message, const Options& defaults) {

@@ -4,7 +4,8 @@ import { duration, percent, residual, whole } from "./format.js";
 import { seconds } from "./store.js";
 import { partsOf } from "./timings.js";
 import { repeated } from "./trace.js";
-import { STATES, STATUSES, errorWords } from "./words.js";
+import { STATUSES } from "./tables.js";
+import { STATES, errorWords } from "./words.js";
 
 const VIOLATIONS = [
   ["equality", "equality_tolerance", "|A z + b|"],
@@ -24,8 +25,9 @@ export function judge(job, options) {
 export function explain(job, options, rows) {
   const lines = [];
   if (job.error) {
-    const { name, means } = errorWords(job.error.code);
+    const { name, means, advice } = errorWords(job.error.code);
     lines.push(means, ...errorDetails(job.error));
+    if (advice) lines.push(`What to try: ${advice}`);
     return { tone: "bad", title: `No answer: ${name.replaceAll("_", " ")}`, lines };
   }
   const known = STATUSES[job.status];
@@ -47,18 +49,10 @@ function underWay(job) {
   return lines;
 }
 
-// The message, and field, index and rule as the request's author needs them.
+// The message has field, index and rule.
 function errorDetails(error) {
-  const lines = [error.message];
-  for (const detail of error.details ?? []) {
-    for (const { field, description } of detail.fieldViolations ?? detail.field_violations ?? []) {
-      const text = `${field}: ${description}`;
-      if (!error.message.includes(description)) lines.push(text);
-    }
-    const delay = detail.retryDelay ?? detail.retry_delay;
-    if (delay) lines.push(`The server proposes to try again after ${delay}.`);
-  }
-  return lines;
+  const delay = (error.details ?? []).map((detail) => detail.retryDelay ?? detail.retry_delay).find(Boolean);
+  return delay ? [error.message, `The server proposes to try again after ${delay}.`] : [error.message];
 }
 
 function unmet(job, options) {

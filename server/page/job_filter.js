@@ -1,6 +1,7 @@
 // Which jobs are shown, and in what order. Pure functions of the jobs.
 
-import { STATUSES, outcome } from "./words.js";
+import { STATUSES } from "./tables.js";
+import { outcome } from "./words.js";
 import { seconds, violation } from "./store.js";
 
 const RANKS = { running: 0, queued: 1, idle: 2, finished: 3 };

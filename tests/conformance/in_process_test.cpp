@@ -187,23 +187,30 @@ class Environment : public ::testing::Test {
   const OwnedProblem problem_ = examples::rocket();
 };
 
-TEST_F(Environment, SolveGoesToTheServerThatItNamesAndElseStaysHere) {
-  unsetenv("MARBLE_SERVER");
+TEST_F(Environment, SolveGoesToTheServerThatItNamesAndStaysHereOnlyIfItIsLocal) {
+  name("local");
   const RemoteSolution here = marble::solve(problem_.view()).value();
   EXPECT_TRUE(here.job_id.empty());
+  EXPECT_EQ(Client::connect().value().address(), "in process");
   std::optional<ServerProcess> first(std::in_place, MARBLE_SERVER_BINARY),
       second(std::in_place, MARBLE_SERVER_BINARY);
   name(first->address());
   const RemoteSolution there = marble::solve(problem_.view()).value();
   EXPECT_FALSE(there.job_id.empty());
   expect_same_bits(here, there);
-  EXPECT_EQ(Client::from_environment().value().address(), first->address());
+  EXPECT_EQ(Client::connect().value().address(), first->address());
   name(second->address());
   first.reset();
   EXPECT_TRUE(marble::solve(problem_.view()).has_value()) << "the environment is read at every call";
-  name("");
+  name("local");
   EXPECT_TRUE(marble::solve(problem_.view()).value().job_id.empty());
-  EXPECT_EQ(Client::from_environment().value().address(), "in process");
+}
+
+TEST_F(Environment, WhereNoServerIsNamedItIsTheOneOfThisMachineAndNeverThisProcess) {
+  unsetenv("MARBLE_SERVER");
+  EXPECT_EQ(Client::connect().value().address(), "127.0.0.1:50051");
+  name("");
+  EXPECT_EQ(Client::connect().value().address(), "127.0.0.1:50051");
 }
 
 TEST_F(Environment, AServerThatIsNamedButNotThereIsAnErrorNotALocalSolve) {

@@ -135,13 +135,12 @@ TEST(Nl, EveryBeginningOfAFileAndEveryChangedByteIsTakenOrRefusedAndNothingElse)
   for (const bool binary : {false, true}) {
     const std::string whole = everything(binary);
     ASSERT_TRUE(expect_sound(whole));
-    std::size_t header = 0;
-    for (int line = 0; line < 5; ++line) header = whole.find('\n', header) + 1;
     int taken = 0;
     int refused = 0;
     for (std::size_t length = 0; length < whole.size(); ++length) {
       const bool sound = expect_sound(std::string_view(whole).substr(0, length));
-      EXPECT_FALSE(sound && length < header) << "half a header is no problem: " << length;
+      EXPECT_FALSE(sound && length + 1 < whole.size())
+          << "a part is no problem: " << length;  // but a line's end
     }
     for (std::size_t at = 0; at < whole.size(); ++at) {
       for (const char c : {'\0', '9', '-', 'J', '\xff'}) {
@@ -152,6 +151,22 @@ TEST(Nl, EveryBeginningOfAFileAndEveryChangedByteIsTakenOrRefusedAndNothingElse)
     }
     EXPECT_GT(taken, 0) << "other numbers are another problem";
     EXPECT_GT(refused, static_cast<int>(whole.size())) << "most bytes mean something";
+  }
+}
+
+TEST(Nl, AFileThatEndsAfterASegmentNamesTheFirstThatIsMissing) {
+  const std::string whole = corner(false);
+  const auto refusal = [&](const char* cut) {
+    const auto file = parse_nl(std::string_view(whole).substr(0, whole.find(cut) + 1), "cut");
+    return file ? std::string("taken") : file.error().message();
+  };
+  for (const auto& [cut, reason] : {std::pair{"\nC0", "C = 0 of 1: is missing: the file ends too soon"},
+                                    {"\nO0", "O = 0 of 1: is missing"},
+                                    {"\nr\n", "r = 0 of 1: is missing"},
+                                    {"\nb\n", "b = 0 of 2: is missing"},
+                                    {"\nJ0", "J = 0 of 2: is missing"},
+                                    {"\nG0", "G = 0 of 2: is missing"}}) {
+    EXPECT_NE(refusal(cut).find(reason), std::string::npos) << refusal(cut) << '\n' << whole;
   }
 }
 

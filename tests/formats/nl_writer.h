@@ -10,22 +10,18 @@ namespace marble::testing {
 
 class NlWriter {
  public:
-  /// The header of a problem with these sizes.
-  NlWriter(bool binary, int variables, int constraints, int objectives, int integers = 0) : binary_(binary) {
-    std::ostringstream header;
-    header << (binary ? "b" : "g") << "3 1 1 0\t# problem test\n"
-           << ' ' << variables << ' ' << constraints << ' ' << objectives
-           << " 0 0\t# vars, constraints, objectives\n"
-           << " 0 1 0 0 0 0\t# nonlinear\n 0 0\t# network\n 0 " << variables << " 0\t# nonlinear vars\n"
-           << " 0 0 " << (binary ? 1 : 0) << " 1\t# functions, arithmetic, flags\n"
-           << ' ' << integers
-           << " 0 0 0 0\t# discrete\n 2 2\t# nonzeros\n 0 0\t# names\n 0 0 0 0 0\t# common\n";
-    content_ = header.str();
-  }
+  /// A problem with these sizes.
+  NlWriter(bool binary, int variables, int constraints, int objectives, int integers = 0)
+      : binary_(binary),
+        variables_(variables),
+        constraints_(constraints),
+        objectives_(objectives),
+        integers_(integers) {}
 
   NlWriter& key(char c) {
-    if (!binary_ && !content_.ends_with('\n')) content_ += '\n';
+    line();
     content_ += c;
+    segment_ = c;
     return *this;
   }
   NlWriter& integer(std::int32_t value) {
@@ -44,6 +40,8 @@ class NlWriter {
   /// One entry "index value" of a segment, on a line of its own.
   NlWriter& entry(int index, double value) {
     line();
+    if (segment_ == 'J') ++jacobian_;
+    if (segment_ == 'G') ++gradient_;
     return integer(index).real(value);
   }
   NlWriter& constant(double value) { return key('n').real(value); }
@@ -57,13 +55,21 @@ class NlWriter {
   NlWriter& free() { return key('3'); }
   NlWriter& complements(int sides, int variable) { return key('5').integer(sides).integer(variable + 1); }
 
-  [[nodiscard]] const std::string& content() {
+  [[nodiscard]] std::string content() {
     line();
-    return content_;
+    std::ostringstream header;
+    header << (binary_ ? "b" : "g") << "3 1 1 0\t# problem test\n"
+           << ' ' << variables_ << ' ' << constraints_ << ' ' << objectives_
+           << " 0 0\t# vars, constraints, objectives\n"
+           << " 0 1 0 0 0 0\t# nonlinear\n 0 0\t# network\n 0 " << variables_ << " 0\t# nonlinear vars\n"
+           << " 0 0 " << (binary_ ? 1 : 0) << " 1\t# functions, arithmetic, flags\n"
+           << ' ' << integers_ << " 0 0 0 0\t# discrete\n"
+           << ' ' << jacobian_ << ' ' << gradient_ << "\t# nonzeros\n 0 0\t# names\n 0 0 0 0 0\t# common\n";
+    return header.str() + content_;
   }
 
   NlWriter& line() {
-    if (!binary_ && !content_.ends_with('\n')) content_ += '\n';
+    if (!binary_ && !content_.empty() && !content_.ends_with('\n')) content_ += '\n';
     return *this;
   }
 
@@ -74,6 +80,9 @@ class NlWriter {
   }
 
   const bool binary_;
+  const int variables_, constraints_, objectives_, integers_;
+  int jacobian_ = 0, gradient_ = 0;
+  char segment_ = '\0';
   std::string content_;
 };
 

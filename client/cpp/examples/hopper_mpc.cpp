@@ -29,7 +29,7 @@ int main(int argc, char** argv) {
 
   marble::examples::HopperParameters robot{.steps = 40};
   marble::OwnedProblem problem = marble::examples::hopper(robot);
-  const auto client = marble::Client::from_environment();  // MARBLE_SERVER, else in process
+  const auto client = marble::Client::connect();  // where MARBLE_SERVER says
   if (!client) return fails(client.error());
   // If the server dies, the session is set up again on another one of MARBLE_SERVER's list.
   auto session = client->open_session(problem.view(), {}, {.initial_z = problem.initial_z, .reopen = true});

@@ -26,7 +26,7 @@ class Table : public marble::ProgressSink {
 
 int main() {
   std::signal(SIGINT, [](int) { interrupted = 1; });
-  const auto client = marble::Client::from_environment();  // MARBLE_SERVER, else in process
+  const auto client = marble::Client::connect();  // where MARBLE_SERVER says
   if (!client) {
     std::fprintf(stderr, "%s\n", client.error().message().c_str());
     return 1;

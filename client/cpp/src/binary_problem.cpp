@@ -31,27 +31,20 @@ Expected<ProblemFile> parse_binary(std::string_view content, const std::string& 
   if (const auto valid = Problem::create(view); !valid)
     return unexpected(of_field(message_field(valid.error().field), valid.error()));
   ProblemFile file;
-  file.problem = {.name = message.name().empty() ? name : message.name(),
-                  .Q = owned(view.Q),
-                  .A = owned(view.A),
-                  .C = owned(view.C),
-                  .L = owned(view.L),
-                  .R = owned(view.R),
-                  .hessian_form = view.hessian_form,
-                  .g = owned(view.g),
-                  .b = owned(view.b),
-                  .d = owned(view.d),
-                  .l = owned(view.l),
-                  .r = owned(view.r),
-                  .c0 = view.c0,
-                  .initial_z = {}};
+  OwnedProblem& problem = file.problem;
+  problem.name = message.name().empty() ? name : message.name();
+  problem.hessian_form = view.hessian_form;
+  problem.c0 = view.c0;
+#define MARBLE_VECTOR(letter, field) problem.letter = owned(view.letter);
+#define MARBLE_MATRIX(letter, field, update, vector) problem.letter = owned(view.letter);
+#include "marble/contract.def"
   return file;
 }
 
 std::string write_binary(const ProblemFile& file) {
   v1::Problem message;
   to_message(file.problem.view(), &message);
-  message.set_name(message_text(file.problem.name, kLongestName));
+  message.set_name(message_text(file.problem.name, contract::longest_problem_name));
   return message.SerializeAsString();
 }
 

@@ -1,34 +1,24 @@
 #include "marble/client.h"
 
-#include <cstdlib>
 #include <memory>
 
 #include "connection.h"
 #include "in_process.h"
+#include "marble/contract.h"
 #include "mutex.h"
 #include "pending_solve.h"
 #include "solve.h"
 #include "status.h"
 
 namespace marble {
-namespace {
-
-bool names_server() {
-  const char* address = std::getenv("MARBLE_SERVER");
-  return address != nullptr && *address != '\0';
-}
-
-}  // namespace
-
 Expected<Client> Client::connect(const std::string& address, const ConnectOptions& options) {
+  if (address == contract::local_address) return in_process();
   auto connection = client::Connection::open(address, options);
   if (!connection) return unexpected(connection.error());
   return Client(std::move(*connection));
 }
 
 Client Client::in_process() { return Client(nullptr); }
-
-Expected<Client> Client::from_environment() { return names_server() ? connect() : in_process(); }
 
 Client::Client(std::shared_ptr<const client::Connection> connection) : connection_(std::move(connection)) {}
 Client::Client(Client&&) noexcept = default;
@@ -83,16 +73,18 @@ class EnvironmentClient {
     const std::string address = default_server_address();
     const ConnectOptions options = ConnectOptions::from_environment();
     const MutexLock lock(mutex_);
-    if (client_ != nullptr && address == client_->address() && options == options_) return client_;
+    if (client_ != nullptr && address == address_ && options == options_) return client_;
     auto connected = Client::connect(address, options);
     if (!connected) return unexpected(connected.error());
     client_ = std::make_shared<const Client>(std::move(*connected));
+    address_ = address;
     options_ = options;
     return client_;
   }
 
  private:
   Mutex mutex_;
+  std::string address_ ABSL_GUARDED_BY(mutex_);
   ConnectOptions options_ ABSL_GUARDED_BY(mutex_);
   std::shared_ptr<const Client> client_ ABSL_GUARDED_BY(mutex_);  // calls that still run keep an older one
 };
@@ -101,7 +93,6 @@ class EnvironmentClient {
 
 Expected<RemoteSolution> solve(const ProblemView& problem, const Options& options,
                                const SolveControls& controls, const CallControls& call) {
-  if (!names_server()) return Client::in_process().solve(problem, options, controls, call);
   static EnvironmentClient environment;
   const auto client = environment.get();
   if (!client) return unexpected(client.error());

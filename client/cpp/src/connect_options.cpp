@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstdlib>
 
+#include "marble/contract.h"
 #include "traceparent.h"
 
 namespace marble {
@@ -26,7 +27,7 @@ std::string process_name() {
 
 }  // namespace
 
-std::string default_server_address() { return environment("MARBLE_SERVER", "127.0.0.1:50051"); }
+std::string default_server_address() { return environment("MARBLE_SERVER", contract::default_address); }
 
 ConnectOptions ConnectOptions::from_environment() {
   ConnectOptions options;

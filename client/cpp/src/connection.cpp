@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "channel.h"
+#include "marble/contract.h"
 #include "printable.h"
 #include "target.h"
 #include "traceparent.h"
@@ -11,15 +12,15 @@ namespace marble::client {
 namespace {
 
 constexpr std::chrono::duration<double> kLongestDeadline{std::int32_t{0x7fffffff}};
-constexpr std::size_t kLongestClientName = 64;
 
 Expected<void> check_labels(const ConnectOptions& options) {
   // The token itself is a secret: no error shows it.
   if (!is_printable(options.token) || options.token.find(' ') != std::string::npos) {
     return unexpected(invalid("token", "must be printable ASCII without spaces"));
   }
-  if (options.name.size() > kLongestClientName || !is_printable(options.name)) {
-    return unexpected(invalid("name", "must be at most 64 bytes of printable ASCII"));
+  if (options.name.size() > contract::longest_client_name || !is_printable(options.name)) {
+    return unexpected(invalid("name", "must be at most " + std::to_string(contract::longest_client_name) +
+                                          " bytes of printable ASCII"));
   }
   return check_traceparent(options.traceparent);
 }

@@ -14,7 +14,8 @@ inline constexpr const char* kInProcess = "in process";
 
 /// What asks for a server gets this.
 [[nodiscard]] inline Error no_server() {
-  return failure(ErrorCode::unavailable, "address", "there is no server: this client solves in process");
+  return failure(ErrorCode::unavailable, "address",
+                 "there is no server: this client solves in process (local)");
 }
 
 /// The caller's stop token ended it.

@@ -8,9 +8,9 @@
 namespace marble::client {
 namespace {
 
-Expected<std::vector<double>> take_vector(JsonVector& part, const char* key, Index size) {
-  if (part.values.size() == static_cast<std::size_t>(size)) return std::move(part.values);
-  return unexpected(invalid(key, std::to_string(part.values.size()) + " entries",
+Expected<void> check_entries(const std::vector<double>& values, const char* key, Index size) {
+  if (values.size() == static_cast<std::size_t>(size)) return {};
+  return unexpected(invalid(key, std::to_string(values.size()) + " entries",
                             "must have " + std::to_string(size) + " entries (n)"));
 }
 
@@ -44,11 +44,10 @@ Error in_terms_of_file(Error error, const JsonParts& parts, const OwnedProblem& 
     std::string name;
     const JsonMatrix& part;
     const SparseMatrix& matrix;
-  } matrices[] = {{"Q", parts.Q, problem.Q},
-                  {"A", parts.A, problem.A},
-                  {"C", parts.C, problem.C},
-                  {"L", parts.L, problem.L},
-                  {"R", parts.R, problem.R}};
+  } matrices[] = {
+#define MARBLE_MATRIX(letter, field, update, vector) {#letter, parts.letter, problem.letter},
+#include "marble/contract.def"
+  };
   for (const auto& [name, part, matrix] : matrices) {
     if (error.field == name + ".columns") error.field = name + ".cols";
     if (error.field != name + ".values" || error.index < 0) continue;
@@ -100,18 +99,13 @@ Expected<ProblemFile> parse_json(std::string_view content, const std::string& na
   p.c0 = parts.c0.value_or(0.0);
 
   const Index n = *parts.n;
-  auto g = take_vector(parts.g, "g", n);
-  if (!g) return unexpected(g.error());
-  p.g = std::move(*g);
+#define MARBLE_VECTOR(letter, field) p.letter = std::move(parts.letter.values);
+#include "marble/contract.def"
+  p.initial_z = std::move(parts.x0.values);
+  if (auto valid = check_entries(p.g, "g", n); !valid) return unexpected(valid.error());
   if (parts.x0.present) {
-    auto x0 = take_vector(parts.x0, "x0", n);
-    if (!x0) return unexpected(x0.error());
-    p.initial_z = std::move(*x0);
+    if (auto valid = check_entries(p.initial_z, "x0", n); !valid) return unexpected(valid.error());
   }
-  p.b = std::move(parts.b.values);
-  p.d = std::move(parts.d.values);
-  p.l = std::move(parts.l.values);
-  p.r = std::move(parts.r.values);
   if (p.r.size() != p.l.size()) {
     return unexpected(invalid("r", std::to_string(p.r.size()) + " entries",
                               "must have " + std::to_string(p.l.size()) + " entries, as many as l"));
@@ -122,13 +116,13 @@ Expected<ProblemFile> parse_json(std::string_view content, const std::string& na
     std::size_t rows;
     const char* rows_rule;
     SparseMatrix& into;
-  } matrices[] = {{"Q", parts.Q, p.g.size(), "n", p.Q},
-                  {"A", parts.A, p.b.size(), "entries of b", p.A},
-                  {"C", parts.C, p.d.size(), "entries of d", p.C},
-                  {"L", parts.L, p.l.size(), "entries of l", p.L},
-                  {"R", parts.R, p.r.size(), "entries of r", p.R}};
+  } matrices[] = {
+#define MARBLE_MATRIX(letter, field, update, vector) \
+  {#letter, parts.letter, p.vector.size(), "entries of " #vector, p.letter},
+#include "marble/contract.def"
+  };
   for (const auto& [key, part, rows, rows_rule, into] : matrices) {
-    auto matrix = take_matrix(part, key, rows, rows_rule, n);
+    auto matrix = take_matrix(part, key, rows, &into == &p.Q ? "n" : rows_rule, n);
     if (!matrix) return unexpected(matrix.error());
     into = std::move(*matrix);
   }
@@ -146,16 +140,11 @@ std::string write_json(const ProblemFile& file) {
   if (file.best_known_objective) json["best_known_objective"] = *file.best_known_objective;
   json["n"] = n;
   json["c0"] = p.c0;
-  json["g"] = p.g;
-  json["Q"] = triplets(p.Q, n, n, p.hessian_form == HessianForm::upper_triangle);
-  json["A"] = triplets(p.A, p.b.size(), n, false);
-  json["b"] = p.b;
-  json["C"] = triplets(p.C, p.d.size(), n, false);
-  json["d"] = p.d;
-  json["L"] = triplets(p.L, p.l.size(), n, false);
-  json["l"] = p.l;
-  json["R"] = triplets(p.R, p.r.size(), n, false);
-  json["r"] = p.r;
+  const bool upper = p.hessian_form == HessianForm::upper_triangle;
+#define MARBLE_VECTOR(letter, field) json[#letter] = p.letter;
+#define MARBLE_MATRIX(letter, field, update, vector) \
+  json[#letter] = triplets(p.letter, p.vector.size(), n, upper && &p.letter == &p.Q);
+#include "marble/contract.def"
   json["x0"] = p.initial_z.empty() ? OrderedJson(nullptr) : OrderedJson(p.initial_z);
   return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace) + "\n";
 }

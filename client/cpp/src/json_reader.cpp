@@ -6,22 +6,24 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "marble/contract.h"
+
 namespace marble::client {
 namespace {
 
 using Json = nlohmann::json;
 
-constexpr std::size_t kMostShown = 200;            // characters of the file in one message
-constexpr Index kMostRows = (Index{1} << 28) - 1;  // as Problem::create
+constexpr std::size_t kMostShown = 200;  // characters of the file in one message
 
 constexpr std::pair<std::string_view, JsonVector JsonParts::*> kVectors[] = {
-    {"g", &JsonParts::g}, {"b", &JsonParts::b}, {"d", &JsonParts::d},
-    {"l", &JsonParts::l}, {"r", &JsonParts::r}, {"x0", &JsonParts::x0}};
-constexpr std::pair<std::string_view, JsonMatrix JsonParts::*> kMatrices[] = {{"Q", &JsonParts::Q},
-                                                                              {"A", &JsonParts::A},
-                                                                              {"C", &JsonParts::C},
-                                                                              {"L", &JsonParts::L},
-                                                                              {"R", &JsonParts::R}};
+    {"x0", &JsonParts::x0},
+#define MARBLE_VECTOR(letter, field) {#letter, &JsonParts::letter},
+#include "marble/contract.def"
+};
+constexpr std::pair<std::string_view, JsonMatrix JsonParts::*> kMatrices[] = {
+#define MARBLE_MATRIX(letter, field, update, vector) {#letter, &JsonParts::letter},
+#include "marble/contract.def"
+};
 constexpr std::string_view kScalars[] = {"n", "c0", "name", "best_known_objective"};
 constexpr std::string_view kMembers[] = {"rows", "cols", "i", "j", "v"};
 
@@ -252,7 +254,7 @@ class Reader {
   }
 
   bool size(std::optional<Index>& into, std::optional<std::int64_t> whole, std::string value) {
-    if (!whole || *whole < 0 || *whole > kMostRows) return wrong(std::move(value));
+    if (!whole || *whole < 0 || *whole > contract::most_rows) return wrong(std::move(value));
     into = static_cast<Index>(*whole);
     return true;
   }

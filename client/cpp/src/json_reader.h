@@ -28,8 +28,10 @@ struct JsonParts {
   std::string name;
   std::optional<Index> n;
   std::optional<double> c0, best_known_objective;
-  JsonVector g, b, d, l, r, x0;
-  JsonMatrix Q, A, C, L, R;
+  JsonVector x0;
+#define MARBLE_VECTOR(letter, field) JsonVector letter;
+#define MARBLE_MATRIX(letter, field, update, vector) JsonMatrix letter;
+#include "marble/contract.def"
 };
 
 /// One pass, no tree: memory is in proportion to the numbers of the known keys, however the text is nested.

@@ -4,9 +4,9 @@
 #include <string>
 #include <string_view>
 
-namespace marble::client {
+#include "marble/contract.h"
 
-inline constexpr std::size_t kLongestName = 256;  // bytes of Problem.name
+namespace marble::client {
 
 /// At most `longest` bytes of `text`, cut between characters, with ? for every byte that is not UTF-8: a
 /// message with such a byte cannot be parsed, and file names may hold any.

@@ -7,15 +7,11 @@
 #include "printable.h"
 
 namespace marble::client {
-namespace {
-
-constexpr std::size_t kLongestRequestId = 128;
-
-}  // namespace
 
 Expected<void> check_request_id(const std::string& id) {
-  if (id.size() <= kLongestRequestId && is_printable(id)) return {};
-  return unexpected(invalid("request_id", "must be at most 128 bytes of printable ASCII"));
+  if (id.size() <= contract::longest_request_id && is_printable(id)) return {};
+  return unexpected(invalid("request_id", "must be at most " + std::to_string(contract::longest_request_id) +
+                                              " bytes of printable ASCII"));
 }
 
 Expected<void> check_size(const google::protobuf::Message& message) {
@@ -34,7 +30,7 @@ v1::Priority to_message(Priority priority) { return static_cast<v1::Priority>(st
 Expected<void> fill_request(const RequestParts& parts, v1::SolveRequest* request) {
   if (auto valid = check_request_id(parts.request_id); !valid) return valid;
   marble::to_message(parts.problem, request->mutable_problem());
-  request->mutable_problem()->set_name(message_text(parts.problem_name, kLongestName));
+  request->mutable_problem()->set_name(message_text(parts.problem_name, contract::longest_problem_name));
   marble::to_message(parts.options, request->mutable_options());
   request->mutable_initial_point()->mutable_z()->Assign(parts.initial_z.begin(), parts.initial_z.end());
   request->set_request_id(parts.request_id);

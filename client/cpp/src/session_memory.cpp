@@ -35,16 +35,10 @@ void SessionMemory::take(const ProblemUpdate& update, const UpdateControls& cont
   v1::SessionSetup& setup = *setup_.mutable_setup();
   v1::Problem& problem = *setup.mutable_problem();
   if (update.c0) problem.set_constant(*update.c0);
-  take_numbers(update.g, problem.mutable_gradient());
-  take_numbers(update.b, problem.mutable_equality_offset());
-  take_numbers(update.d, problem.mutable_inequality_offset());
-  take_numbers(update.l, problem.mutable_left_offset());
-  take_numbers(update.r, problem.mutable_right_offset());
-  take_numbers(update.A, problem.mutable_equality_matrix()->mutable_values());
-  take_numbers(update.C, problem.mutable_inequality_matrix()->mutable_values());
-  take_numbers(update.L, problem.mutable_left_matrix()->mutable_values());
-  take_numbers(update.R, problem.mutable_right_matrix()->mutable_values());
-  take_numbers(update.Q, problem.mutable_hessian()->mutable_values());
+#define MARBLE_VECTOR(letter, field) take_numbers(update.letter, problem.mutable_##field());
+#define MARBLE_MATRIX(letter, field, of_update, vector) \
+  take_numbers(update.letter, problem.mutable_##field()->mutable_values());
+#include "marble/contract.def"
   if (!update.Q.empty() && problem.hessian_form() == v1::HESSIAN_FORM_FULL) mirror(problem.mutable_hessian());
   if (controls.options) {
     const std::int32_t passes = setup.options().scaling_passes();

@@ -37,7 +37,7 @@ Expected<v1::SessionRequest> make_setup(const ProblemView& problem, const Option
   v1::SessionRequest request;
   v1::SessionSetup* setup = request.mutable_setup();
   marble::to_message(problem, setup->mutable_problem());
-  setup->mutable_problem()->set_name(message_text(session.problem_name, kLongestName));
+  setup->mutable_problem()->set_name(message_text(session.problem_name, contract::longest_problem_name));
   marble::to_message(options, setup->mutable_options());
   setup->mutable_initial_point()->mutable_z()->Assign(session.initial_z.begin(), session.initial_z.end());
   setup->set_request_id(session.request_id);

@@ -4,38 +4,12 @@
 #include <string_view>
 
 #include "google/rpc/error_details.pb.h"
+#include "marble/contract.h"
 #include "marble/convert.h"
+#include "marble/v1/fault.pb.h"
 
 namespace marble::client {
 namespace {
-
-ErrorCode code_of(grpc::StatusCode code) {
-  switch (code) {
-    case grpc::StatusCode::INVALID_ARGUMENT:
-      return ErrorCode::invalid_argument;
-    case grpc::StatusCode::FAILED_PRECONDITION:
-      return ErrorCode::failed_precondition;
-    case grpc::StatusCode::RESOURCE_EXHAUSTED:
-      return ErrorCode::resource_exhausted;
-    case grpc::StatusCode::NOT_FOUND:
-      return ErrorCode::not_found;
-    case grpc::StatusCode::UNAVAILABLE:
-    case grpc::StatusCode::UNIMPLEMENTED:  // somebody answers there, but no Marble server
-      return ErrorCode::unavailable;
-    case grpc::StatusCode::CANCELLED:
-      return ErrorCode::cancelled;
-    case grpc::StatusCode::DEADLINE_EXCEEDED:
-      return ErrorCode::deadline_exceeded;
-    case grpc::StatusCode::PERMISSION_DENIED:
-      return ErrorCode::permission_denied;
-    case grpc::StatusCode::UNAUTHENTICATED:
-      return ErrorCode::unauthenticated;
-    case grpc::StatusCode::ABORTED:
-      return ErrorCode::aborted;
-    default:
-      return ErrorCode::internal;
-  }
-}
 
 // "solve.problem.equality_matrix.values[3]" → field "A.values", index 3.
 void take_field(std::string path, Error& error) {
@@ -49,23 +23,7 @@ void take_field(std::string path, Error& error) {
       path.erase(open);
     }
   }
-  // An update's values stand in fields of their own.
-  for (const char* part : {"equality", "inequality", "left", "right", "hessian"}) {
-    const std::string matrix = std::string(part) + (part == std::string_view("hessian") ? "" : "_matrix");
-    if (path == std::string(part) + "_values") path = matrix + ".values";
-  }
   error.field = path == "initial_point.z" ? "initial_z" : core_field(path);
-}
-
-// "is 12, must be in [0, 12)" → value and bound.
-void take_description(const std::string& description, Error& error) {
-  const std::size_t comma = description.find(", ");
-  if (description.rfind("is ", 0) == 0 && comma != std::string::npos) {
-    error.value = description.substr(3, comma - 3);
-    error.bound = description.substr(comma + 2);
-  } else {
-    error.bound = description;
-  }
 }
 
 }  // namespace
@@ -81,13 +39,23 @@ Error to_error(const grpc::Status& status) {
 
 Error to_error(const google::rpc::Status& status) {
   Error error;
-  error.code = code_of(static_cast<grpc::StatusCode>(status.code()));
+  error.code = error_code_of(status.code());
   error.bound = status.message();
+  if (error.code == ErrorCode::unavailable &&
+      error.bound.find(contract::default_address) != std::string::npos)
+    error.bound += std::string(contract::no_server_hint) + contract::local_hint;
   for (const auto& any : status.details()) {
-    google::rpc::BadRequest bad_request;
+    if (v1::Fault fault; any.UnpackTo(&fault)) {
+      take_field(fault.field(), error);
+      if (fault.has_index()) error.index = fault.index();
+      error.value = fault.value();
+      error.bound = fault.bound();
+      return error;
+    }
+    google::rpc::BadRequest bad_request;  // of a server that knows no Fault
     if (!any.UnpackTo(&bad_request) || bad_request.field_violations().empty()) continue;
     take_field(bad_request.field_violations(0).field(), error);
-    take_description(bad_request.field_violations(0).description(), error);
+    error.bound = bad_request.field_violations(0).description();
   }
   return error;
 }

@@ -10,7 +10,8 @@
 
 namespace marble::client {
 
-/// Reads code, message and the BadRequest detail; problem fields get their core names back ("A.row_indices").
+/// Reads code, message and the Fault or, of an older server, the BadRequest; problem fields get their core
+/// names back ("A.row_indices").
 [[nodiscard]] Error to_error(const grpc::Status& status);
 /// The same of a status inside a stream, which goes on.
 [[nodiscard]] Error to_error(const google::rpc::Status& status);

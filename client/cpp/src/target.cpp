@@ -2,12 +2,13 @@
 
 #include <arpa/inet.h>
 #include <netdb.h>
-#include <sys/un.h>
 
 #include <charconv>
 #include <memory>
 #include <optional>
 #include <string_view>
+
+#include "marble/contract.h"
 
 namespace marble::client {
 namespace {
@@ -15,7 +16,7 @@ namespace {
 constexpr std::string_view kUnixPrefix = "unix:";
 constexpr std::string_view kDnsPrefix = "dns:///";
 
-Error bad_address(const std::string& address, const char* rule) {
+Error bad_address(const std::string& address, const std::string& rule) {
   return invalid("address", "\"" + address + "\"", rule);
 }
 
@@ -31,8 +32,10 @@ bool ends_in_port(const std::string& address) {
 Expected<void> check(const std::string& address) {
   if (address.rfind(kUnixPrefix, 0) == 0) {
     const std::size_t length = address.size() - kUnixPrefix.size();
-    if (length > 0 && length < sizeof(sockaddr_un::sun_path)) return {};
-    return unexpected(bad_address(address, "must have a path of 1 to 107 bytes after unix:"));
+    if (length > 0 && length <= contract::longest_unix_path) return {};
+    return unexpected(bad_address(
+        address,
+        "must have a path of 1 to " + std::to_string(contract::longest_unix_path) + " bytes after unix:"));
   }
   if (ends_in_port(address)) return {};
   return unexpected(bad_address(address, "must be host:port, port in [1, 65535], or unix:PATH"));

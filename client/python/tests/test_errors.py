@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import grpc
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from support import long_solve, tiny, wait_until
 
 import marble
-from marble import contract, errors
+from marble import contract, errors, tables
 
 
 @pytest.mark.parametrize(("parts", "field", "index"), [
@@ -32,21 +33,73 @@ def test_a_bad_problem_is_told_before_anything_is_sent(parts, field, index):
     assert isinstance(caught.value, ValueError) and caught.value.bound in str(caught.value)
 
 
-@pytest.mark.parametrize(("path", "field", "index"), [
-    ("problem.gradient[3]", "g", 3),
-    ("solve.problem.equality_matrix.values[7]", "A.values", 7),
-    ("update.problem.hessian_values[2]", "Q.values", 2),
-    ("setup.options.max_iterations", "max_iterations", None),
-    ("initial_point.z[1]", "z0", 1),
+@pytest.mark.parametrize(("above", "below", "fits"), [
+    (1.0, 1.0 + 5e-13, True),
+    (1.0, 1.0 + 2e-12, False),
+    (1e-15, 1e-15 + 1e-24, False),  # of the two, not of the largest entry
+    (1e-15, 0.0, False),
 ])
-def test_the_server_s_fields_become_the_letters_of_the_equation(path, field, index):
-    packed = contract.message("google.rpc.BadRequest")()
-    packed.field_violations.add(field=path, description="is nan, must be finite")
+def test_q_is_symmetric_to_the_server_s_tolerance(above, below, fits):
+    Q = [[1e3, above], [below, 1e3]]
+    if fits:
+        assert marble.LCQP(Q, [0, 0]).Q[0, 1] == above
+        return
+    with pytest.raises(marble.InvalidProblem, match=r"must be symmetric, as \(Q \+ Q.T\) / 2 is") as caught:
+        marble.LCQP(Q, [0, 0])
+    assert (caught.value.field, caught.value.index) == ("Q", (0, 1))
+
+
+def test_every_code_of_the_contract_has_an_exception_of_its_own():
+    seen = {}
+    for code, name in tables.ERRORS.items():
+        error = errors.from_status(contract.message("google.rpc.Status")(code=code, message="m"))
+        assert seen.setdefault(name, type(error)) is type(error)
+        if code != 12:  # UNIMPLEMENTED: no Marble server
+            assert grpc.StatusCode[name.upper()].value[0] == code
+    assert len(set(seen.values())) == len(seen) and marble.Error not in seen.values()
+
+
+def test_every_status_says_what_to_try():
+    assert [status.value for status in marble.Status] == list(contract.enum_numbers("Status"))[1:]
+    assert all(status.advice for status in marble.Status if status is not marble.Status.SOLVED)
+
+
+PLACES = [
+    ("problem.gradient", 3, "g", 3),
+    ("solve.problem.equality_matrix.values", 7, "A.values", 7),
+    ("update.problem.hessian_values", 2, "Q.values", 2),
+    ("setup.options.max_iterations", None, "max_iterations", None),
+    ("initial_point.z", 1, "z0", 1),
+    ("update.shift.pairs[2].by", None, "shift.pairs[2].by", None),
+]
+
+
+def _invalid(*details):
     status = contract.message("google.rpc.Status")(code=3, message="m")
-    status.details.add(type_url="type.googleapis.com/google.rpc.BadRequest", value=packed.SerializeToString())
-    error = errors.from_status(status)
-    assert (error.field, error.index, error.value, error.bound) == (field, index, "nan", "must be finite")
-    assert isinstance(error, marble.InvalidProblem) == (field != "max_iterations")
+    for name, message in details:
+        status.details.add(type_url="type.googleapis.com/" + name, value=message.SerializeToString())
+    return errors.from_status(status)
+
+
+def _bad_request(path, index, description):
+    packed = contract.message("google.rpc.BadRequest")()
+    packed.field_violations.add(field=path if index is None else f"{path}[{index}]", description=description)
+    return "google.rpc.BadRequest", packed
+
+
+@pytest.mark.parametrize(("path", "entry", "field", "index"), PLACES)
+def test_the_server_s_fields_become_the_letters_of_the_equation(path, entry, field, index):
+    fault = contract.message("Fault")(field=path, index=entry, value="is this, or that", bound="must be, well, finite")
+    error = _invalid(_bad_request(path, entry, "prose"), ("marble.v1.Fault", fault))
+    assert (error.field, error.index) == (field, index)
+    assert (error.value, error.bound) == ("is this, or that", "must be, well, finite"), "no prose is taken apart"
+    assert isinstance(error, marble.InvalidProblem) == field.startswith(("g", "A", "Q", "z0"))
+
+
+@pytest.mark.parametrize(("path", "entry", "field", "index"), PLACES)
+def test_an_older_server_s_errors_have_their_place_and_its_words(path, entry, field, index):
+    error = _invalid(_bad_request(path, entry, "is nan, must be finite"))
+    assert (error.field, error.index, error.value, error.bound) == (field, index, "", "is nan, must be finite")
 
 
 @pytest.mark.parametrize(("options", "field"), [

@@ -1,4 +1,4 @@
-"""A program that names no server has one of its own, which lives no longer than it does."""
+"""A program that asks for "local" has a server of its own, which lives no longer than it does."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ print(answer.solved, again.solve(marble.LCQP([[2]], [-2])).solved, again.address
 
 def environment(**more: str) -> dict[str, str]:
     path = f"{pathlib.Path(SERVER).parent}{os.pathsep}{os.environ['PATH']}"
-    return clean_environment(**{"PATH": path, **more})
+    return clean_environment(**{"PATH": path, "MARBLE_SERVER": "local", **more})
 
 
 def gone(address: str) -> bool:

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from support import check, long_solve, random_problem, tiny, wait_until
 
 import marble
+from marble import tables
 
 
 def test_matrices_go_in_and_numpy_arrays_come_out(server):
@@ -26,8 +27,10 @@ def test_the_server_is_the_environment_s(server, monkeypatch):
     assert marble.solve(tiny()).solved
 
 
-def test_without_a_server_the_error_says_how_to_start_one():
-    with pytest.raises(marble.Unavailable, match=r"marble-server.*MARBLE_SERVER"):
+def test_without_a_server_the_error_says_how_to_start_one(monkeypatch):
+    assert marble.Client().address == "127.0.0.1:50051"
+    monkeypatch.setattr(tables, "DEFAULT_ADDRESS", "127.0.0.1:1")  # where surely nobody listens
+    with pytest.raises(marble.Unavailable, match=r"marble-server.*MARBLE_SERVER=local"):
         marble.solve(tiny())
 
 

@@ -2,6 +2,7 @@
 import { experimental } from "@grpc/grpc-js";
 
 import { invalid } from "./errors.js";
+import { localAddress, longestUnixPath } from "./tables.js";
 
 /** Where a channel goes. */
 export interface Target {
@@ -16,6 +17,7 @@ const dns = "dns:///";
 
 /** host:port or unix:PATH; several host:port with commas between; or dns:///host:port, for every address of the name. */
 export function targetOf(address: string): Target {
+  if (address === localAddress) throw fault(address, "must name a server: this package has no solver of its own");
   const parts = address.split(",").map((part) => part.trim());
   if (parts.length > 1) {
     parts.forEach(checkHostPort);
@@ -27,7 +29,9 @@ export function targetOf(address: string): Target {
   }
   if (address.startsWith("unix:")) {
     const length = Buffer.byteLength(address) - "unix:".length;
-    if (length < 1 || length > 107) throw fault(address, "must have a path of 1 to 107 bytes after unix:");
+    if (length < 1 || length > longestUnixPath) {
+      throw fault(address, `must have a path of 1 to ${longestUnixPath} bytes after unix:`);
+    }
   } else {
     checkHostPort(address);
   }

@@ -2,6 +2,7 @@ import { readFileSync } from "node:fs";
 import { basename } from "node:path";
 
 import { invalid } from "./errors.js";
+import * as tables from "./tables.js";
 
 /** How a client reaches its server and says who it is; all of it optional. */
 export interface ConnectOptions {
@@ -47,7 +48,7 @@ export interface Identity {
 }
 
 export function defaultAddress(): string {
-  return environment("MARBLE_SERVER") ?? "127.0.0.1:50051";
+  return environment("MARBLE_SERVER") ?? tables.defaultAddress;
 }
 
 export function identityOf(options: ConnectOptions): Identity {
@@ -56,7 +57,9 @@ export function identityOf(options: ConnectOptions): Identity {
     throw invalid("token", "must be printable ASCII without spaces"); // and stays untold
   }
   const name = options.name ?? environment("MARBLE_CLIENT_NAME") ?? processName();
-  if (!/^[ -~]{1,64}$/.test(name)) throw invalid("name", "must be 1 to 64 bytes of printable ASCII", { value: name });
+  if (!/^[ -~]+$/.test(name) || name.length > tables.longestClientName) {
+    throw invalid("name", `must be 1 to ${tables.longestClientName} bytes of printable ASCII`, { value: name });
+  }
   return { token, name, tls: pemsOf(options.tls) };
 }
 

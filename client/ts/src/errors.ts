@@ -1,3 +1,5 @@
+import type { errorNames } from "./tables.js";
+
 /** What an error tells beyond its message. */
 export interface ErrorDetails {
   /** The part that is at fault, in the caller's terms: "A.values", "options.maxIterations". */
@@ -14,18 +16,7 @@ export interface ErrorDetails {
 }
 
 /** What kind of error it is: gRPC's words, in lower case. */
-export type ErrorCode =
-  | "invalid_argument"
-  | "failed_precondition"
-  | "resource_exhausted"
-  | "not_found"
-  | "unavailable"
-  | "cancelled"
-  | "deadline_exceeded"
-  | "permission_denied"
-  | "unauthenticated"
-  | "aborted"
-  | "internal";
+export type ErrorCode = (typeof errorNames)[keyof typeof errorNames];
 
 /** Every error of this package. A solve that ends without being solved is not among them: it is an answer. */
 export class MarbleError extends Error {

@@ -1,4 +1,5 @@
 import { invalid } from "./errors.js";
+import { symmetry } from "./tables.js";
 
 /** Dense: one array a row, all of the same length. Zeros are left out of the pattern. */
 export type DenseRows = readonly ArrayLike<number>[];
@@ -77,10 +78,9 @@ export function takeValues(field: string, given: ArrayLike<number> | Matrix, of:
 /** Throws unless Q equals its transpose, up to rounding. */
 export function checkSymmetric(field: string, q: Csc): void {
   const mirror = transpose(q);
-  const tolerance = 1e-12; // the server's
   for (let column = 0; column < q.columns; ++column) {
     const differ = (row: number, here: number, there: number): void => {
-      if (Math.abs(here - there) <= tolerance * Math.max(Math.abs(here), Math.abs(there))) return;
+      if (Math.abs(here - there) <= symmetry * Math.max(Math.abs(here), Math.abs(there))) return;
       const [low, high] = [Math.min(row, column), Math.max(row, column)];
       throw invalid(field, `must be symmetric: entry (${low}, ${high}) differs from its mirror image`, {
         value: `${here} and ${there}`,

@@ -3,6 +3,7 @@ import { HessianForm, type Problem as Message, type SparseMatrix } from "./gener
 import type { ProblemUpdate as UpdateMessage } from "./generated/marble/v1/session.js";
 import { type Csc, type Matrix, checkSymmetric, takeMatrix, takeValues, takeVector } from "./matrix.js";
 import { packDoubles, packIntegers } from "./packed.js";
+import { matrices as matrixFields, matrixValues, offsets, vectors } from "./tables.js";
 import { type Words, valueOf, words } from "./words.js";
 
 /**
@@ -56,7 +57,7 @@ export interface ProblemUpdate {
   R?: Matrix | ArrayLike<number>;
 }
 
-type MatrixName = "Q" | "A" | "C" | "L" | "R";
+type MatrixName = keyof typeof matrixFields;
 
 /** Sizes and patterns of a checked problem. */
 export interface Shape {
@@ -80,26 +81,23 @@ export function checkProblem(problem: Problem): CheckedProblem {
   const n = problem.g?.length ?? 0;
   if (n < 1) throw invalid("g", "must have at least 1 entry", { value: `${n} entries` });
   const matrices: Shape["matrices"] = {};
-  for (const name of ["Q", "A", "C", "L", "R"] as const) {
+  for (const name of letters(matrixFields)) {
     const matrix = problem[name];
     if (matrix !== undefined) matrices[name] = takeMatrix(name, matrix, n);
   }
   const form = checkHessian(problem, matrices.Q, n);
-  const message: Message = {
+  const message = {
     name: problem.name ?? "",
-    hessian: sparse(matrices.Q),
     hessianForm: form,
-    gradient: packDoubles(takeVector("g", problem.g, n, "variables")),
     constant: takeConstant(problem.c0),
-    equalityMatrix: sparse(matrices.A),
-    equalityOffset: packDoubles(takeOffset("b", problem.b, "A", matrices.A)),
-    inequalityMatrix: sparse(matrices.C),
-    inequalityOffset: packDoubles(takeOffset("d", problem.d, "C", matrices.C)),
-    leftMatrix: sparse(matrices.L),
-    leftOffset: packDoubles(takeOffset("l", problem.l, "L", matrices.L)),
-    rightMatrix: sparse(matrices.R),
-    rightOffset: packDoubles(takeOffset("r", problem.r, "R", matrices.R)),
-  };
+    gradient: packDoubles(takeVector("g", problem.g, n, "variables")),
+  } as Message;
+  for (const letter of letters(matrixFields)) {
+    message[matrixFields[letter]] = sparse(matrices[letter]);
+    const offset = offsets[letter];
+    if (offset === "g") continue;
+    message[vectors[offset]] = packDoubles(takeOffset(offset, problem[offset], letter, matrices[letter]));
+  }
   const pairs = matrices.L?.rows ?? 0;
   if ((matrices.R?.rows ?? 0) !== pairs) {
     throw invalid("R.rows", `must be ${pairs}, as many as L has`, { value: matrices.R?.rows ?? 0 });
@@ -110,7 +108,7 @@ export function checkProblem(problem: Problem): CheckedProblem {
 
 /** Throws an InvalidProblemError where something does not fit the set-up. */
 export function updateMessage(update: ProblemUpdate, shape: Shape): UpdateMessage {
-  const vector = (name: "g" | "b" | "d" | "l" | "r", size: number): Uint8Array => {
+  const vector = (name: keyof typeof vectors, size: number): Uint8Array => {
     const values = update[name];
     return values === undefined ? absent : packDoubles(takeVector(name, values, size, "the set-up"));
   };
@@ -121,19 +119,16 @@ export function updateMessage(update: ProblemUpdate, shape: Shape): UpdateMessag
     if (pattern === undefined) throw invalid(name, "is not part of the set-up");
     return packDoubles(takeValues(name, given, pattern));
   };
-  return {
-    constant: update.c0 === undefined ? undefined : takeConstant(update.c0),
-    gradient: vector("g", shape.variables),
-    equalityOffset: vector("b", shape.equalities),
-    inequalityOffset: vector("d", shape.inequalities),
-    leftOffset: vector("l", shape.pairs),
-    rightOffset: vector("r", shape.pairs),
-    hessianValues: values("Q"),
-    equalityValues: values("A"),
-    inequalityValues: values("C"),
-    leftValues: values("L"),
-    rightValues: values("R"),
-  };
+  const { variables, equalities, inequalities, pairs } = shape;
+  const sizes = { g: variables, b: equalities, d: inequalities, l: pairs, r: pairs };
+  const message = { constant: update.c0 === undefined ? undefined : takeConstant(update.c0) } as UpdateMessage;
+  for (const letter of letters(vectors)) message[vectors[letter]] = vector(letter, sizes[letter]);
+  for (const letter of letters(matrixValues)) message[matrixValues[letter]] = values(letter);
+  return message;
+}
+
+function letters<Letter extends string>(table: Record<Letter, string>): Letter[] {
+  return Object.keys(table) as Letter[];
 }
 
 const absent = new Uint8Array(0);

@@ -10,6 +10,7 @@ import {
 import { type SolveOptions, optionsOf } from "./options.js";
 import { unpackDoubles } from "./packed.js";
 import { type Violations, violationsOf } from "./progress.js";
+import { statusAdvice } from "./tables.js";
 import { type Words, word } from "./words.js";
 
 /** Why a solve ended. */
@@ -101,6 +102,11 @@ export class Solution {
   /** All tolerances are met, or 100 times them where no more was possible. */
   get solved(): boolean {
     return this.status === "solved" || this.status === "solved_reduced";
+  }
+
+  /** What to try; empty where there is nothing to mend. */
+  get advice(): string {
+    return this.status === "unknown" ? "" : statusAdvice[this.status];
   }
 
   /** One line: how it ended, at what, how fast. */

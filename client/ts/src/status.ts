@@ -1,44 +1,24 @@
 // gRPC's statuses and their details become errors here, and nowhere else.
-import { Metadata, type ServiceError, status as Code } from "@grpc/grpc-js";
+import { Metadata, type ServiceError } from "@grpc/grpc-js";
 
-import { type ErrorCode, type ErrorDetails, MarbleError, errorOf, invalid } from "./errors.js";
+import { type ErrorCode, MarbleError, errorOf, invalid } from "./errors.js";
 import type { Duration } from "./generated/google/protobuf/duration.js";
 import { BadRequest, RetryInfo } from "./generated/google/rpc/error_details.js";
 import { Status } from "./generated/google/rpc/status.js";
+import { Fault } from "./generated/marble/v1/fault.js";
+import { defaultAddress, errorNames, matrices, matrixValues, noServerHint, vectors } from "./tables.js";
 
-const codes: Partial<Record<number, ErrorCode>> = {
-  [Code.INVALID_ARGUMENT]: "invalid_argument",
-  [Code.FAILED_PRECONDITION]: "failed_precondition",
-  [Code.RESOURCE_EXHAUSTED]: "resource_exhausted",
-  [Code.NOT_FOUND]: "not_found",
-  [Code.UNAVAILABLE]: "unavailable",
-  [Code.UNIMPLEMENTED]: "unavailable", // somebody answers there, but no Marble server
-  [Code.CANCELLED]: "cancelled",
-  [Code.DEADLINE_EXCEEDED]: "deadline_exceeded",
-  [Code.PERMISSION_DENIED]: "permission_denied",
-  [Code.UNAUTHENTICATED]: "unauthenticated",
-  [Code.ABORTED]: "aborted",
-};
-
-/** The contract's names of a problem's parts, and the caller's. */
+/** The caller's names by the contract's, of a problem's parts and of an update's values. */
 const parts: Record<string, string> = {
-  hessian: "Q",
-  gradient: "g",
   constant: "c0",
-  equality_matrix: "A",
-  equality_offset: "b",
-  inequality_matrix: "C",
-  inequality_offset: "d",
-  left_matrix: "L",
-  left_offset: "l",
-  right_matrix: "R",
-  right_offset: "r",
-  hessian_values: "Q.values",
-  equality_values: "A.values",
-  inequality_values: "C.values",
-  left_values: "L.values",
-  right_values: "R.values",
+  ...inverse(vectors),
+  ...inverse(matrices),
+  ...inverse(matrixValues, ".values"),
 };
+
+function inverse(names: Record<string, string>, suffix = ""): Record<string, string> {
+  return Object.fromEntries(Object.entries(names).map(([letter, field]) => [field, letter + suffix]));
+}
 
 /** Of a failed call. What is already an error of this package stays as it is. */
 export function errorOfCall(thrown: unknown, signal?: AbortSignal): MarbleError {
@@ -52,17 +32,27 @@ export function errorOfCall(thrown: unknown, signal?: AbortSignal): MarbleError 
 
 /** Of a status that came as a message. */
 export function errorOfStatus(status: Status): MarbleError {
-  const code = codes[status.code] ?? "internal";
-  const details: ErrorDetails = {};
-  for (const any of status.details) {
-    if (any.typeUrl.endsWith("/google.rpc.BadRequest")) {
-      const violation = BadRequest.decode(any.value).fieldViolations[0];
-      if (violation !== undefined) return violated(violation.field, violation.description);
-    } else if (any.typeUrl.endsWith("/google.rpc.RetryInfo")) {
-      details.retryAfterMs = milliseconds(RetryInfo.decode(any.value).retryDelay);
-    }
+  const code = (errorNames as Partial<Record<number, ErrorCode>>)[status.code] ?? "internal";
+  const read = <Detail>(name: string, type: { decode(bytes: Uint8Array): Detail }): Detail | undefined => {
+    const packed = status.details.find(({ typeUrl }) => typeUrl.endsWith(`/${name}`));
+    return packed && type.decode(packed.value);
+  };
+  const fault = read("marble.v1.Fault", Fault);
+  const place = fault && {
+    field: callersName(fault.field),
+    index: fault.index,
+    value: fault.value === "" ? undefined : fault.value,
+    bound: fault.bound,
+  };
+  if (code === "invalid_argument") {
+    if (place !== undefined) return invalid(place.field, place.bound, place);
+    const violation = read("google.rpc.BadRequest", BadRequest)?.fieldViolations[0];
+    if (violation !== undefined) return violated(violation.field, violation.description);
   }
-  return errorOf(code, status.message, details);
+  const retry = read("google.rpc.RetryInfo", RetryInfo);
+  const retryAfterMs = retry && milliseconds(retry.retryDelay);
+  const nobody = code === "unavailable" && status.message.includes(defaultAddress);
+  return errorOf(code, nobody ? status.message + noServerHint : status.message, { ...place, retryAfterMs });
 }
 
 export function cancelled(signal: AbortSignal): MarbleError {
@@ -84,20 +74,17 @@ function isServiceError(thrown: unknown): thrown is ServiceError {
   return thrown instanceof Error && typeof (thrown as Partial<ServiceError>).code === "number";
 }
 
-// "solve.problem.equality_matrix.values[3]", "is NaN, must be finite" → A.values[3] = NaN: must be finite
+// Of a server that knows no Fault: "solve.problem.equality_matrix.values[3]" and prose.
 function violated(path: string, description: string): MarbleError {
-  const [, name, index] = /^(?:solve\.|setup\.|update\.)*(?:problem\.)?(.*?)(?:\[(\d+)\])?$/.exec(path) ?? [];
-  const [, value, bound] = /^is (.*?), (.*)$/s.exec(description) ?? [];
-  return invalid(callersName(name), bound ?? description, {
-    value,
-    index: index === undefined ? undefined : Number(index),
-  });
+  const [, name, index] = /^(.*?)(?:\[(\d+)\])?$/.exec(path) ?? [];
+  return invalid(callersName(name), description, { index: index === undefined ? undefined : Number(index) });
 }
 
-function callersName(name: string): string {
+function callersName(path: string): string {
+  const name = path.replace(/^(?:solve\.|setup\.|update\.)*(?:problem\.)?/, "");
   if (name === "initial_point.z") return "initialPoint";
-  const [head, ...rest] = name.split(".");
-  return [parts[head] ?? head, ...rest].join(".").replace(/_(\w)/g, (_, letter: string) => letter.toUpperCase());
+  const [head, ...rest] = name.replace(/_(\w)/g, (_, letter: string) => letter.toUpperCase()).split(".");
+  return [parts[head] ?? head, ...rest].join(".");
 }
 
 function milliseconds(duration: Duration | undefined): number {

@@ -9,19 +9,10 @@
 
 namespace marble {
 
-/// What kind of fault it is; what a caller may branch on.
+/// What kind of fault it is; what a caller may branch on. Listed, with what they mean, in contract.def.
 enum class ErrorCode {
-  invalid_argument,     ///< the input breaks a documented rule; `field` and `index` say where
-  failed_precondition,  ///< the call does not fit the state of its object (an update of another shape, say)
-  resource_exhausted,   ///< a configured limit was reached
-  not_found,            ///< a file or a name does not exist
-  unavailable,          ///< the server cannot be reached or is draining; safe to retry
-  cancelled,            ///< the caller gave up before an answer was there
-  deadline_exceeded,    ///< the deadline passed before an answer was there
-  permission_denied,    ///< the caller is not allowed to do this
-  unauthenticated,      ///< the caller did not say who it is, or is not known
-  aborted,              ///< ended for a reason of its own rules: a session was idle for too long
-  internal,             ///< a bug in Marble
+#define MARBLE_ERROR(name, ...) name,
+#include "marble/contract.def"
 };
 
 /// Lower-case name of a code, as in logs and command-line output: "invalid_argument".

@@ -10,22 +10,17 @@
 
 namespace marble {
 
-/// Why a solve ended. Every status comes with the best iterate and its violations.
+/// Why a solve ended. Every status comes with the best iterate and its violations. Listed, with what they
+/// mean and what to try, in contract.def.
 enum class Status {
-  solved,              ///< all tolerances met
-  solved_reduced,      ///< feasible to 100 × the tolerances, but no further progress was possible
-  iteration_limit,     ///< option max_iterations reached
-  time_limit,          ///< option time_limit_s reached
-  cancelled,           ///< the stop token was triggered
-  infeasible,          ///< the relaxation without complementarity is infeasible; `certificate` proves it to
-                       ///< the rounding of its products, `detail` says up to which |z|∞
-  locally_infeasible,  ///< a stationary point of the violation: no feasible point near
-  unbounded,           ///< z is feasible, and along `certificate` the objective falls from it without bound
-  numerical_failure,   ///< no acceptable step within the bounded number of tries
+#define MARBLE_STATUS(name, ...) name,
+#include "marble/contract.def"
 };
 
 /// As in logs and files: "solved_reduced".
 [[nodiscard]] const char* to_string(Status status);
+/// What to try after a solve that ended so, in a sentence or two; empty of solved.
+[[nodiscard]] const char* advice(Status status);
 /// Whether the tolerances, or the reduced ones, are met.
 [[nodiscard]] constexpr bool is_solved(Status status) {
   return status == Status::solved || status == Status::solved_reduced;

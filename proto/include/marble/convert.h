@@ -28,8 +28,15 @@ void to_message(const ProblemView& problem, v1::Problem* message);
 
 /// Path in the request of a field named by the core: "A.row_indices" → "equality_matrix.row_indices".
 [[nodiscard]] std::string message_field(const std::string& core_field);
-/// The way back; a path that is none of a problem's comes back as it is.
+/// The same in an update, where a matrix has its values alone: "A.values" → "equality_values".
+[[nodiscard]] std::string update_field(const std::string& core_field);
+/// The way back of both; a path that is none of a problem's comes back as it is.
 [[nodiscard]] std::string core_field(const std::string& message_field);
+
+/// Of google.rpc.Code.
+[[nodiscard]] int to_message(ErrorCode code);
+/// The way back; `internal` of a code that no Marble server sends.
+[[nodiscard]] ErrorCode error_code_of(int google_rpc_code);
 
 /// Absent fields keep their value in `defaults`; ranges are checked. Error fields are option names.
 [[nodiscard]] Expected<Options> options_of(const v1::SolveOptions& message, const Options& defaults = {});

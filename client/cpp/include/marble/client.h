@@ -34,10 +34,12 @@ namespace marble {
 class Client {
  public:
   /// `address` is host:port or unix:PATH; or several host:port with commas between, or dns:///host:port for
-  /// every address that the name has: calls then go round those of them that say they are healthy. Only
-  /// checks the address and the options: the connection is made by the first call, and made again by a later
-  /// one if it broke. Calls that got `unavailable` before any answer are repeated up to three times, but for
-  /// submissions, sessions and batches. The error's field is "address" or that of the option.
+  /// every address that the name has: calls then go round those of them that say they are healthy; or
+  /// "local", which is in_process(). Nothing else is ever solved in process: where no server is named the
+  /// address is 127.0.0.1:50051, and where nobody listens there calls end with `unavailable` and say what to
+  /// do. Only checks the address and the options: the connection is made by the first call, and made again by
+  /// a later one if it broke. Calls that got `unavailable` before any answer are repeated up to three times,
+  /// but for submissions, sessions and batches. The error's field is "address" or that of the option.
   [[nodiscard]] static Expected<Client> connect(
       const std::string& address = default_server_address(),
       const ConnectOptions& options = ConnectOptions::from_environment());
@@ -46,9 +48,6 @@ class Client {
   /// What only a server has is the error unavailable: jobs() and info(). Its priorities, names and ids mean
   /// nothing here; `accepted` and `moved` are not called; batches are solved one after the other.
   [[nodiscard]] static Client in_process();
-
-  /// To the server that MARBLE_SERVER names; in process where it names none.
-  [[nodiscard]] static Expected<Client> from_environment();
 
   /// What was moved from may only be assigned to or destroyed.
   Client(Client&&) noexcept;
@@ -102,9 +101,10 @@ class Client {
   std::shared_ptr<const client::Connection> connection_;
 };
 
-/// Solves on the server that MARBLE_SERVER names, else in this process: the environment decides, not the
-/// program. The connection is kept for calls to come, as long as MARBLE_SERVER and what ConnectOptions reads
-/// of the environment stay. All else as Client::solve. Thread-safe.
+/// Solves on the server that MARBLE_SERVER names, else on 127.0.0.1:50051; in this process if it is "local":
+/// the environment decides, not the program. The connection is kept for calls to come, as long as
+/// MARBLE_SERVER and what ConnectOptions reads of the environment stay. All else as Client::solve.
+/// Thread-safe.
 [[nodiscard]] Expected<RemoteSolution> solve(const ProblemView& problem, const Options& options = {},
                                              const SolveControls& controls = {},
                                              const CallControls& call = {});

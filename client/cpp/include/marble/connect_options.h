@@ -7,7 +7,8 @@
 
 namespace marble {
 
-/// Where a client connects when nothing else is said: the environment's MARBLE_SERVER, else 127.0.0.1:50051.
+/// Where a client connects when nothing else is said: the environment's MARBLE_SERVER, else 127.0.0.1:50051
+/// (contract::default_address).
 [[nodiscard]] std::string default_server_address();
 
 /// All optional. Files are read once, by Client::connect; a bad one is an error that names its field.

@@ -4,7 +4,7 @@
 
 `solve` takes matrices, dense or scipy.sparse; `Problem` builds a problem of two-sided rows, bounds and pairs; `Client`
 keeps a connection, with sessions, batches and jobs; `marble.aio` has the same for asyncio. The server is the one that
-MARBLE_SERVER names, if nothing else is said; without it a `marble-server` of this process alone, if one is in PATH.
+MARBLE_SERVER names, else 127.0.0.1:50051, if nothing else is said; "local" is one of this process alone.
 """
 
 import pathlib
@@ -36,7 +36,8 @@ from marble.lcqp import LCQP
 from marble.problem import Problem
 from marble.session import Session
 from marble.session_core import SessionEvent, Shift, ShiftBlock, Superseded
-from marble.solution import Progress, SecondOrder, Solution, Stationarity, Status, Times, Violations
+from marble.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
+from marble.tables import Status
 
 __version__ = pathlib.Path(__file__).with_name("VERSION").read_text(encoding="utf-8").strip()
 

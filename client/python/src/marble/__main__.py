@@ -12,6 +12,7 @@ from marble import drawing, problem_file
 from marble.client import Client
 from marble.errors import Error, InvalidArgument
 from marble.hopper import Hopper
+from marble.tables import DEFAULT_ADDRESS
 
 _SOLVED, _NOT_SOLVED, _USAGE, _SERVER = 0, 1, 2, 3
 
@@ -76,7 +77,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m marble", description=__doc__,
                                      epilog="exit codes: 0 all solved, 1 some not solved, 2 usage or bad file, "
                                             "3 server unreachable or refused")
-    parser.add_argument("--server", help="host:port or unix:PATH; default MARBLE_SERVER")
+    parser.add_argument("--server", help="host:port, unix:PATH, or local for one of its own; default MARBLE_SERVER, "
+                                          f"else {DEFAULT_ADDRESS}")
     commands = parser.add_subparsers(required=True)
     demo = commands.add_parser("demo", help="solve the hopper and draw it")
     demo.add_argument("picture", nargs="?", default="hopper.png", help="the file to draw into; .gif is an animation")

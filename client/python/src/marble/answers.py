@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from marble import contract, wire
 from marble.job import Job, JobDetails, JobEvent, JobKind, JobPage, JobState, PairSides, Priority, Submitted, Trace
 from marble.lcqp import LCQP, Vector
-from marble.solution import Progress, SecondOrder, Solution, Stationarity, Status, Times, Violations
+from marble.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
+from marble.tables import Status
 
 Arrays = dict[str, NDArray[np.float64]]
 _NOTHING: Vector = np.zeros(0)

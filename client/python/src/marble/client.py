@@ -102,14 +102,14 @@ class Client:
 
     address: host:port or unix:PATH; several host:port (a list, or with commas), or every address of a name
     (dns:///host:port), are taken in turns while healthy.
-    None is MARBLE_SERVER; without it a `marble-server` of this process alone, if one is in PATH.
+    None is MARBLE_SERVER, else 127.0.0.1:50051. "local" is a `marble-server` of this process alone, from PATH.
     The connection is made by the first call, and again by a later one if it broke.
     token, name, tls…: as in ConnectOptions; None is the environment's.
     timeout: deadline in seconds of calls that have none of their own; None is none. Sessions, batches and watches have
     none.
 
-    Raises InvalidArgument with the field, and Unavailable where no server is named. Calls raise the exceptions of
-    marble.errors; a call that changes nothing on the server is repeated if the server was unavailable.
+    Raises InvalidArgument with the field, and Unavailable where "local" cannot be started. Calls raise the exceptions
+    of marble.errors; one that changes nothing on the server is repeated if the server was unavailable.
     """
 
     def __init__(self, address: str | Sequence[str] | None = None, *, token: str | None = None,
@@ -240,8 +240,9 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
 
     Q … r, c0, z0, name: as in LCQP: dense (a vector is one row), lists or any scipy.sparse. Instead of Q and all
     other data an LCQP or a Problem may be given.
-    server: an address, several, or a Client; None is the server that MARBLE_SERVER names, else one of this process
-    alone, started by the first call and gone with the process: the environment decides, not the program.
+    server: an address, several, or a Client; None is the server that MARBLE_SERVER names, else 127.0.0.1:50051: the
+    environment decides, not the program. "local" is one of this process alone, started by the first call and gone with
+    the process.
     options, or any option by its name: solve(Q, g, max_iterations=50). priority, progress, deadline, request_id: as in
     Client.solve.
 

@@ -16,13 +16,14 @@ from typing import Any, Final
 
 import grpc
 
+from marble import tables
 from marble.errors import InvalidArgument, Unavailable
 from marble.local import local_address
+from marble.tables import LONGEST_CLIENT_NAME, LONGEST_UNIX_PATH
 
 _KEEPALIVE_MS: Final = 30_000  # a server that is gone without a word is noticed in
 _KEEPALIVE_TIMEOUT_MS: Final = 15_000  # the sum of the two; it allows a ping every 10 s
 _MESSAGE_BYTES: Final = 256 << 20  # the server's default limit
-_LONGEST_NAME: Final = 64
 _DNS: Final = "dns:///"
 # A call that changes nothing on a server may be made again. Not so Jobs.Submit, which would leave two jobs, nor streams
 # that the client writes, whose first half may have been served.
@@ -74,8 +75,8 @@ class ConnectOptions:
     def __post_init__(self) -> None:
         if not _printable(self.token) or " " in self.token:
             raise InvalidArgument("token", "must be printable ASCII without spaces")
-        if len(self.name) > _LONGEST_NAME or not _printable(self.name):
-            raise InvalidArgument("name", "must be at most 64 bytes of printable ASCII")
+        if len(self.name) > LONGEST_CLIENT_NAME or not _printable(self.name):
+            raise InvalidArgument("name", f"must be at most {LONGEST_CLIENT_NAME} bytes of printable ASCII")
         if bool(self.tls_certificate) != bool(self.tls_key):
             missing = "tls_key" if self.tls_certificate else "tls_certificate"
             raise InvalidArgument(missing, "certificate and key must be given together")
@@ -161,16 +162,18 @@ def service_config(several: bool) -> str:
 
 def _own_server(connect: ConnectOptions) -> str:
     if connect.credentials() is not None:
-        raise InvalidArgument("address", "is missing; the server of this process alone has no TLS")
+        raise InvalidArgument("address", "must name a server: that of this process alone has no TLS", value="local")
     return local_address()
 
 
 def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Target:
     """`address`: host:port or unix:PATH; or several host:port, in a list or with commas; or dns:///host:port, which is
-    every address of the name. None is MARBLE_SERVER, else this process's own server.
+    every address of the name; or "local", this process's own server. None is MARBLE_SERVER, else 127.0.0.1:50051.
     """
     if address is None:
-        address = os.environ.get("MARBLE_SERVER") or _own_server(connect)
+        address = os.environ.get("MARBLE_SERVER") or tables.DEFAULT_ADDRESS
+    if address == tables.LOCAL_ADDRESS:
+        address = _own_server(connect)
     addresses = [part.strip() for part in address.split(",")] if isinstance(address, str) else list(address)
     if not addresses:
         raise InvalidArgument("address", "must be at least one")
@@ -198,8 +201,9 @@ def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Targ
     else:
         name = addresses[0]
         if name.startswith("unix:"):
-            if not 1 <= len(name.encode()) - 5 <= 107:
-                raise InvalidArgument("address", "must have a path of 1 to 107 bytes after unix:", value=repr(name))
+            if not 1 <= len(name.encode()) - 5 <= LONGEST_UNIX_PATH:
+                raise InvalidArgument("address", f"must have a path of 1 to {LONGEST_UNIX_PATH} bytes after unix:",
+                                      value=repr(name))
         else:
             _host_and_port(name.removeprefix(_DNS))
     return Target(name, ", ".join(addresses), tuple(options))

@@ -10,28 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import grpc
 
-from marble import contract
+from marble import contract, tables
 
 if TYPE_CHECKING:
     from marble.solution import Solution
 
 Index = int | tuple[int, int] | None
 
-# The letters of the equation, and the names of the fields of marble.v1.Problem.
-PROBLEM_FIELDS = {
-    "Q": "hessian",
-    "g": "gradient",
-    "c0": "constant",
-    "A": "equality_matrix",
-    "b": "equality_offset",
-    "C": "inequality_matrix",
-    "d": "inequality_offset",
-    "L": "left_matrix",
-    "l": "left_offset",
-    "R": "right_matrix",
-    "r": "right_offset",
-    "z0": "initial_point.z",
-}
+# The letters of the equation, and the names of the fields of marble.v1.Problem and marble.v1.ProblemUpdate.
+_LETTERS = {"constant": "c0", "initial_point.z": "z0",
+            **{field: letter for letter, field in {**tables.VECTORS, **tables.MATRICES}.items()},
+            **{field: letter + ".values" for letter, field in tables.VALUES.items()}}
+_PARTS = ("c0", "z0", *tables.VECTORS, *tables.MATRICES)
 
 
 class Error(Exception):
@@ -123,49 +113,31 @@ class Unsolved(Error):
         super().__init__(f"{solution.status.value}: {solution.detail}")
 
 
-_CODES: dict[int, type[Error]] = {
-    1: Cancelled,
-    4: DeadlineExceeded,
-    5: NotFound,
-    7: PermissionDenied,
-    9: FailedPrecondition,
-    10: Aborted,
-    12: Unavailable,  # UNIMPLEMENTED: somebody answers there, but no Marble server
-    14: Unavailable,
-    16: Unauthenticated,
+_KINDS: dict[str, type[Error]] = {
+    "invalid_argument": InvalidArgument,
+    "failed_precondition": FailedPrecondition,
+    "resource_exhausted": Refused,
+    "not_found": NotFound,
+    "unavailable": Unavailable,
+    "cancelled": Cancelled,
+    "deadline_exceeded": DeadlineExceeded,
+    "permission_denied": PermissionDenied,
+    "unauthenticated": Unauthenticated,
+    "aborted": Aborted,
+    "internal": ServerError,
 }
-_INVALID_ARGUMENT, _RESOURCE_EXHAUSTED = 3, 8
 _DETAILS = "grpc-status-details-bin"
-_LETTERS = {name: letter for letter, name in PROBLEM_FIELDS.items()}
-_UPDATES = {f"{name.removesuffix('_matrix')}_values": letter + ".values" for letter, name in PROBLEM_FIELDS.items()
-            if letter in "QACLR"}
 
 
-def _in_letters(path: str) -> tuple[str, int | None]:
-    """("A.values", 3) of "solve.problem.equality_matrix.values[3]"."""
+def _in_letters(path: str) -> str:
+    """"A.values" of "solve.problem.equality_matrix.values"."""
     while True:
         head, dot, tail = path.partition(".")
+        if path in _LETTERS:
+            return _LETTERS[path]
         if not dot or head not in ("solve", "setup", "update", "problem", "options"):
-            break
+            return _LETTERS.get(head, head) + dot + tail
         path = tail
-    indexed = re.fullmatch(r"(.*)\[(\d+)\]", path)
-    index = int(indexed[2]) if indexed else None
-    if indexed:
-        path = indexed[1]
-    if path in _UPDATES:
-        return _UPDATES[path], index
-    if path in _LETTERS:
-        return _LETTERS[path], index
-    head, dot, tail = path.partition(".")
-    return _LETTERS.get(head, head) + dot + tail, index
-
-
-def _invalid(violation: Any) -> InvalidArgument:
-    field, index = _in_letters(violation.field)
-    parts = re.fullmatch(r"is (.*?), (.*)", violation.description, re.DOTALL)
-    value, bound = (parts[1], parts[2]) if parts else ("", violation.description)
-    kind = InvalidProblem if field.partition(".")[0] in PROBLEM_FIELDS else InvalidArgument
-    return kind(field, bound, index=index, value=value)
 
 
 def _unpack(details: Any, name: str) -> Any:
@@ -175,18 +147,36 @@ def _unpack(details: Any, name: str) -> Any:
     return None
 
 
+def _invalid(status: Any) -> InvalidArgument:
+    fault = _unpack(status.details, "marble.v1.Fault")
+    broken = _unpack(status.details, "google.rpc.BadRequest")
+    if fault is not None:
+        path, index = fault.field, fault.index if fault.HasField("index") else None
+        value, bound = fault.value, fault.bound
+    elif broken is not None and broken.field_violations:  # of a server that knows no Fault
+        path, index = broken.field_violations[0].field, None
+        if indexed := re.fullmatch(r"(.*)\[(\d+)\]", path):
+            path, index = indexed[1], int(indexed[2])
+        value, bound = "", broken.field_violations[0].description
+    else:
+        return InvalidArgument("", status.message)
+    field = _in_letters(path)
+    kind = InvalidProblem if field.partition(".")[0] in _PARTS else InvalidArgument
+    return kind(field, bound, index=index, value=value)
+
+
 def from_status(status: Any) -> Error:
     """The exception of a google.rpc.Status."""
-    if status.code == _INVALID_ARGUMENT:
-        broken = _unpack(status.details, "google.rpc.BadRequest")
-        if broken is not None and broken.field_violations:
-            return _invalid(broken.field_violations[0])
-        return InvalidArgument("", status.message)
-    if status.code == _RESOURCE_EXHAUSTED:
+    kind = _KINDS[tables.ERRORS.get(status.code, "internal")]
+    if kind is InvalidArgument:
+        return _invalid(status)
+    if kind is Refused:
         retry = _unpack(status.details, "google.rpc.RetryInfo")
         delay = None if retry is None else retry.retry_delay.seconds + 1e-9 * retry.retry_delay.nanos
         return Refused(status.message, delay)
-    return _CODES.get(status.code, ServerError)(status.message)
+    if kind is Unavailable and tables.DEFAULT_ADDRESS in status.message:
+        return Unavailable(status.message + tables.NO_SERVER_HINT + tables.LOCAL_HINT)
+    return kind(status.message)
 
 
 def from_rpc(error: grpc.RpcError) -> Error:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from marble.lcqp import Vector
-from marble.solution import Progress, Status, Times, Violations
+from marble.solution import Progress, Times, Violations
+from marble.tables import Status
 
 
 class Priority(enum.Enum):

@@ -11,13 +11,12 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from marble.errors import InvalidProblem
+from marble.tables import LONGEST_PROBLEM_NAME, SYMMETRY
 
 Vector = NDArray[np.float64]
 MatrixLike = Any
 """A dense array (a vector is one row), nested lists, or any scipy.sparse matrix or array."""
 
-LONGEST_NAME: Final = 256
-_SYMMETRY: Final = 1e-9
 _MOST_ENTRIES: Final = 2**31 - 1
 
 
@@ -76,15 +75,17 @@ def position(csc: Any, entry: int) -> tuple[int, int]:
 
 
 def upper_triangle(Q: MatrixLike, n: int) -> Any:
-    """The upper triangle of a matrix that is symmetric but for rounding; InvalidProblem if it is not."""
+    """The upper triangle of a matrix whose mirror images differ by 1e-12 of the larger one; InvalidProblem if more."""
     full = matrix(Q, "Q", n, n)
     difference = abs(full - full.T).tocoo()
     if difference.nnz:
-        worst = int(np.argmax(difference.data))
-        if difference.data[worst] > _SYMMETRY * abs(full).max():
+        larger = abs(full).maximum(abs(full.T)).tocsr()
+        excess = difference.data - SYMMETRY * np.asarray(larger[difference.row, difference.col]).reshape(-1)
+        worst = int(np.argmax(excess))
+        if excess[worst] > 0:
             row, column = sorted((int(difference.row[worst]), int(difference.col[worst])))
-            raise InvalidProblem("Q", f"must be symmetric, and entry ({column}, {row}) is {full[column, row]}",
-                                 index=(row, column), value=full[row, column])
+            raise InvalidProblem("Q", f"must be symmetric, as (Q + Q.T) / 2 is, and entry ({column}, {row}) is "
+                                 f"{full[column, row]}", index=(row, column), value=full[row, column])
     upper = sp.triu(full, format="csc")
     upper.sort_indices()
     return upper
@@ -134,7 +135,7 @@ class LCQP:
             raise InvalidProblem("R", f"must have {self.l.size} rows, as many as L", value=f"{self.r.size} rows")
         self.c0: float = float(vector(c0, "c0", 1)[0])
         self.z0: Vector | None = None if z0 is None else vector(z0, "z0", n, " (n)")
-        self.name: str = name.encode()[:LONGEST_NAME].decode(errors="ignore")
+        self.name: str = name.encode()[:LONGEST_PROBLEM_NAME].decode(errors="ignore")
 
     @property
     def n(self) -> int:

@@ -1,4 +1,4 @@
-"""A server of this process alone, for calls that name none: without MARBLE_SERVER, solves on the own machine."""
+"""A server of this process alone, for whoever asks for it by the address "local"."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class LocalServer:
         found = shutil.which(program)
         if found is None:
             raise Unavailable(
-                f"no server is named, and there is no {program} in PATH to start: install it, or set "
-                "MARBLE_SERVER=127.0.0.1:50051, or pass an address (this package has no solver of its own)")
+                f"there is no {program} in PATH to start: install it, or name a server in MARBLE_SERVER "
+                "or by an address (this package has no solver of its own)")
         self._owner = os.getpid()
         self._folder = pathlib.Path(tempfile.mkdtemp(prefix="marble-"))
         kept = {k: v for k, v in os.environ.items() if not k.startswith("MARBLE_") or k == "MARBLE_WORKERS"}

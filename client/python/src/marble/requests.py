@@ -5,28 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 from marble import contract
 from marble.errors import InvalidArgument
 from marble.job import JobState, Priority
 from marble.lcqp import LCQP
 from marble.solution import Progress
+from marble.tables import LARGEST_PAGE, LONGEST_REQUEST_ID, MATRICES, VECTORS
 from marble.wire import Encoder
 
 ProgressWish = bool | Callable[[Progress], object] | None
 
-_LONGEST_REQUEST_ID: Final = 128
-_MATRICES: Final = (("Q", "hessian"), ("A", "equality_matrix"), ("C", "inequality_matrix"), ("L", "left_matrix"),
-                    ("R", "right_matrix"))
-_VECTORS: Final = (("g", "gradient"), ("b", "equality_offset"), ("d", "inequality_offset"), ("l", "left_offset"),
-                   ("r", "right_offset"))
-
 
 def check_request_id(request_id: str) -> None:
     """At most 128 bytes of printable ASCII."""
-    if len(request_id) > _LONGEST_REQUEST_ID or not (request_id.isascii() and request_id.isprintable()):
-        raise InvalidArgument("request_id", "must be at most 128 bytes of printable ASCII")
+    if len(request_id) > LONGEST_REQUEST_ID or not (request_id.isascii() and request_id.isprintable()):
+        raise InvalidArgument("request_id", f"must be at most {LONGEST_REQUEST_ID} bytes of printable ASCII")
 
 
 def priority_number(priority: Priority | str | None) -> int:
@@ -81,11 +76,11 @@ def problem_encoder(problem: LCQP) -> Encoder:
     """A Problem; Q is its upper triangle."""
     part = Encoder("Problem")
     part.others(contract.message("Problem")(name=problem.name, constant=problem.c0, hessian_form=2))
-    for letter, field in _MATRICES:
+    for letter, field in MATRICES.items():
         values = getattr(problem, letter)
         if values.shape[0] and (letter != "Q" or values.nnz):
             part.message(field, _matrix(values))
-    for letter, field in _VECTORS:
+    for letter, field in VECTORS.items():
         part.doubles(field, getattr(problem, letter))
     return part
 
@@ -165,8 +160,8 @@ def job(kind: str, job_id: str, **fields: Any) -> bytes:
 
 def list_jobs(states: tuple[JobState | str, ...], client: str, limit: int, before: str) -> bytes:
     """A ListJobsRequest."""
-    if not 0 <= limit <= 10_000:
-        raise InvalidArgument("limit", "must be in [0, 10000]", value=limit)
+    if not 0 <= limit <= LARGEST_PAGE:
+        raise InvalidArgument("limit", f"must be in [0, {LARGEST_PAGE}]", value=limit)
     numbers = contract.enum_numbers("JobState")
     data: bytes = contract.message("ListJobsRequest")(
         states=[numbers[JobState(state).value] for state in states], client=client, limit=limit,

@@ -16,12 +16,8 @@ from marble.errors import FailedPrecondition, InvalidArgument, InvalidProblem
 from marble.lcqp import LCQP, Vector
 from marble.problem import Problem, compiled, in_terms_of
 from marble.solution import Progress, Solution
+from marble.tables import VALUES, VECTORS
 from marble.wire import Encoder
-
-_VECTORS: Final = {"g": "gradient", "b": "equality_offset", "d": "inequality_offset", "l": "left_offset",
-                   "r": "right_offset"}
-_MATRICES: Final = {"Q": "hessian_values", "A": "equality_values", "C": "inequality_values", "L": "left_values",
-                    "R": "right_values"}
 
 _SHIFTED: Final = ("variables", "equalities", "inequalities", "pairs")
 
@@ -151,18 +147,18 @@ class SessionCore:
             other = compiled(problem)
             if other.sizes != now.sizes:
                 raise InvalidProblem("problem", f"must have the sizes {now.sizes} of the set-up", value=other.sizes)
-            whole = {"c0": other.c0, **{name: getattr(other, name) for name in _VECTORS},
-                     **{name: _same_pattern(getattr(other, name), getattr(now, name), name) for name in _MATRICES}}
+            whole = {"c0": other.c0, **{name: getattr(other, name) for name in VECTORS},
+                     **{name: _same_pattern(getattr(other, name), getattr(now, name), name) for name in VALUES}}
             return {name: value for name, value in whole.items() if not _equal(value, getattr(now, name))}
         changes: dict[str, Any] = {}
         for name, value in parts.items():
-            if name not in ("c0", *_VECTORS, *_MATRICES):
+            if name not in ("c0", *VECTORS, *VALUES):
                 raise TypeError(f"an update has no argument {name!r}")
             if value is None:
                 continue
             if name == "c0":
                 changes[name] = float(lcqp.vector(value, name, 1)[0])
-            elif name in _VECTORS:
+            elif name in VECTORS:
                 changes[name] = lcqp.vector(value, name, getattr(now, name).size, ", as at the set-up")
             else:
                 changes[name] = _with_pattern(value, getattr(now, name), name)
@@ -208,10 +204,10 @@ def _changed(changes: Mapping[str, Any]) -> Encoder:
     if "c0" in changes:
         part.others(contract.message("ProblemUpdate")(constant=changes["c0"]))
     for name, value in changes.items():
-        if name in _VECTORS:
-            part.doubles(_VECTORS[name], value)
-        elif name in _MATRICES:
-            part.doubles(_MATRICES[name], value.data)
+        if name in VECTORS:
+            part.doubles(VECTORS[name], value)
+        elif name in VALUES:
+            part.doubles(VALUES[name], value.data)
     return part
 
 

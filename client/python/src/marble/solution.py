@@ -13,25 +13,7 @@ import numpy as np
 
 from marble.errors import Unsolved
 from marble.lcqp import LCQP, Vector
-
-
-class Status(enum.Enum):
-    """Why a solve ended. Every status comes with the best iterate and its violations."""
-
-    SOLVED = "solved"
-    SOLVED_REDUCED = "solved_reduced"
-    ITERATION_LIMIT = "iteration_limit"
-    TIME_LIMIT = "time_limit"
-    CANCELLED = "cancelled"
-    INFEASIBLE = "infeasible"
-    LOCALLY_INFEASIBLE = "locally_infeasible"
-    UNBOUNDED = "unbounded"
-    NUMERICAL_FAILURE = "numerical_failure"
-
-    @property
-    def solved(self) -> bool:
-        """Whether the point may be used as a solution: to the tolerances, or to 100 × the tolerances."""
-        return self in (Status.SOLVED, Status.SOLVED_REDUCED)
+from marble.tables import Status
 
 
 class Stationarity(enum.Enum):
