@@ -1,0 +1,89 @@
+// What the end of a solve says of the incumbent: where each word comes from, and that none is said on trust.
+#include "optimality.h"
+
+#include <gtest/gtest.h>
+
+#include "branch_engines.h"
+#include "workbench.h"
+
+namespace marble {
+namespace {
+
+using testing::Workbench;
+
+// ½q x² − a x + ½y² + y over 0 ≤ x ⊥ y ≥ 0. On the branch x = 0 the solution is (0, 0); x pulls if a > 0.
+OwnedProblem corner(double q, double a) {
+  OwnedProblem p;
+  p.g = {-a, 1.0};
+  p.Q = compress(2, 2, {{0, 1}, {0, 1}, {q, 1.0}}, "Q").value();
+  p.L = compress(1, 2, {{0}, {0}, {1.0}}, "L").value();
+  p.R = compress(1, 2, {{0}, {1}, {1.0}}, "R").value();
+  p.l = p.r = {0.0};
+  return p;
+}
+
+// The solution of the branch x = 0, judged.
+struct Judged : Workbench {
+  explicit Judged(const OwnedProblem& p, const Options& chosen = {})
+      : Workbench(p, chosen),
+        branch(problem, *kkt),
+        incumbent(problem, options, branch.exact),
+        optimality(problem, *kkt, options, branch.point, incumbent) {
+    branch.point.set.fix(0, true, false);
+    EXPECT_EQ(incumbent.solve_branch(run, "a branch", 100), Incumbent::Outcome::kept);
+    factorizations = run.factorizations;
+    verdict = optimality.judge(run);
+    factorizations = run.factorizations - factorizations;
+  }
+  [[nodiscard]] double objective() const { return judged(incumbent.best().x.z()).objective; }
+
+  BranchEngines branch;
+  Incumbent incumbent;
+  Optimality optimality;
+  Optimality::Verdict verdict;
+  int factorizations = 0;
+};
+
+Options without_search() {
+  Options options;
+  options.local_search_budget = 0;
+  return options;
+}
+
+TEST(Optimality, AStronglyStationaryPointOfAConvexProblemIsAMinimumAtNoCost) {
+  const Judged j(corner(1.0, -1.0));
+  EXPECT_EQ(j.verdict.b_stationary, true);
+  EXPECT_EQ(j.verdict.second_order, SecondOrder::minimum);
+  EXPECT_EQ(j.factorizations, 0);
+  EXPECT_NEAR(j.objective(), 0.0, 1e-12);
+}
+
+TEST(Optimality, APointThatAnotherBranchCanLeaveIsLeft) {
+  const Judged j(corner(1.0, 2.0));
+  EXPECT_NEAR(j.objective(), -2.0, 1e-9);
+  EXPECT_STREQ(j.incumbent.best().origin, "neighbouring branch");
+  EXPECT_EQ(j.verdict.b_stationary, true);
+  EXPECT_EQ(j.verdict.second_order, SecondOrder::minimum);
+}
+
+TEST(Optimality, WithoutABudgetNothingIsSaidOfOtherBranches) {
+  const Judged convex(corner(1.0, 2.0), without_search());
+  EXPECT_FALSE(convex.verdict.b_stationary.has_value());
+  EXPECT_EQ(convex.verdict.second_order, SecondOrder::minimum) << "on its own branch";
+  EXPECT_NEAR(convex.objective(), 0.0, 1e-12);
+}
+
+TEST(Optimality, WhereAMultiplierPullsTheCurvatureOfOneBranchIsNotThatOfAll) {
+  const Judged nonconvex(corner(-1.0, 2.0), without_search());
+  EXPECT_FALSE(nonconvex.verdict.b_stationary.has_value());
+  EXPECT_EQ(nonconvex.verdict.second_order, SecondOrder::necessary);
+}
+
+TEST(Optimality, WhereAnotherBranchFallsForEverNothingIsCalledBStationary) {
+  const Judged j(corner(0.0, 2.0));
+  EXPECT_FALSE(j.verdict.b_stationary.has_value());
+  EXPECT_NEAR(j.objective(), 0.0, 1e-12) << "what could not be solved is no answer";
+}
+
+}  // namespace
+}  // namespace marble
