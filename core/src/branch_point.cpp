@@ -96,7 +96,7 @@ bool BranchPoint::sharpen(double tolerance) {
     }
     if (!std::isfinite(error) || !(max_abs(x.z()) <= tuning::runaway)) return false;
     if (error <= tolerance) return true;
-    if (error > 0.5 * last) return error <= tuning::wrong_sign;  // as exact as it gets
+    if (error > 0.5 * last) return error <= tuning::exactness;  // as exact as it gets
     last = error;
     add_transposed(problem_.rows, step.lambda(), gradient);
     step.z() = -gradient;

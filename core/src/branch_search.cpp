@@ -15,23 +15,17 @@ SearchPlan near_exact(int patience) {
 
 SearchPlan from_soft() {
   return {.rho_first = tuning::soft_rho,
-          .rho_soft = tuning::soft_last_rho,
-          .first_patience = tuning::soft_patience,
-          .flip_patience = tuning::soft_patience};
+          .rho_soft = tuning::middle_rho,
+          .first_patience = tuning::search_patience,
+          .flip_patience = tuning::search_patience};
 }
 
 SearchPlan from_interior_point(bool search) {
-  return {.rho_first = tuning::interior_search_rho,
-          .rho_last = tuning::interior_search_last_rho,
-          .rho_exchange = tuning::interior_search_last_rho,
-          .flip_patience = search ? tuning::interior_flip_patience : 0,
-          .exchange_patience = search ? tuning::interior_exchange_patience : 0};
-}
-
-SearchPlan refresh() {
-  return {.rho_first = tuning::refresh_rho,
-          .rho_factor = tuning::refresh_rho_factor,
-          .first_patience = tuning::refresh_patience};
+  return {.rho_first = tuning::middle_rho,
+          .rho_last = tuning::interior_rho,
+          .rho_exchange = tuning::interior_rho,
+          .flip_patience = search ? tuning::search_patience : 0,
+          .exchange_patience = search ? tuning::search_patience : 0};
 }
 
 int pulling(const Incumbent& incumbent) {
@@ -62,8 +56,8 @@ bool BranchSearch::improve(Run& run, ConstVectorRef initial_z) {
   if (soft) from_soft_start(run, initial_z, last);
   if (incumbent_.best().objective < before) return soft;
   point_.restore(incumbent_.best().x, incumbent_.best().set);
-  if (search_.run(run, near_exact(tuning::near_patience), last) && search_.accepted() > 0)
-    static_cast<void>(incumbent_.solve_branch(run, "path, local search", tuning::exact_budget));
+  if (search_.run(run, near_exact(tuning::search_patience), last) && search_.accepted() > 0)
+    static_cast<void>(incumbent_.solve_branch(run, "path, local search", tuning::engine_budget));
   return soft;
 }
 
@@ -79,9 +73,9 @@ bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z) {
   if (problem_.pairs() == 0 || !interior_.run(run, initial_z)) return false;
   point_.start_from_point(interior_.z());
   const SearchPlan plan = from_interior_point(options_.local_search_budget > 0);
-  const int last = run.factorizations + 2 * tuning::exact_budget + options_.local_search_budget;
+  const int last = run.factorizations + 2 * tuning::engine_budget + options_.local_search_budget;
   return search_.run(run, plan, last) &&
-         incumbent_.solve_branch(run, "interior point, local search", tuning::exact_budget) ==
+         incumbent_.solve_branch(run, "interior point, local search", tuning::engine_budget) ==
              Incumbent::Outcome::kept;
 }
 
@@ -89,7 +83,7 @@ void BranchSearch::from_soft_start(Run& run, ConstVectorRef initial_z, int last_
   path_.lean(run, initial_z, tuning::soft_rho);
   point_.start_from_point(path_.iterate().z());
   if (search_.run(run, from_soft(), last_factorization))
-    static_cast<void>(incumbent_.solve_branch(run, "soft start, local search", tuning::exact_budget));
+    static_cast<void>(incumbent_.solve_branch(run, "soft start, local search", tuning::engine_budget));
 }
 
 void BranchSearch::start_further(Run& run, bool after_soft_start) {
@@ -101,7 +95,7 @@ void BranchSearch::start_further(Run& run, bool after_soft_start) {
     return better;
   };
   for (int useless = 0; after_soft_start && incumbent_.exists() && !run.interrupted() &&
-                        done < tuning::free_starts && useless < tuning::useless_starts &&
+                        done < tuning::further_round && useless < tuning::useless_starts &&
                         run.factorizations < tuning::cheap_search;) {
     useless = round(1) ? 0 : useless + 1;
   }
@@ -115,26 +109,24 @@ bool BranchSearch::resume(Run& run, const Iterate& solution, double cold_objecti
   using Outcome = Incumbent::Outcome;
   const Run::Polishing polishing(run);
   const int before = run.factorizations;
-  const int last = before + tuning::exact_budget + options_.local_search_budget;
+  const int last = before + tuning::engine_budget + options_.local_search_budget;
   point_.start_from_solution(solution);
-  bool small_change = incumbent_.solve_branch(run, "warm start", tuning::warm_budget) == Outcome::kept;
+  bool small_change = incumbent_.solve_branch(run, "warm start", tuning::engine_budget) == Outcome::kept;
   if (small_change) {
     const int work = run.factorizations - before;
     small_change = work <= tuning::warm_small_change;
     const bool search = work > tuning::warm_tiny_change && options_.local_search_budget > 0;
-    const int pull = search ? pulling(incumbent_) : 0;
-    const SearchPlan plan =
-        small_change || pull < tuning::many_pulling ? near_exact(tuning::warm_patience) : refresh();
-    if (pull > 0 && search_.run(run, plan, last) && search_.accepted() > 0)
-      static_cast<void>(incumbent_.solve_branch(run, "warm start, local search", tuning::exact_budget));
+    if (search && pulling(incumbent_) > 0 && search_.run(run, near_exact(tuning::warm_patience), last) &&
+        search_.accepted() > 0)
+      static_cast<void>(incumbent_.solve_branch(run, "warm start, local search", tuning::engine_budget));
   } else {
     point_.start_from_solution(solution);
-    if (!search_.run(run, near_exact(tuning::mend_patience), last) ||
-        incumbent_.solve_branch(run, "warm start, mended", tuning::exact_budget) != Outcome::kept)
+    if (!search_.run(run, near_exact(tuning::warm_patience), last) ||
+        incumbent_.solve_branch(run, "warm start, mended", tuning::engine_budget) != Outcome::kept)
       return false;
   }
   const double objective = problem_.user_objective(incumbent_.best().objective);
-  return small_change || objective <= cold_objective + tuning::warm_loss * std::abs(cold_objective);
+  return small_change || objective <= cold_objective + tuning::alike * std::abs(cold_objective);
 }
 
 }  // namespace marble

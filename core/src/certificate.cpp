@@ -24,9 +24,7 @@ class CarefulSum {
     size_ += std::abs(product);
   }
   [[nodiscard]] double value() const { return value_ + correction_; }
-  [[nodiscard]] double error() const {
-    return tuning::proof_rounding * size_ + std::numeric_limits<double>::min();
-  }
+  [[nodiscard]] double error() const { return tuning::roundoff * size_ + std::numeric_limits<double>::min(); }
 
  private:
   double value_ = 0.0, correction_ = 0.0, size_ = 0.0;
@@ -43,7 +41,7 @@ bool all_rows(const RowMatrix& matrix, Index first, Index end, ConstVectorRef d,
       sum.add(matrix.values[k], d[matrix.column_indices[k]]);
       size += std::abs(matrix.values[k]);
     }
-    if (!visit(row, sum.value(), tuning::proof_rounding * size)) return false;
+    if (!visit(row, sum.value(), tuning::roundoff * size)) return false;
   }
   return true;
 }
@@ -65,9 +63,9 @@ int curvature(const SymmetricMatrix& Q, ConstVectorRef d) {
       size[column] += std::abs(value);
     }
   }
-  if (whole.value() < -tuning::proof_rounding * size.sum()) return -1;
+  if (whole.value() < -tuning::roundoff * size.sum()) return -1;
   for (Index i = 0; i < Q.size; ++i) {
-    if (!(std::abs(image[static_cast<std::size_t>(i)].value()) <= tuning::proof_rounding * size[i])) return 1;
+    if (!(std::abs(image[static_cast<std::size_t>(i)].value()) <= tuning::roundoff * size[i])) return 1;
   }
   return 0;
 }
@@ -99,7 +97,7 @@ std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, con
       for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
         combination[static_cast<std::size_t>(matrix.column_indices[k])].add(sign * matrix.values[k],
                                                                             multipliers[row]);
-        hidden[matrix.column_indices[k]] += tuning::proof_rounding * std::abs(matrix.values[k]);
+        hidden[matrix.column_indices[k]] += tuning::roundoff * std::abs(matrix.values[k]);
       }
     }
   };
@@ -145,7 +143,7 @@ std::optional<std::vector<double>> unbounded_direction(const ScaledProblem& p, C
     if (!(largest > 0.0) || !std::isfinite(largest)) return std::nullopt;
     CarefulSum slope;
     for (Eigen::Index j = 0; j < d.size(); ++j) slope.add(p.g[j] / largest, d[j]);
-    if (!(slope.value() < -tuning::proof_rounding * p.g.lpNorm<1>() / largest)) return std::nullopt;
+    if (!(slope.value() < -tuning::roundoff * p.g.lpNorm<1>() / largest)) return std::nullopt;
   }
   const RowLayout& rows = p.layout;
   std::vector<std::uint8_t> s_stays(static_cast<std::size_t>(rows.pairs));
@@ -172,14 +170,14 @@ bool seems_infeasible(const ScaledProblem& p, const Iterate& x) {
   const double size = size_of(x);
   if (!(size > 0.0) || !std::isfinite(size)) return false;
   Multipliers m(x, size);
-  if (smallest(m.rows.tail(2 * p.pairs())) < -tuning::proof_near) return false;
+  if (smallest(m.rows.tail(2 * p.pairs())) < -tuning::near) return false;
   m.rows = m.rows.cwiseMax(0.0);
   const double gap = p.b.dot(m.y) - p.offset.dot(m.rows);
   if (!(gap > 0.0)) return false;
   Vector combination = Vector::Zero(p.variables());
   add_transposed(p.A, m.y, combination);
   add_transposed(p.rows, -m.rows, combination);
-  return max_abs(combination) <= tuning::proof_near * gap;
+  return max_abs(combination) <= tuning::near * gap;
 }
 
 bool seems_unbounded(const ScaledProblem& p, const Iterate& x) {
@@ -188,16 +186,15 @@ bool seems_unbounded(const ScaledProblem& p, const Iterate& x) {
   const Vector d = x.z() / size;
   Vector image(p.variables());
   multiply(p.Q, d, image);
-  if (!(d.dot(image) < -tuning::proof_near) &&
-      !(max_abs(image) <= tuning::proof_near && p.g.dot(d) < -tuning::proof_near))
+  if (!(d.dot(image) < -tuning::near) && !(max_abs(image) <= tuning::near && p.g.dot(d) < -tuning::near))
     return false;
   image.resize(p.equalities());
   multiply(p.A, d, image);
-  if (max_abs(image) > tuning::proof_near) return false;
+  if (max_abs(image) > tuning::near) return false;
   RowVector rates(p.layout);
   multiply(p.rows, d, rates.all);
-  return smallest(rates.inequality()) >= -tuning::proof_near &&
-         max_abs(rates.s().cwiseMin(rates.t())) <= tuning::proof_near;
+  return smallest(rates.inequality()) >= -tuning::near &&
+         max_abs(rates.s().cwiseMin(rates.t())) <= tuning::near;
 }
 
 }  // namespace marble

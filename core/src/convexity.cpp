@@ -23,7 +23,7 @@ bool diagonally_dominant(const ScaledProblem& p) {
       }
     }
   }
-  return (diagonal.array() * (1.0 + tuning::diagonal_rounding) >= off_diagonal.array()).all();
+  return (diagonal.array() * (1.0 + tuning::rounding) >= off_diagonal.array()).all();
 }
 
 bool convex_by_inertia(const ScaledProblem& p, Kkt& kkt) {

@@ -33,7 +33,7 @@ bool add_product(double factor, const double* w, int w_stride, int k, double* c,
     dsyrk_("U", "T", &n, &k, &factor, w, &w_stride, &one, c, &c_stride);
     return true;
   }
-  const int width = std::min(n, tuning::dense_panel);
+  const int width = std::min(n, tuning::block_columns);
   const int depth = std::min(k, std::max(1, static_cast<int>(0.5 * tuning::flops_of_call / n / width)));
   for (int row = 0; row < k; row += depth) {
     const int rows = std::min(depth, k - row);
@@ -54,7 +54,7 @@ bool add_product(double factor, const double* w, int w_stride, int k, double* c,
 // dpotrf, in panels where one call would take too long.
 bool factorize_cholesky(double* a, int n, const Interrupt& interrupt) {
   const double cube = static_cast<double>(n) * n * n;
-  const int width = cube / 3.0 <= tuning::flops_of_call ? n : tuning::dense_panel;
+  const int width = cube / 3.0 <= tuning::flops_of_call ? n : tuning::block_columns;
   const double one = 1.0;
   for (int column = 0; column < n; column += width) {
     if (column > 0 && interrupt.requested()) return false;

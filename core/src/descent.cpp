@@ -64,7 +64,7 @@ Descent::End Descent::run(Run& run, const Iterate& x, const WorkingSet& set, Con
       if (run.interrupted()) return End::stopped;
       if (find_negative_curvature(run, last)) continue;
       // Flat: the penalty ρ alone takes |Q|²/ρ from the curvature, about as much as δ adds.
-      curved = !point_.factor(run, tuning::exact_rho, tuning::descent_flat_delta);
+      curved = !point_.factor(run, tuning::exact_rho, tuning::elastic_delta);
       if (curved) return End::stopped;
     }
     moved = true;
@@ -121,7 +121,7 @@ Descent::Block Descent::blocking(double longest) {
   rates_.evaluate_rows(problem_, direction_);
   Block first{nullptr, longest};
   double fastest = 0.0;
-  const double flat = tuning::descent_flat_rate * max_abs(direction_);
+  const double flat = tuning::roundoff * max_abs(direction_);
   set_.for_each_free_row([&](Index row) {
     std::uint8_t& flag = set_.held[row];
     const double rate = rates_.rows.all[row];
@@ -137,12 +137,11 @@ Descent::Block Descent::blocking(double longest) {
 // Of the rows held and free to leave, the one whose multiplier has the wrong sign most.
 bool Descent::release_worst() {
   std::uint8_t* worst = nullptr;
-  double most = tuning::wrong_sign * (1.0 + max_abs(x_.all));
+  double most = tuning::exactness * (1.0 + max_abs(x_.all));
   set_.for_each_free_row([&](Index row) {
     std::uint8_t& flag = set_.held[row];
     const double lambda = x_.lambda()[row];
-    if (flag == 0 || !(lambda > most) || (worst != nullptr && short_steps_ > tuning::descent_short_steps))
-      return;
+    if (flag == 0 || !(lambda > most) || (worst != nullptr && short_steps_ > tuning::patience)) return;
     worst = &flag;
     most = lambda;
   });
@@ -158,15 +157,14 @@ bool Descent::find_negative_curvature(Run& run, int last) {
   double low = tuning::exact_delta;
   double high = delta_;
   while (!convex_at(high)) {
-    if (run.factorizations >= last || high > tuning::largest_delta) return false;
+    if (run.factorizations >= last || high > tuning::runaway) return false;
     low = high;
-    high *= tuning::descent_delta_factor;
+    high *= tuning::delta_raise;
   }
   while (!iterate_inversely()) {
     double middle = 0.0;
     do {
-      if (high <= tuning::descent_delta_factor * low || run.factorizations >= last || run.interrupted())
-        return false;
+      if (high <= tuning::delta_raise * low || run.factorizations >= last || run.interrupted()) return false;
       middle = std::sqrt(low * high);
       if (convex_at(middle)) break;
       low = middle;
@@ -180,7 +178,7 @@ bool Descent::find_negative_curvature(Run& run, int last) {
 bool Descent::iterate_inversely() {
   fill_with_noise(direction_);
   double curvature = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < tuning::descent_inverse_iterations; ++i) {
+  for (int i = 0; i < tuning::engine_budget; ++i) {
     nothing_.setZero();
     if (!kkt_.solve(direction_, nothing_) || !point_.project(direction_)) return false;
     const double size = direction_.norm();
@@ -188,12 +186,11 @@ bool Descent::iterate_inversely() {
     direction_ /= size;
     multiply(problem_.Q, direction_, image_);
     const double now = direction_.dot(image_);
-    const bool settled =
-        now < -tuning::curvature && std::abs(now - curvature) <= tuning::descent_settled * std::abs(now);
+    const bool settled = now < -tuning::zero && std::abs(now - curvature) <= tuning::alike * std::abs(now);
     curvature = now;
     if (settled) break;
   }
-  if (!(curvature < -tuning::curvature)) return false;
+  if (!(curvature < -tuning::zero)) return false;
   return point_.project(direction_);
 }
 

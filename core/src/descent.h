@@ -55,8 +55,8 @@ class Descent {
   WorkingSet set_;
   Images images_, rates_;
   Vector direction_, image_, nothing_;
-  double delta_ = tuning::descent_first_delta;  // at which Q last became convex on the rows held
-  int short_steps_ = 0;                         // in a row
+  double delta_ = tuning::elastic_delta;  // at which Q last became convex on the rows held
+  int short_steps_ = 0;                   // in a row
   bool began_at_saddle_ = false;
   Reporter reporter_;
 };

@@ -11,8 +11,8 @@ bool ExactBranch::solve(Run& run, int budget) {
   point_.set.clear_others(point_.x.lambda());  // they may be of another branch
   newton_.center.all = point_.x.all;           // should the exchanges lead nowhere
   if (const auto solved = exchange_rows(run, tuning::exact_exchanges, last)) return *solved;
-  const bool rows_known = newton_.converge(run, {tuning::augmented_rho, tuning::augmented_delta}, last);
-  return rows_known && exchange_rows(run, tuning::augmented_rounds, last).value_or(false);
+  const bool rows_known = newton_.converge(run, {tuning::exact_rho, tuning::exact_delta}, last);
+  return rows_known && exchange_rows(run, tuning::exact_exchanges, last).value_or(false);
 }
 
 // Nothing if the rows are not known after so many rounds, or contradict each other.
@@ -21,7 +21,7 @@ std::optional<bool> ExactBranch::exchange_rows(Run& run, int rounds, int last) {
     if (run.factorizations >= last || run.interrupted()) return false;
     if (!point_.factor(run, tuning::exact_rho, tuning::exact_delta)) return false;
     if (!point_.sharpen(tuning::rounding)) return std::nullopt;
-    if (exchange()) return point_.error() <= tuning::wrong_sign;
+    if (exchange()) return point_.error() <= tuning::exactness;
   }
   return std::nullopt;
 }
@@ -34,7 +34,7 @@ bool ExactBranch::exchange() {
   point_.set.for_each_free_row([&](Index row) {
     std::uint8_t& held = point_.set.held[row];
     const double slack = point_.images.rows.all[row];
-    if (!(held ? lambda[row] > tuning::wrong_sign * scale : slack < -tuning::wrong_sign)) return;
+    if (!(held ? lambda[row] > tuning::exactness * scale : slack < -tuning::exactness)) return;
     held ^= 1U;
     if (held == 0) lambda[row] = 0.0;
     changed = true;

@@ -32,10 +32,10 @@ void FurtherStarts::make(Attempt& attempt) const {
   if (run.interrupted()) return;
   try {
     attempt.branch->point.restore(attempt.begin->x, attempt.begin->set);
-    const int last = run.factorizations + tuning::exact_budget + options_.local_search_budget;
+    const int last = run.factorizations + tuning::engine_budget + options_.local_search_budget;
     attempt.succeeded =
         attempt.search->run(run, attempt.plan, last) &&
-        solve_exactly(problem_, options_, attempt.branch->exact, run, tuning::exact_budget, attempt.found);
+        solve_exactly(problem_, options_, attempt.branch->exact, run, tuning::engine_budget, attempt.found);
   } catch (const std::bad_alloc&) {
     attempt.out_of_memory = true;
   }

@@ -31,11 +31,11 @@ InteriorEngine::InteriorEngine(const ScaledProblem& problem, Kkt& kkt)
 
 bool InteriorEngine::run(Run& run, ConstVectorRef initial_z) {
   start(initial_z);
-  for (int i = 0; i < tuning::interior_steps && kappa_ > tuning::interior_last_kappa; ++i) {
+  for (int i = 0; i < tuning::engine_budget && kappa_ > tuning::last_kappa; ++i) {
     if (run.interrupted()) return false;
     const double length = step(run);
     if (length == 0.0) return i > 0 && !run.interrupted();
-    if (length > tuning::interior_good_step && primal_residual_ < tuning::interior_centrality * kappa_)
+    if (length > tuning::interior_good_step && primal_residual_ < tuning::centrality * kappa_)
       kappa_ *= tuning::interior_kappa_factor;
   }
   evaluate();
@@ -113,10 +113,9 @@ double InteriorEngine::move() {
   for (Index row = 0; row < slack.size(); ++row) keep_positive(slack[row], change[row], primal);
   for (Index i = 0; i < inequalities; ++i) keep_positive(nu_[i], dual_step(i), dual);
   for (Index i = 0; i < inequalities; ++i) nu_[i] += dual * dual_step(i);
-  slack = (slack + primal * change).cwiseMax(tuning::interior_least_side);
+  slack = (slack + primal * change).cwiseMax(tuning::roundoff);
   for (Index i = 0; i < inequalities; ++i) {
-    nu_[i] = std::clamp(nu_[i], kappa_ / (tuning::interior_spread * slack[i]),
-                        tuning::interior_spread * kappa_ / slack[i]);
+    nu_[i] = std::clamp(nu_[i], kappa_ / (tuning::runaway * slack[i]), tuning::runaway * kappa_ / slack[i]);
   }
   x_.z() += primal * d_.z();
   x_.y() += primal * (d_.y() - x_.y());

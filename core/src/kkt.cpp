@@ -18,8 +18,7 @@ double condensed_work(const RowMatrix& matrix) {
 
 bool has_long_rows(const RowMatrix& matrix) {
   for (Index row = 0; row < matrix.rows; ++row) {
-    if (matrix.row_size(row) > std::max<Index>(tuning::long_row, matrix.columns / tuning::long_row_share))
-      return true;
+    if (SparseKkt::is_long_row(matrix.row_size(row), matrix.columns)) return true;
   }
   return false;
 }
@@ -29,8 +28,7 @@ bool nearly_full(const ScaledProblem& p) {
   const auto entries = [](const auto& matrix) { return static_cast<double>(matrix.values.size()); };
   const double n = p.variables();
   const double rows = 0.5 * n + p.equalities() + p.inequalities() + 2.0 * p.pairs();
-  return n <= tuning::largest_dense &&
-         entries(p.Q) + entries(p.A) + entries(p.rows) > tuning::nearly_full * rows * n;
+  return entries(p.Q) + entries(p.A) + entries(p.rows) > tuning::nearly_full * rows * n;
 }
 
 }  // namespace
@@ -47,7 +45,7 @@ std::unique_ptr<Kkt> make_kkt(const ScaledProblem& p, const KktCost& most, const
   const auto make_dense = [&]() -> std::unique_ptr<Kkt> {
     return dense.flops <= most.flops ? allocated(std::make_unique<DenseKkt>(p)) : nullptr;
   };
-  if (dense_fits && (p.variables() <= tuning::tiny_problem || nearly_full(p))) return make_dense();
+  if (dense_fits && (p.variables() <= tuning::tiny || nearly_full(p))) return make_dense();
   std::unique_ptr<Kkt> best;
   const auto consider = [&](KeptRows kept) {
     const double analysis = SparseKkt::analysis_bytes(p, kept);

@@ -24,7 +24,7 @@ class LargeArray {
   LargeArray() = default;
   explicit LargeArray(std::size_t size) {
     const std::size_t bytes = size * sizeof(T);
-    if (bytes < tuning::mapped_bytes) {
+    if (static_cast<double>(bytes) < tuning::large_bytes) {
       data_ = {new T[size], Release{0}};
       return;
     }

@@ -79,22 +79,21 @@ double FilterLineSearch::search(const Subproblem& sub, const Images& at, const I
   const Measures current = measure(sub, at, along, x, d, 0.0);
   if (!started_) {
     theta_max_ = tuning::filter_theta_max * std::max(1.0, current.theta);
-    theta_min_ = tuning::filter_theta_min * std::max(1.0, current.theta);
+    theta_min_ = std::max(1.0, current.theta) / tuning::filter_theta_max;
     started_ = true;
   }
   const double descent = phi_slope(sub, at, x, d);
   // Differences below this are rounding: near a solution neither measure can be seen to fall.
-  const double noise = tuning::filter_noise * std::abs(current.phi);
-  const double theta_noise = tuning::filter_theta_noise * static_cast<double>(x.all.size());
-  for (double alpha = 1.0; alpha >= tuning::filter_least_step; alpha *= 0.5) {
+  const double noise = tuning::roundoff * std::abs(current.phi);
+  const double theta_noise = tuning::roundoff * static_cast<double>(x.all.size());
+  for (double alpha = 1.0; alpha >= tuning::exactness; alpha *= 0.5) {
     const Measures trial = measure(sub, at, along, x, d, alpha);
     if (!std::isfinite(trial.theta) || !std::isfinite(trial.phi) || !acceptable(trial)) continue;
-    const bool switching =
-        descent < 0.0 && current.theta <= theta_min_ &&
-        alpha * std::pow(-descent, tuning::filter_switch_phi) >
-            tuning::filter_switch_delta * std::pow(current.theta, tuning::filter_switch_theta);
+    const bool switching = descent < 0.0 && current.theta <= theta_min_ &&
+                           alpha * std::pow(-descent, tuning::filter_switch_phi) >
+                               std::pow(current.theta, tuning::filter_switch_theta);
     if (switching) {
-      if (trial.phi <= current.phi + tuning::filter_armijo * alpha * descent + noise) return alpha;
+      if (trial.phi <= current.phi + tuning::filter_phi_fraction * alpha * descent + noise) return alpha;
       continue;
     }
     if (trial.theta <= (1.0 - tuning::filter_theta_fraction) * current.theta + theta_noise ||

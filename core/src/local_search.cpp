@@ -32,8 +32,7 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
   }
   bool first = true;
   for (double rho = plan.rho_first;; rho = std::min(rho * plan.rho_factor, plan.rho_last)) {
-    const int budget = std::min(first ? tuning::search_first_budget : tuning::search_level_budget,
-                                last_factorization - run.factorizations);
+    const int budget = std::min(tuning::engine_budget, last_factorization - run.factorizations);
     if (!elastic_.solve(
             run, rho,
             first && plan.from_exact ? ElasticRelaxation::Rows::held : ElasticRelaxation::Rows::violated,
@@ -42,8 +41,7 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
     parametric_.start(elastic_);
     failed_exchanges_.clear();
     failed_multiplier_.setConstant(std::numeric_limits<double>::infinity());
-    const bool last = rho >= plan.rho_last ||
-                      (rho >= tuning::search_least_final_rho && largest_violation() < tuning::search_settled);
+    const bool last = rho >= plan.rho_last || largest_violation() < tuning::near;
     const bool flips = first || last || rho <= plan.rho_soft;
     int before = 0;
     do {
@@ -58,7 +56,7 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
 }
 
 double LocalSearch::least_improvement() const {
-  return tuning::search_gain * std::max(tuning::search_small_objective, std::abs(elastic_.objective()));
+  return tuning::near * std::max(1.0, std::abs(elastic_.objective()));
 }
 
 double LocalSearch::largest_violation() const {
@@ -69,7 +67,7 @@ double LocalSearch::largest_violation() const {
 int LocalSearch::pulling(const Iterate& x, const WorkingSet& set) {
   int count = 0;
   for (Index pair = 0; pair < set.layout.pairs; ++pair) {
-    if (x.lambda()[set.fixed_row(pair)] > tuning::search_pull) ++count;
+    if (x.lambda()[set.fixed_row(pair)] > tuning::pull) ++count;
   }
   return count;
 }
@@ -86,11 +84,11 @@ void LocalSearch::rank_flips() {
   for (Index pair = 0; pair < problem_.pairs(); ++pair) {
     const double multiplier = parametric_.multiplier(parametric_.fixed_row(pair));
     const double slack = parametric_.slack(parametric_.free_row(pair));
-    if (multiplier > -tuning::search_pull) continue;
+    if (multiplier > -tuning::pull) continue;
     const bool alike =
-        std::abs(multiplier - failed_multiplier_[pair]) <= tuning::search_alike * std::abs(multiplier) &&
-        std::abs(slack - failed_slack_[pair]) <= tuning::search_alike * (slack + tuning::search_alike_floor);
-    if (!alike) candidates_.push_back({pair, multiplier / (tuning::search_near + slack)});
+        std::abs(multiplier - failed_multiplier_[pair]) <= tuning::alike * std::abs(multiplier) &&
+        std::abs(slack - failed_slack_[pair]) <= tuning::alike * (slack + tuning::near);
+    if (!alike) candidates_.push_back({pair, multiplier / (tuning::near + slack)});
   }
   sort_candidates();
 }
@@ -108,7 +106,7 @@ void LocalSearch::search_flips(Run& run, int patience, int last_factorization) {
       const Index fixed = parametric_.fixed_row(pair);
       const Index free = parametric_.free_row(pair);
       const double multiplier = parametric_.multiplier(fixed);
-      if (multiplier > -tuning::search_pull) continue;
+      if (multiplier > -tuning::pull) continue;
       failed_multiplier_[pair] = multiplier;
       failed_slack_[pair] = parametric_.slack(free);
       const Parametric::Move flip[] = {{fixed, false}, {free, true}};
@@ -132,7 +130,7 @@ bool LocalSearch::take(Run& run, std::span<const Index> pairs) {
   for (const Index pair : pairs) next_.flip(pair);
   parametric_.read_active_rows(next_);
   elastic_.point().set = next_;
-  const bool better = elastic_.solve(run, rho, ElasticRelaxation::Rows::held, tuning::search_move_budget) &&
+  const bool better = elastic_.solve(run, rho, ElasticRelaxation::Rows::held, tuning::engine_budget) &&
                       elastic_.objective() < target;
   if (better) {
     ++accepted_;
@@ -140,7 +138,7 @@ bool LocalSearch::take(Run& run, std::span<const Index> pairs) {
     report(run);
   } else {
     elastic_.point().set = before_;
-    lost_ = !elastic_.solve(run, rho, ElasticRelaxation::Rows::held, tuning::search_move_budget);
+    lost_ = !elastic_.solve(run, rho, ElasticRelaxation::Rows::held, tuning::engine_budget);
     if (lost_) return false;
   }
   parametric_.start(elastic_);
@@ -159,7 +157,7 @@ void LocalSearch::rank_exchanges() {
   candidates_.clear();
   for (Index pair = 0; pair < problem_.pairs(); ++pair) {
     const double multiplier = parametric_.multiplier(parametric_.fixed_row(pair));
-    if (multiplier < -tuning::exchange_pull && parametric_.slack(parametric_.free_row(pair)) > 0.0)
+    if (multiplier < -tuning::pull && parametric_.slack(parametric_.free_row(pair)) > 0.0)
       candidates_.push_back({pair, multiplier});
   }
   sort_candidates();
@@ -189,7 +187,7 @@ void LocalSearch::find_companions(Index pair) {
 
 bool LocalSearch::failed_before(const Candidate& candidate, const Candidate& companion) const {
   const auto alike = [](const Candidate& a, const Candidate& b) {
-    return a.pair == b.pair && std::abs(a.rank - b.rank) <= tuning::search_alike * std::abs(b.rank);
+    return a.pair == b.pair && std::abs(a.rank - b.rank) <= tuning::alike * std::abs(b.rank);
   };
   return std::any_of(failed_exchanges_.begin(), failed_exchanges_.end(), [&](const auto& failed) {
     return alike(candidate, failed.first) && alike(companion, failed.second);

@@ -61,7 +61,7 @@ std::optional<bool> Optimality::decide_b_stationarity(Run& run) {
   if (biactive.size() > tuning::biactive_pairs_tried || options_.local_search_budget == 0)
     return std::nullopt;
   bool all = false;
-  for (int better = 0; better < tuning::better_branches && !all; ++better) {
+  for (int better = 0; better < tuning::escapes && !all; ++better) {
     const double before = incumbent_.best().objective;
     all = solves_its_branches(run, biactive);
     if (incumbent_.best().objective >= before || run.interrupted()) break;
@@ -83,13 +83,13 @@ bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive) 
     }
     point_.restore(incumbent_.best().x, branch_);
     const Incumbent::Outcome outcome =
-        incumbent_.solve_branch(run, "neighbouring branch", tuning::branch_budget);
+        incumbent_.solve_branch(run, "neighbouring branch", tuning::engine_budget);
     const Iterate& x = incumbent_.best().x;
-    if (incumbent_.best().objective < objective - tuning::branch_gain * (1.0 + std::abs(objective)))
+    if (incumbent_.best().objective < objective - tuning::exactness * (1.0 + std::abs(objective)))
       return false;
     // Where Q is not convex the solution of another branch may be a stationary point elsewhere.
     const double moved = max_abs(x.z() - incumbent_.other().x.z());
-    const bool here = moved <= tuning::same_point * (1.0 + max_abs(x.z()));
+    const bool here = moved <= tuning::near * (1.0 + max_abs(x.z()));
     decided = decided && outcome != Incumbent::Outcome::not_exact && (here || convexity_.decide(run));
   }
   return decided;

@@ -16,8 +16,8 @@ constexpr std::size_t square(Index n) { return static_cast<std::size_t>(n) * sta
 // Responses to keep: of all rows if they fit, else enough for two candidates at least.
 double responses_kept(Index pairs, double rows) {
   if (pairs == 0) return 0.0;
-  return std::min(rows, std::max(2.0 * tuning::parametric_changed,
-                                 tuning::parametric_cache_bytes / (8.0 * std::max(1.0, rows))));
+  return std::min(rows,
+                  std::max(2.0 * tuning::rows_apart, tuning::large_bytes / (8.0 * std::max(1.0, rows))));
 }
 
 }  // namespace
@@ -40,11 +40,11 @@ Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
       responses_(new double[static_cast<std::size_t>(capacity_) * rows_]),
       response_of_row_(rows_),
       displacement_(problem.variables()),
-      bordered_(new double[square(std::min(tuning::parametric_changed, rows_))]),
-      right_side_(tuning::parametric_changed),
-      pivots_(tuning::parametric_changed) {
+      bordered_(new double[square(std::min(tuning::rows_apart, rows_))]),
+      right_side_(tuning::rows_apart),
+      pivots_(tuning::rows_apart) {
   keep_blas_to_one_thread();
-  changed_.reserve(tuning::parametric_changed + 2);  // direction() refuses only then
+  changed_.reserve(tuning::rows_apart + 2);  // direction() refuses only then
 }
 
 void Parametric::start(const ElasticRelaxation& optimum) {
@@ -68,8 +68,7 @@ void Parametric::reset() {
   changed_.clear();
   objective_ = start_objective_;
   events_ = 0;
-  if (used_ + tuning::parametric_changed > capacity_ &&
-      capacity_ < rows_) {  // room for one candidate at least
+  if (used_ + tuning::rows_apart > capacity_ && capacity_ < rows_) {  // room for one candidate at least
     std::fill(response_of_row_.begin(), response_of_row_.end(), -1);
     used_ = 0;
   }
@@ -101,7 +100,7 @@ const double* Parametric::response(Index row) {
 // active.
 bool Parametric::direction(Index prescribed, double prescribed_rate, Index driven) {
   const int count = static_cast<int>(changed_.size());
-  if (count > tuning::parametric_changed || kkt_.interrupt().requested()) return false;
+  if (count > tuning::rows_apart || kkt_.interrupt().requested()) return false;
   const double* fixed_part = prescribed < 0 ? nullptr : response(prescribed);
   if (prescribed >= 0 && fixed_part == nullptr) return false;
   for (int b = 0; b < count; ++b) {
@@ -151,7 +150,7 @@ Index Parametric::first_event(double& length, Index driven) const {
   const double* rate = value_rate_.data();
   const RowState* state = state_.data();
   for (Index i = 0; i < rows_; ++i) {
-    if (value[i] + length * rate[i] >= 0.0 || rate[i] >= -tuning::parametric_flat_rate || state[i].changed ||
+    if (value[i] + length * rate[i] >= 0.0 || rate[i] >= -tuning::rounding || state[i].changed ||
         state[i].fixed)
       continue;
     const double at = std::max(0.0, value[i]) / -rate[i];
@@ -161,8 +160,7 @@ Index Parametric::first_event(double& length, Index driven) const {
     }
   }
   for (const Changed& changed : changed_) {
-    if (changed.row == driven || state[changed.row].fixed || changed.rate >= -tuning::parametric_flat_rate)
-      continue;
+    if (changed.row == driven || state[changed.row].fixed || changed.rate >= -tuning::rounding) continue;
     const double at = std::max(0.0, changed.value) / -changed.rate;
     if (at < length) {
       length = at;
@@ -197,16 +195,16 @@ void Parametric::toggle(Index row) {
 // Raises the slack of a fixed active row until its multiplier, negative, has come to 0.
 bool Parametric::release(Index row) {
   state_[row].fixed = false;
-  if (value_[row] >= -tuning::parametric_noise) {
+  if (value_[row] >= -tuning::pull) {
     value_[row] = std::max(0.0, value_[row]);
     return true;
   }
   double slack = 0.0;
   state_[row].changed = true;
   for (Index event = row; event >= 0;) {
-    if (events_ > tuning::parametric_events || !direction(row, 1.0, -1)) return false;
+    if (events_ > tuning::rows_apart || !direction(row, 1.0, -1)) return false;
     const double rate = value_rate_[row];
-    if (rate <= tuning::parametric_least_rate) return false;
+    if (rate <= tuning::roundoff) return false;
     double length = -value_[row] / rate;
     event = first_event(length, -1);
     objective_ += length * (value_[row] + 0.5 * rate * length);
@@ -238,7 +236,7 @@ bool Parametric::drive(Index row, double limit) {
     if (slack <= tuning::rounding) value_[row] = 0.0;
   }
   while (slack > tuning::rounding) {
-    if (events_ > tuning::parametric_events || !direction(prescribed ? row : -1, -1.0, row)) return false;
+    if (events_ > tuning::rows_apart || !direction(prescribed ? row : -1, -1.0, row)) return false;
     const double multiplier = prescribed ? value_[row] : changed_[find(row)].value;
     const double rate = prescribed ? value_rate_[row] : changed_[find(row)].rate;
     double length = slack;

@@ -48,7 +48,7 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
         return explain(true);
       if (!to_its_end && sub_.kappa <= kappa_end) return std::nullopt;
       begin_subproblem(run);
-    } else if (++inner_steps_ > patience(to_its_end)) {
+    } else if (lost(to_its_end)) {
       lost_ = true;
       if (!retreat()) return explain(false);
       if (!to_its_end) return std::nullopt;
@@ -88,12 +88,12 @@ void PathEngine::lean(Run& run, ConstVectorRef initial_z, double rho_end) {
   leaning_ = true;
   x_.lambda_w().setZero();
   images_.evaluate(problem_, x_);
-  sub_.kappa = tuning::lean_kappa;
-  for (sub_.rho = tuning::lean_rho; sub_.rho < rho_end; sub_.rho *= tuning::lean_rho_factor) {
+  sub_.kappa = tuning::lean;
+  for (sub_.rho = tuning::lean; sub_.rho < rho_end; sub_.rho *= tuning::lean_rho_factor) {
     for (int i = 0; i < tuning::lean_steps; ++i) {
       evaluate();
       report(run);
-      if (run.interrupted() || residual_norm_ <= tuning::lean_tolerance) break;
+      if (run.interrupted() || residual_norm_ <= tuning::centrality * sub_.kappa) break;
       if (!step(run)) break;
     }
   }
@@ -132,10 +132,9 @@ void PathEngine::begin_subproblem(Run& run) {
 }
 
 // The fast path lowers κ boldly; too many steps at one κ say that it was too bold.
-int PathEngine::patience(bool last_resort) const {
-  if (options_.path != Path::fast) return std::numeric_limits<int>::max();
-  const int steps = inner_solution_kappa_ > 0.0 ? tuning::path_patience : tuning::path_first_patience;
-  return last_resort ? tuning::path_last_resort * steps : steps;
+bool PathEngine::lost(bool last_resort) {
+  const int patience = last_resort ? tuning::path_last_resort * tuning::patience : tuning::patience;
+  return ++inner_steps_ > patience && options_.path == Path::fast;
 }
 
 bool PathEngine::retreat() {
@@ -196,7 +195,7 @@ void PathEngine::accept(double alpha) {
   x_.all += alpha * d_.all;
   if (options_.path != Path::fast || leaning_) return;
   residual(sub_, images_, x_, r_);
-  if (primal_residual() <= tuning::path_estimate_update * before) sub_.take_estimates(x_);
+  if (primal_residual() <= before) sub_.take_estimates(x_);
 }
 
 double PathEngine::primal_residual() const { return std::max(max_abs(r_.y()), max_abs(r_.lambda())); }

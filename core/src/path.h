@@ -44,7 +44,7 @@ class PathEngine {
   [[nodiscard]] bool solved() const;
   [[nodiscard]] bool solved_afresh();
   void begin_subproblem(Run& run);
-  [[nodiscard]] int patience(bool last_resort) const;
+  [[nodiscard]] bool lost(bool last_resort);
   [[nodiscard]] bool retreat();
   [[nodiscard]] Ending give_best(Status reason);
   [[nodiscard]] Ending explain(bool stalled) const;

@@ -116,7 +116,7 @@ class Branch {
     if (engines_ == nullptr) return std::nullopt;
     problem_.g = -target;
     engines_->point.start_from_point(target);
-    if (!engines_->exact.solve(run, tuning::proof_budget) || !engines_->point.sharpen()) return std::nullopt;
+    if (!engines_->exact.solve(run, tuning::engine_budget) || !engines_->point.sharpen()) return std::nullopt;
     return Vector(engines_->point.x.z());
   }
 
@@ -140,7 +140,8 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
   BranchEngines engines(relaxed, *kkt);
   const Iterate& elastic = engines.point.x;
   engines.point.start_from_point(z);
-  if (!engines.elastic.solve(run, tuning::proof_rho, ElasticRelaxation::Rows::violated, tuning::proof_budget))
+  if (!engines.elastic.solve(run, tuning::middle_rho, ElasticRelaxation::Rows::violated,
+                             tuning::engine_budget))
     return std::nullopt;
   Vector y = elastic.y();
   Vector lambda = elastic.lambda();
@@ -149,7 +150,7 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
   Vector residual(p.variables());
   Vector moved(relaxed.rows.rows);
   Vector equality(relaxed.A.rows);
-  for (int i = 0; i < tuning::proof_refinements; ++i) {
+  for (int i = 0; i < tuning::exact_sweeps; ++i) {
     residual.setZero();
     add_transposed(relaxed.A, y, residual);
     add_transposed(relaxed.rows, lambda, residual);
@@ -158,7 +159,7 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
     y -= equality;
     multiply(relaxed.rows, residual, moved);
     for (Eigen::Index k = 0; k < lambda.size(); ++k) {
-      if (lambda[k] < 0.0) lambda[k] = std::min(lambda[k] - tuning::proof_rho * moved[k], 0.0);
+      if (lambda[k] < 0.0) lambda[k] = std::min(lambda[k] - tuning::middle_rho * moved[k], 0.0);
     }
   }
   Iterate x(p);

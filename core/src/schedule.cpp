@@ -10,7 +10,7 @@ namespace marble {
 bool Regularization::raise() {
   current_ =
       current_ > base_ ? tuning::delta_raise * current_ : std::max(first_, last_ / tuning::delta_lower);
-  return current_ <= tuning::largest_delta;
+  return current_ <= tuning::runaway;
 }
 
 void Schedule::begin(Subproblem& sub) const {
@@ -23,7 +23,7 @@ void Schedule::begin(Subproblem& sub) const {
 
 bool Schedule::inner_converged(const Subproblem& sub, double residual_norm) const {
   if (options_.path == Path::paper) return residual_norm <= options_.inner_tolerance;
-  return residual_norm <= std::max(tuning::path_centrality * sub.kappa, options_.stationarity_tolerance);
+  return residual_norm <= std::max(tuning::centrality * sub.kappa, options_.stationarity_tolerance);
 }
 
 void Schedule::advance(Subproblem& sub, const Iterate& x) const {
@@ -40,7 +40,7 @@ void Schedule::advance(Subproblem& sub, const Iterate& x) const {
 
 bool Schedule::retreat(Subproblem& sub, double kappa_before) const {
   sub.kappa = std::sqrt(sub.kappa * kappa_before);
-  return sub.kappa < tuning::path_shortest_way * kappa_before;
+  return sub.kappa < tuning::progress * kappa_before;
 }
 
 bool Schedule::exhausted(const Subproblem& sub) const {

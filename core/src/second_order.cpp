@@ -158,7 +158,7 @@ CriticalCurvature critical_curvature(const ScaledProblem& p, Kkt& kkt, const Ite
   CriticalCurvature result{SecondOrder::minimum, {}, rows.all};
   if (!rows.some_held) return result;
   result.kind = SecondOrder::necessary;
-  if (rows.weak.size() > tuning::weak_rows_grouped) return result;
+  if (std::ssize(rows.weak) > tuning::rows_apart) return result;
   rows.weak = finder.group(rows.weak);
   if (rows.weak.size() > tuning::weak_rows) return result;
   const std::optional<Eigen::MatrixXd> moves = unit_moves(p, kkt, rows, run);
@@ -186,7 +186,7 @@ CriticalCurvature critical_curvature(const ScaledProblem& p, Kkt& kkt, const Ite
       if (growth.sum() < 0.0) growth = -growth;
       if (!(growth.minCoeff() > 0.0)) continue;
       const Vector direction = (*moves)(Eigen::all, members) * growth;
-      if (eigen.eigenvalues()[k] > -tuning::curvature * direction.squaredNorm()) continue;
+      if (eigen.eigenvalues()[k] > -tuning::zero * direction.squaredNorm()) continue;
       result.kind = SecondOrder::saddle;
       result.direction = direction;
       result.set = released;

@@ -34,16 +34,15 @@ bool SemismoothNewton::minimize_from_rows(Run& run, const Penalty& penalty, int 
 // After a full step that changes no row it is solved.
 bool SemismoothNewton::iterate(Run& run, const Penalty& penalty, int last, bool full_step) {
   while (true) {
-    const double size =
-        (1.0 + tuning::elastic_rounding * penalty.rho) * (1.0 + max_abs(point_.images.stationarity));
-    if (max_abs(point_.workspace.gradient) <= tuning::augmented_tolerance * size) return true;
+    const double size = 1.0 + max_abs(point_.images.stationarity);
+    if (max_abs(point_.workspace.gradient) <= tuning::exactness * size) return true;
     if (full_step && point_.is_factored(penalty.rho, penalty.delta)) return true;
     if (run.interrupted() || run.factorizations >= last || !point_.factor(run, penalty.rho, penalty.delta))
       return false;
     if (!find_step()) return false;
     const double length = exact_length(penalty);
     if (length == 0.0 || !move(penalty, length)) return false;
-    full_step = std::abs(length - 1.0) <= tuning::elastic_full_step;
+    full_step = std::abs(length - 1.0) <= tuning::near;
   }
 }
 
@@ -77,7 +76,7 @@ void SemismoothNewton::evaluate_multipliers(const Penalty& penalty) {
 
 // Of the free rows those below zero.
 void SemismoothNewton::choose_rows(const Penalty& penalty) {
-  const double tie = tuning::elastic_tie * penalty.rho;
+  const double tie = tuning::roundoff * penalty.rho;
   const double* const unclipped = unclipped_.data();
   std::uint8_t* const held = point_.set.held.data();
   point_.set.for_each_free_row([=](Index row) { held[row] = unclipped[row] < tie; });
@@ -142,10 +141,10 @@ bool SemismoothNewton::converge(Run& run, const Penalty& penalty, int last) {
     if (!minimize(run, penalty, last)) return false;
     const double error = std::max((x.all - center.all).lpNorm<Eigen::Infinity>() / penalty.rho,
                                   penalty.delta * (x.z() - center.z()).lpNorm<Eigen::Infinity>());
-    if (error <= tuning::augmented_tolerance) return true;
+    if (error <= tuning::exactness) return true;
     // If the multipliers only grow, the branch is infeasible.
     without_progress = error > 0.5 * least_error ? without_progress + 1 : 0;
-    if (without_progress >= tuning::augmented_patience) return false;
+    if (without_progress >= tuning::patience) return false;
     least_error = std::min(error, least_error);
     center.all = x.all;
   }

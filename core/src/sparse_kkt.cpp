@@ -10,13 +10,11 @@ namespace {
 
 // A kept row with weight 0 must drop out: −1/k would be infinite, this decouples it to rounding.
 double minus_inverse(double weight) {
-  return -1.0 / (std::abs(weight) < tuning::least_weight ? tuning::least_weight : weight);
+  return -1.0 / (std::abs(weight) < tuning::roundoff ? tuning::roundoff : weight);
 }
 
 bool is_kept(KeptRows kept, Index length, Index variables) {
-  return kept == KeptRows::all ||
-         (kept == KeptRows::dense &&
-          length > std::max<Index>(tuning::long_row, variables / tuning::long_row_share));
+  return kept == KeptRows::all || (kept == KeptRows::dense && SparseKkt::is_long_row(length, variables));
 }
 
 // Collects the coordinates of the upper triangle and tells each term's position in the compressed pattern.
@@ -60,6 +58,10 @@ std::unique_ptr<SparseKkt> SparseKkt::analyse(const ScaledProblem& problem, Kept
   std::unique_ptr<SparseKkt> kkt(new SparseKkt(problem, kept));
   kkt->attend(interrupt);
   return kkt->build_pattern(problem) ? std::move(kkt) : nullptr;
+}
+
+bool SparseKkt::is_long_row(Index length, Index variables) {
+  return length > std::max(static_cast<double>(tuning::tiny), variables / tuning::dense_advantage);
 }
 
 // A condensed row brings a coordinate and a slot for each pair of its columns.
@@ -280,7 +282,7 @@ void SparseKkt::assemble(const RowWeights& weights) {
 }
 
 Index SparseKkt::kept_negative_weights(const RowWeights& weights) const {
-  const auto negative = [](double weight) { return weight <= -tuning::least_weight ? 1 : 0; };
+  const auto negative = [](double weight) { return weight <= -tuning::roundoff ? 1 : 0; };
   Index count = 0;
   for (std::size_t i = 0; i < pair_rows_.size(); ++i) {
     if (!pair_rows_[i].kept) continue;

@@ -25,6 +25,8 @@ class SparseKkt final : public Kkt {
                                                           const Interrupt& interrupt = {});
   /// Memory that the analysis itself takes, before there is anything to look at.
   [[nodiscard]] static double analysis_bytes(const ScaledProblem& problem, KeptRows kept);
+  /// Whether a row of so many entries fills H by itself.
+  [[nodiscard]] static bool is_long_row(Index length, Index variables);
 
   [[nodiscard]] bool allocate(const ScaledProblem& problem) override;
   void load(const ScaledProblem& problem) override;

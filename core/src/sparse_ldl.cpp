@@ -151,8 +151,8 @@ bool SparseLdl::solve(double* x, Index first, const Interrupt& interrupt) const 
   const std::int64_t* const pointers = pointers_.data();
   const Index* const rows = rows_.data();
   const double* const values = values_.data();
-  for (Index begin = first; begin < size(); begin += tuning::ldl_block) {
-    const Index end = std::min(begin + tuning::ldl_block, size());
+  for (Index begin = first; begin < size(); begin += tuning::block_columns) {
+    const Index end = std::min(begin + tuning::block_columns, size());
     for (Index j = begin; j < end; ++j) {
       const double entry = x[j];
       if (entry == 0.0) continue;
@@ -161,8 +161,8 @@ bool SparseLdl::solve(double* x, Index first, const Interrupt& interrupt) const 
     }
     if (checkpoint.reached(entries_of(begin, end))) return false;
   }
-  for (Index end = size(); end > 0; end -= tuning::ldl_block) {
-    const Index begin = std::max<Index>(0, end - tuning::ldl_block);
+  for (Index end = size(); end > 0; end -= tuning::block_columns) {
+    const Index begin = std::max<Index>(0, end - tuning::block_columns);
     for (Index j = end - 1; j >= begin; --j) {
       double even = x[j];  // two sums: one would wait for itself
       double odd = 0.0;

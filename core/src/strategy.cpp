@@ -56,7 +56,7 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z) {
   path_.start(initial_z);
   std::optional<Ending> end;
   auto branch = PathBranch::not_exact;
-  for (const double kappa : {tuning::branch_kappa, tuning::branch_last_kappa}) {
+  for (const double kappa : {tuning::branch_kappa, tuning::last_kappa}) {
     end = follow_path(run, kappa);
     if (end && (ended_by_force(end->status) || is_proof(end->status))) return end;
     if (options_.polish) branch = solve_path_branch(run);
@@ -101,7 +101,7 @@ Strategy::PathBranch Strategy::solve_path_branch(Run& run) {
   const Run::Polishing polishing(run);
   const double objective = path_.objective();
   branch_.point.start_from_path(path_.iterate());
-  if (incumbent_.solve_branch(run, "path", tuning::exact_budget) == Incumbent::Outcome::not_exact)
+  if (incumbent_.solve_branch(run, "path", tuning::engine_budget) == Incumbent::Outcome::not_exact)
     return PathBranch::not_exact;
   return path_is_lower(path_.violations_at(), objective) ? PathBranch::path_is_lower : PathBranch::exact;
 }

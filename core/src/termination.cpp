@@ -17,13 +17,13 @@ bool within_tolerances(const Violations& violations, const Options& options, dou
 }
 
 bool StallDetector::stalled(double violation) {
-  if (violation < tuning::stall_progress * best_) {
+  if (violation < tuning::progress * best_) {
     best_ = violation;
     since_best_ = 0;
   } else {
     ++since_best_;
   }
-  return since_best_ >= tuning::stall_patience;
+  return since_best_ >= tuning::patience;
 }
 
 Ending explain_end(const ScaledProblem& p, const Options& options, const Iterate& x,

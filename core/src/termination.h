@@ -26,7 +26,7 @@ struct Ending {
 /// Watches how the violation falls from one outer iteration to the next.
 class StallDetector {
  public:
-  /// True once `violation` has not fallen by a tenth for many outer iterations.
+  /// True once `violation` has made no progress for tuning::patience outer iterations.
   [[nodiscard]] bool stalled(double violation);
 
  private:

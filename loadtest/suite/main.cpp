@@ -17,7 +17,7 @@ namespace {
 constexpr const char* kUsage =
     "Runs families of problems and prints what the solver reached on them.\n"
     "Usage: suite [FAMILY ...] [--seeds N] [--starts K] [--profile FILE.svg] [--benchmarks FOLDER]\n"
-    "       suite tune [--seeds N] [--judge] [NAME ... | NAME=VALUE ...]\n"
+    "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
     "Families: macmpec perturbed robotics variants qpecs warm mpc growth throughput; all of them by "
     "default.\n"
     "  --seeds N            of the random families, default 20\n"
@@ -28,7 +28,10 @@ constexpr const char* kUsage =
     "by\n"
     "one, or what these values do together. On odd seeds, --seeds N (default 10) of each family; with "
     "--judge\n"
-    "on even ones, the half that nothing is chosen on.\n";
+    "on even ones, the half that nothing is chosen on. --save keeps what a table comes to, --against "
+    "compares "
+    "with\n"
+    "that of another one.\n";
 
 int tune(int argc, char** argv) {
   marble::suite::Sweep sweep;
@@ -39,6 +42,8 @@ int tune(int argc, char** argv) {
       sweep.judging = true;
     } else if (argument == "--seeds" && i + 1 < argc) {
       sweep.seeds = std::max(1, std::atoi(argv[++i]));
+    } else if ((argument == "--save" || argument == "--against") && i + 1 < argc) {
+      (argument == "--save" ? sweep.save : sweep.against) = argv[++i];
     } else if (argument.starts_with("-")) {
       std::fputs(kUsage, argument == "--help" || argument == "-h" ? stdout : stderr);
       return argument == "--help" || argument == "-h" ? 0 : 2;

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
+#include <fstream>
 #include <functional>
 #include <map>
 #include <thread>
@@ -160,16 +162,57 @@ Effect effect(const Outcomes& base, const Outcomes& other) {
   return e;
 }
 
-void print_families(const std::vector<Instance>& instances, const Outcomes& base, const Outcomes& other) {
+bool save(const std::string& name, const Outcomes& outcomes) {
+  std::ofstream file(name);
+  file.precision(17);
+  for (const Outcome& o : outcomes)
+    file << o.objective << ' ' << o.factorizations << ' ' << o.seconds << '\n';
+  file.close();
+  if (!file) std::fprintf(stderr, "suite: cannot write %s\n", name.c_str());
+  return !file.fail();
+}
+
+// Nothing, with a word on stderr, if it is not of as many instances.
+Outcomes load(const std::string& name, std::size_t count) {
+  std::ifstream file(name);
+  Outcomes outcomes;
+  std::string objective;  // may be nan, which a stream does not read
+  for (Outcome o; file >> objective >> o.factorizations >> o.seconds;) {
+    o.objective = std::strtod(objective.c_str(), nullptr);
+    outcomes.push_back(o);
+  }
+  if (outcomes.size() == count) return outcomes;
+  std::fprintf(stderr, "suite: %s has not the outcomes of %zu instances\n", name.c_str(), count);
+  return {};
+}
+
+std::map<std::string, Effect> by_family(const std::vector<Instance>& instances, const Outcomes& base,
+                                        const Outcomes& other) {
+  std::map<std::string, std::pair<Outcomes, Outcomes> > outcomes;
+  for (std::size_t i = 0; i < instances.size(); ++i) {
+    outcomes[instances[i].family].first.push_back(base[i]);
+    outcomes[instances[i].family].second.push_back(other[i]);
+  }
+  std::map<std::string, Effect> effects;
+  for (const auto& [family, both] : outcomes) effects[family] = effect(both.first, both.second);
+  return effects;
+}
+
+// Where answers change: "gates 1 worse, hopper 2 better".
+std::string changed_families(const std::map<std::string, Effect>& effects) {
+  std::string text;
+  for (const auto& [family, e] : effects) {
+    for (const auto& [count, word] : {std::pair{e.better, " better"}, std::pair{e.worse, " worse"}}) {
+      if (count > 0) text += (text.empty() ? "" : ", ") + family + " " + std::to_string(count) + word;
+    }
+  }
+  return text;
+}
+
+void print_families(const std::map<std::string, Effect>& effects) {
   std::printf("\n| family | better | worse | objective, mean | factorizations | time |\n");
   std::printf("| --- | ---: | ---: | ---: | ---: | ---: |\n");
-  std::map<std::string, std::pair<Outcomes, Outcomes> > by_family;
-  for (std::size_t i = 0; i < instances.size(); ++i) {
-    by_family[instances[i].family].first.push_back(base[i]);
-    by_family[instances[i].family].second.push_back(other[i]);
-  }
-  for (const auto& [family, both] : by_family) {
-    const Effect e = effect(both.first, both.second);
+  for (const auto& [family, e] : effects) {
     std::printf("| %s | %d | %d | %+.2f %% | %.2f | %.2f |\n", family.c_str(), e.better, e.worse,
                 100.0 * e.mean, e.factorizations, e.seconds);
   }
@@ -186,9 +229,9 @@ void sweep_each(const std::vector<Instance>& instances, const Outcomes& base,
     for (const double value : others(n)) trials.push_back({&n, value});
   }
   std::printf(
-      "| number | value | tried | better | worse | objective, mean | worst tenth | work changed | "
-      "factorizations | time |\n");
-  std::printf("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n");
+      "| number | value | tried | objective, mean | worst tenth | work changed | factorizations | time | "
+      "where |\n");
+  std::printf("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |\n");
   const std::size_t at_once = std::max(1U, std::thread::hardware_concurrency());
   std::vector<std::unique_ptr<Measurement> > running;
   for (std::size_t i = 0; i < trials.size() + at_once; ++i) {
@@ -197,12 +240,14 @@ void sweep_each(const std::vector<Instance>& instances, const Outcomes& base,
           std::make_unique<Measurement>(instances, [&trial = trials[i]] { trial.number->set(trial.value); }));
     if (i + 1 < at_once || i + 1 - at_once >= trials.size()) continue;
     const std::size_t done = i + 1 - at_once;
-    const Effect e = effect(base, running[done]->wait());
+    const Outcomes& other = running[done]->wait();
+    const Effect e = effect(base, other);
+    const std::string where = changed_families(by_family(instances, base, other));
     running[done].reset();
     const Trial& trial = trials[done];
-    std::printf("| %s | %g | %g | %d | %d | %+.2f %% | %+.1f %% | %d | %.2f | %.2f |\n", trial.number->name,
-                trial.number->value, trial.value, e.better, e.worse, 100.0 * e.mean,
-                100.0 * worst_tenth(e.changes), e.changed_work, e.factorizations, e.seconds);
+    std::printf("| `%s` | %g | %g | %+.2f %% | %+.1f %% | %d | %.2f | %.2f | %s |\n", trial.number->name,
+                trial.number->value, trial.value, 100.0 * e.mean, 100.0 * worst_tenth(e.changes),
+                e.changed_work, e.factorizations, e.seconds, where.c_str());
     std::fflush(stdout);
   }
 }
@@ -227,8 +272,11 @@ bool tune(const Sweep& sweep) {
                          [](const Number& n) { return n.basis != Basis::machine; });
   }
   const std::vector<Instance> instances = tuning_instances(sweep.seeds, sweep.judging);
-  const Outcomes base = Measurement(instances, [] {}).wait();
-  if (sweep.values.empty()) {
+  const Outcomes base =
+      sweep.against.empty() ? Measurement(instances, [] {}).wait() : load(sweep.against, instances.size());
+  if (base.empty()) return false;
+  if (!sweep.save.empty()) return save(sweep.save, base);
+  if (sweep.values.empty() && sweep.against.empty()) {
     sweep_each(instances, base, wanted);
     return true;
   }
@@ -246,7 +294,7 @@ bool tune(const Sweep& sweep) {
               e.worse, instances.size(), 100.0 * median(e.changes), 100.0 * worst_tenth(e.changes));
   std::printf("factorizations: median %.3f, worst tenth %.2f, all %.3f; time %.2f times\n", median(e.work),
               worst_tenth(e.work), e.factorizations, e.seconds);
-  print_families(instances, base, other);
+  print_families(by_family(instances, base, other));
   return true;
 }
 
