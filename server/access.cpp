@@ -23,7 +23,7 @@ const Value* find(const std::map<std::string, Value>& table, const std::string& 
   return found == table.end() ? nullptr : &found->second;
 }
 
-Error unauthenticated(const char* reason) { return {ErrorCode::unauthenticated, "", -1, "", reason}; }
+Error unauthenticated(const char* reason) { return failure(ErrorCode::unauthenticated, reason); }
 
 template <class Number>
 Number or_none(Number limit) {
@@ -65,9 +65,9 @@ Expected<std::string> own_name(const std::string& name) {
   const bool printable =
       std::all_of(name.begin(), name.end(), [](unsigned char c) { return c >= 0x20 && c < 0x7f; });
   if (!name.empty() && name.size() <= contract::longest_client_name && printable) return name;
-  return unexpected(
-      Error{ErrorCode::invalid_argument, "marble-client", -1, std::to_string(name.size()) + " bytes",
-            "must have 1 to " + std::to_string(contract::longest_client_name) + " bytes of printable ASCII"});
+  return unexpected(invalid(
+      "marble-client", std::to_string(name.size()) + " bytes",
+      "must have 1 to " + std::to_string(contract::longest_client_name) + " bytes of printable ASCII"));
 }
 
 }  // namespace
@@ -182,8 +182,8 @@ Expected<Identity> Access::require(const Credentials& given, Role role) const {
   auto identity = identify(given);
   if (identity && !identity->roles.has(role)) {
     ++permission_denied_;
-    return unexpected(Error{ErrorCode::permission_denied, "", -1, "",
-                            identity->client + " lacks the role " + to_string(role)});
+    return unexpected(
+        failure(ErrorCode::permission_denied, identity->client + " lacks the role " + to_string(role)));
   }
   return identity;
 }

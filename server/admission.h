@@ -4,9 +4,11 @@
 #include <grpcpp/server_context.h>
 
 #include <memory>
+#include <span>
 
 #include "job.h"
 #include "marble/v1/service.pb.h"
+#include "marble/v1/session.pb.h"
 #include "origin.h"
 #include "service_parts.h"
 
@@ -28,27 +30,40 @@ struct Caller {
 [[nodiscard]] Expected<Identity> identify(const ServiceParts& parts,
                                           const grpc::CallbackServerContext& context, Origin& origin);
 
-/// The priority asked for, else `by_default`, but no higher than the quota allows. Errors: permission_denied
-/// if more was asked for, invalid_argument if it is none.
-[[nodiscard]] Expected<Priority> priority_of(v1::Priority asked, Priority by_default, const Quota& quota);
+/// What a request to solve and a session's set-up say alike, checked, and the record of the job it becomes,
+/// which nobody sees yet. Borrows the message's arrays.
+struct CheckedRequest {
+  Problem problem;
+  Options options;
+  Priority priority;
+  std::span<const double> initial_z;
+  std::shared_ptr<JobRecord> record;
+};
 
-/// Checks the parts of a request that describe it. Error fields are paths from the request's root.
-[[nodiscard]] Expected<void> check_labels(const std::string& request_id, const std::string& problem_name);
+/// Error fields are paths from the message's root. Errors: invalid_argument, permission_denied (a priority
+/// above the quota's).
+[[nodiscard]] Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller,
+                                                     const Quota& quota, JobKind kind,
+                                                     const v1::SolveRequest& message);
+[[nodiscard]] Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller,
+                                                     const Quota& quota, JobKind kind,
+                                                     const v1::SessionSetup& message);
 
-/// Checks how often progress is to be told; `path` is what the fields belong to, with its dot, or empty.
-[[nodiscard]] Expected<void> check_progress(double interval_s, std::int32_t iterate_every,
-                                            const std::string& path = "");
-
-/// Counts and logs a request that does not become a job; what its caller is told.
-[[nodiscard]] grpc::Status refuse(const ServiceParts& parts, const Origin& origin, const Error& error);
-
-/// What the caller of a stream that ends early is told: when to come back, if it is the server that leaves.
-[[nodiscard]] grpc::Status end_of_stream(const ServiceParts& parts, const Error& error);
+/// Checks how often progress is to be told.
+[[nodiscard]] Expected<void> check_progress(double interval_s, std::int32_t iterate_every);
 
 /// Checks everything about the request, which the job then keeps. Error fields are paths from the request's
 /// root. The job has no observer yet.
 [[nodiscard]] Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller& caller,
                                                       JobKind kind,
                                                       std::shared_ptr<const v1::SolveRequest> request);
+
+/// Counts and logs a request that does not become a job.
+void note_refusal(const ServiceParts& parts, const Origin& origin, const Error& error);
+/// The same, and what its caller is told.
+[[nodiscard]] grpc::Status refused(const ServiceParts& parts, const Origin& origin, const Error& error);
+
+/// What the caller of a stream that ends early is told: when to come back, if it is the server that leaves.
+[[nodiscard]] grpc::Status end_of_stream(const ServiceParts& parts, const Error& error);
 
 }  // namespace marble::server

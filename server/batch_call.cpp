@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "job_log.h"
 #include "reply.h"
 #include "status.h"
 #include "wire.h"
@@ -29,11 +28,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* BatchCall::begin(
   Origin origin = origin_of(context);
   auto caller = caller_of(parts, context, origin, Role::solve);
   if (!caller) {
-    {
-      const MutexLock lock(call->mutex_);
-      call->finishing_ = true;  // a client that goes away before it has heard must not end it again
-    }
-    call->Finish(marble::server::refuse(parts, origin, caller.error()));
+    call->end_at_once(refused(parts, origin, caller.error()));
     return call.get();
   }
   call->caller_ = std::move(*caller);
@@ -42,37 +37,28 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* BatchCall::begin(
   return call.get();
 }
 
-void BatchCall::OnReadDone(bool ok) {
+void BatchCall::received(grpc::ByteBuffer* message) {
+  if (message == nullptr) return;
   v1::SolveBatchRequest request;
-  const auto parsed = ok ? parse(&incoming_, &request) : Expected<void>{};
-  if (ok && parsed) {
-    (void)request.mutable_solve();  // an absent one is an empty one, and refused as such
-    const std::string request_id = request.solve().request_id();
-    auto job = make_job(parts_, caller_, JobKind::batch,
-                        std::shared_ptr<const v1::SolveRequest>(request.release_solve()));
-    if (job) {
-      (*job)->observer = std::make_shared<Item>(self_, (*job)->record, request.tag());
-      take(*job, request.tag());
-    } else {
-      Error error = job.error();
-      error.field = "solve." + error.field;
-      refuse(request.tag(), request_id, error);
-    }
-  }
-  {
+  if (const auto parsed = parse(message, &request); !parsed) {
     const MutexLock lock(mutex_);
-    reading_ = false;
-    if (!ok) read_all_ = true;
-    if (!parsed && !end_) end_ = parsed.error();
+    if (!end_) end_ = parsed.error();
+    return;
   }
-  go_on();
+  (void)request.mutable_solve();  // an absent one is an empty one, and refused as such
+  const std::string request_id = request.solve().request_id();
+  auto job = make_job(parts_, caller_, JobKind::batch,
+                      std::shared_ptr<const v1::SolveRequest>(request.release_solve()));
+  if (!job) return refuse(request.tag(), request_id, inside("solve", job.error()));
+  (*job)->observer = std::make_shared<Item>(self_, (*job)->record, request.tag());
+  take(*job, request.tag());
 }
 
 // A new problem: admitted, or held until there is room.
 void BatchCall::take(const std::shared_ptr<Job>& job, std::int64_t tag) {
   {
     const MutexLock lock(mutex_);
-    if (broken_ || end_) {
+    if (broken() || end_) {
       job->observer = nullptr;  // it holds the call
       return;
     }
@@ -92,7 +78,7 @@ void BatchCall::admit(const std::shared_ptr<Job>& job, std::int64_t tag) {
     bool given_up = false;
     {
       const MutexLock lock(mutex_);
-      given_up = broken_;
+      given_up = broken();
       if (full && parts_.scheduler.fits_alone(*job) && !given_up) {
         if (std::exchange(room_, false)) continue;
         admitting_ = false;
@@ -131,10 +117,9 @@ void BatchCall::room() {
 }
 
 void BatchCall::refuse(std::int64_t tag, const std::string& request_id, const Error& error) {
-  parts_.scheduler.count_refused(error);
   Origin origin = caller_.origin;
   origin.request_id = request_id;
-  log_refusal(parts_.log, origin, error);
+  note_refusal(parts_, origin, error);
   v1::SolveBatchResponse response;
   response.set_tag(tag);
   *response.mutable_error() = to_message(error, parts_.scheduler.retry_delay_s());
@@ -151,25 +136,15 @@ void BatchCall::answer(std::int64_t tag, const JobRecord& record, const Outcome&
   {
     const MutexLock lock(mutex_);
     jobs_.erase(&record);
-    if (!broken_) answers_.push_back(serialize(response));
+    if (!broken()) answers_.push_back(serialize(response));
   }
   go_on();
 }
 
-void BatchCall::OnWriteDone(bool ok) {
-  {
-    const MutexLock lock(mutex_);
-    writing_ = false;
-    if (!ok) broken_ = true;
-  }
-  go_on();
-}
-
-void BatchCall::OnCancel() {
+void BatchCall::gone() {
   std::vector<std::shared_ptr<Job>> jobs;
   {
     const MutexLock lock(mutex_);
-    broken_ = true;
     answers_.clear();
     if (held_ && !admitting_) {
       jobs_.erase(held_->job->record.get());
@@ -179,63 +154,33 @@ void BatchCall::OnCancel() {
     for (const auto& [record, job] : jobs_) jobs.push_back(job);
   }
   for (const auto& job : jobs) parts_.scheduler.cancel(job);
-  go_on();
 }
-
-void BatchCall::OnDone() { const auto last = std::move(self_); }
 
 void BatchCall::pulse(Clock::time_point /*now*/) {
   if (!parts_.scheduler.is_closed()) return;
   {
     const MutexLock lock(mutex_);
-    if (finishing_) return;
-    if (!end_ && !read_all_) end_ = Error{ErrorCode::unavailable, "", -1, "", "the server is draining"};
+    if (finishing()) return;
+    if (!end_ && !read_all()) end_ = draining();
   }
   go_on();
 }
 
-// A thread of ours may ask for a read while gRPC's tells that the client is gone. Finishing waits until it
-// has asked: afterwards gRPC may be done with the call, and asking would use memory it has freed.
-void BatchCall::go_on() {
-  while (step()) {
-  }
+bool BatchCall::may_read() const {
+  return !end_ && !held_ &&
+         jobs_.size() + answers_.size() < static_cast<std::size_t>(parts_.config.batch_window);
 }
 
-// gRPC may react within StartRead, StartWrite or Finish, on this very thread: no lock is held there.
-bool BatchCall::step() {
-  bool read = false;
-  bool write = false;
-  bool finish = false;
-  grpc::Status status;
-  {
-    const MutexLock lock(mutex_);
-    const std::size_t open = jobs_.size() + answers_.size();
-    read = !reading_ && !read_all_ && !end_ && !broken_ && !finishing_ && !held_ &&
-           open < static_cast<std::size_t>(parts_.config.batch_window);
-    reading_ = reading_ || read;
-    starting_ += read ? 1 : 0;
-    if (!writing_ && !finishing_) {
-      write = !answers_.empty() && !broken_;
-      if (write) {
-        outgoing_.Swap(&answers_.front());
-        answers_.pop_front();
-      }
-      writing_ = write;
-      finish = !write && starting_ == 0 && jobs_.empty() && !held_ && (read_all_ || end_ || broken_);
-      finishing_ = finish;
-      if (finish && end_) status = end_of_stream(parts_, *end_);
-    }
-  }
-  if (read) StartRead(&incoming_);
-  if (write) {
-    StartWrite(&outgoing_);
-  } else if (finish) {
-    Finish(status);
-  }
-  if (!read) return false;
-  const MutexLock lock(mutex_);
-  --starting_;
+bool BatchCall::next_event(grpc::ByteBuffer* event) {
+  if (answers_.empty()) return false;
+  event->Swap(&answers_.front());
+  answers_.pop_front();
   return true;
+}
+
+std::optional<grpc::Status> BatchCall::ending() {
+  if (!jobs_.empty() || held_ || !(read_all() || end_ || broken())) return std::nullopt;
+  return end_ ? end_of_stream(parts_, *end_) : grpc::Status::OK;
 }
 
 }  // namespace marble::server

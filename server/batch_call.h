@@ -10,23 +10,22 @@
 
 #include "admission.h"
 #include "service_parts.h"
+#include "stream_pump.h"
 
 namespace marble::server {
 
 /// Owns itself until gRPC is done with it; its jobs own it too, until they have finished. What waits, runs or
 /// is on its way back is bounded: beyond that it does not read, and HTTP/2 slows the client.
-class BatchCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
-                        public RoomWaiter,
-                        public Pulsed {
+class BatchCall final
+    : public StreamPump<BatchCall, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
+                        grpc::ByteBuffer>,
+      public RoomWaiter,
+      public Pulsed {
  public:
   static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
       const ServiceParts& parts, grpc::CallbackServerContext& context);
 
-  // From gRPC.
-  void OnReadDone(bool ok) override ABSL_LOCKS_EXCLUDED(mutex_);
-  void OnWriteDone(bool ok) override ABSL_LOCKS_EXCLUDED(mutex_);
-  void OnCancel() override ABSL_LOCKS_EXCLUDED(mutex_);
-  void OnDone() override;
+  void OnReadDone(bool ok) override { read_done(ok); }
   // From the scheduler.
   void room() override ABSL_LOCKS_EXCLUDED(mutex_);
   // From the pulse: drain.
@@ -41,17 +40,17 @@ class BatchCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
   void answer(std::int64_t tag, const JobRecord& record, const Outcome& outcome) ABSL_LOCKS_EXCLUDED(mutex_);
   void refuse(std::int64_t tag, const std::string& request_id, const Error& error)
       ABSL_LOCKS_EXCLUDED(mutex_);
-  void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] bool step() ABSL_LOCKS_EXCLUDED(mutex_);
+  // The pump's.
+  [[nodiscard]] bool may_read() const override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] bool next_event(grpc::ByteBuffer* event) override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] std::optional<grpc::Status> ending() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void received(grpc::ByteBuffer* message) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void gone() override ABSL_LOCKS_EXCLUDED(mutex_);
 
   const LiveCalls::Token token_;
   const ServiceParts& parts_;
   Caller caller_;
-  std::shared_ptr<BatchCall> self_;
-  grpc::ByteBuffer incoming_;  // the read in flight
-  grpc::ByteBuffer outgoing_;  // the write in flight
 
-  Mutex mutex_;
   struct Held {
     std::shared_ptr<Job> job;
     std::int64_t tag;
@@ -61,12 +60,6 @@ class BatchCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
   bool room_ ABSL_GUARDED_BY(mutex_) = false;         // there may have come room while it asked
   std::unordered_map<const JobRecord*, std::shared_ptr<Job>> jobs_ ABSL_GUARDED_BY(mutex_);  // admitted
   std::deque<grpc::ByteBuffer> answers_ ABSL_GUARDED_BY(mutex_);                             // to be told
-  bool reading_ ABSL_GUARDED_BY(mutex_) = false;
-  int starting_ ABSL_GUARDED_BY(mutex_) = 0;  // reads that gRPC is about to be asked for
-  bool writing_ ABSL_GUARDED_BY(mutex_) = false;
-  bool read_all_ ABSL_GUARDED_BY(mutex_) = false;  // the client has closed its side
-  bool broken_ ABSL_GUARDED_BY(mutex_) = false;    // nobody reads any more
-  bool finishing_ ABSL_GUARDED_BY(mutex_) = false;
   std::optional<Error> end_ ABSL_GUARDED_BY(mutex_);  // why it ends, unless the client closed it
 };
 

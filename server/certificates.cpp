@@ -47,23 +47,16 @@ bool is_chain(const std::string& pem) {
   return count > 0 && at_end;
 }
 
-Error fault(const char* setting, std::string value, std::string rule) {
-  return {ErrorCode::invalid_argument, setting, -1, std::move(value), std::move(rule)};
-}
-
 Expected<std::string> read(const char* setting, const std::string& path) {
   auto text = read_text_file(path);
-  if (!text) {
-    Error error = text.error();
-    error.field = setting;
-    return unexpected(std::move(error));
-  }
+  if (!text) return unexpected(of_field(setting, text.error()));
   return text;
 }
 
 Expected<std::string> read_chain(const char* setting, const std::string& path) {
   auto text = read(setting, path);
-  if (text && !is_chain(*text)) return unexpected(fault(setting, path, "must hold certificates in PEM form"));
+  if (text && !is_chain(*text))
+    return unexpected(invalid(setting, path, "must hold certificates in PEM form"));
   return text;
 }
 
@@ -85,11 +78,11 @@ Expected<Certificates> read_certificates(const Settings& settings) {
   ERR_clear_error();
   if (key == nullptr)
     return unexpected(
-        fault("tls_key", settings.tls_key, "must hold a private key in PEM form, not encrypted"));
+        invalid("tls_key", settings.tls_key, "must hold a private key in PEM form, not encrypted"));
   const bool fits = X509_check_private_key(first_certificate(*certificate).get(), key.get()) == 1;
   ERR_clear_error();
   if (!fits)
-    return unexpected(fault("tls_key", settings.tls_key, "must be the key of " + settings.tls_certificate));
+    return unexpected(invalid("tls_key", settings.tls_key, "must be the key of " + settings.tls_certificate));
   Certificates result{*certificate, *key_text, ""};
   if (client_certificate_of(settings) != ClientCertificate::none) {
     auto authorities = read_chain("tls_client_ca", settings.tls_client_ca);
@@ -102,7 +95,7 @@ Expected<Certificates> read_certificates(const Settings& settings) {
 std::vector<Error> faults_of_tls(const Settings& settings) {
   std::vector<Error> faults;
   const auto missing = [&](const char* setting, const char* rule) {
-    faults.push_back(fault(setting, "", rule));
+    faults.push_back(invalid(setting, rule));
   };
   const bool clients = client_certificate_of(settings) != ClientCertificate::none;
   if (settings.tls_certificate.empty() && !settings.tls_key.empty())

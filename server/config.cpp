@@ -67,7 +67,7 @@ bool is_host_and_port(const std::string& address) {
 
 void check_addresses(const Config& config, Faults& faults) {
   const auto fault = [&](const std::string& field, const std::string& address, const std::string& rule) {
-    faults.push_back({source_of(config, field), {ErrorCode::invalid_argument, field, -1, address, rule}});
+    faults.push_back({source_of(config, field), invalid(field, address, rule)});
   };
   const auto check = [&](const std::string& field, const std::string& address) {
     if (is_local_address(address)) return;
@@ -96,9 +96,7 @@ void read_tokens(Config& config, Faults& faults) {
   if (config.tokens.empty()) return;
   const auto text = read_text_file(config.tokens);
   if (!text) {
-    Error error = text.error();
-    error.field = "tokens";
-    faults.push_back({source_of(config, "tokens"), std::move(error)});
+    faults.push_back({source_of(config, "tokens"), of_field("tokens", text.error())});
     return;
   }
   std::vector<LineFault> wrong;

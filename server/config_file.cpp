@@ -10,10 +10,6 @@
 namespace marble::server {
 namespace {
 
-Error fault(std::string key, std::string value, std::string rule) {
-  return {ErrorCode::invalid_argument, std::move(key), -1, std::move(value), std::move(rule)};
-}
-
 std::optional<SettingValue> value_of(const toml::node& node) {
   if (const auto* truth = node.as_boolean()) return truth->get();
   if (const auto* whole = node.as_integer()) return whole->get();
@@ -32,7 +28,7 @@ Expected<void> set_solver_option(Options& options, std::string_view name, const 
   const auto& table = option_table();
   const auto option = std::find_if(table.begin(), table.end(), [&](const auto& o) { return o.name == name; });
   const auto rule = [&](const char* text) {
-    return unexpected(fault(std::string(name), to_toml(value), text));
+    return unexpected(invalid(std::string(name), to_toml(value), text));
   };
   if (const auto* text = std::get_if<std::string>(&value)) {
     if (option != table.end() && option->type != OptionType::choice) return rule("must not be a text");
@@ -81,7 +77,7 @@ class Reader {
   template <class Use>
   void each(const toml::node& node, const std::string& name, Line line, const Use& use) {
     const toml::table* table = node.as_table();
-    if (table == nullptr) return refuse(line, fault(name, "", "must be a table"));
+    if (table == nullptr) return refuse(line, invalid(name, "must be a table"));
     for (const auto& [key, value] : *table) use(std::string(key.str()), value, line_of(key));
   }
 
@@ -92,15 +88,13 @@ class Reader {
     if (outcome) {
       config_.sources[key] = where(line);
     } else {
-      Error error = outcome.error();
-      error.field = key;
-      refuse(line, std::move(error));
+      refuse(line, of_field(key, outcome.error()));
     }
   }
 
   std::optional<SettingValue> single(const toml::node& node, const std::string& key, Line line) {
     auto value = value_of(node);
-    if (!value) refuse(line, fault(key, "", "must be a text, a number, true or false"));
+    if (!value) refuse(line, invalid(key, "must be a text, a number, true or false"));
     return value;
   }
 
@@ -121,7 +115,7 @@ class Reader {
     if (add(node)) return;
     const toml::array* addresses = node.as_array();
     const bool texts = addresses != nullptr && std::all_of(addresses->begin(), addresses->end(), add);
-    if (!texts) refuse(line, fault("listen", "", "must be a text or an array of texts"));
+    if (!texts) refuse(line, invalid("listen", "must be a text or an array of texts"));
   }
 
   void read_solver_option(const std::string& name, const toml::node& node, Line line) {
@@ -152,11 +146,11 @@ class Reader {
 
   static Expected<void> read_roles(ClientConfig& client, const toml::node& node) {
     const toml::array* names = node.as_array();
-    if (names == nullptr) return unexpected(fault("roles", "", "must be an array of texts"));
+    if (names == nullptr) return unexpected(invalid("roles", "must be an array of texts"));
     client.roles.emplace();
     for (const toml::node& element : *names) {
       const auto* text = element.as_string();
-      if (text == nullptr) return unexpected(fault("roles", "", "must be an array of texts"));
+      if (text == nullptr) return unexpected(invalid("roles", "must be an array of texts"));
       const auto role = role_of(text->get());
       if (!role) return unexpected(role.error());
       client.roles->add(*role);
@@ -188,7 +182,7 @@ void read_config_text(std::string_view text, const std::string& path, Config& co
   if (!parsed) {
     const toml::parse_error& error = parsed.error();
     faults.push_back({path + ":" + std::to_string(error.source().begin.line),
-                      fault("", "", std::string(error.description()))});
+                      invalid("", std::string(error.description()))});
     return;
   }
   Reader reader(path, config);

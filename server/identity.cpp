@@ -6,8 +6,7 @@ Expected<Role> role_of(std::string_view name) {
   for (const Role role : {Role::solve, Role::observe, Role::admin}) {
     if (name == to_string(role)) return role;
   }
-  return unexpected(
-      Error{ErrorCode::invalid_argument, "roles", -1, std::string(name), "must be solve, observe or admin"});
+  return unexpected(invalid("roles", std::string(name), "must be solve, observe or admin"));
 }
 
 std::vector<std::string> Roles::names() const {

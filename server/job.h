@@ -22,8 +22,8 @@ struct Outcome {
 };
 
 /// The error of a job that needs more memory than there is.
-[[nodiscard]] inline Error out_of_memory() {
-  return {ErrorCode::resource_exhausted, "problem", -1, "", "does not fit the server's memory"};
+[[nodiscard]] inline Error does_not_fit() {
+  return failure(ErrorCode::resource_exhausted, "problem", "does not fit the server's memory");
 }
 
 /// Who waits for a job. Called by one thread at a time, but for moved(); finished() exactly once, as the

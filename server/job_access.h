@@ -15,7 +15,7 @@ namespace marble::server {
 
 /// The same whether there is none or it is not the caller's to know of.
 [[nodiscard]] inline Error no_such_job(const std::string& id) {
-  return {ErrorCode::not_found, "job_id", -1, id, "is no job that is remembered"};
+  return failure(ErrorCode::not_found, "job_id", id, "is no job that is remembered");
 }
 
 /// The job, if the caller may see it.
@@ -29,8 +29,8 @@ namespace marble::server {
 
 /// Permission denied, to one who may see the job but not end it.
 [[nodiscard]] inline Error not_to_end(const std::string& id) {
-  return {ErrorCode::permission_denied, "job_id", -1, id,
-          "is another client's job; ending it needs the role admin"};
+  return failure(ErrorCode::permission_denied, "job_id", id,
+                 "is another client's job; ending it needs the role admin");
 }
 
 }  // namespace marble::server

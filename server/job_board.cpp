@@ -62,7 +62,7 @@ Expected<JobBoard::Page> JobBoard::list(const Filter& visible, const Filter& fil
     const auto number = numbers_.find(before_id);
     if (number == numbers_.end() || !visible(*records_.at(number->second))) {
       return unexpected(
-          Error{ErrorCode::not_found, "before_job_id", -1, before_id, "is no job that is remembered"});
+          failure(ErrorCode::not_found, "before_job_id", before_id, "is no job that is remembered"));
     }
     end = records_.find(number->second);
   }

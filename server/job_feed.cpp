@@ -20,7 +20,7 @@ double seconds_since(Clock::time_point then, Clock::time_point now) {
 
 Expected<void> FeedLimit::enter(const std::string& client, int most_own) {
   const auto full = [](const char* field, std::string bound) {
-    return unexpected(Error{ErrorCode::resource_exhausted, field, -1, "", std::move(bound)});
+    return unexpected(failure(ErrorCode::resource_exhausted, field, std::move(bound)));
   };
   const MutexLock lock(mutex_);
   if (open_ >= most_) return full("watchers", "at most " + std::to_string(most_) + " may watch");

@@ -32,12 +32,12 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   if (now.error) {
     *message->mutable_error() = to_message(*now.error);
   } else if (now.status) {
-    message->set_status(marble::to_message(*now.status));
+    message->set_status(to_message(*now.status));
   }
   message->set_iterations(now.iterations);
   message->set_factorizations(now.factorizations);
   message->set_objective(now.objective);
-  marble::to_message(now.violations, message->mutable_violations());
+  to_message(now.violations, message->mutable_violations());
   const bool under_way = now.state == JobState::queued || now.state == JobState::running;
   const double age_s =
       std::chrono::duration<double>(std::chrono::system_clock::now() - what.accepted).count();
@@ -60,7 +60,7 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
 }
 
 void to_message(const JobRecord::Trace& trace, v1::Trace* message) {
-  for (const Progress& row : trace.rows) marble::to_message(row, message->add_rows());
+  for (const Progress& row : trace.rows) to_message(row, message->add_rows());
   message->set_stride(trace.stride);
   for (const PairHistory::Frame& frame : trace.pairs) to_message(frame, message->add_pairs());
 }

@@ -17,8 +17,8 @@ using contract::default_page, contract::largest_page;
 Expected<void> list_jobs(const JobBoard& board, const Identity& caller, const v1::ListJobsRequest& request,
                          v1::ListJobsResponse* response) {
   if (request.limit() < 0 || request.limit() > largest_page) {
-    return unexpected(Error{ErrorCode::invalid_argument, "limit", -1, std::to_string(request.limit()),
-                            "must be in [0, " + std::to_string(largest_page) + "]"});
+    return unexpected(invalid("limit", std::to_string(request.limit()),
+                              "must be in [0, " + std::to_string(largest_page) + "]"));
   }
   const auto visible = [&](const JobRecord& record) { return may_see(caller, record.description().client); };
   const auto passes = [&](const JobRecord& record) {

@@ -58,8 +58,7 @@ JobsService::JobsService(const ServiceParts& parts) : parts_(parts) {
 grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
   const auto told = [&](const Origin& origin, const Error& error) {
-    parts_.scheduler.count_refused(error);
-    log_refusal(parts_.log, origin, error);
+    note_refusal(parts_, origin, error);
     return unexpected(error);
   };
   const auto who = [&](Origin& origin) -> Expected<Caller> {

@@ -128,7 +128,7 @@ Expected<Listening> listen(const Config& config, const std::vector<grpc::Service
   for (grpc::Service* service : services) builder.RegisterService(service);
   result.server = builder.BuildAndStart();
   if (result.server == nullptr)
-    return unexpected(Error{ErrorCode::unavailable, "listen", -1, "", "gRPC does not start"});
+    return unexpected(failure(ErrorCode::unavailable, "listen", "gRPC does not start"));
   set_serving(*result.server, true);
   result.acceptor = std::make_unique<Acceptor>(std::move(entrances), connections);
   return result;

@@ -23,7 +23,7 @@ Error refused(const std::string& address, int reason) {
   const std::string why = reason == EADDRINUSE
                               ? ListeningSocket::kInUse
                               : std::string("cannot listen: ") + std::strerror(reason);  // NOLINT: one thread
-  return {ErrorCode::unavailable, "listen", -1, address, why};
+  return failure(ErrorCode::unavailable, "listen", address, why);
 }
 
 void set(int socket, int level, int option, int value) {
@@ -62,8 +62,8 @@ Expected<ListeningSocket> ListeningSocket::open(const std::string& address,
   const bool is_port = !port.empty() && port.size() <= 5 &&
                        port.find_first_not_of("0123456789") == std::string::npos && std::stoi(port) <= 65535;
   if (host.empty() || !is_port) {
-    return unexpected(Error{ErrorCode::unavailable, "listen", -1, address,
-                            "must be HOST:PORT, unix:PATH or unix-abstract:NAME"});
+    return unexpected(failure(ErrorCode::unavailable, "listen", address,
+                              "must be HOST:PORT, unix:PATH or unix-abstract:NAME"));
   }
   if (host.size() > 2 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
   const auto opened = result.open_port(host, std::stoi(port), silence);
@@ -100,8 +100,8 @@ Expected<void> ListeningSocket::open_port(const std::string& host, int port,
   wanted.ai_flags = AI_PASSIVE;
   addrinfo* found = nullptr;
   if (const int error = getaddrinfo(host.c_str(), nullptr, &wanted, &found); error != 0) {
-    return unexpected(Error{ErrorCode::unavailable, "listen", -1, address_,
-                            std::string("cannot listen: ") + gai_strerror(error)});
+    return unexpected(failure(ErrorCode::unavailable, "listen", address_,
+                              std::string("cannot listen: ") + gai_strerror(error)));
   }
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> all(found, freeaddrinfo);
   int reason = 0;

@@ -23,7 +23,7 @@ std::string trimmed(const std::string& text) {
 
 Expected<void> set_one(const std::string& part, std::set<std::string>& told, LogLevels& levels) {
   const auto refused = [](const std::string& value, std::string bound) {
-    return unexpected(Error{ErrorCode::invalid_argument, "log_levels", -1, value, std::move(bound)});
+    return unexpected(invalid("log_levels", value, std::move(bound)));
   };
   const std::size_t equals = part.find('=');
   if (equals == std::string::npos) return refused(part, "must be COMPONENT=LEVEL");

@@ -45,7 +45,7 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
   void OnReadDone(bool ok) override {
     if (!parts_.calls.has_come(*this)) return;
     if (ok) return begin_inner();
-    this->Finish(to_status({ErrorCode::invalid_argument, "", -1, "", "the request has no message"}));
+    this->Finish(to_status(failure(ErrorCode::invalid_argument, "the request has no message")));
   }
   void OnWriteDone(bool ok) override { call_.write_done(inner_, ok); }
   void OnCancel() override { cancel_when_both(); }
@@ -59,10 +59,7 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
   ReadFirst(const ServiceParts& parts, grpc::CallbackServerContext& context)
       : token_(parts.calls), parts_(parts), context_(context), call_(*this) {}
 
-  void refuse() override {
-    const Error error{ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"};
-    this->Finish(marble::server::refuse(parts_, origin_of(context_), error));
-  }
+  void refuse() override { this->Finish(refused(parts_, origin_of(context_), draining())); }
   void begin_inner() {
     inner_ = method_();
     call_.bind(inner_);

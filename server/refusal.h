@@ -24,6 +24,11 @@ constexpr std::size_t kRefusalReasons =
   return kRefusingLimits.size() + static_cast<std::size_t>(error.code);
 }
 
+/// What is told where a server that stops takes nothing more.
+[[nodiscard]] inline Error draining(const char* advice = "retry elsewhere") {
+  return failure(ErrorCode::unavailable, std::string("the server is draining; ") + advice);
+}
+
 [[nodiscard]] inline const char* refusal_name(std::size_t reason) {
   return reason < kRefusingLimits.size() ? kRefusingLimits[reason]
                                          : to_string(static_cast<ErrorCode>(reason - kRefusingLimits.size()));

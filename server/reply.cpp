@@ -1,7 +1,6 @@
 #include "reply.h"
 
 #include <limits>
-#include <new>
 
 #include "marble/convert.h"
 
@@ -22,15 +21,14 @@ Expected<void> fill_response(const JobRecord& job, const Outcome& outcome, v1::S
     if (error.code == ErrorCode::internal) error.bound += " (job " + job.id() + ")";
     return unexpected(std::move(error));
   }
-  try {
+  const auto fill = [&]() -> Expected<void> {
     response->set_job_id(job.id());
     fill_solution(outcome, job.options(), response->mutable_solution());
     if (response->ByteSizeLong() <= kLargestMessage) return {};
     return unexpected(
-        Error{ErrorCode::resource_exhausted, "solution", -1, "", "the answer is too large for a message"});
-  } catch (const std::bad_alloc&) {
-    return unexpected(out_of_memory());
-  }
+        failure(ErrorCode::resource_exhausted, "solution", "the answer is too large for a message"));
+  };
+  return or_out_of_memory(fill, does_not_fit);
 }
 
 void fill_rows(const ProgressSlot::Rows& taken, v1::ProgressRows* message) {

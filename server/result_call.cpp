@@ -25,15 +25,15 @@ Expected<void> ResultCall::wait(grpc::CallbackServerContext& context, const grpc
   id_ = message.job_id();
   const std::string owner = parts_.results.owner(id_);
   if (owner.empty() || !may_end(*caller, owner)) {
-    return unexpected(Error{ErrorCode::not_found, "job_id", -1, id_,
-                            "is no submitted job, or its answer is not kept any more"});
+    return unexpected(failure(ErrorCode::not_found, "job_id", id_,
+                              "is no submitted job, or its answer is not kept any more"));
   }
   const auto record = parts_.board.find(id_);
   // One that has just finished has its answer in a moment.
   const bool over = record == nullptr || record->is_finished() || parts_.results.get(id_) != nullptr;
   if (!message.wait() && !over) {
     return unexpected(
-        Error{ErrorCode::failed_precondition, "job_id", -1, id_, "has not finished; wait, or come back"});
+        failure(ErrorCode::failed_precondition, "job_id", id_, "has not finished; wait, or come back"));
   }
   parts_.results.wait(id_, this, [call = self_](const ResultStore::Shared& result) { call->answer(result); });
   parts_.pulse.add(self_);
@@ -43,7 +43,7 @@ Expected<void> ResultCall::wait(grpc::CallbackServerContext& context, const grpc
 void ResultCall::answer(const ResultStore::Shared& result) {
   if (result == nullptr)
     return finish(
-        to_status({ErrorCode::not_found, "job_id", -1, id_, "was deleted, and its answer with it"}));
+        to_status(failure(ErrorCode::not_found, "job_id", id_, "was deleted, and its answer with it")));
   if (!result->answer) return finish(to_status(result->answer.error(), result->retry_delay_s));
   if (finished_.exchange(true)) return;
   *response_ = *result->answer;
@@ -56,7 +56,7 @@ void ResultCall::finish(const grpc::Status& status) {
 
 void ResultCall::OnCancel() {
   parts_.results.stop_waiting(id_, this);
-  finish(to_status({ErrorCode::cancelled, "", -1, "", "the client gave up"}));
+  finish(to_status(failure(ErrorCode::cancelled, "the client gave up")));
 }
 
 void ResultCall::OnDone() { const auto last = std::move(self_); }
@@ -65,7 +65,7 @@ void ResultCall::OnDone() { const auto last = std::move(self_); }
 void ResultCall::pulse(Clock::time_point /*now*/) {
   if (!parts_.scheduler.is_drained() || finished_) return;
   parts_.results.stop_waiting(id_, this);
-  finish(end_of_stream(parts_, {ErrorCode::unavailable, "", -1, "", "the server is draining"}));
+  finish(end_of_stream(parts_, draining()));
 }
 
 }  // namespace marble::server

@@ -27,9 +27,9 @@ bool ResultStore::put(const std::string& id, Result result, Clock::time_point no
     if (bytes > limits_.bytes) {
       const std::string size = std::to_string(bytes);
       found->second.result = std::make_shared<const Result>(Result{
-          unexpected(Error{
-              ErrorCode::resource_exhausted, "result_bytes", -1, size,
-              "the answer is larger than all that is kept, " + std::to_string(limits_.bytes) + " bytes"}),
+          unexpected(failure(
+              ErrorCode::resource_exhausted, "result_bytes", size,
+              "the answer is larger than all that is kept, " + std::to_string(limits_.bytes) + " bytes")),
           0.0});
       bytes = 0;
     } else {

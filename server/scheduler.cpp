@@ -14,9 +14,7 @@ constexpr double kNewest = 0.1;  // weight of the newest solve in the mean
 
 double seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
 
-Error too_late() {
-  return {ErrorCode::deadline_exceeded, "", -1, "", "the deadline passed while the job waited"};
-}
+Error too_late() { return failure(ErrorCode::deadline_exceeded, "the deadline passed while the job waited"); }
 
 // To the job's record, and to who waits for it.
 class ProgressSplitter final : public ProgressSink {
@@ -43,9 +41,9 @@ Expected<Solution> solve(Job& job, TaskRunner& runner) {
     controls.runner = &runner;
     return job.work(controls);
   } catch (const std::bad_alloc&) {
-    return unexpected(out_of_memory());
+    return unexpected(does_not_fit());
   } catch (const std::exception& error) {
-    return unexpected(Error{ErrorCode::internal, "", -1, "", error.what()});
+    return unexpected(failure(ErrorCode::internal, error.what()));
   }
 }
 
@@ -57,24 +55,22 @@ std::string full_queue(const QueueLimits& limits, Priority priority) {
 }
 
 Error refusal(QueueRefusal why, const QueueLimits& limits, const Job& job) {
-  const auto error = [](const char* field, std::string value, std::string bound) {
-    return Error{ErrorCode::resource_exhausted, field, -1, std::move(value), std::move(bound)};
-  };
+  constexpr ErrorCode kFull = ErrorCode::resource_exhausted;
   const std::string bytes = std::to_string(job.ticket.bytes) + " more";
   switch (why) {
     case QueueRefusal::jobs:
-      return error("queue_jobs", "", full_queue(limits, job.ticket.priority));
+      return failure(kFull, "queue_jobs", full_queue(limits, job.ticket.priority));
     case QueueRefusal::bytes:
-      return error("queue_bytes", bytes,
-                   "requests may take at most " + std::to_string(limits.bytes) + " bytes together");
+      return failure(kFull, "queue_bytes", bytes,
+                     "requests may take at most " + std::to_string(limits.bytes) + " bytes together");
     case QueueRefusal::client_jobs:
-      return error("client_queued", "",
-                   "the client \"" + job.ticket.client + "\" may have at most " +
-                       std::to_string(job.quota.queued) + " waiting jobs");
+      return failure(kFull, "client_queued",
+                     "the client \"" + job.ticket.client + "\" may have at most " +
+                         std::to_string(job.quota.queued) + " waiting jobs");
     case QueueRefusal::client_bytes:
-      return error("client_bytes", bytes,
-                   "requests of the client \"" + job.ticket.client + "\" may take at most " +
-                       std::to_string(job.quota.bytes) + " bytes together");
+      return failure(kFull, "client_bytes", bytes,
+                     "requests of the client \"" + job.ticket.client + "\" may take at most " +
+                         std::to_string(job.quota.bytes) + " bytes together");
     case QueueRefusal::none:
       break;
   }
@@ -82,6 +78,15 @@ Error refusal(QueueRefusal why, const QueueLimits& limits, const Job& job) {
 }
 
 }  // namespace
+
+EndedJob counted_of(const Job& job, const Outcome& outcome) {
+  EndedJob ended{.client = job.ticket.client, .priority = job.ticket.priority, .queue_s = outcome.queue_s};
+  if (!outcome.solution) return ended;
+  const bool is_update = job.ticket.reserved && !job.is_setup;
+  if (!is_update) ended.setup_s = outcome.solution->times.setup_s;
+  if (!job.is_setup) ended.solution = &*outcome.solution;
+  return ended;
+}
 
 Scheduler::Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log, Metrics& metrics)
     : limits_(limits), board_(board), log_(log), metrics_(metrics), queue_(limits) {
@@ -109,7 +114,7 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
                                         const std::weak_ptr<RoomWaiter>& waiter) {
   const MutexLock lock(mutex_);
   if (closed_ && !(job->ticket.reserved && !hurried_)) {
-    return unexpected(Error{ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"});
+    return unexpected(draining());
   }
   if (const auto why = queue_.push(job, job->ticket, job->quota); why != QueueRefusal::none) {
     if (fits_alone(*job) && !waiter.expired()) room_waiters_.push_back(waiter);
@@ -154,8 +159,8 @@ void Scheduler::cancel(const std::shared_ptr<Job>& job) {
   }
   const bool late = Clock::now() >= job->ticket.deadline;
   Outcome outcome;
-  outcome.solution = unexpected(
-      late ? too_late() : Error{ErrorCode::cancelled, "", -1, "", "given up while the job waited"});
+  outcome.solution =
+      unexpected(late ? too_late() : failure(ErrorCode::cancelled, "given up while the job waited"));
   finish(*job, std::move(outcome), false);
 }
 
@@ -170,52 +175,62 @@ bool Scheduler::is_closed() const {
   return closed_;
 }
 
-std::shared_ptr<Job> Scheduler::next() {
+// Jobs that wait go before tasks of others.
+Scheduler::Next Scheduler::next() {
   const MutexLock lock(mutex_);
-  std::shared_ptr<Job> job = queue_.pop(Clock::now());
-  while (job == nullptr && !stopping_) {
-    if (!help()) work_.wait(mutex_);
-    job = queue_.pop(Clock::now());
+  while (true) {
+    if (std::shared_ptr<Job> job = queue_.pop(Clock::now())) {
+      job->begun = Clock::now();
+      running_.push_back(job);
+      return {.job = std::move(job)};
+    }
+    if (stopping_) return {};
+    if (!shared_tasks_.empty()) {
+      SharedTasks& shared = *shared_tasks_.front();
+      ++shared.helpers;
+      return {.job = nullptr, .shared = &shared, .task = &begin_task(shared)};
+    }
+    work_.wait(mutex_);
   }
-  if (job != nullptr) {
-    job->begun = Clock::now();
-    running_.push_back(job);
-  }
-  return job;
 }
 
 void Scheduler::work() {
-  while (const std::shared_ptr<Job> job = next()) run_job(job);
+  while (true) {
+    const Next next = this->next();
+    if (next.job != nullptr) {
+      run_job(next.job);
+    } else if (next.task != nullptr) {
+      (*next.task)();
+      const MutexLock lock(mutex_);
+      --next.shared->helpers;
+      helped_.notify_all();
+    } else {
+      return;
+    }
+  }
 }
 
-// One task of somebody else's job, if there is one to begin. Jobs that wait go before.
-bool Scheduler::help() {
-  if (shared_tasks_.empty()) return false;
-  SharedTasks& shared = *shared_tasks_.front();
+// There must be one.
+const std::function<void()>& Scheduler::begin_task(SharedTasks& shared) {
   const std::function<void()>& task = shared.tasks[shared.next++];
-  if (shared.next == shared.tasks.size()) shared_tasks_.erase(shared_tasks_.begin());
-  ++shared.helpers;
-  mutex_.unlock();
-  task();
-  mutex_.lock();
-  --shared.helpers;
-  helped_.notify_all();
-  return true;
+  if (shared.next == shared.tasks.size())
+    shared_tasks_.erase(std::find(shared_tasks_.begin(), shared_tasks_.end(), &shared));
+  return task;
 }
 
 void Scheduler::run(std::span<const std::function<void()>> tasks) {
   SharedTasks shared{tasks};
-  const MutexLock lock(mutex_);
-  shared_tasks_.push_back(&shared);
-  work_.notify_all();
-  while (shared.next < tasks.size()) {
-    const std::function<void()>& task = tasks[shared.next++];
-    if (shared.next == tasks.size())
-      shared_tasks_.erase(std::find(shared_tasks_.begin(), shared_tasks_.end(), &shared));
-    mutex_.unlock();
-    task();
-    mutex_.lock();
+  const auto next_task = [&]() ABSL_LOCKS_EXCLUDED(mutex_) -> const std::function<void()>* {
+    const MutexLock lock(mutex_);
+    return shared.next < tasks.size() ? &begin_task(shared) : nullptr;
+  };
+  {
+    const MutexLock lock(mutex_);
+    shared_tasks_.push_back(&shared);
   }
+  work_.notify_all();
+  while (const auto* const task = next_task()) (*task)();
+  const MutexLock lock(mutex_);
   while (shared.helpers > 0) helped_.wait(mutex_);
 }
 
@@ -256,7 +271,7 @@ void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
   if (!ran) outcome.retry_delay_s = retry_delay_s();  // what failed by itself would fail again
   job.work = nullptr;
   log_end(log_, job, outcome);
-  metrics_.job_ended(job, outcome);
+  metrics_.job_ended(counted_of(job, outcome));
   if (job.ticket.reserved) {
     if (!job.is_setup) job.record->answered(outcome.solution, outcome.total_s);
   } else {
@@ -351,8 +366,7 @@ void Scheduler::drain(std::chrono::duration<double> grace) {
     finishing_ += static_cast<int>(waiting.size());
     for (const auto& job : running_) job->stop.request_stop();
   }
-  refuse_waiting(waiting,
-                 {ErrorCode::unavailable, "", -1, "", "the server is draining; the job was not started"});
+  refuse_waiting(waiting, draining("the job was not started"));
   const MutexLock lock(mutex_);
   while (!idle()) progress_.wait(mutex_);
 }

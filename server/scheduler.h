@@ -38,6 +38,10 @@ class RoomWaiter {
   virtual void room() = 0;
 };
 
+/// What is counted of a job that has ended; views both. A set-up of a session solves nothing, and its updates
+/// set up nothing.
+[[nodiscard]] EndedJob counted_of(const Job& job, const Outcome& outcome);
+
 class Scheduler final : public Pulsed, public TaskRunner {
  public:
   Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log, Metrics& metrics);
@@ -120,15 +124,22 @@ class Scheduler final : public Pulsed, public TaskRunner {
                                              const std::weak_ptr<RoomWaiter>& waiter)
       ABSL_LOCKS_EXCLUDED(mutex_);
   void work() ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] std::shared_ptr<Job> next() ABSL_LOCKS_EXCLUDED(mutex_);
-  void run_job(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
   // Tasks of a running job; on its worker's stack, and in shared_tasks_ while there are some to begin.
   struct SharedTasks {
     std::span<const std::function<void()>> tasks;
     std::size_t next = 0;
     int helpers = 0;
   };
-  bool help() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // The next job, or a task of somebody else's to help with, or neither: the end.
+  struct Next {
+    std::shared_ptr<Job> job;
+    SharedTasks* shared = nullptr;
+    const std::function<void()>* task = nullptr;
+  };
+  [[nodiscard]] Next next() ABSL_LOCKS_EXCLUDED(mutex_);
+  void run_job(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] const std::function<void()>& begin_task(SharedTasks& shared)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error);
   void finish(Job& job, Outcome outcome, bool ran) ABSL_LOCKS_EXCLUDED(mutex_);
   void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -7,7 +7,6 @@
 #include "job_log.h"
 #include "marble/convert.h"
 #include "reply.h"
-#include "session_setup.h"
 #include "status.h"
 #include "wire.h"
 
@@ -20,10 +19,6 @@ constexpr double kHopeless = 0.5;  // of the fastest solve so far: less time tha
 constexpr std::int64_t kUpdates = 2;
 constexpr int kUnreadAnswers = 2;  // nothing more is solved for a client that does not read
 
-Error fault(const char* field, std::string value, std::string bound) {
-  return {ErrorCode::invalid_argument, field, -1, std::move(value), std::move(bound)};
-}
-
 }  // namespace
 
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
@@ -35,8 +30,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
     auto caller = caller_of(parts, context, origin, Role::solve);
     if (!caller) return unexpected(caller.error());
     call->caller_ = std::move(*caller);
-    if (parts.scheduler.is_closed())
-      return unexpected(Error{ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"});
+    if (parts.scheduler.is_closed()) return unexpected(draining());
     call->quota_ = parts.access.quota_of(call->caller_.identity.client);
     auto place = parts.sessions.open(call->caller_.identity.client, call->quota_);
     if (!place) return unexpected(place.error());
@@ -45,11 +39,7 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
     return {};
   };
   if (const auto admitted = admit(); !admitted) {
-    {
-      const MutexLock lock(call->mutex_);
-      call->finishing_ = true;  // a client that goes away before it has heard must not end it again
-    }
-    call->Finish(marble::server::refuse(parts, origin, admitted.error()));
+    call->end_at_once(refused(parts, origin, admitted.error()));
     return call.get();
   }
   parts.pulse.add(call);
@@ -57,27 +47,18 @@ grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SessionCall::begin(
   return call.get();
 }
 
-void SessionCall::OnReadDone(bool ok) {
-  {
-    const MutexLock lock(mutex_);
-    reading_ = false;
-    last_activity_ = Clock::now();
-    if (!ok) {
-      read_all_ = true;
-    } else if (!end_ && !broken_ && place_ != nullptr) {  // else whatever comes is of no interest
-      unread_.emplace();
-      unread_->Swap(&incoming_);
-    }
-    incoming_.Clear();
-  }
-  go_on();
+void SessionCall::received(grpc::ByteBuffer* message) {
+  const MutexLock lock(mutex_);
+  last_activity_ = Clock::now();
+  if (message == nullptr || end_ || broken() || place_ == nullptr) return;  // of no interest
+  unread_.emplace();
+  unread_->Swap(message);
 }
 
 bool SessionCall::may_read() const {
   const auto room = static_cast<std::size_t>(parts_.config.session_updates);
   const std::size_t waiting = waiting_ ? waiting_->size() : 0;
-  return !reading_ && !parsing_ && !unread_ && !read_all_ && !end_ && !finishing_ &&
-         waiting + events_.size() < room;
+  return !parsing_ && !unread_ && !end_ && waiting + events_.size() < room;
 }
 
 // A message is parsed when there is room for what it becomes: in the session, for one that waits, else among
@@ -100,10 +81,11 @@ void SessionCall::take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Schedule
   v1::SessionRequest request;
   const auto parsed = record_ == nullptr ? parse(&bytes, &request) : parse_update(bytes, sizes_, &request);
   if (parsed && request.has_setup()) {
-    if (const auto taken = take_setup(*request.mutable_setup()); !taken) {
-      Origin origin = caller_.origin;
-      origin.request_id = request.setup().request_id();
-      static_cast<void>(marble::server::refuse(parts_, origin, taken.error()));
+    Origin origin = caller_.origin;
+    origin.request_id = request.setup().request_id();
+    const auto setup = std::make_shared<const v1::SessionSetup>(std::move(*request.mutable_setup()));
+    if (const auto taken = take_setup(setup); !taken) {
+      note_refusal(parts_, origin, taken.error());
       const MutexLock lock(mutex_);
       end(taken.error());
     }
@@ -112,47 +94,49 @@ void SessionCall::take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Schedule
   parsing_ = false;
   if (!parsed) {
     end(parsed.error());
-  } else if (end_ || broken_ || place_ == nullptr) {
+  } else if (end_ || broken() || place_ == nullptr) {
     // Over meanwhile.
   } else if (request.has_update() && record_ == nullptr) {
-    end({ErrorCode::failed_precondition, "update", -1, "", "comes before the set-up"});
+    end(failure(ErrorCode::failed_precondition, "update", "comes before the set-up"));
   } else if (request.has_update()) {
     take_update(*request.mutable_update(), std::move(room));
   } else if (!request.has_setup()) {
-    end(fault("request", "", "must be a set-up or an update"));
+    end(invalid("request", "must be a set-up or an update"));
   }
 }
 
-Expected<void> SessionCall::take_setup(v1::SessionSetup& message) {
+Expected<void> SessionCall::take_setup(const std::shared_ptr<const v1::SessionSetup>& message) {
   if (record_ != nullptr) {
-    return unexpected(Error{ErrorCode::failed_precondition, "setup", -1, "",
-                            "the session is set up already; open another"});
+    return unexpected(
+        failure(ErrorCode::failed_precondition, "setup", "the session is set up already; open another"));
   }
-  const auto setup = check_setup(message, quota_, parts_.config.solver_defaults);
-  if (!setup) return unexpected(setup.error());
-  const auto record = make_record(parts_.board, caller_, *setup);
+  if (auto valid = check_progress(message->progress_interval_s(), message->iterate_every()); !valid)
+    return unexpected(inside("setup", valid.error()));
+  const auto setup = check_request(parts_, caller_, quota_, JobKind::session, *message);
+  if (!setup) return unexpected(inside("setup", setup.error()));
+  const std::shared_ptr<JobRecord> record = setup->record;
   record->set_cancel([weak = std::weak_ptr<SessionCall>(self_)] {
     const std::shared_ptr<SessionCall> call = weak.lock();
-    if (call != nullptr) call->cancel({ErrorCode::cancelled, "", -1, "", "ended by Jobs.Cancel"});
+    if (call != nullptr) call->cancel(failure(ErrorCode::cancelled, "ended by Jobs.Cancel"));
   });
   std::shared_ptr<Job> job;
   {
     const MutexLock lock(mutex_);
     if (end_ || place_ == nullptr) return {};  // the client has gone meanwhile
     priority_ = setup->priority;
-    tell_progress_ = setup->message->progress();
-    progress_interval_s_ = setup->message->progress_interval_s();
-    iterate_every_ = setup->message->iterate_every();
+    tell_progress_ = message->progress();
+    progress_interval_s_ = message->progress_interval_s();
+    iterate_every_ = message->iterate_every();
     options_ = setup->options;
     sizes_ = PartSizes::of(setup->problem);
-    waiting_.emplace(setup->message->latest_only(), sizes_);
+    waiting_.emplace(message->latest_only());
     record_ = record;
     job = job_ = make_job(Clock::time_point::max());
   }
   parts_.board.add(record);
   job->is_setup = true;
-  job->ticket.bytes = static_cast<std::int64_t>(setup->message->ByteSizeLong());
-  job->work = [this, setup = *setup](const SolveControls& controls) -> Expected<Solution> {
+  job->ticket.bytes = static_cast<std::int64_t>(message->ByteSizeLong());
+  job->work = [this, message, setup = *setup](const SolveControls& controls) -> Expected<Solution> {
     const SetupControls limits{.most_bytes = std::min(parts_.config.solve_bytes, parts_.sessions.room()),
                                .most_factorization_s = parts_.config.solve_seconds,
                                .stop = controls.stop};
@@ -182,10 +166,9 @@ void SessionCall::set_up_done(Outcome outcome) {
         outcome.solution ? solver_->memory_bytes() + kUpdates * most_update_bytes(sizes_) : 0;
     if (outcome.solution) counted = place_->take(bytes);
     if (!outcome.solution) {
-      Error error = outcome.solution.error();
-      if (!error.field.empty()) error.field = "setup." + error.field;
+      Error error = inside("setup", outcome.solution.error());
       if (error.code == ErrorCode::cancelled && parts_.scheduler.is_closed())
-        error = {ErrorCode::unavailable, "", -1, "", "the server is draining; set the session up elsewhere"};
+        error = draining("set the session up elsewhere");
       end(error);
     } else if (!counted) {
       end(counted.error());
@@ -207,27 +190,17 @@ void SessionCall::set_up_done(Outcome outcome) {
 void SessionCall::take_update(v1::SessionUpdate& message, std::unique_ptr<Scheduler::Held> room) {
   const std::int64_t sequence = message.sequence();
   if (any_update_ && sequence <= newest_sequence_) {
-    return refuse(sequence, fault("update.sequence", std::to_string(sequence),
-                                  "must be > " + std::to_string(newest_sequence_) + ", the one before"));
+    return refuse(sequence, invalid("update.sequence", std::to_string(sequence),
+                                    "must be > " + std::to_string(newest_sequence_) + ", the one before"));
   }
   any_update_ = true;
   newest_sequence_ = sequence;
   if (parts_.scheduler.is_closed()) {
-    return refuse(sequence, {ErrorCode::unavailable, "", -1, "", "the server is draining; retry elsewhere"},
-                  parts_.scheduler.retry_delay_s());
+    return refuse(sequence, draining(), parts_.scheduler.retry_delay_s());
   }
-  auto update = make_update(message, sizes_);
+  auto update = Update::check(message, sizes_, options_);
   if (!update) return refuse(sequence, update.error());
-  if (update->message.has_options()) {
-    const auto options = options_of(update->message.options(), options_);
-    if (!options) {
-      Error error = options.error();
-      error.field = "update.options." + error.field;
-      return refuse(sequence, error);
-    }
-    options_ = *options;
-  }
-  update->options = options_;
+  options_ = update->options();
   const auto older = waiting_->push(std::make_shared<Update>(std::move(*update)), std::move(room));
   if (!older) return;
   v1::SessionSuperseded* superseded = events_.emplace_back().mutable_superseded();
@@ -249,36 +222,25 @@ std::shared_ptr<Job> SessionCall::make_job(Clock::time_point deadline) {
 }
 
 std::shared_ptr<Job> SessionCall::next_job() {
-  if (!set_up_ || job_ != nullptr || waiting_->empty() || answers_ >= kUnreadAnswers || end_ || broken_)
+  if (!set_up_ || job_ != nullptr || waiting_->empty() || answers_ >= kUnreadAnswers || end_ || broken())
     return nullptr;
   const std::shared_ptr<Update> update = waiting_->pop();
-  const double deadline_s = update->message.deadline_s();
-  const bool limited = deadline_s > 0.0 && deadline_s < 1e9;
-  const auto deadline = limited ? update->arrival + std::chrono::duration_cast<Clock::duration>(
-                                                        std::chrono::duration<double>(deadline_s))
-                                : Clock::time_point::max();
+  const Clock::time_point deadline = update->deadline();
   job_ = make_job(deadline);
-  job_->accepted = update->arrival;
-  job_->ticket.bytes = bytes_of(*update);
-  job_->time_limit_s = update->options.time_limit_s;
+  job_->accepted = update->arrival();
+  job_->ticket.bytes = update->bytes();
+  job_->time_limit_s = update->options().time_limit_s;
   job_->ticket.least_run =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kHopeless * fastest_s_));
-  solving_ = update->message.sequence();
+  solving_ = update->sequence();
   job_->work = [this, update, deadline](const SolveControls& controls) -> Expected<Solution> {
     update->taken = true;
     last_progress_s_ = -1.0;
-    record_->set_options(update->options);
-    Options options = update->options;
-    const bool late_possible = deadline != Clock::time_point::max();
-    if (late_possible) {
-      const double left = std::chrono::duration<double>(deadline - Clock::now()).count();
-      options.time_limit_s = std::clamp(left, 0.0, options.time_limit_s);
-    }
-    if (auto set = solver_->set_options(options); !set) return unexpected(set.error());
-    auto solution = solver_->solve(update_of(update->message.problem()), restart_of(*update), controls);
-    if (late_possible && solution && solution->status == Status::time_limit && Clock::now() >= deadline) {
+    record_->set_options(update->options());
+    auto solution = solver_->solve(update->checked(), controls);
+    if (solution && solution->status == Status::time_limit && Clock::now() >= deadline) {
       return unexpected(
-          Error{ErrorCode::deadline_exceeded, "", -1, "", "the deadline passed while the update was solved"});
+          failure(ErrorCode::deadline_exceeded, "the deadline passed while the update was solved"));
     }
     return solution;
   };
@@ -287,7 +249,7 @@ std::shared_ptr<Job> SessionCall::next_job() {
 }
 
 void SessionCall::update_done(const std::shared_ptr<Update>& update, Outcome outcome) {
-  const std::int64_t sequence = update->message.sequence();
+  const std::int64_t sequence = update->sequence();
   {
     const MutexLock lock(mutex_);
     job_ = nullptr;
@@ -300,7 +262,7 @@ void SessionCall::update_done(const std::shared_ptr<Update>& update, Outcome out
       ++answers_;
       v1::SessionAnswer* answer = events_.emplace_back().mutable_answer();
       answer->set_sequence(sequence);
-      fill_solution(outcome, update->options, answer->mutable_solution());
+      fill_solution(outcome, update->options(), answer->mutable_solution());
     } else {
       refuse(sequence, outcome.solution.error(), outcome.retry_delay_s);
     }
@@ -333,7 +295,6 @@ void SessionCall::take_rows() {
 }
 
 bool SessionCall::next_event(v1::SessionResponse* event) {
-  if (broken_) return false;
   if (events_.empty() && slot_.due()) take_rows();
   if (events_.empty()) return false;
   *event = std::move(events_.front());
@@ -342,14 +303,9 @@ bool SessionCall::next_event(v1::SessionResponse* event) {
   return true;
 }
 
-void SessionCall::OnWriteDone(bool ok) {
-  {
-    const MutexLock lock(mutex_);
-    writing_ = false;
-    last_activity_ = Clock::now();
-    if (!ok) broken_ = true;
-  }
-  go_on();
+bool SessionCall::wrote() {
+  last_activity_ = Clock::now();
+  return true;
 }
 
 void SessionCall::end(const Error& reason) {
@@ -370,36 +326,27 @@ void SessionCall::cancel(const Error& reason) {
   go_on();
 }
 
-void SessionCall::OnCancel() {
-  {
-    const MutexLock lock(mutex_);
-    broken_ = true;
-  }
-  cancel({ErrorCode::cancelled, "", -1, "", "the client went away"});
-}
+void SessionCall::gone() { cancel(failure(ErrorCode::cancelled, "the client went away")); }
 
-void SessionCall::OnDone() {
-  {
-    const MutexLock lock(mutex_);
-    release();
-  }
-  const auto last = std::move(self_);
+void SessionCall::done() {
+  const MutexLock lock(mutex_);
+  release();
 }
 
 void SessionCall::pulse(Clock::time_point now) {
   {
     const MutexLock lock(mutex_);
-    if (finishing_ || end_) return;
+    if (finishing() || end_) return;
     const bool stalled = job_ == nullptr && answers_ >= kUnreadAnswers;
     const bool quiet = job_ == nullptr && !parsing_ && (!waiting_ || waiting_->empty());
     const auto idle = std::chrono::duration<double>(now - last_activity_).count();
     if (parts_.scheduler.is_closed()) {
       if (!quiet) return;  // what was accepted is answered
-      end({ErrorCode::unavailable, "", -1, "", "the server is draining; set the session up elsewhere"});
+      end(draining("set the session up elsewhere"));
     } else if ((quiet || stalled) && idle > parts_.config.session_idle_s) {
-      end({ErrorCode::aborted, "session_idle_s", -1, "",
-           (stalled ? "no answer was read for " : "no update for ") + std::to_string(std::lround(idle)) +
-               " s"});
+      end(failure(ErrorCode::aborted, "session_idle_s",
+                  (stalled ? "no answer was read for " : "no update for ") +
+                      std::to_string(std::lround(idle)) + " s"));
     } else if (!slot_.due()) {  // rows that waited for others
       return;
     }
@@ -418,69 +365,38 @@ void SessionCall::release() {
   log_session_end(parts_.log, *record_, end_);
 }
 
-// A thread of ours may ask for a read while gRPC's tells that the client is gone. Finishing waits until it
-// has asked: afterwards gRPC may be done with the call, and asking would use memory it has freed.
-void SessionCall::go_on() {
-  while (step()) {
-  }
+bool SessionCall::is_over() const {
+  const bool none_waits = !unread_ && (!waiting_ || waiting_->empty());
+  return (end_ || (read_all() && none_waits)) && job_ == nullptr && !parsing_;
 }
 
-// gRPC may react within StartRead, StartWrite or Finish, on this very thread, and a job may be answered
-// within admit(): no lock is held there.
-bool SessionCall::step() {
-  v1::SessionResponse event;
-  std::shared_ptr<Job> job;
+std::optional<grpc::Status> SessionCall::ending() {
+  if (!is_over()) return std::nullopt;
+  return end_ ? end_of_stream(parts_, *end_) : grpc::Status::OK;
+}
+
+// The next message, else the next job, which may be answered within admit(): no lock is held there.
+bool SessionCall::work() {
   grpc::ByteBuffer message;
   std::unique_ptr<Scheduler::Held> room;
+  std::shared_ptr<Job> job;
   bool parse = false;
-  bool read = false;
-  bool write = false;
-  bool finish = false;
-  grpc::Status status;
   {
     const MutexLock lock(mutex_);
-    job = next_job();
     parse = take_unread(&message, &room);
-    read = may_read();
-    reading_ = reading_ || read;
-    starting_ += read ? 1 : 0;
-    const bool none_waits = !unread_ && !parsing_ && (!waiting_ || waiting_->empty());
-    const bool over = (end_.has_value() || (read_all_ && none_waits)) && job_ == nullptr && !parsing_;
-    if (over) release();
-    if (!writing_ && !finishing_) {
-      write = next_event(&event);
-      writing_ = write;
-      finish = over && !write && starting_ == 0;
-      finishing_ = finish;
-      if (finish && end_) status = end_of_stream(parts_, *end_);
-    }
-  }
-  if (job != nullptr) {
-    if (const auto admitted = parts_.scheduler.admit(job); !admitted) {
-      Outcome outcome;
-      outcome.solution = unexpected(admitted.error());
-      outcome.retry_delay_s = parts_.scheduler.retry_delay_s();
-      job->observer->finished(std::move(outcome));
-      job->observer = nullptr;
-    }
-  }
-  if (read) StartRead(&incoming_);
-  if (write) {
-    grpc::ByteBuffer bytes = serialize(event);
-    {
-      const MutexLock lock(mutex_);  // the next write comes from any thread
-      outgoing_.Swap(&bytes);
-    }
-    StartWrite(&outgoing_);
-  } else if (finish) {
-    Finish(status);
+    if (!parse) job = next_job();
+    if (is_over()) release();
   }
   if (parse) take_message(message, std::move(room));
-  if (read) {
-    const MutexLock lock(mutex_);
-    --starting_;
+  if (job == nullptr) return parse;
+  if (const auto admitted = parts_.scheduler.admit(job); !admitted) {
+    Outcome outcome;
+    outcome.solution = unexpected(admitted.error());
+    outcome.retry_delay_s = parts_.scheduler.retry_delay_s();
+    job->observer->finished(std::move(outcome));
+    job->observer = nullptr;
   }
-  return read || parse;
+  return false;
 }
 
 }  // namespace marble::server

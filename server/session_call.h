@@ -11,24 +11,23 @@
 #include "marble/warm_solver.h"
 #include "progress_slot.h"
 #include "service_parts.h"
+#include "stream_pump.h"
 #include "waiting_updates.h"
 
 namespace marble::server {
 
 /// Owns itself until gRPC is done with it; its jobs own it too, until they have finished. It holds no worker
 /// and no job while there is nothing to solve.
-class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
-                          public ProgressSink,
-                          public Pulsed {
+class SessionCall final
+    : public StreamPump<SessionCall, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
+                        v1::SessionResponse>,
+      public ProgressSink,
+      public Pulsed {
  public:
   static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
       const ServiceParts& parts, grpc::CallbackServerContext& context);
 
-  // From gRPC.
-  void OnReadDone(bool ok) override ABSL_LOCKS_EXCLUDED(mutex_);
-  void OnWriteDone(bool ok) override ABSL_LOCKS_EXCLUDED(mutex_);
-  void OnCancel() override ABSL_LOCKS_EXCLUDED(mutex_);
-  void OnDone() override;
+  void OnReadDone(bool ok) override { read_done(ok); }
   // From the worker.
   void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
   // From the pulse: idle time, drain.
@@ -41,21 +40,28 @@ class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
 
   void take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Scheduler::Held> room)
       ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] Expected<void> take_setup(v1::SessionSetup& setup) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Expected<void> take_setup(const std::shared_ptr<const v1::SessionSetup>& message)
+      ABSL_LOCKS_EXCLUDED(mutex_);
   void take_update(v1::SessionUpdate& message, std::unique_ptr<Scheduler::Held> room)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void set_up_done(Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
   void update_done(const std::shared_ptr<Update>& update, Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
 
-  // Everything that may be due: the next job, the next read, the next write, the end.
-  void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] bool step() ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] bool may_read() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // The pump's.
+  [[nodiscard]] bool may_read() const override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] bool next_event(v1::SessionResponse* event) override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] std::optional<grpc::Status> ending() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] bool wrote() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void received(grpc::ByteBuffer* message) override ABSL_LOCKS_EXCLUDED(mutex_);
+  bool work() override ABSL_LOCKS_EXCLUDED(mutex_);
+  void gone() override ABSL_LOCKS_EXCLUDED(mutex_);
+  void done() override ABSL_LOCKS_EXCLUDED(mutex_);
+
+  [[nodiscard]] bool is_over() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] bool take_unread(grpc::ByteBuffer* bytes, std::unique_ptr<Scheduler::Held>* room)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::shared_ptr<Job> next_job() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::shared_ptr<Job> make_job(Clock::time_point deadline);
-  [[nodiscard]] bool next_event(v1::SessionResponse* event) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void take_rows() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void refuse(std::int64_t sequence, const Error& error, double retry_delay_s = 0.0)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -67,9 +73,6 @@ class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
   const ServiceParts& parts_;
   Caller caller_;
   Quota quota_;
-  std::shared_ptr<SessionCall> self_;
-  grpc::ByteBuffer incoming_;  // the read in flight
-  grpc::ByteBuffer outgoing_;  // the write in flight
   ProgressSlot slot_;
   double last_progress_s_ = -1.0;  // worker only
   // Constant once set up.
@@ -81,7 +84,6 @@ class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
   PartSizes sizes_;
   std::optional<WarmSolver> solver_;  // used by the job in flight
 
-  Mutex mutex_;
   std::unique_ptr<SessionTable::Place> place_ ABSL_GUARDED_BY(mutex_);
   Options options_ ABSL_GUARDED_BY(mutex_);                         // of the newest update
   std::optional<grpc::ByteBuffer> unread_ ABSL_GUARDED_BY(mutex_);  // a message that was not parsed yet
@@ -95,13 +97,7 @@ class SessionCall final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
   double fastest_s_ ABSL_GUARDED_BY(mutex_) = 0.0;                  // solve so far
   Clock::time_point last_activity_ ABSL_GUARDED_BY(mutex_) = Clock::now();
   bool set_up_ ABSL_GUARDED_BY(mutex_) = false;
-  bool reading_ ABSL_GUARDED_BY(mutex_) = false;
   bool parsing_ ABSL_GUARDED_BY(mutex_) = false;
-  int starting_ ABSL_GUARDED_BY(mutex_) = 0;  // reads that gRPC is about to be asked for
-  bool writing_ ABSL_GUARDED_BY(mutex_) = false;
-  bool read_all_ ABSL_GUARDED_BY(mutex_) = false;  // the client has closed its side
-  bool broken_ ABSL_GUARDED_BY(mutex_) = false;    // nobody reads any more
-  bool finishing_ ABSL_GUARDED_BY(mutex_) = false;
   std::optional<Error> end_ ABSL_GUARDED_BY(mutex_);  // why it ends, unless the client closed it
 };
 

@@ -4,7 +4,7 @@ namespace marble::server {
 namespace {
 
 Error full(const char* field, std::string bound) {
-  return {ErrorCode::resource_exhausted, field, -1, "", std::move(bound)};
+  return failure(ErrorCode::resource_exhausted, field, std::move(bound));
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "session_update.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "marble/convert.h"
@@ -10,6 +11,7 @@ namespace {
 
 constexpr std::int64_t kRest = 4096;     // bytes of options and all else that is no array
 constexpr std::size_t kBlockBytes = 20;  // at most, of a message
+constexpr double kForEver = 1e9;         // seconds
 constexpr std::size_t kBlockFields = 4;  // with itself
 
 using Blocks = google::protobuf::RepeatedPtrField<v1::ShiftBlock>;
@@ -45,70 +47,80 @@ std::int64_t most_update_bytes(const PartSizes& sizes) {
 Expected<void> parse_update(grpc::ByteBuffer& bytes, const PartSizes& sizes, v1::SessionRequest* request) {
   const std::int64_t most = most_update_bytes(sizes);
   if (static_cast<std::int64_t>(bytes.Length()) > most) {
-    return unexpected(Error{ErrorCode::invalid_argument, "update", -1,
-                            std::to_string(bytes.Length()) + " bytes",
-                            "must have at most " + std::to_string(most) +
-                                " bytes, all numbers of the problem and a block of a shift for each entry"});
+    return unexpected(
+        invalid("update", std::to_string(bytes.Length()) + " bytes",
+                "must have at most " + std::to_string(most) +
+                    " bytes, all numbers of the problem and a block of a shift for each entry"));
   }
   const std::size_t blocks = sizes.g + sizes.b + sizes.d + sizes.l;
   return parse(&bytes, request, kMostFields + static_cast<std::int64_t>(kBlockFields * blocks));
 }
 
-Expected<Update> make_update(v1::SessionUpdate& message, const PartSizes& sizes) {
-  const auto inside = [](Error error) {
-    error.field = "update." + error.field;
-    return unexpected(std::move(error));
-  };
-  if (auto valid = sizes.check(update_of(message.problem())); !valid) {
-    Error error = valid.error();
-    error.field = "problem." + update_field(error.field);
-    return inside(std::move(error));
+Expected<Update> Update::check(v1::SessionUpdate& message, const PartSizes& sizes, const Options& in_force) {
+  if (auto valid = sizes.check(update_of(message.problem())); !valid)
+    return unexpected(of_field("update.problem." + update_field(valid.error().field), valid.error()));
+  Update update(std::move(message), sizes, in_force);
+  const v1::Shift& shift = update.message_.shift();
+  update.shift_ = {blocks_of(shift.variables()), blocks_of(shift.equalities()),
+                   blocks_of(shift.inequalities()), blocks_of(shift.pairs())};
+  update.message_.clear_shift();
+  if (auto valid = update.restart().check(sizes); !valid) {
+    const bool of_point = valid.error().field == "initial_z";
+    return unexpected(
+        inside("update", of_point ? of_field("initial_point.z", valid.error()) : valid.error()));
   }
-  Update update{std::move(message), {}, {}};
-  const v1::Shift& shift = update.message.shift();
-  update.shift = {blocks_of(shift.variables()), blocks_of(shift.equalities()),
-                  blocks_of(shift.inequalities()), blocks_of(shift.pairs())};
-  update.message.clear_shift();
-  if (auto valid = restart_of(update).check(sizes); !valid) {
-    Error error = valid.error();
-    if (error.field == "initial_z") error.field = "initial_point.z";
-    return inside(std::move(error));
-  }
-  const double deadline_s = update.message.deadline_s();
-  if (!(deadline_s >= 0.0)) {
-    return inside(
-        {ErrorCode::invalid_argument, "deadline_s", -1, std::to_string(deadline_s), "must be >= 0"});
+  const double deadline_s = update.message_.deadline_s();
+  if (!(deadline_s >= 0.0))
+    return unexpected(invalid("update.deadline_s", std::to_string(deadline_s), "must be >= 0"));
+  if (update.message_.has_options()) {
+    const auto options = options_of(update.message_.options(), in_force);
+    if (!options) return unexpected(inside("update.options", options.error()));
+    update.options_ = *options;
   }
   return update;
 }
 
-void take_along(Update older, Update& newer, const PartSizes& sizes) {
-  v1::ProblemUpdate& from = *older.message.mutable_problem();
-  v1::ProblemUpdate& to = *newer.message.mutable_problem();
+Clock::time_point Update::deadline() const {
+  const double seconds = message_.deadline_s();
+  if (seconds == 0.0 || seconds >= kForEver) return Clock::time_point::max();
+  return arrival_ + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+}
+
+std::int64_t Update::bytes() const {
+  const std::size_t blocks =
+      shift_.variables.size() + shift_.equalities.size() + shift_.inequalities.size() + shift_.pairs.size();
+  return static_cast<std::int64_t>(message_.ByteSizeLong() + blocks * sizeof(ShiftBlock));
+}
+
+void Update::take_along(Update older) {
+  v1::ProblemUpdate& from = *older.message_.mutable_problem();
+  v1::ProblemUpdate& to = *message_.mutable_problem();
   if (from.has_constant() && !to.has_constant()) to.set_constant(from.constant());
 #define MARBLE_VECTOR(letter, field) take_field(from.mutable_##field(), to.mutable_##field());
 #define MARBLE_MATRIX(letter, field, update, vector) \
   take_field(from.mutable_##update(), to.mutable_##update());
 #include "marble/contract.def"
-  if (older.message.has_initial_point() && !newer.message.has_initial_point())
-    newer.message.mutable_initial_point()->Swap(older.message.mutable_initial_point());
-  newer.message.set_cold(older.message.cold() || newer.message.cold());
-  take_shift(std::move(older.shift.variables), newer.shift.variables, sizes.g);
-  take_shift(std::move(older.shift.equalities), newer.shift.equalities, sizes.b);
-  take_shift(std::move(older.shift.inequalities), newer.shift.inequalities, sizes.d);
-  take_shift(std::move(older.shift.pairs), newer.shift.pairs, sizes.l);
+  if (older.message_.has_initial_point() && !message_.has_initial_point())
+    message_.mutable_initial_point()->Swap(older.message_.mutable_initial_point());
+  message_.set_cold(older.message_.cold() || message_.cold());
+  take_shift(std::move(older.shift_.variables), shift_.variables, sizes_.g);
+  take_shift(std::move(older.shift_.equalities), shift_.equalities, sizes_.b);
+  take_shift(std::move(older.shift_.inequalities), shift_.inequalities, sizes_.d);
+  take_shift(std::move(older.shift_.pairs), shift_.pairs, sizes_.l);
 }
 
-Restart restart_of(const Update& update) {
-  const auto& z = update.message.initial_point().z();
-  return {{z.data(), static_cast<std::size_t>(z.size())}, update.message.cold(), update.shift};
+Restart Update::restart() const {
+  const auto& z = message_.initial_point().z();
+  return {{z.data(), static_cast<std::size_t>(z.size())}, message_.cold(), shift_};
 }
 
-std::int64_t bytes_of(const Update& update) {
-  const Shift& shift = update.shift;
-  const std::size_t blocks =
-      shift.variables.size() + shift.equalities.size() + shift.inequalities.size() + shift.pairs.size();
-  return static_cast<std::int64_t>(update.message.ByteSizeLong() + blocks * sizeof(ShiftBlock));
+CheckedUpdate Update::checked() const {
+  Options options = options_;
+  if (const auto end = deadline(); end != Clock::time_point::max()) {
+    const double left_s = std::chrono::duration<double>(end - Clock::now()).count();
+    options.time_limit_s = std::clamp(left_s, 0.0, options.time_limit_s);
+  }
+  return CheckedUpdate::of_checked(sizes_, update_of(message_.problem()), restart(), options);
 }
 
 }  // namespace marble::server

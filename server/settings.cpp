@@ -13,10 +13,6 @@ namespace {
 template <class Type>
 using Stored = std::conditional_t<std::is_same_v<Type, int>, std::int64_t, Type>;
 
-Error fault(const std::string& name, const std::string& value, std::string bound) {
-  return {ErrorCode::invalid_argument, name, -1, value, std::move(bound)};
-}
-
 std::string shown(const SettingValue& value) {
   const auto* text = std::get_if<std::string>(&value);
   return text != nullptr ? *text : to_toml(value);
@@ -31,7 +27,7 @@ const SettingInfo* find(std::string_view name) {
 
 Expected<const SettingInfo*> known(std::string_view name) {
   if (const SettingInfo* info = find(name)) return info;
-  return unexpected(fault(std::string(name), {}, "is not a setting"));
+  return unexpected(invalid(std::string(name), {}, "is not a setting"));
 }
 
 std::string type_rule(const SettingInfo& info) {
@@ -49,7 +45,7 @@ std::string type_rule(const SettingInfo& info) {
 
 Expected<SettingValue> checked(const SettingInfo& info, SettingValue value) {
   const auto refused = [&](std::string rule) {
-    return unexpected(fault(info.name, shown(value), std::move(rule)));
+    return unexpected(invalid(info.name, shown(value), std::move(rule)));
   };
   if (const auto* whole = std::get_if<std::int64_t>(&value);
       whole != nullptr && std::holds_alternative<double>(info.default_value)) {
@@ -77,10 +73,10 @@ Expected<SettingValue> number_of(const SettingInfo& info, const std::string& tex
   Number number{};
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   if (error == std::errc::invalid_argument || end != text.data() + text.size()) {
-    return unexpected(fault(info.name, text.empty() ? "\"\"" : text, type_rule(info)));
+    return unexpected(invalid(info.name, text.empty() ? "\"\"" : text, type_rule(info)));
   }
   if (error == std::errc::result_out_of_range)
-    return unexpected(fault(info.name, text, "must be " + range_of(info)));
+    return unexpected(invalid(info.name, text, "must be " + range_of(info)));
   return number;
 }
 
@@ -89,7 +85,7 @@ Expected<SettingValue> value_of(const SettingInfo& info, const std::string& text
     case 0:
       if (text == "true" || text == "1") return true;
       if (text == "false" || text == "0") return false;
-      return unexpected(fault(info.name, text, type_rule(info)));
+      return unexpected(invalid(info.name, text, type_rule(info)));
     case 1:
       return number_of<std::int64_t>(info, text);
     case 2:

@@ -13,7 +13,7 @@ grpc::ServerUnaryReactor* SolveCall::begin(const ServiceParts& parts, grpc::Call
   call->self_ = call;
   Origin origin = origin_of(context);
   if (const auto admitted = call->admit(request, context, origin); !admitted) {
-    call->Finish(refuse(parts, origin, admitted.error()));
+    call->Finish(refused(parts, origin, admitted.error()));
   }
   return call.get();
 }

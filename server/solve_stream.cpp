@@ -16,7 +16,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const Service
   call->self_ = call;
   Origin origin = origin_of(context);
   if (const auto admitted = call->admit(request, context, origin); !admitted) {
-    call->Finish(refuse(parts, origin, admitted.error()));
+    call->end_at_once(refused(parts, origin, admitted.error()));
   } else {
     parts.pulse.add(call);
     call->go_on();
@@ -38,26 +38,16 @@ Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
   (void)request.mutable_solve();  // an absent one is an empty one, and refused as such
   auto job = make_job(parts_, *caller, JobKind::solve,
                       std::shared_ptr<const v1::SolveRequest>(request.release_solve()));
-  if (!job) {
-    Error error = job.error();
-    error.field = "solve." + error.field;
-    return unexpected(std::move(error));
-  }
+  if (!job) return unexpected(inside("solve", job.error()));
   (*job)->observer = self_;
   job_ = *job;
-  // A worker may take the job, and even finish it, before its place is known: nothing goes out before
-  // "accepted".
-  {
-    const MutexLock lock(mutex_);
-    writing_ = true;
-  }
   const auto place = parts_.scheduler.admit(*job);
   if (!place) {
     job_ = nullptr;
     return unexpected(place.error());
   }
   const MutexLock lock(mutex_);
-  writing_ = false;
+  admitted_ = true;
   place_ = *place;
   return {};
 }
@@ -97,25 +87,16 @@ void SolveStreamCall::finished(Outcome outcome) {
   go_on();
 }
 
-void SolveStreamCall::OnWriteDone(bool ok) {
-  {
-    const MutexLock lock(mutex_);
-    writing_ = false;
-    if (!ok) broken_ = true;
-  }
-  go_on();
-}
-
-void SolveStreamCall::OnCancel() {
+void SolveStreamCall::gone() {
   if (job_ != nullptr) parts_.scheduler.cancel(job_);
 }
 
 void SolveStreamCall::pulse(Clock::time_point /*now*/) { go_on(); }
 
-void SolveStreamCall::OnDone() { const auto last = std::move(self_); }
-
+// A worker may take the job, and even finish it, before its place is known: nothing goes out before
+// "accepted".
 bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
-  if (broken_) return false;
+  if (!admitted_) return false;
   if (place_) {
     told_place_ = *std::exchange(place_, std::nullopt);
     if (accepted_) {
@@ -147,30 +128,10 @@ bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
   return false;
 }
 
-// gRPC may react within StartWrite or Finish, on this very thread: no lock is held there.
-void SolveStreamCall::go_on() {
-  v1::SolveStreamResponse event;
-  grpc::Status status;
-  bool write = false;
-  {
-    const MutexLock lock(mutex_);
-    if (writing_ || finishing_) return;
-    write = next_event(&event);
-    if (!write && !over_) return;
-    writing_ = write;
-    finishing_ = !write;
-    status = status_;
-  }
-  if (write) {
-    grpc::ByteBuffer bytes = serialize(event);
-    {
-      const MutexLock lock(mutex_);  // the next write comes from any thread
-      bytes_.Swap(&bytes);
-    }
-    StartWrite(&bytes_);
-  } else {
-    Finish(status);
-  }
+std::optional<grpc::Status> SolveStreamCall::ending() {
+  if (!admitted_ || !over_) return std::nullopt;
+  const bool untold = outcome_ && !outcome_->solution;  // nobody reads any more
+  return untold ? to_status(outcome_->solution.error(), outcome_->retry_delay_s) : status_;
 }
 
 }  // namespace marble::server

@@ -7,28 +7,24 @@
 #include <optional>
 
 #include "marble/v1/service.pb.h"
-#include "mutex.h"
 #include "origin.h"
 #include "progress_slot.h"
 #include "service_parts.h"
+#include "stream_pump.h"
 
 namespace marble::server {
 
 /// Owns itself until gRPC is done with it; its job owns it too, until it has finished.
-class SolveStreamCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
-                              public JobObserver,
-                              public ProgressSink,
-                              public Pulsed {
+class SolveStreamCall final
+    : public StreamPump<SolveStreamCall, grpc::ServerWriteReactor<grpc::ByteBuffer>, v1::SolveStreamResponse>,
+      public JobObserver,
+      public ProgressSink,
+      public Pulsed {
  public:
   /// Parses, checks and admits the request, or refuses it.
   static grpc::ServerWriteReactor<grpc::ByteBuffer>* begin(const ServiceParts& parts,
                                                            grpc::CallbackServerContext& context,
                                                            const grpc::ByteBuffer* request);
-
-  // From gRPC.
-  void OnWriteDone(bool ok) override ABSL_LOCKS_EXCLUDED(mutex_);
-  void OnCancel() override;
-  void OnDone() override;
 
   // From the scheduler.
   [[nodiscard]] bool wants_place() const override { return true; }
@@ -45,30 +41,28 @@ class SolveStreamCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
   [[nodiscard]] Expected<void> admit(const grpc::ByteBuffer* bytes,
                                      const grpc::CallbackServerContext& context, Origin& origin)
       ABSL_LOCKS_EXCLUDED(mutex_);
-  void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] bool next_event(v1::SolveStreamResponse* event) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // The pump's.
+  [[nodiscard]] bool next_event(v1::SolveStreamResponse* event) override
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] std::optional<grpc::Status> ending() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void gone() override;
 
   const ServiceParts& parts_;
   double progress_interval_s_ = 0.0;  // constant once admitted, like job_
   int iterate_every_ = 0;
   std::shared_ptr<Job> job_;
-  std::shared_ptr<SolveStreamCall> self_;
   ProgressSlot slot_;
   double last_progress_s_ = -1.0;  // worker only
-  grpc::ByteBuffer bytes_;         // the write in flight; belongs to whoever set writing_
 
-  Mutex mutex_;
-  bool writing_ ABSL_GUARDED_BY(mutex_) = false;
-  bool broken_ ABSL_GUARDED_BY(mutex_) = false;              // a write failed: nobody reads any more
-  bool finishing_ ABSL_GUARDED_BY(mutex_) = false;           // Finish was called or is about to be
+  bool admitted_ ABSL_GUARDED_BY(mutex_) = false;            // its place is known
   bool accepted_ ABSL_GUARDED_BY(mutex_) = false;            // was told
   bool started_ ABSL_GUARDED_BY(mutex_) = false;             // a worker has it: places are old
   QueuePlace told_place_ ABSL_GUARDED_BY(mutex_);            // the newest that was told
   std::optional<QueuePlace> place_ ABSL_GUARDED_BY(mutex_);  // accepted or moved, to be told
   std::optional<double> queue_s_ ABSL_GUARDED_BY(mutex_);    // started, to be told
   std::optional<Outcome> outcome_ ABSL_GUARDED_BY(mutex_);   // finished, to be told
-  grpc::Status status_ ABSL_GUARDED_BY(mutex_);              // of a finished job
-  bool over_ ABSL_GUARDED_BY(mutex_) = false;                // the job has finished
+  grpc::Status status_ ABSL_GUARDED_BY(mutex_);              // of a job that has finished
+  bool over_ ABSL_GUARDED_BY(mutex_) = false;                // it has
 };
 
 }  // namespace marble::server

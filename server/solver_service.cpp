@@ -10,19 +10,13 @@ namespace marble::server {
 
 SolverService::SolverService(const ServiceParts& parts) : parts_(parts) {
   MarkMethodStreamed(method_number("Solver", "Solve"),
-                     unary_read_first(parts, [this](auto... given) { return Solve(given...); }));
+                     unary_read_first(parts, [&parts](auto* context, auto... bytes) {
+                       return SolveCall::begin(parts, *context, bytes...);
+                     }));
   MarkMethodStreamed(method_number("Solver", "SolveStream"),
-                     stream_read_first(parts, [this](auto... given) { return SolveStream(given...); }));
-}
-
-grpc::ServerUnaryReactor* SolverService::Solve(grpc::CallbackServerContext* context,
-                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  return SolveCall::begin(parts_, *context, request, response);
-}
-
-grpc::ServerWriteReactor<grpc::ByteBuffer>* SolverService::SolveStream(grpc::CallbackServerContext* context,
-                                                                       const grpc::ByteBuffer* request) {
-  return SolveStreamCall::begin(parts_, *context, request);
+                     stream_read_first(parts, [&parts](auto* context, const auto* request) {
+                       return SolveStreamCall::begin(parts, *context, request);
+                     }));
 }
 
 grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* SolverService::SolveBatch(

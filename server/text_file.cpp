@@ -9,8 +9,8 @@ namespace marble::server {
 
 Expected<std::string> read_text_file(const std::string& path) {
   const auto failed = [&] {
-    return unexpected(Error{ErrorCode::not_found, "", -1, path,
-                            "cannot be read: " + std::generic_category().message(errno)});
+    return unexpected(
+        failure(ErrorCode::not_found, "", path, "cannot be read: " + std::generic_category().message(errno)));
   };
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rbe"), std::fclose);
   if (file == nullptr) return failed();

@@ -19,10 +19,6 @@ constexpr std::size_t kSaltBytes = 16;
 constexpr std::size_t kSecretBytes = 32;
 constexpr const char* kDigits = "0123456789abcdef";
 
-Error fault(const char* field, const char* rule) {
-  return {ErrorCode::invalid_argument, field, -1, "", rule};
-}
-
 std::string hash_of(std::string_view salt, std::string_view secret) {
   std::string hash(kHashBytes, '\0');
   EVP_MD_CTX* context = EVP_MD_CTX_new();
@@ -68,9 +64,9 @@ Expected<void> check_name(std::string_view name) {
   const auto printable = [](char c) { return c > ' ' && c <= '~'; };
   if (name.empty() || name.size() > contract::longest_client_name || name[0] == '#' ||
       !std::all_of(name.begin(), name.end(), printable))
-    return unexpected(fault("name", "must have 1 to 64 bytes of printable ASCII"));
+    return unexpected(invalid("name", "must have 1 to 64 bytes of printable ASCII"));
   if (name.rfind(kCertificatePrefix, 0) == 0)
-    return unexpected(fault("name", "must not begin with cert: as those of certificates do"));
+    return unexpected(invalid("name", "must not begin with cert: as those of certificates do"));
   return {};
 }
 
@@ -79,7 +75,7 @@ Expected<Roles> roles_of(const std::string& text) {
   std::istringstream names(text);
   for (std::string name; std::getline(names, name, ',');) {
     const auto role = role_of(name);
-    if (!role) return unexpected(fault("roles", "must be of solve, observe, admin, with commas between"));
+    if (!role) return unexpected(invalid("roles", "must be of solve, observe, admin, with commas between"));
     roles.add(*role);
   }
   return roles;
@@ -90,18 +86,18 @@ Expected<Token> token_of(const std::string& line) {
   std::string name, roles_text, key, rest;
   words >> name >> roles_text >> key;
   if (key.empty() || words >> rest)
-    return unexpected(fault("", "must be NAME ROLE[,ROLE...] sha256:SALT:HASH"));
+    return unexpected(failure(ErrorCode::invalid_argument, "must be NAME ROLE[,ROLE...] sha256:SALT:HASH"));
   if (auto valid = check_name(name); !valid) return unexpected(valid.error());
   const auto roles = roles_of(roles_text);
   if (!roles) return unexpected(roles.error());
   const std::string_view prefix = "sha256:";
   const std::size_t colon = key.rfind(':');
   if (key.rfind(prefix, 0) != 0 || colon < prefix.size())
-    return unexpected(fault("hash", "must be sha256:SALT:HASH"));
+    return unexpected(invalid("hash", "must be sha256:SALT:HASH"));
   const auto salt = from_hex(std::string_view(key).substr(prefix.size(), colon - prefix.size()));
   const auto hash = from_hex(std::string_view(key).substr(colon + 1));
   if (!salt || !hash || salt->empty() || hash->size() != kHashBytes)
-    return unexpected(fault("hash", "must have a salt, and 64 digits of hash, in lower-case hexadecimal"));
+    return unexpected(invalid("hash", "must have a salt, and 64 digits of hash, in lower-case hexadecimal"));
   return Token{name, *roles, *salt, *hash};
 }
 
@@ -138,7 +134,7 @@ Expected<NewToken> new_token(const std::string& name_and_roles) {
   const std::size_t colon = name_and_roles.rfind(':');
   const std::string name = name_and_roles.substr(0, colon);
   if (colon == std::string::npos || colon + 1 == name_and_roles.size())
-    return unexpected(fault("new-token", "must be NAME:ROLE[,ROLE...]"));
+    return unexpected(invalid("new-token", "must be NAME:ROLE[,ROLE...]"));
   if (auto valid = check_name(name); !valid) return unexpected(valid.error());
   const std::string roles_text = name_and_roles.substr(colon + 1);
   const auto roles = roles_of(roles_text);

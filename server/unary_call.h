@@ -4,8 +4,6 @@
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
-#include <new>
-
 #include "admission.h"
 #include "origin.h"
 #include "status.h"
@@ -46,12 +44,8 @@ grpc::ServerUnaryReactor* answer(const ServiceParts& parts, grpc::CallbackServer
     *response_bytes = serialize(response);
     return {};
   };
-  Expected<void> responded;
-  try {
-    responded = respond();
-  } catch (const std::bad_alloc&) {
-    responded = unexpected(Error{ErrorCode::resource_exhausted, "", -1, "", "the server is out of memory"});
-  }
+  const Expected<void> responded = or_out_of_memory(
+      respond, [] { return failure(ErrorCode::resource_exhausted, "the server is out of memory"); });
   call->Finish(responded ? grpc::Status::OK : to_status(responded.error(), retry_delay_s));
   return call;
 }

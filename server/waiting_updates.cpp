@@ -8,11 +8,11 @@ std::optional<std::int64_t> WaitingUpdates::push(std::shared_ptr<Update> update,
                                                  std::unique_ptr<Scheduler::Held> room) {
   std::optional<std::int64_t> superseded;
   if (latest_only_ && !updates_.empty()) {
-    superseded = updates_.front().update->message.sequence();
-    take_along(std::move(*updates_.front().update), *update, sizes_);
+    superseded = updates_.front().update->sequence();
+    update->take_along(std::move(*updates_.front().update));
     updates_.pop_front();
   }
-  if (left_behind_) take_along(std::move(*std::exchange(left_behind_, std::nullopt)), *update, sizes_);
+  if (left_behind_) update->take_along(std::move(*std::exchange(left_behind_, std::nullopt)));
   updates_.push_back({std::move(update), std::move(room)});
   return superseded;
 }
@@ -24,7 +24,7 @@ std::shared_ptr<Update> WaitingUpdates::pop() {
 }
 
 void WaitingUpdates::leave_behind(Update update) {
-  if (!updates_.empty()) return take_along(std::move(update), *updates_.front().update, sizes_);
+  if (!updates_.empty()) return updates_.front().update->take_along(std::move(update));
   left_behind_ = std::move(update);
 }
 

@@ -14,7 +14,7 @@ namespace marble::server {
 class WaitingUpdates {
  public:
   /// With `latest_only` at most one waits.
-  WaitingUpdates(bool latest_only, const PartSizes& sizes) : latest_only_(latest_only), sizes_(sizes) {}
+  explicit WaitingUpdates(bool latest_only) : latest_only_(latest_only) {}
 
   [[nodiscard]] bool empty() const { return updates_.empty(); }
   [[nodiscard]] std::size_t size() const { return updates_.size(); }
@@ -37,7 +37,6 @@ class WaitingUpdates {
     std::unique_ptr<Scheduler::Held> room;
   };
   const bool latest_only_;
-  const PartSizes sizes_;
   std::deque<Waiting> updates_;
   std::optional<Update> left_behind_;  // while none waits
 };

@@ -14,11 +14,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchCall::begin(const ServiceParts&
   const std::shared_ptr<WatchCall> call(new WatchCall(parts));
   call->self_ = call;
   if (const auto started = call->start(context, request); !started) {
-    {
-      const MutexLock lock(call->mutex_);
-      call->finishing_ = true;  // a client that goes away before it has heard must not end it again
-    }
-    call->Finish(to_status(started.error(), parts.scheduler.retry_delay_s()));
+    call->end_at_once(to_status(started.error(), parts.scheduler.retry_delay_s()));
     return call.get();
   }
   parts.pulse.add(call);
@@ -40,51 +36,20 @@ Expected<void> WatchCall::start(grpc::CallbackServerContext& context, const grpc
   return {};
 }
 
-void WatchCall::OnWriteDone(bool ok) {
-  {
-    const MutexLock lock(mutex_);
-    writing_ = false;
-    if (!ok) broken_ = true;
-    if (!broken_ && !feed_->is_over() && !feed_->has_more()) return;  // the pulse looks again
-  }
-  go_on();
-}
-
-void WatchCall::OnCancel() {
-  {
-    const MutexLock lock(mutex_);
-    broken_ = true;
-  }
-  go_on();
-}
-
-void WatchCall::OnDone() { const auto last = std::move(self_); }
-
 void WatchCall::pulse(Clock::time_point /*now*/) { go_on(); }
 
-// gRPC may react within StartWrite or Finish, on this very thread: no lock is held there.
-void WatchCall::go_on() {
-  v1::WatchJobsResponse response;
-  grpc::Status status;
-  bool write = false;
-  {
-    const MutexLock lock(mutex_);
-    if (writing_ || finishing_) return;
-    const bool drained = parts_.scheduler.is_drained();  // before the last look
-    write = !broken_ && feed_->next(&response);
-    const bool over = feed_->is_over();
-    if (!write && !over && !broken_ && !drained) return;
-    if (!write && !over)
-      status = end_of_stream(parts_, {ErrorCode::unavailable, "", -1, "", "the server has drained"});
-    writing_ = write;
-    finishing_ = !write;
-  }
-  if (write) {
-    bytes_ = serialize(response);
-    StartWrite(&bytes_);
-  } else {
-    Finish(status);
-  }
+bool WatchCall::next_event(v1::WatchJobsResponse* event) {
+  drained_ = parts_.scheduler.is_drained();
+  return feed_->next(event);
+}
+
+// Where there is nothing new now, the pulse looks again.
+bool WatchCall::wrote() { return feed_->is_over() || feed_->has_more(); }
+
+std::optional<grpc::Status> WatchCall::ending() {
+  if (feed_->is_over()) return grpc::Status::OK;
+  if (!drained_ && !broken()) return std::nullopt;
+  return end_of_stream(parts_, failure(ErrorCode::unavailable, "the server has drained"));
 }
 
 }  // namespace marble::server

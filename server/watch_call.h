@@ -6,20 +6,19 @@
 
 #include "job_feed.h"
 #include "service_parts.h"
+#include "stream_pump.h"
 
 namespace marble::server {
 
 /// Owns itself until gRPC is done with it.
-class WatchCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>, public Pulsed {
+class WatchCall final
+    : public StreamPump<WatchCall, grpc::ServerWriteReactor<grpc::ByteBuffer>, v1::WatchJobsResponse>,
+      public Pulsed {
  public:
   static grpc::ServerWriteReactor<grpc::ByteBuffer>* begin(const ServiceParts& parts,
                                                            grpc::CallbackServerContext& context,
                                                            const grpc::ByteBuffer* request);
 
-  // From gRPC.
-  void OnWriteDone(bool ok) override ABSL_LOCKS_EXCLUDED(mutex_);
-  void OnCancel() override ABSL_LOCKS_EXCLUDED(mutex_);
-  void OnDone() override;
   // From the pulse.
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -27,17 +26,14 @@ class WatchCall final : public grpc::ServerWriteReactor<grpc::ByteBuffer>, publi
   explicit WatchCall(const ServiceParts& parts) : parts_(parts) {}
   [[nodiscard]] Expected<void> start(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request)
       ABSL_LOCKS_EXCLUDED(mutex_);
-  void go_on() ABSL_LOCKS_EXCLUDED(mutex_);
+  // The pump's.
+  [[nodiscard]] bool next_event(v1::WatchJobsResponse* event) override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] std::optional<grpc::Status> ending() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] bool wrote() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const ServiceParts& parts_;
-  std::shared_ptr<WatchCall> self_;
-  grpc::ByteBuffer bytes_;  // the write in flight
-
-  Mutex mutex_;
   std::unique_ptr<JobFeed> feed_ ABSL_GUARDED_BY(mutex_);
-  bool writing_ ABSL_GUARDED_BY(mutex_) = false;
-  bool broken_ ABSL_GUARDED_BY(mutex_) = false;  // nobody reads any more
-  bool finishing_ ABSL_GUARDED_BY(mutex_) = false;
+  bool drained_ ABSL_GUARDED_BY(mutex_) = false;  // before the last look at the feed
 };
 
 }  // namespace marble::server

@@ -33,8 +33,8 @@ template <class Message>
   const grpc::Status status = grpc::SerializationTraits<Message>::Deserialize(own, message);
   own->Clear();
   if (status.ok()) return {};
-  return unexpected(Error{ErrorCode::invalid_argument, "", -1, "",
-                          "the request is not a " + Message::descriptor()->full_name() + " message"});
+  return unexpected(failure(ErrorCode::invalid_argument,
+                            "the request is not a " + Message::descriptor()->full_name() + " message"));
 }
 
 template <class Message>

@@ -99,9 +99,9 @@ Expected<void> check_fields(grpc::ByteBuffer& bytes, const Descriptor& type, std
   google::protobuf::io::CodedInputStream input(&reader);
   FieldCounter counter(input, most);
   if (counter.count(type) || !counter.too_many()) return {};
-  return unexpected(Error{ErrorCode::invalid_argument, counter.path(), -1, "",
-                          "is beyond the " + std::to_string(most) +
-                              " fields that the request may have, an array of numbers counted as one"});
+  return unexpected(
+      invalid(counter.path(), "is beyond the " + std::to_string(most) +
+                                  " fields that the request may have, an array of numbers counted as one"));
 }
 
 }  // namespace marble::server

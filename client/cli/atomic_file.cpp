@@ -14,7 +14,7 @@ namespace {
 constexpr int kReadableByAll = 0666;  // less what the umask takes away
 
 Error cannot_write(const std::string& path) {
-  return {ErrorCode::not_found, path, -1, "", std::string("cannot be written: ") + std::strerror(errno)};
+  return failure(ErrorCode::not_found, path, std::string("cannot be written: ") + std::strerror(errno));
 }
 
 // A link stays one: what it names is replaced.

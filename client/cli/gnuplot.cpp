@@ -124,7 +124,7 @@ std::string content_of(std::FILE* file) {
   return content;
 }
 
-Error internal(std::string what) { return {ErrorCode::internal, "gnuplot", -1, "", std::move(what)}; }
+Error internal(std::string what) { return failure(ErrorCode::internal, "gnuplot", std::move(what)); }
 
 // Its exit status as waitpid has it, or minus errno.
 int run_program(std::FILE* in, std::FILE* out, std::FILE* err) {
@@ -192,8 +192,7 @@ Expected<std::string> run_gnuplot(const std::string& script) {
   std::fwrite(script.data(), 1, script.size(), in.get());
   std::rewind(in.get());
   const int status = run_program(in.get(), out.get(), err.get());
-  if (status == -ENOENT)
-    return unexpected(Error{ErrorCode::not_found, "gnuplot", -1, "", "is not installed"});
+  if (status == -ENOENT) return unexpected(failure(ErrorCode::not_found, "gnuplot", "is not installed"));
   if (status < 0) return unexpected(internal(std::string("cannot be started: ") + std::strerror(-status)));
   std::string picture = content_of(out.get());
   if (status != 0 || picture.empty()) return unexpected(internal("failed: " + content_of(err.get())));

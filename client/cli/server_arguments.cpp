@@ -18,7 +18,7 @@ Expected<std::string> read_token(const std::string& path) {
   if (!std::getline(file, token)) {
     const char* why = file.is_open() ? "has no first line" : std::strerror(errno);
     return unexpected(
-        Error{ErrorCode::not_found, "--token-file", -1, path, std::string("cannot be read: ") + why});
+        failure(ErrorCode::not_found, "--token-file", path, std::string("cannot be read: ") + why));
   }
   if (!token.empty() && token.back() == '\r') token.pop_back();
   return token;

@@ -1,7 +1,6 @@
 #include <cstdio>
 #include <iostream>
 #include <memory>
-#include <new>
 #include <optional>
 
 #include "commands.h"
@@ -11,7 +10,6 @@
 #include "iteration_table.h"
 #include "marble/client.h"
 #include "marble/problem_file.h"
-#include "marble/solver.h"
 #include "report.h"
 #include "server_arguments.h"
 #include "solver_arguments.h"
@@ -70,53 +68,6 @@ class Listeners final : public ProgressSink {
   TraceWriter* trace_;
 };
 
-// Where the solving is done: on a server, or here if there is no client.
-class Engine {
- public:
-  /// `trace` may be null.
-  Engine(std::optional<Client> client, Priority priority, bool tells_progress, TraceWriter* trace)
-      : client_(std::move(client)), priority_(priority), tells_progress_(tells_progress), trace_(trace) {}
-
-  [[nodiscard]] Expected<Answer> solve(const ProblemFile& file, const Options& options,
-                                       std::stop_token stop) const {
-    Listeners listeners(tells_progress_, trace_);
-    const SolveControls controls{listeners.sink(), std::move(stop), file.problem.initial_z};
-    return client_ ? remote(file.problem, options, controls) : local(file.problem, options, controls);
-  }
-
- private:
-  [[nodiscard]] static Expected<Answer> local(const OwnedProblem& problem, const Options& options,
-                                              const SolveControls& controls) try {
-    auto solution = marble::solve_in_process(problem.view(), options, controls);
-    if (!solution) return unexpected(solution.error());
-    return Answer{std::move(*solution), "", 0.0, 0.0, 0};
-  } catch (const std::bad_alloc&) {  // the files after it have their turn
-    return unexpected(
-        Error{ErrorCode::resource_exhausted, "", -1, "", "is too large for the memory there is"});
-  }
-
-  [[nodiscard]] Expected<Answer> remote(const OwnedProblem& problem, const Options& options,
-                                        const SolveControls& controls) const {
-    CallControls call;
-    call.problem_name = problem.name;
-    call.priority = priority_;
-    if (tells_progress_) tell_place(call);
-    auto answer = client_->solve(problem.view(), options, controls, call);
-    if (answer && answer->progress_skipped > 0) {
-      std::fprintf(stderr, "(%lld more iterations; the connection was slower than the solver)\n",
-                   static_cast<long long>(answer->progress_skipped));
-    }
-    if (!answer && answer.error().code == ErrorCode::unavailable)
-      answer.error().bound = "server " + client_->address() + ": " + answer.error().bound;
-    return answer;
-  }
-
-  std::optional<Client> client_;
-  Priority priority_;
-  bool tells_progress_;
-  TraceWriter* trace_;
-};
-
 // `remote`: the error may be the server's.
 int tell_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
                const Error& error, bool remote) {
@@ -125,12 +76,31 @@ int tell_error(const SolveArguments& arguments, const std::string& file, const s
   return remote ? exit_code_of(error) : exit_code_of_local(error);
 }
 
+Expected<Answer> answer_to(const SolveArguments& arguments, const OwnedProblem& problem,
+                           const Options& options, const Client& client, TraceWriter* trace,
+                           std::stop_token stop) {
+  Listeners listeners(!arguments.quiet, trace);
+  CallControls call;
+  call.problem_name = problem.name;
+  call.priority = arguments.priority;
+  if (!arguments.quiet) tell_place(call);
+  auto answer =
+      client.solve(problem.view(), options, {listeners.sink(), std::move(stop), problem.initial_z}, call);
+  if (answer && answer->progress_skipped > 0) {
+    std::fprintf(stderr, "(%lld more iterations; the connection was slower than the solver)\n",
+                 static_cast<long long>(answer->progress_skipped));
+  }
+  if (!answer && answer.error().code == ErrorCode::unavailable)
+    answer.error().bound = "server " + client.address() + ": " + answer.error().bound;
+  return answer;
+}
+
 int solve_file(const SolveArguments& arguments, const std::string& path, const Options& options,
-               const Engine& engine, std::stop_token stop) {
+               const Client& client, TraceWriter* trace, std::stop_token stop) {
   const auto file = formats::read_any_problem(path);
   if (!file) return tell_error(arguments, path, "", file.error(), false);
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
-  const auto answer = engine.solve(*file, options, std::move(stop));
+  const auto answer = answer_to(arguments, file->problem, options, client, trace, std::move(stop));
   if (!answer) return tell_error(arguments, path, file->problem.name, answer.error(), !arguments.local);
   const Subject subject = subject_of(path, *file);
   std::cout << (arguments.json() ? json_line(subject, *answer) + "\n" : summary(subject, *answer))
@@ -147,9 +117,8 @@ int trace_fails(const Error& error) {
 Expected<std::optional<TraceWriter>> open_trace(const SolveArguments& arguments) {
   if (arguments.trace.empty()) return std::nullopt;
   if (arguments.files.size() > 1) {
-    return unexpected(Error{ErrorCode::invalid_argument, "--trace", -1, "",
-                            "is the convergence of one problem: must go with one FILE, not " +
-                                std::to_string(arguments.files.size())});
+    return unexpected(invalid("--trace", "is the convergence of one problem: must go with one FILE, not " +
+                                             std::to_string(arguments.files.size())));
   }
   auto writer = TraceWriter::open(arguments.trace);
   if (!writer) return unexpected(writer.error());
@@ -159,27 +128,22 @@ Expected<std::optional<TraceWriter>> open_trace(const SolveArguments& arguments)
 int run(const SolveArguments& arguments) {
   const auto options = parse_options(arguments.solver);
   if (!options) return option_fails(options.error());
-  std::optional<Client> client;
-  if (!arguments.local) {
-    auto connected = connect(arguments.server);
-    if (!connected) {
-      std::cerr << "marble: " << connected.error().message() << '\n';
-      return kBadInput;
-    }
-    client = std::move(*connected);
+  const auto client = arguments.local ? Expected<Client>(Client::in_process()) : connect(arguments.server);
+  if (!client) {
+    std::cerr << "marble: " << client.error().message() << '\n';
+    return kBadInput;
   }
   auto trace = open_trace(arguments);
   if (!trace) return trace_fails(trace.error());
-  const Engine engine(std::move(client), arguments.priority, !arguments.quiet, *trace ? &**trace : nullptr);
   const Interrupt interrupt;
   int exit_code = kAllSolved;
   for (const std::string& path : arguments.files) {
     // One outcome a file, also after Ctrl-C: programs count the lines.
     const int outcome =
         interrupt.token().stop_requested()
-            ? tell_error(arguments, path, "",
-                         {ErrorCode::cancelled, "", -1, "", "not solved: interrupted before"}, false)
-            : solve_file(arguments, path, *options, engine, interrupt.token());
+            ? tell_error(arguments, path, "", failure(ErrorCode::cancelled, "not solved: interrupted before"),
+                         false)
+            : solve_file(arguments, path, *options, *client, *trace ? &**trace : nullptr, interrupt.token());
     exit_code = worse(exit_code, outcome);
   }
   if (*trace && (*trace)->rows() > 0) {  // else nothing was solved, as was told

@@ -20,7 +20,7 @@ Expected<Options> parse_options(const SolverArguments& arguments) {
   for (const std::string& option : arguments.options) {
     const std::size_t equals = option.find('=');
     if (equals == std::string::npos) {
-      return unexpected(Error{ErrorCode::invalid_argument, "--option", -1, option, "must be name=value"});
+      return unexpected(invalid("--option", option, "must be name=value"));
     }
     if (auto set = set_option_text(options, option.substr(0, equals), option.substr(equals + 1)); !set) {
       return unexpected(set.error());
@@ -28,10 +28,7 @@ Expected<Options> parse_options(const SolverArguments& arguments) {
   }
   if (!arguments.time_limit_s.empty()) {
     auto set = set_option_text(options, "time_limit_s", arguments.time_limit_s);
-    if (!set) {
-      set.error().field = "--time-limit";
-      return unexpected(set.error());
-    }
+    if (!set) return unexpected(of_field("--time-limit", set.error()));
   }
   return options;
 }

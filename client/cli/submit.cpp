@@ -65,7 +65,7 @@ int run(const SubmitArguments& arguments) {
     const int outcome =
         interrupt.token().stop_requested()
             ? tell_error(arguments, path, "",
-                         {ErrorCode::cancelled, "", -1, "", "not submitted: interrupted before"}, false)
+                         failure(ErrorCode::cancelled, "not submitted: interrupted before"), false)
             : submit_file(arguments, path, *options, client->jobs(), interrupt.token());
     exit_code = worse(exit_code, outcome);
   }

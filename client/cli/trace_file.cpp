@@ -20,8 +20,8 @@ constexpr std::size_t kLongestValue = 40;  // of what is quoted in an error
 Error fault(std::size_t line, std::string_view column, std::string_view value, std::string rule) {
   std::string field = "line " + std::to_string(line);
   if (!column.empty()) field += ", column " + std::string(column);
-  return {ErrorCode::invalid_argument, std::move(field), -1,
-          value.empty() ? "" : "\"" + terminal_text(value, kLongestValue) + "\"", std::move(rule)};
+  return invalid(std::move(field), value.empty() ? "" : "\"" + terminal_text(value, kLongestValue) + "\"",
+                 std::move(rule));
 }
 
 std::vector<std::string_view> cells_of(std::string_view line) {
@@ -132,8 +132,7 @@ Expected<std::vector<Progress>> read_trace(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   if (file.is_open()) text << file.rdbuf();
   if (!file.is_open() || file.bad()) {
-    return unexpected(
-        Error{ErrorCode::not_found, "", -1, "", std::string("cannot be read: ") + std::strerror(errno)});
+    return unexpected(failure(ErrorCode::not_found, std::string("cannot be read: ") + std::strerror(errno)));
   }
   return parse_trace(text.str());
 }

@@ -32,9 +32,8 @@ Index Assembler::add_variable() {
 Expected<void> Assembler::add_range(const AffineRow& row, double low, double high, const char* field,
                                     std::int64_t index) {
   if (std::isnan(low) || std::isnan(high) || low > high) {
-    return unexpected(Error{ErrorCode::invalid_argument, field, index,
-                            "[" + std::to_string(low) + ", " + std::to_string(high) + "]",
-                            "must be bounds with the lower one first"});
+    return unexpected(invalid(field, index, "[" + std::to_string(low) + ", " + std::to_string(high) + "]",
+                              "must be bounds with the lower one first"));
   }
   if (low == high) {
     AffineRow equality = row;

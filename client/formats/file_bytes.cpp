@@ -10,7 +10,7 @@ Expected<std::string> read_bytes(const std::string& path) {
   std::ostringstream content;
   if (file.peek() != std::ifstream::traits_type::eof()) content << file.rdbuf();
   if (!file.is_open() || file.bad() || content.fail())
-    return unexpected(Error{ErrorCode::not_found, "", -1, "", "cannot be read"});
+    return unexpected(failure(ErrorCode::not_found, "cannot be read"));
   return std::move(content).str();
 }
 

@@ -2,7 +2,6 @@
 
 #include <filesystem>
 #include <fstream>
-#include <new>
 
 #include "file_bytes.h"
 #include "mat_problem.h"
@@ -33,23 +32,25 @@ Expected<ProblemFile> read_nl(const std::string& path) {
 
 }  // namespace
 
-Expected<ProblemFile> read_any_problem(const std::string& path) try {
-  if (path != "-" && is_folder(path)) return read_matrix_market(path, name_of(path));
-  const std::string extension = extension_of(path);
-  if (extension == ".npz") return read_npz(path, name_of(path));
-  if (extension == ".mat") return read_mat(path, name_of(path));
-  if (extension == ".nl") return read_nl(path);
-  return read_problem(path);
-} catch (const std::bad_alloc&) {
-  return unexpected(Error{ErrorCode::resource_exhausted, "", -1, "", "is too large for the memory there is"});
+Expected<ProblemFile> read_any_problem(const std::string& path) {
+  const auto read = [&] {
+    if (path != "-" && is_folder(path)) return read_matrix_market(path, name_of(path));
+    const std::string extension = extension_of(path);
+    if (extension == ".npz") return read_npz(path, name_of(path));
+    if (extension == ".mat") return read_mat(path, name_of(path));
+    if (extension == ".nl") return read_nl(path);
+    return read_problem(path);
+  };
+  return or_out_of_memory(
+      read, [] { return failure(ErrorCode::resource_exhausted, "is too large for the memory there is"); });
 }
 
 Expected<void> check_writable_format(const std::string& path) {
   if (is_folder(path) || extension_of(path) == ".npz" || format_of_path(path)) return {};
   return unexpected(
-      Error{ErrorCode::invalid_argument, "", -1, "",
-            "must end in .json, .pb, .bin, .npz or /: the extension tells the format, / a folder of "
-            "Matrix Market files"});
+      failure(ErrorCode::invalid_argument,
+              "must end in .json, .pb, .bin, .npz or /: the extension tells the format, / a folder of "
+              "Matrix Market files"));
 }
 
 bool keeps_initial_point(const std::string& path) {
@@ -66,7 +67,7 @@ Expected<void> write_any_problem(const ProblemFile& file, const std::string& pat
   stream << write_problem(file, *format);
   stream.close();
   if (stream) return {};
-  return unexpected(Error{ErrorCode::unavailable, "", -1, "", "cannot be written"});
+  return unexpected(failure(ErrorCode::unavailable, "cannot be written"));
 }
 
 }  // namespace marble::formats

@@ -7,10 +7,6 @@
 namespace marble::formats {
 namespace {
 
-Error fault(const std::string& field, const std::string& value, const std::string& bound) {
-  return {ErrorCode::invalid_argument, field, -1, value, bound};
-}
-
 std::string size_text(const TableMatrix& table) {
   return std::to_string(table.rows) + " x " + std::to_string(table.columns);
 }
@@ -25,7 +21,7 @@ class LcqpowReader {
     if (failed_) return unexpected(error_);
     n_ = static_cast<std::size_t>(std::max(Q->rows, Q->columns));
     const auto g = vector("g", n_, 0.0);
-    if (Q->rows != Q->columns) fail(fault("Q", size_text(*Q), "must be square"));
+    if (Q->rows != Q->columns) fail(invalid("Q", size_text(*Q), "must be square"));
     Assembler problem(static_cast<Index>(n_));
     if (!failed_) {
       for (std::size_t k = 0; k < Q->entries.values.size(); ++k)
@@ -57,7 +53,7 @@ class LcqpowReader {
       fail(read.error());
       return std::nullopt;
     }
-    if (!*read && needed) fail(fault(name, "", "is missing"));
+    if (!*read && needed) fail(invalid(name, "is missing"));
     return std::move(*read);
   }
 
@@ -76,7 +72,7 @@ class LcqpowReader {
     const auto found = table(name, false);
     if (failed_ || !found || found->rows == 0) return {};
     if (static_cast<std::size_t>(found->columns) != n_) {
-      fail(fault(name, size_text(*found), "must have " + std::to_string(n_) + " columns, as many as Q"));
+      fail(invalid(name, size_text(*found), "must have " + std::to_string(n_) + " columns, as many as Q"));
       return {};
     }
     std::vector<AffineRow> rows(static_cast<std::size_t>(found->rows));
@@ -112,8 +108,8 @@ class LcqpowReader {
     auto left = rows("L");
     auto right = rows("R");
     if (left.size() != right.size())
-      fail(fault("R", std::to_string(right.size()) + " rows",
-                 "must be " + std::to_string(left.size()) + ", as in L"));
+      fail(invalid("R", std::to_string(right.size()) + " rows",
+                   "must be " + std::to_string(left.size()) + ", as in L"));
     const auto low_left = vector("lbL", left.size(), 0.0), low_right = vector("lbR", right.size(), 0.0);
     const auto high_left = vector("ubL", left.size(), kInfinity),
                high_right = vector("ubR", right.size(), kInfinity);
@@ -139,7 +135,7 @@ Expected<std::vector<double>> vector_of(const TableMatrix& table, std::size_t si
   const bool row = table.rows == 1 && static_cast<std::size_t>(table.columns) == size;
   const bool column = table.columns == 1 && static_cast<std::size_t>(table.rows) == size;
   if (!row && !column)
-    return unexpected(fault(field, size_text(table), "must have " + std::to_string(size) + " entries"));
+    return unexpected(invalid(field, size_text(table), "must have " + std::to_string(size) + " entries"));
   std::vector<double> values(size, 0.0);
   for (std::size_t k = 0; k < table.entries.values.size(); ++k)
     values[static_cast<std::size_t>(std::max(table.entries.rows[k], table.entries.columns[k]))] =

@@ -23,10 +23,6 @@ constexpr std::size_t kLibraryBytes = std::size_t{256}
                                       << 20;  // that libmatio and HDF5 may take for themselves
 constexpr rlim_t kSeconds = 60;               // of processor time, and one more a MiB
 
-Error fault(const std::string& name, const std::string& value, const std::string& bound) {
-  return {ErrorCode::invalid_argument, name, -1, value, bound};
-}
-
 struct CloseFile {
   void operator()(mat_t* file) const { Mat_Close(file); }
 };
@@ -37,17 +33,17 @@ struct FreeVariable {
 Expected<TableMatrix> table_of(const matvar_t& variable, const char* name, std::size_t length) {
   const std::size_t most = std::min<std::size_t>(most_rows(length), 0x7fffffff);
   if (variable.rank != 2 || variable.dims[0] > most || variable.dims[1] > most) {
-    return unexpected(fault(name, "",
-                            "must be a matrix or a vector with at most " + std::to_string(most) +
-                                " rows and columns, for the file's length"));
+    return unexpected(invalid(name, "",
+                              "must be a matrix or a vector with at most " + std::to_string(most) +
+                                  " rows and columns, for the file's length"));
   }
-  if (variable.isComplex != 0) return unexpected(fault(name, "complex", "must be real"));
+  if (variable.isComplex != 0) return unexpected(invalid(name, "complex", "must be real"));
   TableMatrix table{static_cast<Index>(variable.dims[0]), static_cast<Index>(variable.dims[1])};
   if (table.rows == 0 || table.columns == 0) return table;
   const bool sparse = variable.class_type == MAT_C_SPARSE;
   if (variable.data_type != MAT_T_DOUBLE || variable.data == nullptr ||
       !(sparse || variable.class_type == MAT_C_DOUBLE))
-    return unexpected(fault(name, "", "must be of class double, full or sparse"));
+    return unexpected(invalid(name, "must be of class double, full or sparse"));
   if (sparse) {
     const auto& data = *static_cast<const mat_sparse_t*>(variable.data);
     const auto* values = static_cast<const double*>(data.data);
@@ -56,7 +52,7 @@ Expected<TableMatrix> table_of(const matvar_t& variable, const char* name, std::
   }
   const auto* values = static_cast<const double*>(variable.data);
   const std::size_t rows = variable.dims[0], count = rows * variable.dims[1];
-  if (variable.nbytes / sizeof(double) < count) return unexpected(fault(name, "", "ends too soon"));
+  if (variable.nbytes / sizeof(double) < count) return unexpected(invalid(name, "ends too soon"));
   for (std::size_t k = 0; k < count; ++k) {
     if (values[k] != 0.0)
       table.entries.add(static_cast<Index>(k % rows), static_cast<Index>(k / rows), values[k]);
@@ -66,7 +62,8 @@ Expected<TableMatrix> table_of(const matvar_t& variable, const char* name, std::
 
 Expected<ProblemFile> read_here(const std::string& path, const std::string& name, std::size_t length) {
   const std::unique_ptr<mat_t, CloseFile> file(Mat_Open(path.c_str(), MAT_ACC_RDONLY));
-  if (file == nullptr) return unexpected(fault("", "", "cannot be read as a MATLAB file"));
+  if (file == nullptr)
+    return unexpected(failure(ErrorCode::invalid_argument, "cannot be read as a MATLAB file"));
   const auto read = [&](const char* part) -> Expected<std::optional<TableMatrix>> {
     const std::unique_ptr<matvar_t, FreeVariable> variable(Mat_VarRead(file.get(), part));
     if (variable == nullptr) return std::nullopt;
@@ -98,7 +95,8 @@ std::string to_text(const Expected<ProblemFile>& file) {
 }
 
 Expected<ProblemFile> from_text(const std::string& text, const std::string& name) {
-  if (text.empty()) return unexpected(fault("", "", "cannot be read as a MATLAB file"));
+  if (text.empty())
+    return unexpected(failure(ErrorCode::invalid_argument, "cannot be read as a MATLAB file"));
   if (text[0] == kProblem) return parse_problem(std::string_view(text).substr(1), FileFormat::json, name);
   std::string parts[4];
   std::size_t at = 1;
@@ -107,8 +105,7 @@ Expected<ProblemFile> from_text(const std::string& text, const std::string& name
     part = text.substr(at, end - at);
     at = std::min(end + 1, text.size());
   }
-  return unexpected(
-      Error{ErrorCode::invalid_argument, parts[1], std::atol(parts[0].c_str()), parts[2], parts[3]});
+  return unexpected(invalid(parts[1], std::atol(parts[0].c_str()), parts[2], parts[3]));
 }
 
 bool write_all(int file, std::string_view text) {
@@ -146,9 +143,10 @@ std::string read_all(int file) {
   bound_memory(kLibraryBytes + 3 * most_bytes(length));
   bool written = false;
   try {
-    written = write_all(out, to_text(read_here(path, name, length)));
-  } catch (const std::bad_alloc&) {
-    written = write_all(out, to_text(unexpected(fault("", "", "is too large for its length"))));
+    written = write_all(
+        out, to_text(or_out_of_memory(
+                 [&] { return read_here(path, name, length); },
+                 [] { return failure(ErrorCode::invalid_argument, "is too large for its length"); })));
   } catch (...) {
   }
   _exit(written ? 0 : 1);
@@ -172,11 +170,10 @@ Expected<ProblemFile> read_mat73(const std::string& path, const std::string& nam
   const std::string text = child > 0 ? read_all(out) : "";
   if (out >= 0) close(out);
   if (child < 0)
-    return unexpected(
-        Error{ErrorCode::resource_exhausted, "", -1, "", "needs a process to be read by: there is none"});
+    return unexpected(failure(ErrorCode::resource_exhausted, "needs a process to be read by: there is none"));
   if (WIFSIGNALED(ending)) {
-    return unexpected(fault(
-        "", "",
+    return unexpected(failure(
+        ErrorCode::invalid_argument,
         std::string("is no sound HDF5 file: its reader ended with \"") + strsignal(WTERMSIG(ending)) + '"'));
   }
   return from_text(WEXITSTATUS(ending) == 0 ? text : "", name);

@@ -22,9 +22,6 @@ constexpr std::uint32_t kComplexFlag = 0x0800;
 
 static_assert(std::endian::native == std::endian::little);
 
-Error fault(const std::string& name, const std::string& value, const std::string& bound) {
-  return {ErrorCode::invalid_argument, name, -1, value, bound};
-}
 constexpr const char* kEndsTooSoon = "ends too soon";
 
 template <class Number>
@@ -199,7 +196,7 @@ bool is_size(double value, std::size_t length) {
 Expected<std::optional<TableMatrix>> read_version_5(std::string_view bytes, const std::string& name,
                                                     std::size_t length, bool swapped) {
   const auto refuse = [&](const std::string& value, const std::string& bound) {
-    return unexpected(fault(name, value, bound));
+    return unexpected(invalid(name, value, bound));
   };
   Elements parts(bytes, swapped);
   const auto head = take_head(parts, swapped);
@@ -263,7 +260,7 @@ struct Head4 {
 Expected<std::optional<TableMatrix>> read_version_4(std::string_view bytes, const std::string& name,
                                                     std::size_t length) {
   const auto refuse = [&](const std::string& value, const std::string& bound) {
-    return unexpected(fault(name, value, bound));
+    return unexpected(invalid(name, value, bound));
   };
   const Head4 head = Head4::at(bytes);
   bytes.remove_prefix(kHeader4 + head.name_length);
@@ -290,9 +287,9 @@ Expected<std::optional<TableMatrix>> read_version_4(std::string_view bytes, cons
   TableMatrix table{static_cast<Index>(row[last]), static_cast<Index>(column[last])};
   for (std::size_t k = 0; k < last; ++k) {
     if (!(row[k] >= 1.0 && row[k] <= row[last] && column[k] >= 1.0 && column[k] <= column[last])) {
-      return unexpected(Error{
-          ErrorCode::invalid_argument, name, static_cast<std::int64_t>(k), "",
-          "must be an entry within " + std::to_string(table.rows) + " x " + std::to_string(table.columns)});
+      return unexpected(invalid(
+          name, static_cast<std::int64_t>(k), "",
+          "must be an entry within " + std::to_string(table.rows) + " x " + std::to_string(table.columns)));
     }
     table.entries.add(static_cast<Index>(row[k]) - 1, static_cast<Index>(column[k]) - 1, value[k]);
   }
@@ -300,7 +297,7 @@ Expected<std::optional<TableMatrix>> read_version_4(std::string_view bytes, cons
 }
 
 Error fault_at(std::size_t byte, const std::string& bound) {
-  return {ErrorCode::invalid_argument, "", -1, "byte " + std::to_string(byte), bound};
+  return invalid("", "byte " + std::to_string(byte), bound);
 }
 
 }  // namespace
@@ -339,7 +336,7 @@ Expected<void> MatFile::find_version_4(std::string_view bytes) {
 
 Expected<void> MatFile::find_version_5(std::string_view bytes) {
   const std::string_view order = bytes.size() < kHeader5 ? "" : bytes.substr(126, 2);
-  if (order != "IM" && order != "MI") return unexpected(fault("", "", "cannot be read as a MATLAB file"));
+  if (order != "IM" && order != "MI") return unexpected(invalid("", "cannot be read as a MATLAB file"));
   swapped_ = order == "MI";
   Elements elements(bytes.substr(kHeader5), swapped_);
   while (!elements.at_end()) {
@@ -372,10 +369,10 @@ Expected<std::optional<TableMatrix>> MatFile::read(const std::string& name) cons
   const auto matrix = Elements(unpacked, swapped_).next();
   if (!matrix) {
     const bool large = unpacked.size() == most_bytes(length_);
-    return unexpected(fault(name, "",
-                            large ? "must unpack to at most " + std::to_string(most_bytes(length_)) +
-                                        " bytes, for the file's length"
-                                  : std::string(kEndsTooSoon)));
+    return unexpected(invalid(name, "",
+                              large ? "must unpack to at most " + std::to_string(most_bytes(length_)) +
+                                          " bytes, for the file's length"
+                                    : std::string(kEndsTooSoon)));
   }
   return read_version_5(matrix->data, name, length_, swapped_);
 }

@@ -45,7 +45,7 @@ template <class Starts, class Rows>
                                                      const Starts& starts, const Rows& indices,
                                                      const std::vector<double>& values) {
   const auto refuse = [&](std::int64_t index, const std::string& what, const std::string& bound) {
-    return unexpected(Error{ErrorCode::invalid_argument, name + what, index, "", bound});
+    return unexpected(invalid(name + what, index, "", bound));
   };
   const std::size_t entries = std::min<std::size_t>(indices.size(), values.size());
   if (starts.size() <= static_cast<std::size_t>(columns))

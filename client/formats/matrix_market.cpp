@@ -53,7 +53,7 @@ class Reader {
 
  private:
   [[nodiscard]] Error fault(const std::string& value, const std::string& bound) const {
-    return {ErrorCode::invalid_argument, part_, -1, value, bound};
+    return invalid(part_, value, bound);
   }
   void fail(const std::string& rule) {
     if (!failed_) rule_ = rule;
@@ -167,7 +167,7 @@ Expected<void> write_file(const std::string& path, const std::string& text) {
   file << text;
   file.close();
   if (file) return {};
-  return unexpected(Error{ErrorCode::unavailable, "", -1, path, "cannot be written"});
+  return unexpected(failure(ErrorCode::unavailable, "", path, "cannot be written"));
 }
 
 }  // namespace
@@ -193,10 +193,7 @@ Expected<ProblemFile> read_matrix_market(const std::string& folder, const std::s
     const std::string path = path_of(folder, part);
     if (!std::filesystem::exists(path, unknown)) continue;
     auto content = read_bytes(path);
-    if (!content) {
-      content.error().field = part;
-      return unexpected(content.error());
-    }
+    if (!content) return unexpected(of_field(part, content.error()));
     parts.emplace(part, std::move(*content));
   }
   return parse_matrix_market(parts, name);
@@ -206,7 +203,7 @@ Expected<void> write_matrix_market(const ProblemFile& file, const std::string& f
   std::error_code failed;
   std::filesystem::create_directories(folder, failed);
   if (failed) {
-    return unexpected(Error{ErrorCode::unavailable, "", -1, folder, "cannot be made: " + failed.message()});
+    return unexpected(failure(ErrorCode::unavailable, "", folder, "cannot be made: " + failed.message()));
   }
   for (const char* part : kParts) std::filesystem::remove(path_of(folder, part), failed);
   TableSink sink;

@@ -368,8 +368,8 @@ class NlReader {
     const Bounds& given = bounds_[at(variable)];
     const bool lower = (sides & kLowerSide) != 0, upper = (sides & kUpperSide) != 0;
     const auto refuse = [&](const char* rule) {
-      return unexpected(Error{ErrorCode::invalid_argument, "r", static_cast<std::int64_t>(index),
-                              "5 " + std::to_string(sides) + " " + std::to_string(variable + 1), rule});
+      return unexpected(invalid("r", static_cast<std::int64_t>(index),
+                                "5 " + std::to_string(sides) + " " + std::to_string(variable + 1), rule));
     };
     if (lower && given.low == -kInfinity) return refuse("must complement a variable with a lower bound");
     if (upper && given.high == kInfinity) return refuse("must complement a variable with an upper bound");

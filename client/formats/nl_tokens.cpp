@@ -32,7 +32,7 @@ void NlTokens::fail(const std::string& field, const std::string& value, const st
   if (failed_) return;
   failed_ = true;
   const std::string where = binary_ ? "" : " in line " + std::to_string(line_);
-  error_ = {ErrorCode::invalid_argument, field, -1, value, bound + where};
+  error_ = invalid(field, value, bound + where);
 }
 
 std::string_view NlTokens::line() {

@@ -10,10 +10,6 @@ namespace {
 constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr std::size_t kAlignment = 64;
 
-Error fault(const std::string& name, const std::string& value, const std::string& bound) {
-  return {ErrorCode::invalid_argument, name, -1, value, bound};
-}
-
 // The text between the quotes after the key, or up to the end of a tuple or word.
 std::optional<std::string_view> value_of(std::string_view header, std::string_view key) {
   const std::size_t at = header.find(key);
@@ -89,7 +85,7 @@ std::string write(const std::vector<Number>& values, const char* type) {
 
 Expected<NpyArray> parse_npy(std::string_view bytes, const std::string& name) {
   const auto refuse = [&](const std::string& value, const std::string& bound) {
-    return unexpected(fault(name, value, bound));
+    return unexpected(invalid(name, value, bound));
   };
   const std::size_t length_at = kMagic.size() + 2;
   if (bytes.substr(0, kMagic.size()) != kMagic || bytes.size() < length_at + 4)

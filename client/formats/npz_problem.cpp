@@ -19,10 +19,6 @@ struct CloseArchive {
 };
 using Archive = std::unique_ptr<zip_t, CloseArchive>;
 
-Error fault(const std::string& name, const std::string& bound) {
-  return {ErrorCode::invalid_argument, name, -1, "", bound};
-}
-
 class NpzReader {
  public:
   NpzReader(Archive archive, std::size_t length)
@@ -51,17 +47,17 @@ class NpzReader {
     zip_stat_init(&about);
     const auto index = static_cast<zip_uint64_t>(at);
     if (zip_stat_index(archive_.get(), index, 0, &about) != 0 || (about.valid & ZIP_STAT_SIZE) == 0)
-      return unexpected(fault(name + suffix, "cannot be read"));
+      return unexpected(invalid(name + suffix, "cannot be read"));
     if (about.size > most_bytes_) {
-      return unexpected(fault(name + suffix, "must unpack to at most " + std::to_string(most_bytes_) +
-                                                 " bytes, for the file's length"));
+      return unexpected(invalid(name + suffix, "must unpack to at most " + std::to_string(most_bytes_) +
+                                                   " bytes, for the file's length"));
     }
     const std::unique_ptr<zip_file_t, int (*)(zip_file_t*)> file(zip_fopen_index(archive_.get(), index, 0),
                                                                  &zip_fclose);
     std::string bytes(about.size, '\0');
     if (file == nullptr ||
         zip_fread(file.get(), bytes.data(), bytes.size()) != static_cast<zip_int64_t>(bytes.size()))
-      return unexpected(fault(name + suffix, "cannot be read"));
+      return unexpected(invalid(name + suffix, "cannot be read"));
     auto parsed = parse_npy(bytes, name + suffix);
     if (!parsed) return unexpected(parsed.error());
     return std::move(*parsed);
@@ -69,15 +65,15 @@ class NpzReader {
 
   [[nodiscard]] Expected<std::optional<TableMatrix>> table_of(const std::string& name,
                                                               const NpyArray& dense) const {
-    if (dense.shape.size() > 2) return unexpected(fault(name, "must have at most two dimensions"));
+    if (dense.shape.size() > 2) return unexpected(invalid(name, "must have at most two dimensions"));
     for (const std::size_t extent : dense.shape) {
-      if (extent > most_rows_) return unexpected(fault(name, "must have " + sizes_rule()));
+      if (extent > most_rows_) return unexpected(invalid(name, "must have " + sizes_rule()));
     }
     TableMatrix table;
     table.rows = static_cast<Index>(dense.shape.empty() ? 1 : dense.shape[0]);
     table.columns = static_cast<Index>(dense.shape.size() < 2 ? 1 : dense.shape[1]);
     if (dense.values.empty() && table.rows > 0 && table.columns > 0)
-      return unexpected(fault(name, "must hold numbers"));
+      return unexpected(invalid(name, "must hold numbers"));
     const auto rows = static_cast<std::size_t>(table.rows), columns = static_cast<std::size_t>(table.columns);
     for (std::size_t k = 0; k < dense.values.size(); ++k) {
       if (dense.values[k] == 0.0) continue;
@@ -106,37 +102,38 @@ class NpzReader {
       if (!*part) return unexpected(part->error());
     }
     if (!*indices || !*pointers || !*shape)
-      return unexpected(fault(name, "must have .data, .indices, .indptr and .shape"));
+      return unexpected(invalid(name, "must have .data, .indices, .indptr and .shape"));
     const std::string kind = *format ? (*format)->text : "csc";
-    if (kind != "csc" && kind != "csr") return unexpected(fault(name + ".format", "must be csc or csr"));
+    if (kind != "csc" && kind != "csr") return unexpected(invalid(name + ".format", "must be csc or csr"));
     const auto& sizes = (*shape)->values;
     const auto rows = sizes.size() == 2 ? index_of(sizes[0], most_rows_ + 1) : std::nullopt;
     const auto columns = sizes.size() == 2 ? index_of(sizes[1], most_rows_ + 1) : std::nullopt;
     if (!rows || !columns)
-      return unexpected(fault(name + ".shape", "must be two sizes, with " + sizes_rule()));
+      return unexpected(invalid(name + ".shape", "must be two sizes, with " + sizes_rule()));
     TableMatrix table{static_cast<Index>(*rows), static_cast<Index>(*columns)};
     const bool by_column = kind == "csc";
     const std::size_t outer = by_column ? *columns : *rows, inner = by_column ? *rows : *columns;
     const auto& starts = (*pointers)->values;
     const auto& inners = (*indices)->values;
     if (starts.size() != outer + 1)
-      return unexpected(fault(name + ".indptr", "must have " + std::to_string(outer + 1) + " entries"));
+      return unexpected(invalid(name + ".indptr", "must have " + std::to_string(outer + 1) + " entries"));
     if (inners.size() != values.values.size())
-      return unexpected(fault(name + ".indices", "must have as many entries as .data"));
+      return unexpected(invalid(name + ".indices", "must have as many entries as .data"));
     std::size_t next = 0;
     for (std::size_t o = 0; o < outer; ++o) {
       const auto end = index_of(starts[o + 1], inners.size() + 1);
       if (!end || *end < next || starts[0] != 0.0)
-        return unexpected(fault(name + ".indptr", "must ascend from 0 to the number of entries"));
+        return unexpected(invalid(name + ".indptr", "must ascend from 0 to the number of entries"));
       for (; next < *end; ++next) {
         const auto i = index_of(inners[next], inner);
-        if (!i) return unexpected(fault(name + ".indices", "must be in [0, " + std::to_string(inner) + ")"));
+        if (!i)
+          return unexpected(invalid(name + ".indices", "must be in [0, " + std::to_string(inner) + ")"));
         table.entries.add(static_cast<Index>(by_column ? *i : o), static_cast<Index>(by_column ? o : *i),
                           values.values[next]);
       }
     }
     if (next != inners.size())
-      return unexpected(fault(name + ".indptr", "must ascend from 0 to the number of entries"));
+      return unexpected(invalid(name + ".indptr", "must ascend from 0 to the number of entries"));
     return table;
   }
 
@@ -177,7 +174,7 @@ class NpzWriter {
 }  // namespace
 
 Expected<ProblemFile> parse_npz(std::string_view bytes, const std::string& name) {
-  const Error no_archive{ErrorCode::invalid_argument, "", -1, "", "cannot be read as an .npz file"};
+  const Error no_archive = failure(ErrorCode::invalid_argument, "cannot be read as an .npz file");
   zip_source_t* source = zip_source_buffer_create(bytes.data(), bytes.size(), 0, nullptr);
   if (source == nullptr) return unexpected(no_archive);
   Archive archive(zip_open_from_source(source, ZIP_RDONLY, nullptr));
@@ -196,7 +193,7 @@ Expected<ProblemFile> read_npz(const std::string& path, const std::string& name)
 }
 
 Expected<void> write_npz(const ProblemFile& file, const std::string& path) {
-  const Error unwritable{ErrorCode::unavailable, "", -1, "", "cannot be written"};
+  const Error unwritable = failure(ErrorCode::unavailable, "cannot be written");
   int code = 0;
   Archive archive(zip_open(path.c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code));
   if (archive == nullptr) return unexpected(unwritable);

@@ -48,9 +48,7 @@ Expected<ProblemFile> assemble_tables(const TableReader& read, const std::string
   ProblemFile file;
   OwnedProblem& problem = file.problem;
   problem.name = name;
-  const auto missing = [](const char* what) {
-    return unexpected(Error{ErrorCode::invalid_argument, what, -1, "", "is missing"});
-  };
+  const auto missing = [](const char* what) { return unexpected(invalid(what, "is missing")); };
   const auto Q = read("Q");
   if (!Q) return unexpected(Q.error());
   if (!*Q) return missing("Q");

@@ -55,15 +55,11 @@ std::string text_of(double value) {
   return {buffer.data(), end};
 }
 
-Error fault(std::string_view name, std::string value, std::string bound) {
-  return {ErrorCode::invalid_argument, std::string(name), -1, std::move(value), std::move(bound)};
-}
-
 Expected<const OptionInfo*> find(std::string_view name) {
   for (const OptionInfo& info : kTable) {
     if (info.name == name) return &info;
   }
-  return unexpected(fault(name, {}, "is not an option"));
+  return unexpected(invalid(std::string(name), "is not an option"));
 }
 
 std::string join(std::span<const std::string_view> names) {
@@ -79,10 +75,10 @@ std::string range_of(const OptionInfo& info) {
 
 Expected<void> check(const OptionInfo& info, double value) {
   if (!(value >= info.low && value <= info.high)) {  // also catches NaN
-    return unexpected(fault(info.name, text_of(value), range_of(info)));
+    return unexpected(invalid(std::string(info.name), text_of(value), range_of(info)));
   }
   if (info.type != OptionType::real && value != std::floor(value)) {
-    return unexpected(fault(info.name, text_of(value), "must be a whole number"));
+    return unexpected(invalid(std::string(info.name), text_of(value), "must be a whole number"));
   }
   return {};
 }
@@ -110,20 +106,20 @@ Expected<void> set_option_text(Options& options, std::string_view name, std::str
     for (std::size_t i = 0; i < option.choices.size(); ++i) {
       if (option.choices[i] == text) return set_option(options, name, static_cast<double>(i));
     }
-    return unexpected(fault(name, std::string(text), range_of(option)));
+    return unexpected(invalid(std::string(name), std::string(text), range_of(option)));
   }
   if (option.type == OptionType::boolean) {
     if (text == "true" || text == "1") return set_option(options, name, 1.0);
     if (text == "false" || text == "0") return set_option(options, name, 0.0);
-    return unexpected(fault(name, std::string(text), "must be true or false"));
+    return unexpected(invalid(std::string(name), std::string(text), "must be true or false"));
   }
   double value = 0.0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error == std::errc::invalid_argument || end != text.data() + text.size()) {
-    return unexpected(fault(name, std::string(text), "must be a number"));
+    return unexpected(invalid(std::string(name), std::string(text), "must be a number"));
   }
   if (error == std::errc::result_out_of_range) {  // too large or too small for a double
-    return unexpected(fault(name, std::string(text), range_of(option)));
+    return unexpected(invalid(std::string(name), std::string(text), range_of(option)));
   }
   return set_option(options, name, value);
 }

@@ -17,14 +17,10 @@ std::string text_of(double value) {
   return {buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr};
 }
 
-Error fault(std::string field, std::int64_t index, std::string value, std::string bound) {
-  return {ErrorCode::invalid_argument, std::move(field), index, std::move(value), std::move(bound)};
-}
-
 Expected<void> check_finite(std::span<const double> values, const std::string& field) {
   for (std::size_t i = 0; i < values.size(); ++i) {
     if (!std::isfinite(values[i])) {
-      return unexpected(fault(field, static_cast<std::int64_t>(i), text_of(values[i]), "must be finite"));
+      return unexpected(invalid(field, static_cast<std::int64_t>(i), text_of(values[i]), "must be finite"));
     }
   }
   return {};
@@ -40,51 +36,50 @@ Expected<void> check_matrix(const SparseMatrixView& m, const std::string& name, 
   const auto number = [](auto value) { return std::to_string(value); };
   if (m.rows < 0 || static_cast<std::size_t>(m.rows) != rows) {
     return unexpected(
-        fault(name + ".rows", -1, number(m.rows), "must be " + number(rows) + " (" + rows_rule + ")"));
+        invalid(name + ".rows", number(m.rows), "must be " + number(rows) + " (" + rows_rule + ")"));
   }
   if (m.columns < 0 || static_cast<std::size_t>(m.columns) != n) {
-    return unexpected(
-        fault(name + ".columns", -1, number(m.columns), "must be " + number(n) + " (variables)"));
+    return unexpected(invalid(name + ".columns", number(m.columns), "must be " + number(n) + " (variables)"));
   }
   if (m.column_pointers.size() != n + 1) {
-    return unexpected(fault(name + ".column_pointers", -1, number(m.column_pointers.size()) + " entries",
-                            "must have " + number(n + 1) + " entries (columns + 1)"));
+    return unexpected(invalid(name + ".column_pointers", number(m.column_pointers.size()) + " entries",
+                              "must have " + number(n + 1) + " entries (columns + 1)"));
   }
   if (m.row_indices.size() != m.values.size()) {
     return unexpected(
-        fault(name + ".values", -1, number(m.values.size()) + " entries",
-              "must have " + number(m.row_indices.size()) + " entries, as many as row_indices"));
+        invalid(name + ".values", number(m.values.size()) + " entries",
+                "must have " + number(m.row_indices.size()) + " entries, as many as row_indices"));
   }
   if (m.values.size() > static_cast<std::size_t>(std::numeric_limits<Index>::max())) {
     return unexpected(
-        fault(name + ".values", -1, number(m.values.size()) + " entries", "must have less than 2^31"));
+        invalid(name + ".values", number(m.values.size()) + " entries", "must have less than 2^31"));
   }
   const auto entries = static_cast<Index>(m.values.size());
   if (m.column_pointers[0] != 0) {
-    return unexpected(fault(name + ".column_pointers", 0, number(m.column_pointers[0]), "must be 0"));
+    return unexpected(invalid(name + ".column_pointers", 0, number(m.column_pointers[0]), "must be 0"));
   }
   for (std::size_t j = 0; j < n; ++j) {
     const Index begin = m.column_pointers[j];
     const Index end = m.column_pointers[j + 1];
     if (end < begin || end > entries) {
-      return unexpected(fault(name + ".column_pointers", static_cast<std::int64_t>(j) + 1, number(end),
-                              "must be in [" + number(begin) + ", " + number(entries) + "]"));
+      return unexpected(invalid(name + ".column_pointers", static_cast<std::int64_t>(j) + 1, number(end),
+                                "must be in [" + number(begin) + ", " + number(entries) + "]"));
     }
     for (Index k = begin; k < end; ++k) {
       const Index row = m.row_indices[k];
       if (row < 0 || row >= m.rows) {
         return unexpected(
-            fault(name + ".row_indices", k, number(row), "must be in [0, " + number(rows) + ")"));
+            invalid(name + ".row_indices", k, number(row), "must be in [0, " + number(rows) + ")"));
       }
       if (k > begin && row <= m.row_indices[k - 1]) {
-        return unexpected(fault(name + ".row_indices", k, number(row),
-                                "must be greater than the entry before it in column " + number(j)));
+        return unexpected(invalid(name + ".row_indices", k, number(row),
+                                  "must be greater than the entry before it in column " + number(j)));
       }
     }
   }
   if (m.column_pointers[n] != entries) {
-    return unexpected(fault(name + ".column_pointers", static_cast<std::int64_t>(n),
-                            number(m.column_pointers[n]), "must be " + number(entries) + " (entries)"));
+    return unexpected(invalid(name + ".column_pointers", static_cast<std::int64_t>(n),
+                              number(m.column_pointers[n]), "must be " + number(entries) + " (entries)"));
   }
   return check_finite(m.values, name + ".values");
 }
@@ -93,10 +88,10 @@ Expected<void> check_matrix(const SparseMatrixView& m, const std::string& name, 
 // r is always the next unread one of that column.
 Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
   const auto asymmetric = [&](Index k, Index row, Index column, double mirror) {
-    return unexpected(fault("Q.values", k, text_of(q.values[k]),
-                            "Q must be symmetric: entry (" + std::to_string(row) + ", " +
-                                std::to_string(column) + ") differs from its mirror image " +
-                                text_of(mirror)));
+    return unexpected(invalid("Q.values", k, text_of(q.values[k]),
+                              "Q must be symmetric: entry (" + std::to_string(row) + ", " +
+                                  std::to_string(column) + ") differs from its mirror image " +
+                                  text_of(mirror)));
   };
   if (q.values.empty()) return {};
   std::vector<Index> next(q.column_pointers.begin(), q.column_pointers.end() - 1);
@@ -106,8 +101,8 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
       if (form == HessianForm::upper_triangle) {
         if (row > column) {
           return unexpected(
-              fault("Q.row_indices", k, std::to_string(row),
-                    "must be <= " + std::to_string(column) + " (its column): upper triangle only"));
+              invalid("Q.row_indices", k, std::to_string(row),
+                      "must be <= " + std::to_string(column) + " (its column): upper triangle only"));
         }
         continue;
       }
@@ -145,7 +140,7 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
 Expected<Problem> Problem::create(const ProblemView& view) {
   const std::size_t n = view.g.size();
   if (n == 0)
-    return unexpected(fault("g", -1, "0 entries", "must have at least 1 entry: there must be a variable"));
+    return unexpected(invalid("g", "0 entries", "must have at least 1 entry: there must be a variable"));
   const struct {
     const char* name;
     std::span<const double> values;
@@ -155,13 +150,13 @@ Expected<Problem> Problem::create(const ProblemView& view) {
   };
   for (const auto& vector : vectors) {
     if (vector.values.size() > contract::most_rows) {
-      return unexpected(fault(vector.name, -1, std::to_string(vector.values.size()) + " entries",
-                              "must have at most " + std::to_string(contract::most_rows) + " entries"));
+      return unexpected(invalid(vector.name, std::to_string(vector.values.size()) + " entries",
+                                "must have at most " + std::to_string(contract::most_rows) + " entries"));
     }
   }
   if (view.r.size() != view.l.size()) {
-    return unexpected(fault("r", -1, std::to_string(view.r.size()) + " entries",
-                            "must have " + std::to_string(view.l.size()) + " entries, as many as l"));
+    return unexpected(invalid("r", std::to_string(view.r.size()) + " entries",
+                              "must have " + std::to_string(view.l.size()) + " entries, as many as l"));
   }
   const struct {
     const char* name;
@@ -181,7 +176,7 @@ Expected<Problem> Problem::create(const ProblemView& view) {
   for (const auto& vector : vectors) {
     if (auto valid = check_finite(vector.values, vector.name); !valid) return unexpected(valid.error());
   }
-  if (!std::isfinite(view.c0)) return unexpected(fault("c0", -1, text_of(view.c0), "must be finite"));
+  if (!std::isfinite(view.c0)) return unexpected(invalid("c0", text_of(view.c0), "must be finite"));
   if (auto valid = check_symmetry(view.Q, view.hessian_form); !valid) return unexpected(valid.error());
   return Problem(view);
 }
@@ -193,35 +188,34 @@ Expected<void> Problem::check_initial_point(std::span<const double> z, Index var
 
 Expected<void> check_numbers(std::span<const double> values, std::size_t size, const char* field) {
   if (values.size() != size) {
-    return unexpected(fault(field, -1, std::to_string(values.size()) + " entries",
-                            "must have " + std::to_string(size) + " entries"));
+    return unexpected(invalid(field, std::to_string(values.size()) + " entries",
+                              "must have " + std::to_string(size) + " entries"));
   }
   return check_finite(values, field);
 }
 
 Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entries, const char* name) {
   const std::string prefix = name;
-  if (rows < 0) return unexpected(fault(prefix + ".rows", -1, std::to_string(rows), "must be >= 0"));
-  if (columns < 0) return unexpected(fault(prefix + ".cols", -1, std::to_string(columns), "must be >= 0"));
+  if (rows < 0) return unexpected(invalid(prefix + ".rows", std::to_string(rows), "must be >= 0"));
+  if (columns < 0) return unexpected(invalid(prefix + ".cols", std::to_string(columns), "must be >= 0"));
   const std::size_t count = entries.values.size();
   if (count > static_cast<std::size_t>(std::numeric_limits<Index>::max())) {
-    return unexpected(
-        fault(prefix + ".v", -1, std::to_string(count) + " entries", "must have less than 2^31"));
+    return unexpected(invalid(prefix + ".v", std::to_string(count) + " entries", "must have less than 2^31"));
   }
   if (entries.rows.size() != count) {
-    return unexpected(fault(prefix + ".i", -1, std::to_string(entries.rows.size()) + " entries",
-                            "must have " + std::to_string(count) + " entries, as many as v"));
+    return unexpected(invalid(prefix + ".i", std::to_string(entries.rows.size()) + " entries",
+                              "must have " + std::to_string(count) + " entries, as many as v"));
   }
   if (entries.columns.size() != count) {
-    return unexpected(fault(prefix + ".j", -1, std::to_string(entries.columns.size()) + " entries",
-                            "must have " + std::to_string(count) + " entries, as many as v"));
+    return unexpected(invalid(prefix + ".j", std::to_string(entries.columns.size()) + " entries",
+                              "must have " + std::to_string(count) + " entries, as many as v"));
   }
   const auto check_range = [](const std::vector<Index>& indices, Index end,
                               const std::string& field) -> Expected<void> {
     for (std::size_t k = 0; k < indices.size(); ++k) {
       if (indices[k] < 0 || indices[k] >= end) {
-        return unexpected(fault(field, static_cast<std::int64_t>(k), std::to_string(indices[k]),
-                                "must be in [0, " + std::to_string(end) + ")"));
+        return unexpected(invalid(field, static_cast<std::int64_t>(k), std::to_string(indices[k]),
+                                  "must be in [0, " + std::to_string(end) + ")"));
       }
     }
     return {};
@@ -247,8 +241,8 @@ Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entri
     if (entries.rows[k] == last_row && entries.columns[k] == last_column) {
       result.values.back() += entries.values[k];
       if (!std::isfinite(result.values.back())) {
-        return unexpected(fault(prefix + ".v", static_cast<std::int64_t>(k), text_of(entries.values[k]),
-                                "must leave the sum of the entries at its place finite"));
+        return unexpected(invalid(prefix + ".v", static_cast<std::int64_t>(k), text_of(entries.values[k]),
+                                  "must leave the sum of the entries at its place finite"));
       }
       continue;
     }

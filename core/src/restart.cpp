@@ -10,10 +10,6 @@
 namespace marble {
 namespace {
 
-Error fault(std::string field, std::int64_t value, std::string bound) {
-  return {ErrorCode::invalid_argument, std::move(field), -1, std::to_string(value), std::move(bound)};
-}
-
 // Entries that it moves, but at least one.
 std::int64_t moved_by(const ShiftBlock& block) {
   return block.by == 0 ? 1 : std::max<std::int64_t>(1, std::int64_t{block.count} - block.by);
@@ -26,7 +22,8 @@ Expected<void> check_blocks(std::span<const ShiftBlock> blocks, std::size_t size
     const std::string path = std::string("shift.") + name + "[" + std::to_string(i) + "]";
     const auto check = [&](const char* what, Index value, std::int64_t most) -> Expected<void> {
       if (value >= 0 && value <= most) return {};
-      return unexpected(fault(path + what, value, "must be in [0, " + std::to_string(most) + "]"));
+      return unexpected(
+          invalid(path + what, std::to_string(value), "must be in [0, " + std::to_string(most) + "]"));
     };
     const ShiftBlock& block = blocks[i];
     auto valid = check(".first", block.first, length);
@@ -35,9 +32,9 @@ Expected<void> check_blocks(std::span<const ShiftBlock> blocks, std::size_t size
     if (!valid) return valid;
     moved += moved_by(block);
     if (moved > std::max<std::int64_t>(1, length)) {
-      return unexpected(fault(path, moved,
-                              "entries are moved by the blocks so far; must be at most " +
-                                  std::to_string(length) + ", as many as the vector has"));
+      return unexpected(invalid(path, std::to_string(moved),
+                                "entries are moved by the blocks so far; must be at most " +
+                                    std::to_string(length) + ", as many as the vector has"));
     }
   }
   return {};
@@ -55,7 +52,7 @@ void move_entries(std::span<const ShiftBlock> blocks, std::span<Value> values) {
 }  // namespace
 
 Expected<Shift> Shift::by_stage(const ProblemView& problem, int stages) {
-  if (stages < 1) return unexpected(fault("stages", stages, "must be a whole number >= 1"));
+  if (stages < 1) return unexpected(invalid("stages", std::to_string(stages), "must be a whole number >= 1"));
   Shift shift;
   const std::array<std::tuple<const char*, std::size_t, std::vector<ShiftBlock>*>, 4> vectors = {{
       {"variables", problem.g.size(), &shift.variables},
@@ -66,8 +63,9 @@ Expected<Shift> Shift::by_stage(const ProblemView& problem, int stages) {
   for (const auto& [name, size, blocks] : vectors) {
     const auto count = static_cast<Index>(size);
     if (count % stages != 0) {
-      return unexpected(fault(
-          "stages", stages, std::string("must divide the number of ") + name + ", " + std::to_string(count)));
+      return unexpected(
+          invalid("stages", std::to_string(stages),
+                  std::string("must divide the number of ") + name + ", " + std::to_string(count)));
     }
     if (count > 0) blocks->push_back({0, count, count / stages});
   }

@@ -62,7 +62,7 @@ struct MostFlops {
     std::snprintf(value, sizeof value, "a factorization of %.2g flops", needed);
     std::snprintf(bound, sizeof bound, "must have at most %.2g to fit %s of %g s on the fastest machine",
                   flops(), by_time_limit ? "the time limit" : "the limit for one", seconds);
-    return {ErrorCode::resource_exhausted, "problem", -1, value, bound};
+    return failure(ErrorCode::resource_exhausted, "problem", value, bound);
   }
 
   bool by_time_limit;
@@ -71,8 +71,8 @@ struct MostFlops {
 
 Error ended(bool stopped) {
   const char* const when = "while the problem was prepared";
-  return stopped ? Error{ErrorCode::cancelled, "", -1, "", std::string("stopped ") + when}
-                 : Error{ErrorCode::deadline_exceeded, "", -1, "", std::string("the time was up ") + when};
+  return stopped ? failure(ErrorCode::cancelled, std::string("stopped ") + when)
+                 : failure(ErrorCode::deadline_exceeded, std::string("the time was up ") + when);
 }
 
 Solution answer(const ScaledProblem& problem, const Ending& ending, const Iterate& x, const Run& run) {
@@ -167,9 +167,9 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options,
   const auto begin = Run::Clock::now();
   const Interrupt interrupt(controls.stop, controls.until);
   const auto refuse = [&controls](double bytes) {
-    return unexpected(Error{ErrorCode::resource_exhausted, "problem", -1,
-                            std::to_string(static_cast<std::int64_t>(bytes)) + " bytes of memory",
-                            "a solver may take at most " + std::to_string(controls.most_bytes)});
+    return unexpected(failure(ErrorCode::resource_exhausted, "problem",
+                              std::to_string(static_cast<std::int64_t>(bytes)) + " bytes of memory",
+                              "a solver may take at most " + std::to_string(controls.most_bytes)));
   };
   double own_bytes = bytes_without_factor(problem);
   own_bytes += FurtherStarts::extra_bytes(options, own_bytes);
@@ -194,19 +194,26 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options,
 
 Expected<void> Solver::update(const ProblemUpdate& update) {
   if (auto valid = state_->sizes.check(update); !valid) return valid;
-  if (rescale(update, state_->problem)) {
-    state_->kkt->load(state_->problem);
-    state_->strategy.forget_convexity();
-  }
+  take(update);
   return {};
+}
+
+void Solver::take(const ProblemUpdate& checked) {
+  if (!rescale(checked, state_->problem)) return;
+  state_->kkt->load(state_->problem);
+  state_->strategy.forget_convexity();
 }
 
 Expected<void> Solver::set_options(const Options& options) {
   if (auto valid = validate(options); !valid) return valid;
-  const int scaling_passes = state_->options.scaling_passes;
-  state_->options = options;
-  state_->options.scaling_passes = scaling_passes;
+  take(options);
   return {};
+}
+
+void Solver::take(const Options& checked) {
+  const int scaling_passes = state_->options.scaling_passes;
+  state_->options = checked;
+  state_->options.scaling_passes = scaling_passes;
 }
 
 std::int64_t Solver::memory_bytes() const { return state_->memory_bytes; }

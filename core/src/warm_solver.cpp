@@ -4,6 +4,20 @@
 
 namespace marble {
 
+Expected<CheckedUpdate> CheckedUpdate::check(const PartSizes& sizes, const ProblemUpdate& numbers,
+                                             Restart restart) {
+  if (auto valid = restart.check(sizes); !valid) return unexpected(valid.error());
+  if (auto valid = sizes.check(numbers); !valid) return unexpected(valid.error());
+  return CheckedUpdate(sizes, numbers, std::move(restart));
+}
+
+CheckedUpdate CheckedUpdate::of_checked(const PartSizes& sizes, const ProblemUpdate& numbers, Restart restart,
+                                        const Options& options) {
+  CheckedUpdate update(sizes, numbers, std::move(restart));
+  update.options_ = options;
+  return update;
+}
+
 WarmSolver::WarmSolver(Solver solver, const PartSizes& sizes, double setup_s,
                        std::span<const double> initial_z)
     : solver_(std::move(solver)),
@@ -43,9 +57,17 @@ void WarmSolver::begin_at(const Restart& restart) {
 
 Expected<Solution> WarmSolver::solve(const ProblemUpdate& update, const Restart& restart,
                                      const SolveControls& controls) {
-  if (auto valid = restart.check(sizes_); !valid) return unexpected(valid.error());
-  if (auto taken = solver_.update(update); !taken) return unexpected(taken.error());
-  begin_at(restart);
+  const auto checked = CheckedUpdate::check(sizes_, update, restart);
+  return checked ? solve(*checked, controls) : unexpected(checked.error());
+}
+
+Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveControls& controls) {
+  if (update.sizes() != sizes_)
+    return unexpected(
+        failure(ErrorCode::failed_precondition, "the update is one of another problem's sizes"));
+  if (update.options()) solver_.take(*update.options());
+  solver_.take(update.numbers());
+  begin_at(update.restart());
   SolveControls own = controls;
   own.initial_z = initial_z_;
   own.warm_start = newest_ ? &*newest_ : nullptr;

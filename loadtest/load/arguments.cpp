@@ -104,10 +104,6 @@ void add_all(CLI::App& command, Arguments& a) {
   add_measurement(command, a);
 }
 
-Error fault(std::string field, std::string value, std::string rule) {
-  return {ErrorCode::invalid_argument, std::move(field), -1, std::move(value), std::move(rule)};
-}
-
 std::string shell_line(int argc, char** argv) {
   std::string line = "marble-load";
   for (int i = 1; i < argc; ++i) line += std::string(" ") + argv[i];
@@ -177,7 +173,7 @@ Expected<Scenario> scenario_of(const Arguments& a) {
   entry.size = a.size;
   entry.variants = a.variants;
   if (!entry.file.empty() && (a.size != 0 || a.variants != 1))
-    return unexpected(fault("--size, --variants", "", "are of built-in examples, not of a file"));
+    return unexpected(invalid("--size, --variants", "", "are of built-in examples, not of a file"));
   entry.cold = a.cold;
   entry.deadline_s = a.deadline_s;
   for (const Priority known : {Priority::realtime, Priority::interactive, Priority::batch}) {
@@ -185,7 +181,7 @@ Expected<Scenario> scenario_of(const Arguments& a) {
   }
   for (const std::string& option : a.options) {
     const std::size_t equals = option.find('=');
-    if (equals == std::string::npos) return unexpected(fault("--option", option, "must be NAME=VALUE"));
+    if (equals == std::string::npos) return unexpected(invalid("--option", option, "must be NAME=VALUE"));
     const auto set = set_option_text(entry.options, option.substr(0, equals), option.substr(equals + 1));
     if (!set) return unexpected(set.error());
   }

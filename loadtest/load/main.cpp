@@ -23,7 +23,7 @@ Expected<void> read_token(Arguments& a) {
   if (a.token_file.empty()) return {};
   std::ifstream file(a.token_file);
   if (std::getline(file, a.connect.token)) return {};
-  return unexpected(Error{ErrorCode::not_found, "--token-file", -1, a.token_file, "cannot be read"});
+  return unexpected(failure(ErrorCode::not_found, "--token-file", a.token_file, "cannot be read"));
 }
 
 bool write(const std::string& path, const std::string& content) {

@@ -8,10 +8,6 @@
 namespace marble::load {
 namespace {
 
-Error fault(const char* field, std::string value, std::string rule) {
-  return {ErrorCode::invalid_argument, field, -1, std::move(value), std::move(rule)};
-}
-
 // MacMPEC's jr1: min (z₁ − 1)² + z₂² with 0 ≤ z₂ ⊥ z₂ − z₁ ≥ 0: what a request costs that asks next to
 // nothing.
 OwnedProblem jr1() {
@@ -75,15 +71,15 @@ Expected<std::vector<OwnedProblem>> problems_of(const Entry& entry) {
     result.push_back(std::move(file->problem));
   } else {
     if (entry.problem == "qpec" && entry.size == 1)
-      return unexpected(fault("size", "1", "must be at least 2 for qpec"));
+      return unexpected(invalid("size", "1", "must be at least 2 for qpec"));
     for (int k = 0; k < entry.variants; ++k)
       result.push_back(example(entry.problem, entry.size, static_cast<std::uint64_t>(k)));
   }
   for (const OwnedProblem& p : result) {
     if (const auto valid = Problem::create(p.view()); !valid) return unexpected(valid.error());
     if (!same_pattern(p, result.front()))
-      return unexpected(fault("variants", std::to_string(entry.variants),
-                              "their matrices have not all the same pattern: fewer may have"));
+      return unexpected(invalid("variants", std::to_string(entry.variants),
+                                "their matrices have not all the same pattern: fewer may have"));
   }
   return result;
 }

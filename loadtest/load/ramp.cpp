@@ -22,8 +22,8 @@ std::string ms(double seconds) {
 
 Expected<Objective> parse_objective(const std::string& text) {
   const auto wrong = [&] {
-    return unexpected(Error{ErrorCode::invalid_argument, "--objective", -1, "\"" + text + "\"",
-                            "must be pQ=TIME, as p99=50ms, p99.9=1s or p50=800us"});
+    return unexpected(
+        invalid("--objective", "\"" + text + "\"", "must be pQ=TIME, as p99=50ms, p99.9=1s or p50=800us"));
   };
   Objective objective{0.0, 0.0, text};
   const char* const end = text.data() + text.size();

@@ -46,7 +46,7 @@ class Reader {
     if (fault_) return;
     std::string field = path_.string();
     if (where.begin.line > 0) field += ":" + std::to_string(where.begin.line);
-    fault_ = Error{ErrorCode::invalid_argument, field + ": " + key, -1, std::move(value), std::move(rule)};
+    fault_ = invalid(field + ": " + key, std::move(value), std::move(rule));
   }
   static std::string text_of(const toml::node& node) {
     std::ostringstream out;
@@ -195,9 +195,8 @@ Expected<Scenario> parse_scenario(const std::string& text, const std::filesystem
   const toml::parse_result parsed = toml::parse(text, path.string());
   if (!parsed) {
     const auto& error = parsed.error();
-    return unexpected(Error{ErrorCode::invalid_argument,
-                            path.string() + ":" + std::to_string(error.source().begin.line), -1, "",
-                            std::string(error.description())});
+    return unexpected(invalid(path.string() + ":" + std::to_string(error.source().begin.line), "",
+                              std::string(error.description())));
   }
   Scenario scenario;
   if (auto read = Reader(path, scenario).read(parsed.table()); !read) return unexpected(read.error());
@@ -208,7 +207,7 @@ Expected<Scenario> read_scenario(const std::filesystem::path& path) {
   std::ifstream file(path);
   std::ostringstream text;
   if (!file || !(text << file.rdbuf()))
-    return unexpected(Error{ErrorCode::not_found, path.string(), -1, "", "cannot be read"});
+    return unexpected(failure(ErrorCode::not_found, path.string(), "cannot be read"));
   return parse_scenario(text.str(), path);
 }
 

@@ -6,7 +6,7 @@ namespace marble::server::http {
 namespace {
 
 Expected<void> refused(const char* header, const std::string& value, const char* rule) {
-  return unexpected(Error{ErrorCode::permission_denied, header, -1, value, rule});
+  return unexpected(failure(ErrorCode::permission_denied, header, value, rule));
 }
 
 }  // namespace

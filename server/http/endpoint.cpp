@@ -31,7 +31,7 @@ Expected<void> check_parameters(const httplib::Request& request, std::initialize
     std::string rule = "is no parameter here";
     for (const char* one : known)
       rule += (one == *known.begin() ? ", which takes " : ", ") + std::string(one);
-    return unexpected(Error{ErrorCode::invalid_argument, name, -1, value, rule});
+    return unexpected(invalid(name, value, rule));
   }
   return {};
 }

@@ -92,8 +92,8 @@ Expected<std::unique_ptr<EventHub::Viewer>> EventHub::join(const Identity& calle
   const MutexLock lock(mutex_);
   if (viewers_ >= most_viewers_) {
     parts_.feeds.leave(caller.client);
-    return unexpected(Error{ErrorCode::resource_exhausted, "http_connections", -1, "",
-                            "leaves room for " + std::to_string(most_viewers_) + " event streams"});
+    return unexpected(failure(ErrorCode::resource_exhausted, "http_connections",
+                              "leaves room for " + std::to_string(most_viewers_) + " event streams"));
   }
   ++viewers_;
   std::shared_ptr<Topic>& shared = topics_[topic.key];

@@ -96,7 +96,7 @@ void HttpServer::set_handlers(bool on_loopback) {
   });
   server_->set_exception_handler(
       [](const httplib::Request&, httplib::Response& response, const std::exception_ptr&) {
-        http::reply_error(response, {ErrorCode::internal, "", -1, "", "the request failed in the server"});
+        http::reply_error(response, failure(ErrorCode::internal, "the request failed in the server"));
       });
   server_->set_error_handler([this](const httplib::Request& request, httplib::Response& response) {
     if (response.body.empty()) tell_fault(*router_, request, response);
@@ -125,8 +125,8 @@ Expected<std::unique_ptr<HttpServer>> HttpServer::start(const ServiceParts& part
   const std::string& address = parts.config.http == "auto" ? kDefaultHttpAddress : parts.config.http;
   std::unique_ptr<HttpServer> server(new HttpServer(parts, address, listeners));
   if (!server->bind(address)) {
-    return unexpected(Error{ErrorCode::unavailable, "http", -1, address,
-                            "cannot listen: in use, or no address of this machine"});
+    return unexpected(failure(ErrorCode::unavailable, "http", address,
+                              "cannot listen: in use, or no address of this machine"));
   }
   server->thread_ = std::thread([http = server->server_.get()] { http->listen_after_bind(); });
   // Connections wait in the socket from bind() on; but a stop before this would not be heard.

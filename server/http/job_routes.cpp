@@ -15,10 +15,6 @@ namespace {
 
 constexpr std::array<const char*, 4> kStates = {"queued", "running", "idle", "finished"};  // of v1::JobState
 
-Error wrong(const char* field, std::int64_t index, const std::string& value, const char* rule) {
-  return {ErrorCode::invalid_argument, field, index, value, rule};
-}
-
 Expected<void> read_states(const httplib::Request& request, v1::ListJobsRequest* message) {
   const std::size_t count = request.get_param_value_count("state");
   for (std::size_t i = 0; i < count; ++i) {
@@ -26,7 +22,7 @@ Expected<void> read_states(const httplib::Request& request, v1::ListJobsRequest*
     const auto found = std::find(kStates.begin(), kStates.end(), name);
     if (found == kStates.end()) {
       return unexpected(
-          wrong("state", static_cast<std::int64_t>(i), name, "must be queued, running, idle or finished"));
+          invalid("state", static_cast<std::int64_t>(i), name, "must be queued, running, idle or finished"));
     }
     message->add_states(static_cast<v1::JobState>(found - kStates.begin() + v1::JOB_STATE_QUEUED));
   }
@@ -39,7 +35,7 @@ Expected<void> read_limit(const httplib::Request& request, v1::ListJobsRequest* 
   std::int32_t limit = 0;
   const char* end = text.data() + text.size();
   const auto [at, fault] = std::from_chars(text.data(), end, limit);
-  if (fault != std::errc() || at != end) return unexpected(wrong("limit", -1, text, "must be an integer"));
+  if (fault != std::errc() || at != end) return unexpected(invalid("limit", text, "must be an integer"));
   message->set_limit(limit);
   return {};
 }

@@ -52,20 +52,18 @@ Metrics::Metrics(bool on, int clients)
 
 Metrics::~Metrics() = default;
 
-void Metrics::job_ended(const Job& job, const Outcome& outcome) {
+void Metrics::job_ended(const EndedJob& job) {
   if (!on()) return;
-  const std::size_t priority = index_of(job.ticket.priority);
-  counted_->queue_s[priority]->Observe(outcome.queue_s);
-  if (!outcome.solution) return;
-  const Solution& solution = *outcome.solution;
-  const bool is_update = job.ticket.reserved && !job.is_setup;
-  if (!is_update) counted_->setup_s.Observe(solution.times.setup_s);
-  if (job.is_setup) return;
+  const std::size_t priority = index_of(job.priority);
+  counted_->queue_s[priority]->Observe(job.queue_s);
+  if (job.setup_s) counted_->setup_s.Observe(*job.setup_s);
+  if (job.solution == nullptr) return;
+  const Solution& solution = *job.solution;
   counted_->solves[index_of(solution.status)][priority]->Increment();
   counted_->solve_s[priority]->Observe(solution.times.solve_s);
   counted_->iterations.Observe(solution.iterations);
   counted_->factorizations.Observe(solution.factorizations);
-  counted_->clients.solved(job.ticket.client, solution.times.solve_s);
+  counted_->clients.solved(job.client, solution.times.solve_s);
 }
 
 void Metrics::update_superseded() {

@@ -2,11 +2,24 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <string>
 
-#include "job.h"
+#include "marble/error.h"
+#include "marble/solution.h"
 #include "metrics/metric_registry.h"
+#include "priority.h"
 
 namespace marble::server {
+
+/// A job, or an update of a session, that has ended.
+struct EndedJob {
+  const std::string& client;
+  Priority priority = Priority::interactive;
+  double queue_s = 0.0;
+  std::optional<double> setup_s = {};  ///< if it was set up
+  const Solution* solution = nullptr;  ///< null if nothing was solved
+};
 
 /// Thread-safe, and cheap: a few atomic additions a job, nothing an iteration.
 class Metrics {
@@ -22,7 +35,7 @@ class Metrics {
   [[nodiscard]] MetricRegistry& registry() { return registry_; }
   [[nodiscard]] const MetricRegistry& registry() const { return registry_; }
 
-  void job_ended(const Job& job, const Outcome& outcome);
+  void job_ended(const EndedJob& job);
   void update_superseded();
   void update_refused(const Error& error);
   /// `skipped`: dropped before these, since the last that were sent.

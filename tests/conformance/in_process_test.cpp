@@ -136,8 +136,11 @@ TEST_F(InProcess, DeadlinesAndStopsEndASolveHereAsThere) {
   EXPECT_EQ(there_.solve(endless_, tiny_steps_, {}, soon).error().code, ErrorCode::deadline_exceeded);
   std::stop_source stopped;
   stopped.request_stop();
-  EXPECT_EQ(here_.solve(endless_, tiny_steps_, {.stop = stopped.get_token()}).error().code,
+  EXPECT_EQ(there_.solve(endless_, tiny_steps_, {.stop = stopped.get_token()}).error().code,
             ErrorCode::cancelled);
+  const auto best = here_.solve(endless_, tiny_steps_, {.stop = stopped.get_token()});
+  EXPECT_EQ(best.value().status, Status::cancelled) << "nobody has hung up: the best iterate is there";
+  EXPECT_EQ(best->z.size(), endless_.g.size());
   Session session = here_.open_session(endless_, tiny_steps_).value();
   EXPECT_EQ(session.solve({}, {.deadline = 50ms}).error().code, ErrorCode::deadline_exceeded);
   EXPECT_TRUE(session.is_open()) << "that update alone was late";

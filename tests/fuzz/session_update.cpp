@@ -30,6 +30,13 @@ OwnedProblem small_problem() {
   return p;
 }
 
+Options few_iterations() {
+  Options few;
+  few.max_iterations = 4;
+  few.local_search_budget = 0;
+  return few;
+}
+
 std::optional<Update> read(const std::uint8_t* data, std::size_t size, const PartSizes& sizes) {
   const grpc::Slice slice(data, size);
   grpc::ByteBuffer bytes(&slice, 1);
@@ -39,14 +46,14 @@ std::optional<Update> read(const std::uint8_t* data, std::size_t size, const Par
     return std::nullopt;
   }
   if (!request.has_update()) return std::nullopt;
-  auto update = server::make_update(*request.mutable_update(), sizes);
+  auto update = Update::check(*request.mutable_update(), sizes, few_iterations());
   if (update) return std::move(*update);
   FUZZ_EXPECT(update.error().field.starts_with("update."));
   return std::nullopt;
 }
 
 void apply(WarmSolver& solver, const Update& update) {
-  FUZZ_EXPECT(solver.solve(update_of(update.message.problem()), server::restart_of(update)).has_value());
+  FUZZ_EXPECT(solver.solve(update.checked()).has_value());
 }
 
 }  // namespace
@@ -61,14 +68,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::optional<Update> older = read(data + 1, first, sizes);
   std::optional<Update> newer = read(data + 1 + first, size - 1 - first, sizes);
   if (!older || !newer) return 0;
-  Options few;
-  few.max_iterations = 4;
-  few.local_search_budget = 0;
-  auto solver = WarmSolver::create(problem, few);
+  auto solver = WarmSolver::create(problem, few_iterations());
   FUZZ_EXPECT(solver.has_value());
   apply(*solver, *older);
-  server::take_along(*older, *newer, sizes);
-  FUZZ_EXPECT(server::bytes_of(*newer) <= server::most_update_bytes(sizes));
+  newer->take_along(*older);
+  FUZZ_EXPECT(newer->bytes() <= server::most_update_bytes(sizes));
+  const CheckedUpdate both = newer->checked();
+  FUZZ_EXPECT(CheckedUpdate::check(sizes, both.numbers(), both.restart()).has_value());
   apply(*solver, *newer);
   return 0;
 }

@@ -71,7 +71,7 @@ class MetricsTest : public ::testing::Test {
 
 TEST_F(MetricsTest, EveryMetricOfTheTableIsToldWithHelpAndType) {
   const auto interceptors = rpc_interceptors(metrics_.registry());
-  metrics_.job_ended(job_of("planner"), solved());
+  metrics_.job_ended(counted_of(job_of("planner"), solved()));
   const std::string told = text();
   for (const MetricInfo& metric : metric_table()) {
     EXPECT_NE(told.find("# HELP " + metric.name + " "), std::string::npos) << metric.name;
@@ -118,7 +118,7 @@ TEST(MetricTable, BucketsAscendOverTheRangeThatMatters) {
 }
 
 TEST_F(MetricsTest, CountASolveOnceEverywhere) {
-  metrics_.job_ended(job_of("planner", Priority::realtime), solved(0.25, 7));
+  metrics_.job_ended(counted_of(job_of("planner", Priority::realtime), solved(0.25, 7)));
   EXPECT_EQ(value_of(R"(marble_solves_total{priority="realtime",status="solved"})"), 1);
   EXPECT_EQ(value_of(R"(marble_solve_seconds_sum{priority="realtime"})"), 0.25);
   EXPECT_EQ(value_of("marble_solve_iterations_sum"), 7);
@@ -132,11 +132,11 @@ TEST_F(MetricsTest, ASetUpOfASessionIsNoSolveAndAnUpdateIsOne) {
   Job job = job_of("planner", Priority::realtime);
   job.ticket.reserved = true;
   job.is_setup = true;
-  metrics_.job_ended(job, solved());
+  metrics_.job_ended(counted_of(job, solved()));
   EXPECT_EQ(value_of(R"(marble_solves_total{priority="realtime",status="solved"})"), 0);
   EXPECT_EQ(value_of("marble_setup_seconds_count"), 1);
   job.is_setup = false;
-  metrics_.job_ended(job, solved());
+  metrics_.job_ended(counted_of(job, solved()));
   EXPECT_EQ(value_of(R"(marble_solves_total{priority="realtime",status="solved"})"), 1);
   EXPECT_EQ(value_of("marble_setup_seconds_count"), 1) << "it was set up once";
 }
@@ -144,14 +144,15 @@ TEST_F(MetricsTest, ASetUpOfASessionIsNoSolveAndAnUpdateIsOne) {
 TEST_F(MetricsTest, AJobWithoutAnAnswerIsNoSolve) {
   Outcome gone = solved();
   gone.solution = unexpected(Error{ErrorCode::cancelled, "", -1, "", "given up"});
-  metrics_.job_ended(job_of("planner"), gone);
+  metrics_.job_ended(counted_of(job_of("planner"), gone));
   EXPECT_EQ(value_of(R"(marble_queue_wait_seconds_count{priority="interactive"})"), 1);
   EXPECT_EQ(value_of(R"(marble_solve_seconds_count{priority="interactive"})"), 0);
   EXPECT_EQ(lines_with("marble_client_solves_total"), 0U);
 }
 
 TEST_F(MetricsTest, TenThousandClientsTakeNoMoreSeriesThanAreAllowed) {
-  for (int i = 0; i < 10'000; ++i) metrics_.job_ended(job_of("client " + std::to_string(i)), solved());
+  for (int i = 0; i < 10'000; ++i)
+    metrics_.job_ended(counted_of(job_of("client " + std::to_string(i)), solved()));
   EXPECT_EQ(lines_with("marble_client_solves_total{"), 51U);
   EXPECT_EQ(value_of(R"(marble_client_solves_total{client="other"})"), 9950);
   EXPECT_EQ(value_of(R"(marble_client_solves_total{client="client 49"})"), 1);
@@ -159,19 +160,19 @@ TEST_F(MetricsTest, TenThousandClientsTakeNoMoreSeriesThanAreAllowed) {
 
 TEST(Metrics, WithoutClientsNoneHasASeries) {
   Metrics metrics(true, 0);
-  metrics.job_ended(job_of("planner"), solved());
+  metrics.job_ended(counted_of(job_of("planner"), solved()));
   for (const auto& family : metrics.registry().collect())
     EXPECT_EQ(family.name.find("client"), std::string::npos) << family.name;
 }
 
 TEST_F(MetricsTest, ANameThatIsNoTextCannotBreakTheFormat) {
-  metrics_.job_ended(job_of("a\"b\\c\nd\xff"), solved());
+  metrics_.job_ended(counted_of(job_of("a\"b\\c\nd\xff"), solved()));
   EXPECT_EQ(value_of(R"(marble_client_solves_total{client="a\"b\\c?d?"})"), 1);
 }
 
 TEST(Metrics, OffCountsNothing) {
   Metrics metrics(false, 50);
-  metrics.job_ended(job_of("planner"), solved());
+  metrics.job_ended(counted_of(job_of("planner"), solved()));
   metrics.progress_sent(3, 1);
   metrics.update_superseded();
   EXPECT_TRUE(metrics.registry().collect().empty());

@@ -1,6 +1,7 @@
 // What a session is made of, without a stream: merged updates, its share of the limits.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <numeric>
 
 #include "job_board.h"
@@ -13,87 +14,147 @@ namespace {
 
 using Values = std::vector<double>;
 
-Values of(const google::protobuf::RepeatedField<double>& field) { return {field.begin(), field.end()}; }
+Values of(std::span<const double> values) { return {values.begin(), values.end()}; }
 
 constexpr PartSizes kSizes{.g = 12, .b = 3, .d = 4, .l = 2, .r = 2, .Q = 12, .A = 3, .C = 4, .L = 2, .R = 2};
 
-std::shared_ptr<Update> update_of(std::int64_t sequence, std::vector<ShiftBlock> blocks = {}) {
-  auto update = std::make_shared<Update>();
-  update->message.set_sequence(sequence);
-  update->shift.variables = std::move(blocks);
-  return update;
+Update checked(v1::SessionUpdate message, const Options& in_force = {}) {
+  return Update::check(message, kSizes, in_force).value();
+}
+
+v1::SessionUpdate numbered(std::int64_t sequence) {
+  v1::SessionUpdate message;
+  message.set_sequence(sequence);
+  return message;
+}
+
+// Moves `count` variables from `first` on by `by`.
+v1::SessionUpdate shifting(Index first, Index count, Index by) {
+  v1::SessionUpdate message;
+  v1::ShiftBlock* block = message.mutable_shift()->add_variables();
+  block->set_first(first), block->set_count(count), block->set_by(by);
+  return message;
+}
+
+std::shared_ptr<Update> update_of(std::int64_t sequence) {
+  return std::make_shared<Update>(checked(numbered(sequence)));
+}
+
+TEST(SessionUpdate, IsRefusedOnPathsOfTheMessage) {
+  const auto refused = [](v1::SessionUpdate message) {
+    return Update::check(message, kSizes, {}).error().message();
+  };
+  v1::SessionUpdate message;
+  message.mutable_problem()->add_gradient(1.0);
+  EXPECT_EQ(refused(message), "update.problem.gradient = 1 entries: must have 12 entries");
+  message = {};
+  message.mutable_problem()->mutable_hessian_values()->Resize(12, NAN);
+  EXPECT_EQ(refused(message), "update.problem.hessian_values[0] = nan: must be finite");
+  message = {};
+  message.mutable_initial_point()->add_z(1.0);
+  EXPECT_EQ(refused(message), "update.initial_point.z = 1 entries: must have 12 entries");
+  EXPECT_EQ(refused(shifting(0, 13, 1)), "update.shift.variables[0].count = 13: must be in [0, 12]");
+  message = {};
+  message.set_deadline_s(-1.0);
+  EXPECT_EQ(refused(message), "update.deadline_s = -1.000000: must be >= 0");
+  message = {};
+  message.mutable_options()->set_max_iterations(-1);
+  EXPECT_TRUE(refused(message).starts_with("update.options.max_iterations = -1: ")) << refused(message);
+}
+
+TEST(SessionUpdate, ItsOptionsAreThoseInForceButForWhatItSets) {
+  Options in_force;
+  in_force.max_iterations = 7;
+  v1::SessionUpdate message;
+  message.mutable_options()->set_starts(3);
+  const Update update = checked(message, in_force);
+  EXPECT_EQ(update.options().max_iterations, 7);
+  EXPECT_EQ(update.checked().options()->starts, 3);
+}
+
+TEST(SessionUpdate, ASolveEndsByItsDeadline) {
+  v1::SessionUpdate message;
+  message.set_deadline_s(0.25);
+  const Update update = checked(message);
+  EXPECT_EQ(update.deadline() - update.arrival(), std::chrono::milliseconds(250));
+  EXPECT_LE(update.checked().options()->time_limit_s, 0.25);
+  EXPECT_EQ(checked({}).deadline(), Clock::time_point::max());
+  EXPECT_EQ(checked({}).checked().options()->time_limit_s, Options().time_limit_s);
 }
 
 TEST(SessionUpdate, TakesAlongWhatItDoesNotChangeItself) {
-  Update older, newer;
-  older.message.mutable_problem()->set_constant(1.0);
-  older.message.mutable_problem()->add_gradient(1.0);
-  older.message.mutable_problem()->add_left_offset(2.0);
-  older.message.mutable_problem()->add_right_values(3.0);
-  older.message.mutable_initial_point()->add_z(4.0);
-  older.message.set_cold(true);
-  newer.message.set_sequence(9);
-  newer.message.mutable_problem()->add_gradient(10.0);
-  take_along(older, newer, kSizes);
-  const v1::SessionUpdate& message = newer.message;
-  EXPECT_EQ(message.sequence(), 9);
-  EXPECT_EQ(message.problem().constant(), 1.0);
-  EXPECT_EQ(of(message.problem().gradient()), Values{10.0});
-  EXPECT_EQ(of(message.problem().left_offset()), Values{2.0});
-  EXPECT_EQ(of(message.problem().right_values()), Values{3.0});
-  EXPECT_EQ(of(message.initial_point().z()), Values{4.0});
-  EXPECT_TRUE(message.cold());
+  v1::SessionUpdate older;
+  older.mutable_problem()->set_constant(1.0);
+  older.mutable_problem()->mutable_gradient()->Resize(12, 1.0);
+  older.mutable_problem()->mutable_left_offset()->Resize(2, 2.0);
+  older.mutable_problem()->mutable_right_values()->Resize(2, 3.0);
+  older.mutable_initial_point()->mutable_z()->Resize(12, 4.0);
+  older.set_cold(true);
+  v1::SessionUpdate message = numbered(9);
+  message.mutable_problem()->mutable_gradient()->Resize(12, 10.0);
+  Update newer = checked(message);
+  newer.take_along(checked(older));
+  EXPECT_EQ(newer.sequence(), 9);
+  const CheckedUpdate both = newer.checked();
+  EXPECT_EQ(both.numbers().c0, 1.0);
+  EXPECT_EQ(of(both.numbers().g), Values(12, 10.0));
+  EXPECT_EQ(of(both.numbers().l), Values(2, 2.0));
+  EXPECT_EQ(of(both.numbers().R), Values(2, 3.0));
+  EXPECT_EQ(of(both.restart().initial_z), Values(12, 4.0));
+  EXPECT_TRUE(both.restart().cold);
 }
 
 TEST(SessionUpdate, ShiftsOfAnUpdateThatIsTakenAlongComeFirst) {
-  Update older = *update_of(1, {{.first = 0, .count = 12, .by = 1}});
-  Update newer = *update_of(2, {{.first = 6, .count = 6, .by = 3}});
+  const Update older = checked(shifting(0, 12, 1));
+  Update newer = checked(shifting(6, 6, 3));
   Values expected(12), moved(12);
   std::iota(expected.begin(), expected.end(), 0.0);
   moved = expected;
-  shift(older.shift.variables, expected);
-  shift(newer.shift.variables, expected);
-  take_along(std::move(older), newer, kSizes);
-  shift(newer.shift.variables, moved);
+  shift(older.checked().restart().shift.variables, expected);
+  shift(newer.checked().restart().shift.variables, expected);
+  newer.take_along(older);
+  shift(newer.checked().restart().shift.variables, moved);
   EXPECT_EQ(moved, expected);
 }
 
 TEST(WaitingUpdates, GoInTheirOrder) {
-  WaitingUpdates waiting(false, kSizes);
+  WaitingUpdates waiting(false);
   EXPECT_TRUE(waiting.has_room());
   EXPECT_FALSE(waiting.push(update_of(1), nullptr).has_value());
   EXPECT_FALSE(waiting.has_room());
   EXPECT_FALSE(waiting.push(update_of(2), nullptr).has_value());
-  EXPECT_EQ(waiting.pop()->message.sequence(), 1);
-  EXPECT_EQ(waiting.pop()->message.sequence(), 2);
+  EXPECT_EQ(waiting.pop()->sequence(), 1);
+  EXPECT_EQ(waiting.pop()->sequence(), 2);
   EXPECT_TRUE(waiting.empty());
 }
 
 TEST(WaitingUpdates, WhatWasLeftBehindGoesWithTheNext) {
-  WaitingUpdates waiting(false, kSizes);
-  Update left;
-  left.message.mutable_problem()->set_constant(1.0);
-  waiting.leave_behind(left);
+  WaitingUpdates waiting(false);
+  v1::SessionUpdate left;
+  left.mutable_problem()->set_constant(1.0);
+  waiting.leave_behind(checked(left));
   EXPECT_TRUE(waiting.empty());
   static_cast<void>(waiting.push(update_of(2), nullptr));
-  left.message.mutable_problem()->add_gradient(3.0);
-  waiting.leave_behind(left);
+  left.mutable_problem()->mutable_gradient()->Resize(12, 3.0);
+  waiting.leave_behind(checked(left));
   const auto next = waiting.pop();
-  EXPECT_EQ(next->message.problem().constant(), 1.0);
-  EXPECT_EQ(of(next->message.problem().gradient()), Values{3.0});
+  EXPECT_EQ(next->checked().numbers().c0, 1.0);
+  EXPECT_EQ(of(next->checked().numbers().g), Values(12, 3.0));
 }
 
 TEST(WaitingUpdates, ALatestOneIsNeverLargerThanAWholeUpdate) {
-  WaitingUpdates waiting(true, kSizes);
+  WaitingUpdates waiting(true);
   for (int i = 1; i <= 1000; ++i) {
-    const auto superseded = waiting.push(update_of(i, {{.first = 0, .count = 12, .by = 1}}), nullptr);
+    v1::SessionUpdate message = shifting(0, 12, 1);
+    message.set_sequence(i);
+    const auto superseded = waiting.push(std::make_shared<Update>(checked(message)), nullptr);
     EXPECT_EQ(superseded.value_or(0), i - 1);
     EXPECT_TRUE(waiting.has_room());
   }
   const auto last = waiting.pop();
   EXPECT_TRUE(waiting.empty());
-  EXPECT_LE(bytes_of(*last), most_update_bytes(kSizes));
-  EXPECT_TRUE(restart_of(*last).check(kSizes)) << "the session would refuse what it has joined";
+  EXPECT_LE(last->bytes(), most_update_bytes(kSizes));
+  EXPECT_TRUE(last->checked().restart().check(kSizes)) << "the session would refuse what it has joined";
 }
 
 TEST(SessionTable, GivesPlacesBackAndCountsWhoseTheyAre) {

@@ -221,11 +221,13 @@ TEST_F(Session, TheFirstMessageMustBeASetUpAndOnlyThat) {
   EXPECT_EQ(twice->finish().error_code(), grpc::StatusCode::FAILED_PRECONDITION);
   const auto malformed = open();
   v1::SessionRequest bad = setup_of(example_request());
+  bad.mutable_setup()->set_request_id("wrong-set-up");
   bad.mutable_setup()->mutable_problem()->set_gradient(1, INFINITY);
   malformed->write(bad);
   const grpc::Status status = malformed->finish();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(bad_field(status).field(), "setup.problem.gradient[1]");
+  EXPECT_TRUE(eventually([&] { return !server().log_lines({"refused", "wrong-set-up"}).empty(); }));
   EXPECT_TRUE(eventually_no_session());
 }
 

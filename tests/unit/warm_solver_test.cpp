@@ -137,6 +137,36 @@ TEST(WarmSolver, ForgetsItsLastAnswerWhenAskedTo) {
   EXPECT_EQ(cold.factorizations, first.factorizations);
 }
 
+TEST(CheckedUpdate, IsRefusedByTheFirstOfItsPartsThatDoesNotFit) {
+  const PartSizes sizes{.g = 2};
+  const Values g = {1.0, std::numeric_limits<double>::infinity()};
+  EXPECT_EQ(CheckedUpdate::check(sizes, {.g = g}).error().message(), "g[1] = inf: must be finite");
+  EXPECT_EQ(CheckedUpdate::check(sizes, {.g = std::span(g).first(1)}).error().field, "g");
+  const Restart restart{.shift = {.variables = {{.first = 0, .count = 3, .by = 1}}}};
+  EXPECT_EQ(CheckedUpdate::check(sizes, {}, restart).error().field, "shift.variables[0].count");
+  EXPECT_TRUE(CheckedUpdate::check(sizes, {.g = Values{1.0, 2.0}}).has_value());
+}
+
+TEST(WarmSolver, SolvesWhatWasCheckedBeforeAsWhatItChecksItself) {
+  const OwnedProblem p = examples::rocket();
+  const Problem problem = Problem::create(p.view()).value();
+  WarmSolver one = WarmSolver::create(problem).value();
+  WarmSolver other = WarmSolver::create(problem).value();
+  Options few;
+  few.max_iterations = 3;
+  const Values b(p.b.size(), 0.0);
+  ASSERT_TRUE(one.set_options(few).has_value());
+  const CheckedUpdate update = CheckedUpdate::of_checked(PartSizes::of(problem), {.b = b}, {}, few);
+  EXPECT_EQ(other.solve(update).value().z, one.solve({.b = b}).value().z);
+  EXPECT_EQ(other.solve().value().iterations, one.solve().value().iterations) << "the options are gone";
+}
+
+TEST(WarmSolver, RefusesWhatWasCheckedForOtherSizes) {
+  WarmSolver solver = WarmSolver::create(Problem::create(examples::rocket().view()).value()).value();
+  const auto update = CheckedUpdate::check({.g = 2}, {}).value();
+  EXPECT_EQ(solver.solve(update).error().code, ErrorCode::failed_precondition);
+}
+
 TEST(WarmSolver, ARefusedUpdateChangesNothing) {
   const OwnedProblem p = examples::rocket();
   WarmSolver solver = WarmSolver::create(Problem::create(p.view()).value()).value();

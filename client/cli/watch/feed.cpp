@@ -83,8 +83,7 @@ void Feed::follow_jobs(const std::stop_token& stop) {
         model_.change([&](Model& model) { model.jobs.update(event.job); });
       };
       const auto watched = client_.jobs().watch("", tell, {kInterval_s, stop});
-      error = watched ? Error{ErrorCode::unavailable, "", -1, "", "the server ended the stream"}
-                      : watched.error();
+      error = watched ? failure(ErrorCode::unavailable, "the server ended the stream") : watched.error();
     } else {
       error = page.error();
     }

@@ -120,9 +120,8 @@ Expected<void> Client::solve_batch(const BatchSource& source, const BatchSink& s
   const grpc::Status status = stream->Finish();
   for (const auto& [tag, error] : rest.unsent) sink(tag, unexpected(error));
   if (status.ok() && rest.unanswered.empty()) return {};
-  Error error{ErrorCode::internal, "", -1, "", "the stream ended without all answers"};
-  if (!status.ok())
-    error = rest.out_of_memory ? client::out_of_memory() : client::to_error(status, controls.stop);
+  Error error = failure(ErrorCode::internal, "the stream ended without all answers");
+  if (!status.ok()) error = rest.out_of_memory ? out_of_memory() : client::to_error(status, controls.stop);
   for (const std::int64_t tag : rest.unanswered) sink(tag, unexpected(error));
   return unexpected(error);
 }

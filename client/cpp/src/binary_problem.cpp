@@ -24,15 +24,12 @@ Expected<ProblemFile> parse_binary(std::string_view content, const std::string& 
   v1::Problem message;
   if (content.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()) ||
       !message.ParseFromArray(content.data(), static_cast<int>(content.size()))) {
-    return unexpected(Error{ErrorCode::invalid_argument, "", -1, "",
-                            "is not a marble.v1.Problem message (truncated, or of another format)"});
+    return unexpected(failure(ErrorCode::invalid_argument,
+                              "is not a marble.v1.Problem message (truncated, or of another format)"));
   }
   const ProblemView view = view_of(message);
-  if (const auto valid = Problem::create(view); !valid) {
-    Error error = valid.error();
-    error.field = message_field(error.field);
-    return unexpected(std::move(error));
-  }
+  if (const auto valid = Problem::create(view); !valid)
+    return unexpected(of_field(message_field(valid.error().field), valid.error()));
   ProblemFile file;
   OwnedProblem& problem = file.problem;
   problem.name = message.name().empty() ? name : message.name();

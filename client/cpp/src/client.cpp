@@ -1,7 +1,6 @@
 #include "marble/client.h"
 
 #include <memory>
-#include <new>
 
 #include "connection.h"
 #include "in_process.h"
@@ -27,20 +26,19 @@ Client& Client::operator=(Client&&) noexcept = default;
 Client::~Client() = default;
 
 Expected<RemoteSolution> Client::solve(const ProblemView& problem, const Options& options,
-                                       const SolveControls& controls, const CallControls& call) const try {
-  if (connection_ == nullptr) return client::solve_here(problem, options, controls, call);
-  return client::solve(*connection_, problem, options, controls, call);
-} catch (const std::bad_alloc&) {
-  return unexpected(client::out_of_memory());
+                                       const SolveControls& controls, const CallControls& call) const {
+  return or_out_of_memory([&] {
+    if (connection_ == nullptr) return client::solve_here(problem, options, controls, call);
+    return client::solve_there(*connection_, problem, options, controls, call);
+  });
 }
 
 Expected<PendingSolution> Client::solve_async(const ProblemView& problem, const Options& options,
-                                              const SolveControls& controls, const CallControls& call) const
-    try {
-  if (connection_ == nullptr) return client::begin_solve_here(problem, options, controls, call);
-  return client::begin_solve(connection_, problem, options, controls, call);
-} catch (const std::bad_alloc&) {
-  return unexpected(client::out_of_memory());
+                                              const SolveControls& controls, const CallControls& call) const {
+  return or_out_of_memory([&] {
+    if (connection_ == nullptr) return client::begin_solve_here(problem, options, controls, call);
+    return client::begin_solve(connection_, problem, options, controls, call);
+  });
 }
 
 Expected<Session> Client::open_session(const ProblemView& problem, const Options& options,

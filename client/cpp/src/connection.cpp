@@ -16,13 +16,11 @@ constexpr std::chrono::duration<double> kLongestDeadline{std::int32_t{0x7fffffff
 Expected<void> check_labels(const ConnectOptions& options) {
   // The token itself is a secret: no error shows it.
   if (!is_printable(options.token) || options.token.find(' ') != std::string::npos) {
-    return unexpected(
-        Error{ErrorCode::invalid_argument, "token", -1, "", "must be printable ASCII without spaces"});
+    return unexpected(invalid("token", "must be printable ASCII without spaces"));
   }
   if (options.name.size() > contract::longest_client_name || !is_printable(options.name)) {
-    return unexpected(Error{
-        ErrorCode::invalid_argument, "name", -1, "",
-        "must be at most " + std::to_string(contract::longest_client_name) + " bytes of printable ASCII"});
+    return unexpected(invalid("name", "must be at most " + std::to_string(contract::longest_client_name) +
+                                          " bytes of printable ASCII"));
   }
   return check_traceparent(options.traceparent);
 }

@@ -8,7 +8,7 @@ namespace marble::client {
 namespace {
 
 Error bad_file(const char* field, const std::string& path, const std::string& why) {
-  return {ErrorCode::invalid_argument, field, -1, path, why};
+  return invalid(field, path, why);
 }
 
 // What gRPC would otherwise find out at the first handshake, and tell as "unavailable".

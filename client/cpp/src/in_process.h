@@ -14,13 +14,14 @@ inline constexpr const char* kInProcess = "in process";
 
 /// What asks for a server gets this.
 [[nodiscard]] inline Error no_server() {
-  return {ErrorCode::unavailable, "address", -1, "",
-          "there is no server: this client solves in process (local)"};
+  return failure(ErrorCode::unavailable, "address",
+                 "there is no server: this client solves in process (local)");
 }
 
 /// The caller's stop token ended it.
-[[nodiscard]] inline Error given_up() { return {ErrorCode::cancelled, "", -1, "", "given up by the caller"}; }
+[[nodiscard]] inline Error given_up() { return failure(ErrorCode::cancelled, "given up by the caller"); }
 
+/// A stopped solve answers with its best iterate.
 [[nodiscard]] Expected<RemoteSolution> solve_here(const ProblemView& problem, const Options& options,
                                                   const SolveControls& controls, const CallControls& call);
 
@@ -33,7 +34,7 @@ class DeadlineLimit {
   explicit DeadlineLimit(std::optional<std::chrono::duration<double>> from_now);
   /// `options` with what is left until the deadline.
   [[nodiscard]] Options limit(Options options) const;
-  /// The solution as an answer; or the error deadline_exceeded or cancelled, as a server would say it.
+  /// The solution as an answer; or the error deadline_exceeded, as a server would say it.
   [[nodiscard]] Expected<RemoteSolution> answer(Expected<Solution> solution) const;
 
  private:
@@ -41,6 +42,9 @@ class DeadlineLimit {
   std::chrono::steady_clock::time_point begin_;
   double seconds_;
 };
+
+/// A stopped solve as the error of a call that was given up.
+[[nodiscard]] Expected<RemoteSolution> unless_stopped(Expected<RemoteSolution> answer);
 
 /// Thins progress out as a server does.
 class ThinnedProgress final : public ProgressSink {

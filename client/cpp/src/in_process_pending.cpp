@@ -44,11 +44,7 @@ class InProcessPending final : public PendingSolution::State {
  private:
   void run() {
     if (call_.started) call_.started(0.0);
-    try {
-      answer_ = deadline_.answer(solver_->solve(controls_));
-    } catch (const std::bad_alloc&) {
-      answer_ = unexpected(out_of_memory());
-    }
+    answer_ = or_out_of_memory([&] { return unless_stopped(deadline_.answer(solver_->solve(controls_))); });
     end();
   }
 

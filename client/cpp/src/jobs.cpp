@@ -17,8 +17,8 @@ namespace {
 Expected<void> one_server(const client::Connection* connection) {
   if (connection == nullptr) return unexpected(client::no_server());
   if (!connection->several()) return {};
-  return unexpected(Error{ErrorCode::invalid_argument, "address", -1, "\"" + connection->address() + "\"",
-                          "must be of one server: jobs stay with the one that took them"});
+  return unexpected(invalid("address", "\"" + connection->address() + "\"",
+                            "must be of one server: jobs stay with the one that took them"));
 }
 
 }  // namespace
@@ -41,7 +41,7 @@ Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& o
   return SubmittedJob{response.job_id(), response.queue_position(), response.estimated_wait_s(),
                       client::returned_traceparent(context)};
 } catch (const std::bad_alloc&) {
-  return unexpected(client::out_of_memory());
+  return unexpected(out_of_memory());
 }
 
 Expected<RemoteSolution> Jobs::result(const std::string& job_id, const ResultControls& controls) const try {
@@ -57,7 +57,7 @@ Expected<RemoteSolution> Jobs::result(const std::string& job_id, const ResultCon
   if (!status.ok()) return unexpected(client::to_error(status, controls.stop));
   return client::remote_solution(response);
 } catch (const std::bad_alloc&) {
-  return unexpected(client::out_of_memory());
+  return unexpected(out_of_memory());
 }
 
 Expected<void> Jobs::remove(const std::string& job_id) const {

@@ -8,14 +8,10 @@
 namespace marble::client {
 namespace {
 
-Error fault(std::string field, std::string value, std::string bound) {
-  return {ErrorCode::invalid_argument, std::move(field), -1, std::move(value), std::move(bound)};
-}
-
 Expected<void> check_entries(const std::vector<double>& values, const char* key, Index size) {
   if (values.size() == static_cast<std::size_t>(size)) return {};
-  return unexpected(fault(key, std::to_string(values.size()) + " entries",
-                          "must have " + std::to_string(size) + " entries (n)"));
+  return unexpected(invalid(key, std::to_string(values.size()) + " entries",
+                            "must have " + std::to_string(size) + " entries (n)"));
 }
 
 // Sizes are compared before anything of that size is allocated.
@@ -28,15 +24,15 @@ Expected<SparseMatrix> take_matrix(const JsonMatrix& part, const std::string& ke
                                                   {part.has_j, ".j"},
                                                   {part.has_v, ".v"}};
   for (const auto& [present, member] : members) {
-    if (!present) return unexpected(fault(key + member, "", "is missing"));
+    if (!present) return unexpected(invalid(key + member, "is missing"));
   }
   if (static_cast<std::size_t>(*part.rows) != rows) {
-    return unexpected(fault(key + ".rows", std::to_string(*part.rows),
-                            "must be " + std::to_string(rows) + " (" + rows_rule + ")"));
+    return unexpected(invalid(key + ".rows", std::to_string(*part.rows),
+                              "must be " + std::to_string(rows) + " (" + rows_rule + ")"));
   }
   if (*part.columns != n) {
     return unexpected(
-        fault(key + ".cols", std::to_string(*part.columns), "must be " + std::to_string(n) + " (n)"));
+        invalid(key + ".cols", std::to_string(*part.columns), "must be " + std::to_string(n) + " (n)"));
   }
   return compress(*part.rows, *part.columns, part.entries, key.c_str());
 }
@@ -94,8 +90,8 @@ Expected<ProblemFile> parse_json(std::string_view content, const std::string& na
   auto read = read_json_parts(content);
   if (!read) return unexpected(read.error());
   JsonParts& parts = *read;
-  if (!parts.n) return unexpected(fault("n", "", "is missing"));
-  if (!parts.g.present) return unexpected(fault("g", "", "is missing"));
+  if (!parts.n) return unexpected(invalid("n", "is missing"));
+  if (!parts.g.present) return unexpected(invalid("g", "is missing"));
   ProblemFile file;
   file.best_known_objective = parts.best_known_objective;
   OwnedProblem& p = file.problem;
@@ -111,8 +107,8 @@ Expected<ProblemFile> parse_json(std::string_view content, const std::string& na
     if (auto valid = check_entries(p.initial_z, "x0", n); !valid) return unexpected(valid.error());
   }
   if (p.r.size() != p.l.size()) {
-    return unexpected(fault("r", std::to_string(p.r.size()) + " entries",
-                            "must have " + std::to_string(p.l.size()) + " entries, as many as l"));
+    return unexpected(invalid("r", std::to_string(p.r.size()) + " entries",
+                              "must have " + std::to_string(p.l.size()) + " entries, as many as l"));
   }
   const struct {
     const char* key;

@@ -125,7 +125,7 @@ class Reader {
       matrix_ = member_of(parts, kMatrices, name);
     }
     if (is_ignored_value() || known.insert(name).second) return true;
-    error = Error{ErrorCode::invalid_argument, field(), -1, "", "is there twice"};
+    error = invalid(field(), "is there twice");
     return false;
   }
   bool end_object() {
@@ -162,8 +162,7 @@ class Reader {
     // The exception tells line, column and what was expected there.
     std::string what = exception.what();
     if (const std::size_t start = what.find("] "); start != std::string::npos) what.erase(0, start + 2);
-    error = Error{ErrorCode::invalid_argument, field(), in_array() ? index_ : -1, "",
-                  "is not JSON: " + shown(what)};
+    error = invalid(field(), in_array() ? index_ : -1, "", "is not JSON: " + shown(what));
     return false;
   }
   // NOLINTEND
@@ -208,7 +207,7 @@ class Reader {
   }
 
   bool wrong(std::string value) {
-    error = Error{ErrorCode::invalid_argument, field(), in_array() ? index_ : -1, std::move(value), rule()};
+    error = invalid(field(), in_array() ? index_ : -1, std::move(value), rule());
     return false;
   }
   bool other(std::string value) {
@@ -275,12 +274,12 @@ class Reader {
 
 Expected<JsonParts> read_json_parts(std::string_view text) {
   if (text.find_first_not_of(" \t\r\n") == std::string_view::npos) {
-    return unexpected(Error{ErrorCode::invalid_argument, "", -1, "", "is empty"});
+    return unexpected(failure(ErrorCode::invalid_argument, "is empty"));
   }
   Reader reader(text);
   const bool complete = Json::sax_parse(text.begin(), text.end(), &reader);
   if (reader.error) return unexpected(*reader.error);
-  if (!complete) return unexpected(Error{ErrorCode::invalid_argument, "", -1, "", "is not JSON"});
+  if (!complete) return unexpected(failure(ErrorCode::invalid_argument, "is not JSON"));
   return std::move(reader.parts);
 }
 

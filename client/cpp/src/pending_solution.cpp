@@ -22,14 +22,14 @@ PendingSolution::~PendingSolution() {
   state_->wait();
 }
 
-Expected<RemoteSolution> PendingSolution::get() try {
-  state_->wait();
-  if (state_->taken)
-    return unexpected(Error{ErrorCode::failed_precondition, "", -1, "", "the answer was taken already"});
-  state_->taken = true;
-  return state_->answer();
-} catch (const std::bad_alloc&) {
-  return unexpected(client::out_of_memory());
+Expected<RemoteSolution> PendingSolution::get() {
+  return or_out_of_memory([&]() -> Expected<RemoteSolution> {
+    state_->wait();
+    if (state_->taken)
+      return unexpected(failure(ErrorCode::failed_precondition, "the answer was taken already"));
+    state_->taken = true;
+    return state_->answer();
+  });
 }
 
 bool PendingSolution::wait_for(std::chrono::duration<double> longest) const { return state_->wait(longest); }

@@ -5,7 +5,6 @@
 #include <cstring>
 #include <filesystem>
 #include <memory>
-#include <new>
 
 #include "binary_problem.h"
 #include "json_problem.h"
@@ -13,9 +12,7 @@
 namespace marble {
 namespace {
 
-Error unreadable(const std::string& why) {
-  return {ErrorCode::not_found, "", -1, "", "cannot be read: " + why};
-}
+Error unreadable(const std::string& why) { return failure(ErrorCode::not_found, "cannot be read: " + why); }
 
 Expected<std::string> read_all(std::FILE* file) {
   std::string content;
@@ -32,11 +29,9 @@ Expected<std::string> read_path(const std::string& path) {
   return read_all(file.get());
 }
 
-Error not_a_problem(const char* why) { return {ErrorCode::invalid_argument, "", -1, "", why}; }
+Error not_a_problem(const char* why) { return failure(ErrorCode::invalid_argument, why); }
 
-Error out_of_memory() {
-  return {ErrorCode::resource_exhausted, "", -1, "", "is too large for the memory there is"};
-}
+Error too_large() { return failure(ErrorCode::resource_exhausted, "is too large for the memory there is"); }
 
 }  // namespace
 
@@ -44,8 +39,8 @@ Expected<FileFormat> format_of_path(const std::string& path) {
   const std::string extension = std::filesystem::path(path).extension().string();
   if (extension == ".json") return FileFormat::json;
   if (extension == ".pb" || extension == ".bin") return FileFormat::binary;
-  return unexpected(Error{ErrorCode::invalid_argument, "", -1, "",
-                          "must end in .json, .pb or .bin: the extension tells the format"});
+  return unexpected(
+      failure(ErrorCode::invalid_argument, "must end in .json, .pb or .bin: the extension tells the format"));
 }
 
 FileFormat format_of_content(std::string_view content) {
@@ -54,15 +49,13 @@ FileFormat format_of_content(std::string_view content) {
   return json ? FileFormat::json : FileFormat::binary;
 }
 
-Expected<ProblemFile> parse_problem(std::string_view content, FileFormat format,
-                                    const std::string& name) try {
-  return format == FileFormat::json ? client::parse_json(content, name) : client::parse_binary(content, name);
-} catch (const std::bad_alloc&) {
-  return unexpected(out_of_memory());
+Expected<ProblemFile> parse_problem(std::string_view content, FileFormat format, const std::string& name) {
+  const auto parse = format == FileFormat::json ? client::parse_json : client::parse_binary;
+  return or_out_of_memory([&] { return parse(content, name); }, too_large);
 }
 
-Expected<ProblemFile> read_problem(const std::string& path) try {
-  const auto content = read_path(path);
+Expected<ProblemFile> read_problem(const std::string& path) {
+  const auto content = or_out_of_memory([&] { return read_path(path); }, too_large);
   if (!content) return unexpected(content.error());
   if (content->empty()) return unexpected(not_a_problem("is empty"));
   const std::string name = path == "-" ? "stdin" : std::filesystem::path(path).stem().string();
@@ -74,8 +67,6 @@ Expected<ProblemFile> read_problem(const std::string& path) try {
     return unexpected(not_a_problem("is neither JSON nor a marble.v1.Problem message"));
   }
   return file;
-} catch (const std::bad_alloc&) {
-  return unexpected(out_of_memory());
 }
 
 std::string write_problem(const ProblemFile& file, FileFormat format) {

@@ -138,7 +138,7 @@ Expected<RemoteSolution> SessionStream::outcome_of(SessionEvent event, const Pro
   if (memory != nullptr && answer != nullptr && is_solved(answer->status)) memory->take(answer->z);
   if (answer != nullptr) return std::move(*answer);
   if (error != nullptr) return unexpected(std::move(*error));
-  return unexpected(Error{ErrorCode::cancelled, "", -1, "", "a newer update took its place"});
+  return unexpected(failure(ErrorCode::cancelled, "a newer update took its place"));
 }
 
 std::optional<SessionEvent> SessionStream::read() {
@@ -214,7 +214,7 @@ void RemoteSession::take(std::unique_ptr<SessionStream> stream) {
 
 Expected<std::int64_t> RemoteSession::send(const ProblemUpdate& update, const UpdateControls& controls) {
   if (stream_->memory != nullptr)
-    return unexpected(Error{ErrorCode::failed_precondition, "reopen", -1, "", "leaves only solve()"});
+    return unexpected(failure(ErrorCode::failed_precondition, "reopen", "leaves only solve()"));
   const MutexLock lock(stream_->writing);
   return stream_->send(update, controls);
 }

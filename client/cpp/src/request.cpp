@@ -10,16 +10,15 @@ namespace marble::client {
 
 Expected<void> check_request_id(const std::string& id) {
   if (id.size() <= contract::longest_request_id && is_printable(id)) return {};
-  return unexpected(
-      Error{ErrorCode::invalid_argument, "request_id", -1, "",
-            "must be at most " + std::to_string(contract::longest_request_id) + " bytes of printable ASCII"});
+  return unexpected(invalid("request_id", "must be at most " + std::to_string(contract::longest_request_id) +
+                                              " bytes of printable ASCII"));
 }
 
 Expected<void> check_size(const google::protobuf::Message& message) {
   const std::size_t bytes = message.ByteSizeLong();
   if (bytes <= static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max())) return {};
-  return unexpected(Error{ErrorCode::resource_exhausted, "problem", -1, std::to_string(bytes) + " bytes",
-                          "must be less than 2 GiB in all"});
+  return unexpected(failure(ErrorCode::resource_exhausted, "problem", std::to_string(bytes) + " bytes",
+                            "must be less than 2 GiB in all"));
 }
 
 static_assert(static_cast<int>(Priority::by_method) == v1::PRIORITY_UNSPECIFIED &&

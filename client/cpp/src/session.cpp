@@ -1,9 +1,6 @@
 #include "marble/session.h"
 
-#include <new>
-
 #include "session_state.h"
-#include "status.h"
 
 namespace marble {
 
@@ -20,36 +17,30 @@ Session::~Session() = default;
 
 Expected<Session> Session::open(std::shared_ptr<const client::Connection> connection,
                                 const ProblemView& problem, const Options& options,
-                                const SessionOptions& session) try {
-  auto state = connection == nullptr
-                   ? client::open_session_in_process(problem, options, session)
-                   : client::open_remote_session(std::move(connection), problem, options, session);
-  if (!state) return unexpected(state.error());
-  return Session(std::move(*state));
-} catch (const std::bad_alloc&) {
-  return unexpected(client::out_of_memory());
+                                const SessionOptions& session) {
+  return or_out_of_memory([&]() -> Expected<Session> {
+    auto state = connection == nullptr
+                     ? client::open_session_in_process(problem, options, session)
+                     : client::open_remote_session(std::move(connection), problem, options, session);
+    if (!state) return unexpected(state.error());
+    return Session(std::move(*state));
+  });
 }
 
-Expected<std::int64_t> Session::send(const ProblemUpdate& update, const UpdateControls& controls) try {
-  return state_->send(update, controls);
-} catch (const std::bad_alloc&) {
-  return unexpected(client::out_of_memory());
+Expected<std::int64_t> Session::send(const ProblemUpdate& update, const UpdateControls& controls) {
+  return or_out_of_memory([&] { return state_->send(update, controls); });
 }
 
-Expected<std::optional<SessionEvent>> Session::next() try {
-  return state_->next();
-} catch (const std::bad_alloc&) {
-  return unexpected(client::out_of_memory());
+Expected<std::optional<SessionEvent>> Session::next() {
+  return or_out_of_memory([&] { return state_->next(); });
 }
 
-Expected<RemoteSolution> Session::solve(const ProblemUpdate& update, const UpdateControls& controls) try {
-  return state_->solve(update, controls);
-} catch (const std::bad_alloc&) {
-  return unexpected(client::out_of_memory());
+Expected<RemoteSolution> Session::solve(const ProblemUpdate& update, const UpdateControls& controls) {
+  return or_out_of_memory([&] { return state_->solve(update, controls); });
 }
 
-Expected<void> Session::close() try { return state_->close(); } catch (const std::bad_alloc&) {
-  return unexpected(client::out_of_memory());
+Expected<void> Session::close() {
+  return or_out_of_memory([&] { return state_->close(); });
 }
 
 bool Session::is_open() const { return state_->is_open(); }

@@ -34,7 +34,7 @@ namespace client {
     const ProblemView& problem, const Options& options, const SessionOptions& session);
 
 [[nodiscard]] inline Error session_ended() {
-  return {ErrorCode::failed_precondition, "", -1, "", "the session has ended"};
+  return failure(ErrorCode::failed_precondition, "the session has ended");
 }
 
 }  // namespace client

@@ -22,8 +22,7 @@ void SolveEvents::take(const v1::SolveStreamResponse& event) {
 }
 
 Expected<RemoteSolution> SolveEvents::answer() {
-  if (!answer_)
-    return unexpected(Error{ErrorCode::internal, "", -1, "", "the stream ended without a result"});
+  if (!answer_) return unexpected(failure(ErrorCode::internal, "the stream ended without a result"));
   answer_->progress_skipped = skipped_;
   return std::move(*answer_);
 }

@@ -66,6 +66,4 @@ Error to_error(const grpc::Status& status, const std::stop_token& stop) {
   return error;
 }
 
-Error out_of_memory() { return {ErrorCode::resource_exhausted, "", -1, "", "this process is out of memory"}; }
-
 }  // namespace marble::client

@@ -19,7 +19,4 @@ namespace marble::client {
 /// Says that it was the caller who gave up, where that is so.
 [[nodiscard]] Error to_error(const grpc::Status& status, const std::stop_token& stop);
 
-/// This process's, not the server's.
-[[nodiscard]] Error out_of_memory();
-
 }  // namespace marble::client

@@ -17,7 +17,7 @@ constexpr std::string_view kUnixPrefix = "unix:";
 constexpr std::string_view kDnsPrefix = "dns:///";
 
 Error bad_address(const std::string& address, const std::string& rule) {
-  return {ErrorCode::invalid_argument, "address", -1, "\"" + address + "\"", rule};
+  return invalid("address", "\"" + address + "\"", rule);
 }
 
 bool ends_in_port(const std::string& address) {
@@ -100,8 +100,8 @@ Expected<Target> target_of(const std::string& address) {
       return unexpected(bad_address(part, "cannot be one of several: only host:port can"));
     const auto endpoint = look_up(part);
     if (!endpoint) {
-      return unexpected(Error{ErrorCode::unavailable, "address", -1, "\"" + part + "\"",
-                              "is not known to the name service"});
+      return unexpected(
+          failure(ErrorCode::unavailable, "address", "\"" + part + "\"", "is not known to the name service"));
     }
     if (family != AF_UNSPEC && family != endpoint->family)
       return unexpected(bad_address(part, "must be of the same kind as those before, IPv4 or IPv6"));

@@ -13,8 +13,7 @@ namespace marble::client {
 /// Whether it may stand in a header. Whether it is one, the server judges.
 [[nodiscard]] inline Expected<void> check_traceparent(const std::string& text) {
   if (text.size() <= 512 && is_printable(text)) return {};
-  return unexpected(Error{ErrorCode::invalid_argument, "traceparent", -1, "",
-                          "must be at most 512 bytes of printable ASCII"});
+  return unexpected(invalid("traceparent", "must be at most 512 bytes of printable ASCII"));
 }
 
 /// The server's answer to it; empty if there is none. Only once the server's first word is there.

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <new>
 #include <string>
+#include <string_view>
 #include <tl/expected.hpp>
 
 namespace marble {
@@ -32,5 +34,33 @@ struct Error {
 template <class T>
 using Expected = tl::expected<T, Error>;
 using tl::unexpected;
+
+/// An error of no field: of a call, a connection, a file as a whole.
+[[nodiscard]] Error failure(ErrorCode code, std::string bound);
+/// An error of a field as a whole, with its value where that tells something.
+[[nodiscard]] Error failure(ErrorCode code, std::string field, std::string value, std::string bound);
+[[nodiscard]] Error failure(ErrorCode code, std::string field, std::string bound);
+/// A field that breaks a documented rule, with the value that does where it tells something.
+[[nodiscard]] Error invalid(std::string field, std::string bound);
+[[nodiscard]] Error invalid(std::string field, std::string value, std::string bound);
+/// Entry `index` of a field, 0-based, that breaks a documented rule.
+[[nodiscard]] Error invalid(std::string field, std::int64_t index, std::string value, std::string bound);
+/// The error as whoever holds the thing under the name `prefix` tells it: "A.values" of "problem" becomes
+/// "problem.A.values". One of no field stays as it is.
+[[nodiscard]] Error inside(std::string_view prefix, Error error);
+/// The error as one of `field`.
+[[nodiscard]] Error of_field(std::string field, Error error);
+
+/// resource_exhausted: there is no memory left.
+[[nodiscard]] Error out_of_memory();
+/// What `work` returns, an Expected; or the error, where memory runs out in it.
+template <class Work>
+[[nodiscard]] auto or_out_of_memory(const Work& work, Error (*error)() = out_of_memory) -> decltype(work()) {
+  try {
+    return work();
+  } catch (const std::bad_alloc&) {
+    return unexpected(error());
+  }
+}
 
 }  // namespace marble

@@ -104,6 +104,8 @@ struct PartSizes {
   /// Whether every part of the update that is there has its size and is finite. The error's field is the
   /// part's: "g", "A.values".
   [[nodiscard]] Expected<void> check(const ProblemUpdate& update) const;
+  /// Whether an update of the one fits the other.
+  friend bool operator==(const PartSizes&, const PartSizes&) = default;
 
   std::size_t g = 0;  ///< n
   std::size_t b = 0;  ///< n_e

@@ -83,8 +83,11 @@ class Solver {
   [[nodiscard]] Expected<Solution> solve(const SolveControls& controls = {});
 
  private:
+  friend class WarmSolver;  // which takes what was checked before
   struct State;
   explicit Solver(std::unique_ptr<State> state);
+  void take(const ProblemUpdate& checked);
+  void take(const Options& checked);
   std::unique_ptr<State> state_;
 };
 

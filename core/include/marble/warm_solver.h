@@ -6,12 +6,44 @@
 
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "marble/restart.h"
 #include "marble/solver.h"
 
 namespace marble {
+
+/// What one solve of a sequence takes, checked once: a WarmSolver of its sizes looks at none of it again.
+/// Borrows its arrays.
+class CheckedUpdate {
+ public:
+  /// Errors: invalid_argument, as PartSizes::check and Restart::check name the fields.
+  [[nodiscard]] static Expected<CheckedUpdate> check(const PartSizes& sizes, const ProblemUpdate& numbers,
+                                                     Restart restart = {});
+  /// Of parts that have passed their own checks before, all for these sizes, and of valid options: for who
+  /// puts such parts together.
+  [[nodiscard]] static CheckedUpdate of_checked(const PartSizes& sizes, const ProblemUpdate& numbers,
+                                                Restart restart, const Options& options);
+
+  /// Of the problem it was checked for.
+  [[nodiscard]] const PartSizes& sizes() const { return sizes_; }
+  /// What changes.
+  [[nodiscard]] const ProblemUpdate& numbers() const { return numbers_; }
+  /// How the solve starts.
+  [[nodiscard]] const Restart& restart() const { return restart_; }
+  /// For this solve and those to come; those in force stay if there are none.
+  [[nodiscard]] const std::optional<Options>& options() const { return options_; }
+
+ private:
+  CheckedUpdate(const PartSizes& sizes, const ProblemUpdate& numbers, Restart restart)
+      : sizes_(sizes), numbers_(numbers), restart_(std::move(restart)) {}
+
+  PartSizes sizes_;
+  ProblemUpdate numbers_;
+  Restart restart_;
+  std::optional<Options> options_;
+};
 
 /// A Solver that remembers the newest answer that was solved. What a session is on the server, and what it is
 /// in process: the same updates give the same answers, to the last bit. One thread at a time.
@@ -27,6 +59,8 @@ class WarmSolver {
   /// them; nothing has changed then.
   [[nodiscard]] Expected<Solution> solve(const ProblemUpdate& update = {}, const Restart& restart = {},
                                          const SolveControls& controls = {});
+  /// The same of what was checked before. Errors: failed_precondition if it was for other sizes.
+  [[nodiscard]] Expected<Solution> solve(const CheckedUpdate& update, const SolveControls& controls = {});
 
   /// Other options for solves to come; scaling_passes stays as it was set up. Options must be valid.
   [[nodiscard]] Expected<void> set_options(const Options& options) { return solver_.set_options(options); }

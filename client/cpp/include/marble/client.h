@@ -57,7 +57,8 @@ class Client {
 
   /// Solves on the server. `controls` mean what they mean to a Solver: progress is reported on the
   /// calling thread, the stop token gives the call up (error cancelled; the server stops within one
-  /// iteration). Streams if anything wants to be told, else makes one unary call.
+  /// iteration). In process, where nobody has hung up, a stopped solve answers with its best iterate (status
+  /// cancelled). Streams if anything wants to be told, else makes one unary call.
   [[nodiscard]] Expected<RemoteSolution> solve(const ProblemView& problem, const Options& options = {},
                                                const SolveControls& controls = {},
                                                const CallControls& call = {}) const;
