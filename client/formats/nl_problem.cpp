@@ -78,14 +78,14 @@ class NlReader {
     }
   }
 
-  // A file that was cut at a segment's end is a file still, but of another problem.
+  // A file that was cut at a segment's end is a file still, but of another problem. (Rows that are linear
+  // need no C.)
   void check_complete() {
     const auto need = [&](const char* key, std::int64_t there, std::int64_t told) {
       if (there >= told) return;
       in_.fail(key, std::to_string(there) + " of " + std::to_string(told),
                "is missing: the file ends too soon");
     };
-    need("C", seen_.constraints, header_.constraints);
     need("O", seen_.objectives, header_.objectives);
     need("r", seen_.row_bounds, header_.constraints);
     need("b", seen_.bounds, header_.variables);
@@ -138,7 +138,6 @@ class NlReader {
     if (body.degree() == 2)
       in_.fail("C" + std::to_string(index), "quadratic", "must be linear: constraints of an LCQP are");
     if (!in_.failed()) keep(std::move(body), rows_[at(index)]);
-    ++seen_.constraints;
   }
 
   void objective() {
@@ -434,7 +433,7 @@ class NlReader {
   std::size_t held_ = 0;
   NlHeader header_;
   struct {
-    std::int64_t constraints = 0, objectives = 0, row_bounds = 0, bounds = 0, jacobian = 0, gradient = 0;
+    std::int64_t objectives = 0, row_bounds = 0, bounds = 0, jacobian = 0, gradient = 0;
   } seen_;  // of what the header tells
   bool maximize_ = false;
   Quadratic objective_;

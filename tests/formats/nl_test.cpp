@@ -160,7 +160,7 @@ TEST(Nl, AFileThatEndsAfterASegmentNamesTheFirstThatIsMissing) {
     const auto file = parse_nl(std::string_view(whole).substr(0, whole.find(cut) + 1), "cut");
     return file ? std::string("taken") : file.error().message();
   };
-  for (const auto& [cut, reason] : {std::pair{"\nC0", "C = 0 of 1: is missing: the file ends too soon"},
+  for (const auto& [cut, reason] : {std::pair{"\nC0", "O = 0 of 1: is missing: the file ends too soon"},
                                     {"\nO0", "O = 0 of 1: is missing"},
                                     {"\nr\n", "r = 0 of 1: is missing"},
                                     {"\nb\n", "b = 0 of 2: is missing"},

@@ -124,6 +124,16 @@ TEST(ElasticRelaxation, DoesNothingForWhoIsToStop) {
   EXPECT_EQ(w.run.factorizations, 0);
 }
 
+TEST(ElasticRelaxation, LeavesItsOwnFactorBehindWhateverFactorItFound) {
+  Workbench w(testing::random_problem({}, 1));
+  BranchEngines branch(w.problem, *w.kkt);
+  branch.point.start_from_point(w.zero());
+  ASSERT_TRUE(branch.elastic.solve(w.run, 1e3, Begin::violated, kBudget));
+  ASSERT_TRUE(branch.point.factor(w.run, 1.0, 1.0));
+  ASSERT_TRUE(branch.elastic.solve(w.run, 1e3, Begin::violated, kBudget)) << "it is there already";
+  EXPECT_EQ(branch.elastic.rho(), 1e3);
+}
+
 TEST(ElasticRelaxation, FromTheRowsOfItsSolutionItNeedsNoFactorization) {
   for (std::uint64_t seed = 1; seed <= 15; ++seed) {
     Workbench w(testing::random_problem({}, seed));

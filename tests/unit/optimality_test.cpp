@@ -30,6 +30,7 @@ struct Judged : Workbench {
         incumbent(problem, options, branch.exact),
         optimality(problem, *kkt, options, branch.point, incumbent) {
     branch.point.set.fix(0, true, false);
+    if (problem.inequalities() > 0) branch.point.set.held[0] = 1;
     EXPECT_EQ(incumbent.solve_branch(run, "a branch", 100), Incumbent::Outcome::kept);
     factorizations = run.factorizations;
     verdict = optimality.judge(run);
@@ -77,6 +78,25 @@ TEST(Optimality, WhereAMultiplierPullsTheCurvatureOfOneBranchIsNotThatOfAll) {
   const Judged nonconvex(corner(-1.0, 2.0), without_search());
   EXPECT_FALSE(nonconvex.verdict.b_stationary.has_value());
   EXPECT_EQ(nonconvex.verdict.second_order, SecondOrder::necessary);
+}
+
+TEST(Optimality, ASaddlePointIsLeftAndWhatComesOfItIsJudgedAnew) {
+  // And −½w² over 0 ≤ w ≤ 1: w = 0 is stationary, with a multiplier of 0.
+  OwnedProblem p = corner(1.0, -1.0);
+  p.g.push_back(0.0);
+  p.Q = compress(3, 3, {{0, 1, 2}, {0, 1, 2}, {1.0, 1.0, -1.0}}, "Q").value();
+  p.C = compress(2, 3, {{0, 1}, {2, 2}, {1.0, -1.0}}, "C").value();
+  p.d = {0.0, 1.0};
+  p.L = compress(1, 3, {{0}, {0}, {1.0}}, "L").value();
+  p.R = compress(1, 3, {{0}, {1}, {1.0}}, "R").value();
+  const Judged j(p);
+  EXPECT_NEAR(j.user(j.incumbent.best().x.z())[2], 1.0, 1e-9);
+  EXPECT_STREQ(j.incumbent.best().origin, "descent along negative curvature");
+  EXPECT_EQ(j.verdict.second_order, SecondOrder::minimum);
+  EXPECT_EQ(j.verdict.b_stationary, true);
+  const Judged stays(p, without_search());
+  EXPECT_NEAR(stays.user(stays.incumbent.best().x.z())[2], 0.0, 1e-9);
+  EXPECT_EQ(stays.verdict.second_order, SecondOrder::saddle);
 }
 
 TEST(Optimality, WhereAnotherBranchFallsForEverNothingIsCalledBStationary) {

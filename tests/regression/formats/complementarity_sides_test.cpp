@@ -118,7 +118,7 @@ TEST(ComplementaritySides, ThatTheVariableDoesNotHaveAreRefusedWithTheRow) {
 
 TEST(ComplementaritySides, EightPairsOnVariablesWithTwoBoundsStayEight) {
   constexpr int kPairs = 8;
-  NlWriter nl(false, 2 * kPairs, kPairs, 1);  // w_i >= 0 ⊥ y_i >= 0, y_i <= 50
+  NlWriter nl(false, 2 * kPairs, kPairs, 0);  // w_i >= 0 ⊥ y_i >= 0, y_i <= 50
   nl.key('r');
   for (int i = 0; i < kPairs; ++i) nl.complements(1, i);
   nl.key('b');
@@ -133,7 +133,7 @@ TEST(ComplementaritySides, EightPairsOnVariablesWithTwoBoundsStayEight) {
 }
 
 TEST(ComplementaritySides, OneVariableMayComplementARowAtEitherBound) {
-  NlWriter nl(false, 3, 2, 1);  // 0 <= v ⊥ y >= 0, 0 >= w ⊥ y <= 50; no bound is left for a row
+  NlWriter nl(false, 3, 2, 0);  // 0 <= v ⊥ y >= 0, 0 >= w ⊥ y <= 50; no bound is left for a row
   nl.key('r').complements(1, 0).complements(2, 0);
   nl.key('b').between(0.0, 50.0).free().free();
   nl.key('J').integer(0).integer(1).entry(1, 1.0);
