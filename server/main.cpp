@@ -10,19 +10,19 @@
 #include <iostream>
 #include <thread>
 
-#include "config.h"
-#include "hang_up.h"
+#include "calls/jobs_service.h"
+#include "calls/solver_service.h"
+#include "config/config.h"
 #include "http/http_server.h"
-#include "info_service.h"
-#include "jobs_service.h"
-#include "library_log.h"
-#include "listen.h"
+#include "log/library_log.h"
 #include "marble/version.h"
-#include "process.h"
-#include "reload.h"
-#include "signals.h"
-#include "solver_service.h"
-#include "supervisor.h"
+#include "net/hang_up.h"
+#include "net/listen.h"
+#include "process/process.h"
+#include "process/reload.h"
+#include "process/signals.h"
+#include "process/supervisor.h"
+#include "service/info_service.h"
 
 namespace {
 

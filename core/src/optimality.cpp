@@ -3,8 +3,8 @@
 #include <cmath>
 #include <vector>
 
-#include "descent.h"
-#include "stationarity.h"
+#include "proof/descent.h"
+#include "proof/stationarity.h"
 #include "tuning.h"
 
 namespace marble {

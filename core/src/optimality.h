@@ -5,10 +5,10 @@
 #include <optional>
 #include <span>
 
-#include "convexity.h"
-#include "incumbent.h"
-#include "proof.h"
-#include "second_order.h"
+#include "proof/convexity.h"
+#include "proof/proof.h"
+#include "proof/second_order.h"
+#include "search/incumbent.h"
 
 namespace marble {
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "parametric.h"
-#include "stationarity.h"
+#include "branch/parametric.h"
+#include "proof/stationarity.h"
 #include "strategy.h"
 #include "tuning.h"
 

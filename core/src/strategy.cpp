@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-#include "proof.h"
+#include "proof/proof.h"
 #include "tuning.h"
 
 namespace marble {

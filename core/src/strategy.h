@@ -8,11 +8,11 @@
 
 #include <optional>
 
-#include "branch_search.h"
-#include "incumbent.h"
 #include "optimality.h"
-#include "path.h"
-#include "termination.h"
+#include "path/path.h"
+#include "run/termination.h"
+#include "search/branch_search.h"
+#include "search/incumbent.h"
 
 namespace marble {
 

@@ -8,7 +8,7 @@
 #include <random>
 
 #include "balancer.h"
-#include "job_queue.h"
+#include "queue/job_queue.h"
 
 namespace marble::fleet_sim {
 namespace {

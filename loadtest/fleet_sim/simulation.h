@@ -1,5 +1,5 @@
 // A discrete-event simulation of planners, a balancer and servers. Each server's queue is the server's own
-// code, server/job_queue.h; time, the solves and the network are made up.
+// code, server/queue/job_queue.h; time, the solves and the network are made up.
 #pragma once
 
 #include <cstdint>

@@ -6,7 +6,7 @@
 #include <iostream>
 
 #include "arguments.h"
-#include "interrupt.h"
+#include "data/interrupt.h"
 #include "report.h"
 #include "run.h"
 

@@ -1,10 +1,10 @@
 // The solver's linear system: analysis, factorization, and solves with the factors.
-#include "kkt.h"
+#include "kkt/kkt.h"
 
 #include <benchmark/benchmark.h>
 
+#include "data/scaling.h"
 #include "problems.h"
-#include "scaling.h"
 
 namespace {
 

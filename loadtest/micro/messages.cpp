@@ -5,7 +5,7 @@
 #include "marble/solver.h"
 #include "marble/v1/service.pb.h"
 #include "problems.h"
-#include "wire.h"
+#include "wire/wire.h"
 
 namespace {
 

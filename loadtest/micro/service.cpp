@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "job_queue.h"
-#include "job_record.h"
-#include "progress_slot.h"
+#include "jobs/job_record.h"
+#include "jobs/progress_slot.h"
+#include "queue/job_queue.h"
 
 namespace {
 

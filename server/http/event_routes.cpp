@@ -2,10 +2,10 @@
 
 #include <utility>
 
-#include "http/caller.h"
-#include "http/endpoint.h"
-#include "http/reply.h"
-#include "server_info.h"
+#include "http/requests/caller.h"
+#include "http/requests/endpoint.h"
+#include "http/requests/reply.h"
+#include "service/server_info.h"
 
 namespace marble::server::http {
 namespace {

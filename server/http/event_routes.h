@@ -1,8 +1,8 @@
 // /api/events and /api/jobs/ID/events: what happens, as server-sent events.
 #pragma once
 
-#include "http/event_hub.h"
-#include "http/router.h"
+#include "http/requests/event_hub.h"
+#include "http/requests/router.h"
 
 namespace marble::server::http {
 

@@ -1,6 +1,6 @@
 #include "http/health_routes.h"
 
-#include "port_probe.h"
+#include "net/port_probe.h"
 
 namespace marble::server::http {
 

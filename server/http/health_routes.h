@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "http/router.h"
-#include "service_parts.h"
+#include "http/requests/router.h"
+#include "service/service_parts.h"
 
 namespace marble::server::http {
 

@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "service_parts.h"
+#include "service/service_parts.h"
 
 namespace marble::server {
 namespace http {

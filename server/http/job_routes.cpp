@@ -3,12 +3,12 @@
 #include <array>
 #include <charconv>
 
-#include "http/endpoint.h"
-#include "http/reply.h"
-#include "job_access.h"
-#include "job_requests.h"
+#include "http/requests/endpoint.h"
+#include "http/requests/reply.h"
 #include "marble/progress_csv.h"
-#include "server_info.h"
+#include "messages/job_access.h"
+#include "messages/job_requests.h"
+#include "service/server_info.h"
 
 namespace marble::server::http {
 namespace {

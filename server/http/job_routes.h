@@ -1,8 +1,8 @@
 // /api/info and /api/jobs: what Server.GetInfo and Jobs.List, Get and Cancel tell, as JSON.
 #pragma once
 
-#include "http/router.h"
-#include "service_parts.h"
+#include "http/requests/router.h"
+#include "service/service_parts.h"
 
 namespace marble::server::http {
 

@@ -1,8 +1,8 @@
 #include "http/metrics_route.h"
 
-#include "http/caller.h"
-#include "http/endpoint.h"
-#include "metrics/scrape.h"
+#include "http/requests/caller.h"
+#include "http/requests/endpoint.h"
+#include "service/scrape.h"
 
 namespace marble::server::http {
 

@@ -1,8 +1,8 @@
 // GET /metrics, for Prometheus. Needs the role observe.
 #pragma once
 
-#include "http/router.h"
-#include "service_parts.h"
+#include "http/requests/router.h"
+#include "service/service_parts.h"
 
 namespace marble::server::http {
 

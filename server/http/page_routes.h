@@ -1,7 +1,7 @@
 // The page and what it needs, from the binary: / and /assets/NAME.
 #pragma once
 
-#include "http/router.h"
+#include "http/requests/router.h"
 
 namespace marble::server::http {
 

@@ -2,8 +2,8 @@
 
 #include <array>
 
+#include "base/refusal.h"
 #include "metrics/client_metrics.h"
-#include "refusal.h"
 
 namespace marble::server {
 namespace {

@@ -5,10 +5,10 @@
 #include <optional>
 #include <string>
 
+#include "base/priority.h"
 #include "marble/error.h"
 #include "marble/solution.h"
 #include "metrics/metric_registry.h"
-#include "priority.h"
 
 namespace marble::server {
 

@@ -1,11 +1,11 @@
 // The configuration file: faults with their lines, or a configuration that prints as a file which says the
 // same.
-#include "config.h"
+#include "config/config.h"
 
 #include <cstdint>
 #include <string_view>
 
-#include "config_file.h"
+#include "config/config_file.h"
 #include "expect.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

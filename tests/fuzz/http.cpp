@@ -8,11 +8,11 @@
 #include <string>
 
 #include "expect.h"
-#include "http/browser_guard.h"
-#include "http/connection.h"
 #include "http/job_routes.h"
 #include "http/metrics_route.h"
 #include "http/page_routes.h"
+#include "http/requests/browser_guard.h"
+#include "http/transport/connection.h"
 
 namespace {
 

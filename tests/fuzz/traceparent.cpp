@@ -2,8 +2,8 @@
 #include <cstdint>
 #include <string_view>
 
+#include "base/trace_context.h"
 #include "expect.h"
-#include "trace_context.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace marble::server;

@@ -1,4 +1,4 @@
-#include "access.h"
+#include "access/access.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The queue alone, on simulated time: what is promised about order, fairness and bounds.
-#include "job_queue.h"
+#include "queue/job_queue.h"
 
 #include <gtest/gtest.h>
 

@@ -1,10 +1,10 @@
-#include "log_limit.h"
+#include "log/log_limit.h"
 
 #include <gtest/gtest.h>
 
 #include <string>
 
-#include "log.h"
+#include "log/log.h"
 
 namespace marble::server {
 namespace {

@@ -9,9 +9,9 @@
 #include <set>
 
 #include "metrics/rpc_metrics.h"
-#include "metrics/scrape.h"
-#include "process.h"
-#include "service_parts.h"
+#include "process/process.h"
+#include "service/scrape.h"
+#include "service/service_parts.h"
 
 namespace marble::server {
 namespace {

@@ -1,4 +1,4 @@
-#include "pair_history.h"
+#include "jobs/pair_history.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Who accepts at a port, and who does not.
-#include "port_probe.h"
+#include "net/port_probe.h"
 
 #include <gtest/gtest.h>
 #include <netinet/in.h>

@@ -1,4 +1,4 @@
-#include "progress_history.h"
+#include "jobs/progress_history.h"
 
 #include <gtest/gtest.h>
 

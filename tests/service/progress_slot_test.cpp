@@ -1,4 +1,4 @@
-#include "progress_slot.h"
+#include "jobs/progress_slot.h"
 
 #include <gtest/gtest.h>
 

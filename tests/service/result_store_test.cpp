@@ -1,4 +1,4 @@
-#include "result_store.h"
+#include "jobs/result_store.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The scheduler with real workers and real solves, and observers in place of RPCs.
-#include "scheduler.h"
+#include "queue/scheduler.h"
 
 #include <gtest/gtest.h>
 

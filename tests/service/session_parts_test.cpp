@@ -4,10 +4,10 @@
 #include <cmath>
 #include <numeric>
 
-#include "job_board.h"
+#include "jobs/job_board.h"
 #include "metrics/metrics.h"
-#include "session_table.h"
-#include "waiting_updates.h"
+#include "queue/session_table.h"
+#include "sessions/waiting_updates.h"
 
 namespace marble::server {
 namespace {

@@ -1,5 +1,5 @@
 // The handshake of a call with its stream, on a stream that does what a test says.
-#include "stream_pump.h"
+#include "service/stream_pump.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "wait_estimate.h"
+#include "queue/wait_estimate.h"
 
 #include <gtest/gtest.h>
 

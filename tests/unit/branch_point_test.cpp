@@ -1,9 +1,9 @@
 // What the ways to solve a branch rely on of the point they share: the rows read off, and what a factor does.
-#include "branch_point.h"
+#include "branch/branch_point.h"
 
 #include <gtest/gtest.h>
 
-#include "branch_engines.h"
+#include "branch/branch_engines.h"
 #include "support/random_problem.h"
 #include "tuning.h"
 #include "workbench.h"

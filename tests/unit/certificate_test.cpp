@@ -1,4 +1,4 @@
-#include "certificate.h"
+#include "run/certificate.h"
 
 #include <gtest/gtest.h>
 

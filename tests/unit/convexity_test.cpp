@@ -1,5 +1,5 @@
 // What second-order tests rely on: Q is looked at once, by one factorization at most, until it changes.
-#include "convexity.h"
+#include "proof/convexity.h"
 
 #include <gtest/gtest.h>
 

@@ -4,8 +4,8 @@
 
 #include <Eigen/Core>
 
-#include "kkt.h"
-#include "residual.h"
+#include "data/residual.h"
+#include "kkt/kkt.h"
 
 namespace marble::testing {
 

@@ -1,5 +1,5 @@
 // What a local search relies on of the elastic version of a branch.
-#include "elastic_relaxation.h"
+#include "branch/elastic_relaxation.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "branch_engines.h"
+#include "branch/branch_engines.h"
 #include "support/random_problem.h"
 #include "workbench.h"
 

@@ -1,5 +1,5 @@
 // What others rely on: the exact solution of a branch or a no, at no more factorizations than allowed.
-#include "exact_branch.h"
+#include "branch/exact_branch.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "branch_engines.h"
+#include "branch/branch_engines.h"
 #include "support/branch.h"
 #include "support/brute_force.h"
 #include "support/random_problem.h"

@@ -1,5 +1,5 @@
 // Option starts: further searches from the best branch, at once or one after the other.
-#include "further_starts.h"
+#include "search/further_starts.h"
 
 #include <gtest/gtest.h>
 

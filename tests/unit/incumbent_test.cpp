@@ -1,9 +1,9 @@
 // What the stages of a solve rely on of the incumbent: it only gets better, and says where it is from.
-#include "incumbent.h"
+#include "search/incumbent.h"
 
 #include <gtest/gtest.h>
 
-#include "branch_engines.h"
+#include "branch/branch_engines.h"
 #include "support/random_problem.h"
 #include "workbench.h"
 

@@ -1,12 +1,12 @@
 // What others rely on of the interior point method: a point whose branch is near a feasible branch, at a
 // bounded number of factorizations.
-#include "interior.h"
+#include "path/interior.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "branch_engines.h"
+#include "branch/branch_engines.h"
 #include "marble/examples.h"
 #include "row_parts.h"
 #include "support/random_problem.h"

@@ -1,4 +1,4 @@
-#include "kkt.h"
+#include "kkt/kkt.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
-#include "line_search.h"
+#include "path/line_search.h"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 
 #include "dense_system.h"
-#include "newton.h"
+#include "path/newton.h"
 #include "random_setting.h"
 
 namespace marble {

@@ -1,13 +1,13 @@
 // What others rely on of the local search: it never ends worse than it began, stays within its budget, and
 // what it leaves behind is the elastic optimum of the branch it names.
-#include "local_search.h"
+#include "search/local_search.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "branch_engines.h"
+#include "branch/branch_engines.h"
 #include "marble/examples.h"
 #include "support/random_problem.h"
 #include "workbench.h"

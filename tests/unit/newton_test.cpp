@@ -1,4 +1,4 @@
-#include "newton.h"
+#include "path/newton.h"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "branch_engines.h"
+#include "branch/branch_engines.h"
 #include "workbench.h"
 
 namespace marble {

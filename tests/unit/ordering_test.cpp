@@ -1,5 +1,5 @@
 // Ordering and symbolic analysis against SuiteSparse's own, which they stand in for.
-#include "ordering.h"
+#include "kkt/ordering.h"
 
 #include <amd.h>
 extern "C" {  // ldl.h forgets to say so
@@ -11,7 +11,7 @@ extern "C" {  // ldl.h forgets to say so
 #include <random>
 #include <thread>
 
-#include "elimination.h"
+#include "kkt/elimination.h"
 
 namespace marble {
 namespace {

@@ -1,11 +1,11 @@
-#include "parametric.h"
+#include "branch/parametric.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "branch_engines.h"
+#include "branch/branch_engines.h"
 #include "marble/examples.h"
 #include "support/random_problem.h"
 

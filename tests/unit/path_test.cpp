@@ -1,6 +1,6 @@
 // What others rely on of the path: where it ends, what it keeps on the way, and that it can be stopped, gone
 // on with and begun again.
-#include "path.h"
+#include "path/path.h"
 
 #include <gtest/gtest.h>
 

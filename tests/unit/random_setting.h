@@ -4,10 +4,10 @@
 #include <memory>
 #include <vector>
 
-#include "dense_kkt.h"
+#include "data/residual.h"
+#include "kkt/dense_kkt.h"
+#include "kkt/sparse_kkt.h"
 #include "random_vector.h"
-#include "residual.h"
-#include "sparse_kkt.h"
 #include "support/random_problem.h"
 
 namespace marble::testing {

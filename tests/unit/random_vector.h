@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <random>
 
-#include "linear_algebra.h"
+#include "data/linear_algebra.h"
 
 namespace marble::testing {
 

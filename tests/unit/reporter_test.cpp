@@ -1,5 +1,5 @@
 // What is told of a run: every iteration once, in the user's units.
-#include "reporter.h"
+#include "run/reporter.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "residual.h"
+#include "data/residual.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "retraction.h"
+#include "data/retraction.h"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // The rows of a scaled problem by the matrix they came from.
 #pragma once
 
-#include "scaling.h"
+#include "data/scaling.h"
 
 namespace marble {
 

@@ -1,5 +1,5 @@
 // What a run counts, and why it ends.
-#include "run.h"
+#include "run/run.h"
 
 #include <gtest/gtest.h>
 

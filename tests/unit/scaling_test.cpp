@@ -1,4 +1,4 @@
-#include "scaling.h"
+#include "data/scaling.h"
 
 #include <gtest/gtest.h>
 

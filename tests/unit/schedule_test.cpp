@@ -1,4 +1,4 @@
-#include "schedule.h"
+#include "path/schedule.h"
 
 #include <gtest/gtest.h>
 

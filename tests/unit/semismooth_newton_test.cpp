@@ -1,5 +1,5 @@
 // What the exact and the elastic solution of a branch rely on: a minimum, whatever the start, or a no.
-#include "semismooth_newton.h"
+#include "branch/semismooth_newton.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "stationarity.h"
+#include "proof/stationarity.h"
 
 #include <gtest/gtest.h>
 

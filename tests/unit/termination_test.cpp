@@ -1,4 +1,4 @@
-#include "termination.h"
+#include "run/termination.h"
 
 #include <gtest/gtest.h>
 

@@ -4,9 +4,9 @@
 #include <memory>
 #include <vector>
 
-#include "kkt.h"
-#include "residual.h"
-#include "run.h"
+#include "data/residual.h"
+#include "kkt/kkt.h"
+#include "run/run.h"
 #include "support/independent_check.h"
 
 namespace marble::testing {

@@ -9,11 +9,11 @@
 
 #include <thread>
 
-#include "dense_kkt.h"
-#include "elimination.h"
+#include "kkt/dense_kkt.h"
+#include "kkt/elimination.h"
+#include "kkt/ordering.h"
+#include "kkt/sparse_ldl.h"
 #include "marble/solver.h"
-#include "ordering.h"
-#include "sparse_ldl.h"
 #include "support/random_problem.h"
 
 namespace marble {

@@ -10,8 +10,8 @@
 #include "marble/convert.h"
 #include "service/bidi.h"
 #include "service/service_test.h"
-#include "session_update.h"
-#include "wire.h"
+#include "sessions/session_update.h"
+#include "wire/wire.h"
 
 namespace marble::testing {
 namespace {

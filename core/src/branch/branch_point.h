@@ -1,0 +1,62 @@
+// A point on a branch, with the rows that it holds at zero and the factor of what they leave: what the ways
+// to solve a branch work on, and hand to each other.
+#pragma once
+
+#include "data/residual.h"
+#include "data/working_set.h"
+#include "kkt/kkt.h"
+#include "run/run.h"
+
+namespace marble {
+
+class BranchPoint {
+ public:
+  BranchPoint(const ScaledProblem& problem, Kkt& kkt);
+
+  Iterate x;       ///< z, y and λ; σ and v are not used
+  Images images;   ///< of x
+  WorkingSet set;  ///< which side of each pair the branch fixes, and which other rows are held
+
+  /// Reads the branch and the active rows off an interior iterate, and starts from it.
+  void start_from_path(const Iterate& iterate);
+  /// Reads them off a solution and its multipliers, of this problem or one like it.
+  void start_from_solution(const Iterate& solution);
+  /// Reads the branch off z: the smaller side of a pair is fixed. Which other rows are held stays.
+  void start_from_point(ConstVectorRef z);
+  /// Goes back to a point, with the working set it had then.
+  void restore(const Iterate& iterate, const WorkingSet& working_set);
+
+  /// Factorizes for the rows held at zero. False if the inertia is wrong: Q + δI has negative curvature, or
+  /// none, along a direction that keeps all of them.
+  [[nodiscard]] bool factor(Run& run, double rho, double delta);
+  /// Whether the factor at hand is that, of these rows.
+  [[nodiscard]] bool is_factored(double rho, double delta) const;
+  [[nodiscard]] double rho() const { return weights_.rho; }  ///< of the last factorization
+
+  /// With the factor at hand, of tuning::exact_rho and tuning::exact_delta: the stationary point on the rows
+  /// held at zero, to this residual or as exact as rounding lets it be. False if there is none.
+  [[nodiscard]] bool sharpen(double tolerance = 0.0);
+  /// With the factor at hand: takes out of a direction what changes the rows held at zero.
+  [[nodiscard]] bool project(VectorRef direction);
+
+  /// Largest entry of the stationarity, and of the violation of fixed and free rows, scaled.
+  [[nodiscard]] double error() const;
+
+  /// What a step of any of those methods needs, and nothing reads after it.
+  struct Workspace {
+    explicit Workspace(const ScaledProblem& problem)
+        : step(problem), images(problem), gradient(problem.variables()) {}
+    Iterate step;
+    Images images;  // of the step
+    Vector gradient;
+  };
+  Workspace workspace;
+
+ private:
+  const ScaledProblem& problem_;
+  Kkt& kkt_;
+  RowWeights weights_;
+  WorkingSet factored_set_;
+};
+
+}  // namespace marble

@@ -1,0 +1,33 @@
+#include "branch/elastic_relaxation.h"
+
+#include <cmath>
+
+#include "tuning.h"
+
+namespace marble {
+
+ElasticRelaxation::ElasticRelaxation(const ScaledProblem& problem, BranchPoint& point,
+                                     SemismoothNewton& newton)
+    : problem_(problem), point_(point), newton_(newton), anchor_(Vector::Zero(problem.variables())) {}
+
+bool ElasticRelaxation::solve(Run& run, double rho, Rows rows, int budget) {
+  newton_.center.all.setZero();
+  newton_.center.z() = anchor_;
+  const int last = run.factorizations + budget;
+  const double delta = rho >= tuning::exact_rho
+                           ? tuning::exact_delta
+                           : tuning::elastic_delta;  // there the exact solve's factor serves too
+  const bool solved = rows == Rows::held ? newton_.minimize_from_rows(run, {rho, delta}, last)
+                                         : newton_.minimize(run, {rho, delta}, last);
+  if (!solved) return false;
+  if (!point_.is_factored(rho, delta) && !point_.factor(run, rho, delta)) return false;
+  const Iterate& x = point_.x;
+  Images& images = point_.images;
+  const double violation_cost = x.y().squaredNorm() + x.lambda_w().squaredNorm() +
+                                x.lambda_L().squaredNorm() + x.lambda_R().squaredNorm();
+  images.objective = x.z().dot(0.5 * images.gradient + problem_.g);
+  objective_ = images.objective + 0.5 * delta * (x.z() - anchor_).squaredNorm() + 0.5 / rho * violation_cost;
+  return std::isfinite(objective_);
+}
+
+}  // namespace marble

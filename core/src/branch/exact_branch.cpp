@@ -1,0 +1,45 @@
+#include "branch/exact_branch.h"
+
+#include "tuning.h"
+
+namespace marble {
+
+ExactBranch::ExactBranch(BranchPoint& point, SemismoothNewton& newton) : point_(point), newton_(newton) {}
+
+bool ExactBranch::solve(Run& run, int budget) {
+  const int last = run.factorizations + budget;
+  point_.set.clear_others(point_.x.lambda());  // they may be of another branch
+  newton_.center.all = point_.x.all;           // should the exchanges lead nowhere
+  if (const auto solved = exchange_rows(run, tuning::exact_exchanges, last)) return *solved;
+  const bool rows_known = newton_.converge(run, {tuning::exact_rho, tuning::exact_delta}, last);
+  return rows_known && exchange_rows(run, tuning::exact_exchanges, last).value_or(false);
+}
+
+// Nothing if the rows are not known after so many rounds, or contradict each other.
+std::optional<bool> ExactBranch::exchange_rows(Run& run, int rounds, int last) {
+  for (int round = 0; round < rounds; ++round) {
+    if (run.factorizations >= last || run.interrupted()) return false;
+    if (!point_.factor(run, tuning::exact_rho, tuning::exact_delta)) return false;
+    if (!point_.sharpen(tuning::rounding)) return std::nullopt;
+    if (exchange()) return point_.error() <= tuning::exactness;
+  }
+  return std::nullopt;
+}
+
+// Active rows that pull (λ > 0) leave, violated ones enter. True if nothing changed.
+bool ExactBranch::exchange() {
+  bool changed = false;
+  const double scale = 1.0 + max_abs(point_.x.all);
+  auto lambda = point_.x.lambda();
+  point_.set.for_each_free_row([&](Index row) {
+    std::uint8_t& held = point_.set.held[row];
+    const double slack = point_.images.rows.all[row];
+    if (!(held ? lambda[row] > tuning::exactness * scale : slack < -tuning::exactness)) return;
+    held ^= 1U;
+    if (held == 0) lambda[row] = 0.0;
+    changed = true;
+  });
+  return !changed;
+}
+
+}  // namespace marble

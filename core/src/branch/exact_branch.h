@@ -1,0 +1,36 @@
+// The exact solution of a branch: the convex QP that is left of the problem once each pair has one side fixed
+// at zero. The other side, like every inequality, must stay ≥ 0.
+//
+// The primal-dual active set method: it guesses which of those hold with equality, solves the
+// equality-constrained problem that leaves by one factorization, and exchanges all rows whose sign is wrong.
+// Where that cycles the proximal method of multipliers, which converges for every feasible branch, tells the
+// rows.
+#pragma once
+
+#include <optional>
+
+#include "branch/semismooth_newton.h"
+
+namespace marble {
+
+class ExactBranch {
+ public:
+  /// Works on `point`; `newton` must too.
+  ExactBranch(BranchPoint& point, SemismoothNewton& newton);
+
+  /// Solves the branch at hand to full accuracy with at most `budget` factorizations. True if it succeeded:
+  /// the point then satisfies the branch's optimality conditions to rounding, with every sign right but those
+  /// of the fixed sides.
+  [[nodiscard]] bool solve(Run& run, int budget);
+
+  [[nodiscard]] BranchPoint& point() { return point_; }
+
+ private:
+  [[nodiscard]] std::optional<bool> exchange_rows(Run& run, int rounds, int last);
+  [[nodiscard]] bool exchange();
+
+  BranchPoint& point_;
+  SemismoothNewton& newton_;
+};
+
+}  // namespace marble

@@ -1,0 +1,282 @@
+#include "branch/parametric.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tuning.h"
+
+extern "C" void dgesv_(const int* n, const int* nrhs, double* a, const int* lda, int* pivots, double* b,
+                       const int* ldb, int* info);
+
+namespace marble {
+namespace {
+
+constexpr std::size_t square(Index n) { return static_cast<std::size_t>(n) * static_cast<std::size_t>(n); }
+
+// Responses to keep: of all rows if they fit, else enough for two candidates at least.
+double responses_kept(Index pairs, double rows) {
+  if (pairs == 0) return 0.0;
+  return std::min(rows,
+                  std::max(2.0 * tuning::rows_apart, tuning::large_bytes / (8.0 * std::max(1.0, rows))));
+}
+
+}  // namespace
+
+double Parametric::response_bytes(Index pairs, double rows) {
+  return 8.0 * rows * responses_kept(pairs, rows);
+}
+
+Parametric::Parametric(const ScaledProblem& problem, Kkt& kkt)
+    : problem_(problem),
+      kkt_(kkt),
+      rows_(problem.layout.size()),
+      start_(problem),
+      start_state_(rows_),
+      state_(rows_),
+      start_value_(rows_),
+      value_(rows_),
+      value_rate_(rows_),
+      capacity_(static_cast<Index>(responses_kept(problem.pairs(), rows_))),
+      responses_(new double[static_cast<std::size_t>(capacity_) * rows_]),
+      response_of_row_(rows_),
+      displacement_(problem.variables()),
+      bordered_(new double[square(std::min(tuning::rows_apart, rows_))]),
+      right_side_(tuning::rows_apart),
+      pivots_(tuning::rows_apart) {
+  keep_blas_to_one_thread();
+  changed_.reserve(tuning::rows_apart + 2);  // direction() refuses only then
+}
+
+void Parametric::start(const ElasticRelaxation& optimum) {
+  const BranchPoint& point = optimum.point();
+  rho_ = optimum.rho();
+  start_objective_ = optimum.objective();
+  start_ = point.set;
+  for (Index row = 0; row < rows_; ++row) {
+    const bool fixed = start_.is_fixed(row);
+    const double value = start_.held[row] ? -point.x.lambda()[row] : point.images.rows.all[row];
+    start_state_[row].fixed = fixed;
+    start_value_[row] = fixed ? value : std::max(0.0, value);
+  }
+  std::fill(response_of_row_.begin(), response_of_row_.end(), -1);
+  used_ = 0;
+}
+
+void Parametric::reset() {
+  value_ = start_value_;
+  state_ = start_state_;
+  changed_.clear();
+  objective_ = start_objective_;
+  events_ = 0;
+  if (used_ + tuning::rows_apart > capacity_ && capacity_ < rows_) {  // room for one candidate at least
+    std::fill(response_of_row_.begin(), response_of_row_.end(), -1);
+    used_ = 0;
+  }
+}
+
+// A force f along row j adds f·e_j to the right-hand side. A slack θ in an active row, u + ν/ρ = θ, adds
+// ρθ·e_j.
+const double* Parametric::response(Index row) {
+  if (response_of_row_[row] >= 0)
+    return responses_.get() + static_cast<std::size_t>(response_of_row_[row]) * rows_;
+  if (used_ == capacity_) return nullptr;
+  const RowMatrix& matrix = problem_.rows;
+  const auto begin = static_cast<std::size_t>(matrix.row_pointers[row]);
+  const auto count = static_cast<std::size_t>(matrix.row_size(row));
+  if (!kkt_.solve_sparse({matrix.column_indices.data() + begin, count}, {matrix.values.data() + begin, count},
+                         displacement_))
+    return nullptr;
+  double* out = responses_.get() + static_cast<std::size_t>(used_) * rows_;
+  multiply(matrix, displacement_, Eigen::Map<Vector>(out, rows_));
+  const double force = start_.held[row] ? rho_ : 1.0;
+  for (Index i = 0; i < rows_; ++i) out[i] *= start_.held[i] ? -rho_ * force : force;
+  if (start_.held[row]) out[row] += rho_;
+  response_of_row_[row] = used_++;
+  return out;
+}
+
+// Rates of everything while the prescribed row's slack changes at its rate, or the driven row's falls at rate
+// 1, and all other changed rows stay as they are: zero slack if they were inactive, zero multiplier if
+// active.
+bool Parametric::direction(Index prescribed, double prescribed_rate, Index driven) {
+  const int count = static_cast<int>(changed_.size());
+  if (count > tuning::rows_apart || kkt_.interrupt().requested()) return false;
+  const double* fixed_part = prescribed < 0 ? nullptr : response(prescribed);
+  if (prescribed >= 0 && fixed_part == nullptr) return false;
+  for (int b = 0; b < count; ++b) {
+    const double* column = response(changed_[b].row);
+    if (column == nullptr) return false;
+    for (int a = 0; a < count; ++a) bordered_[b * count + a] = column[changed_[a].row];
+  }
+  for (int a = 0; a < count; ++a) {
+    const Index row = changed_[a].row;
+    if (!start_.held[row]) bordered_[a * count + a] += 1.0 / rho_;
+    right_side_[a] =
+        (row == driven ? -1.0 : 0.0) - (fixed_part == nullptr ? 0.0 : prescribed_rate * fixed_part[row]);
+  }
+  if (count > 0) {
+    const int one = 1;
+    int info = 0;
+    dgesv_(&count, &one, bordered_.get(), &count, pivots_.data(), right_side_.data(), &count, &info);
+    if (info != 0) return false;
+  }
+  if (fixed_part != nullptr) {
+    value_rate_ = prescribed_rate * Eigen::Map<const Vector>(fixed_part, rows_);
+  } else {
+    value_rate_.setZero();
+  }
+  for (int a = 0; a < count; ++a) {
+    changed_[a].rate = right_side_[a];
+    if (!std::isfinite(right_side_[a])) return false;
+  }
+  const auto column = [this](int a) {
+    return Eigen::Map<const Vector>(
+        responses_.get() + static_cast<std::size_t>(response_of_row_[changed_[a].row]) * rows_, rows_);
+  };
+  const double* rate = right_side_.data();
+  int a = 0;
+  for (; a + 4 <= count; a += 4) {  // four at a time: the sum is bound by memory
+    value_rate_ += rate[a] * column(a) + rate[a + 1] * column(a + 1) + rate[a + 2] * column(a + 2) +
+                   rate[a + 3] * column(a + 3);
+  }
+  for (; a < count; ++a) value_rate_ += rate[a] * column(a);
+  return true;
+}
+
+// The first row to change sign within `length`, which is shortened to it; -1 if none does.
+Index Parametric::first_event(double& length, Index driven) const {
+  Index first = -1;
+  const double* value = value_.data();
+  const double* rate = value_rate_.data();
+  const RowState* state = state_.data();
+  for (Index i = 0; i < rows_; ++i) {
+    if (value[i] + length * rate[i] >= 0.0 || rate[i] >= -tuning::rounding || state[i].changed ||
+        state[i].fixed)
+      continue;
+    const double at = std::max(0.0, value[i]) / -rate[i];
+    if (at < length) {
+      length = at;
+      first = i;
+    }
+  }
+  for (const Changed& changed : changed_) {
+    if (changed.row == driven || state[changed.row].fixed || changed.rate >= -tuning::rounding) continue;
+    const double at = std::max(0.0, changed.value) / -changed.rate;
+    if (at < length) {
+      length = at;
+      first = changed.row;
+    }
+  }
+  return first;
+}
+
+void Parametric::advance(double length) {
+  value_ += length * value_rate_;
+  for (Changed& changed : changed_) changed.value += length * changed.rate;
+}
+
+std::size_t Parametric::find(Index row) const {
+  std::size_t k = 0;
+  while (changed_[k].row != row) ++k;
+  return k;
+}
+
+void Parametric::toggle(Index row) {
+  ++events_;
+  value_[row] = 0.0;
+  if (state_[row].changed) {
+    changed_.erase(changed_.begin() + static_cast<std::ptrdiff_t>(find(row)));
+  } else {
+    changed_.push_back({row, 0.0});
+  }
+  state_[row].changed = !state_[row].changed;
+}
+
+// Raises the slack of a fixed active row until its multiplier, negative, has come to 0.
+bool Parametric::release(Index row) {
+  state_[row].fixed = false;
+  if (value_[row] >= -tuning::pull) {
+    value_[row] = std::max(0.0, value_[row]);
+    return true;
+  }
+  double slack = 0.0;
+  state_[row].changed = true;
+  for (Index event = row; event >= 0;) {
+    if (events_ > tuning::rows_apart || !direction(row, 1.0, -1)) return false;
+    const double rate = value_rate_[row];
+    if (rate <= tuning::roundoff) return false;
+    double length = -value_[row] / rate;
+    event = first_event(length, -1);
+    objective_ += length * (value_[row] + 0.5 * rate * length);
+    slack += length;
+    advance(length);
+    if (event >= 0) toggle(event);
+  }
+  value_[row] = 0.0;
+  changed_.push_back({row, slack});
+  return true;
+}
+
+// Lowers a row's slack to 0, where it stays as an equality. False once the objective cannot end below
+// `limit`.
+bool Parametric::drive(Index row, double limit) {
+  state_[row].fixed = true;
+  if (is_active(row)) return objective_ < limit;
+  // The slack of a row that was released before is prescribed; else the force that lowers it is solved for.
+  const bool prescribed = start_.held[row] != 0;
+  double slack = 0.0;
+  if (prescribed) {
+    const std::size_t k = find(row);
+    slack = changed_[k].value;
+    changed_.erase(changed_.begin() + static_cast<std::ptrdiff_t>(k));
+  } else {
+    slack = std::max(0.0, value_[row]);
+    changed_.push_back({row, 0.0});
+    state_[row].changed = true;
+    if (slack <= tuning::rounding) value_[row] = 0.0;
+  }
+  while (slack > tuning::rounding) {
+    if (events_ > tuning::rows_apart || !direction(prescribed ? row : -1, -1.0, row)) return false;
+    const double multiplier = prescribed ? value_[row] : changed_[find(row)].value;
+    const double rate = prescribed ? value_rate_[row] : changed_[find(row)].rate;
+    double length = slack;
+    const Index event = first_event(length, row);
+    objective_ -= length * (multiplier + 0.5 * rate * length);
+    slack -= length;
+    advance(length);
+    // The objective is convex along the way: its tangent is a lower bound.
+    if (objective_ + std::max(0.0, -(multiplier + rate * length)) * slack >= limit) return false;
+    if (event < 0) break;
+    toggle(event);
+  }
+  if (prescribed) state_[row].changed = false;
+  return objective_ < limit;
+}
+
+std::optional<double> Parametric::follow(std::span<const Move> moves, double cutoff, double climb) {
+  reset();
+  std::size_t last_drive = 0;
+  for (std::size_t k = 0; k < moves.size(); ++k) {
+    if (moves[k].drive) last_drive = k;
+  }
+  const double limit = last_drive + 1 < moves.size() ? cutoff + climb : cutoff;
+  for (const Move& move : moves) {
+    if (!(move.drive ? drive(move.row, limit) : release(move.row))) return std::nullopt;
+  }
+  if (!(objective_ < cutoff)) return std::nullopt;
+  return objective_;
+}
+
+void Parametric::read_active_rows(WorkingSet& set) const {
+  set.for_each_free_row([&](Index row) { set.held[row] = is_active(row); });
+}
+
+bool Parametric::probe(Index release, Index drive) {
+  if (start_.held[drive]) return false;
+  reset();
+  changed_.push_back({release, 0.0});
+  changed_.push_back({drive, 0.0});
+  return direction(-1, 0.0, drive);
+}
+
+}  // namespace marble

@@ -1,0 +1,41 @@
+// The unknowns of the KKT residual (13) as one vector with named segments; steps and residuals share the
+// layout.
+#pragma once
+
+#include "data/scaling.h"
+
+namespace marble {
+
+class Iterate {
+ public:
+  explicit Iterate(const ScaledProblem& p)
+      : n_(p.variables()), n_c_(p.pairs()), n_i_(p.inequalities()), n_e_(p.equalities()) {
+    all.setZero(n_ + 3 * n_c_ + 2 * n_i_ + n_e_);
+  }
+
+  Vector all;  ///< [z σ v y λ_w λ_L λ_R]
+
+  // clang-format off
+  auto z() { return all.segment(0, n_); }                                      ///< n        | r₁ stationarity
+  auto sigma() { return all.segment(n_, n_c_); }                               ///< σ, n_c   | r₃ −h′(σ)ᵀλ
+  auto v() { return all.segment(n_ + n_c_, n_i_); }                            ///< v, n_i   | r₂ λ_w + p(−v)
+  auto y() { return all.segment(n_ + n_c_ + n_i_, n_e_); }                     ///< n_e      | r_e equalities
+  auto lambda() { return all.segment(n_ + n_c_ + n_i_ + n_e_, n_i_ + 2 * n_c_); }  ///< of [C; L; R], all three:
+  auto lambda_w() { return all.segment(n_ + n_c_ + n_i_ + n_e_, n_i_); }       ///< ≤ 0, n_i | r₄ inequalities
+  auto lambda_L() { return all.segment(all.size() - 2 * n_c_, n_c_); }         ///< n_c      | r₅ of L z + l
+  auto lambda_R() { return all.segment(all.size() - n_c_, n_c_); }             ///< n_c      | r₅ of R z + r
+  [[nodiscard]] auto z() const { return all.segment(0, n_); }
+  [[nodiscard]] auto sigma() const { return all.segment(n_, n_c_); }
+  [[nodiscard]] auto v() const { return all.segment(n_ + n_c_, n_i_); }
+  [[nodiscard]] auto y() const { return all.segment(n_ + n_c_ + n_i_, n_e_); }
+  [[nodiscard]] auto lambda() const { return all.segment(n_ + n_c_ + n_i_ + n_e_, n_i_ + 2 * n_c_); }
+  [[nodiscard]] auto lambda_w() const { return all.segment(n_ + n_c_ + n_i_ + n_e_, n_i_); }
+  [[nodiscard]] auto lambda_L() const { return all.segment(all.size() - 2 * n_c_, n_c_); }
+  [[nodiscard]] auto lambda_R() const { return all.segment(all.size() - n_c_, n_c_); }
+  // clang-format on
+
+ private:
+  Eigen::Index n_, n_c_, n_i_, n_e_;
+};
+
+}  // namespace marble

@@ -1,0 +1,172 @@
+#include "data/scaling.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tuning.h"
+
+namespace marble {
+namespace {
+
+double root_inverse(double norm) {
+  return norm > 0.0 ? 1.0 / std::sqrt(std::clamp(norm, 1.0 / tuning::scale_range, tuning::scale_range)) : 1.0;
+}
+
+void absorb_norms(const RowMatrix& matrix, Vector& row_norm, Vector& column_norm) {
+  for (Index row = 0; row < matrix.rows; ++row) {
+    for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
+      const double size = std::abs(matrix.values[k]);
+      row_norm[row] = std::max(row_norm[row], size);
+      column_norm[matrix.column_indices[k]] = std::max(column_norm[matrix.column_indices[k]], size);
+    }
+  }
+}
+
+void absorb_norms(const SymmetricMatrix& matrix, Vector& norm) {
+  for (Index column = 0; column < matrix.size; ++column) {
+    for (Index k = matrix.column_pointers[column]; k < matrix.column_pointers[column + 1]; ++k) {
+      const double size = std::abs(matrix.values[k]);
+      norm[column] = std::max(norm[column], size);
+      norm[matrix.row_indices[k]] = std::max(norm[matrix.row_indices[k]], size);
+    }
+  }
+}
+
+// To rows `first` to `first` + `count` − 1.
+void apply(RowMatrix& matrix, Index first, Index count, const Vector& row_factor,
+           const Vector& column_factor) {
+  for (Index row = first; row < first + count; ++row) {
+    for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
+      matrix.values[k] *= row_factor[row] * column_factor[matrix.column_indices[k]];
+    }
+  }
+}
+
+void apply(SymmetricMatrix& matrix, const Vector& factor) {
+  for (Index column = 0; column < matrix.size; ++column) {
+    for (Index k = matrix.column_pointers[column]; k < matrix.column_pointers[column + 1]; ++k) {
+      matrix.values[k] *= factor[column] * factor[matrix.row_indices[k]];
+    }
+  }
+}
+
+// One constraint block while it is being equilibrated.
+struct Block {
+  RowMatrix* matrix;
+  Vector* scale;
+  Vector norm;
+};
+
+void equilibrate(ScaledProblem& p, int passes, const Interrupt& interrupt) {
+  Block blocks[] = {{&p.A, &p.equality_scale, {}}, {&p.rows, &p.row_scale, {}}};
+  for (Block& block : blocks) block.scale->setOnes(block.matrix->rows);
+  p.variable_scale.setOnes(p.variables());
+  Vector column_norm(p.variables());
+  for (int pass = 0; pass < passes && !interrupt.requested(); ++pass) {
+    column_norm.setZero();
+    absorb_norms(p.Q, column_norm);
+    for (Block& block : blocks) {
+      block.norm.setZero(block.matrix->rows);
+      absorb_norms(*block.matrix, block.norm, column_norm);
+    }
+    column_norm = column_norm.unaryExpr(&root_inverse);
+    p.variable_scale.array() *= column_norm.array();
+    apply(p.Q, column_norm);
+    for (Block& block : blocks) {
+      block.norm = block.norm.unaryExpr(&root_inverse);
+      block.scale->array() *= block.norm.array();
+      apply(*block.matrix, 0, block.matrix->rows, block.norm, column_norm);
+    }
+  }
+}
+
+double cost_scale(const ScaledProblem& p) {
+  Vector norm = Vector::Zero(p.variables());
+  absorb_norms(p.Q, norm);
+  const double size = std::max(norm.mean(), max_abs(p.g));
+  return size > 0.0 ? 1.0 / std::clamp(size, 1.0 / tuning::scale_range, tuning::scale_range) : 1.0;
+}
+
+Vector copy(std::span<const double> values) {
+  return Eigen::Map<const Vector>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
+// Into the part of a vector that begins at `first`.
+void replace(std::span<const double> values, const Vector& factor, double common, Vector& out,
+             Index first = 0) {
+  const auto size = static_cast<Eigen::Index>(values.size());
+  if (size > 0) out.segment(first, size) = common * copy(values).cwiseProduct(factor.segment(first, size));
+}
+
+// Into `count` rows of a matrix, from `first` on, that one matrix of the user's became.
+bool replace(std::span<const double> values, const Vector& row_factor, const Vector& column_factor,
+             RowMatrix& out, Index first, Index count) {
+  if (values.empty()) return false;
+  const auto end = static_cast<std::size_t>(out.row_pointers[first + count]);
+  for (auto k = static_cast<std::size_t>(out.row_pointers[first]); k < end; ++k)
+    out.values[k] = values[static_cast<std::size_t>(out.source[k])];
+  apply(out, first, count, row_factor, column_factor);
+  return true;
+}
+
+bool replace(std::span<const double> values, const Vector& factor, double common, SymmetricMatrix& out) {
+  if (values.empty()) return false;
+  for (std::size_t k = 0; k < out.values.size(); ++k)
+    out.values[k] = common * values[static_cast<std::size_t>(out.source[k])];
+  apply(out, factor);
+  return true;
+}
+
+}  // namespace
+
+bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
+  const RowLayout& rows = p.layout;
+  if (update.c0) p.c0 = *update.c0;
+  replace(update.g, p.variable_scale, p.cost_scale, p.g);
+  replace(update.b, p.equality_scale, 1.0, p.b);
+  replace(update.d, p.row_scale, 1.0, p.offset);
+  replace(update.l, p.row_scale, 1.0, p.offset, rows.s(0));
+  replace(update.r, p.row_scale, 1.0, p.offset, rows.t(0));
+  bool changed = replace(update.Q, p.variable_scale, p.cost_scale, p.Q);
+  changed |= replace(update.A, p.equality_scale, p.variable_scale, p.A, 0, p.A.rows);
+  changed |= replace(update.C, p.row_scale, p.variable_scale, p.rows, 0, rows.inequalities);
+  changed |= replace(update.L, p.row_scale, p.variable_scale, p.rows, rows.s(0), rows.pairs);
+  changed |= replace(update.R, p.row_scale, p.variable_scale, p.rows, rows.t(0), rows.pairs);
+  return changed;
+}
+
+ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interrupt) {
+  const ProblemView& view = problem.view();
+  const Index n = problem.variables();
+  ScaledProblem p;
+  p.layout = {problem.inequalities(), problem.pairs()};
+  p.Q = upper_triangle(view.Q, n);
+  p.A.columns = p.rows.columns = n;
+  append_rows(view.A, problem.equalities(), p.A);
+  append_rows(view.C, problem.inequalities(), p.rows);
+  append_rows(view.L, problem.pairs(), p.rows);
+  append_rows(view.R, problem.pairs(), p.rows);
+  p.g = copy(view.g);
+  p.b.resize(problem.equalities());
+  p.offset.resize(p.layout.size());
+  p.c0 = view.c0;
+
+  equilibrate(p, passes, interrupt);
+  p.g.array() *= p.variable_scale.array();
+  if (passes > 0) p.cost_scale = cost_scale(p);
+  // From the original: the same bits as an update with the same numbers.
+  rescale({.g = view.g,
+           .b = view.b,
+           .d = view.d,
+           .l = view.l,
+           .r = view.r,
+           .Q = view.Q.values,
+           .A = view.A.values,
+           .C = view.C.values,
+           .L = view.L.values,
+           .R = view.R.values},
+          p);
+  return p;
+}
+
+}  // namespace marble

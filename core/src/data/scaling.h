@@ -1,0 +1,44 @@
+// Equilibration, and the solver's only copy of the problem's data.
+//
+// With z = D z̄, rows scaled by E and the cost by c, the scaled problem is
+//   Q̄ = c D Q D, ḡ = c D g, Ā = E_A A D, b̄ = E_A b, and so on for the rows [C; L; R].
+// A pair's two rows are scaled apart: s̄ t̄ = κ then relaxes s t to κ / (E_L E_R).
+#pragma once
+
+#include "data/interrupt.h"
+#include "data/rows.h"
+#include "marble/problem.h"
+
+namespace marble {
+
+struct ScaledProblem {
+  SymmetricMatrix Q;
+  RowMatrix A;
+  RowMatrix rows;  ///< [C; L; R], numbered by `layout`
+  Vector g, b;
+  Vector offset;  ///< [d; l; r]
+  RowLayout layout;
+  double c0 = 0.0;          ///< the user's constant, not scaled
+  double cost_scale = 1.0;  ///< c
+  Vector variable_scale;    ///< D, n
+  Vector equality_scale;    ///< E_A, n_e
+  Vector row_scale;         ///< E of [C; L; R], n_i + 2 n_c
+
+  [[nodiscard]] Index variables() const { return static_cast<Index>(g.size()); }
+  [[nodiscard]] Index equalities() const { return static_cast<Index>(b.size()); }
+  [[nodiscard]] Index inequalities() const { return layout.inequalities; }
+  [[nodiscard]] Index pairs() const { return layout.pairs; }
+  /// What an objective of this problem, without a constant, is in the user's units.
+  [[nodiscard]] double user_objective(double scaled) const { return scaled / cost_scale + c0; }
+};
+
+/// Ruiz equilibration of [Q Aᵀ Cᵀ Lᵀ Rᵀ; A; C; L; R] in the ∞-norm, `passes` times, then the cost by
+/// 1 / max(mean column norm of Q̄, ‖ḡ‖∞). Zero rows and columns keep the scale 1. Interrupted, it leaves
+/// passes out.
+ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interrupt = {});
+
+/// Puts new numbers into the same pattern, with the scale factors it has: those of the first problem. True if
+/// a matrix changed.
+bool rescale(const ProblemUpdate& update, ScaledProblem& problem);
+
+}  // namespace marble

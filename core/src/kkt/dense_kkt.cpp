@@ -1,0 +1,269 @@
+#include "kkt/dense_kkt.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tuning.h"
+
+// The Fortran interface is the one every BLAS and LAPACK shares.
+extern "C" {
+void dsyrk_(const char* uplo, const char* trans, const int* n, const int* k, const double* alpha,
+            const double* a, const int* lda, const double* beta, double* c, const int* ldc);
+void dgemm_(const char* transa, const char* transb, const int* m, const int* n, const int* k,
+            const double* alpha, const double* a, const int* lda, const double* b, const int* ldb,
+            const double* beta, double* c, const int* ldc);
+void dtrsm_(const char* side, const char* uplo, const char* transa, const char* diag, const int* m,
+            const int* n, const double* alpha, const double* a, const int* lda, double* b, const int* ldb);
+void dsymv_(const char* uplo, const int* n, const double* alpha, const double* a, const int* lda,
+            const double* x, const int* incx, const double* beta, double* y, const int* incy);
+void dpotrf_(const char* uplo, const int* n, double* a, const int* lda, int* info);
+void dpotrs_(const char* uplo, const int* n, const int* nrhs, const double* a, const int* lda, double* b,
+             const int* ldb, int* info);
+}
+
+namespace marble {
+namespace {
+
+// C += factor · WᵀW, upper triangle, W with k rows and n columns, in as many calls as it takes.
+bool add_product(double factor, const double* w, int w_stride, int k, double* c, int c_stride, int n,
+                 const Interrupt& interrupt) {
+  const double one = 1.0;
+  const double flops = static_cast<double>(n) * n * k;
+  if (flops <= tuning::flops_of_call) {
+    dsyrk_("U", "T", &n, &k, &factor, w, &w_stride, &one, c, &c_stride);
+    return true;
+  }
+  const int width = std::min(n, tuning::block_columns);
+  const int depth = std::min(k, std::max(1, static_cast<int>(0.5 * tuning::flops_of_call / n / width)));
+  for (int row = 0; row < k; row += depth) {
+    const int rows = std::min(depth, k - row);
+    for (int column = 0; column < n; column += width) {
+      if (interrupt.requested()) return false;
+      const int columns = std::min(width, n - column);
+      const double* const panel = w + row + static_cast<std::ptrdiff_t>(column) * w_stride;
+      double* const out = c + static_cast<std::ptrdiff_t>(column) * c_stride;
+      if (column > 0)
+        dgemm_("T", "N", &column, &columns, &rows, &factor, w + row, &w_stride, panel, &w_stride, &one, out,
+               &c_stride);
+      dsyrk_("U", "T", &columns, &rows, &factor, panel, &w_stride, &one, out + column, &c_stride);
+    }
+  }
+  return true;
+}
+
+// dpotrf, in panels where one call would take too long.
+bool factorize_cholesky(double* a, int n, const Interrupt& interrupt) {
+  const double cube = static_cast<double>(n) * n * n;
+  const int width = cube / 3.0 <= tuning::flops_of_call ? n : tuning::block_columns;
+  const double one = 1.0;
+  for (int column = 0; column < n; column += width) {
+    if (column > 0 && interrupt.requested()) return false;
+    const int columns = std::min(width, n - column);
+    const int rest = n - column - columns;
+    double* const corner = a + column + static_cast<std::ptrdiff_t>(column) * n;
+    int info = 0;
+    dpotrf_("U", &columns, corner, &n, &info);
+    // OpenBLAS lets a NaN pass as a pivot; from there it spreads to the last one.
+    if (info != 0 || !(corner[columns - 1 + static_cast<std::ptrdiff_t>(columns - 1) * n] > 0.0))
+      return false;
+    if (rest == 0) break;
+    double* const panel = corner + static_cast<std::ptrdiff_t>(columns) * n;
+    dtrsm_("L", "U", "T", "N", &columns, &rest, &one, corner, &n, panel, &n);
+    if (!add_product(-1.0, panel, n, columns, panel + columns, n, rest, interrupt)) return false;
+  }
+  return true;
+}
+
+// Large matrices are copied by columns: their memory is touched for the first time then.
+template <class From>
+bool fill(Eigen::MatrixXd& to, const From& from, const Interrupt& interrupt) {
+  if (to.size() <= tuning::entries_between_looks) {
+    to = from;
+    return true;
+  }
+  Checkpoint checkpoint(interrupt);
+  for (Eigen::Index column = 0; column < to.cols(); ++column) {
+    to.col(column) = from.col(column);
+    if (checkpoint.reached(to.rows())) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+double DenseKkt::estimated_flops(const ScaledProblem& p) {
+  const double n = p.variables();
+  const double rows = static_cast<double>(p.equalities()) + p.inequalities() + 2.0 * p.pairs();
+  return (n * n * (rows + n / 3.0) + 20.0 * n * n) / tuning::dense_advantage;
+}
+
+DenseKkt::DenseKkt(const ScaledProblem& problem)
+    : variables_(problem.variables()),
+      equalities_(problem.equalities()),
+      inequalities_(problem.inequalities()),
+      pairs_(problem.pairs()),
+      flops_(estimated_flops(problem)),
+      hessian_(variables_, variables_),
+      rows_(equalities_ + inequalities_ + 2 * pairs_, variables_),
+      weighted_(rows_.rows(), variables_),
+      system_(variables_, variables_),
+      factor_(variables_, variables_),
+      s_single_(static_cast<std::size_t>(pairs_)),
+      t_single_(static_cast<std::size_t>(pairs_)),
+      residual_(variables_) {
+  keep_blas_to_one_thread();
+  terms_.reserve(static_cast<std::size_t>(rows_.rows()));
+}
+
+bool DenseKkt::allocate(const ScaledProblem& problem) {
+  if (!fill(hessian_, Matrix::Zero(hessian_.rows(), hessian_.cols()), interrupt()) ||
+      !fill(rows_, Matrix::Zero(rows_.rows(), rows_.cols()), interrupt()))
+    return false;
+  load(problem);
+  return true;
+}
+
+void DenseKkt::load(const ScaledProblem& problem) {
+  for (Index column = 0; column < variables_; ++column) {
+    for (Index k = problem.Q.column_pointers[column]; k < problem.Q.column_pointers[column + 1]; ++k) {
+      hessian_(problem.Q.row_indices[k], column) = problem.Q.values[k];
+    }
+  }
+  Index offset = 0;
+  for (const RowMatrix* matrix : {&problem.A, &problem.rows}) {
+    for (Index row = 0; row < matrix->rows; ++row) {
+      for (Index k = matrix->row_pointers[row]; k < matrix->row_pointers[row + 1]; ++k) {
+        rows_(offset + row, matrix->column_indices[k]) = matrix->values[k];
+      }
+    }
+    offset += matrix->rows;
+  }
+  const auto find_singles = [&matrix = problem.rows](Index first, std::vector<Single>& singles) {
+    for (std::size_t i = 0; i < singles.size(); ++i) {
+      const Index row = first + static_cast<Index>(i);
+      const auto entry = static_cast<std::size_t>(matrix.row_pointers[row]);
+      singles[i] =
+          matrix.row_size(row) == 1 ? Single{matrix.column_indices[entry], matrix.values[entry]} : Single{};
+    }
+  };
+  find_singles(problem.layout.s(0), s_single_);
+  find_singles(problem.layout.t(0), t_single_);
+}
+
+// Weighs e = a·e_j against itself and against the row `other`: w_ee e eᵀ + w_eo (e oᵀ + o eᵀ).
+void DenseKkt::add_single(const Single& single, Index other, double single_single, double single_other) {
+  const Index j = single.column;
+  system_(j, j) += single_single * single.value * single.value;
+  if (single_other == 0.0) return;
+  const double factor = single_other * single.value;
+  for (Index k = 0; k < j; ++k) system_(k, j) += factor * rows_(other, k);
+  system_(j, j) += 2.0 * factor * rows_(other, j);
+  for (Index k = j + 1; k < variables_; ++k) system_(j, k) += factor * rows_(other, k);
+}
+
+bool DenseKkt::add_terms(double sign) {
+  if (terms_.empty()) return true;
+  Checkpoint checkpoint(interrupt());
+  for (Index column = 0; column < variables_; ++column) {
+    const double* source = rows_.col(column).data();
+    double* target = weighted_.col(column).data();
+    for (std::size_t k = 0; k < terms_.size(); ++k)
+      target[k] = terms_[k].s_factor * source[terms_[k].s] + terms_[k].t_factor * source[terms_[k].t];
+    if (checkpoint.reached(static_cast<std::int64_t>(terms_.size()))) return false;
+  }
+  return add_product(sign, weighted_.data(), static_cast<int>(weighted_.rows()),
+                     static_cast<int>(terms_.size()), system_.data(), variables_, variables_, interrupt());
+}
+
+bool DenseKkt::factor(const RowWeights& weights) {
+  rho_ = weights.rho;
+  if (!fill(system_, hessian_, interrupt())) return false;
+  system_.diagonal().array() += weights.delta;
+  const Index first_s = equalities_ + inequalities_;
+  const Index first_t = first_s + pairs_;
+  const auto single_pair = [this](Index i) {
+    return s_single_[static_cast<std::size_t>(i)].column >= 0 ||
+           t_single_[static_cast<std::size_t>(i)].column >= 0;
+  };
+  const auto weight_of = [&weights](Index i, double a, double b, double a2, double b2) {
+    return weights.rows.s()[i] * a * a2 + weights.rows.t()[i] * b * b2;
+  };
+  for (Index i = 0; i < pairs_; ++i) {
+    const double cosine = weights.cosine[i];
+    const double sine = weights.sine[i];
+    const double mixed = weight_of(i, cosine, sine, sine, -cosine);
+    if (const Single& single = s_single_[static_cast<std::size_t>(i)]; single.column >= 0) {
+      add_single(single, first_t + i, weight_of(i, cosine, sine, cosine, sine), mixed);
+    } else if (const Single& other = t_single_[static_cast<std::size_t>(i)]; other.column >= 0) {
+      add_single(other, first_s + i, weight_of(i, sine, cosine, sine, cosine), mixed);
+    }
+  }
+  for (const double sign : {1.0, -1.0}) {
+    terms_.clear();
+    const auto add = [&](double weight, Index s, Index t, double s_factor, double t_factor) {
+      if (sign * weight <= 0.0) return;
+      const double root = std::sqrt(std::abs(weight));
+      terms_.push_back({s, t, root * s_factor, root * t_factor});
+    };
+    for (Index i = 0; i < equalities_; ++i) add(rho_, i, i, 1.0, 0.0);
+    for (Index i = 0; i < inequalities_; ++i)
+      add(weights.rows.all[i], equalities_ + i, equalities_ + i, 1.0, 0.0);
+    for (Index i = 0; i < pairs_; ++i) {
+      const double cosine = weights.cosine[i];
+      const double sine = weights.sine[i];
+      if (!single_pair(i)) {
+        add(weights.rows.s()[i], first_s + i, first_t + i, cosine, sine);
+        add(weights.rows.t()[i], first_s + i, first_t + i, sine, -cosine);
+      } else if (s_single_[static_cast<std::size_t>(i)].column >= 0) {
+        add(weight_of(i, sine, cosine, sine, cosine), first_t + i, first_t + i, 1.0, 0.0);
+      } else {
+        add(weight_of(i, cosine, sine, cosine, sine), first_s + i, first_s + i, 1.0, 0.0);
+      }
+    }
+    if (!add_terms(sign)) return false;
+  }
+  return fill(factor_, system_, interrupt()) && factorize_cholesky(factor_.data(), variables_, interrupt());
+}
+
+bool DenseKkt::solve(VectorRef x, VectorRef y) {
+  // Row 2 gives y = ρ(Ax − h); put into row 1: (H + ρAᵀA) x = f + ρAᵀh.
+  const auto A = rows_.topRows(equalities_);
+  x.noalias() += rho_ * (A.transpose() * y);
+  residual_ = x;
+  const int one = 1;
+  int info = 0;
+  dpotrs_("U", &variables_, &one, factor_.data(), &variables_, x.data(), &variables_, &info);
+  if (Checkpoint(interrupt()).reached(factor_.size())) return false;
+  const double minus = -1.0;
+  const double plus = 1.0;
+  dsymv_("U", &variables_, &minus, system_.data(), &variables_, x.data(), &one, &plus, residual_.data(),
+         &one);
+  dpotrs_("U", &variables_, &one, factor_.data(), &variables_, residual_.data(), &variables_, &info);
+  x += residual_;
+  y *= -1.0;
+  y.noalias() += A * x;
+  y *= rho_;
+  return true;
+}
+
+bool DenseKkt::solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) {
+  x.setZero();
+  for (std::size_t k = 0; k < indices.size(); ++k) x[indices[k]] = values[k];
+  const int one = 1;
+  int info = 0;
+  dpotrs_("U", &variables_, &one, factor_.data(), &variables_, x.data(), &variables_, &info);
+  return !Checkpoint(interrupt()).reached(factor_.size());
+}
+
+double DenseKkt::bytes() const {
+  return sizeof(double) *
+         (3.0 * static_cast<double>(system_.size()) + 2.0 * static_cast<double>(rows_.size()));
+}
+
+double DenseKkt::estimated_bytes(const ScaledProblem& p) {
+  const double n = p.variables();
+  const double rows = static_cast<double>(p.equalities()) + p.inequalities() + 2.0 * p.pairs();
+  return sizeof(double) * (3.0 * n * n + 2.0 * n * rows);
+}
+
+}  // namespace marble

@@ -1,0 +1,73 @@
+// Sparse backend: LDLᵀ of the system, its pattern analysed once.
+#pragma once
+
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "kkt/kkt.h"
+#include "kkt/sparse_ldl.h"
+
+namespace marble {
+
+/// Which constraint rows become rows of the system instead of rank-one terms of H.
+enum class KeptRows {
+  none,   ///< condense everything into (x, y)
+  dense,  ///< keep rows long enough to fill H by themselves
+  all,    ///< the full system: most rows, least fill in each
+};
+
+class SparseKkt final : public Kkt {
+ public:
+  /// Orders and analyses the pattern. Nothing numeric is there before allocate(). Null if interrupted, as it
+  /// then is.
+  [[nodiscard]] static std::unique_ptr<SparseKkt> analyse(const ScaledProblem& problem, KeptRows kept,
+                                                          const Interrupt& interrupt = {});
+  /// Memory that the analysis itself takes, before there is anything to look at.
+  [[nodiscard]] static double analysis_bytes(const ScaledProblem& problem, KeptRows kept);
+  /// Whether a row of so many entries fills H by itself.
+  [[nodiscard]] static bool is_long_row(Index length, Index variables);
+
+  [[nodiscard]] bool allocate(const ScaledProblem& problem) override;
+  void load(const ScaledProblem& problem) override;
+  [[nodiscard]] bool factor(const RowWeights& weights) override;
+  [[nodiscard]] bool solve(VectorRef x, VectorRef y) override;
+  [[nodiscard]] bool solve_sparse(std::span<const Index> indices, std::span<const double> values,
+                                  VectorRef x) override;
+  [[nodiscard]] std::string_view name() const override;
+  [[nodiscard]] double flops() const override { return flops_; }
+  [[nodiscard]] double bytes() const override;
+
+ private:
+  // A constraint's columns, its values (two rows for a pair), and where its terms go in the factorized
+  // matrix.
+  struct Row {
+    bool kept = false;
+    std::vector<Index> columns;
+    std::vector<double> values,
+        second_values;                // L_i and R_i of a pair; second_values is empty for inequalities
+    std::vector<Index> slots;         // condensed: lower triangle of the outer product; kept: one per column
+    std::vector<Index> second_slots;  // kept pair: of its second row
+    Index diagonal = -1, second_diagonal = -1;  // kept: slots of −1/k
+  };
+
+  SparseKkt(const ScaledProblem& problem, KeptRows kept);
+  void gather_rows(const ScaledProblem& problem, KeptRows kept);
+  [[nodiscard]] bool build_pattern(const ScaledProblem& problem);
+  [[nodiscard]] double estimated_flops() const;
+  void assemble(const RowWeights& weights);
+  void add_condensed(const Row& row, double left_left, double left_right, double right_right);
+  [[nodiscard]] Index kept_negative_weights(const RowWeights& weights) const;
+
+  KeptRows kept_;
+  Index variables_, equalities_, size_ = 0;
+  std::vector<Row> inequality_rows_, pair_rows_;
+  double flops_ = 0.0;
+  SparseLdl ldl_;
+  std::vector<double> constant_, values_;  // of the permuted matrix: what never changes, and all
+  std::vector<Index> constant_slots_;      // of the entries of Q and A, in their order
+  std::vector<Index> diagonal_slots_;      // of x and y
+  Vector right_side_, solution_, residual_;
+};
+
+}  // namespace marble

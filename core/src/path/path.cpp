@@ -1,0 +1,224 @@
+#include "path/path.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "data/retraction.h"
+#include "tuning.h"
+
+namespace marble {
+namespace {
+
+Regularization first_regularization(const Options& options) {
+  return {options.path == Path::fast ? tuning::least_delta : 0.0, options.regularization_initial};
+}
+
+}  // namespace
+
+PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& options)
+    : problem_(problem),
+      options_(options),
+      newton_(problem, kkt),
+      sub_(problem),
+      schedule_(options),
+      regularization_(first_regularization(options)),
+      filter_(problem),
+      x_(problem),
+      r_(problem),
+      d_(problem),
+      best_(problem),
+      inner_solution_(problem),
+      images_(problem),
+      direction_images_(problem),
+      reporter_(problem) {}
+
+// Algorithm 1; start() is lines 1–2. Line numbers are the paper's.
+std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
+  const bool to_its_end = kappa_end <= options_.kappa_min;
+  lost_ = false;
+  while (true) {
+    evaluate();  // line 4
+    report(run);
+    if (solved() && solved_afresh()) return Ending{Status::solved, {}, {}};  // line 22
+    remember_best();
+    if (const auto reason = run.interrupted()) return give_best(*reason);
+    if (schedule_.inner_converged(sub_, residual_norm_)) {  // lines 20–29
+      if (schedule_.exhausted(sub_) && stall_.stalled(largest(violations_) + residual_norm_))
+        return explain(true);
+      if (!to_its_end && sub_.kappa <= kappa_end) return std::nullopt;
+      begin_subproblem(run);
+    } else if (lost(to_its_end)) {
+      lost_ = true;
+      if (!retreat()) return explain(false);
+      if (!to_its_end) return std::nullopt;
+    }
+    if (!step(run)) {  // lines 5–19
+      if (const auto reason = run.interrupted()) return give_best(*reason);
+      return explain(false);
+    }
+  }
+}
+
+void PathEngine::start(ConstVectorRef initial_z) {
+  schedule_.begin(sub_);
+  leaning_ = false;
+  regularization_ = first_regularization(options_);
+  x_.all.setZero();
+  x_.z() = initial_z;
+  images_.evaluate(problem_, x_);
+  x_.sigma() = images_.rows.s() - images_.rows.t();  // the point of the curve nearest to (s, t)
+  x_.v() = images_.rows.inequality();
+  for (Eigen::Index i = 0; i < x_.v().size(); ++i) {
+    x_.lambda_w()[i] = -Retraction(x_.v()[i], sub_.kappa).negative;  // (12): r₂ = 0
+  }
+  images_.evaluate(problem_, x_);
+  d_.all.setZero();
+  sub_.take_estimates(d_);  // [α, β] ← 0
+  filter_.reset();
+  stall_ = {};
+  has_best_ = false;
+  inner_solution_kappa_ = 0.0;
+  inner_steps_ = 0;
+  step_length_ = 0.0;
+}
+
+void PathEngine::lean(Run& run, ConstVectorRef initial_z, double rho_end) {
+  start(initial_z);
+  leaning_ = true;
+  x_.lambda_w().setZero();
+  images_.evaluate(problem_, x_);
+  sub_.kappa = tuning::lean;
+  for (sub_.rho = tuning::lean; sub_.rho < rho_end; sub_.rho *= tuning::lean_rho_factor) {
+    for (int i = 0; i < tuning::lean_steps; ++i) {
+      evaluate();
+      report(run);
+      if (run.interrupted() || residual_norm_ <= tuning::centrality * sub_.kappa) break;
+      if (!step(run)) break;
+    }
+  }
+  evaluate();
+  report(run);
+}
+
+void PathEngine::evaluate() {
+  residual(sub_, images_, x_, r_);
+  residual_norm_ = max_abs(r_.all);
+  violations_ = violations(problem_, images_);
+}
+
+// Multiplier times slack of an inequality is κ by (12), which no violation shows.
+bool PathEngine::solved() const {
+  return within_tolerances(violations_, options_) && residual_norm_ <= options_.stationarity_tolerance &&
+         (problem_.inequalities() == 0 || sub_.kappa <= options_.stationarity_tolerance);
+}
+
+// Images::advance gathers rounding, most of it after large steps: no point is called solved on its word.
+bool PathEngine::solved_afresh() {
+  images_.evaluate(problem_, x_);
+  evaluate();
+  return solved();
+}
+
+void PathEngine::begin_subproblem(Run& run) {
+  inner_solution_.all = x_.all;
+  inner_solution_kappa_ = sub_.kappa;
+  inner_steps_ = 0;
+  schedule_.advance(sub_, x_);
+  filter_.reset();
+  images_.evaluate(problem_, x_);  // sheds the rounding that Images::advance gathered
+  evaluate();
+  ++run.outer_iterations;
+}
+
+// The fast path lowers κ boldly; too many steps at one κ say that it was too bold.
+bool PathEngine::lost(bool last_resort) {
+  const int patience = last_resort ? tuning::path_last_resort * tuning::patience : tuning::patience;
+  return ++inner_steps_ > patience && options_.path == Path::fast;
+}
+
+bool PathEngine::retreat() {
+  if (inner_solution_kappa_ == 0.0 || !schedule_.retreat(sub_, inner_solution_kappa_)) return false;
+  x_.all = inner_solution_.all;
+  sub_.take_estimates(x_);
+  images_.evaluate(problem_, x_);
+  evaluate();
+  inner_steps_ = 0;
+  return true;
+}
+
+Ending PathEngine::give_best(Status reason) {
+  x_.all = best_.all;
+  images_.evaluate(problem_, x_);
+  violations_ = best_violations_;
+  return {reason, "stopped early; " + describe(best_violations_), {}};
+}
+
+Ending PathEngine::explain(bool stalled) const {
+  return explain_end(problem_, options_, x_, violations_, residual_norm_, stalled);
+}
+
+bool PathEngine::step(Run& run) {
+  const bool clip = options_.path == Path::fast;
+  for (regularization_.begin();;) {
+    ++run.factorizations;
+    const bool inertia_right = run.timed(&Times::factorization_s, [&] {
+      return newton_.factor(sub_, x_, regularization_.current(), clip);  // lines 7–10
+    });
+    if (!inertia_right && run.interrupted()) return false;
+    if (!inertia_right && clip) run.nonconvex = true;  // with q ≥ 0 nothing else can spoil it
+    if (inertia_right && newton_.direction(sub_, x_, r_, d_, direction_images_)) {  // line 11
+      step_length_ = run.timed(&Times::line_search_s, [&] { return search(); });    // line 12
+      if (step_length_ > 0.0) break;
+    }
+    if (!regularization_.raise() || run.interrupted()) return false;  // line 16
+  }
+  regularization_.accept();
+  accept(step_length_);
+  ++run.iterations;
+  return true;
+}
+
+double PathEngine::search() {
+  if (!d_.all.allFinite()) return 0.0;
+  if (options_.path == Path::paper) return filter_.search(sub_, images_, direction_images_, x_, d_);
+  for (double alpha = 1.0; alpha >= tuning::path_least_step; alpha *= 0.5) {
+    const double norm = residual_norm(sub_, images_, direction_images_, x_, d_, alpha);
+    if (norm <= (1.0 - tuning::path_decrease * alpha) * residual_norm_) return alpha;
+  }
+  return tuning::path_least_step;
+}
+
+void PathEngine::accept(double alpha) {
+  const double before = options_.path == Path::fast ? primal_residual() : 0.0;
+  images_.advance(alpha, direction_images_, d_.z());
+  x_.all += alpha * d_.all;
+  if (options_.path != Path::fast || leaning_) return;
+  residual(sub_, images_, x_, r_);
+  if (primal_residual() <= before) sub_.take_estimates(x_);
+}
+
+double PathEngine::primal_residual() const { return std::max(max_abs(r_.y()), max_abs(r_.lambda())); }
+
+void PathEngine::remember_best() {
+  const bool feasible = within_tolerances(violations_, options_);
+  const bool better = !has_best_ || (feasible ? !within_tolerances(best_violations_, options_) ||
+                                                    images_.objective < best_objective_
+                                              : largest(violations_) < largest(best_violations_));
+  if (!better) return;
+  best_.all = x_.all;
+  best_violations_ = violations_;
+  best_objective_ = images_.objective;
+  has_best_ = true;
+}
+
+void PathEngine::report(Run& run) {
+  reporter_.tell(run, x_.z(), images_.objective, violations_,
+                 {.kkt_residual = residual_norm_,
+                  .kappa = sub_.kappa,
+                  .rho = sub_.rho,
+                  .step_length = step_length_,
+                  .regularization = regularization_.current()});
+}
+
+}  // namespace marble

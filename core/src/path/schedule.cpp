@@ -1,0 +1,50 @@
+#include "path/schedule.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tuning.h"
+
+namespace marble {
+
+bool Regularization::raise() {
+  current_ =
+      current_ > base_ ? tuning::delta_raise * current_ : std::max(first_, last_ / tuning::delta_lower);
+  return current_ <= tuning::runaway;
+}
+
+void Schedule::begin(Subproblem& sub) const {
+  const bool fast = options_.path == Path::fast;
+  const double own_kappa = fast ? tuning::path_first_kappa : tuning::paper_first_kappa;
+  const double first_kappa = options_.kappa_initial > 0.0 ? options_.kappa_initial : own_kappa;
+  sub.kappa = std::max(first_kappa, options_.kappa_min);
+  sub.rho = fast ? options_.rho_max : std::min(options_.rho_initial, options_.rho_max);
+}
+
+bool Schedule::inner_converged(const Subproblem& sub, double residual_norm) const {
+  if (options_.path == Path::paper) return residual_norm <= options_.inner_tolerance;
+  return residual_norm <= std::max(tuning::centrality * sub.kappa, options_.stationarity_tolerance);
+}
+
+void Schedule::advance(Subproblem& sub, const Iterate& x) const {
+  if (sub.rho < options_.rho_max) {
+    sub.rho = std::min(options_.rho_factor * sub.rho, options_.rho_max);
+    return;
+  }
+  const double next = options_.path == Path::fast ? std::min(tuning::path_kappa_factor * sub.kappa,
+                                                             std::pow(sub.kappa, tuning::path_kappa_power))
+                                                  : options_.kappa_factor * sub.kappa;
+  sub.kappa = std::max(next, options_.kappa_min);
+  sub.take_estimates(x);
+}
+
+bool Schedule::retreat(Subproblem& sub, double kappa_before) const {
+  sub.kappa = std::sqrt(sub.kappa * kappa_before);
+  return sub.kappa < tuning::progress * kappa_before;
+}
+
+bool Schedule::exhausted(const Subproblem& sub) const {
+  return sub.rho >= options_.rho_max && sub.kappa <= options_.kappa_min;
+}
+
+}  // namespace marble

@@ -1,0 +1,204 @@
+#include "proof/proof.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+#include "branch/branch_engines.h"
+#include "run/termination.h"
+#include "tuning.h"
+
+namespace marble {
+namespace {
+
+void append_row(const RowMatrix& from, Index row, RowMatrix& to) {
+  const auto begin = static_cast<std::ptrdiff_t>(from.row_pointers[row]);
+  const auto end = static_cast<std::ptrdiff_t>(from.row_pointers[row + 1]);
+  to.column_indices.insert(to.column_indices.end(), from.column_indices.begin() + begin,
+                           from.column_indices.begin() + end);
+  to.values.insert(to.values.end(), from.values.begin() + begin, from.values.begin() + end);
+  to.row_pointers.push_back(static_cast<Index>(to.values.size()));
+  ++to.rows;
+}
+
+void append_rows(const RowMatrix& from, RowMatrix& to) {
+  for (Index row = 0; row < from.rows; ++row) append_row(from, row, to);
+}
+
+// Without cost, rows or pairs.
+ScaledProblem empty_problem(Index variables) {
+  ScaledProblem p;
+  p.Q.size = variables;
+  p.Q.column_pointers.assign(static_cast<std::size_t>(variables) + 1, 0);
+  p.g = Vector::Zero(variables);
+  p.A.columns = p.rows.columns = variables;
+  return p;
+}
+
+// All rows of Q, as equalities.
+void append_rows(const SymmetricMatrix& Q, RowMatrix& to) {
+  std::vector<std::vector<std::pair<Index, double>>> rows(static_cast<std::size_t>(Q.size));
+  for (Index column = 0; column < Q.size; ++column) {
+    for (Index k = Q.column_pointers[column]; k < Q.column_pointers[column + 1]; ++k) {
+      const Index row = Q.row_indices[k];
+      rows[static_cast<std::size_t>(row)].emplace_back(column, Q.values[k]);
+      if (row != column) rows[static_cast<std::size_t>(column)].emplace_back(row, Q.values[k]);
+    }
+  }
+  for (auto& row : rows) {
+    if (row.empty()) continue;
+    std::sort(row.begin(), row.end());
+    for (const auto& [column, value] : row) {
+      to.column_indices.push_back(column);
+      to.values.push_back(value);
+    }
+    to.row_pointers.push_back(static_cast<Index>(to.values.size()));
+    ++to.rows;
+  }
+}
+
+// The rows of one branch of p, with cost ½zᵀz: the nearest point to −g of its polyhedron, or, with the
+// offsets b and d at 0, of its recession cone.
+class Branch {
+ public:
+  Branch(const Branch&) = delete;
+  Branch& operator=(const Branch&) = delete;
+  Branch(const ScaledProblem& p, ConstVectorRef z, bool flat, const Interrupt& interrupt)
+      : problem_(empty_problem(p.variables())) {
+    for (Index j = 0; j < p.variables(); ++j) {
+      problem_.Q.row_indices.push_back(j);
+      problem_.Q.values.push_back(1.0);
+      problem_.Q.column_pointers[static_cast<std::size_t>(j) + 1] = j + 1;
+    }
+    append_rows(p.A, problem_.A);
+    std::vector<double> b(p.b.data(), p.b.data() + p.b.size());
+    std::vector<double> d;
+    Vector value(p.layout.size());
+    multiply(p.rows, z, value);
+    value += p.offset;
+    WorkingSet set(p);
+    for (Index i = 0; i < p.pairs(); ++i) {
+      set.fix(i, value[p.layout.s(i)] < value[p.layout.t(i)], false);
+      append_row(p.rows, set.fixed_row(i), problem_.A);
+      b.push_back(p.offset[set.fixed_row(i)]);
+    }
+    set.for_each_free_row([&](Index row) {
+      append_row(p.rows, row, problem_.rows);
+      d.push_back(p.offset[row]);
+    });
+    problem_.layout.inequalities = problem_.rows.rows;
+    if (flat) append_rows(p.Q, problem_.A);
+    b.resize(static_cast<std::size_t>(problem_.A.rows), 0.0);
+    b_ = Eigen::Map<const Vector>(b.data(), static_cast<Index>(b.size()));
+    d_ = Eigen::Map<const Vector>(d.data(), static_cast<Index>(d.size()));
+    problem_.b = Vector::Zero(b_.size());
+    problem_.offset = Vector::Zero(d_.size());
+    kkt_ = make_kkt(problem_, interrupt);
+    if (kkt_ != nullptr) engines_ = std::make_unique<BranchEngines>(problem_, *kkt_);
+  }
+
+  /// The nearest point of the cone to `target`; nothing if that fails.
+  std::optional<Vector> nearest_direction(Run& run, ConstVectorRef target) {
+    problem_.b.setZero();
+    problem_.offset.setZero();
+    return nearest(run, target);
+  }
+
+  std::optional<Vector> nearest_point(Run& run, ConstVectorRef target) {
+    problem_.b = b_;
+    problem_.offset = d_;
+    return nearest(run, target);
+  }
+
+ private:
+  std::optional<Vector> nearest(Run& run, ConstVectorRef target) {
+    if (engines_ == nullptr) return std::nullopt;
+    problem_.g = -target;
+    engines_->point.start_from_point(target);
+    if (!engines_->exact.solve(run, tuning::engine_budget) || !engines_->point.sharpen()) return std::nullopt;
+    return Vector(engines_->point.x.z());
+  }
+
+  ScaledProblem problem_;
+  Vector b_, d_;  // of the polyhedron
+  std::unique_ptr<Kkt> kkt_;
+  std::unique_ptr<BranchEngines> engines_;
+};
+
+}  // namespace
+
+std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorRef z, Run& run) {
+  ScaledProblem relaxed = empty_problem(p.variables());
+  relaxed.A = p.A;
+  relaxed.b = p.b;
+  relaxed.rows = p.rows;
+  relaxed.offset = p.offset;
+  relaxed.layout.inequalities = p.layout.size();  // every side of a pair, without complementarity
+  const std::unique_ptr<Kkt> kkt = make_kkt(relaxed, run.interrupt());
+  if (kkt == nullptr) return std::nullopt;
+  BranchEngines engines(relaxed, *kkt);
+  const Iterate& elastic = engines.point.x;
+  engines.point.start_from_point(z);
+  if (!engines.elastic.solve(run, tuning::middle_rho, ElasticRelaxation::Rows::violated,
+                             tuning::engine_budget))
+    return std::nullopt;
+  Vector y = elastic.y();
+  Vector lambda = elastic.lambda();
+  // r = Aᵀy + Cᵀλ is what the proximal term pulls, not 0. The elastic system M = δI + ρ(AᵀA + CᵀC over
+  // violated rows) is at hand: with M x = r, y − ρAx and λ − ρCx leave δx of it.
+  Vector residual(p.variables());
+  Vector moved(relaxed.rows.rows);
+  Vector equality(relaxed.A.rows);
+  for (int i = 0; i < tuning::exact_sweeps; ++i) {
+    residual.setZero();
+    add_transposed(relaxed.A, y, residual);
+    add_transposed(relaxed.rows, lambda, residual);
+    equality.setZero();
+    if (!kkt->solve(residual, equality)) return std::nullopt;  // ρAx is its second half
+    y -= equality;
+    multiply(relaxed.rows, residual, moved);
+    for (Eigen::Index k = 0; k < lambda.size(); ++k) {
+      if (lambda[k] < 0.0) lambda[k] = std::min(lambda[k] - tuning::middle_rho * moved[k], 0.0);
+    }
+  }
+  Iterate x(p);
+  x.z() = elastic.z();
+  x.y() = y;
+  x.lambda() = lambda;
+  return infeasibility_certificate(p, x);
+}
+
+std::optional<Vector> feasible_point(const ScaledProblem& p, const Options& options, ConstVectorRef z,
+                                     ConstVectorRef target, Run& run) {
+  const std::optional<Vector> point = Branch(p, z, false, run.interrupt()).nearest_point(run, target);
+  if (!point) return std::nullopt;
+  Iterate x(p);
+  x.z() = *point;
+  Images images(p);
+  images.evaluate(p, x);
+  return within_tolerances(violations(p, images), options) ? point : std::nullopt;
+}
+
+std::optional<UnboundedRay> prove_unbounded(const ScaledProblem& p, const Options& options, ConstVectorRef z,
+                                            ConstVectorRef direction, Run& run) {
+  if (!z.allFinite() || !direction.allFinite()) return std::nullopt;
+  std::optional<UnboundedRay> ray;
+  const auto look = [&](bool flat, ConstVectorRef target) {
+    const double size = max_abs(target);
+    if (size == 0.0) return false;
+    Branch branch(p, z, flat, run.interrupt());
+    const std::optional<Vector> nearest = branch.nearest_direction(run, target / size);
+    if (!nearest) return false;
+    std::optional<std::vector<double>> proved = unbounded_direction(p, *nearest);
+    if (!proved) return false;
+    const std::optional<Vector> origin = feasible_point(p, options, z, Vector::Zero(p.variables()), run);
+    if (!origin) return false;
+    ray = UnboundedRay{*origin, std::move(*proved)};
+    return true;
+  };
+  static_cast<void>(look(true, -p.g) || (!p.Q.values.empty() && look(false, direction)));
+  return ray;
+}
+
+}  // namespace marble

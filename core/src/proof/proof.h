@@ -1,0 +1,33 @@
+// The last resorts of a solve without an answer: proofs that there is none, and a feasible point if nothing
+// else; with workspace of their own.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "run/certificate.h"
+#include "run/run.h"
+
+namespace marble {
+
+/// Looks for a contradiction of the constraints without complementarity, from z (scaled): the elastic optimum
+/// of the relaxation has the least violation, and what is left of it are the multipliers.
+[[nodiscard]] std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorRef z, Run& run);
+
+/// The nearest point to `target` in the branch that z is nearest to, if it is within the tolerances. Scaled.
+[[nodiscard]] std::optional<Vector> feasible_point(const ScaledProblem& p, const Options& options,
+                                                   ConstVectorRef z, ConstVectorRef target, Run& run);
+
+/// A feasible point and a direction along which the objective falls from it without bound.
+struct UnboundedRay {
+  Vector origin;                  ///< scaled
+  std::vector<double> direction;  ///< user units, largest entry 1
+};
+
+/// Looks for one in the branch that z is nearest to: z (scaled) runs off, or `direction` is one along which
+/// it would.
+[[nodiscard]] std::optional<UnboundedRay> prove_unbounded(const ScaledProblem& p, const Options& options,
+                                                          ConstVectorRef z, ConstVectorRef direction,
+                                                          Run& run);
+
+}  // namespace marble

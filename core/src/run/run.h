@@ -1,0 +1,115 @@
+// One run of the solver: its clock, its counters, and the two ways it talks to the outside.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <optional>
+
+#include "data/interrupt.h"
+#include "marble/options.h"
+#include "marble/solver.h"
+
+namespace marble {
+
+class Run {
+ public:
+  using Clock = Interrupt::Clock;
+
+  Run(const Options& options, const SolveControls& controls)
+      : options_(options),
+        controls_(controls),
+        start_(Clock::now()),
+        interrupt_(controls.stop, after(controls.begun.value_or(start_), options.time_limit_s)) {}
+
+  std::int32_t iterations = 0;
+  std::int32_t outer_iterations = 0;
+  std::int32_t factorizations = 0;
+  bool nonconvex = false;            // a factorization showed that Q has negative curvature where it matters
+  std::int32_t told_iteration = -1;  // the last one a sink was told of
+  Times times;
+
+  /// Counts the time of a scope as polishing, but for what is counted elsewhere; the outermost one counts.
+  class Polishing {
+   public:
+    explicit Polishing(Run& run)
+        : run_(run), outermost_(!run.polishing_), begun_(Clock::now()), counted_s_(counted_s()) {
+      run.polishing_ = true;
+    }
+    Polishing(const Polishing&) = delete;
+    Polishing& operator=(const Polishing&) = delete;
+    ~Polishing() {
+      if (!outermost_) return;
+      // Searches that went on at once may have factored for longer than the scope lasted.
+      const double rest = seconds(Clock::now() - begun_) - (counted_s() - counted_s_);
+      run_.times.polish_s += std::max(0.0, rest);
+      run_.polishing_ = false;
+    }
+
+   private:
+    // A soft start takes steps of the path too.
+    [[nodiscard]] double counted_s() const { return run_.times.factorization_s + run_.times.line_search_s; }
+
+    Run& run_;
+    bool outermost_;
+    Clock::time_point begun_;
+    double counted_s_;
+  };
+
+  [[nodiscard]] ProgressSink* sink() const { return silent_ ? nullptr : controls_.progress; }
+  [[nodiscard]] TaskRunner* runner() const { return controls_.runner; }
+
+  /// A run of its own for one search, which counts from here; one of several that may go on at once tells no
+  /// progress.
+  [[nodiscard]] Run part(bool silent) const {
+    Run result = *this;
+    result.silent_ = silent;
+    result.begun_iterations_ = iterations;
+    result.begun_factorizations_ = factorizations;
+    result.times = {};
+    return result;
+  }
+  /// Takes over what a part has counted.
+  void add_part(const Run& part) {
+    iterations += part.iterations - part.begun_iterations_;
+    factorizations += part.factorizations - part.begun_factorizations_;
+    if (!part.silent_) told_iteration = part.told_iteration;
+    nonconvex = nonconvex || part.nonconvex;
+    times.factorization_s += part.times.factorization_s;
+    times.line_search_s += part.times.line_search_s;
+  }
+  [[nodiscard]] double elapsed_s() const { return seconds(Clock::now() - start_); }
+
+  /// Why the run must end now for reasons that have nothing to do with the iterate.
+  [[nodiscard]] std::optional<Status> interrupted() const {
+    if (interrupt_.stop_requested()) return Status::cancelled;
+    if (iterations >= options_.max_iterations) return Status::iteration_limit;
+    if (interrupt_.requested()) return Status::time_limit;
+    return std::nullopt;
+  }
+  /// What of that may come in the middle of an iteration.
+  [[nodiscard]] const Interrupt& interrupt() const { return interrupt_; }
+
+  /// Adds the time of one call to a part of `times`.
+  template <class Part>
+  auto timed(double Times::*into, Part&& part) {
+    const auto begin = Clock::now();
+    auto result = part();
+    times.*into += seconds(Clock::now() - begin);
+    return result;
+  }
+
+ private:
+  [[nodiscard]] static double seconds(Clock::duration duration) {
+    return std::chrono::duration<double>(duration).count();
+  }
+
+  const Options& options_;
+  const SolveControls& controls_;
+  Clock::time_point start_;
+  Interrupt interrupt_;
+  bool silent_ = false;
+  bool polishing_ = false;
+  std::int32_t begun_iterations_ = 0, begun_factorizations_ = 0;
+};
+
+}  // namespace marble

@@ -1,0 +1,132 @@
+#include "search/branch_search.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tuning.h"
+
+namespace marble {
+namespace {
+
+// How a local search begins, by where it comes from.
+SearchPlan near_exact(int patience) {
+  return {.rho_first = tuning::exact_rho, .from_exact = true, .first_patience = patience};
+}
+
+SearchPlan from_soft() {
+  return {.rho_first = tuning::soft_rho,
+          .rho_soft = tuning::middle_rho,
+          .first_patience = tuning::search_patience,
+          .flip_patience = tuning::search_patience};
+}
+
+SearchPlan from_interior_point(bool search) {
+  return {.rho_first = tuning::middle_rho,
+          .rho_last = tuning::interior_rho,
+          .rho_exchange = tuning::interior_rho,
+          .flip_patience = search ? tuning::search_patience : 0,
+          .exchange_patience = search ? tuning::search_patience : 0};
+}
+
+int pulling(const Incumbent& incumbent) {
+  return LocalSearch::pulling(incumbent.best().x, incumbent.best().set);
+}
+
+}  // namespace
+
+BranchSearch::BranchSearch(const ScaledProblem& problem, Kkt& kkt, const Options& options, PathEngine& path,
+                           BranchEngines& branch, Incumbent& incumbent)
+    : problem_(problem),
+      options_(options),
+      path_(path),
+      point_(branch.point),
+      incumbent_(incumbent),
+      interior_(problem, kkt),
+      search_(problem, kkt, branch.elastic),
+      further_starts_(problem, options, branch, search_) {}
+
+// Few pairs that pull: better branches are a flip or two away. Many: they are found where all is soft still.
+bool BranchSearch::improve(Run& run, ConstVectorRef initial_z) {
+  const Run::Polishing polishing(run);
+  const int last = run.factorizations + options_.local_search_budget;
+  const int pull = pulling(incumbent_);
+  if (pull == 0 || options_.local_search_budget == 0 || run.interrupted()) return false;
+  const double before = incumbent_.best().objective;
+  const bool soft = pull >= tuning::many_pulling && options_.path == Path::fast;
+  if (soft) from_soft_start(run, initial_z, last);
+  if (incumbent_.best().objective < before) return soft;
+  point_.restore(incumbent_.best().x, incumbent_.best().set);
+  if (search_.run(run, near_exact(tuning::search_patience), last) && search_.accepted() > 0)
+    static_cast<void>(incumbent_.solve_branch(run, "path, local search", tuning::engine_budget));
+  return soft;
+}
+
+bool BranchSearch::find(Run& run, ConstVectorRef initial_z) {
+  const Run::Polishing polishing(run);
+  if (from_interior(run, initial_z) && pulling(incumbent_) < tuning::many_pulling_after_interior)
+    return false;
+  from_soft_start(run, initial_z, run.factorizations + options_.local_search_budget);
+  return true;
+}
+
+bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z) {
+  if (problem_.pairs() == 0 || !interior_.run(run, initial_z)) return false;
+  point_.start_from_point(interior_.z());
+  const SearchPlan plan = from_interior_point(options_.local_search_budget > 0);
+  const int last = run.factorizations + 2 * tuning::engine_budget + options_.local_search_budget;
+  return search_.run(run, plan, last) &&
+         incumbent_.solve_branch(run, "interior point, local search", tuning::engine_budget) ==
+             Incumbent::Outcome::kept;
+}
+
+void BranchSearch::from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization) {
+  path_.lean(run, initial_z, tuning::soft_rho);
+  point_.start_from_point(path_.iterate().z());
+  if (search_.run(run, from_soft(), last_factorization))
+    static_cast<void>(incumbent_.solve_branch(run, "soft start, local search", tuning::engine_budget));
+}
+
+void BranchSearch::start_further(Run& run, bool after_soft_start) {
+  const Run::Polishing polishing(run);
+  int done = 1;
+  const auto round = [&](int count) {
+    const bool better = further_starts_.round(run, from_soft(), done, count, incumbent_);
+    done += count;
+    return better;
+  };
+  for (int useless = 0; after_soft_start && incumbent_.exists() && !run.interrupted() &&
+                        done < tuning::further_round && useless < tuning::useless_starts &&
+                        run.factorizations < tuning::cheap_search;) {
+    useless = round(1) ? 0 : useless + 1;
+  }
+  while (done < options_.starts && incumbent_.exists() && !run.interrupted())
+    static_cast<void>(round(std::min(options_.starts - done, tuning::further_round)));
+}
+
+// A branch that stays feasible after a small change is near the best one. Else it is mended; and a cold start
+// has its say where that fails, or where answers have become clearly worse than a cold start's was.
+bool BranchSearch::resume(Run& run, const Iterate& solution, double cold_objective) {
+  using Outcome = Incumbent::Outcome;
+  const Run::Polishing polishing(run);
+  const int before = run.factorizations;
+  const int last = before + tuning::engine_budget + options_.local_search_budget;
+  point_.start_from_solution(solution);
+  bool small_change = incumbent_.solve_branch(run, "warm start", tuning::engine_budget) == Outcome::kept;
+  if (small_change) {
+    const int work = run.factorizations - before;
+    small_change = work <= tuning::warm_small_change;
+    const bool search = work > tuning::warm_tiny_change && options_.local_search_budget > 0;
+    if (search && pulling(incumbent_) > 0 && search_.run(run, near_exact(tuning::warm_patience), last) &&
+        search_.accepted() > 0)
+      static_cast<void>(incumbent_.solve_branch(run, "warm start, local search", tuning::engine_budget));
+  } else {
+    point_.start_from_solution(solution);
+    if (!search_.run(run, near_exact(tuning::warm_patience), last) ||
+        incumbent_.solve_branch(run, "warm start, mended", tuning::engine_budget) != Outcome::kept)
+      return false;
+  }
+  const double objective = problem_.user_objective(incumbent_.best().objective);
+  return small_change || objective <= cold_objective + tuning::alike * std::abs(cold_objective);
+}
+
+}  // namespace marble

@@ -1,0 +1,43 @@
+// The ways of a solve to better branches than the path's, and to one where the path's is infeasible: local
+// searches from the incumbent, from a soft start, from an interior point and from a last answer.
+#pragma once
+
+#include "path/interior.h"
+#include "path/path.h"
+#include "search/further_starts.h"
+#include "search/incumbent.h"
+#include "search/local_search.h"
+
+namespace marble {
+
+class BranchSearch {
+ public:
+  /// Leans the path where it needs a soft start.
+  BranchSearch(const ScaledProblem& problem, Kkt& kkt, const Options& options, PathEngine& path,
+               BranchEngines& branch, Incumbent& incumbent);
+
+  /// Better branches than the incumbent's. True if that took a soft start, which borrowed the path.
+  bool improve(Run& run, ConstVectorRef initial_z);
+  /// A feasible branch by way of an interior point, or one from a soft start. True as above.
+  bool find(Run& run, ConstVectorRef initial_z);
+  /// Further starts: where a soft start was cheap, a few while they gain, and the ones asked for, in rounds.
+  void start_further(Run& run, bool after_soft_start);
+  /// From the branch of a solution of this problem or one like it. False where no feasible branch is near, or
+  /// where there is one but a cold start, which has reached `cold_objective`, should have its say too.
+  [[nodiscard]] bool resume(Run& run, const Iterate& solution, double cold_objective);
+
+ private:
+  void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization);
+  [[nodiscard]] bool from_interior(Run& run, ConstVectorRef initial_z);
+
+  const ScaledProblem& problem_;
+  const Options& options_;
+  PathEngine& path_;
+  BranchPoint& point_;
+  Incumbent& incumbent_;
+  InteriorEngine interior_;
+  LocalSearch search_;
+  FurtherStarts further_starts_;
+};
+
+}  // namespace marble

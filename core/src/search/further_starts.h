@@ -1,0 +1,63 @@
+// Further starts: searches that each soften the best branch so far and harden it again, softer each time.
+//
+// They come in rounds. Those of a round all begin at the branch that the round before has left and do not
+// know of each other, so that they may run at once: which threads run them, and when, changes nothing.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "branch/branch_engines.h"
+#include "search/incumbent.h"
+#include "search/local_search.h"
+#include "tuning.h"
+
+namespace marble {
+
+class FurtherStarts {
+ public:
+  FurtherStarts(const ScaledProblem& problem, const Options& options, BranchEngines& branch,
+                LocalSearch& search);
+
+  /// Starts number `first` to `first` + `count` - 1, at most tuning::further_round of them, each from the
+  /// incumbent, which is replaced by the best of what they found if that is better. True if it was.
+  bool round(Run& run, const SearchPlan& plan, int first, int count, Incumbent& incumbent);
+
+  /// Memory of the engines that a round needs besides those it was made with.
+  [[nodiscard]] static double extra_bytes(const Options& options, double engine_bytes);
+
+ private:
+  // What one search needs for itself.
+  struct Engine {
+    Engine(const ScaledProblem& problem, std::unique_ptr<Kkt> own_kkt);
+    std::unique_ptr<Kkt> kkt;
+    BranchEngines branch;
+    LocalSearch search;
+  };
+  // One search of a round: what it begins with, and what comes of it.
+  struct Attempt {
+    explicit Attempt(const ScaledProblem& problem) : found(problem) {}
+    BranchEngines* branch = nullptr;
+    LocalSearch* search = nullptr;
+    SearchPlan plan = {};
+    const ExactSolution* begin = nullptr;
+    std::optional<Run> run;
+    ExactSolution found;
+    bool succeeded = false, out_of_memory = false;
+  };
+  [[nodiscard]] bool make_engines(Run& run, std::size_t count);
+  void make(Attempt& attempt) const;
+
+  const ScaledProblem& problem_;
+  const Options& options_;
+  BranchEngines& branch_;
+  LocalSearch& search_;
+  std::vector<std::unique_ptr<Engine>> engines_;  // made when they are first needed
+  std::vector<Attempt> attempts_;
+  std::vector<std::function<void()>> tasks_;  // each makes one attempt
+  Reporter reporter_;
+};
+
+}  // namespace marble

@@ -1,0 +1,55 @@
+// The best exact solution of a branch that the stages of a solve have found so far.
+#pragma once
+
+#include "branch/exact_branch.h"
+#include "marble/options.h"
+
+namespace marble {
+
+/// An exact solution of a branch that is feasible.
+struct ExactSolution {
+  explicit ExactSolution(const ScaledProblem& problem) : x(problem), set(problem) {}
+  Iterate x;
+  WorkingSet set;
+  double objective = 0.0;   ///< scaled
+  Violations violations;    ///< user units
+  const char* origin = "";  ///< the engines that found it
+};
+
+/// Solves the branch at hand exactly. False if that fails or the solution is not feasible.
+[[nodiscard]] bool solve_exactly(const ScaledProblem& problem, const Options& options, ExactBranch& branch,
+                                 Run& run, int budget, ExactSolution& solution);
+
+class Incumbent {
+ public:
+  Incumbent(const ScaledProblem& problem, const Options& options, ExactBranch& branch);
+
+  /// What came of a branch that was solved.
+  enum class Outcome {
+    kept,       ///< the best so far: it replaces the incumbent
+    no_better,  ///< exact, but not lower by more than rounding
+    not_exact,  ///< it could not be solved, or is not feasible
+  };
+  /// Solves the branch at hand exactly and keeps what is better than the best so far.
+  [[nodiscard]] Outcome solve_branch(Run& run, const char* origin, int budget);
+  /// Keeps a point with its images, exact for the rows it holds at zero, if it is feasible and lower at all.
+  void offer(const Iterate& x, const Images& images, const WorkingSet& set, const char* origin);
+  /// Replaces it, by a swap.
+  void replace(ExactSolution& better);
+  void clear() { exists_ = false; }
+
+  [[nodiscard]] bool exists() const { return exists_; }
+  /// While it exists; its objective falls whenever it is replaced.
+  [[nodiscard]] const ExactSolution& best() const { return best_; }
+  /// Of the last branch that solve_branch() solved and the incumbent of that moment, the one not kept.
+  [[nodiscard]] const ExactSolution& other() const { return other_; }
+
+ private:
+  const ScaledProblem& problem_;
+  const Options& options_;
+  ExactBranch& branch_;
+  ExactSolution best_, other_;
+  bool exists_ = false;
+};
+
+}  // namespace marble

@@ -1,0 +1,233 @@
+#include "search/local_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "tuning.h"
+
+namespace marble {
+
+LocalSearch::LocalSearch(const ScaledProblem& problem, Kkt& kkt, ElasticRelaxation& elastic)
+    : problem_(problem),
+      elastic_(elastic),
+      parametric_(problem, kkt),
+      before_(problem),
+      next_(problem),
+      failed_multiplier_(problem.pairs()),
+      failed_slack_(problem.pairs()),
+      reporter_(problem) {
+  candidates_.reserve(static_cast<std::size_t>(problem.pairs()));
+  companions_.reserve(static_cast<std::size_t>(problem.pairs()));
+  failed_exchanges_.reserve(4 * tuning::exchange_candidates * tuning::exchange_companions);
+}
+
+bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) {
+  accepted_ = 0;
+  lost_ = false;
+  if (plan.from_exact) {
+    elastic_.anchor_here();
+  } else {
+    elastic_.anchor_at_zero();
+  }
+  bool first = true;
+  for (double rho = plan.rho_first;; rho = std::min(rho * plan.rho_factor, plan.rho_last)) {
+    const int budget = std::min(tuning::engine_budget, last_factorization - run.factorizations);
+    if (!elastic_.solve(
+            run, rho,
+            first && plan.from_exact ? ElasticRelaxation::Rows::held : ElasticRelaxation::Rows::violated,
+            budget))
+      return false;
+    parametric_.start(elastic_);
+    failed_exchanges_.clear();
+    failed_multiplier_.setConstant(std::numeric_limits<double>::infinity());
+    const bool last = rho >= plan.rho_last || largest_violation() < tuning::near;
+    const bool flips = first || last || rho <= plan.rho_soft;
+    int before = 0;
+    do {
+      before = accepted_;
+      if (rho >= plan.rho_exchange) search_exchanges(run, plan.exchange_patience, last_factorization);
+      if (flips) search_flips(run, first ? plan.first_patience : plan.flip_patience, last_factorization);
+    } while (rho >= plan.rho_exchange && accepted_ > before && !lost_ && !run.interrupted() &&
+             run.factorizations < last_factorization);
+    if (last || lost_) return !lost_;
+    first = false;
+  }
+}
+
+double LocalSearch::least_improvement() const {
+  return tuning::near * std::max(1.0, std::abs(elastic_.objective()));
+}
+
+double LocalSearch::largest_violation() const {
+  const Iterate& x = elastic_.point().x;
+  return std::max(max_abs(x.y()), max_abs(x.lambda())) / elastic_.rho();
+}
+
+int LocalSearch::pulling(const Iterate& x, const WorkingSet& set) {
+  int count = 0;
+  for (Index pair = 0; pair < set.layout.pairs; ++pair) {
+    if (x.lambda()[set.fixed_row(pair)] > tuning::pull) ++count;
+  }
+  return count;
+}
+
+void LocalSearch::sort_candidates() {
+  std::sort(candidates_.begin(), candidates_.end(), [](const Candidate& a, const Candidate& b) {
+    return a.rank != b.rank ? a.rank < b.rank : a.pair < b.pair;
+  });
+}
+
+// Pairs whose fixed side pulls, by how hard it pulls against how far its other side is from zero.
+void LocalSearch::rank_flips() {
+  candidates_.clear();
+  for (Index pair = 0; pair < problem_.pairs(); ++pair) {
+    const double multiplier = parametric_.multiplier(parametric_.fixed_row(pair));
+    const double slack = parametric_.slack(parametric_.free_row(pair));
+    if (multiplier > -tuning::pull) continue;
+    const bool alike =
+        std::abs(multiplier - failed_multiplier_[pair]) <= tuning::alike * std::abs(multiplier) &&
+        std::abs(slack - failed_slack_[pair]) <= tuning::alike * (slack + tuning::near);
+    if (!alike) candidates_.push_back({pair, multiplier / (tuning::near + slack)});
+  }
+  sort_candidates();
+}
+
+// First improvement, and on from there through the same list until a whole list has nothing.
+void LocalSearch::search_flips(Run& run, int patience, int last_factorization) {
+  int failures = 0;
+  for (bool any = true; any;) {
+    any = false;
+    rank_flips();
+    for (const Candidate& candidate : candidates_) {
+      if (lost_ || failures >= patience || run.factorizations >= last_factorization || run.interrupted())
+        return;
+      const Index pair = candidate.pair;
+      const Index fixed = parametric_.fixed_row(pair);
+      const Index free = parametric_.free_row(pair);
+      const double multiplier = parametric_.multiplier(fixed);
+      if (multiplier > -tuning::pull) continue;
+      failed_multiplier_[pair] = multiplier;
+      failed_slack_[pair] = parametric_.slack(free);
+      const Parametric::Move flip[] = {{fixed, false}, {free, true}};
+      if (parametric_.follow(flip, elastic_.objective() - least_improvement(), 0.0) &&
+          take(run, {&pair, 1})) {
+        any = true;
+        failures = 0;
+        failed_multiplier_[pair] = std::numeric_limits<double>::infinity();
+      } else {
+        ++failures;
+      }
+    }
+  }
+}
+
+// Makes the moves that Parametric has just followed, or takes them back if its word was wrong.
+bool LocalSearch::take(Run& run, std::span<const Index> pairs) {
+  before_ = next_ = elastic_.point().set;
+  const double rho = elastic_.rho();
+  const double target = elastic_.objective() - 0.5 * least_improvement();
+  for (const Index pair : pairs) next_.flip(pair);
+  parametric_.read_active_rows(next_);
+  elastic_.point().set = next_;
+  const bool better = elastic_.solve(run, rho, ElasticRelaxation::Rows::held, tuning::engine_budget) &&
+                      elastic_.objective() < target;
+  if (better) {
+    ++accepted_;
+    ++run.iterations;
+    report(run);
+  } else {
+    elastic_.point().set = before_;
+    lost_ = !elastic_.solve(run, rho, ElasticRelaxation::Rows::held, tuning::engine_budget);
+    if (lost_) return false;
+  }
+  parametric_.start(elastic_);
+  return better;
+}
+
+// An accepted move is an iteration of the search.
+void LocalSearch::report(Run& run) {
+  const Images& images = elastic_.point().images;
+  reporter_.tell(run, elastic_.point().x.z(), images.objective, violations(problem_, images),
+                 {.rho = elastic_.rho(), .step_length = 1.0});
+}
+
+// Pairs that pull hardest, their other side not at zero.
+void LocalSearch::rank_exchanges() {
+  candidates_.clear();
+  for (Index pair = 0; pair < problem_.pairs(); ++pair) {
+    const double multiplier = parametric_.multiplier(parametric_.fixed_row(pair));
+    if (multiplier < -tuning::pull && parametric_.slack(parametric_.free_row(pair)) > 0.0)
+      candidates_.push_back({pair, multiplier});
+  }
+  sort_candidates();
+  if (candidates_.size() > tuning::exchange_candidates) candidates_.resize(tuning::exchange_candidates);
+}
+
+// Pairs that begin to pull as `pair` changes sides: those it takes the place of. Nearest to their corner
+// first.
+void LocalSearch::find_companions(Index pair) {
+  companions_.clear();
+  if (!parametric_.probe(parametric_.fixed_row(pair), parametric_.free_row(pair))) return;
+  double fastest = 0.0;
+  for (Index other = 0; other < problem_.pairs(); ++other) {
+    if (other != pair) fastest = std::max(fastest, -parametric_.probed_rate(parametric_.fixed_row(other)));
+  }
+  if (fastest < tuning::exchange_stiffness * parametric_.probed_stiffness()) return;
+  for (Index other = 0; other < problem_.pairs(); ++other) {
+    if (other != pair &&
+        -parametric_.probed_rate(parametric_.fixed_row(other)) > tuning::exchange_speed * fastest)
+      companions_.push_back({other, parametric_.slack(parametric_.free_row(other))});
+  }
+  std::sort(companions_.begin(), companions_.end(), [](const Candidate& a, const Candidate& b) {
+    return a.rank != b.rank ? a.rank < b.rank : a.pair < b.pair;
+  });
+  if (companions_.size() > tuning::exchange_companions) companions_.resize(tuning::exchange_companions);
+}
+
+bool LocalSearch::failed_before(const Candidate& candidate, const Candidate& companion) const {
+  const auto alike = [](const Candidate& a, const Candidate& b) {
+    return a.pair == b.pair && std::abs(a.rank - b.rank) <= tuning::alike * std::abs(b.rank);
+  };
+  return std::any_of(failed_exchanges_.begin(), failed_exchanges_.end(), [&](const auto& failed) {
+    return alike(candidate, failed.first) && alike(companion, failed.second);
+  });
+}
+
+void LocalSearch::search_exchanges(Run& run, int patience, int last_factorization) {
+  int failures = 0;
+  while (exchange_some(run, failures, patience, last_factorization)) {
+  }
+}
+
+// A pair and one that takes its place, both flipped: the companion leaves its corner first, so that little
+// else has to change on the way.
+bool LocalSearch::exchange_some(Run& run, int& failures, int patience, int last_factorization) {
+  rank_exchanges();
+  for (const Candidate& candidate : candidates_) {
+    find_companions(candidate.pair);
+    for (const Candidate& companion : companions_) {
+      if (lost_ || failures >= patience || run.factorizations >= last_factorization || run.interrupted())
+        return false;
+      if (failed_before(candidate, companion)) continue;
+      const Index pairs[] = {candidate.pair, companion.pair};
+      const Parametric::Move exchange[] = {{parametric_.fixed_row(pairs[1]), false},
+                                           {parametric_.free_row(pairs[0]), true},
+                                           {parametric_.free_row(pairs[1]), true},
+                                           {parametric_.fixed_row(pairs[0]), false}};
+      const double climb =
+          tuning::exchange_climb * std::abs(elastic_.objective() + problem_.c0 * problem_.cost_scale);
+      if (parametric_.follow(exchange, elastic_.objective() - least_improvement(), climb) &&
+          take(run, pairs)) {
+        failures = 0;
+        return true;
+      }
+      ++failures;
+      if (failed_exchanges_.size() < failed_exchanges_.capacity())
+        failed_exchanges_.push_back({candidate, companion});
+    }
+  }
+  return false;
+}
+
+}  // namespace marble

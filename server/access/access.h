@@ -1,0 +1,73 @@
+// Who may call, and what each caller may use.
+#pragma once
+
+#include <grpcpp/server_context.h>
+
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "base/identity.h"
+#include "base/quota.h"
+#include "config/config.h"
+#include "marble/error.h"
+#include "mutex.h"
+
+namespace marble::server {
+
+/// What a call says of its caller.
+struct Credentials {
+  std::string peer;                        ///< gRPC's address of it
+  std::optional<std::string> token;        ///< of "authorization: Bearer TOKEN"
+  std::optional<std::string> certificate;  ///< name in its verified certificate
+  std::optional<std::string> name;         ///< of "marble-client: NAME"
+};
+
+/// The token in the value of an authorization header; nothing if it is not a bearer's.
+[[nodiscard]] std::optional<std::string> bearer_of(const std::string& authorization);
+
+/// The host of gRPC's peer: "ipv4:127.0.0.1:4711" → "127.0.0.1", "ipv6:%5B::1%5D:4711" → "::1". Without the
+/// port, which is another for every connection of the same client.
+[[nodiscard]] std::string host_of(const std::string& peer);
+
+[[nodiscard]] Credentials credentials_of(const grpc::CallbackServerContext& context);
+
+/// Thread-safe.
+class Access {
+ public:
+  explicit Access(const Config& config);
+
+  /// Puts tokens, roles and quotas of this configuration in force, for calls from now on.
+  void reload(const Config& config) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Who calls. Errors: unauthenticated; invalid_argument (a name that is none).
+  [[nodiscard]] Expected<Identity> identify(const grpc::CallbackServerContext& context) const;
+  [[nodiscard]] Expected<Identity> identify(const Credentials& given) const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Whether identify() would tell, without counting who is turned away.
+  [[nodiscard]] bool is_known(const grpc::CallbackServerContext& context) const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// The same for a call that needs a role. Errors: permission_denied too.
+  [[nodiscard]] Expected<Identity> require(const grpc::CallbackServerContext& context, Role role) const;
+  [[nodiscard]] Expected<Identity> require(const Credentials& given, Role role) const;
+  /// Whether callers are told apart by tokens or certificates, and not by what they say.
+  [[nodiscard]] bool knows_callers() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Callers turned away so far.
+  struct Refused {
+    std::int64_t unauthenticated = 0, permission_denied = 0;
+  };
+  [[nodiscard]] Refused refused() const { return {unauthenticated_, permission_denied_}; }
+  /// What the client may use.
+  [[nodiscard]] Quota quota_of(const std::string& client) const ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  struct Rules;
+  [[nodiscard]] static Expected<Identity> identity_of(const Rules& rules, const Credentials& given);
+  [[nodiscard]] static std::shared_ptr<const Rules> rules_of(const Config& config);
+  [[nodiscard]] std::shared_ptr<const Rules> rules() const ABSL_LOCKS_EXCLUDED(mutex_);
+
+  mutable Mutex mutex_;
+  std::shared_ptr<const Rules> rules_ ABSL_GUARDED_BY(mutex_);
+  mutable std::atomic<std::int64_t> unauthenticated_ = 0, permission_denied_ = 0;
+};
+
+}  // namespace marble::server

@@ -1,0 +1,37 @@
+#include "access/origin.h"
+
+#include <algorithm>
+
+#include "base/random_id.h"
+
+namespace marble::server {
+namespace {
+
+constexpr std::size_t kLongestState = 512;  // bytes; what the standard asks to pass on at least
+
+// Several headers are one list.
+std::string state_of(const grpc::CallbackServerContext& context) {
+  std::string state;
+  const auto [begin, end] = context.client_metadata().equal_range("tracestate");
+  for (auto one = begin; one != end; ++one) {
+    if (!state.empty()) state += ',';
+    state.append(one->second.data(), one->second.size());
+  }
+  const bool printable = std::all_of(state.begin(), state.end(), [](char c) { return c >= ' ' && c <= '~'; });
+  return printable && state.size() <= kLongestState ? state : "";
+}
+
+}  // namespace
+
+Origin origin_of(grpc::CallbackServerContext& context) {
+  Origin origin{context.peer()};
+  const auto [begin, end] = context.client_metadata().equal_range("traceparent");
+  if (begin == end || std::next(begin) != end) return origin;  // several are as good as none
+  origin.trace = parse_traceparent({begin->second.data(), begin->second.size()}, random_id());
+  if (!origin.trace) return origin;
+  context.AddInitialMetadata("traceparent", to_traceparent(*origin.trace));
+  if (std::string state = state_of(context); !state.empty()) context.AddInitialMetadata("tracestate", state);
+  return origin;
+}
+
+}  // namespace marble::server

@@ -1,0 +1,20 @@
+// What one client may use of the server.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+
+#include "base/priority.h"
+
+namespace marble::server {
+
+struct Quota {
+  int running = std::numeric_limits<int>::max();                  ///< solves at once
+  int queued = std::numeric_limits<int>::max();                   ///< jobs that wait
+  int sessions = std::numeric_limits<int>::max();                 ///< open sessions
+  int watchers = std::numeric_limits<int>::max();                 ///< feeds of job events
+  std::int64_t bytes = std::numeric_limits<std::int64_t>::max();  ///< of requests that wait or run
+  Priority priority = Priority::realtime;                         ///< the highest it may ask for
+};
+
+}  // namespace marble::server

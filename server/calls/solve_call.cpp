@@ -1,0 +1,52 @@
+#include "calls/solve_call.h"
+
+#include "messages/reply.h"
+#include "service/admission.h"
+#include "wire/status.h"
+#include "wire/wire.h"
+
+namespace marble::server {
+
+grpc::ServerUnaryReactor* SolveCall::begin(const ServiceParts& parts, grpc::CallbackServerContext& context,
+                                           const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
+  const std::shared_ptr<SolveCall> call(new SolveCall(parts, response));
+  call->self_ = call;
+  Origin origin = origin_of(context);
+  if (const auto admitted = call->admit(request, context, origin); !admitted) {
+    call->Finish(refused(parts, origin, admitted.error()));
+  }
+  return call.get();
+}
+
+Expected<void> SolveCall::admit(const grpc::ByteBuffer* request, const grpc::CallbackServerContext& context,
+                                Origin& origin) {
+  const auto caller = caller_of(parts_, context, origin, Role::solve);
+  if (!caller) return unexpected(caller.error());
+  auto message = std::make_shared<v1::SolveRequest>();
+  if (auto parsed = parse(request, message.get()); !parsed) return parsed;
+  origin.request_id = message->request_id();
+  auto job = make_job(parts_, *caller, JobKind::solve, std::move(message));
+  if (!job) return unexpected(job.error());
+  (*job)->observer = self_;
+  job_ = *job;
+  if (const auto place = parts_.scheduler.admit(*job); !place) {
+    job_ = nullptr;
+    return unexpected(place.error());
+  }
+  return {};
+}
+
+void SolveCall::OnCancel() {
+  if (job_ != nullptr) parts_.scheduler.cancel(job_);
+}
+
+void SolveCall::OnDone() { const auto last = std::move(self_); }
+
+void SolveCall::finished(Outcome outcome) {
+  v1::SolveResponse message;
+  const auto filled = fill_response(*job_->record, outcome, &message);
+  if (filled) *response_ = serialize(message);
+  Finish(filled ? grpc::Status::OK : to_status(filled.error(), outcome.retry_delay_s));
+}
+
+}  // namespace marble::server

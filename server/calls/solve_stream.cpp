@@ -1,0 +1,137 @@
+#include "calls/solve_stream.h"
+
+#include <utility>
+
+#include "marble/convert.h"
+#include "messages/reply.h"
+#include "service/admission.h"
+#include "wire/status.h"
+#include "wire/wire.h"
+
+namespace marble::server {
+grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const ServiceParts& parts,
+                                                                   grpc::CallbackServerContext& context,
+                                                                   const grpc::ByteBuffer* request) {
+  const std::shared_ptr<SolveStreamCall> call(new SolveStreamCall(parts));
+  call->self_ = call;
+  Origin origin = origin_of(context);
+  if (const auto admitted = call->admit(request, context, origin); !admitted) {
+    call->end_at_once(refused(parts, origin, admitted.error()));
+  } else {
+    parts.pulse.add(call);
+    call->go_on();
+  }
+  return call.get();
+}
+
+Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
+                                      const grpc::CallbackServerContext& context, Origin& origin) {
+  const auto caller = caller_of(parts_, context, origin, Role::solve);
+  if (!caller) return unexpected(caller.error());
+  v1::SolveStreamRequest request;
+  if (auto parsed = parse(bytes, &request); !parsed) return parsed;
+  origin.request_id = request.solve().request_id();
+  if (auto valid = check_progress(request.progress_interval_s(), request.iterate_every()); !valid)
+    return valid;
+  progress_interval_s_ = request.progress_interval_s();
+  iterate_every_ = request.iterate_every();
+  (void)request.mutable_solve();  // an absent one is an empty one, and refused as such
+  auto job = make_job(parts_, *caller, JobKind::solve,
+                      std::shared_ptr<const v1::SolveRequest>(request.release_solve()));
+  if (!job) return unexpected(inside("solve", job.error()));
+  (*job)->observer = self_;
+  job_ = *job;
+  const auto place = parts_.scheduler.admit(*job);
+  if (!place) {
+    job_ = nullptr;
+    return unexpected(place.error());
+  }
+  const MutexLock lock(mutex_);
+  admitted_ = true;
+  place_ = *place;
+  return {};
+}
+
+void SolveStreamCall::moved(const QueuePlace& place) {
+  {
+    const MutexLock lock(mutex_);
+    if (started_ || !accepted_ || place.position == told_place_.position) return;
+    place_ = place;
+  }
+  go_on();
+}
+
+void SolveStreamCall::started(double queue_s) {
+  {
+    const MutexLock lock(mutex_);
+    queue_s_ = queue_s;
+    started_ = true;
+    if (accepted_) place_.reset();
+  }
+  go_on();
+}
+
+void SolveStreamCall::report(const Progress& progress) {
+  if (last_progress_s_ >= 0.0 && progress.elapsed_s - last_progress_s_ < progress_interval_s_) return;
+  last_progress_s_ = progress.elapsed_s;
+  slot_.put(progress, iterate_every_ > 0 && progress.iteration % iterate_every_ == 0);
+  go_on();
+}
+
+void SolveStreamCall::finished(Outcome outcome) {
+  {
+    const MutexLock lock(mutex_);
+    outcome_ = std::move(outcome);
+    over_ = true;
+  }
+  go_on();
+}
+
+void SolveStreamCall::gone() {
+  if (job_ != nullptr) parts_.scheduler.cancel(job_);
+}
+
+void SolveStreamCall::pulse(Clock::time_point /*now*/) { go_on(); }
+
+// A worker may take the job, and even finish it, before its place is known: nothing goes out before
+// "accepted".
+bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
+  if (!admitted_) return false;
+  if (place_) {
+    told_place_ = *std::exchange(place_, std::nullopt);
+    if (accepted_) {
+      event->mutable_queued()->set_queue_position(told_place_.position);
+      event->mutable_queued()->set_estimated_wait_s(told_place_.estimated_wait_s);
+    } else {
+      event->mutable_accepted()->set_job_id(job_->record->id());
+      event->mutable_accepted()->set_queue_position(told_place_.position);
+      event->mutable_accepted()->set_estimated_wait_s(told_place_.estimated_wait_s);
+      accepted_ = true;
+    }
+    return true;
+  }
+  if (queue_s_) {
+    event->mutable_started()->set_queue_s(*std::exchange(queue_s_, std::nullopt));
+    return true;
+  }
+  if (const auto taken = over_ || slot_.due() ? slot_.take() : ProgressSlot::Rows{}; !taken.rows.empty()) {
+    parts_.metrics.progress_sent(taken.rows.size(), taken.newly_skipped);
+    fill_rows(taken, event->mutable_progress());
+    return true;
+  }
+  if (outcome_) {
+    const Outcome outcome = *std::exchange(outcome_, std::nullopt);
+    const auto filled = fill_response(*job_->record, outcome, event->mutable_result());
+    if (!filled) status_ = to_status(filled.error(), outcome.retry_delay_s);
+    return filled.has_value();
+  }
+  return false;
+}
+
+std::optional<grpc::Status> SolveStreamCall::ending() {
+  if (!admitted_ || !over_) return std::nullopt;
+  const bool untold = outcome_ && !outcome_->solution;  // nobody reads any more
+  return untold ? to_status(outcome_->solution.error(), outcome_->retry_delay_s) : status_;
+}
+
+}  // namespace marble::server

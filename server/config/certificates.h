@@ -1,0 +1,36 @@
+// The server's certificate, its key and the authorities of its clients: read, and checked before they are
+// used.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "config/settings.h"
+#include "marble/error.h"
+
+namespace marble::server {
+
+/// PEM texts.
+struct Certificates {
+  std::string certificate, key, client_ca;  ///< client_ca is empty if no client shows a certificate
+  [[nodiscard]] bool operator==(const Certificates&) const = default;
+};
+
+enum class ClientCertificate { none, request, require };
+
+/// What tls_client means, with auto resolved.
+[[nodiscard]] ClientCertificate client_certificate_of(const Settings& settings);
+
+/// Reads the files that the tls_ settings name. Error fields are settings: a file cannot be read or parsed,
+/// or the key does not fit the certificate.
+[[nodiscard]] Expected<Certificates> read_certificates(const Settings& settings);
+
+/// All that is wrong with the tls_ settings and their files.
+[[nodiscard]] std::vector<Error> faults_of_tls(const Settings& settings);
+
+/// The end of the certificate's validity, as "2027-01-31T12:00:00Z".
+[[nodiscard]] std::string expiry_of(const Certificates& certificates);
+/// True if it has ended, or has not begun.
+[[nodiscard]] bool is_expired(const Certificates& certificates);
+
+}  // namespace marble::server

@@ -1,0 +1,25 @@
+// What all routes with data have in common: the caller is identified first, and a refusal is answered and
+// logged.
+#pragma once
+
+#include <httplib.h>
+
+#include <functional>
+
+#include "service/service_parts.h"
+
+namespace marble::server::http {
+
+/// Fills the response for a caller, or says why not.
+using Answer = std::function<Expected<void>(const httplib::Request&, const Identity&, httplib::Response&)>;
+
+[[nodiscard]] httplib::Server::Handler endpoint(const ServiceParts& parts, Answer answer);
+
+/// Tells the client and the log.
+void refuse(const Log& log, const httplib::Request& request, const Error& error, httplib::Response& response);
+
+/// The error unless every parameter of the query is one of these. Errors: invalid_argument.
+[[nodiscard]] Expected<void> check_parameters(const httplib::Request& request,
+                                              std::initializer_list<const char*> known);
+
+}  // namespace marble::server::http

@@ -1,0 +1,92 @@
+// Frames of server-sent events. One thread makes each frame once for all who may see the same, while somebody
+// watches; a viewer that does not keep up misses frames and is told.
+#pragma once
+
+#include <deque>
+#include <map>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "mutex.h"
+#include "service/service_parts.h"
+
+namespace marble::server::http {
+
+/// "event: NAME\ndata: JSON\n\n".
+[[nodiscard]] std::string event(const char* name, const std::string& json);
+
+class EventHub {
+  struct Topic;
+
+ public:
+  using Frame = std::shared_ptr<const std::string>;
+  static constexpr std::chrono::milliseconds kTick{
+      125};  ///< of one job's events; all jobs' come every second tick
+
+  /// At most `most_viewers` at a time, and as many as parts.feeds allows.
+  EventHub(const ServiceParts& parts, int most_viewers);
+  ~EventHub();
+  EventHub(const EventHub&) = delete;
+  EventHub& operator=(const EventHub&) = delete;
+
+  /// One stream's place among the frames. The hub must outlive it.
+  class Viewer {
+   public:
+    ~Viewer();
+    Viewer(const Viewer&) = delete;
+    Viewer& operator=(const Viewer&) = delete;
+
+    struct Next {
+      enum { frame, quiet, missed, over } what;
+      Frame bytes = nullptr;  ///< of a frame
+    };
+    /// Waits for the next frame, `patience` at most: quiet. Missed: some are gone, it goes on with the
+    /// newest.
+    [[nodiscard]] Next next(Clock::duration patience);
+    /// Whether the caller may still see what it watches.
+    [[nodiscard]] bool is_for(const Identity& caller) const;
+
+   private:
+    friend class EventHub;
+    Viewer(EventHub& hub, std::string client, std::shared_ptr<Topic> topic, std::int64_t at)
+        : hub_(hub), client_(std::move(client)), topic_(std::move(topic)), at_(at) {}
+    EventHub& hub_;
+    const std::string client_;
+    const std::shared_ptr<Topic> topic_;
+    std::int64_t at_;  // number of the frame to read next
+  };
+
+  /// All jobs that the caller may see, and the server itself. Errors: resource_exhausted.
+  [[nodiscard]] Expected<std::unique_ptr<Viewer>> watch_all(const Identity& caller);
+  /// One job. Errors: not_found, resource_exhausted.
+  [[nodiscard]] Expected<std::unique_ptr<Viewer>> watch_job(const Identity& caller, const std::string& id);
+  /// Ends all streams, those to come too.
+  void stop() ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  using Topics = std::vector<std::shared_ptr<Topic>>;
+  [[nodiscard]] Expected<std::unique_ptr<Viewer>> join(const Identity& caller, Topic topic)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  void leave(const std::string& client, const std::shared_ptr<Topic>& topic) ABSL_LOCKS_EXCLUDED(mutex_);
+  void run() ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool wait_for_tick() ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Topics take_topics() ABSL_LOCKS_EXCLUDED(mutex_);
+  void look_at_jobs(Topic& topic, std::vector<Frame>& frames, bool& over);
+  void tell(Topic& topic, std::vector<Frame> frames, bool over) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Frame server_frame() const;
+
+  const ServiceParts& parts_;
+  const int most_viewers_;
+  FeedLimit feeds_;  // of the topics: viewers are what is limited
+  std::int64_t tick_ = 0;
+  Mutex mutex_;
+  Condition wake_;
+  std::map<std::string, std::shared_ptr<Topic>> topics_ ABSL_GUARDED_BY(mutex_);
+  int viewers_ ABSL_GUARDED_BY(mutex_) = 0;
+  bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
+  std::thread thread_;
+};
+
+}  // namespace marble::server::http

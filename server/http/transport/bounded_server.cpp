@@ -1,0 +1,96 @@
+#include "http/transport/bounded_server.h"
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+
+namespace marble::server::http {
+namespace {
+
+constexpr int kMostRequests = 1000;  // of one connection
+constexpr int kLeastWaiting = 64;    // connections, however few are served
+
+// What httplib would do on its own: ranges of what is made anew each time, compression at the solver's cost,
+// and waiting for the end of a body that has no length. Whether nothing may follow this request: its body, if
+// it has one, is perhaps not read.
+bool prepare(httplib::Request& request) {
+  request.ranges.clear();
+  request.headers.erase("Range");
+  request.headers.erase("Accept-Encoding");
+  const bool has_body = request.has_header("Content-Length") || request.has_header("Transfer-Encoding");
+  if (!has_body && request.method != "GET" && request.method != "HEAD")
+    request.set_header("Content-Length", "0");
+  const bool last = has_body || (request.method != "GET" && request.method != "HEAD");
+  if (last) {
+    request.headers.erase("Connection");
+    request.set_header("Connection", "close");
+  }
+  return last;
+}
+
+// Whether a request is for this path, whatever comes after it.
+bool asks_for(std::string_view request, std::string_view path) {
+  for (const std::string_view method : {"GET ", "HEAD "}) {
+    if (request.substr(0, method.size()) != method) continue;
+    const std::string_view rest = request.substr(method.size());
+    return rest.substr(0, path.size()) == path && rest.size() > path.size() &&
+           (rest[path.size()] == ' ' || rest[path.size()] == '?');
+  }
+  return false;
+}
+
+// Runs what httplib does with a new connection at once: that is no more than to let it in.
+class AtOnce final : public httplib::TaskQueue {
+ public:
+  void enqueue(std::function<void()> task) override { task(); }
+  void shutdown() override {}
+};
+
+}  // namespace
+
+BoundedServer::BoundedServer(std::unique_ptr<TlsSessions> tls, int connections, Clock::duration line_time)
+    : tls_(std::move(tls)),
+      line_time_(line_time),
+      requests_(static_cast<std::size_t>(connections)),
+      lobby_(static_cast<std::size_t>(std::max(connections, kLeastWaiting)),
+             [this](const Lobby::Guest& guest) {
+               queue_for(guest->received()).enqueue([this, guest] { serve(guest); });
+             }) {
+  new_task_queue = [] { return new AtOnce; };  // httplib deletes it
+}
+
+void BoundedServer::finish() {
+  lobby_.close();
+  for (TaskQueue* queue : {&requests_, &healthz_, &readyz_}) queue->shutdown();
+}
+
+bool BoundedServer::process_and_close_socket(socket_t socket) {
+  TlsSession session = tls_ == nullptr ? nullptr : tls_->begin(socket);
+  const bool usable = tls_ == nullptr || session != nullptr;
+  const auto connection = std::make_shared<Connection>(socket, std::move(session), line_time_, stopping_);
+  if (usable) lobby_.enter(connection);
+  return usable;
+}
+
+TaskQueue& BoundedServer::queue_for(std::string_view request) {
+  if (asks_for(request, "/healthz")) return healthz_;
+  if (asks_for(request, "/readyz")) return readyz_;
+  return requests_;
+}
+
+void BoundedServer::serve(const Lobby::Guest& connection) {
+  const bool is_final = connection->begin_request() == kMostRequests;
+  bool closes = false, is_last = true;  // unless it can be read
+  const auto set_up = [&](httplib::Request& request) {
+    request.ssl = connection->session();
+    is_last = prepare(request);
+    // Else httplib would wait for all of it before it answers 413.
+    if (request.get_header_value<std::uint64_t>("Content-Length") > payload_max_length_)
+      connection->end_request();
+  };
+  if (!process_request(*connection, is_final, closes, set_up) || closes || is_last || is_final) return;
+  connection->await_next();
+  lobby_.enter(connection);
+}
+
+}  // namespace marble::server::http

@@ -1,0 +1,43 @@
+// httplib's server with connections of our own: they wait for their requests without a thread; bounded
+// requests, certificates that can be renewed, a quick end.
+#pragma once
+
+#include <httplib.h>
+
+#include <atomic>
+#include <memory>
+
+#include "http/transport/lobby.h"
+#include "http/transport/task_queue.h"
+#include "http/transport/tls_session.h"
+
+namespace marble::server::http {
+
+class BoundedServer final : public httplib::Server {
+ public:
+  /// `tls` is null in the clear. At most `connections` are served at once, each by a thread, and as many wait
+  /// for their request to arrive; its first line has `line_time`.
+  BoundedServer(std::unique_ptr<TlsSessions> tls, int connections, Clock::duration line_time);
+
+  /// After a port was bound: many may come at once. httplib's five are soon more, and the sixth waits a
+  /// second until its kernel asks again.
+  void queue_at_the_door() { ::listen(svr_sock_, SOMAXCONN); }
+  /// Before stop(): nobody is waited for any more.
+  void hurry() { stopping_ = true; }
+  /// After it: returns when what was asked is answered.
+  void finish();
+
+ private:
+  bool process_and_close_socket(socket_t socket) override;
+  [[nodiscard]] TaskQueue& queue_for(std::string_view request);
+  void serve(const Lobby::Guest& connection);
+
+  const std::unique_ptr<TlsSessions> tls_;
+  const Clock::duration line_time_;
+  std::atomic<bool> stopping_ = false;
+  TaskQueue requests_;
+  TaskQueue healthz_{1}, readyz_{1};  // a probe waits for no request and for no other probe
+  Lobby lobby_;
+};
+
+}  // namespace marble::server::http

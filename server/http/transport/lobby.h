@@ -1,0 +1,49 @@
+// Connections whose next request has not arrived yet. One thread waits for all of them, so that none holds a
+// thread of its own before it has asked for something.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "http/transport/connection.h"
+#include "mutex.h"
+
+namespace marble::server::http {
+
+/// Thread-safe.
+class Lobby {
+ public:
+  using Guest = std::shared_ptr<Connection>;
+  /// Called, on the lobby's thread, with each whose request is there, or as much of it as came in time.
+  using Host = std::function<void(Guest)>;
+
+  /// At most `most` wait: one more, and the one that came first is closed.
+  Lobby(std::size_t most, Host host);
+  ~Lobby();
+  Lobby(const Lobby&) = delete;
+  Lobby& operator=(const Lobby&) = delete;
+
+  void enter(Guest guest) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Closes all of them, those to come too.
+  void close() ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  void run() ABSL_LOCKS_EXCLUDED(mutex_);
+  void wait(const std::vector<Guest>& guests) const;
+  // False once the guest is no longer one.
+  [[nodiscard]] bool look_at(const Guest& guest) const;
+  [[nodiscard]] bool take_newcomers(std::vector<Guest>& guests) ABSL_LOCKS_EXCLUDED(mutex_);
+  void wake() const;
+
+  const std::size_t most_;
+  const Host host_;
+  const int bell_;  // eventfd
+  Mutex mutex_;
+  std::vector<Guest> newcomers_ ABSL_GUARDED_BY(mutex_);
+  bool closed_ ABSL_GUARDED_BY(mutex_) = false;
+  std::thread thread_;
+};
+
+}  // namespace marble::server::http

@@ -1,0 +1,190 @@
+#include "jobs/job_record.h"
+
+#include <utility>
+
+namespace marble::server {
+
+JobRecord::JobRecord(JobDescription description, const Options& options, int trace_rows, int trace_pairs)
+    : description_(std::move(description)),
+      wants_pairs_(description_.pairs > 0 && description_.pairs <= trace_pairs),
+      options_(options),
+      history_(trace_rows) {}
+
+void JobRecord::changed() {
+  ++snapshot_.version;
+  changes_.fetch_add(1, std::memory_order_release);
+}
+
+void JobRecord::queued() {
+  const MutexLock lock(mutex_);
+  snapshot_.state = JobState::queued;
+  changed();
+}
+
+void JobRecord::started(double queue_s) {
+  const MutexLock lock(mutex_);
+  snapshot_.state = JobState::running;
+  snapshot_.queue_s = queue_s;
+  history_.begin();
+  pairs_.begin();
+  changed();
+}
+
+void JobRecord::idle() {
+  const MutexLock lock(mutex_);
+  snapshot_.state = JobState::idle;
+  changed();
+}
+
+void JobRecord::set_memory(std::int64_t bytes) {
+  const MutexLock lock(mutex_);
+  snapshot_.memory_bytes = bytes;
+  changed();
+}
+
+void JobRecord::set_options(const Options& options) {
+  const MutexLock lock(mutex_);
+  options_ = options;
+}
+
+void JobRecord::report(const Progress& progress) {
+  const MutexLock lock(mutex_);
+  history_.put(progress);
+  if (!progress.s.empty() && wants_pairs_) pairs_.put(progress);
+  snapshot_.iterations = earlier_iterations_ + progress.iteration;
+  snapshot_.factorizations = earlier_factorizations_ + progress.factorizations;
+  snapshot_.objective = progress.objective;
+  snapshot_.violations = progress.violations;
+  changes_.fetch_add(1, std::memory_order_release);
+}
+
+void JobRecord::take(const Solution& solution) {
+  snapshot_.status = solution.status;
+  snapshot_.detail = solution.detail;
+  snapshot_.error.reset();
+  snapshot_.iterations = earlier_iterations_ + solution.iterations;
+  snapshot_.factorizations = earlier_factorizations_ + solution.factorizations;
+  snapshot_.objective = solution.objective;
+  snapshot_.violations = solution.violations;
+  snapshot_.times = solution.times;
+}
+
+void JobRecord::answered(const Expected<Solution>& solution, double total_s) {
+  const MutexLock lock(mutex_);
+  if (solution) {
+    take(*solution);
+  } else {
+    snapshot_.error = solution.error();
+  }
+  snapshot_.total_s = total_s;
+  ++snapshot_.updates;
+  earlier_iterations_ = snapshot_.iterations;
+  earlier_factorizations_ = snapshot_.factorizations;
+  snapshot_.state = JobState::idle;
+  changed();
+}
+
+void JobRecord::end() {
+  snapshot_.state = JobState::finished;
+  snapshot_.finished = std::chrono::system_clock::now();
+  if (watchers_ == 0) history_.end();
+  cancel_ = nullptr;
+  place_ = nullptr;
+  changed();
+}
+
+void JobRecord::finished(const Expected<Solution>& solution, double queue_s, double total_s) {
+  const MutexLock lock(mutex_);
+  if (solution) {
+    take(*solution);
+  } else {
+    snapshot_.error = solution.error();
+  }
+  snapshot_.queue_s = queue_s;
+  snapshot_.total_s = total_s;
+  end();
+}
+
+void JobRecord::closed(const std::optional<Error>& reason) {
+  const MutexLock lock(mutex_);
+  snapshot_.error = reason;
+  end();
+}
+
+void JobRecord::set_result_bytes(std::int64_t bytes) {
+  const MutexLock lock(mutex_);
+  snapshot_.result_bytes = bytes;
+  changed();
+}
+
+JobSnapshot JobRecord::snapshot() const {
+  const MutexLock lock(mutex_);
+  return snapshot_;
+}
+
+bool JobRecord::is_finished() const {
+  const MutexLock lock(mutex_);
+  return snapshot_.state == JobState::finished;
+}
+
+Options JobRecord::options() const {
+  const MutexLock lock(mutex_);
+  return options_;
+}
+
+JobRecord::Trace JobRecord::trace() const {
+  const MutexLock lock(mutex_);
+  return {history_.trace(), history_.stride(), history_.count(), pairs_.frames()};
+}
+
+ProgressHistory::Rows JobRecord::read(std::int64_t& cursor) const {
+  const MutexLock lock(mutex_);
+  return history_.read(cursor);
+}
+
+Progress JobRecord::newest() const {
+  const MutexLock lock(mutex_);
+  return history_.newest();
+}
+
+std::optional<PairHistory::Frame> JobRecord::newest_pairs() const {
+  const MutexLock lock(mutex_);
+  if (pairs_.empty()) return std::nullopt;
+  return pairs_.newest();
+}
+
+void JobRecord::watch(bool begin) {
+  const MutexLock lock(mutex_);
+  watchers_ += begin ? 1 : -1;
+  if (watchers_ == 0 && snapshot_.state == JobState::finished) history_.end();
+}
+
+void JobRecord::set_cancel(std::function<void()> cancel) {
+  const MutexLock lock(mutex_);
+  if (snapshot_.state != JobState::finished) cancel_ = std::move(cancel);
+}
+
+void JobRecord::set_place(std::function<QueuePlace()> place) {
+  const MutexLock lock(mutex_);
+  if (snapshot_.state != JobState::finished) place_ = std::move(place);
+}
+
+QueuePlace JobRecord::place() const {
+  std::function<QueuePlace()> ask;
+  {
+    const MutexLock lock(mutex_);
+    ask = place_;
+  }
+  return ask ? ask() : QueuePlace{};
+}
+
+void JobRecord::cancel() {
+  std::function<void()> ask;
+  {
+    const MutexLock lock(mutex_);
+    ask = cancel_;
+  }
+  if (ask) ask();
+}
+
+}  // namespace marble::server

@@ -1,0 +1,140 @@
+// What is known of a job from its acceptance until it is forgotten: for lists, watchers and logs.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "base/priority.h"
+#include "base/trace_context.h"
+#include "jobs/pair_history.h"
+#include "jobs/progress_history.h"
+#include "marble/contract.h"
+#include "marble/error.h"
+#include "marble/options.h"
+#include "marble/problem.h"
+#include "marble/solution.h"
+#include "mutex.h"
+
+namespace marble::server {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kLongestRequestId = contract::longest_request_id;  // bytes
+constexpr std::size_t kLongestName = contract::longest_problem_name;     // bytes
+
+enum class JobKind { solve, batch, submitted, session };
+enum class JobState { queued, running, idle, finished };
+
+/// What does not change during a job's life.
+struct JobDescription {
+  std::string id = {};
+  JobKind kind = JobKind::solve;
+  Priority priority = Priority::interactive;
+  std::string client = {};                            ///< who may see it, besides observers
+  std::string request_id = {}, name = {}, peer = {};  ///< as the client gave them
+  Index variables = 0, equalities = 0, inequalities = 0, pairs = 0;
+  std::optional<TraceContext> trace = {};  ///< of the call it came by
+  std::chrono::system_clock::time_point accepted = std::chrono::system_clock::now();
+};
+
+/// Where a job that waits stands.
+struct QueuePlace {
+  int position = 0;               ///< jobs that will be taken before it, as things are
+  double estimated_wait_s = 0.0;  ///< from the mean of recent solves
+};
+
+/// What does.
+struct JobSnapshot {
+  JobState state = JobState::queued;
+  std::optional<Status> status;  ///< of the answer; of a session, the newest
+  std::optional<Error> error;    ///< why there is none
+  std::int64_t iterations = 0, factorizations = 0;
+  double objective = 0.0;
+  Violations violations;
+  Times times;
+  double queue_s = 0.0, total_s = 0.0;
+  std::int64_t updates = 0;
+  std::int64_t memory_bytes = 0, result_bytes = 0;
+  std::string detail = {};  ///< the numbers that justify the status
+  std::optional<std::chrono::system_clock::time_point> finished = {};  ///< when, once it has
+  std::int64_t version = 0;  ///< grows with every change but progress
+};
+
+/// The worker writes, any number of threads read.
+class JobRecord final : public ProgressSink {
+ public:
+  /// Keeps `trace_rows` rows, and the sides of its pairs if there are at most `trace_pairs`.
+  JobRecord(JobDescription description, const Options& options, int trace_rows, int trace_pairs = 0);
+
+  [[nodiscard]] const JobDescription& description() const { return description_; }
+  [[nodiscard]] const std::string& id() const { return description_.id; }
+
+  void queued() ABSL_LOCKS_EXCLUDED(mutex_);
+  void started(double queue_s) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// A session waits for its next update.
+  void idle() ABSL_LOCKS_EXCLUDED(mutex_);
+  void set_memory(std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
+  void set_options(const Options& options) ABSL_LOCKS_EXCLUDED(mutex_);
+  void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool wants_pairs() const override { return wants_pairs_; }
+  /// One solve of a session has ended.
+  void answered(const Expected<Solution>& solution, double total_s) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// The last word.
+  void finished(const Expected<Solution>& solution, double queue_s, double total_s)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  /// The last word on a session: why it ended, nothing if its client closed it.
+  void closed(const std::optional<Error>& reason) ABSL_LOCKS_EXCLUDED(mutex_);
+  void set_result_bytes(std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  [[nodiscard]] JobSnapshot snapshot() const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool is_finished() const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Options options() const ABSL_LOCKS_EXCLUDED(mutex_);
+  struct Trace {
+    std::vector<Progress> rows;
+    int stride = 1;
+    std::int64_t cursor = 0;  ///< to read on from
+    std::vector<PairHistory::Frame> pairs = {};
+  };
+  [[nodiscard]] Trace trace() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Changes with every change, progress too.
+  [[nodiscard]] std::int64_t changes() const { return changes_.load(std::memory_order_acquire); }
+  [[nodiscard]] ProgressHistory::Rows read(std::int64_t& cursor) const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Progress newest() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Nothing if its pairs are not kept, or nothing was told yet.
+  [[nodiscard]] std::optional<PairHistory::Frame> newest_pairs() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// While somebody watches, its newest rows are kept even when it has finished.
+  void watch(bool begin) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// How its end and its place can be asked for; set by who runs it, empty once it has finished.
+  void set_cancel(std::function<void()> cancel) ABSL_LOCKS_EXCLUDED(mutex_);
+  void set_place(std::function<QueuePlace()> place) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] QueuePlace place() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Asks for its end. Does nothing to a finished one.
+  void cancel() ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  void take(const Solution& solution) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void end() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void changed() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  const JobDescription description_;
+  const bool wants_pairs_;
+  std::atomic<std::int64_t> changes_ = 0;
+  mutable Mutex mutex_;
+  Options options_ ABSL_GUARDED_BY(mutex_);
+  JobSnapshot snapshot_ ABSL_GUARDED_BY(mutex_);
+  std::int64_t earlier_iterations_ ABSL_GUARDED_BY(mutex_) = 0;  // of a session's solves before this one
+  std::int64_t earlier_factorizations_ ABSL_GUARDED_BY(mutex_) = 0;
+  ProgressHistory history_ ABSL_GUARDED_BY(mutex_);
+  PairHistory pairs_ ABSL_GUARDED_BY(mutex_);
+  int watchers_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::function<void()> cancel_ ABSL_GUARDED_BY(mutex_);
+  std::function<QueuePlace()> place_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace marble::server

@@ -1,0 +1,75 @@
+// Answers of submitted jobs, kept for a bounded time and size until their clients come for them.
+#pragma once
+
+#include <grpcpp/support/byte_buffer.h>
+
+#include <functional>
+#include <list>
+#include <memory>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "jobs/job_record.h"
+
+namespace marble::server {
+
+struct ResultLimits {
+  Clock::duration keep = std::chrono::hours(1);
+  std::int64_t bytes = 0;  ///< of all answers; the oldest go first
+};
+
+/// Thread-safe. Callbacks are called without a lock.
+class ResultStore {
+ public:
+  /// A serialized answer, or why there is none and when to try again. Whoever is given it shares its bytes.
+  struct Result {
+    Expected<grpc::ByteBuffer> answer;
+    double retry_delay_s = 0.0;
+  };
+  using Shared = std::shared_ptr<const Result>;
+  using Callback = std::function<void(Shared)>;
+
+  explicit ResultStore(const ResultLimits& limits) : limits_(limits) {}
+
+  /// A job of this client will have an answer.
+  void expect(const std::string& id, const std::string& client) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Here it is. Dropped if nobody expects it any more; true if it is kept. One that alone is larger than
+  /// all that may be kept is replaced by an error.
+  bool put(const std::string& id, Result result, Clock::time_point now) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Whose it is; empty if it is not known, or not any more.
+  [[nodiscard]] std::string owner(const std::string& id) const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// The answer, null while there is none.
+  [[nodiscard]] Shared get(const std::string& id) const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Calls back when the answer comes, at once if it is there; with null if it is let go first. `waiter`
+  /// names the callback for stop_waiting().
+  void wait(const std::string& id, const void* waiter, Callback callback) ABSL_LOCKS_EXCLUDED(mutex_);
+  void stop_waiting(const std::string& id, const void* waiter) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Lets it go. True if it was there.
+  bool forget(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Lets go of what is too old.
+  void expire(Clock::time_point now) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] std::int64_t bytes() const ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  struct Age {
+    std::string id;
+    Clock::time_point end;
+  };
+  struct Entry {
+    std::string client;
+    Shared result;
+    std::int64_t bytes = 0;
+    std::list<Age>::iterator age;  // of one that has a result
+    std::vector<std::pair<const void*, Callback>> waiters;
+  };
+  bool erase(const std::string& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  const ResultLimits limits_;
+  mutable Mutex mutex_;
+  std::unordered_map<std::string, Entry> entries_ ABSL_GUARDED_BY(mutex_);
+  std::list<Age> ages_ ABSL_GUARDED_BY(mutex_);  // of those that have a result, oldest first
+  std::int64_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+};
+
+}  // namespace marble::server

@@ -1,0 +1,75 @@
+#include "messages/job_message.h"
+
+#include "marble/convert.h"
+#include "wire/status.h"
+
+namespace marble::server {
+
+v1::Priority to_message(Priority priority) {
+  return static_cast<v1::Priority>(static_cast<int>(priority) + v1::PRIORITY_REALTIME);
+}
+
+void to_message(const JobRecord& record, v1::JobInfo* message) {
+  const JobDescription& what = record.description();
+  const JobSnapshot now = record.snapshot();
+  message->set_job_id(what.id);
+  message->set_kind(static_cast<v1::JobKind>(static_cast<int>(what.kind) + v1::JOB_KIND_SOLVE));
+  message->set_state(static_cast<v1::JobState>(static_cast<int>(now.state) + v1::JOB_STATE_QUEUED));
+  message->set_priority(to_message(what.priority));
+  message->set_client(what.client);
+  message->set_request_id(what.request_id);
+  message->set_problem_name(what.name);
+  message->set_variables(what.variables);
+  message->set_equalities(what.equalities);
+  message->set_inequalities(what.inequalities);
+  message->set_pairs(what.pairs);
+  message->set_accepted_unix_s(std::chrono::duration<double>(what.accepted.time_since_epoch()).count());
+  if (now.state == JobState::queued) {
+    const QueuePlace place = record.place();
+    message->set_queue_position(place.position);
+    message->set_estimated_wait_s(place.estimated_wait_s);
+  }
+  if (now.error) {
+    *message->mutable_error() = to_message(*now.error);
+  } else if (now.status) {
+    message->set_status(to_message(*now.status));
+  }
+  message->set_iterations(now.iterations);
+  message->set_factorizations(now.factorizations);
+  message->set_objective(now.objective);
+  to_message(now.violations, message->mutable_violations());
+  const bool under_way = now.state == JobState::queued || now.state == JobState::running;
+  const double age_s =
+      std::chrono::duration<double>(std::chrono::system_clock::now() - what.accepted).count();
+  const bool ages = under_way && what.kind != JobKind::session;  // a session's times are of its newest solve
+  v1::Times* times = message->mutable_times();
+  times->set_queue_s(ages && now.state == JobState::queued ? age_s : now.queue_s);
+  times->set_setup_s(now.times.setup_s);
+  times->set_factorization_s(now.times.factorization_s);
+  times->set_line_search_s(now.times.line_search_s);
+  times->set_solve_s(now.times.solve_s);
+  times->set_total_s(ages ? age_s : now.total_s);
+  message->set_updates(now.updates);
+  message->set_memory_bytes(now.memory_bytes);
+  times->set_polish_s(now.times.polish_s);
+  message->set_result_bytes(now.result_bytes);
+  message->set_detail(now.detail);
+  if (what.trace) message->set_trace_id(what.trace->trace_id);
+  if (now.finished)
+    message->set_finished_unix_s(std::chrono::duration<double>(now.finished->time_since_epoch()).count());
+}
+
+void to_message(const JobRecord::Trace& trace, v1::Trace* message) {
+  for (const Progress& row : trace.rows) to_message(row, message->add_rows());
+  message->set_stride(trace.stride);
+  for (const PairHistory::Frame& frame : trace.pairs) to_message(frame, message->add_pairs());
+}
+
+void to_message(const PairHistory::Frame& frame, v1::PairSides* message) {
+  message->set_iteration(frame.iteration);
+  message->set_kappa(frame.kappa);
+  message->mutable_s()->Assign(frame.s.begin(), frame.s.end());
+  message->mutable_t()->Assign(frame.t.begin(), frame.t.end());
+}
+
+}  // namespace marble::server

@@ -1,0 +1,14 @@
+// Jobs as messages.
+#pragma once
+
+#include "jobs/job_record.h"
+#include "marble/v1/job.pb.h"
+
+namespace marble::server {
+
+void to_message(const JobRecord& record, v1::JobInfo* message);
+void to_message(const JobRecord::Trace& trace, v1::Trace* message);
+void to_message(const PairHistory::Frame& frame, v1::PairSides* message);
+[[nodiscard]] v1::Priority to_message(Priority priority);
+
+}  // namespace marble::server

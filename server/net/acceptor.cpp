@@ -1,0 +1,112 @@
+#include "net/acceptor.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <cerrno>
+
+namespace marble::server {
+namespace {
+
+constexpr std::chrono::milliseconds kPeriod{25};  // a connection brings some ten megabytes meanwhile
+constexpr int kMostAtOnce = 64;                   // of one address, before the others have their turn
+
+Descriptor spare() { return Descriptor(open("/dev/null", O_RDONLY | O_CLOEXEC)); }
+
+bool is_shortage(int error) {
+  return error == EMFILE || error == ENFILE || error == ENOBUFS || error == ENOMEM;
+}
+
+}  // namespace
+
+Acceptor::Acceptor(std::vector<Entrance> entrances, ConnectionTable& connections)
+    : entrances_(std::move(entrances)),
+      connections_(connections),
+      stop_(eventfd(0, EFD_CLOEXEC)),
+      reserve_(spare()),
+      thread_([this] { run(); }) {}
+
+Acceptor::~Acceptor() { stop(); }
+
+void Acceptor::stop() {
+  if (!thread_.joinable()) return;
+  eventfd_write(stop_.get(), 1);
+  thread_.join();
+  for (const Entrance& entrance : entrances_) {
+    for (const Descriptor& socket : entrance.socket.sockets()) shutdown(socket.get(), SHUT_RDWR);
+  }
+}
+
+std::vector<int> Acceptor::listeners() const {
+  std::vector<int> result;
+  for (const Entrance& entrance : entrances_) {
+    for (const Descriptor& socket : entrance.socket.sockets()) result.push_back(socket.get());
+  }
+  return result;
+}
+
+void Acceptor::run() {
+  std::vector<pollfd> waited = {{stop_.get(), POLLIN, 0}};
+  std::vector<grpc::experimental::ExternalConnectionAcceptor*> servers = {nullptr};
+  for (const Entrance& entrance : entrances_) {
+    for (const Descriptor& socket : entrance.socket.sockets()) {
+      waited.push_back({socket.get(), POLLIN, 0});
+      servers.push_back(entrance.server.get());
+    }
+  }
+  auto next_watch = Clock::now();
+  while (true) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(next_watch - Clock::now());
+    const bool idle = connections_.usage().open == 0;
+    poll(waited.data(), waited.size(), idle ? -1 : std::max(0, static_cast<int>(left.count())));
+    if (waited[0].revents != 0) return;
+    bool short_of = false;
+    for (std::size_t i = 1; i < waited.size() && !short_of; ++i) {
+      if (waited[i].revents != 0) short_of = !accept_all(waited[i].fd, *servers[i]);
+    }
+    if (const auto now = Clock::now(); now >= next_watch) {
+      connections_.watch(now);
+      next_watch = now + kPeriod;
+    }
+    // Who was closed for it needs a moment to give its descriptors back.
+    if (short_of) std::this_thread::sleep_for(kPeriod);
+  }
+}
+
+// False if the process has no descriptor left.
+bool Acceptor::accept_all(int listener, grpc::experimental::ExternalConnectionAcceptor& server) {
+  for (int i = 0; i < kMostAtOnce; ++i) {
+    Descriptor socket(accept4(listener, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    if (!socket) return !is_shortage(errno) || out_of_descriptors(listener);
+    const std::string peer = peer_of(socket.get());
+    if (peer.empty()) continue;  // gone already
+    Descriptor copy(fcntl(socket.get(), F_DUPFD_CLOEXEC, 0));
+    if (!copy) {
+      connections_.turned_away(peer);
+      return !connections_.make_room();
+    }
+    if (!connections_.add(std::move(copy), peer, Clock::now())) continue;
+    grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters parameters;
+    parameters.listener_fd = -1;
+    parameters.fd = socket.release();
+    server.HandleNewConnection(&parameters);
+  }
+  return true;
+}
+
+// Closes another connection, else the one that waits: it would be accepted, and refused, for ever.
+bool Acceptor::out_of_descriptors(int listener) {
+  if (connections_.make_room()) return false;
+  reserve_.reset();
+  {
+    const Descriptor refused(accept4(listener, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    if (refused) connections_.turned_away(peer_of(refused.get()));
+  }
+  reserve_ = spare();
+  return false;
+}
+
+}  // namespace marble::server

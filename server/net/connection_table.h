@@ -1,0 +1,156 @@
+// The connections of the gRPC port: how many there are, what each brings, and which are closed for it.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <list>
+#include <memory>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "base/descriptor.h"
+#include "jobs/job_record.h"
+#include "log/log.h"
+#include "mutex.h"
+
+namespace marble::server {
+
+/// Why the server closes a connection, or takes none.
+enum class CloseReason {
+  connections,       ///< there are as many as may be
+  host_connections,  ///< of its host
+  descriptors,       ///< the process has no more
+  silent,            ///< nothing came after it was opened
+  idle,              ///< no call for long
+  pouring,           ///< more bytes than its calls have taken
+};
+constexpr std::array<const char*, 6> kCloseReasons = {
+    "connections", "host_connections", "descriptors", "silent", "idle", "pouring"};
+
+struct ConnectionLimits {
+  int all = 0, host = 0;
+  std::int64_t stranger_bytes = 0;   ///< that a connection may bring before one of its callers is known
+  std::int64_t strangers_bytes = 0;  ///< the same of all such connections together
+  std::int64_t message_bytes = 0;    ///< that each call of another may bring at once
+  Clock::duration start{}, idle{};
+};
+
+/// What calls tell of the connection they came by. Thread-safe.
+class Connection {
+ public:
+  /// Bytes on the wire that a call and a message may take besides the message itself: headers, frames,
+  /// acknowledgements of what was sent. Nobody gets far with what is left over.
+  static constexpr std::int64_t kCallBytes = 16 << 10, kMessageBytes = 1 << 10;
+
+  /// `own`: of a service of ours.
+  void call_began(bool own) {
+    ++calls_;
+    own_calls_ += own ? 1 : 0;
+  }
+  void call_ended(bool own) {
+    explained_ += kCallBytes;
+    last_call_ = Clock::now().time_since_epoch().count();
+    own_calls_ -= own ? 1 : 0;
+    --calls_;
+  }
+  /// A message was taken, or one of no bytes sent.
+  void message(std::int64_t bytes) { explained_ += bytes + kMessageBytes; }
+
+ private:
+  friend class ConnectionTable;
+  Connection(Descriptor socket, std::string peer, std::string host, Clock::time_point now);
+
+  const Descriptor socket_;  // a copy of gRPC's: shutting it down ends the connection whatever gRPC does
+  const std::string peer_, host_;
+  const Clock::time_point opened_;
+  std::atomic<int> calls_ = 0, own_calls_ = 0;  // open
+  std::atomic<std::int64_t> explained_ = 0;     // bytes, since the last look
+  std::atomic<Clock::rep> last_call_;           // its end
+  std::atomic<bool> known_ = false;             // one of its callers was
+  std::list<Connection*>::iterator stranger_;   // of one that is not; the table's
+
+  // The watch's.
+  Clock::time_point looked_;
+  std::int64_t received_ = 0;
+  double unexplained_ = 0.0;  // bytes that no call has taken yet
+};
+
+/// Thread-safe.
+class ConnectionTable {
+ public:
+  ConnectionTable(const ConnectionLimits& limits, const Log& log);
+
+  /// Takes in a connection, if need be in the place of the oldest whose caller is not known, or of the one
+  /// that has gone without a call for longest. False if there is no place: it is counted as closed.
+  [[nodiscard]] bool add(Descriptor copy, const std::string& peer, Clock::time_point now)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  /// The process has no descriptor left: closes a connection as add() does. False if there is none to close.
+  bool make_room() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// One that could not be taken in for want of a descriptor.
+  void turned_away(const std::string& peer) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Lets go of connections that have ended, and closes those that bring too much, bring nothing or do
+  /// nothing. Costs what those cost that have brought something since the last time, and once a second what
+  /// all cost.
+  void watch(Clock::time_point now) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  // At the end, when nobody is accepted any more.
+
+  /// Leaves in their sockets what gRPC has not begun to read. Unix sockets, of which the kernel cannot, are
+  /// ended. What was written still arrives, here and below.
+  void hold() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// How much was read of all, by gRPC.
+  [[nodiscard]] std::int64_t taken_bytes() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Ends those on which calls of our services are open.
+  void cut_open() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Ends all of them.
+  void cut_all() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Whether everything that was written to them has arrived.
+  [[nodiscard]] bool all_arrived() ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// A caller on the connection of this peer, as gRPC names it, is known.
+  void known(const std::string& peer) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Null if it is gone, or a unix socket's, of which nothing can be told.
+  [[nodiscard]] std::shared_ptr<Connection> find(const std::string& peer) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  struct Usage {
+    std::int64_t open = 0, accepted = 0;
+    std::array<std::int64_t, kCloseReasons.size()> closed = {};
+  };
+  [[nodiscard]] Usage usage() const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] const ConnectionLimits& limits() const { return limits_; }
+
+ private:
+  struct Closed {
+    std::string peer, host;
+    CloseReason reason;
+    std::int64_t received;
+  };
+  [[nodiscard]] Connection* replaceable(const std::string& host) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] static std::int64_t held(const Connection& connection);
+  void look(Connection& connection, Clock::time_point now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void look_at_all(Clock::time_point now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void look_at_strangers() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void close(Connection& connection, CloseReason reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void forget(Connection& connection) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void count(Closed closed) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Of what was closed since the last time.
+  void tell() ABSL_LOCKS_EXCLUDED(mutex_);
+
+  const ConnectionLimits limits_;
+  const Log& log_;
+  const Descriptor events_;  // epoll's, of all sockets: who has brought something, who has ended
+  mutable Mutex mutex_;
+  std::unordered_map<int, std::shared_ptr<Connection>> connections_ ABSL_GUARDED_BY(mutex_);  // by socket
+  std::unordered_map<std::string, std::shared_ptr<Connection>> by_peer_ ABSL_GUARDED_BY(mutex_);
+  std::unordered_map<std::string, int> of_host_ ABSL_GUARDED_BY(mutex_);
+  std::list<Connection*> strangers_ ABSL_GUARDED_BY(mutex_);  // oldest first
+  std::vector<Closed> untold_ ABSL_GUARDED_BY(mutex_);
+  Usage usage_ ABSL_GUARDED_BY(mutex_);
+  Clock::time_point looked_at_all_ ABSL_GUARDED_BY(mutex_) = {};
+};
+
+}  // namespace marble::server

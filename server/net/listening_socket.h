@@ -1,0 +1,46 @@
+// The sockets of one address that is listened on.
+#pragma once
+
+#include <chrono>
+#include <string>
+#include <vector>
+
+#include "base/descriptor.h"
+#include "marble/error.h"
+
+namespace marble::server {
+
+/// A unix socket's file goes with it.
+class ListeningSocket {
+ public:
+  /// `address` is HOST:PORT, [HOST]:PORT, unix:PATH or unix-abstract:NAME. A name stands for all of its
+  /// addresses; one of IPv4 listens on IPv4 alone, [::] on both. A peer that does not acknowledge what it was
+  /// sent for `silence` is taken for dead. Errors: unavailable, with why not; `bound` is kInUse where
+  /// somebody else has it.
+  [[nodiscard]] static Expected<ListeningSocket> open(const std::string& address,
+                                                      std::chrono::milliseconds silence);
+  static constexpr const char* kInUse = "cannot listen: in use by another process";
+
+  ~ListeningSocket();
+  ListeningSocket(ListeningSocket&&) = default;
+  ListeningSocket& operator=(ListeningSocket&&) = delete;
+
+  [[nodiscard]] const std::vector<Descriptor>& sockets() const { return sockets_; }
+  /// As it was given, with the port that was taken in place of 0.
+  [[nodiscard]] const std::string& address() const { return address_; }
+
+ private:
+  ListeningSocket() = default;
+  [[nodiscard]] Expected<void> open_unix(const std::string& path, bool abstract);
+  [[nodiscard]] Expected<void> open_port(const std::string& host, int port,
+                                         std::chrono::milliseconds silence);
+
+  std::string address_;
+  std::vector<Descriptor> sockets_;
+  std::string file_;  // of a unix socket
+};
+
+/// A peer as gRPC names it: "ipv4:127.0.0.1:4711", "ipv6:%5B::1%5D:4711", "unix:".
+[[nodiscard]] std::string peer_of(int socket);
+
+}  // namespace marble::server

@@ -1,0 +1,479 @@
+#include "queue/scheduler.h"
+
+#include <algorithm>
+#include <exception>
+#include <new>
+
+#include "queue/job_log.h"
+#include "queue/wait_estimate.h"
+
+namespace marble::server {
+namespace {
+
+constexpr double kNewest = 0.1;  // weight of the newest solve in the mean
+
+double seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
+
+Error too_late() { return failure(ErrorCode::deadline_exceeded, "the deadline passed while the job waited"); }
+
+// To the job's record, and to who waits for it.
+class ProgressSplitter final : public ProgressSink {
+ public:
+  explicit ProgressSplitter(Job& job) : record_(*job.record), observer_(job.observer->progress()) {}
+  void report(const Progress& progress) override {
+    record_.report(progress);
+    if (observer_ != nullptr) observer_->report(progress);
+  }
+  [[nodiscard]] bool wants_pairs() const override { return record_.wants_pairs(); }
+
+ private:
+  JobRecord& record_;
+  ProgressSink* const observer_;
+};
+
+// Everything a job can do to itself ends here, as an error of that job alone.
+Expected<Solution> solve(Job& job, TaskRunner& runner) {
+  try {
+    ProgressSplitter progress(job);
+    SolveControls controls;
+    controls.progress = &progress;
+    controls.stop = job.stop.get_token();
+    controls.runner = &runner;
+    return job.work(controls);
+  } catch (const std::bad_alloc&) {
+    return unexpected(does_not_fit());
+  } catch (const std::exception& error) {
+    return unexpected(failure(ErrorCode::internal, error.what()));
+  }
+}
+
+std::string full_queue(const QueueLimits& limits, Priority priority) {
+  const int jobs = limits.jobs_for(priority);
+  const int kept = limits.jobs - jobs;
+  return "the queue is full: it holds at most " + std::to_string(jobs) + " jobs" +
+         (kept > 0 ? ", and " + std::to_string(kept) + " more if they are realtime" : "");
+}
+
+Error refusal(QueueRefusal why, const QueueLimits& limits, const Job& job) {
+  constexpr ErrorCode kFull = ErrorCode::resource_exhausted;
+  const std::string bytes = std::to_string(job.ticket.bytes) + " more";
+  switch (why) {
+    case QueueRefusal::jobs:
+      return failure(kFull, "queue_jobs", full_queue(limits, job.ticket.priority));
+    case QueueRefusal::bytes:
+      return failure(kFull, "queue_bytes", bytes,
+                     "requests may take at most " + std::to_string(limits.bytes) + " bytes together");
+    case QueueRefusal::client_jobs:
+      return failure(kFull, "client_queued",
+                     "the client \"" + job.ticket.client + "\" may have at most " +
+                         std::to_string(job.quota.queued) + " waiting jobs");
+    case QueueRefusal::client_bytes:
+      return failure(kFull, "client_bytes", bytes,
+                     "requests of the client \"" + job.ticket.client + "\" may take at most " +
+                         std::to_string(job.quota.bytes) + " bytes together");
+    case QueueRefusal::none:
+      break;
+  }
+  return {};
+}
+
+}  // namespace
+
+EndedJob counted_of(const Job& job, const Outcome& outcome) {
+  EndedJob ended{.client = job.ticket.client, .priority = job.ticket.priority, .queue_s = outcome.queue_s};
+  if (!outcome.solution) return ended;
+  const bool is_update = job.ticket.reserved && !job.is_setup;
+  if (!is_update) ended.setup_s = outcome.solution->times.setup_s;
+  if (!job.is_setup) ended.solution = &*outcome.solution;
+  return ended;
+}
+
+Scheduler::Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log, Metrics& metrics)
+    : limits_(limits), board_(board), log_(log), metrics_(metrics), queue_(limits) {
+  for (int i = 0; i < limits_.workers; ++i) workers_.emplace_back([this] { work(); });
+}
+
+Scheduler::~Scheduler() {
+  drain(std::chrono::duration<double>(0.0));
+  {
+    const MutexLock lock(mutex_);
+    stopping_ = true;
+  }
+  work_.notify_all();
+  for (std::thread& worker : workers_) worker.join();
+}
+
+Expected<QueuePlace> Scheduler::admit(const std::shared_ptr<Job>& job,
+                                      const std::weak_ptr<RoomWaiter>& waiter) {
+  Expected<QueuePlace> place = enqueue(job, waiter);
+  if (place) work_.notify_one();  // without the lock, which the worker wants at once
+  return place;
+}
+
+Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
+                                        const std::weak_ptr<RoomWaiter>& waiter) {
+  const MutexLock lock(mutex_);
+  if (closed_ && !(job->ticket.reserved && !hurried_)) {
+    return unexpected(draining());
+  }
+  if (const auto why = queue_.push(job, job->ticket, job->quota); why != QueueRefusal::none) {
+    if (fits_alone(*job) && !waiter.expired()) room_waiters_.push_back(waiter);
+    return unexpected(refusal(why, limits_, *job));
+  }
+  if (!job->ticket.reserved) {
+    ++counters_.accepted;
+    board_.add(job->record);
+    job->record->set_cancel([this, weak = std::weak_ptr<Job>(job)] {
+      if (const std::shared_ptr<Job> strong = weak.lock()) cancel(strong);
+    });
+    job->record->set_place([this, weak = std::weak_ptr<Job>(job)] {
+      const std::shared_ptr<Job> strong = weak.lock();
+      return strong != nullptr ? place(*strong) : QueuePlace{};
+    });
+  }
+  job->record->queued();
+  const QueuePlace place = place_of(*job, busy_s());
+  if (job->observer->wants_place()) place_listeners_.push_back({job, job->observer});
+  return place;
+}
+
+std::unique_ptr<Scheduler::Held> Scheduler::hold(const std::string& client, std::int64_t bytes,
+                                                 const Quota& quota) {
+  const MutexLock lock(mutex_);
+  if (!queue_.hold(client, bytes, quota)) return nullptr;
+  return std::make_unique<Held>(*this, client, bytes);
+}
+
+void Scheduler::release(const std::string& client, std::int64_t bytes) {
+  const MutexLock lock(mutex_);
+  queue_.release(client, bytes);
+}
+
+// The scheduler's lock is taken before a record's and the board's, never after.
+void Scheduler::cancel(const std::shared_ptr<Job>& job) {
+  job->stop.request_stop();
+  {
+    const MutexLock lock(mutex_);
+    if (!queue_.remove(job.get())) return;
+    ++finishing_;
+  }
+  const bool late = Clock::now() >= job->ticket.deadline;
+  Outcome outcome;
+  outcome.solution =
+      unexpected(late ? too_late() : failure(ErrorCode::cancelled, "given up while the job waited"));
+  finish(*job, std::move(outcome), false);
+}
+
+void Scheduler::count_refused(const Error& error) {
+  const MutexLock lock(mutex_);
+  ++counters_.refused;
+  ++counters_.refused_by_reason[refusal_reason(error)];
+}
+
+bool Scheduler::is_closed() const {
+  const MutexLock lock(mutex_);
+  return closed_;
+}
+
+// Jobs that wait go before tasks of others.
+Scheduler::Next Scheduler::next() {
+  const MutexLock lock(mutex_);
+  while (true) {
+    if (std::shared_ptr<Job> job = queue_.pop(Clock::now())) {
+      job->begun = Clock::now();
+      running_.push_back(job);
+      return {.job = std::move(job)};
+    }
+    if (stopping_) return {};
+    if (!shared_tasks_.empty()) {
+      SharedTasks& shared = *shared_tasks_.front();
+      ++shared.helpers;
+      return {.job = nullptr, .shared = &shared, .task = &begin_task(shared)};
+    }
+    work_.wait(mutex_);
+  }
+}
+
+void Scheduler::work() {
+  while (true) {
+    const Next next = this->next();
+    if (next.job != nullptr) {
+      run_job(next.job);
+    } else if (next.task != nullptr) {
+      (*next.task)();
+      const MutexLock lock(mutex_);
+      --next.shared->helpers;
+      helped_.notify_all();
+    } else {
+      return;
+    }
+  }
+}
+
+// There must be one.
+const std::function<void()>& Scheduler::begin_task(SharedTasks& shared) {
+  const std::function<void()>& task = shared.tasks[shared.next++];
+  if (shared.next == shared.tasks.size())
+    shared_tasks_.erase(std::find(shared_tasks_.begin(), shared_tasks_.end(), &shared));
+  return task;
+}
+
+void Scheduler::run(std::span<const std::function<void()>> tasks) {
+  SharedTasks shared{tasks};
+  const auto next_task = [&]() ABSL_LOCKS_EXCLUDED(mutex_) -> const std::function<void()>* {
+    const MutexLock lock(mutex_);
+    return shared.next < tasks.size() ? &begin_task(shared) : nullptr;
+  };
+  {
+    const MutexLock lock(mutex_);
+    shared_tasks_.push_back(&shared);
+  }
+  work_.notify_all();
+  while (const auto* const task = next_task()) (*task)();
+  const MutexLock lock(mutex_);
+  while (shared.helpers > 0) helped_.wait(mutex_);
+}
+
+void Scheduler::run_job(const std::shared_ptr<Job>& job) {
+  const Clock::time_point begin = job->begun;
+  Outcome outcome;
+  outcome.queue_s = seconds(begin - job->accepted);
+  if (job->ticket.deadline != Clock::time_point::max() &&
+      job->ticket.deadline - begin <= job->ticket.least_run) {
+    outcome.solution = unexpected(too_late());
+  } else {
+    job->record->started(outcome.queue_s);
+    job->observer->started(outcome.queue_s);
+    outcome.solution = solve(*job, *this);
+  }
+  job->work = nullptr;  // before its bytes are counted free: an answer may wait long for its reader
+  bool others_ready = false;
+  {
+    const MutexLock lock(mutex_);
+    ++finishing_;
+    queue_.done(job.get());
+    running_.erase(std::find(running_.begin(), running_.end(), job));
+    const double run_s = seconds(Clock::now() - begin);
+    counters_.busy_s += run_s;
+    if (outcome.solution) {
+      double& mean = mean_run_s_[static_cast<std::size_t>(job->ticket.priority)];
+      mean += kNewest * (run_s - mean);
+    }
+    others_ready = queue_.ready();
+  }
+  if (others_ready) work_.notify_one();  // their client may have been at its quota
+  finish(*job, std::move(outcome), true);
+}
+
+void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
+  outcome.total_s = seconds(Clock::now() - job.accepted);
+  if (!ran) outcome.queue_s = outcome.total_s;
+  if (!ran) outcome.retry_delay_s = retry_delay_s();  // what failed by itself would fail again
+  job.work = nullptr;
+  log_end(log_, job, outcome);
+  metrics_.job_ended(counted_of(job, outcome));
+  if (job.ticket.reserved) {
+    if (!job.is_setup) job.record->answered(outcome.solution, outcome.total_s);
+  } else {
+    job.record->finished(outcome.solution, outcome.queue_s, outcome.total_s);
+    board_.finish(job.record);
+  }
+  std::vector<std::weak_ptr<RoomWaiter>> waiters;
+  {
+    const MutexLock lock(mutex_);
+    count(job, outcome);
+    waiters.swap(room_waiters_);
+  }
+  job.observer->finished(std::move(outcome));
+  job.observer = nullptr;
+  for (const auto& weak : waiters) {
+    if (const std::shared_ptr<RoomWaiter> waiter = weak.lock()) waiter->room();
+  }
+  {
+    const MutexLock lock(mutex_);
+    --finishing_;
+  }
+  progress_.notify_all();
+}
+
+void Scheduler::count(const Job& job, const Outcome& outcome) {
+  if (job.ticket.reserved) {
+    if (!outcome.solution || job.is_setup) return;
+    ++counters_.updates;
+    if (is_solved(outcome.solution->status)) ++counters_.updates_solved;
+    last_minute_.add(Clock::now(), is_solved(outcome.solution->status));
+    return;
+  }
+  if (!outcome.solution) {
+    const ErrorCode code = outcome.solution.error().code;
+    const bool failed = code == ErrorCode::internal || code == ErrorCode::resource_exhausted;
+    ++(failed ? counters_.failed : counters_.cancelled);
+    return;
+  }
+  const bool given_up =
+      outcome.solution->status == Status::cancelled && job.stop.stop_requested() && !closed_;
+  ++(given_up ? counters_.cancelled : counters_.answered);
+  if (is_solved(outcome.solution->status)) ++counters_.solved;
+  if (!given_up) last_minute_.add(Clock::now(), is_solved(outcome.solution->status));
+}
+
+void Scheduler::give_notice() {
+  const MutexLock lock(mutex_);
+  leaving_ = true;
+}
+
+bool Scheduler::is_leaving() const {
+  const MutexLock lock(mutex_);
+  return leaving_ || closed_;
+}
+
+void Scheduler::close() {
+  const MutexLock lock(mutex_);
+  closed_ = true;
+}
+
+bool Scheduler::is_drained() const {
+  const MutexLock lock(mutex_);
+  return closed_ && idle();
+}
+
+void Scheduler::refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error) {
+  for (const auto& job : jobs) {
+    Outcome outcome;
+    outcome.solution = unexpected(error);
+    finish(*job, std::move(outcome), false);
+  }
+}
+
+void Scheduler::drain(std::chrono::duration<double> grace) {
+  const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(grace);
+  std::vector<std::shared_ptr<Job>> waiting;
+  std::vector<std::weak_ptr<RoomWaiter>> room_waiters;
+  {
+    const MutexLock lock(mutex_);
+    closed_ = true;
+    room_waiters.swap(room_waiters_);
+  }
+  for (const auto& waiter : room_waiters) {  // to be refused
+    if (const auto strong = waiter.lock()) strong->room();
+  }
+  {
+    const MutexLock lock(mutex_);
+    while (!hurried_ && !idle() && progress_.wait_until(mutex_, end) == std::cv_status::no_timeout) {
+    }
+    hurried_ = true;  // sessions begin nothing more
+    waiting = queue_.expire(Clock::time_point::max());
+    finishing_ += static_cast<int>(waiting.size());
+    for (const auto& job : running_) job->stop.request_stop();
+  }
+  refuse_waiting(waiting, draining("the job was not started"));
+  const MutexLock lock(mutex_);
+  while (!idle()) progress_.wait(mutex_);
+}
+
+void Scheduler::hurry() {
+  {
+    const MutexLock lock(mutex_);
+    hurried_ = true;
+  }
+  progress_.notify_all();
+}
+
+void Scheduler::pulse(Clock::time_point now) {
+  std::vector<std::shared_ptr<Job>> late;
+  std::vector<std::pair<std::shared_ptr<JobObserver>, QueuePlace>> places;
+  {
+    const MutexLock lock(mutex_);
+    if (queue_.waiting() > 0) late = queue_.expire(now);
+    finishing_ += static_cast<int>(late.size());
+    const std::vector<double> busy = place_listeners_.empty() ? std::vector<double>() : busy_s();
+    const auto gone = [&](const PlaceListener& listener) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+      const std::shared_ptr<Job> job = listener.job.lock();
+      std::shared_ptr<JobObserver> observer = listener.observer.lock();
+      if (job == nullptr || observer == nullptr || !queue_.is_waiting(job.get())) return true;
+      places.emplace_back(std::move(observer), place_of(*job, busy));
+      return false;
+    };
+    place_listeners_.erase(std::remove_if(place_listeners_.begin(), place_listeners_.end(), gone),
+                           place_listeners_.end());
+  }
+  refuse_waiting(late, too_late());
+  for (const auto& [observer, place] : places) observer->moved(place);
+}
+
+Counters Scheduler::counters() const {
+  const MutexLock lock(mutex_);
+  Counters counters = counters_;
+  counters.queued = static_cast<int>(queue_.waiting());
+  counters.running = queue_.running();
+  counters.request_bytes = queue_.bytes();
+  const Clock::time_point now = Clock::now();
+  for (const auto& job : running_) counters.busy_s += seconds(now - job->begun);
+  const std::vector<double> busy = busy_s();
+  double work_s = 0.0;
+  std::size_t ahead = 0;
+  for (std::size_t at = 0; at < kPriorities; ++at) {
+    const std::size_t waiting = queue_.waiting_by_priority()[at];
+    ahead += waiting;
+    work_s += mean_run_s_[at] * static_cast<double>(waiting);
+    counters.queued_by_priority[at] = static_cast<int>(waiting);
+    counters.estimated_wait_s[at] = wait_s(ahead, work_s, busy);
+  }
+  return counters;
+}
+
+LastMinute::Sum Scheduler::last_minute() const {
+  const MutexLock lock(mutex_);
+  return last_minute_.sum(Clock::now());
+}
+
+double Scheduler::retry_delay_s() const {
+  const MutexLock lock(mutex_);
+  double work_s = 0.0;
+  for (std::size_t at = 0; at < kPriorities; ++at)
+    work_s += mean_run_s_[at] * static_cast<double>(queue_.waiting_by_priority()[at]);
+  const double one_s = *std::max_element(mean_run_s_.begin(), mean_run_s_.end());
+  return std::clamp(std::max((work_s + one_s) / limits_.workers, busy_s().front()), 0.01, 10.0);
+}
+
+QueuePlace Scheduler::place(const Job& job) const {
+  const MutexLock lock(mutex_);
+  return place_of(job, busy_s());
+}
+
+// Those ahead at the mean of their priorities, once a worker is free.
+QueuePlace Scheduler::place_of(const Job& job, const std::vector<double>& busy_s) const {
+  if (!queue_.is_waiting(&job)) return {};
+  const auto ahead = queue_.ahead_of(&job);
+  QueuePlace place;
+  double work_s = 0.0;
+  for (std::size_t at = 0; at < kPriorities; ++at) {
+    place.position += static_cast<int>(ahead[at]);
+    work_s += mean_run_s_[at] * static_cast<double>(ahead[at]);
+  }
+  place.estimated_wait_s = wait_s(static_cast<std::size_t>(place.position), work_s, busy_s);
+  return place;
+}
+
+std::vector<double> Scheduler::busy_s() const {
+  std::vector<double> result(static_cast<std::size_t>(limits_.workers), 0.0);
+  const Clock::time_point now = Clock::now();
+  for (std::size_t i = 0; i < running_.size(); ++i) {
+    const Job& job = *running_[i];
+    if (job.stop.stop_requested()) continue;  // it ends in a moment
+    const double elapsed_s = seconds(now - job.begun);
+    double most_s = job.time_limit_s - elapsed_s;
+    if (job.ticket.deadline != Clock::time_point::max())
+      most_s = std::min(most_s, seconds(job.ticket.deadline - now));
+    result[i] = time_left_s(mean_run_s_[static_cast<std::size_t>(job.ticket.priority)], elapsed_s, most_s);
+  }
+  std::sort(result.begin(), result.end());
+  return result;
+}
+
+double Scheduler::wait_s(std::size_t ahead, double work_s, const std::vector<double>& busy_s) const {
+  const bool waits = queue_.running() + static_cast<int>(ahead) >= limits_.workers;
+  return waits ? wait_for_worker_s(busy_s, work_s) : 0.0;
+}
+
+}  // namespace marble::server

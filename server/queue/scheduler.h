@@ -1,0 +1,184 @@
+// Admission, queue and workers: takes jobs in, runs each on one of a fixed number of threads, answers every
+// one.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "base/last_minute.h"
+#include "base/refusal.h"
+#include "jobs/job_board.h"
+#include "jobs/pulse.h"
+#include "log/log.h"
+#include "metrics/metrics.h"
+#include "mutex.h"
+#include "queue/job.h"
+
+namespace marble::server {
+
+struct Counters {
+  std::int64_t accepted = 0, answered = 0, solved = 0, refused = 0, cancelled = 0, failed = 0;
+  std::int64_t updates = 0, updates_solved = 0;  ///< of sessions, answered
+  std::array<std::int64_t, kRefusalReasons> refused_by_reason = {};
+  double busy_s = 0.0;  ///< that workers have spent on jobs
+  int queued = 0, running = 0;
+  std::int64_t request_bytes = 0;  ///< waiting or running
+  std::array<int, kPriorities> queued_by_priority = {};
+  std::array<double, kPriorities> estimated_wait_s = {};  ///< of a job that came now
+};
+
+/// Somebody slowed by a full queue.
+class RoomWaiter {
+ public:
+  virtual ~RoomWaiter() = default;
+  /// There may be room now.
+  virtual void room() = 0;
+};
+
+/// What is counted of a job that has ended; views both. A set-up of a session solves nothing, and its updates
+/// set up nothing.
+[[nodiscard]] EndedJob counted_of(const Job& job, const Outcome& outcome);
+
+class Scheduler final : public Pulsed, public TaskRunner {
+ public:
+  Scheduler(const QueueLimits& limits, JobBoard& board, const Log& log, Metrics& metrics);
+  ~Scheduler() override;
+  Scheduler(const Scheduler&) = delete;
+  Scheduler& operator=(const Scheduler&) = delete;
+
+  /// Takes the job in and returns its place in the queue; its observer will hear of it, exactly once to the
+  /// end. Errors, after which the observer hears nothing: unavailable (draining), resource_exhausted (queue,
+  /// bytes, or the client's quota of them; the waiter, if there is one, is then told once when it is worth
+  /// trying again, unless the job does not even fit alone).
+  [[nodiscard]] Expected<QueuePlace> admit(const std::shared_ptr<Job>& job,
+                                           const std::weak_ptr<RoomWaiter>& waiter = {})
+      ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Whether the job would be taken if there were no other.
+  [[nodiscard]] bool fits_alone(const Job& job) const {
+    return job.ticket.bytes <= std::min(limits_.bytes, job.quota.bytes);
+  }
+
+  /// Bytes of an update that waits in its session, counted while this lives.
+  class Held {
+   public:
+    Held(Scheduler& scheduler, std::string client, std::int64_t bytes)
+        : scheduler_(scheduler), client_(std::move(client)), bytes_(bytes) {}
+    ~Held() { scheduler_.release(client_, bytes_); }
+    Held(const Held&) = delete;
+    Held& operator=(const Held&) = delete;
+
+   private:
+    Scheduler& scheduler_;
+    const std::string client_;
+    const std::int64_t bytes_;
+  };
+  /// Null if there is no room for so many among the queue's bytes, or the client's: JobQueue::hold().
+  [[nodiscard]] std::unique_ptr<Held> hold(const std::string& client, std::int64_t bytes, const Quota& quota)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// The client gave up, or its deadline passed: a waiting job is answered at once, a running one stops
+  /// within 100 ms. Does nothing to a finished one.
+  void cancel(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Counts a request that did not become a job, whoever refused it.
+  void count_refused(const Error& error) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// It will close soon: until then it admits everything, but whoever asks should go elsewhere.
+  void give_notice() ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Closed, or about to be.
+  [[nodiscard]] bool is_leaving() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Admits nothing more from now on, but for updates of sessions.
+  void close() ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool is_closed() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Closed, and every accepted job is answered.
+  [[nodiscard]] bool is_drained() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Closes, then returns when every accepted job is answered. After `grace` running solves are stopped and
+  /// give their best iterate, waiting ones are answered with unavailable.
+  void drain(std::chrono::duration<double> grace) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Ends the grace of a drain that is under way now.
+  void hurry() ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Runs pieces of a running job on its own thread, and on workers that have nothing else to do.
+  void run(std::span<const std::function<void()>> tasks) override ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Answers waiting jobs that cannot meet their deadlines any more, and tells the others their places.
+  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+
+  [[nodiscard]] Counters counters() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Jobs and updates of sessions that were answered.
+  [[nodiscard]] LastMinute::Sum last_minute() const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] const QueueLimits& limits() const { return limits_; }
+  /// When a refused request may be tried again: after a queue's worth of the mean solve, when a worker is
+  /// free; within [10 ms, 10 s].
+  [[nodiscard]] double retry_delay_s() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Where a job stands; {0, 0} unless it waits.
+  [[nodiscard]] QueuePlace place(const Job& job) const ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  void release(const std::string& client, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Expected<QueuePlace> enqueue(const std::shared_ptr<Job>& job,
+                                             const std::weak_ptr<RoomWaiter>& waiter)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  void work() ABSL_LOCKS_EXCLUDED(mutex_);
+  // Tasks of a running job; on its worker's stack, and in shared_tasks_ while there are some to begin.
+  struct SharedTasks {
+    std::span<const std::function<void()>> tasks;
+    std::size_t next = 0;
+    int helpers = 0;
+  };
+  // The next job, or a task of somebody else's to help with, or neither: the end.
+  struct Next {
+    std::shared_ptr<Job> job;
+    SharedTasks* shared = nullptr;
+    const std::function<void()>* task = nullptr;
+  };
+  [[nodiscard]] Next next() ABSL_LOCKS_EXCLUDED(mutex_);
+  void run_job(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] const std::function<void()>& begin_task(SharedTasks& shared)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error);
+  void finish(Job& job, Outcome outcome, bool ran) ABSL_LOCKS_EXCLUDED(mutex_);
+  void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] QueuePlace place_of(const Job& job, const std::vector<double>& busy_s) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // For how long each worker is likely to be busy with what it does, in ascending order.
+  [[nodiscard]] std::vector<double> busy_s() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] double wait_s(std::size_t ahead, double work_s, const std::vector<double>& busy_s) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] bool idle() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return queue_.waiting() == 0 && queue_.running() == 0 && finishing_ == 0;
+  }
+
+  const QueueLimits limits_;
+  JobBoard& board_;
+  const Log& log_;
+  Metrics& metrics_;
+  mutable Mutex mutex_;
+  Condition work_;      // something was queued, a client's quota is free again, or stopping_
+  Condition progress_;  // something ended, or hurried_
+  JobQueue<Job> queue_ ABSL_GUARDED_BY(mutex_);
+  std::vector<std::shared_ptr<Job>> running_ ABSL_GUARDED_BY(mutex_);
+  struct PlaceListener {
+    std::weak_ptr<Job> job;
+    std::weak_ptr<JobObserver> observer;
+  };
+  std::vector<PlaceListener> place_listeners_ ABSL_GUARDED_BY(mutex_);
+  std::vector<std::weak_ptr<RoomWaiter>> room_waiters_ ABSL_GUARDED_BY(mutex_);
+  std::vector<SharedTasks*> shared_tasks_ ABSL_GUARDED_BY(mutex_);
+  Condition helped_;                           // a helper has ended its task
+  int finishing_ ABSL_GUARDED_BY(mutex_) = 0;  // left queue or worker, observer not yet told
+  Counters counters_ ABSL_GUARDED_BY(mutex_);
+  LastMinute last_minute_ ABSL_GUARDED_BY(mutex_);
+  std::array<double, kPriorities> mean_run_s_ ABSL_GUARDED_BY(mutex_) = {};
+  bool leaving_ ABSL_GUARDED_BY(mutex_) = false;
+  bool closed_ ABSL_GUARDED_BY(mutex_) = false;
+  bool hurried_ ABSL_GUARDED_BY(mutex_) = false;
+  bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
+  std::vector<std::thread> workers_;
+};
+
+}  // namespace marble::server

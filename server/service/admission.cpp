@@ -1,0 +1,172 @@
+#include "service/admission.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/random_id.h"
+#include "marble/convert.h"
+#include "queue/job_log.h"
+#include "wire/status.h"
+
+namespace marble::server {
+namespace {
+
+Clock::time_point deadline_of(const grpc::CallbackServerContext& context) {
+  // gRPC tells an absolute wall time; jobs are timed by the steady clock.
+  const auto left = context.deadline() - std::chrono::system_clock::now();
+  if (left > std::chrono::hours(24 * 365)) return Clock::time_point::max();
+  return Clock::now() + std::chrono::duration_cast<Clock::duration>(left);
+}
+
+Priority default_priority(JobKind kind) {
+  if (kind == JobKind::session) return Priority::realtime;
+  return kind == JobKind::batch ? Priority::batch : Priority::interactive;
+}
+
+// The one asked for, but no higher than the quota allows.
+Expected<Priority> priority_of(v1::Priority asked, JobKind kind, const Quota& quota) {
+  if (asked == v1::PRIORITY_UNSPECIFIED) return std::max(default_priority(kind), quota.priority);
+  if (asked < v1::PRIORITY_REALTIME || asked > v1::PRIORITY_BATCH) {
+    return unexpected(invalid("priority", std::to_string(asked), "must be in [0, 3]"));
+  }
+  const auto priority = static_cast<Priority>(asked - v1::PRIORITY_REALTIME);
+  if (priority < quota.priority) {
+    return unexpected(failure(ErrorCode::permission_denied, "priority", to_string(priority),
+                              std::string("the client's highest priority is ") + to_string(quota.priority)));
+  }
+  return priority;
+}
+
+Expected<void> check_labels(const std::string& request_id, const std::string& problem_name) {
+  if (request_id.size() > kLongestRequestId) {
+    return unexpected(invalid("request_id", std::to_string(request_id.size()) + " bytes",
+                              "must have at most " + std::to_string(kLongestRequestId) + " bytes"));
+  }
+  const auto printable = [](unsigned char c) { return c >= 0x20 && c < 0x7f; };
+  if (!std::all_of(request_id.begin(), request_id.end(), printable)) {
+    return unexpected(invalid("request_id", "must be printable ASCII"));
+  }
+  if (problem_name.size() > kLongestName) {
+    return unexpected(invalid("problem.name", std::to_string(problem_name.size()) + " bytes",
+                              "must have at most " + std::to_string(kLongestName) + " bytes"));
+  }
+  return {};
+}
+
+template <class Message>
+Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, const Quota& quota,
+                               JobKind kind, const Message& message) {
+  if (auto valid = check_labels(message.request_id(), message.problem().name()); !valid)
+    return unexpected(valid.error());
+  const auto priority = priority_of(message.priority(), kind, quota);
+  if (!priority) return unexpected(priority.error());
+  const auto options = options_of(message.options(), parts.config.solver_defaults);
+  if (!options) return unexpected(inside("options", options.error()));
+  const auto problem = Problem::create(view_of(message.problem()));
+  if (!problem) {
+    const Error& error = problem.error();
+    return unexpected(inside("problem", of_field(message_field(error.field), error)));
+  }
+  const auto& z = message.initial_point().z();
+  const std::span initial_z(z.data(), static_cast<std::size_t>(z.size()));
+  if (auto valid = Problem::check_initial_point(initial_z, problem->variables()); !valid)
+    return unexpected(of_field("initial_point.z", valid.error()));
+  auto record = parts.board.make({.id = random_id(),
+                                  .kind = kind,
+                                  .priority = *priority,
+                                  .client = caller.identity.client,
+                                  .request_id = message.request_id(),
+                                  .name = message.problem().name(),
+                                  .peer = caller.origin.peer,
+                                  .variables = problem->variables(),
+                                  .equalities = problem->equalities(),
+                                  .inequalities = problem->inequalities(),
+                                  .pairs = problem->pairs(),
+                                  .trace = caller.origin.trace},
+                                 *options);
+  return CheckedRequest{*problem, *options, *priority, initial_z, std::move(record)};
+}
+
+}  // namespace
+
+Expected<Caller> caller_of(const ServiceParts& parts, const grpc::CallbackServerContext& context,
+                           Origin& origin, Role role) {
+  auto identity = parts.access.require(context, role);
+  if (!identity) return unexpected(identity.error());
+  origin.client = identity->client;
+  parts.connections.known(origin.peer);
+  return Caller{std::move(*identity), origin, deadline_of(context)};
+}
+
+Expected<Identity> identify(const ServiceParts& parts, const grpc::CallbackServerContext& context,
+                            Origin& origin) {
+  auto identity = parts.access.identify(context);
+  if (identity) {
+    origin.client = identity->client;
+    parts.connections.known(origin.peer);
+  } else {
+    log_refusal(parts.log, origin, identity.error());
+  }
+  return identity;
+}
+
+Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller, const Quota& quota,
+                                       JobKind kind, const v1::SolveRequest& message) {
+  return check(parts, caller, quota, kind, message);
+}
+
+Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller, const Quota& quota,
+                                       JobKind kind, const v1::SessionSetup& message) {
+  return check(parts, caller, quota, kind, message);
+}
+
+Expected<void> check_progress(double interval_s, std::int32_t iterate_every) {
+  if (!(interval_s >= 0.0))
+    return unexpected(invalid("progress_interval_s", std::to_string(interval_s), "must be >= 0"));
+  if (iterate_every < 0)
+    return unexpected(invalid("iterate_every", std::to_string(iterate_every), "must be >= 0"));
+  return {};
+}
+
+Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller& caller, JobKind kind,
+                                        std::shared_ptr<const v1::SolveRequest> message) {
+  const Quota quota = parts.access.quota_of(caller.identity.client);
+  auto checked = check(parts, caller, quota, kind, *message);
+  if (!checked) return unexpected(checked.error());
+  auto job = std::make_shared<Job>();
+  job->record = checked->record;
+  job->ticket = {.client = caller.identity.client,
+                 .priority = checked->priority,
+                 .deadline = caller.deadline,
+                 .arrival = Clock::now(),
+                 .bytes = static_cast<std::int64_t>(message->ByteSizeLong())};
+  job->quota = quota;
+  job->time_limit_s = checked->options.time_limit_s;
+  // The problem borrows the message's arrays.
+  job->work = [message = std::move(message), checked = std::move(*checked),
+               limits = SetupControls{.most_bytes = parts.config.solve_bytes,
+                                      .most_factorization_s = parts.config.solve_seconds}](
+                  const SolveControls& given) {
+    SolveControls controls = given;
+    controls.initial_z = checked.initial_z;
+    const auto tell_memory = [&](const Solver& solver) { checked.record->set_memory(solver.memory_bytes()); };
+    return solve_once(checked.problem, checked.options, controls, limits, tell_memory);
+  };
+  return job;
+}
+
+void note_refusal(const ServiceParts& parts, const Origin& origin, const Error& error) {
+  parts.scheduler.count_refused(error);
+  log_refusal(parts.log, origin, error);
+}
+
+grpc::Status refused(const ServiceParts& parts, const Origin& origin, const Error& error) {
+  note_refusal(parts, origin, error);
+  return to_status(error, parts.scheduler.retry_delay_s());
+}
+
+grpc::Status end_of_stream(const ServiceParts& parts, const Error& error) {
+  return to_status(error, error.code == ErrorCode::unavailable ? parts.scheduler.retry_delay_s() : 0.0);
+}
+
+}  // namespace marble::server

@@ -1,0 +1,69 @@
+// From a request's message to a validated job.
+#pragma once
+
+#include <grpcpp/server_context.h>
+
+#include <memory>
+#include <span>
+
+#include "access/origin.h"
+#include "marble/v1/service.pb.h"
+#include "marble/v1/session.pb.h"
+#include "queue/job.h"
+#include "service/service_parts.h"
+
+namespace marble::server {
+
+/// Who calls, from where, and until when.
+struct Caller {
+  Identity identity;
+  Origin origin;
+  Clock::time_point deadline = Clock::time_point::max();
+};
+
+/// The origin then knows the client. Errors: unauthenticated, permission_denied without the role.
+[[nodiscard]] Expected<Caller> caller_of(const ServiceParts& parts,
+                                         const grpc::CallbackServerContext& context, Origin& origin,
+                                         Role role);
+
+/// Who calls, where any role will do. A refusal is logged.
+[[nodiscard]] Expected<Identity> identify(const ServiceParts& parts,
+                                          const grpc::CallbackServerContext& context, Origin& origin);
+
+/// What a request to solve and a session's set-up say alike, checked, and the record of the job it becomes,
+/// which nobody sees yet. Borrows the message's arrays.
+struct CheckedRequest {
+  Problem problem;
+  Options options;
+  Priority priority;
+  std::span<const double> initial_z;
+  std::shared_ptr<JobRecord> record;
+};
+
+/// Error fields are paths from the message's root. Errors: invalid_argument, permission_denied (a priority
+/// above the quota's).
+[[nodiscard]] Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller,
+                                                     const Quota& quota, JobKind kind,
+                                                     const v1::SolveRequest& message);
+[[nodiscard]] Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller,
+                                                     const Quota& quota, JobKind kind,
+                                                     const v1::SessionSetup& message);
+
+/// Checks how often progress is to be told.
+[[nodiscard]] Expected<void> check_progress(double interval_s, std::int32_t iterate_every);
+
+/// Checks everything about the request, which the job then keeps. Error fields are paths from the request's
+/// root. The job has no observer yet.
+[[nodiscard]] Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller& caller,
+                                                      JobKind kind,
+                                                      std::shared_ptr<const v1::SolveRequest> request);
+
+/// Counts and logs a request that does not become a job.
+void note_refusal(const ServiceParts& parts, const Origin& origin, const Error& error);
+/// The same, and what its caller is told.
+[[nodiscard]] grpc::Status refused(const ServiceParts& parts, const Origin& origin, const Error& error);
+
+/// What the caller of a stream that ends early is told: when to come back, if it is the server that leaves.
+[[nodiscard]] grpc::Status end_of_stream(const ServiceParts& parts, const Error& error);
+
+}  // namespace marble::server

@@ -1,0 +1,159 @@
+#include "service/job_feed.h"
+
+#include <utility>
+
+#include "marble/convert.h"
+#include "messages/job_access.h"
+#include "messages/job_message.h"
+#include "service/admission.h"
+
+namespace marble::server {
+namespace {
+
+constexpr int kMostEvents = 256;  // in one message
+
+double seconds_since(Clock::time_point then, Clock::time_point now) {
+  return std::chrono::duration<double>(now - then).count();
+}
+
+}  // namespace
+
+Expected<void> FeedLimit::enter(const std::string& client, int most_own) {
+  const auto full = [](const char* field, std::string bound) {
+    return unexpected(failure(ErrorCode::resource_exhausted, field, std::move(bound)));
+  };
+  const MutexLock lock(mutex_);
+  if (open_ >= most_) return full("watchers", "at most " + std::to_string(most_) + " may watch");
+  const auto own = of_client_.find(client);
+  if (own != of_client_.end() && own->second >= most_own) {
+    return full("client_watchers", "the client \"" + client + "\" may watch at most " +
+                                       std::to_string(most_own) + " times at once");
+  }
+  ++open_;
+  ++of_client_[client];
+  return {};
+}
+
+void FeedLimit::leave(const std::string& client) {
+  const MutexLock lock(mutex_);
+  --open_;
+  if (--of_client_[client] == 0) of_client_.erase(client);
+}
+
+int FeedLimit::open() const {
+  const MutexLock lock(mutex_);
+  return open_;
+}
+
+Expected<std::unique_ptr<JobFeed>> JobFeed::open(const JobBoard& board, FeedLimit& limit,
+                                                 const Identity& viewer, const Quota& quota,
+                                                 const v1::WatchJobsRequest& request) {
+  if (auto valid = check_progress(request.progress_interval_s(), 0); !valid) return unexpected(valid.error());
+  std::shared_ptr<JobRecord> one;
+  if (!request.job_id().empty()) {
+    auto record = find_job(board, viewer, request.job_id());
+    if (!record) return unexpected(record.error());
+    one = std::move(*record);
+  }
+  if (auto entered = limit.enter(viewer.client, quota.watchers); !entered) return unexpected(entered.error());
+  std::unique_ptr<JobFeed> feed(new JobFeed(board, limit, viewer, request.progress_interval_s()));
+  if (one != nullptr) one->watch(true);
+  feed->one_ = std::move(one);
+  feed->finished_ = board.finished();
+  return feed;
+}
+
+JobFeed::~JobFeed() {
+  limit_.leave(viewer_.client);
+  if (one_ != nullptr) one_->watch(false);
+}
+
+bool JobFeed::next(v1::WatchJobsResponse* response) {
+  if (over_) return false;
+  return one_ != nullptr ? next_of_one(response) : next_of_all(response);
+}
+
+bool JobFeed::next_of_one(v1::WatchJobsResponse* response) {
+  const Clock::time_point now = Clock::now();
+  const std::int64_t changes = one_->changes();  // before the rest: what comes later is told later
+  const bool finished = one_->is_finished();
+  if (changes == told_.changes && !finished) return false;
+  const bool first = told_.changes < 0;
+  const std::int64_t version = one_->snapshot().version;
+  if (!first && version == told_.version && seconds_since(told_.at, now) < interval_s_) return false;
+  v1::JobEvent* event = response->add_events();
+  if (first) {
+    const JobRecord::Trace trace = one_->trace();
+    to_message(trace, event->mutable_trace());
+    cursor_ = trace.cursor;
+  } else {
+    const ProgressHistory::Rows taken = one_->read(cursor_);
+    for (const Progress& row : taken.rows) marble::to_message(row, event->add_rows());
+    skipped_ += taken.skipped;
+  }
+  if (const auto pairs = one_->newest_pairs()) to_message(*pairs, event->mutable_pairs());
+  to_message(*one_, event->mutable_job());
+  response->set_skipped(skipped_);
+  told_ = {changes, version, now};
+  over_ = finished;
+  return true;
+}
+
+// Which jobs have changed since they were told of. The finished ones are looked for first: whatever finishes
+// in between is told of next time, and none twice.
+void JobFeed::look_around() {
+  const Clock::time_point now = Clock::now();
+  JobBoard::Finished finished = board_.finished_since(finished_);
+  skipped_ += finished.skipped;
+  for (auto& record : finished.records) {
+    if (may_see(viewer_, record->description().client)) to_tell_.push_back({std::move(record), true});
+  }
+  renew_active();
+  for (std::size_t i = 0; i < active_->size(); ++i) {
+    const std::shared_ptr<JobRecord>& record = (*active_)[i];
+    Told& told = told_of_[i];
+    const std::int64_t changes = record->changes();
+    if (changes == told.changes || !may_see(viewer_, record->description().client)) continue;
+    const std::int64_t version = record->snapshot().version;
+    const bool waits = seconds_since(told.at, now) < interval_s_;
+    if (told.changes >= 0 && version == told.version && waits) continue;
+    told = {changes, version, now};
+    to_tell_.push_back({record});
+  }
+}
+
+// Both lists are in the order of acceptance, and new jobs come last: what was told moves along in one pass.
+void JobFeed::renew_active() {
+  JobBoard::Records active = board_.active();
+  if (active == active_) return;
+  std::vector<Told> told_of(active->size());
+  std::size_t before = 0;
+  for (std::size_t i = 0; active_ != nullptr && i < active->size(); ++i) {
+    while (before < active_->size() && (*active_)[before] != (*active)[i]) ++before;
+    if (before == active_->size()) break;
+    told_of[i] = told_of_[before++];
+  }
+  active_ = std::move(active);
+  told_of_ = std::move(told_of);
+}
+
+bool JobFeed::next_of_all(v1::WatchJobsResponse* response) {
+  if (to_tell_.empty()) look_around();
+  while (!to_tell_.empty() && response->events_size() < kMostEvents) {
+    const News news = std::move(to_tell_.front());
+    to_tell_.pop_front();
+    const std::shared_ptr<JobRecord>& record = news.record;
+    v1::JobEvent* event = response->add_events();
+    to_message(*record, event->mutable_job());
+    if (event->job().state() == v1::JOB_STATE_FINISHED && !news.last) {
+      response->mutable_events()->RemoveLast();  // it has just finished, and will be found among those
+      continue;
+    }
+    if (event->job().state() == v1::JOB_STATE_RUNNING && event->job().iterations() > 0)
+      marble::to_message(record->newest(), event->add_rows());
+  }
+  response->set_skipped(skipped_);
+  return response->events_size() > 0;
+}
+
+}  // namespace marble::server

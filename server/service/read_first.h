@@ -1,0 +1,144 @@
+// Methods with one message from their client, which is read only once it is known who calls. gRPC reads the
+// message of such a method before it shows the call: whoever is nobody could make it hold any number of large
+// ones. So they are served as streams, which are the same on the wire.
+#pragma once
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/server_callback.h>
+
+#include <atomic>
+#include <functional>
+#include <utility>
+
+#include "access/origin.h"
+#include "marble/v1/service.grpc.pb.h"
+#include "service/admission.h"
+#include "service/service_parts.h"
+#include "wire/status.h"
+
+namespace marble::server {
+
+/// gRPC's side of a call is a stream; `Inner`, a reactor of a method with one message, is begun with that
+/// message, or with none if the caller is not known: it refuses such a caller first thing. Owns itself.
+template <class Inner, class InnerCall>
+class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
+                        private LiveCalls::Unread {
+ public:
+  /// `method` is called with the context, the request and the response, of which it uses what it knows.
+  template <class Method>
+  static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
+      const ServiceParts& parts, grpc::CallbackServerContext* context, const Method& method) {
+    auto* const call = new ReadFirst(parts, *context);
+    call->method_ = [method, context, call] { return method(context, &call->request_, &call->response_); };
+    if (parts.access.is_known(*context)) {
+      parts.connections.known(context->peer());
+      call->StartRead(&call->request_);  // before it may be refused: afterwards gRPC may be done with it
+      if (!parts.calls.may_wait(*call)) call->refuse();
+    } else {
+      const grpc::Slice nothing;
+      call->request_ = grpc::ByteBuffer(&nothing, 1);
+      call->begin_inner();
+    }
+    return call;
+  }
+
+  void OnReadDone(bool ok) override {
+    if (!parts_.calls.has_come(*this)) return;
+    if (ok) return begin_inner();
+    this->Finish(to_status(failure(ErrorCode::invalid_argument, "the request has no message")));
+  }
+  void OnWriteDone(bool ok) override { call_.write_done(inner_, ok); }
+  void OnCancel() override { cancel_when_both(); }
+  void OnDone() override {
+    if (inner_ != nullptr) inner_->OnDone();
+    delete this;
+  }
+
+ private:
+  friend InnerCall;
+  ReadFirst(const ServiceParts& parts, grpc::CallbackServerContext& context)
+      : token_(parts.calls), parts_(parts), context_(context), call_(*this) {}
+
+  void refuse() override { this->Finish(refused(parts_, origin_of(context_), draining())); }
+  void begin_inner() {
+    inner_ = method_();
+    call_.bind(inner_);
+    cancel_when_both();
+  }
+  // Begun, and given up by its client, in whichever order.
+  void cancel_when_both() {
+    if (--until_cancel_ == 0) inner_->OnCancel();
+  }
+
+  const LiveCalls::Token token_;
+  const ServiceParts& parts_;
+  grpc::CallbackServerContext& context_;
+  InnerCall call_;
+  std::function<Inner*()> method_;
+  Inner* inner_ = nullptr;
+  std::atomic<int> until_cancel_ = 2;
+  grpc::ByteBuffer request_, response_;
+};
+
+/// What a unary method's reactor takes for gRPC's call.
+class UnaryReadFirst final : public grpc::ServerCallbackUnary {
+ public:
+  using Outer = ReadFirst<grpc::ServerUnaryReactor, UnaryReadFirst>;
+  explicit UnaryReadFirst(Outer& outer) : outer_(outer) {}
+
+  void bind(grpc::ServerUnaryReactor* inner) { BindReactor(inner); }
+  void write_done(grpc::ServerUnaryReactor*, bool) {}
+  void Finish(grpc::Status status) override;
+  void SendInitialMetadata() override;
+
+ private:
+  grpc::internal::ServerReactor* reactor() override { return nullptr; }
+  void CallOnDone() override {}
+
+  Outer& outer_;
+};
+
+/// What the reactor of a method with a stream of answers takes for gRPC's call.
+class StreamReadFirst final : public grpc::ServerCallbackWriter<grpc::ByteBuffer> {
+ public:
+  using Inner = grpc::ServerWriteReactor<grpc::ByteBuffer>;
+  using Outer = ReadFirst<Inner, StreamReadFirst>;
+  explicit StreamReadFirst(Outer& outer) : outer_(outer) {}
+
+  void bind(Inner* inner) { BindReactor(inner); }
+  void write_done(Inner* inner, bool ok) { inner->OnWriteDone(ok); }
+  void Finish(grpc::Status status) override;
+  void SendInitialMetadata() override;
+  void Write(const grpc::ByteBuffer* message, grpc::WriteOptions options) override;
+  void WriteAndFinish(const grpc::ByteBuffer* message, grpc::WriteOptions options,
+                      grpc::Status status) override;
+
+ private:
+  grpc::internal::ServerReactor* reactor() override { return nullptr; }
+  void CallOnDone() override {}
+
+  Outer& outer_;
+};
+
+/// For MarkMethodStreamed(): `method` has the arguments of a raw callback method.
+template <class Method>
+[[nodiscard]] grpc::internal::MethodHandler* unary_read_first(const ServiceParts& parts, Method method) {
+  return new grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>(
+      [&parts, method](grpc::CallbackServerContext* context) {
+        return UnaryReadFirst::Outer::begin(parts, context, method);
+      });
+}
+template <class Method>
+[[nodiscard]] grpc::internal::MethodHandler* stream_read_first(const ServiceParts& parts, Method method) {
+  return new grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>(
+      [&parts, method](grpc::CallbackServerContext* context) {
+        return StreamReadFirst::Outer::begin(
+            parts, context,
+            [method](auto* of_call, const auto* request, const auto*) { return method(of_call, request); });
+      });
+}
+
+/// The number of a method of marble.v1, as MarkMethodStreamed() wants it.
+[[nodiscard]] int method_number(const char* service, const char* method);
+
+}  // namespace marble::server

@@ -1,0 +1,34 @@
+// What the calls of all services work with.
+#pragma once
+
+#include "access/access.h"
+#include "config/config.h"
+#include "jobs/job_board.h"
+#include "jobs/result_store.h"
+#include "log/log.h"
+#include "metrics/metrics.h"
+#include "net/connection_table.h"
+#include "net/live_calls.h"
+#include "queue/scheduler.h"
+#include "queue/session_table.h"
+#include "service/job_feed.h"
+
+namespace marble::server {
+
+struct ServiceParts {
+  const Config& config;
+  const Access& access;
+  const Log& log;
+  Metrics& metrics;
+  Pulse& pulse;
+  JobBoard& board;
+  FeedLimit& feeds;
+  ResultStore& results;
+  Scheduler& scheduler;
+  SessionTable& sessions;
+  ConnectionTable& connections;
+  LiveCalls& calls;
+  Clock::time_point started = Clock::now();
+};
+
+}  // namespace marble::server

@@ -1,0 +1,53 @@
+// Quick unary calls: who asks, parse, ask, answer, all on gRPC's thread.
+#pragma once
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/server_callback.h>
+
+#include "access/origin.h"
+#include "service/admission.h"
+#include "wire/status.h"
+#include "wire/wire.h"
+
+namespace marble::server {
+
+/// The caller of what every role may call.
+[[nodiscard]] inline auto of_any_role(const ServiceParts& parts, const grpc::CallbackServerContext& context) {
+  return [&](Origin& origin) { return identify(parts, context, origin); };
+}
+
+/// One of them; owns itself until gRPC is done with it.
+class QuickCall final : public grpc::ServerUnaryReactor {
+ public:
+  explicit QuickCall(LiveCalls& calls) : token_(calls) {}
+  void OnDone() override { delete this; }
+
+ private:
+  const LiveCalls::Token token_;
+};
+
+/// `who` tells the caller, whom the origin then knows, or why it is refused: before a byte of the request is
+/// looked at. `handle` takes the caller and the request and fills the response, or says why not.
+template <class Request, class Response, class Who, class Handle>
+grpc::ServerUnaryReactor* answer(const ServiceParts& parts, grpc::CallbackServerContext* context,
+                                 const grpc::ByteBuffer* request_bytes, grpc::ByteBuffer* response_bytes,
+                                 const Who& who, const Handle& handle, double retry_delay_s = 0.0) {
+  auto* const call = new QuickCall(parts.calls);
+  Origin origin = origin_of(*context);
+  const auto respond = [&]() -> Expected<void> {
+    const auto caller = who(origin);
+    if (!caller) return unexpected(caller.error());
+    Request request;
+    if (auto parsed = parse(request_bytes, &request); !parsed) return parsed;
+    Response response;
+    if (auto handled = handle(*caller, request, &response, origin); !handled) return handled;
+    *response_bytes = serialize(response);
+    return {};
+  };
+  const Expected<void> responded = or_out_of_memory(
+      respond, [] { return failure(ErrorCode::resource_exhausted, "the server is out of memory"); });
+  call->Finish(responded ? grpc::Status::OK : to_status(responded.error(), retry_delay_s));
+  return call;
+}
+
+}  // namespace marble::server
