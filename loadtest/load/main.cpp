@@ -6,7 +6,7 @@
 #include <iostream>
 
 #include "arguments.h"
-#include "data/interrupt.h"
+#include "interrupt.h"
 #include "report.h"
 #include "run.h"
 

@@ -30,12 +30,12 @@ std::string_view piece_of(std::string_view lines) {
 // True once all is written; false if that fails.
 bool write_all(int fd, std::string_view piece) {
   while (!piece.empty()) {
-    const ssize_t written = write(fd, piece.data(), piece.size());
+    const ssize_t written = ::write(fd, piece.data(), piece.size());
     if (written >= 0) {
       piece.remove_prefix(static_cast<std::size_t>(written));
     } else if (errno == EAGAIN) {  // somebody who shares it wants it so
       pollfd writable{fd, POLLOUT, 0};
-      poll(&writable, 1, -1);
+      ::poll(&writable, 1, -1);
     } else if (errno != EINTR) {
       return false;
     }

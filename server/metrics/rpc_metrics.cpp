@@ -13,7 +13,6 @@
 namespace marble::server {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using grpc::experimental::InterceptionHookPoints;
 
 // In the order of grpc::StatusCode.
@@ -65,7 +64,8 @@ class RpcInterceptor final : public grpc::experimental::Interceptor {
     }
     if (batch->QueryInterceptionHookPoint(InterceptionHookPoints::PRE_SEND_STATUS)) {
       series_.ended[code_of(batch->GetSendStatus())]->Increment();
-      series_.seconds.Observe(std::chrono::duration<double>(Clock::now() - begun_).count());
+      series_.seconds.Observe(
+          std::chrono::duration<double>(std::chrono::steady_clock::now() - begun_).count());
     }
     batch->Proceed();
   }
@@ -78,7 +78,7 @@ class RpcInterceptor final : public grpc::experimental::Interceptor {
   }
 
   MethodSeries& series_;
-  const Clock::time_point begun_ = Clock::now();
+  const std::chrono::steady_clock::time_point begun_ = std::chrono::steady_clock::now();
 };
 
 // Knows the methods there are; whatever else a client may ask for is "other".

@@ -1,15 +1,15 @@
 // Wiring: the stream fills the store and the history, once a frame the views show them, the address says which view.
 
-import { Api } from "./api.js";
+import { Api } from "./data/api.js";
 import { askForToken } from "./dialogs.js";
-import { byId, onceAFrame } from "./dom.js";
-import { Feed } from "./feed.js";
+import { byId, onceAFrame } from "./base/dom.js";
+import { Feed } from "./data/feed.js";
 import { Header } from "./header.js";
-import { History, toCounters } from "./history.js";
-import { JobTable } from "./job_table.js";
-import { JobView } from "./job_view.js";
+import { History, toCounters } from "./data/history.js";
+import { JobTable } from "./jobs/job_table.js";
+import { JobView } from "./jobs/job_view.js";
 import { Overview } from "./overview.js";
-import { MOST_JOBS, Store } from "./store.js";
+import { MOST_JOBS, Store } from "./data/store.js";
 
 const PAGE_OF_JOBS = 1000;
 const SILENCE_S = 6; // the server speaks twice a second

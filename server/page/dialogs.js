@@ -1,6 +1,6 @@
 // The two questions the page asks.
 
-import { byId, fill } from "./dom.js";
+import { byId, fill } from "./base/dom.js";
 
 function ask(dialog) {
   return new Promise((resolve) => {

@@ -1,7 +1,7 @@
 // The bar on top: which server, in what state, how fresh, and who asks.
 
-import { byId, fill, make } from "./dom.js";
-import { duration } from "./format.js";
+import { byId, fill, make } from "./base/dom.js";
+import { duration } from "./base/format.js";
 
 const WORDS = { connecting: "connecting", serving: "serving", draining: "draining", retrying: "disconnected", paused: "paused while hidden", stopped: "stopped" };
 

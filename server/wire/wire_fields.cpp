@@ -9,7 +9,6 @@
 namespace marble::server {
 namespace {
 
-using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 using Wire = google::protobuf::internal::WireFormatLite;
 
@@ -19,7 +18,7 @@ class FieldCounter {
       : input_(input), left_(most) {}
 
   /// False when there are too many, or where the bytes end or are none that a parser takes.
-  bool count(const Descriptor& type) {
+  bool count(const google::protobuf::Descriptor& type) {
     int last = 0, same = 0;  // how often in a row the last number came
     int groups = 0;          // open: nothing in them is known, as the contract has none
     while (const std::uint32_t tag = input_.ReadTag()) {
@@ -72,7 +71,7 @@ class FieldCounter {
     }
   }
 
-  bool enter(const Descriptor& type, std::uint32_t size) {
+  bool enter(const google::protobuf::Descriptor& type, std::uint32_t size) {
     const auto limit = input_.PushLimit(static_cast<int>(size));
     const bool done = count(type);
     input_.PopLimit(limit);
@@ -93,7 +92,8 @@ class FieldCounter {
 
 }  // namespace
 
-Expected<void> check_fields(grpc::ByteBuffer& bytes, const Descriptor& type, std::int64_t most) {
+Expected<void> check_fields(grpc::ByteBuffer& bytes, const google::protobuf::Descriptor& type,
+                            std::int64_t most) {
   grpc::ProtoBufferReader reader(&bytes);
   if (!reader.status().ok()) return {};
   google::protobuf::io::CodedInputStream input(&reader);

@@ -1,7 +1,7 @@
 // The complementarity pairs as a picture: s against t, closing on the corner as κ falls.
 
-import { fill, make, onceAFrame, styleValue } from "./dom.js";
-import { real, residual, whole } from "./format.js";
+import { fill, make, onceAFrame, styleValue } from "../base/dom.js";
+import { real, residual, whole } from "../base/format.js";
 
 const LEAST = 1e-12; // the smallest value that the log axes tell from 0
 

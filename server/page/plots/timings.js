@@ -1,7 +1,7 @@
 // Where a job's time went: its parts, as numbers that add up to the whole.
 
-import { make } from "./dom.js";
-import { duration, percent } from "./format.js";
+import { make } from "../base/dom.js";
+import { duration, percent } from "../base/format.js";
 
 /** [name, seconds, colour] in the order of time; the rests are what no part accounts for. */
 export function partsOf(times) {

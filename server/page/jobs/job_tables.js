@@ -1,11 +1,11 @@
 // The tables of a job's page.
 
-import { make } from "./dom.js";
+import { make } from "../base/dom.js";
 import { judge } from "./findings.js";
-import { bytes, clock, duration, real, residual, whole } from "./format.js";
-import { seconds } from "./store.js";
-import { repeated } from "./trace.js";
-import { short } from "./words.js";
+import { bytes, clock, duration, real, residual, whole } from "../base/format.js";
+import { seconds } from "../data/store.js";
+import { repeated } from "../data/trace.js";
+import { short } from "../base/words.js";
 
 const table = (caption, head, rows) =>
   make(

@@ -1,11 +1,11 @@
 // Why a job failed or was slow, in sentences, from what is known of it.
 
-import { duration, percent, residual, whole } from "./format.js";
-import { seconds } from "./store.js";
-import { partsOf } from "./timings.js";
-import { repeated } from "./trace.js";
-import { STATUSES } from "./tables.js";
-import { STATES, errorWords } from "./words.js";
+import { duration, percent, residual, whole } from "../base/format.js";
+import { seconds } from "../data/store.js";
+import { partsOf } from "../plots/timings.js";
+import { repeated } from "../data/trace.js";
+import { STATUSES } from "../base/tables.js";
+import { STATES, errorWords } from "../base/words.js";
 
 const VIOLATIONS = [
   ["equality", "equality_tolerance", "|A z + b|"],

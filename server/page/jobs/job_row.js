@@ -1,9 +1,9 @@
 // One line of the table of jobs. Lines are used again for other jobs as the table scrolls.
 
-import { fill, make } from "./dom.js";
-import { age, duration, residual, whole } from "./format.js";
-import { seconds, violation } from "./store.js";
-import { outcome } from "./words.js";
+import { fill, make } from "../base/dom.js";
+import { age, duration, residual, whole } from "../base/format.js";
+import { seconds, violation } from "../data/store.js";
+import { outcome } from "../base/words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 

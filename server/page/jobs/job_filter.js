@@ -1,8 +1,8 @@
 // Which jobs are shown, and in what order. Pure functions of the jobs.
 
-import { STATUSES } from "./tables.js";
-import { outcome } from "./words.js";
-import { seconds, violation } from "./store.js";
+import { STATUSES } from "../base/tables.js";
+import { outcome } from "../base/words.js";
+import { seconds, violation } from "../data/store.js";
 
 const RANKS = { running: 0, queued: 1, idle: 2, finished: 3 };
 const PRIORITY_RANKS = { realtime: 0, interactive: 1, batch: 2 };

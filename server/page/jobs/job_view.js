@@ -1,18 +1,18 @@
 // One job: what came of it and why, its convergence, its pairs, its options and times.
 
-import { Convergence, loadCharts } from "./convergence.js";
-import { confirm } from "./dialogs.js";
-import { fill, make, onceAFrame } from "./dom.js";
+import { Convergence, loadCharts } from "../plots/convergence.js";
+import { confirm } from "../dialogs.js";
+import { fill, make, onceAFrame } from "../base/dom.js";
 import { explain } from "./findings.js";
-import { residual } from "./format.js";
-import { Feed } from "./feed.js";
+import { residual } from "../base/format.js";
+import { Feed } from "../data/feed.js";
 import { showFacts, showOptions, showRows, showViolations } from "./job_tables.js";
 import { buildJobPage } from "./job_page.js";
-import { PairsPlot } from "./pairs_plot.js";
-import { toJob } from "./store.js";
-import { showTimings } from "./timings.js";
-import { Trace } from "./trace.js";
-import { outcome } from "./words.js";
+import { PairsPlot } from "../plots/pairs_plot.js";
+import { toJob } from "../data/store.js";
+import { showTimings } from "../plots/timings.js";
+import { Trace } from "../data/trace.js";
+import { outcome } from "../base/words.js";
 
 const TABLES_EVERY_MS = 500;
 

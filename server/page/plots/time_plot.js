@@ -1,8 +1,8 @@
 // A small plot of one quantity over the last minutes: an area on a canvas, redrawn when there is something new.
 
-import { make, fill, styleValue } from "./dom.js";
-import { whole } from "./format.js";
-import { SPAN_S } from "./history.js";
+import { make, fill, styleValue } from "../base/dom.js";
+import { whole } from "../base/format.js";
+import { SPAN_S } from "../data/history.js";
 
 // The smallest of 1, 2, 5 times a power of ten that is not below the value.
 function roundUp(value) {

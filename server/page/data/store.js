@@ -1,6 +1,6 @@
 // What the page knows of the server's jobs: bounded by what the server keeps, and by MOST_JOBS.
 
-import { short } from "./words.js";
+import { short } from "../base/words.js";
 
 export const MOST_JOBS = 20000;
 const SPARK_POINTS = 40;

@@ -1,7 +1,7 @@
 // The table of all jobs. Only the lines in sight are in the document, whatever the number of jobs.
 
-import { fill, make, onceAFrame } from "./dom.js";
-import { jobs, whole } from "./format.js";
+import { fill, make, onceAFrame } from "../base/dom.js";
+import { jobs, whole } from "../base/format.js";
 import { CHIPS, select } from "./job_filter.js";
 import { COLUMNS, JobRow } from "./job_row.js";
 

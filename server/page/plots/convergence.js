@@ -1,8 +1,8 @@
 // How a solve converged: residuals on a log scale, and objective with penalty below, along iterations or time.
 
-import { make, onceAFrame, styleValue } from "./dom.js";
-import { duration, real, residual } from "./format.js";
-import { repeated } from "./trace.js";
+import { make, onceAFrame, styleValue } from "../base/dom.js";
+import { duration, real, residual } from "../base/format.js";
+import { repeated } from "../data/trace.js";
 
 const LOWEST = 1e-12; // on a log scale 0 has no place; what is below counts as it: the table has the numbers
 
