@@ -144,7 +144,7 @@ bool SemismoothNewton::converge(Run& run, const Penalty& penalty, int last) {
     if (error <= tuning::exactness) return true;
     // If the multipliers only grow, the branch is infeasible.
     without_progress = error > 0.5 * least_error ? without_progress + 1 : 0;
-    if (without_progress >= tuning::patience) return false;
+    if (without_progress >= tuning::augmented_patience) return false;
     least_error = std::min(error, least_error);
     center.all = x.all;
   }
