@@ -17,6 +17,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchCall::begin(const ServiceParts&
     call->end_at_once(to_status(started.error(), parts.scheduler.retry_delay_s()));
     return call.get();
   }
+  call->StartSendInitialMetadata();  // whoever waits for it misses nothing that happens from then on
   parts.pulse.add(call);
   call->go_on();
   return call.get();

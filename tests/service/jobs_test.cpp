@@ -286,6 +286,7 @@ TEST_F(Jobs, WhoeverWatchesAJobSeesItFromItsBeginningToItsEnd) {
 TEST_F(Jobs, AWatchOfAllTellsOfEveryJob) {
   start();
   const auto call = watch("");
+  call->reader->WaitForInitialMetadata();  // it watches from now on
   std::vector<std::string> ids;
   v1::SolveResponse response;
   for (int i = 0; i < 30; ++i) {

@@ -60,6 +60,7 @@ class TestCall final : public StreamPump<TestCall, FakeReactor, grpc::ByteBuffer
   static std::shared_ptr<TestCall> begin(int room) {
     auto call = std::make_shared<TestCall>();
     call->self_ = call;
+    const MutexLock lock(call->mutex_);
     call->room_ = room;
     return call;
   }

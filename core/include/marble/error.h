@@ -39,9 +39,11 @@ using tl::unexpected;
 [[nodiscard]] Error failure(ErrorCode code, std::string bound);
 /// An error of a field as a whole, with its value where that tells something.
 [[nodiscard]] Error failure(ErrorCode code, std::string field, std::string value, std::string bound);
+/// An error of a field as a whole.
 [[nodiscard]] Error failure(ErrorCode code, std::string field, std::string bound);
-/// A field that breaks a documented rule, with the value that does where it tells something.
+/// A field that breaks a documented rule.
 [[nodiscard]] Error invalid(std::string field, std::string bound);
+/// A field that breaks a documented rule, with the value that does.
 [[nodiscard]] Error invalid(std::string field, std::string value, std::string bound);
 /// Entry `index` of a field, 0-based, that breaks a documented rule.
 [[nodiscard]] Error invalid(std::string field, std::int64_t index, std::string value, std::string bound);
