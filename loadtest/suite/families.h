@@ -11,6 +11,7 @@ struct Settings {
   std::filesystem::path benchmarks;  ///< MacMPEC and robotics problems with references; may not exist
   int seeds = 20;                    ///< of the random families
   int starts = 8;                    ///< of the references where none is known
+  bool judging = false;              ///< hard: even seeds, which nothing is chosen on
 };
 
 /// Default options on each MacMPEC problem, against the best known objective.
@@ -31,5 +32,8 @@ void mpc(const Settings& settings);
 void growth(const Settings& settings);
 /// Two solves at a time on two threads against one.
 void throughput(const Settings& settings);
+/// Where it is hard to find a feasible point, and small problems with many minima: solved, wrong, and the
+/// work.
+void hard(const Settings& settings);
 
 }  // namespace marble::suite

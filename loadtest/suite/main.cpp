@@ -16,11 +16,13 @@ namespace {
 
 constexpr const char* kUsage =
     "Runs families of problems and prints what the solver reached on them.\n"
-    "Usage: suite [FAMILY ...] [--seeds N] [--starts K] [--profile FILE.svg] [--benchmarks FOLDER]\n"
+    "Usage: suite [FAMILY ...] [--seeds N] [--judge] [--starts K] [--profile FILE.svg] [--benchmarks "
+    "FOLDER]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
-    "Families: macmpec perturbed robotics variants qpecs warm mpc growth throughput; all of them by "
+    "Families: macmpec perturbed robotics variants qpecs warm mpc growth throughput hard; all of them by "
     "default.\n"
     "  --seeds N            of the random families, default 20\n"
+    "  --judge              hard: on even seeds, the half that nothing is chosen on\n"
     "  --starts K           of the references where none is known, default 8\n"
     "  --profile FILE.svg   draw macmpec against its peers\n"
     "  --benchmarks FOLDER  problems with references\n"
@@ -78,6 +80,8 @@ int main(int argc, char** argv) {
     }
     if (argument == "--seeds") {
       settings.seeds = std::max(1, std::atoi(value()));
+    } else if (argument == "--judge") {
+      settings.judging = true;
     } else if (argument == "--starts") {
       settings.starts = std::max(1, std::atoi(value()));
     } else if (argument == "--profile") {
@@ -97,7 +101,8 @@ int main(int argc, char** argv) {
   const std::pair<const char*, std::function<void(const suite::Settings&)>> families[] = {
       {"macmpec", run_macmpec},      {"perturbed", suite::perturbed}, {"robotics", suite::robotics},
       {"variants", suite::variants}, {"qpecs", suite::qpecs},         {"warm", suite::warm},
-      {"mpc", suite::mpc},           {"growth", suite::growth},       {"throughput", suite::throughput}};
+      {"mpc", suite::mpc},           {"growth", suite::growth},       {"throughput", suite::throughput},
+      {"hard", suite::hard}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
       std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());

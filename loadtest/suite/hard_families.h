@@ -1,0 +1,25 @@
+// Problems made by formula whose difficulty is to find a feasible point at all, and small ones whose local
+// minima are many.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "marble/problem.h"
+#include "marble/solution.h"
+
+namespace marble::suite {
+
+struct HardProblem {
+  std::string family;
+  OwnedProblem problem;
+  std::optional<Status> proof;  ///< the only right answer; none: it is feasible, and bounded below
+};
+
+/// All families, `seeds` problems of each random one: odd seeds, which numbers may be tuned on, or even ones,
+/// which judge.
+[[nodiscard]] std::vector<HardProblem> hard_problems(int seeds, bool judging);
+
+}  // namespace marble::suite
