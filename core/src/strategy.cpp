@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "proof/proof.h"
+#include "search/feasibility.h"
 #include "tuning.h"
 
 namespace marble {
@@ -42,11 +43,11 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z,
     return answer;
   }
   const std::optional<Ending> path_end = cold(run, initial_z);
-  if (!incumbent_.exists()) return finish_path(run, *path_end);
+  if (!incumbent_.exists()) return finish_path(run, initial_z, *path_end);
   const bool path_solved = path_end && is_solved(path_end->status);
   if (!path_solved || !path_is_lower(path_point_.violations, path_point_.objective)) return finish_exact(run);
   incumbent_.clear();
-  return finish_path(run, *path_end);
+  return finish_path(run, initial_z, *path_end);
 }
 
 // The path down to a κ that shows the branch, an exact solution of it, and better branches. Where that branch
@@ -125,7 +126,7 @@ Strategy::Answer Strategy::finish_exact(Run& run) {
 }
 
 // Where nothing exact was found: the path's point, unless a descent from it or a proof says more.
-Strategy::Answer Strategy::finish_path(Run& run, Ending end) {
+Strategy::Answer Strategy::finish_path(Run& run, ConstVectorRef initial_z, Ending end) {
   Answer answer{std::move(end), &path_point_.x};
   const Status status = answer.ending.status;
   const auto ended = [&](Ending ending) {
@@ -147,6 +148,9 @@ Strategy::Answer Strategy::finish_path(Run& run, Ending end) {
   if (failed) {
     if (std::optional<Ending> proved = prove(run, Status::unbounded)) return ended(*std::move(proved));
   }
+  if (failed || status == Status::locally_infeasible) {
+    if (std::optional<Answer> found = find_feasible(run, initial_z)) return *std::move(found);
+  }
   const double rounding =
       tuning::rounding * (1.0 + max_abs(path_point_.x.z().cwiseProduct(problem_.variable_scale)));
   if (failed && options_.polish && largest(path_point_.violations) > rounding)
@@ -154,6 +158,37 @@ Strategy::Answer Strategy::finish_path(Run& run, Ending end) {
   if (is_solved(status) && optimality_.known_convex()) answer.second_order = SecondOrder::minimum;
   if (answer.ending.detail.empty()) answer.ending.detail = "path; " + describe(path_point_.violations);
   return answer;
+}
+
+// The last that is tried for a feasible branch. Nothing if that changes nothing but the counters.
+std::optional<Strategy::Answer> Strategy::find_feasible(Run& run, ConstVectorRef z) {
+  if (!options_.polish || options_.path != Path::fast || options_.feasibility_budget == 0 ||
+      within_tolerances(path_point_.violations, options_) || problem_.pairs() == 0)
+    return std::nullopt;
+  Feasibility phase(problem_, options_, branch_.point, incumbent_);
+  const Feasibility::End end = phase.run(run, z);
+  const auto ended = [&](Status status, const char* what) {
+    return Answer{{status, what + phase.describe(end) + describe(path_point_.violations), {}},
+                  &path_point_.x};
+  };
+  if (end == Feasibility::End::refuted) return ended(Status::infeasible, "");
+  if (end == Feasibility::End::none) {
+    if (const auto reason = run.interrupted()) return ended(*reason, "stopped early; ");
+    return ended(Status::locally_infeasible, "no feasible branch found; ");
+  }
+  if (end == Feasibility::End::feasible) {
+    path_point_.x.all = branch_.point.x.all;
+    path_point_.violations = violations(problem_, branch_.point.images);
+    Optimality::Descended descended = optimality_.descend(run, path_point_.x, branch_.point.set, Vector());
+    if (descended.unbounded) {
+      Answer answer{unbounded_along(*std::move(descended.unbounded)), &path_point_.x};
+      return answer;
+    }
+    if (!incumbent_.exists()) return ended(Status::numerical_failure, "feasible, but not optimal; ");
+  } else {
+    static_cast<void>(search_.improve(run, z));
+  }
+  return finish_exact(run);
 }
 
 // Where a path ended without an exact solution of its branch, Q may have negative curvature there; where it

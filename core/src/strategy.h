@@ -2,6 +2,7 @@
 //
 //   path ──► exact solution of its branch ──► better branches: near it, or from where all is soft still
 //     └─ branch infeasible ──► interior point ──► branches near its end, exchanged until one is feasible
+//                                └─ none is ──► whatever finds one without regard to the objective
 //
 // With a warm start the branch of the point given comes first, and often last.
 #pragma once
@@ -57,8 +58,9 @@ class Strategy {
   [[nodiscard]] PathBranch solve_path_branch(Run& run);
   [[nodiscard]] bool path_is_lower(const Violations& violations, double objective) const;
   [[nodiscard]] Answer finish_exact(Run& run);
-  [[nodiscard]] Answer finish_path(Run& run, Ending end);
+  [[nodiscard]] Answer finish_path(Run& run, ConstVectorRef initial_z, Ending end);
   [[nodiscard]] Optimality::Descended descend_from_path(Run& run);
+  [[nodiscard]] std::optional<Answer> find_feasible(Run& run, ConstVectorRef z);
   [[nodiscard]] std::optional<Ending> prove(Run& run, Status status);
   [[nodiscard]] Ending unbounded_along(UnboundedRay ray);
 

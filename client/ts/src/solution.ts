@@ -47,7 +47,10 @@ export class Solution {
   readonly leftMultipliers: Float64Array;
   /** η, one a pair, of R z + r ≥ 0. */
   readonly rightMultipliers: Float64Array;
-  /** Of "infeasible" the multipliers (y, ν, ξ, η) that prove it; of "unbounded" a direction from z on; else empty. */
+  /**
+   * Of "infeasible" the multipliers (y, ν, ξ, η) that prove it, or empty where each branch was refuted by itself; of
+   * "unbounded" a direction from z on; else empty.
+   */
   readonly certificate: Float64Array;
   /** ½ zᵀQz + gᵀz + c0. */
   readonly objective: number;

@@ -72,8 +72,8 @@ struct Solution {
   std::vector<double> inequality_multipliers;         ///< ν ≥ 0, n_i
   std::vector<double> complementarity_multipliers_L;  ///< ξ, n_c; sign free where s = 0 < t, 0 where s > 0
   std::vector<double> complementarity_multipliers_R;  ///< η, n_c; sign free where t = 0 < s, 0 where t > 0
-  std::vector<double>
-      certificate;  ///< for infeasible: (y, ν, ξ, η) stacked; for unbounded: direction (n); else empty
+  std::vector<double> certificate;  ///< for infeasible: (y, ν, ξ, η) stacked, empty where each branch was
+                                    ///< refuted by itself; for unbounded: direction (n); else empty
   Stationarity stationarity = Stationarity::unknown;  ///< what z is proved to be
   /// B-stationary: no feasible direction of descent. True where the point is strongly stationary or solves
   /// each of the few branches it belongs to; absent where that was not decided.

@@ -138,35 +138,48 @@ std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorR
   const std::unique_ptr<Kkt> kkt = make_kkt(relaxed, run.interrupt());
   if (kkt == nullptr) return std::nullopt;
   BranchEngines engines(relaxed, *kkt);
-  const Iterate& elastic = engines.point.x;
   engines.point.start_from_point(z);
   if (!engines.elastic.solve(run, tuning::middle_rho, ElasticRelaxation::Rows::violated,
                              tuning::engine_budget))
     return std::nullopt;
+  return prove_contradiction(p, relaxed, *kkt, engines.point);
+}
+
+// r = Aᵀy + Cᵀλ is what the proximal term pulls, not 0. The elastic system M = δI + ρ(AᵀA + CᵀC over violated
+// and fixed rows) is at hand: with M x = r, y − ρAx and λ − ρCx leave δx of it.
+std::optional<FarkasProof> prove_contradiction(const ScaledProblem& p, const ScaledProblem& relaxed, Kkt& kkt,
+                                               const BranchPoint& point) {
+  const Iterate& elastic = point.x;
   Vector y = elastic.y();
   Vector lambda = elastic.lambda();
-  // r = Aᵀy + Cᵀλ is what the proximal term pulls, not 0. The elastic system M = δI + ρ(AᵀA + CᵀC over
-  // violated rows) is at hand: with M x = r, y − ρAx and λ − ρCx leave δx of it.
   Vector residual(p.variables());
   Vector moved(relaxed.rows.rows);
   Vector equality(relaxed.A.rows);
+  std::vector<std::uint8_t> zero(static_cast<std::size_t>(relaxed.rows.rows));
+  for (Index row = 0; row < relaxed.rows.rows; ++row)
+    zero[static_cast<std::size_t>(row)] = point.set.is_fixed(row);
   for (int i = 0; i < tuning::exact_sweeps; ++i) {
     residual.setZero();
     add_transposed(relaxed.A, y, residual);
     add_transposed(relaxed.rows, lambda, residual);
     equality.setZero();
-    if (!kkt->solve(residual, equality)) return std::nullopt;  // ρAx is its second half
+    if (!kkt.solve(residual, equality)) return std::nullopt;  // ρAx is its second half
     y -= equality;
     multiply(relaxed.rows, residual, moved);
-    for (Eigen::Index k = 0; k < lambda.size(); ++k) {
-      if (lambda[k] < 0.0) lambda[k] = std::min(lambda[k] - tuning::middle_rho * moved[k], 0.0);
+    for (Index row = 0; row < relaxed.rows.rows; ++row) {
+      double& multiplier = lambda[row];
+      if (zero[static_cast<std::size_t>(row)] != 0) {
+        multiplier -= tuning::middle_rho * moved[row];
+      } else if (multiplier < 0.0) {
+        multiplier = std::min(multiplier - tuning::middle_rho * moved[row], 0.0);
+      }
     }
   }
   Iterate x(p);
   x.z() = elastic.z();
   x.y() = y;
-  x.lambda() = lambda;
-  return infeasibility_certificate(p, x);
+  x.lambda() = lambda.head(p.layout.size());
+  return infeasibility_certificate(p, x, zero);
 }
 
 std::optional<Vector> feasible_point(const ScaledProblem& p, const Options& options, ConstVectorRef z,

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "branch/branch_point.h"
 #include "run/certificate.h"
 #include "run/run.h"
 
@@ -13,6 +14,12 @@ namespace marble {
 /// Looks for a contradiction of the constraints without complementarity, from z (scaled): the elastic optimum
 /// of the relaxation has the least violation, and what is left of it are the multipliers.
 [[nodiscard]] std::optional<FarkasProof> prove_infeasible(const ScaledProblem& p, ConstVectorRef z, Run& run);
+
+/// The same of a relaxation of p, its rows [C; L; R] first, some of them sides of pairs that are fixed at
+/// zero: what the elastic optimum of tuning::middle_rho at `point`, whose factor `kkt` holds, proves.
+[[nodiscard]] std::optional<FarkasProof> prove_contradiction(const ScaledProblem& p,
+                                                             const ScaledProblem& relaxed, Kkt& kkt,
+                                                             const BranchPoint& point);
 
 /// The nearest point to `target` in the branch that z is nearest to, if it is within the tolerances. Scaled.
 [[nodiscard]] std::optional<Vector> feasible_point(const ScaledProblem& p, const Options& options,

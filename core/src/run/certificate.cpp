@@ -81,11 +81,14 @@ double size_of(const Iterate& x) { return std::max(max_abs(x.y()), max_abs(x.lam
 
 }  // namespace
 
-std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, const Iterate& x) {
+std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, const Iterate& x,
+                                                     std::span<const std::uint8_t> zero) {
   const double size = size_of(x);
   if (!(size > 0.0) || !std::isfinite(size)) return std::nullopt;
   const Multipliers m(x, size);
-  if (smallest(m.rows) < 0.0) return std::nullopt;
+  for (Index row = 0; row < p.layout.size(); ++row) {
+    if (m.rows[row] < 0.0 && (zero.empty() || zero[static_cast<std::size_t>(row)] == 0)) return std::nullopt;
+  }
   const auto n = static_cast<std::size_t>(p.variables());
   std::vector<CarefulSum> combination(n);
   Vector hidden = Vector::Zero(p.variables());

@@ -1,7 +1,9 @@
 // Proofs that there is no solution, evaluated with the rounding they have.
 #pragma once
 
+#include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "data/residual.h"
@@ -19,7 +21,9 @@ struct FarkasProof {
 /// The iterate's multipliers, normalised, if they are such a proof: every entry of r is no more than rounding
 /// of the products it is the sum of, and the gap is more. Nothing else is called a proof: of z = −10²⁰⁰, in
 /// which nothing cancels, no multiplier is one.
-[[nodiscard]] std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, const Iterate& x);
+/// Rows of `zero` are sides that a branch holds at zero: their multipliers may have any sign.
+[[nodiscard]] std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, const Iterate& x,
+                                                                   std::span<const std::uint8_t> zero = {});
 
 /// The direction d (scaled), unscaled with largest entry 1, if the objective falls along it without bound
 /// from every feasible point of a branch that it stays in: Ad = 0, Cd ≥ 0, min(Ld, Rd) = 0 to rounding of the

@@ -73,7 +73,8 @@ class Solution:
     sides of the pairs, n_c.
     s, t: the sides L z + l and R z + r, n_c.
     certificate: for INFEASIBLE (y, ν, ξ, η) stacked, with bᵀy − dᵀν − lᵀξ − rᵀη = 1 and Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0 to
-    rounding; for UNBOUNDED a direction v, n, along which the objective falls from z without bound; else empty.
+    rounding, or empty where each branch was refuted by itself; for UNBOUNDED a direction v, n, along which the
+    objective falls from z without bound; else empty.
     objective; violations; kkt_residual: max |Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|.
     stationarity: None where the point is not solved. b_stationary: no feasible direction of descent is left; None
     where that was not decided. second_order: whether the point is a local minimum; None where it is not solved.

@@ -90,8 +90,8 @@ class Status(enum.Enum):
     TIME_LIMIT: time_limit_s was reached; this is the best iterate.
     CANCELLED: The solve was told to end, by its client, by cancel or by a server that shuts down; this is the best
     iterate.
-    INFEASIBLE: No point meets the constraints, even without complementarity; the certificate in the answer proves
-    it.
+    INFEASIBLE: No point meets the constraints. The certificate in the answer proves it even without
+    complementarity; where it is empty, every branch of the pairs was refuted.
     LOCALLY_INFEASIBLE: The search ended where the violation cannot be lowered any further; no feasible point is
     near. Others may exist elsewhere.
     UNBOUNDED: The objective falls without end along a feasible direction, which is the certificate in the answer.

@@ -1,0 +1,117 @@
+#include "search/feasibility.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "run/termination.h"
+#include "search/branch_search.h"
+#include "search/lemke.h"
+#include "tuning.h"
+
+namespace marble {
+namespace {
+
+// ½zᵀz instead of the objective.
+ScaledProblem without_objective(const ScaledProblem& p) {
+  ScaledProblem calm = p;
+  calm.Q = {};
+  calm.Q.size = p.variables();
+  for (Index j = 0; j < p.variables(); ++j) {
+    calm.Q.row_indices.push_back(j);
+    calm.Q.values.push_back(1.0);
+    calm.Q.column_pointers.push_back(j + 1);
+  }
+  calm.g.setZero();
+  return calm;
+}
+
+}  // namespace
+
+Feasibility::Feasibility(const ScaledProblem& problem, const Options& options, BranchPoint& point,
+                         Incumbent& incumbent)
+    : problem_(problem), options_(options), point_(point), incumbent_(incumbent), tree_(problem) {}
+
+// Whether the branch has an exact solution, or z is feasible on it.
+bool Feasibility::take(Run& run, ConstVectorRef z, const WorkingSet& branch, const char* origin) {
+  Iterate x(problem_);
+  x.z() = z;
+  point_.restore(x, branch);
+  if (incumbent_.solve_branch(run, origin, tuning::engine_budget) == Incumbent::Outcome::kept) return true;
+  point_.restore(x, branch);
+  return within_tolerances(violations(problem_, point_.images), options_);
+}
+
+bool Feasibility::pivot(Run& run, ConstVectorRef z, int first, int end, int last_factorization) {
+  Lemke lemke(problem_);
+  if (!lemke.applies()) return false;
+  WorkingSet branch(problem_);
+  for (int way = first; way < end; ++way) {
+    if (run.interrupted() || run.factorizations >= last_factorization) return false;
+    if (lemke.run(run, way, z, branch) && take(run, z, branch, "Lemke's method")) return true;
+  }
+  return false;
+}
+
+bool Feasibility::solve_calm(Run& run, ConstVectorRef z) {
+  const ScaledProblem calm = without_objective(problem_);
+  const std::unique_ptr<Kkt> kkt = make_kkt(calm, run.interrupt());
+  if (kkt == nullptr) return false;
+  kkt->attend(run.interrupt());
+  PathEngine path(calm, *kkt, options_);
+  BranchEngines branch(calm, *kkt);
+  Incumbent found(calm, options_, branch.exact);
+  BranchSearch search(calm, *kkt, options_, path, branch, found);
+  Run part = run.part(true);
+  path.start(z);
+  for (const double kappa : {tuning::branch_kappa, tuning::last_kappa}) {
+    const std::optional<Ending> end = path.follow(part, kappa);
+    branch.point.start_from_path(path.iterate());
+    static_cast<void>(found.solve_branch(part, "", tuning::engine_budget));
+    if (end || found.exists() || path.is_lost() || part.interrupted()) break;
+  }
+  if (!found.exists() && !part.interrupted()) static_cast<void>(search.find(part, z));
+  run.add_part(part);
+  return found.exists() && take(run, found.best().x.z(), found.best().set, "objective off");
+}
+
+PairTree::End Feasibility::search_tree(Run& run, ConstVectorRef z, int last_factorization) {
+  if (!tree_.applies()) return PairTree::End::stopped;
+  return tree_.run(run, z, last_factorization, [&](ConstVectorRef point, const WorkingSet& branch) {
+    return take(run, point, branch, "tree over the pairs");
+  });
+}
+
+Feasibility::End Feasibility::run(Run& run, ConstVectorRef z) {
+  const Run::Polishing polishing(run);
+  const int begin = run.factorizations;
+  const int last = begin + options_.feasibility_budget;
+  auto tree = PairTree::End::stopped;
+  const bool found = [&] {
+    if (pivot(run, z, 0, tuning::lemke_ways, last)) return true;
+    if (problem_.pairs() <= tuning::tree_pairs) {
+      tree = search_tree(run, z, begin + options_.feasibility_budget / 2);
+      if (tree != PairTree::End::stopped) return tree == PairTree::End::found;
+    }
+    if (run.factorizations < last && solve_calm(run, z)) return true;
+    if (run.factorizations < last && pivot(run, z, tuning::lemke_ways, tuning::lemke_more_ways, last))
+      return true;
+    if (run.factorizations < last && !run.interrupted()) tree = search_tree(run, z, last);
+    return tree == PairTree::End::found;
+  }();
+  factorizations_ = run.factorizations - begin;
+  if (found) return incumbent_.exists() ? End::solved : End::feasible;
+  return tree == PairTree::End::refuted ? End::refuted : End::none;
+}
+
+std::string Feasibility::describe(End end) const {
+  char text[160] = "";
+  if (end == End::refuted)
+    std::snprintf(
+        text, sizeof text,
+        "every branch of the pairs contradicts the constraints: no z with |z| <= %.1e is feasible; ",
+        tree_.radius());
+  return text + ("feasibility phase: " + std::to_string(factorizations_)) + " factorizations, " +
+         std::to_string(tree_.nodes()) + " nodes of a tree; ";
+}
+
+}  // namespace marble

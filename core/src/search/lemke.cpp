@@ -1,0 +1,240 @@
+#include "search/lemke.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "tuning.h"
+
+namespace marble {
+namespace {
+
+// The same on every machine: splitmix64, in [0, 1).
+double noise(std::uint64_t a, std::uint64_t b) {
+  std::uint64_t bits = (a * 0x9e3779b97f4a7c15U + b + 1) * 0x9e3779b97f4a7c15U;
+  bits = (bits ^ (bits >> 30U)) * 0xbf58476d1ce4e5b9U;
+  bits = (bits ^ (bits >> 27U)) * 0x94d049bb133111ebU;
+  return static_cast<double>((bits ^ (bits >> 31U)) >> 11U) * 0x1p-53;
+}
+
+// What a row or column of the tableau stands for: an equality's value or a row of [C; L; R] by its number, or
+// a variable, or θ, by these.
+constexpr Index kEquality = -1;
+constexpr Index kVariable = -2;
+constexpr Index kTheta = -3;
+
+}  // namespace
+
+bool Lemke::applies() const {
+  const double rows = problem_.equalities() + 2.0 * problem_.pairs();
+  return problem_.pairs() > 0 && problem_.inequalities() == 0 &&
+         problem_.variables() >= problem_.equalities() + problem_.pairs() &&
+         rows * problem_.variables() <= tuning::lemke_entries;
+}
+
+// All rows by z: equalities, then sides.
+void Lemke::fill() {
+  const Index n = problem_.variables();
+  const Index n_e = problem_.equalities();
+  const Index n_s = 2 * problem_.pairs();
+  tableau_.setZero(n_e + n_s, n + 1);
+  basic_.clear();
+  nonbasic_.assign(static_cast<std::size_t>(n), kVariable);
+  const auto copy = [&](const RowMatrix& from, const Vector& offset, Index first) {
+    for (Index row = 0; row < from.rows; ++row) {
+      for (Index k = from.row_pointers[row]; k < from.row_pointers[row + 1]; ++k)
+        tableau_(first + row, from.column_indices[k]) += from.values[k];
+      tableau_(first + row, n) = offset[row];
+    }
+  };
+  copy(problem_.A, problem_.b, 0);
+  copy(problem_.rows, problem_.offset, n_e);
+  for (Index row = 0; row < n_e; ++row) basic_.push_back(kEquality);
+  for (Index row = 0; row < n_s; ++row) basic_.push_back(row);
+}
+
+// A basic variable for a nonbasic one.
+void Lemke::exchange(Index row, Index column) {
+  const double pivot = tableau_(row, column);
+  tableau_.row(row) /= -pivot;
+  tableau_(row, column) = 1.0 / pivot;
+  for (Index i = 0; i < tableau_.rows(); ++i) {
+    const double factor = tableau_(i, column);
+    if (i == row || factor == 0.0) continue;
+    tableau_(i, column) = 0.0;
+    tableau_.row(i) += factor * tableau_.row(row);
+  }
+  std::swap(basic_[static_cast<std::size_t>(row)], nonbasic_[static_cast<std::size_t>(column)]);
+}
+
+// The variable that a row depends on most; −1 if on none.
+Index Lemke::best_column(Index row) const {
+  Index best = -1;
+  double most = tuning::rounding;
+  for (std::size_t column = 0; column < nonbasic_.size(); ++column) {
+    const double size = std::abs(tableau_(row, static_cast<Index>(column)));
+    if (nonbasic_[column] != kVariable || !(size > most)) continue;
+    best = static_cast<Index>(column);
+    most = size;
+  }
+  return best;
+}
+
+// Makes nonbasic each equality and one side of each pair: at first the side that looks like a bound, later
+// any.
+bool Lemke::choose_unknowns(const Run& run, int way) {
+  fill();
+  const Index n_e = problem_.equalities();
+  for (Index row = 0; row < n_e; ++row) {
+    if (run.interrupted()) return false;
+    const Index column = best_column(row);
+    if (column >= 0) {
+      exchange(row, column);
+    } else if (std::abs(tableau_(row, tableau_.cols() - 1)) > tuning::exactness) {
+      return false;
+    }
+  }
+  const Index pairs = problem_.pairs();
+  const auto& begin = problem_.rows.row_pointers;
+  std::vector<Index> late;
+  for (Index pair = 0; pair < pairs; ++pair) {
+    if (run.interrupted()) return false;
+    const auto looks = [&](Index row) {
+      return std::abs(problem_.offset[row]) * (problem_.variables() + 1.0) + (begin[row + 1] - begin[row]);
+    };
+    const bool s_first = way % 2 == 0 ? looks(pair) <= looks(pairs + pair) : noise(way, pair) < 0.5;
+    const Index first = n_e + (s_first ? pair : pairs + pair);
+    const Index second = n_e + (s_first ? pairs + pair : pair);
+    Index column = best_column(first);
+    const Index row = column >= 0 ? first : second;
+    if (column < 0) column = best_column(second);
+    if (column >= 0) {
+      exchange(row, column);
+    } else {
+      late.push_back(pair);
+    }
+  }
+  return std::ranges::all_of(late, [this](Index pair) { return make_room(pair); });
+}
+
+// For a pair both of whose sides depend on other unknowns alone: one of them takes the place of another
+// pair's, whose other side can.
+bool Lemke::make_room(Index pair) {
+  const Index n_e = problem_.equalities();
+  const Index pairs = problem_.pairs();
+  for (const Index side : {n_e + pair, n_e + pairs + pair}) {
+    for (std::size_t column = 0; column < nonbasic_.size(); ++column) {
+      const Index unknown = nonbasic_[column];
+      if (unknown < 0 || std::abs(tableau_(side, static_cast<Index>(column))) < tuning::near) continue;
+      const Index other = n_e + (unknown < pairs ? unknown + pairs : unknown - pairs);
+      if (basic_[static_cast<std::size_t>(other)] < 0) continue;
+      const Index free = best_column(other);
+      if (free < 0) continue;
+      exchange(side, static_cast<Index>(column));
+      const Index place = best_column(other);
+      if (place >= 0) {
+        exchange(other, place);
+        return true;
+      }
+      exchange(side, static_cast<Index>(column));
+    }
+  }
+  return false;
+}
+
+// To w = M x + q + d θ, perturbed so that no two rows block at once.
+void Lemke::reduce(int way, ConstVectorRef z) {
+  std::vector<Index> rows, columns;
+  Eigen::VectorXd constant = tableau_.col(tableau_.cols() - 1);
+  for (std::size_t k = 0; k < basic_.size(); ++k) {
+    if (basic_[k] >= 0) rows.push_back(static_cast<Index>(k));
+  }
+  for (std::size_t k = 0; k < nonbasic_.size(); ++k) {
+    if (nonbasic_[k] >= 0) columns.push_back(static_cast<Index>(k));
+    // Its column is still its own: only variables that were exchanged have moved.
+    if (nonbasic_[k] == kVariable) constant += z[static_cast<Index>(k)] * tableau_.col(static_cast<Index>(k));
+  }
+  const auto size = static_cast<Index>(columns.size());
+  Tableau reduced(static_cast<Index>(rows.size()), size + 2);
+  std::vector<Index> basic, nonbasic;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto row = static_cast<Index>(i);
+    for (Index j = 0; j < size; ++j)
+      reduced(row, j) = tableau_(rows[i], columns[static_cast<std::size_t>(j)]);
+    const double q = constant[rows[i]];
+    const double shift = noise(0, static_cast<std::uint64_t>(row));
+    const bool bound = q > 0.0 && reduced.row(row).head(size).maxCoeff() <= tuning::exactness;
+    reduced(row, size) = bound ? 0.0 : way == 0 ? 1.0 : 0.5 + noise(way, row);
+    reduced(row, size + 1) = q + tuning::near * tuning::alike * (1.0 + shift);
+    basic.push_back(basic_[static_cast<std::size_t>(rows[i])]);
+  }
+  for (const Index column : columns) nonbasic.push_back(nonbasic_[static_cast<std::size_t>(column)]);
+  nonbasic.push_back(kTheta);
+  tableau_.swap(reduced);
+  basic_.swap(basic);
+  nonbasic_.swap(nonbasic);
+}
+
+// The first row to reach zero as a nonbasic variable grows; θ before others. −1 if none does.
+Index Lemke::blocking_row(Index column) const {
+  Index first = -1;
+  double shortest = std::numeric_limits<double>::infinity();
+  const auto last = static_cast<Index>(tableau_.cols() - 1);
+  const double tie = 1.0 + tuning::exactness;
+  for (Index row = 0; row < tableau_.rows(); ++row) {
+    const double rate = tableau_(row, column);
+    if (rate > -tuning::exactness) continue;
+    const double length = std::max(tableau_(row, last), 0.0) / -rate;
+    const bool theta = basic_[static_cast<std::size_t>(row)] == kTheta;
+    if (theta ? length <= shortest * tie : length < shortest) {
+      first = row;
+      shortest = length;
+    }
+  }
+  return first;
+}
+
+bool Lemke::follow(Run& run) {
+  const auto theta = static_cast<Index>(tableau_.cols() - 2);
+  Index row = -1;
+  double most = 0.0;
+  for (Index i = 0; i < tableau_.rows(); ++i) {
+    const double needed = -tableau_(i, theta + 1) / tableau_(i, theta);
+    if (tableau_(i, theta + 1) >= 0.0 || !(needed > most)) continue;
+    row = i;
+    most = needed;
+  }
+  if (row < 0) return true;
+  Index column = theta;
+  const Index pairs = problem_.pairs();
+  const Index pivots = tuning::lemke_pivots * pairs;
+  for (Index pivot = 0; pivot < pivots && !run.interrupted(); ++pivot) {
+    if (pivot % pairs == 0) ++run.factorizations;  // n pivots of a row each
+    const Index leaving = basic_[static_cast<std::size_t>(row)];
+    exchange(row, column);
+    if (leaving == kTheta) return true;
+    const Index entering = leaving < pairs ? leaving + pairs : leaving - pairs;
+    column = static_cast<Index>(std::ranges::find(nonbasic_, entering) - nonbasic_.begin());
+    if (column >= theta + 1) return false;
+    row = blocking_row(column);
+    if (row < 0) return false;
+  }
+  return false;
+}
+
+bool Lemke::run(Run& run, int way, ConstVectorRef z, WorkingSet& set) {
+  ++run.factorizations;
+  if (!choose_unknowns(run, way)) return false;
+  reduce(way, z);
+  if (tableau_.rows() != problem_.pairs() || tableau_.cols() != problem_.pairs() + 2) return false;
+  if (!follow(run)) return false;
+  for (const Index side : nonbasic_) {
+    if (side < 0) continue;
+    const Index pair = side % problem_.pairs();
+    set.fix(pair, side < problem_.pairs(), false);
+  }
+  return true;
+}
+
+}  // namespace marble

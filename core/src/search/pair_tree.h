@@ -1,0 +1,63 @@
+// A tree over the pairs, for when nothing else has found a feasible branch: in each node some pairs have a
+// side fixed at zero and both sides of the others are free.
+//
+// Depth first. A node is the elastic relaxation, from its parent's optimum; one that cannot be feasible is
+// cut, by a proof if its multipliers are one, and one that can be is divided at the pair that is farthest
+// from complementary. If all are cut by proofs there is no feasible point.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "branch/branch_engines.h"
+
+namespace marble {
+
+class PairTree {
+ public:
+  explicit PairTree(const ScaledProblem& problem);
+
+  enum class End {
+    found,    ///< a branch that was accepted
+    refuted,  ///< every branch is proved to be infeasible
+    stopped,  ///< by its budget, or not every end was a proof
+  };
+  /// Whether a branch whose relaxation is feasible in z, both scaled, is one to end with.
+  using Accept = std::function<bool(ConstVectorRef z, const WorkingSet& branch)>;
+  /// Searches from z (scaled), up to the run's given count of factorizations.
+  [[nodiscard]] End run(Run& run, ConstVectorRef z, int last_factorization, const Accept& accept);
+
+  /// Whether its forks would not take too much memory.
+  [[nodiscard]] bool applies() const;
+  [[nodiscard]] int nodes() const { return nodes_; }  ///< of the last run()
+  /// Of a run that refuted: no z with |z|∞ up to this is feasible, user units, rounding paid for.
+  [[nodiscard]] double radius() const { return radius_; }
+
+ private:
+  // A node whose other child is still to be looked at.
+  struct Fork {
+    Iterate x;
+    WorkingSet set;
+    Index side;  // of that child
+  };
+  enum class Node { feasible, cut, failed };
+  [[nodiscard]] Node solve(Run& run, int last_factorization);
+  [[nodiscard]] Index worst_pair(double& apart) const;
+  [[nodiscard]] bool is_open(Index pair) const;
+  [[nodiscard]] Index smaller_side(Index pair) const;
+  void fix(Index side);
+  void branch_of(WorkingSet& branch) const;
+  [[nodiscard]] bool back();
+
+  const ScaledProblem& problem_;
+  ScaledProblem relaxed_;  // each side a pair of its own with 0: fixed, or free
+  std::unique_ptr<Kkt> kkt_;
+  std::unique_ptr<BranchEngines> engines_;
+  std::vector<Fork> forks_;
+  bool proved_ = true;
+  double radius_ = 0.0;
+  int nodes_ = 0;
+};
+
+}  // namespace marble
