@@ -23,6 +23,15 @@ from server import Server, eventually, free_port
 
 BINARIES, SCREENSHOTS, AXE = sys.argv[1], Path(sys.argv[2]), sys.argv[3]
 
+# Whether a canvas shows more than a few colours.
+DRAWN = """
+    const canvas = document.querySelector(arguments[0]);
+    if (!canvas || !canvas.width) return false;
+    const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+    const colours = new Set();
+    for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) colours.add(data[i] << 16 | data[i + 1] << 8 | data[i + 2]);
+    return colours.size > 10"""
+
 
 def fetch(url, token=None):
     request = urllib.request.Request(url, headers={"Authorization": f"Bearer {token}"} if token else {})
@@ -144,15 +153,8 @@ class Page(unittest.TestCase):
         self.browser.find(f".job-row[data-job='{job}']").click()
         self.browser.wait_text("#job-id", job)
         self.browser.wait_text("#job-status", "solved")
-        drawn = """
-            const canvas = document.querySelector(arguments[0]);
-            if (!canvas || !canvas.width) return false;
-            const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
-            const colours = new Set();
-            for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) colours.add(data[i] << 16 | data[i + 1] << 8 | data[i + 2]);
-            return colours.size > 10"""
-        self.browser.wait(drawn, "#convergence")
-        self.browser.wait(drawn, "#objective-plot")
+        self.browser.wait(DRAWN, "#convergence")
+        self.browser.wait(DRAWN, "#objective-plot")
         self.assertTrue(self.browser.find("#convergence").get_attribute("aria-label"))
         self.browser.wait("return document.querySelector('.pairs-panel canvas, .pairs-panel svg') !== null")
         self.assertIn("Iteration", self.browser.text(".pairs-panel"))
@@ -168,6 +170,31 @@ class Page(unittest.TestCase):
             self.assertIn(part, timings)
         self.browser.driver.back()
         self.browser.wait("return !document.querySelector('#overview').hidden")
+        self.assertEqual(self.browser.complaints(), [])
+
+    def test_a_proof_shows_incumbent_and_bound_closing_and_its_nodes(self):
+        server = self.start()
+        limits = ["--option", "global=true", "--option", "node_limit=300", "--option", "gap_tolerance=0"]
+        server.run("solve", "--quiet", *limits, server.example("qpec"), check=False)
+        [job] = server.jobs()
+        self.assertFalse(job["proved"])
+        self.open(server, f"/#/jobs/{job['job_id']}")
+        self.browser.wait(DRAWN, "#proof-plot")
+        told = self.browser.find("#proof-plot").get_attribute("aria-label").replace("\u202f", "")
+        numbers = [float(text) for text in re.findall(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?", told)]
+        for shown, name in zip(numbers, ("incumbent", "bound", "gap", "nodes")):
+            self.assertLessEqual(abs(shown - job[name]), 0.06 * abs(job[name]) if name == "gap" else 1e-6 * abs(job[name]), name)
+        self.browser.wait_text("#why", "Not proved. The best point has objective")
+        facts = self.browser.text("#facts").replace("\u202f", "")
+        for name, number in (("Nodes", job["nodes"]), ("Open nodes", job["open_nodes"])):
+            self.assertRegex(facts, rf"{name}\s+{number}\b")
+        server.run("solve", "--quiet", "--option", "global=true", server.tiny())
+        self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
+        self.browser.wait_text("#why", "Proved optimal: gap")
+        server.run("solve", "--quiet", server.tiny())
+        self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
+        self.browser.wait(DRAWN, "#convergence")
+        self.assertFalse(self.browser.find("#proof-plot").is_displayed())
         self.assertEqual(self.browser.complaints(), [])
 
     def test_a_running_job_grows_before_the_eyes(self):
