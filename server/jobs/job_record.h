@@ -14,7 +14,6 @@
 #include "base/trace_context.h"
 #include "jobs/pair_history.h"
 #include "jobs/progress_history.h"
-#include "marble/contract.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
@@ -24,9 +23,6 @@
 namespace marble::server {
 
 using Clock = std::chrono::steady_clock;
-
-constexpr std::size_t kLongestRequestId = contract::longest_request_id;  // bytes
-constexpr std::size_t kLongestName = contract::longest_problem_name;     // bytes
 
 enum class JobKind { solve, batch, submitted, session };
 enum class JobState { queued, running, idle, finished };
