@@ -20,9 +20,7 @@ double noise(std::uint64_t a, std::uint64_t b) {
 
 // What a row or column of the tableau stands for: an equality's value or a row of [C; L; R] by its number, or
 // a variable, or θ, by these.
-constexpr Index kEquality = -1;
-constexpr Index kVariable = -2;
-constexpr Index kTheta = -3;
+enum : Index { kTheta = -3, kVariable, kEquality };
 
 }  // namespace
 
