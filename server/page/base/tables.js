@@ -35,7 +35,7 @@ export const STATUSES = {
   locally_infeasible: {
     tone: "bad",
     means: "The search ended where the violation cannot be lowered any further; no feasible point is near. Others may exist elsewhere.",
-    advice: "Start elsewhere (x0), try starts = 8, or raise local_search_budget. If it happens with every start, suspect the data of the largest violation.",
+    advice: "Raise feasibility_budget, or start elsewhere (x0). If it happens with every start, suspect the data of the largest violation.",
   },
   unbounded: {
     tone: "bad",
