@@ -5,12 +5,12 @@
 #include <cmath>
 #include <limits>
 
-#include "convergence.h"
-#include "gnuplot.h"
 #include "marble/progress_csv.h"
 #include "terminal/sparkline.h"
 #include "terminal/terminal_plot.h"
-#include "trace_file.h"
+#include "trace/convergence.h"
+#include "trace/gnuplot.h"
+#include "trace/trace_file.h"
 
 namespace marble::cli {
 namespace {

@@ -2,15 +2,15 @@
 #include <algorithm>
 #include <array>
 
-#include "../convergence.h"
-#include "../job_report.h"
-#include "../terminal/terminal_plot.h"
-#include "layout.h"
+#include "output/job_report.h"
+#include "terminal/terminal_plot.h"
+#include "trace/convergence.h"
+#include "watch/layout.h"
 
 namespace marble::cli {
 namespace {
 
-constexpr int kRoomyHeight = 18;
+constexpr int kRoomyJobHeight = 18;
 constexpr int kBetweenFacts = 3;  // columns
 constexpr int kLeastPlot = 6, kMostPlot = 24;
 
@@ -82,7 +82,7 @@ std::vector<Line> time_facts(const JobInfo& job) {
 Lines why_lines(const JobInfo& job, const Look& look) {
   if (job.state != JobState::finished) return {};
   const std::string why = job.error ? job.error->message() : job.detail;
-  const std::size_t most = look.size.height >= kRoomyHeight ? 3 : 1;
+  const std::size_t most = look.size.height >= kRoomyJobHeight ? 3 : 1;
   return wrapped(shown_text(why, look.unicode), look.size.width, most, style_of(job));
 }
 
@@ -158,7 +158,7 @@ Lines plot(const OpenedJob& opened, const Look& look, int height) {
 Lines job_lines(const OpenedJob& opened, const Look& look, int height) {
   const JobInfo& job = opened.job;
   const int width = look.size.width;
-  const bool roomy = look.size.height >= kRoomyHeight;
+  const bool roomy = look.size.height >= kRoomyJobHeight;
   const std::size_t most = roomy ? 2 : 1;
   Lines lines = flowed(job_facts(opened, look.unicode), width, 1);
   if (roomy) append(lines, flowed(origin_facts(job, look.unicode), width, most));
