@@ -219,6 +219,7 @@ const std::function<void()>& Scheduler::begin_task(SharedTasks& shared) {
 }
 
 void Scheduler::run(std::span<const std::function<void()>> tasks) {
+  if (tasks.empty()) return;  // begin_task would never take it out again
   SharedTasks shared{tasks};
   const auto next_task = [&]() ABSL_LOCKS_EXCLUDED(mutex_) -> const std::function<void()>* {
     const MutexLock lock(mutex_);
