@@ -124,9 +124,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
                                              const std::weak_ptr<RoomWaiter>& waiter)
       ABSL_LOCKS_EXCLUDED(mutex_);
   void work() ABSL_LOCKS_EXCLUDED(mutex_);
-  // Tasks of a running job. On the stack of run(), which outlives every use: it is in shared_tasks_ only
-  // while there are tasks to begin, and whoever took it from there counts as a helper, for whom run() waits.
-  // No task throws.
+  // Tasks of a running job; on its worker's stack, and in shared_tasks_ while there are some to begin.
   struct SharedTasks {
     std::span<const std::function<void()>> tasks;
     std::size_t next = 0;
