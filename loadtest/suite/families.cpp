@@ -32,19 +32,6 @@ OwnedProblem perturb(OwnedProblem p, double size, std::uint64_t seed) {
   return p;
 }
 
-std::vector<std::filesystem::path> files(const std::filesystem::path& folder) {
-  std::vector<std::filesystem::path> all;
-  if (!std::filesystem::is_directory(folder)) {
-    std::printf("no problems at %s: skipped\n\n", folder.c_str());
-    return all;
-  }
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    if (entry.path().extension() == ".json") all.push_back(entry.path());
-  }
-  std::ranges::sort(all);
-  return all;
-}
-
 double best_of(const OwnedProblem& problem, int starts) {
   Options options;
   options.starts = starts;
@@ -71,6 +58,19 @@ double infeasibility(const OwnedProblem& p, const Solution& s) {
 }
 
 }  // namespace
+
+std::vector<std::filesystem::path> files(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> all;
+  if (!std::filesystem::is_directory(folder)) {
+    std::printf("no problems at %s: skipped\n\n", folder.c_str());
+    return all;
+  }
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (entry.path().extension() == ".json") all.push_back(entry.path());
+  }
+  std::ranges::sort(all);
+  return all;
+}
 
 std::vector<Record> macmpec(const Settings& settings) {
   std::vector<Record> records;

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "record.h"
 
@@ -11,8 +13,12 @@ struct Settings {
   std::filesystem::path benchmarks;  ///< MacMPEC and robotics problems with references; may not exist
   int seeds = 20;                    ///< of the random families
   int starts = 8;                    ///< of the references where none is known
+  double time_limit_s = 60.0;        ///< of a proof
+  std::string only;                  ///< of the problems to prove, that one; all if empty
 };
 
+/// The problems of a folder, in alphabetical order.
+[[nodiscard]] std::vector<std::filesystem::path> files(const std::filesystem::path& folder);
 /// Default options on each MacMPEC problem, against the best known objective.
 [[nodiscard]] std::vector<Record> macmpec(const Settings& settings);
 /// Each MacMPEC problem with its data × (1 + 1e-3 noise), `seeds` times, against the best of `starts` starts.
@@ -29,6 +35,8 @@ void warm(const Settings& settings);
 void mpc(const Settings& settings);
 /// The hopper at horizons of 30 to 480 steps.
 void growth(const Settings& settings);
+/// Branch and bound on problems with known optima and on the paper's: bounds, nodes and their cost.
+void global(const Settings& settings);
 /// Two solves at a time on two threads against one.
 void throughput(const Settings& settings);
 
