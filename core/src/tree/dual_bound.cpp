@@ -16,7 +16,7 @@ double outward(double value, double direction) {
 
 }  // namespace
 
-Box::Box(const ScaledProblem& p, double radius) {
+Box::Box(const ScaledProblem& p, double far) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   lower.setConstant(p.variables(), -kInfinity);
   upper.setConstant(p.variables(), kInfinity);
@@ -35,12 +35,7 @@ Box::Box(const ScaledProblem& p, double radius) {
   };
   tighten(p.A, p.b, true);
   tighten(p.rows, p.offset, false);
-  bounded = lower.allFinite() && upper.allFinite();
-  for (Index j = 0; j < p.variables(); ++j) {
-    const double far = radius / p.variable_scale[j];
-    if (!std::isfinite(lower[j])) lower[j] = -far;
-    if (!std::isfinite(upper[j])) upper[j] = far;
-  }
+  radius = far / p.variable_scale.array();
 }
 
 DualBound::DualBound(const ScaledProblem& problem)
@@ -64,24 +59,30 @@ void DualBound::add_rows(ConstVectorRef y, ConstVectorRef mu) {
 // The value with what r costs at the worst point of the box.
 double DualBound::settle(const Box& box) {
   paid_ = value_.error(tuning::bound_roundoff);
+  double negligible = 0.0;
+  for (const CarefulSum& entry : residual_) negligible = std::max(negligible, entry.error(tuning::exactness));
   for (Index j = 0; j < problem_.variables(); ++j) {
     const CarefulSum& entry = residual_[static_cast<std::size_t>(j)];
     const double error = entry.error(tuning::bound_roundoff);
-    const double low = entry.value() - error;
-    const double high = entry.value() + error;
-    paid_ -= std::min(std::min(low * box.lower[j], high * box.lower[j]),
-                      std::min(low * box.upper[j], high * box.upper[j]));
+    const bool small = std::abs(entry.value()) <= negligible;
+    const auto least = [&](double coefficient) {
+      const double at = coefficient > 0.0 ? box.lower[j] : box.upper[j];
+      if (std::isfinite(at)) return coefficient * at;
+      return small ? -std::abs(coefficient) * box.radius[j] : -std::numeric_limits<double>::infinity();
+    };
+    paid_ -= std::min(least(entry.value() - error), least(entry.value() + error));
   }
   // The sum above has its own rounding.
-  const double bound = value_.value() - paid_ -
-                       tuning::bound_roundoff * (1.0 + problem_.variables()) * std::abs(paid_);
+  const double bound =
+      value_.value() - paid_ - tuning::bound_roundoff * (1.0 + problem_.variables()) * std::abs(paid_);
   return std::isfinite(bound) ? bound : -std::numeric_limits<double>::infinity();
 }
 
 double DualBound::of_objective(const Box& box, ConstVectorRef z, ConstVectorRef y, ConstVectorRef mu) {
   std::fill(residual_.begin(), residual_.end(), CarefulSum());
   value_ = {};
-  for (Index j = 0; j < problem_.variables(); ++j) residual_[static_cast<std::size_t>(j)].add(problem_.g[j], 1.0);
+  for (Index j = 0; j < problem_.variables(); ++j)
+    residual_[static_cast<std::size_t>(j)].add(problem_.g[j], 1.0);
   const SymmetricMatrix& Q = problem_.Q;
   for (Index column = 0; column < Q.size; ++column) {
     for (Index k = Q.column_pointers[column]; k < Q.column_pointers[column + 1]; ++k) {

@@ -13,7 +13,8 @@ using End = Relaxation::End;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Sides with(Sides sides, bool s) {
-  return static_cast<Sides>(static_cast<unsigned>(sides) | static_cast<unsigned>(s ? Sides::s_zero : Sides::t_zero));
+  return static_cast<Sides>(static_cast<unsigned>(sides) |
+                            static_cast<unsigned>(s ? Sides::s_zero : Sides::t_zero));
 }
 
 }  // namespace
@@ -48,7 +49,8 @@ void Expander::expand(Expansion& e, const Interrupt& interrupt) {
   const Index pair = choose(e);
   const bool free = pair >= 0;
   const Vector& v = relaxation_.set().slacks();
-  const bool complementary = !free || std::min(v[rows.s(pair)], v[rows.t(pair)]) <= tuning::tree_complementary;
+  const bool complementary =
+      !free || std::min(v[rows.s(pair)], v[rows.t(pair)]) <= tuning::tree_complementary;
   if (e.suggest || (complementary && !e.node.exhausted)) e.suggestion = suggestion();
   if (!free || (complementary && !e.node.exhausted)) {
     e.outcome = free ? Expansion::Outcome::complementary : Expansion::Outcome::leaf;
@@ -125,7 +127,8 @@ std::optional<int> Expander::probe_all(Fixings& fixings, const Box& box, double 
   for (Index pair = 0; pair < rows.pairs; ++pair) {
     for (const bool s : {true, false}) {
       const Index row = s ? rows.s(pair) : rows.t(pair);
-      if (fixings[pair] != Sides::relaxed || relaxation_.set().is_held(row) || interrupt.requested()) continue;
+      if (fixings[pair] != Sides::relaxed || relaxation_.set().is_held(row) || interrupt.requested())
+        continue;
       relaxation_.save(state_);
       relaxation_.fix(row);
       const End end = relaxation_.solve(box, cutoff, interrupt);

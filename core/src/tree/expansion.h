@@ -22,8 +22,8 @@ struct Expansion {
   const Relaxation::Center* center = nullptr;
   const Box* box = nullptr;
   const PseudoCosts* costs = nullptr;
-  double cutoff = 0.0;        ///< scaled objective: what is not below it is closed
-  bool suggest = false;       ///< whether its point is to be tried even if it is not complementary
+  double cutoff = 0.0;   ///< scaled objective: what is not below it is closed
+  bool suggest = false;  ///< whether its point is to be tried even if it is not complementary
 
   /// What has come of it.
   enum class Outcome {
@@ -36,7 +36,7 @@ struct Expansion {
   Outcome outcome = Outcome::interrupted;
   double closed_bound = 0.0;  ///< the least of what was closed; +∞ if nothing or infeasible
   std::vector<Node> children;
-  int bounded = 0;            ///< children whose bound was found
+  int bounded = 0;  ///< children whose bound was found
   PseudoCosts::Gain gains[2];
   std::optional<Suggestion> suggestion;
 };
@@ -61,8 +61,8 @@ class Expander {
  private:
   [[nodiscard]] Index choose(const Expansion& expansion) const;
   void bound_child(Expansion& expansion, Index pair, bool s, const Interrupt& interrupt);
-  [[nodiscard]] std::optional<int> probe_all(Fixings& fixings, const Box& box, double cutoff, double& closed_bound,
-                           const Interrupt& interrupt);
+  [[nodiscard]] std::optional<int> probe_all(Fixings& fixings, const Box& box, double cutoff,
+                                             double& closed_bound, const Interrupt& interrupt);
 
   const ScaledProblem& problem_;
   Relaxation relaxation_;

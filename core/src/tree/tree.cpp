@@ -38,7 +38,8 @@ TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, double mo
   const Run::Polishing polishing(run);
   const double bytes = Gram::most_bytes(problem_);
   most_nodes_ = (most_bytes - bytes) / Node::bytes(problem_.layout);
-  if (!(most_nodes_ >= tuning::tree_least_nodes)) return none("not proved: a tree needs more memory than there is");
+  if (!(most_nodes_ >= tuning::tree_least_nodes))
+    return none("not proved: a tree needs more memory than there is");
   gram_ = std::make_unique<Gram>(problem_);
   expanders_.clear();
   if (!make_expanders(run, 1)) {
@@ -50,7 +51,8 @@ TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, double mo
     }
     return none("not proved: Q is not convex");
   }
-  if (!known_convex && !expanders_[0]->relaxation().is_convex(run)) return none("not proved: Q is not convex");
+  if (!known_convex && !expanders_[0]->relaxation().is_convex(run))
+    return none("not proved: Q is not convex");
   open_.clear();
   tried_.clear();
   costs_ = PseudoCosts(problem_.pairs());
@@ -61,7 +63,8 @@ TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, double mo
   if (const auto end = begin(run, z)) return *end == TreeResult::End::limit ? stopped(run) : result(*end);
   report(run);
   while (!open_.empty()) {
-    if (incumbent_.exists() && gap() <= options_.gap_tolerance) break;
+    if (open_.front().bound >= cutoff()) close_all();
+    if (open_.empty()) break;
     if (run.interrupted() || nodes_ + 2 > options_.node_limit || !round(run)) return stopped(run);
     report(run);
   }
@@ -82,7 +85,7 @@ bool Tree::make_expanders(Run& run, std::size_t count) {
 // The root; where there is an incumbent, what it fixes for good. An end, if that is all.
 std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
   const Vector& from = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
-  radius_ = tuning::proof_farther * (1.0 + max_abs(from.cwiseProduct(problem_.variable_scale)));
+  radius_ = tuning::tree_radius * (1.0 + max_abs(from.cwiseProduct(problem_.variable_scale)));
   box_.emplace(problem_, radius_);
   Relaxation& relaxation = expanders_[0]->relaxation();
   if (!relaxation.start(from)) return TreeResult::End::limit;
@@ -103,8 +106,7 @@ std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
   if (end == End::optimal) try_as_answer(run, expanders_[0]->suggestion());
   center_ = relaxation.center();
   Fixings fixings(static_cast<std::size_t>(problem_.pairs()));
-  if (incumbent_.exists() &&
-      !expanders_[0]->probe(fixings, *box_, cutoff(), closed_bound_, run.interrupt()))
+  if (incumbent_.exists() && !expanders_[0]->probe(fixings, *box_, cutoff(), closed_bound_, run.interrupt()))
     return TreeResult::End::exhausted;
   root = Node(problem_.layout, fixings, relaxation.set().held());
   root.bound = relaxation.bound();
@@ -118,9 +120,16 @@ void Tree::push(Node node) {
   std::push_heap(open_.begin(), open_.end(), is_after);
 }
 
+// No open node can have a better answer.
+void Tree::close_all() {
+  close(open_.front().bound);
+  open_.clear();
+}
+
 // The least bounds; where room runs out, or as long as there is no answer, the deepest nodes.
 void Tree::choose_nodes(std::size_t count) {
-  const bool dive = !incumbent_.exists() || static_cast<double>(open_.size()) + 2.0 * tuning::tree_round > most_nodes_;
+  const bool dive =
+      !incumbent_.exists() || static_cast<double>(open_.size()) + 2.0 * tuning::tree_round > most_nodes_;
   const double limit = cutoff();
   chosen_ = 0;
   while (chosen_ < count && !open_.empty()) {
@@ -224,7 +233,8 @@ void Tree::try_as_answer(Run& run, const Suggestion& suggestion) {
   if (!tried_.insert(hash).second) return;
   point_.restore(x, set);
   const auto outcome = incumbent_.solve_branch(run, "tree", tuning::engine_budget);
-  if (outcome == Incumbent::Outcome::not_exact && !incumbent_.exists()) incumbent_.offer(x, images, set, "tree");
+  if (outcome == Incumbent::Outcome::not_exact && !incumbent_.exists())
+    incumbent_.offer(x, images, set, "tree");
 }
 
 // Nodes whose bound is not below this are closed.
@@ -242,7 +252,8 @@ double Tree::bound() const {
   double least = closed_bound_;
   if (!open_.empty()) least = std::min(least, open_.front().bound);
   const double user = least / problem_.cost_scale;
-  const double rounded = user + problem_.c0 - tuning::bound_roundoff * (std::abs(user) + std::abs(problem_.c0));
+  const double rounded =
+      user + problem_.c0 - tuning::bound_roundoff * (std::abs(user) + std::abs(problem_.c0));
   const double objective =
       incumbent_.exists() ? problem_.user_objective(incumbent_.best().objective) : kInfinity;
   return std::min(std::isfinite(least) ? rounded : least, objective);
@@ -277,7 +288,8 @@ TreeResult Tree::stopped(Run& run) const {
   TreeResult result = this->result(TreeResult::End::limit);
   const auto reason = run.interrupted();
   result.limit = reason.value_or(Status::iteration_limit);
-  if (!reason) result.remark += nodes_ + 2 > options_.node_limit ? "; node_limit" : "; no memory for more nodes";
+  if (!reason)
+    result.remark += nodes_ + 2 > options_.node_limit ? "; node_limit" : "; no memory for more nodes";
   return result;
 }
 
@@ -295,7 +307,8 @@ void Tree::report(Run& run) {
   }
   run.told_iteration = -1;
   if (incumbent_.exists()) {
-    reporter_.tell(run, incumbent_.best().x.z(), incumbent_.best().objective, incumbent_.best().violations, row);
+    reporter_.tell(run, incumbent_.best().x.z(), incumbent_.best().objective, incumbent_.best().violations,
+                   row);
   } else {
     point_.x.z() = center_.z;
     point_.images.evaluate(problem_, point_.x);

@@ -24,7 +24,8 @@ struct TreeResult {
   /// How it ended.
   enum class End {
     none,        ///< there was none: `remark` says why
-    exhausted,   ///< no node is open: the incumbent is within the tolerance, or the bound says how far it is not
+    exhausted,   ///< no node is open: the incumbent is within the tolerance, or the bound says how far it is
+                 ///< not
     infeasible,  ///< no node is open, and each contradicts itself
     limit,       ///< nodes are open: `limit` says which
   };
@@ -52,6 +53,7 @@ class Tree {
   void choose_nodes(std::size_t count);
   void take(Run& run, Expansion& expansion);
   void close(double bound) { closed_bound_ = std::min(closed_bound_, bound); }
+  void close_all();
   void push(Node node);
   void try_as_answer(Run& run, const Suggestion& suggestion);
   [[nodiscard]] double cutoff() const;
