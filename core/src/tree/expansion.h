@@ -4,9 +4,9 @@
 
 #include <optional>
 
+#include "relaxation/relaxation.h"
 #include "tree/node.h"
 #include "tree/pseudo_costs.h"
-#include "tree/relaxation.h"
 
 namespace marble {
 

@@ -1,4 +1,4 @@
-#include "tree/relaxation.h"
+#include "relaxation/relaxation.h"
 
 #include <algorithm>
 #include <cmath>

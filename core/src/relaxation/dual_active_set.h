@@ -11,8 +11,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "tree/cholesky.h"
-#include "tree/gram.h"
+#include "relaxation/cholesky.h"
+#include "relaxation/gram.h"
 
 namespace marble {
 

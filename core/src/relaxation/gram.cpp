@@ -1,4 +1,4 @@
-#include "tree/gram.h"
+#include "relaxation/gram.h"
 
 #include "tuning.h"
 

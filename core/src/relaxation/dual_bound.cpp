@@ -1,4 +1,4 @@
-#include "tree/dual_bound.h"
+#include "relaxation/dual_bound.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "tree/cholesky.h"
+#include "relaxation/cholesky.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "tree/dual_active_set.h"
+#include "relaxation/dual_active_set.h"
 
 #include <algorithm>
 #include <cmath>

@@ -8,9 +8,9 @@
 
 #include <memory>
 
+#include "relaxation/dual_active_set.h"
+#include "relaxation/dual_bound.h"
 #include "run/run.h"
-#include "tree/dual_active_set.h"
-#include "tree/dual_bound.h"
 
 namespace marble {
 
@@ -53,6 +53,7 @@ class Relaxation {
   [[nodiscard]] const Vector& y() const { return y_; }
   [[nodiscard]] const DualActiveSet& set() const { return set_; }
   [[nodiscard]] double first_gain(Index row) { return set_.first_gain(row); }
+  [[nodiscard]] double bytes() { return system_.kkt().bytes(); }
   [[nodiscard]] std::int64_t steps() const { return set_.steps(); }
 
   /// All of it, to come back to.
