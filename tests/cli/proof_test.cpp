@@ -11,8 +11,7 @@ constexpr const char* kGlobal = " --option global=true ";
 class Proving : public Cli {
  protected:
   // No tree of it comes to an end in the time of a test.
-  std::string endless() { return quoted(file("hopper.json", run("example hopper").out)); }
-  std::string small() { return quoted(file("hopper.json", run("example hopper --steps 5").out)); }
+  std::string endless() { return quoted(file("qpec.json", run("example qpec").out)); }
   Json info(const ServerProcess& server) {
     return run("info --output json --server " + server.address()).lines().at(0);
   }
@@ -40,7 +39,7 @@ TEST_F(Proving, IsToldInWordsAndInJson) {
 TEST_F(Proving, HasATableOfItsOwnATraceAndAPicture) {
   const std::string csv = directory_.file("proof.csv");
   const Result result =
-      run("solve --local --option node_limit=200 --trace " + quoted(csv) + kGlobal + small());
+      run("solve --local --option node_limit=200 --trace " + quoted(csv) + kGlobal + endless());
   EXPECT_NE(result.err.find("complem."), std::string::npos) << "the local search comes first: " << result.err;
   EXPECT_NE(result.err.find(" nodes     open      incumbent          bound       gap  nodes/s"),
             std::string::npos)

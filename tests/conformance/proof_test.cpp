@@ -25,21 +25,20 @@ class ProofTest : public ::testing::Test {
   [[nodiscard]] int running() const { return client_.info()->running; }
 
   // No tree of it comes to an end in the time of a test.
-  const OwnedProblem endless_ = examples::hopper();
+  const OwnedProblem endless_ = examples::qpec({}, 0);
   ServerProcess server_{MARBLE_SERVER_BINARY, {"--workers", "2"}};
   Client client_ = Client::connect(server_.address()).value();
 };
 
 TEST_F(ProofTest, IsTheSameHereAndThereWhetherAnotherWorkerHelpsOrNot) {
-  const OwnedProblem problem = examples::hopper({.steps = 6});
-  const Solution here = solve_in_process(problem.view(), global(200)).value();
-  EXPECT_GT(here.nodes, 20);
-  const auto helped = client_.solve(problem.view(), global(200));
+  const Solution here = solve_in_process(endless_.view(), global(200)).value();
+  EXPECT_GT(here.nodes, 100);
+  const auto helped = client_.solve(endless_.view(), global(200));
   ASSERT_TRUE(helped.has_value()) << helped.error().message();
   expect_same_bits(*helped, here);
   const auto other = client_.jobs().submit(endless_.view(), global());
   ASSERT_TRUE(eventually([&] { return running() == 1; }));
-  const auto alone = client_.solve(problem.view(), global(200));
+  const auto alone = client_.solve(endless_.view(), global(200));
   ASSERT_TRUE(alone.has_value()) << alone.error().message();
   expect_same_bits(*alone, here);
   EXPECT_TRUE(client_.jobs().cancel(other->job_id).has_value());
@@ -64,8 +63,7 @@ struct Closing final : ProgressSink {
 
 TEST_F(ProofTest, ProgressClosesInFromBothSides) {
   Closing closing;
-  const auto answer =
-      client_.solve(examples::hopper({.steps = 6}).view(), global(200), {.progress = &closing});
+  const auto answer = client_.solve(endless_.view(), global(200), {.progress = &closing});
   ASSERT_TRUE(answer.has_value()) << answer.error().message();
   ASSERT_GT(closing.rows.size(), 1U);
   for (std::size_t i = 1; i < closing.rows.size(); ++i) {

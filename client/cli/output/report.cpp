@@ -18,8 +18,16 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
   return text;
 }
 
+// The first part of the detail; of a tree's, where the proof comes first, the second.
+std::string found_by(const Answer& s) {
+  const std::size_t end = s.detail.find("; ");
+  if (s.nodes == 0 || end == std::string::npos) return s.detail.substr(0, end);
+  return s.detail.substr(end + 2, s.detail.find("; ", end + 2) - end - 2);
+}
+
 std::string speed_text(const Answer& s) {
-  if (!(s.times.solve_s > 0.0)) return "";
+  constexpr std::int64_t kEnoughToTell = 100;
+  if (s.nodes < kEnoughToTell || !(s.times.solve_s > 0.0)) return "";
   return format(", %.0f nodes a second", static_cast<double>(s.nodes) / s.times.solve_s);
 }
 
@@ -49,7 +57,7 @@ std::string summary(const Subject& p, const Answer& s) {
     text += format(", %.3f ms in the queue", 1e3 * s.queue_s) + "  (job " + s.job_id + ")";
   text += "\n";
   if (is_solved(s.status)) {
-    text += "  found by        " + s.detail.substr(0, s.detail.find(';')) + "\n";
+    text += "  found by        " + found_by(s) + "\n";
     text += std::string("  stationarity    ") + to_string(s.stationarity) +
             (s.b_stationary.value_or(false) ? ", no descent on any branch\n" : "\n");
     text += std::string("  second order    ") + to_string(s.second_order) + "\n";

@@ -1,9 +1,12 @@
-// Is it the optimum? A plan through gates with a proof: incumbent and bound close in on each other, and after
-// 10 s the answer says how far apart they are left.
+// Is it the optimum? A plan through gates with a proof: incumbent and bound close in on each other, and when
+// the time is over the answer says how far apart they are left.
+//
+// Usage: proof [SECONDS]    default 10
 #include <marble/client.h>
 #include <marble/examples.h>
 
 #include <cstdio>
+#include <cstdlib>
 
 namespace {
 
@@ -23,11 +26,11 @@ class Closing : public marble::ProgressSink {
 
 }  // namespace
 
-int main() {
+int main(int count, char** words) {
   const marble::OwnedProblem problem = marble::examples::gates();
   marble::Options options;
   options.global = true;
-  options.time_limit_s = 10.0;
+  options.time_limit_s = count > 1 ? std::atof(words[1]) : 10.0;
   Closing closing;
   std::printf("%10s %15s %14s %14s\n", "time", "", "incumbent", "bound");
   const auto answer = marble::solve(problem.view(), options, {.progress = &closing});
