@@ -149,6 +149,20 @@ TEST_F(ProofTest, OneWhoseCallerIsGoneEnds) {
   EXPECT_TRUE(eventually([&] { return running() == 0; }));
 }
 
+TEST_F(ProofTest, ATreeStaysWithinTheMemoryOfASolve) {
+  const auto local = client_.solve(endless_.view());
+  const std::int64_t bytes = client_.jobs().get(local->job_id)->job.memory_bytes;
+  ASSERT_GT(bytes, 0);
+  const ServerProcess small(MARBLE_SERVER_BINARY, {"--solve-bytes", std::to_string(bytes + 1000)});
+  const auto answer = Client::connect(small.address())->solve(endless_.view(), global());
+  ASSERT_TRUE(answer.has_value()) << answer.error().message();
+  EXPECT_EQ(answer->status, Status::solved);
+  EXPECT_EQ(answer->objective, local->objective);
+  EXPECT_FALSE(answer->proved);
+  EXPECT_EQ(answer->nodes, 0) << "not even a few nodes fit";
+  EXPECT_NE(answer->detail.find("memory"), std::string::npos) << answer->detail;
+}
+
 TEST_F(ProofTest, ASessionProvesEveryTick) {
   examples::HopperParameters parameters{.steps = 3};
   auto session = client_.open_session(examples::hopper(parameters).view(), global());
