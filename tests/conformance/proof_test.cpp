@@ -171,8 +171,12 @@ TEST_F(ProofTest, ASessionProvesEveryTick) {
   for (int tick = 0; tick < 3; ++tick) {
     ASSERT_TRUE(answer.has_value()) << answer.error().message();
     ASSERT_TRUE(answer->proved) << answer->detail;
+    const double scale = std::max(1.0, std::abs(answer->objective));
     const Solution cold = solve_in_process(examples::hopper(parameters).view(), global()).value();
-    EXPECT_NEAR(answer->objective, cold.objective, 2e-6 * std::max(1.0, std::abs(cold.objective)));
+    EXPECT_GE(cold.objective, answer->bound - 1e-6 * scale) << "a bound holds for every point";
+    if (cold.proved) {
+      EXPECT_NEAR(answer->objective, cold.objective, 2e-6 * scale);
+    }
     parameters = examples::advance(parameters, answer->z);
     const OwnedProblem next = examples::hopper(parameters);
     answer = session->solve({.c0 = next.c0, .g = next.g, .b = next.b, .d = next.d, .l = next.l, .r = next.r});
