@@ -18,10 +18,13 @@ constexpr const char* kUsage =
     "Runs families of problems and prints what the solver reached on them.\n"
     "Usage: suite [FAMILY ...] [--seeds N] [--starts K] [--profile FILE.svg] [--benchmarks FOLDER]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
-    "Families: macmpec perturbed robotics variants qpecs warm mpc growth units throughput; all of them by "
+    "Families: macmpec perturbed robotics variants qpecs warm mpc growth units throughput global; all of "
+    "them by "
     "default.\n"
     "  --seeds N            of the random families, default 20\n"
     "  --starts K           of the references where none is known, default 8\n"
+    "  --time-limit S       of global, default 60\n"
+    "  --only NAME          of global, that problem\n"
     "  --profile FILE.svg   draw macmpec against its peers\n"
     "  --benchmarks FOLDER  problems with references\n"
     "tune, in a build of the preset tune: what numbers of core/src/tuning.def do on generated families, one "
@@ -80,6 +83,10 @@ int main(int argc, char** argv) {
       settings.seeds = std::max(1, std::atoi(value()));
     } else if (argument == "--starts") {
       settings.starts = std::max(1, std::atoi(value()));
+    } else if (argument == "--time-limit") {
+      settings.time_limit_s = std::max(0.0, std::atof(value()));
+    } else if (argument == "--only") {
+      settings.only = value();
     } else if (argument == "--profile") {
       profile = value();
     } else if (argument == "--benchmarks") {
@@ -99,7 +106,8 @@ int main(int argc, char** argv) {
       {"robotics", suite::robotics}, {"variants", suite::variants},
       {"qpecs", suite::qpecs},       {"warm", suite::warm},
       {"mpc", suite::mpc},           {"growth", suite::growth},
-      {"units", suite::units},       {"throughput", suite::throughput}};
+      {"units", suite::units},       {"throughput", suite::throughput},
+      {"global", suite::global}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
       std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());
