@@ -10,6 +10,7 @@
 
 #include "optimality.h"
 #include "path/path.h"
+#include "path/quadratic.h"
 #include "run/termination.h"
 #include "search/branch_search.h"
 #include "search/incumbent.h"
@@ -53,6 +54,7 @@ class Strategy {
   enum class PathBranch { exact, path_is_lower, not_exact };
 
   [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z);
+  [[nodiscard]] bool solve_quadratic(Run& run, ConstVectorRef initial_z);
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
   [[nodiscard]] PathBranch solve_path_branch(Run& run);
   [[nodiscard]] bool path_is_lower(const Violations& violations, double objective) const;
@@ -65,6 +67,7 @@ class Strategy {
   const ScaledProblem& problem_;
   const Options& options_;
   PathEngine path_;
+  std::optional<QuadraticEngine> quadratic_;  // where there are no pairs
   BranchEngines branch_;
   Incumbent incumbent_;
   BranchSearch search_;

@@ -11,6 +11,7 @@ struct Settings {
   std::filesystem::path benchmarks;  ///< MacMPEC and robotics problems with references; may not exist
   int seeds = 20;                    ///< of the random families
   int starts = 8;                    ///< of the references where none is known
+  std::string peers;                 ///< a command that runs qp_peers.py; empty: no peers
 };
 
 /// Default options on each MacMPEC problem, against the best known objective.
