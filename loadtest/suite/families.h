@@ -14,6 +14,9 @@ struct Settings {
   std::string peers;                 ///< a command that runs qp_peers.py; empty: no peers
 };
 
+/// The problems of a folder in the order of their names; none, said so, where there is no folder.
+[[nodiscard]] std::vector<std::filesystem::path> problem_files(const std::filesystem::path& folder);
+
 /// Default options on each MacMPEC problem, against the best known objective.
 [[nodiscard]] std::vector<Record> macmpec(const Settings& settings);
 /// Each MacMPEC problem with its data × (1 + 1e-3 noise), `seeds` times, against the best of `starts` starts.
@@ -30,6 +33,8 @@ void warm(const Settings& settings);
 void mpc(const Settings& settings);
 /// The hopper at horizons of 30 to 480 steps.
 void growth(const Settings& settings);
+/// Each MacMPEC problem in other units of its variables, rows and cost, 10^-8 to 10^8.
+void units(const Settings& settings);
 /// Two solves at a time on two threads against one.
 void throughput(const Settings& settings);
 

@@ -20,7 +20,7 @@ constexpr const char* kUsage =
     "Usage: suite [FAMILY ...] [--seeds N] [--starts K] [--profile FILE.svg] [--benchmarks FOLDER] [--peers "
     "COMMAND]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
-    "Families: macmpec perturbed robotics variants qpecs warm mpc growth throughput qp; all of them by "
+    "Families: macmpec perturbed robotics variants qpecs warm mpc growth units throughput qp; all of them by "
     "default.\n"
     "  --seeds N            of the random families, default 20\n"
     "  --starts K           of the references where none is known, default 8\n"
@@ -108,6 +108,7 @@ int main(int argc, char** argv) {
       {"warm", suite::warm},
       {"mpc", suite::mpc},
       {"growth", suite::growth},
+      {"units", suite::units},
       {"throughput", suite::throughput},
       {"qp", suite::qp}};
   for (const std::string& name : wanted) {

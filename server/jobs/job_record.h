@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -52,6 +53,11 @@ struct JobSnapshot {
   std::int64_t iterations = 0, factorizations = 0;
   double objective = 0.0;
   Violations violations;
+  double incumbent = std::numeric_limits<double>::infinity();  ///< of a tree (option global), as in Progress
+  double bound = -std::numeric_limits<double>::infinity();
+  double gap = std::numeric_limits<double>::infinity();
+  std::int64_t nodes = 0, open_nodes = 0;
+  bool proved = false;
   Times times;
   double queue_s = 0.0, total_s = 0.0;
   std::int64_t updates = 0;
@@ -115,6 +121,8 @@ class JobRecord final : public ProgressSink {
 
  private:
   void take(const Solution& solution) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  template <class Told>
+  void take_tree(const Told& told) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void end() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void changed() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 

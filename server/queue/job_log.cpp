@@ -80,6 +80,13 @@ void log_end(const Log& log, const Job& job, const Outcome& outcome) {
                {"solve_s", solution.times.solve_s},
                {"total_s", outcome.total_s},
                {"detail", answered ? solution.detail : outcome.solution.error().message()}});
+  if (solution.nodes > 0) {
+    add(fields, {{"proved", solution.proved ? "true" : "false"},
+                 {"bound", solution.bound},
+                 {"gap", solution.gap},
+                 {"nodes", solution.nodes},
+                 {"open_nodes", solution.open_nodes}});
+  }
   log.write(*line, fields);
 }
 

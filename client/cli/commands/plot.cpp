@@ -24,10 +24,14 @@ struct PlotArguments {
   std::string trace;
   std::string output;
   bool terminal = false;
-  std::vector<std::string> columns = {
-      "equality_violation", "inequality_violation", "complementarity_violation", "kkt_residual", "kappa",
-      "objective"};
+  std::vector<std::string> columns;  // empty: those of the trace's kind
+  std::string along;                 // likewise
 };
+
+const std::vector<std::string> kOfAPath = {
+    "equality_violation", "inequality_violation", "complementarity_violation", "kkt_residual", "kappa",
+    "objective"};
+const std::vector<std::string> kOfATree = {"gap", "incumbent", "bound"};
 
 using Columns = std::vector<const ProgressColumn*>;
 
@@ -48,6 +52,20 @@ Columns chosen(const std::vector<std::string>& names) {
   return columns;
 }
 
+// What is drawn of a trace.
+struct Drawing {
+  std::vector<Progress> rows;
+  const ProgressColumn& x;
+  Columns columns;
+};
+
+Drawing drawing_of(const PlotArguments& arguments, std::vector<Progress> rows) {
+  const bool tree = has_tree(rows);
+  const std::string along = !arguments.along.empty() ? arguments.along : tree ? "elapsed_s" : "iteration";
+  const auto& columns = !arguments.columns.empty() ? arguments.columns : tree ? kOfATree : kOfAPath;
+  return {std::move(rows), *chosen({along}).front(), chosen(columns)};
+}
+
 Size terminal_size() {
   winsize window = {};
   const bool known = ioctl(STDOUT_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 0;
@@ -55,16 +73,17 @@ Size terminal_size() {
   return {std::max(size.width, kLeast.width), std::max(size.height, kLeast.height)};
 }
 
-Lines panel(std::span<const Progress> rows, const Columns& columns, bool logarithmic, Size size,
-            bool unicode) {
+Lines panel(const Drawing& drawing, bool logarithmic, Size size, bool unicode) {
+  const auto& [rows, along, columns] = drawing;
   std::vector<double> x;
-  for (const Progress& row : rows) x.push_back(row.iteration);
+  for (const Progress& row : rows) x.push_back(along.get(row));
   std::vector<Curve> curves;
   for (std::size_t i = 0; i < columns.size(); ++i) {
     if (is_logarithmic(*columns[i]) == logarithmic)
       curves.push_back(curve_of(rows, *columns[i], static_cast<int>(i)));
   }
-  return curves.empty() ? Lines() : terminal_plot(x, curves, {size, logarithmic, unicode});
+  return curves.empty() ? Lines()
+                        : terminal_plot(x, curves, {size, logarithmic, unicode, std::string(along.name)});
 }
 
 const char* colour_of(Style style) {
@@ -98,34 +117,35 @@ bool colours_wanted_on_output() {
   return isatty(STDOUT_FILENO) == 1 && (no_color == nullptr || *no_color == '\0');
 }
 
-int plot_here(const std::vector<Progress>& rows, const Columns& columns) {
+int plot_here(const Drawing& drawing) {
   const bool unicode = set_terminal_locale();
   const Size size = terminal_size();
+  const Columns& columns = drawing.columns;
   const auto logs = std::count_if(columns.begin(), columns.end(), [](auto* c) { return is_logarithmic(*c); });
   const bool both = logs > 0 && static_cast<std::size_t>(logs) < columns.size();
   const int upper = both ? size.height * 2 / 3 : size.height;
   const bool colours = colours_wanted_on_output();
   for (const bool logarithmic : {true, false}) {
     const int height = logarithmic || !both ? upper : size.height - upper;
-    for (const Line& line : panel(rows, columns, logarithmic, {size.width, height}, unicode))
+    for (const Line& line : panel(drawing, logarithmic, {size.width, height}, unicode))
       std::cout << coloured(line, colours) << '\n';
   }
   return kAllSolved;
 }
 
-int plot_to_file(const PlotArguments& arguments, const std::vector<Progress>& rows, const Columns& columns) {
+int plot_to_file(const PlotArguments& arguments, const Drawing& drawing) {
   const auto format = picture_format(arguments.output);
   if (!format) return fails(arguments.output, "must end in .png or .svg");
   auto file = AtomicFile::open(arguments.output);
   if (!file) return fails(file.error().field, file.error().bound);
   const std::string title = std::filesystem::path(arguments.trace).stem().string();
-  const auto picture = run_gnuplot(gnuplot_script(rows, columns, *format, title));
+  const auto picture = run_gnuplot(gnuplot_script(drawing.rows, drawing.x, drawing.columns, *format, title));
   if (!picture) {
     if (picture.error().code != ErrorCode::not_found)
       return fails(arguments.output, picture.error().message());
     std::cerr << "marble: " << terminal_text(arguments.output)
               << ": not written, gnuplot is not installed; here instead:\n";
-    plot_here(rows, columns);
+    plot_here(drawing);
     return kBadInput;
   }
   file->write(*picture);
@@ -134,11 +154,11 @@ int plot_to_file(const PlotArguments& arguments, const std::vector<Progress>& ro
 }
 
 int run(const PlotArguments& arguments) {
-  const auto rows = read_trace(arguments.trace);
+  auto rows = read_trace(arguments.trace);
   if (!rows) return fails(arguments.trace, rows.error().message());
-  const Columns columns = chosen(arguments.columns);
-  if (arguments.terminal || arguments.output.empty()) return plot_here(*rows, columns);
-  return plot_to_file(arguments, *rows, columns);
+  const Drawing drawing = drawing_of(arguments, std::move(*rows));
+  if (arguments.terminal || arguments.output.empty()) return plot_here(drawing);
+  return plot_to_file(arguments, drawing);
 }
 
 }  // namespace
@@ -156,12 +176,17 @@ void add_plot(CLI::App& program, int& exit_code) {
   command
       ->add_option(
           "--columns", arguments->columns,
-          "what to draw: names of columns, separated by commas. Violations, kkt_residual, kappa, rho "
-          "and regularization go on a log axis, the others below")
+          "what to draw: names of columns, separated by commas. Violations, kkt_residual, kappa, rho, "
+          "regularization and gap go on a log axis, the others below; default: violations, kkt_residual, "
+          "kappa "
+          "and objective, or of a tree (option global) gap, incumbent and bound")
       ->delimiter(',')
       ->allow_extra_args(false)
-      ->check(CLI::IsMember(names))
-      ->capture_default_str();
+      ->check(CLI::IsMember(names));
+  command
+      ->add_option("--along", arguments->along,
+                   "the horizontal axis, a column; default: iteration, or of a tree elapsed_s")
+      ->check(CLI::IsMember(names));
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }
 

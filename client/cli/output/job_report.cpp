@@ -67,6 +67,8 @@ Json to_json(const JobInfo& job) {
   json["violations"] = {{"equality", job.violations.equality},
                         {"inequality", job.violations.inequality},
                         {"complementarity", job.violations.complementarity}};
+  if (job.status) json["proved"] = job.proved;
+  if (job.nodes > 0) add_tree(job, json);
   json["queue_seconds"] = job.queue_s;
   json["setup_seconds"] = job.times.setup_s;
   json["solve_seconds"] = job.times.solve_s;
@@ -84,19 +86,21 @@ Json to_json(const JobInfo& job) {
 }
 
 Json to_json(const Progress& row) {
-  return {{"iteration", row.iteration},
-          {"outer_iteration", row.outer_iteration},
-          {"objective", row.objective},
-          {"equality", row.violations.equality},
-          {"inequality", row.violations.inequality},
-          {"complementarity", row.violations.complementarity},
-          {"kkt_residual", row.kkt_residual},
-          {"kappa", row.kappa},
-          {"rho", row.rho},
-          {"step_length", row.step_length},
-          {"regularization", row.regularization},
-          {"factorizations", row.factorizations},
-          {"elapsed_seconds", row.elapsed_s}};
+  Json json{{"iteration", row.iteration},
+            {"outer_iteration", row.outer_iteration},
+            {"objective", row.objective},
+            {"equality", row.violations.equality},
+            {"inequality", row.violations.inequality},
+            {"complementarity", row.violations.complementarity},
+            {"kkt_residual", row.kkt_residual},
+            {"kappa", row.kappa},
+            {"rho", row.rho},
+            {"step_length", row.step_length},
+            {"regularization", row.regularization},
+            {"factorizations", row.factorizations},
+            {"elapsed_seconds", row.elapsed_s}};
+  if (row.nodes > 0) add_tree(row, json);
+  return json;
 }
 
 int exit_code_of(const JobInfo& job) {

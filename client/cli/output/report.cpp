@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "output/json.h"
+#include "output/proof.h"
 
 namespace marble::cli {
 namespace {
@@ -15,6 +16,11 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
   std::vsnprintf(text, sizeof text, pattern, arguments);
   va_end(arguments);
   return text;
+}
+
+std::string speed_text(const Answer& s) {
+  if (!(s.times.solve_s > 0.0)) return "";
+  return format(", %.0f nodes a second", static_cast<double>(s.nodes) / s.times.solve_s);
 }
 
 }  // namespace
@@ -31,6 +37,8 @@ std::string summary(const Subject& p, const Answer& s) {
                  p.equalities, p.inequalities, p.pairs);
   text += format("  objective       %.10g", s.objective);
   if (p.best_known_objective) text += format("   (best known %.10g)", *p.best_known_objective);
+  if (const std::string proof = proof_text(proof_of(s)); !proof.empty())
+    text += "\n  proof           " + proof + speed_text(s);
   text += format("\n  violations      equality %.1e, inequality %.1e, complementarity %.1e\n",
                  s.violations.equality, s.violations.inequality, s.violations.complementarity);
   text += format("  kkt residual    %.1e\n", s.kkt_residual);
@@ -73,6 +81,8 @@ std::string json_line(const Subject& problem, const Answer& s) {
   json["stationarity"] = to_string(s.stationarity);
   if (s.b_stationary) json["b_stationary"] = *s.b_stationary;
   json["second_order"] = to_string(s.second_order);
+  json["proved"] = s.proved;
+  add_tree(s, json);
   json["iterations"] = s.iterations;
   json["factorizations"] = s.factorizations;
   json["solve_seconds"] = s.times.solve_s;

@@ -8,9 +8,14 @@
 namespace marble::cli {
 namespace {
 
-constexpr std::string_view kLogarithmic[] = {
-    "equality_violation", "inequality_violation", "complementarity_violation", "kkt_residual", "kappa", "rho",
-    "regularization"};
+constexpr std::string_view kLogarithmic[] = {"equality_violation",
+                                             "inequality_violation",
+                                             "complementarity_violation",
+                                             "kkt_residual",
+                                             "kappa",
+                                             "rho",
+                                             "regularization",
+                                             "gap"};
 constexpr std::array kStylesOfCurves = {Style::series_1, Style::series_2, Style::series_3, Style::series_4,
                                         Style::series_5};
 
@@ -41,11 +46,27 @@ std::vector<Curve> convergence_summary(std::span<const Progress> rows) {
   return {kappa, residual, violation};  // what is drawn last is on top
 }
 
+std::vector<Curve> proof_summary(std::span<const Progress> rows) {
+  Curve incumbent{"incumbent", 'i', Style::series_1, {}, false};
+  Curve bound{"bound", 'b', Style::series_2, {}, false};
+  for (const Progress& row : rows) {
+    incumbent.values.push_back(row.incumbent);
+    bound.values.push_back(row.bound);
+  }
+  return {bound, incumbent};
+}
+
+bool has_tree(std::span<const Progress> rows) {
+  return std::any_of(rows.begin(), rows.end(), [](const Progress& row) { return row.nodes > 0; });
+}
+
 bool is_logarithmic(const ProgressColumn& column) {
   return std::find(std::begin(kLogarithmic), std::end(kLogarithmic), column.name) != std::end(kLogarithmic);
 }
 
-bool zero_counts(const ProgressColumn& column) { return column.name.ends_with("_violation"); }
+bool zero_counts(const ProgressColumn& column) {
+  return column.name.ends_with("_violation") || column.name == "gap";
+}
 
 Curve curve_of(std::span<const Progress> rows, const ProgressColumn& column, int number) {
   const auto style = kStylesOfCurves[static_cast<std::size_t>(number) % kStylesOfCurves.size()];

@@ -20,10 +20,17 @@ namespace marble::cli {
 /// Largest violation, KKT residual and κ.
 [[nodiscard]] std::vector<Curve> convergence_summary(std::span<const Progress> rows);
 
-/// Whether a column belongs on a log axis: violations, residual, κ, ρ, δ.
+/// Incumbent and bound of a tree (option global).
+[[nodiscard]] std::vector<Curve> proof_summary(std::span<const Progress> rows);
+
+/// Whether a tree has begun.
+[[nodiscard]] bool has_tree(std::span<const Progress> rows);
+
+/// Whether a column belongs on a log axis: violations, residual, κ, ρ, δ, gap.
 [[nodiscard]] bool is_logarithmic(const ProgressColumn& column);
 
-/// Whether 0 is a value like any other there (a violation) or says that there is none (κ in a local search).
+/// Whether 0 is a value like any other there (a violation, a gap) or says that there is none (κ in a local
+/// search).
 [[nodiscard]] bool zero_counts(const ProgressColumn& column);
 
 /// A curve of one column.

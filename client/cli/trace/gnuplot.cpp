@@ -64,12 +64,12 @@ std::string value_text(const Progress& row, const ProgressColumn& column, const 
   return value == 0.0 && zero_counts(column) ? number(floor.at) : "NaN";
 }
 
-// Column 1 is the iteration, 2 is 1 where factorizations were repeated, then what is drawn.
-std::string data_block(std::span<const Progress> rows, std::span<const ProgressColumn* const> columns,
-                       const Floor& floor) {
+// Column 1 is x, 2 is 1 where factorizations were repeated, then what is drawn.
+std::string data_block(std::span<const Progress> rows, const ProgressColumn& x,
+                       std::span<const ProgressColumn* const> columns, const Floor& floor) {
   std::string text = "$trace << END_OF_TRACE\n";
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    text += std::to_string(rows[i].iteration);
+    text += number(x.get(rows[i]));
     text += i > 0 && repeats_factorization(rows[i - 1], rows[i]) ? " 1" : " NaN";
     for (const ProgressColumn* column : columns) text += " " + value_text(rows[i], *column, floor);
     text += '\n';
@@ -158,14 +158,15 @@ std::optional<PictureFormat> picture_format(const std::string& path) {
   return {};
 }
 
-std::string gnuplot_script(std::span<const Progress> rows, std::span<const ProgressColumn* const> columns,
-                           PictureFormat format, const std::string& title) {
+std::string gnuplot_script(std::span<const Progress> rows, const ProgressColumn& x,
+                           std::span<const ProgressColumn* const> columns, PictureFormat format,
+                           const std::string& title) {
   const Floor floor = floor_of(rows, columns);
   const bool upper = std::any_of(columns.begin(), columns.end(), is_logarithmic_one);
   const bool lower = !std::all_of(columns.begin(), columns.end(), is_logarithmic_one);
   bool repeated = false;
   for (std::size_t i = 1; i < rows.size(); ++i) repeated |= repeats_factorization(rows[i - 1], rows[i]);
-  std::string text = data_block(rows, columns, floor);
+  std::string text = data_block(rows, x, columns, floor);
   text += format == PictureFormat::png ? "set terminal pngcairo size 1200,900 font 'sans,11'\n"
                                        : "set terminal svg size 1200,900 font 'sans,14' background 'white'\n";
   text +=
@@ -174,12 +175,11 @@ std::string gnuplot_script(std::span<const Progress> rows, std::span<const Progr
   text += "set key outside bottom center horizontal noenhanced\nset y2range [0:1]\nset lmargin 12\n";
   text += "set title '" + safe_title(title) + "' noenhanced\n";
   if (upper && lower) text += "set multiplot\nset size 1,0.64\nset origin 0,0.36\n";
-  if (upper)
-    text += log_axis(floor) + (lower ? "" : "set xlabel 'iteration'\n") + panel(columns, true, repeated);
+  const std::string x_label = "set xlabel '" + std::string(x.name) + "' noenhanced\n";
+  if (upper) text += log_axis(floor) + (lower ? "" : x_label) + panel(columns, true, repeated);
   if (upper && lower) text += "unset title\nset size 1,0.36\nset origin 0,0\n";
   if (lower) {
-    text +=
-        "unset logscale y\nset format y '%g'\nset yrange [*:*]\nset ytics autofreq\nset xlabel 'iteration'\n";
+    text += "unset logscale y\nset format y '%g'\nset yrange [*:*]\nset ytics autofreq\n" + x_label;
     text += panel(columns, false, repeated && !upper);
   }
   return text + (upper && lower ? "unset multiplot\n" : "");

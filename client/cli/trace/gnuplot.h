@@ -18,9 +18,9 @@ enum class PictureFormat { png, svg };
 [[nodiscard]] std::optional<PictureFormat> picture_format(const std::string& path);
 
 /// gnuplot's commands, data included, that write the picture to standard output: logarithmic columns on one
-/// panel, the others on one below, and where factorizations were repeated. Of `title` letters, digits and
-/// simple punctuation are kept.
-[[nodiscard]] std::string gnuplot_script(std::span<const Progress> rows,
+/// panel, the others on one below, along x, and where factorizations were repeated. Of `title` letters,
+/// digits and simple punctuation are kept.
+[[nodiscard]] std::string gnuplot_script(std::span<const Progress> rows, const ProgressColumn& x,
                                          std::span<const ProgressColumn* const> columns, PictureFormat format,
                                          const std::string& title);
 

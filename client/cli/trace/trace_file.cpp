@@ -43,21 +43,24 @@ std::string_view take_line(std::string_view& text) {
   return line;
 }
 
-Expected<void> check_width(std::size_t line, std::size_t cells) {
-  const std::size_t columns = progress_columns().size();
+Expected<void> check_width(std::size_t line, std::size_t cells, std::size_t columns) {
   if (cells == columns) return {};
   return unexpected(
       fault(line, "", "", "has " + std::to_string(cells) + " columns: must have " + std::to_string(columns)));
 }
 
-Expected<void> check_header(std::string_view line) {
+// How many columns there are: all, or those of before there were trees.
+Expected<std::size_t> columns_of_header(std::string_view line) {
   const auto cells = cells_of(line);
   for (std::size_t i = 0; i < std::min(cells.size(), progress_columns().size()); ++i) {
     const std::string name(progress_columns()[i].name);
     if (cells[i] != name)
       return unexpected(fault(1, std::to_string(i + 1), cells[i], "is no trace: must be " + name));
   }
-  return check_width(1, cells.size());
+  if (cells.size() == kColumnsBeforeTrees) return cells.size();
+  if (auto width = check_width(1, cells.size(), progress_columns().size()); !width)
+    return unexpected(width.error());
+  return cells.size();
 }
 
 Expected<double> number_in(std::string_view text, const ProgressColumn& column, std::size_t line) {
@@ -76,9 +79,9 @@ Expected<double> number_in(std::string_view text, const ProgressColumn& column, 
   return value;
 }
 
-Expected<Progress> row_of(std::string_view text, std::size_t line) {
+Expected<Progress> row_of(std::string_view text, std::size_t line, std::size_t columns) {
   const auto cells = cells_of(text);
-  if (auto width = check_width(line, cells.size()); !width) return unexpected(width.error());
+  if (auto width = check_width(line, cells.size(), columns); !width) return unexpected(width.error());
   Progress row;
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const ProgressColumn& column = progress_columns()[i];
@@ -110,12 +113,13 @@ void TraceWriter::report(const Progress& row) {
 }
 
 Expected<std::vector<Progress>> parse_trace(std::string_view text) {
-  if (auto header = check_header(take_line(text)); !header) return unexpected(header.error());
+  const auto columns = columns_of_header(take_line(text));
+  if (!columns) return unexpected(columns.error());
   std::vector<Progress> rows;
   for (std::size_t line = 2; !text.empty(); ++line) {
     const std::string_view next = take_line(text);
     if (next.empty() && text.empty()) break;
-    auto row = row_of(next, line);
+    auto row = row_of(next, line, *columns);
     if (!row) return unexpected(row.error());
     rows.push_back(*row);
   }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <span>
 
 namespace marble {
@@ -26,9 +27,15 @@ struct Progress {
   double regularization = 0.0;      ///< δ of the factorization that gave the step
   std::int32_t factorizations = 0;  ///< all factorizations so far, rejected ones included
   double elapsed_s = 0.0;           ///< since the solve began, seconds
-  std::span<const double> z = {};   ///< the iterate (n, unscaled); valid only during the call
-  std::span<const double> s = {};   ///< L z + l (n_c, unscaled), if the sink wants it; valid as z is
-  std::span<const double> t = {};   ///< R z + r, the same
+  /// Option global, once its tree has begun: objective of the best point so far, +∞ while there is none.
+  double incumbent = std::numeric_limits<double>::infinity();
+  double bound = -std::numeric_limits<double>::infinity();  ///< as Solution::bound, so far
+  double gap = std::numeric_limits<double>::infinity();     ///< as Solution::gap, so far
+  std::int64_t nodes = 0;                                   ///< bounded so far; 0 before a tree
+  std::int64_t open_nodes = 0;                              ///< of the tree, still to be bounded or branched
+  std::span<const double> z = {};  ///< the iterate (n, unscaled); valid only during the call
+  std::span<const double> s = {};  ///< L z + l (n_c, unscaled), if the sink wants it; valid as z is
+  std::span<const double> t = {};  ///< R z + r, the same
 };
 
 /// The same row to keep: without the vectors, which are lent.

@@ -83,7 +83,7 @@ bool QuadraticEngine::step(Run& run) {
   ++run.iterations;
   evaluate();
   read_rows();
-  return max_abs(x_.all) <= tuning::runaway;
+  return step_length_ >= tuning::path_least_step && max_abs(x_.all) <= tuning::runaway;
 }
 
 bool QuadraticEngine::shows_new_rows() {

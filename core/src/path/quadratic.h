@@ -17,7 +17,8 @@ class QuadraticEngine {
   QuadraticEngine(const ScaledProblem& problem, Kkt& kkt);
 
   void start(ConstVectorRef initial_z);
-  /// One step. False if it broke down or was interrupted: Q has negative curvature, or there is no solution.
+  /// One step. False if it broke down, was too short, or was interrupted: Q has negative curvature, or there
+  /// is no solution.
   [[nodiscard]] bool step(Run& run);
 
   /// (z, y, λ = −ν): rows that hold at zero are those with w < ν.

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <iostream>
@@ -9,6 +10,7 @@
 #include "commands/commands.h"
 #include "output/iteration_table.h"
 #include "output/job_report.h"
+#include "output/proof.h"
 #include "output/text_table.h"
 #include "trace/trace_file.h"
 
@@ -70,6 +72,10 @@ void print(const JobDetails& details) {
   field("work", std::to_string(job.iterations) + " iterations, " + std::to_string(job.factorizations) +
                     " factorizations");
   field("objective", formatted("%.10g", job.objective));
+  if (job.nodes > 0) {
+    field("incumbent", std::isfinite(job.incumbent) ? formatted("%.10g", job.incumbent) : "none yet");
+    field("proof", proof_text(proof_of(job)));
+  }
   field("violations", violations_text(job.violations));
   field("time", duration_text(job.queue_s) + " queue, " + duration_text(job.times.setup_s) + " set-up, " +
                     duration_text(job.times.solve_s) + " solve, " + duration_text(job.total_s) + " in all");

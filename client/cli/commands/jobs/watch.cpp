@@ -11,6 +11,7 @@
 #include "base/interrupt.h"
 #include "commands/commands.h"
 #include "output/job_report.h"
+#include "output/proof.h"
 #include "output/text_table.h"
 #include "watch/live_view.h"
 
@@ -43,6 +44,7 @@ std::string text_of(const JobEvent& event) {
     add("  iteration %lld, objective %.7e, complementarity %.1e", static_cast<long long>(job.iterations),
         job.objective, job.violations.complementarity);
   }
+  if (job.nodes > 0) text += ", " + proof_text(proof_of(job));
   if (job.state == JobState::finished) text += ", " + duration_text(job.total_s);
   return text;
 }

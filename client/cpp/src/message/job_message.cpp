@@ -47,6 +47,8 @@ JobInfo job_info(const v1::JobInfo& m) {
   job.factorizations = m.factorizations();
   job.objective = m.objective();
   job.violations = violations_of(m.violations());
+  take_tree(m, job);
+  job.proved = m.proved();
   const v1::Times& times = m.times();
   job.times = {times.setup_s(), times.factorization_s(), times.line_search_s(), times.solve_s(),
                times.polish_s()};
