@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "branch/parametric.h"
 #include "proof/stationarity.h"
@@ -101,6 +102,16 @@ Solution answer(const ScaledProblem& problem, const Ending& ending, const Iterat
   return solution;
 }
 
+// What is known of the global optimum: by a certificate or a tree.
+void take_proof(const Strategy::Answer& found, Solution& solution) {
+  const bool infeasible = solution.status == Status::infeasible;
+  solution.proved = found.tree.proved || infeasible || solution.status == Status::unbounded;
+  solution.bound = infeasible ? std::numeric_limits<double>::infinity() : found.tree.bound;
+  solution.gap = found.tree.gap;
+  solution.nodes = found.tree.nodes;
+  solution.open_nodes = found.tree.open_nodes;
+}
+
 }  // namespace
 
 struct Solver::State {
@@ -189,6 +200,7 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options,
   auto state = std::make_unique<State>(problem, options, std::move(scaled), std::move(kkt));
   state->setup_s = std::chrono::duration<double>(Run::Clock::now() - begin).count();
   state->memory_bytes = static_cast<std::int64_t>(own_bytes + factor_bytes);
+  state->strategy.allow_tree(std::min(limit - own_bytes - factor_bytes, tuning::tree_most_bytes));
   return Solver(std::move(state));
 }
 
@@ -238,6 +250,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   const Strategy::Answer found = state_->strategy.run(run, state_->initial_z, warm_start);
   Solution solution = answer(state_->problem, found.ending, *found.x, run);
   solution.b_stationary = found.b_stationary;
+  take_proof(found, solution);
   if (is_solved(solution.status)) {
     const bool stationary =
         solution.stationarity == Stationarity::strong || solution.b_stationary.value_or(false);

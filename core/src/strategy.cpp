@@ -34,6 +34,33 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
 
 Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z,
                                const std::optional<WarmStart>& warm_start) {
+  Answer local = run_locally(run, initial_z, warm_start);
+  return options_.global ? search_globally(run, std::move(local)) : local;
+}
+
+// A tree over the pairs, from the local answer. What has been proved already, or was ended, stays as it is.
+Strategy::Answer Strategy::search_globally(Run& run, Answer local) {
+  if (is_proof(local.ending.status) || ended_by_force(local.ending.status)) return local;
+  if (tree_ == nullptr) tree_ = std::make_unique<Tree>(problem_, options_, branch_.point, incumbent_);
+  TreeResult found = tree_->search(run, local.x->z(), optimality_.known_convex(), tree_bytes_);
+  Answer answer = std::move(local);
+  if (found.end == TreeResult::End::limit) {
+    answer.ending.status = found.limit;
+    if (incumbent_.exists()) answer.x = &incumbent_.best().x;
+  } else if (incumbent_.exists() && found.end != TreeResult::End::none) {
+    const bool stayed_warm = answer.stayed_warm;
+    answer = finish_exact(run);
+    answer.stayed_warm = stayed_warm;
+  } else if (found.end == TreeResult::End::infeasible && answer.ending.status != Status::solved) {
+    answer.ending.status = Status::infeasible;
+  }
+  answer.ending.detail = found.remark + "; " + answer.ending.detail;
+  answer.tree = std::move(found);
+  return answer;
+}
+
+Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
+                                       const std::optional<WarmStart>& warm_start) {
   incumbent_.clear();
   path_point_.violations.equality = std::numeric_limits<double>::infinity();  // none yet
   looked_for_ = {};

@@ -6,6 +6,7 @@
 // With a warm start the branch of the point given comes first, and often last.
 #pragma once
 
+#include <memory>
 #include <optional>
 
 #include "optimality.h"
@@ -14,6 +15,7 @@
 #include "run/termination.h"
 #include "search/branch_search.h"
 #include "search/incumbent.h"
+#include "tree/tree.h"
 
 namespace marble {
 
@@ -35,10 +37,13 @@ class Strategy {
     /// B-stationary.
     SecondOrder second_order = SecondOrder::unknown;
     bool stayed_warm = false;  ///< it needed no cold start
+    TreeResult tree = {};      ///< of option global
   };
 
   /// From z (scaled) to an end; if there is a solution to start from, from its branch first.
   [[nodiscard]] Answer run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start);
+  /// Memory that a tree may take, with option global.
+  void allow_tree(double bytes) { tree_bytes_ = bytes; }
   /// Q has new values.
   void forget_convexity() { optimality_.forget_convexity(); }
 
@@ -53,6 +58,9 @@ class Strategy {
   // What came of the branch that the path shows.
   enum class PathBranch { exact, path_is_lower, not_exact };
 
+  [[nodiscard]] Answer run_locally(Run& run, ConstVectorRef initial_z,
+                                   const std::optional<WarmStart>& warm_start);
+  [[nodiscard]] Answer search_globally(Run& run, Answer local);
   [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z);
   [[nodiscard]] bool solve_quadratic(Run& run, ConstVectorRef initial_z);
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
@@ -73,6 +81,8 @@ class Strategy {
   BranchSearch search_;
   Optimality optimality_;
   PathPoint path_point_;
+  std::unique_ptr<Tree> tree_;  // made when it is first needed
+  double tree_bytes_ = 0.0;
   struct {
     bool infeasible, unbounded;
   } looked_for_ = {};  // proofs, in this run

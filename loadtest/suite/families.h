@@ -2,6 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "record.h"
 
@@ -12,6 +14,8 @@ struct Settings {
   int seeds = 20;                    ///< of the random families
   int starts = 8;                    ///< of the references where none is known
   std::string peers;                 ///< a command that runs qp_peers.py; empty: no peers
+  double time_limit_s = 60.0;        ///< of a proof
+  std::string only;                  ///< of the problems to prove, that one; all if empty
 };
 
 /// The problems of a folder in the order of their names; none, said so, where there is no folder.
@@ -33,6 +37,8 @@ void warm(const Settings& settings);
 void mpc(const Settings& settings);
 /// The hopper at horizons of 30 to 480 steps.
 void growth(const Settings& settings);
+/// Branch and bound on problems with known optima and on the paper's: bounds, nodes and their cost.
+void global(const Settings& settings);
 /// Each MacMPEC problem in other units of its variables, rows and cost, 10^-8 to 10^8.
 void units(const Settings& settings);
 /// Two solves at a time on two threads against one.

@@ -20,10 +20,13 @@ constexpr const char* kUsage =
     "Usage: suite [FAMILY ...] [--seeds N] [--starts K] [--profile FILE.svg] [--benchmarks FOLDER] [--peers "
     "COMMAND]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
-    "Families: macmpec perturbed robotics variants qpecs warm mpc growth units throughput qp; all of them by "
+    "Families: macmpec perturbed robotics variants qpecs warm mpc growth units throughput global qp; all of "
+    "them by "
     "default.\n"
     "  --seeds N            of the random families, default 20\n"
     "  --starts K           of the references where none is known, default 8\n"
+    "  --time-limit S       of global, default 60\n"
+    "  --only NAME          of global, that problem\n"
     "  --profile FILE.svg   draw macmpec against its peers\n"
     "  --benchmarks FOLDER  problems with references\n"
     "  --peers COMMAND      measure qp in turns with other solvers: COMMAND runs loadtest/suite/qp_peers.py\n"
@@ -83,6 +86,10 @@ int main(int argc, char** argv) {
       settings.seeds = std::max(1, std::atoi(value()));
     } else if (argument == "--starts") {
       settings.starts = std::max(1, std::atoi(value()));
+    } else if (argument == "--time-limit") {
+      settings.time_limit_s = std::max(0.0, std::atof(value()));
+    } else if (argument == "--only") {
+      settings.only = value();
     } else if (argument == "--profile") {
       profile = value();
     } else if (argument == "--peers") {
@@ -100,27 +107,28 @@ int main(int argc, char** argv) {
       suite::draw_performance_profile(suite::read_peers(s.benchmarks / "peers.csv", records), profile);
   };
   const std::pair<const char*, std::function<void(const suite::Settings&)>> families[] = {
-      {"macmpec", run_macmpec},
-      {"perturbed", suite::perturbed},
-      {"robotics", suite::robotics},
-      {"variants", suite::variants},
-      {"qpecs", suite::qpecs},
-      {"warm", suite::warm},
-      {"mpc", suite::mpc},
-      {"growth", suite::growth},
-      {"units", suite::units},
-      {"throughput", suite::throughput},
-      {"qp", suite::qp}};
-  for (const std::string& name : wanted) {
-    if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
-      std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());
-      return 2;
-    }
+      {"macmpec", run_macmpec},      {"perturbed", suite::perturbed},
+      {"robotics", suite::robotics}, {"variants", suite::variants},
+      {"qpecs", suite::qpecs},       {"warm", suite::warm},
+      {"mpc", suite::mpc},           {"growth", suite::growth},
+      {"units", suite::units},       {"throughput", suite::throughput},
+      {"global", suite::global},     {"qp", suite::qp}};
+  {"macmpec", run_macmpec}, {"perturbed", suite::perturbed}, {"robotics", suite::robotics},
+      {"variants", suite::variants}, {"qpecs", suite::qpecs}, {"warm", suite::warm}, {"mpc", suite::mpc},
+      {"growth", suite::growth}, {"units", suite::units}, {"throughput", suite::throughput}, {
+    "global", suite::global
   }
-  for (const auto& [name, run] : families) {
-    if (!wanted.empty() && std::ranges::find(wanted, name) == wanted.end()) continue;
-    std::printf("== %s\n", name);
-    run(settings);
+};
+for (const std::string& name : wanted) {
+  if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
+    std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());
+    return 2;
   }
-  return 0;
+}
+for (const auto& [name, run] : families) {
+  if (!wanted.empty() && std::ranges::find(wanted, name) == wanted.end()) continue;
+  std::printf("== %s\n", name);
+  run(settings);
+}
+return 0;
 }

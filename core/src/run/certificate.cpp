@@ -4,31 +4,13 @@
 #include <cmath>
 #include <limits>
 
+#include "data/careful_sum.h"
 #include "tuning.h"
 
 namespace marble {
 namespace {
 
 double smallest(ConstVectorRef values) { return values.size() == 0 ? 0.0 : values.minCoeff(); }
-
-// A sum of products as if in twice the precision (Ogita, Rump, Oishi, "Accurate sum and dot product", 2005),
-// and of their sizes: what is left of the error is that of the numbers themselves.
-class CarefulSum {
- public:
-  void add(double a, double b) {
-    const double product = a * b;
-    const double sum = value_ + product;
-    const double part = sum - value_;
-    correction_ += std::fma(a, b, -product) + ((value_ - (sum - part)) + (product - part));
-    value_ = sum;
-    size_ += std::abs(product);
-  }
-  [[nodiscard]] double value() const { return value_ + correction_; }
-  [[nodiscard]] double error() const { return tuning::roundoff * size_ + std::numeric_limits<double>::min(); }
-
- private:
-  double value_ = 0.0, correction_ = 0.0, size_ = 0.0;
-};
 
 // Visits the product of d with each row from `first` to before `end`, and the rounding that an entry of d of
 // the largest size (1) may hide.

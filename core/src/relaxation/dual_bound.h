@@ -1,0 +1,48 @@
+// Bounds that are true: what multipliers prove of a convex relaxation, rounding paid for.
+//
+// For a convex Q, any point z̄ and any multipliers with the right signs every feasible z has
+//
+//   f(z) ≥ −½ z̄ᵀQz̄ + bᵀy − oᵀμ + rᵀz,   r = Q z̄ + g + Aᵀy − Jᵀμ,
+//
+// with rows A z + b = 0 and J z + o ≥ 0 (= 0 where μ may be negative). What is left of r is paid for at the
+// worst z: within the bounds of z that rows of one entry give; where there are none r must be 0 to 1e-9 of
+// the largest sum it is made of, and is paid for up to a stated radius.
+#pragma once
+
+#include <vector>
+
+#include "data/careful_sum.h"
+#include "data/scaling.h"
+
+namespace marble {
+
+/// Where z lies, scaled.
+struct Box {
+  /// By the rows of one entry, and |z|∞ ≤ far (user units) where there is none.
+  Box(const ScaledProblem& problem, double far);
+  Vector lower, upper;  ///< ±∞ where rows do not say
+  Vector radius;        ///< for the others
+};
+
+class DualBound {
+ public:
+  explicit DualBound(const ScaledProblem& problem);
+
+  /// Of the objective (scaled, without constant) over the box. Multipliers must have the right signs.
+  [[nodiscard]] double of_objective(const Box& box, ConstVectorRef z, ConstVectorRef y, ConstVectorRef mu);
+  /// How much of that bound was lost on r.
+  [[nodiscard]] double paid() const { return paid_; }
+  /// Whether the multipliers contradict the rows: with Q = 0 and g = 0 their bound is above 0 (Farkas).
+  [[nodiscard]] bool contradicts(const Box& box, ConstVectorRef y, ConstVectorRef mu);
+
+ private:
+  void add_rows(ConstVectorRef y, ConstVectorRef mu);
+  [[nodiscard]] double settle(const Box& box);
+
+  const ScaledProblem& problem_;
+  std::vector<CarefulSum> residual_;
+  CarefulSum value_;
+  double paid_ = 0.0;
+};
+
+}  // namespace marble

@@ -1,0 +1,74 @@
+// One node's work: its relaxation is solved again from the rows its parent held, a pair is chosen, and both
+// children are bounded. Expansions of one round know nothing of each other, so that they may run at once.
+#pragma once
+
+#include <optional>
+
+#include "relaxation/relaxation.h"
+#include "tree/node.h"
+#include "tree/pseudo_costs.h"
+
+namespace marble {
+
+/// What a node's relaxation suggests as an answer: a branch, by the smaller sides, and where to start on it.
+struct Suggestion {
+  Vector z, y, multipliers;
+  std::vector<Index> held;
+};
+
+struct Expansion {
+  /// What it is about: set by the tree.
+  Node node;
+  const Relaxation::Center* center = nullptr;
+  const Box* box = nullptr;
+  const PseudoCosts* costs = nullptr;
+  double cutoff = 0.0;   ///< scaled objective: what is not below it is closed
+  bool suggest = false;  ///< whether its point is to be tried even if it is not complementary
+
+  /// What has come of it.
+  enum class Outcome {
+    branched,       ///< children, of which some may be closed
+    closed,         ///< by its own bound, or infeasible
+    complementary,  ///< its point is a suggestion that may end it
+    leaf,           ///< no pair is left to branch on
+    interrupted,    ///< as if it had not been begun
+  };
+  Outcome outcome = Outcome::interrupted;
+  double closed_bound = 0.0;  ///< the least of what was closed; +∞ if nothing or infeasible
+  std::vector<Node> children;
+  int bounded = 0;  ///< children whose bound was found
+  PseudoCosts::Gain gains[2];
+  std::optional<Suggestion> suggestion;
+};
+
+/// Makes expansions, one after the other.
+class Expander {
+ public:
+  Expander(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram)
+      : problem_(problem), relaxation_(problem, std::move(kkt), gram) {}
+
+  [[nodiscard]] Relaxation& relaxation() { return relaxation_; }
+  void expand(Expansion& expansion, const Interrupt& interrupt);
+
+  /// Of what the relaxation has solved.
+  [[nodiscard]] Suggestion suggestion() const;
+  /// Fixes sides that both children of no pair can do without: of each pair whose one side cannot be zero
+  /// below the cutoff, the other one. False where neither can: nothing is left. Rounds of it, as long as they
+  /// fix enough.
+  [[nodiscard]] bool probe(Fixings& fixings, const Box& box, double cutoff, double& closed_bound,
+                           const Interrupt& interrupt);
+
+ private:
+  [[nodiscard]] Index choose(const Expansion& expansion) const;
+  void bound_child(Expansion& expansion, Index pair, bool s, const Interrupt& interrupt);
+  [[nodiscard]] std::optional<int> probe_all(Fixings& fixings, const Box& box, double cutoff,
+                                             double& closed_bound, const Interrupt& interrupt);
+
+  const ScaledProblem& problem_;
+  Relaxation relaxation_;
+  Relaxation::State state_;
+  Fixings fixings_;
+  std::vector<Index> held_;
+};
+
+}  // namespace marble

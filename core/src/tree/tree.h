@@ -1,0 +1,87 @@
+// Branch and bound on the pairs: the global optimum of a convex LCQP, or a bound on it.
+//
+// A node fixes one side of some pairs at zero and relaxes the others to s, t ≥ 0; its bound is what the
+// multipliers of that convex QP prove. No big M, and so no bounds asked of anybody. Nodes are expanded in
+// rounds, always as many and in the same order, so that the answer does not depend on who runs them.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <unordered_set>
+#include <vector>
+
+#include "run/reporter.h"
+#include "run/termination.h"
+#include "search/incumbent.h"
+#include "tree/expansion.h"
+
+namespace marble {
+
+/// What a tree has found out, in the user's units.
+struct TreeResult {
+  /// How it ended.
+  enum class End {
+    none,        ///< there was none: `remark` says why
+    exhausted,   ///< no node is open: the incumbent is within the tolerance, or the bound says how far it is
+                 ///< not
+    infeasible,  ///< no node is open, and each contradicts itself
+    limit,       ///< nodes are open: `limit` says which
+  };
+  End end = End::none;
+  Status limit = Status::solved;
+  bool proved = false;
+  double bound = -std::numeric_limits<double>::infinity();
+  double gap = std::numeric_limits<double>::infinity();
+  std::int64_t nodes = 0, open_nodes = 0;
+  std::string remark;
+};
+
+class Tree {
+ public:
+  /// Tries answers on `point`, and with the factorizations of the incumbent's engine.
+  Tree(const ScaledProblem& problem, const Options& options, BranchPoint& point, Incumbent& incumbent);
+
+  /// Searches from the incumbent, if there is one, else from near z. May take so much memory.
+  [[nodiscard]] TreeResult search(Run& run, ConstVectorRef z, bool known_convex, double most_bytes);
+
+ private:
+  [[nodiscard]] bool make_expanders(Run& run, std::size_t count);
+  [[nodiscard]] std::optional<TreeResult::End> begin(Run& run, ConstVectorRef z);
+  [[nodiscard]] bool round(Run& run);
+  void choose_nodes(std::size_t count);
+  void take(Run& run, Expansion& expansion);
+  void close(double bound) { closed_bound_ = std::min(closed_bound_, bound); }
+  void close_all();
+  void push(Node node);
+  void try_as_answer(Run& run, const Suggestion& suggestion);
+  [[nodiscard]] double cutoff() const;
+  [[nodiscard]] double bound() const;
+  [[nodiscard]] double gap() const;
+  [[nodiscard]] TreeResult result(TreeResult::End end) const;
+  [[nodiscard]] TreeResult stopped(Run& run) const;
+  void report(Run& run);
+
+  const ScaledProblem& problem_;
+  const Options& options_;
+  BranchPoint& point_;
+  Incumbent& incumbent_;
+  Reporter reporter_;
+  std::unique_ptr<Gram> gram_;
+  std::vector<std::unique_ptr<Expander>> expanders_;
+  std::optional<Box> box_;
+  double radius_ = 0.0;
+  Relaxation::Center center_;
+  PseudoCosts costs_;
+  std::vector<Node> open_;  // a heap: the least bound first
+  std::vector<Expansion> expansions_;
+  std::size_t chosen_ = 0;
+  double closed_bound_ = 0.0, told_bound_ = 0.0;
+  std::int64_t nodes_ = 0, made_ = 0, rounds_ = 0;
+  double most_nodes_ = 0.0;
+  bool undecided_ = false;
+  std::unordered_set<std::size_t> tried_;  // branches, by their hash
+};
+
+}  // namespace marble
