@@ -113,22 +113,16 @@ int main(int argc, char** argv) {
       {"mpc", suite::mpc},           {"growth", suite::growth},
       {"units", suite::units},       {"throughput", suite::throughput},
       {"global", suite::global},     {"qp", suite::qp}};
-  {"macmpec", run_macmpec}, {"perturbed", suite::perturbed}, {"robotics", suite::robotics},
-      {"variants", suite::variants}, {"qpecs", suite::qpecs}, {"warm", suite::warm}, {"mpc", suite::mpc},
-      {"growth", suite::growth}, {"units", suite::units}, {"throughput", suite::throughput}, {
-    "global", suite::global
+  for (const std::string& name : wanted) {
+    if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
+      std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());
+      return 2;
+    }
   }
-};
-for (const std::string& name : wanted) {
-  if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
-    std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());
-    return 2;
+  for (const auto& [name, run] : families) {
+    if (!wanted.empty() && std::ranges::find(wanted, name) == wanted.end()) continue;
+    std::printf("== %s\n", name);
+    run(settings);
   }
-}
-for (const auto& [name, run] : families) {
-  if (!wanted.empty() && std::ranges::find(wanted, name) == wanted.end()) continue;
-  std::printf("== %s\n", name);
-  run(settings);
-}
-return 0;
+  return 0;
 }
