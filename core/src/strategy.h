@@ -12,6 +12,7 @@
 
 #include "optimality.h"
 #include "path/path.h"
+#include "path/quadratic.h"
 #include "run/termination.h"
 #include "search/branch_search.h"
 #include "search/incumbent.h"
@@ -62,6 +63,7 @@ class Strategy {
                                    const std::optional<WarmStart>& warm_start);
   [[nodiscard]] Answer search_globally(Run& run, Answer local);
   [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z);
+  [[nodiscard]] bool solve_quadratic(Run& run, ConstVectorRef initial_z);
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
   [[nodiscard]] PathBranch solve_path_branch(Run& run);
   [[nodiscard]] bool path_is_lower(bool feasible, double objective) const;
@@ -75,6 +77,7 @@ class Strategy {
   const ScaledProblem& problem_;
   const Options& options_;
   PathEngine path_;
+  std::optional<QuadraticEngine> quadratic_;  // where there are no pairs
   BranchEngines branch_;
   Incumbent incumbent_;
   BranchSearch search_;

@@ -9,6 +9,7 @@
 
 #include "families.h"
 #include "peers.h"
+#include "qp.h"
 #include "support/shared_problems.h"
 #include "tune.h"
 
@@ -18,8 +19,10 @@ constexpr const char* kUsage =
     "Runs families of problems and prints what the solver reached on them.\n"
     "Usage: suite [FAMILY ...] [--seeds N] [--judge] [--starts K] [--profile FILE.svg] [--benchmarks "
     "FOLDER]\n"
+    "             [--peers COMMAND]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
-    "Families: macmpec perturbed robotics variants qpecs warm mpc growth units throughput global hard; all "
+    "Families: macmpec perturbed robotics variants qpecs warm mpc growth units throughput global hard qp; "
+    "all "
     "of "
     "them by "
     "default.\n"
@@ -30,6 +33,7 @@ constexpr const char* kUsage =
     "  --only NAME          of global, that problem\n"
     "  --profile FILE.svg   draw macmpec against its peers\n"
     "  --benchmarks FOLDER  problems with references\n"
+    "  --peers COMMAND      measure qp in turns with other solvers: COMMAND runs loadtest/suite/qp_peers.py\n"
     "tune, in a build of the preset tune: what numbers of core/src/tuning.def do on generated families, one "
     "by\n"
     "one, or what these values do together. On odd seeds, --seeds N (default 10) of each family; with "
@@ -94,6 +98,8 @@ int main(int argc, char** argv) {
       settings.only = value();
     } else if (argument == "--profile") {
       profile = value();
+    } else if (argument == "--peers") {
+      settings.peers = value();
     } else if (argument == "--benchmarks") {
       settings.benchmarks = value();
     } else {
@@ -107,12 +113,19 @@ int main(int argc, char** argv) {
       suite::draw_performance_profile(suite::read_peers(s.benchmarks / "peers.csv", records), profile);
   };
   const std::pair<const char*, std::function<void(const suite::Settings&)>> families[] = {
-      {"macmpec", run_macmpec},      {"perturbed", suite::perturbed},
-      {"robotics", suite::robotics}, {"variants", suite::variants},
-      {"qpecs", suite::qpecs},       {"warm", suite::warm},
-      {"mpc", suite::mpc},           {"growth", suite::growth},
-      {"units", suite::units},       {"throughput", suite::throughput},
-      {"global", suite::global},     {"hard", suite::hard}};
+      {"macmpec", run_macmpec},
+      {"perturbed", suite::perturbed},
+      {"robotics", suite::robotics},
+      {"variants", suite::variants},
+      {"qpecs", suite::qpecs},
+      {"warm", suite::warm},
+      {"mpc", suite::mpc},
+      {"growth", suite::growth},
+      {"units", suite::units},
+      {"throughput", suite::throughput},
+      {"global", suite::global},
+      {"hard", suite::hard},
+      {"qp", suite::qp}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
       std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());
