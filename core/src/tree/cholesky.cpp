@@ -7,7 +7,8 @@ namespace marble {
 
 void Cholesky::reserve(Eigen::Index size) {
   if (size <= factor_.rows()) return;
-  Eigen::MatrixXd larger(std::max<Eigen::Index>(2 * factor_.rows(), size), std::max<Eigen::Index>(2 * factor_.rows(), size));
+  Eigen::MatrixXd larger(std::max<Eigen::Index>(2 * factor_.rows(), size),
+                         std::max<Eigen::Index>(2 * factor_.rows(), size));
   larger.topLeftCorner(size_, size_) = factor_.topLeftCorner(size_, size_);
   factor_.swap(larger);
 }

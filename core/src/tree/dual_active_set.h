@@ -1,4 +1,5 @@
-// The dual active set method in the space of the rows: min ½μᵀGμ + v₀ᵀμ over μ ≥ 0, free where a row is fixed.
+// The dual active set method in the space of the rows: min ½μᵀGμ + v₀ᵀμ over μ ≥ 0, free where a row is
+// fixed.
 //
 // From multipliers of the right signs it takes the most violated row in and, where a multiplier reaches zero
 // on the way, lets that row go: the objective only rises, and it may stop as soon as that is enough. A child

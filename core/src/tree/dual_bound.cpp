@@ -73,15 +73,16 @@ double DualBound::settle(const Box& box) {
                       std::min(low * box.upper[j], high * box.upper[j]));
   }
   // The sum above has its own rounding.
-  const double bound = value_.value() - paid_ -
-                       tuning::bound_roundoff * (1.0 + problem_.variables()) * std::abs(paid_);
+  const double bound =
+      value_.value() - paid_ - tuning::bound_roundoff * (1.0 + problem_.variables()) * std::abs(paid_);
   return std::isfinite(bound) ? bound : -std::numeric_limits<double>::infinity();
 }
 
 double DualBound::of_objective(const Box& box, ConstVectorRef z, ConstVectorRef y, ConstVectorRef mu) {
   std::fill(residual_.begin(), residual_.end(), CarefulSum());
   value_ = {};
-  for (Index j = 0; j < problem_.variables(); ++j) residual_[static_cast<std::size_t>(j)].add(problem_.g[j], 1.0);
+  for (Index j = 0; j < problem_.variables(); ++j)
+    residual_[static_cast<std::size_t>(j)].add(problem_.g[j], 1.0);
   const SymmetricMatrix& Q = problem_.Q;
   for (Index column = 0; column < Q.size; ++column) {
     for (Index k = Q.column_pointers[column]; k < Q.column_pointers[column + 1]; ++k) {

@@ -1,6 +1,6 @@
 // The convex relaxations of all nodes seen from their rows: G = J K⁻¹ Jᵀ, what a unit multiplier of one row
-// does to the slacks of all. K, the root's system with Q, the equalities and the proximal term, is the same for every node,
-// so that a column is solved for once a tree, when its row first becomes active.
+// does to the slacks of all. K, the root's system with Q, the equalities and the proximal term, is the same
+// for every node, so that a column is solved for once a tree, when its row first becomes active.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,5 @@
-// A node of the tree: which sides of pairs it fixes at zero, what is known of its bound, and the rows that its
-// parent's optimum held.
+// A node of the tree: which sides of pairs it fixes at zero, what is known of its bound, and the rows that
+// its parent's optimum held.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ class Node {
   double bound = 0.0;       ///< scaled objective
   std::int64_t number = 0;  ///< in the order of making
   std::int32_t depth = 0;
-  bool exhausted = false;   ///< its point is complementary, and was tried as an answer
+  bool exhausted = false;  ///< its point is complementary, and was tried as an answer
 
   Node() = default;
   Node(const RowLayout& layout, const Fixings& fixings, const std::vector<Index>& held)

@@ -36,11 +36,16 @@ class PseudoCosts {
            std::max(expected(pair, false) * t, tuning::tree_least_gain);
   }
 
+  /// What fixing a side that is `amount` away from zero may raise the bound by.
+  [[nodiscard]] double gain(Index pair, bool s, double amount) const { return expected(pair, s) * amount; }
+
  private:
   struct Mean {
     double sum = 0.0, count = 0.0;
   };
-  [[nodiscard]] Mean& side(Index pair, bool s) { return sides_[2 * static_cast<std::size_t>(pair) + (s ? 0 : 1)]; }
+  [[nodiscard]] Mean& side(Index pair, bool s) {
+    return sides_[2 * static_cast<std::size_t>(pair) + (s ? 0 : 1)];
+  }
   [[nodiscard]] double expected(Index pair, bool s) const {
     const Mean& own = sides_[2 * static_cast<std::size_t>(pair) + (s ? 0 : 1)];
     const Mean& mean = own.count > 0.0 ? own : all_;

@@ -38,7 +38,8 @@ TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, double mo
   const Run::Polishing polishing(run);
   const double bytes = Gram::most_bytes(problem_);
   most_nodes_ = (most_bytes - bytes) / Node::bytes(problem_.layout);
-  if (!(most_nodes_ >= tuning::tree_least_nodes)) return none("not proved: a tree needs more memory than there is");
+  if (!(most_nodes_ >= tuning::tree_least_nodes))
+    return none("not proved: a tree needs more memory than there is");
   gram_ = std::make_unique<Gram>(problem_);
   expanders_.clear();
   if (!make_expanders(run, 1)) {
@@ -50,7 +51,8 @@ TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, double mo
     }
     return none("not proved: Q is not convex");
   }
-  if (!known_convex && !expanders_[0]->relaxation().is_convex(run)) return none("not proved: Q is not convex");
+  if (!known_convex && !expanders_[0]->relaxation().is_convex(run))
+    return none("not proved: Q is not convex");
   open_.clear();
   tried_.clear();
   costs_ = PseudoCosts(problem_.pairs());
@@ -84,11 +86,11 @@ std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
   const Vector& from = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
   radius_ = tuning::proof_farther * (1.0 + max_abs(from.cwiseProduct(problem_.variable_scale)));
   box_.emplace(problem_, radius_);
-  Relaxation& relaxation = expanders_[0]->relaxation();
+  NodeEngine& relaxation = expanders_[0]->relaxation();
   if (!relaxation.start(from)) return TreeResult::End::limit;
   Node root(problem_.layout, Fixings(static_cast<std::size_t>(problem_.pairs())), {});
   root.bound = -kInfinity;
-  using End = Relaxation::End;
+  using End = NodeEngine::End;
   const End end = relaxation.solve(*box_, cutoff(), run.interrupt());
   if (end == End::interrupted) {
     push(std::move(root));
@@ -103,12 +105,15 @@ std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
   if (end == End::optimal) try_as_answer(run, expanders_[0]->suggestion());
   center_ = relaxation.center();
   Fixings fixings(static_cast<std::size_t>(problem_.pairs()));
-  if (incumbent_.exists() &&
-      !expanders_[0]->probe(fixings, *box_, cutoff(), closed_bound_, run.interrupt()))
+  if (incumbent_.exists() && !expanders_[0]->probe(fixings, *box_, cutoff(), closed_bound_, run.interrupt()))
     return TreeResult::End::exhausted;
-  root = Node(problem_.layout, fixings, relaxation.set().held());
+  for (const PseudoCosts::Gain& gain : expanders_[0]->probed()) costs_.add(gain);
+  root = Node(problem_.layout, fixings, relaxation.held());
   root.bound = relaxation.bound();
   push(std::move(root));
+  clauses_ = incumbent_.exists() ? expanders_[0]->find_clauses(fixings, center_, *box_, run.interrupt())
+                                 : std::vector<Clause>();
+  run.factorizations += static_cast<std::int32_t>(relaxation.factorizations());
   return std::nullopt;
 }
 
@@ -120,7 +125,8 @@ void Tree::push(Node node) {
 
 // The least bounds; where room runs out, or as long as there is no answer, the deepest nodes.
 void Tree::choose_nodes(std::size_t count) {
-  const bool dive = !incumbent_.exists() || static_cast<double>(open_.size()) + 2.0 * tuning::tree_round > most_nodes_;
+  const bool dive =
+      !incumbent_.exists() || static_cast<double>(open_.size()) + 2.0 * tuning::tree_round > most_nodes_;
   const double limit = cutoff();
   chosen_ = 0;
   while (chosen_ < count && !open_.empty()) {
@@ -160,6 +166,8 @@ bool Tree::round(Run& run) {
     expansion.center = &center_;
     expansion.box = &*box_;
     expansion.costs = &costs_;
+    expansion.clauses = &clauses_;
+    expansion.most_children = (options_.node_limit - nodes_) / static_cast<std::int64_t>(chosen_);
     expansion.cutoff = cutoff();
     expansion.suggest = suggest && i == 0;
     Expander& expander = *expanders_[at_once ? i : 0];
@@ -180,6 +188,7 @@ void Tree::take(Run& run, Expansion& e) {
     close(e.closed_bound);
     nodes_ += e.bounded;
   }
+  run.factorizations += static_cast<std::int32_t>(e.factorizations);
   for (const PseudoCosts::Gain& gain : e.gains) costs_.add(gain);
   if (e.suggestion) try_as_answer(run, *e.suggestion);
   switch (e.outcome) {
@@ -224,7 +233,8 @@ void Tree::try_as_answer(Run& run, const Suggestion& suggestion) {
   if (!tried_.insert(hash).second) return;
   point_.restore(x, set);
   const auto outcome = incumbent_.solve_branch(run, "tree", tuning::engine_budget);
-  if (outcome == Incumbent::Outcome::not_exact && !incumbent_.exists()) incumbent_.offer(x, images, set, "tree");
+  if (outcome == Incumbent::Outcome::not_exact && !incumbent_.exists())
+    incumbent_.offer(x, images, set, "tree");
 }
 
 // Nodes whose bound is not below this are closed.
@@ -242,7 +252,8 @@ double Tree::bound() const {
   double least = closed_bound_;
   if (!open_.empty()) least = std::min(least, open_.front().bound);
   const double user = least / problem_.cost_scale;
-  const double rounded = user + problem_.c0 - tuning::bound_roundoff * (std::abs(user) + std::abs(problem_.c0));
+  const double rounded =
+      user + problem_.c0 - tuning::bound_roundoff * (std::abs(user) + std::abs(problem_.c0));
   const double objective =
       incumbent_.exists() ? problem_.user_objective(incumbent_.best().objective) : kInfinity;
   return std::min(std::isfinite(least) ? rounded : least, objective);
@@ -277,7 +288,8 @@ TreeResult Tree::stopped(Run& run) const {
   TreeResult result = this->result(TreeResult::End::limit);
   const auto reason = run.interrupted();
   result.limit = reason.value_or(Status::iteration_limit);
-  if (!reason) result.remark += nodes_ + 2 > options_.node_limit ? "; node_limit" : "; no memory for more nodes";
+  if (!reason)
+    result.remark += nodes_ + 2 > options_.node_limit ? "; node_limit" : "; no memory for more nodes";
   return result;
 }
 
@@ -295,7 +307,8 @@ void Tree::report(Run& run) {
   }
   run.told_iteration = -1;
   if (incumbent_.exists()) {
-    reporter_.tell(run, incumbent_.best().x.z(), incumbent_.best().objective, incumbent_.best().violations, row);
+    reporter_.tell(run, incumbent_.best().x.z(), incumbent_.best().objective, incumbent_.best().violations,
+                   row);
   } else {
     point_.x.z() = center_.z;
     point_.images.evaluate(problem_, point_.x);

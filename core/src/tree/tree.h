@@ -24,7 +24,8 @@ struct TreeResult {
   /// How it ended.
   enum class End {
     none,        ///< there was none: `remark` says why
-    exhausted,   ///< no node is open: the incumbent is within the tolerance, or the bound says how far it is not
+    exhausted,   ///< no node is open: the incumbent is within the tolerance, or the bound says how far it is
+                 ///< not
     infeasible,  ///< no node is open, and each contradicts itself
     limit,       ///< nodes are open: `limit` says which
   };
@@ -70,8 +71,9 @@ class Tree {
   std::vector<std::unique_ptr<Expander>> expanders_;
   std::optional<Box> box_;
   double radius_ = 0.0;
-  Relaxation::Center center_;
+  NodeEngine::Center center_;
   PseudoCosts costs_;
+  std::vector<Clause> clauses_;
   std::vector<Node> open_;  // a heap: the least bound first
   std::vector<Expansion> expansions_;
   std::size_t chosen_ = 0;
