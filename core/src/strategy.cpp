@@ -49,7 +49,7 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local) {
     const bool stayed_warm = answer.stayed_warm;
     answer = finish_exact(run);
     answer.stayed_warm = stayed_warm;
-  } else if (found.end == TreeResult::End::infeasible && !is_solved(answer.ending.status)) {
+  } else if (found.end == TreeResult::End::infeasible && answer.ending.status != Status::solved) {
     answer.ending.status = Status::infeasible;
   }
   answer.ending.detail = found.remark + "; " + answer.ending.detail;

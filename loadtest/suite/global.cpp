@@ -34,8 +34,8 @@ std::vector<Named> with_proofs(const Settings& settings) {
 }  // namespace
 
 void global(const Settings& settings) {
-  std::printf("%-12s %-16s %6s %14s %14s %9s %9s %7s %9s %9s %8s\n", "problem", "status", "proved", "objective",
-              "bound", "gap", "nodes", "open", "s", "s/node", "factors");
+  std::printf("%-12s %-16s %6s %14s %14s %9s %9s %7s %9s %9s %8s\n", "problem", "status", "proved",
+              "objective", "bound", "gap", "nodes", "open", "s", "s/node", "factors");
   int proved = 0;
   double seconds = 0.0;
   for (const Named& named : with_proofs(settings)) {

@@ -189,7 +189,7 @@ std::optional<Vector> best_point(const Dense& p, unsigned choice) {
 }  // namespace
 
 std::optional<GlobalOptimum> brute_force(const ProblemView& view) {
-  if (view.l.size() > 10) throw std::invalid_argument("more than 10 pairs");
+  if (view.l.size() > 12) throw std::invalid_argument("more than 12 pairs");
   const Dense p(view);
   std::optional<GlobalOptimum> best;
   for (unsigned choice = 0; choice < (1U << view.l.size()); ++choice) {

@@ -14,7 +14,7 @@ struct GlobalOptimum {
   int feasible_branches = 0;
 };
 
-/// Solves the convex QP left by each of the 2^n_c choices of the side of a pair that is zero. For n_c <= 10
+/// Solves the convex QP left by each of the 2^n_c choices of the side of a pair that is zero. For n_c <= 12
 /// and a Q that is convex on every branch; throws std::invalid_argument otherwise. Empty if no branch is
 /// feasible.
 [[nodiscard]] std::optional<GlobalOptimum> brute_force(const ProblemView& problem);

@@ -69,6 +69,7 @@ bool DualActiveSet::refactor() {
 
 // Multipliers that keep the rows held at zero; all others 0. Rows whose sign is wrong leave, the worst first.
 bool DualActiveSet::solve_held() {
+  const double wrong = -tuning::rounding * (1.0 + max_abs(mu_));
   while (true) {
     for (Index row = 0; row < gram_.size(); ++row) {
       if (!is_held(row)) mu_[row] = 0.0;
@@ -85,7 +86,7 @@ bool DualActiveSet::solve_held() {
     factor_.solve_lower(rates_);
     factor_.solve_upper(rates_);
     Eigen::Index worst = -1;
-    double least = 0.0;
+    double least = wrong;
     for (Eigen::Index i = 0; i < size; ++i) {
       const Index row = held_[i];
       mu_[row] = mu_center_[row] + rates_[i];
@@ -134,7 +135,7 @@ bool DualActiveSet::direction(Index row, double sign) {
   for (Eigen::Index i = 0; i < size; ++i) column_[i] = column[held_[i]];
   factor_.solve_lower(column_);
   pivot_ = column[row] - column_.squaredNorm();
-  dependent_ = !(pivot_ > tuning::tree_dependent * column[row]);
+  dependent_ = !(pivot_ > tuning::rounding * column[row] + tuning::exactness);
   rates_ = -sign * column_;
   factor_.solve_upper(rates_);
   return true;
@@ -164,10 +165,14 @@ DualActiveSet::Taken DualActiveSet::take(Index row, double enough, int most_step
     Eigen::Index leaving = -1;
     for (Eigen::Index i = 0; i < rates_.size(); ++i) {
       if (rates_[i] >= 0.0 || kind_[held_[i]] == RowKind::fixed) continue;
-      const double until = -mu_[held_[i]] / rates_[i];
+      const double until = std::max(0.0, mu_[held_[i]]) / -rates_[i];
       if (until >= length) continue;
       length = until;
       leaving = i;
+    }
+    if (!std::isfinite(length) && std::abs(v) <= tuning::near) {  // a contradiction of rounding
+      kind_[row] = RowKind::ignored;
+      return Taken::held;
     }
     if (!std::isfinite(length)) {
       blocked_ = row;
@@ -214,7 +219,7 @@ double DualActiveSet::first_gain(Index row) {
   double length = dependent_ ? kInfinity : std::abs(v) / pivot_;
   for (Eigen::Index i = 0; i < rates_.size(); ++i) {
     if (rates_[i] < 0.0 && kind_[held_[i]] != RowKind::fixed)
-      length = std::min(length, -mu_[held_[i]] / rates_[i]);
+      length = std::min(length, std::max(0.0, mu_[held_[i]]) / -rates_[i]);
   }
   if (!std::isfinite(length)) return kInfinity;
   return length * (std::abs(v) - 0.5 * length * (dependent_ ? 0.0 : pivot_));

@@ -16,7 +16,7 @@ double outward(double value, double direction) {
 
 }  // namespace
 
-Box::Box(const ScaledProblem& p, double radius) {
+Box::Box(const ScaledProblem& p, double far) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   lower.setConstant(p.variables(), -kInfinity);
   upper.setConstant(p.variables(), kInfinity);
@@ -35,12 +35,7 @@ Box::Box(const ScaledProblem& p, double radius) {
   };
   tighten(p.A, p.b, true);
   tighten(p.rows, p.offset, false);
-  bounded = lower.allFinite() && upper.allFinite();
-  for (Index j = 0; j < p.variables(); ++j) {
-    const double far = radius / p.variable_scale[j];
-    if (!std::isfinite(lower[j])) lower[j] = -far;
-    if (!std::isfinite(upper[j])) upper[j] = far;
-  }
+  radius = far / p.variable_scale.array();
 }
 
 DualBound::DualBound(const ScaledProblem& problem)
@@ -64,13 +59,18 @@ void DualBound::add_rows(ConstVectorRef y, ConstVectorRef mu) {
 // The value with what r costs at the worst point of the box.
 double DualBound::settle(const Box& box) {
   paid_ = value_.error(tuning::bound_roundoff);
+  double negligible = 0.0;
+  for (const CarefulSum& entry : residual_) negligible = std::max(negligible, entry.error(tuning::exactness));
   for (Index j = 0; j < problem_.variables(); ++j) {
     const CarefulSum& entry = residual_[static_cast<std::size_t>(j)];
     const double error = entry.error(tuning::bound_roundoff);
-    const double low = entry.value() - error;
-    const double high = entry.value() + error;
-    paid_ -= std::min(std::min(low * box.lower[j], high * box.lower[j]),
-                      std::min(low * box.upper[j], high * box.upper[j]));
+    const bool small = std::abs(entry.value()) <= negligible;
+    const auto least = [&](double coefficient) {
+      const double at = coefficient > 0.0 ? box.lower[j] : box.upper[j];
+      if (std::isfinite(at)) return coefficient * at;
+      return small ? -std::abs(coefficient) * box.radius[j] : -std::numeric_limits<double>::infinity();
+    };
+    paid_ -= std::min(least(entry.value() - error), least(entry.value() + error));
   }
   // The sum above has its own rounding.
   const double bound =

@@ -11,7 +11,25 @@
 
 namespace marble {
 
-/// What the engines of a tree share; each fills it by its own Kkt, which makes the same bits.
+/// K = [Q + δI, Aᵀ; A, 0] by the factor of a Kkt that has a small −1/ρ in its corner: repeated on the
+/// residual of K itself, which leaves no trace of ρ. Dependent equalities do no harm.
+class ProximalSystem {
+ public:
+  ProximalSystem(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt);
+
+  [[nodiscard]] bool factor(double rho, double delta);
+  /// For (x, y) in place of the right-hand side. False if interrupted.
+  [[nodiscard]] bool solve(VectorRef x, VectorRef y);
+  [[nodiscard]] Kkt& kkt() { return *kkt_; }
+
+ private:
+  const ScaledProblem& problem_;
+  std::unique_ptr<Kkt> kkt_;
+  RowWeights weights_;
+  Vector x_, y_, rest_x_, rest_y_, image_;
+};
+
+/// What the engines of a tree share; each fills it by its own system, which makes the same bits.
 class Gram {
  public:
   explicit Gram(const ScaledProblem& problem) : problem_(problem), columns_(problem.layout.size()) {}
@@ -24,8 +42,8 @@ class Gram {
 
   /// Null where it is not there yet.
   [[nodiscard]] const double* find(Index row);
-  /// Solves for it with K as this `kkt` has factorized it. Null if that is interrupted.
-  [[nodiscard]] const double* fill(Index row, Kkt& kkt);
+  /// Solves for it. Null if that is interrupted.
+  [[nodiscard]] const double* fill(Index row, ProximalSystem& system);
 
  private:
   const ScaledProblem& problem_;
@@ -36,8 +54,8 @@ class Gram {
 /// One engine's way to it, which asks for a lock once a column.
 class GramColumns {
  public:
-  GramColumns(const ScaledProblem& problem, Gram& gram, Kkt& kkt)
-      : gram_(gram), kkt_(kkt), known_(problem.layout.size(), nullptr) {}
+  GramColumns(const ScaledProblem& problem, Gram& gram, ProximalSystem& system)
+      : gram_(gram), system_(system), known_(problem.layout.size(), nullptr) {}
 
   [[nodiscard]] const double* operator()(Index row) {
     if (known_[row] == nullptr) look(row);
@@ -48,12 +66,12 @@ class GramColumns {
  private:
   void look(Index row) {
     const double* column = gram_.find(row);
-    if (column == nullptr) column = gram_.fill(row, kkt_);
+    if (column == nullptr) column = gram_.fill(row, system_);
     known_[row] = column;
   }
 
   Gram& gram_;
-  Kkt& kkt_;
+  ProximalSystem& system_;
   std::vector<const double*> known_;
 };
 

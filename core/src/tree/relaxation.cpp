@@ -16,9 +16,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Relaxation::Relaxation(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram)
     : problem_(problem),
-      kkt_(std::move(kkt)),
-      weights_(problem),
-      gram_(problem, gram, *kkt_),
+      system_(problem, std::move(kkt)),
+      gram_(problem, gram, system_),
       set_(gram_),
       dual_bound_(problem),
       right_z_(problem.variables()),
@@ -26,19 +25,17 @@ Relaxation::Relaxation(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, G
       signed_(problem.layout.size()) {}
 
 bool Relaxation::prepare(Run& run) {
-  kkt_->attend(run.interrupt());
-  kkt_->load(problem_);
-  weights_.rho = tuning::tree_rho;
-  weights_.delta = tuning::tree_delta;
-  weights_.rows.all.setZero();
+  system_.kkt().attend(run.interrupt());
+  system_.kkt().load(problem_);
   ++run.factorizations;
-  return run.timed(&Times::factorization_s, [this] { return kkt_->factor(weights_); });
+  return run.timed(&Times::factorization_s,
+                   [this] { return system_.factor(tuning::exact_rho, tuning::tree_delta); });
 }
 
 bool Relaxation::is_convex(Run& run) {
-  weights_.rho = weights_.delta = tuning::rounding;
   ++run.factorizations;
-  const bool convex = run.timed(&Times::factorization_s, [this] { return kkt_->factor(weights_); });
+  const bool convex = run.timed(&Times::factorization_s,
+                                [this] { return system_.factor(tuning::rounding, tuning::rounding); });
   return convex && prepare(run);
 }
 
@@ -72,7 +69,7 @@ bool Relaxation::find_point() {
   right_z_ = -right_z_;
   multiply(problem_.A, z_center_, right_y_);
   right_y_ = -right_y_ - problem_.b;
-  if (!kkt_->solve(right_z_, right_y_)) return false;
+  if (!system_.solve(right_z_, right_y_)) return false;
   z_ = z_center_ + right_z_;
   y_ = y_center_ + right_y_;
   return true;
@@ -112,7 +109,7 @@ bool Relaxation::contradicts(const Box& box) {
     add_transposed(problem_.rows, signed_, right_z_);
     add_transposed(problem_.A, -multipliers, right_z_);
     right_y_.setZero();
-    if (!kkt_->solve(right_z_, right_y_)) return false;
+    if (!system_.solve(right_z_, right_y_)) return false;
     multipliers += right_y_;
     if (dual_bound_.contradicts(box, multipliers, signed_)) return true;
   }
@@ -137,8 +134,10 @@ Relaxation::End Relaxation::solve(const Box& box, double cutoff, const Interrupt
     bound_ = std::max({bound_, parent, evaluate_bound(box)});
     if (bound_ >= cutoff) return End::cutoff;
     if (end == DualActiveSet::End::optimal) {
-      const bool small = dual_bound_.paid() <= tuning::tree_paid * (1.0 + std::abs(bound_));
-      if (small || dual_bound_.paid() > 0.5 * paid) return undecided ? End::undecided : End::optimal;
+      const bool small =
+          std::isfinite(bound_) && dual_bound_.paid() <= tuning::tree_paid * (1.0 + std::abs(bound_));
+      const bool no_better = std::isfinite(paid) && dual_bound_.paid() > 0.5 * paid;
+      if (small || no_better) return undecided ? End::undecided : End::optimal;
       paid = dual_bound_.paid();
     }
     enough = kInfinity;

@@ -1,9 +1,9 @@
 // The convex relaxation of a node: some pairs with one side fixed at zero, of the others both sides ≥ 0. One
 // engine solves one after the other, each from a parent's rows, and says what its multipliers prove.
 //
-// The proximal method of multipliers around a center: K = [Q + δI, Aᵀ; A, −1/ρ] then is regular whatever Q
-// and A are, and the same for all. What δ and 1/ρ distort is no part of any bound: they say only how near the
-// point comes to the optimum in one pass.
+// The proximal point method around a center: K = [Q + δI, Aᵀ; A, 0] is the same for all and regular, whatever
+// Q is. What δ distorts is no part of any bound: it says only how near the point comes to the optimum in one
+// pass.
 #pragma once
 
 #include <memory>
@@ -58,8 +58,7 @@ class Relaxation final : public NodeEngine {
   [[nodiscard]] double evaluate_bound(const Box& box);
 
   const ScaledProblem& problem_;
-  std::unique_ptr<Kkt> kkt_;
-  RowWeights weights_;
+  ProximalSystem system_;
   GramColumns gram_;
   DualActiveSet set_;
   DualBound dual_bound_;

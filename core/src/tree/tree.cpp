@@ -63,7 +63,8 @@ TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, double mo
   if (const auto end = begin(run, z)) return *end == TreeResult::End::limit ? stopped(run) : result(*end);
   report(run);
   while (!open_.empty()) {
-    if (incumbent_.exists() && gap() <= options_.gap_tolerance) break;
+    if (open_.front().bound >= cutoff()) close_all();
+    if (open_.empty()) break;
     if (run.interrupted() || nodes_ + 2 > options_.node_limit || !round(run)) return stopped(run);
     report(run);
   }
@@ -84,7 +85,7 @@ bool Tree::make_expanders(Run& run, std::size_t count) {
 // The root; where there is an incumbent, what it fixes for good. An end, if that is all.
 std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
   const Vector& from = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
-  radius_ = tuning::proof_farther * (1.0 + max_abs(from.cwiseProduct(problem_.variable_scale)));
+  radius_ = tuning::tree_radius * (1.0 + max_abs(from.cwiseProduct(problem_.variable_scale)));
   box_.emplace(problem_, radius_);
   NodeEngine& relaxation = expanders_[0]->relaxation();
   if (!relaxation.start(from)) return TreeResult::End::limit;
@@ -121,6 +122,12 @@ void Tree::push(Node node) {
   node.number = made_++;
   open_.push_back(std::move(node));
   std::push_heap(open_.begin(), open_.end(), is_after);
+}
+
+// No open node can have a better answer.
+void Tree::close_all() {
+  close(open_.front().bound);
+  open_.clear();
 }
 
 // The least bounds; where room runs out, or as long as there is no answer, the deepest nodes.

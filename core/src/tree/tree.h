@@ -53,6 +53,7 @@ class Tree {
   void choose_nodes(std::size_t count);
   void take(Run& run, Expansion& expansion);
   void close(double bound) { closed_bound_ = std::min(closed_bound_, bound); }
+  void close_all();
   void push(Node node);
   void try_as_answer(Run& run, const Suggestion& suggestion);
   [[nodiscard]] double cutoff() const;
