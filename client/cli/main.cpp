@@ -2,8 +2,8 @@
 #include <exception>
 #include <iostream>
 
-#include "commands.h"
-#include "exit_code.h"
+#include "base/exit_code.h"
+#include "commands/commands.h"
 
 int main(int argc, char** argv) {
   using namespace marble::cli;

@@ -3,11 +3,11 @@
 #include <filesystem>
 #include <fstream>
 
-#include "file_bytes.h"
-#include "mat_problem.h"
-#include "matrix_market.h"
-#include "nl_problem.h"
-#include "npz_problem.h"
+#include "mat/mat_problem.h"
+#include "mtx/matrix_market.h"
+#include "nl/nl_problem.h"
+#include "npz/npz_problem.h"
+#include "parts/file_bytes.h"
 
 namespace marble::formats {
 namespace {

@@ -6,9 +6,9 @@
 #include <iostream>
 
 #include "arguments.h"
-#include "interrupt.h"
-#include "report.h"
-#include "run.h"
+#include "base/interrupt.h"
+#include "report/report.h"
+#include "run/run.h"
 
 namespace marble::load {
 namespace {

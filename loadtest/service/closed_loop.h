@@ -4,7 +4,7 @@
 #include <atomic>
 
 #include "bench.h"
-#include "machine.h"
+#include "measure/machine.h"
 
 namespace marble::bench {
 

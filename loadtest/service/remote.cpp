@@ -9,7 +9,7 @@
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "scenario.h"
+#include "plan/scenario.h"
 
 namespace marble::bench {
 namespace {

@@ -38,15 +38,16 @@ Outcome cold(const OwnedProblem& problem) {
   return {answer(problem, s), static_cast<double>(s.factorizations), seconds};
 }
 
-// Ten problems in a row, each from the answer before: `next` makes one of the last, of the same matrices.
-Outcome chain(OwnedProblem p, const std::function<void(OwnedProblem&)>& next) {
+// Ten problems in a row, each from the answer before: `next` makes one of the last, of the same matrices, and
+// what to start it from of the last answer.
+Outcome chain(OwnedProblem p, const std::function<void(OwnedProblem&, Solution&)>& next) {
   Options options;
   options.time_limit_s = kRunaway_s;
   Solver solver = Solver::create(Problem::create(p.view()).value(), options).value();
   Solution last = solver.solve().value();
   Outcome sum;
   for (int tick = 0; tick < 10; ++tick) {
-    next(p);
+    next(p, last);
     static_cast<void>(
         solver.update({.c0 = p.c0, .g = p.g, .b = p.b, .d = p.d, .l = p.l, .r = p.r}).has_value());
     const double begin = processor_seconds();
@@ -60,17 +61,17 @@ Outcome chain(OwnedProblem p, const std::function<void(OwnedProblem&)>& next) {
 
 // Vectors that change by `size`.
 Outcome warm(const OwnedProblem& problem, double size, std::uint64_t seed) {
-  return chain(problem, [noise = Noise(seed), size](OwnedProblem& p) mutable {
+  return chain(problem, [noise = Noise(seed), size](OwnedProblem& p, Solution&) mutable {
     for (auto* vector : {&p.g, &p.b, &p.d, &p.l, &p.r}) noise.apply(*vector, size);
   });
 }
 
-// A hopper as its planner runs it. Every setting is asked for the same ticks: the state moves on as if the
-// reference were met.
+// A hopper as its planner runs it: it does the first step of its plan, and plans from the rest of it.
 Outcome plan(const examples::HopperParameters& first) {
-  return chain(examples::hopper(first), [parameters = first](OwnedProblem& p) mutable {
-    parameters.reference_x += parameters.speed * parameters.step_s;
+  return chain(examples::hopper(first), [parameters = first](OwnedProblem& p, Solution& last) mutable {
+    parameters = examples::advance(parameters, last.z);
     p = examples::hopper(parameters);
+    last = examples::shift_hopper(last);
   });
 }
 

@@ -249,6 +249,7 @@ void to_message(const Progress& progress, v1::Progress* message) {
   message->set_regularization(progress.regularization);
   message->set_factorizations(progress.factorizations);
   message->set_elapsed_s(progress.elapsed_s);
+  tree_to_message(progress, message);
 }
 
 Progress progress_of(const v1::Progress& message) {
@@ -264,6 +265,7 @@ Progress progress_of(const v1::Progress& message) {
   progress.regularization = message.regularization();
   progress.factorizations = message.factorizations();
   progress.elapsed_s = message.elapsed_s();
+  take_tree(message, progress);
   progress.z = span_of(message.z());
   return progress;
 }
@@ -298,6 +300,8 @@ void to_message(const Solution& solution, v1::Solution* message) {
   if (solution.b_stationary) message->set_b_stationary(*solution.b_stationary);
   message->set_second_order(static_cast<v1::SecondOrder>(static_cast<int>(solution.second_order)));
   message->set_cold_objective(solution.cold_objective);
+  message->set_proved(solution.proved);
+  tree_to_message(solution, message);
   message->set_iterations(solution.iterations);
   message->set_factorizations(solution.factorizations);
   v1::Times* times = message->mutable_times();
@@ -328,6 +332,8 @@ Solution solution_of(const v1::Solution& message) {
   if (v1::SecondOrder_IsValid(message.second_order()))
     solution.second_order = static_cast<SecondOrder>(static_cast<int>(message.second_order()));
   solution.cold_objective = message.cold_objective();
+  solution.proved = message.proved();
+  take_tree(message, solution);
   solution.iterations = message.iterations();
   solution.factorizations = message.factorizations();
   solution.times = {message.times().setup_s(), message.times().factorization_s(),

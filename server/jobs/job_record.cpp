@@ -1,5 +1,6 @@
 #include "jobs/job_record.h"
 
+#include <cmath>
 #include <utility>
 
 namespace marble::server {
@@ -55,7 +56,17 @@ void JobRecord::report(const Progress& progress) {
   snapshot_.factorizations = earlier_factorizations_ + progress.factorizations;
   snapshot_.objective = progress.objective;
   snapshot_.violations = progress.violations;
+  snapshot_.incumbent = progress.incumbent;
+  take_tree(progress);
   changes_.fetch_add(1, std::memory_order_release);
+}
+
+template <class Told>
+void JobRecord::take_tree(const Told& told) {
+  snapshot_.bound = told.bound;
+  snapshot_.gap = told.gap;
+  snapshot_.nodes = told.nodes;
+  snapshot_.open_nodes = told.open_nodes;
 }
 
 void JobRecord::take(const Solution& solution) {
@@ -66,6 +77,11 @@ void JobRecord::take(const Solution& solution) {
   snapshot_.factorizations = earlier_factorizations_ + solution.factorizations;
   snapshot_.objective = solution.objective;
   snapshot_.violations = solution.violations;
+  take_tree(solution);
+  // Of a tree whose answer has no gap, as there is no point or no bound, the newest row knows the incumbent.
+  if (solution.nodes == 0 || std::isfinite(solution.gap))
+    snapshot_.incumbent = solution.nodes == 0 ? Progress{}.incumbent : solution.objective;
+  snapshot_.proved = solution.proved;
   snapshot_.times = solution.times;
 }
 

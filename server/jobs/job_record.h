@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -13,7 +14,6 @@
 #include "base/trace_context.h"
 #include "jobs/pair_history.h"
 #include "jobs/progress_history.h"
-#include "marble/contract.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
@@ -23,9 +23,6 @@
 namespace marble::server {
 
 using Clock = std::chrono::steady_clock;
-
-constexpr std::size_t kLongestRequestId = contract::longest_request_id;  // bytes
-constexpr std::size_t kLongestName = contract::longest_problem_name;     // bytes
 
 enum class JobKind { solve, batch, submitted, session };
 enum class JobState { queued, running, idle, finished };
@@ -56,6 +53,11 @@ struct JobSnapshot {
   std::int64_t iterations = 0, factorizations = 0;
   double objective = 0.0;
   Violations violations;
+  double incumbent = std::numeric_limits<double>::infinity();  ///< of a tree (option global), as in Progress
+  double bound = -std::numeric_limits<double>::infinity();
+  double gap = std::numeric_limits<double>::infinity();
+  std::int64_t nodes = 0, open_nodes = 0;
+  bool proved = false;
   Times times;
   double queue_s = 0.0, total_s = 0.0;
   std::int64_t updates = 0;
@@ -119,6 +121,8 @@ class JobRecord final : public ProgressSink {
 
  private:
   void take(const Solution& solution) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  template <class Told>
+  void take_tree(const Told& told) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void end() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void changed() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 

@@ -38,6 +38,8 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   message->set_factorizations(now.factorizations);
   message->set_objective(now.objective);
   to_message(now.violations, message->mutable_violations());
+  tree_to_message(now, message);
+  message->set_proved(now.proved);
   const bool under_way = now.state == JobState::queued || now.state == JobState::running;
   const double age_s =
       std::chrono::duration<double>(std::chrono::system_clock::now() - what.accepted).count();

@@ -35,6 +35,7 @@ const char* type_of(MetricKind kind) {
       return "gauge";
     case MetricKind::seconds:
     case MetricKind::counts:
+    case MetricKind::ratios:
       return "histogram";
   }
   return "";
@@ -45,6 +46,8 @@ std::vector<double> buckets_of(MetricKind kind) {
     return {5e-5, 1e-4, 2.5e-4, 5e-4, 1e-3, 2.5e-3, 5e-3, 1e-2, 2.5e-2, 5e-2,
             0.1,  0.25, 0.5,    1.0,  2.5,  5.0,    10.0, 25.0, 50.0,   100.0};
   }
+  if (kind == MetricKind::ratios)
+    return {1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1.0};
   return {1, 2.5, 5, 10, 25, 50, 100, 250, 500, 1000, 2500, 5000, 10000, 25000, 50000, 100000};
 }
 

@@ -6,7 +6,7 @@
 
 namespace marble::server {
 
-enum class MetricKind { counter, gauge, seconds, counts, read_counter, read_gauge };
+enum class MetricKind { counter, gauge, seconds, counts, ratios, read_counter, read_gauge };
 
 enum class Metric {
 #define MARBLE_METRIC(kind, id, name, labels, help) id,
@@ -27,7 +27,7 @@ struct MetricInfo {
 
 /// Prometheus' word: "counter", "gauge" or "histogram".
 [[nodiscard]] const char* type_of(MetricKind kind);
-/// Upper bounds of a histogram's buckets, ascending: 50 µs to 100 s, or 1 to 100000.
+/// Upper bounds of a histogram's buckets, ascending: 50 µs to 100 s, 1 to 100000, or 1e-9 to 1.
 [[nodiscard]] std::vector<double> buckets_of(MetricKind kind);
 
 /// The table for people, in Markdown: name, type, labels, help.

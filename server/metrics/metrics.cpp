@@ -1,6 +1,7 @@
 #include "metrics/metrics.h"
 
 #include <array>
+#include <cmath>
 
 #include "base/refusal.h"
 #include "metrics/client_metrics.h"
@@ -23,6 +24,8 @@ struct Metrics::Counted {
       : setup_s(registry.histogram(Metric::setup_seconds)),
         iterations(registry.histogram(Metric::solve_iterations)),
         factorizations(registry.histogram(Metric::solve_factorizations)),
+        tree_gap(registry.histogram(Metric::tree_gap)),
+        tree_nodes(registry.counter(Metric::tree_nodes)),
         superseded(registry.counter(Metric::session_updates_superseded)),
         rows_sent(registry.counter(Metric::progress_rows_sent)),
         rows_skipped(registry.counter(Metric::progress_rows_skipped)),
@@ -35,6 +38,8 @@ struct Metrics::Counted {
       solve_s[at] = &registry.histogram(Metric::solve_seconds, {priority});
       queue_s[at] = &registry.histogram(Metric::queue_wait_seconds, {priority});
     }
+    for (const bool proved : {false, true})
+      trees[proved ? 1 : 0] = &registry.counter(Metric::trees, {proved ? "true" : "false"});
     for (std::size_t reason = 0; reason < kRefusalReasons; ++reason)
       updates_refused[reason] = &registry.counter(Metric::session_updates_refused, {refusal_name(reason)});
   }
@@ -42,8 +47,9 @@ struct Metrics::Counted {
   std::array<std::array<Counter*, kPriorities>, kStatuses> solves = {};
   std::array<Histogram*, kPriorities> solve_s = {}, queue_s = {};
   std::array<Counter*, kRefusalReasons> updates_refused = {};
-  Histogram &setup_s, &iterations, &factorizations;
-  Counter &superseded, &rows_sent, &rows_skipped;
+  std::array<Counter*, 2> trees = {};  // not proved, proved
+  Histogram &setup_s, &iterations, &factorizations, &tree_gap;
+  Counter &tree_nodes, &superseded, &rows_sent, &rows_skipped;
   ClientMetrics clients;
 };
 
@@ -51,6 +57,14 @@ Metrics::Metrics(bool on, int clients)
     : counted_(on ? std::make_unique<Counted>(registry_, clients) : nullptr) {}
 
 Metrics::~Metrics() = default;
+
+void Metrics::count_tree(const Solution& solution) {
+  if (solution.nodes == 0) return;
+  counted_->trees[solution.proved ? 1 : 0]->Increment();
+  counted_->tree_nodes.Increment(static_cast<double>(solution.nodes));
+  if (std::isfinite(solution.gap))
+    counted_->tree_gap.Observe(solution.gap);  // infinity would stay in the sum
+}
 
 void Metrics::job_ended(const EndedJob& job) {
   if (!on()) return;
@@ -63,6 +77,7 @@ void Metrics::job_ended(const EndedJob& job) {
   counted_->solve_s[priority]->Observe(solution.times.solve_s);
   counted_->iterations.Observe(solution.iterations);
   counted_->factorizations.Observe(solution.factorizations);
+  count_tree(solution);
   counted_->clients.solved(job.client, solution.times.solve_s);
 }
 

@@ -42,6 +42,8 @@ class Metrics {
   void progress_sent(std::size_t rows, std::int64_t skipped);
 
  private:
+  void count_tree(const Solution& solution);
+
   struct Counted;
   MetricRegistry registry_;
   const std::unique_ptr<Counted> counted_;  // null if off

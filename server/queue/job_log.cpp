@@ -1,6 +1,7 @@
 #include "queue/job_log.h"
 
 #include "access/access.h"
+#include "marble/contract.h"
 #include "wire/status.h"
 
 namespace marble::server {
@@ -52,7 +53,7 @@ void log_refusal(const Log& log, const Origin& origin, const Error& error) {
   Log::Fields fields;
   if (!origin.client.empty()) fields.push_back({"client", origin.client});
   // The id may be what is wrong with the request: show no more of it than a good one may have.
-  add(fields, {{"request", origin.request_id.substr(0, kLongestRequestId)},
+  add(fields, {{"request", origin.request_id.substr(0, contract::longest_request_id)},
                {"peer", origin.peer},
                {"code", to_string(error.code)},
                {"reason", abridged(error).message()}});
@@ -79,6 +80,13 @@ void log_end(const Log& log, const Job& job, const Outcome& outcome) {
                {"solve_s", solution.times.solve_s},
                {"total_s", outcome.total_s},
                {"detail", answered ? solution.detail : outcome.solution.error().message()}});
+  if (solution.nodes > 0) {
+    add(fields, {{"proved", solution.proved ? "true" : "false"},
+                 {"bound", solution.bound},
+                 {"gap", solution.gap},
+                 {"nodes", solution.nodes},
+                 {"open_nodes", solution.open_nodes}});
+  }
   log.write(*line, fields);
 }
 

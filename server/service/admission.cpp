@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/random_id.h"
+#include "marble/contract.h"
 #include "marble/convert.h"
 #include "queue/job_log.h"
 #include "wire/status.h"
@@ -38,17 +39,19 @@ Expected<Priority> priority_of(v1::Priority asked, JobKind kind, const Quota& qu
 }
 
 Expected<void> check_labels(const std::string& request_id, const std::string& problem_name) {
-  if (request_id.size() > kLongestRequestId) {
-    return unexpected(invalid("request_id", std::to_string(request_id.size()) + " bytes",
-                              "must have at most " + std::to_string(kLongestRequestId) + " bytes"));
+  if (request_id.size() > contract::longest_request_id) {
+    return unexpected(
+        invalid("request_id", std::to_string(request_id.size()) + " bytes",
+                "must have at most " + std::to_string(contract::longest_request_id) + " bytes"));
   }
   const auto printable = [](unsigned char c) { return c >= 0x20 && c < 0x7f; };
   if (!std::all_of(request_id.begin(), request_id.end(), printable)) {
     return unexpected(invalid("request_id", "must be printable ASCII"));
   }
-  if (problem_name.size() > kLongestName) {
-    return unexpected(invalid("problem.name", std::to_string(problem_name.size()) + " bytes",
-                              "must have at most " + std::to_string(kLongestName) + " bytes"));
+  if (problem_name.size() > contract::longest_problem_name) {
+    return unexpected(
+        invalid("problem.name", std::to_string(problem_name.size()) + " bytes",
+                "must have at most " + std::to_string(contract::longest_problem_name) + " bytes"));
   }
   return {};
 }
@@ -108,11 +111,6 @@ Expected<Identity> identify(const ServiceParts& parts, const grpc::CallbackServe
     log_refusal(parts.log, origin, identity.error());
   }
   return identity;
-}
-
-Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller, const Quota& quota,
-                                       JobKind kind, const v1::SolveRequest& message) {
-  return check(parts, caller, quota, kind, message);
 }
 
 Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller, const Quota& quota,

@@ -44,9 +44,6 @@ struct CheckedRequest {
 /// above the quota's).
 [[nodiscard]] Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller,
                                                      const Quota& quota, JobKind kind,
-                                                     const v1::SolveRequest& message);
-[[nodiscard]] Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller,
-                                                     const Quota& quota, JobKind kind,
                                                      const v1::SessionSetup& message);
 
 /// Checks how often progress is to be told.

@@ -28,6 +28,9 @@ std::vector<ShiftBlock> blocks_of(const Blocks& messages) {
   return blocks;
 }
 
+// For each of which a shift may have a block.
+std::size_t entries_of(const PartSizes& sizes) { return sizes.g + sizes.b + sizes.d + sizes.l; }
+
 void take_shift(std::vector<ShiftBlock> older, std::vector<ShiftBlock>& newer, std::size_t size) {
   if (older.empty()) return;
   newer = newer.empty() ? std::move(older) : joined(older, newer, size);
@@ -36,12 +39,11 @@ void take_shift(std::vector<ShiftBlock> older, std::vector<ShiftBlock>& newer, s
 }  // namespace
 
 std::int64_t most_update_bytes(const PartSizes& sizes) {
-  const std::size_t entries = sizes.g + sizes.b + sizes.d + sizes.l;
   std::size_t numbers = sizes.g;  // of a point to start from
 #define MARBLE_VECTOR(letter, field) numbers += sizes.letter;
 #define MARBLE_MATRIX(letter, field, update, vector) numbers += sizes.letter;
 #include "marble/contract.def"
-  return kRest + static_cast<std::int64_t>(kBlockBytes * entries + sizeof(double) * numbers);
+  return kRest + static_cast<std::int64_t>(kBlockBytes * entries_of(sizes) + sizeof(double) * numbers);
 }
 
 Expected<void> parse_update(grpc::ByteBuffer& bytes, const PartSizes& sizes, v1::SessionRequest* request) {
@@ -52,8 +54,7 @@ Expected<void> parse_update(grpc::ByteBuffer& bytes, const PartSizes& sizes, v1:
                 "must have at most " + std::to_string(most) +
                     " bytes, all numbers of the problem and a block of a shift for each entry"));
   }
-  const std::size_t blocks = sizes.g + sizes.b + sizes.d + sizes.l;
-  return parse(&bytes, request, kMostFields + static_cast<std::int64_t>(kBlockFields * blocks));
+  return parse(&bytes, request, kMostFields + static_cast<std::int64_t>(kBlockFields * entries_of(sizes)));
 }
 
 Expected<Update> Update::check(v1::SessionUpdate& message, const PartSizes& sizes, const Options& in_force) {

@@ -61,6 +61,11 @@ TEST_F(Cli, UsageErrorsExitTwoAndSayWhatIsWrong) {
   const Result option = run("solve --local --option kappa_factor=2 " + good);
   EXPECT_EQ(option.exit_code, 2);
   EXPECT_NE(option.err.find("kappa_factor = 2: must be in [0.001, 0.99]"), std::string::npos) << option.err;
+  EXPECT_NE(
+      run("solve --local --option gap_tolerance=1 " + good).err.find("gap_tolerance = 1: must be in [0, 0.9"),
+      std::string::npos);
+  EXPECT_NE(run("solve --local --option node_limit=0 " + good).err.find("node_limit = 0: must be in [1, "),
+            std::string::npos);
   EXPECT_NE(run("solve --local --option nonsense=1 " + good).err.find("nonsense: is not an option"),
             std::string::npos);
   EXPECT_EQ(run("solve --local --time-limit -1 " + good).exit_code, 2);

@@ -5,12 +5,13 @@
 #include <cmath>
 #include <limits>
 
-#include "convergence.h"
-#include "gnuplot.h"
 #include "marble/progress_csv.h"
+#include "output/proof.h"
 #include "terminal/sparkline.h"
 #include "terminal/terminal_plot.h"
-#include "trace_file.h"
+#include "trace/convergence.h"
+#include "trace/gnuplot.h"
+#include "trace/trace_file.h"
 
 namespace marble::cli {
 namespace {
@@ -117,6 +118,8 @@ TEST(TraceFile, WhatWasWrittenIsReadToTheBit) {
   row.objective = 0.1;
   row.violations = {1.0 / 3.0, 0, 5e-324};
   row.elapsed_s = 1e-5;
+  row.incumbent = -2.5;  // the bound is not known yet, which is -inf
+  row.nodes = 12;
   const auto rows = parse_trace(trace_text({row}));
   ASSERT_TRUE(rows) << rows.error().message();
   EXPECT_EQ(trace_text(*rows), trace_text({row}));
@@ -131,12 +134,25 @@ TEST(TraceFile, FaultsNameLineAndColumn) {
   EXPECT_EQ(message(""), "line 1, column 1: is no trace: must be iteration");
   EXPECT_EQ(message("iteration,foo\n"), "line 1, column 2 = \"foo\": is no trace: must be outer_iteration");
   EXPECT_EQ(message(progress_csv_header() + "\n"), "line 2: has no row: nothing to plot");
-  EXPECT_EQ(message(good + "1,2,3\n"), "line 3: has 3 columns: must have 13");
-  EXPECT_EQ(message(good + "1,2,x,0,0,0,0,0,0,0,0,0,0\n"),
+  EXPECT_EQ(message(good + "1,2,3\n"), "line 3: has 3 columns: must have 18");
+  EXPECT_EQ(message(good + "1,2,x,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n"),
             "line 3, column objective = \"x\": must be a number");
-  EXPECT_EQ(message(good + "1e99,2,3,0,0,0,0,0,0,0,0,0,0\n"),
+  EXPECT_EQ(message(good + "1e99,2,3,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n"),
             "line 3, column iteration = \"1e99\": must be an integer in [0, 2147483647]");
-  EXPECT_EQ(message(good + "\n" + good), "line 3: has 1 columns: must have 13");
+  EXPECT_EQ(message(good + "\n" + good), "line 3: has 1 columns: must have 18");
+}
+
+TEST(TraceFile, OfBeforeThereWereTreesHasNoneInIt) {
+  std::string old;
+  for (const ProgressColumn& column : progress_columns().first(kColumnsBeforeTrees))
+    old += (old.empty() ? "" : ",") + std::string(column.name);
+  const auto rows = parse_trace(old + "\n3,2,-0.5,0,0,0,0,0,0,0,0,7,0.25\n");
+  ASSERT_TRUE(rows) << rows.error().message();
+  EXPECT_EQ(rows->front().elapsed_s, 0.25);
+  EXPECT_EQ(rows->front().bound, Progress{}.bound);
+  const auto mixed = parse_trace(old + "\n3,2,-0.5,0,0,0,0,0,0,0,0,7,0.25,1,1,1,1,1\n");
+  ASSERT_FALSE(mixed);
+  EXPECT_EQ(mixed.error().message(), "line 2: has 18 columns: must have 13");
 }
 
 TEST(TraceFile, LineEndsOfWindowsAreTaken) {
@@ -155,8 +171,53 @@ TEST(Gnuplot, PicturesAreChosenByTheEndOfTheName) {
 TEST(Gnuplot, ATitleCannotBeACommand) {
   std::vector<const ProgressColumn*> columns{&progress_columns()[3]};
   const std::vector<Progress> rows{row_at(0), row_at(1)};
-  const std::string script = gnuplot_script(rows, columns, PictureFormat::png, "a'\nsystem \"x\" `y`$(z)");
+  const std::string script =
+      gnuplot_script(rows, progress_columns()[0], columns, PictureFormat::png, "a'\nsystem \"x\" `y`$(z)");
   EXPECT_NE(script.find("set title 'a__system _x_ _y__(z)' noenhanced\n"), std::string::npos) << script;
+}
+
+TEST(Gnuplot, OfATreeTheGapIsLogarithmicAndWhatIsNotKnownIsNotDrawn) {
+  Progress begin = row_at(1), later = row_at(1);
+  begin.nodes = 1, begin.elapsed_s = 0.5, begin.incumbent = -1.0;  // no bound yet
+  later.nodes = 9, later.elapsed_s = 1.5, later.incumbent = -2.0, later.bound = -3.0, later.gap = 0.5;
+  std::vector<const ProgressColumn*> columns;
+  const ProgressColumn* time = nullptr;
+  for (const ProgressColumn& column : progress_columns()) {
+    if (column.name == "gap" || column.name == "incumbent" || column.name == "bound")
+      columns.push_back(&column);
+    if (column.name == "elapsed_s") time = &column;
+  }
+  const std::string script =
+      gnuplot_script(std::vector{begin, later}, *time, columns, PictureFormat::svg, "t");
+  EXPECT_NE(script.find("0.5 NaN -1 NaN NaN\n1.5 NaN -2 -3 0.5\n"), std::string::npos) << script;
+  EXPECT_NE(script.find("set xlabel 'elapsed_s'"), std::string::npos) << script;
+  EXPECT_LT(script.find("title 'gap'"), script.find("unset logscale y")) << script;
+  EXPECT_GT(script.find("title 'bound'"), script.find("unset logscale y")) << script;
+}
+
+TEST(Proof, IsToldInWords) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(proof_text({Status::solved, true, -4.0, 3e-7, 1204, 0}),
+            "proved optimal: gap 3.0e-07, 1,204 nodes");
+  EXPECT_EQ(proof_text({Status::infeasible, true, kInfinity, kInfinity, 1, 0}), "proved infeasible: 1 node");
+  EXPECT_EQ(proof_text({Status::time_limit, false, -4.25, 0.0625, 1234567, 37}),
+            "not proved: bound -4.25, gap 6.2e-02, 1,234,567 nodes, 37 open");
+  EXPECT_EQ(proof_text({{}, false, -kInfinity, kInfinity, 999, 4}),
+            "not proved yet: no bound, 999 nodes, 4 open");
+  EXPECT_EQ(proof_text({Status::infeasible, true, kInfinity, kInfinity, 0, 0}), "")
+      << "a certificate, no tree";
+}
+
+TEST(Proof, TheRateOfNodesIsThatOfTheLastTenthOfTheTime) {
+  std::vector<Progress> rows(1);
+  EXPECT_FALSE(nodes_per_s(rows)) << "no tree yet";
+  for (int i = 1; i <= 100; ++i) {
+    rows.push_back(row_at(5));
+    rows.back().elapsed_s = 0.1 * i;
+    rows.back().nodes = i <= 50 ? i : 50 + 100 * (i - 50);  // it became faster
+  }
+  ASSERT_TRUE(nodes_per_s(rows));
+  EXPECT_NEAR(*nodes_per_s(rows), 1000.0, 1e-6);
 }
 
 TEST(Gnuplot, RepeatedFactorizationsAreMarkedOnThePathAlone) {

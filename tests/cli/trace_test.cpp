@@ -22,8 +22,15 @@ class Trace : public Cli {
     for (std::string line; std::getline(stream, line);) lines.push_back(line);
     return lines;
   }
-  // Without the last column, the time, which no two solves share.
-  static std::string without_time(const std::string& line) { return line.substr(0, line.rfind(',')); }
+  // Without the time, which no two solves share.
+  static std::string without_time(const std::string& line) {
+    std::size_t begin = 0;
+    for (const ProgressColumn& column : progress_columns()) {
+      if (column.name == "elapsed_s") break;
+      begin = line.find(',', begin) + 1;
+    }
+    return std::string(line).erase(begin, line.find(',', begin) - begin);
+  }
   std::string trace() {
     const std::string path = directory_.file("trace.csv");
     EXPECT_EQ(run("solve --local --quiet --trace " + quoted(path) + " " + rocket()).exit_code, 0);
@@ -133,13 +140,23 @@ TEST_F(Trace, IsPlottedInTheTerminalWithoutGnuplot) {
   EXPECT_FALSE(std::filesystem::exists(png));
 }
 
+TEST_F(Trace, OfBeforeThereWereTreesIsPlottedToo) {
+  std::string old;
+  for (const ProgressColumn& column : progress_columns().first(kColumnsBeforeTrees))
+    old += (old.empty() ? "" : ",") + std::string(column.name);
+  old += "\n0,0,-3,0.5,0,0.25,1,10,1e6,0,0,1,0.001\n1,0,-4,0,0,0,1e-9,1e-8,1e6,1,0,2,0.002\n";
+  const Result result = run("plot --columns kkt_residual " + quoted(file("old.csv", old)));
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("kkt_residual"), std::string::npos) << result.out;
+}
+
 TEST_F(Trace, WhatIsNoTraceIsRefusedWithLineAndColumn) {
   const auto refused = [&](const std::string& arguments, const std::string& why) {
     const Result result = run("plot " + arguments);
     EXPECT_EQ(result.exit_code, 2);
     EXPECT_NE(result.err.find(why), std::string::npos) << result.err;
   };
-  refused(quoted(file("bad.csv", progress_csv_header() + "\n0,0,zero,0,0,0,0,0,0,0,0,0,0\n")),
+  refused(quoted(file("bad.csv", progress_csv_header() + "\n0,0,zero,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0\n")),
           "bad.csv: line 2, column objective = \"zero\": must be a number");
   refused(rocket(), "rocket.json: line 1, column 1");
   refused(quoted(directory_.file("missing")), "cannot be read");

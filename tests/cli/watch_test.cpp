@@ -7,7 +7,7 @@
 
 #include "terminal/line.h"
 #include "watch/layout.h"
-#include "watch/model.h"
+#include "watch/state/model.h"
 #include "watch/view.h"
 
 namespace marble::cli {
@@ -344,6 +344,39 @@ TEST_F(Watch, AnOpenedJobShowsFactsCurvesRowsAndWhyItEnded) {
     EXPECT_TRUE(shows(drawn({100, 40}), part)) << part << '\n' << text_of(drawn({100, 40}));
   model_.opened->gone = true;
   EXPECT_TRUE(shows(drawn({140, 40}), "not known to the server any more"));
+}
+
+TEST_F(Watch, AnOpenedProofShowsIncumbentAndBoundClosingAndItsNodes) {
+  JobInfo info = job("0123456789abcdef", JobState::running);
+  JobEvent event = event_of(info);
+  event.trace.emplace();
+  event.trace->rows.push_back(row_at(7, 0.0, 1.0));
+  for (int i = 1; i <= 20; ++i) {
+    Progress row = row_at(7);
+    row.elapsed_s = 0.5 * i;
+    row.nodes = 1000 * i;
+    row.incumbent = -2.0;
+    row.bound = -2.0 - 1.0 / i;
+    event.trace->rows.push_back(row);
+  }
+  event.job.nodes = 20000;
+  event.job.open_nodes = 37;
+  event.job.incumbent = -2.0;
+  event.job.bound = -2.05;
+  event.job.gap = 0.025;
+  model_.opened.emplace();
+  model_.opened->update(event);
+  view_.opened = info.job_id;
+  for (const char* part : {"incumbent -2", "bound -2.05", "gap 2.5e-02", "nodes 20,000", "open 37",
+                           "nodes/s 2000", "■ incumbent", "■ bound", "seconds"})
+    EXPECT_TRUE(shows(drawn({100, 40}), part)) << part << '\n' << text_of(drawn({100, 40}));
+  event.job.state = JobState::finished;
+  event.job.status = Status::solved;
+  event.job.proved = true;
+  event.job.gap = 5e-7;
+  model_.opened->update(event);
+  EXPECT_TRUE(shows(drawn({120, 40}), "proved optimal: gap 5.0e-07, 20,000 nodes"))
+      << text_of(drawn({120, 40}));
 }
 
 TEST_F(Watch, WhatDoesNotFitBesideGoesToTheNextLineAndOfRowsTheLeastImportantColumnsGo) {

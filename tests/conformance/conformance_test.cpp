@@ -137,6 +137,14 @@ TEST_F(Conformance, ErrorsAreTheSame) {
   Options options;
   options.kappa_factor = 7.0;
   expect_same_error(good, options);
+  for (const double tolerance : {-1e-9, 1.0, std::nan("")}) {
+    options = {};
+    options.gap_tolerance = tolerance;
+    expect_same_error(good, options);
+  }
+  options = {};
+  options.node_limit = 0;
+  expect_same_error(good, options);
 }
 
 std::filesystem::path shared_benchmarks() {

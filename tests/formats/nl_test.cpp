@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "marble/solver.h"
-#include "nl_problem.h"
+#include "nl/nl_problem.h"
 #include "nl_writer.h"
 
 namespace marble::formats {

@@ -3,7 +3,7 @@
 #include <string_view>
 
 #include "expect.h"
-#include "nl_problem.h"
+#include "nl/nl_problem.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto file = marble::formats::parse_nl({reinterpret_cast<const char*>(data), size}, "fuzz");

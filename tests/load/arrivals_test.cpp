@@ -1,4 +1,4 @@
-#include "arrivals.h"
+#include "plan/arrivals.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "histogram.h"
+#include "measure/histogram.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "arrivals.h"
+#include "plan/arrivals.h"
 
 namespace marble::load {
 namespace {

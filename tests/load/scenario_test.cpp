@@ -1,8 +1,8 @@
-#include "scenario.h"
+#include "plan/scenario.h"
 
 #include <gtest/gtest.h>
 
-#include "objective.h"
+#include "plan/objective.h"
 
 namespace marble::load {
 namespace {

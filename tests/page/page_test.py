@@ -23,6 +23,15 @@ from server import Server, eventually, free_port
 
 BINARIES, SCREENSHOTS, AXE = sys.argv[1], Path(sys.argv[2]), sys.argv[3]
 
+# Whether a canvas shows more than a few colours.
+DRAWN = """
+    const canvas = document.querySelector(arguments[0]);
+    if (!canvas || !canvas.width) return false;
+    const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+    const colours = new Set();
+    for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) colours.add(data[i] << 16 | data[i + 1] << 8 | data[i + 2]);
+    return colours.size > 10"""
+
 
 def fetch(url, token=None):
     request = urllib.request.Request(url, headers={"Authorization": f"Bearer {token}"} if token else {})
@@ -144,15 +153,8 @@ class Page(unittest.TestCase):
         self.browser.find(f".job-row[data-job='{job}']").click()
         self.browser.wait_text("#job-id", job)
         self.browser.wait_text("#job-status", "solved")
-        drawn = """
-            const canvas = document.querySelector(arguments[0]);
-            if (!canvas || !canvas.width) return false;
-            const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
-            const colours = new Set();
-            for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) colours.add(data[i] << 16 | data[i + 1] << 8 | data[i + 2]);
-            return colours.size > 10"""
-        self.browser.wait(drawn, "#convergence")
-        self.browser.wait(drawn, "#objective-plot")
+        self.browser.wait(DRAWN, "#convergence")
+        self.browser.wait(DRAWN, "#objective-plot")
         self.assertTrue(self.browser.find("#convergence").get_attribute("aria-label"))
         self.browser.wait("return document.querySelector('.pairs-panel canvas, .pairs-panel svg') !== null")
         self.assertIn("Iteration", self.browser.text(".pairs-panel"))

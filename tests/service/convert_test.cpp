@@ -146,6 +146,11 @@ TEST(Convert, ASolutionComesBackAsItWas) {
   solution.iterations = 12;
   solution.factorizations = 34;
   solution.times = {0.1, 0.2, 0.3, 0.4};
+  solution.proved = true;
+  solution.bound = -1.5;
+  solution.gap = 0.2;
+  solution.nodes = 5000000000;
+  solution.open_nodes = 6;
   v1::Solution message;
   to_message(solution, &message);
   const Solution back = solution_of(message);
@@ -163,6 +168,43 @@ TEST(Convert, ASolutionComesBackAsItWas) {
   EXPECT_EQ(back.iterations, solution.iterations);
   EXPECT_EQ(back.factorizations, solution.factorizations);
   EXPECT_EQ(back.times.solve_s, solution.times.solve_s);
+  EXPECT_EQ(back.proved, solution.proved);
+  EXPECT_EQ(back.bound, solution.bound);
+  EXPECT_EQ(back.gap, solution.gap);
+  EXPECT_EQ(back.nodes, solution.nodes);
+  EXPECT_EQ(back.open_nodes, solution.open_nodes);
+}
+
+TEST(Convert, WithoutATreeNothingOfOneIsSentAndItComesBackUnknown) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  v1::Solution answer;
+  to_message(Solution{}, &answer);
+  v1::Progress row;
+  to_message(Progress{}, &row);
+  for (const char* field : {"incumbent", "bound", "gap", "nodes", "open_nodes", "proved"}) {
+    for (const google::protobuf::Message* message :
+         {static_cast<google::protobuf::Message*>(&answer), static_cast<google::protobuf::Message*>(&row)}) {
+      const FieldDescriptor* found = message->GetDescriptor()->FindFieldByName(field);
+      EXPECT_FALSE(found != nullptr && message->GetReflection()->HasField(*message, found)) << field;
+    }
+  }
+  EXPECT_EQ(solution_of(answer).bound, -kInfinity);
+  EXPECT_EQ(solution_of(answer).gap, kInfinity);
+  EXPECT_EQ(progress_of(row).incumbent, kInfinity);
+  EXPECT_EQ(progress_of(row).bound, -kInfinity);
+}
+
+TEST(Convert, TheBoundOfAProblemThatIsProvedInfeasibleIsInfiniteThereToo) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  Solution solution;
+  solution.proved = true;
+  solution.bound = kInfinity;
+  v1::Solution message;
+  to_message(solution, &message);
+  v1::Solution sent;
+  ASSERT_TRUE(sent.ParseFromString(message.SerializeAsString()));
+  EXPECT_EQ(solution_of(sent).bound, kInfinity);
+  EXPECT_TRUE(solution_of(sent).proved);
 }
 
 TEST(Convert, ProgressComesBackAsItWas) {
@@ -177,6 +219,11 @@ TEST(Convert, ProgressComesBackAsItWas) {
                              .regularization = 11.0,
                              .factorizations = 12,
                              .elapsed_s = 13.0,
+                             .incumbent = 14.0,
+                             .bound = -15.0,
+                             .gap = 16.0,
+                             .nodes = 17,
+                             .open_nodes = 18,
                              .z = {}};
   v1::Progress message;
   to_message(progress, &message);

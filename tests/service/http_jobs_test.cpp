@@ -75,7 +75,7 @@ TEST_F(HttpJobs, TheTraceAsCsvIsTheTrace) {
   std::string line;
   std::getline(lines, line);
   EXPECT_EQ(line.rfind("iteration,outer_iteration,objective,", 0), 0U);
-  EXPECT_EQ(line.substr(line.size() - 11), ",elapsed_s\r");
+  EXPECT_EQ(line.substr(line.size() - 12), ",open_nodes\r");
   const v1::GetJobResponse told = job(id);
   ASSERT_GT(told.trace().rows_size(), 0);
   for (const v1::Progress& row : told.trace().rows()) {
@@ -88,7 +88,8 @@ TEST_F(HttpJobs, TheTraceAsCsvIsTheTrace) {
                                                row.violations().equality(), row.violations().inequality(),
                                                row.violations().complementarity(), row.kkt_residual(),
                                                row.kappa(), row.rho(), row.step_length(),
-                                               row.regularization(), row.factorizations(), row.elapsed_s()));
+                                               row.regularization(), row.factorizations(), row.elapsed_s(),
+                                               HUGE_VAL, -HUGE_VAL, HUGE_VAL, row.nodes(), row.open_nodes()));
   }
   EXPECT_FALSE(std::getline(lines, line));
 }

@@ -128,6 +128,27 @@ TEST_F(MetricsTest, CountASolveOnceEverywhere) {
   EXPECT_EQ(value_of(R"(marble_client_solve_seconds_total{client="planner"})"), 0.25);
 }
 
+TEST_F(MetricsTest, CountTreesNodesAndGaps) {
+  const auto ended = [this](std::int64_t nodes, bool proved, double gap) {
+    Outcome outcome = solved();
+    outcome.solution->nodes = nodes;
+    outcome.solution->proved = proved;
+    outcome.solution->gap = gap;
+    metrics_.job_ended(counted_of(job_of("planner"), outcome));
+  };
+  ended(0, true, HUGE_VAL);  // without a tree, proved by a certificate
+  EXPECT_EQ(value_of(R"(marble_trees_total{proved="true"})"), 0);
+  ended(12, true, 5e-7);
+  ended(30, false, 0.25);
+  ended(8, false, HUGE_VAL);  // no point, or no bound
+  EXPECT_EQ(value_of(R"(marble_trees_total{proved="true"})"), 1);
+  EXPECT_EQ(value_of(R"(marble_trees_total{proved="false"})"), 2);
+  EXPECT_EQ(value_of("marble_tree_nodes_total"), 50);
+  EXPECT_EQ(value_of(R"(marble_tree_gap_ratio_bucket{le="1e-06"})"), 1);
+  EXPECT_EQ(value_of("marble_tree_gap_ratio_count"), 2);
+  EXPECT_NEAR(value_of("marble_tree_gap_ratio_sum"), 0.2500005, 1e-12);
+}
+
 TEST_F(MetricsTest, ASetUpOfASessionIsNoSolveAndAnUpdateIsOne) {
   Job job = job_of("planner", Priority::realtime);
   job.ticket.reserved = true;

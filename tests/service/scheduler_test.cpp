@@ -179,6 +179,40 @@ TEST_F(SchedulerTest, ManyThreadsAdmitAndCancelAndEveryJobEndsOnce) {
   EXPECT_EQ(counters.answered + counters.cancelled, admitted);
 }
 
+// Nodes of a tree are such pieces: whoever comes waits for the one at hand, not for the round.
+TEST_F(SchedulerTest, AJobWaitsForOnePieceOfAnothersRoundNotForTheRound) {
+  Scheduler scheduler({.workers = 2, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
+  std::promise<void> owner_may, helper_may, helper_began;
+  const std::shared_future<void> owner_goes(owner_may.get_future()), helper_goes(helper_may.get_future());
+  std::atomic<int> done = 0, helped = 0, done_before = -1;
+  const Request round = make(testing::example_request()), realtime = make(testing::example_request());
+  round.job->work = [&](const SolveControls& controls) -> Expected<Solution> {
+    const std::function<void()> piece = [&, owner = std::this_thread::get_id()] {
+      const bool first = std::this_thread::get_id() != owner && helped++ == 0;
+      if (first) helper_began.set_value();
+      if (first) helper_goes.wait();
+      if (std::this_thread::get_id() == owner) owner_goes.wait();
+      ++done;
+    };
+    controls.runner->run(std::vector(8, piece));
+    return Solution{};
+  };
+  realtime.job->ticket.priority = Priority::realtime;
+  realtime.job->work = [&](const SolveControls&) -> Expected<Solution> {
+    done_before = done.load();
+    return Solution{};
+  };
+  ASSERT_TRUE(scheduler.admit(round.job).has_value());
+  helper_began.get_future().wait();
+  ASSERT_TRUE(scheduler.admit(realtime.job).has_value());
+  helper_may.set_value();
+  EXPECT_TRUE(realtime.waiter->wait().solution.has_value());
+  EXPECT_EQ(done_before, 1) << "the one that its worker had begun";
+  owner_may.set_value();
+  EXPECT_TRUE(round.waiter->wait().solution.has_value());
+  EXPECT_EQ(done, 8);
+}
+
 // Each client waits for its own job before it sends another, so that no later one wakes a worker in its
 // stead: a job that nobody was woken for would wait for ever.
 TEST_F(SchedulerTest, NoWakeUpIsLostHoweverJobsComeShareWorkAndGo) {

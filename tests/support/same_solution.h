@@ -16,6 +16,11 @@ inline void expect_same_bits(const Solution& there, const Solution& here) {
   EXPECT_EQ(there.complementarity_multipliers_R, here.complementarity_multipliers_R);
   EXPECT_EQ(there.objective, here.objective);
   EXPECT_EQ(there.factorizations, here.factorizations);
+  EXPECT_EQ(there.proved, here.proved);
+  EXPECT_EQ(there.bound, here.bound);
+  EXPECT_EQ(there.gap, here.gap);
+  EXPECT_EQ(there.nodes, here.nodes);
+  EXPECT_EQ(there.open_nodes, here.open_nodes);
 }
 
 }  // namespace marble::testing

@@ -57,6 +57,18 @@ TEST(Examples, ASeedMeansTheSameProblemAndZeroTheNominalOne) {
   EXPECT_NE(gates(vary(GatesParameters{}, 1)).b, gates().b);
 }
 
+// Q is a product of matrices, whose entries that nearly cancel once differed from their mirror images.
+TEST(Examples, EverySeedOfAQpecIsAProblem) {
+  QpecParameters parameters;
+  parameters.upper_variables = 30;
+  parameters.lower_variables = 60;
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    const OwnedProblem p = qpec(parameters, seed);
+    const auto problem = Problem::create(p.view());
+    EXPECT_TRUE(problem.has_value()) << "seed " << seed << ": " << problem.error().message();
+  }
+}
+
 TEST(Examples, EverySeedOfEachIsAProblemOfTheSameShape) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     expect_sizes(hopper(vary(HopperParameters{}, seed)), 1560, 780, 540, 540);

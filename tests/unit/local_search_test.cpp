@@ -6,6 +6,8 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
+#include <vector>
 
 #include "branch/branch_engines.h"
 #include "marble/examples.h"
@@ -201,34 +203,83 @@ TEST(LocalSearch, IsFalseForWhoIsToStopAndEndsSoonAfterAStop) {
   EXPECT_EQ(s.engine.accepted(), 0);
 }
 
-// −x₁ − 3x₂, x ≤ 1, 0 ≤ xᵢ ⊥ yᵢ ≥ 0, y₁ + y₂ ≥ 1: one of the two, and no way from the first to the second but
-// by both pairs at once.
-OwnedProblem one_of_two() {
+// Of each pair of gains −g₁x₁ − g₂x₂, x ≤ 1, 0 ≤ xᵢ ⊥ yᵢ ≥ 0, y₁ + y₂ ≥ 1: one of the two, and no way from
+// the first to the second but by both pairs at once.
+OwnedProblem one_of_two(const std::vector<std::pair<double, double>>& gains) {
   OwnedProblem p;
-  p.g = {-1.0, -3.0, 0.0, 0.0};
-  p.Q = compress(4, 4, {{0, 1, 2, 3}, {0, 1, 2, 3}, {0.01, 0.01, 0.01, 0.01}}, "Q").value();
-  p.C = compress(3, 4, {{0, 1, 2, 2}, {0, 1, 2, 3}, {-1.0, -1.0, 1.0, 1.0}}, "C").value();
-  p.d = {1.0, 1.0, -1.0};
-  p.L = compress(2, 4, {{0, 1}, {0, 1}, {1.0, 1.0}}, "L").value();
-  p.R = compress(2, 4, {{0, 1}, {2, 3}, {1.0, 1.0}}, "R").value();
-  p.l = p.r = {0.0, 0.0};
+  Triplets Q, C, L, R;
+  for (const auto& [first, second] : gains) {
+    const auto at = static_cast<Index>(p.g.size());
+    const auto row = static_cast<Index>(p.d.size());
+    const auto pair = static_cast<Index>(p.l.size());
+    p.g.insert(p.g.end(), {-first, -second, 0.0, 0.0});
+    p.d.insert(p.d.end(), {1.0, 1.0, -1.0});
+    for (Index i = 0; i < 4; ++i) Q.add(at + i, at + i, 0.01);
+    for (Index i = 0; i < 2; ++i) {
+      C.add(row + i, at + i, -1.0);
+      C.add(row + 2, at + 2 + i, 1.0);
+      L.add(pair + i, at + i, 1.0);
+      R.add(pair + i, at + 2 + i, 1.0);
+    }
+    p.l.insert(p.l.end(), 2, 0.0);
+  }
+  p.r = p.l;
+  const auto n = static_cast<Index>(p.g.size());
+  p.Q = compress(n, n, Q, "Q").value();
+  p.C = compress(static_cast<Index>(p.d.size()), n, C, "C").value();
+  p.L = compress(static_cast<Index>(p.l.size()), n, L, "L").value();
+  p.R = compress(static_cast<Index>(p.r.size()), n, R, "R").value();
   return p;
 }
 
+SearchPlan exchanges(bool wanted) {
+  SearchPlan plan = flips(20);
+  plan.rho_first = plan.rho_last = 1e7;
+  plan.rho_exchange = wanted ? 1e7 : kNever;
+  plan.exchange_patience = 5;
+  return plan;
+}
+
 TEST(LocalSearch, ExchangesTwoPairsWhereNoFlipAloneIsFeasible) {
-  for (const bool exchanges : {false, true}) {
-    Search s(one_of_two());
+  for (const bool wanted : {false, true}) {
+    Search s(one_of_two({{1.0, 3.0}}));
     s.choose(2U);  // x₂ = 0 and y₁ = 0: x = (1, 0)
     ASSERT_TRUE(s.branch.exact.solve(s.run, kBudget));
-    SearchPlan plan = flips(20);
-    plan.rho_first = plan.rho_last = 1e7;
-    plan.rho_exchange = exchanges ? 1e7 : kNever;
-    plan.exchange_patience = 5;
-    ASSERT_TRUE(s.engine.run(s.run, plan, kNoLimit));
-    EXPECT_EQ(s.engine.accepted(), exchanges ? 1 : 0);
+    ASSERT_TRUE(s.engine.run(s.run, exchanges(wanted), kNoLimit));
+    EXPECT_EQ(s.engine.accepted(), wanted ? 1 : 0);
     ASSERT_TRUE(s.branch.exact.solve(s.run, kBudget));
-    EXPECT_NEAR(s.user(s.branch.point.x.z())[exchanges ? 1 : 0], 1.0, 1e-6);
+    EXPECT_NEAR(s.user(s.branch.point.x.z())[wanted ? 1 : 0], 1.0, 1e-6);
   }
+}
+
+// How often the answer to a force on one variable is asked for: what a move of its row costs.
+class CountingKkt final : public testing::WrappedKkt {
+ public:
+  CountingKkt(Kkt& inner, Index variable) : WrappedKkt(inner), variable_(variable) {}
+  [[nodiscard]] bool solve_sparse(std::span<const Index> indices, std::span<const double> values,
+                                  VectorRef x) override {
+    asked += indices.size() == 1 && indices[0] == variable_ ? 1 : 0;
+    return WrappedKkt::solve_sparse(indices, values, x);
+  }
+  int asked = 0;
+
+ private:
+  Index variable_;
+};
+
+TEST(LocalSearch, TwoPairsThatFailedAreNotTriedAgainWhileNothingNearThemChanges) {
+  // The first block is where it should be, though its second x pulls hardest of all.
+  Workbench w(one_of_two({{30.0, 10.0}, {1.0, 3.0}, {1.0, 4.0}, {1.0, 5.0}}));
+  CountingKkt kkt(*w.kkt, 2);  // y₁ of that block, which the exchange moves
+  BranchEngines branch(w.problem, kkt);
+  LocalSearch search(w.problem, kkt, branch.elastic);
+  WorkingSet set(w.problem);
+  for (Index pair = 0; pair < w.problem.pairs(); ++pair) set.fix(pair, pair % 2 == 1, false);
+  branch.point.restore(Iterate(w.problem), set);
+  ASSERT_TRUE(branch.exact.solve(w.run, kBudget));
+  ASSERT_TRUE(search.run(w.run, exchanges(true), kNoLimit));
+  EXPECT_EQ(search.accepted(), 3) << "the other blocks, each a list of its own";
+  EXPECT_EQ(kkt.asked, 2) << "in the first list; and in the last, which comes to that pair itself";
 }
 
 // Rows that are not held give way a hundred times as far, so that to drive one to 0 seems to cost next to

@@ -22,14 +22,14 @@ OwnedProblem corner(double q, double a) {
   return p;
 }
 
-// The solution of the branch x = 0, judged.
+// The solution of the branch x = 0 of all pairs, judged.
 struct Judged : Workbench {
   explicit Judged(const OwnedProblem& p, const Options& chosen = {})
       : Workbench(p, chosen),
         branch(problem, *kkt),
         incumbent(problem, options, branch.exact),
         optimality(problem, *kkt, options, branch.point, incumbent) {
-    branch.point.set.fix(0, true, false);
+    for (Index pair = 0; pair < problem.pairs(); ++pair) branch.point.set.fix(pair, true, false);
     if (problem.inequalities() > 0) branch.point.set.held[0] = 1;
     EXPECT_EQ(incumbent.solve_branch(run, "a branch", 100), Incumbent::Outcome::kept);
     factorizations = run.factorizations;
@@ -65,6 +65,37 @@ TEST(Optimality, APointThatAnotherBranchCanLeaveIsLeft) {
   EXPECT_STREQ(j.incumbent.best().origin, "neighbouring branch");
   EXPECT_EQ(j.verdict.b_stationary, true);
   EXPECT_EQ(j.verdict.second_order, SecondOrder::minimum);
+}
+
+// ½|z|² + y₁ + y₂ − a₁x₁ − a₂x₂ over 0 ≤ xᵢ ⊥ yᵢ ≥ 0, z = (x₁, y₁, x₂, y₂), all zero on the branch x = 0.
+OwnedProblem two_corners(double a1, double a2) {
+  OwnedProblem p;
+  p.g = {-a1, 1.0, -a2, 1.0};
+  p.Q = compress(4, 4, {{0, 1, 2, 3}, {0, 1, 2, 3}, {1.0, 1.0, 1.0, 1.0}}, "Q").value();
+  p.L = compress(2, 4, {{0, 1}, {0, 2}, {1.0, 1.0}}, "L").value();
+  p.R = compress(2, 4, {{0, 1}, {1, 3}, {1.0, 1.0}}, "R").value();
+  p.l = p.r = {0.0, 0.0};
+  return p;
+}
+
+TEST(Optimality, ABranchIsLeftWhicheverOfItsPairsHaveToChange) {
+  EXPECT_NEAR(Judged(two_corners(2.0, -1.0)).objective(), -2.0, 1e-9);
+  EXPECT_NEAR(Judged(two_corners(-1.0, 2.0)).objective(), -2.0, 1e-9);
+  OwnedProblem both = two_corners(2.0, 2.0);  // x₁ = x₂: neither can do without the other
+  both.A = compress(1, 4, {{0, 0}, {0, 2}, {1.0, -1.0}}, "A").value();
+  both.b = {0.0};
+  EXPECT_NEAR(Judged(both).objective(), -4.0, 1e-9);
+}
+
+TEST(Optimality, APointThatIsStrongIsBStationaryThoughABranchBesideItsWayHasNoSolution) {
+  // And ½(y₂ − x₁)² instead of ½y₂² + y₂, and x₂ falls for ever where y₂ = 0. From 0 to x₁ = y₂ = 2, where x₂
+  // = 0 alone.
+  OwnedProblem p = two_corners(2.0, 1.0);
+  p.g[3] = 0.0;
+  p.Q = compress(4, 4, {{0, 0, 1, 3, 3}, {0, 3, 1, 0, 3}, {2.0, -1.0, 1.0, -1.0, 1.0}}, "Q").value();
+  const Judged j(p);
+  EXPECT_NEAR(j.objective(), -2.0, 1e-9);
+  EXPECT_EQ(j.verdict.b_stationary, true);
 }
 
 TEST(Optimality, WithoutABudgetNothingIsSaidOfOtherBranches) {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "marble/examples.h"
 #include "support/brute_force.h"
@@ -175,6 +176,19 @@ TEST(Strategy, RunsBeforeLeaveNoTrace) {
   EXPECT_EQ(p.factorizations, factorizations);
 }
 
+TEST(Strategy, AProofIsLookedForInEachRunAnew) {
+  OwnedProblem contradiction = corner(1.0, 2.0);  // x >= 1 and x <= 0
+  contradiction.C = compress(2, 2, {{0, 1}, {0, 0}, {1.0, -1.0}}, "C").value();
+  contradiction.d = {-1.0, 0.0};
+  OwnedProblem endless = corner(1.0, 2.0);
+  endless.Q = compress(2, 2, {}, "Q").value();
+  for (const auto& [problem, status] :
+       {std::pair{contradiction, Status::infeasible}, std::pair{endless, Status::unbounded}}) {
+    Planned p(problem);
+    for (int run = 1; run <= 3; ++run) EXPECT_EQ(p.cold().status, status) << "run " << run;
+  }
+}
+
 TEST(Strategy, AWarmStartWhoseBranchIsStillFeasibleIsAllThereIs) {
   for (const unsigned s_fixed : {0U, 1U}) {
     Planned p(corner(1.0, 2.0));
@@ -249,6 +263,33 @@ TEST(Strategy, IsNotCalledBStationaryWhereABranchCouldNotBeSolved) {
   Planned p(half_a_corner(0.0));  // on the other branch x grows for ever
   EXPECT_EQ(p.warm(p.solved_branch(1), kInfinity).status, Status::solved);
   EXPECT_FALSE(p.answer.b_stationary.has_value());
+}
+
+// −½|z|² over −1 ≤ z ≤ 1: the path stays at 0, and a descent goes from face to face.
+TEST(Strategy, APathThatEndsAtASaddleSaysSoThoughTheBudgetForLeavingItRanOut) {
+  OwnedProblem p;
+  Triplets Q, C;
+  for (Index i = 0; i < 6; ++i) {
+    Q.add(i, i, -1.0);
+    C.add(i, i, 1.0);
+    C.add(6 + i, i, -1.0);
+  }
+  p.g.assign(6, 0.0);
+  p.d.assign(12, 1.0);
+  p.Q = compress(6, 6, Q, "Q").value();
+  p.C = compress(12, 6, C, "C").value();
+  std::vector<SecondOrder> said;
+  for (int budget = 1; budget <= 41; budget += 4) {
+    Options options;
+    options.local_search_budget = budget;
+    Planned planned(p, options);
+    ASSERT_EQ(planned.cold().status, Status::solved) << budget;
+    const SecondOrder word = planned.answer.second_order;
+    EXPECT_NEAR(planned.objective(), word == SecondOrder::minimum ? -3.0 : 0.0, 1e-9) << budget;
+    if (said.empty() || said.back() != word) said.push_back(word);
+  }
+  EXPECT_EQ(said, (std::vector{SecondOrder::unknown, SecondOrder::saddle, SecondOrder::minimum}))
+      << "it was not looked for; it is one; it was left";
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "line.h"
+#include "terminal/line.h"
 
 #include <wchar.h>
 

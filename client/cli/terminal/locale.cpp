@@ -1,4 +1,4 @@
-#include "locale.h"
+#include "terminal/locale.h"
 
 #include <langinfo.h>
 

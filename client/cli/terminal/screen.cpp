@@ -1,4 +1,4 @@
-#include "screen.h"
+#include "terminal/screen.h"
 
 #define NCURSES_NOMACROS 1
 #define NCURSES_WIDECHAR 1
@@ -12,7 +12,7 @@
 #include <cstdlib>
 #include <optional>
 
-#include "locale.h"
+#include "terminal/locale.h"
 
 namespace marble::cli {
 namespace {

@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
-#include "key.h"
-#include "line.h"
+#include "terminal/key.h"
+#include "terminal/line.h"
 
 namespace marble::cli {
 

@@ -1,4 +1,4 @@
-#include "sparkline.h"
+#include "terminal/sparkline.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "terminal_plot.h"
+#include "terminal/terminal_plot.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "line.h"
+#include "terminal/line.h"
 
 namespace marble::cli {
 

@@ -1,4 +1,4 @@
-#include "feed.h"
+#include "watch/feed.h"
 
 #include <chrono>
 #include <utility>

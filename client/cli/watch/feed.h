@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "marble/client.h"
-#include "model.h"
 #include "mutex.h"
+#include "watch/state/model.h"
 
 namespace marble::cli {
 

@@ -1,16 +1,19 @@
 // One job: its facts, its convergence as curves, its newest rows.
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <span>
 
-#include "../convergence.h"
-#include "../job_report.h"
-#include "../terminal/terminal_plot.h"
-#include "layout.h"
+#include "output/job_report.h"
+#include "output/proof.h"
+#include "terminal/terminal_plot.h"
+#include "trace/convergence.h"
+#include "watch/layout.h"
 
 namespace marble::cli {
 namespace {
 
-constexpr int kRoomyHeight = 18;
+constexpr int kRoomyJobHeight = 18;
 constexpr int kBetweenFacts = 3;  // columns
 constexpr int kLeastPlot = 6, kMostPlot = 24;
 
@@ -67,6 +70,21 @@ std::vector<Line> work_facts(const JobInfo& job) {
           fact("violation", formatted("%.1e", largest(job.violations)))};
 }
 
+std::vector<Line> tree_facts(const OpenedJob& opened) {
+  const JobInfo& job = opened.job;
+  if (job.nodes == 0) return {};
+  const auto known = [](double value) {
+    return std::isfinite(value) ? formatted("%.8g", value) : "none yet";
+  };
+  std::vector<Line> facts = {fact("incumbent", known(job.incumbent)), fact("bound", known(job.bound)),
+                             fact("gap", std::isfinite(job.gap) ? formatted("%.1e", job.gap) : "-"),
+                             fact("nodes", whole_text(job.nodes)), fact("open", whole_text(job.open_nodes))};
+  if (const auto speed = nodes_per_s(opened.trace.values()))
+    facts.push_back(fact("nodes/s", formatted("%.0f", *speed)));
+  if (job.proved) facts.push_back(fact("", proof_text(proof_of(job)), Style::good));
+  return facts;
+}
+
 std::vector<Line> time_facts(const JobInfo& job) {
   std::vector<Line> facts = {fact("time", duration_text(job.total_s)),
                              fact("queue", duration_text(job.queue_s))};
@@ -82,7 +100,7 @@ std::vector<Line> time_facts(const JobInfo& job) {
 Lines why_lines(const JobInfo& job, const Look& look) {
   if (job.state != JobState::finished) return {};
   const std::string why = job.error ? job.error->message() : job.detail;
-  const std::size_t most = look.size.height >= kRoomyHeight ? 3 : 1;
+  const std::size_t most = look.size.height >= kRoomyJobHeight ? 3 : 1;
   return wrapped(shown_text(why, look.unicode), look.size.width, most, style_of(job));
 }
 
@@ -107,9 +125,19 @@ constexpr std::array<RowColumn, 10> kRowColumns = {{
     {"fact", 5, 2, [](const Progress& p) { return std::to_string(p.factorizations); }},
 }};
 
-// Of kRowColumns, those that fit.
-std::vector<RowColumn> row_columns(int width) {
-  std::vector<RowColumn> columns(kRowColumns.begin(), kRowColumns.end());
+// The same of a tree.
+constexpr std::array<RowColumn, 6> kTreeColumns = {{
+    {"nodes", 9, 4, [](const Progress& p) { return std::to_string(p.nodes); }},
+    {"open", 8, 1, [](const Progress& p) { return std::to_string(p.open_nodes); }},
+    {"incumbent", 14, 3, [](const Progress& p) { return formatted("%.7e", p.incumbent); }},
+    {"bound", 14, 5, [](const Progress& p) { return formatted("%.7e", p.bound); }},
+    {"gap", 9, 2, [](const Progress& p) { return formatted("%.2e", p.gap); }},
+    {"time", 9, 0, [](const Progress& p) { return duration_text(p.elapsed_s); }},
+}};
+
+// Those that fit.
+std::vector<RowColumn> row_columns(std::span<const RowColumn> all, int width) {
+  std::vector<RowColumn> columns(all.begin(), all.end());
   const auto needed = [&] {
     int sum = -1;  // a blank between two
     for (const RowColumn& column : columns) sum += column.width + 1;
@@ -137,7 +165,9 @@ Line row_line(const std::vector<RowColumn>& columns, const Progress* row, Style 
 Lines newest_rows(const OpenedJob& opened, const Look& look, int height) {
   if (height < 2 || opened.newest.empty()) return {};
   const std::size_t count = std::min(opened.newest.size(), static_cast<std::size_t>(height - 1));
-  const std::vector<RowColumn> columns = row_columns(look.size.width);
+  const bool tree = opened.newest.back().nodes > 0;
+  const auto columns =
+      tree ? row_columns(kTreeColumns, look.size.width) : row_columns(kRowColumns, look.size.width);
   Lines lines{row_line(columns, nullptr, Style::strong)};
   for (std::size_t i = opened.newest.size() - count; i < opened.newest.size(); ++i) {
     const bool troubled = i > 0 && repeats_factorization(opened.newest[i - 1], opened.newest[i]);
@@ -148,6 +178,15 @@ Lines newest_rows(const OpenedJob& opened, const Look& look, int height) {
 
 Lines plot(const OpenedJob& opened, const Look& look, int height) {
   std::vector<double> x;
+  if (opened.job.nodes > 0) {
+    std::vector<Progress> rows;
+    for (const Progress& row : opened.trace.values()) {
+      if (row.nodes == 0) continue;
+      rows.push_back(row);
+      x.push_back(row.elapsed_s);
+    }
+    return terminal_plot(x, proof_summary(rows), {{look.size.width, height}, false, look.unicode, "seconds"});
+  }
   for (const Progress& row : opened.trace.values()) x.push_back(row.iteration);
   return terminal_plot(x, convergence_summary(opened.trace.values()),
                        {{look.size.width, height}, true, look.unicode});
@@ -158,11 +197,12 @@ Lines plot(const OpenedJob& opened, const Look& look, int height) {
 Lines job_lines(const OpenedJob& opened, const Look& look, int height) {
   const JobInfo& job = opened.job;
   const int width = look.size.width;
-  const bool roomy = look.size.height >= kRoomyHeight;
+  const bool roomy = look.size.height >= kRoomyJobHeight;
   const std::size_t most = roomy ? 2 : 1;
   Lines lines = flowed(job_facts(opened, look.unicode), width, 1);
   if (roomy) append(lines, flowed(origin_facts(job, look.unicode), width, most));
   append(lines, flowed(work_facts(job), width, most));
+  if (job.nodes > 0) append(lines, flowed(tree_facts(opened), width, most));
   append(lines, flowed(time_facts(job), width, most));
   append(lines, why_lines(job, look));
   const int left = height - static_cast<int>(lines.size());

@@ -1,9 +1,9 @@
-#include "layout.h"
+#include "watch/layout.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "../job_report.h"
+#include "output/job_report.h"
 
 namespace marble::cli {
 namespace {

@@ -3,9 +3,9 @@
 
 #include <cstddef>
 
-#include "../terminal/line.h"
-#include "model.h"
-#include "view.h"
+#include "terminal/line.h"
+#include "watch/state/model.h"
+#include "watch/view.h"
 
 namespace marble::cli {
 

@@ -1,4 +1,4 @@
-#include "live_view.h"
+#include "watch/live_view.h"
 
 #include <poll.h>
 #include <unistd.h>
@@ -7,9 +7,9 @@
 #include <array>
 #include <csignal>
 
-#include "../terminal/signals.h"
-#include "feed.h"
-#include "layout.h"
+#include "terminal/signals.h"
+#include "watch/feed.h"
+#include "watch/layout.h"
 
 namespace marble::cli {
 namespace {

@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
-#include "../terminal/screen.h"
 #include "marble/client.h"
+#include "terminal/screen.h"
 
 namespace marble::cli {
 

@@ -3,10 +3,10 @@
 #include <array>
 #include <cmath>
 
-#include "../convergence.h"
-#include "../job_report.h"
-#include "../terminal/sparkline.h"
-#include "layout.h"
+#include "output/job_report.h"
+#include "terminal/sparkline.h"
+#include "trace/convergence.h"
+#include "watch/layout.h"
 
 namespace marble::cli {
 namespace {

@@ -1,4 +1,4 @@
-#include "view.h"
+#include "watch/view.h"
 
 #include <algorithm>
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "../terminal/key.h"
-#include "job_table.h"
+#include "terminal/key.h"
+#include "watch/state/job_table.h"
 
 namespace marble::cli {
 

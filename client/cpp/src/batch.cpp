@@ -6,14 +6,14 @@
 #include <thread>
 #include <vector>
 
-#include "answer.h"
-#include "connection.h"
-#include "in_process.h"
+#include "connection/connection.h"
+#include "connection/traceparent.h"
+#include "in_process/in_process.h"
 #include "marble/client.h"
+#include "message/answer.h"
+#include "message/request.h"
+#include "message/status.h"
 #include "mutex.h"
-#include "request.h"
-#include "status.h"
-#include "traceparent.h"
 
 namespace marble {
 namespace {

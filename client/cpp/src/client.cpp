@@ -2,13 +2,13 @@
 
 #include <memory>
 
-#include "connection.h"
-#include "in_process.h"
+#include "connection/connection.h"
+#include "handle/pending_solve.h"
+#include "in_process/in_process.h"
 #include "marble/contract.h"
+#include "message/status.h"
 #include "mutex.h"
-#include "pending_solve.h"
-#include "solve.h"
-#include "status.h"
+#include "remote/solve.h"
 
 namespace marble {
 Expected<Client> Client::connect(const std::string& address, const ConnectOptions& options) {

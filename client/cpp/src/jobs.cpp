@@ -2,13 +2,13 @@
 
 #include <new>
 
-#include "answer.h"
-#include "connection.h"
-#include "in_process.h"
-#include "job_message.h"
-#include "request.h"
-#include "status.h"
-#include "traceparent.h"
+#include "connection/connection.h"
+#include "connection/traceparent.h"
+#include "in_process/in_process.h"
+#include "message/answer.h"
+#include "message/job_message.h"
+#include "message/request.h"
+#include "message/status.h"
 
 namespace marble {
 namespace {

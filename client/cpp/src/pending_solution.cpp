@@ -2,8 +2,8 @@
 
 #include <new>
 
-#include "pending_solve.h"
-#include "status.h"
+#include "handle/pending_solve.h"
+#include "message/status.h"
 
 namespace marble {
 

@@ -1,9 +1,9 @@
 #include "marble/server_info.h"
 
-#include "connection.h"
-#include "in_process.h"
+#include "connection/connection.h"
+#include "in_process/in_process.h"
 #include "marble/client.h"
-#include "status.h"
+#include "message/status.h"
 
 namespace marble {
 namespace {

@@ -108,6 +108,9 @@ def test_an_older_server_s_errors_have_their_place_and_its_words(path, entry, fi
     ({"no_such": 1}, "no_such"),
     ({"polish": "very"}, "polish"),
     ({"starts": 0}, "starts"),
+    ({"gap_tolerance": 1.0}, "gap_tolerance"),
+    ({"gap_tolerance": -1e-9}, "gap_tolerance"),
+    ({"node_limit": 0}, "node_limit"),
 ])
 def test_a_bad_option_is_told_by_its_name(client, options, field):
     with pytest.raises(marble.InvalidArgument) as caught:

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from support import random_problem
 
 import marble
-from marble import contract, requests, wire
+from marble import answers, contract, requests, wire
 from marble.requests import Call
 
 
@@ -45,6 +45,30 @@ def test_an_answer_decodes_to_the_numbers_that_were_encoded():
     assert arrays["result.solution.z"].tobytes() == np.array([1.5, -0.0, 5e-324]).tobytes()
     assert arrays["result.solution.certificate"].tolist() == [7.0]
     assert len(message.result.solution.z) == 0
+
+
+def test_a_word_of_python_names_an_option_with_an_underscore_behind():
+    assert getattr(requests.options_message({"global_": True, "node_limit": 3}), "global") is True
+    assert getattr(requests.options_message({"global": True}), "global") is True
+    with pytest.raises(marble.InvalidArgument, match="starts_"):
+        requests.options_message({"starts_": 2})
+
+
+def test_what_a_tree_does_not_know_is_infinite_and_what_it_knows_comes_as_it_was_sent():
+    response = contract.message("SolveResponse")()
+    response.solution.status = 1
+    plain = answers.solve_response(response.SerializeToString(), None)
+    assert (plain.proved, plain.bound, plain.gap, plain.nodes) == (False, -np.inf, np.inf, 0)
+    tree = dict(proved=True, bound=np.inf, gap=0.25, nodes=2**40, open_nodes=7)
+    for name, value in tree.items():
+        setattr(response.solution, name, value)
+    told = answers.solve_response(response.SerializeToString(), None)
+    assert {name: getattr(told, name) for name in tree} == tree
+    row = contract.message("Progress")(nodes=1, incumbent=-3.0)
+    progress = answers.progress(row)
+    assert (progress.incumbent, progress.bound, progress.gap, progress.nodes) == (-3.0, -np.inf, np.inf, 1)
+    row.ClearField("incumbent")
+    assert answers.progress(row).incumbent == np.inf
 
 
 def test_the_enums_are_those_of_the_contract():

@@ -43,7 +43,7 @@ export type {
 export type { CompressedColumns, DenseRows, Matrix, Triplets } from "./matrix.js";
 export type { SolveOptions } from "./options.js";
 export type { Problem, ProblemUpdate } from "./problem.js";
-export type { Progress, Violations } from "./progress.js";
+export type { Progress, Tree, Violations } from "./progress.js";
 export { Session, shiftByStage } from "./session.js";
 export type { SessionControls, Shift, ShiftBlock, UpdateControls } from "./session.js";
 export { Solution } from "./solution.js";

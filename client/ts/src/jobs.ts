@@ -15,7 +15,7 @@ import { Status as StatusNumber } from "./generated/marble/v1/solution.js";
 import { type SolveOptions, optionsOf } from "./options.js";
 import { unpackFloats } from "./packed.js";
 import type { Problem } from "./problem.js";
-import { type Progress, type Violations, progressOf, violationsOf } from "./progress.js";
+import { type Progress, type Tree, type Violations, progressOf, treeOf, violationsOf } from "./progress.js";
 import { Solution, type Status, type Times, timesOf } from "./solution.js";
 import { type Priority, type RequestControls, expect, solveRequest } from "./solve.js";
 import { errorOfStatus } from "./status.js";
@@ -28,9 +28,10 @@ export type JobKind = Words<typeof KindNumber, "JOB_KIND_">;
 export type JobState = Words<typeof StateNumber, "JOB_STATE_">;
 
 type WordFields = "kind" | "state" | "priority" | "status" | "error" | "violations" | "times";
+type TreeFields = "incumbent" | keyof Tree;
 
 /** What is known of one job, without its problem and its solution's vectors. */
-export interface JobInfo extends Omit<JobInfoMessage, WordFields> {
+export interface JobInfo extends Omit<JobInfoMessage, WordFields | TreeFields>, Tree {
   kind?: JobKind;
   state?: JobState;
   priority?: Priority;
@@ -39,6 +40,8 @@ export interface JobInfo extends Omit<JobInfoMessage, WordFields> {
   /** Why there is no answer. */
   error?: MarbleError;
   violations: Violations;
+  /** Of option global: objective of the best point so far; Infinity while there is none. */
+  incumbent: number;
   times: Times;
 }
 
@@ -178,6 +181,8 @@ function infoOf(message: JobInfoMessage): JobInfo {
     status: word(StatusNumber, "STATUS_", message.status),
     error: message.error && errorOfStatus(message.error),
     violations: violationsOf(message.violations),
+    incumbent: message.incumbent ?? Infinity,
+    ...treeOf(message),
     times: timesOf(message.times),
   };
 }

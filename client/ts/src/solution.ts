@@ -9,7 +9,7 @@ import {
 } from "./generated/marble/v1/solution.js";
 import { type SolveOptions, optionsOf } from "./options.js";
 import { unpackDoubles } from "./packed.js";
-import { type Violations, violationsOf } from "./progress.js";
+import { type Violations, treeOf, violationsOf } from "./progress.js";
 import { statusAdvice } from "./tables.js";
 import { type Words, word } from "./words.js";
 
@@ -69,6 +69,22 @@ export class Solution {
   readonly bStationary?: boolean;
   /** Whether a solved point is a local minimum. */
   readonly secondOrder?: SecondOrder;
+  /**
+   * Of option global: z is within gapTolerance of the bound, or a tree ended infeasible; also, without it, of a certificate.
+   * Where z is not proved, `detail` says why.
+   */
+  readonly proved: boolean;
+  /**
+   * No feasible point has an objective below this. −Infinity where none is known, so without option global; Infinity of a
+   * problem that is proved infeasible.
+   */
+  readonly bound: number;
+  /** (objective − bound) / max(1, |objective|), ≥ 0; Infinity without a feasible point or a bound. */
+  readonly gap: number;
+  /** Nodes of the tree that were bounded; 0 without option global. */
+  readonly nodes: number;
+  /** Nodes of the tree left open at the end: 0 of one that was searched to its end. */
+  readonly openNodes: number;
   /** What a cold start last reached: the objective itself, or of a chain of warm starts that of its first. */
   readonly coldObjective: number;
   /** Rows of progress that were dropped because they were not taken fast enough. */
@@ -95,6 +111,12 @@ export class Solution {
     this.stationarity = word(StationarityNumber, "STATIONARITY_", message.stationarity);
     this.bStationary = message.bStationary;
     this.secondOrder = word(SecondOrderNumber, "SECOND_ORDER_", message.secondOrder);
+    this.proved = message.proved;
+    const tree = treeOf(message);
+    this.bound = tree.bound;
+    this.gap = tree.gap;
+    this.nodes = tree.nodes;
+    this.openNodes = tree.openNodes;
     this.coldObjective = message.coldObjective;
     this.progressSkipped = progressSkipped;
   }
@@ -114,9 +136,11 @@ export class Solution {
     const ms = (1000 * this.times.solveS).toPrecision(3);
     const { equality, inequality, complementarity } = this.violations;
     const worst = Math.max(equality, inequality, complementarity);
+    const proof = this.proved ? "proved" : `gap ${this.gap.toExponential(1)}`;
+    const tree = this.nodes > 0 ? `, ${proof}, ${this.nodes} nodes` : "";
     return (
       `${this.status}: objective ${Number(this.objective.toPrecision(10))}, ${this.iterations} iterations, ` +
-      `${this.factorizations} factorizations, ${ms} ms, violation ${worst.toExponential(1)}`
+      `${this.factorizations} factorizations, ${ms} ms, violation ${worst.toExponential(1)}${tree}`
     );
   }
 

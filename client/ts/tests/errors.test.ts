@@ -166,6 +166,13 @@ test("the server's own checks come back as the same error, in the caller's terms
     assert.match(error.bound ?? "", /must be in \[1e-14, 1/);
     return true;
   });
+  for (const [options, field] of [
+    [{ gapTolerance: 1 }, "options.gapTolerance"],
+    [{ gapTolerance: Number.NaN }, "options.gapTolerance"],
+    [{ nodeLimit: 0 }, "options.nodeLimit"],
+  ] as const) {
+    await assert.rejects(client.solve(corner, { options }), { name: "InvalidProblemError", field });
+  }
   await assert.rejects(client.solve(corner, { requestId: "ä" }), { name: "InvalidProblemError", field: "requestId" });
 });
 

@@ -68,7 +68,10 @@ OwnedProblem qpec(const QpecParameters& p, std::uint64_t seed) {
 
   OwnedProblem q;
   q.name = "qpec-" + std::to_string(n) + "-" + std::to_string(seed);
-  q.Q = sparse(3.0 / n * root * root.transpose() + 0.1 * Matrix::Identity(n, n), "Q");
+  // The product's rounding is not symmetric: where a sum cancels, a mirror image differs too much for
+  // Problem.
+  const Matrix Q = 3.0 / n * root * root.transpose() + 0.1 * Matrix::Identity(n, n);
+  q.Q = sparse(Q.selfadjointView<Eigen::Upper>(), "Q");
   q.g.resize(static_cast<std::size_t>(n));
   for (double& entry : q.g) entry = 2.0 * source.symmetric();
   Matrix upper = Matrix::Zero(p.constraints, n);

@@ -1,6 +1,7 @@
 // Progress as CSV: the same columns in the same order wherever a trace is written or read.
 #pragma once
 
+#include <cstddef>
 #include <span>
 #include <string>
 #include <string_view>
@@ -19,8 +20,11 @@ struct ProgressColumn {
 
 /// All columns in their order: iteration, outer_iteration, objective, equality_violation,
 /// inequality_violation, complementarity_violation, kkt_residual, kappa, rho, step_length, regularization,
-/// factorizations, elapsed_s. Violations are in the user's units.
+/// factorizations, elapsed_s, incumbent, bound, gap, nodes, open_nodes. Violations are in the user's units.
 [[nodiscard]] std::span<const ProgressColumn> progress_columns();
+
+/// Traces of before there were trees end with elapsed_s.
+inline constexpr std::size_t kColumnsBeforeTrees = 13;
 
 /// The names, separated by commas, without a line break.
 [[nodiscard]] std::string progress_csv_header();

@@ -26,7 +26,13 @@ constexpr std::array kColumns = {
     MARBLE_COLUMN("regularization", regularization, false),
     MARBLE_COLUMN("factorizations", factorizations, true),
     MARBLE_COLUMN("elapsed_s", elapsed_s, false),
+    MARBLE_COLUMN("incumbent", incumbent, false),
+    MARBLE_COLUMN("bound", bound, false),
+    MARBLE_COLUMN("gap", gap, false),
+    MARBLE_COLUMN("nodes", nodes, true),
+    MARBLE_COLUMN("open_nodes", open_nodes, true),
 };
+static_assert(kColumns[kColumnsBeforeTrees - 1].name == "elapsed_s");
 
 #undef MARBLE_COLUMN
 

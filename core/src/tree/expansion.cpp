@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "tree/interior_point.h"
+#include "relaxation/interior_point.h"
 #include "tuning.h"
 
 namespace marble {
@@ -24,7 +24,7 @@ bool has_t(Sides sides) { return (static_cast<unsigned>(sides) & 2U) != 0; }
 // Some steps of the active set, each of all rows by those held, against an interior point method's factors.
 std::unique_ptr<NodeEngine> make_engine(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram) {
   const double rows = problem.layout.size();
-  if (kkt->flops() < tuning::tree_interior_pays * rows * rows)
+  if (rows >= tuning::tree_interior_rows && kkt->flops() < tuning::tree_interior_pays * rows * rows)
     return std::make_unique<InteriorPoint>(problem, std::move(kkt));
   return std::make_unique<Relaxation>(problem, std::move(kkt), gram);
 }

@@ -4,10 +4,10 @@
 
 #include <optional>
 
+#include "relaxation/relaxation.h"
 #include "tree/clauses.h"
 #include "tree/node.h"
 #include "tree/pseudo_costs.h"
-#include "tree/relaxation.h"
 
 namespace marble {
 

@@ -51,6 +51,8 @@ TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, double mo
     }
     return none("not proved: Q is not convex");
   }
+  const double engines = run.runner() != nullptr ? tuning::tree_round : 1;
+  most_nodes_ -= engines * expanders_[0]->relaxation().bytes() / Node::bytes(problem_.layout);
   if (!known_convex && !expanders_[0]->relaxation().is_convex(run))
     return none("not proved: Q is not convex");
   open_.clear();

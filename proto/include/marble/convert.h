@@ -1,6 +1,8 @@
 // The one border between messages and the core's values. Arrays are mapped, not copied, on the way in.
 #pragma once
 
+#include <limits>
+
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
@@ -47,6 +49,30 @@ void to_message(const OptionInfo& option, v1::OptionSchema* message);
 
 void to_message(const Violations& violations, v1::Violations* message);
 [[nodiscard]] Violations violations_of(const v1::Violations& message);
+
+/// What Progress, Solution and a job tell of a tree (option global). What is not known is absent in the
+/// message, so that a solve without a tree sends nothing of it, and infinite in `told`.
+template <class Told, class Message>
+void tree_to_message(const Told& told, Message* message) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  if constexpr (requires { told.incumbent; }) {
+    if (told.incumbent < kInfinity) message->set_incumbent(told.incumbent);
+  }
+  if (told.bound > -kInfinity) message->set_bound(told.bound);
+  if (told.gap < kInfinity) message->set_gap(told.gap);
+  message->set_nodes(told.nodes);
+  message->set_open_nodes(told.open_nodes);
+}
+template <class Message, class Told>
+void take_tree(const Message& message, Told& told) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  if constexpr (requires { told.incumbent; })
+    told.incumbent = message.has_incumbent() ? message.incumbent() : kInfinity;
+  told.bound = message.has_bound() ? message.bound() : -kInfinity;
+  told.gap = message.has_gap() ? message.gap() : kInfinity;
+  told.nodes = message.nodes();
+  told.open_nodes = message.open_nodes();
+}
 
 /// Everything but z, which is sent only where it was asked for.
 void to_message(const Progress& progress, v1::Progress* message);

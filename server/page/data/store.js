@@ -8,6 +8,17 @@ const SPARK_POINTS = 40;
 /** A number of protobuf's JSON: 64-bit ones and NaN come as strings. */
 export const number = (value) => (value === undefined || value === null ? 0 : Number(value));
 
+const known = (value) => (value === undefined || value === null ? NaN : Number(value));
+
+/** What a JobInfo or a row tells of the tree of option global; NaN where it is not known. */
+export const toTree = (message) => ({
+  incumbent: known(message.incumbent),
+  bound: known(message.bound),
+  gap: known(message.gap),
+  nodes: number(message.nodes),
+  openNodes: number(message.open_nodes),
+});
+
 /** A JobInfo as one flat record; what a table shows and sorts by. */
 export function toJob(info) {
   const violations = info.violations ?? {};
@@ -35,6 +46,8 @@ export function toJob(info) {
     equality: number(violations.equality),
     inequality: number(violations.inequality),
     complementarity: number(violations.complementarity),
+    ...toTree(info),
+    proved: info.proved === true,
     times: toTimes(info.times ?? {}),
     updates: number(info.updates),
     memory: number(info.memory_bytes),

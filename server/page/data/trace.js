@@ -1,6 +1,6 @@
 // One job's iterations as the page keeps them: bounded, and thinned evenly where there are more.
 
-import { number } from "./store.js";
+import { number, toTree } from "./store.js";
 
 const MOST_ROWS = 1024;
 const MOST_FRAMES = 64;
@@ -21,6 +21,7 @@ function toRow(message) {
     regularization: number(message.regularization),
     factorizations: number(message.factorizations),
     elapsed: number(message.elapsed_s),
+    ...toTree(message),
   };
 }
 
@@ -94,6 +95,22 @@ export class Trace {
     const last = this.frames.at(-1)?.iteration ?? -1;
     if (frame.iteration > last) this.#frames.put(frame);
   }
+}
+
+/**
+ * Nodes a second at each row of a tree: over the last tenth of the time so far, as rows come in bursts. NaN before.
+ */
+export function nodeRates(rows) {
+  let from = 0;
+  return rows.map((row, at) => {
+    if (row.nodes === 0) {
+      from = at; // the tree begins after it
+      return NaN;
+    }
+    while (from + 1 < at && rows[from + 1].elapsed <= 0.9 * row.elapsed) ++from;
+    const seconds = row.elapsed - rows[from].elapsed;
+    return seconds > 0 ? (row.nodes - rows[from].nodes) / seconds : NaN;
+  });
 }
 
 /**

@@ -1,6 +1,6 @@
 // Why a job failed or was slow, in sentences, from what is known of it.
 
-import { duration, percent, residual, whole } from "../base/format.js";
+import { duration, percent, real, residual, whole } from "../base/format.js";
 import { seconds } from "../data/store.js";
 import { partsOf } from "../plots/timings.js";
 import { repeated } from "../data/trace.js";
@@ -38,6 +38,7 @@ export function explain(job, options, rows) {
     if (known.tone !== "good" && job.state === "finished") lines.push(...unmet(job, options));
     if (known.advice) lines.push(`What to try: ${known.advice}`);
   }
+  lines.push(...proof(job));
   lines.push(...slow(job, rows));
   const word = job.state === "finished" ? job.status || "ended" : job.state;
   return { tone: job.state === "finished" ? (known?.tone ?? "quiet") : job.state, title: word.replaceAll("_", " "), lines };
@@ -60,6 +61,17 @@ function unmet(job, options) {
   if (broken.length === 0) return [];
   const texts = broken.map(({ name, value, tolerance, meaning }) => `${name} ${meaning} = ${residual(value)}, asked for ${residual(tolerance)}`);
   return [`Not met: ${texts.join("; ")}.`];
+}
+
+// What is known of the optimum, where option global looks for it.
+function proof({ nodes, openNodes, state, status, proved, incumbent, bound, gap }) {
+  if (nodes === 0) return [];
+  const count = `${whole(nodes)} ${nodes === 1 ? "node" : "nodes"}`;
+  if (proved) return [status === "infeasible" ? `Proved infeasible: ${count}.` : `Proved optimal: gap ${residual(gap)}, ${count}.`];
+  const best = Number.isFinite(incumbent) ? `The best point has objective ${real(incumbent)}` : "No feasible point is known";
+  const least = Number.isFinite(bound) ? `no point has less than ${real(bound)}` : "nothing bounds the objective from below";
+  const distance = Number.isFinite(gap) ? `; gap ${residual(gap)}` : "";
+  return [`Not proved${state === "finished" ? "" : " yet"}. ${best}, ${least}${distance}. ${count}, ${whole(openNodes)} open.`];
 }
 
 // What took long, where something stands out.

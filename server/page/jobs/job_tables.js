@@ -2,9 +2,9 @@
 
 import { make } from "../base/dom.js";
 import { judge } from "./findings.js";
-import { bytes, clock, duration, real, residual, whole } from "../base/format.js";
+import { bytes, clock, duration, rate, real, residual, whole } from "../base/format.js";
 import { seconds } from "../data/store.js";
-import { repeated } from "../data/trace.js";
+import { nodeRates, repeated } from "../data/trace.js";
 import { short } from "../base/words.js";
 
 const table = (caption, head, rows) =>
@@ -37,6 +37,7 @@ export function showFacts(place, job, trace) {
     ["Updates answered", session ? whole(job.updates) : ""],
     ["Objective", job.error || job.iterations === 0 ? "" : real(job.objective)],
     ["KKT residual", trace.rows.length > 0 ? residual(trace.rows.at(-1).kkt) : ""],
+    ...treeFacts(job, trace),
     ["Memory of the solver", job.memory > 0 ? bytes(job.memory) : ""],
     ["Answer kept", job.resultBytes > 0 ? bytes(job.resultBytes) : ""],
   ];
@@ -44,6 +45,20 @@ export function showFacts(place, job, trace) {
   place.replaceChildren(
     ...facts.filter(([, value]) => value !== "").map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", { title: value }, value))),
   );
+}
+
+// Of option global, once there is a tree.
+function treeFacts({ nodes, openNodes, incumbent, bound, gap }, trace) {
+  if (nodes === 0) return [];
+  const speed = nodeRates(trace.rows).at(-1);
+  return [
+    ["Incumbent", Number.isFinite(incumbent) ? real(incumbent) : "none yet"],
+    ["Bound", Number.isNaN(bound) ? "none yet" : real(bound)],
+    ["Gap", Number.isFinite(gap) ? residual(gap) : ""],
+    ["Nodes", whole(nodes)],
+    ["Open nodes", whole(openNodes)],
+    ["Nodes a second", Number.isFinite(speed) ? rate(speed) : ""],
+  ];
 }
 
 /** Each violation against its tolerance. */
@@ -80,9 +95,12 @@ function describe({ name, type, doc, unit, choices, default_value: usual }, valu
 export function showRows(place, rows) {
   const repeats = repeated(rows);
   const head = ["iteration", "time", "objective", "equality", "inequality", "complementarity", "KKT residual", "κ", "ρ", "step", "regularization", "factorizations", "repeated"];
+  const tree = rows.some((row) => row.nodes > 0);
+  if (tree) head.push("incumbent", "bound", "gap", "nodes", "open");
+  const treeCells = (row) => (row.nodes > 0 ? [real(row.incumbent), real(row.bound), residual(row.gap), whole(row.nodes), whole(row.openNodes)] : ["", "", "", "", ""]);
   const lines = rows.map((row, at) => {
     const cells = [duration(row.elapsed), real(row.objective), residual(row.equality), residual(row.inequality), residual(row.complementarity), residual(row.kkt),
-                   residual(row.kappa), residual(row.rho), real(row.step), residual(row.regularization), whole(row.factorizations), repeats[at] > 0 ? String(repeats[at]) : ""];
+                   residual(row.kappa), residual(row.rho), real(row.step), residual(row.regularization), whole(row.factorizations), repeats[at] > 0 ? String(repeats[at]) : "", ...(tree ? treeCells(row) : [])];
     return make("tr", {}, make("th", { scope: "row" }, String(row.iteration)), ...cells.map((cell) => make("td", {}, cell)));
   });
   place.replaceChildren(table("Rows of progress", head, lines));

@@ -136,10 +136,11 @@ export class JobView {
   #rowsAndAnswer() {
     const rows = this.#trace.rows;
     const last = rows.at(-1);
-    const { state, error, equality, inequality, complementarity, objective, times } = this.#job;
+    const { state, error, equality, inequality, complementarity, objective, times, incumbent, bound, gap, nodes, openNodes } = this.#job;
     if (state !== "finished" || error || last === undefined) return rows;
     const elapsed = Math.max(last.elapsed, times.solve);
-    return [...rows, { ...last, elapsed, equality, inequality, complementarity, objective, kkt: NaN, kappa: NaN, answer: true }];
+    const tree = { incumbent, bound, gap, nodes, openNodes };
+    return [...rows, { ...last, ...tree, elapsed, equality, inequality, complementarity, objective, kkt: NaN, kappa: NaN, answer: true }];
   }
 
   #tolerances() {

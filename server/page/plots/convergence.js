@@ -1,8 +1,9 @@
-// How a solve converged: residuals on a log scale, and objective with penalty below, along iterations or time.
+// How a solve converged: residuals on a log scale, and objective with penalty below, along iterations or time. Where there
+// is a tree (option global), how incumbent and bound close over time.
 
 import { make, onceAFrame, styleValue } from "../base/dom.js";
-import { duration, real, residual } from "../base/format.js";
-import { repeated } from "../data/trace.js";
+import { duration, rate, real, residual, whole } from "../base/format.js";
+import { nodeRates, repeated } from "../data/trace.js";
 
 const LOWEST = 1e-12; // on a log scale 0 has no place; what is below counts as it: the table has the numbers
 
@@ -69,7 +70,9 @@ export class Convergence {
     this.Chart = Chart;
     this.upper = make("canvas", { role: "img", id: "convergence" });
     this.lower = make("canvas", { role: "img", id: "objective-plot" });
-    parent.append(make("div", { class: "chart tall" }, this.upper), make("div", { class: "chart low" }, this.lower));
+    this.proof = make("canvas", { role: "img", id: "proof-plot" });
+    this.proofPlace = make("div", { class: "chart low", hidden: true }, this.proof);
+    parent.append(make("div", { class: "chart tall" }, this.upper), make("div", { class: "chart low" }, this.lower), this.proofPlace);
     this.redraw = onceAFrame(() => this.#draw());
     this.recolour = () => this.#build();
     document.addEventListener("themechange", this.recolour);
@@ -95,7 +98,7 @@ export class Convergence {
     this.charts?.forEach((chart) => chart.destroy());
     const size = parseFloat(getComputedStyle(document.documentElement).fontSize);
     this.look = { ink: styleValue("--quiet"), line: styleValue("--line"), font: { size: 0.8 * size, family: getComputedStyle(document.body).fontFamily } };
-    this.charts = [this.#residualChart(), this.#objectiveChart()];
+    this.charts = [this.#residualChart(), this.#objectiveChart(), this.#proofChart()];
     this.redraw();
   }
 
@@ -138,6 +141,7 @@ export class Convergence {
   }
   #readout({ dataset, raw }) {
     if (dataset.repeats) return `${raw.times} factorization${raw.times > 1 ? "s" : ""} repeated, regularization ${residual(raw.regularization)}`;
+    if (dataset.yAxisID === "rate") return `${dataset.label}: ${rate(raw.value)}`;
     return `${dataset.label}: ${dataset.plain ? real(raw.value) : residual(raw.value)}`;
   }
 
@@ -161,6 +165,38 @@ export class Convergence {
     return new this.Chart(this.lower, { type: "line", data: { datasets }, options: this.#options(scales) });
   }
 
+  #proofChart() {
+    const scales = {
+      x: this.#axis({ type: "linear", title: "time since the solve began", ticks: { callback: (value) => duration(value) } }),
+      y: this.#axis({ type: "linear", title: "objective", ticks: { maxTicksLimit: 4, callback: (value) => real(value) } }),
+      rate: this.#axis({ type: "linear", position: "right", title: "nodes / s", grid: { drawOnChartArea: false }, min: 0, ticks: { maxTicksLimit: 4, callback: (value) => rate(value) } }),
+    };
+    const datasets = [
+      this.#line({ label: "incumbent", colour: "--blue", width: 2.2, stepped: true, plain: true }),
+      this.#line({ label: "bound", colour: "--purple", width: 2.2, stepped: true, plain: true }),
+      this.#line({ label: "nodes a second", colour: "--grey", dash: [6, 3], yAxisID: "rate" }),
+    ];
+    return new this.Chart(this.proof, { type: "line", data: { datasets }, options: this.#options(scales) });
+  }
+
+  #drawProof() {
+    const rows = this.#rows;
+    const [incumbent, bound, speed] = this.charts[2].data.datasets;
+    const first = rows.findIndex((row) => row.nodes > 0);
+    this.proofPlace.hidden = first < 0;
+    this.proof.dataset.nodes = first < 0 ? 0 : rows.at(-1).nodes;
+    if (first < 0) return;
+    const rates = nodeRates(rows);
+    const points = (value) => rows.map((row, at) => ({ x: row.elapsed, y: Number.isFinite(value(row, at)) ? value(row, at) : NaN, value: value(row, at) }));
+    incumbent.data = points((row) => row.incumbent);
+    bound.data = points((row) => row.bound);
+    speed.data = points((_, at) => rates[at]);
+    Object.assign(this.charts[2].options.scales.x, { min: rows[first].elapsed, max: rows.at(-1).elapsed });
+    const { incumbent: best, bound: least, gap, nodes } = rows.at(-1);
+    this.proof.setAttribute("aria-label", `Incumbent ${real(best)}, bound ${real(least)}, gap ${residual(gap)} after ${whole(nodes)} nodes, ${rate(rates.at(-1))} a second.`);
+    this.charts[2].update("none");
+  }
+
   #draw() {
     const rows = this.#rows;
     const [upper, lower] = this.charts;
@@ -176,13 +212,14 @@ export class Convergence {
     lower.data.datasets[0].data = rows.map((row) => ({ x: x(row), y: row.objective, value: row.objective }));
     lower.data.datasets[1].data = rows.map((row) => ({ x: x(row), y: row.rho > 0 ? row.rho : NaN, value: row.rho }));
     const last = rows.length > 0 ? x(rows.at(-1)) : 1;
-    for (const chart of this.charts) {
+    for (const chart of [upper, lower]) {
       Object.assign(chart.options.scales.x, { min: rows.length > 0 ? x(rows[0]) : 0, max: last });
       chart.options.scales.x.ticks.callback = this.#alongTime ? (value) => duration(value) : (value) => (Number.isInteger(value) ? value : null);
     }
     lower.options.scales.x.title = { ...lower.options.scales.x.title, display: true, text: this.#alongTime ? "time since the solve began" : "iteration" };
     this.#describe(repeats);
-    for (const chart of this.charts) chart.update("none");
+    for (const chart of [upper, lower]) chart.update("none");
+    this.#drawProof();
   }
 
   // κ = 0 means "no relaxation here"; a violation of 0 is the best there is.

@@ -11,7 +11,7 @@
 
 #include "formats/nl_writer.h"
 #include "marble/solver.h"
-#include "nl_problem.h"
+#include "nl/nl_problem.h"
 
 namespace marble::formats {
 namespace {

@@ -7,7 +7,7 @@
 
 #include <fstream>
 
-#include "matrix_market.h"
+#include "mtx/matrix_market.h"
 #include "support/child_process.h"
 
 namespace marble::formats {

@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <fstream>
 
-#include "mat_problem.h"
+#include "mat/mat_problem.h"
 #include "support/child_process.h"
 
 namespace marble::formats {

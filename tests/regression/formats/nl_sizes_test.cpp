@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "formats/nl_writer.h"
-#include "nl_problem.h"
+#include "nl/nl_problem.h"
 
 namespace marble::formats {
 namespace {

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <stop_token>
@@ -66,15 +67,22 @@ struct JobInfo {
   std::int64_t factorizations = 0;            ///< so far
   double objective = 0.0;                     ///< of the newest iterate
   Violations violations;                      ///< of the newest iterate, user units
-  Times times;                                ///< once it has finished
-  double queue_s = 0.0;                       ///< seconds that it waited for a worker
-  double total_s = 0.0;                       ///< seconds from its acceptance to its answer
-  std::int64_t updates = 0;                   ///< of a session, answered ones
-  std::int64_t memory_bytes = 0;              ///< of its solver, as counted against the limits
-  std::int64_t result_bytes = 0;              ///< of its answer, where that is kept
-  std::string detail;                         ///< the numbers that justify the status
-  std::string trace_id;                       ///< of the W3C traceparent that came with it; may be empty
-  double finished_unix_s = 0.0;               ///< seconds since 1970, UTC; 0 while it has not
+  /// Option global: objective of the best point of its tree so far, +∞ while there is none.
+  double incumbent = std::numeric_limits<double>::infinity();
+  double bound = -std::numeric_limits<double>::infinity();  ///< as Solution::bound, so far
+  double gap = std::numeric_limits<double>::infinity();     ///< as Solution::gap, so far
+  std::int64_t nodes = 0;                                   ///< bounded so far; 0 before a tree
+  std::int64_t open_nodes = 0;                              ///< of the tree, still to be bounded or branched
+  bool proved = false;                                      ///< as Solution::proved
+  Times times;                                              ///< once it has finished
+  double queue_s = 0.0;                                     ///< seconds that it waited for a worker
+  double total_s = 0.0;                                     ///< seconds from its acceptance to its answer
+  std::int64_t updates = 0;                                 ///< of a session, answered ones
+  std::int64_t memory_bytes = 0;                            ///< of its solver, as counted against the limits
+  std::int64_t result_bytes = 0;                            ///< of its answer, where that is kept
+  std::string detail;                                       ///< the numbers that justify the status
+  std::string trace_id;          ///< of the W3C traceparent that came with it; may be empty
+  double finished_unix_s = 0.0;  ///< seconds since 1970, UTC; 0 while it has not
 };
 
 /// What a job did, oldest first; of a long one every `stride`-th iteration and the newest. Rows have no z.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,14 @@ def _violations(message: Any) -> Violations:
 def _times(message: Any) -> Times:
     return Times(message.queue_s, message.setup_s, message.factorization_s, message.line_search_s, message.polish_s,
                  message.solve_s, message.total_s)
+
+
+def _tree(message: Any) -> dict[str, Any]:
+    """What a Progress, a Solution or a JobInfo tells of a tree; what is not known is infinite."""
+    unknown = {"incumbent": math.inf, "bound": -math.inf, "gap": math.inf}
+    told = {name: getattr(message, name) if message.HasField(name) else value for name, value in unknown.items()
+            if name in message.DESCRIPTOR.fields_by_name}
+    return {**told, "nodes": message.nodes, "open_nodes": message.open_nodes}
 
 
 @functools.cache
@@ -70,6 +79,8 @@ def solution(message: Any, arrays: Arrays, path: str, problem: LCQP, job_id: str
         stationarity=_stationarities().get(message.stationarity),
         b_stationary=message.b_stationary if message.HasField("b_stationary") else None,
         second_order=_second_orders().get(message.second_order),
+        proved=message.proved,
+        **_tree(message),
         iterations=message.iterations,
         factorizations=message.factorizations,
         times=_times(message.times),
@@ -106,7 +117,7 @@ def progress(row: Any) -> Progress:
     """One row."""
     return Progress(row.iteration, row.outer_iteration, row.objective, _violations(row.violations), row.kkt_residual,
                     row.kappa, row.rho, row.step_length, row.regularization, row.factorizations, row.elapsed_s,
-                    np.fromiter(row.z, float, len(row.z)))
+                    np.fromiter(row.z, float, len(row.z)), **(_tree(row) if row.nodes else {}))
 
 
 def job(message: Any) -> Job:
@@ -131,6 +142,8 @@ def job(message: Any) -> Job:
         factorizations=message.factorizations,
         objective=message.objective,
         violations=_violations(message.violations),
+        proved=message.proved,
+        **_tree(message),
         times=_times(message.times),
         updates=message.updates,
         memory_bytes=message.memory_bytes,

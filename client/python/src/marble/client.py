@@ -243,8 +243,8 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
     server: an address, several, or a Client; None is the server that MARBLE_SERVER names, else 127.0.0.1:50051: the
     environment decides, not the program. "local" is one of this process alone, started by the first call and gone with
     the process.
-    options, or any option by its name: solve(Q, g, max_iterations=50). priority, progress, deadline, request_id: as in
-    Client.solve.
+    options, or any option by its name: solve(Q, g, max_iterations=50); global, a word of Python's own, is global_.
+    priority, progress, deadline, request_id: as in Client.solve.
 
     Returns a Solution, solved or not: see its status, or call raise_if_unsolved(). Raises InvalidProblem and the other
     exceptions of marble.errors. Each call makes a connection of its own; a loop is faster with a Client.

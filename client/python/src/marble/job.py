@@ -46,6 +46,7 @@ class Job:
     while it has not finished. queue_position, estimated_wait_s: only while queued. status: how the solve ended, None
     while it has not, or where error (a google.rpc.Status) says why there is no answer. updates: a session's, answered.
     memory_bytes: of the solver. result_bytes: of the answer that is kept. trace_id: of the W3C traceparent that came.
+    proved, incumbent, bound, gap, nodes, open_nodes: of option global, as in Solution and Progress, so far.
     """
 
     job_id: str
@@ -67,6 +68,12 @@ class Job:
     factorizations: int
     objective: float
     violations: Violations
+    proved: bool
+    incumbent: float
+    bound: float
+    gap: float
+    nodes: int
+    open_nodes: int
     times: Times
     updates: int
     memory_bytes: int

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keyword
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -36,9 +37,13 @@ def priority_number(priority: Priority | str | None) -> int:
 
 
 def options_message(options: Mapping[str, Any] | None) -> Any:
-    """SolveOptions by name. What a value may be is known to the server, which checks it."""
+    """SolveOptions by name. What a value may be is known to the server, which checks it.
+
+    A name that is a word of Python's own may have an underscore behind it: global_.
+    """
     message = contract.message("SolveOptions")()
-    for name, value in (options or {}).items():
+    for given, value in (options or {}).items():
+        name = given[:-1] if given.endswith("_") and keyword.iskeyword(given[:-1]) else given
         field = message.DESCRIPTOR.fields_by_name.get(name)
         if field is None:
             known = ", ".join(sorted(message.DESCRIPTOR.fields_by_name))

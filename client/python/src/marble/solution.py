@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import functools
 import html
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -77,6 +78,11 @@ class Solution:
     objective; violations; kkt_residual: max |Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|.
     stationarity: None where the point is not solved. b_stationary: no feasible direction of descent is left; None
     where that was not decided. second_order: whether the point is a local minimum; None where it is not solved.
+    proved: of option global: z is within gap_tolerance of the bound, or a tree ended infeasible; also, without it, of a
+    certificate. Where z is not proved, detail says why. bound: no feasible point has an objective below it; -inf where
+    none is known, so without option global, inf of a problem that is proved infeasible. gap: (objective - bound) /
+    max(1, |objective|), ≥ 0; inf without a feasible point or a bound. nodes, open_nodes: of the tree, bounded, and left
+    open at the end; 0 without option global.
     iterations, factorizations: counts. times: seconds. options: every option as it was used. cold_objective: what a
     cold start last reached on the way here. job_id: the server's.
     problem: what was solved.
@@ -101,6 +107,11 @@ class Solution:
     stationarity: Stationarity | None
     b_stationary: bool | None
     second_order: SecondOrder | None
+    proved: bool
+    bound: float
+    gap: float
+    nodes: int
+    open_nodes: int
     iterations: int
     factorizations: int
     times: Times
@@ -143,6 +154,7 @@ class Solution:
         facts = [
             ("size", f"{n} variables, {n_e} equalities, {n_i} inequalities, {n_c} pairs"),
             ("objective", f"{self.objective:.10g}"),
+            *([("proof", self._proof())] if self.nodes > 0 else []),
             ("violations", f"equality {v.equality:.1e}, inequality {v.inequality:.1e}, "
                            f"complementarity {v.complementarity:.1e}"),
             ("kkt residual", f"{self.kkt_residual:.1e}"),
@@ -159,6 +171,11 @@ class Solution:
             facts.append(("why", self.detail))
         facts.append(("z", np.array2string(self.z, precision=6, threshold=8, edgeitems=3, separator=", ")))
         return facts
+
+    def _proof(self) -> str:
+        word = "proved optimal" if self.proved and self.solved else "proved" if self.proved else "not proved"
+        left = f", {self.open_nodes:,} open" if self.open_nodes else ""
+        return f"{word}: bound {self.bound:.10g}, gap {self.gap:.1e}, {self.nodes:,} nodes{left}"
 
     def _title(self) -> str:
         return f"{self.problem.name or 'LCQP'}: {self.status.value}"
@@ -184,6 +201,8 @@ class Progress:
     violations: at the iterate. kkt_residual: of the scaled problem. kappa, rho: relaxation and penalty; κ is 0 in a
     local search. step_length: in (0, 1]. regularization, factorizations, elapsed_s: of the solve so far.
     z: the iterate, n, where it was asked for and is there; else empty.
+    incumbent, bound, gap, nodes, open_nodes: of option global once its tree has begun, as in Solution, so far; the
+    incumbent is the objective of the best point, inf while there is none. nodes is 0 before a tree.
     """
 
     iteration: int
@@ -198,6 +217,11 @@ class Progress:
     factorizations: int
     elapsed_s: float
     z: Vector = field(default_factory=lambda: np.zeros(0))
+    incumbent: float = math.inf
+    bound: float = -math.inf
+    gap: float = math.inf
+    nodes: int = 0
+    open_nodes: int = 0
 
 
 Options = Mapping[str, Any]

@@ -1,0 +1,41 @@
+#include "arguments/solver_arguments.h"
+
+#include <iostream>
+
+#include "base/exit_code.h"
+
+namespace marble::cli {
+
+void add_solver_arguments(CLI::App& command, SolverArguments& arguments) {
+  command
+      .add_option("--option", arguments.options,
+                  "a solver option, name=value; may be repeated (see: marble options)")
+      ->allow_extra_args(false);
+  command.add_option("--time-limit", arguments.time_limit_s,
+                     "seconds for each solve; the best iterate is returned");
+}
+
+Expected<Options> parse_options(const SolverArguments& arguments) {
+  Options options;
+  for (const std::string& option : arguments.options) {
+    const std::size_t equals = option.find('=');
+    if (equals == std::string::npos) {
+      return unexpected(invalid("--option", option, "must be name=value"));
+    }
+    if (auto set = set_option_text(options, option.substr(0, equals), option.substr(equals + 1)); !set) {
+      return unexpected(set.error());
+    }
+  }
+  if (!arguments.time_limit_s.empty()) {
+    auto set = set_option_text(options, "time_limit_s", arguments.time_limit_s);
+    if (!set) return unexpected(of_field("--time-limit", set.error()));
+  }
+  return options;
+}
+
+int option_fails(const Error& error) {
+  std::cerr << "marble: " << error.message() << "  (marble options lists them all)\n";
+  return kBadInput;
+}
+
+}  // namespace marble::cli

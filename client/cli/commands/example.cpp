@@ -1,0 +1,53 @@
+#include <iostream>
+#include <memory>
+
+#include "base/exit_code.h"
+#include "commands/commands.h"
+#include "marble/examples.h"
+#include "marble/problem_file.h"
+
+namespace marble::cli {
+namespace {
+
+struct ExampleArguments {
+  std::string name;
+  int steps = 0;  // 0: the example's own
+  std::uint64_t seed = 0;
+};
+
+template <class Parameters>
+OwnedProblem generate(const ExampleArguments& arguments, OwnedProblem (*generator)(const Parameters&)) {
+  Parameters parameters = examples::vary(Parameters{}, arguments.seed);
+  if (arguments.steps > 0) parameters.steps = arguments.steps;
+  return generator(parameters);
+}
+
+int run(const ExampleArguments& arguments) {
+  ProblemFile file;
+  if (arguments.name == "hopper") file.problem = generate(arguments, &examples::hopper);
+  if (arguments.name == "rocket") file.problem = generate(arguments, &examples::rocket);
+  if (arguments.name == "gates") file.problem = generate(arguments, &examples::gates);
+  if (arguments.name == "qpec") file.problem = examples::qpec({}, arguments.seed);
+  std::cout << write_problem(file, FileFormat::json) << std::flush;
+  if (std::cout) return kAllSolved;
+  std::cerr << "marble: standard output cannot be written\n";
+  return kBadInput;
+}
+
+}  // namespace
+
+void add_example(CLI::App& program, int& exit_code) {
+  auto arguments = std::make_shared<ExampleArguments>();
+  CLI::App* command = program.add_subcommand(
+      "example", "Print one of the paper's robotics problems, or a random QPEC, as JSON");
+  command->add_option("NAME", arguments->name, "hopper, rocket, gates or qpec")
+      ->required()
+      ->check(CLI::IsMember({"hopper", "rocket", "gates", "qpec"}));
+  command->add_option("--steps", arguments->steps, "length of the horizon; default 60, 40 or 30")
+      ->check(CLI::Range(2, 100000));
+  command->add_option("--seed", arguments->seed, "0 is the nominal problem, any other a variation of it")
+      ->capture_default_str();
+  command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
+}
+
+}  // namespace marble::cli

@@ -1,0 +1,72 @@
+// cancel and delete: both tell a job to end, and delete lets its answer go too.
+#include <iostream>
+#include <memory>
+
+#include "arguments/server_arguments.h"
+#include "base/exit_code.h"
+#include "commands/commands.h"
+#include "output/job_report.h"
+
+namespace marble::cli {
+namespace {
+
+struct EndArguments {
+  std::vector<std::string> jobs;
+  ServerArguments server;
+};
+
+int cancel_job(const EndArguments& arguments, const Jobs& jobs, const std::string& id) {
+  const auto job = jobs.cancel(id);
+  if (!job) return job_fails(arguments.server, id, job.error());
+  if (arguments.server.json()) {
+    std::cout << line(to_json(*job)) << '\n';
+  } else {
+    // A running solve ends with its iteration, a moment from now.
+    const bool over = job->state == JobState::finished;
+    std::cout << id << (over ? " has ended: " + ending(*job) : " is told to end") << '\n';
+  }
+  return kAllSolved;
+}
+
+int delete_job(const EndArguments& arguments, const Jobs& jobs, const std::string& id) {
+  if (const auto removed = jobs.remove(id); !removed) return job_fails(arguments.server, id, removed.error());
+  if (arguments.server.json()) {
+    std::cout << line({{"job_id", id}, {"deleted", true}}) << '\n';
+  } else {
+    std::cout << id << " is deleted\n";
+  }
+  return kAllSolved;
+}
+
+using Action = int (*)(const EndArguments&, const Jobs&, const std::string&);
+
+int run(const EndArguments& arguments, Action action) {
+  const auto client = connect(arguments.server);
+  if (!client) return server_fails(arguments.server, client.error());
+  int exit_code = kAllSolved;
+  for (const std::string& id : arguments.jobs)
+    exit_code = worse(exit_code, action(arguments, client->jobs(), id));
+  return exit_code;
+}
+
+void add_command(CLI::App& program, int& exit_code, const char* name, const char* description,
+                 Action action) {
+  auto arguments = std::make_shared<EndArguments>();
+  CLI::App* command = program.add_subcommand(name, description);
+  command->add_option("JOB", arguments->jobs, "ids, as submit or jobs print them")->required();
+  add_server_arguments(*command, arguments->server);
+  command->callback([arguments, action, &exit_code] { exit_code = run(*arguments, action); });
+}
+
+}  // namespace
+
+void add_cancel(CLI::App& program, int& exit_code) {
+  add_command(program, exit_code, "cancel", "End jobs; a running one's best iterate is its answer",
+              &cancel_job);
+}
+
+void add_delete(CLI::App& program, int& exit_code) {
+  add_command(program, exit_code, "delete", "Let submitted jobs and their answers go", &delete_job);
+}
+
+}  // namespace marble::cli

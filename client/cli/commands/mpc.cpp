@@ -1,0 +1,198 @@
+// A closed loop as a controller would run it: the plan's first step is followed, the next plan starts from
+// it.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+
+#include "arguments/server_arguments.h"
+#include "arguments/solver_arguments.h"
+#include "base/exit_code.h"
+#include "base/interrupt.h"
+#include "commands/commands.h"
+#include "marble/examples.h"
+#include "output/json.h"
+
+namespace marble::cli {
+namespace {
+
+struct MpcArguments {
+  std::string problem;
+  ServerArguments server;
+  SolverArguments solver;
+  Priority priority = Priority::by_method;
+  int ticks = 50;
+  int steps = 60;
+  std::uint64_t seed = 0;
+  bool cold = false;
+  bool local = false;
+};
+
+int fails(const MpcArguments& arguments, const Error& error) {
+  if (!arguments.local) return server_fails(arguments.server, error);
+  std::cerr << "marble: " << error.message() << '\n';
+  return exit_code_of_local(error);
+}
+
+struct Tick {
+  RemoteSolution answer;
+  double round_trip_ms = 0.0;
+};
+
+// The vectors that are not as they were; the matrices stay, as the horizon moves.
+ProblemUpdate difference(const OwnedProblem& before, const OwnedProblem& now) {
+  ProblemUpdate update;
+  const auto changed = [](const std::vector<double>& a, const std::vector<double>& b) {
+    return a == b ? std::span<const double>() : std::span<const double>(b);
+  };
+  if (before.c0 != now.c0) update.c0 = now.c0;
+  update.g = changed(before.g, now.g);
+  update.b = changed(before.b, now.b);
+  update.d = changed(before.d, now.d);
+  update.l = changed(before.l, now.l);
+  update.r = changed(before.r, now.r);
+  update.A = changed(before.A.values, now.A.values);
+  update.C = changed(before.C.values, now.C.values);
+  return update;
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  std::sort(values.begin(), values.end());
+  const std::size_t half = values.size() / 2;
+  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+}
+
+void tell_tick(const MpcArguments& arguments, int number, const Tick& tick) {
+  const RemoteSolution& s = tick.answer;
+  if (s.reopened)
+    std::cerr << "marble: the server was lost; the session was set up again as " << s.job_id << std::endl;
+  if (arguments.server.json()) {
+    std::cout << line({{"tick", number},
+                       {"status", to_string(s.status)},
+                       {"objective", s.objective},
+                       {"iterations", s.iterations},
+                       {"factorizations", s.factorizations},
+                       {"solve_ms", 1e3 * s.times.solve_s},
+                       {"round_trip_ms", tick.round_trip_ms},
+                       {"reopened", s.reopened}})
+              << '\n'
+              << std::flush;
+    return;
+  }
+  if (number == 0)
+    std::printf("%5s %-16s %6s %10s %14s %15s\n", "tick", "status", "fact", "solve ms", "round trip ms",
+                "objective");
+  std::printf("%5d %-16s %6d %10.3f %14.3f %15.7e\n", number, to_string(s.status), s.factorizations,
+              1e3 * s.times.solve_s, tick.round_trip_ms, s.objective);
+  std::fflush(stdout);
+}
+
+// Without the first tick, which has nothing to start from.
+void tell_summary(const MpcArguments& arguments, const Session& session, const std::vector<Tick>& ticks) {
+  std::vector<double> factorizations, solve_ms, round_trip_ms;
+  for (std::size_t i = 1; i < ticks.size(); ++i) {
+    factorizations.push_back(ticks[i].answer.factorizations);
+    solve_ms.push_back(1e3 * ticks[i].answer.times.solve_s);
+    round_trip_ms.push_back(ticks[i].round_trip_ms);
+  }
+  const char* start = arguments.cold ? "cold" : "warm";
+  if (arguments.server.json()) {
+    std::cout << line({{"summary", start},
+                       {"ticks", solve_ms.size()},
+                       {"job_id", session.job_id()},
+                       {"median_factorizations", median(factorizations)},
+                       {"median_solve_ms", median(solve_ms)},
+                       {"median_round_trip_ms", median(round_trip_ms)},
+                       {"setup_ms", 1e3 * session.setup_s()},
+                       {"memory_bytes", session.memory_bytes()}})
+              << '\n';
+    return;
+  }
+  std::printf(
+      "median of %zu %s ticks: %.1f factorizations, %.3f ms solve, %.3f ms round trip; set-up %.3f ms\n",
+      solve_ms.size(), start, median(factorizations), median(solve_ms), median(round_trip_ms),
+      1e3 * session.setup_s());
+}
+
+int run_loop(const MpcArguments& arguments, Session& session, examples::HopperParameters parameters,
+             OwnedProblem problem) {
+  int exit_code = kAllSolved;
+  std::vector<Tick> ticks;
+  UpdateControls controls;
+  controls.cold = arguments.cold;
+  ProblemUpdate update;
+  OwnedProblem next;
+  for (int number = 0; number <= arguments.ticks; ++number) {
+    const auto begin = std::chrono::steady_clock::now();
+    auto answer = session.solve(update, controls);
+    const std::chrono::duration<double, std::milli> round_trip = std::chrono::steady_clock::now() - begin;
+    if (!answer) {
+      tell_summary(arguments, session, ticks);
+      const int outcome = exit_code_of(answer.error());
+      static_cast<void>(fails(arguments, answer.error()));
+      return worse(exit_code, outcome);
+    }
+    ticks.push_back({std::move(*answer), round_trip.count()});
+    const RemoteSolution& plan = ticks.back().answer;
+    tell_tick(arguments, number, ticks.back());
+    if (!is_solved(plan.status)) exit_code = kNotSolved;
+    parameters = examples::advance(parameters, plan.z);
+    next = examples::hopper(parameters);
+    update = difference(problem, next);
+    std::swap(problem, next);  // moves no array: the update goes on viewing the newer one
+    if (!arguments.cold) controls.shift = Shift::by_stage(problem.view(), arguments.steps).value();
+  }
+  tell_summary(arguments, session, ticks);
+  return exit_code;
+}
+
+int run(const MpcArguments& arguments) {
+  const auto options = parse_options(arguments.solver);
+  if (!options) return option_fails(options.error());
+  const auto client = arguments.local ? Expected<Client>(Client::in_process()) : connect(arguments.server);
+  if (!client) return fails(arguments, client.error());
+  examples::HopperParameters parameters = examples::vary(examples::HopperParameters{}, arguments.seed);
+  parameters.steps = arguments.steps;
+  const OwnedProblem problem = examples::hopper(parameters);
+  const Interrupt interrupt;
+  SessionOptions wanted;
+  wanted.priority = arguments.priority;
+  wanted.initial_z = problem.initial_z;
+  wanted.problem_name = problem.name;
+  wanted.stop = interrupt.token();
+  wanted.reopen = true;
+  auto session = client->open_session(problem.view(), *options, wanted);
+  if (!session) return fails(arguments, session.error());
+  const int exit_code = run_loop(arguments, *session, parameters, problem);
+  if (session->is_open()) static_cast<void>(session->close());  // everything is answered
+  return exit_code;
+}
+
+}  // namespace
+
+void add_mpc(CLI::App& program, int& exit_code) {
+  auto arguments = std::make_shared<MpcArguments>();
+  CLI::App* command = program.add_subcommand(
+      "mpc", "Run an example in closed loop over a session: plan, follow one step, plan again from there");
+  command->add_option("NAME", arguments->problem, "hopper")->required()->check(CLI::IsMember({"hopper"}));
+  add_server_arguments(*command, arguments->server);
+  add_priority_argument(*command, arguments->priority);
+  command->add_flag("--local", arguments->local, "solve in this process, without a server: the same bits")
+      ->excludes(command->get_option("--server"));
+  add_solver_arguments(*command, arguments->solver);
+  command->add_option("--ticks", arguments->ticks, "steps to follow")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command->add_option("--steps", arguments->steps, "length of the horizon")
+      ->check(CLI::Range(2, 100000))
+      ->capture_default_str();
+  command->add_option("--seed", arguments->seed, "0 is the nominal problem, any other a variation of it")
+      ->capture_default_str();
+  command->add_flag("--cold", arguments->cold, "start every tick afresh, to compare");
+  command->footer(kExitCodes);
+  command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
+}
+
+}  // namespace marble::cli

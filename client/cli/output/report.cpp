@@ -1,0 +1,108 @@
+#include "output/report.h"
+
+#include <cstdarg>
+#include <cstdio>
+
+#include "output/json.h"
+#include "output/proof.h"
+
+namespace marble::cli {
+namespace {
+
+__attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ...) {
+  char text[256];
+  va_list arguments;
+  va_start(arguments, pattern);
+  std::vsnprintf(text, sizeof text, pattern, arguments);
+  va_end(arguments);
+  return text;
+}
+
+std::string speed_text(const Answer& s) {
+  if (!(s.times.solve_s > 0.0)) return "";
+  return format(", %.0f nodes a second", static_cast<double>(s.nodes) / s.times.solve_s);
+}
+
+}  // namespace
+
+Subject subject_of(const std::string& path, const ProblemFile& file) {
+  const OwnedProblem& p = file.problem;
+  return {p.name, path, p.g.size(), p.b.size(), p.d.size(), p.l.size(), file.best_known_objective};
+}
+
+std::string summary(const Subject& p, const Answer& s) {
+  // Names and details may be of any length: they are never formatted.
+  std::string text = p.name + ": " + to_string(s.status);
+  text += format("  (%zu variables, %zu equalities, %zu inequalities, %zu pairs)\n", p.variables,
+                 p.equalities, p.inequalities, p.pairs);
+  text += format("  objective       %.10g", s.objective);
+  if (p.best_known_objective) text += format("   (best known %.10g)", *p.best_known_objective);
+  if (const std::string proof = proof_text(proof_of(s)); !proof.empty())
+    text += "\n  proof           " + proof + speed_text(s);
+  text += format("\n  violations      equality %.1e, inequality %.1e, complementarity %.1e\n",
+                 s.violations.equality, s.violations.inequality, s.violations.complementarity);
+  text += format("  kkt residual    %.1e\n", s.kkt_residual);
+  text += format("  work            %d iterations, %d factorizations\n", s.iterations, s.factorizations);
+  text +=
+      format("  time            %.3f ms solve, %.3f ms set-up", 1e3 * s.times.solve_s, 1e3 * s.times.setup_s);
+  if (!s.job_id.empty())
+    text += format(", %.3f ms in the queue", 1e3 * s.queue_s) + "  (job " + s.job_id + ")";
+  text += "\n";
+  if (is_solved(s.status)) {
+    text += "  found by        " + s.detail.substr(0, s.detail.find(';')) + "\n";
+    text += std::string("  stationarity    ") + to_string(s.stationarity) +
+            (s.b_stationary.value_or(false) ? ", no descent on any branch\n" : "\n");
+    text += std::string("  second order    ") + to_string(s.second_order) + "\n";
+  } else {
+    text += "  why             " + s.detail + "\n";
+    text += std::string("  what to try     ") + advice(s.status) + "\n";
+  }
+  return text;
+}
+
+std::string json_line(const Subject& problem, const Answer& s) {
+  Json json;
+  json["name"] = problem.name;
+  if (!problem.file.empty()) json["file"] = problem.file;
+  json["status"] = to_string(s.status);
+  json["detail"] = s.detail;
+  json["objective"] = s.objective;
+  if (problem.best_known_objective) json["best_known_objective"] = *problem.best_known_objective;
+  json["z"] = s.z;
+  json["equality_multipliers"] = s.equality_multipliers;
+  json["inequality_multipliers"] = s.inequality_multipliers;
+  json["complementarity_multipliers"] = {{"L", s.complementarity_multipliers_L},
+                                         {"R", s.complementarity_multipliers_R}};
+  if (!s.certificate.empty()) json["certificate"] = s.certificate;
+  json["violations"] = {{"equality", s.violations.equality},
+                        {"inequality", s.violations.inequality},
+                        {"complementarity", s.violations.complementarity}};
+  json["kkt_residual"] = s.kkt_residual;
+  json["stationarity"] = to_string(s.stationarity);
+  if (s.b_stationary) json["b_stationary"] = *s.b_stationary;
+  json["second_order"] = to_string(s.second_order);
+  json["proved"] = s.proved;
+  add_tree(s, json);
+  json["iterations"] = s.iterations;
+  json["factorizations"] = s.factorizations;
+  json["solve_seconds"] = s.times.solve_s;
+  json["setup_seconds"] = s.times.setup_s;
+  json["factorization_seconds"] = s.times.factorization_s;
+  json["line_search_seconds"] = s.times.line_search_s;
+  json["polish_seconds"] = s.times.polish_s;
+  json["queue_seconds"] = s.queue_s;
+  if (!s.job_id.empty()) json["job_id"] = s.job_id;
+  if (!s.traceparent.empty()) json["traceparent"] = s.traceparent;
+  return line(json);
+}
+
+std::string json_line(const std::string& file, const std::string& name, const Error& error) {
+  Json json;
+  json["name"] = name.empty() ? Json(nullptr) : Json(name);
+  json["file"] = file;
+  json["status"] = "error";
+  json["error"] = to_json(error);
+  return line(json);
+}
+
+}  // namespace marble::cli

@@ -1,0 +1,48 @@
+#include "output/text_table.h"
+
+#include <algorithm>
+
+namespace marble::cli {
+namespace {
+
+bool begins_character(char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }
+
+// Of UTF-8, as the server sends it.
+std::size_t characters(std::string_view text) {
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), begins_character));
+}
+
+}  // namespace
+
+std::string terminal_text(std::string_view text, std::size_t longest) {
+  const bool cut = characters(text) > longest;
+  std::string shown;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const auto byte = static_cast<unsigned char>(text[i]);
+    if (begins_character(text[i]) && ++count > longest - (cut ? 1 : 0)) break;
+    // Of the characters of two bytes, the first 32 after 0x80 are controls too.
+    const bool two_byte_control =
+        byte == 0xc2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xa0;
+    if (two_byte_control) ++i;
+    shown += byte < 0x20 || byte == 0x7f || two_byte_control ? '?' : text[i];
+  }
+  return cut ? shown + "…" : shown;
+}
+
+std::string TextTable::text() const {
+  std::vector<std::size_t> widths(rows_.front().size(), 0);
+  for (const auto& row : rows_) {
+    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], characters(row[i]));
+  }
+  std::string text;
+  for (const auto& row : rows_) {
+    std::string line;
+    for (std::size_t i = 0; i < row.size(); ++i)
+      line += row[i] + std::string(widths[i] - characters(row[i]) + 2, ' ');
+    text += line.substr(0, line.find_last_not_of(' ') + 1) + '\n';
+  }
+  return text;
+}
+
+}  // namespace marble::cli

@@ -1,0 +1,56 @@
+// The jobs that a person looks at: what is known of each, and in which order they are shown.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "marble/jobs.h"
+#include "watch/state/thinned.h"
+
+namespace marble::cli {
+
+/// What rows are sorted by. `activity`: running ones, then those that wait, in the order of their turns, then
+/// open sessions, then finished ones, newest first.
+enum class SortBy { activity, age, client, problem, size, priority, state, iterations, time, violation };
+inline constexpr int kSortBys = static_cast<int>(SortBy::violation) + 1;
+[[nodiscard]] const char* to_string(SortBy by);
+
+/// What a person wants to see of the table.
+struct TableView {
+  SortBy by = SortBy::activity;
+  bool reversed = false;
+  std::string filter = {};  ///< only rows with this text in id, client, problem, state, status or priority
+};
+
+struct JobRow {
+  JobInfo job;
+  Thinned<double, 64> violations;  ///< the largest one, as it was told over time
+  std::int64_t told_iterations = 0;
+};
+
+class JobTable {
+ public:
+  static constexpr std::size_t kMostFinished = 1000;
+
+  /// From a list, newest first: what is not in it is forgotten.
+  void replace(const std::vector<JobInfo>& jobs);
+  void update(const JobInfo& job);
+
+  /// Null if it is not known.
+  [[nodiscard]] const JobRow* find(const std::string& job_id) const;
+  /// Valid until the table changes.
+  [[nodiscard]] std::vector<const JobRow*> rows(const TableView& view) const;
+  [[nodiscard]] std::size_t size() const { return rows_.size(); }
+
+ private:
+  void forget_old();
+
+  std::unordered_map<std::string, JobRow> rows_;
+  std::deque<std::string> finished_;  // in the order in which that was told
+};
+
+}  // namespace marble::cli

@@ -1,0 +1,40 @@
+// All that the live view shows, as the server told it.
+#pragma once
+
+#include <deque>
+#include <optional>
+#include <string>
+
+#include "marble/jobs.h"
+#include "watch/state/job_table.h"
+#include "watch/state/server_state.h"
+#include "watch/state/thinned.h"
+
+namespace marble::cli {
+
+/// The job that is opened, with its convergence.
+struct OpenedJob {
+  static constexpr std::size_t kNewestRows = 200;
+
+  JobInfo job;
+  Thinned<Progress, 1024> trace;  ///< of all of it, for the plot
+  std::deque<Progress> newest;    ///< for the table, oldest first
+  std::int64_t skipped = 0;       ///< rows that were not told, because this reader was slow
+  bool gone = false;              ///< the server does not know it any more
+
+  /// A first event, or one with a trace, begins anew.
+  void update(const JobEvent& event);
+
+ private:
+  void add(const Progress& row);
+};
+
+struct Model {
+  std::string address;
+  ServerState server;
+  JobTable jobs;
+  std::optional<OpenedJob> opened;
+  std::string notice;  ///< what came of the newest request, for a person
+};
+
+}  // namespace marble::cli

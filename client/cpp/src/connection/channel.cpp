@@ -1,0 +1,46 @@
+#include "connection/channel.h"
+
+#include <grpcpp/create_channel.h>
+
+#include "connection/credentials.h"
+#include "connection/service_config.h"
+
+namespace marble::client {
+namespace {
+
+constexpr int kNoLimit = -1;
+constexpr int kKeepalive_ms = 30'000;         // a server that is gone without a word is noticed in
+constexpr int kKeepaliveTimeout_ms = 15'000;  // the sum of the two
+// A server that was restarted is found again within the second of the two, not within gRPC's two minutes.
+constexpr int kFirstBackoff_ms = 200;
+constexpr int kLongestBackoff_ms = 2'000;
+constexpr int kRetryBuffer_bytes = 256 << 20;  // what a call keeps to be sent again
+
+}  // namespace
+
+Expected<std::shared_ptr<grpc::Channel>> open_channel(const Target& target, const ConnectOptions& options) {
+  const auto credentials = make_credentials(options);
+  if (!credentials) return unexpected(credentials.error());
+  grpc::ChannelArguments arguments;
+  const std::string& server_name =
+      options.tls_server_name.empty() ? target.authority : options.tls_server_name;
+  if (!server_name.empty()) arguments.SetString(GRPC_ARG_DEFAULT_AUTHORITY, server_name);
+  if (!server_name.empty() && wants_tls(options)) arguments.SetSslTargetNameOverride(server_name);
+  arguments.SetServiceConfigJSON(service_config(target.several));
+  arguments.SetInt(GRPC_ARG_PER_RPC_RETRY_BUFFER_SIZE, kRetryBuffer_bytes);
+  // The server has its limit; the client must not be the one that cannot read an answer.
+  arguments.SetMaxReceiveMessageSize(kNoLimit);
+  arguments.SetMaxSendMessageSize(kNoLimit);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepalive_ms);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeout_ms);
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);  // as many as a long solve takes
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstBackoff_ms);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kLongestBackoff_ms);
+  if (!options.retries) arguments.SetInt(GRPC_ARG_ENABLE_RETRIES, 0);
+  if (options.own_connection) arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  // http_proxy is set for browsers; a solver on loopback or in the same rack is not behind it.
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  return grpc::CreateCustomChannel(target.name, *credentials, arguments);
+}
+
+}  // namespace marble::client

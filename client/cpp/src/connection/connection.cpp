@@ -1,0 +1,81 @@
+#include "connection/connection.h"
+
+#include <algorithm>
+
+#include "connection/channel.h"
+#include "connection/target.h"
+#include "connection/traceparent.h"
+#include "marble/contract.h"
+#include "text/printable.h"
+
+namespace marble::client {
+namespace {
+
+constexpr std::chrono::duration<double> kLongestDeadline{std::int32_t{0x7fffffff}};
+
+Expected<void> check_labels(const ConnectOptions& options) {
+  // The token itself is a secret: no error shows it.
+  if (!is_printable(options.token) || options.token.find(' ') != std::string::npos) {
+    return unexpected(invalid("token", "must be printable ASCII without spaces"));
+  }
+  if (options.name.size() > contract::longest_client_name || !is_printable(options.name)) {
+    return unexpected(invalid("name", "must be at most " + std::to_string(contract::longest_client_name) +
+                                          " bytes of printable ASCII"));
+  }
+  return check_traceparent(options.traceparent);
+}
+
+// gRPC takes a time before 1970 for "never": what is negative has passed now.
+void set_deadline(std::chrono::duration<double> from_now, grpc::ClientContext& context) {
+  if (!(from_now < kLongestDeadline)) from_now = kLongestDeadline;  // also NaN
+  if (from_now.count() < 0.0) from_now = std::chrono::duration<double>::zero();
+  context.set_deadline(std::chrono::system_clock::now() +
+                       std::chrono::duration_cast<std::chrono::system_clock::duration>(from_now));
+}
+
+}  // namespace
+
+Expected<std::shared_ptr<const Connection>> Connection::open(const std::string& address,
+                                                             const ConnectOptions& options) {
+  if (auto valid = check_labels(options); !valid) return unexpected(valid.error());
+  const auto target = target_of(address);
+  if (!target) return unexpected(target.error());
+  const auto channel = open_channel(*target, options);
+  if (!channel) return unexpected(channel.error());
+  return std::shared_ptr<const Connection>(new Connection(address, target->several, *channel, options));
+}
+
+Connection::Connection(std::string address, bool several, const std::shared_ptr<grpc::Channel>& channel,
+                       const ConnectOptions& options)
+    : address_(std::move(address)),
+      several_(several),
+      authorization_(options.token.empty() ? "" : "Bearer " + options.token),
+      name_(options.name),
+      traceparent_(options.traceparent),
+      deadline_(options.deadline),
+      solver_(v1::Solver::NewStub(channel)),
+      jobs_(v1::Jobs::NewStub(channel)),
+      server_(v1::Server::NewStub(channel)),
+      health_(grpc::health::v1::Health::NewStub(channel)) {}
+
+void Connection::prepare(grpc::ClientContext& context,
+                         std::optional<std::chrono::duration<double>> deadline) const {
+  add(context, traceparent_, deadline);
+}
+
+Expected<void> Connection::prepare(grpc::ClientContext& context, const std::string& traceparent,
+                                   std::optional<std::chrono::duration<double>> deadline) const {
+  if (auto valid = check_traceparent(traceparent); !valid) return valid;
+  add(context, traceparent.empty() ? traceparent_ : traceparent, deadline);
+  return {};
+}
+
+void Connection::add(grpc::ClientContext& context, const std::string& traceparent,
+                     std::optional<std::chrono::duration<double>> deadline) const {
+  if (!authorization_.empty()) context.AddMetadata("authorization", authorization_);
+  if (!name_.empty()) context.AddMetadata("marble-client", name_);
+  if (!traceparent.empty()) context.AddMetadata("traceparent", traceparent);
+  if (deadline) set_deadline(*deadline, context);
+}
+
+}  // namespace marble::client

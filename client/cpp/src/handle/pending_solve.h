@@ -1,0 +1,66 @@
+// Begins a solve that goes on by itself.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+
+#include "connection/connection.h"
+#include "marble/options.h"
+#include "marble/pending_solution.h"
+#include "marble/problem.h"
+#include "marble/solver.h"
+#include "mutex.h"
+
+namespace marble {
+
+/// What a handle waits for; its heirs know who solves. They must be over when they are destroyed.
+struct PendingSolution::State {
+  virtual ~State() = default;
+  /// Asks for the end. Thread-safe.
+  virtual void cancel() = 0;
+  /// The answer, once it is over; called once.
+  [[nodiscard]] virtual Expected<RemoteSolution> answer() = 0;
+
+  [[nodiscard]] bool wait(std::chrono::duration<double> longest) {
+    constexpr std::chrono::duration<double> kLongest{1e8};  // the clock's own range ends
+    const auto end = std::chrono::steady_clock::now() + std::min(longest, kLongest);
+    const MutexLock lock(mutex_);
+    while (!over_ && changed_.wait_until(mutex_, end) == std::cv_status::no_timeout) {
+    }
+    return over_;
+  }
+
+  void wait() {
+    const MutexLock lock(mutex_);
+    while (!over_) changed_.wait(mutex_);
+  }
+
+  bool taken = false;
+
+ protected:
+  void end() {
+    const MutexLock lock(mutex_);
+    over_ = true;
+    changed_.notify_all();  // under the lock: whoever waited may delete this next
+  }
+
+ private:
+  Mutex mutex_;
+  Condition changed_;
+  bool over_ ABSL_GUARDED_BY(mutex_) = false;
+};
+
+namespace client {
+
+/// Errors: those of make_request and of the trace.
+[[nodiscard]] Expected<PendingSolution> begin_solve(const std::shared_ptr<const Connection>& connection,
+                                                    const ProblemView& problem, const Options& options,
+                                                    const SolveControls& controls, const CallControls& call);
+
+/// The same in this process. Errors: those of Problem::create and Solver::create, which it does not put off.
+[[nodiscard]] Expected<PendingSolution> begin_solve_here(const ProblemView& problem, const Options& options,
+                                                         const SolveControls& controls,
+                                                         const CallControls& call);
+
+}  // namespace client
+}  // namespace marble

@@ -1,0 +1,73 @@
+// A solve in a thread of its own.
+#include <functional>
+#include <new>
+#include <optional>
+#include <stop_token>
+#include <thread>
+
+#include "handle/pending_solve.h"
+#include "in_process/in_process.h"
+#include "message/status.h"
+
+namespace marble::client {
+namespace {
+
+class InProcessPending final : public PendingSolution::State {
+ public:
+  InProcessPending(const SolveControls& controls, CallControls call)
+      : controls_(controls),
+        call_(std::move(call)),
+        deadline_(call_.deadline),
+        progress_(controls.progress, call_.progress_interval_s, call_.iterate_every),
+        stop_with_caller_(controls.stop, [this] { stop_.request_stop(); }) {}
+
+  // The solver copies the problem, whose arrays are the caller's again afterwards.
+  [[nodiscard]] Expected<void> begin(const ProblemView& view, const Options& options) {
+    const auto problem = Problem::create(view);
+    if (!problem) return unexpected(problem.error());
+    if (auto valid = Problem::check_initial_point(controls_.initial_z, problem->variables()); !valid)
+      return valid;
+    auto solver = Solver::create(*problem, deadline_.limit(options));
+    if (!solver) return unexpected(solver.error());
+    solver_ = std::move(*solver);
+    initial_z_.assign(controls_.initial_z.begin(), controls_.initial_z.end());
+    controls_.initial_z = initial_z_;
+    controls_.progress = progress_.sink();
+    controls_.stop = stop_.get_token();
+    thread_ = std::jthread([this] { run(); });
+    return {};
+  }
+
+  void cancel() override { stop_.request_stop(); }
+  Expected<RemoteSolution> answer() override { return std::move(answer_); }
+
+ private:
+  void run() {
+    if (call_.started) call_.started(0.0);
+    answer_ = or_out_of_memory([&] { return unless_stopped(deadline_.answer(solver_->solve(controls_))); });
+    end();
+  }
+
+  SolveControls controls_;
+  const CallControls call_;
+  DeadlineLimit deadline_;
+  ThinnedProgress progress_;
+  std::stop_source stop_;
+  std::stop_callback<std::function<void()>> stop_with_caller_;
+  std::optional<Solver> solver_;
+  std::vector<double> initial_z_;
+  Expected<RemoteSolution> answer_;
+  std::jthread thread_;  // the last member: it uses the others
+};
+
+}  // namespace
+
+Expected<PendingSolution> begin_solve_here(const ProblemView& problem, const Options& options,
+                                           const SolveControls& controls, const CallControls& call) {
+  if (auto valid = validate(options); !valid) return unexpected(valid.error());
+  auto state = std::make_unique<InProcessPending>(controls, call);
+  if (auto begun = state->begin(problem, options); !begun) return unexpected(begun.error());
+  return PendingSolution(std::move(state));
+}
+
+}  // namespace marble::client

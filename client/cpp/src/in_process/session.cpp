@@ -1,0 +1,95 @@
+// A session without a server: the same warm solver, in the caller's thread.
+#include <deque>
+
+#include "handle/session_state.h"
+#include "in_process/in_process.h"
+#include "marble/warm_solver.h"
+
+namespace marble::client {
+namespace {
+
+// Every update is solved as it comes, so that none ever waits or is overtaken.
+class InProcessSession final : public Session::State {
+ public:
+  InProcessSession(WarmSolver solver, const Options& options, const SessionOptions& session)
+      : solver_(std::move(solver)),
+        options_(options),
+        tells_(session.progress),
+        interval_s_(session.progress_interval_s),
+        iterate_every_(session.iterate_every),
+        stop_(session.stop) {
+    memory_bytes = solver_.memory_bytes();
+    setup_s = solver_.setup_s();
+  }
+
+  Expected<RemoteSolution> solve(const ProblemUpdate& update, const UpdateControls& controls) override {
+    if (!is_open()) return unexpected(reason());
+    if (controls.options) {
+      if (auto valid = validate(*controls.options); !valid) return unexpected(valid.error());
+      options_ = *controls.options;
+    }
+    ++sequence_;
+    const DeadlineLimit deadline(controls.deadline);
+    ThinnedProgress progress(tells_ ? controls.progress : nullptr, interval_s_, iterate_every_);
+    if (auto set = solver_.set_options(deadline.limit(options_)); !set) return unexpected(set.error());
+    return unless_stopped(
+        deadline.answer(solver_.solve(update, {controls.initial_z, controls.cold, controls.shift},
+                                      {.progress = progress.sink(), .stop = stop_})));
+  }
+
+  Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls) override {
+    if (!is_open()) return unexpected(reason());
+    auto answer = solve(update, controls);
+    SessionEvent& event = unfetched_.emplace_back(SessionEvent{sequence_, Superseded{}});
+    if (answer) {
+      event.outcome = std::move(*answer);
+    } else {
+      event.outcome = std::move(answer.error());
+    }
+    return sequence_;
+  }
+
+  Expected<std::optional<SessionEvent>> next() override {
+    if (!unfetched_.empty()) {
+      std::optional<SessionEvent> event = std::move(unfetched_.front());
+      unfetched_.pop_front();
+      return event;
+    }
+    if (stop_.stop_requested()) return unexpected(reason());
+    return std::nullopt;
+  }
+
+  Expected<void> close() override {
+    closed_ = true;
+    return {};
+  }
+
+  [[nodiscard]] bool is_open() const override { return !closed_ && !stop_.stop_requested(); }
+
+ private:
+  [[nodiscard]] Error reason() const { return closed_ ? session_ended() : given_up(); }
+
+  WarmSolver solver_;
+  Options options_;
+  bool tells_;
+  double interval_s_;
+  std::int32_t iterate_every_;
+  std::stop_token stop_;
+  std::int64_t sequence_ = 0;
+  bool closed_ = false;
+  std::deque<SessionEvent> unfetched_;
+};
+
+}  // namespace
+
+Expected<std::unique_ptr<Session::State>> open_session_in_process(const ProblemView& view,
+                                                                  const Options& options,
+                                                                  const SessionOptions& session) {
+  const auto problem = Problem::create(view);
+  if (!problem) return unexpected(problem.error());
+  auto solver = WarmSolver::create(*problem, options, session.initial_z);
+  if (!solver) return unexpected(solver.error());
+  return std::make_unique<InProcessSession>(std::move(*solver), options, session);
+}
+
+}  // namespace marble::client

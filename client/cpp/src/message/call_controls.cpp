@@ -1,0 +1,11 @@
+#include "marble/call_controls.h"
+
+#include "text/names.h"
+
+namespace marble {
+
+const char* to_string(Priority priority) {
+  return client::name_of(priority, {"by_method", "realtime", "interactive", "batch"});
+}
+
+}  // namespace marble

@@ -1,0 +1,78 @@
+#include "message/job_message.h"
+
+#include "marble/convert.h"
+#include "message/status.h"
+#include "text/names.h"
+
+namespace marble {
+
+const char* to_string(JobKind kind) {
+  return client::name_of(kind, {"solve", "batch", "submitted", "session"});
+}
+
+const char* to_string(JobState state) {
+  return client::name_of(state, {"queued", "running", "idle", "finished"});
+}
+
+namespace client {
+
+static_assert(static_cast<int>(JobKind::session) + 1 == v1::JOB_KIND_SESSION &&
+                  static_cast<int>(JobState::finished) + 1 == v1::JOB_STATE_FINISHED,
+              "messages count from one, for the unspecified");
+
+v1::JobState to_message(JobState state) { return static_cast<v1::JobState>(static_cast<int>(state) + 1); }
+
+JobInfo job_info(const v1::JobInfo& m) {
+  JobInfo job;
+  job.job_id = m.job_id();
+  job.kind = static_cast<JobKind>(static_cast<int>(m.kind()) - 1);
+  job.state = static_cast<JobState>(static_cast<int>(m.state()) - 1);
+  job.priority = static_cast<Priority>(static_cast<int>(m.priority()));
+  job.client = m.client();
+  job.request_id = m.request_id();
+  job.problem_name = m.problem_name();
+  job.variables = m.variables();
+  job.equalities = m.equalities();
+  job.inequalities = m.inequalities();
+  job.pairs = m.pairs();
+  job.accepted_unix_s = m.accepted_unix_s();
+  job.queue_position = m.queue_position();
+  job.estimated_wait_s = m.estimated_wait_s();
+  if (m.has_error()) {
+    job.error = to_error(m.error());
+  } else if (m.status() != v1::STATUS_UNSPECIFIED) {
+    job.status = status_of(m.status());
+  }
+  job.iterations = m.iterations();
+  job.factorizations = m.factorizations();
+  job.objective = m.objective();
+  job.violations = violations_of(m.violations());
+  take_tree(m, job);
+  job.proved = m.proved();
+  const v1::Times& times = m.times();
+  job.times = {times.setup_s(), times.factorization_s(), times.line_search_s(), times.solve_s(),
+               times.polish_s()};
+  job.queue_s = times.queue_s();
+  job.total_s = times.total_s();
+  job.updates = m.updates();
+  job.memory_bytes = m.memory_bytes();
+  job.result_bytes = m.result_bytes();
+  job.detail = m.detail();
+  job.trace_id = m.trace_id();
+  job.finished_unix_s = m.finished_unix_s();
+  return job;
+}
+
+std::vector<Progress> progress_rows(const google::protobuf::RepeatedPtrField<v1::Progress>& rows) {
+  std::vector<Progress> result;
+  result.reserve(static_cast<std::size_t>(rows.size()));
+  for (const v1::Progress& row : rows) {
+    result.push_back(without_vectors(progress_of(row)));  // the message will be gone
+  }
+  return result;
+}
+
+JobTrace job_trace(const v1::Trace& message) { return {progress_rows(message.rows()), message.stride()}; }
+
+}  // namespace client
+}  // namespace marble

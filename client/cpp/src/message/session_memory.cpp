@@ -1,0 +1,66 @@
+#include "message/session_memory.h"
+
+#include <algorithm>
+
+#include "marble/convert.h"
+#include "marble/restart.h"
+
+namespace marble::client {
+namespace {
+
+using Numbers = google::protobuf::RepeatedField<double>;
+
+void take_numbers(std::span<const double> from, Numbers* to) {
+  if (!from.empty()) to->Assign(from.begin(), from.end());
+}
+
+// Of a full Q's update only the upper triangle counts; a set-up must have both alike.
+void mirror(v1::SparseMatrix* matrix) {
+  const auto& columns = matrix->column_pointers();
+  const auto& rows = matrix->row_indices();
+  for (int column = 0; column < matrix->columns(); ++column) {
+    for (int entry = columns[column]; entry < columns[column + 1]; ++entry) {
+      const int row = rows[entry];
+      if (row <= column) continue;
+      const auto begin = rows.begin() + columns[row];
+      const auto found = std::lower_bound(begin, rows.begin() + columns[row + 1], column);
+      matrix->set_values(entry, matrix->values(static_cast<int>(found - rows.begin())));
+    }
+  }
+}
+
+}  // namespace
+
+void SessionMemory::take(const ProblemUpdate& update, const UpdateControls& controls) {
+  v1::SessionSetup& setup = *setup_.mutable_setup();
+  v1::Problem& problem = *setup.mutable_problem();
+  if (update.c0) problem.set_constant(*update.c0);
+#define MARBLE_VECTOR(letter, field) take_numbers(update.letter, problem.mutable_##field());
+#define MARBLE_MATRIX(letter, field, of_update, vector) \
+  take_numbers(update.letter, problem.mutable_##field()->mutable_values());
+#include "marble/contract.def"
+  if (!update.Q.empty() && problem.hessian_form() == v1::HESSIAN_FORM_FULL) mirror(problem.mutable_hessian());
+  if (controls.options) {
+    const std::int32_t passes = setup.options().scaling_passes();
+    marble::to_message(*controls.options, setup.mutable_options());
+    setup.mutable_options()->set_scaling_passes(passes);
+  }
+  take_numbers(controls.initial_z, setup.mutable_initial_point()->mutable_z());
+}
+
+void SessionMemory::take(const std::vector<double>& z) { last_z_ = z; }
+
+v1::SessionRequest SessionMemory::setup(const UpdateControls& next) const {
+  v1::SessionRequest request = setup_;
+  if (next.cold || last_z_.empty()) return request;
+  std::vector<double> z = last_z_;
+  for (const ShiftBlock& block : next.shift.variables) {
+    const std::int64_t end = std::int64_t{block.first} + block.count;
+    if (block.first < 0 || block.by < 0 || block.by > block.count || end > std::int64_t(z.size())) continue;
+    shift({&block, 1}, z);
+  }
+  take_numbers(z, request.mutable_setup()->mutable_initial_point()->mutable_z());
+  return request;
+}
+
+}  // namespace marble::client

@@ -1,0 +1,69 @@
+#include "message/status.h"
+
+#include <charconv>
+#include <string_view>
+
+#include "google/rpc/error_details.pb.h"
+#include "marble/contract.h"
+#include "marble/convert.h"
+#include "marble/v1/fault.pb.h"
+
+namespace marble::client {
+namespace {
+
+// "solve.problem.equality_matrix.values[3]" → field "A.values", index 3.
+void take_field(std::string path, Error& error) {
+  for (const std::string_view prefix : {"solve.", "setup.", "update.", "problem.", "options."}) {
+    if (path.rfind(prefix, 0) == 0) path.erase(0, prefix.size());
+  }
+  if (!path.empty() && path.back() == ']') {
+    const std::size_t open = path.rfind('[');
+    if (open != std::string::npos) {
+      std::from_chars(path.data() + open + 1, path.data() + path.size() - 1, error.index);
+      path.erase(open);
+    }
+  }
+  error.field = path == "initial_point.z" ? "initial_z" : core_field(path);
+}
+
+}  // namespace
+
+Error to_error(const grpc::Status& status) {
+  google::rpc::Status details;
+  // An intermediary's status has no details of ours.
+  if (!details.ParseFromString(status.error_details())) details.clear_details();
+  details.set_code(status.error_code());
+  details.set_message(status.error_message());
+  return to_error(details);
+}
+
+Error to_error(const google::rpc::Status& status) {
+  Error error;
+  error.code = error_code_of(status.code());
+  error.bound = status.message();
+  if (error.code == ErrorCode::unavailable &&
+      error.bound.find(contract::default_address) != std::string::npos)
+    error.bound += std::string(contract::no_server_hint) + contract::local_hint;
+  for (const auto& any : status.details()) {
+    if (v1::Fault fault; any.UnpackTo(&fault)) {
+      take_field(fault.field(), error);
+      if (fault.has_index()) error.index = fault.index();
+      error.value = fault.value();
+      error.bound = fault.bound();
+      return error;
+    }
+    google::rpc::BadRequest bad_request;  // of a server that knows no Fault
+    if (!any.UnpackTo(&bad_request) || bad_request.field_violations().empty()) continue;
+    take_field(bad_request.field_violations(0).field(), error);
+    error.bound = bad_request.field_violations(0).description();
+  }
+  return error;
+}
+
+Error to_error(const grpc::Status& status, const std::stop_token& stop) {
+  Error error = to_error(status);
+  if (error.code == ErrorCode::cancelled && stop.stop_requested()) error.bound = "cancelled by the caller";
+  return error;
+}
+
+}  // namespace marble::client

@@ -1,0 +1,102 @@
+// A solve on a server that nobody waits for yet.
+#include <functional>
+#include <new>
+#include <optional>
+#include <stop_token>
+
+#include "connection/traceparent.h"
+#include "handle/pending_solve.h"
+#include "message/answer.h"
+#include "message/request.h"
+#include "message/solve_events.h"
+#include "message/status.h"
+
+namespace marble::client {
+namespace {
+
+// Reads on gRPC's threads. Owned by the handle alone, which waits for the end: these threads must never be
+// the last to hold a channel, for its end joins them.
+class RemotePending final : public PendingSolution::State,
+                            private grpc::ClientReadReactor<v1::SolveStreamResponse> {
+ public:
+  RemotePending(std::shared_ptr<const Connection> to, v1::SolveStreamRequest request,
+                const SolveControls& controls, CallControls call)
+      : connection_(std::move(to)),
+        request_(std::move(request)),
+        call_(std::move(call)),
+        stop_(controls.stop),
+        tells_(wants_events(controls.progress, call_)),
+        events_(controls.progress, call_) {}
+
+  // A unary call where nobody wants to be told: gRPC can repeat it elsewhere until it is answered.
+  [[nodiscard]] Expected<void> begin() {
+    if (auto ready =
+            connection_->prepare(context_, call_.traceparent, connection_->deadline_of(call_.deadline));
+        !ready)
+      return ready;
+    if (tells_) {
+      connection_->solver().async()->SolveStream(&context_, &request_, this);
+      StartRead(&event_);
+    } else {
+      connection_->solver().async()->Solve(&context_, &request_.solve(), &response_,
+                                           [this](const grpc::Status& ended) { OnDone(ended); });
+    }
+    cancel_on_stop_.emplace(stop_, [this] { context_.TryCancel(); });
+    if (tells_) StartCall();
+    return {};
+  }
+
+  void cancel() override { context_.TryCancel(); }
+
+  Expected<RemoteSolution> answer() override {
+    if (out_of_memory_) return unexpected(out_of_memory());
+    if (!status_.ok()) return unexpected(to_error(status_, stop_));
+    auto answer = tells_ ? events_.answer() : remote_solution(response_);
+    if (answer) answer->traceparent = returned_traceparent(context_);
+    return answer;
+  }
+
+ private:
+  void OnReadDone(bool ok) override {
+    if (!ok) return;
+    try {
+      events_.take(event_);
+    } catch (const std::bad_alloc&) {  // must not end in gRPC's threads
+      out_of_memory_ = true;
+      context_.TryCancel();
+    }
+    StartRead(&event_);
+  }
+
+  void OnDone(const grpc::Status& ended) override {
+    status_ = ended;
+    end();
+  }
+
+  const std::shared_ptr<const Connection> connection_;
+  const v1::SolveStreamRequest request_;
+  const CallControls call_;
+  const std::stop_token stop_;
+  const bool tells_;
+  grpc::ClientContext context_;
+  v1::SolveResponse response_;     // of a unary call
+  v1::SolveStreamResponse event_;  // of a stream
+  SolveEvents events_;
+  bool out_of_memory_ = false;
+  std::optional<std::stop_callback<std::function<void()>>> cancel_on_stop_;
+  grpc::Status status_;  // once it is over
+};
+
+}  // namespace
+
+Expected<PendingSolution> begin_solve(const std::shared_ptr<const Connection>& connection,
+                                      const ProblemView& problem, const Options& options,
+                                      const SolveControls& controls, const CallControls& call) {
+  auto request = make_request(problem, options, controls, call);
+  if (!request) return unexpected(request.error());
+  auto state = std::make_unique<RemotePending>(connection, std::move(*request), controls, call);
+  if (auto begun = state->begin(); !begun) return unexpected(begun.error());
+  return PendingSolution(std::move(state));
+}
+
+}  // namespace marble::client

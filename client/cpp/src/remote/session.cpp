@@ -1,0 +1,292 @@
+// A session on its stream, and on the next one if its server died and it may be reopened.
+#include <atomic>
+#include <deque>
+#include <functional>
+#include <map>
+#include <thread>
+
+#include "connection/connection.h"
+#include "connection/traceparent.h"
+#include "handle/session_state.h"
+#include "message/answer.h"
+#include "message/session_memory.h"
+#include "message/session_request.h"
+#include "message/status.h"
+#include "mutex.h"
+
+namespace marble::client {
+namespace {
+
+using Stream = grpc::ClientReaderWriter<v1::SessionRequest, v1::SessionResponse>;
+
+// Between tries to reopen; a server that is found is found by the first.
+constexpr std::chrono::milliseconds kBackoffs[] = {
+    std::chrono::milliseconds(100), std::chrono::milliseconds(300), std::chrono::milliseconds(600)};
+
+// Two locks, as a stream may be written by one thread while another one reads. Whoever finds a write failed
+// takes `reading` as well, and reads on to learn why.
+struct SessionStream {
+  SessionStream(std::shared_ptr<const Connection> to, std::string span, std::stop_token given_up,
+                std::int64_t sent_before)
+      : connection(std::move(to)),
+        parent(std::move(span)),
+        stop(std::move(given_up)),
+        sequence(sent_before) {}
+
+  ~SessionStream();
+
+  [[nodiscard]] Expected<void> set_up(const v1::SessionRequest& request);
+  [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(writing);
+  [[nodiscard]] std::optional<SessionEvent> read() ABSL_EXCLUSIVE_LOCKS_REQUIRED(reading);
+  [[nodiscard]] std::optional<SessionEvent> event_of(const v1::SessionResponse& response);
+  [[nodiscard]] Expected<RemoteSolution> solve(const ProblemUpdate& update, const UpdateControls& controls);
+  [[nodiscard]] Expected<RemoteSolution> outcome_of(SessionEvent event, const ProblemUpdate& update,
+                                                    const UpdateControls& controls);
+  [[nodiscard]] Error reason() const { return status.ok() ? session_ended() : to_error(status, stop); }
+  void read_to_the_end() ABSL_EXCLUSIVE_LOCKS_REQUIRED(reading);
+  void tell(const v1::SessionProgress& progress);
+
+  const std::shared_ptr<const Connection> connection;  // the stream's, for as long as there is one
+  const std::string parent;                            // the caller's span
+  const std::stop_token stop;
+  grpc::ClientContext context;
+  std::unique_ptr<Stream> stream;
+  std::optional<std::stop_callback<std::function<void()>>> cancel_on_stop;
+  v1::SessionReady ready;
+  std::string traceparent;
+  std::unique_ptr<SessionMemory> memory;  // of one that may be reopened
+
+  Mutex writing;
+  std::int64_t sequence ABSL_GUARDED_BY(writing);
+  bool writes_done ABSL_GUARDED_BY(writing) = false;
+
+  Mutex reading;
+  std::deque<SessionEvent> unfetched ABSL_GUARDED_BY(reading);
+  grpc::Status status;
+  std::atomic<bool> over = false;  // set after `status`, which then stays
+
+  Mutex sinks_access;
+  std::map<std::int64_t, ProgressSink*> sinks ABSL_GUARDED_BY(sinks_access);
+};
+
+SessionStream::~SessionStream() {
+  if (over || stream == nullptr) return;
+  context.TryCancel();
+  static_cast<void>(stream->Finish());
+}
+
+Expected<void> SessionStream::set_up(const v1::SessionRequest& request) {
+  if (auto prepared = connection->prepare(context, parent, std::nullopt); !prepared) {
+    over = true;
+    return prepared;
+  }
+  cancel_on_stop.emplace(stop, [this] { context.TryCancel(); });
+  stream = connection->solver().Session(&context);
+  stream->Write(request);  // if that fails, so does the read
+  v1::SessionResponse response;
+  if (stream->Read(&response) && response.has_ready()) {
+    ready = response.ready();
+    traceparent = returned_traceparent(context);
+    return {};
+  }
+  if (response.event_case() != v1::SessionResponse::EVENT_NOT_SET) context.TryCancel();
+  status = stream->Finish();
+  over = true;
+  return unexpected(reason());
+}
+
+Expected<std::int64_t> SessionStream::send(const ProblemUpdate& update, const UpdateControls& controls) {
+  if (over) return unexpected(reason());
+  if (writes_done) return unexpected(session_ended());
+  const auto request = make_update(sequence + 1, update, controls);
+  if (!request) return unexpected(request.error());
+  ++sequence;
+  if (controls.progress != nullptr) {
+    const MutexLock lock(sinks_access);
+    sinks[sequence] = controls.progress;
+  }
+  if (stream->Write(*request)) return sequence;
+  writes_done = true;
+  const MutexLock lock(reading);
+  read_to_the_end();
+  return unexpected(reason());
+}
+
+Expected<RemoteSolution> SessionStream::solve(const ProblemUpdate& update, const UpdateControls& controls) {
+  const auto sent = [&] {
+    const MutexLock lock(writing);
+    return send(update, controls);
+  }();
+  if (!sent) return unexpected(sent.error());
+  const MutexLock lock(reading);
+  while (auto event = read()) {
+    if (event->sequence == *sent) return outcome_of(std::move(*event), update, controls);
+    unfetched.push_back(std::move(*event));
+  }
+  return unexpected(reason());
+}
+
+Expected<RemoteSolution> SessionStream::outcome_of(SessionEvent event, const ProblemUpdate& update,
+                                                   const UpdateControls& controls) {
+  auto* answer = std::get_if<RemoteSolution>(&event.outcome);
+  auto* error = std::get_if<Error>(&event.outcome);
+  // What is refused has changed nothing; what came too late has.
+  const bool refused = error != nullptr &&
+                       (error->code == ErrorCode::invalid_argument || error->code == ErrorCode::unavailable);
+  if (memory != nullptr && !refused) memory->take(update, controls);
+  if (memory != nullptr && answer != nullptr && is_solved(answer->status)) memory->take(answer->z);
+  if (answer != nullptr) return std::move(*answer);
+  if (error != nullptr) return unexpected(std::move(*error));
+  return unexpected(failure(ErrorCode::cancelled, "a newer update took its place"));
+}
+
+std::optional<SessionEvent> SessionStream::read() {
+  v1::SessionResponse response;
+  while (!over && stream->Read(&response)) {
+    if (response.has_progress()) tell(response.progress());
+    if (auto event = event_of(response)) return event;
+  }
+  if (!over) status = stream->Finish();
+  over = true;
+  return std::nullopt;
+}
+
+void SessionStream::read_to_the_end() {
+  while (auto event = read()) unfetched.push_back(std::move(*event));
+}
+
+std::optional<SessionEvent> SessionStream::event_of(const v1::SessionResponse& response) {
+  std::optional<SessionEvent> event;
+  if (response.has_answer()) {
+    const v1::SessionAnswer& answer = response.answer();
+    RemoteSolution solution = remote_solution(answer.solution(), ready.job_id());
+    solution.traceparent = traceparent;
+    event = {answer.sequence(), std::move(solution)};
+  } else if (response.has_superseded()) {
+    event = {response.superseded().sequence(), Superseded{response.superseded().by_sequence()}};
+  } else if (response.has_error()) {
+    event = {response.error().sequence(), to_error(response.error().status())};
+  }
+  if (event) {
+    const MutexLock lock(sinks_access);
+    sinks.erase(event->sequence);
+  }
+  return event;
+}
+
+void SessionStream::tell(const v1::SessionProgress& progress) {
+  ProgressSink* sink = nullptr;
+  {
+    const MutexLock lock(sinks_access);
+    if (const auto found = sinks.find(progress.sequence()); found != sinks.end()) sink = found->second;
+  }
+  if (sink == nullptr) return;
+  for (const v1::Progress& row : progress.progress().rows()) sink->report(progress_of(row));
+}
+
+class RemoteSession final : public Session::State {
+ public:
+  explicit RemoteSession(std::unique_ptr<SessionStream> stream) { take(std::move(stream)); }
+
+  Expected<RemoteSolution> solve(const ProblemUpdate& update, const UpdateControls& controls) override;
+  Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls) override;
+  Expected<std::optional<SessionEvent>> next() override;
+  Expected<void> close() override;
+  [[nodiscard]] bool is_open() const override { return !stream_->over; }
+
+ private:
+  void take(std::unique_ptr<SessionStream> stream);
+  [[nodiscard]] Expected<void> reopen(const UpdateControls& next);
+
+  std::unique_ptr<SessionStream> stream_;
+};
+
+void RemoteSession::take(std::unique_ptr<SessionStream> stream) {
+  stream_ = std::move(stream);
+  const v1::SessionReady& ready = stream_->ready;
+  job_id = ready.job_id();
+  traceparent = stream_->traceparent;
+  memory_bytes = ready.memory_bytes();
+  setup_s = ready.setup_s();
+  idle_timeout_s = ready.idle_timeout_s();
+}
+
+Expected<std::int64_t> RemoteSession::send(const ProblemUpdate& update, const UpdateControls& controls) {
+  if (stream_->memory != nullptr)
+    return unexpected(failure(ErrorCode::failed_precondition, "reopen", "leaves only solve()"));
+  const MutexLock lock(stream_->writing);
+  return stream_->send(update, controls);
+}
+
+Expected<std::optional<SessionEvent>> RemoteSession::next() {
+  SessionStream& s = *stream_;
+  const MutexLock lock(s.reading);
+  if (!s.unfetched.empty()) {
+    std::optional<SessionEvent> event = std::move(s.unfetched.front());
+    s.unfetched.pop_front();
+    return event;
+  }
+  auto event = s.read();
+  if (!event && !s.status.ok()) return unexpected(s.reason());
+  return event;
+}
+
+Expected<RemoteSolution> RemoteSession::solve(const ProblemUpdate& update, const UpdateControls& controls) {
+  auto answer = stream_->solve(update, controls);
+  const auto lost = [&] {
+    return stream_->memory != nullptr && !answer && answer.error().code == ErrorCode::unavailable;
+  };
+  for (auto backoff = std::begin(kBackoffs); lost(); ++backoff) {
+    if (auto again = reopen(controls); !again) {
+      answer = unexpected(again.error());
+    } else if (answer = stream_->solve(update, controls); answer) {
+      answer->reopened = true;
+    }
+    if (!lost() || backoff == std::end(kBackoffs)) break;
+    std::this_thread::sleep_for(*backoff);
+  }
+  return answer;
+}
+
+Expected<void> RemoteSession::reopen(const UpdateControls& next) {
+  std::int64_t sent = 0;
+  {
+    const MutexLock lock(stream_->writing);
+    sent = stream_->sequence;
+  }
+  auto stream = std::make_unique<SessionStream>(stream_->connection, stream_->parent, stream_->stop, sent);
+  if (auto made = stream->set_up(stream_->memory->setup(next)); !made) return made;
+  stream->memory = std::move(stream_->memory);
+  take(std::move(stream));
+  return {};
+}
+
+Expected<void> RemoteSession::close() {
+  SessionStream& s = *stream_;
+  {
+    const MutexLock lock(s.writing);
+    if (!s.writes_done) s.stream->WritesDone();
+    s.writes_done = true;
+  }
+  const MutexLock lock(s.reading);
+  s.read_to_the_end();
+  if (!s.status.ok()) return unexpected(s.reason());
+  return {};
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<Session::State>> open_remote_session(std::shared_ptr<const Connection> connection,
+                                                              const ProblemView& problem,
+                                                              const Options& options,
+                                                              const SessionOptions& session) {
+  auto request = make_setup(problem, options, session);
+  if (!request) return unexpected(request.error());
+  auto stream = std::make_unique<SessionStream>(std::move(connection), session.traceparent, session.stop, 0);
+  if (auto made = stream->set_up(*request); !made) return unexpected(made.error());
+  if (session.reopen) stream->memory = std::make_unique<SessionMemory>(std::move(*request));
+  return std::make_unique<RemoteSession>(std::move(stream));
+}
+
+}  // namespace marble::client

@@ -1,0 +1,51 @@
+#include "remote/solve.h"
+
+#include "connection/traceparent.h"
+#include "message/answer.h"
+#include "message/request.h"
+#include "message/solve_events.h"
+#include "message/status.h"
+
+namespace marble::client {
+namespace {
+
+Expected<RemoteSolution> unary(const Connection& connection, const v1::SolveRequest& request,
+                               grpc::ClientContext& context, const std::stop_token& stop) {
+  v1::SolveResponse response;
+  const grpc::Status status = connection.solver().Solve(&context, request, &response);
+  if (!status.ok()) return unexpected(to_error(status, stop));
+  return remote_solution(response);
+}
+
+Expected<RemoteSolution> streamed(const Connection& connection, const v1::SolveStreamRequest& request,
+                                  grpc::ClientContext& context, const SolveControls& controls,
+                                  const CallControls& call) {
+  const auto reader = connection.solver().SolveStream(&context, request);
+  v1::SolveStreamResponse event;
+  SolveEvents events(controls.progress, call);
+  while (reader->Read(&event)) events.take(event);
+  const grpc::Status status = reader->Finish();
+  if (!status.ok()) return unexpected(to_error(status, controls.stop));
+  return events.answer();
+}
+
+}  // namespace
+
+Expected<RemoteSolution> solve_there(const Connection& connection, const ProblemView& problem,
+                                     const Options& options, const SolveControls& controls,
+                                     const CallControls& call) {
+  const auto request = make_request(problem, options, controls, call);
+  if (!request) return unexpected(request.error());
+  grpc::ClientContext context;
+  if (auto ready = connection.prepare(context, call.traceparent, connection.deadline_of(call.deadline));
+      !ready)
+    return unexpected(ready.error());
+  const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
+  auto answer = wants_events(controls.progress, call)
+                    ? streamed(connection, *request, context, controls, call)
+                    : unary(connection, request->solve(), context, controls.stop);
+  if (answer) answer->traceparent = returned_traceparent(context);
+  return answer;
+}
+
+}  // namespace marble::client

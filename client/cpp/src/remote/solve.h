@@ -1,0 +1,14 @@
+// One solve: a unary call, or a stream where something wants to be told.
+#pragma once
+
+#include "connection/connection.h"
+#include "marble/call_controls.h"
+#include "marble/solver.h"
+
+namespace marble::client {
+
+[[nodiscard]] Expected<RemoteSolution> solve_there(const Connection& connection, const ProblemView& problem,
+                                                   const Options& options, const SolveControls& controls,
+                                                   const CallControls& call);
+
+}  // namespace marble::client

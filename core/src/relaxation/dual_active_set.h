@@ -1,0 +1,95 @@
+// The dual active set method in the space of the rows: min ½μᵀGμ + v₀ᵀμ over μ ≥ 0, free where a row is
+// fixed.
+//
+// From multipliers of the right signs it takes the most violated row in and, where a multiplier reaches zero
+// on the way, lets that row go: the objective only rises, and it may stop as soon as that is enough. A child
+// of a node is one more row to take in. (Goldfarb and Idnani, "A numerically stable dual method for solving
+// strictly convex quadratic programs", 1983; in the space of the rows as by Arnström, Bemporad and Axehill,
+// "A dual active-set solver for embedded quadratic programming using recursive LDLᵀ updates", 2022.)
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "relaxation/cholesky.h"
+#include "relaxation/gram.h"
+
+namespace marble {
+
+class DualActiveSet {
+ public:
+  explicit DualActiveSet(GramColumns& gram);
+
+  enum class RowKind : std::uint8_t { inequality, fixed, ignored };
+  enum class End {
+    optimal,     ///< no row is violated
+    cutoff,      ///< the objective has risen by what was asked for
+    infeasible,  ///< ray() raises it without bound, so it seems
+    stopped,     ///< after too many steps, or interrupted
+  };
+
+  /// Begins anew: multipliers and slacks of a point that is optimal for its center, to which all moves refer.
+  void start(ConstVectorRef multipliers, ConstVectorRef slacks);
+  /// Replaces the center by another one for the multipliers at hand.
+  [[nodiscard]] bool recenter(ConstVectorRef slacks);
+  /// The rows held, whatever their multipliers are now; those of a wrong sign leave.
+  [[nodiscard]] bool hold(const std::vector<Index>& rows);
+  void set_kind(Index row, RowKind kind) { kind_[row] = kind; }
+  [[nodiscard]] RowKind kind(Index row) const { return kind_[row]; }
+
+  [[nodiscard]] End run(double enough, int most_steps, const Interrupt& interrupt);
+  /// How far the objective has risen since start(), recenter() or hold().
+  [[nodiscard]] double gain() const { return gain_; }
+  [[nodiscard]] std::int64_t steps() const { return steps_; }
+  /// infeasible: the row that cannot be taken in.
+  [[nodiscard]] Index blocked() const { return blocked_; }
+  [[nodiscard]] const Vector& ray() const { return ray_; }
+
+  [[nodiscard]] const Vector& multipliers() const { return mu_; }
+  [[nodiscard]] const Vector& slacks() const { return v_; }  ///< 0 for rows held
+  [[nodiscard]] const Vector& center_multipliers() const { return mu_center_; }
+  [[nodiscard]] const Vector& center_slacks() const { return v_center_; }
+  [[nodiscard]] const std::vector<Index>& held() const { return held_; }
+  [[nodiscard]] bool is_held(Index row) const { return place_[row] >= 0; }
+  /// How far the objective would rise in the first step towards `row` = 0.
+  [[nodiscard]] double first_gain(Index row);
+
+  /// All of it, to come back to.
+  struct State {
+    std::vector<Index> held;
+    std::vector<RowKind> kind;
+    Vector mu, v, mu_center, v_center;
+    Cholesky factor;
+  };
+  void save(State& state) const;
+  void restore(const State& state);
+
+ private:
+  enum class Taken { held, enough, infeasible, stopped };
+  [[nodiscard]] Taken take(Index row, double enough, int most_steps);
+  [[nodiscard]] bool direction(Index row, double sign);
+  [[nodiscard]] bool refactor();
+  [[nodiscard]] bool solve_held();
+  [[nodiscard]] bool evaluate_slacks();
+  [[nodiscard]] Index most_violated() const;
+  void append(Index row);
+  void drop(Eigen::Index at);
+
+  GramColumns& gram_;
+  std::vector<RowKind> kind_;
+  std::vector<Index> held_, place_;  // rows in the factor's order; where each row is in it, or −1
+  Vector mu_, v_, mu_center_, v_center_;
+  Cholesky factor_;
+  Eigen::MatrixXd matrix_;
+  // Of the row that is being taken in: L⁻¹ of its column, how the multipliers held move, what is left of its
+  // diagonal.
+  Vector column_, rates_;
+  double pivot_ = 0.0;
+  bool dependent_ = false;
+  double gain_ = 0.0;
+  std::int64_t steps_ = 0;
+  Index blocked_ = -1;
+  Vector ray_;
+};
+
+}  // namespace marble

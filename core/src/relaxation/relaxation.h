@@ -1,0 +1,76 @@
+// The convex relaxation of a node: some pairs with one side fixed at zero, of the others both sides ≥ 0. One
+// engine solves one after the other, each from a parent's rows, and says what its multipliers prove.
+//
+// The proximal point method around a center: K = [Q + δI, Aᵀ; A, 0] is the same for all and regular, whatever
+// Q is. What δ distorts is no part of any bound: it says only how near the point comes to the optimum in one
+// pass.
+#pragma once
+
+#include <memory>
+
+#include "relaxation/dual_active_set.h"
+#include "relaxation/dual_bound.h"
+#include "relaxation/node_engine.h"
+
+namespace marble {
+
+class Relaxation final : public NodeEngine {
+ public:
+  /// `kkt` of its own, of this problem.
+  Relaxation(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram);
+
+  /// Factorizes K. False if Q is not convex, or interrupted.
+  [[nodiscard]] bool prepare(Run& run) override;
+  /// Whether Q is convex to rounding; takes a factorization of its own before that of K.
+  [[nodiscard]] bool is_convex(Run& run) override;
+  /// Nothing fixed, no row held, around z.
+  [[nodiscard]] bool start(ConstVectorRef z) override;
+  /// No row fixed; these held, around a center.
+  [[nodiscard]] bool start(const Center& center, const std::vector<Index>& held,
+                           double parent_bound) override;
+  /// A side of a pair is zero from now on.
+  void fix(Index row) override { set_.set_kind(row, DualActiveSet::RowKind::fixed); }
+  /// Solves what is fixed now. `cutoff` and bounds are scaled objectives.
+  [[nodiscard]] End solve(const Box& box, double cutoff, const Interrupt& interrupt) override;
+
+  [[nodiscard]] double bound() const override { return bound_; }
+  /// The one of the last solve().
+  [[nodiscard]] Center center() const override {
+    return {z_center_, y_center_, set_.center_multipliers(), set_.center_slacks()};
+  }
+  [[nodiscard]] const Vector& z() const override { return z_; }
+  [[nodiscard]] const Vector& y() const override { return y_; }
+  [[nodiscard]] const Vector& multipliers() const override { return set_.multipliers(); }
+  [[nodiscard]] const Vector& slacks() const override { return set_.slacks(); }
+  [[nodiscard]] const std::vector<Index>& held() const override { return set_.held(); }
+  [[nodiscard]] bool is_held(Index row) const override { return set_.is_held(row); }
+  [[nodiscard]] std::int64_t factorizations() const override { return 0; }  // prepare() counts them
+  [[nodiscard]] double first_gain(Index row) { return set_.first_gain(row); }
+  [[nodiscard]] double bytes() override { return system_.kkt().bytes(); }
+  [[nodiscard]] std::int64_t steps() const { return set_.steps(); }
+
+  void save() override;
+  void restore() override;
+
+ private:
+  [[nodiscard]] bool find_point();
+  [[nodiscard]] bool move_center();
+  [[nodiscard]] bool contradicts(const Box& box);
+  [[nodiscard]] double evaluate_bound(const Box& box);
+
+  const ScaledProblem& problem_;
+  ProximalSystem system_;
+  GramColumns gram_;
+  DualActiveSet set_;
+  DualBound dual_bound_;
+  Vector z_, y_, z_center_, y_center_;
+  Vector right_z_, right_y_, signed_;
+  double bound_ = 0.0;
+  struct {
+    DualActiveSet::State set;
+    Vector z, y, z_center, y_center;
+    double bound;
+  } saved_;
+};
+
+}  // namespace marble

@@ -1,0 +1,37 @@
+// Requests that are calls of their own: Solve and SolveStream.
+#pragma once
+
+#include <set>
+
+#include "lane/load_target.h"
+#include "measure/work.h"
+#include "mutex.h"
+#include "plan/workload.h"
+
+namespace marble::load {
+
+class CallLane : public Lane {
+ public:
+  /// All outlive the lane. `entry` says by which of the two methods.
+  CallLane(const Target& target, const LoadedEntry& entry, const Done& done);
+  /// Gives up what is under way, and waits for that.
+  ~CallLane() override;
+
+  void send(const Work& work) override;
+  void cancel() override;
+
+ private:
+  friend class UnaryCall;
+  friend class StreamedCall;
+  void begun(grpc::ClientContext* context);
+  void over(grpc::ClientContext* context);
+
+  const Target& target_;
+  const LoadedEntry& entry_;
+  const Done& done_;
+  Mutex mutex_;
+  Condition ended_;
+  std::set<grpc::ClientContext*> under_way_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace marble::load

@@ -1,0 +1,33 @@
+// All ways to the server that a run has: of each entry one for calls, or a stream a client or connection.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "lane/load_target.h"
+#include "measure/work.h"
+#include "plan/plan.h"
+#include "plan/workload.h"
+
+namespace marble::load {
+
+class Lanes {
+ public:
+  /// Opens every stream, and waits until the sessions are ready. All arguments outlive the lanes.
+  [[nodiscard]] static Expected<Lanes> open(const Target& target, const std::vector<LoadedEntry>& entries,
+                                            const Plan& plan, const Done& done);
+
+  void send(const Work& work) const {
+    const auto& lanes = of_entry_[work.entry];
+    lanes[work.client % lanes.size()]->send(work);
+  }
+  void cancel() const {
+    for (const auto& lanes : of_entry_)
+      for (const auto& lane : lanes) lane->cancel();
+  }
+
+ private:
+  std::vector<std::vector<std::unique_ptr<Lane>>> of_entry_;
+};
+
+}  // namespace marble::load

@@ -1,0 +1,64 @@
+// Answers are judged from the problem's own data, by code that the solver does not share: a fast wrong answer
+// is an error.
+#pragma once
+
+#include <atomic>
+#include <deque>
+#include <map>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "marble/options.h"
+#include "measure/work.h"
+#include "mutex.h"
+#include "plan/workload.h"
+
+namespace marble::load {
+
+/// What is wrong with an answer, or nothing. One that says "solved" must be feasible to its tolerances, one
+/// solved to reduced accuracy to 100 times these, and its multipliers must make it stationary to 1e-4 of the
+/// largest term; every answer must have the objective that it tells, and as many numbers as the problem has.
+[[nodiscard]] std::optional<std::string> fault_of(const OwnedProblem& problem, const Options& options,
+                                                  const Solution& answer);
+
+/// Judges on a thread of its own, with the least claim to a processor. What it cannot keep up with is let go
+/// and counted.
+class AnswerCheck {
+ public:
+  explicit AnswerCheck(const std::vector<LoadedEntry>& entries);
+  ~AnswerCheck();
+  AnswerCheck(const AnswerCheck&) = delete;
+  AnswerCheck& operator=(const AnswerCheck&) = delete;
+
+  void add(const Work& work, v1::Solution&& answer);
+
+  struct Findings {
+    std::uint64_t checked = 0, let_go = 0;
+    std::map<std::string, std::uint64_t> wrong;  ///< by entry
+    std::string first_fault;                     ///< what was wrong with the first of them
+    double cpu_s = 0.0;
+    [[nodiscard]] std::uint64_t wrong_count() const;
+  };
+  /// Judges what is left, and ends.
+  [[nodiscard]] Findings finish();
+
+ private:
+  struct Item {
+    Work work;
+    v1::Solution answer;
+  };
+  void run();
+  [[nodiscard]] std::optional<Item> next();  // waits for one; nothing once all is judged
+  void judge(const Item& item);
+
+  const std::vector<LoadedEntry>& entries_;
+  Mutex mutex_;
+  Condition changed_;
+  std::deque<Item> items_ ABSL_GUARDED_BY(mutex_);
+  bool ending_ ABSL_GUARDED_BY(mutex_) = false;
+  Findings findings_ ABSL_GUARDED_BY(mutex_);
+  std::thread thread_;  // last: it uses the others
+};
+
+}  // namespace marble::load
