@@ -71,7 +71,9 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
   const std::optional<Ending> path_end = cold(run, initial_z);
   if (!incumbent_.exists()) return finish_path(run, *path_end);
   const bool path_solved = path_end && is_solved(path_end->status);
-  if (!path_solved || !path_is_lower(path_point_.violations, path_point_.objective)) return finish_exact(run);
+  if (!path_solved ||
+      !path_is_lower(within_tolerances(path_point_.violations, options_), path_point_.objective))
+    return finish_exact(run);
   incumbent_.clear();
   return finish_path(run, *path_end);
 }
@@ -130,12 +132,12 @@ Strategy::PathBranch Strategy::solve_path_branch(Run& run) {
   branch_.point.start_from_path(path_.iterate());
   if (incumbent_.solve_branch(run, "path", tuning::engine_budget) == Incumbent::Outcome::not_exact)
     return PathBranch::not_exact;
-  return path_is_lower(path_.violations_at(), objective) ? PathBranch::path_is_lower : PathBranch::exact;
+  return path_is_lower(path_.feasible(), objective) ? PathBranch::path_is_lower : PathBranch::exact;
 }
 
 // A feasible path point that is clearly lower than its exact neighbour is the better answer.
-bool Strategy::path_is_lower(const Violations& violations, double objective) const {
-  return within_tolerances(violations, options_) &&
+bool Strategy::path_is_lower(bool feasible, double objective) const {
+  return feasible &&
          incumbent_.best().objective > objective + tuning::path_loss * std::max(1.0, std::abs(objective));
 }
 

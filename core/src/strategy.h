@@ -63,7 +63,7 @@ class Strategy {
   [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z);
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
   [[nodiscard]] PathBranch solve_path_branch(Run& run);
-  [[nodiscard]] bool path_is_lower(const Violations& violations, double objective) const;
+  [[nodiscard]] bool path_is_lower(bool feasible, double objective) const;
   [[nodiscard]] Answer finish_exact(Run& run);
   [[nodiscard]] Answer finish_path(Run& run, Ending end);
   [[nodiscard]] Optimality::Descended descend_from_path(Run& run);

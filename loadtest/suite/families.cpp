@@ -59,7 +59,7 @@ double infeasibility(const OwnedProblem& p, const Solution& s) {
 
 }  // namespace
 
-std::vector<std::filesystem::path> files(const std::filesystem::path& folder) {
+std::vector<std::filesystem::path> problem_files(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> all;
   if (!std::filesystem::is_directory(folder)) {
     std::printf("no problems at %s: skipped\n\n", folder.c_str());
@@ -75,7 +75,7 @@ std::vector<std::filesystem::path> files(const std::filesystem::path& folder) {
 std::vector<Record> macmpec(const Settings& settings) {
   std::vector<Record> records;
   print_header();
-  for (const auto& file : files(settings.benchmarks / "macmpec")) {
+  for (const auto& file : problem_files(settings.benchmarks / "macmpec")) {
     const auto [problem, reference] = testing::read_shared(file);
     records.push_back(solve_and_judge(file.stem(), problem, {}, reference));
     print(records.back());
@@ -86,7 +86,7 @@ std::vector<Record> macmpec(const Settings& settings) {
 
 void perturbed(const Settings& settings) {
   std::vector<Record> records;
-  for (const auto& file : files(settings.benchmarks / "macmpec")) {
+  for (const auto& file : problem_files(settings.benchmarks / "macmpec")) {
     const OwnedProblem nominal = testing::read_shared(file).problem;
     for (int seed = 1; seed <= settings.seeds; ++seed) {
       const OwnedProblem problem = perturb(nominal, 1e-3, static_cast<std::uint64_t>(seed));
@@ -101,7 +101,7 @@ void perturbed(const Settings& settings) {
 void robotics(const Settings& settings) {
   std::vector<Record> records;
   print_header();
-  for (const auto& file : files(settings.benchmarks / "robotics")) {
+  for (const auto& file : problem_files(settings.benchmarks / "robotics")) {
     const auto [problem, reference] = testing::read_shared(file);
     records.push_back(solve_and_judge(file.stem(), problem, {}, reference));
     print(records.back());

@@ -17,8 +17,9 @@ struct Settings {
   std::string only;                  ///< of the problems to prove, that one; all if empty
 };
 
-/// The problems of a folder, in alphabetical order.
-[[nodiscard]] std::vector<std::filesystem::path> files(const std::filesystem::path& folder);
+/// The problems of a folder in the order of their names; none, said so, where there is no folder.
+[[nodiscard]] std::vector<std::filesystem::path> problem_files(const std::filesystem::path& folder);
+
 /// Default options on each MacMPEC problem, against the best known objective.
 [[nodiscard]] std::vector<Record> macmpec(const Settings& settings);
 /// Each MacMPEC problem with its data × (1 + 1e-3 noise), `seeds` times, against the best of `starts` starts.
@@ -37,6 +38,8 @@ void mpc(const Settings& settings);
 void growth(const Settings& settings);
 /// Branch and bound on problems with known optima and on the paper's: bounds, nodes and their cost.
 void global(const Settings& settings);
+/// Each MacMPEC problem in other units of its variables, rows and cost, 10^-8 to 10^8.
+void units(const Settings& settings);
 /// Two solves at a time on two threads against one.
 void throughput(const Settings& settings);
 

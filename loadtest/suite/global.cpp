@@ -19,7 +19,7 @@ struct Named {
 
 std::vector<Named> with_proofs(const Settings& settings) {
   std::vector<Named> problems;
-  for (const auto& file : files(settings.benchmarks / "macmpec"))
+  for (const auto& file : problem_files(settings.benchmarks / "macmpec"))
     problems.push_back({file.stem(), testing::read_shared(file).problem});
   examples::HopperParameters hopper;
   hopper.steps = 10;

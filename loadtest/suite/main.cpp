@@ -18,7 +18,8 @@ constexpr const char* kUsage =
     "Runs families of problems and prints what the solver reached on them.\n"
     "Usage: suite [FAMILY ...] [--seeds N] [--starts K] [--profile FILE.svg] [--benchmarks FOLDER]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
-    "Families: macmpec perturbed robotics variants qpecs warm mpc growth throughput global; all of them by "
+    "Families: macmpec perturbed robotics variants qpecs warm mpc growth units throughput global; all of "
+    "them by "
     "default.\n"
     "  --seeds N            of the random families, default 20\n"
     "  --starts K           of the references where none is known, default 8\n"
@@ -101,9 +102,11 @@ int main(int argc, char** argv) {
       suite::draw_performance_profile(suite::read_peers(s.benchmarks / "peers.csv", records), profile);
   };
   const std::pair<const char*, std::function<void(const suite::Settings&)>> families[] = {
-      {"macmpec", run_macmpec},      {"perturbed", suite::perturbed}, {"robotics", suite::robotics},
-      {"variants", suite::variants}, {"qpecs", suite::qpecs},         {"warm", suite::warm},
-      {"mpc", suite::mpc},           {"growth", suite::growth},       {"throughput", suite::throughput},
+      {"macmpec", run_macmpec},      {"perturbed", suite::perturbed},
+      {"robotics", suite::robotics}, {"variants", suite::variants},
+      {"qpecs", suite::qpecs},       {"warm", suite::warm},
+      {"mpc", suite::mpc},           {"growth", suite::growth},
+      {"units", suite::units},       {"throughput", suite::throughput},
       {"global", suite::global}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {

@@ -46,13 +46,18 @@ JobsService::JobsService(const ServiceParts& parts) : parts_(parts) {
                        }));
   };
   unary("Submit", &JobsService::Submit);
-  unary("Result", &JobsService::Result);
   unary("Delete", &JobsService::Delete);
   unary("List", &JobsService::List);
   unary("Get", &JobsService::Get);
   unary("Cancel", &JobsService::Cancel);
+  MarkMethodStreamed(method_number("Jobs", "Result"),
+                     unary_read_first(parts, [&parts](auto* from, auto... bytes) {
+                       return ResultCall::begin(parts, *from, bytes...);
+                     }));
   MarkMethodStreamed(method_number("Jobs", "Watch"),
-                     stream_read_first(parts, [this](auto... given) { return Watch(given...); }));
+                     stream_read_first(parts, [&parts](auto* from, const auto* request) {
+                       return WatchCall::begin(parts, *from, request);
+                     }));
 }
 
 grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* context,
@@ -96,11 +101,6 @@ Expected<void> JobsService::submit(const Caller& caller, std::shared_ptr<v1::Sol
   response->set_queue_position(place->position);
   response->set_estimated_wait_s(place->estimated_wait_s);
   return {};
-}
-
-grpc::ServerUnaryReactor* JobsService::Result(grpc::CallbackServerContext* context,
-                                              const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
-  return ResultCall::begin(parts_, *context, request, response);
 }
 
 grpc::ServerUnaryReactor* JobsService::Delete(grpc::CallbackServerContext* context,
@@ -148,11 +148,6 @@ grpc::ServerUnaryReactor* JobsService::Cancel(grpc::CallbackServerContext* conte
   };
   return answer<v1::CancelJobRequest, v1::CancelJobResponse>(parts_, context, request, response,
                                                              of_any_role(parts_, *context), handle);
-}
-
-grpc::ServerWriteReactor<grpc::ByteBuffer>* JobsService::Watch(grpc::CallbackServerContext* context,
-                                                               const grpc::ByteBuffer* request) {
-  return WatchCall::begin(parts_, *context, request);
 }
 
 }  // namespace marble::server

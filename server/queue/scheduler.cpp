@@ -218,7 +218,10 @@ const std::function<void()>& Scheduler::begin_task(SharedTasks& shared) {
   return task;
 }
 
+// What is shared may stand on the stack, for it outlives every use: it is in shared_tasks_ only while there
+// are tasks to begin, and whoever took it from there counts as a helper, for whom this waits. No task throws.
 void Scheduler::run(std::span<const std::function<void()>> tasks) {
+  if (tasks.empty()) return;  // begin_task would never take it out again
   SharedTasks shared{tasks};
   const auto next_task = [&]() ABSL_LOCKS_EXCLUDED(mutex_) -> const std::function<void()>* {
     const MutexLock lock(mutex_);

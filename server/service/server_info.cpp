@@ -11,22 +11,16 @@
 namespace marble::server {
 namespace {
 
-void to_message(const Config& config, v1::Limits* message) {
-  message->set_message_bytes(config.message_bytes);
-  message->set_queue_jobs(config.queue_jobs);
-  message->set_queue_bytes(config.queue_bytes);
-  message->set_solve_bytes(config.solve_bytes);
-  message->set_solve_seconds(config.solve_seconds);
-  message->set_sessions(config.sessions);
-  message->set_session_bytes(config.session_bytes);
-  message->set_session_idle_s(config.session_idle_s);
-  message->set_session_updates(config.session_updates);
-  message->set_batch_window(config.batch_window);
-  message->set_history_jobs(config.history_jobs);
-  message->set_trace_rows(config.trace_rows);
-  message->set_trace_pairs(config.trace_pairs);
-  message->set_result_keep_s(config.result_keep_s);
-  message->set_result_bytes(config.result_bytes);
+/// Settings whose names the message has; tests/proto compares the names. A template, so that others are left
+/// out.
+template <class Limits>
+void to_message(const Config& config, Limits* limits) {
+#define MARBLE_SETTING(type, name, ...) \
+  if constexpr (requires { limits->set_##name(config.name); }) limits->set_##name(config.name);
+#define MARBLE_TEXT_SETTING(...)
+#include "config/config.def"
+#undef MARBLE_SETTING
+#undef MARBLE_TEXT_SETTING
 }
 
 /// Where the quota sets no limit, the server's is the client's.

@@ -172,6 +172,31 @@ class Page(unittest.TestCase):
         self.browser.wait("return !document.querySelector('#overview').hidden")
         self.assertEqual(self.browser.complaints(), [])
 
+    def test_a_proof_shows_incumbent_and_bound_closing_and_its_nodes(self):
+        server = self.start()
+        limits = ["--option", "global=true", "--option", "node_limit=300", "--option", "gap_tolerance=0"]
+        server.run("solve", "--quiet", *limits, server.example("qpec"), check=False)
+        [job] = server.jobs()
+        self.assertFalse(job["proved"])
+        self.open(server, f"/#/jobs/{job['job_id']}")
+        self.browser.wait(DRAWN, "#proof-plot")
+        told = self.browser.find("#proof-plot").get_attribute("aria-label").replace("\u202f", "")
+        numbers = [float(text) for text in re.findall(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?", told)]
+        for shown, name in zip(numbers, ("incumbent", "bound", "gap", "nodes")):
+            self.assertLessEqual(abs(shown - job[name]), 0.06 * abs(job[name]) if name == "gap" else 1e-6 * abs(job[name]), name)
+        self.browser.wait_text("#why", "Not proved. The best point has objective")
+        facts = self.browser.text("#facts").replace("\u202f", "")
+        for name, number in (("Nodes", job["nodes"]), ("Open nodes", job["open_nodes"])):
+            self.assertRegex(facts, rf"{name}{number}(?!\d)")
+        server.run("solve", "--quiet", "--option", "global=true", server.tiny())
+        self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
+        self.browser.wait_text("#why", "Proved optimal: gap")
+        server.run("solve", "--quiet", server.tiny())
+        self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
+        self.browser.wait(DRAWN, "#convergence")
+        self.assertFalse(self.browser.find("#proof-plot").is_displayed())
+        self.assertEqual(self.browser.complaints(), [])
+
     def test_a_running_job_grows_before_the_eyes(self):
         server = self.start("--trace-pairs", "1000")
         job = server.submit(server.chain(1000), *Server.ENDLESS)

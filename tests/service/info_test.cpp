@@ -1,4 +1,7 @@
 // GetInfo, health and reflection: what the server tells about itself.
+#include <google/protobuf/descriptor.h>
+
+#include <algorithm>
 #include <map>
 
 #include "marble/options.h"
@@ -18,42 +21,57 @@ class Info : public ServiceTest {
   }
 };
 
-TEST_F(Info, TellsTheLimitsInForce) {
-  start({"--workers", "3", "--queue-jobs", "7", "--queue-bytes", "5000000", "--message-bytes", "1000000"});
+TEST_F(Info, TellsEveryLimitInForce) {
+  // Each of the message's limits is set to a number of its own.
+  const auto* descriptor = v1::Limits::descriptor();
+  const auto value = [](const google::protobuf::FieldDescriptor& field) {
+    using Type = google::protobuf::FieldDescriptor;
+    return (field.cpp_type() == Type::CPPTYPE_INT64 ? 2'000'000 : 100) + field.number();
+  };
+  std::vector<std::string> arguments{"--workers", "3"};
+  for (int i = 0; i < descriptor->field_count(); ++i) {
+    const auto* field = descriptor->field(i);
+    if (field->name() == "quota") continue;
+    std::string flag = "--" + field->name();
+    std::replace(flag.begin(), flag.end(), '_', '-');
+    arguments.insert(arguments.end(), {flag, std::to_string(value(*field))});
+  }
+  start(arguments);
   const v1::GetInfoResponse response = info();
   EXPECT_FALSE(response.version().empty());
   EXPECT_EQ(response.workers(), 3);
-  EXPECT_EQ(response.limits().queue_jobs(), 7);
-  EXPECT_EQ(response.limits().queue_bytes(), 5'000'000);
-  EXPECT_EQ(response.limits().message_bytes(), 1'000'000);
   EXPECT_GE(response.uptime_s(), 0.0);
+  const v1::Limits& limits = response.limits();
+  const auto* reflection = limits.GetReflection();
+  for (int i = 0; i < descriptor->field_count(); ++i) {
+    const auto* field = descriptor->field(i);
+    using Type = google::protobuf::FieldDescriptor;
+    switch (field->cpp_type()) {
+      case Type::CPPTYPE_INT32:
+        EXPECT_EQ(reflection->GetInt32(limits, field), value(*field)) << field->name();
+        break;
+      case Type::CPPTYPE_INT64:
+        EXPECT_EQ(reflection->GetInt64(limits, field), value(*field)) << field->name();
+        break;
+      case Type::CPPTYPE_DOUBLE:
+        EXPECT_EQ(reflection->GetDouble(limits, field), value(*field)) << field->name();
+        break;
+      default:
+        EXPECT_EQ(field->name(), "quota");
+    }
+  }
 }
 
-TEST_F(Info, TellsEveryLimitAndTheCallersQuota) {
-  start({"--solve-bytes",     "2000000", "--sessions",        "11", "--session-bytes", "12",
-         "--session-idle-s",  "13",      "--session-updates", "14", "--batch-window",  "15",
-         "--history-jobs",    "16",      "--trace-rows",      "17", "--result-keep-s", "18",
-         "--result-bytes",    "19",      "--client-running",  "1",  "--client-bytes",  "21",
-         "--client-priority", "batch",   "--workers",         "2",  "--queue-jobs",    "23",
-         "--client-sessions", "99",      "--solve-seconds",   "24"});
-  const v1::Limits limits = info().limits();
-  EXPECT_EQ(limits.solve_bytes(), 2'000'000);
-  EXPECT_EQ(limits.solve_seconds(), 24.0);
-  EXPECT_EQ(limits.sessions(), 11);
-  EXPECT_EQ(limits.session_bytes(), 12);
-  EXPECT_EQ(limits.session_idle_s(), 13.0);
-  EXPECT_EQ(limits.session_updates(), 14);
-  EXPECT_EQ(limits.batch_window(), 15);
-  EXPECT_EQ(limits.history_jobs(), 16);
-  EXPECT_EQ(limits.trace_rows(), 17);
-  EXPECT_EQ(limits.result_keep_s(), 18.0);
-  EXPECT_EQ(limits.result_bytes(), 19);
-  EXPECT_EQ(limits.quota().running(), 1);
-  EXPECT_EQ(limits.quota().queued(), 5) << "a quarter of the queue's where the client has none";
-  EXPECT_EQ(limits.quota().sessions(), 11) << "the server's, which is less than the client's";
-  EXPECT_EQ(limits.quota().watchers(), 64);
-  EXPECT_EQ(limits.quota().bytes(), 21);
-  EXPECT_EQ(limits.quota().priority(), v1::PRIORITY_BATCH);
+TEST_F(Info, TellsTheCallersQuota) {
+  start({"--client-running", "1", "--client-bytes", "21", "--client-priority", "batch", "--workers", "2",
+         "--queue-jobs", "23", "--sessions", "11", "--client-sessions", "99"});
+  const v1::Quota quota = info().limits().quota();
+  EXPECT_EQ(quota.running(), 1);
+  EXPECT_EQ(quota.queued(), 5) << "a quarter of the queue's where the client has none";
+  EXPECT_EQ(quota.sessions(), 11) << "the server's, which is less than the client's";
+  EXPECT_EQ(quota.watchers(), 64);
+  EXPECT_EQ(quota.bytes(), 21);
+  EXPECT_EQ(quota.priority(), v1::PRIORITY_BATCH);
 }
 
 TEST_F(Info, TellsTheServersOwnDefaultsOfOptions) {

@@ -125,7 +125,7 @@ TEST(BruteForce, RefusesWhatItCannotProve) {
   OwnedProblem p = two_variables(0.0, 0.0);
   p.Q = compress(2, 2, {{0, 1}, {0, 1}, {-1.0, 1.0}}, "Q").value();
   EXPECT_THROW(static_cast<void>(brute_force(p.view())), std::invalid_argument);
-  const OwnedProblem many = random_problem({.variables = 12, .pairs = 11}, 1);
+  const OwnedProblem many = random_problem({.variables = 12, .pairs = 13}, 1);
   EXPECT_THROW(static_cast<void>(brute_force(many.view())), std::invalid_argument);
 }
 

@@ -93,6 +93,8 @@ TEST(ElasticRelaxation, WhereItIsAnchoredVariablesWithoutCostStay) {
   branch.elastic.anchor_here();
   ASSERT_TRUE(branch.elastic.solve(w.run, 1e3, Begin::violated, kBudget));
   EXPECT_NEAR(w.user(branch.point.x.z())[2], 5.0, 1e-6);
+  EXPECT_NEAR(branch.elastic.objective(), elastic(w, branch.point.set, 1e3, z, branch.point.x.z()), 1e-9)
+      << "and staying costs nothing";
   branch.elastic.anchor_at_zero();
   ASSERT_TRUE(branch.elastic.solve(w.run, 1e3, Begin::violated, kBudget));
   EXPECT_LE(w.user(branch.point.x.z())[2], 1.0 + 1e-6) << "to 0 as far as z ≥ 1 lets it";

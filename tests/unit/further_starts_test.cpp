@@ -3,12 +3,10 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <thread>
 
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "search/branch_search.h"
 #include "support/independent_check.h"
 #include "support/random_problem.h"
 #include "workbench.h"
@@ -169,82 +167,6 @@ TEST(FurtherStarts, ARoundForWhoIsToStopChangesNothing) {
   EXPECT_FALSE(r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.incumbent));
   EXPECT_EQ(r.run.factorizations, factorizations);
   EXPECT_EQ(r.incumbent.best().x.all, before);
-}
-
-// Says when each further start begins: each is softer than all before it.
-class NotingKkt final : public testing::WrappedKkt {
- public:
-  NotingKkt(Kkt& inner, std::function<void()> begins) : WrappedKkt(inner), begins_(std::move(begins)) {}
-  [[nodiscard]] bool factor(const RowWeights& weights) override {
-    const double next = tuning::soft_rho * std::pow(tuning::further_softer, begun + 1);
-    if (std::abs(weights.rho - next) <= 1e-12 * next) {
-      ++begun;
-      begins_();
-    }
-    return WrappedKkt::factor(weights);
-  }
-  int begun = 0;
-
- private:
-  std::function<void()> begins_;
-};
-
-TEST(FurtherStarts, AreFreeAfterACheapSoftStartWhileTheyGain) {
-  int by_count = 0;
-  int by_uselessness = 0;
-  int by_cost = 0;
-  std::vector<OwnedProblem> problems;
-  for (const int steps : {8, 18, 21}) problems.push_back(examples::hopper({.steps = steps}));
-  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
-    problems.push_back(
-        testing::random_problem({.variables = 20, .equalities = 1, .inequalities = 0, .pairs = 20}, seed));
-    problems.push_back(examples::qpec(
-        {.upper_variables = 4, .lower_variables = 12, .constraints = 2, .degenerate_pairs = 2}, seed));
-  }
-  for (const OwnedProblem& problem : problems) {
-    for (const bool after_soft_start : {true, false}) {
-      testing::Workbench w(problem);
-      const Incumbent* found = nullptr;
-      std::vector<double> objectives;  // of the incumbent as each start begins, then at the end
-      std::vector<int> factorizations;
-      NotingKkt kkt(*w.kkt, [&] {
-        objectives.push_back(found->best().objective);
-        factorizations.push_back(w.run.factorizations - 1);
-      });
-      PathEngine path(w.problem, kkt, w.options);
-      BranchEngines branch(w.problem, kkt);
-      Incumbent incumbent(w.problem, w.options, branch.exact);
-      found = &incumbent;
-      BranchSearch search(w.problem, kkt, w.options, path, branch, incumbent);
-      search.find(w.run, w.zero());
-      if (!incumbent.exists()) continue;
-      search.start_further(w.run, after_soft_start);
-      if (!after_soft_start) {
-        EXPECT_EQ(kkt.begun, 0) << "nobody asked for any";
-        continue;
-      }
-      objectives.push_back(incumbent.best().objective);
-      factorizations.push_back(w.run.factorizations);
-      int useless = 0;  // in a row
-      for (int i = 0; i < kkt.begun; ++i) {
-        const auto start = static_cast<std::size_t>(i);
-        EXPECT_LT(i + 1, tuning::further_round);
-        EXPECT_LT(useless, tuning::useless_starts);
-        EXPECT_LT(factorizations[start], tuning::cheap_search);
-        useless = objectives[start + 1] < objectives[start] ? 0 : useless + 1;
-      }
-      const bool count = kkt.begun + 1 == tuning::further_round;
-      const bool gave_up = useless == tuning::useless_starts;
-      const bool cost = factorizations.back() >= tuning::cheap_search;
-      EXPECT_TRUE(count || gave_up || cost) << "why did it end? ";
-      by_count += count && !cost ? 1 : 0;
-      by_uselessness += gave_up && !count ? 1 : 0;
-      by_cost += cost && !count && !gave_up ? 1 : 0;
-    }
-  }
-  EXPECT_GT(by_count, 0);
-  EXPECT_GT(by_uselessness, 0);
-  EXPECT_GT(by_cost, 0);
 }
 
 }  // namespace

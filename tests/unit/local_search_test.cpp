@@ -185,6 +185,14 @@ TEST(LocalSearch, StopsAtItsLastFactorization) {
     EXPECT_LT(s.run.factorizations, whole) << last;
     EXPECT_TRUE(last > 0 || !found) << "not even a first elastic optimum";
   }
+  for (int last = 1; last <= 30; ++last) {
+    Search s(p);
+    s.branch.point.start_from_point(s.zero());
+    SearchPlan without_moves = from_soft();
+    without_moves.first_patience = without_moves.flip_patience = 0;
+    static_cast<void>(s.engine.run(s.run, without_moves, last));
+    EXPECT_LE(s.run.factorizations, last + 1) << "and one for the factor of where it ends";
+  }
   ASSERT_GT(rows.rows.size(), 3U);
   Search s(p);
   s.branch.point.start_from_point(s.zero());

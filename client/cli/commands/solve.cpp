@@ -1,3 +1,4 @@
+#include <chrono>
 #include <cstdio>
 #include <iostream>
 #include <memory>
@@ -10,6 +11,7 @@
 #include "commands/commands.h"
 #include "formats.h"
 #include "marble/client.h"
+#include "marble/contract.h"
 #include "marble/problem_file.h"
 #include "output/iteration_table.h"
 #include "output/report.h"
@@ -76,32 +78,46 @@ int tell_error(const SolveArguments& arguments, const std::string& file, const s
   return remote ? exit_code_of(error) : exit_code_of_local(error);
 }
 
+// The solver's own contract: a stopped one answers with its best iterate.
+Expected<Answer> solve_here(const OwnedProblem& problem, const Options& options,
+                            const SolveControls& controls) {
+  const auto begun = std::chrono::steady_clock::now();
+  auto solution = solve_in_process(problem.view(), options, controls);
+  if (!solution) return unexpected(std::move(solution.error()));
+  Answer answer;
+  static_cast<Solution&>(answer) = std::move(*solution);
+  answer.total_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  return answer;
+}
+
 Expected<Answer> answer_to(const SolveArguments& arguments, const OwnedProblem& problem,
-                           const Options& options, const Client& client, TraceWriter* trace,
+                           const Options& options, const Client* client, TraceWriter* trace,
                            std::stop_token stop) {
   Listeners listeners(!arguments.quiet, trace);
+  const SolveControls controls{listeners.sink(), std::move(stop), problem.initial_z};
+  if (client == nullptr) return solve_here(problem, options, controls);
   CallControls call;
   call.problem_name = problem.name;
   call.priority = arguments.priority;
   if (!arguments.quiet) tell_place(call);
-  auto answer =
-      client.solve(problem.view(), options, {listeners.sink(), std::move(stop), problem.initial_z}, call);
+  auto answer = client->solve(problem.view(), options, controls, call);
   if (answer && answer->progress_skipped > 0) {
     std::fprintf(stderr, "(%lld more iterations; the connection was slower than the solver)\n",
                  static_cast<long long>(answer->progress_skipped));
   }
   if (!answer && answer.error().code == ErrorCode::unavailable)
-    answer.error().bound = "server " + client.address() + ": " + answer.error().bound;
+    answer.error().bound = "server " + client->address() + ": " + answer.error().bound;
   return answer;
 }
 
+// Here if there is no client.
 int solve_file(const SolveArguments& arguments, const std::string& path, const Options& options,
-               const Client& client, TraceWriter* trace, std::stop_token stop) {
+               const Client* client, TraceWriter* trace, std::stop_token stop) {
   const auto file = formats::read_any_problem(path);
   if (!file) return tell_error(arguments, path, "", file.error(), false);
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
   const auto answer = answer_to(arguments, file->problem, options, client, trace, std::move(stop));
-  if (!answer) return tell_error(arguments, path, file->problem.name, answer.error(), !arguments.local);
+  if (!answer) return tell_error(arguments, path, file->problem.name, answer.error(), client != nullptr);
   const Subject subject = subject_of(path, *file);
   std::cout << (arguments.json() ? json_line(subject, *answer) + "\n" : summary(subject, *answer))
             << std::flush;
@@ -128,10 +144,14 @@ Expected<std::optional<TraceWriter>> open_trace(const SolveArguments& arguments)
 int run(const SolveArguments& arguments) {
   const auto options = parse_options(arguments.solver);
   if (!options) return option_fails(options.error());
-  const auto client = arguments.local ? Expected<Client>(Client::in_process()) : connect(arguments.server);
-  if (!client) {
-    std::cerr << "marble: " << client.error().message() << '\n';
-    return kBadInput;
+  std::optional<Client> client;
+  if (!arguments.local && arguments.server.server != contract::local_address) {
+    auto connected = connect(arguments.server);
+    if (!connected) {
+      std::cerr << "marble: " << connected.error().message() << '\n';
+      return kBadInput;
+    }
+    client = std::move(*connected);
   }
   auto trace = open_trace(arguments);
   if (!trace) return trace_fails(trace.error());
@@ -143,7 +163,8 @@ int run(const SolveArguments& arguments) {
         interrupt.token().stop_requested()
             ? tell_error(arguments, path, "", failure(ErrorCode::cancelled, "not solved: interrupted before"),
                          false)
-            : solve_file(arguments, path, *options, *client, *trace ? &**trace : nullptr, interrupt.token());
+            : solve_file(arguments, path, *options, client ? &*client : nullptr, *trace ? &**trace : nullptr,
+                         interrupt.token());
     exit_code = worse(exit_code, outcome);
   }
   if (*trace && (*trace)->rows() > 0) {  // else nothing was solved, as was told

@@ -18,9 +18,29 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
   return text;
 }
 
+// A detail's part by its number, from 0; empty beyond the last.
+std::string part_of(const std::string& detail, int number) {
+  std::size_t begin = 0;
+  for (; number > 0; --number) {
+    const std::size_t end = detail.find("; ", begin);
+    if (end == std::string::npos) return "";
+    begin = end + 2;
+  }
+  return detail.substr(begin, detail.find("; ", begin) - begin);
+}
+
+// With option global a detail begins with what came of the tree, if only why there was none.
+bool begins_with_proof(const Answer& s) { return s.nodes > 0 || s.detail.starts_with("not proved"); }
+
 std::string speed_text(const Answer& s) {
-  if (!(s.times.solve_s > 0.0)) return "";
+  constexpr std::int64_t kEnoughToTell = 100;
+  if (s.nodes < kEnoughToTell || !(s.times.solve_s > 0.0)) return "";
   return format(", %.0f nodes a second", static_cast<double>(s.nodes) / s.times.solve_s);
+}
+
+std::string proof_line(const Answer& s) {
+  if (s.nodes > 0) return "  proof           " + proof_text(proof_of(s)) + speed_text(s) + "\n";
+  return begins_with_proof(s) ? "  proof           " + part_of(s.detail, 0) + "\n" : "";
 }
 
 }  // namespace
@@ -37,9 +57,8 @@ std::string summary(const Subject& p, const Answer& s) {
                  p.equalities, p.inequalities, p.pairs);
   text += format("  objective       %.10g", s.objective);
   if (p.best_known_objective) text += format("   (best known %.10g)", *p.best_known_objective);
-  if (const std::string proof = proof_text(proof_of(s)); !proof.empty())
-    text += "\n  proof           " + proof + speed_text(s);
-  text += format("\n  violations      equality %.1e, inequality %.1e, complementarity %.1e\n",
+  text += "\n" + proof_line(s);
+  text += format("  violations      equality %.1e, inequality %.1e, complementarity %.1e\n",
                  s.violations.equality, s.violations.inequality, s.violations.complementarity);
   text += format("  kkt residual    %.1e\n", s.kkt_residual);
   text += format("  work            %d iterations, %d factorizations\n", s.iterations, s.factorizations);
@@ -49,7 +68,7 @@ std::string summary(const Subject& p, const Answer& s) {
     text += format(", %.3f ms in the queue", 1e3 * s.queue_s) + "  (job " + s.job_id + ")";
   text += "\n";
   if (is_solved(s.status)) {
-    text += "  found by        " + s.detail.substr(0, s.detail.find(';')) + "\n";
+    text += "  found by        " + part_of(s.detail, begins_with_proof(s) ? 1 : 0) + "\n";
     text += std::string("  stationarity    ") + to_string(s.stationarity) +
             (s.b_stationary.value_or(false) ? ", no descent on any branch\n" : "\n");
     text += std::string("  second order    ") + to_string(s.second_order) + "\n";

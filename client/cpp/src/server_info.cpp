@@ -9,21 +9,8 @@ namespace marble {
 namespace {
 
 void take_limits(const v1::Limits& limits, ServerInfo& info) {
-  info.message_bytes = limits.message_bytes();
-  info.queue_bytes = limits.queue_bytes();
-  info.solve_bytes = limits.solve_bytes();
-  info.solve_seconds = limits.solve_seconds();
-  info.session_bytes_limit = limits.session_bytes();
-  info.result_bytes_limit = limits.result_bytes();
-  info.queue_jobs = limits.queue_jobs();
-  info.sessions_limit = limits.sessions();
-  info.session_updates = limits.session_updates();
-  info.batch_window = limits.batch_window();
-  info.history_jobs = limits.history_jobs();
-  info.trace_rows = limits.trace_rows();
-  info.trace_pairs = limits.trace_pairs();
-  info.session_idle_s = limits.session_idle_s();
-  info.result_keep_s = limits.result_keep_s();
+#define MARBLE_LIMIT(type, name, field, doc) info.name = limits.field();
+#include "marble/server_info.def"
   if (!limits.has_quota()) return;
   const v1::Quota& quota = limits.quota();
   info.quota = ClientQuota{quota.running(),
@@ -35,24 +22,8 @@ void take_limits(const v1::Limits& limits, ServerInfo& info) {
 }
 
 void take_counters(const v1::Counters& counters, ServerInfo& info) {
-  info.accepted = counters.accepted_total();
-  info.answered = counters.answered_total();
-  info.solved = counters.solved_total();
-  info.refused = counters.refused_total();
-  info.cancelled = counters.cancelled_total();
-  info.failed = counters.failed_total();
-  info.sessions_opened = counters.sessions_total();
-  info.updates = counters.updates_total();
-  info.queued = counters.queued();
-  info.running = counters.running();
-  info.sessions = counters.sessions();
-  info.session_bytes = counters.session_bytes();
-  info.result_bytes = counters.result_bytes();
-  info.request_bytes = counters.request_bytes();
-  info.updates_solved = counters.updates_solved_total();
-  info.busy_s = counters.busy_s_total();
-  info.cpu_s = counters.cpu_s_total();
-  info.resident_bytes = counters.resident_bytes();
+#define MARBLE_COUNTER(type, name, field, doc) info.name = counters.field();
+#include "marble/server_info.def"
   info.queued_by_priority = {counters.queued_realtime(), counters.queued_interactive(),
                              counters.queued_batch()};
   info.estimated_wait_s = {counters.estimated_wait_realtime_s(), counters.estimated_wait_interactive_s(),

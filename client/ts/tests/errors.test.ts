@@ -1,6 +1,8 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
+import { BinaryWriter } from "@bufbuild/protobuf/wire";
+import { Metadata, status } from "@grpc/grpc-js";
 import {
   type Client,
   InvalidProblemError,
@@ -15,7 +17,7 @@ import {
 } from "@marble/client";
 
 import { corner, endless, long } from "./support/problems.js";
-import { Server } from "./support/server.js";
+import { Server, standIn } from "./support/server.js";
 
 let server: Server;
 let client: Client;
@@ -195,6 +197,74 @@ test("a full queue is a RefusedError that says when to come again", async () => 
   assert.ok(error.retryAfterMs !== undefined && error.retryAfterMs > 0);
   controller.abort();
   await Promise.allSettled(busy);
+});
+
+// A message of protobuf, of texts and messages.
+function message(...fields: [number: number, value: string | Uint8Array][]): Uint8Array {
+  const writer = new BinaryWriter();
+  for (const [number, value] of fields) writer.tag(number, 2).bytes(typeof value === "string" ? Buffer.from(value) : value);
+  return writer.finish();
+}
+
+/** What a solve ends with that is refused with these details: the names of messages, and their bytes. */
+async function refused(...details: [name: string, bytes: Uint8Array][]): Promise<MarbleError> {
+  const metadata = new Metadata();
+  const packed = details.map(([name, bytes]): [number, Uint8Array] => [
+    3,
+    message([1, `type.googleapis.com/${name}`], [2, bytes]),
+  ]);
+  metadata.set("grpc-status-details-bin", Buffer.from(message(...packed)));
+  const older = await standIn("/marble.v1.Solver/Solve", (answer) =>
+    answer({ code: status.INVALID_ARGUMENT, details: "in words", metadata }),
+  );
+  try {
+    using caller = connect(older.address);
+    return await caller.solve(corner).then(
+      () => assert.fail("it was to be refused"),
+      (error: unknown) => {
+        assert.ok(error instanceof MarbleError, String(error));
+        return error;
+      },
+    );
+  } finally {
+    older.stop();
+  }
+}
+
+const badRequest = (path: string): [string, Uint8Array] => [
+  "google.rpc.BadRequest",
+  message([1, message([1, path], [2, "is nan, must be finite"])]),
+];
+
+const places: [path: string, field: string, index?: number][] = [
+  ["problem.gradient[3]", "g", 3],
+  ["solve.problem.equality_matrix.values[7]", "A.values", 7],
+  ["update.problem.hessian_values[2]", "Q.values", 2],
+  ["setup.options.max_iterations", "options.maxIterations"],
+  ["initial_point.z[1]", "initialPoint", 1],
+  ["update.shift.pairs[2].by", "shift.pairs[2].by"],
+];
+
+for (const [path, field, index] of places) {
+  test(`an older server's error at ${path} has its place in the caller's terms, and the server's words`, async () => {
+    const error = await refused(badRequest(path));
+    assert.ok(error instanceof InvalidProblemError);
+    assert.deepEqual([error.field, error.index, error.value], [field, index, undefined]);
+    assert.equal(error.bound, "is nan, must be finite");
+  });
+}
+
+test("of a server that sends both, the structured detail is taken", async () => {
+  const fault = message([1, "problem.gradient"], [3, "is this, or that"], [4, "must be, well, finite"]);
+  const error = await refused(badRequest("b[1]"), ["marble.v1.Fault", fault]);
+  assert.deepEqual([error.field, error.value, error.bound], ["g", "is this, or that", "must be, well, finite"]);
+});
+
+test("an error without details has its code and its words", async () => {
+  const error = await refused();
+  assert.equal(error.code, "invalid_argument");
+  assert.equal(error.field, undefined);
+  assert.match(error.message, /in words/);
 });
 
 test("an unknown job is a NotFoundError, an unfinished one a PreconditionError", async () => {

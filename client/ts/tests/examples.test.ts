@@ -31,6 +31,11 @@ test("progress prints a row an iteration and the answer", async () => {
   assert.match(lines.at(-1) ?? "", /^solved: /);
 });
 
+test("proof prints what closes in on the optimum, and what is proved", async () => {
+  const lines = (await run("proof", server.file("rocket.json"), "2")).trim().split("\n");
+  assert.match(lines.at(-1) ?? "", /^(solved|time_limit): -?[0-9.]+, (proved optimal|not proved, bound \S+, gap \S+)$/);
+});
+
 test("mpc follows the same closed loop as marble mpc", async () => {
   const printed = await run("mpc", server.file("hopper.json"), "5");
   const objectives = [...printed.matchAll(/objective (\S+)/g)].map(([, text]) => Number(text));

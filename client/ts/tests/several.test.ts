@@ -2,11 +2,10 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { Server as GrpcServer, ServerCredentials, type ServerUnaryCall, type sendUnaryData } from "@grpc/grpc-js";
 import { type Client, connect } from "@marble/client";
 
 import { corner, endless, long } from "./support/problems.js";
-import { Server, eventually } from "./support/server.js";
+import { Server, type StandIn, eventually, standIn } from "./support/server.js";
 
 const list = (...servers: Server[]): string => servers.map((server) => server.address).join(",");
 
@@ -77,23 +76,11 @@ test("a draining server is left out of the turns, of submissions too", async () 
 });
 
 /** Answers GetInfo with nothing in it, and has no health service. */
-async function withoutHealth(onCall: () => void): Promise<{ address: string; stop: () => void }> {
-  const server = new GrpcServer();
-  const bytes = (value: Buffer): Buffer => value;
-  const codec = { requestSerialize: bytes, requestDeserialize: bytes, responseSerialize: bytes, responseDeserialize: bytes };
-  server.addService(
-    { getInfo: { path: "/marble.v1.Server/GetInfo", requestStream: false, responseStream: false, ...codec } },
-    {
-      getInfo: (_call: ServerUnaryCall<Buffer, Buffer>, answer: sendUnaryData<Buffer>) => {
-        onCall();
-        answer(null, Buffer.alloc(0));
-      },
-    },
-  );
-  const port = await new Promise<number>((bound, failed) =>
-    server.bindAsync("127.0.0.1:0", ServerCredentials.createInsecure(), (error, at) => (error ? failed(error) : bound(at))),
-  );
-  return { address: `127.0.0.1:${port}`, stop: () => server.forceShutdown() };
+function withoutHealth(onCall: () => void): Promise<StandIn> {
+  return standIn("/marble.v1.Server/GetInfo", (answer) => {
+    onCall();
+    answer(null, Buffer.alloc(0));
+  });
 }
 
 test("servers that do not tell of their health count as healthy", async () => {

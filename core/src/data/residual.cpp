@@ -69,24 +69,31 @@ void raise(double& worst, double value) {
   if (value > worst || std::isnan(value)) worst = value;
 }
 
-}  // namespace
-
-Violations violations(const ScaledProblem& p, const Images& images) {
+// Of the values of equalities and rows, by number.
+Violations worst_of(const RowLayout& rows, Eigen::Index equalities, auto&& equality, auto&& value) {
   Violations worst;
-  for (Eigen::Index i = 0; i < images.equality.size(); ++i) {
-    raise(worst.equality, std::abs(images.equality[i]) / p.equality_scale[i]);
-  }
-  const RowLayout& rows = p.layout;
-  const Vector& value = images.rows.all;
-  for (Index row = 0; row < rows.inequalities; ++row) {
-    raise(worst.inequality, -value[row] / p.row_scale[row]);
-  }
+  for (Eigen::Index i = 0; i < equalities; ++i) raise(worst.equality, std::abs(equality(i)));
+  for (Index row = 0; row < rows.inequalities; ++row) raise(worst.inequality, -value(row));
   for (Index pair = 0; pair < rows.pairs; ++pair) {
-    const double s = value[rows.s(pair)] / p.row_scale[rows.s(pair)];
-    const double t = value[rows.t(pair)] / p.row_scale[rows.t(pair)];
+    const double s = value(rows.s(pair));
+    const double t = value(rows.t(pair));
     raise(worst.complementarity, std::abs(t < s || std::isnan(t) ? t : s));
   }
   return worst;
+}
+
+}  // namespace
+
+Violations violations(const ScaledProblem& p, const Images& images) {
+  return worst_of(
+      p.layout, p.equalities(), [&](Eigen::Index i) { return images.equality[i] / p.equality_scale[i]; },
+      [&](Index row) { return images.rows.all[row] / p.row_scale[row]; });
+}
+
+Violations scaled_violations(const RowLayout& rows, const Images& images) {
+  return worst_of(
+      rows, images.equality.size(), [&](Eigen::Index i) { return images.equality[i]; },
+      [&](Index row) { return images.rows.all[row]; });
 }
 
 }  // namespace marble

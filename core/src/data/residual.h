@@ -50,5 +50,7 @@ void residual(const Subproblem& sub, const Images& images, const Iterate& x, Ite
 
 /// Violations in the user's units, from scaled images.
 Violations violations(const ScaledProblem& p, const Images& images);
+/// The same in the units of the scaled rows, which are near 1.
+Violations scaled_violations(const RowLayout& rows, const Images& images);
 
 }  // namespace marble

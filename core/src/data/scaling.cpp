@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "data/units.h"
 #include "tuning.h"
 
 namespace marble {
@@ -57,10 +58,19 @@ struct Block {
   Vector norm;
 };
 
+// The cost's units only weigh Q against the rows while these are equilibrated.
+void apply(Units units, ScaledProblem& p) {
+  for (double& value : p.Q.values) value *= units.cost;
+  apply(p.Q, units.variable);
+  apply(p.A, 0, p.A.rows, units.equality, units.variable);
+  apply(p.rows, 0, p.rows.rows, units.row, units.variable);
+  p.variable_scale = std::move(units.variable);
+  p.equality_scale = std::move(units.equality);
+  p.row_scale = std::move(units.row);
+}
+
 void equilibrate(ScaledProblem& p, int passes, const Interrupt& interrupt) {
   Block blocks[] = {{&p.A, &p.equality_scale, {}}, {&p.rows, &p.row_scale, {}}};
-  for (Block& block : blocks) block.scale->setOnes(block.matrix->rows);
-  p.variable_scale.setOnes(p.variables());
   Vector column_norm(p.variables());
   for (int pass = 0; pass < passes && !interrupt.requested(); ++pass) {
     column_norm.setZero();
@@ -80,10 +90,11 @@ void equilibrate(ScaledProblem& p, int passes, const Interrupt& interrupt) {
   }
 }
 
-double cost_scale(const ScaledProblem& p) {
+// Of p, whose Q carries `cost` too.
+double cost_scale(const ScaledProblem& p, double cost) {
   Vector norm = Vector::Zero(p.variables());
   absorb_norms(p.Q, norm);
-  const double size = std::max(norm.mean(), max_abs(p.g));
+  const double size = std::max(norm.mean() / cost, max_abs(p.g));
   return size > 0.0 ? 1.0 / std::clamp(size, 1.0 / tuning::scale_range, tuning::scale_range) : 1.0;
 }
 
@@ -147,13 +158,23 @@ ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interru
   append_rows(view.L, problem.pairs(), p.rows);
   append_rows(view.R, problem.pairs(), p.rows);
   p.g = copy(view.g);
-  p.b.resize(problem.equalities());
+  p.b = copy(view.b);
   p.offset.resize(p.layout.size());
+  p.offset << copy(view.d), copy(view.l), copy(view.r);
   p.c0 = view.c0;
 
-  equilibrate(p, passes, interrupt);
-  p.g.array() *= p.variable_scale.array();
-  if (passes > 0) p.cost_scale = cost_scale(p);
+  if (passes > 0) {
+    Units units = choose_units(p, interrupt);
+    const double cost = units.cost;
+    apply(std::move(units), p);
+    equilibrate(p, passes, interrupt);
+    p.g.array() *= p.variable_scale.array();
+    p.cost_scale = cost_scale(p, cost);
+  } else {
+    p.variable_scale.setOnes(n);
+    p.equality_scale.setOnes(p.A.rows);
+    p.row_scale.setOnes(p.rows.rows);
+  }
   // From the original: the same bits as an update with the same numbers.
   rescale({.g = view.g,
            .b = view.b,

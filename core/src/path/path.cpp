@@ -107,9 +107,14 @@ void PathEngine::evaluate() {
   violations_ = violations(problem_, images_);
 }
 
+bool PathEngine::feasible() const {
+  return within_tolerances(violations_, options_) &&
+         within_tolerances(scaled_violations(problem_.layout, images_), options_);
+}
+
 // Multiplier times slack of an inequality is κ by (12), which no violation shows.
 bool PathEngine::solved() const {
-  return within_tolerances(violations_, options_) && residual_norm_ <= options_.stationarity_tolerance &&
+  return residual_norm_ <= options_.stationarity_tolerance && feasible() &&
          (problem_.inequalities() == 0 || sub_.kappa <= options_.stationarity_tolerance);
 }
 

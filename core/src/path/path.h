@@ -32,6 +32,9 @@ class PathEngine {
   [[nodiscard]] const Iterate& iterate() const { return x_; }
   /// Its violations (user units) and its objective (scaled).
   [[nodiscard]] const Violations& violations_at() const { return violations_; }
+  /// Whether it is within the tolerances, in the user's units and in the scaled ones: where the user's are
+  /// large, so that a number far from zero is below every tolerance, only the latter tell.
+  [[nodiscard]] bool feasible() const;
   /// The least violated of those it has passed since start(), the one with the lowest objective of those
   /// within the tolerances.
   [[nodiscard]] const Iterate& best() const { return best_; }

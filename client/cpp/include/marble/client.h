@@ -56,9 +56,9 @@ class Client {
   ~Client();
 
   /// Solves on the server. `controls` mean what they mean to a Solver: progress is reported on the
-  /// calling thread, the stop token gives the call up (error cancelled; the server stops within one
-  /// iteration). In process, where nobody has hung up, a stopped solve answers with its best iterate (status
-  /// cancelled). Streams if anything wants to be told, else makes one unary call.
+  /// calling thread, the stop token gives the call up: the error cancelled, in process too, and the solve
+  /// ends within one iteration. (marble::solve_in_process of marble::core answers with its best iterate
+  /// instead.) Streams if anything wants to be told, else makes one unary call.
   [[nodiscard]] Expected<RemoteSolution> solve(const ProblemView& problem, const Options& options = {},
                                                const SolveControls& controls = {},
                                                const CallControls& call = {}) const;

@@ -25,18 +25,14 @@ Options DeadlineLimit::limit(Options options) const {
 
 Expected<RemoteSolution> DeadlineLimit::answer(Expected<Solution> solution) const {
   if (!solution) return unexpected(std::move(solution.error()));
-  if (solution->status != Status::cancelled && !(left_s() > 0.0)) {
+  if (solution->status == Status::cancelled) return unexpected(given_up());
+  if (!(left_s() > 0.0)) {
     return unexpected(
         failure(ErrorCode::deadline_exceeded, "the deadline passed while the problem was solved"));
   }
   RemoteSolution answer;
   static_cast<Solution&>(answer) = std::move(*solution);
   answer.total_s = std::chrono::duration<double>(Clock::now() - begin_).count();
-  return answer;
-}
-
-Expected<RemoteSolution> unless_stopped(Expected<RemoteSolution> answer) {
-  if (answer && answer->status == Status::cancelled) return unexpected(given_up());
   return answer;
 }
 
@@ -66,8 +62,8 @@ Expected<void> solve_batch_here(const BatchSource& source, const BatchSink& sink
     if (!p) return {};
     CallControls call;
     call.problem_name = p->problem_name;
-    sink(p->tag, unless_stopped(solve_here(p->problem, p->options,
-                                           {.stop = controls.stop, .initial_z = p->initial_z}, call)));
+    sink(p->tag,
+         solve_here(p->problem, p->options, {.stop = controls.stop, .initial_z = p->initial_z}, call));
   }
   return unexpected(given_up());
 }

@@ -21,7 +21,6 @@ inline constexpr const char* kInProcess = "in process";
 /// The caller's stop token ended it.
 [[nodiscard]] inline Error given_up() { return failure(ErrorCode::cancelled, "given up by the caller"); }
 
-/// A stopped solve answers with its best iterate.
 [[nodiscard]] Expected<RemoteSolution> solve_here(const ProblemView& problem, const Options& options,
                                                   const SolveControls& controls, const CallControls& call);
 
@@ -34,7 +33,8 @@ class DeadlineLimit {
   explicit DeadlineLimit(std::optional<std::chrono::duration<double>> from_now);
   /// `options` with what is left until the deadline.
   [[nodiscard]] Options limit(Options options) const;
-  /// The solution as an answer; or the error deadline_exceeded, as a server would say it.
+  /// The solution as an answer; or the error deadline_exceeded, or cancelled of a stopped one, as a client of
+  /// a server would have it.
   [[nodiscard]] Expected<RemoteSolution> answer(Expected<Solution> solution) const;
 
  private:
@@ -42,9 +42,6 @@ class DeadlineLimit {
   std::chrono::steady_clock::time_point begin_;
   double seconds_;
 };
-
-/// A stopped solve as the error of a call that was given up.
-[[nodiscard]] Expected<RemoteSolution> unless_stopped(Expected<RemoteSolution> answer);
 
 /// Thins progress out as a server does.
 class ThinnedProgress final : public ProgressSink {

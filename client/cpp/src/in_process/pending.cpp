@@ -44,7 +44,7 @@ class InProcessPending final : public PendingSolution::State {
  private:
   void run() {
     if (call_.started) call_.started(0.0);
-    answer_ = or_out_of_memory([&] { return unless_stopped(deadline_.answer(solver_->solve(controls_))); });
+    answer_ = or_out_of_memory([&] { return deadline_.answer(solver_->solve(controls_)); });
     end();
   }
 

@@ -32,9 +32,8 @@ class InProcessSession final : public Session::State {
     const DeadlineLimit deadline(controls.deadline);
     ThinnedProgress progress(tells_ ? controls.progress : nullptr, interval_s_, iterate_every_);
     if (auto set = solver_.set_options(deadline.limit(options_)); !set) return unexpected(set.error());
-    return unless_stopped(
-        deadline.answer(solver_.solve(update, {controls.initial_z, controls.cold, controls.shift},
-                                      {.progress = progress.sink(), .stop = stop_})));
+    return deadline.answer(solver_.solve(update, {controls.initial_z, controls.cold, controls.shift},
+                                         {.progress = progress.sink(), .stop = stop_}));
   }
 
   Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls) override {

@@ -5,6 +5,8 @@ import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
 import { setTimeout as sleep } from "node:timers/promises";
 
+import { Server as GrpcServer, ServerCredentials, type ServerUnaryCall, type sendUnaryData } from "@grpc/grpc-js";
+
 /** Where `marble` and `marble-server` are. */
 const binaries = resolve(process.env["MARBLE_BIN"] ?? "../../build/release/bin");
 
@@ -70,6 +72,27 @@ async function launch(directory: string, listen: string, flags: string[]): Promi
   server.unref();
   for (const pipe of [server.stdout, server.stderr]) (pipe as Socket).unref();
   return server;
+}
+
+/** What answers in a server's place. */
+export interface StandIn {
+  address: string;
+  stop: () => void;
+}
+
+/** Something that knows one method, without health and all else of a marble-server; messages are their bytes. */
+export async function standIn(path: string, onCall: (answer: sendUnaryData<Buffer>) => void): Promise<StandIn> {
+  const server = new GrpcServer();
+  const bytes = (value: Buffer): Buffer => value;
+  const codec = { requestSerialize: bytes, requestDeserialize: bytes, responseSerialize: bytes, responseDeserialize: bytes };
+  server.addService(
+    { method: { path, requestStream: false, responseStream: false, ...codec } },
+    { method: (_call: ServerUnaryCall<Buffer, Buffer>, answer: sendUnaryData<Buffer>) => onCall(answer) },
+  );
+  const port = await new Promise<number>((bound, failed) =>
+    server.bindAsync("127.0.0.1:0", ServerCredentials.createInsecure(), (error, at) => (error ? failed(error) : bound(at))),
+  );
+  return { address: `127.0.0.1:${port}`, stop: () => server.forceShutdown() };
 }
 
 /** What `marble` prints. */

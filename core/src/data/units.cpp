@@ -1,0 +1,137 @@
+#include "data/units.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tuning.h"
+
+namespace marble {
+namespace {
+
+// log₂ of a number's size to half a unit: all that units need.
+double log_size(double value) { return std::ilogb(value) + 0.5; }
+
+// The nearest value of an unknown that appears once in each term: minus the mean of what is left of them.
+struct Means {
+  explicit Means(Eigen::Index size) : sum(Vector::Zero(size)), weight(Vector::Zero(size)) {}
+  void add(Eigen::Index i, double rest, double factor = 1.0) {
+    sum[i] -= factor * rest;
+    weight[i] += factor * factor;
+  }
+  [[nodiscard]] Vector values() const { return sum.cwiseQuotient(weight.cwiseMax(1.0)); }
+  Vector sum, weight;
+};
+
+// Minimises the sum over rows, columns and the cost in turns, as logarithms.
+class Fit {
+ public:
+  explicit Fit(const ScaledProblem& p)
+      : p_(p), row_(Vector::Zero(p.A.rows + p.rows.rows)), column_(Vector::Zero(p.variables())) {}
+
+  void improve() {
+    improve_rows();
+    improve_columns();
+    improve_size_and_cost();
+  }
+  [[nodiscard]] Units units() const {
+    const double most = std::floor(std::log2(tuning::scale_range) / tuning::units_bits);
+    const auto rounded = [most](double log) {
+      return std::exp2(tuning::units_bits * std::clamp(std::round(log / tuning::units_bits), -most, most));
+    };
+    return {column_.unaryExpr(rounded), row_.head(p_.A.rows).unaryExpr(rounded),
+            row_.tail(p_.rows.rows).unaryExpr(rounded), rounded(cost_)};
+  }
+
+ private:
+  template <class Visit>
+  void visit_entries(Visit&& visit) const {
+    for (const auto& [matrix, first] : {std::pair(&p_.A, Index{0}), std::pair(&p_.rows, p_.A.rows)}) {
+      for (Index row = 0; row < matrix->rows; ++row) {
+        for (Index k = matrix->row_pointers[row]; k < matrix->row_pointers[row + 1]; ++k) {
+          if (matrix->values[k] != 0.0)
+            visit(first + row, matrix->column_indices[k], log_size(matrix->values[k]));
+        }
+      }
+    }
+  }
+  template <class Visit>
+  void visit_hessian(Visit&& visit) const {
+    for (Index j = 0; j < p_.Q.size; ++j) {
+      for (Index k = p_.Q.column_pointers[j]; k < p_.Q.column_pointers[j + 1]; ++k) {
+        if (p_.Q.values[k] != 0.0) visit(p_.Q.row_indices[k], j, log_size(p_.Q.values[k]));
+      }
+    }
+  }
+  template <class Visit>
+  static void visit_vector(const Vector& values, Eigen::Index first, Visit&& visit) {
+    for (Eigen::Index i = 0; i < values.size(); ++i) {
+      if (values[i] != 0.0) visit(first + i, log_size(values[i]));
+    }
+  }
+  template <class Visit>
+  void visit_constants(Visit&& visit) const {
+    visit_vector(p_.b, 0, visit);
+    visit_vector(p_.offset, p_.A.rows, visit);
+  }
+
+  void improve_rows() {
+    Means means(row_.size());
+    visit_entries([&](Index i, Index j, double log) { means.add(i, log + column_[j]); });
+    visit_constants([&](Eigen::Index i, double log) { means.add(i, log); });
+    row_ = means.values();
+  }
+
+  void improve_columns() {
+    Means means(column_.size());
+    visit_entries([&](Index i, Index j, double log) { means.add(j, log + row_[i]); });
+    visit_vector(p_.g, 0, [&](Eigen::Index j, double log) { means.add(j, log + cost_); });
+    visit_hessian([&](Index i, Index j, double log) {
+      if (i == j) {
+        means.add(j, log + cost_, 2.0);
+      } else {
+        means.add(j, log + cost_ + column_[i]);
+        means.add(i, log + cost_ + column_[j]);
+      }
+    });
+    column_ = means.values();
+  }
+
+  // All variables by α, all rows by −α, and the cost by γ: where there are many rows, turns alone are slow in
+  // this direction.
+  void improve_size_and_cost() {
+    double aa = 0.0, ag = 0.0, gg = 0.0, a = 0.0, g = 0.0;
+    const auto add = [&](double rest, double alpha, double gamma) {
+      aa += alpha * alpha;
+      ag += alpha * gamma;
+      gg += gamma * gamma;
+      a -= alpha * rest;
+      g -= gamma * rest;
+    };
+    visit_hessian(
+        [&](Index i, Index j, double log) { add(log + cost_ + column_[i] + column_[j], 2.0, 1.0); });
+    visit_vector(p_.g, 0, [&](Eigen::Index j, double log) { add(log + cost_ + column_[j], 1.0, 1.0); });
+    visit_constants([&](Eigen::Index i, double log) { add(log + row_[i], -1.0, 0.0); });
+    const double determinant = aa * gg - ag * ag;
+    // One is not determined where there are neither constants nor both of Q and g.
+    const bool both = determinant > 0.5;
+    const double alpha = both ? (gg * a - ag * g) / determinant : gg > 0.0 || aa == 0.0 ? 0.0 : a / aa;
+    const double gamma = both ? (aa * g - ag * a) / determinant : gg > 0.0 ? g / gg : 0.0;
+    column_.array() += alpha;
+    row_.array() -= alpha;
+    cost_ += gamma;
+  }
+
+  const ScaledProblem& p_;
+  Vector row_, column_;
+  double cost_ = 0.0;
+};
+
+}  // namespace
+
+Units choose_units(const ScaledProblem& p, const Interrupt& interrupt) {
+  Fit fit(p);
+  for (int pass = 0; pass < tuning::units_passes && !interrupt.requested(); ++pass) fit.improve();
+  return fit.units();
+}
+
+}  // namespace marble

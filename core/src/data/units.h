@@ -1,0 +1,24 @@
+// Units in which the numbers of a problem are near 1.
+#pragma once
+
+#include "data/scaling.h"
+
+namespace marble {
+
+/// Powers of two to scale a problem with first, so that what follows need not depend on the user's units.
+struct Units {
+  Vector variable;  ///< D, n
+  Vector equality;  ///< E of A, n_e
+  Vector row;       ///< E of [C; L; R]
+  double cost = 1.0;
+};
+
+/// Those that minimise the squares of log |E a D| over the entries of [A; C; L; R], of log |E b| over their
+/// constants, of log |c D q D| over those of Q, and of log |c D g|: so in other units the same numbers come
+/// out. (Curtis and Reid, "On the automatic scaling of matrices for Gaussian elimination", 1972, with
+/// constants and cost.) Each is rounded to a whole power of 2^tuning::units_bits: what is near 1 stays 1,
+/// and none is beyond tuning::scale_range.
+/// Of p, whose numbers are the user's.
+[[nodiscard]] Units choose_units(const ScaledProblem& p, const Interrupt& interrupt);
+
+}  // namespace marble
