@@ -169,11 +169,31 @@ std::optional<InteriorPoint::End> InteriorPoint::examine(const Box& box, double 
   if (violation <= tuning::tree_interior_violation && objective_ - bound_ <= tuning::tree_interior_gap * size)
     return End::optimal;
   const double largest = std::max(max_abs(mu_), max_abs(y_));
-  if (largest > tuning::tree_interior_ray * size) {
-    signed_ = mu_ / largest;
-    if (dual_bound_.contradicts(box, y_ / largest, signed_)) return End::infeasible;
-  }
+  if (largest > tuning::tree_interior_ray * size && contradicts(box, largest)) return End::infeasible;
   return std::nullopt;
+}
+
+// The multipliers grow along a ray for which Aᵀy − Jᵀμ is nothing. What is left of it, r, goes with the factor at
+// hand: where (Q + δI + JᵀWJ) dz + Aᵀdy = −r, y + dy and μ − W J dz leave −(Q + δI) dz.
+bool InteriorPoint::contradicts(const Box& box, double largest) {
+  ray_y_ = y_ / largest;
+  ray_mu_ = mu_ / largest;
+  for (int pass = 0; pass < tuning::tree_ray_passes; ++pass) {
+    signed_ = ray_mu_;
+    for (Index row = 0; row < signed_.size(); ++row) {
+      if (!is_fixed(row)) signed_[row] = std::max(signed_[row], 0.0);
+    }
+    if (dual_bound_.contradicts(box, ray_y_, signed_)) return true;
+    dz_.setZero();
+    add_transposed(problem_.A, -ray_y_, dz_);
+    add_transposed(problem_.rows, signed_, dz_);
+    dy_.setZero();
+    if (!kkt_->solve(dz_, dy_) || !dz_.allFinite() || !dy_.allFinite()) return false;
+    multiply(problem_.rows, dz_, dw_);
+    ray_y_ += dy_;
+    ray_mu_ = signed_ - weights_.rows.all.cwiseProduct(dw_);
+  }
+  return false;
 }
 
 // Towards w∘μ = κ, from the factor at hand; with what the last direction leaves of the products.

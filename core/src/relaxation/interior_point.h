@@ -49,6 +49,7 @@ class InteriorPoint final : public NodeEngine {
   void evaluate();
   [[nodiscard]] double mean_product(const Vector& w, const Vector& mu) const;
   [[nodiscard]] std::optional<End> examine(const Box& box, double cutoff);
+  [[nodiscard]] bool contradicts(const Box& box, double largest);
   [[nodiscard]] bool direction(double kappa, bool corrected);
   [[nodiscard]] bool step();
   void finish();
@@ -60,7 +61,7 @@ class InteriorPoint final : public NodeEngine {
   std::vector<std::uint8_t> fixed_;  // by row
   Vector z_, y_, w_, mu_;            // w: slacks > 0, nothing of fixed rows
   Vector equality_, rows_, gradient_, stationarity_;
-  Vector dz_, dy_, dw_, dmu_, complement_, trial_w_, trial_mu_, signed_;
+  Vector dz_, dy_, dw_, dmu_, complement_, trial_w_, trial_mu_, ray_y_, ray_mu_, signed_;
   double objective_ = 0.0, bound_ = 0.0;
   std::int64_t factorizations_ = 0;
   std::vector<Index> held_;
