@@ -146,22 +146,22 @@ Relaxation::End Relaxation::solve(const Box& box, double cutoff, const Interrupt
   return End::undecided;
 }
 
-void Relaxation::save(State& state) const {
-  set_.save(state.set);
-  state.z = z_;
-  state.y = y_;
-  state.z_center = z_center_;
-  state.y_center = y_center_;
-  state.bound = bound_;
+void Relaxation::save() {
+  set_.save(saved_.set);
+  saved_.z = z_;
+  saved_.y = y_;
+  saved_.z_center = z_center_;
+  saved_.y_center = y_center_;
+  saved_.bound = bound_;
 }
 
-void Relaxation::restore(const State& state) {
-  set_.restore(state.set);
-  z_ = state.z;
-  y_ = state.y;
-  z_center_ = state.z_center;
-  y_center_ = state.y_center;
-  bound_ = state.bound;
+void Relaxation::restore() {
+  set_.restore(saved_.set);
+  z_ = saved_.z;
+  y_ = saved_.y;
+  z_center_ = saved_.z_center;
+  y_center_ = saved_.y_center;
+  bound_ = saved_.bound;
 }
 
 }  // namespace marble

@@ -10,60 +10,47 @@
 
 #include "relaxation/dual_active_set.h"
 #include "relaxation/dual_bound.h"
-#include "run/run.h"
+#include "relaxation/node_engine.h"
 
 namespace marble {
 
-class Relaxation {
+class Relaxation final : public NodeEngine {
  public:
   /// `kkt` of its own, of this problem.
   Relaxation(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram);
 
-  /// Where the multipliers and slacks of all nodes are counted from.
-  struct Center {
-    Vector z, y, multipliers, slacks;
-  };
-  enum class End {
-    optimal,      ///< solved, as exactly as bound() tells
-    cutoff,       ///< bound() is no less than the cutoff
-    infeasible,   ///< its multipliers contradict its rows
-    undecided,    ///< neither; bound() is true all the same
-    interrupted,  ///< bound() is that of its parent
-  };
-
   /// Factorizes K. False if Q is not convex, or interrupted.
-  [[nodiscard]] bool prepare(Run& run);
+  [[nodiscard]] bool prepare(Run& run) override;
   /// Whether Q is convex to rounding; takes a factorization of its own before that of K.
-  [[nodiscard]] bool is_convex(Run& run);
+  [[nodiscard]] bool is_convex(Run& run) override;
   /// Nothing fixed, no row held, around z.
-  [[nodiscard]] bool start(ConstVectorRef z);
+  [[nodiscard]] bool start(ConstVectorRef z) override;
   /// No row fixed; these held, around a center.
-  [[nodiscard]] bool start(const Center& center, const std::vector<Index>& held, double parent_bound);
+  [[nodiscard]] bool start(const Center& center, const std::vector<Index>& held,
+                           double parent_bound) override;
   /// A side of a pair is zero from now on.
-  void fix(Index row) { set_.set_kind(row, DualActiveSet::RowKind::fixed); }
+  void fix(Index row) override { set_.set_kind(row, DualActiveSet::RowKind::fixed); }
   /// Solves what is fixed now. `cutoff` and bounds are scaled objectives.
-  [[nodiscard]] End solve(const Box& box, double cutoff, const Interrupt& interrupt);
+  [[nodiscard]] End solve(const Box& box, double cutoff, const Interrupt& interrupt) override;
 
-  [[nodiscard]] double bound() const { return bound_; }
+  [[nodiscard]] double bound() const override { return bound_; }
   /// The one of the last solve().
-  [[nodiscard]] Center center() const {
+  [[nodiscard]] Center center() const override {
     return {z_center_, y_center_, set_.center_multipliers(), set_.center_slacks()};
   }
-  [[nodiscard]] const Vector& z() const { return z_; }
-  [[nodiscard]] const Vector& y() const { return y_; }
-  [[nodiscard]] const DualActiveSet& set() const { return set_; }
+  [[nodiscard]] const Vector& z() const override { return z_; }
+  [[nodiscard]] const Vector& y() const override { return y_; }
+  [[nodiscard]] const Vector& multipliers() const override { return set_.multipliers(); }
+  [[nodiscard]] const Vector& slacks() const override { return set_.slacks(); }
+  [[nodiscard]] const std::vector<Index>& held() const override { return set_.held(); }
+  [[nodiscard]] bool is_held(Index row) const override { return set_.is_held(row); }
+  [[nodiscard]] std::int64_t factorizations() const override { return 0; }  // prepare() counts them
   [[nodiscard]] double first_gain(Index row) { return set_.first_gain(row); }
-  [[nodiscard]] double bytes() { return system_.kkt().bytes(); }
+  [[nodiscard]] double bytes() override { return system_.kkt().bytes(); }
   [[nodiscard]] std::int64_t steps() const { return set_.steps(); }
 
-  /// All of it, to come back to.
-  struct State {
-    DualActiveSet::State set;
-    Vector z, y, z_center, y_center;
-    double bound;
-  };
-  void save(State& state) const;
-  void restore(const State& state);
+  void save() override;
+  void restore() override;
 
  private:
   [[nodiscard]] bool find_point();
@@ -79,6 +66,11 @@ class Relaxation {
   Vector z_, y_, z_center_, y_center_;
   Vector right_z_, right_y_, signed_;
   double bound_ = 0.0;
+  struct {
+    DualActiveSet::State set;
+    Vector z, y, z_center, y_center;
+    double bound;
+  } saved_;
 };
 
 }  // namespace marble

@@ -4,12 +4,13 @@
 #include <cmath>
 #include <limits>
 
+#include "relaxation/interior_point.h"
 #include "tuning.h"
 
 namespace marble {
 namespace {
 
-using End = Relaxation::End;
+using End = NodeEngine::End;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Sides with(Sides sides, bool s) {
@@ -17,10 +18,24 @@ Sides with(Sides sides, bool s) {
                             static_cast<unsigned>(s ? Sides::s_zero : Sides::t_zero));
 }
 
+bool has_s(Sides sides) { return (static_cast<unsigned>(sides) & 1U) != 0; }
+bool has_t(Sides sides) { return (static_cast<unsigned>(sides) & 2U) != 0; }
+
+// Some steps of the active set, each of all rows by those held, against an interior point method's factors.
+std::unique_ptr<NodeEngine> make_engine(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram) {
+  const double rows = problem.layout.size();
+  if (rows >= tuning::tree_interior_rows && kkt->flops() < tuning::tree_interior_pays * rows * rows)
+    return std::make_unique<InteriorPoint>(problem, std::move(kkt));
+  return std::make_unique<Relaxation>(problem, std::move(kkt), gram);
+}
+
 }  // namespace
 
+Expander::Expander(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram)
+    : problem_(problem), relaxation_(make_engine(problem, std::move(kkt), gram)) {}
+
 Suggestion Expander::suggestion() const {
-  return {relaxation_.z(), relaxation_.y(), relaxation_.set().multipliers(), relaxation_.set().held()};
+  return {relaxation_->z(), relaxation_->y(), relaxation_->multipliers(), relaxation_->held()};
 }
 
 void Expander::expand(Expansion& e, const Interrupt& interrupt) {
@@ -29,26 +44,25 @@ void Expander::expand(Expansion& e, const Interrupt& interrupt) {
   e.children.clear();
   e.bounded = 0;
   e.suggestion.reset();
-  for (PseudoCosts::Gain& gain : e.gains) gain = {};
+  e.gains.clear();
   if (interrupt.requested()) return;
   e.node.read(problem_.layout, fixings_, held_);
   const RowLayout& rows = problem_.layout;
-  if (!relaxation_.start(*e.center, held_, e.node.bound)) return;
-  for (Index pair = 0; pair < rows.pairs; ++pair) {
-    if ((static_cast<unsigned>(fixings_[pair]) & 1U) != 0) relaxation_.fix(rows.s(pair));
-    if ((static_cast<unsigned>(fixings_[pair]) & 2U) != 0) relaxation_.fix(rows.t(pair));
-  }
-  const End end = relaxation_.solve(*e.box, e.cutoff, interrupt);
+  if (!relaxation_->start(*e.center, held_, e.node.bound)) return;
+  fix(fixings_);
+  const std::int64_t before = relaxation_->factorizations();
+  const End end = relaxation_->solve(*e.box, e.cutoff, interrupt);
   if (end == End::interrupted) return;
-  e.node.bound = std::max(e.node.bound, relaxation_.bound());
+  e.node.bound = std::max(e.node.bound, relaxation_->bound());
   if (end == End::infeasible || end == End::cutoff) {
     e.outcome = Expansion::Outcome::closed;
     if (end == End::cutoff) e.closed_bound = e.node.bound;
     return;
   }
-  const Index pair = choose(e);
+  const Choice choice = choose(e);
+  const Index pair = choice.pair;
   const bool free = pair >= 0;
-  const Vector& v = relaxation_.set().slacks();
+  const Vector& v = relaxation_->slacks();
   const bool complementary =
       !free || std::min(v[rows.s(pair)], v[rows.t(pair)]) <= tuning::tree_complementary;
   if (e.suggest || (complementary && !e.node.exhausted)) e.suggestion = suggestion();
@@ -56,17 +70,42 @@ void Expander::expand(Expansion& e, const Interrupt& interrupt) {
     e.outcome = free ? Expansion::Outcome::complementary : Expansion::Outcome::leaf;
     return;
   }
-  relaxation_.save(state_);
-  bound_child(e, pair, true, interrupt);
-  relaxation_.restore(state_);
-  bound_child(e, pair, false, interrupt);
-  e.outcome = e.bounded == 2 ? Expansion::Outcome::branched : Expansion::Outcome::interrupted;
+  relaxation_->save();
+  const std::vector<Clause::Member> members = choose_clause(e, choice.gain);
+  if (!members.empty()) {
+    expand_clause(e, members, interrupt);
+  } else if (bound_child(e, pair, true, interrupt)) {
+    relaxation_->restore();
+    if (bound_child(e, pair, false, interrupt)) e.outcome = Expansion::Outcome::branched;
+  }
+  e.factorizations = relaxation_->factorizations() - before;
+}
+
+void Expander::fix(const Fixings& fixings) {
+  const RowLayout& rows = problem_.layout;
+  for (Index pair = 0; pair < rows.pairs; ++pair) {
+    if (has_s(fixings[pair])) relaxation_->fix(rows.s(pair));
+    if (has_t(fixings[pair])) relaxation_->fix(rows.t(pair));
+  }
+}
+
+// One child a member that may take its strong side, the others before it on their weak one: the most
+// promising first.
+void Expander::expand_clause(Expansion& e, const std::vector<Clause::Member>& members,
+                             const Interrupt& interrupt) {
+  for (const Clause::Member& member : members) {
+    relaxation_->restore();
+    fix(fixings_);
+    if (!bound_child(e, member.pair, member.strong_s, interrupt)) return;
+    fixings_[member.pair] = with(fixings_[member.pair], !member.strong_s);
+  }
+  e.outcome = Expansion::Outcome::branched;
 }
 
 // The pair with the best score among those whose sides are both away from zero; if there is none, one whose
 // smaller side is largest, or −1 where all are fixed.
-Index Expander::choose(const Expansion& e) const {
-  const Vector& v = relaxation_.set().slacks();
+Expander::Choice Expander::choose(const Expansion& e) const {
+  const Vector& v = relaxation_->slacks();
   Index best = -1, largest = -1;
   double best_score = -kInfinity, largest_side = -kInfinity;
   for (Index pair = 0; pair < problem_.pairs(); ++pair) {
@@ -83,30 +122,54 @@ Index Expander::choose(const Expansion& e) const {
     best_score = score;
     best = pair;
   }
-  return best >= 0 ? best : largest;
+  if (best < 0) return {largest, 0.0};
+  return {best, std::min(e.costs->gain(best, true, v[problem_.layout.s(best)]),
+                         e.costs->gain(best, false, v[problem_.layout.t(best)]))};
 }
 
-void Expander::bound_child(Expansion& e, Index pair, bool s, const Interrupt& interrupt) {
+// The clause that promises the largest gain in its worst child, by that gain; none if it is not above what a
+// pair promises.
+std::vector<Clause::Member> Expander::choose_clause(const Expansion& e, double gain) const {
+  const Vector& v = relaxation_->slacks();
+  const auto expected = [&](const Clause::Member& member) {
+    const Index row = member.strong_s ? problem_.layout.s(member.pair) : problem_.layout.t(member.pair);
+    return e.costs->gain(member.pair, member.strong_s, v[row]);
+  };
+  std::vector<Clause::Member> best;
+  for (const Clause& clause : *e.clauses) {
+    std::vector<Clause::Member> open = clause.open(fixings_);
+    if (open.empty() || static_cast<std::int64_t>(open.size()) > e.most_children) continue;
+    std::ranges::stable_sort(open, {}, expected);
+    if (expected(open.front()) <= gain) continue;
+    gain = expected(open.front());
+    best = std::move(open);
+  }
+  return best;
+}
+
+// False if interrupted.
+bool Expander::bound_child(Expansion& e, Index pair, bool s, const Interrupt& interrupt) {
   const Index row = s ? problem_.layout.s(pair) : problem_.layout.t(pair);
-  const double amount = relaxation_.set().slacks()[row];
-  const double before = relaxation_.bound();
-  relaxation_.fix(row);
-  const End end = relaxation_.solve(*e.box, e.cutoff, interrupt);
-  if (end == End::interrupted) return;
+  const double amount = relaxation_->slacks()[row];
+  const double before = relaxation_->bound();
+  relaxation_->fix(row);
+  const End end = relaxation_->solve(*e.box, e.cutoff, interrupt);
+  if (end == End::interrupted) return false;
   ++e.bounded;
   const bool closed = end == End::infeasible || end == End::cutoff;
-  const double reached = closed ? e.cutoff : relaxation_.bound();
-  e.gains[s ? 0 : 1] = {pair, s, amount, std::max(0.0, reached - before)};
+  const double reached = closed ? e.cutoff : relaxation_->bound();
+  e.gains.push_back({pair, s, amount, std::max(0.0, reached - before)});
   if (closed) {
-    if (end == End::cutoff) e.closed_bound = std::min(e.closed_bound, relaxation_.bound());
-    return;
+    if (end == End::cutoff) e.closed_bound = std::min(e.closed_bound, relaxation_->bound());
+    return true;
   }
   Fixings child_fixings = fixings_;
   child_fixings[pair] = with(child_fixings[pair], s);
-  Node child(problem_.layout, child_fixings, relaxation_.set().held());
-  child.bound = relaxation_.bound();
+  Node child(problem_.layout, child_fixings, relaxation_->held());
+  child.bound = relaxation_->bound();
   child.depth = e.node.depth + 1;
   e.children.push_back(std::move(child));
+  return true;
 }
 
 bool Expander::probe(Fixings& fixings, const Box& box, double cutoff, double& closed_bound,
@@ -123,27 +186,87 @@ bool Expander::probe(Fixings& fixings, const Box& box, double cutoff, double& cl
 std::optional<int> Expander::probe_all(Fixings& fixings, const Box& box, double cutoff, double& closed_bound,
                                        const Interrupt& interrupt) {
   const RowLayout& rows = problem_.layout;
+  probed_.clear();
   int fixed = 0;
   for (Index pair = 0; pair < rows.pairs; ++pair) {
     for (const bool s : {true, false}) {
       const Index row = s ? rows.s(pair) : rows.t(pair);
-      if (fixings[pair] != Sides::relaxed || relaxation_.set().is_held(row) || interrupt.requested())
-        continue;
-      relaxation_.save(state_);
-      relaxation_.fix(row);
-      const End end = relaxation_.solve(box, cutoff, interrupt);
-      if (end == End::cutoff) closed_bound = std::min(closed_bound, relaxation_.bound());
-      relaxation_.restore(state_);
+      if (fixings[pair] != Sides::relaxed || relaxation_->is_held(row) || interrupt.requested()) continue;
+      const double amount = relaxation_->slacks()[row];
+      const double before = relaxation_->bound();
+      relaxation_->save();
+      relaxation_->fix(row);
+      const End end = relaxation_->solve(box, cutoff, interrupt);
+      if (end == End::optimal) probed_.push_back({pair, s, amount, relaxation_->bound() - before});
+      if (end == End::cutoff) closed_bound = std::min(closed_bound, relaxation_->bound());
+      relaxation_->restore();
       if (end != End::cutoff && end != End::infeasible) continue;
       fixings[pair] = s ? Sides::t_zero : Sides::s_zero;
-      relaxation_.fix(s ? rows.t(pair) : rows.s(pair));
+      relaxation_->fix(s ? rows.t(pair) : rows.s(pair));
       ++fixed;
-      const End rest = relaxation_.solve(box, cutoff, interrupt);
-      if (rest == End::cutoff) closed_bound = std::min(closed_bound, relaxation_.bound());
+      const End rest = relaxation_->solve(box, cutoff, interrupt);
+      if (rest == End::cutoff) closed_bound = std::min(closed_bound, relaxation_->bound());
       if (rest == End::cutoff || rest == End::infeasible) return std::nullopt;
     }
   }
   return fixed;
+}
+
+bool Expander::is_feasible(Fixings fixings, const std::vector<Clause::Member>& weak,
+                           const NodeEngine::Center& center, const Box& box, const Interrupt& interrupt) {
+  for (const Clause::Member& member : weak)
+    fixings[member.pair] = with(fixings[member.pair], !member.strong_s);
+  if (!relaxation_->start(center, {}, -kInfinity)) return true;
+  fix(fixings);
+  return relaxation_->solve(box, kInfinity, interrupt) != End::infeasible;
+}
+
+// Members that contradict each other until none can be left out, by halves. (Chinneck and Dravnieks,
+// "Locating minimal infeasible constraint sets in linear programs", 1991.)
+std::vector<Clause::Member> Expander::shrink(const Fixings& fixings, std::vector<Clause::Member> members,
+                                             const NodeEngine::Center& center, const Box& box,
+                                             const Interrupt& interrupt) {
+  std::size_t kept = 0;  // the first of them are needed
+  std::size_t step = std::max<std::size_t>(1, members.size() / 2);
+  while (kept < members.size()) {
+    step = std::min(step, members.size() - kept);
+    std::vector<Clause::Member> fewer = members;
+    const auto begin = fewer.begin() + static_cast<std::ptrdiff_t>(kept);
+    fewer.erase(begin, begin + static_cast<std::ptrdiff_t>(step));
+    if (!is_feasible(fixings, fewer, center, box, interrupt)) {
+      members = std::move(fewer);
+    } else if (step == 1) {
+      ++kept;
+    } else {
+      step /= 2;
+    }
+    if (interrupt.requested()) return {};
+  }
+  return members;
+}
+
+std::vector<Clause> Expander::find_clauses(const Fixings& fixings, const NodeEngine::Center& center,
+                                           const Box& box, const Interrupt& interrupt) {
+  // The strong side is the one that gains more; a side that was not probed, or gave no number, gains nothing.
+  std::vector<double> balance(fixings.size(), 0.0);
+  for (const PseudoCosts::Gain& gain : probed_)
+    balance[static_cast<std::size_t>(gain.pair)] += gain.s ? gain.gain : -gain.gain;
+  std::vector<Clause::Member> left;
+  for (Index pair = 0; pair < problem_.pairs(); ++pair) {
+    if (fixings[pair] == Sides::relaxed)
+      left.push_back({pair, balance[static_cast<std::size_t>(pair)] > 0.0});
+  }
+  std::vector<Clause> clauses;
+  while (left.size() > 1 && !is_feasible(fixings, left, center, box, interrupt)) {
+    Clause clause{shrink(fixings, left, center, box, interrupt)};
+    if (clause.members.empty()) break;
+    std::erase_if(left, [&clause](const Clause::Member& member) {
+      return std::ranges::any_of(clause.members,
+                                 [&member](const auto& other) { return other.pair == member.pair; });
+    });
+    if (clause.members.size() > 1) clauses.push_back(std::move(clause));
+  }
+  return clauses;
 }
 
 }  // namespace marble

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "relaxation/relaxation.h"
+#include "tree/clauses.h"
 #include "tree/node.h"
 #include "tree/pseudo_costs.h"
 
@@ -19,9 +20,11 @@ struct Suggestion {
 struct Expansion {
   /// What it is about: set by the tree.
   Node node;
-  const Relaxation::Center* center = nullptr;
+  const NodeEngine::Center* center = nullptr;
   const Box* box = nullptr;
   const PseudoCosts* costs = nullptr;
+  const std::vector<Clause>* clauses = nullptr;
+  std::int64_t most_children = 2;
   double cutoff = 0.0;   ///< scaled objective: what is not below it is closed
   bool suggest = false;  ///< whether its point is to be tried even if it is not complementary
 
@@ -37,17 +40,17 @@ struct Expansion {
   double closed_bound = 0.0;  ///< the least of what was closed; +∞ if nothing or infeasible
   std::vector<Node> children;
   int bounded = 0;  ///< children whose bound was found
-  PseudoCosts::Gain gains[2];
+  std::vector<PseudoCosts::Gain> gains;
+  std::int64_t factorizations = 0;
   std::optional<Suggestion> suggestion;
 };
 
 /// Makes expansions, one after the other.
 class Expander {
  public:
-  Expander(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram)
-      : problem_(problem), relaxation_(problem, std::move(kkt), gram) {}
+  Expander(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram);
 
-  [[nodiscard]] Relaxation& relaxation() { return relaxation_; }
+  [[nodiscard]] NodeEngine& relaxation() { return *relaxation_; }
   void expand(Expansion& expansion, const Interrupt& interrupt);
 
   /// Of what the relaxation has solved.
@@ -57,16 +60,36 @@ class Expander {
   /// fix enough.
   [[nodiscard]] bool probe(Fixings& fixings, const Box& box, double cutoff, double& closed_bound,
                            const Interrupt& interrupt);
+  /// What probe() has learned of each side that it could not fix.
+  [[nodiscard]] const std::vector<PseudoCosts::Gain>& probed() const { return probed_; }
+  /// Clauses among the pairs that are not fixed, by what probe() has learned, each of pairs of its own.
+  [[nodiscard]] std::vector<Clause> find_clauses(const Fixings& fixings, const NodeEngine::Center& center,
+                                                 const Box& box, const Interrupt& interrupt);
 
  private:
-  [[nodiscard]] Index choose(const Expansion& expansion) const;
-  void bound_child(Expansion& expansion, Index pair, bool s, const Interrupt& interrupt);
+  struct Choice {
+    Index pair = -1;
+    double gain = 0.0;  // of the lesser side
+  };
+  [[nodiscard]] Choice choose(const Expansion& expansion) const;
+  [[nodiscard]] std::vector<Clause::Member> choose_clause(const Expansion& expansion, double gain) const;
+  void fix(const Fixings& fixings);
+  void expand_clause(Expansion& expansion, const std::vector<Clause::Member>& members,
+                     const Interrupt& interrupt);
+  [[nodiscard]] bool bound_child(Expansion& expansion, Index pair, bool s, const Interrupt& interrupt);
+  [[nodiscard]] bool is_feasible(Fixings fixings, const std::vector<Clause::Member>& weak,
+                                 const NodeEngine::Center& center, const Box& box,
+                                 const Interrupt& interrupt);
+  [[nodiscard]] std::vector<Clause::Member> shrink(const Fixings& fixings,
+                                                   std::vector<Clause::Member> members,
+                                                   const NodeEngine::Center& center, const Box& box,
+                                                   const Interrupt& interrupt);
   [[nodiscard]] std::optional<int> probe_all(Fixings& fixings, const Box& box, double cutoff,
                                              double& closed_bound, const Interrupt& interrupt);
 
   const ScaledProblem& problem_;
-  Relaxation relaxation_;
-  Relaxation::State state_;
+  std::unique_ptr<NodeEngine> relaxation_;
+  std::vector<PseudoCosts::Gain> probed_;
   Fixings fixings_;
   std::vector<Index> held_;
 };

@@ -36,6 +36,9 @@ class PseudoCosts {
            std::max(expected(pair, false) * t, tuning::tree_least_gain);
   }
 
+  /// What fixing a side that is `amount` away from zero may raise the bound by.
+  [[nodiscard]] double gain(Index pair, bool s, double amount) const { return expected(pair, s) * amount; }
+
  private:
   struct Mean {
     double sum = 0.0, count = 0.0;

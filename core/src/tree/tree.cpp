@@ -89,11 +89,11 @@ std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
   const Vector& from = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
   radius_ = tuning::tree_radius * (1.0 + max_abs(from.cwiseProduct(problem_.variable_scale)));
   box_.emplace(problem_, radius_);
-  Relaxation& relaxation = expanders_[0]->relaxation();
+  NodeEngine& relaxation = expanders_[0]->relaxation();
   if (!relaxation.start(from)) return TreeResult::End::limit;
   Node root(problem_.layout, Fixings(static_cast<std::size_t>(problem_.pairs())), {});
   root.bound = -kInfinity;
-  using End = Relaxation::End;
+  using End = NodeEngine::End;
   const End end = relaxation.solve(*box_, cutoff(), run.interrupt());
   if (end == End::interrupted) {
     push(std::move(root));
@@ -110,9 +110,13 @@ std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
   Fixings fixings(static_cast<std::size_t>(problem_.pairs()));
   if (incumbent_.exists() && !expanders_[0]->probe(fixings, *box_, cutoff(), closed_bound_, run.interrupt()))
     return TreeResult::End::exhausted;
-  root = Node(problem_.layout, fixings, relaxation.set().held());
+  for (const PseudoCosts::Gain& gain : expanders_[0]->probed()) costs_.add(gain);
+  root = Node(problem_.layout, fixings, relaxation.held());
   root.bound = relaxation.bound();
   push(std::move(root));
+  clauses_ = incumbent_.exists() ? expanders_[0]->find_clauses(fixings, center_, *box_, run.interrupt())
+                                 : std::vector<Clause>();
+  run.factorizations += static_cast<std::int32_t>(relaxation.factorizations());
   return std::nullopt;
 }
 
@@ -171,6 +175,8 @@ bool Tree::round(Run& run) {
     expansion.center = &center_;
     expansion.box = &*box_;
     expansion.costs = &costs_;
+    expansion.clauses = &clauses_;
+    expansion.most_children = (options_.node_limit - nodes_) / static_cast<std::int64_t>(chosen_);
     expansion.cutoff = cutoff();
     expansion.suggest = suggest && i == 0;
     Expander& expander = *expanders_[at_once ? i : 0];
@@ -191,6 +197,7 @@ void Tree::take(Run& run, Expansion& e) {
     close(e.closed_bound);
     nodes_ += e.bounded;
   }
+  run.factorizations += static_cast<std::int32_t>(e.factorizations);
   for (const PseudoCosts::Gain& gain : e.gains) costs_.add(gain);
   if (e.suggestion) try_as_answer(run, *e.suggestion);
   switch (e.outcome) {

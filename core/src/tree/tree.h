@@ -72,8 +72,9 @@ class Tree {
   std::vector<std::unique_ptr<Expander>> expanders_;
   std::optional<Box> box_;
   double radius_ = 0.0;
-  Relaxation::Center center_;
+  NodeEngine::Center center_;
   PseudoCosts costs_;
+  std::vector<Clause> clauses_;
   std::vector<Node> open_;  // a heap: the least bound first
   std::vector<Expansion> expansions_;
   std::size_t chosen_ = 0;

@@ -1,0 +1,76 @@
+// The convex relaxation of a node by an interior point method: for problems whose factor is sparse, where
+// many rows are active.
+//
+// Mehrotra's predictor and corrector, with a proximal term on z and on the multipliers of the equalities, so
+// that the system is regular whatever the rows are. (Schwan, Jiang, Kuhn and Jones, "PIQP: a proximal
+// interior-point quadratic programming solver", 2023.) A fixed side is an equality. The bound that the
+// multipliers prove is looked at in each iteration, and ends it as soon as it reaches the cutoff; that of an
+// infeasible node grows without end.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "kkt/kkt.h"
+#include "relaxation/node_engine.h"
+
+namespace marble {
+
+class InteriorPoint final : public NodeEngine {
+ public:
+  /// `kkt` of its own, of this problem.
+  InteriorPoint(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt);
+
+  [[nodiscard]] bool prepare(Run& run) override;
+  [[nodiscard]] bool is_convex(Run& run) override;
+  [[nodiscard]] bool start(ConstVectorRef z) override;
+  /// From nothing: what the parent held is of no use here.
+  [[nodiscard]] bool start(const Center& center, const std::vector<Index>& held,
+                           double parent_bound) override;
+  void fix(Index row) override { fixed_[static_cast<std::size_t>(row)] = 1; }
+  [[nodiscard]] End solve(const Box& box, double cutoff, const Interrupt& interrupt) override;
+
+  [[nodiscard]] double bound() const override { return bound_; }
+  [[nodiscard]] Center center() const override { return {z_, y_, mu_, w_}; }
+  [[nodiscard]] const Vector& z() const override { return z_; }
+  [[nodiscard]] const Vector& y() const override { return y_; }
+  [[nodiscard]] const Vector& multipliers() const override { return mu_; }
+  [[nodiscard]] const Vector& slacks() const override { return w_; }
+  [[nodiscard]] const std::vector<Index>& held() const override { return held_; }
+  [[nodiscard]] bool is_held(Index row) const override { return w_[row] == 0.0; }
+  [[nodiscard]] std::int64_t factorizations() const override { return factorizations_; }
+  [[nodiscard]] double bytes() override { return kkt_->bytes(); }
+  void save() override { saved_ = {fixed_, held_, z_, y_, w_, mu_, bound_}; }
+  void restore() override;
+
+ private:
+  [[nodiscard]] bool is_fixed(Index row) const { return fixed_[static_cast<std::size_t>(row)] != 0; }
+  [[nodiscard]] bool begin();
+  void evaluate();
+  [[nodiscard]] double mean_product(const Vector& w, const Vector& mu) const;
+  [[nodiscard]] std::optional<End> examine(const Box& box, double cutoff);
+  [[nodiscard]] bool contradicts(const Box& box, double largest);
+  [[nodiscard]] bool direction(double kappa, bool corrected);
+  [[nodiscard]] bool step();
+  void finish();
+
+  const ScaledProblem& problem_;
+  std::unique_ptr<Kkt> kkt_;
+  DualBound dual_bound_;
+  RowWeights weights_;
+  std::vector<std::uint8_t> fixed_;  // by row
+  Vector z_, y_, w_, mu_;            // w: slacks > 0, nothing of fixed rows
+  Vector equality_, rows_, gradient_, stationarity_;
+  Vector dz_, dy_, dw_, dmu_, complement_, trial_w_, trial_mu_, ray_y_, ray_mu_, signed_;
+  double objective_ = 0.0, bound_ = 0.0;
+  std::int64_t factorizations_ = 0;
+  std::vector<Index> held_;
+  struct {
+    std::vector<std::uint8_t> fixed;
+    std::vector<Index> held;
+    Vector z, y, w, mu;
+    double bound;
+  } saved_;
+};
+
+}  // namespace marble

@@ -1,0 +1,64 @@
+// What solves the convex relaxation of a node: some pairs with one side fixed at zero, of the others both
+// sides ≥ 0. It solves one node after the other and says what its multipliers prove.
+#pragma once
+
+#include <vector>
+
+#include "relaxation/dual_bound.h"
+#include "run/run.h"
+
+namespace marble {
+
+class NodeEngine {
+ public:
+  NodeEngine() = default;
+  NodeEngine(const NodeEngine&) = delete;
+  NodeEngine& operator=(const NodeEngine&) = delete;
+  virtual ~NodeEngine() = default;
+
+  /// Where the multipliers and slacks of all nodes are counted from.
+  struct Center {
+    Vector z, y, multipliers, slacks;
+  };
+  enum class End {
+    optimal,      ///< solved, as exactly as bound() tells
+    cutoff,       ///< bound() is no less than the cutoff
+    infeasible,   ///< its multipliers contradict its rows
+    undecided,    ///< neither; bound() is true all the same
+    interrupted,  ///< bound() is that of its parent
+  };
+
+  /// False if Q is not convex, or interrupted.
+  [[nodiscard]] virtual bool prepare(Run& run) = 0;
+  /// Whether Q is convex to rounding; prepares too.
+  [[nodiscard]] virtual bool is_convex(Run& run) = 0;
+  /// Nothing fixed, no row held, around z.
+  [[nodiscard]] virtual bool start(ConstVectorRef z) = 0;
+  /// No row fixed; these held, around a center.
+  [[nodiscard]] virtual bool start(const Center& center, const std::vector<Index>& held,
+                                   double parent_bound) = 0;
+  /// A side of a pair is zero from now on.
+  virtual void fix(Index row) = 0;
+  /// Solves what is fixed now. `cutoff` and bounds are scaled objectives.
+  [[nodiscard]] virtual End solve(const Box& box, double cutoff, const Interrupt& interrupt) = 0;
+
+  [[nodiscard]] virtual double bound() const = 0;
+  /// The one of the last solve().
+  [[nodiscard]] virtual Center center() const = 0;
+  [[nodiscard]] virtual const Vector& z() const = 0;
+  [[nodiscard]] virtual const Vector& y() const = 0;
+  [[nodiscard]] virtual const Vector& multipliers() const = 0;
+  [[nodiscard]] virtual const Vector& slacks() const = 0;  ///< 0 for rows held
+  [[nodiscard]] virtual const std::vector<Index>& held() const = 0;
+  [[nodiscard]] virtual bool is_held(Index row) const = 0;
+  /// So far.
+  [[nodiscard]] virtual std::int64_t factorizations() const = 0;
+  /// Of its factor.
+  [[nodiscard]] virtual double bytes() = 0;
+
+  /// All of it, to come back to.
+  virtual void save() = 0;
+  virtual void restore() = 0;
+};
+
+}  // namespace marble
