@@ -34,9 +34,9 @@ class Fit {
     improve_size_and_cost();
   }
   [[nodiscard]] Units units() const {
-    const double most = std::floor(std::log2(tuning::scale_range) / tuning::units_bits);
+    const double most = std::floor(std::log2(tuning::scale_range));
     const auto rounded = [most](double log) {
-      return std::exp2(tuning::units_bits * std::clamp(std::round(log / tuning::units_bits), -most, most));
+      return std::abs(log) < tuning::units_bits ? 1.0 : std::exp2(std::clamp(std::round(log), -most, most));
     };
     return {column_.unaryExpr(rounded), row_.head(p_.A.rows).unaryExpr(rounded),
             row_.tail(p_.rows.rows).unaryExpr(rounded), rounded(cost_)};

@@ -16,9 +16,8 @@ struct Units {
 /// Those that minimise the squares of log |E a D| over the entries of [A; C; L; R], of log |E b| over their
 /// constants, of log |c D q D| over those of Q, and of log |c D g|: so in other units the same numbers come
 /// out. (Curtis and Reid, "On the automatic scaling of matrices for Gaussian elimination", 1972, with
-/// constants and cost.) Each is rounded to a whole power of 2^tuning::units_bits: what is near 1 stays 1,
-/// and none is beyond tuning::scale_range.
-/// Of p, whose numbers are the user's.
+/// constants and cost.) Rounded to powers of two, none beyond tuning::scale_range; what is within
+/// 2^±tuning::units_bits of 1 stays 1. Of p, whose numbers are the user's.
 [[nodiscard]] Units choose_units(const ScaledProblem& p, const Interrupt& interrupt);
 
 }  // namespace marble

@@ -9,33 +9,75 @@
 namespace marble {
 namespace {
 
-// Widened by the rounding of its quotient.
-double outward(double value, double direction) {
-  return value + direction * tuning::bound_roundoff * std::abs(value);
-}
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Σ a z of a row over a box, at its least or at its most: the finite terms, and which one is not.
+struct Activity {
+  double sum = 0.0, size = 0.0;
+  int infinite = 0;
+
+  void add(double term) {
+    if (std::isfinite(term)) {
+      sum += term;
+      size += std::abs(term);
+    } else {
+      ++infinite;
+    }
+  }
+  // Of the other terms; infinite if one of them is.
+  [[nodiscard]] double without(double term) const {
+    if (std::isfinite(term)) return infinite > 0 ? kInfinity : sum - term;
+    return infinite > 1 ? kInfinity : sum;
+  }
+};
 
 }  // namespace
 
 Box::Box(const ScaledProblem& p, double far) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   lower.setConstant(p.variables(), -kInfinity);
   upper.setConstant(p.variables(), kInfinity);
-  const auto tighten = [this](const RowMatrix& matrix, const Vector& offset, bool equality) {
-    for (Index row = 0; row < matrix.rows; ++row) {
-      if (matrix.row_size(row) != 1) continue;
-      const Index k = matrix.row_pointers[row];
+  for (int pass = 0; pass < tuning::box_passes; ++pass) {
+    tighten(p.A, p.b, true);
+    tighten(p.rows, p.offset, false);
+  }
+  radius = far / p.variable_scale.array();
+}
+
+// A row Σ a z + o ≥ 0 bounds each term from below by what the others are at most; = 0 from above too. Widened
+// by the rounding of its sums.
+void Box::tighten(const RowMatrix& matrix, const Vector& offset, bool equality) {
+  for (Index row = 0; row < matrix.rows; ++row) {
+    Activity least, most;
+    for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
       const double value = matrix.values[k];
       if (value == 0.0) continue;
       const Index j = matrix.column_indices[k];
-      const double at = -offset[row] / value;
-      if (!std::isfinite(at)) continue;
-      if (equality || value > 0.0) lower[j] = std::max(lower[j], outward(at, -1.0));
-      if (equality || value < 0.0) upper[j] = std::min(upper[j], outward(at, 1.0));
+      least.add(value * (value > 0.0 ? lower[j] : upper[j]));
+      most.add(value * (value > 0.0 ? upper[j] : lower[j]));
     }
-  };
-  tighten(p.A, p.b, true);
-  tighten(p.rows, p.offset, false);
-  radius = far / p.variable_scale.array();
+    if (most.infinite > 1 && (!equality || least.infinite > 1)) continue;
+    const double terms = static_cast<double>(matrix.row_size(row)) + 2.0;
+    const double error = terms * tuning::bound_roundoff * (std::abs(offset[row]) + least.size + most.size);
+    for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
+      const double value = matrix.values[k];
+      if (value == 0.0) continue;
+      const Index j = matrix.column_indices[k];
+      const auto bound = [&](double term, bool at_least) {  // a z ≥ term, or ≤
+        if (!std::isfinite(term)) return;
+        const double at = term / value;
+        const double wider = tuning::bound_roundoff * std::abs(at);
+        if ((value > 0.0) == at_least) {
+          lower[j] = std::max(lower[j], at - wider);
+        } else {
+          upper[j] = std::min(upper[j], at + wider);
+        }
+      };
+      const double old_lower = lower[j], old_upper = upper[j];
+      bound(-offset[row] - most.without(value * (value > 0.0 ? old_upper : old_lower)) - error, true);
+      if (equality)
+        bound(-offset[row] - least.without(value * (value > 0.0 ? old_lower : old_upper)) + error, false);
+    }
+  }
 }
 
 DualBound::DualBound(const ScaledProblem& problem)
@@ -68,14 +110,14 @@ double DualBound::settle(const Box& box) {
     const auto least = [&](double coefficient) {
       const double at = coefficient > 0.0 ? box.lower[j] : box.upper[j];
       if (std::isfinite(at)) return coefficient * at;
-      return small ? -std::abs(coefficient) * box.radius[j] : -std::numeric_limits<double>::infinity();
+      return small ? -std::abs(coefficient) * box.radius[j] : -kInfinity;
     };
     paid_ -= std::min(least(entry.value() - error), least(entry.value() + error));
   }
   // The sum above has its own rounding.
   const double bound =
       value_.value() - paid_ - tuning::bound_roundoff * (1.0 + problem_.variables()) * std::abs(paid_);
-  return std::isfinite(bound) ? bound : -std::numeric_limits<double>::infinity();
+  return std::isfinite(bound) ? bound : -kInfinity;
 }
 
 double DualBound::of_objective(const Box& box, ConstVectorRef z, ConstVectorRef y, ConstVectorRef mu) {

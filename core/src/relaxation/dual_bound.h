@@ -5,8 +5,8 @@
 //   f(z) ≥ −½ z̄ᵀQz̄ + bᵀy − oᵀμ + rᵀz,   r = Q z̄ + g + Aᵀy − Jᵀμ,
 //
 // with rows A z + b = 0 and J z + o ≥ 0 (= 0 where μ may be negative). What is left of r is paid for at the
-// worst z: within the bounds of z that rows of one entry give; where there are none r must be 0 to 1e-9 of
-// the largest sum it is made of, and is paid for up to a stated radius.
+// worst z: within the bounds of z that the rows imply; where there are none r must be 0 to 1e-9 of the
+// largest sum it is made of, and is paid for up to a stated radius.
 #pragma once
 
 #include <vector>
@@ -18,10 +18,14 @@ namespace marble {
 
 /// Where z lies, scaled.
 struct Box {
-  /// By the rows of one entry, and |z|∞ ≤ far (user units) where there is none.
+  /// What the rows imply, each with the bounds of its other variables, in tuning::box_passes passes; and
+  /// |z|∞ ≤ far (user units) where they do not.
   Box(const ScaledProblem& problem, double far);
   Vector lower, upper;  ///< ±∞ where rows do not say
   Vector radius;        ///< for the others
+
+ private:
+  void tighten(const RowMatrix& matrix, const Vector& offset, bool equality);
 };
 
 class DualBound {

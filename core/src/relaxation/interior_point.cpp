@@ -173,8 +173,8 @@ std::optional<InteriorPoint::End> InteriorPoint::examine(const Box& box, double 
   return std::nullopt;
 }
 
-// The multipliers grow along a ray for which Aᵀy − Jᵀμ is nothing. What is left of it, r, goes with the factor at
-// hand: where (Q + δI + JᵀWJ) dz + Aᵀdy = −r, y + dy and μ − W J dz leave −(Q + δI) dz.
+// The multipliers grow along a ray for which Aᵀy − Jᵀμ is nothing. What is left of it, r, goes with the
+// factor at hand: where (Q + δI + JᵀWJ) dz + Aᵀdy = −r, y + dy and μ − W J dz leave −(Q + δI) dz.
 bool InteriorPoint::contradicts(const Box& box, double largest) {
   ray_y_ = y_ / largest;
   ray_mu_ = mu_ / largest;

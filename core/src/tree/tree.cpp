@@ -89,6 +89,12 @@ std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
   const Vector& from = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
   radius_ = tuning::tree_radius * (1.0 + max_abs(from.cwiseProduct(problem_.variable_scale)));
   box_.emplace(problem_, radius_);
+  const double by_incumbent = bound_by_incumbent();
+  if (by_incumbent >= cutoff()) {
+    ++nodes_;
+    close(by_incumbent);
+    return TreeResult::End::exhausted;
+  }
   NodeEngine& relaxation = expanders_[0]->relaxation();
   if (!relaxation.start(from)) return TreeResult::End::limit;
   Node root(problem_.layout, Fixings(static_cast<std::size_t>(problem_.pairs())), {});
@@ -112,12 +118,20 @@ std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
     return TreeResult::End::exhausted;
   for (const PseudoCosts::Gain& gain : expanders_[0]->probed()) costs_.add(gain);
   root = Node(problem_.layout, fixings, relaxation.held());
-  root.bound = relaxation.bound();
+  root.bound = std::max(by_incumbent, relaxation.bound());
   push(std::move(root));
   clauses_ = incumbent_.exists() ? expanders_[0]->find_clauses(fixings, center_, *box_, run.interrupt())
                                  : std::vector<Clause>();
   run.factorizations += static_cast<std::int32_t>(relaxation.factorizations());
   return std::nullopt;
+}
+
+// What its own multipliers prove of the relaxation that fixes nothing: where that is as low as the incumbent,
+// all.
+double Tree::bound_by_incumbent() const {
+  if (!incumbent_.exists()) return -kInfinity;
+  const Iterate& x = incumbent_.best().x;
+  return DualBound(problem_).of_objective(*box_, x.z(), x.y(), (-x.lambda()).cwiseMax(0.0));
 }
 
 void Tree::push(Node node) {
