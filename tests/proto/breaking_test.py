@@ -89,9 +89,9 @@ BREAKING = {
         "request was stream .marble.v1.SessionRequest, is .marble.v1.SessionRequest"),
 }
 COMPATIBLE = {
-    "a new field": ("solution", "double objective = 9;", "double objective = 9;\n  double gap = 99;"),
+    "a new field": ("solution", "double objective = 9;", "double objective = 9;\n  double spread = 99;"),
     "a new optional field": ("options", "optional int32 starts = 19;",
-                             "optional int32 starts = 19;\n  optional bool verbose = 20;"),
+                             "optional int32 starts = 19;\n  optional bool verbose = 99;"),
     "a new value of an enum": ("job", "PRIORITY_BATCH = 3;", "PRIORITY_BATCH = 3;\n  PRIORITY_IDLE = 4;"),
     "a new member of a oneof": ("service", "    Queued queued = 5;", "    Queued queued = 5;\n    Limits limits = 6;"),
     "a new message, enum, rpc and service": (
@@ -156,9 +156,9 @@ class Contract(unittest.TestCase):
                       breaking(read(RELEASED), self.compile()))
 
     def test_what_is_reserved_stays_reserved(self):
-        self.mutate("solution", "double kkt_residual = 11;", 'reserved 11, 20 to 30;\n  reserved "kkt_residual";')
+        self.mutate("solution", "double kkt_residual = 11;", 'reserved 11, 50 to 60;\n  reserved "kkt_residual";')
         released = self.compile()
-        self.mutate("solution", 'reserved 11, 20 to 30;\n  reserved "kkt_residual";', "reserved 20 to 30;\n  bool fine = 11;")
+        self.mutate("solution", 'reserved 11, 50 to 60;\n  reserved "kkt_residual";', "reserved 50 to 60;\n  bool fine = 11;")
         self.assertEqual(breaking(released, self.compile()), [
             "marble.v1.Solution: reserved 11 to 11 is not reserved any more",
             'marble.v1.Solution: reserved "kkt_residual" is not reserved any more'])

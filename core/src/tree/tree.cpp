@@ -89,7 +89,8 @@ std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
   const Vector& from = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
   radius_ = tuning::tree_radius * (1.0 + max_abs(from.cwiseProduct(problem_.variable_scale)));
   box_.emplace(problem_, radius_);
-  const double by_incumbent = bound_by_incumbent();
+  Fixings fixings(static_cast<std::size_t>(problem_.pairs()));
+  const double by_incumbent = bound_by_solutions(fixings);
   if (by_incumbent >= cutoff()) {
     ++nodes_;
     close(by_incumbent);
@@ -97,7 +98,7 @@ std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
   }
   NodeEngine& relaxation = expanders_[0]->relaxation();
   if (!relaxation.start(from)) return TreeResult::End::limit;
-  Node root(problem_.layout, Fixings(static_cast<std::size_t>(problem_.pairs())), {});
+  Node root(problem_.layout, fixings, {});
   root.bound = -kInfinity;
   using End = NodeEngine::End;
   const End end = relaxation.solve(*box_, cutoff(), run.interrupt());
@@ -113,7 +114,6 @@ std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
   }
   if (end == End::optimal) try_as_answer(run, expanders_[0]->suggestion());
   center_ = relaxation.center();
-  Fixings fixings(static_cast<std::size_t>(problem_.pairs()));
   if (incumbent_.exists() && !expanders_[0]->probe(fixings, *box_, cutoff(), closed_bound_, run.interrupt()))
     return TreeResult::End::exhausted;
   for (const PseudoCosts::Gain& gain : expanders_[0]->probed()) costs_.add(gain);
@@ -126,12 +126,25 @@ std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
   return std::nullopt;
 }
 
-// What its own multipliers prove of the relaxation that fixes nothing: where that is as low as the incumbent,
-// all.
-double Tree::bound_by_incumbent() const {
+// What the multipliers of the exact solutions at hand prove of a relaxation: of the one that a solution is
+// the answer to, all; what an engine has left of stationarity there is not paid for again.
+double Tree::bound_by_solutions(const Fixings& fixings) const {
   if (!incumbent_.exists()) return -kInfinity;
-  const Iterate& x = incumbent_.best().x;
-  return DualBound(problem_).of_objective(*box_, x.z(), x.y(), (-x.lambda()).cwiseMax(0.0));
+  DualBound dual_bound(problem_);
+  double best = -kInfinity;
+  for (const Iterate* x : {&incumbent_.best().x, &incumbent_.other().x}) {
+    Vector multipliers = (-x->lambda()).cwiseMax(0.0);
+    for (Index pair = 0; pair < problem_.pairs(); ++pair) {
+      const auto sides = static_cast<unsigned>(fixings[static_cast<std::size_t>(pair)]);
+      for (const bool s : {true, false}) {
+        const Index row = s ? problem_.layout.s(pair) : problem_.layout.t(pair);
+        const auto fixed = static_cast<unsigned>(s ? Sides::s_zero : Sides::t_zero);
+        if ((sides & fixed) != 0) multipliers[row] = -x->lambda()[row];
+      }
+    }
+    best = std::max(best, dual_bound.of_objective(*box_, x->z(), x->y(), multipliers));
+  }
+  return best;
 }
 
 void Tree::push(Node node) {
@@ -214,6 +227,12 @@ void Tree::take(Run& run, Expansion& e) {
   run.factorizations += static_cast<std::int32_t>(e.factorizations);
   for (const PseudoCosts::Gain& gain : e.gains) costs_.add(gain);
   if (e.suggestion) try_as_answer(run, *e.suggestion);
+  if (e.outcome == Outcome::leaf || e.outcome == Outcome::complementary) {
+    Fixings fixings(static_cast<std::size_t>(problem_.pairs()));
+    std::vector<Index> held;
+    e.node.read(problem_.layout, fixings, held);
+    e.node.bound = std::max(e.node.bound, bound_by_solutions(fixings));
+  }
   switch (e.outcome) {
     case Outcome::branched:
       for (Node& child : e.children) push(std::move(child));

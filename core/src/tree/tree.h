@@ -50,7 +50,7 @@ class Tree {
   [[nodiscard]] bool make_expanders(Run& run, std::size_t count);
   [[nodiscard]] std::optional<TreeResult::End> begin(Run& run, ConstVectorRef z);
   [[nodiscard]] bool round(Run& run);
-  [[nodiscard]] double bound_by_incumbent() const;
+  [[nodiscard]] double bound_by_solutions(const Fixings& fixings) const;
   void choose_nodes(std::size_t count);
   void take(Run& run, Expansion& expansion);
   void close(double bound) { closed_bound_ = std::min(closed_bound_, bound); }
