@@ -31,7 +31,7 @@ bool tune(const Sweep&) {
 
 namespace {
 
-enum class Basis { paper, rounding, machine, sweep };
+enum class Basis { paper, rounding, machine, trial, sweep };
 
 struct Number {
   const char* name;
