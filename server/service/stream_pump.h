@@ -134,7 +134,7 @@ class StreamPump : public Reactor {
     } else if (end) {
       this->Finish(*end);
     }
-    if (!read) return write;  // an event that has left may make room for work
+    if (!read) return false;
     const MutexLock lock(mutex_);
     --starting_;
     return true;

@@ -337,7 +337,7 @@ void SessionCall::pulse(Clock::time_point now) {
   {
     const MutexLock lock(mutex_);
     if (finishing() || end_) return;
-    const bool stalled = job_ == nullptr && answers_ >= kUnreadAnswers;
+    const bool stalled = job_ == nullptr && answers_ > 0;  // behind a write that does not end
     const bool quiet = job_ == nullptr && !parsing_ && (!waiting_ || waiting_->empty());
     const auto idle = std::chrono::duration<double>(now - last_activity_).count();
     if (parts_.scheduler.is_closed()) {
