@@ -11,7 +11,9 @@ bool ExactBranch::solve(Run& run, int budget) {
   point_.set.clear_others(point_.x.lambda());  // they may be of another branch
   newton_.center.all = point_.x.all;           // should the exchanges lead nowhere
   if (const auto solved = exchange_rows(run, tuning::exact_exchanges, last)) return *solved;
-  const bool rows_known = newton_.converge(run, {tuning::exact_rho, tuning::exact_delta}, last);
+  bool rows_known = newton_.converge(run, {tuning::exact_rho, tuning::exact_delta}, last);
+  if (newton_.lost_descent())
+    rows_known = newton_.converge(run, {tuning::exact_rho, tuning::elastic_delta}, last);
   return rows_known && exchange_rows(run, tuning::exact_exchanges, last).value_or(false);
 }
 

@@ -41,7 +41,8 @@ bool SemismoothNewton::iterate(Run& run, const Penalty& penalty, int last, bool 
       return false;
     if (!find_step()) return false;
     const double length = exact_length(penalty);
-    if (length == 0.0 || !move(penalty, length)) return false;
+    lost_descent_ = length == 0.0;
+    if (lost_descent_ || !move(penalty, length)) return false;
     full_step = std::abs(length - 1.0) <= tuning::near;
   }
 }
@@ -135,6 +136,7 @@ double SemismoothNewton::exact_length(const Penalty& penalty) {
 bool SemismoothNewton::converge(Run& run, const Penalty& penalty, int last) {
   Iterate& x = point_.x;
   x.all = center.all;
+  lost_descent_ = false;
   double least_error = std::numeric_limits<double>::infinity();
   int without_progress = 0;
   while (true) {

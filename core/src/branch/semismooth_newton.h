@@ -33,6 +33,8 @@ class SemismoothNewton {
   /// The proximal method of multipliers, from the center: minimises, then α ← λ and z_c ← z, until neither
   /// moves. False if the branch seems infeasible, or as above.
   [[nodiscard]] bool converge(Run& run, const Penalty& penalty, int last);
+  /// Whether that ended at a step that did not descend: δ is lost in rounding beside ρ where Q is flat.
+  [[nodiscard]] bool lost_descent() const { return lost_descent_; }
 
  private:
   [[nodiscard]] bool iterate(Run& run, const Penalty& penalty, int last, bool full_step);
@@ -51,6 +53,7 @@ class SemismoothNewton {
     double step, slope;
   };
   std::vector<Breakpoint> breakpoints_;
+  bool lost_descent_ = false;
 };
 
 }  // namespace marble

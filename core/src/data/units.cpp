@@ -11,6 +11,19 @@ namespace {
 // log₂ of a number's size to half a unit: all that units need.
 double log_size(double value) { return std::ilogb(value) + 0.5; }
 
+// Whether no number is further from 1 than units are left to be: then no fit is needed.
+bool near_one(const ScaledProblem& p) {
+  const double most = std::exp2(tuning::units_bits);
+  const auto near = [most](const auto& values) {
+    return std::all_of(values.begin(), values.end(), [most](double value) {
+      const double size = std::abs(value);
+      return value == 0.0 || (size < most && size * most > 1.0);
+    });
+  };
+  return near(p.Q.values) && near(p.A.values) && near(p.rows.values) && near(p.g) && near(p.b) &&
+         near(p.offset);
+}
+
 // The nearest value of an unknown that appears once in each term: minus the mean of what is left of them.
 struct Means {
   explicit Means(Eigen::Index size) : sum(Vector::Zero(size)), weight(Vector::Zero(size)) {}
@@ -130,6 +143,7 @@ class Fit {
 
 Units choose_units(const ScaledProblem& p, const Interrupt& interrupt) {
   Fit fit(p);
+  if (near_one(p)) return fit.units();
   for (int pass = 0; pass < tuning::units_passes && !interrupt.requested(); ++pass) fit.improve();
   return fit.units();
 }

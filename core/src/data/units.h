@@ -17,7 +17,8 @@ struct Units {
 /// constants, of log |c D q D| over those of Q, and of log |c D g|: so in other units the same numbers come
 /// out. (Curtis and Reid, "On the automatic scaling of matrices for Gaussian elimination", 1972, with
 /// constants and cost.) Rounded to powers of two, none beyond tuning::scale_range; what is within
-/// 2^±tuning::units_bits of 1 stays 1. Of p, whose numbers are the user's.
+/// 2^±tuning::units_bits of 1 stays 1, and all of them where all numbers are. Of p, whose numbers are the
+/// user's.
 [[nodiscard]] Units choose_units(const ScaledProblem& p, const Interrupt& interrupt);
 
 }  // namespace marble

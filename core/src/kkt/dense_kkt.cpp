@@ -17,8 +17,8 @@ void dtrsm_(const char* side, const char* uplo, const char* transa, const char* 
 void dsymv_(const char* uplo, const int* n, const double* alpha, const double* a, const int* lda,
             const double* x, const int* incx, const double* beta, double* y, const int* incy);
 void dpotrf_(const char* uplo, const int* n, double* a, const int* lda, int* info);
-void dpotrs_(const char* uplo, const int* n, const int* nrhs, const double* a, const int* lda, double* b,
-             const int* ldb, int* info);
+void dtrsv_(const char* uplo, const char* trans, const char* diag, const int* n, const double* a,
+            const int* lda, double* x, const int* incx);
 }
 
 namespace marble {
@@ -72,6 +72,34 @@ bool factorize_cholesky(double* a, int n, const Interrupt& interrupt) {
     if (!add_product(-1.0, panel, n, columns, panel + columns, n, rest, interrupt)) return false;
   }
   return true;
+}
+
+// x ← (UᵀU)⁻¹ x. Not by dpotrs, whose blocks of right-hand sides cost one alone twice its time; nor by a call
+// for a factor that takes less time than one.
+void solve_triangles(const Eigen::MatrixXd& factor, VectorRef x) {
+  const auto n = static_cast<int>(factor.rows());
+  if (n <= tuning::tiny) {
+    const auto upper = factor.triangularView<Eigen::Upper>();
+    upper.transpose().solveInPlace(x);
+    upper.solveInPlace(x);
+    return;
+  }
+  const int one = 1;
+  dtrsv_("U", "T", "N", &n, factor.data(), &n, x.data(), &one);
+  dtrsv_("U", "N", "N", &n, factor.data(), &n, x.data(), &one);
+}
+
+// y ← y − S x, of the upper triangle of S.
+void subtract_product(const Eigen::MatrixXd& s, ConstVectorRef x, VectorRef y) {
+  const auto n = static_cast<int>(s.rows());
+  if (n <= tuning::tiny) {
+    y.noalias() -= s.selfadjointView<Eigen::Upper>() * x;
+    return;
+  }
+  const int one = 1;
+  const double minus = -1.0;
+  const double plus = 1.0;
+  dsymv_("U", &n, &minus, s.data(), &n, x.data(), &one, &plus, y.data(), &one);
 }
 
 // Large matrices are copied by columns: their memory is touched for the first time then.
@@ -230,15 +258,10 @@ bool DenseKkt::solve(VectorRef x, VectorRef y) {
   const auto A = rows_.topRows(equalities_);
   x.noalias() += rho_ * (A.transpose() * y);
   residual_ = x;
-  const int one = 1;
-  int info = 0;
-  dpotrs_("U", &variables_, &one, factor_.data(), &variables_, x.data(), &variables_, &info);
+  solve_triangles(factor_, x);
   if (Checkpoint(interrupt()).reached(factor_.size())) return false;
-  const double minus = -1.0;
-  const double plus = 1.0;
-  dsymv_("U", &variables_, &minus, system_.data(), &variables_, x.data(), &one, &plus, residual_.data(),
-         &one);
-  dpotrs_("U", &variables_, &one, factor_.data(), &variables_, residual_.data(), &variables_, &info);
+  subtract_product(system_, x, residual_);
+  solve_triangles(factor_, residual_);
   x += residual_;
   y *= -1.0;
   y.noalias() += A * x;
@@ -249,9 +272,7 @@ bool DenseKkt::solve(VectorRef x, VectorRef y) {
 bool DenseKkt::solve_sparse(std::span<const Index> indices, std::span<const double> values, VectorRef x) {
   x.setZero();
   for (std::size_t k = 0; k < indices.size(); ++k) x[indices[k]] = values[k];
-  const int one = 1;
-  int info = 0;
-  dpotrs_("U", &variables_, &one, factor_.data(), &variables_, x.data(), &variables_, &info);
+  solve_triangles(factor_, x);
   return !Checkpoint(interrupt()).reached(factor_.size());
 }
 
