@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <utility>
 
-#include "discretize.h"
+#include "marble/published_examples.h"
 #include "model.h"
 #include "noise.h"
 
@@ -161,86 +161,6 @@ OwnedProblem bilevel(std::uint64_t seed) {
   return model.problem();
 }
 
-// The gates of the paper's authors (github.com/MarbleSolver/Marble, julia/examples, 7eb4b17) over T seconds:
-// γ and the gate error e are variables, and to pass beside a gate costs `weight` a metre and second. At the
-// end position and velocity, or position and attitude.
-OwnedProblem cheap_gates(double T, double weight, bool end_at_rest) {
-  constexpr int kSteps = 30, kStates = 9, kInputs = 4, kGates = 4;
-  constexpr double kGravity = 9.81;
-  const double tilt = 20.0 * std::acos(-1.0) / 180.0;
-  const double step_s = T / (kSteps - 1);
-  Eigen::MatrixXd state = Eigen::MatrixXd::Zero(kStates, kStates);
-  Eigen::MatrixXd input = Eigen::MatrixXd::Zero(kStates, kInputs);
-  state.block(0, 6, 3, 3).setIdentity();
-  state(6, 4) = 2.0 * kGravity;  // half angles
-  state(7, 3) = -2.0 * kGravity;
-  input(8, 0) = 1.0;
-  input.block(3, 1, 3, 3) = 0.5 * Eigen::Matrix3d::Identity();
-  const examples::Discrete discrete = examples::zero_order_hold(state, input, step_s);
-  const double center[kGates][3] = {{-2, 2, 0.25}, {1, 6, 1}, {2, 3, 2}, {-4, 6, 0.5}};
-  const double degrees[kGates] = {45, -45, 0, 20};
-  const double half[3] = {0.5, 0.05, 0.5};
-  const double rate[3] = {2.0, 2.0, 1.5};
-
-  constexpr Index kGate = 3 + 1 + 3 + 3 + 1;  // e, μ, s⁺, s⁻, γ
-  constexpr Index kStep = kStates + kInputs + kGates * kGate;
-  Model model("cheap gates", kStep * kSteps - kInputs);
-  const auto x = [](int k, int i) { return k * kStep + i; };
-  const auto gate = [](int k, int j, int i) { return k * kStep + kStates + j * kGate + i; };
-  const auto u = [](int k, int i) { return k * kStep + kStates + kGates * kGate + i; };
-  enum { kError = 0, kControl = 3, kPlus = 4, kMinus = 7, kProgress = 10 };
-
-  for (int i = 0; i < kStates; ++i) model.equal_zero({{x(0, i), 1.0}});
-  for (const int i : end_at_rest ? std::array{0, 1, 2, 6, 7, 8} : std::array{0, 1, 2, 3, 4, 5})
-    model.equal_zero({{x(kSteps - 1, i), 1.0}}, i == 1 ? -10.0 : 0.0);
-  for (int j = 0; j < kGates; ++j) model.equal_zero({{gate(kSteps - 1, j, kProgress), 1.0}}, -1.0);
-  for (int k = 0; k + 1 < kSteps; ++k) {
-    for (int i = 0; i < kStates; ++i) {
-      Terms terms = {{x(k + 1, i), -1.0}};
-      for (int j = 0; j < kStates; ++j) terms.push_back({x(k, j), discrete.state(i, j)});
-      for (int j = 0; j < kInputs; ++j) terms.push_back({u(k, j), discrete.input(i, j)});
-      model.equal_zero(terms);
-    }
-    for (int i = 0; i < kInputs; ++i) {
-      model.add_square(step_s, {{u(k, i), 1.0}}, i == 0 ? kGravity : 0.0);
-      model.at_least_zero({{u(k, i), 1.0}}, i == 0 ? kGravity : rate[i - 1]);
-      model.at_least_zero({{u(k, i), -1.0}}, i == 0 ? 3.0 * kGravity : rate[i - 1]);
-    }
-  }
-  std::vector<Index> slacks;
-  for (int k = 0; k < kSteps; ++k) {
-    for (int i = 0; i < 3; ++i) model.within({{x(k, 3 + i), 1.0}}, tilt);
-    for (int j = 0; j < kGates; ++j) {
-      Terms progress = {{gate(k, j, kProgress), 1.0}, {gate(k, j, kControl), -1.0}};
-      if (k > 0) progress.push_back({gate(k - 1, j, kProgress), -1.0});
-      model.equal_zero(progress);
-      const double angle = degrees[j] * std::acos(-1.0) / 180.0;
-      Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-      turn.topLeftCorner<2, 2>() << std::cos(angle), std::sin(angle), -std::sin(angle), std::cos(angle);
-      const Eigen::Vector3d middle = turn * Eigen::Vector3d(center[j][0], center[j][1], center[j][2]);
-      Terms beside;
-      for (int i = 0; i < 3; ++i) {
-        const Index error = gate(k, j, kError + i);
-        Terms offset = {{error, -1.0}};
-        for (int a = 0; a < 3; ++a) offset.push_back({x(k, a), turn(i, a)});
-        model.equal_zero(offset, -middle[i]);
-        for (const Index slack : {gate(k, j, kPlus + i), gate(k, j, kMinus + i)}) {
-          model.at_least_zero({{error, slack == gate(k, j, kPlus + i) ? -1.0 : 1.0}, {slack, 1.0}}, half[i]);
-          model.at_least_zero({{slack, 1.0}});
-          beside.push_back({slack, 1.0});
-          slacks.push_back(slack);
-        }
-      }
-      if (j + 1 < kGates)
-        model.at_least_zero({{gate(k, j, kProgress), 1.0}, {gate(k, j + 1, kProgress), -1.0}});
-      model.complementary({{gate(k, j, kControl), 1.0}}, 0.0, beside, 0.0);
-    }
-  }
-  OwnedProblem p = model.problem();
-  for (const Index slack : slacks) p.g[static_cast<std::size_t>(slack)] = weight * step_s;
-  return p;
-}
-
 // Those that need no search.
 void add_proofs(std::vector<HardProblem>& all) {
   Model apart("equalities apart", 1);
@@ -286,7 +206,7 @@ std::vector<HardProblem> hard_problems(int seeds, bool judging) {
   for (const double T : {7.0, 7.5, 8.0, 9.0}) {
     for (const double weight : {0.0, 0.01}) {
       for (const bool end_at_rest : {true, false})
-        all.push_back({"cheap gates", cheap_gates(T, weight, end_at_rest), {}});
+        all.push_back({"cheap gates", examples::published_gates({T, weight, end_at_rest}), {}});
     }
   }
   add_proofs(all);

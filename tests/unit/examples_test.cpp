@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "marble/problem.h"
+#include "marble/published_examples.h"
 #include "marble/solver.h"
 #include "support/independent_check.h"
 #include "support/shared_problems.h"
@@ -42,6 +43,39 @@ TEST(Examples, HaveTheSizesOfThePapersTableOne) {
   expect_sizes(hopper(), 1560, 780, 540, 540);
   expect_sizes(gates(), 1706, 760, 1942, 120);
   expect_sizes(rocket(), 678, 444, 718, 40);
+}
+
+// Gurobi's optimum of the rocket is 380.71, and 381.19 is what the paper's own method reaches. Of the hopper
+// Table I counts 240 more inequalities than its published file has.
+TEST(PublishedExamples, HaveTheSizesOfThePapersTableOne) {
+  expect_sizes(published_rocket(), 678, 444, 718, 40);
+  expect_sizes(published_gates(), 1706, 760, 1942, 120);
+  expect_sizes(published_hopper(), 1560, 780, 300, 540);
+}
+
+TEST(PublishedExamples, OfARocketHasThePapersObjectives) {
+  const OwnedProblem p = published_rocket();
+  const Solution best = solve_in_process(p.view()).value();
+  EXPECT_EQ(best.status, Status::solved) << best.detail;
+  EXPECT_NEAR(best.objective, 380.714796, 1e-6);
+  EXPECT_LE(infeasibility(p, best.z), 1e-9);
+  const Solution paper = solve_in_process(p.view(), {.path = Path::paper, .polish = false}).value();
+  EXPECT_EQ(paper.status, Status::solved) << paper.detail;
+  EXPECT_NEAR(paper.objective, 381.19, 0.005);
+}
+
+TEST(PublishedExamples, OfGatesAndHopperAreSolvedToWhatIsKnown) {
+  const struct {
+    OwnedProblem problem;
+    double reached;
+  } all[] = {{published_gates(), 608.0}, {published_hopper(), 33.1}};
+  for (const auto& [problem, reached] : all) {
+    const Solution s = solve_in_process(problem.view()).value();
+    EXPECT_EQ(s.status, Status::solved) << problem.name << ": " << s.detail;
+    EXPECT_LE(s.objective, reached) << problem.name;
+    EXPECT_NEAR(objective(problem, s.z), s.objective, 1e-8 * s.objective) << problem.name;
+    EXPECT_LE(infeasibility(problem, s.z), 1e-9) << problem.name;
+  }
 }
 
 TEST(Examples, GrowWithTheHorizon) {

@@ -36,6 +36,20 @@ TEST(Scaling, RowsAndColumnsEndNearNormOne) {
   }
 }
 
+// 0.1 + 0.1 + 0.1 - 0.3 is not 0: what rounding leaves of a sum has no units.
+TEST(Scaling, TakesNoUnitsFromWhatRoundingLeft) {
+  OwnedProblem problem = random_problem({}, 1);
+  problem.g[0] *= 1e4;  // the units need a fit
+  problem.d[0] = 0.0;
+  const ScaledProblem p = scale(Problem::create(problem.view()).value(), 10);
+  problem.d[0] = 0.1 + 0.1 + 0.1 - 0.3;
+  const ScaledProblem noisy = scale(Problem::create(problem.view()).value(), 10);
+  EXPECT_EQ(noisy.variable_scale, p.variable_scale);
+  EXPECT_EQ(noisy.equality_scale, p.equality_scale);
+  EXPECT_EQ(noisy.row_scale, p.row_scale);
+  EXPECT_EQ(noisy.cost_scale, p.cost_scale);
+}
+
 TEST(Scaling, ViolationsAreInTheUsersUnits) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const OwnedProblem problem = random_problem({}, seed);

@@ -5,6 +5,7 @@
 #include "commands/commands.h"
 #include "marble/examples.h"
 #include "marble/problem_file.h"
+#include "marble/published_examples.h"
 
 namespace marble::cli {
 namespace {
@@ -13,6 +14,7 @@ struct ExampleArguments {
   std::string name;
   int steps = 0;  // 0: the example's own
   std::uint64_t seed = 0;
+  bool published = false;
 };
 
 template <class Parameters>
@@ -22,12 +24,23 @@ OwnedProblem generate(const ExampleArguments& arguments, OwnedProblem (*generato
   return generator(parameters);
 }
 
+OwnedProblem problem(const ExampleArguments& arguments) {
+  if (arguments.name == "hopper")
+    return arguments.published ? examples::published_hopper() : generate(arguments, &examples::hopper);
+  if (arguments.name == "rocket")
+    return arguments.published ? examples::published_rocket() : generate(arguments, &examples::rocket);
+  if (arguments.name == "gates")
+    return arguments.published ? examples::published_gates() : generate(arguments, &examples::gates);
+  return examples::qpec({}, arguments.seed);
+}
+
 int run(const ExampleArguments& arguments) {
+  if (arguments.published && arguments.name == "qpec") {
+    std::cerr << "marble: --paper is for hopper, rocket and gates: the paper has no qpec\n";
+    return kBadInput;
+  }
   ProblemFile file;
-  if (arguments.name == "hopper") file.problem = generate(arguments, &examples::hopper);
-  if (arguments.name == "rocket") file.problem = generate(arguments, &examples::rocket);
-  if (arguments.name == "gates") file.problem = generate(arguments, &examples::gates);
-  if (arguments.name == "qpec") file.problem = examples::qpec({}, arguments.seed);
+  file.problem = problem(arguments);
   std::cout << write_problem(file, FileFormat::json) << std::flush;
   if (std::cout) return kAllSolved;
   std::cerr << "marble: standard output cannot be written\n";
@@ -43,10 +56,17 @@ void add_example(CLI::App& program, int& exit_code) {
   command->add_option("NAME", arguments->name, "hopper, rocket, gates or qpec")
       ->required()
       ->check(CLI::IsMember({"hopper", "rocket", "gates", "qpec"}));
-  command->add_option("--steps", arguments->steps, "length of the horizon; default 60, 40 or 30")
-      ->check(CLI::Range(2, 100000));
-  command->add_option("--seed", arguments->seed, "0 is the nominal problem, any other a variation of it")
-      ->capture_default_str();
+  CLI::Option* const steps =
+      command->add_option("--steps", arguments->steps, "length of the horizon; default 60, 40 or 30")
+          ->check(CLI::Range(2, 100000));
+  CLI::Option* const seed =
+      command->add_option("--seed", arguments->seed, "0 is the nominal problem, any other a variation of it")
+          ->capture_default_str();
+  command
+      ->add_flag("--paper", arguments->published,
+                 "with the parameters that the paper's authors published, of hopper, rocket or gates")
+      ->excludes(steps)
+      ->excludes(seed);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }
 

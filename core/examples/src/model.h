@@ -27,6 +27,9 @@ class Model {
   /// Adds ½ weight (terms + constant)² to the objective.
   void add_square(double weight, const Terms& terms, double constant = 0.0);
 
+  /// Adds weight · variable.
+  void add_linear(double weight, Index variable) { gradient_[static_cast<std::size_t>(variable)] += weight; }
+
   [[nodiscard]] OwnedProblem problem() const;
 
  private:

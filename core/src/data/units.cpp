@@ -2,26 +2,27 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <vector>
 
 #include "tuning.h"
 
 namespace marble {
 namespace {
 
-// log₂ of a number's size to half a unit: all that units need.
-double log_size(double value) { return std::ilogb(value) + 0.5; }
-
-// Whether no number is further from 1 than units are left to be: then no fit is needed.
-bool near_one(const ScaledProblem& p) {
-  const double most = std::exp2(tuning::units_bits);
-  const auto near = [most](const auto& values) {
-    return std::all_of(values.begin(), values.end(), [most](double value) {
-      const double size = std::abs(value);
-      return value == 0.0 || (size < most && size * most > 1.0);
-    });
-  };
-  return near(p.Q.values) && near(p.A.values) && near(p.rows.values) && near(p.g) && near(p.b) &&
-         near(p.offset);
+// log₂ of each number's size to half a unit, all that units need; not a number where it is zero, or what
+// rounding left of a sum of numbers like the largest.
+template <class Values>
+std::vector<double> log_sizes(const Values& values) {
+  double largest = 0.0;
+  for (const double value : values) largest = std::max(largest, std::abs(value));
+  std::vector<double> logs;
+  logs.reserve(static_cast<std::size_t>(values.size()));
+  for (const double value : values) {
+    const bool counts = std::abs(value) > tuning::roundoff * largest;
+    logs.push_back(counts ? std::ilogb(value) + 0.5 : std::numeric_limits<double>::quiet_NaN());
+  }
+  return logs;
 }
 
 // The nearest value of an unknown that appears once in each term: minus the mean of what is left of them.
@@ -39,8 +40,20 @@ struct Means {
 class Fit {
  public:
   explicit Fit(const ScaledProblem& p)
-      : p_(p), row_(Vector::Zero(p.A.rows + p.rows.rows)), column_(Vector::Zero(p.variables())) {}
+      : p_(p),
+        logs_{log_sizes(p.Q.values), log_sizes(p.A.values), log_sizes(p.rows.values),
+              log_sizes(p.g),        log_sizes(p.b),        log_sizes(p.offset)},
+        row_(Vector::Zero(p.A.rows + p.rows.rows)),
+        column_(Vector::Zero(p.variables())) {}
 
+  /// Whether no number is further from 1 than units are left to be.
+  [[nodiscard]] bool near_one() const {
+    const auto near = [](const std::vector<double>& logs) {
+      return std::ranges::all_of(logs, [](double log) { return !(std::abs(log) > tuning::units_bits); });
+    };
+    return near(logs_.Q) && near(logs_.A) && near(logs_.rows) && near(logs_.g) && near(logs_.b) &&
+           near(logs_.offset);
+  }
   void improve() {
     improve_rows();
     improve_columns();
@@ -58,12 +71,16 @@ class Fit {
  private:
   template <class Visit>
   void visit_entries(Visit&& visit) const {
-    for (const auto& [matrix, first] : {std::pair(&p_.A, Index{0}), std::pair(&p_.rows, p_.A.rows)}) {
-      for (Index row = 0; row < matrix->rows; ++row) {
-        for (Index k = matrix->row_pointers[row]; k < matrix->row_pointers[row + 1]; ++k) {
-          if (matrix->values[k] != 0.0)
-            visit(first + row, matrix->column_indices[k], log_size(matrix->values[k]));
-        }
+    visit_rows(p_.A, logs_.A, 0, visit);
+    visit_rows(p_.rows, logs_.rows, p_.A.rows, visit);
+  }
+  template <class Visit>
+  static void visit_rows(const RowMatrix& matrix, const std::vector<double>& logs, Index first,
+                         Visit&& visit) {
+    for (Index row = 0; row < matrix.rows; ++row) {
+      for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
+        const double log = logs[static_cast<std::size_t>(k)];
+        if (!std::isnan(log)) visit(first + row, matrix.column_indices[k], log);
       }
     }
   }
@@ -71,33 +88,34 @@ class Fit {
   void visit_hessian(Visit&& visit) const {
     for (Index j = 0; j < p_.Q.size; ++j) {
       for (Index k = p_.Q.column_pointers[j]; k < p_.Q.column_pointers[j + 1]; ++k) {
-        if (p_.Q.values[k] != 0.0) visit(p_.Q.row_indices[k], j, log_size(p_.Q.values[k]));
+        const double log = logs_.Q[static_cast<std::size_t>(k)];
+        if (!std::isnan(log)) visit(p_.Q.row_indices[k], j, log);
       }
     }
   }
   template <class Visit>
-  static void visit_vector(const Vector& values, Eigen::Index first, Visit&& visit) {
-    for (Eigen::Index i = 0; i < values.size(); ++i) {
-      if (values[i] != 0.0) visit(first + i, log_size(values[i]));
+  static void visit_vector(const std::vector<double>& logs, Index first, Visit&& visit) {
+    for (std::size_t i = 0; i < logs.size(); ++i) {
+      if (!std::isnan(logs[i])) visit(first + static_cast<Index>(i), logs[i]);
     }
   }
   template <class Visit>
   void visit_constants(Visit&& visit) const {
-    visit_vector(p_.b, 0, visit);
-    visit_vector(p_.offset, p_.A.rows, visit);
+    visit_vector(logs_.b, 0, visit);
+    visit_vector(logs_.offset, p_.A.rows, visit);
   }
 
   void improve_rows() {
     Means means(row_.size());
     visit_entries([&](Index i, Index j, double log) { means.add(i, log + column_[j]); });
-    visit_constants([&](Eigen::Index i, double log) { means.add(i, log); });
+    visit_constants([&](Index i, double log) { means.add(i, log); });
     row_ = means.values();
   }
 
   void improve_columns() {
     Means means(column_.size());
     visit_entries([&](Index i, Index j, double log) { means.add(j, log + row_[i]); });
-    visit_vector(p_.g, 0, [&](Eigen::Index j, double log) { means.add(j, log + cost_); });
+    visit_vector(logs_.g, 0, [&](Index j, double log) { means.add(j, log + cost_); });
     visit_hessian([&](Index i, Index j, double log) {
       if (i == j) {
         means.add(j, log + cost_, 2.0);
@@ -122,8 +140,8 @@ class Fit {
     };
     visit_hessian(
         [&](Index i, Index j, double log) { add(log + cost_ + column_[i] + column_[j], 2.0, 1.0); });
-    visit_vector(p_.g, 0, [&](Eigen::Index j, double log) { add(log + cost_ + column_[j], 1.0, 1.0); });
-    visit_constants([&](Eigen::Index i, double log) { add(log + row_[i], -1.0, 0.0); });
+    visit_vector(logs_.g, 0, [&](Index j, double log) { add(log + cost_ + column_[j], 1.0, 1.0); });
+    visit_constants([&](Index i, double log) { add(log + row_[i], -1.0, 0.0); });
     const double determinant = aa * gg - ag * ag;
     // One is not determined where there are neither constants nor both of Q and g.
     const bool both = determinant > 0.5;
@@ -135,6 +153,7 @@ class Fit {
   }
 
   const ScaledProblem& p_;
+  const struct { std::vector<double> Q, A, rows, g, b, offset; } logs_;
   Vector row_, column_;
   double cost_ = 0.0;
 };
@@ -143,7 +162,7 @@ class Fit {
 
 Units choose_units(const ScaledProblem& p, const Interrupt& interrupt) {
   Fit fit(p);
-  if (near_one(p)) return fit.units();
+  if (fit.near_one()) return fit.units();
   for (int pass = 0; pass < tuning::units_passes && !interrupt.requested(); ++pass) fit.improve();
   return fit.units();
 }
