@@ -31,6 +31,15 @@ const char* nonconvex_remark(SecondOrder second_order) {
   }
 }
 
+// Algorithm 1 as printed has nothing before it and nothing after it.
+Options effective(Options options) {
+  if (options.path == Path::algorithm1) {
+    options.scaling_passes = options.local_search_budget = options.feasibility_budget = 0;
+    options.polish = false;
+  }
+  return options;
+}
+
 // All that does not depend on the factorization: the scaled copy, the engines' vectors, and the responses
 // that a local search keeps.
 double bytes_without_factor(const Problem& problem) {
@@ -117,7 +126,7 @@ void take_proof(const Strategy::Answer& found, Solution& solution) {
 struct Solver::State {
   State(const Problem& user_problem, const Options& user_options, ScaledProblem scaled,
         std::unique_ptr<Kkt> chosen_kkt)
-      : options(user_options),
+      : options(effective(user_options)),
         sizes(PartSizes::of(user_problem)),
         problem(std::move(scaled)),
         kkt(std::move(chosen_kkt)),
@@ -186,7 +195,7 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options,
   own_bytes += FurtherStarts::extra_bytes(options, own_bytes);
   const auto limit = static_cast<double>(controls.most_bytes);
   if (own_bytes > limit) return refuse(own_bytes);
-  ScaledProblem scaled = scale(problem, options.scaling_passes, interrupt);
+  ScaledProblem scaled = scale(problem, effective(options).scaling_passes, interrupt);
   const MostFlops most(options, controls);
   KktCost least;
   std::unique_ptr<Kkt> kkt = make_kkt(scaled, {limit - own_bytes, most.flops()}, interrupt, least);
@@ -224,7 +233,7 @@ Expected<void> Solver::set_options(const Options& options) {
 
 void Solver::take(const Options& checked) {
   const int scaling_passes = state_->options.scaling_passes;
-  state_->options = checked;
+  state_->options = effective(checked);
   state_->options.scaling_passes = scaling_passes;
 }
 

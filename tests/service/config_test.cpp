@@ -124,7 +124,7 @@ TEST_F(Config, TellsEveryFaultWithItsLineAndKey) {
       "6: log_level = shout: must be one of debug, info, warn, error, off",
       "7: keepalive_s = nan: must be in [1.0, 86400.0]",
       "8: sessions: must be a text, a number, true or false",
-      "10: solver.path = slow: must be one of fast, paper",
+      "10: solver.path = slow: must be one of fast, paper, algorithm1",
       "11: solver.kappa_min = 2: must be in [1e-20, 1]",
       "12: solver.polish = 1: must be true or false",
       "13: solver.nonsense: is not an option",

@@ -48,7 +48,7 @@ TEST(Options, TextIsParsedByType) {
 TEST(Options, BadTextSaysWhatWouldBeGood) {
   Options options;
   EXPECT_EQ(set_option_text(options, "path", "slow").error().message(),
-            "path = slow: must be one of fast, paper");
+            "path = slow: must be one of fast, paper, algorithm1");
   EXPECT_EQ(set_option_text(options, "max_iterations", "1.5").error().message(),
             "max_iterations = 1.5: must be a whole number");
   EXPECT_EQ(set_option_text(options, "kappa_factor", "half").error().message(),

@@ -74,7 +74,7 @@ TEST_F(ScheduleTest, RetreatGoesHalfTheWayBackAndEndsWhenTooLittleIsLeft) {
 }
 
 TEST(Regularization, StartsAtTheFirstValueGoesUpByEightAndRemembers) {
-  Regularization delta(0.0, 1e-4);
+  Regularization delta(Options{.path = Path::paper, .regularization_initial = 1e-4});
   delta.begin();
   EXPECT_EQ(delta.current(), 0.0);
   EXPECT_TRUE(delta.raise());
@@ -88,8 +88,21 @@ TEST(Regularization, StartsAtTheFirstValueGoesUpByEightAndRemembers) {
   EXPECT_DOUBLE_EQ(delta.current(), 8e-4 / 3.0);
 }
 
+TEST(Regularization, IsAlgorithmOnesWhereThatIsAskedFor) {
+  Regularization delta(Options{.path = Path::algorithm1});
+  for (int iteration = 0; iteration < 2; ++iteration) {
+    delta.begin();
+    EXPECT_EQ(delta.current(), 0.0);
+    for (const double printed : {1e2, 1e3, 1e4}) {
+      EXPECT_TRUE(delta.raise());
+      EXPECT_DOUBLE_EQ(delta.current(), printed);
+    }
+    delta.accept();
+  }
+}
+
 TEST(Regularization, GivesUpWithinABoundedNumberOfRaises) {
-  Regularization delta(1e-9, 1e-4);
+  Regularization delta(Options{});
   delta.begin();
   int raises = 0;
   while (delta.raise()) ASSERT_LT(++raises, 20);

@@ -193,5 +193,5 @@ test("the server tells its version, limits and options", async () => {
   assert.equal(info.limits.batchWindow, 64);
   const path = info.options.find((option) => option.name === "path");
   assert.equal(path?.type, "choice");
-  assert.deepEqual(path?.choices, ["fast", "paper"]);
+  assert.deepEqual(path?.choices, ["fast", "paper", "algorithm1"]);
 });

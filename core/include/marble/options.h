@@ -13,7 +13,8 @@ namespace marble {
 /// How the relaxation is followed to κ → 0.
 enum class Path {
   fast,   ///< ρ at its maximum, κ lowered superlinearly, merit on the residual: a few factorizations
-  paper,  ///< Algorithm 1 as printed: ρ raised, κ lowered by kappa_factor, filter line search
+  paper,  ///< Algorithm 1: ρ raised, κ lowered by kappa_factor, filter line search; scaled and polished
+  algorithm1,  ///< Algorithm 1 as printed and nothing else: its δ, its end, no scaling, no polish, no search
 };
 
 /// All options, at their defaults unless set. Ranges are closed; validate() checks them.

@@ -31,7 +31,7 @@ struct OptionTraits<bool> {
 template <>
 struct OptionTraits<Path> {
   static constexpr OptionType kind = OptionType::choice;
-  static constexpr std::string_view names[] = {"fast", "paper"};
+  static constexpr std::string_view names[] = {"fast", "paper", "algorithm1"};
   static constexpr std::span<const std::string_view> choices = names;
 };
 

@@ -8,21 +8,13 @@
 #include "tuning.h"
 
 namespace marble {
-namespace {
-
-Regularization first_regularization(const Options& options) {
-  return {options.path == Path::fast ? tuning::least_delta : 0.0, options.regularization_initial};
-}
-
-}  // namespace
-
 PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& options)
     : problem_(problem),
       options_(options),
       newton_(problem, kkt),
       sub_(problem),
       schedule_(options),
-      regularization_(first_regularization(options)),
+      regularization_(options),
       filter_(problem),
       x_(problem),
       r_(problem),
@@ -40,10 +32,12 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
   while (true) {
     evaluate();  // line 4
     report(run);
-    if (solved() && solved_afresh()) return Ending{Status::solved, {}, {}};  // line 22
+    const bool printed = options_.path == Path::algorithm1;
+    if (!printed && solved() && solved_afresh()) return Ending{Status::solved, {}, {}};
     remember_best();
     if (const auto reason = run.interrupted()) return give_best(*reason);
-    if (schedule_.inner_converged(sub_, residual_norm_)) {  // lines 20–29
+    if (schedule_.inner_converged(sub_, residual_norm_)) {                               // lines 20–29
+      if (printed && within_tolerances(violations_, options_)) return end_as_printed();  // line 22
       if (schedule_.exhausted(sub_) && stall_.stalled(largest(violations_) + residual_norm_))
         return explain(true);
       if (!to_its_end && sub_.kappa <= kappa_end) return std::nullopt;
@@ -63,7 +57,7 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
 void PathEngine::start(ConstVectorRef initial_z) {
   schedule_.begin(sub_);
   leaning_ = false;
-  regularization_ = first_regularization(options_);
+  regularization_ = Regularization(options_);
   x_.all.setZero();
   x_.z() = initial_z;
   images_.evaluate(problem_, x_);
@@ -105,6 +99,12 @@ void PathEngine::evaluate() {
   residual(sub_, images_, x_, r_);
   residual_norm_ = max_abs(r_.all);
   violations_ = violations(problem_, images_);
+}
+
+// By violations alone. What the inner loop leaves of the residual may be more than a solved point has.
+Ending PathEngine::end_as_printed() {
+  if (solved_afresh()) return {Status::solved, {}, {}};
+  return {Status::solved_reduced, "Algorithm 1 looks at violations alone; " + describe(violations_), {}};
 }
 
 bool PathEngine::feasible() const {
@@ -186,7 +186,7 @@ bool PathEngine::step(Run& run) {
 
 double PathEngine::search() {
   if (!d_.all.allFinite()) return 0.0;
-  if (options_.path == Path::paper) return filter_.search(sub_, images_, direction_images_, x_, d_);
+  if (options_.path != Path::fast) return filter_.search(sub_, images_, direction_images_, x_, d_);
   for (double alpha = 1.0; alpha >= tuning::path_least_step; alpha *= 0.5) {
     const double norm = residual_norm(sub_, images_, direction_images_, x_, d_, alpha);
     if (norm <= (1.0 - tuning::path_decrease * alpha) * residual_norm_) return alpha;

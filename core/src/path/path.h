@@ -46,6 +46,7 @@ class PathEngine {
   void evaluate();
   [[nodiscard]] bool solved() const;
   [[nodiscard]] bool solved_afresh();
+  [[nodiscard]] Ending end_as_printed();
   void begin_subproblem(Run& run);
   [[nodiscard]] bool lost(bool last_resort);
   [[nodiscard]] bool retreat();

@@ -7,9 +7,15 @@
 
 namespace marble {
 
+Regularization::Regularization(const Options& options)
+    : base_(options.path == Path::fast ? tuning::least_delta : 0.0),
+      first_(options.path == Path::algorithm1 ? tuning::printed_first_delta : options.regularization_initial),
+      factor_(options.path == Path::algorithm1 ? tuning::printed_delta_raise : tuning::delta_raise),
+      remembers_(options.path != Path::algorithm1) {}
+
 bool Regularization::raise() {
-  current_ =
-      current_ > base_ ? tuning::delta_raise * current_ : std::max(first_, last_ / tuning::delta_lower);
+  const double first = remembers_ ? std::max(first_, last_ / tuning::delta_lower) : first_;
+  current_ = current_ > base_ ? factor_ * current_ : first;
   return current_ <= tuning::runaway;
 }
 
@@ -22,7 +28,7 @@ void Schedule::begin(Subproblem& sub) const {
 }
 
 bool Schedule::inner_converged(const Subproblem& sub, double residual_norm) const {
-  if (options_.path == Path::paper) return residual_norm <= options_.inner_tolerance;
+  if (options_.path != Path::fast) return residual_norm <= options_.inner_tolerance;
   return residual_norm <= std::max(tuning::centrality * sub.kappa, options_.stationarity_tolerance);
 }
 

@@ -7,10 +7,11 @@
 
 namespace marble {
 
-/// δ of the inertia correction: starts small, remembers the last success, ×8 up, ÷3 down (IPOPT's habit).
+/// δ of the inertia correction: starts small, remembers the last success, ×8 up, ÷3 down (IPOPT's habit); or
+/// as Algorithm 1 prints it: max(10², 10 δ) from 0, each time.
 class Regularization {
  public:
-  Regularization(double base, double first) : base_(base), first_(first) {}
+  explicit Regularization(const Options& options);
   [[nodiscard]] double current() const { return current_; }
   /// For the first try of an iteration.
   void begin() { current_ = base_; }
@@ -20,7 +21,8 @@ class Regularization {
   void accept() { last_ = current_ > base_ ? current_ : last_ / tuning::delta_lower; }
 
  private:
-  double base_, first_;
+  double base_, first_, factor_;
+  bool remembers_;
   double current_ = 0.0, last_ = 0.0;
 };
 
