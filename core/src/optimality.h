@@ -37,6 +37,8 @@ class Optimality {
 
   /// Whether Q is known to be convex, without a factorization.
   [[nodiscard]] bool known_convex() { return convexity_.known(); }
+  /// The same by a factorization where that is not known.
+  [[nodiscard]] bool convex(Run& run) { return convexity_.decide(run); }
   /// Q has new values.
   void forget_convexity() { convexity_.forget(); }
 

@@ -34,7 +34,8 @@ const char* nonconvex_remark(SecondOrder second_order) {
 // Algorithm 1 as printed has nothing before it and nothing after it.
 Options effective(Options options) {
   if (options.path == Path::algorithm1) {
-    options.scaling_passes = options.local_search_budget = options.feasibility_budget = 0;
+    options.scaling_passes = options.local_search_budget = options.feasibility_budget = options.small_budget =
+        0;
     options.polish = false;
   }
   return options;

@@ -8,6 +8,7 @@
 
 #include "proof/proof.h"
 #include "search/feasibility.h"
+#include "search/multistart.h"
 #include "tuning.h"
 
 namespace marble {
@@ -24,6 +25,7 @@ bool is_proof(Status status) { return status == Status::infeasible || status == 
 Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options)
     : problem_(problem),
       options_(options),
+      kkt_(kkt),
       path_(problem, kkt, options),
       branch_(problem, kkt),
       incumbent_(problem, options, branch_.exact),
@@ -65,8 +67,7 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
   incumbent_.clear();
   path_point_.violations.equality = std::numeric_limits<double>::infinity();  // none yet
   looked_for_ = {};
-  if (warm_start && options_.polish &&
-      search_.resume(run, *warm_start->solution, warm_start->cold_objective)) {
+  if (warm_start && search_.resume(run, *warm_start->solution, warm_start->cold_objective)) {
     Answer answer = finish_exact(run);
     answer.stayed_warm = true;
     return answer;
@@ -76,7 +77,9 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
   const bool path_solved = path_end && is_solved(path_end->status);
   if (!path_solved ||
       !path_is_lower(within_tolerances(path_point_.violations, options_), path_point_.objective))
-    return finish_exact(run);
+    return finish_cold(run, !warm_start);
+  search_.start_further(run, {});
+  if (incumbent_.best().objective <= path_point_.objective) return finish_exact(run);
   incumbent_.clear();
   return finish_path(run, initial_z, *path_end);
 }
@@ -103,7 +106,7 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z) {
     } else if (options_.path == Path::fast) {
       path_borrowed = search_.find(run, initial_z);
     }
-    search_.start_further(run, path_borrowed);
+    search_.repeat_soft_start(run, path_borrowed);
     const bool exact = incumbent_.exists() && branch != PathBranch::path_is_lower;
     if (exact || (end && is_solved(end->status))) return end;
   }
@@ -165,6 +168,7 @@ bool Strategy::path_is_lower(bool feasible, double objective) const {
 
 // Text is made only at the end: what ends an engine need not end the run.
 Strategy::Answer Strategy::finish_exact(Run& run) {
+  const Run::Searching searching(run);
   const Run::Polishing polishing(run);
   Optimality::Verdict verdict = optimality_.judge(run);
   if (verdict.unbounded) return {unbounded_along(*std::move(verdict.unbounded)), &path_point_.x};
@@ -173,6 +177,65 @@ Strategy::Answer Strategy::finish_exact(Run& run) {
   detail.reserve(256);
   detail.append(best.origin).append("; ").append(describe(best.violations));
   return {{Status::solved, std::move(detail), {}}, &best.x, verdict.b_stationary, verdict.second_order};
+}
+
+bool Strategy::is_small(const Run& run) const {
+  const double size = problem_.variables() + problem_.equalities() + problem_.layout.size();
+  return (problem_.pairs() > 0 || run.nonconvex) && problem_.pairs() <= tuning::small_pairs &&
+         size <= tuning::small_size && options_.path == Path::fast && options_.polish &&
+         options_.local_search_budget > 0;
+}
+
+// What a cold solve does beyond its answer: the global one where the problem is small, and the starts asked
+// for. Whatever is found is settled at once, so that what comes next does not depend on how much is still to
+// come: more starts never end worse.
+Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
+  const Run::Searching searching(run);
+  Answer answer = finish_exact(run);
+  const bool small = small_too && !options_.global && options_.small_budget > 0 && is_small(run);
+  if (!incumbent_.exists() || run.interrupted() || (!small && options_.starts == 1)) return answer;
+  const double before = incumbent_.best().objective;
+  const bool convex = optimality_.convex(run);
+  const auto settle = [&] { static_cast<void>(optimality_.judge(run)); };
+  std::optional<Multistart> elsewhere;
+  if (!convex) elsewhere.emplace(problem_, kkt_, branch_.point, incumbent_);
+  TreeResult tree;
+  std::string told;
+  if (small && convex) {
+    tree = search_small_tree(run);
+    told = "; small_budget: " + tree.remark;
+  }
+  if (small && !convex) {
+    const int last = run.factorizations + options_.small_budget;
+    int starts = 0;
+    for (; starts < options_.small_budget && run.factorizations < last && !run.interrupted(); ++starts)
+      if (elsewhere->next(run, last)) settle();
+    told = "; small_budget: " + std::to_string(starts) + " starts elsewhere";
+  }
+  if (!tree.proved) search_.start_further(run, settle);
+  for (int start = 1; !convex && start < options_.starts && !run.interrupted(); ++start)
+    if (elsewhere->next(run, run.factorizations + options_.local_search_budget)) settle();
+  if (incumbent_.best().objective < before) answer = finish_exact(run);
+  answer.ending.detail += told;
+  answer.tree = std::move(tree);
+  return answer;
+}
+
+// What it proves, without its counts: those are of option global.
+TreeResult Strategy::search_small_tree(Run& run) {
+  Options few = options_;
+  few.node_limit = options_.small_budget;
+  Tree tree(problem_, few, branch_.point, incumbent_);
+  Run part = run.part(true);
+  const TreeResult found = tree.search(part, incumbent_.best().x.z(), true, tree_bytes_);
+  run.add_part(part);
+  TreeResult told;
+  told.remark = found.remark;
+  if (!found.proved) return told;
+  told.proved = true;
+  told.bound = found.bound;
+  told.gap = found.gap;
+  return told;
 }
 
 // Where nothing exact was found: the path's point, unless a descent from it or a proof says more.
@@ -238,7 +301,7 @@ std::optional<Strategy::Answer> Strategy::find_feasible(Run& run, ConstVectorRef
   } else {
     static_cast<void>(search_.improve(run, z));
   }
-  return finish_exact(run);
+  return finish_cold(run, true);
 }
 
 // Where a path ended without an exact solution of its branch, Q may have negative curvature there; where it

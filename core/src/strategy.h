@@ -68,6 +68,9 @@ class Strategy {
   [[nodiscard]] PathBranch solve_path_branch(Run& run);
   [[nodiscard]] bool path_is_lower(bool feasible, double objective) const;
   [[nodiscard]] Answer finish_exact(Run& run);
+  [[nodiscard]] bool is_small(const Run& run) const;
+  [[nodiscard]] Answer finish_cold(Run& run, bool small_too);
+  [[nodiscard]] TreeResult search_small_tree(Run& run);
   [[nodiscard]] Answer finish_path(Run& run, ConstVectorRef initial_z, Ending end);
   [[nodiscard]] Optimality::Descended descend_from_path(Run& run);
   [[nodiscard]] std::optional<Answer> find_feasible(Run& run, ConstVectorRef z);
@@ -76,6 +79,7 @@ class Strategy {
 
   const ScaledProblem& problem_;
   const Options& options_;
+  Kkt& kkt_;
   PathEngine path_;
   std::optional<QuadraticEngine> quadratic_;  // where there are no pairs
   BranchEngines branch_;

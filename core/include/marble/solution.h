@@ -83,14 +83,16 @@ struct Solution {
   SecondOrder second_order = SecondOrder::unknown;
   double objective = 0.0;  ///< ½ zᵀQz + gᵀz + c₀
   /// Option global: true of an answer within gap_tolerance of the bound, and of a tree that ended infeasible.
-  /// Also true, without it, of a certificate. Where an answer is not proved, `detail` says why.
+  /// Also true, without it, of a certificate, and of a small problem whose tree came to its end within
+  /// small_budget. Where the answer of option global is not proved, `detail` says why.
   bool proved = false;
   /// No feasible point has an objective below this: it holds in exact arithmetic, rounding paid for. −∞ where
-  /// none is known, so without option global; +∞ of a problem that is proved infeasible.
+  /// none is known, so of what neither option global nor small_budget has bounded; +∞ of a problem that is
+  /// proved infeasible.
   double bound = -std::numeric_limits<double>::infinity();
   /// (objective − bound) / max(1, |objective|), ≥ 0; +∞ without a feasible point or a bound.
   double gap = std::numeric_limits<double>::infinity();
-  std::int64_t nodes = 0;       ///< of the tree, bounded; 0 without option global
+  std::int64_t nodes = 0;       ///< of the tree of option global, bounded; 0 without it
   std::int64_t open_nodes = 0;  ///< of them left open at the end: 0 of a tree that was searched to its end
   /// What a cold start last reached on the way to this answer: the objective itself, or, of a chain of warm
   /// starts, that of its first. A warm start that ends clearly above it starts cold too.

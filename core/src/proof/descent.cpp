@@ -4,23 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include "data/noise.h"
 #include "tuning.h"
 
 namespace marble {
-namespace {
-
-// The same start everywhere: splitmix64, entries in [−1, 1).
-void fill_with_noise(Vector& vector) {
-  std::uint64_t state = 0;
-  for (double& entry : vector) {
-    std::uint64_t bits = state += 0x9e3779b97f4a7c15U;
-    bits = (bits ^ (bits >> 30U)) * 0xbf58476d1ce4e5b9U;
-    bits = (bits ^ (bits >> 27U)) * 0x94d049bb133111ebU;
-    entry = static_cast<double>((bits ^ (bits >> 31U)) >> 11U) * 0x1p-52 - 1.0;
-  }
-}
-
-}  // namespace
 
 Descent::Descent(const ScaledProblem& problem, Kkt& kkt, BranchPoint& point)
     : problem_(problem),
@@ -37,6 +24,7 @@ Descent::Descent(const ScaledProblem& problem, Kkt& kkt, BranchPoint& point)
 
 Descent::End Descent::run(Run& run, const Iterate& x, const WorkingSet& set, ConstVectorRef first,
                           int budget) {
+  const Run::Searching searching(run);
   x_.all = x.all;
   set_ = set;
   short_steps_ = 0;
@@ -176,7 +164,7 @@ bool Descent::find_negative_curvature(Run& run, int last) {
 }
 
 bool Descent::iterate_inversely() {
-  fill_with_noise(direction_);
+  for (Index j = 0; j < direction_.size(); ++j) direction_[j] = 2.0 * noise(0, j) - 1.0;
   double curvature = std::numeric_limits<double>::infinity();
   for (int i = 0; i < tuning::engine_budget; ++i) {
     nothing_.setZero();

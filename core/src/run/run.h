@@ -55,6 +55,27 @@ class Run {
     double counted_s_;
   };
 
+  /// What a scope takes for iterations is told like any, but not counted against max_iterations: searches
+  /// have budgets of their own, in factorizations. The outermost one counts.
+  class Searching {
+   public:
+    explicit Searching(Run& run) : run_(run), outermost_(!run.searching_), begun_(run.iterations) {
+      run.searching_ = true;
+    }
+    Searching(const Searching&) = delete;
+    Searching& operator=(const Searching&) = delete;
+    ~Searching() {
+      if (!outermost_) return;
+      run_.searched_iterations_ += run_.iterations - begun_;
+      run_.searching_ = false;
+    }
+
+   private:
+    Run& run_;
+    bool outermost_;
+    std::int32_t begun_;
+  };
+
   [[nodiscard]] ProgressSink* sink() const { return silent_ ? nullptr : controls_.progress; }
   [[nodiscard]] TaskRunner* runner() const { return controls_.runner; }
 
@@ -82,7 +103,8 @@ class Run {
   /// Why the run must end now for reasons that have nothing to do with the iterate.
   [[nodiscard]] std::optional<Status> interrupted() const {
     if (interrupt_.stop_requested()) return Status::cancelled;
-    if (iterations >= options_.max_iterations) return Status::iteration_limit;
+    if (!searching_ && iterations - searched_iterations_ >= options_.max_iterations)
+      return Status::iteration_limit;
     if (interrupt_.requested()) return Status::time_limit;
     return std::nullopt;
   }
@@ -108,7 +130,8 @@ class Run {
   Clock::time_point start_;
   Interrupt interrupt_;
   bool silent_ = false;
-  bool polishing_ = false;
+  bool polishing_ = false, searching_ = false;
+  std::int32_t searched_iterations_ = 0;
   std::int32_t begun_iterations_ = 0, begun_factorizations_ = 0;
 };
 

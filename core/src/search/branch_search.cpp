@@ -48,6 +48,7 @@ BranchSearch::BranchSearch(const ScaledProblem& problem, Kkt& kkt, const Options
 // Few pairs that pull: better branches are a flip or two away. Many: they are found where all is soft still.
 bool BranchSearch::improve(Run& run, ConstVectorRef initial_z) {
   const Run::Polishing polishing(run);
+  const Run::Searching searching(run);
   const int last = run.factorizations + options_.local_search_budget;
   const int pull = pulling(incumbent_);
   if (pull == 0 || options_.local_search_budget == 0 || run.interrupted()) return false;
@@ -80,27 +81,32 @@ bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z) {
 }
 
 void BranchSearch::from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization) {
+  const Run::Searching searching(run);
   path_.lean(run, initial_z, tuning::soft_rho);
   point_.start_from_point(path_.iterate().z());
   if (search_.run(run, from_soft(), last_factorization))
     static_cast<void>(incumbent_.solve_branch(run, "soft start, local search", tuning::engine_budget));
 }
 
-void BranchSearch::start_further(Run& run, bool after_soft_start) {
+void BranchSearch::repeat_soft_start(Run& run, bool after_soft_start) {
   const Run::Polishing polishing(run);
-  int done = 1;
-  const auto round = [&](int count) {
-    const bool better = further_starts_.round(run, from_soft(), done, count, incumbent_);
-    done += count;
-    return better;
-  };
+  const Run::Searching searching(run);
+  further_ = 1;
   for (int useless = 0; after_soft_start && incumbent_.exists() && !run.interrupted() &&
-                        done < tuning::further_round && useless < tuning::useless_starts &&
+                        further_ < tuning::further_round && useless < tuning::useless_starts &&
                         run.factorizations < tuning::cheap_search;) {
-    useless = round(1) ? 0 : useless + 1;
+    useless = further_starts_.round(run, from_soft(), further_++, 1, incumbent_) ? 0 : useless + 1;
   }
-  while (done < options_.starts && incumbent_.exists() && !run.interrupted())
-    static_cast<void>(round(std::min(options_.starts - done, tuning::further_round)));
+}
+
+void BranchSearch::start_further(Run& run, const std::function<void()>& settle) {
+  const Run::Polishing polishing(run);
+  const Run::Searching searching(run);
+  while (further_ < options_.starts && incumbent_.exists() && !run.interrupted()) {
+    const int count = std::min(options_.starts - further_, tuning::further_round);
+    static_cast<void>(further_starts_.round(run, from_soft(), further_, count, incumbent_, settle));
+    further_ += count;
+  }
 }
 
 // A branch that stays feasible after a small change is near the best one. Else it is mended; and a cold start

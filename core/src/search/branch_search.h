@@ -2,6 +2,8 @@
 // searches from the incumbent, from a soft start, from an interior point and from a last answer.
 #pragma once
 
+#include <functional>
+
 #include "path/interior.h"
 #include "path/path.h"
 #include "search/further_starts.h"
@@ -20,8 +22,10 @@ class BranchSearch {
   bool improve(Run& run, ConstVectorRef initial_z);
   /// A feasible branch by way of an interior point, or one from a soft start. True as above.
   bool find(Run& run, ConstVectorRef initial_z);
-  /// Further starts: where a soft start was cheap, a few while they gain, and the ones asked for, in rounds.
-  void start_further(Run& run, bool after_soft_start);
+  /// Further starts where a soft start came first and was cheap: a few, while they gain.
+  void repeat_soft_start(Run& run, bool after_soft_start);
+  /// Those asked for, from the incumbent, in rounds. `settle` is called after each that replaces it.
+  void start_further(Run& run, const std::function<void()>& settle);
   /// From the branch of a solution of this problem or one like it. False where no feasible branch is near, or
   /// where there is one but a cold start, which has reached `cold_objective`, should have its say too.
   [[nodiscard]] bool resume(Run& run, const Iterate& solution, double cold_objective);
@@ -38,6 +42,7 @@ class BranchSearch {
   InteriorEngine interior_;
   LocalSearch search_;
   FurtherStarts further_starts_;
+  int further_ = 1;  // starts of this solve, the first one included
 };
 
 }  // namespace marble

@@ -5,27 +5,11 @@
 
 #include "run/termination.h"
 #include "search/branch_search.h"
+#include "search/distance.h"
 #include "search/lemke.h"
 #include "tuning.h"
 
 namespace marble {
-namespace {
-
-// ½zᵀz instead of the objective.
-ScaledProblem without_objective(const ScaledProblem& p) {
-  ScaledProblem calm = p;
-  calm.Q = {};
-  calm.Q.size = p.variables();
-  for (Index j = 0; j < p.variables(); ++j) {
-    calm.Q.row_indices.push_back(j);
-    calm.Q.values.push_back(1.0);
-    calm.Q.column_pointers.push_back(j + 1);
-  }
-  calm.g.setZero();
-  return calm;
-}
-
-}  // namespace
 
 Feasibility::Feasibility(const ScaledProblem& problem, const Options& options, BranchPoint& point,
                          Incumbent& incumbent)
@@ -53,7 +37,7 @@ bool Feasibility::pivot(Run& run, ConstVectorRef z, int first, int end, int last
 }
 
 bool Feasibility::solve_calm(Run& run, ConstVectorRef z) {
-  const ScaledProblem calm = without_objective(problem_);
+  const ScaledProblem calm = distance_problem(problem_);
   const std::unique_ptr<Kkt> kkt = make_kkt(calm, run.interrupt());
   if (kkt == nullptr) return false;
   kkt->attend(run.interrupt());

@@ -55,7 +55,8 @@ bool FurtherStarts::make_engines(Run& run, std::size_t count) {
   return true;
 }
 
-bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count, Incumbent& incumbent) {
+bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count, Incumbent& incumbent,
+                          const std::function<void()>& settle) {
   const auto searches = static_cast<std::size_t>(std::min(count, tuning::further_round));
   const bool at_once = run.runner() != nullptr && searches > 1;
   if (at_once && !make_engines(run, searches - 1)) return false;
@@ -77,19 +78,20 @@ bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count
   } else {
     for (const auto& task : tasks) task();
   }
-  Attempt* winner = nullptr;
-  double goal = best.objective - tuning::rounding * std::abs(best.objective);
+  bool better = false;
   for (std::size_t i = 0; i < searches; ++i) {
     Attempt& attempt = attempts_[i];
     run.add_part(*attempt.run);
     if (attempt.out_of_memory) throw std::bad_alloc();
-    if (!attempt.succeeded || attempt.found.objective >= goal) continue;
-    winner = &attempt;
-    goal = attempt.found.objective;
+    if (!attempt.succeeded ||
+        attempt.found.objective >= best.objective - tuning::rounding * std::abs(best.objective))
+      continue;
+    better = true;
+    attempt.found.origin = "further start, local search";
+    incumbent.replace(attempt.found);
+    if (settle) settle();
   }
-  if (winner == nullptr) return false;
-  winner->found.origin = "further start, local search";
-  incumbent.replace(winner->found);
+  if (!better) return false;
   reporter_.tell(run, best.x.z(), best.objective, best.violations, {.step_length = 1.0});
   return true;
 }

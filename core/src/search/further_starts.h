@@ -22,8 +22,11 @@ class FurtherStarts {
                 LocalSearch& search);
 
   /// Starts number `first` to `first` + `count` - 1, at most tuning::further_round of them, each from the
-  /// incumbent, which is replaced by the best of what they found if that is better. True if it was.
-  bool round(Run& run, const SearchPlan& plan, int first, int count, Incumbent& incumbent);
+  /// incumbent. In their order each that found a better one replaces it, and `settle` is called, if there is
+  /// one, which may improve it: what comes of some starts is never worse than what comes of the first of
+  /// them. True if it was replaced.
+  bool round(Run& run, const SearchPlan& plan, int first, int count, Incumbent& incumbent,
+             const std::function<void()>& settle = {});
 
   /// Memory of the engines that a round needs besides those it was made with.
   [[nodiscard]] static double extra_bytes(const Options& options, double engine_bytes);

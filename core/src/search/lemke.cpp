@@ -5,18 +5,11 @@
 #include <cstdint>
 #include <limits>
 
+#include "data/noise.h"
 #include "tuning.h"
 
 namespace marble {
 namespace {
-
-// The same on every machine: splitmix64, in [0, 1).
-double noise(std::uint64_t a, std::uint64_t b) {
-  std::uint64_t bits = (a * 0x9e3779b97f4a7c15U + b + 1) * 0x9e3779b97f4a7c15U;
-  bits = (bits ^ (bits >> 30U)) * 0xbf58476d1ce4e5b9U;
-  bits = (bits ^ (bits >> 27U)) * 0x94d049bb133111ebU;
-  return static_cast<double>((bits ^ (bits >> 31U)) >> 11U) * 0x1p-53;
-}
 
 // What a row or column of the tableau stands for: an equality's value or a row of [C; L; R] by its number, or
 // a variable, or θ, by these.

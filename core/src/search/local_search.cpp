@@ -23,6 +23,7 @@ LocalSearch::LocalSearch(const ScaledProblem& problem, Kkt& kkt, ElasticRelaxati
 }
 
 bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) {
+  const Run::Searching searching(run);
   accepted_ = 0;
   lost_ = false;
   if (plan.from_exact) {

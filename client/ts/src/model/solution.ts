@@ -73,18 +73,19 @@ export class Solution {
   /** Whether a solved point is a local minimum. */
   readonly secondOrder?: SecondOrder;
   /**
-   * Of option global: z is within gapTolerance of the bound, or a tree ended infeasible; also, without it, of a certificate.
-   * Where z is not proved, `detail` says why.
+   * Of option global: z is within gapTolerance of the bound, or a tree ended infeasible; also, without it, of a certificate,
+   * and of a small problem whose tree came to its end within smallBudget. Where z of option global is not proved, `detail`
+   * says why.
    */
   readonly proved: boolean;
   /**
-   * No feasible point has an objective below this. −Infinity where none is known, so without option global; Infinity of a
-   * problem that is proved infeasible.
+   * No feasible point has an objective below this. −Infinity where none is known, so of what neither option global nor
+   * smallBudget has bounded; Infinity of a problem that is proved infeasible.
    */
   readonly bound: number;
   /** (objective − bound) / max(1, |objective|), ≥ 0; Infinity without a feasible point or a bound. */
   readonly gap: number;
-  /** Nodes of the tree that were bounded; 0 without option global. */
+  /** Nodes of the tree of option global that were bounded; 0 without it. */
   readonly nodes: number;
   /** Nodes of the tree left open at the end: 0 of one that was searched to its end. */
   readonly openNodes: number;

@@ -80,10 +80,11 @@ class Solution:
     stationarity: None where the point is not solved. b_stationary: no feasible direction of descent is left; None
     where that was not decided. second_order: whether the point is a local minimum; None where it is not solved.
     proved: of option global: z is within gap_tolerance of the bound, or a tree ended infeasible; also, without it, of a
-    certificate. Where z is not proved, detail says why. bound: no feasible point has an objective below it; -inf where
-    none is known, so without option global, inf of a problem that is proved infeasible. gap: (objective - bound) /
-    max(1, |objective|), ≥ 0; inf without a feasible point or a bound. nodes, open_nodes: of the tree, bounded, and left
-    open at the end; 0 without option global.
+    certificate, and of a small problem whose tree came to its end within small_budget. Where z of option global is not
+    proved, detail says why. bound: no feasible point has an objective below it; -inf where none is known, so of what
+    neither option global nor small_budget has bounded, inf of a problem that is proved infeasible. gap: (objective -
+    bound) / max(1, |objective|), ≥ 0; inf without a feasible point or a bound. nodes, open_nodes: of the tree of option
+    global, bounded, and left open at the end; 0 without it.
     iterations, factorizations: counts. times: seconds. options: every option as it was used. cold_objective: what a
     cold start last reached on the way here. job_id: the server's.
     problem: what was solved.

@@ -1,0 +1,23 @@
+// A problem's rows and pairs without its objective.
+#pragma once
+
+#include "data/scaling.h"
+
+namespace marble {
+
+/// ½|z − target|² in place of the objective, with target 0: −target is its g. Scaled, but for units.
+[[nodiscard]] inline ScaledProblem distance_problem(const ScaledProblem& p) {
+  ScaledProblem distance = p;
+  distance.Q = {};
+  distance.Q.size = p.variables();
+  distance.Q.column_pointers.reserve(static_cast<std::size_t>(p.variables()) + 1);
+  for (Index j = 0; j < p.variables(); ++j) {
+    distance.Q.row_indices.push_back(j);
+    distance.Q.values.push_back(1.0);
+    distance.Q.column_pointers.push_back(j + 1);
+  }
+  distance.g.setZero();
+  return distance;
+}
+
+}  // namespace marble
