@@ -9,12 +9,12 @@
 namespace marble::testing {
 namespace {
 
-using Call = Bidi<v1::SolveBatchRequest, v1::SolveBatchResponse>;
+using BatchCall = Bidi<v1::SolveBatchRequest, v1::SolveBatchResponse>;
 
 class Batch : public ServiceTest {
  protected:
-  std::unique_ptr<Call> open() {
-    return std::make_unique<Call>(
+  std::unique_ptr<BatchCall> open() {
+    return std::make_unique<BatchCall>(
         [this](grpc::ClientContext* context) { return solver().SolveBatch(context); });
   }
   static v1::SolveBatchRequest problem(std::int64_t tag, const v1::SolveRequest& solve) {
