@@ -10,7 +10,7 @@
 #include "families.h"
 #include "peers.h"
 #include "qp.h"
-#include "support/shared_problems.h"
+#include "support/problems/shared_problems.h"
 #include "tune.h"
 
 namespace {
@@ -30,7 +30,7 @@ constexpr const char* kUsage =
     "  --judge              hard: on even seeds, the half that nothing is chosen on\n"
     "  --starts K           of the references where none is known, default 8\n"
     "  --time-limit S       of global, default 60\n"
-    "  --only NAME          of global, that problem\n"
+    "  --only NAME          of global and qp, that problem\n"
     "  --profile FILE.svg   draw macmpec against its peers\n"
     "  --benchmarks FOLDER  problems with references\n"
     "  --peers COMMAND      measure qp in turns with other solvers: COMMAND runs loadtest/suite/qp_peers.py\n"
