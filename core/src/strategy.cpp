@@ -6,8 +6,8 @@
 #include <limits>
 #include <utility>
 
+#include "feasibility/feasibility.h"
 #include "proof/proof.h"
-#include "search/feasibility.h"
 #include "search/multistart.h"
 #include "tuning.h"
 
@@ -195,41 +195,36 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   const bool small = small_too && !options_.global && options_.small_budget > 0 && is_small(run);
   if (!incumbent_.exists() || run.interrupted() || (!small && options_.starts == 1)) return answer;
   const double before = incumbent_.best().objective;
-  const bool convex = optimality_.convex(run);
-  const auto settle = [&] { static_cast<void>(optimality_.judge(run)); };
+  const bool known_convex = optimality_.convex(run);
+  TreeResult tree;
+  if (small) tree = search_small_tree(run, known_convex);
+  const bool convex = known_convex || tree.end != TreeResult::End::none;
   std::optional<Multistart> elsewhere;
   if (!convex) elsewhere.emplace(problem_, kkt_, branch_.point, incumbent_);
-  TreeResult tree;
-  std::string told;
-  if (small && convex) {
-    tree = search_small_tree(run);
-    told = "; small_budget: " + tree.remark;
-  }
-  if (small && !convex) {
-    const int last = run.factorizations + options_.small_budget;
-    int starts = 0;
-    for (; starts < options_.small_budget && run.factorizations < last && !run.interrupted(); ++starts)
-      if (elsewhere->next(run, last)) settle();
-    told = "; small_budget: " + std::to_string(starts) + " starts elsewhere";
-  }
+  const auto settle = [&] { static_cast<void>(optimality_.judge(run)); };
+  const auto start_elsewhere = [&](int count, int last) {
+    for (int start = 0; start < count && run.factorizations < last && !run.interrupted(); ++start)
+      if (elsewhere->next(run, std::min(last, run.factorizations + options_.local_search_budget))) settle();
+  };
+  if (small && !convex) start_elsewhere(options_.small_budget, run.factorizations + options_.small_budget);
   if (!tree.proved) search_.start_further(run, settle);
-  for (int start = 1; !convex && start < options_.starts && !run.interrupted(); ++start)
-    if (elsewhere->next(run, run.factorizations + options_.local_search_budget)) settle();
+  if (!convex) start_elsewhere(options_.starts - 1, std::numeric_limits<int>::max());
   if (incumbent_.best().objective < before) answer = finish_exact(run);
-  answer.ending.detail += told;
+  if (small) answer.ending.detail += "; small_budget: " + (convex ? tree.remark : "starts elsewhere");
   answer.tree = std::move(tree);
   return answer;
 }
 
 // What it proves, without its counts: those are of option global.
-TreeResult Strategy::search_small_tree(Run& run) {
+TreeResult Strategy::search_small_tree(Run& run, bool known_convex) {
   Options few = options_;
   few.node_limit = options_.small_budget;
   Tree tree(problem_, few, branch_.point, incumbent_);
   Run part = run.part(true);
-  const TreeResult found = tree.search(part, incumbent_.best().x.z(), true, tree_bytes_);
+  const TreeResult found = tree.search(part, incumbent_.best().x.z(), known_convex, tree_bytes_);
   run.add_part(part);
   TreeResult told;
+  told.end = found.end;
   told.remark = found.remark;
   if (!found.proved) return told;
   told.proved = true;

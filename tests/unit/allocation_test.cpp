@@ -92,6 +92,7 @@ TEST(Allocation, NoneInAnyFactorizationOfPolishAndLocalSearch) {
     int factorizations[2];
     for (const int searched : {0, 1}) {
       Options options;
+      options.small_budget = 0;  // a tree has workspace of its own
       options.local_search_budget = searched == 0 ? 0 : 200;
       Solver solver = make(p, options);
       const std::int64_t before = allocations();

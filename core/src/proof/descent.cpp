@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "data/noise.h"
+#include "run/noise.h"
 #include "tuning.h"
 
 namespace marble {

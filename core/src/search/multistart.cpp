@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "data/noise.h"
+#include "run/noise.h"
 #include "search/distance.h"
 #include "tuning.h"
 
@@ -67,6 +67,13 @@ void Multistart::search_neighbours(Run& run, int last) {
 bool Multistart::next(Run& run, int last) {
   const Run::Searching searching(run);
   const Run::Polishing polishing(run);
+  Run part = run.part(true);
+  const bool better = start(part, last);
+  run.add_part(part);
+  return better;
+}
+
+bool Multistart::start(Run& run, int last) {
   if (!incumbent_.exists() || !prepare(run)) return false;
   const ExactSolution& best = incumbent_.best();
   const double before = best.objective;

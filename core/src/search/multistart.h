@@ -23,6 +23,7 @@ class Multistart {
   bool next(Run& run, int last_factorization);
 
  private:
+  [[nodiscard]] bool start(Run& run, int last);
   [[nodiscard]] bool prepare(Run& run);
   [[nodiscard]] bool minimize(Run& run, ConstVectorRef target, const WorkingSet* branch, int last);
   void search_neighbours(Run& run, int last);

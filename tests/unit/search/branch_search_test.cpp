@@ -75,7 +75,7 @@ TEST(BranchSearch, FurtherStartsAreFreeAfterACheapSoftStartWhileTheyGain) {
       found = &s.incumbent;
       s.search.find(w.run, w.zero());
       if (!s.incumbent.exists()) continue;
-      s.search.start_further(w.run, after_soft_start);
+      s.search.repeat_soft_start(w.run, after_soft_start);
       if (!after_soft_start) {
         EXPECT_EQ(kkt.begun, 0) << "nobody asked for any";
         continue;

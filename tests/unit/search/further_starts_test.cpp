@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
 #include <thread>
 
 #include "marble/examples.h"
@@ -65,6 +67,48 @@ TEST(FurtherStarts, MoreOfThemAreNeverWorse) {
     EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-9);
     best = s.objective;
   }
+}
+
+// Whatever a solve does between and after its starts.
+TEST(FurtherStarts, MoreOfThemAreNeverWorseOnRandomProblemsConvexOrNot) {
+  int better = 0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    for (const bool indefinite : {false, true}) {
+      const OwnedProblem p = testing::random_problem(
+          {.variables = 14, .equalities = 1, .inequalities = 28, .pairs = 6, .indefinite = indefinite}, seed);
+      double before = std::numeric_limits<double>::infinity();
+      for (const int starts : {1, 2, 4, 8}) {
+        Options options;
+        options.starts = starts;
+        if (seed % 4 != 0) options.small_budget = 0;  // which leaves them something to find
+        const Solution s = solve_in_process(p.view(), options).value();
+        if (s.status != Status::solved) break;
+        EXPECT_LE(s.objective, before + 1e-9 * (1.0 + std::abs(before))) << p.name << " " << starts;
+        EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-6) << p.name << " " << starts;
+        better += starts > 1 && s.objective < before - 1e-6 ? 1 : 0;
+        before = s.objective;
+      }
+    }
+  }
+  EXPECT_GT(better, 0) << "where Q is not convex";
+}
+
+// They were ended by the default limit, and what finishes an answer with them.
+TEST(FurtherStarts, AreNotEndedByALimitOnIterationsThatThePathKeeps) {
+  const OwnedProblem p = examples::hopper({.steps = 16});
+  Options first;
+  first.local_search_budget = 0;
+  const int without_search = solve_in_process(p.view(), first).value().iterations;
+  const Solution all = solved(p, 8, nullptr);
+  ASSERT_GT(all.iterations, without_search + 1);
+  Options options;
+  options.starts = 8;
+  options.max_iterations = without_search + 1;
+  const Solution s = solve_in_process(p.view(), options).value();
+  EXPECT_EQ(s.status, Status::solved);
+  EXPECT_EQ(s.z, all.z);
+  EXPECT_EQ(s.iterations, all.iterations);
+  EXPECT_EQ(s.b_stationary, all.b_stationary);
 }
 
 TEST(FurtherStarts, StopWithTheRestOfTheSolve) {

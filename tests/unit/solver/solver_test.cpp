@@ -325,7 +325,9 @@ void expect_no_memory(const OwnedProblem& p, const Options& options) {
     EXPECT_EQ(s->complementarity_multipliers_L, first.complementarity_multipliers_L) << p.name;
     EXPECT_EQ(s->detail, first.detail) << p.name;
     EXPECT_EQ(s->iterations, first.iterations) << p.name;
-    EXPECT_EQ(s->factorizations, first.factorizations) << p.name;
+    // Whether Q is convex is asked once a solver.
+    EXPECT_LE(s->factorizations, first.factorizations) << p.name;
+    EXPECT_GE(s->factorizations, first.factorizations - 1) << p.name;
   }
 }
 

@@ -1,11 +1,11 @@
-#include "search/lemke.h"
+#include "feasibility/lemke.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 
-#include "data/noise.h"
+#include "run/noise.h"
 #include "tuning.h"
 
 namespace marble {

@@ -1,12 +1,13 @@
-#include "search/feasibility.h"
+#include "feasibility/feasibility.h"
 
 #include <algorithm>
 #include <cstdio>
+#include <utility>
 
+#include "feasibility/lemke.h"
 #include "run/termination.h"
 #include "search/branch_search.h"
 #include "search/distance.h"
-#include "search/lemke.h"
 #include "tuning.h"
 
 namespace marble {
@@ -36,8 +37,11 @@ bool Feasibility::pivot(Run& run, ConstVectorRef z, int first, int end, int last
   return false;
 }
 
-bool Feasibility::solve_calm(Run& run, ConstVectorRef z) {
-  const ScaledProblem calm = distance_problem(problem_);
+bool Feasibility::solve_calm(Run& run, ConstVectorRef z, bool user_units) {
+  ScaledProblem calm = distance_problem(problem_);
+  const Vector scale = user_units ? problem_.variable_scale : Vector::Ones(problem_.variables());
+  if (user_units) calm = in_user_units(std::move(calm));
+  const Vector start = z.cwiseProduct(scale);
   const std::unique_ptr<Kkt> kkt = make_kkt(calm, run.interrupt());
   if (kkt == nullptr) return false;
   kkt->attend(run.interrupt());
@@ -46,16 +50,17 @@ bool Feasibility::solve_calm(Run& run, ConstVectorRef z) {
   Incumbent found(calm, options_, branch.exact);
   BranchSearch search(calm, *kkt, options_, path, branch, found);
   Run part = run.part(true);
-  path.start(z);
+  path.start(start);
   for (const double kappa : {tuning::branch_kappa, tuning::last_kappa}) {
     const std::optional<Ending> end = path.follow(part, kappa);
     branch.point.start_from_path(path.iterate());
     static_cast<void>(found.solve_branch(part, "", tuning::engine_budget));
     if (end || found.exists() || path.is_lost() || part.interrupted()) break;
   }
-  if (!found.exists() && !part.interrupted()) static_cast<void>(search.find(part, z));
+  if (!found.exists() && !part.interrupted()) static_cast<void>(search.find(part, start));
   run.add_part(part);
-  return found.exists() && take(run, found.best().x.z(), found.best().set, "objective off");
+  return found.exists() &&
+         take(run, found.best().x.z().cwiseQuotient(scale), found.best().set, "objective off");
 }
 
 PairTree::End Feasibility::search_tree(Run& run, ConstVectorRef z, int last_factorization) {
@@ -76,7 +81,8 @@ Feasibility::End Feasibility::run(Run& run, ConstVectorRef z) {
       tree = search_tree(run, z, begin + options_.feasibility_budget / 2);
       if (tree != PairTree::End::stopped) return tree == PairTree::End::found;
     }
-    if (run.factorizations < last && solve_calm(run, z)) return true;
+    for (const bool user_units : {false, true})
+      if (run.factorizations < last && !run.interrupted() && solve_calm(run, z, user_units)) return true;
     if (run.factorizations < last && pivot(run, z, tuning::lemke_ways, tuning::lemke_more_ways, last))
       return true;
     if (run.factorizations < last && !run.interrupted()) tree = search_tree(run, z, last);

@@ -1,6 +1,6 @@
 // Whether a feasible point is found depends on the constraints, not on the objective; what has none is
 // refuted, and what has one never is.
-#include "search/feasibility.h"
+#include "feasibility/feasibility.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <string>
 #include <utility>
 
+#include "feasibility/lemke.h"
 #include "marble/solver.h"
-#include "search/lemke.h"
 #include "support/judges/dense_matrix.h"
 #include "support/judges/independent_check.h"
 #include "support/problems/random_problem.h"

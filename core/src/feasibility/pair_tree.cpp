@@ -1,4 +1,4 @@
-#include "search/pair_tree.h"
+#include "feasibility/pair_tree.h"
 
 #include <algorithm>
 #include <limits>

@@ -1,0 +1,123 @@
+// Small problems get the global answer within small_budget, and nobody else pays for it.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "marble/solver.h"
+#include "support/judges/independent_check.h"
+#include "support/problems/random_problem.h"
+
+namespace marble {
+namespace {
+
+Solution solved(const OwnedProblem& p, const Options& options) {
+  return solve_in_process(p.view(), options).value();
+}
+
+OwnedProblem small(std::uint64_t seed) {
+  return testing::random_problem({.variables = 10, .equalities = 1, .inequalities = 4, .pairs = 8}, seed);
+}
+
+TEST(SmallProblem, EndsAtTheGlobalOptimumWithItsProof) {
+  Options local, global;
+  local.small_budget = 0;
+  global.global = true;
+  int convex = 0;
+  int lower = 0;
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    const OwnedProblem p = small(seed);
+    const Solution s = solved(p, {});
+    const Solution by_local = solved(p, local);
+    if (s.status != Status::solved) continue;
+    const Solution by_tree = solved(p, global);
+    if (by_tree.nodes == 0) continue;  // Q is not convex
+    ++convex;
+    const double tolerance = 2e-6 * (1.0 + std::abs(by_tree.objective));
+    EXPECT_TRUE(s.proved) << seed << ": " << s.detail;
+    EXPECT_LE(s.gap, 1e-6) << seed;
+    EXPECT_NEAR(s.objective, by_tree.objective, tolerance) << seed;
+    EXPECT_LE(s.bound, by_tree.objective + 1e-9 * (1.0 + std::abs(by_tree.objective))) << seed;
+    EXPECT_NE(s.detail.find("; small_budget: proved by "), std::string::npos) << s.detail;
+    EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-8) << seed;
+    EXPECT_FALSE(by_local.proved) << seed;
+    EXPECT_EQ(by_local.bound, -std::numeric_limits<double>::infinity()) << seed;
+    lower += s.objective < by_local.objective - tolerance ? 1 : 0;
+  }
+  EXPECT_GT(convex, 50);
+  EXPECT_GT(lower, 0) << "or there is nothing to look for";
+}
+
+TEST(SmallProblem, ATreeCutShortProvesNothingAndLosesNothing) {
+  Options local, few;
+  local.small_budget = 0;
+  few.small_budget = 1;
+  int unproved = 0;
+  for (std::uint64_t seed = 1; seed <= 100; ++seed) {
+    const OwnedProblem p = small(seed);
+    const Solution s = solved(p, few);
+    const Solution by_local = solved(p, local);
+    if (s.status != Status::solved) continue;
+    EXPECT_LE(s.objective, by_local.objective + 1e-9 * (1.0 + std::abs(s.objective))) << seed;
+    if (s.proved) continue;
+    ++unproved;
+    EXPECT_EQ(s.bound, -std::numeric_limits<double>::infinity()) << seed;
+  }
+  EXPECT_GT(unproved, 0);
+}
+
+TEST(SmallProblem, AWarmSolveDoesNotPayForIt) {
+  Options local;
+  local.small_budget = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const OwnedProblem p = small(seed);
+    const Problem problem = Problem::create(p.view()).value();
+    const Solution cold = solved(p, local);
+    if (cold.status != Status::solved) continue;
+    const Solution warm = Solver::create(problem).value().solve({.warm_start = &cold}).value();
+    const Solution plain = Solver::create(problem, local).value().solve({.warm_start = &cold}).value();
+    EXPECT_EQ(warm.factorizations, plain.factorizations) << seed;
+    EXPECT_EQ(warm.z, plain.z) << seed;
+  }
+}
+
+// polish=false is about how a path ends, not about where a solve begins.
+TEST(SmallProblem, AWarmStartIsTakenWithoutPolishToo) {
+  Options rough;
+  rough.polish = false;
+  int taken = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const OwnedProblem p = small(seed);
+    const Solution cold = solved(p, {});
+    if (cold.status != Status::solved) continue;
+    const Problem problem = Problem::create(p.view()).value();
+    const Solution polished = Solver::create(problem).value().solve({.warm_start = &cold}).value();
+    const Solution warm = Solver::create(problem, rough).value().solve({.warm_start = &cold}).value();
+    EXPECT_EQ(warm.status, Status::solved) << seed;
+    EXPECT_NEAR(warm.objective, cold.objective, 1e-9 * (1.0 + std::abs(cold.objective))) << seed;
+    EXPECT_EQ(warm.factorizations, polished.factorizations) << seed << ": " << warm.detail;
+    ++taken;
+  }
+  EXPECT_GT(taken, 10);
+}
+
+// Softening an answer never leaves its basin there; each start is elsewhere.
+TEST(SmallProblem, IndefiniteOnesGetStartsElsewhere) {
+  Options one, many;
+  one.small_budget = many.small_budget = 0;
+  many.starts = 16;
+  int lower = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const OwnedProblem p = testing::random_problem(
+        {.variables = 12, .equalities = 0, .inequalities = 24, .pairs = 4, .indefinite = true}, seed);
+    const Solution first = solved(p, one);
+    const Solution best = solved(p, many);
+    if (first.status != Status::solved || best.status != Status::solved) continue;
+    EXPECT_LE(testing::judge(p.view(), best).infeasibility(), 1e-6) << seed;
+    EXPECT_NE(best.second_order, SecondOrder::saddle) << seed << ": " << best.detail;
+    lower += best.objective < first.objective - 1e-6 ? 1 : 0;
+  }
+  EXPECT_GT(lower, 0);
+}
+
+}  // namespace
+}  // namespace marble
