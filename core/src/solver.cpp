@@ -110,6 +110,7 @@ void take_proof(const Strategy::Answer& found, Solution& solution) {
   solution.gap = found.tree.gap;
   solution.nodes = found.tree.nodes;
   solution.open_nodes = found.tree.open_nodes;
+  solution.warm_nodes = found.tree.warm_nodes;
 }
 
 }  // namespace
@@ -199,8 +200,11 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options,
   if (own_bytes + factor_bytes > limit) return refuse(own_bytes + factor_bytes);
   auto state = std::make_unique<State>(problem, options, std::move(scaled), std::move(kkt));
   state->setup_s = std::chrono::duration<double>(Run::Clock::now() - begin).count();
-  state->memory_bytes = static_cast<std::int64_t>(own_bytes + factor_bytes);
-  state->strategy.allow_tree(std::min(limit - own_bytes - factor_bytes, tuning::tree_most_bytes));
+  const double tree_bytes = std::min(limit - own_bytes - factor_bytes, tuning::tree_most_bytes);
+  const double kept_bytes =
+      options.global ? std::min(tuning::tree_kept * tree_bytes, tuning::tree_kept_bytes) : 0.0;
+  state->memory_bytes = static_cast<std::int64_t>(own_bytes + factor_bytes + kept_bytes);
+  state->strategy.allow_tree(tree_bytes, kept_bytes);
   return Solver(std::move(state));
 }
 
@@ -213,7 +217,7 @@ Expected<void> Solver::update(const ProblemUpdate& update) {
 void Solver::take(const ProblemUpdate& checked) {
   if (!rescale(checked, state_->problem)) return;
   state_->kkt->load(state_->problem);
-  state_->strategy.forget_convexity();
+  state_->strategy.forget_matrices();
 }
 
 Expected<void> Solver::set_options(const Options& options) {
@@ -227,6 +231,8 @@ void Solver::take(const Options& checked) {
   state_->options = checked;
   state_->options.scaling_passes = scaling_passes;
 }
+
+void Solver::shift_tree(const Shift& checked) { state_->strategy.shift_tree(checked); }
 
 std::int64_t Solver::memory_bytes() const { return state_->memory_bytes; }
 

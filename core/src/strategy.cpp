@@ -36,14 +36,15 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
 Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z,
                                const std::optional<WarmStart>& warm_start) {
   Answer local = run_locally(run, initial_z, warm_start);
-  return options_.global ? search_globally(run, std::move(local)) : local;
+  return options_.global ? search_globally(run, std::move(local), warm_start.has_value()) : local;
 }
 
 // A tree over the pairs, from the local answer. What has been proved already, or was ended, stays as it is.
-Strategy::Answer Strategy::search_globally(Run& run, Answer local) {
+Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
   if (is_proof(local.ending.status) || ended_by_force(local.ending.status)) return local;
   if (tree_ == nullptr) tree_ = std::make_unique<Tree>(problem_, options_, branch_.point, incumbent_);
-  TreeResult found = tree_->search(run, local.x->z(), optimality_.known_convex(), tree_bytes_);
+  const Tree::Room room{tree_bytes_, run.keeps_tree() ? kept_tree_bytes_ : 0.0, warm && run.keeps_tree()};
+  TreeResult found = tree_->search(run, local.x->z(), optimality_.known_convex(), room);
   Answer answer = std::move(local);
   if (found.end == TreeResult::End::limit) {
     answer.ending.status = found.limit;

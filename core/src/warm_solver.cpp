@@ -44,6 +44,7 @@ std::int64_t WarmSolver::memory_bytes() const {
 void WarmSolver::begin_at(const Restart& restart) {
   if (restart.cold) newest_.reset();
   if (newest_) {
+    solver_.shift_tree(restart.shift);
     shift(restart.shift.variables, newest_->z);
     shift(restart.shift.equalities, newest_->equality_multipliers);
     shift(restart.shift.inequalities, newest_->inequality_multipliers);
@@ -71,6 +72,7 @@ Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveCon
   SolveControls own = controls;
   own.initial_z = initial_z_;
   own.warm_start = newest_ ? &*newest_ : nullptr;
+  own.keep_tree = true;
   auto solution = solver_.solve(own);
   if (!solution) return solution;
   solution->times.setup_s = 0.0;
