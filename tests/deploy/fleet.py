@@ -15,7 +15,8 @@ from pathlib import Path
 
 import grpc
 import marble
-from marble.requests import Call, solve
+from marble.message.requests import Call, solve
+from marble.model import problem_file
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = Path(os.environ["MARBLE_BUILD_DIR"])
@@ -46,7 +47,7 @@ def example_file(name="hopper", steps=10):
 
 def example(name="hopper", steps=10):
     """The same, read."""
-    return marble.problem_file.parse(example_file(name, steps))
+    return problem_file.parse(example_file(name, steps))
 
 
 class Server:

@@ -6,7 +6,7 @@ import shutil
 import subprocess
 
 import pytest
-from marble import contract
+from marble.base import contract
 
 from fleet import BUILD, Envoy, Fleet, HAProxy, Load, Nginx, NoProxy, example, example_file, eventually
 

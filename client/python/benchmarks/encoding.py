@@ -9,8 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 
 import marble
-from marble import contract, requests, wire
-from marble.requests import Call
+from marble.base import contract
+from marble.message import requests, wire
+from marble.message.requests import Call
 
 
 def best_ms(work, repeats=9):

@@ -9,7 +9,8 @@ import scipy.sparse as sp
 from support import long_solve, tiny, wait_until
 
 import marble
-from marble import contract, errors, tables
+from marble import errors
+from marble.base import contract, tables
 
 
 @pytest.mark.parametrize(("parts", "field", "index"), [

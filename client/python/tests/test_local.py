@@ -64,9 +64,9 @@ def test_a_server_that_is_named_is_asked_instead(server, tmp_path):
 
 def test_one_that_was_lost_is_started_again(tmp_path):
     lines = PROGRAM + """
-import marble.local
-marble.local._server._process.kill()
-marble.local._server._process.wait()
+import marble.connection.local
+marble.connection.local._server._process.kill()
+marble.connection.local._server._process.wait()
 print(marble.solve([[2]], [-2]).solved)
 """
     told = subprocess.run([sys.executable, "-c", lines], env=environment(TMPDIR=str(tmp_path)), capture_output=True,

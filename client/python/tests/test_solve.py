@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from support import check, long_solve, random_problem, tiny, wait_until
 
 import marble
-from marble import tables
+from marble.base import tables
 
 
 def test_matrices_go_in_and_numpy_arrays_come_out(server):

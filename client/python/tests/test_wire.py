@@ -8,8 +8,9 @@ import scipy.sparse as sp
 from support import random_problem
 
 import marble
-from marble import answers, contract, requests, wire
-from marble.requests import Call
+from marble.base import contract
+from marble.message import answers, requests, wire
+from marble.message.requests import Call
 
 
 @pytest.mark.parametrize("largest", [1, 127, 128, 16383, 16384, 2**21 - 1, 2**21, 2**28, 2**31 - 1])

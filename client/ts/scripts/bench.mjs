@@ -1,8 +1,8 @@
 // What a problem of 1 MB costs this side: checking and packing it, encoding it, and decoding an answer of that size.
 import { SolveRequest, SolveResponse } from "../dist/generated/marble/v1/service.js";
-import { packDoubles } from "../dist/packed.js";
-import { Solution } from "../dist/solution.js";
-import { solveRequest } from "../dist/solve.js";
+import { packDoubles } from "../dist/base/packed.js";
+import { Solution } from "../dist/model/solution.js";
+import { solveRequest } from "../dist/calls/solve.js";
 
 const [n, perColumn] = [2000, 40];
 const entries = n * perColumn;

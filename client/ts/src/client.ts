@@ -1,14 +1,14 @@
-import { type BatchAnswer, type BatchControls, type BatchProblem, batch } from "./batch.js";
-import { type CallControls, unary } from "./calls.js";
-import { type ConnectOptions, defaultAddress } from "./connect-options.js";
-import { Connection } from "./connection.js";
+import { type BatchAnswer, type BatchControls, type BatchProblem, batch } from "./calls/batch.js";
+import { type CallControls, unary } from "./calls/calls.js";
+import { type ServerInfo, infoOf } from "./calls/info.js";
+import { Jobs } from "./calls/jobs.js";
+import { Session, type SessionControls } from "./calls/session.js";
+import { type SolveControls, type SolveEvent, type StreamControls, solve, solveStream } from "./calls/solve.js";
+import { type ConnectOptions, defaultAddress } from "./connection/connect-options.js";
+import { Connection } from "./connection/connection.js";
 import { ServerService } from "./generated/marble/v1/service.js";
-import { type ServerInfo, infoOf } from "./info.js";
-import { Jobs } from "./jobs.js";
-import type { Problem } from "./problem.js";
-import { Session, type SessionControls } from "./session.js";
-import type { Solution } from "./solution.js";
-import { type SolveControls, type SolveEvent, type StreamControls, solve, solveStream } from "./solve.js";
+import type { Problem } from "./model/problem.js";
+import type { Solution } from "./model/solution.js";
 
 /**
  * A connection to a Marble server. Any number of calls at once; what fails rejects with a MarbleError. The connection is

@@ -3,12 +3,6 @@
  *
  * @module
  */
-export type { BatchAnswer, BatchControls, BatchProblem } from "./batch.js";
-export { BuiltProblem, ProblemBuilder } from "./builder.js";
-export type { Bounds, Expression, PairReport, Report, Term } from "./builder.js";
-export type { CallControls } from "./calls.js";
-export { Client, connect } from "./client.js";
-export type { ConnectOptions, TlsOptions } from "./connect-options.js";
 export {
   AbortedError,
   AccessError,
@@ -22,10 +16,12 @@ export {
   RefusedError,
   SupersededError,
   UnavailableError,
-} from "./errors.js";
-export type { ErrorCode, ErrorDetails } from "./errors.js";
-export type { Counters, Limits, OptionSchema, Quota, ServerInfo } from "./info.js";
-export { Jobs } from "./jobs.js";
+} from "./base/errors.js";
+export type { ErrorCode, ErrorDetails } from "./base/errors.js";
+export type { BatchAnswer, BatchControls, BatchProblem } from "./calls/batch.js";
+export type { CallControls } from "./calls/calls.js";
+export type { Counters, Limits, OptionSchema, Quota, ServerInfo } from "./calls/info.js";
+export { Jobs } from "./calls/jobs.js";
 export type {
   JobDetails,
   JobEvent,
@@ -39,13 +35,17 @@ export type {
   SubmittedJob,
   Trace,
   WatchControls,
-} from "./jobs.js";
-export type { CompressedColumns, DenseRows, Matrix, Triplets } from "./matrix.js";
-export type { SolveOptions } from "./options.js";
-export type { Problem, ProblemUpdate } from "./problem.js";
-export type { Progress, Tree, Violations } from "./progress.js";
-export { Session, shiftByStage } from "./session.js";
-export type { SessionControls, Shift, ShiftBlock, UpdateControls } from "./session.js";
-export { Solution } from "./solution.js";
-export type { SecondOrder, Stationarity, Status, Times } from "./solution.js";
-export type { Priority, RequestControls, SolveControls, SolveEvent, StreamControls } from "./solve.js";
+} from "./calls/jobs.js";
+export { Session, shiftByStage } from "./calls/session.js";
+export type { SessionControls, Shift, ShiftBlock, UpdateControls } from "./calls/session.js";
+export type { Priority, RequestControls, SolveControls, SolveEvent, StreamControls } from "./calls/solve.js";
+export { Client, connect } from "./client.js";
+export type { ConnectOptions, TlsOptions } from "./connection/connect-options.js";
+export { BuiltProblem, ProblemBuilder } from "./model/builder.js";
+export type { Bounds, Expression, PairReport, Report, Term } from "./model/builder.js";
+export type { CompressedColumns, DenseRows, Matrix, Triplets } from "./model/matrix.js";
+export type { SolveOptions } from "./model/options.js";
+export type { Problem, ProblemUpdate } from "./model/problem.js";
+export type { Progress, Tree, Violations } from "./model/progress.js";
+export { Solution } from "./model/solution.js";
+export type { SecondOrder, Stationarity, Status, Times } from "./model/solution.js";

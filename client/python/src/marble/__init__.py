@@ -10,9 +10,13 @@ MARBLE_SERVER names, else 127.0.0.1:50051, if nothing else is said; "local" is o
 import pathlib
 
 from marble import aio
-from marble.batch import BatchAnswer, BatchItem
+from marble.base.tables import Status
+from marble.calls.batch import BatchAnswer, BatchItem
+from marble.calls.jobs import Jobs
+from marble.calls.session import Session
+from marble.calls.session_core import SessionEvent, Shift, ShiftBlock, Superseded
 from marble.client import Client, SolveHandle, solve
-from marble.connect import ConnectOptions
+from marble.connection.connect import ConnectOptions
 from marble.errors import (
     Aborted,
     Cancelled,
@@ -29,15 +33,22 @@ from marble.errors import (
     Unavailable,
     Unsolved,
 )
-from marble.info import Option, ServerInfo
-from marble.job import Job, JobDetails, JobEvent, JobKind, JobPage, JobState, PairSides, Priority, Submitted, Trace
-from marble.jobs import Jobs
-from marble.lcqp import LCQP
-from marble.problem import Problem
-from marble.session import Session
-from marble.session_core import SessionEvent, Shift, ShiftBlock, Superseded
-from marble.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
-from marble.tables import Status
+from marble.message.info import Option, ServerInfo
+from marble.message.job import (
+    Job,
+    JobDetails,
+    JobEvent,
+    JobKind,
+    JobPage,
+    JobState,
+    PairSides,
+    Priority,
+    Submitted,
+    Trace,
+)
+from marble.model.lcqp import LCQP
+from marble.model.problem import Problem
+from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
 
 __version__ = pathlib.Path(__file__).with_name("VERSION").read_text(encoding="utf-8").strip()
 

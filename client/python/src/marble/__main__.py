@@ -8,11 +8,12 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from marble import drawing, problem_file
+from marble import drawing
+from marble.base.tables import DEFAULT_ADDRESS
 from marble.client import Client
 from marble.errors import Error, InvalidArgument
 from marble.hopper import Hopper
-from marble.tables import DEFAULT_ADDRESS
+from marble.model import problem_file
 
 _SOLVED, _NOT_SOLVED, _USAGE, _SERVER = 0, 1, 2, 3
 

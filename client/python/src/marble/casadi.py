@@ -16,8 +16,8 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from marble.errors import InvalidProblem
-from marble.lcqp import LCQP, mirrored
-from marble.problem import Problem, compiled
+from marble.model.lcqp import LCQP, mirrored
+from marble.model.problem import Problem, compiled
 
 
 def _only_of(expression: Any, x: Any, what: str) -> None:

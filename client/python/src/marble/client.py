@@ -10,19 +10,21 @@ from typing import Any
 import grpc
 from numpy.typing import ArrayLike
 
-from marble import answers, connect, errors, requests
-from marble.batch import BatchAnswer, BatchCore, BatchItem
+from marble import errors
+from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
+from marble.calls.jobs import Jobs
+from marble.calls.progress import teller
+from marble.calls.session import Session
+from marble.connection import connect
+from marble.connection.rpc import Rpc
 from marble.errors import Cancelled, Error
-from marble.info import ServerInfo, server_info
-from marble.job import Job, JobEvent, Priority
-from marble.jobs import Jobs
-from marble.lcqp import LCQP, MatrixLike
-from marble.problem import Problem, compiled, in_terms_of
-from marble.progress import teller
-from marble.requests import Call, ProgressWish
-from marble.rpc import Rpc
-from marble.session import Session
-from marble.solution import Progress, Solution
+from marble.message import answers, requests
+from marble.message.info import ServerInfo, server_info
+from marble.message.job import Job, JobEvent, Priority
+from marble.message.requests import Call, ProgressWish
+from marble.model.lcqp import LCQP, MatrixLike
+from marble.model.problem import Problem, compiled, in_terms_of, problem_of
+from marble.model.solution import Progress, Solution
 
 
 class SolveHandle:
@@ -257,20 +259,6 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
     with Client(server) as client:
         return client.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
                             request_id=request_id)
-
-
-def problem_of(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None, A: MatrixLike | None,
-               b: ArrayLike | None, C: MatrixLike | None, d: ArrayLike | None, L: MatrixLike | None,
-               l: ArrayLike | None, R: MatrixLike | None, r: ArrayLike | None, c0: float, z0: ArrayLike | None,
-               name: str) -> LCQP | Problem:
-    """The problem that solve() was given, in parts or as one."""
-    if not isinstance(Q, LCQP | Problem):
-        if g is None:
-            raise errors.InvalidProblem("g", "is missing; its size defines the number of variables")
-        return LCQP(Q, g, A=A, b=b, C=C, d=d, L=L, l=l, R=R, r=r, c0=c0, z0=z0, name=name)
-    if any(part is not None for part in (g, A, b, C, d, L, l, R, r, z0)):
-        raise errors.InvalidProblem("g", "must not be given beside a whole problem")
-    return Q
 
 
 __all__ = ["Client", "Error", "Job", "SolveHandle", "solve"]

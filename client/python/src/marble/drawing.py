@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marble.hopper import NAMES, Hopper, trajectory
-from marble.lcqp import Vector
+from marble.model.lcqp import Vector
 
 _BODY, _FOOT, _LEG, _GROUND = "#2563a8", "#c2481f", "#8a8f98", "#d9d4c7"
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import grpc
 
-from marble import contract, tables
+from marble.base import contract, tables
 
 if TYPE_CHECKING:
-    from marble.solution import Solution
+    from marble.model.solution import Solution
 
 Index = int | tuple[int, int] | None
 

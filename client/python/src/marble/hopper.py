@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from marble.lcqp import LCQP, Vector
+from marble.model.lcqp import LCQP, Vector
 
 NAMES = ("body_x", "body_z", "foot_x", "foot_z", "body_vx", "body_vz", "foot_vx", "foot_vz", "force_x", "force_z",
          "slip_plus", "slip_minus", "normal_force", "friction_force",

@@ -1,0 +1,237 @@
+"""The client for asyncio."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterable, AsyncIterator, Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import grpc
+from numpy.typing import ArrayLike
+
+from marble import errors
+from marble.aio.session import Session
+from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
+from marble.calls.jobs import result_of
+from marble.calls.progress import teller
+from marble.connection import connect
+from marble.connection.rpc import PACKAGE, check_deadline
+from marble.errors import Cancelled
+from marble.message import answers, requests
+from marble.message.info import ServerInfo, server_info
+from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
+from marble.message.requests import Call, ProgressWish
+from marble.model.lcqp import LCQP, MatrixLike
+from marble.model.problem import Problem, compiled, in_terms_of, problem_of
+from marble.model.solution import Progress, Solution
+
+
+class _Rpc:
+    """As marble.connection.rpc.Rpc, on a channel of grpc.aio."""
+
+    def __init__(self, channel: Any, metadata: tuple[tuple[str, str], ...], timeout: float | None) -> None:
+        self.channel = channel
+        self._metadata = metadata
+        self._timeout = check_deadline(timeout)
+
+    def _deadline(self, deadline: float | None) -> float | None:
+        return self._timeout if deadline is None else check_deadline(deadline)
+
+    async def call(self, method: str, request: bytes, deadline: float | None = None) -> bytes:
+        try:
+            answer: bytes = await self.channel.unary_unary(PACKAGE + method)(
+                request, timeout=self._deadline(deadline), metadata=self._metadata)
+            return answer
+        except grpc.RpcError as error:
+            raise errors.from_rpc(error) from None
+
+    def stream(self, method: str, request: bytes, deadline: float | None = None) -> Any:
+        return self.channel.unary_stream(PACKAGE + method)(
+            request, timeout=self._deadline(deadline), metadata=self._metadata)
+
+    def endless(self, method: str, request: bytes) -> Any:
+        return self.channel.unary_stream(PACKAGE + method)(request, metadata=self._metadata)
+
+    def duplex(self, method: str) -> Any:
+        return self.channel.stream_stream(PACKAGE + method)(metadata=self._metadata)
+
+
+class Jobs:
+    """As marble.Client.jobs; see there."""
+
+    def __init__(self, rpc: _Rpc) -> None:
+        self._rpc = rpc
+
+    async def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
+                     priority: Priority | str | None = None, request_id: str = "",
+                     deadline: float | None = None) -> Submitted:
+        """Queues a job that outlives this process."""
+        request = requests.solve(compiled(problem), Call(options, priority, request_id))
+        return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
+
+    async def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
+                     problem: LCQP | Problem | None = None) -> Solution:
+        """The answer of a submitted job; raises what it ended with if there is none."""
+        request = requests.job("JobResultRequest", job_id, wait=wait)
+        return result_of(await self._rpc.call("Jobs/Result", request, deadline), problem)
+
+    async def list(self, *, states: Sequence[JobState | str] = (), client: str = "", limit: int = 0,
+                   before: str = "") -> JobPage:
+        """A page of jobs, newest first."""
+        request = requests.list_jobs(tuple(states), client, limit, before)
+        return answers.job_page(await self._rpc.call("Jobs/List", request))
+
+    async def get(self, job_id: str) -> JobDetails:
+        """A job with its options and its convergence."""
+        return answers.job_details(await self._rpc.call("Jobs/Get", requests.job("GetJobRequest", job_id)))
+
+    async def cancel(self, job_id: str) -> Job:
+        """Ends a job, with its best iterate if it runs."""
+        return answers.cancelled_job(await self._rpc.call("Jobs/Cancel", requests.job("CancelJobRequest", job_id)))
+
+    async def delete(self, job_id: str) -> None:
+        """Lets a submitted job and its answer go."""
+        await self._rpc.call("Jobs/Delete", requests.job("DeleteJobRequest", job_id))
+
+    async def watch(self, job_id: str = "", *, progress_interval: float = 0.25) -> AsyncIterator[JobEvent]:
+        """Yields what happens: of one job until it has finished, of all (no id) for ever."""
+        request = requests.job("WatchJobsRequest", job_id, progress_interval_s=progress_interval)
+        stream = self._rpc.endless("Jobs/Watch", request)
+        try:
+            async for data in stream:
+                for event in answers.job_events(data):
+                    yield event
+        except grpc.RpcError as error:
+            raise errors.from_rpc(error) from None
+        finally:
+            stream.cancel()
+
+
+class Client:
+    """As marble.Client; to be made and used within one event loop. `async with`, or await close()."""
+
+    def __init__(self, address: str | Sequence[str] | None = None, *, token: str | None = None,
+                 name: str | None = None, tls: bool = False, tls_ca: str | None = None,
+                 tls_certificate: str | None = None, tls_key: str | None = None, tls_server_name: str | None = None,
+                 timeout: float | None = None) -> None:
+        who = connect.ConnectOptions.from_environment(
+            token=token, name=name, tls=tls, tls_ca=tls_ca, tls_certificate=tls_certificate, tls_key=tls_key,
+            tls_server_name=tls_server_name)
+        target, credentials = connect.target(address, who), who.credentials()
+        if credentials is None:
+            channel = grpc.aio.insecure_channel(target.name, target.options)
+        else:
+            channel = grpc.aio.secure_channel(target.name, credentials, target.options)
+        self.address = target.shown
+        self._rpc = _Rpc(channel, who.metadata(), timeout)
+        self.jobs = Jobs(self._rpc)
+
+    async def close(self) -> None:
+        """Ends the connection and all that is under way on it."""
+        await self._rpc.channel.close()
+
+    async def __aenter__(self) -> Client:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.close()
+
+    async def solve(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
+                    priority: Priority | str | None = None, progress: ProgressWish = None,
+                    deadline: float | None = None, request_id: str = "", progress_interval: float = 0.0,
+                    iterate_every: int = 0) -> Solution:
+        """Solves; see marble.Client.solve."""
+        call = Call(options, priority, request_id, progress_interval, iterate_every)
+        lcqp = compiled(problem)
+        tell, close = teller(progress)
+        if tell is None:
+            data = await self._rpc.call("Solver/Solve", requests.solve(lcqp, call), deadline)
+            return in_terms_of(problem, answers.solve_response(data, lcqp))
+        stream = self._rpc.stream("Solver/SolveStream", requests.solve_stream(lcqp, call), deadline)
+        try:
+            async for data in stream:
+                kind, content = answers.stream_event(data, lcqp)
+                for row in content if kind == "progress" else ():
+                    tell(row)
+                if kind == "result":
+                    return in_terms_of(problem, content)
+        except grpc.RpcError as error:
+            raise errors.from_rpc(error) from None
+        finally:
+            stream.cancel()
+            close()
+        raise Cancelled("the stream ended without an answer")
+
+    async def batch(self, problems: Iterable[LCQP | Problem | BatchItem] | AsyncIterable[LCQP | Problem | BatchItem],
+                    *, options: Mapping[str, Any] | None = None,
+                    priority: Priority | str | None = None) -> AsyncIterator[BatchAnswer]:
+        """Yields answers as they finish; `problems` may be asynchronous. See marble.Client.batch."""
+        core = BatchCore(Call(options, priority))
+        stream = self._rpc.duplex("Solver/SolveBatch")
+
+        async def write() -> None:
+            try:
+                if isinstance(problems, AsyncIterable):
+                    async for item in problems:
+                        await stream.write(core.request(item))
+                else:
+                    for item in problems:
+                        await stream.write(core.request(item))
+                await stream.done_writing()
+            except BaseException:
+                stream.cancel()
+                raise
+
+        writer = asyncio.ensure_future(write())
+        try:
+            async for data in stream:
+                yield core.answer(data)
+            await writer
+        except (grpc.RpcError, asyncio.CancelledError) as error:
+            failure = writer.exception() if writer.done() and not writer.cancelled() else None
+            if failure is not None and not isinstance(failure, grpc.RpcError | asyncio.InvalidStateError):
+                raise failure from None
+            if isinstance(error, grpc.RpcError):
+                raise errors.from_rpc(error) from None
+            raise
+        finally:
+            writer.cancel()
+            stream.cancel()
+
+    def session(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
+                priority: Priority | str | None = None, latest_only: bool = False,
+                progress: Callable[[int, Progress], object] | None = None, request_id: str = "",
+                progress_interval: float = 0.0, iterate_every: int = 0) -> Session:
+        """Sets a problem up once: `async with client.session(problem) as session`. See marble.Client.session."""
+        call = Call(options, priority, request_id, progress_interval, iterate_every)
+        return Session(self._rpc.duplex, problem, call, latest_only, progress)
+
+    async def info(self) -> ServerInfo:
+        """What the server is."""
+        return server_info(await self._rpc.call("Server/GetInfo", b""))
+
+    def watch(self, *, progress_interval: float = 0.25) -> AsyncIterator[JobEvent]:
+        """Yields what happens to all jobs that the caller may see, for ever."""
+        return self.jobs.watch("", progress_interval=progress_interval)
+
+
+async def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
+                A: MatrixLike | None = None, b: ArrayLike | None = None, C: MatrixLike | None = None,
+                d: ArrayLike | None = None, L: MatrixLike | None = None, l: ArrayLike | None = None,
+                R: MatrixLike | None = None, r: ArrayLike | None = None, *, c0: float = 0.0,
+                z0: ArrayLike | None = None, options: Mapping[str, Any] | None = None,
+                server: str | Sequence[str] | Client | None = None, name: str = "",
+                priority: Priority | str | None = None, progress: ProgressWish = None, deadline: float | None = None,
+                request_id: str = "", **more_options: Any) -> Solution:
+    """As marble.solve, awaited; `server` may be a marble.aio.Client."""
+    problem = problem_of(Q, g, A, b, C, d, L, l, R, r, c0, z0, name)
+    wishes = {**(options or {}), **more_options}
+    if isinstance(server, Client):
+        return await server.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
+                                  request_id=request_id)
+    async with Client(server) as client:
+        return await client.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
+                                  request_id=request_id)
+
+
+__all__ = ["Client", "Jobs", "Session", "solve"]

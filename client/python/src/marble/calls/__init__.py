@@ -1,0 +1,1 @@
+"""Batches, jobs and sessions: what they know, and their calls for threads."""

@@ -1,0 +1,84 @@
+"""Jobs by their ids: submitted ones, which outlive the connection, and all others for those who look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import grpc
+
+from marble import errors
+from marble.connection.rpc import Rpc
+from marble.message import answers, requests
+from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
+from marble.message.requests import Call
+from marble.model.lcqp import LCQP
+from marble.model.problem import Problem, compiled, in_terms_of
+from marble.model.solution import Solution
+
+
+class Jobs:
+    """The jobs of a server. NotFound: never heard of it, no longer kept, or not the caller's to see."""
+
+    def __init__(self, rpc: Rpc) -> None:
+        self._rpc = rpc
+
+    def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
+               priority: Priority | str | None = None, request_id: str = "",
+               deadline: float | None = None) -> Submitted:
+        """Queues a job that outlives this process. deadline: of the submission alone, seconds."""
+        call = Call(options, priority, request_id)
+        return answers.submitted(self._rpc.call("Jobs/Submit", requests.solve(compiled(problem), call), deadline))
+
+    def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
+               problem: LCQP | Problem | None = None) -> Solution:
+        """The answer of a submitted job; raises what it ended with if there is none.
+
+        wait: until it is there, at most `deadline` seconds; else FailedPrecondition if the job has not finished.
+        problem: what was submitted, for the answer's s and t and its own terms.
+        """
+        request = requests.job("JobResultRequest", job_id, wait=wait)
+        return result_of(self._rpc.call("Jobs/Result", request, deadline), problem)
+
+    def list(self, *, states: Sequence[JobState | str] = (), client: str = "", limit: int = 0,
+             before: str = "") -> JobPage:
+        """A page of jobs, newest first.
+
+        states: only these; none means all. client: only its jobs. limit: in [0, 10000]; 0 means 100. before: only jobs
+        older than that id, to page on.
+        """
+        return answers.job_page(self._rpc.call("Jobs/List", requests.list_jobs(tuple(states), client, limit, before)))
+
+    def get(self, job_id: str) -> JobDetails:
+        """A job with its options and its convergence."""
+        return answers.job_details(self._rpc.call("Jobs/Get", requests.job("GetJobRequest", job_id)))
+
+    def cancel(self, job_id: str) -> Job:
+        """Ends a job: a waiting one at once, a running one within an iteration, with its best iterate."""
+        return answers.cancelled_job(self._rpc.call("Jobs/Cancel", requests.job("CancelJobRequest", job_id)))
+
+    def delete(self, job_id: str) -> None:
+        """Lets a submitted job and its answer go; ends it if it has not finished."""
+        self._rpc.call("Jobs/Delete", requests.job("DeleteJobRequest", job_id))
+
+    def watch(self, job_id: str = "", *, progress_interval: float = 0.25) -> Iterator[JobEvent]:
+        """Yields what happens: of one job until it has finished, of all (no id) for ever.
+
+        progress_interval: least time between two events about the progress of one job, seconds, ≥ 0.
+        """
+        request = requests.job("WatchJobsRequest", job_id, progress_interval_s=progress_interval)
+        stream = self._rpc.endless("Jobs/Watch", request)
+        try:
+            for data in stream:
+                yield from answers.job_events(data)
+        except grpc.RpcError as error:
+            raise errors.from_rpc(error) from None
+        finally:
+            stream.cancel()
+
+
+def result_of(data: bytes, problem: LCQP | Problem | None) -> Solution:
+    """The answer in a SolveResponse to the problem, if that is known."""
+    if problem is None:
+        return answers.solve_response(data, None)
+    return in_terms_of(problem, answers.solve_response(data, compiled(problem)))

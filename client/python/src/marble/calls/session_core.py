@@ -1,0 +1,253 @@
+"""What a session knows, whoever moves its messages: numbers of updates, and the problem as each one left it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+
+from marble import errors
+from marble.base import contract
+from marble.base.tables import VALUES, VECTORS
+from marble.errors import FailedPrecondition, InvalidArgument, InvalidProblem
+from marble.message import answers, requests, wire
+from marble.message.wire import Encoder
+from marble.model import lcqp
+from marble.model.lcqp import LCQP, Vector
+from marble.model.problem import Problem, compiled, in_terms_of
+from marble.model.solution import Progress, Solution
+
+_SHIFTED: Final = ("variables", "equalities", "inequalities", "pairs")
+
+
+@dataclass(frozen=True)
+class ShiftBlock:
+    """A stretch of a vector that moves on.
+
+    Of `count` entries from `first`, each takes the value `by` further on, and the last `by` keep theirs.
+    All are ≥ 0, and by ≤ count.
+    """
+
+    first: int
+    count: int
+    by: int
+
+
+@dataclass(frozen=True)
+class Shift:
+    """A receding horizon's hint: how the last answer moves one stage on before it is started from.
+
+    Blocks of z, of the multipliers of equalities and inequalities, and of both multipliers of the pairs. Those of a
+    vector may move as many entries together as it has; one that moves none counts as one.
+    """
+
+    variables: Sequence[ShiftBlock] = ()
+    equalities: Sequence[ShiftBlock] = ()
+    inequalities: Sequence[ShiftBlock] = ()
+    pairs: Sequence[ShiftBlock] = ()
+
+    @staticmethod
+    def by_stage(problem: LCQP | Problem, stages: int) -> Shift:
+        """For a problem whose vectors all hold `stages` equal parts, one stage after the other.
+
+        InvalidArgument of field "stages" unless it is ≥ 1 and divides the size of every vector.
+        """
+        if stages < 1 or stages % 1:
+            raise InvalidArgument("stages", "must be a whole number >= 1", value=stages)
+        blocks = []
+        for name, size in zip(_SHIFTED, compiled(problem).sizes, strict=True):
+            if size % stages:
+                raise InvalidArgument("stages", f"must divide the number of {name}, {size}", value=stages)
+            blocks.append((ShiftBlock(0, size, size // stages),) if size else ())
+        return Shift(*blocks)
+
+    def message(self) -> Any:
+        """The Shift of marble.v1."""
+        kind, block = contract.message("Shift"), contract.message("ShiftBlock")
+        return kind(**{name: [block(first=b.first, count=b.count, by=b.by) for b in getattr(self, name)]
+                       for name in _SHIFTED})
+
+
+@dataclass(frozen=True)
+class Superseded:
+    """The update was overtaken by a newer one, which took its numbers along (latest_only)."""
+
+    by_sequence: int
+
+
+@dataclass(frozen=True, eq=False)
+class SessionEvent:
+    """What came of one update: an answer, solved or not; or why there is none, after which the session goes on."""
+
+    sequence: int
+    outcome: Solution | Superseded | errors.Error
+
+
+class SessionCore:
+    """The state of one session; does no input or output."""
+
+    def __init__(self, problem: LCQP | Problem) -> None:
+        self.given = problem.copy() if isinstance(problem, Problem) else problem
+        self.current = compiled(problem)
+        self.sequence = 0
+        self.job_id = ""
+        self.memory_bytes = 0
+        self.setup_s = self.idle_timeout_s = 0.0
+        self.ended = False
+        self._asked: dict[int, tuple[LCQP | Problem, LCQP]] = {}
+
+    def set_up(self, call: requests.Call, latest_only: bool, progress: bool) -> bytes:
+        """The first message."""
+        requests.check_request_id(call.request_id)
+        requests.check_progress(call)
+        setup = Encoder("SessionSetup")
+        setup.message("problem", requests.problem_encoder(self.current))
+        if self.current.z0 is not None:
+            setup.message("initial_point", requests.initial_point(self.current.z0))
+        setup.others(contract.message("SessionSetup")(
+            options=requests.options_message(call.options), request_id=call.request_id,
+            priority=requests.priority_number(call.priority), latest_only=latest_only, progress=progress,
+            progress_interval_s=call.progress_interval, iterate_every=call.iterate_every))
+        return _request("setup", setup)
+
+    def update(self, problem: LCQP | Problem | None = None, *, options: Mapping[str, Any] | None = None,
+               z0: ArrayLike | None = None, cold: bool = False, shift: Shift | int | None = None,
+               deadline: float | None = None, **parts: Any) -> bytes:
+        """The next update; self.sequence is its number then."""
+        if self.ended:
+            raise FailedPrecondition("the session has ended")
+        if deadline is not None and not (math.isfinite(deadline) and deadline > 0):
+            raise InvalidArgument("deadline", "must be finite and > 0 seconds", value=deadline)
+        changes = self._changes(problem, parts)
+        if isinstance(shift, int):
+            shift = Shift.by_stage(self.current, shift)
+        message = contract.message("SessionUpdate")(
+            sequence=self.sequence + 1, cold=cold, deadline_s=deadline or 0.0,
+            options=requests.options_message(options), shift=None if shift is None else shift.message())
+        update = Encoder("SessionUpdate")
+        update.others(message)
+        update.message("problem", _changed(changes))
+        if z0 is not None:
+            update.message("initial_point", requests.initial_point(lcqp.vector(z0, "z0", self.current.n, " (n)")))
+        data = _request("update", update)
+        # Nothing is remembered of an update that could not be made.
+        self.sequence += 1
+        self.current = self.current.replaced(**changes)
+        if isinstance(problem, Problem):
+            self.given = problem.copy()
+        given: LCQP | Problem = self.given if isinstance(self.given, Problem) else self.current
+        self._asked[self.sequence] = (given, self.current)
+        return data
+
+    def _changes(self, problem: LCQP | Problem | None, parts: Mapping[str, Any]) -> dict[str, Any]:
+        now = self.current
+        if problem is not None:
+            other = compiled(problem)
+            if other.sizes != now.sizes:
+                raise InvalidProblem("problem", f"must have the sizes {now.sizes} of the set-up", value=other.sizes)
+            whole = {"c0": other.c0, **{name: getattr(other, name) for name in VECTORS},
+                     **{name: _same_pattern(getattr(other, name), getattr(now, name), name) for name in VALUES}}
+            return {name: value for name, value in whole.items() if not _equal(value, getattr(now, name))}
+        changes: dict[str, Any] = {}
+        for name, value in parts.items():
+            if name not in ("c0", *VECTORS, *VALUES):
+                raise TypeError(f"an update has no argument {name!r}")
+            if value is None:
+                continue
+            if name == "c0":
+                changes[name] = float(lcqp.vector(value, name, 1)[0])
+            elif name in VECTORS:
+                changes[name] = lcqp.vector(value, name, getattr(now, name).size, ", as at the set-up")
+            else:
+                changes[name] = _with_pattern(value, getattr(now, name), name)
+        return changes
+
+    def take(self, data: bytes) -> tuple[str, Any]:
+        """("ready", the message), ("progress", (sequence, rows)) or ("outcome", a SessionEvent)."""
+        message, arrays = wire.decode("SessionResponse", data)
+        kind = message.WhichOneof("event")
+        if kind == "ready":
+            return kind, message.ready
+        if kind == "progress":
+            rows: list[Progress] = [answers.progress(row) for row in message.progress.progress.rows]
+            return kind, (message.progress.sequence, rows)
+        body = getattr(message, kind)
+        given, problem = self._asked.pop(body.sequence)
+        outcome: Solution | Superseded | errors.Error
+        if kind == "answer":
+            outcome = answers.solution(body.solution, arrays, "answer.solution.", problem, self.job_id)
+            outcome = in_terms_of(given, outcome)
+        elif kind == "superseded":
+            outcome = Superseded(body.by_sequence)
+        else:
+            outcome = errors.from_status(body.status)
+        return "outcome", SessionEvent(body.sequence, outcome)
+
+    def ready(self, message: Any) -> None:
+        """Remembers what the server told when it had set the session up."""
+        self.job_id = message.job_id
+        self.memory_bytes = message.memory_bytes
+        self.setup_s = message.setup_s
+        self.idle_timeout_s = message.idle_timeout_s
+
+
+def _request(field: str, part: Encoder) -> bytes:
+    request = Encoder("SessionRequest")
+    request.message(field, part)
+    return request.finish()
+
+
+def _changed(changes: Mapping[str, Any]) -> Encoder:
+    part = Encoder("ProblemUpdate")
+    if "c0" in changes:
+        part.others(contract.message("ProblemUpdate")(constant=changes["c0"]))
+    for name, value in changes.items():
+        if name in VECTORS:
+            part.doubles(VECTORS[name], value)
+        elif name in VALUES:
+            part.doubles(VALUES[name], value.data)
+    return part
+
+
+def _equal(value: Any, old: Any) -> bool:
+    if isinstance(value, float):
+        return value == float(old)
+    return np.array_equal(getattr(value, "data", value), getattr(old, "data", old))
+
+
+def _with_pattern(value: Any, old: Any, name: str) -> Any:
+    """A matrix as it may be given, or its values alone in the order of the set-up, as a matrix like `old`."""
+    if not sp.issparse(value) and np.ndim(value) == 1 and np.size(value) == old.nnz and old.shape[0] != 1:
+        data: Vector = lcqp.vector(value, name + ".values")
+        return sp.csc_matrix((data, old.indices, old.indptr), shape=old.shape)
+    rows, n = old.shape
+    new = lcqp.upper_triangle(value, n) if name == "Q" else lcqp.matrix(value, name, n, rows)
+    return _same_pattern(new, old, name)
+
+
+def _same_pattern(new: Any, old: Any, name: str) -> Any:
+    if new.nnz == old.nnz and np.array_equal(new.indptr, old.indptr) and np.array_equal(new.indices, old.indices):
+        return new
+    rows = np.int64(old.shape[0])
+    old_keys = _columns(old) * rows + old.indices  # ascending, as entries are sorted
+    new_keys = _columns(new) * rows + new.indices
+    places = np.searchsorted(old_keys, new_keys)
+    known = places < old_keys.size
+    known[known] = old_keys[places[known]] == new_keys[known]
+    outside = np.flatnonzero(~known & (new.data != 0.0))
+    if outside.size:
+        entry = int(outside[0])
+        raise InvalidProblem(name, "must be zero, as at the set-up: a session's pattern stays",
+                             index=lcqp.position(new, entry), value=new.data[entry])
+    data = np.zeros(old.nnz)
+    data[places[known]] = new.data[known]
+    return sp.csc_matrix((data, old.indices, old.indptr), shape=old.shape)
+
+
+def _columns(values: Any) -> Any:
+    return np.repeat(np.arange(values.shape[1], dtype=np.int64), np.diff(values.indptr))

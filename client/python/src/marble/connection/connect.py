@@ -1,0 +1,209 @@
+"""How a client reaches its servers and says who it is."""
+
+from __future__ import annotations
+
+import dataclasses
+import ipaddress
+import json
+import os
+import pathlib
+import re
+import socket
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import grpc
+
+from marble.base import tables
+from marble.base.tables import LONGEST_CLIENT_NAME, LONGEST_UNIX_PATH
+from marble.connection.local import local_address
+from marble.errors import InvalidArgument, Unavailable
+
+_KEEPALIVE_MS: Final = 30_000  # a server that is gone without a word is noticed in
+_KEEPALIVE_TIMEOUT_MS: Final = 15_000  # the sum of the two; it allows a ping every 10 s
+_MESSAGE_BYTES: Final = 256 << 20  # the server's default limit
+_DNS: Final = "dns:///"
+# A call that changes nothing on a server may be made again. Not so Jobs.Submit, which would leave two jobs, nor streams
+# that the client writes, whose first half may have been served.
+_REPEATABLE: Final = {"Solver": ("Solve", "SolveStream"), "Jobs": ("Result", "List", "Get", "Watch"),
+                      "Server": ("GetInfo",)}
+
+
+def _printable(text: str) -> bool:
+    return text.isascii() and text.isprintable()
+
+
+def _process_name() -> str:
+    program = pathlib.Path(sys.argv[0] or "python")
+    name = (program.parent if program.name == "__main__.py" else program).name[:40]
+    return re.sub(r"[^!-~]", "_", name) + f"-{os.getpid()}"
+
+
+@dataclass(frozen=True)
+class ConnectOptions:
+    """Who calls, and how it is encrypted. Files are read once; a bad one is InvalidArgument with its field.
+
+    token: sent with every call as "authorization: Bearer TOKEN", in plaintext too; printable ASCII without spaces.
+    name: what the client calls itself, for a server that does not know better; at most 64 printable ASCII characters.
+    tls: encrypt; also on where any other tls_ field is set. tls_ca: PEM file of who may vouch for the server; without
+    it the system's roots. tls_certificate, tls_key: PEM files of the client's own, both or none. tls_server_name: the
+    name in the server's certificate, where it is not the address's host.
+    """
+
+    token: str = dataclasses.field(default="", repr=False)
+    name: str = ""
+    tls: bool = False
+    tls_ca: str = ""
+    tls_certificate: str = ""
+    tls_key: str = ""
+    tls_server_name: str = ""
+
+    @staticmethod
+    def from_environment(**given: Any) -> ConnectOptions:
+        """MARBLE_TOKEN, MARBLE_CLIENT_NAME, MARBLE_TLS_CA, _CERTIFICATE and _KEY, where `given` has None.
+
+        Without MARBLE_CLIENT_NAME the name is the program's with its process id.
+        """
+        values: dict[str, Any] = {"token": os.environ.get("MARBLE_TOKEN", ""),
+                  "name": os.environ.get("MARBLE_CLIENT_NAME") or _process_name()}
+        for part in ("ca", "certificate", "key"):
+            values[f"tls_{part}"] = os.environ.get(f"MARBLE_TLS_{part.upper()}", "")
+        return ConnectOptions(**{**values, **{k: v for k, v in given.items() if v is not None}})
+
+    def __post_init__(self) -> None:
+        if not _printable(self.token) or " " in self.token:
+            raise InvalidArgument("token", "must be printable ASCII without spaces")
+        if len(self.name) > LONGEST_CLIENT_NAME or not _printable(self.name):
+            raise InvalidArgument("name", f"must be at most {LONGEST_CLIENT_NAME} bytes of printable ASCII")
+        if bool(self.tls_certificate) != bool(self.tls_key):
+            missing = "tls_key" if self.tls_certificate else "tls_certificate"
+            raise InvalidArgument(missing, "certificate and key must be given together")
+
+    def metadata(self) -> tuple[tuple[str, str], ...]:
+        """What goes with every call."""
+        pairs = []
+        if self.token:
+            pairs.append(("authorization", f"Bearer {self.token}"))
+        if self.name:
+            pairs.append(("marble-client", self.name))
+        return tuple(pairs)
+
+    def credentials(self) -> Any:
+        """gRPC's channel credentials; None is plaintext."""
+        if not (self.tls or self.tls_ca or self.tls_certificate or self.tls_server_name):
+            return None
+        return grpc.ssl_channel_credentials(_read_pem("tls_ca", self.tls_ca), _read_pem("tls_key", self.tls_key),
+                                            _read_pem("tls_certificate", self.tls_certificate))
+
+
+def _read_pem(field: str, path: str) -> bytes | None:
+    """What gRPC would otherwise find out at the first handshake, and tell as "unavailable"."""
+    if not path:
+        return None
+    try:
+        content = pathlib.Path(path).read_bytes()
+    except OSError as error:
+        raise InvalidArgument(field, f"cannot be read: {error.strerror}", value=path) from None
+    if b"-----BEGIN " not in content:
+        raise InvalidArgument(field, "must be a PEM file", value=path)
+    return content
+
+
+def _host_and_port(address: str) -> tuple[str, int]:
+    host, _, port = address.rpartition(":")
+    if not host or not port.isascii() or not port.isdigit() or not 1 <= int(port) <= 65535:
+        raise InvalidArgument("address", "must be host:port, port in [1, 65535], or unix:PATH", value=repr(address))
+    return host.strip("[]"), int(port)
+
+
+def _resolved(addresses: Sequence[str]) -> str:
+    """One gRPC target of several addresses; names are looked up now."""
+    found: list[tuple[int, str]] = []
+    for address in addresses:
+        if address.startswith("unix:"):
+            raise InvalidArgument("address", "of several addresses none may be a unix socket", value=repr(address))
+        host, port = _host_and_port(address)
+        try:
+            infos = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        except OSError as error:
+            raise Unavailable(f"{host}: {error.strerror}") from None
+        for info in infos:
+            ip = ipaddress.ip_address(info[4][0])
+            entry = (ip.version, f"{ip}:{port}" if ip.version == 4 else f"[{ip}]:{port}")
+            if entry not in found:
+                found.append(entry)
+    version = 4 if any(entry[0] == 4 for entry in found) else 6  # gRPC takes one family only
+    return f"ipv{version}:" + ",".join(text for kind, text in found if kind == version)
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a channel goes: gRPC's name of it, its options, and the address to show."""
+
+    name: str
+    shown: str
+    options: tuple[tuple[str, Any], ...]
+
+
+def service_config(several: bool) -> str:
+    """Retries of what may be repeated; turns between healthy servers, of several."""
+    names = [{"service": f"marble.v1.{service}", "method": method}
+             for service, methods in _REPEATABLE.items() for method in methods]
+    config: dict[str, Any] = {"methodConfig": [{"name": names, "retryPolicy": {
+        "maxAttempts": 4, "initialBackoff": "0.1s", "maxBackoff": "1s", "backoffMultiplier": 2,
+        "retryableStatusCodes": ["UNAVAILABLE"]}}]}
+    if several:
+        config["loadBalancingConfig"] = [{"round_robin": {}}]
+        config["healthCheckConfig"] = {"serviceName": ""}
+    return json.dumps(config)
+
+
+def _own_server(connect: ConnectOptions) -> str:
+    if connect.credentials() is not None:
+        raise InvalidArgument("address", "must name a server: that of this process alone has no TLS", value="local")
+    return local_address()
+
+
+def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Target:
+    """`address`: host:port or unix:PATH; or several host:port, in a list or with commas; or dns:///host:port, which is
+    every address of the name; or "local", this process's own server. None is MARBLE_SERVER, else 127.0.0.1:50051.
+    """
+    if address is None:
+        address = os.environ.get("MARBLE_SERVER") or tables.DEFAULT_ADDRESS
+    if address == tables.LOCAL_ADDRESS:
+        address = _own_server(connect)
+    addresses = [part.strip() for part in address.split(",")] if isinstance(address, str) else list(address)
+    if not addresses:
+        raise InvalidArgument("address", "must be at least one")
+    by_name = len(addresses) == 1 and addresses[0].startswith(_DNS)
+    options: list[tuple[str, Any]] = [
+        ("grpc.service_config", service_config(by_name or len(addresses) > 1)),
+        ("grpc.enable_retries", 1),
+        ("grpc.per_rpc_retry_buffer_size", _MESSAGE_BYTES),
+        ("grpc.max_receive_message_length", -1),  # the server has its limit; the client must be able to read
+        ("grpc.max_send_message_length", -1),
+        ("grpc.keepalive_time_ms", _KEEPALIVE_MS),
+        ("grpc.keepalive_timeout_ms", _KEEPALIVE_TIMEOUT_MS),
+        ("grpc.http2.max_pings_without_data", 0),  # as many as a long solve takes
+        ("grpc.enable_http_proxy", 0),  # http_proxy is set for browsers
+    ]
+    if connect.tls_server_name:
+        options.append(("grpc.ssl_target_name_override", connect.tls_server_name))
+    if len(addresses) > 1:
+        name = _resolved(addresses)
+        host, _ = _host_and_port(addresses[0])
+        if not connect.tls_server_name:
+            options.append(("grpc.default_authority", host))
+            if connect.credentials() is not None:
+                options.append(("grpc.ssl_target_name_override", host))
+    else:
+        name = addresses[0]
+        if name.startswith("unix:"):
+            if not 1 <= len(name.encode()) - 5 <= LONGEST_UNIX_PATH:
+                raise InvalidArgument("address", f"must have a path of 1 to {LONGEST_UNIX_PATH} bytes after unix:",
+                                      value=repr(name))
+        else:
+            _host_and_port(name.removeprefix(_DNS))
+    return Target(name, ", ".join(addresses), tuple(options))

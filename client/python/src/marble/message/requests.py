@@ -1,0 +1,174 @@
+"""What is sent: the messages of every call, checked and encoded. The same for Client and marble.aio.Client."""
+
+from __future__ import annotations
+
+import keyword
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from marble.base import contract
+from marble.base.tables import LARGEST_PAGE, LONGEST_REQUEST_ID, MATRICES, VECTORS
+from marble.errors import InvalidArgument
+from marble.message.job import JobState, Priority
+from marble.message.wire import Encoder
+from marble.model.lcqp import LCQP
+from marble.model.solution import Progress
+
+ProgressWish = bool | Callable[[Progress], object] | None
+
+
+def check_request_id(request_id: str) -> None:
+    """At most 128 bytes of printable ASCII."""
+    if len(request_id) > LONGEST_REQUEST_ID or not (request_id.isascii() and request_id.isprintable()):
+        raise InvalidArgument("request_id", f"must be at most {LONGEST_REQUEST_ID} bytes of printable ASCII")
+
+
+def priority_number(priority: Priority | str | None) -> int:
+    """Of marble.v1.Priority; None is the method's own."""
+    if priority is None:
+        return 0
+    try:
+        return contract.enum_numbers("Priority")[Priority(priority).value]
+    except ValueError:
+        rule = "must be realtime, interactive or batch"
+        raise InvalidArgument("priority", rule, value=repr(priority)) from None
+
+
+def options_message(options: Mapping[str, Any] | None) -> Any:
+    """SolveOptions by name. What a value may be is known to the server, which checks it.
+
+    A name that is a word of Python's own may have an underscore behind it: global_.
+    """
+    message = contract.message("SolveOptions")()
+    for given, value in (options or {}).items():
+        name = given[:-1] if given.endswith("_") and keyword.iskeyword(given[:-1]) else given
+        field = message.DESCRIPTOR.fields_by_name.get(name)
+        if field is None:
+            known = ", ".join(sorted(message.DESCRIPTOR.fields_by_name))
+            raise InvalidArgument(name, f"is no option; the options are {known}")
+        if field.enum_type is not None:
+            value = _choice(name, value, field.enum_type)
+        elif field.type == field.TYPE_DOUBLE:
+            value = float(value)
+        elif field.type == field.TYPE_INT32 and not isinstance(value, bool) and int(value) == value:
+            value = int(value)
+        try:
+            setattr(message, name, value)
+        except (TypeError, ValueError) as error:
+            raise InvalidArgument(name, f"has the wrong type ({error})", value=repr(value)) from None
+    return message
+
+
+def _choice(name: str, value: object, kind: Any) -> int:
+    choices = {text: number for number, text in contract.enum_names(kind.name).items() if number}
+    if value not in choices:
+        raise InvalidArgument(name, f"must be one of {', '.join(choices)}", value=repr(value))
+    return choices[str(value)]
+
+
+def _matrix(values: Any) -> Encoder:
+    part = Encoder("SparseMatrix")
+    part.others(contract.message("SparseMatrix")(rows=values.shape[0], columns=values.shape[1]))
+    part.integers("column_pointers", values.indptr)
+    part.integers("row_indices", values.indices)
+    part.doubles("values", values.data)
+    return part
+
+
+def problem_encoder(problem: LCQP) -> Encoder:
+    """A Problem; Q is its upper triangle."""
+    part = Encoder("Problem")
+    part.others(contract.message("Problem")(name=problem.name, constant=problem.c0, hessian_form=2))
+    for letter, field in MATRICES.items():
+        values = getattr(problem, letter)
+        if values.shape[0] and (letter != "Q" or values.nnz):
+            part.message(field, _matrix(values))
+    for letter, field in VECTORS.items():
+        part.doubles(field, getattr(problem, letter))
+    return part
+
+
+def initial_point(z0: Any) -> Encoder:
+    """An InitialPoint."""
+    part = Encoder("InitialPoint")
+    part.doubles("z", z0)
+    return part
+
+
+@dataclass(frozen=True)
+class Call:
+    """What accompanies one solve.
+
+    options: solver options by name. priority: None is the method's own. request_id: for the server's log; at most 128
+    bytes of printable ASCII. progress_interval: least time between two reports, seconds, ≥ 0; 0 reports every
+    iteration. iterate_every: Progress.z is there in every k-th report, if it is the newest when it is sent; 0 never.
+    """
+
+    options: Mapping[str, Any] | None = None
+    priority: Priority | str | None = None
+    request_id: str = ""
+    progress_interval: float = 0.0
+    iterate_every: int = 0
+
+
+def _solve(problem: LCQP, call: Call) -> Encoder:
+    check_request_id(call.request_id)
+    part = Encoder("SolveRequest")
+    part.message("problem", problem_encoder(problem))
+    part.others(contract.message("SolveRequest")(options=options_message(call.options), request_id=call.request_id,
+                                                 priority=priority_number(call.priority)))
+    if problem.z0 is not None:
+        part.message("initial_point", initial_point(problem.z0))
+    return part
+
+
+def solve(problem: LCQP, call: Call) -> bytes:
+    """A SolveRequest."""
+    return _solve(problem, call).finish()
+
+
+def check_progress(call: Call) -> None:
+    """The interval is a time and the iterates a count."""
+    if not (math.isfinite(call.progress_interval) and call.progress_interval >= 0):
+        raise InvalidArgument("progress_interval", "must be finite and >= 0", value=call.progress_interval)
+    if not 0 <= call.iterate_every < 2**31:
+        raise InvalidArgument("iterate_every", "must be in [0, 2**31)", value=call.iterate_every)
+
+
+def solve_stream(problem: LCQP, call: Call) -> bytes:
+    """A SolveStreamRequest."""
+    check_progress(call)
+    part = Encoder("SolveStreamRequest")
+    part.message("solve", _solve(problem, call))
+    part.others(contract.message("SolveStreamRequest")(progress_interval_s=call.progress_interval,
+                                                       iterate_every=call.iterate_every))
+    return part.finish()
+
+
+def batch(tag: int, problem: LCQP, call: Call) -> bytes:
+    """A SolveBatchRequest."""
+    part = Encoder("SolveBatchRequest")
+    part.others(contract.message("SolveBatchRequest")(tag=tag))
+    part.message("solve", _solve(problem, call))
+    return part.finish()
+
+
+def job(kind: str, job_id: str, **fields: Any) -> bytes:
+    """A request about one job: JobResultRequest, GetJobRequest, …"""
+    if not isinstance(job_id, str):
+        raise InvalidArgument("job_id", "must be a string", value=repr(job_id))
+    data: bytes = contract.message(kind)(job_id=job_id, **fields).SerializeToString()
+    return data
+
+
+def list_jobs(states: tuple[JobState | str, ...], client: str, limit: int, before: str) -> bytes:
+    """A ListJobsRequest."""
+    if not 0 <= limit <= LARGEST_PAGE:
+        raise InvalidArgument("limit", f"must be in [0, {LARGEST_PAGE}]", value=limit)
+    numbers = contract.enum_numbers("JobState")
+    data: bytes = contract.message("ListJobsRequest")(
+        states=[numbers[JobState(state).value] for state in states], client=client, limit=limit,
+        before_job_id=before).SerializeToString()
+    return data

@@ -1,0 +1,1 @@
+"""Problems, as the solver takes them, as planners state them, in files; and their solutions."""

@@ -1,0 +1,193 @@
+"""The problem as the solver takes it: checked, sparse, and owned."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from marble.base.tables import LONGEST_PROBLEM_NAME, SYMMETRY
+from marble.errors import InvalidProblem
+
+Vector = NDArray[np.float64]
+MatrixLike = Any
+"""A dense array (a vector is one row), nested lists, or any scipy.sparse matrix or array."""
+
+_MOST_ENTRIES: Final = 2**31 - 1
+
+
+def vector(values: ArrayLike, field: str, size: int | None = None, rule: str = "") -> Vector:
+    """A copy of `values` as a vector of finite doubles; `size` entries if that is given, because of `rule`."""
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidProblem(field, f"must be numbers ({error})") from None
+    if array.ndim == 0:
+        array = array.reshape(1)
+    elif array.ndim == 2 and 1 in array.shape:
+        array = array.reshape(-1)
+    if array.ndim != 1:
+        raise InvalidProblem(field, "must be a vector", value=f"of shape {array.shape}")
+    if size is not None and array.size != size:
+        raise InvalidProblem(field, f"must have {size} entries{rule}", value=f"{array.size} entries")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise InvalidProblem(field, "must be finite", index=int(bad[0]), value=array[bad[0]])
+    return array
+
+
+def _as_csc(values: MatrixLike, field: str) -> Any:
+    if sp.issparse(values):
+        return sp.csc_matrix(values, dtype=np.float64, copy=True)
+    try:
+        dense = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidProblem(field, f"must be a matrix of numbers ({error})") from None
+    if dense.ndim > 2:
+        raise InvalidProblem(field, "must be a matrix", value=f"of shape {dense.shape}")
+    return sp.csc_matrix(np.atleast_2d(dense))
+
+
+def matrix(values: MatrixLike, field: str, columns: int, rows: int | None = None) -> Any:
+    """A csc_matrix of finite doubles with sorted, unique entries; explicit zeros stay part of the pattern."""
+    result = _as_csc(values, field)
+    result.sum_duplicates()
+    if result.shape[1] != columns:
+        raise InvalidProblem(field, f"must have {columns} columns, as many as g has entries",
+                             value=f"of shape {result.shape}")
+    if rows is not None and result.shape[0] != rows:
+        raise InvalidProblem(field, f"must have {rows} rows", value=f"of shape {result.shape}")
+    if result.nnz > _MOST_ENTRIES:
+        raise InvalidProblem(field, "must have less than 2**31 entries", value=f"{result.nnz} entries")
+    bad = np.flatnonzero(~np.isfinite(result.data))
+    if bad.size:
+        raise InvalidProblem(field, "must be finite", index=position(result, int(bad[0])), value=result.data[bad[0]])
+    return result
+
+
+def position(csc: Any, entry: int) -> tuple[int, int]:
+    """Row and column of an entry of a csc_matrix."""
+    return int(csc.indices[entry]), int(np.searchsorted(csc.indptr, entry, side="right")) - 1
+
+
+def upper_triangle(Q: MatrixLike, n: int) -> Any:
+    """The upper triangle of a matrix whose mirror images differ by 1e-12 of the larger one; InvalidProblem if more."""
+    full = matrix(Q, "Q", n, n)
+    difference = abs(full - full.T).tocoo()
+    if difference.nnz:
+        larger = abs(full).maximum(abs(full.T)).tocsr()
+        excess = difference.data - SYMMETRY * np.asarray(larger[difference.row, difference.col]).reshape(-1)
+        worst = int(np.argmax(excess))
+        if excess[worst] > 0:
+            row, column = sorted((int(difference.row[worst]), int(difference.col[worst])))
+            raise InvalidProblem("Q", f"must be symmetric, as (Q + Q.T) / 2 is, and entry ({column}, {row}) is "
+                                 f"{full[column, row]}", index=(row, column), value=full[row, column])
+    upper = sp.triu(full, format="csc")
+    upper.sort_indices()
+    return upper
+
+
+def mirrored(upper: Any) -> Any:
+    """Both triangles of a symmetric matrix, as a coo_matrix."""
+    entries = sp.coo_matrix(upper)
+    off = entries.row != entries.col
+    row = np.concatenate([entries.row, entries.col[off]])
+    column = np.concatenate([entries.col, entries.row[off]])
+    return sp.coo_matrix((np.concatenate([entries.data, entries.data[off]]), (row, column)), shape=upper.shape)
+
+
+class LCQP:
+    """min ½ zᵀQz + gᵀz + c0  s.t.  A z + b = 0,  C z + d ≥ 0,  0 ≤ L z + l ⊥ R z + r ≥ 0.
+
+    Q: n × n, symmetric, both triangles, or None for zero; may be indefinite: see Solution.second_order.
+    g: n ≥ 1 entries; its size defines n.
+    A, b: n_e × n and n_e entries; without b it is zero. C, d: n_i × n and n_i entries. L, l, R, r: n_c × n and
+    n_c entries, L and R together.
+    c0: added to the objective. z0: n entries, where to start; None leaves that to the solver.
+    name: for logs and dashboards; shortened to 256 bytes.
+
+    Matrices are dense (a vector is one row), nested lists or any scipy.sparse; all numbers must be finite.
+    Raises InvalidProblem with field, index and bound. Everything is copied: what the arrays do later changes
+    nothing. The attributes have the same names; matrices are csc_matrix, Q its upper triangle; they are read-only
+    by convention.
+    """
+
+    def __init__(self, Q: MatrixLike | None, g: ArrayLike, *,
+                 A: MatrixLike | None = None, b: ArrayLike | None = None,
+                 C: MatrixLike | None = None, d: ArrayLike | None = None,
+                 L: MatrixLike | None = None, l: ArrayLike | None = None,
+                 R: MatrixLike | None = None, r: ArrayLike | None = None,
+                 c0: float = 0.0, z0: ArrayLike | None = None, name: str = "") -> None:
+        self.g: Vector = vector(g, "g")
+        n = self.g.size
+        if n == 0:
+            raise InvalidProblem("g", "must have at least one entry", value="0 entries")
+        self.Q: Any = sp.csc_matrix((n, n)) if Q is None else upper_triangle(Q, n)
+        self.A, self.b = _rows(A, b, "A", "b", n)
+        self.C, self.d = _rows(C, d, "C", "d", n)
+        self.L, self.l = _rows(L, l, "L", "l", n)
+        self.R, self.r = _rows(R, r, "R", "r", n)
+        if self.l.size != self.r.size:
+            raise InvalidProblem("R", f"must have {self.l.size} rows, as many as L", value=f"{self.r.size} rows")
+        self.c0: float = float(vector(c0, "c0", 1)[0])
+        self.z0: Vector | None = None if z0 is None else vector(z0, "z0", n, " (n)")
+        self.name: str = name.encode()[:LONGEST_PROBLEM_NAME].decode(errors="ignore")
+
+    @property
+    def n(self) -> int:
+        """Number of variables."""
+        return int(self.g.size)
+
+    @property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Variables n, equalities n_e, inequalities n_i, pairs n_c."""
+        return self.n, int(self.b.size), int(self.d.size), int(self.l.size)
+
+    def objective(self, z: ArrayLike) -> float:
+        """½ zᵀQz + gᵀz + c0 at z, n entries."""
+        point = vector(z, "z", self.n)
+        upper = self.Q @ point
+        return float(point @ upper - 0.5 * (self.Q.diagonal() * point) @ point + self.g @ point + self.c0)
+
+    def replaced(self, **parts: Any) -> LCQP:
+        """The same problem with some attributes replaced by ones that are already checked."""
+        other = copy.copy(self)
+        other.__dict__.update(parts)
+        return other
+
+    def __repr__(self) -> str:
+        n, n_e, n_i, n_c = self.sizes
+        name = f" {self.name!r}" if self.name else ""
+        return f"<LCQP{name}: {n} variables, {n_e} equalities, {n_i} inequalities, {n_c} pairs>"
+
+
+def _rows(values: MatrixLike | None, offsets: ArrayLike | None, field: str, offset_field: str,
+          n: int) -> tuple[Any, Vector]:
+    if values is None:
+        if offsets is not None and np.size(offsets):
+            raise InvalidProblem(offset_field, f"must be empty, as there is no {field}",
+                                 value=f"{np.size(offsets)} entries")
+        return sp.csc_matrix((0, n)), np.zeros(0)
+    rows = matrix(values, field, n)
+    count = rows.shape[0]
+    if offsets is None:
+        return rows, np.zeros(count)
+    return rows, vector(offsets, offset_field, count, f", as many as {field} has rows")
+
+
+def stack(blocks: Sequence[Any], n: int) -> Any:
+    """Blocks of rows above one another; explicit zeros stay."""
+    if not blocks:
+        return sp.csc_matrix((0, n))
+    if len(blocks) == 1:
+        return sp.csc_matrix(blocks[0])
+    parts = [sp.coo_matrix(block) for block in blocks]
+    starts = np.cumsum([0] + [part.shape[0] for part in parts])
+    row = np.concatenate([part.row + start for part, start in zip(parts, starts, strict=False)])
+    column = np.concatenate([part.col for part in parts])
+    data = np.concatenate([part.data for part in parts])
+    return sp.coo_matrix((data, (row, column)), shape=(int(starts[-1]), n)).tocsc()

@@ -1,0 +1,264 @@
+"""A builder for problems in a planner's own terms: named variables, two-sided rows, bounds, pairs."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from marble.errors import InvalidProblem
+from marble.model import problem_file
+from marble.model.lcqp import LCQP, MatrixLike, Vector, matrix, mirrored, stack, vector
+from marble.model.solution import Solution
+
+Variable = int | str
+
+
+def _limits(values: ArrayLike | None, otherwise: float, size: int, name: str) -> Vector:
+    if values is None:
+        return np.full(size, otherwise)
+    array = np.array(values, dtype=np.float64)
+    if array.ndim == 0:
+        array = np.full(size, float(array))
+    if array.shape != (size,):
+        raise InvalidProblem(name, f"must have {size} entries", value=f"of shape {array.shape}")
+    bad = np.flatnonzero(np.isnan(array) | (array == -otherwise))
+    if bad.size:
+        rule = "must be a number or -inf" if otherwise < 0 else "must be a number or inf"
+        raise InvalidProblem(name, rule, index=int(bad[0]), value=array[bad[0]])
+    return array
+
+
+def _check_order(low: Vector, high: Vector, name: str) -> None:
+    crossed = np.flatnonzero(low > high)
+    if crossed.size:
+        i = int(crossed[0])
+        raise InvalidProblem(name, f"must be at most the upper limit {high[i]:g}", index=i, value=f"{low[i]:g}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """Where the rows of A and C come from: the caller's row or bound, and of which sign (+1 its lower limit)."""
+
+    equality_source: NDArray[np.intp]
+    inequality_source: NDArray[np.intp]
+    inequality_sign: Vector
+
+
+@dataclass(eq=False)
+class Problem:
+    """A problem as a planner states it.
+
+    variables: their number n ≥ 1, or their names, which may then stand for their indices everywhere.
+    name: for logs and dashboards.
+
+    Nothing is sent before it is solved: marble.solve(problem), client.solve(problem), client.session(problem).
+    Infinite limits mean none. Equal ones make an equality. The answer's row_duals and bound_duals have one entry a row
+    and a variable; its s, t, xi, eta one a pair; each in the order of adding. Every method returns the problem itself.
+    Raises InvalidProblem with field, index and bound.
+    """
+
+    variables: int | Sequence[str]
+    name: str = ""
+    n: int = field(init=False)
+    _names: dict[str, int] = field(init=False, default_factory=dict)
+    _rows: list[Any] = field(init=False, default_factory=list)
+    _lows: list[Vector] = field(init=False, default_factory=list)
+    _highs: list[Vector] = field(init=False, default_factory=list)
+    _pairs: list[tuple[Any, Vector, Any, Vector]] = field(init=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.variables, int):
+            self.n = self.variables
+        else:
+            self._names = {name: i for i, name in enumerate(self.variables)}
+            self.n = len(self.variables)
+            if len(self._names) != self.n:
+                raise InvalidProblem("variables", "must have different names")
+        if self.n < 1:
+            raise InvalidProblem("variables", "must be at least 1", value=self.n)
+        self._Q: Any = None
+        self._g: Vector = np.zeros(self.n)
+        self._c0 = 0.0
+        self._z0: Vector | None = None
+        self._low = np.full(self.n, -np.inf)
+        self._high = np.full(self.n, np.inf)
+
+    def index(self, variable: Variable) -> int:
+        """The index of a variable, from 0."""
+        if isinstance(variable, str):
+            if variable not in self._names:
+                raise InvalidProblem("variable", "is not the name of a variable", value=repr(variable))
+            return self._names[variable]
+        if not 0 <= variable < self.n:
+            raise InvalidProblem("variable", f"must be in [0, {self.n})", value=variable)
+        return int(variable)
+
+    def minimize(self, Q: MatrixLike | None = None, g: ArrayLike | None = None, c0: float = 0.0) -> Problem:
+        """Sets the objective ½ zᵀQz + gᵀz + c0; Q n × n, symmetric, g n entries."""
+        self._Q = None if Q is None else matrix(Q, "Q", self.n, self.n)
+        self._g = np.zeros(self.n) if g is None else vector(g, "g", self.n, " (n)")
+        self._c0 = float(c0)
+        return self
+
+    def add_rows(self, A: MatrixLike, lb: ArrayLike | None = None, ub: ArrayLike | None = None) -> Problem:
+        """Adds rows lb ≤ A z ≤ ub. A: m × n; lb, ub: m entries or one number for all; None is no limit."""
+        rows = matrix(A, "A", self.n)
+        low = _limits(lb, -np.inf, rows.shape[0], "lb")
+        high = _limits(ub, np.inf, rows.shape[0], "ub")
+        _check_order(low, high, "lb")
+        self._rows.append(rows)
+        self._lows.append(low)
+        self._highs.append(high)
+        return self
+
+    def bound(self, variable: Variable | Sequence[Variable] | None = None, lb: ArrayLike | None = None,
+              ub: ArrayLike | None = None) -> Problem:
+        """Sets lb ≤ z ≤ ub of one variable, of some, or of all (None); one number or one entry a variable."""
+        if variable is None:
+            indices = np.arange(self.n)
+        elif isinstance(variable, str) or np.ndim(variable) == 0:
+            indices = np.array([self.index(cast(Variable, variable))])
+        else:
+            indices = np.array([self.index(v) for v in cast(Sequence[Variable], variable)], dtype=np.intp)
+        low = _limits(lb, -np.inf, indices.size, "lb")
+        high = _limits(ub, np.inf, indices.size, "ub")
+        _check_order(low, high, "lb")
+        self._low[indices], self._high[indices] = low, high
+        return self
+
+    def add_pair(self, i: Variable, j: Variable, *, l: float = 0.0, r: float = 0.0) -> Problem:
+        """Adds 0 ≤ z_i + l ⊥ z_j + r ≥ 0."""
+        left = sp.csc_matrix(([1.0], ([0], [self.index(i)])), shape=(1, self.n))
+        right = sp.csc_matrix(([1.0], ([0], [self.index(j)])), shape=(1, self.n))
+        return self.add_pairs(left, right, l=[l], r=[r])
+
+    def add_pairs(self, L: MatrixLike, R: MatrixLike, *, l: ArrayLike | None = None,
+                  r: ArrayLike | None = None) -> Problem:
+        """Adds 0 ≤ L z + l ⊥ R z + r ≥ 0. L, R: n_c × n; l, r: n_c entries, zero without."""
+        left, right = matrix(L, "L", self.n), matrix(R, "R", self.n)
+        count = left.shape[0]
+        if right.shape[0] != count:
+            raise InvalidProblem("R", f"must have {count} rows, as many as L", value=f"{right.shape[0]} rows")
+        self._pairs.append((left, np.zeros(count) if l is None else vector(l, "l", count),
+                            right, np.zeros(count) if r is None else vector(r, "r", count)))
+        return self
+
+    def start_at(self, z0: ArrayLike | None) -> Problem:
+        """Sets where a solve starts, n entries; None leaves that to the solver."""
+        self._z0 = None if z0 is None else vector(z0, "z0", self.n, " (n)")
+        return self
+
+    def copy(self) -> Problem:
+        """A problem of its own with the same contents."""
+        other = copy.copy(self)
+        for name in ("_rows", "_lows", "_highs", "_pairs"):
+            setattr(other, name, list(getattr(self, name)))
+        other._low, other._high = self._low.copy(), self._high.copy()
+        return other
+
+    def _stacked(self) -> tuple[Any, Vector, Vector]:
+        """All limits as rows: the caller's, then the bounds of the variables."""
+        rows = stack([*self._rows, sp.identity(self.n, format="csc")], self.n)
+        return rows, np.concatenate([*self._lows, self._low]), np.concatenate([*self._highs, self._high])
+
+    def _layout(self, low: Vector, high: Vector) -> _Layout:
+        equal = low == high
+        lower = np.flatnonzero(~equal & np.isfinite(low))
+        upper = np.flatnonzero(~equal & np.isfinite(high))
+        source = np.concatenate([lower, upper])
+        sign = np.concatenate([np.ones(lower.size), -np.ones(upper.size)])
+        order = np.argsort(source, kind="stable")  # the two sides of a row stand together
+        return _Layout(np.flatnonzero(equal), source[order], sign[order])
+
+    def compile(self) -> LCQP:
+        """The problem as the solver takes it."""
+        rows, low, high = self._stacked()
+        layout = self._layout(low, high)
+        by_row = rows.tocsr()
+        sign, source = layout.inequality_sign, layout.inequality_source
+        C = by_row[source].tocsr()
+        C.data *= np.repeat(sign, np.diff(C.indptr))
+        lefts, ls, rights, rs = zip(*self._pairs, strict=True) if self._pairs else ((), (), (), ())
+        return LCQP(self._Q, self._g, A=by_row[layout.equality_source], b=-low[layout.equality_source],
+                    C=C, d=np.where(sign > 0, -low[source], high[source]),
+                    L=stack(lefts, self.n), l=np.concatenate([np.zeros(0), *ls]),
+                    R=stack(rights, self.n), r=np.concatenate([np.zeros(0), *rs]),
+                    c0=self._c0, z0=self._z0, name=self.name)
+
+    def translate(self, solution: Solution) -> Solution:
+        """The answer of the compiled problem with multipliers of rows and bounds as they were added."""
+        low = np.concatenate([*self._lows, self._low])
+        high = np.concatenate([*self._highs, self._high])
+        layout = self._layout(low, high)
+        duals = np.zeros(low.size)
+        if solution.y.size == layout.equality_source.size:
+            duals[layout.equality_source] = solution.y
+        if solution.nu.size == layout.inequality_source.size:
+            np.add.at(duals, layout.inequality_source, -layout.inequality_sign * solution.nu)
+        rows = low.size - self.n
+        return dataclasses.replace(solution, row_duals=duals[:rows], bound_duals=duals[rows:], variables=self._names)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes a JSON file that `marble solve` reads: the compiled problem."""
+        problem_file.save(self.compile(), path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Problem:
+        """Reads a JSON file as `marble example` writes it; equalities first, then inequalities, become the rows."""
+        return cls.of(problem_file.load(path))
+
+    @classmethod
+    def of(cls, lcqp: LCQP) -> Problem:
+        """The same problem, to add to."""
+        problem = cls(lcqp.n, lcqp.name)
+        problem.minimize(mirrored(lcqp.Q), lcqp.g, lcqp.c0)
+        if lcqp.b.size:
+            problem.add_rows(lcqp.A, -lcqp.b, -lcqp.b)
+        if lcqp.d.size:
+            problem.add_rows(lcqp.C, -lcqp.d)
+        if lcqp.l.size:
+            problem.add_pairs(lcqp.L, lcqp.R, l=lcqp.l, r=lcqp.r)
+        return problem.start_at(lcqp.z0)
+
+    def __repr__(self) -> str:
+        rows = sum(part.shape[0] for part in self._rows)
+        pairs = sum(part[0].shape[0] for part in self._pairs)
+        name = f" {self.name!r}" if self.name else ""
+        return f"<Problem{name}: {self.n} variables, {rows} rows, {pairs} pairs>"
+
+
+def compiled(problem: LCQP | Problem) -> LCQP:
+    """The problem as the solver takes it."""
+    if isinstance(problem, Problem):
+        return problem.compile()
+    if not isinstance(problem, LCQP):
+        kind = type(problem).__name__
+        raise InvalidProblem("problem", "must be a marble.LCQP or a marble.Problem", value=f"a {kind}")
+    return problem
+
+
+def in_terms_of(problem: LCQP | Problem, solution: Solution) -> Solution:
+    """The answer in the terms in which the problem was given."""
+    return problem.translate(solution) if isinstance(problem, Problem) else solution
+
+
+def problem_of(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None, A: MatrixLike | None,
+               b: ArrayLike | None, C: MatrixLike | None, d: ArrayLike | None, L: MatrixLike | None,
+               l: ArrayLike | None, R: MatrixLike | None, r: ArrayLike | None, c0: float, z0: ArrayLike | None,
+               name: str) -> LCQP | Problem:
+    """The problem that solve() was given, in parts or as one."""
+    if not isinstance(Q, LCQP | Problem):
+        if g is None:
+            raise InvalidProblem("g", "is missing; its size defines the number of variables")
+        return LCQP(Q, g, A=A, b=b, C=C, d=d, L=L, l=l, R=R, r=r, c0=c0, z0=z0, name=name)
+    if any(part is not None for part in (g, A, b, C, d, L, l, R, r, z0)):
+        raise InvalidProblem("g", "must not be given beside a whole problem")
+    return Q

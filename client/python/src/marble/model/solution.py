@@ -1,0 +1,231 @@
+"""The answer of a solve, solved or not."""
+
+from __future__ import annotations
+
+import enum
+import functools
+import html
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from marble.base.tables import Status
+from marble.errors import Unsolved
+from marble.model.lcqp import LCQP, Vector
+
+
+class Stationarity(enum.Enum):
+    """Kind of stationary point, by the multipliers of pairs with s = t = 0; each includes those before it."""
+
+    WEAK = "weak"
+    CLARKE = "clarke"
+    MORDUKHOVICH = "mordukhovich"
+    STRONG = "strong"
+
+
+class SecondOrder(enum.Enum):
+    """What the curvature of Q says of a stationary point, on its critical cone: A v = 0, rows with a multiplier stay at
+    zero, other active rows may grow, of pairs with s = t = 0 one side at a time.
+
+    SADDLE: vᵀQv < 0 for one v of it: a saddle point or a maximum, no local minimum. NECESSARY: vᵀQv ≥ 0 for all v that
+    keep every active row at zero; the rest, or whether z is B-stationary, was not decided. MINIMUM: vᵀQv ≥ 0 on the
+    whole cone of a B-stationary point: a local minimum. Always so where Q is convex.
+    """
+
+    SADDLE = "saddle"
+    NECESSARY = "necessary"
+    MINIMUM = "minimum"
+
+
+@dataclass(frozen=True)
+class Violations:
+    """Largest violations in the problem's own units; 0 where there is no such constraint.
+
+    equality: max |A z + b|. inequality: max(0, -(C z + d)). complementarity: max |min(s, t)| over the pairs.
+    """
+
+    equality: float = 0.0
+    inequality: float = 0.0
+    complementarity: float = 0.0
+
+
+@dataclass(frozen=True)
+class Times:
+    """Seconds spent on the job, by part: total_s runs from acceptance to the answer, solve_s is without set-up."""
+
+    queue_s: float = 0.0
+    setup_s: float = 0.0
+    factorization_s: float = 0.0
+    line_search_s: float = 0.0
+    polish_s: float = 0.0
+    solve_s: float = 0.0
+    total_s: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Solution:
+    """An answer, in the problem's units. At a solution Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0.
+
+    status, detail: why the solve ended, and one sentence with the numbers behind it.
+    z: the point, n. y: multipliers of A z + b = 0, n_e, free sign. nu: of C z + d ≥ 0, n_i. xi, eta: of the two
+    sides of the pairs, n_c.
+    s, t: the sides L z + l and R z + r, n_c.
+    certificate: for INFEASIBLE (y, ν, ξ, η) stacked, with bᵀy − dᵀν − lᵀξ − rᵀη = 1 and Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0 to
+    rounding, or empty where each branch was refuted by itself; for UNBOUNDED a direction v, n, along which the
+    objective falls from z without bound; else empty.
+    objective; violations; kkt_residual: max |Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|.
+    stationarity: None where the point is not solved. b_stationary: no feasible direction of descent is left; None
+    where that was not decided. second_order: whether the point is a local minimum; None where it is not solved.
+    proved: of option global: z is within gap_tolerance of the bound, or a tree ended infeasible; also, without it, of a
+    certificate. Where z is not proved, detail says why. bound: no feasible point has an objective below it; -inf where
+    none is known, so without option global, inf of a problem that is proved infeasible. gap: (objective - bound) /
+    max(1, |objective|), ≥ 0; inf without a feasible point or a bound. nodes, open_nodes: of the tree, bounded, and left
+    open at the end; 0 without option global. warm_nodes: of a session's last tree, that this one began with instead of
+    the root.
+    iterations, factorizations: counts. times: seconds. options: every option as it was used. cold_objective: what a
+    cold start last reached on the way here. job_id: the server's.
+    problem: what was solved.
+
+    Of a marble.Problem also, in its own terms, both empty otherwise:
+    row_duals: one multiplier a two-sided row lb ≤ a z ≤ ub, in the order of adding. bound_duals: one a variable, n.
+    With them Q z + g + Aᵀ row_duals + bound_duals − Lᵀξ − Rᵀη = 0 over all rows: ≥ 0 where the upper limit holds the
+    point back, ≤ 0 where the lower one does, of any sign where both are equal.
+    """
+
+    status: Status
+    detail: str
+    z: Vector
+    y: Vector
+    nu: Vector
+    xi: Vector
+    eta: Vector
+    certificate: Vector
+    objective: float
+    violations: Violations
+    kkt_residual: float
+    stationarity: Stationarity | None
+    b_stationary: bool | None
+    second_order: SecondOrder | None
+    proved: bool
+    bound: float
+    gap: float
+    nodes: int
+    open_nodes: int
+    warm_nodes: int
+    iterations: int
+    factorizations: int
+    times: Times
+    options: Mapping[str, float | int | bool | str]
+    cold_objective: float
+    job_id: str
+    problem: LCQP
+    row_duals: Vector = field(default_factory=lambda: np.zeros(0))
+    bound_duals: Vector = field(default_factory=lambda: np.zeros(0))
+    variables: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def solved(self) -> bool:
+        """Whether z may be used as a solution."""
+        return self.status.solved
+
+    @functools.cached_property
+    def s(self) -> Vector:
+        """L z + l, n_c."""
+        return np.asarray(self.problem.L @ self.z + self.problem.l)
+
+    @functools.cached_property
+    def t(self) -> Vector:
+        """R z + r, n_c."""
+        return np.asarray(self.problem.R @ self.z + self.problem.r)
+
+    def raise_if_unsolved(self) -> Solution:
+        """Itself; raises Unsolved if the status is neither SOLVED nor SOLVED_REDUCED."""
+        if not self.solved:
+            raise Unsolved(self)
+        return self
+
+    def __getitem__(self, variable: str | int) -> float:
+        """The value of a variable, by its name in the marble.Problem or by its index."""
+        return float(self.z[self.variables[variable] if isinstance(variable, str) else variable])
+
+    def _facts(self) -> list[tuple[str, str]]:
+        n, n_e, n_i, n_c = self.problem.sizes
+        v = self.violations
+        facts = [
+            ("size", f"{n} variables, {n_e} equalities, {n_i} inequalities, {n_c} pairs"),
+            ("objective", f"{self.objective:.10g}"),
+            *([("proof", self._proof())] if self.nodes > 0 else []),
+            ("violations", f"equality {v.equality:.1e}, inequality {v.inequality:.1e}, "
+                           f"complementarity {v.complementarity:.1e}"),
+            ("kkt residual", f"{self.kkt_residual:.1e}"),
+            ("work", f"{self.iterations} iterations, {self.factorizations} factorizations"),
+            ("time", f"{1e3 * self.times.solve_s:.3f} ms solve, {1e3 * self.times.setup_s:.3f} ms set-up, "
+                     f"{1e3 * self.times.queue_s:.3f} ms in the queue"),
+        ]
+        if self.stationarity is not None:
+            b = ", no descent on any branch" if self.b_stationary else ""
+            facts.append(("stationarity", self.stationarity.value + b))
+            if self.second_order is not None:
+                facts.append(("second order", self.second_order.value))
+        else:
+            facts.append(("why", self.detail))
+        facts.append(("z", np.array2string(self.z, precision=6, threshold=8, edgeitems=3, separator=", ")))
+        return facts
+
+    def _proof(self) -> str:
+        word = "proved optimal" if self.proved and self.solved else "proved" if self.proved else "not proved"
+        left = f", {self.open_nodes:,} open" if self.open_nodes else ""
+        return f"{word}: bound {self.bound:.10g}, gap {self.gap:.1e}, {self.nodes:,} nodes{left}"
+
+    def _title(self) -> str:
+        return f"{self.problem.name or 'LCQP'}: {self.status.value}"
+
+    def __repr__(self) -> str:
+        lines = [f"  {name:<14}{text}" for name, text in self._facts()]
+        return "\n".join([self._title(), *lines])
+
+    def _repr_html_(self) -> str:
+        colour = "#2a7" if self.solved else "#c43"
+        rows = "".join(f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
+                       f"<td style='text-align:left'>{html.escape(text)}</td></tr>" for name, text in self._facts())
+        title = html.escape(self._title())
+        return (f"<table><caption style='text-align:left'><span style='color:{colour}'>●</span> "
+                f"<b>{title}</b></caption>{rows}</table>")
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """The state of a solve after one iteration.
+
+    iteration, outer_iteration: Newton steps, and changes of κ, ρ or the multiplier estimates so far. objective,
+    violations: at the iterate. kkt_residual: of the scaled problem. kappa, rho: relaxation and penalty; κ is 0 in a
+    local search. step_length: in (0, 1]. regularization, factorizations, elapsed_s: of the solve so far.
+    z: the iterate, n, where it was asked for and is there; else empty.
+    incumbent, bound, gap, nodes, open_nodes: of option global once its tree has begun, as in Solution, so far; the
+    incumbent is the objective of the best point, inf while there is none. nodes is 0 before a tree.
+    """
+
+    iteration: int
+    outer_iteration: int
+    objective: float
+    violations: Violations
+    kkt_residual: float
+    kappa: float
+    rho: float
+    step_length: float
+    regularization: float
+    factorizations: int
+    elapsed_s: float
+    z: Vector = field(default_factory=lambda: np.zeros(0))
+    incumbent: float = math.inf
+    bound: float = -math.inf
+    gap: float = math.inf
+    nodes: int = 0
+    open_nodes: int = 0
+
+
+Options = Mapping[str, Any]
+"""Solver options by name; Client.info().options tells each one's default, range and meaning."""

@@ -1,0 +1,131 @@
+import { secondsOrZero, wholeOrZero } from "../base/checks.js";
+import { errorOf, invalid } from "../base/errors.js";
+import { packDoubles } from "../base/packed.js";
+import { type Words, valueOf, words } from "../base/words.js";
+import type { Connection } from "../connection/connection.js";
+import { Priority as PriorityNumber } from "../generated/marble/v1/job.js";
+import { SolverService, type SolveRequest, type SolveStreamResponse } from "../generated/marble/v1/service.js";
+import { takeVector } from "../model/matrix.js";
+import { type SolveOptions, optionsMessage } from "../model/options.js";
+import { type Problem, checkProblem } from "../model/problem.js";
+import { type Progress, progressOf } from "../model/progress.js";
+import { Solution } from "../model/solution.js";
+import { type CallControls, serverStream, unary } from "./calls.js";
+
+/** Whose turn it is when workers are busy: a control loop's, before one that somebody waits for, before all others. */
+export type Priority = Words<typeof PriorityNumber, "PRIORITY_">;
+
+/** What a request may say beyond its problem; all of it optional. */
+export interface RequestControls {
+  options?: SolveOptions;
+  /** n entries. Default: the problem's x0, else the solver's own choice. */
+  initialPoint?: ArrayLike<number>;
+  /** Default: "realtime" of sessions, "batch" of batches, else "interactive". */
+  priority?: Priority;
+  /** The client's own id of the request, for the server's log; at most 128 bytes of printable ASCII. */
+  requestId?: string;
+}
+
+/** What may accompany a streamed solve. */
+export interface StreamControls extends RequestControls, CallControls {
+  /** Least time between two rows of progress, in seconds; 0, the default, tells every iteration. */
+  progressIntervalS?: number;
+  /** Attach z to the row of every k-th iteration, if it is the newest when it is sent; 0, the default, never does. */
+  iterateEvery?: number;
+}
+
+/** What may accompany a solve. */
+export interface SolveControls extends StreamControls {
+  /** Called for every iteration, oldest first; what it throws gives the solve up. */
+  onProgress?: (row: Progress) => void;
+}
+
+/** What happens to a solve: accepted, queued (its place has changed), started, progress …, solved or not: result. */
+export type SolveEvent =
+  | { type: "accepted"; jobId: string; queuePosition: number; estimatedWaitS: number }
+  | { type: "queued"; queuePosition: number; estimatedWaitS: number }
+  | { type: "started"; queueS: number }
+  /** The iterations since the last such event, and how many were dropped so far because they were not taken fast enough. */
+  | { type: "progress"; rows: Progress[]; skipped: number }
+  | { type: "result"; solution: Solution };
+
+export async function solve(connection: Connection, problem: Problem, controls: SolveControls): Promise<Solution> {
+  const { onProgress } = controls;
+  if (onProgress === undefined) {
+    const answer = await unary(connection, SolverService.solve, solveRequest(problem, controls), controls);
+    return new Solution(answer.jobId, expect(answer.solution));
+  }
+  for await (const event of solveStream(connection, problem, controls)) {
+    if (event.type === "progress") event.rows.forEach(onProgress);
+    if (event.type === "result") return event.solution;
+  }
+  throw withoutAnswer();
+}
+
+export async function* solveStream(
+  connection: Connection,
+  problem: Problem,
+  controls: StreamControls,
+): AsyncGenerator<SolveEvent, void, undefined> {
+  const request = {
+    solve: solveRequest(problem, controls),
+    progressIntervalS: secondsOrZero("progressIntervalS", controls.progressIntervalS),
+    iterateEvery: wholeOrZero("iterateEvery", controls.iterateEvery),
+  };
+  let skipped = 0;
+  const messages = serverStream(connection, SolverService.solveStream, request, controls, connection.deadlineMs);
+  for await (const message of messages) {
+    const event = eventOf(message, skipped);
+    if (event?.type === "progress") skipped = event.skipped;
+    if (event !== undefined) yield event;
+  }
+}
+
+/** Throws an InvalidProblemError, and sends nothing then. */
+export function solveRequest(problem: Problem, controls: RequestControls): SolveRequest {
+  const { message, shape } = checkProblem(problem);
+  return {
+    problem: message,
+    options: optionsMessage(controls.options),
+    initialPoint: initialPoint(controls.initialPoint ?? problem.x0 ?? undefined, shape.variables),
+    requestId: controls.requestId ?? "",
+    priority: priorityOf(controls.priority),
+  };
+}
+
+export function initialPoint(z: ArrayLike<number> | undefined, n: number): { z: Uint8Array } | undefined {
+  return z && { z: packDoubles(takeVector("initialPoint", z, n, "variables")) };
+}
+
+export function priorityOf(priority: Priority | undefined): PriorityNumber {
+  const value = valueOf(PriorityNumber, "PRIORITY_", priority);
+  if (value !== undefined) return value;
+  throw invalid("priority", `must be one of ${words(PriorityNumber, "PRIORITY_").join(", ")}`, { value: priority });
+}
+
+/** What the contract promises to be there. */
+export function expect<T>(part: T | undefined): T {
+  if (part === undefined) throw withoutAnswer();
+  return part;
+}
+
+function withoutAnswer(): Error {
+  return errorOf("internal", "the server ended the call without an answer");
+}
+
+function eventOf({ event }: SolveStreamResponse, skipped: number): SolveEvent | undefined {
+  switch (event?.$case) {
+    case "accepted":
+      return { type: "accepted", ...event.value };
+    case "queued":
+      return { type: "queued", ...event.value };
+    case "started":
+      return { type: "started", ...event.value };
+    case "progress":
+      return { type: "progress", rows: event.value.rows.map(progressOf), skipped: event.value.skipped };
+    case "result":
+      return { type: "result", solution: new Solution(event.value.jobId, expect(event.value.solution), skipped) };
+    default:
+      return undefined; // of a newer server
+  }
+}

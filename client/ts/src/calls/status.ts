@@ -1,0 +1,92 @@
+// gRPC's statuses and their details become errors here, and nowhere else.
+import { Metadata, type ServiceError } from "@grpc/grpc-js";
+
+import { type ErrorCode, MarbleError, errorOf, invalid } from "../base/errors.js";
+import { defaultAddress, errorNames, matrices, matrixValues, noServerHint, vectors } from "../base/tables.js";
+import type { Duration } from "../generated/google/protobuf/duration.js";
+import { BadRequest, RetryInfo } from "../generated/google/rpc/error_details.js";
+import { Status } from "../generated/google/rpc/status.js";
+import { Fault } from "../generated/marble/v1/fault.js";
+
+/** The caller's names by the contract's, of a problem's parts and of an update's values. */
+const parts: Record<string, string> = {
+  constant: "c0",
+  ...inverse(vectors),
+  ...inverse(matrices),
+  ...inverse(matrixValues, ".values"),
+};
+
+function inverse(names: Record<string, string>, suffix = ""): Record<string, string> {
+  return Object.fromEntries(Object.entries(names).map(([letter, field]) => [field, letter + suffix]));
+}
+
+/** Of a failed call. What is already an error of this package stays as it is. */
+export function errorOfCall(thrown: unknown, signal?: AbortSignal): MarbleError {
+  if (thrown instanceof MarbleError) return thrown;
+  if (signal?.aborted) return cancelled(signal);
+  if (!isServiceError(thrown)) {
+    return errorOf("internal", thrown instanceof Error ? thrown.message : String(thrown), { cause: thrown });
+  }
+  return errorOfStatus({ ...detailsIn(thrown.metadata), code: thrown.code, message: thrown.details });
+}
+
+/** Of a status that came as a message. */
+export function errorOfStatus(status: Status): MarbleError {
+  const code = (errorNames as Partial<Record<number, ErrorCode>>)[status.code] ?? "internal";
+  const read = <Detail>(name: string, type: { decode(bytes: Uint8Array): Detail }): Detail | undefined => {
+    const packed = status.details.find(({ typeUrl }) => typeUrl.endsWith(`/${name}`));
+    return packed && type.decode(packed.value);
+  };
+  const fault = read("marble.v1.Fault", Fault);
+  const place = fault && {
+    field: callersName(fault.field),
+    index: fault.index,
+    value: fault.value === "" ? undefined : fault.value,
+    bound: fault.bound,
+  };
+  if (code === "invalid_argument") {
+    if (place !== undefined) return invalid(place.field, place.bound, place);
+    const violation = read("google.rpc.BadRequest", BadRequest)?.fieldViolations[0];
+    if (violation !== undefined) return violated(violation.field, violation.description);
+  }
+  const retry = read("google.rpc.RetryInfo", RetryInfo);
+  const retryAfterMs = retry && milliseconds(retry.retryDelay);
+  const nobody = code === "unavailable" && status.message.includes(defaultAddress);
+  return errorOf(code, nobody ? status.message + noServerHint : status.message, { ...place, retryAfterMs });
+}
+
+export function cancelled(signal: AbortSignal): MarbleError {
+  return errorOf("cancelled", "cancelled by the caller", { cause: signal.reason as unknown });
+}
+
+// An intermediary's status has no details of ours, or none that can be read.
+function detailsIn(metadata: Metadata | undefined): Status {
+  const bytes = metadata?.get("grpc-status-details-bin")[0];
+  try {
+    if (bytes instanceof Uint8Array) return Status.decode(bytes);
+  } catch {
+    return { code: 0, message: "", details: [] };
+  }
+  return { code: 0, message: "", details: [] };
+}
+
+function isServiceError(thrown: unknown): thrown is ServiceError {
+  return thrown instanceof Error && typeof (thrown as Partial<ServiceError>).code === "number";
+}
+
+// Of a server that knows no Fault: "solve.problem.equality_matrix.values[3]" and prose.
+function violated(path: string, description: string): MarbleError {
+  const [, name, index] = /^(.*?)(?:\[(\d+)\])?$/.exec(path) ?? [];
+  return invalid(callersName(name), description, { index: index === undefined ? undefined : Number(index) });
+}
+
+function callersName(path: string): string {
+  const name = path.replace(/^(?:solve\.|setup\.|update\.)*(?:problem\.)?/, "");
+  if (name === "initial_point.z") return "initialPoint";
+  const [head, ...rest] = name.replace(/_(\w)/g, (_, letter: string) => letter.toUpperCase()).split(".");
+  return [parts[head] ?? head, ...rest].join(".");
+}
+
+function milliseconds(duration: Duration | undefined): number {
+  return duration === undefined ? 0 : 1000 * duration.seconds + duration.nanos / 1e6;
+}
