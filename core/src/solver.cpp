@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "branch/parametric.h"
+#include "marble/warm_solver.h"
 #include "proof/stationarity.h"
 #include "strategy.h"
 #include "tuning.h"
@@ -110,7 +111,6 @@ void take_proof(const Strategy::Answer& found, Solution& solution) {
   solution.gap = found.tree.gap;
   solution.nodes = found.tree.nodes;
   solution.open_nodes = found.tree.open_nodes;
-  solution.warm_nodes = found.tree.warm_nodes;
 }
 
 }  // namespace
@@ -232,8 +232,6 @@ void Solver::take(const Options& checked) {
   state_->options.scaling_passes = scaling_passes;
 }
 
-void Solver::shift_tree(const Shift& checked) { state_->strategy.shift_tree(checked); }
-
 std::int64_t Solver::memory_bytes() const { return state_->memory_bytes; }
 
 Expected<Solution> Solver::solve(const SolveControls& controls) {
@@ -268,6 +266,24 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   solution.times.setup_s = state_->setup_s;
   solution.cold_objective = found.stayed_warm ? controls.warm_start->cold_objective : solution.objective;
   return solution;
+}
+
+// Here, where the tree is, which moves on with the answer.
+void WarmSolver::begin_at(const Restart& restart) {
+  Strategy& strategy = solver_.state_->strategy;
+  strategy.keep_tree();
+  if (restart.cold) newest_.reset();
+  if (newest_) {
+    strategy.shift_tree(restart.shift);
+    shift(restart.shift.variables, newest_->z);
+    shift(restart.shift.equalities, newest_->equality_multipliers);
+    shift(restart.shift.inequalities, newest_->inequality_multipliers);
+    shift(restart.shift.pairs, newest_->complementarity_multipliers_L);
+    shift(restart.shift.pairs, newest_->complementarity_multipliers_R);
+  }
+  if (restart.initial_z.empty()) return;
+  initial_z_.assign(restart.initial_z.begin(), restart.initial_z.end());
+  if (newest_) newest_->z = initial_z_;
 }
 
 Expected<Solution> solve_once(const Problem& problem, const Options& options, const SolveControls& controls,

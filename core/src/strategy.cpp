@@ -43,7 +43,7 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z,
 Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
   if (is_proof(local.ending.status) || ended_by_force(local.ending.status)) return local;
   if (tree_ == nullptr) tree_ = std::make_unique<Tree>(problem_, options_, branch_.point, incumbent_);
-  const Tree::Room room{tree_bytes_, run.keeps_tree() ? kept_tree_bytes_ : 0.0, warm && run.keeps_tree()};
+  const Tree::Room room{tree_bytes_, keeps_tree_ ? kept_tree_bytes_ : 0.0, warm && keeps_tree_};
   TreeResult found = tree_->search(run, local.x->z(), optimality_.known_convex(), room);
   Answer answer = std::move(local);
   if (found.end == TreeResult::End::limit) {

@@ -48,6 +48,8 @@ class Strategy {
     tree_bytes_ = bytes;
     kept_tree_bytes_ = kept_bytes;
   }
+  /// From now on what a tree has proved is kept for the next solve that is warm.
+  void keep_tree() { keeps_tree_ = true; }
   /// What a tree has kept moves on.
   void shift_tree(const Shift& by) {
     if (tree_ != nullptr) tree_->shift(by);
@@ -95,6 +97,7 @@ class Strategy {
   PathPoint path_point_;
   std::unique_ptr<Tree> tree_;  // made when it is first needed
   double tree_bytes_ = 0.0, kept_tree_bytes_ = 0.0;
+  bool keeps_tree_ = false;
   struct {
     bool infeasible, unbounded;
   } looked_for_ = {};  // proofs, in this run

@@ -41,21 +41,6 @@ std::int64_t WarmSolver::memory_bytes() const {
   return solver_.memory_bytes() + static_cast<std::int64_t>(numbers * sizeof(double));
 }
 
-void WarmSolver::begin_at(const Restart& restart) {
-  if (restart.cold) newest_.reset();
-  if (newest_) {
-    solver_.shift_tree(restart.shift);
-    shift(restart.shift.variables, newest_->z);
-    shift(restart.shift.equalities, newest_->equality_multipliers);
-    shift(restart.shift.inequalities, newest_->inequality_multipliers);
-    shift(restart.shift.pairs, newest_->complementarity_multipliers_L);
-    shift(restart.shift.pairs, newest_->complementarity_multipliers_R);
-  }
-  if (restart.initial_z.empty()) return;
-  initial_z_.assign(restart.initial_z.begin(), restart.initial_z.end());
-  if (newest_) newest_->z = initial_z_;
-}
-
 Expected<Solution> WarmSolver::solve(const ProblemUpdate& update, const Restart& restart,
                                      const SolveControls& controls) {
   const auto checked = CheckedUpdate::check(sizes_, update, restart);
@@ -72,7 +57,6 @@ Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveCon
   SolveControls own = controls;
   own.initial_z = initial_z_;
   own.warm_start = newest_ ? &*newest_ : nullptr;
-  own.keep_tree = true;
   auto solution = solver_.solve(own);
   if (!solution) return solution;
   solution->times.setup_s = 0.0;

@@ -166,6 +166,8 @@ void move(std::vector<double>& values, std::mt19937_64& engine) {
   for (double& value : values) value += by(engine);
 }
 
+bool goes_on(const Solution& s) { return s.detail.find("nodes of the last tree") != std::string::npos; }
+
 std::vector<ShiftBlock> any_blocks(std::size_t size, std::mt19937_64& engine) {
   const auto below = [&](Index bound) {
     return static_cast<Index>(engine() % static_cast<unsigned>(bound + 1));
@@ -180,7 +182,7 @@ std::vector<ShiftBlock> any_blocks(std::size_t size, std::mt19937_64& engine) {
 // A shift is a hint: bounds and optima must be right whatever it says, and whatever has changed.
 TEST(Tree, ThatGoesOnFromTheLastOneFindsTheOptimumAndTheVerdictOfAnEnumerationToo) {
   Verdicts seen;
-  std::int64_t warm_nodes = 0;
+  int warm = 0;
   for (std::uint64_t seed = 1; seed <= 150; ++seed) {
     OwnedProblem p = make(seed, 2 + static_cast<Index>(seed / 6 % 5));
     std::mt19937_64 engine(seed);
@@ -194,7 +196,7 @@ TEST(Tree, ThatGoesOnFromTheLastOneFindsTheOptimumAndTheVerdictOfAnEnumerationTo
               .solve({.g = p.g, .b = p.b, .d = p.d, .l = p.l, .r = p.r, .Q = p.Q.values, .L = p.L.values},
                      restart)
               .value();
-      warm_nodes += s.warm_nodes;
+      warm += goes_on(s);
       expect_verdict(p, s, "seed " + std::to_string(seed) + ", tick " + std::to_string(tick), seen);
       for (std::vector<double>* values : {&p.g, &p.b, &p.d, &p.l, &p.r}) move(*values, engine);
       if (tick == 2) {
@@ -208,7 +210,7 @@ TEST(Tree, ThatGoesOnFromTheLastOneFindsTheOptimumAndTheVerdictOfAnEnumerationTo
   }
   EXPECT_GE(seen.optima, 400);
   EXPECT_GE(seen.infeasible, 50);
-  EXPECT_GE(warm_nodes, 1000);
+  EXPECT_GE(warm, 100);
 }
 
 // What a controller does: the horizon moves one stage on, and the state is a new one.
@@ -222,7 +224,7 @@ TEST(Tree, OfARecedingHorizonIsTheSameKeptAndBegunAnew) {
   WarmSolver kept = WarmSolver::create(problem, options, first.initial_z).value();
   Solver anew = Solver::create(problem, options).value();
   const Restart next{.shift = Shift::by_stage(first.view(), kStages).value()};
-  std::int64_t warm_nodes = 0;
+  int warm = 0;
   std::optional<Solution> last;
   for (int tick = 0; tick < 20; ++tick) {
     const OwnedProblem p = examples::hopper(parameters);
@@ -237,11 +239,11 @@ TEST(Tree, OfARecedingHorizonIsTheSameKeptAndBegunAnew) {
     EXPECT_NEAR(s.objective, cold.objective, 2e-6 * size) << tick << " " << s.detail << " " << cold.detail;
     EXPECT_LE(s.bound, cold.objective + 1e-7 * size) << tick;
     EXPECT_LE(cold.bound, s.objective + 1e-7 * size) << tick;
-    warm_nodes += s.warm_nodes;
+    warm += goes_on(s);
     parameters = examples::advance(parameters, s.z);
     last = s;
   }
-  EXPECT_GT(warm_nodes, 20);
+  EXPECT_GE(warm, 10);
 }
 
 TEST(Tree, KeepsNothingThatItsMemoryWouldNotHold) {

@@ -18,8 +18,6 @@
 
 namespace marble {
 
-struct Shift;
-
 /// Runs pieces of one solve that do not depend on each other.
 class TaskRunner {
  public:
@@ -36,11 +34,8 @@ struct SolveControls {
   /// An answer to this problem or one like it, of the same sizes, z and multipliers: its branch is tried
   /// first.
   const Solution* warm_start = nullptr;
-  /// With option global: what its tree has proved is kept for the next solve that is warm and says so too. Of
-  /// a solver that was made with option global.
-  bool keep_tree = false;
-  /// For option starts > 1: further starts run on it, four at a time. With option global: the nodes of a
-  /// round. Without one they run one after the other; the answer is the same to the last bit.
+  /// For option starts > 1: further starts run on it, four at a time. Without one they run one after the
+  /// other; the answer is the same to the last bit.
   TaskRunner* runner = nullptr;
   /// When the time limit began to run, where the set-up is to count; else as the solve begins.
   std::optional<std::chrono::steady_clock::time_point> begun = {};
@@ -80,7 +75,7 @@ class Solver {
   /// Other options for solves to come; scaling_passes keeps what it was set up with. Options must be valid.
   [[nodiscard]] Expected<void> set_options(const Options& options);
 
-  /// What it takes between solves, in bytes, by the estimate of create(): with what a tree may keep.
+  /// What it takes, in bytes, by the estimate of create().
   [[nodiscard]] std::int64_t memory_bytes() const;
 
   /// Runs to an end and says which. An error only if `initial_z` or `warm_start` have other sizes than the
@@ -93,7 +88,6 @@ class Solver {
   explicit Solver(std::unique_ptr<State> state);
   void take(const ProblemUpdate& checked);
   void take(const Options& checked);
-  void shift_tree(const Shift& checked);
   std::unique_ptr<State> state_;
 };
 

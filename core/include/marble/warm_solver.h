@@ -45,9 +45,8 @@ class CheckedUpdate {
   std::optional<Options> options_;
 };
 
-/// A Solver that remembers the newest answer that was solved and, with option global, what its tree has
-/// proved. What a session is on the server, and what it is in process: the same updates give the same
-/// answers, to the last bit. One thread at a time.
+/// A Solver that remembers the newest answer that was solved. What a session is on the server, and what it is
+/// in process: the same updates give the same answers, to the last bit. One thread at a time.
 class WarmSolver {
  public:
   /// As Solver::create. `initial_z` (n or empty) is where a cold start begins until a Restart says otherwise.

@@ -57,7 +57,6 @@ class Run {
 
   [[nodiscard]] ProgressSink* sink() const { return silent_ ? nullptr : controls_.progress; }
   [[nodiscard]] TaskRunner* runner() const { return controls_.runner; }
-  [[nodiscard]] bool keeps_tree() const { return controls_.keep_tree; }
 
   /// A run of its own for one search, which counts from here; one of several that may go on at once tells no
   /// progress.
