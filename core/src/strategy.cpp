@@ -46,9 +46,15 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
   const Tree::Room room{tree_bytes_, keeps_tree_ ? kept_tree_bytes_ : 0.0, warm && keeps_tree_};
   TreeResult found = tree_->search(run, local.x->z(), optimality_.known_convex(), room);
   Answer answer = std::move(local);
+  // The path's point may be within the tolerances where no branch near has an exact solution.
+  const bool path_stays = answer.x == &path_point_.x && is_solved(answer.ending.status) &&
+                          found.end != TreeResult::End::none &&
+                          (!incumbent_.exists() || path_point_.objective < incumbent_.best().objective);
   if (found.end == TreeResult::End::limit) {
     answer.ending.status = found.limit;
-    if (incumbent_.exists()) answer.x = &incumbent_.best().x;
+    if (incumbent_.exists() && !path_stays) answer.x = &incumbent_.best().x;
+  } else if (path_stays) {
+    // It stays the answer.
   } else if (incumbent_.exists() && found.end != TreeResult::End::none) {
     const bool stayed_warm = answer.stayed_warm;
     answer = finish_exact(run);
@@ -56,6 +62,7 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
   } else if (found.end == TreeResult::End::infeasible && answer.ending.status != Status::solved) {
     answer.ending.status = Status::infeasible;
   }
+  if (path_stays) found.answer_is(problem_.user_objective(path_point_.objective), options_);
   answer.ending.detail = found.remark + "; " + answer.ending.detail;
   answer.tree = std::move(found);
   return answer;

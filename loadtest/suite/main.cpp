@@ -30,7 +30,7 @@ constexpr const char* kUsage =
     "  --judge              hard: on even seeds, the half that nothing is chosen on\n"
     "  --starts K           of the references where none is known, default 8\n"
     "  --time-limit S       of global, default 60\n"
-    "  --only NAME          of global, that problem\n"
+    "  --only NAME          of global and qp, that problem\n"
     "  --profile FILE.svg   draw macmpec against its peers\n"
     "  --benchmarks FOLDER  problems with references\n"
     "  --peers COMMAND      measure qp or global in turns with other solvers: COMMAND runs qp_peers.py or\n"

@@ -15,11 +15,13 @@
 #include "noise.h"
 #include "peers.h"
 #include "record.h"
+#include "support/small_problems.h"
 
 namespace marble::suite {
 namespace {
 
-constexpr int kTurns = 3;  // of each solver; the fastest counts
+constexpr int kTurns = 3, kMostTurns = 30;  // of each solver; the fastest counts
+constexpr double kTurns_ms = 200.0;         // as many as fit, in between
 
 enum class Curvature { singular, strict, diagonal };
 
@@ -115,24 +117,6 @@ OwnedProblem mpc_problem(Index steps, std::uint64_t seed) {
   return p;
 }
 
-// A string under its weight above a hump: min ½ ∫ u'² + ∫ u, u ≥ ψ, by n linear elements.
-OwnedProblem obstacle_problem(Index n) {
-  OwnedProblem p;
-  Triplets Q, C;
-  const double inverse = n + 1.0;
-  for (Index j = 0; j < n; ++j) {
-    if (j > 0) Q.add(j - 1, j, -inverse), Q.add(j, j - 1, -inverse);
-    Q.add(j, j, 2.0 * inverse);
-    C.add(j, j, 1.0);
-    const double x = (j + 1.0) / inverse;
-    p.d.push_back(0.2 * (x - 0.4) * (x - 0.4) + 0.02 * std::sin(20.0 * x) + 0.03);  // u + d ≥ 0
-    p.g.push_back(1.0 / inverse);
-  }
-  p.Q = matrix(n, n, Q, "Q");
-  p.C = matrix(n, n, C, "C");
-  return p;
-}
-
 std::vector<OwnedProblem> problems() {
   std::vector<OwnedProblem> all;
   const auto add = [&all](const std::string& name, OwnedProblem p) {
@@ -147,7 +131,7 @@ std::vector<OwnedProblem> problems() {
   }
   for (const Index steps : {10, 30, 100, 300, 667})
     add("mpc-" + std::to_string(6 * steps), mpc_problem(steps, seed++));
-  for (const Index n : {100, 1000, 20000}) add("obstacle-" + std::to_string(n), obstacle_problem(n));
+  for (const Index n : {100, 1000, 20000}) add("obstacle-" + std::to_string(n), testing::obstacle_problem(n));
   return all;
 }
 
@@ -157,10 +141,11 @@ struct Peer {
 };
 
 // What the script says of a problem; nothing if it cannot be run.
-std::vector<Peer> ask_peers(const std::string& script, const OwnedProblem& p, const std::string& file) {
+std::vector<Peer> ask_peers(const std::string& script, const OwnedProblem& p, const std::string& file,
+                            int turns) {
   write_json(p, file);
   std::vector<Peer> peers;
-  const std::string command = script + " " + file + " " + std::to_string(kTurns);
+  const std::string command = script + " " + file + " " + std::to_string(turns);
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> said(popen(command.c_str(), "r"), pclose);
   char name[32];
   Peer peer;
@@ -181,14 +166,16 @@ void qp(const Settings& settings) {
   std::printf("%s\n", settings.peers.empty() ? "" : "  peers: ms, objective above ours, violation");
   std::vector<double> ratios;
   for (const OwnedProblem& p : problems()) {
+    if (!settings.only.empty() && p.name != settings.only) continue;
     Record own = solve_and_judge(p.name, p, {}, std::nan(""));
-    for (int turn = 1; turn < kTurns; ++turn)
+    const int turns = std::clamp(static_cast<int>(kTurns_ms / own.milliseconds), kTurns, kMostTurns);
+    for (int turn = 1; turn < turns; ++turn)
       own.milliseconds = std::min(own.milliseconds, solve_and_judge(p.name, p, {}, 0.0).milliseconds);
     std::printf("%-16s %6d %9.1e %9.3f%s", p.name.c_str(), own.factorizations, own.violation,
                 own.milliseconds, own.feasible() ? "" : "  not solved");
     double fastest = std::numeric_limits<double>::infinity();
     if (!settings.peers.empty()) {
-      for (const Peer& peer : ask_peers(settings.peers, p, file)) {
+      for (const Peer& peer : ask_peers(settings.peers, p, file, turns)) {
         std::printf("  %s %.3f %+.1e %.1e", peer.name.c_str(), peer.milliseconds,
                     (peer.objective - own.objective) / std::max(1.0, std::abs(own.objective)),
                     peer.violation);

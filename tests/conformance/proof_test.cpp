@@ -171,12 +171,12 @@ TEST_F(ProofTest, ASessionThatKeepsItsTreeProvesEveryTickAsOneThatDoesNot) {
   auto anew = client_.open_session(first.view(), global());
   ASSERT_TRUE(kept.has_value()) << kept.error().message();
   ASSERT_TRUE(anew.has_value()) << anew.error().message();
-  const Restart next{.shift = Shift::by_stage(first.view(), kStages).value()};
+  const UpdateControls next{.shift = Shift::by_stage(first.view(), kStages).value()};
   int warm = 0;
   for (int tick = 0; tick < 20; ++tick) {
     const OwnedProblem p = examples::hopper(parameters);
     const ProblemUpdate numbers{.c0 = p.c0, .g = p.g, .b = p.b, .d = p.d, .l = p.l, .r = p.r};
-    const auto answer = kept->solve(numbers, tick == 0 ? Restart() : next);
+    const auto answer = kept->solve(numbers, tick == 0 ? UpdateControls() : next);
     const auto cold = anew->solve(numbers, {.initial_z = p.initial_z, .cold = true});
     ASSERT_TRUE(answer.has_value()) << answer.error().message();
     ASSERT_TRUE(cold.has_value()) << cold.error().message();

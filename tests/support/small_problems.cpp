@@ -1,6 +1,7 @@
 #include "support/small_problems.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 
 #include "support/problem_builder.h"
@@ -225,6 +226,23 @@ std::vector<SmallProblem> small_problems() {
                     .pair({0, 1, 0, 0}, {0, 0, 1, 0})
                     .optimum(-4.0));
   return all;
+}
+
+OwnedProblem obstacle_problem(Index n) {
+  OwnedProblem p;
+  Triplets Q, C;
+  const double inverse = n + 1.0;
+  for (Index j = 0; j < n; ++j) {
+    if (j > 0) Q.add(j - 1, j, -inverse), Q.add(j, j - 1, -inverse);
+    Q.add(j, j, 2.0 * inverse);
+    C.add(j, j, 1.0);
+    const double x = (j + 1.0) / inverse;
+    p.d.push_back(0.2 * (x - 0.4) * (x - 0.4) + 0.02 * std::sin(20.0 * x) + 0.03);  // u + d ≥ 0
+    p.g.push_back(1.0 / inverse);
+  }
+  p.Q = compress(n, n, Q, "Q").value();
+  p.C = compress(n, n, C, "C").value();
+  return p;
 }
 
 }  // namespace marble::testing

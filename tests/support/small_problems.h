@@ -23,4 +23,7 @@ struct SmallProblem {
 /// The public example of the paper's solver: min zᵀz, z₁ = 1, z₂ ≥ 1, 0 ≤ z₃ + 1 ⊥ z₄ − 1 ≥ 0; optimum 3.
 [[nodiscard]] SmallProblem public_example();
 
+/// A string under its weight above a hump: min ½ ∫ u'² + ∫ u, u ≥ ψ, by n linear elements. No pairs.
+[[nodiscard]] OwnedProblem obstacle_problem(Index n);
+
 }  // namespace marble::testing

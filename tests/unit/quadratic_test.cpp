@@ -1,31 +1,12 @@
 // Problems without pairs: Mehrotra's method, and exact solutions of the rows it shows.
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "marble/solver.h"
 #include "support/independent_check.h"
+#include "support/small_problems.h"
 
 namespace marble {
 namespace {
-
-// A string under its weight above a hump, by n linear elements.
-OwnedProblem obstacle(Index n) {
-  OwnedProblem p;
-  Triplets Q, C;
-  const double inverse = n + 1.0;
-  for (Index j = 0; j < n; ++j) {
-    if (j > 0) Q.add(j - 1, j, -inverse), Q.add(j, j - 1, -inverse);
-    Q.add(j, j, 2.0 * inverse);
-    C.add(j, j, 1.0);
-    const double x = (j + 1.0) / inverse;
-    p.d.push_back(0.2 * (x - 0.4) * (x - 0.4) + 0.02 * std::sin(20.0 * x) + 0.03);
-    p.g.push_back(1.0 / inverse);
-  }
-  p.Q = compress(n, n, Q, "Q").value();
-  p.C = compress(n, n, C, "C").value();
-  return p;
-}
 
 OwnedProblem one_variable(double curvature, double slope) {  // min ½ q z² + g z in [0, 1]
   OwnedProblem p;
@@ -37,7 +18,7 @@ OwnedProblem one_variable(double curvature, double slope) {  // min ½ q z² + g
 }
 
 TEST(Quadratic, AnObstacleProblemTakesFewFactorizationsAndIsExact) {
-  const OwnedProblem p = obstacle(1000);
+  const OwnedProblem p = testing::obstacle_problem(1000);
   const Solution s = solve_in_process(p.view()).value();
   ASSERT_EQ(s.status, Status::solved);
   EXPECT_LE(s.factorizations, 60);
@@ -67,7 +48,7 @@ TEST(Quadratic, ContradictionsAreStillProved) {
 }
 
 TEST(Quadratic, AnIterationLimitGivesThePointReached) {
-  const OwnedProblem p = obstacle(100);
+  const OwnedProblem p = testing::obstacle_problem(100);
   Options options;
   options.max_iterations = 3;
   const Solution s = solve_in_process(p.view(), options).value();

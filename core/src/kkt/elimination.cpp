@@ -63,24 +63,6 @@ Pattern transposed(const Pattern& upper) {
   return lower;
 }
 
-std::vector<Index> postorder(const std::vector<Index>& parent) {
-  const std::size_t n = parent.size();
-  std::vector<Index> result;
-  result.reserve(n);
-  std::vector<Index> child(n, kNone), sibling(n, kNone), stack(n);
-  for (auto j = static_cast<Index>(n) - 1; j >= 0; --j) {
-    if (parent[j] == kNone) continue;
-    sibling[j] = child[parent[j]];
-    child[parent[j]] = j;
-  }
-  for (Index root = 0; root < static_cast<Index>(n); ++root) {
-    if (parent[root] != kNone) continue;
-    visit_postorder(root, child.data(), sibling.data(), stack.data(),
-                    [&result](Index node) { result.push_back(node); });
-  }
-  return result;
-}
-
 // The row subtree of i has its leaves where an entry's first descendant comes after that of the one before.
 // A leaf adds one to the counts on its way up; what two leaves share above their common ancestor is taken
 // off again there.
@@ -142,6 +124,24 @@ bool count_entries(const Pattern& upper, Checkpoint& checkpoint, const std::vect
 }
 
 }  // namespace
+
+std::vector<Index> postorder(const std::vector<Index>& parent) {
+  const std::size_t n = parent.size();
+  std::vector<Index> result;
+  result.reserve(n);
+  std::vector<Index> child(n, kNone), sibling(n, kNone), stack(n);
+  for (auto j = static_cast<Index>(n) - 1; j >= 0; --j) {
+    if (parent[j] == kNone) continue;
+    sibling[j] = child[parent[j]];
+    child[parent[j]] = j;
+  }
+  for (Index root = 0; root < static_cast<Index>(n); ++root) {
+    if (parent[root] != kNone) continue;
+    visit_postorder(root, child.data(), sibling.data(), stack.data(),
+                    [&result](Index node) { result.push_back(node); });
+  }
+  return result;
+}
 
 bool analyse(const Pattern& upper, const Interrupt& interrupt, Elimination& out) {
   const auto n = static_cast<std::size_t>(upper.size());

@@ -19,4 +19,7 @@ struct Elimination {
 /// The upper triangle may have its rows in any order within a column. False if it was interrupted.
 [[nodiscard]] bool analyse(const Pattern& upper, const Interrupt& interrupt, Elimination& out);
 
+/// The columns, each after all that lead to it: an order in which the factor has the same entries.
+[[nodiscard]] std::vector<Index> postorder(const std::vector<Index>& parent);
+
 }  // namespace marble

@@ -8,9 +8,21 @@
 namespace marble {
 
 bool SparseLdl::analyse(const Pattern& pattern, const Interrupt& interrupt) {
-  const Index n = pattern.size();
   std::vector<Index> permutation;
   if (!order(pattern, interrupt, permutation)) return false;
+  permute(pattern, permutation);
+  if (!marble::analyse(matrix_, interrupt, elimination_)) return false;
+  if (elimination_.flops <= tuning::filled_in * elimination_.entries) return true;
+  std::vector<Index> in_postorder = postorder(elimination_.parent);
+  for (Index& column : in_postorder) column = permutation[column];
+  permute(pattern, in_postorder);
+  if (!marble::analyse(matrix_, interrupt, elimination_)) return false;
+  blocks_.emplace(elimination_);
+  return true;
+}
+
+void SparseLdl::permute(const Pattern& pattern, const std::vector<Index>& permutation) {
+  const Index n = pattern.size();
   inverse_permutation_.resize(permutation.size());
   for (Index i = 0; i < n; ++i) inverse_permutation_[permutation[i]] = i;
 
@@ -33,10 +45,17 @@ bool SparseLdl::analyse(const Pattern& pattern, const Interrupt& interrupt) {
     places_[k] = next[column]++;
     matrix_.rows[places_[k]] = row;
   });
-  return marble::analyse(matrix_, interrupt, elimination_);
+}
+
+double SparseLdl::flops() const {
+  return blocks_ ? elimination_.flops / tuning::dense_advantage + tuning::supernode_cost * blocks_->count()
+                 : elimination_.flops;
 }
 
 double SparseLdl::bytes() const {
+  if (blocks_)
+    return blocks_->bytes(matrix_) + static_cast<double>(matrix_.rows.size()) * sizeof(Index) +
+           size() * (2.0 * sizeof(double) + 4.0 * sizeof(Index));
   return elimination_.entries * (sizeof(double) + 2.0 * sizeof(Index)) +
          static_cast<double>(matrix_.rows.size()) * sizeof(Index) +
          size() * (3.0 * sizeof(double) + 3.0 * sizeof(std::int64_t) + 4.0 * sizeof(Index));
@@ -44,6 +63,9 @@ double SparseLdl::bytes() const {
 
 bool SparseLdl::allocate(const Interrupt& interrupt) {
   const auto n = static_cast<std::size_t>(size());
+  pivots_.resize(n);
+  inverse_pivots_.resize(n);
+  if (blocks_) return blocks_->allocate(matrix_, interrupt);
   pointers_.assign(n + 1, 0);
   std::inclusive_scan(elimination_.counts.begin(), elimination_.counts.end(), pointers_.begin() + 1,
                       std::plus<>(), std::int64_t{0});
@@ -52,8 +74,6 @@ bool SparseLdl::allocate(const Interrupt& interrupt) {
   rows_ = LargeArray<Index>(entries);
   columns_ = LargeArray<Index>(entries);
   values_ = LargeArray<double>(entries);
-  pivots_.resize(n);
-  inverse_pivots_.resize(n);
   dense_row_.assign(n, 0.0);
   next_.resize(n);
   return find_patterns(interrupt);
@@ -131,6 +151,11 @@ bool SparseLdl::find_patterns(const Interrupt& interrupt) {
 
 // Up-looking, as in SuiteSparse's LDL but with the patterns at hand.
 bool SparseLdl::factorize(const std::vector<double>& matrix_values, const Interrupt& interrupt) {
+  if (blocks_) {
+    if (!blocks_->factorize(matrix_values, pivots_, interrupt)) return false;
+    std::transform(pivots_.begin(), pivots_.end(), inverse_pivots_.begin(), [](double d) { return 1.0 / d; });
+    return true;
+  }
   const std::int64_t between_looks =
       std::max<std::int64_t>(1, tuning::entries_between_looks / (longest_ + 1));
   Place place;
@@ -147,6 +172,7 @@ Index SparseLdl::positive_pivots() const {
 }
 
 bool SparseLdl::solve(double* x, Index first, const Interrupt& interrupt) const {
+  if (blocks_) return blocks_->solve(x, first, inverse_pivots_, interrupt);
   Checkpoint checkpoint(interrupt);
   const std::int64_t* const pointers = pointers_.data();
   const Index* const rows = rows_.data();

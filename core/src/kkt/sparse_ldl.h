@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "data/large_array.h"
 #include "kkt/elimination.h"
+#include "kkt/supernodal_ldl.h"
 
 namespace marble {
 
@@ -24,7 +26,10 @@ class SparseLdl {
   void forget_places() { places_ = {}; }
   /// Row i of the analysed pattern is row position()[i] of the permuted one.
   [[nodiscard]] const std::vector<Index>& position() const { return inverse_permutation_; }
-  [[nodiscard]] double flops() const { return elimination_.flops; }
+  /// Of one factorization, in units of what takes the sparse code as long.
+  [[nodiscard]] double flops() const;
+  /// Whether the factor fills in, and is computed in blocks.
+  [[nodiscard]] bool has_blocks() const { return blocks_.has_value(); }
   /// Of factor and workspace, known before allocate().
   [[nodiscard]] double bytes() const;
 
@@ -39,6 +44,7 @@ class SparseLdl {
   [[nodiscard]] std::int64_t entries_of(Index begin, Index end) const {
     return pointers_[end] - pointers_[begin];
   }
+  void permute(const Pattern& pattern, const std::vector<Index>& permutation);
   [[nodiscard]] bool find_patterns(const Interrupt& interrupt);
   /// Where a factorization is: the row at hand, the next entry of its pattern, its pivot so far.
   struct Place {
@@ -51,6 +57,7 @@ class SparseLdl {
   Pattern matrix_;
   std::vector<Index> places_, inverse_permutation_;
   Elimination elimination_;
+  std::optional<SupernodalLdl> blocks_;
   std::vector<std::int64_t> pointers_;  // of L by columns, without its diagonal
   std::vector<std::int64_t> row_pointers_;
   std::int64_t longest_ = 0;          // column of L

@@ -21,13 +21,16 @@ QuadraticEngine::QuadraticEngine(const ScaledProblem& problem, Kkt& kkt)
       held_(static_cast<std::size_t>(problem.inequalities())),
       reporter_(problem) {}
 
+// ν as large as the constraints are violated: multipliers grow with that, and from below it steps are short.
 void QuadraticEngine::start(ConstVectorRef initial_z) {
   x_.all.setZero();
   x_.z() = initial_z;
   images_.evaluate(problem_, x_);
   slack_ = images_.rows.all.cwiseMax(1.0);
-  x_.lambda().setConstant(-1.0);
+  const double violation = std::max(max_abs(images_.equality), max_abs(images_.rows.all.cwiseMin(0.0)));
+  x_.lambda().setConstant(-std::max(1.0, tuning::quadratic_start * violation));
   shown_.clear();
+  short_steps_ = 0;
   evaluate();
 }
 
@@ -83,7 +86,8 @@ bool QuadraticEngine::step(Run& run) {
   ++run.iterations;
   evaluate();
   read_rows();
-  return step_length_ >= tuning::path_least_step && max_abs(x_.all) <= tuning::runaway;
+  short_steps_ = step_length_ < tuning::path_least_step ? short_steps_ + 1 : 0;
+  return short_steps_ <= tuning::quadratic_short_steps && max_abs(x_.all) <= tuning::runaway;
 }
 
 bool QuadraticEngine::shows_new_rows() {

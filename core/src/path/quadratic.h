@@ -17,8 +17,8 @@ class QuadraticEngine {
   QuadraticEngine(const ScaledProblem& problem, Kkt& kkt);
 
   void start(ConstVectorRef initial_z);
-  /// One step. False if it broke down, was too short, or was interrupted: Q has negative curvature, or there
-  /// is no solution.
+  /// One step. False if it broke down, was too short again and again, or was interrupted: Q has negative
+  /// curvature, or there is no solution.
   [[nodiscard]] bool step(Run& run);
 
   /// (z, y, λ = −ν): rows that hold at zero are those with w < ν.
@@ -42,6 +42,7 @@ class QuadraticEngine {
   Vector slack_, slack_step_, product_, rate_;  // w, dw, the predictor's dw∘dν, what rows add to the gradient
   std::vector<bool> held_, shown_;
   double kappa_ = 0.0, step_length_ = 0.0;
+  int short_steps_ = 0;  // in a row
   bool settled_ = false;
   Reporter reporter_;
 };

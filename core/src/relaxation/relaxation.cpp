@@ -22,7 +22,9 @@ Relaxation::Relaxation(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, G
       gram_(problem, gram, system_),
       set_(gram_),
       dual_bound_(problem),
-      signed_(problem.layout.size()) {}
+      signed_(problem.layout.size()),
+      image_(problem.variables()),
+      rates_(problem.layout.size()) {}
 
 bool Relaxation::prepare(Run& run) {
   attend(run.interrupt());
@@ -98,6 +100,21 @@ double Relaxation::bytes() {
   return kkt_->bytes() + 4.0 * held * held * sizeof(double);
 }
 
+// Along what is flat, or nearly so, a proximal step is short: it goes on to the minimum there, or to the
+// first row that blocks.
+void Relaxation::lengthen_step() {
+  step_ = z_ - z_center_;
+  multiply(problem_.Q, step_, image_);
+  const double curvature = step_.dot(image_);
+  double length = curvature > 0.0 ? tuning::tree_delta * step_.squaredNorm() / curvature : kInfinity;
+  multiply(problem_.rows, step_, rates_);
+  for (Index row = 0; row < rates_.size(); ++row) {
+    if (!set_.is_held(row) && rates_[row] < 0.0)
+      length = std::min(length, std::max(0.0, set_.slacks()[row]) / -rates_[row]);
+  }
+  if (std::isfinite(length) && length > 1.0) z_ += length * step_;
+}
+
 Relaxation::End Relaxation::solve(const Box& box, double cutoff, const Interrupt& interrupt) {
   double enough = cutoff - bound_;
   double paid = kInfinity;
@@ -123,6 +140,7 @@ Relaxation::End Relaxation::solve(const Box& box, double cutoff, const Interrupt
       paid = dual_bound_.paid();
     }
     enough = kInfinity;
+    if (end == DualActiveSet::End::optimal) lengthen_step();
     if (!move_center()) return interrupt.requested() ? End::interrupted : End::undecided;
   }
   return End::undecided;

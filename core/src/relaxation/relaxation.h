@@ -59,6 +59,7 @@ class Relaxation final : public NodeEngine {
  private:
   [[nodiscard]] bool move_center();
   [[nodiscard]] bool find_point();
+  void lengthen_step();
   [[nodiscard]] bool contradicts(const Box& box);
   [[nodiscard]] double evaluate_bound(const Box& box);
   void take_signs_of(const Vector& multipliers);
@@ -71,7 +72,7 @@ class Relaxation final : public NodeEngine {
   DualActiveSet set_;
   DualBound dual_bound_;
   Vector z_, y_, z_center_, y_center_;
-  Vector signed_;
+  Vector signed_, step_, image_, rates_;
   double bound_ = 0.0;
   struct {
     DualActiveSet::State set;

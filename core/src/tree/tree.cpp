@@ -23,7 +23,23 @@ TreeResult none(std::string why) {
   return result;
 }
 
+double relative_gap(double objective, double bound) {
+  return std::max(0.0, objective - bound) / std::max(1.0, std::abs(objective));
+}
+
+double within(const Options& options) { return std::max(options.gap_tolerance, tuning::exactness); }
+
 }  // namespace
+
+void TreeResult::answer_is(double objective, const Options& options) {
+  bound = std::min(bound, objective);
+  gap = relative_gap(objective, bound);
+  proved = gap <= within(options);
+  char text[120];
+  std::snprintf(text, sizeof text, ", for the answer, feasible to the tolerances only: %s, gap %.1e",
+                proved ? "proved" : "not proved", gap);
+  remark += text;
+}
 
 Tree::Tree(const ScaledProblem& problem, const Options& options, BranchPoint& point, Incumbent& incumbent)
     : problem_(problem),
@@ -399,8 +415,8 @@ void Tree::try_as_answer(Run& run, const Suggestion& suggestion) {
 double Tree::cutoff() const {
   if (!incumbent_.exists()) return kInfinity;
   const double objective = problem_.user_objective(incumbent_.best().objective);
-  const double tolerance = std::max(options_.gap_tolerance, tuning::exactness);
-  const double least = objective - tuning::tree_within_gap * tolerance * std::max(1.0, std::abs(objective));
+  const double least =
+      objective - tuning::tree_within_gap * within(options_) * std::max(1.0, std::abs(objective));
   return (least - problem_.c0) * problem_.cost_scale;
 }
 
@@ -419,8 +435,7 @@ double Tree::bound() const {
 
 double Tree::gap(double bound) const {
   if (!incumbent_.exists()) return kInfinity;
-  const double objective = problem_.user_objective(incumbent_.best().objective);
-  return std::max(0.0, objective - bound) / std::max(1.0, std::abs(objective));
+  return relative_gap(problem_.user_objective(incumbent_.best().objective), bound);
 }
 
 TreeResult Tree::result(TreeResult::End end) const {
@@ -432,8 +447,7 @@ TreeResult Tree::result(TreeResult::End end) const {
   result.open_nodes = static_cast<std::int64_t>(open_.size());
   if (end == TreeResult::End::exhausted && !incumbent_.exists() && closed_bound_ == kInfinity)
     result.end = TreeResult::End::infeasible;
-  result.proved = result.end == TreeResult::End::infeasible ||
-                  result.gap <= std::max(options_.gap_tolerance, tuning::exactness);
+  result.proved = result.end == TreeResult::End::infeasible || result.gap <= within(options_);
   char text[160];
   std::snprintf(text, sizeof text, "%s by %lld nodes, %lld open, for |z| <= %.1e: bound %.9g, gap %.1e",
                 result.proved ? "proved" : "not proved", static_cast<long long>(nodes_),

@@ -37,6 +37,9 @@ struct TreeResult {
   double gap = std::numeric_limits<double>::infinity();
   std::int64_t nodes = 0, open_nodes = 0;
   std::string remark;
+
+  /// Told of a better answer than the tree had: one that is feasible to the tolerances only.
+  void answer_is(double objective, const Options& options);
 };
 
 class Tree {

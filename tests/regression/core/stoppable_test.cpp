@@ -138,7 +138,7 @@ TEST(Stoppable, ASetUpThatIsStoppedIsAnsweredWithTheInitialPoint) {
 }
 
 TEST(Stoppable, AFactorizationThatCannotFitItsTimeIsRefusedWithItsFlops) {
-  const OwnedProblem p = filling_problem(16'000);
+  const OwnedProblem p = filling_problem(32'000);
   const Problem problem = Problem::create(p.view()).value();
   Options options;
   options.time_limit_s = 1.0;

@@ -1,0 +1,111 @@
+// LDLᵀ in blocks, and entry by entry where there is little fill, against a dense solve.
+#include "kkt/sparse_ldl.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <random>
+
+#include "data/linear_algebra.h"
+
+namespace marble {
+namespace {
+
+constexpr double kTolerance = 1e-9;
+
+// [H, Aᵀ; A, −D] with H and D diagonally dominant: each order of elimination has pivots far from 0.
+struct Quasidefinite {
+  Quasidefinite(Index size, Index entries_of_column, std::uint64_t seed)
+      : dense(Eigen::MatrixXd::Zero(size, size)) {
+    std::mt19937_64 random(seed);
+    std::uniform_real_distribution<double> number(-1.0, 1.0);
+    for (Index column = 1; column < size; ++column) {
+      for (Index k = 0; k < entries_of_column; ++k) {
+        const auto row = static_cast<Index>(random() % static_cast<std::uint64_t>(column));
+        dense(row, column) = dense(column, row) = number(random);
+      }
+    }
+    for (Index i = 0; i < size; ++i) {
+      const double largest = 1.0 + dense.col(i).cwiseAbs().sum();
+      dense(i, i) = i % 3 == 2 ? -largest : largest;
+      positive += i % 3 != 2 ? 1 : 0;
+    }
+    for (Index column = 0; column < size; ++column) {
+      for (Index row = 0; row <= column; ++row) {
+        if (dense(row, column) != 0.0) pattern.rows.push_back(row);
+      }
+      pattern.pointers.push_back(static_cast<Index>(pattern.rows.size()));
+    }
+  }
+  // In the order of the permuted matrix.
+  [[nodiscard]] std::vector<double> values(const SparseLdl& ldl, double scale) const {
+    std::vector<double> all(pattern.rows.size());
+    for (Index column = 0; column < pattern.size(); ++column) {
+      for (Index k = pattern.pointers[column]; k < pattern.pointers[column + 1]; ++k)
+        all[ldl.places()[k]] = scale * dense(pattern.rows[k], column);
+    }
+    return all;
+  }
+
+  Eigen::MatrixXd dense;
+  Pattern pattern{{0}, {}};
+  Index positive = 0;
+};
+
+void expect_solves(const Quasidefinite& matrix, SparseLdl& ldl, double scale, Index only) {
+  const Index size = matrix.pattern.size();
+  ASSERT_TRUE(ldl.factorize(matrix.values(ldl, scale), {}));
+  EXPECT_EQ(ldl.positive_pivots(), matrix.positive);
+  Vector right = Vector::LinSpaced(size, -1.0, 2.0);
+  if (only >= 0) right = Vector::Unit(size, only);
+  Vector permuted(size);
+  for (Index i = 0; i < size; ++i) permuted[ldl.position()[i]] = right[i];
+  ASSERT_TRUE(ldl.solve(permuted.data(), only >= 0 ? ldl.position()[only] : 0, {}));
+  Vector found(size);
+  for (Index i = 0; i < size; ++i) found[i] = permuted[ldl.position()[i]];
+  const Vector expected = (scale * matrix.dense).partialPivLu().solve(right);
+  EXPECT_LT(max_abs(found - expected), kTolerance * max_abs(expected));
+}
+
+TEST(SparseLdl, SolvesInBlocksWhereTheFactorFillsInAndElseEntryByEntry) {
+  int in_blocks = 0;
+  for (const Index size : {1, 2, 7, 60, 150, 300, 400}) {
+    for (const Index entries : {0, 1, 3, 12}) {
+      const Quasidefinite matrix(size, entries, static_cast<std::uint64_t>(size + entries));
+      SparseLdl ldl;
+      ASSERT_TRUE(ldl.analyse(matrix.pattern, {}));
+      ASSERT_TRUE(ldl.allocate({}));
+      expect_solves(matrix, ldl, 1.0, -1);
+      expect_solves(matrix, ldl, 3.0, -1);
+      expect_solves(matrix, ldl, 1.0, size / 2);
+      in_blocks += ldl.has_blocks() ? 1 : 0;
+    }
+  }
+  EXPECT_GE(in_blocks, 4);
+  EXPECT_LE(in_blocks, 15);
+}
+
+TEST(SparseLdl, InBlocksMeetsAZeroPivotOrAnInterruptionAndGoesOn) {
+  Quasidefinite matrix(200, 6, 5);
+  SparseLdl ldl;
+  ASSERT_TRUE(ldl.analyse(matrix.pattern, {}));
+  ASSERT_TRUE(ldl.has_blocks());
+  ASSERT_TRUE(ldl.allocate({}));
+  const std::vector<double> nothing(matrix.pattern.rows.size(), 0.0);
+  EXPECT_FALSE(ldl.factorize(nothing, {}));
+  expect_solves(matrix, ldl, 1.0, -1);
+  // It is looked at after some hundred thousand entries: this factor has more.
+  const Quasidefinite large(1500, 6, 5);
+  SparseLdl of_large;
+  ASSERT_TRUE(of_large.analyse(large.pattern, {}));
+  ASSERT_TRUE(of_large.has_blocks());
+  ASSERT_TRUE(of_large.allocate({}));
+  const Interrupt now({}, Interrupt::Clock::now());
+  EXPECT_FALSE(of_large.factorize(large.values(of_large, 1.0), now));
+  EXPECT_TRUE(of_large.factorize(large.values(of_large, 1.0), {}));
+  EXPECT_EQ(of_large.positive_pivots(), large.positive);
+}
+
+}  // namespace
+}  // namespace marble
