@@ -14,7 +14,7 @@
 #include "marble/examples.h"
 #include "marble/solver.h"
 #include "peers.h"
-#include "support/shared_problems.h"
+#include "support/problems/shared_problems.h"
 
 namespace marble::suite {
 namespace {
