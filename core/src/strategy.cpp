@@ -47,7 +47,7 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
   TreeResult found = tree_->search(run, local.x->z(), optimality_.known_convex(), room);
   Answer answer = std::move(local);
   // The path's point may be within the tolerances where no branch near has an exact solution.
-  const bool path_stays = answer.x == &path_point_.x && is_solved(answer.ending.status) &&
+  const bool path_stays = answer.x == &path_point_.x && answer.ending.status == Status::solved &&
                           found.end != TreeResult::End::none &&
                           (!incumbent_.exists() || path_point_.objective < incumbent_.best().objective);
   if (found.end == TreeResult::End::limit) {

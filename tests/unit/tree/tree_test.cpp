@@ -246,6 +246,23 @@ TEST(Tree, OfARecedingHorizonIsTheSameKeptAndBegunAnew) {
   EXPECT_GE(warm, 10);
 }
 
+// From z = 0 some of these have local answers near which no branch is solved exactly.
+TEST(Tree, NeverAnswersWithMoreThanTheLocalAnswer) {
+  examples::HopperParameters parameters{.steps = 3};
+  for (int tick = 0; tick < 4; ++tick) {
+    const OwnedProblem p = examples::hopper(parameters);
+    Options options;
+    const Solution local = solve_in_process(p.view(), options).value();
+    options.global = true;
+    const Solution s = solve_in_process(p.view(), options).value();
+    EXPECT_EQ(s.status, Status::solved) << s.detail;
+    EXPECT_LE(s.objective, local.objective + 1e-9) << tick << " " << s.detail;
+    EXPECT_LE(s.bound, s.objective) << tick << " " << s.detail;
+    EXPECT_GE(s.bound, 0.9 * s.objective) << tick << " no bound where much is flat: " << s.detail;
+    parameters = examples::advance(parameters, s.z);
+  }
+}
+
 TEST(Tree, KeepsNothingThatItsMemoryWouldNotHold) {
   const OwnedProblem p = examples::hopper({.steps = 5});
   const Problem problem = Problem::create(p.view()).value();
