@@ -229,7 +229,8 @@ TreeResult Strategy::search_small_tree(Run& run, bool known_convex) {
   few.node_limit = options_.small_budget;
   Tree tree(problem_, few, branch_.point, incumbent_);
   Run part = run.part(true);
-  const TreeResult found = tree.search(part, incumbent_.best().x.z(), known_convex, tree_bytes_);
+  const TreeResult found =
+      tree.search(part, incumbent_.best().x.z(), known_convex, {tree_bytes_, 0.0, false});
   run.add_part(part);
   TreeResult told;
   told.end = found.end;
