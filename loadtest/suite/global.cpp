@@ -7,7 +7,7 @@
 #include "families.h"
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "support/shared_problems.h"
+#include "support/problems/shared_problems.h"
 
 namespace marble::suite {
 namespace {

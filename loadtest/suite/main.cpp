@@ -10,7 +10,7 @@
 #include "families.h"
 #include "peers.h"
 #include "qp.h"
-#include "support/shared_problems.h"
+#include "support/problems/shared_problems.h"
 #include "tune.h"
 
 namespace {

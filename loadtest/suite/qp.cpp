@@ -15,7 +15,7 @@
 
 #include "noise.h"
 #include "record.h"
-#include "support/small_problems.h"
+#include "support/problems/small_problems.h"
 
 namespace marble::suite {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "support/independent_check.h"
+#include "support/judges/independent_check.h"
 
 namespace marble::suite {
 namespace {

@@ -10,8 +10,8 @@
 #include <fstream>
 #include <thread>
 
-#include "clients.h"
-#include "support/server_process.h"
+#include "clients/clients.h"
+#include "support/processes/server_process.h"
 
 namespace marble::testing {
 namespace {

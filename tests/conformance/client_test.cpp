@@ -7,8 +7,8 @@
 
 #include "marble/convert.h"
 #include "problems.h"
-#include "support/server_process.h"
-#include "support/small_problems.h"
+#include "support/problems/small_problems.h"
+#include "support/processes/server_process.h"
 
 namespace marble::testing {
 namespace {

@@ -7,7 +7,7 @@
 #include "data/residual.h"
 #include "kkt/kkt.h"
 #include "run/run.h"
-#include "support/independent_check.h"
+#include "support/judges/independent_check.h"
 
 namespace marble::testing {
 

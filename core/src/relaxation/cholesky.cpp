@@ -23,11 +23,11 @@ bool Cholesky::factorize(const Eigen::MatrixXd& matrix) {
   return llt.info() == Eigen::Success;
 }
 
-void Cholesky::solve_lower(VectorRef x) const {
+void Cholesky::solve_lower(VectorRef x) const {  // NOLINT: solved in place
   factor_.topLeftCorner(size_, size_).triangularView<Eigen::Lower>().solveInPlace(x);
 }
 
-void Cholesky::solve_upper(VectorRef x) const {
+void Cholesky::solve_upper(VectorRef x) const {  // NOLINT: solved in place
   factor_.topLeftCorner(size_, size_).triangularView<Eigen::Lower>().transpose().solveInPlace(x);
 }
 

@@ -10,7 +10,7 @@
 #include <fstream>
 
 #include "mat/mat_problem.h"
-#include "support/child_process.h"
+#include "support/processes/child_process.h"
 
 namespace marble::formats {
 namespace {

@@ -1,0 +1,210 @@
+#include "support/judges/brute_force.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "support/judges/dense_algebra.h"
+
+namespace marble::testing {
+namespace {
+
+using Matrix = Eigen::MatrixXd;
+using Vector = Eigen::VectorXd;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kFeasible = 1e-7;  // of rows of norm 1
+constexpr double kRunaway = 1e7;    // of rows of norm 1: an iterate this far out is on its way to −∞
+
+// min ½ yᵀHy + cᵀy  s.t.  G y + h ≥ 0
+struct Branch {
+  Matrix H, G;
+  Vector c, h;
+};
+
+Matrix dense(const SparseMatrixView& m, Eigen::Index rows, Eigen::Index columns) {
+  Matrix out = Matrix::Zero(rows, columns);
+  for (Eigen::Index j = 0; j < columns && !m.values.empty(); ++j) {
+    for (Index k = m.column_pointers[j]; k < m.column_pointers[j + 1]; ++k)
+      out(m.row_indices[k], j) = m.values[k];
+  }
+  return out;
+}
+
+Vector dense(std::span<const double> v) {
+  return Eigen::Map<const Vector>(v.data(), static_cast<Eigen::Index>(v.size()));
+}
+
+double longest_step(const Vector& x, const Vector& dx) {
+  double step = 1.0;
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    if (dx[i] < 0.0) step = std::min(step, -x[i] / dx[i]);
+  }
+  return step;
+}
+
+// Mehrotra's predictor and corrector from an infeasible start. Its caller knows that the branch is feasible.
+Vector interior_point(const Branch& p) {
+  const Eigen::Index m = p.h.size();
+  Vector y = Vector::Zero(p.c.size());
+  Vector w = (p.G * y + p.h).cwiseAbs().cwiseMax(1.0);
+  Vector nu = Vector::Ones(m);
+  for (int iteration = 0; iteration < 200; ++iteration) {
+    const Vector dual = p.H * y + p.c - p.G.transpose() * nu;
+    const Vector primal = p.G * y + p.h - w;
+    const double mu = m > 0 ? w.dot(nu) / static_cast<double>(m) : 0.0;
+    const double error =
+        std::max({dual.lpNorm<Eigen::Infinity>(), mu, m > 0 ? primal.lpNorm<Eigen::Infinity>() : 0.0});
+    if (error < 1e-12 || y.lpNorm<Eigen::Infinity>() > kRunaway) break;
+    Matrix normal = p.H + p.G.transpose() * nu.cwiseQuotient(w).asDiagonal() * p.G;
+    normal.diagonal().array() += 1e-14 * (1.0 + normal.diagonal().maxCoeff());
+    const Eigen::LDLT<Matrix> factor(normal);
+    Vector dy, dw, dnu;
+    const auto direction = [&](const Vector& products) {
+      dy = factor.solve(-dual - p.G.transpose() * (products + nu.cwiseProduct(primal)).cwiseQuotient(w));
+      dw = p.G * dy + primal;
+      dnu = -(products + nu.cwiseProduct(dw)).cwiseQuotient(w);
+    };
+    direction(w.cwiseProduct(nu));
+    const double predicted_primal = longest_step(w, dw);
+    const double predicted_dual = longest_step(nu, dnu);
+    if (m > 0) {
+      const double predicted =
+          (w + predicted_primal * dw).dot(nu + predicted_dual * dnu) / static_cast<double>(m);
+      const double center = mu * std::pow(predicted / mu, 3);
+      direction((w.cwiseProduct(nu) + dw.cwiseProduct(dnu)).array() - center);
+    }
+    // One length for both: with different ones the dual residual of a QP need not fall.
+    const double step = std::min(1.0, 0.995 * std::min(longest_step(w, dw), longest_step(nu, dnu)));
+    if (!dy.allFinite() || step < 1e-12) break;
+    y += step * dy;
+    w += step * dw;
+    nu += step * dnu;
+  }
+  return y;
+}
+
+// The least violation of G y + h ≥ 0, by the linear program over (y, violation), which is always feasible.
+double least_violation(const Branch& p) {
+  const Eigen::Index n = p.c.size();
+  const Eigen::Index m = p.h.size();
+  Branch phase;
+  phase.H = Matrix::Zero(n + 1, n + 1);
+  phase.H.topLeftCorner(n, n).diagonal().setConstant(1e-10);  // of all such y a near one
+  phase.c = Vector::Unit(n + 1, n);
+  phase.G = Matrix::Zero(m + 1, n + 1);
+  phase.G.topLeftCorner(m, n) = p.G;
+  phase.G.col(n).setOnes();
+  phase.h = Vector::Zero(m + 1);
+  phase.h.head(m) = p.h;
+  const Vector y = interior_point(phase).head(n);
+  return m > 0 ? std::max(0.0, -(p.G * y + p.h).minCoeff()) : 0.0;
+}
+
+// Rows of norm 1; a row without entries says something about its constant only.
+bool normalize(Matrix& rows, Vector& constants, bool equality) {
+  Eigen::Index kept = 0;
+  for (Eigen::Index i = 0; i < rows.rows(); ++i) {
+    const double norm = rows.row(i).norm();
+    if (norm <= 1e-12) {
+      if (equality ? std::abs(constants[i]) > kFeasible : constants[i] < -kFeasible) return false;
+      continue;
+    }
+    rows.row(kept) = (rows.row(i) / norm).eval();
+    constants[kept++] = constants[i] / norm;
+  }
+  rows.conservativeResize(kept, Eigen::NoChange);
+  constants.conservativeResize(kept);
+  return true;
+}
+
+// An LCQP with dense data, in variables scaled by the diagonal of Q.
+struct Dense {
+  explicit Dense(const ProblemView& p)
+      : g(dense(p.g)), b(dense(p.b)), d(dense(p.d)), l(dense(p.l)), r(dense(p.r)) {
+    const Eigen::Index n = g.size();
+    Q = dense(p.Q, n, n);
+    if (p.hessian_form == HessianForm::upper_triangle) Q = Matrix(Q.selfadjointView<Eigen::Upper>());
+    scale = Q.diagonal().unaryExpr([](double q) { return q > 0.0 ? 1.0 / std::sqrt(q) : 1.0; });
+    Q = scale.asDiagonal() * Q * scale.asDiagonal();
+    g = g.cwiseProduct(scale);
+    A = dense(p.A, b.size(), n) * scale.asDiagonal();
+    C = dense(p.C, d.size(), n) * scale.asDiagonal();
+    L = dense(p.L, l.size(), n) * scale.asDiagonal();
+    R = dense(p.R, r.size(), n) * scale.asDiagonal();
+  }
+  Vector g, b, d, l, r, scale;
+  Matrix Q, A, C, L, R;
+};
+
+// The best point of the branch in which the pairs of `choice` have t = 0 and the others s = 0.
+std::optional<Vector> best_point(const Dense& p, unsigned choice) {
+  const Eigen::Index n = p.g.size();
+  const Eigen::Index pairs = p.l.size();
+  Matrix E(p.A.rows() + pairs, n);
+  Matrix F(p.C.rows() + pairs, n);
+  Vector e(E.rows());
+  Vector f(F.rows());
+  E.topRows(p.A.rows()) = p.A;
+  e.head(p.A.rows()) = p.b;
+  F.topRows(p.C.rows()) = p.C;
+  f.head(p.C.rows()) = p.d;
+  for (Eigen::Index i = 0; i < pairs; ++i) {
+    const bool right = ((choice >> i) & 1U) != 0;
+    E.row(p.A.rows() + i) = right ? p.R.row(i) : p.L.row(i);
+    e[p.A.rows() + i] = right ? p.r[i] : p.l[i];
+    F.row(p.C.rows() + i) = right ? p.L.row(i) : p.R.row(i);
+    f[p.C.rows() + i] = right ? p.l[i] : p.r[i];
+  }
+  if (!normalize(E, e, true)) return std::nullopt;
+
+  // Equalities leave z = point + basis · y.
+  Vector point = Vector::Zero(n);
+  Matrix basis = Matrix::Identity(n, n);
+  if (E.rows() > 0) {
+    Eigen::ColPivHouseholderQR<Matrix> qr(E.transpose());
+    qr.setThreshold(1e-10);
+    const Eigen::Index rank = qr.rank();
+    const Matrix orthogonal = qr.householderQ();
+    const Matrix range = orthogonal.leftCols(rank);
+    point = range * (E * range).colPivHouseholderQr().solve(-e);
+    if ((E * point + e).lpNorm<Eigen::Infinity>() > kFeasible * (1.0 + point.norm())) return std::nullopt;
+    basis = orthogonal.rightCols(n - rank);
+  }
+  Branch branch{basis.transpose() * p.Q * basis, F * basis, basis.transpose() * (p.Q * point + p.g),
+                F * point + f};
+  if (basis.cols() == 0) {
+    if (f.size() > 0 && branch.h.minCoeff() < -kFeasible * (1.0 + point.norm())) return std::nullopt;
+    return point;
+  }
+  if (eigenvalues(branch.H)[0] < -1e-9) throw std::invalid_argument("Q is not convex on a branch");
+  if (!normalize(branch.G, branch.h, false)) return std::nullopt;
+  const double violation = least_violation(branch);
+  if (violation > kFeasible * (1.0 + point.norm())) return std::nullopt;
+  return point + basis * interior_point(branch);
+}
+
+}  // namespace
+
+std::optional<GlobalOptimum> brute_force(const ProblemView& view) {
+  if (view.l.size() > 12) throw std::invalid_argument("more than 12 pairs");
+  const Dense p(view);
+  std::optional<GlobalOptimum> best;
+  for (unsigned choice = 0; choice < (1U << view.l.size()); ++choice) {
+    const auto x = best_point(p, choice);
+    if (!x) continue;
+    if (!best) best.emplace().objective = kInfinity;
+    ++best->feasible_branches;
+    const bool unbounded = x->lpNorm<Eigen::Infinity>() > kRunaway;
+    const double objective = unbounded ? -kInfinity : 0.5 * x->dot(p.Q * *x) + p.g.dot(*x) + view.c0;
+    if (objective >= best->objective) continue;
+    best->objective = objective;
+    const Vector z = p.scale.cwiseProduct(*x);
+    best->z = unbounded ? std::vector<double>{} : std::vector<double>(z.begin(), z.end());
+  }
+  return best;
+}
+
+}  // namespace marble::testing

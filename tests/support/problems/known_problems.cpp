@@ -1,0 +1,370 @@
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+
+#include "support/problems/problem_builder.h"
+#include "support/problems/small_problems.h"
+
+namespace marble::testing {
+namespace {
+
+using Builder = ProblemBuilder;
+
+struct Term {
+  Index variable;
+  double factor;
+};
+
+ProblemBuilder::Row row(std::size_t variables, std::initializer_list<Term> terms, double constant = 0.0) {
+  ProblemBuilder::Row all(variables + 1, 0.0);
+  for (const Term& term : terms) all[static_cast<std::size_t>(term.variable)] = term.factor;
+  all.back() = constant;
+  return all;
+}
+
+// bard1 with the lower level's bound y ≥ 0 among its constraints.
+SmallProblem bard1m() {
+  return Builder("bard1m", {-10, 4, 0, 0, 0, 0})
+      .quadratic(0, 0, 2)
+      .quadratic(1, 1, 8)
+      .constant(26)
+      .equal({-1.5, 2, 1, -0.5, 1, -1, -2})
+      .at_least(row(6, {{0, 1}}))
+      .pair({3, -1, 0, 0, 0, 0, -3}, row(6, {{2, 1}}))
+      .pair({-1, 0.5, 0, 0, 0, 0, 4}, row(6, {{3, 1}}))
+      .pair({-1, -1, 0, 0, 0, 0, 7}, row(6, {{4, 1}}))
+      .pair(row(6, {{1, 1}}), row(6, {{5, 1}}))
+      .optimum(17.0);
+}
+
+// The same once more, its constraints with slacks.
+SmallProblem ex9_2_1() {
+  Builder b("ex9_2_1", {-10, 4, 0, 0, 0, 0, 0, 0, 0, 0});
+  b.quadratic(0, 0, 2).quadratic(1, 1, 8).constant(26);
+  b.equal(row(10, {{0, -3}, {1, 1}, {2, 1}}, 3)).equal(row(10, {{0, 1}, {1, -0.5}, {3, 1}}, -4));
+  b.equal(row(10, {{0, 1}, {1, 1}, {4, 1}}, -7)).equal(row(10, {{1, -1}, {5, 1}}));
+  b.equal({-1.5, 2, 0, 0, 0, 0, 1, -0.5, 1, -1, -2});
+  b.at_least(row(10, {{0, 1}})).at_least(row(10, {{1, 1}}));
+  for (Index i = 2; i < 6; ++i) b.pair(row(10, {{i, 1}}), row(10, {{i + 4, 1}}));
+  return b.optimum(17.0);
+}
+
+// ½(y₁ − 2)² + ½(y₂ − 2)² over x ≥ 0 and y minimising ½y₁² + y₂ s.t. y₁ + y₂ = x, y ≥ 0.
+SmallProblem ex9_2_4() {
+  Builder b("ex9_2_4", {0, -2, -2, 0, 0, 0});  // x, y, multipliers of the sum and of the bounds
+  b.quadratic(1, 1, 1).quadratic(2, 2, 1).constant(4);
+  b.equal(row(6, {{0, -1}, {1, 1}, {2, 1}}));
+  b.equal(row(6, {{1, 1}, {3, 1}, {4, -1}})).equal(row(6, {{3, 1}, {5, -1}}, 1));
+  b.at_least(row(6, {{0, 1}}));
+  b.pair(row(6, {{1, 1}}), row(6, {{4, 1}})).pair(row(6, {{2, 1}}), row(6, {{5, 1}}));
+  return b.optimum(0.5);
+}
+
+// A firm shares out y, Σy ≤ 40, to two divisions that each miss their targets by as little as they can:
+// min (x₁ − 4)² + (x₂ − 13)² and min (x₃ − 35)² + (x₄ − 2)². It earns (200 − x₁ − x₃)(x₁ + x₃) + (160 − x₂ −
+// x₄)(x₂ + x₄). J. F. Bard, Practical Bilevel Optimization, 1998. Which bounds of x the divisions know of is
+// what tells the three apart.
+SmallProblem bard2(const char* name, bool own_lower, bool own_upper, double optimum) {
+  const std::size_t n = 12 + (own_lower ? 4U : 0U) + (own_upper ? 4U : 0U);
+  ProblemBuilder::Row gradient(n, 0.0);
+  gradient[0] = gradient[2] = -200;
+  gradient[1] = gradient[3] = -160;
+  Builder b(name, gradient);
+  for (const Index i : {0, 1}) b.quadratic(i, i, 2).quadratic(i, i + 2, 2).quadratic(i + 2, i + 2, 2);
+  const double targets[] = {4, 13, 35, 2};
+  const double most_x[] = {20, 20, 40, 40};
+  const double most_y[] = {10, 5, 15, 20};
+  b.at_least(row(n, {{4, -1}, {5, -1}, {6, -1}, {7, -1}}, 40));
+  for (Index i = 0; i < 4; ++i) {
+    const Index first = i < 2 ? 0 : 2;  // of the division's x, y and multipliers
+    const double use[] = {i % 2 == 0 ? 0.4 : 0.7, i % 2 == 0 ? 0.6 : 0.3};
+    ProblemBuilder::Row stationary =
+        row(n, {{i, 2}, {8 + first, use[0]}, {9 + first, use[1]}}, -2 * targets[static_cast<std::size_t>(i)]);
+    const double most = most_x[static_cast<std::size_t>(i)];
+    Index next = 12 + i;
+    if (own_lower) {
+      stationary[static_cast<std::size_t>(next)] = -1;
+      b.pair(row(n, {{i, 1}}), row(n, {{next, 1}}));
+      next += 4;
+    } else {
+      b.at_least(row(n, {{i, 1}}));
+    }
+    if (own_upper) {
+      stationary[static_cast<std::size_t>(next)] = 1;
+      b.pair(row(n, {{i, -1}}, most), row(n, {{next, 1}}));
+    } else {
+      b.at_least(row(n, {{i, -1}}, most));
+    }
+    b.equal(stationary);
+    b.at_least(row(n, {{4 + i, 1}})).at_least(row(n, {{4 + i, -1}}, most_y[static_cast<std::size_t>(i)]));
+    const double of_first = i % 2 == 0 ? -0.4 : -0.6;
+    const double of_second = i % 2 == 0 ? -0.7 : -0.3;
+    b.pair(row(n, {{first, of_first}, {first + 1, of_second}, {4 + i, 1}}), row(n, {{8 + i, 1}}));
+  }
+  return b.optimum(optimum);
+}
+
+// How far x is from an equilibrium y of two players (Harker's, by Facchinei, Jiang and Qi, 1999).
+SmallProblem nash1() {
+  Builder b("nash1", {0, 0, 0, 0, 0, 0});
+  for (const Index i : {0, 1}) b.quadratic(i, i, 1).quadratic(i, i + 2, -1).quadratic(i + 2, i + 2, 1);
+  b.equal({0, 0, 2, 8.0 / 3.0, 1, 0, -34}).equal({0, 0, 1.25, 2, 0, 1, -24.25});
+  for (const Index i : {0, 1}) b.at_least(row(6, {{i, 1}})).at_least(row(6, {{i, -1}}, 10));
+  b.pair({0, -1, -1, 0, 0, 0, 15}, row(6, {{4, 1}})).pair({-1, 0, 0, -1, 0, 0, 15}, row(6, {{5, 1}}));
+  return b.optimum(0.0);
+}
+
+// Which right-hand sides l make problem 44 of Hock and Schittkowski stationary near a given point.
+SmallProblem hs044_i() {
+  constexpr std::size_t n = 20;  // x, λ of its six rows, μ of its bounds, l
+  ProblemBuilder::Row gradient(n, 0.0);
+  gradient[1] = -6;
+  gradient[3] = -8;
+  Builder b("hs044_i", gradient);
+  for (Index i = 0; i < 4; ++i) b.quadratic(i, i, 2);
+  b.constant(25);
+  b.equal(row(n, {{2, -1}, {3, 1}, {4, 8}, {10, -1}, {14, 0.2}}, 1));
+  b.equal(row(n, {{2, 1}, {3, -1}, {5, 7}, {11, -1}, {15, 1.2}}, -1));
+  b.equal(row(n, {{0, -1}, {1, 1}, {6, 4}, {12, -1}, {16, 2}}, -1));
+  b.equal(row(n, {{0, 1}, {1, -1}, {7, 4}, {13, -1}, {17, 0.1}}, 0));
+  const double low[] = {0.01, -10, 0.1, -1, -1, 0.001};
+  const double high[] = {10, -0.01, 1, -0.1, 1, 10};
+  for (Index i = 0; i < 6; ++i) {
+    b.at_least(row(n, {{14 + i, 1}}, -low[i])).at_least(row(n, {{14 + i, -1}}, high[i]));
+    b.pair(row(n, {{4 + i, 1}}), i == 0   ? row(n, {{0, -1}, {1, -2}, {14, -1.2}}, 8)
+                                 : i == 1 ? row(n, {{0, -4}, {1, -1}, {15, -0.2}}, 12)
+                                 : i == 2 ? row(n, {{0, -3}, {1, -4}, {16, -0.1}}, 12)
+                                 : i == 3 ? row(n, {{2, -2}, {3, -1}, {17, -2}}, 8)
+                                 : i == 4 ? row(n, {{2, -1}, {3, -2}, {18, -10}}, 8)
+                                          : row(n, {{2, -1}, {3, -1}, {19, 0.2}}, 5));
+  }
+  for (Index i = 0; i < 4; ++i) b.pair(row(n, {{i, 1}}), row(n, {{10 + i, 1}}));
+  return b.optimum(15.6177688889);
+}
+
+// Σ (xᵢ ± 1)² + Σ (yⱼ ± 2)², 0 ≤ yⱼ ⊥ yⱼ − xⱼ ≥ 0, and 0 ≤ yⱼ ⊥ yⱼ ≥ 0 where there is no x: five x, ten y.
+SmallProblem qpec(const char* name, double sign, double optimum) {
+  constexpr Index kUpper = 5;
+  constexpr Index kLower = 10;
+  constexpr std::size_t n = kUpper + kLower;
+  ProblemBuilder::Row gradient(n, sign * 4);
+  std::fill_n(gradient.begin(), kUpper, sign * 2);
+  Builder b(name, gradient);
+  for (Index i = 0; i < static_cast<Index>(n); ++i) b.quadratic(i, i, 2);
+  for (Index j = 0; j < kLower; ++j) {
+    ProblemBuilder::Row other = row(n, {{kUpper + j, 1}});
+    if (j < kUpper) other[static_cast<std::size_t>(j)] = -1;
+    b.pair(other, row(n, {{kUpper + j, 1}}));
+  }
+  return b.constant(kUpper + 4 * kLower).optimum(optimum);
+}
+
+// 2x₁ + 2x₂ − 3y₁ − 3y₂ − 60, x₁ + x₂ + y₁ − 2y₂ ≤ 40, 0 ≤ x ≤ 50, y minimising (y − x + 20)² s.t. −10 ≤ y ≤
+// 20, x − 2y ≥ 10. Aiyoshi and Shimizu, 1984; another local optimum has 5.
+SmallProblem aiyoshi_shimizu() {
+  constexpr std::size_t n = 10;  // x, y, three multipliers each
+  Builder b("aiyoshi and shimizu", {2, 2, -3, -3, 0, 0, 0, 0, 0, 0});
+  b.constant(-60).at_least(row(n, {{0, -1}, {1, -1}, {2, -1}, {3, 2}}, 40));
+  for (const Index k : {0, 1}) {
+    b.at_least(row(n, {{k, 1}})).at_least(row(n, {{k, -1}}, 50));
+    const Index first = 4 + 3 * k;
+    b.equal(row(n, {{2 + k, 2}, {k, -2}, {first, -1}, {first + 1, 1}, {first + 2, 2}}, 40));
+    b.pair(row(n, {{2 + k, 1}}, 10), row(n, {{first, 1}}));
+    b.pair(row(n, {{2 + k, -1}}, 20), row(n, {{first + 1, 1}}));
+    b.pair(row(n, {{k, 1}, {2 + k, -2}}, -10), row(n, {{first + 2, 1}}));
+  }
+  return b.optimum(0.0);
+}
+
+// x − 4y over x ≥ 0 and y minimising y in a quadrangle (Bard, 1998): at the far corner (4, 4).
+SmallProblem linear_bilevel() {
+  Builder b("linear bilevel", {1, -4, 0, 0, 0, 0, 0});
+  b.equal({0, 0, -1, 1, 1, -2, -1, 1}).at_least(row(7, {{0, 1}}));
+  b.pair(row(7, {{0, 1}, {1, 1}}, -3), row(7, {{2, 1}})).pair(row(7, {{0, 2}, {1, -1}}), row(7, {{3, 1}}));
+  b.pair(row(7, {{0, -2}, {1, -1}}, 12), row(7, {{4, 1}}));
+  b.pair(row(7, {{0, -3}, {1, 2}}, 4), row(7, {{5, 1}})).pair(row(7, {{1, 1}}), row(7, {{6, 1}}));
+  return b.optimum(-12.0);
+}
+
+// ½Σ(zᵢ − 1)² over the one solution (0, 0, 0, 0, 1) of an LCP whose matrix has 1 on and 2 above the diagonal
+// (Murty, 1978: Lemke's method visits exponentially many bases).
+SmallProblem murty() {
+  constexpr std::size_t n = 5;
+  Builder b("murty", ProblemBuilder::Row(n, -1.0));
+  for (Index i = 0; i < 5; ++i) {
+    ProblemBuilder::Row w = row(n, {{i, 1}}, -1);
+    for (Index j = i + 1; j < 5; ++j) w[static_cast<std::size_t>(j)] = 2;
+    b.quadratic(i, i, 1).pair(row(n, {{i, 1}}), w);
+  }
+  return b.constant(2.5).optimum(2.0);
+}
+
+// Σ(xᵢ − aᵢ)² with at most two entries of x ≥ 0 other than 0: three of y ≤ 1 must be 1 (Burdakov, Kanzow and
+// Schwartz, 2016). What is left is the squares of the three least a.
+SmallProblem cardinality() {
+  constexpr std::size_t n = 10;
+  Builder b("cardinality", {-10, -8, -6, -4, -2, 0, 0, 0, 0, 0});
+  for (Index i = 0; i < 5; ++i) {
+    b.quadratic(i, i, 2).at_least(row(n, {{5 + i, -1}}, 1));
+    b.pair(row(n, {{i, 1}}), row(n, {{5 + i, 1}}));
+  }
+  return b.at_least({0, 0, 0, 0, 0, 1, 1, 1, 1, 1, -3}).constant(55).optimum(14.0);
+}
+
+// Values 6, 5, 4, weights 5, 4, 3, room for 7: 0 ≤ b ⊥ 1 − b ≥ 0 makes b one of 0 and 1.
+SmallProblem knapsack() {
+  Builder b("knapsack", {-6, -5, -4});
+  for (Index i = 0; i < 3; ++i) b.pair(row(3, {{i, 1}}), row(3, {{i, -1}}, 1));
+  return b.at_least({-5, -4, -3, 7}).optimum(-9.0);
+}
+
+// A string over an obstacle at 0, pushed by f: 0 ≤ u ⊥ −u″ − f ≥ 0; ½‖u − wanted‖² + ½‖f‖²/10.
+SmallProblem string_over_an_obstacle() {
+  constexpr Index kNodes = 6;
+  constexpr std::size_t n = 2 * kNodes;
+  const double wanted[] = {0.5, 1, 0.5, -0.5, -1, 0.5};
+  ProblemBuilder::Row gradient(n, 0.0);
+  for (std::size_t i = 0; i < kNodes; ++i) gradient[i] = -wanted[i];
+  Builder b("string over an obstacle", gradient);
+  double constant = 0.0;
+  for (Index i = 0; i < kNodes; ++i) {
+    b.quadratic(i, i, 1).quadratic(kNodes + i, kNodes + i, 0.1);
+    constant += 0.5 * wanted[i] * wanted[i];
+    ProblemBuilder::Row force = row(n, {{i, 2}, {kNodes + i, -1}});
+    if (i > 0) force[static_cast<std::size_t>(i - 1)] = -1;
+    if (i + 1 < kNodes) force[static_cast<std::size_t>(i + 1)] = -1;
+    b.pair(row(n, {{i, 1}}), force);
+  }
+  return b.constant(constant).optimum(481.0 / 672.0);
+}
+
+// x₁ + 2x₂ + y₁ + 2y₂, at most, over the equilibria of the game A = (3 1; 1 2), B = (2 1; 1 3), scaled as
+// Lemke and Howson do: 0 ≤ x ⊥ 1 − Ay ≥ 0, 0 ≤ y ⊥ 1 − Bᵀx ≥ 0. The mixed one, (0.4, 0.2; 0.2, 0.4).
+SmallProblem game() {
+  return Builder("game", {-1, -2, -1, -2})
+      .pair({1, 0, 0, 0, 0}, {0, 0, -3, -1, 1})
+      .pair({0, 1, 0, 0, 0}, {0, 0, -1, -2, 1})
+      .pair({0, 0, 1, 0, 0}, {-2, -1, 0, 0, 1})
+      .pair({0, 0, 0, 1, 0}, {-1, -3, 0, 0, 1})
+      .optimum(-1.8);
+}
+
+// What mechanics and circuits are made of, one element each: minima by hand, branch by branch.
+void add_elements(std::vector<SmallProblem>& all) {
+  // Coulomb: a force F moves a block, v = F − f, against friction f: 0 ≤ v ⊥ 2 − f ≥ 0. F² + (v − 6)².
+  all.push_back(Builder("friction", {0, -12, 0})
+                    .quadratic(0, 0, 2)
+                    .quadratic(1, 1, 2)
+                    .constant(36)
+                    .equal({1, -1, -1, 0})
+                    .pair({0, 1, 0, 0}, {0, 0, -1, 2})
+                    .optimum(32.0));
+  // Signorini: u pushes x₁ = u − f against x₂ = 1 + f. (x₁ − 3)² + (x₂ − 1)² + u²/10.
+  all.push_back(Builder("contact", {0, 0, -6, -2})
+                    .quadratic(0, 0, 0.2)
+                    .quadratic(2, 2, 2)
+                    .quadratic(3, 3, 2)
+                    .constant(10)
+                    .equal({-1, 1, 1, 0, 0})
+                    .equal({0, -1, 0, 1, -1})
+                    .pair({0, 0, -1, 1, 0}, {0, 1, 0, 0, 0})
+                    .optimum(2.75));
+  // An ideal diode behind 2 Ω: u = 2i − w, 0 ≤ i ⊥ w ≥ 0. ½(i − 1)² + ½u².
+  all.push_back(Builder("diode", {0, -1, 0})
+                    .quadratic(0, 0, 1)
+                    .quadratic(1, 1, 1)
+                    .constant(0.5)
+                    .equal({-1, 2, -1, 0})
+                    .pair({0, 1, 0, 0}, {0, 0, 1, 0})
+                    .optimum(0.4));
+  // Filippov: s = sgn(p − m), 0 ≤ p ⊥ 1 − s ≥ 0, 0 ≤ m ⊥ 1 + s ≥ 0. (p − m + 0.4)² + (s − 1)²; p = 0 and s =
+  // 1 are biactive.
+  all.push_back(Builder("relay", {0.8, -0.8, -2})
+                    .quadratic(0, 0, 2)
+                    .quadratic(0, 1, -2)
+                    .quadratic(1, 1, 2)
+                    .quadratic(2, 2, 2)
+                    .constant(1.16)
+                    .pair({1, 0, 0, 0}, {0, 0, -1, 1})
+                    .pair({0, 1, 0, 0}, {0, 0, 1, 1})
+                    .optimum(0.16));
+  // ½(x − 1)² − 2|x|, x = p − m.
+  all.push_back(Builder("absolute value", {-3, -1})
+                    .quadratic(0, 0, 1)
+                    .quadratic(0, 1, -1)
+                    .quadratic(1, 1, 1)
+                    .constant(0.5)
+                    .pair({1, 0, 0}, {0, 1, 0})
+                    .optimum(-4.0));
+  // (x − 2.2)² over x in [0, 1] or [3, 4].
+  all.push_back(Builder("gap", {-4.4, 0})
+                    .quadratic(0, 0, 2)
+                    .constant(4.84)
+                    .at_least({1, -3, 0})
+                    .at_least({-1, 3, 1})
+                    .pair({0, 1, 0}, {0, -1, 1})
+                    .optimum(0.64));
+}
+
+}  // namespace
+
+std::vector<SmallProblem> known_problems() {
+  std::vector<SmallProblem> all = {bard1m(),
+                                   ex9_2_1(),
+                                   ex9_2_4(),
+                                   bard2("bard2", false, false, -6598.0),
+                                   bard2("bilevel2m", true, false, -6600.0),
+                                   bard2("bilevel2", true, true, -6600.0),
+                                   nash1(),
+                                   hs044_i(),
+                                   qpec("qpec1", 1.0, 40.0),
+                                   qpec("qpec2", -1.0, 22.5),
+                                   aiyoshi_shimizu(),
+                                   linear_bilevel(),
+                                   murty(),
+                                   cardinality(),
+                                   knapsack(),
+                                   string_over_an_obstacle(),
+                                   game()};
+  // ½x² + ½xy − 95x, 0 ≤ y ⊥ 2y + ½x − 100 ≥ 0, 0 ≤ x ≤ 200 (MacMPEC): −70²/1.5.
+  all.push_back(Builder("stackelberg1", {-95, 0})
+                    .quadratic(0, 0, 1)
+                    .quadratic(0, 1, 0.5)
+                    .at_least({1, 0, 0})
+                    .at_least({-1, 0, 200})
+                    .pair({0, 1, 0}, {0.5, 2, -100})
+                    .optimum(-4900.0 / 1.5));
+  // Von Stackelberg's duopoly: the leader's profit (12 − q₁ − q₂)q₁, the follower's best answer 0 ≤ q₂ ⊥ q₁ +
+  // 2q₂ − 12 ≥ 0. q = (6, 3).
+  all.push_back(Builder("duopoly", {-12, 0})
+                    .quadratic(0, 0, 2)
+                    .quadratic(0, 1, 1)
+                    .at_least({1, 0, 0})
+                    .pair({0, 1, 0}, {1, 2, -12})
+                    .optimum(-18.0));
+  // 2x − y, x ≥ 0, 0 ≤ y ⊥ y − x ≥ 0 (MacMPEC): M-stationary, not strongly, at 0.
+  all.push_back(Builder("ralph1", {2, -1}).at_least({1, 0, 0}).pair({0, 1, 0}, {-1, 1, 0}).optimum(0.0));
+  // x² + y² − 4xy, 0 ≤ x ⊥ y ≥ 0 (MacMPEC): Q is indefinite, but not on a branch.
+  all.push_back(Builder("ralph2", {0, 0})
+                    .quadratic(0, 0, 2)
+                    .quadratic(0, 1, -4)
+                    .quadratic(1, 1, 2)
+                    .pair({1, 0, 0}, {0, 1, 0})
+                    .optimum(0.0));
+  // (ax − 1)² + (by − 1)², 0 ≤ cx ⊥ y ≥ 0 (MacMPEC).
+  const auto scale = [&all](const char* name, double a, double b, double factor, double side) {
+    all.push_back(Builder(name, {-2 * factor * a, -2 * factor * b})
+                      .quadratic(0, 0, 2 * factor * a * a)
+                      .quadratic(1, 1, 2 * factor * b * b)
+                      .constant(2 * factor)
+                      .pair({side, 0, 0}, {0, 1, 0})
+                      .optimum(factor));
+  };
+  scale("scale1", 100, 1, 1, 1);
+  scale("scale3", 1, 1, 1, 100);
+  scale("scale5", 1, 1, 100, 1);
+  add_elements(all);
+  return all;
+}
+
+}  // namespace marble::testing

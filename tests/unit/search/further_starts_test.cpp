@@ -1,0 +1,173 @@
+// Option starts: further searches from the best branch, at once or one after the other.
+#include "search/further_starts.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "marble/examples.h"
+#include "marble/solver.h"
+#include "support/judges/independent_check.h"
+#include "support/problems/random_problem.h"
+#include "workbench.h"
+
+namespace marble {
+namespace {
+
+class ThreadPerTask final : public TaskRunner {
+ public:
+  void run(std::span<const std::function<void()>> tasks) override {
+    std::vector<std::thread> threads;
+    for (const auto& task : tasks) threads.emplace_back(task);
+    for (std::thread& thread : threads) thread.join();
+    most = std::max(most, tasks.size());
+  }
+  std::size_t most = 0;
+};
+
+class Backwards final : public TaskRunner {
+ public:
+  void run(std::span<const std::function<void()>> tasks) override {
+    for (auto task = tasks.rbegin(); task != tasks.rend(); ++task) (*task)();
+  }
+};
+
+Solution solved(const OwnedProblem& p, int starts, TaskRunner* runner) {
+  Options options;
+  options.starts = starts;
+  Solver solver = Solver::create(Problem::create(p.view()).value(), options).value();
+  return solver.solve({.runner = runner}).value();
+}
+
+TEST(FurtherStarts, GiveTheSameBitsWhoeverRunsThemAndInWhateverOrder) {
+  const OwnedProblem p = examples::hopper({.steps = 16});
+  for (const int starts : {2, 8}) {
+    const Solution alone = solved(p, starts, nullptr);
+    ThreadPerTask threads;
+    Backwards backwards;
+    for (TaskRunner* runner : {static_cast<TaskRunner*>(&threads), static_cast<TaskRunner*>(&backwards)}) {
+      const Solution shared = solved(p, starts, runner);
+      EXPECT_EQ(shared.z, alone.z) << starts;
+      EXPECT_EQ(shared.factorizations, alone.factorizations) << starts;
+      EXPECT_EQ(shared.iterations, alone.iterations) << starts;
+    }
+    EXPECT_EQ(threads.most > 1, starts > 2) << "one alone needs no other thread";
+  }
+}
+
+TEST(FurtherStarts, MoreOfThemAreNeverWorse) {
+  const OwnedProblem p = examples::hopper({.steps = 30});
+  double best = solved(p, 1, nullptr).objective;
+  for (const int starts : {2, 5, 9}) {
+    const Solution s = solved(p, starts, nullptr);
+    EXPECT_EQ(s.status, Status::solved);
+    EXPECT_LE(s.objective, best + 1e-9 * std::abs(best));
+    EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-9);
+    best = s.objective;
+  }
+}
+
+TEST(FurtherStarts, StopWithTheRestOfTheSolve) {
+  const OwnedProblem p = examples::hopper();
+  std::stop_source source;
+  class Stopper final : public TaskRunner {
+   public:
+    explicit Stopper(std::stop_source& stop) : source_(stop) {}
+    void run(std::span<const std::function<void()>> tasks) override {
+      ++rounds;
+      source_.request_stop();
+      for (const auto& task : tasks) task();
+    }
+    int rounds = 0;
+
+   private:
+    std::stop_source& source_;
+  } stopper(source);
+  Options options;
+  options.starts = 50;
+  Solver solver = Solver::create(Problem::create(p.view()).value(), options).value();
+  const Solution s = solver.solve({.stop = source.get_token(), .runner = &stopper}).value();
+  EXPECT_EQ(stopper.rounds, 1);
+  EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-6) << "the best so far";
+}
+
+// One round by itself.
+struct Round : testing::Workbench {
+  explicit Round(const OwnedProblem& p, const Options& chosen = {}, testing::Rows* told = nullptr)
+      : Workbench(p, chosen, told),
+        branch(problem, *kkt),
+        search(problem, *kkt, branch.elastic),
+        engine(problem, options, branch, search),
+        incumbent(problem, options, branch.exact) {
+    branch.point.start_from_point(zero());
+    begun = search.run(run, kPlan, 1000) &&
+            incumbent.solve_branch(run, "a search", 100) == Incumbent::Outcome::kept;
+  }
+  static constexpr SearchPlan kPlan{.rho_first = 10.0,
+                                    .rho_factor = 10.0,
+                                    .rho_last = 1e8,
+                                    .rho_soft = 2e3,
+                                    .rho_exchange = 1e300,
+                                    .from_exact = false,
+                                    .first_patience = 5,
+                                    .flip_patience = 5,
+                                    .exchange_patience = 0};
+
+  BranchEngines branch;
+  LocalSearch search;
+  FurtherStarts engine;
+  Incumbent incumbent;
+  bool begun = false;
+};
+
+TEST(FurtherStarts, ARoundReplacesTheBestOnlyByWhatIsBetterExactAndFeasible) {
+  int better = 0;
+  int kept = 0;
+  for (const int steps : {6, 8, 10, 12, 14, 16}) {
+    Round r(examples::hopper({.steps = steps}));
+    ASSERT_TRUE(r.begun) << steps;
+    const ExactSolution before = r.incumbent.best();
+    if (r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.incumbent)) {
+      ++better;
+      EXPECT_LT(r.incumbent.best().objective, before.objective) << steps;
+      EXPECT_LE(r.judged(r.incumbent.best().x.z()).infeasibility(), 1e-8) << steps;
+      EXPECT_NEAR(r.incumbent.best().objective, r.images(r.incumbent.best().x).objective,
+                  1e-9 * (1.0 + std::abs(r.incumbent.best().objective)));
+    } else {
+      ++kept;
+      EXPECT_EQ(r.incumbent.best().x.all, before.x.all) << "what is not better leaves no trace: " << steps;
+      EXPECT_EQ(r.incumbent.best().objective, before.objective);
+      EXPECT_TRUE(r.incumbent.best().set == before.set);
+    }
+  }
+  EXPECT_GT(better, 0);
+  EXPECT_GT(kept, 0);
+}
+
+TEST(FurtherStarts, ARoundCountsTheWorkOfAllItsSearchesAndTellsOneRowAtMost) {
+  testing::Rows rows;
+  Round r(examples::hopper({.steps = 10}), {}, &rows);
+  ASSERT_TRUE(r.begun);
+  const int factorizations = r.run.factorizations;
+  const int iterations = r.run.iterations;
+  const std::size_t told = rows.rows.size();
+  static_cast<void>(r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.incumbent));
+  EXPECT_GE(r.run.factorizations - factorizations, tuning::further_round);
+  EXPECT_GT(r.run.iterations, iterations);
+  EXPECT_LE(rows.rows.size(), told + 1) << "searches that may go on at once are silent";
+}
+
+TEST(FurtherStarts, ARoundForWhoIsToStopChangesNothing) {
+  testing::Rows rows;
+  Round r(examples::hopper({.steps = 8}), {}, &rows);
+  ASSERT_TRUE(r.begun);
+  const Vector before = r.incumbent.best().x.all;
+  rows.source.request_stop();
+  const int factorizations = r.run.factorizations;
+  EXPECT_FALSE(r.engine.round(r.run, Round::kPlan, 1, tuning::further_round, r.incumbent));
+  EXPECT_EQ(r.run.factorizations, factorizations);
+  EXPECT_EQ(r.incumbent.best().x.all, before);
+}
+
+}  // namespace
+}  // namespace marble
