@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "branch/parametric.h"
+#include "marble/warm_solver.h"
 #include "proof/stationarity.h"
 #include "strategy.h"
 #include "tuning.h"
@@ -199,8 +200,11 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options,
   if (own_bytes + factor_bytes > limit) return refuse(own_bytes + factor_bytes);
   auto state = std::make_unique<State>(problem, options, std::move(scaled), std::move(kkt));
   state->setup_s = std::chrono::duration<double>(Run::Clock::now() - begin).count();
-  state->memory_bytes = static_cast<std::int64_t>(own_bytes + factor_bytes);
-  state->strategy.allow_tree(std::min(limit - own_bytes - factor_bytes, tuning::tree_most_bytes));
+  const double tree_bytes = std::min(limit - own_bytes - factor_bytes, tuning::tree_most_bytes);
+  const double kept_bytes =
+      options.global ? std::min(tuning::tree_kept * tree_bytes, tuning::tree_kept_bytes) : 0.0;
+  state->memory_bytes = static_cast<std::int64_t>(own_bytes + factor_bytes + kept_bytes);
+  state->strategy.allow_tree(tree_bytes, kept_bytes);
   return Solver(std::move(state));
 }
 
@@ -213,7 +217,7 @@ Expected<void> Solver::update(const ProblemUpdate& update) {
 void Solver::take(const ProblemUpdate& checked) {
   if (!rescale(checked, state_->problem)) return;
   state_->kkt->load(state_->problem);
-  state_->strategy.forget_convexity();
+  state_->strategy.forget_matrices();
 }
 
 Expected<void> Solver::set_options(const Options& options) {
@@ -262,6 +266,24 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   solution.times.setup_s = state_->setup_s;
   solution.cold_objective = found.stayed_warm ? controls.warm_start->cold_objective : solution.objective;
   return solution;
+}
+
+// Here, where the tree is, which moves on with the answer.
+void WarmSolver::begin_at(const Restart& restart) {
+  Strategy& strategy = solver_.state_->strategy;
+  strategy.keep_tree();
+  if (restart.cold) newest_.reset();
+  if (newest_) {
+    strategy.shift_tree(restart.shift);
+    shift(restart.shift.variables, newest_->z);
+    shift(restart.shift.equalities, newest_->equality_multipliers);
+    shift(restart.shift.inequalities, newest_->inequality_multipliers);
+    shift(restart.shift.pairs, newest_->complementarity_multipliers_L);
+    shift(restart.shift.pairs, newest_->complementarity_multipliers_R);
+  }
+  if (restart.initial_z.empty()) return;
+  initial_z_.assign(restart.initial_z.begin(), restart.initial_z.end());
+  if (newest_) newest_->z = initial_z_;
 }
 
 Expected<Solution> solve_once(const Problem& problem, const Options& options, const SolveControls& controls,

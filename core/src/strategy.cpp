@@ -36,18 +36,25 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
 Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z,
                                const std::optional<WarmStart>& warm_start) {
   Answer local = run_locally(run, initial_z, warm_start);
-  return options_.global ? search_globally(run, std::move(local)) : local;
+  return options_.global ? search_globally(run, std::move(local), warm_start.has_value()) : local;
 }
 
 // A tree over the pairs, from the local answer. What has been proved already, or was ended, stays as it is.
-Strategy::Answer Strategy::search_globally(Run& run, Answer local) {
+Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
   if (is_proof(local.ending.status) || ended_by_force(local.ending.status)) return local;
   if (tree_ == nullptr) tree_ = std::make_unique<Tree>(problem_, options_, branch_.point, incumbent_);
-  TreeResult found = tree_->search(run, local.x->z(), optimality_.known_convex(), tree_bytes_);
+  const Tree::Room room{tree_bytes_, keeps_tree_ ? kept_tree_bytes_ : 0.0, warm && keeps_tree_};
+  TreeResult found = tree_->search(run, local.x->z(), optimality_.known_convex(), room);
   Answer answer = std::move(local);
+  // The path's point may be within the tolerances where no branch near has an exact solution.
+  const bool path_stays = answer.x == &path_point_.x && answer.ending.status == Status::solved &&
+                          found.end != TreeResult::End::none &&
+                          (!incumbent_.exists() || path_point_.objective < incumbent_.best().objective);
   if (found.end == TreeResult::End::limit) {
     answer.ending.status = found.limit;
-    if (incumbent_.exists()) answer.x = &incumbent_.best().x;
+    if (incumbent_.exists() && !path_stays) answer.x = &incumbent_.best().x;
+  } else if (path_stays) {
+    // It stays the answer.
   } else if (incumbent_.exists() && found.end != TreeResult::End::none) {
     const bool stayed_warm = answer.stayed_warm;
     answer = finish_exact(run);
@@ -55,6 +62,7 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local) {
   } else if (found.end == TreeResult::End::infeasible && answer.ending.status != Status::solved) {
     answer.ending.status = Status::infeasible;
   }
+  if (path_stays) found.answer_is(problem_.user_objective(path_point_.objective), options_);
   answer.ending.detail = found.remark + "; " + answer.ending.detail;
   answer.tree = std::move(found);
   return answer;

@@ -43,10 +43,22 @@ class Strategy {
 
   /// From z (scaled) to an end; if there is a solution to start from, from its branch first.
   [[nodiscard]] Answer run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start);
-  /// Memory that a tree may take, with option global.
-  void allow_tree(double bytes) { tree_bytes_ = bytes; }
-  /// Q has new values.
-  void forget_convexity() { optimality_.forget_convexity(); }
+  /// Memory that a tree may take, with option global, and what it may keep of that for the next one.
+  void allow_tree(double bytes, double kept_bytes) {
+    tree_bytes_ = bytes;
+    kept_tree_bytes_ = kept_bytes;
+  }
+  /// From now on what a tree has proved is kept for the next solve that is warm.
+  void keep_tree() { keeps_tree_ = true; }
+  /// What a tree has kept moves on.
+  void shift_tree(const Shift& by) {
+    if (tree_ != nullptr) tree_->shift(by);
+  }
+  /// The matrices have new values.
+  void forget_matrices() {
+    optimality_.forget_convexity();
+    if (tree_ != nullptr) tree_->forget_matrices();
+  }
 
  private:
   // A point of the path, for solves without anything better.
@@ -61,7 +73,7 @@ class Strategy {
 
   [[nodiscard]] Answer run_locally(Run& run, ConstVectorRef initial_z,
                                    const std::optional<WarmStart>& warm_start);
-  [[nodiscard]] Answer search_globally(Run& run, Answer local);
+  [[nodiscard]] Answer search_globally(Run& run, Answer local, bool warm);
   [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z);
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
   [[nodiscard]] PathBranch solve_path_branch(Run& run);
@@ -83,7 +95,8 @@ class Strategy {
   Optimality optimality_;
   PathPoint path_point_;
   std::unique_ptr<Tree> tree_;  // made when it is first needed
-  double tree_bytes_ = 0.0;
+  double tree_bytes_ = 0.0, kept_tree_bytes_ = 0.0;
+  bool keeps_tree_ = false;
   struct {
     bool infeasible, unbounded;
   } looked_for_ = {};  // proofs, in this run

@@ -14,7 +14,7 @@ struct Settings {
   int seeds = 20;                    ///< of the random families
   int starts = 8;                    ///< of the references where none is known
   bool judging = false;              ///< hard: even seeds, which nothing is chosen on
-  std::string peers;                 ///< a command that runs qp_peers.py; empty: no peers
+  std::string peers;                 ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
   double time_limit_s = 60.0;        ///< of a proof
   std::string only;                  ///< of the problems to prove, that one; all if empty
 };

@@ -7,13 +7,13 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "noise.h"
+#include "peers.h"
 #include "record.h"
 #include "support/problems/small_problems.h"
 
@@ -135,26 +135,6 @@ std::vector<OwnedProblem> problems() {
   return all;
 }
 
-std::string list(const auto& values) {
-  std::string text;
-  char number[32];
-  for (const auto value : values) {
-    std::snprintf(number, sizeof number, "%s%.17g", text.empty() ? "" : ",", static_cast<double>(value));
-    text += number;
-  }
-  return "[" + text + "]";
-}
-
-std::string part(const char* name, const SparseMatrix& m) {
-  std::vector<Index> columns;
-  for (Index j = 0; j < m.columns; ++j)
-    columns.insert(columns.end(), static_cast<std::size_t>(m.column_pointers[j + 1] - m.column_pointers[j]),
-                   j);
-  return ", \"" + std::string(name) + "\": {\"rows\": " + std::to_string(m.rows) +
-         ", \"cols\": " + std::to_string(m.columns) + ", \"i\": " + list(m.row_indices) +
-         ", \"j\": " + list(columns) + ", \"v\": " + list(m.values) + "}";
-}
-
 struct Peer {
   std::string name;
   double milliseconds, objective, violation;
@@ -163,9 +143,7 @@ struct Peer {
 // What the script says of a problem; nothing if it cannot be run.
 std::vector<Peer> ask_peers(const std::string& script, const OwnedProblem& p, const std::string& file,
                             int turns) {
-  std::ofstream(file) << "{\"n\": " << p.g.size() << part("Q", p.Q) << ", \"g\": " << list(p.g)
-                      << (p.b.empty() ? "" : part("A", p.A) + ", \"b\": " + list(p.b)) << part("C", p.C)
-                      << ", \"d\": " << list(p.d) << "}\n";
+  write_json(p, file);
   std::vector<Peer> peers;
   const std::string command = script + " " + file + " " + std::to_string(turns);
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> said(popen(command.c_str(), "r"), pclose);

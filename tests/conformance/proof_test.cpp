@@ -163,24 +163,33 @@ TEST_F(ProofTest, ATreeStaysWithinTheMemoryOfASolve) {
   EXPECT_NE(answer->detail.find("memory"), std::string::npos) << answer->detail;
 }
 
-TEST_F(ProofTest, ASessionProvesEveryTick) {
-  examples::HopperParameters parameters{.steps = 3};
-  auto session = client_.open_session(examples::hopper(parameters).view(), global());
-  ASSERT_TRUE(session.has_value()) << session.error().message();
-  auto answer = session->solve();
-  for (int tick = 0; tick < 3; ++tick) {
+TEST_F(ProofTest, ASessionThatKeepsItsTreeProvesEveryTickAsOneThatDoesNot) {
+  constexpr int kStages = 5;
+  examples::HopperParameters parameters{.steps = kStages};
+  const OwnedProblem first = examples::hopper(parameters);
+  auto kept = client_.open_session(first.view(), global());
+  auto anew = client_.open_session(first.view(), global());
+  ASSERT_TRUE(kept.has_value()) << kept.error().message();
+  ASSERT_TRUE(anew.has_value()) << anew.error().message();
+  const UpdateControls next{.shift = Shift::by_stage(first.view(), kStages).value()};
+  int warm = 0;
+  for (int tick = 0; tick < 20; ++tick) {
+    const OwnedProblem p = examples::hopper(parameters);
+    const ProblemUpdate numbers{.c0 = p.c0, .g = p.g, .b = p.b, .d = p.d, .l = p.l, .r = p.r};
+    const auto answer = kept->solve(numbers, tick == 0 ? UpdateControls() : next);
+    const auto cold = anew->solve(numbers, {.initial_z = p.initial_z, .cold = true});
     ASSERT_TRUE(answer.has_value()) << answer.error().message();
-    ASSERT_TRUE(answer->proved) << answer->detail;
-    const double scale = std::max(1.0, std::abs(answer->objective));
-    const Solution cold = solve_in_process(examples::hopper(parameters).view(), global()).value();
-    EXPECT_GE(cold.objective, answer->bound - 1e-6 * scale) << "a bound holds for every point";
-    if (cold.proved) {
-      EXPECT_NEAR(answer->objective, cold.objective, 2e-6 * scale);
-    }
+    ASSERT_TRUE(cold.has_value()) << cold.error().message();
+    const double scale = std::max(1.0, std::abs(cold->objective));
+    EXPECT_TRUE(answer->proved) << answer->detail;
+    EXPECT_TRUE(cold->proved) << cold->detail;
+    EXPECT_NEAR(answer->objective, cold->objective, 2e-6 * scale);
+    EXPECT_LE(answer->bound, cold->objective + 1e-7 * scale) << "a bound holds for every point";
+    EXPECT_EQ(cold->detail.find("of the last tree"), std::string::npos) << cold->detail;
+    warm += answer->detail.find("of the last tree") != std::string::npos;
     parameters = examples::advance(parameters, answer->z);
-    const OwnedProblem next = examples::hopper(parameters);
-    answer = session->solve({.c0 = next.c0, .g = next.g, .b = next.b, .d = next.d, .l = next.l, .r = next.r});
   }
+  EXPECT_GE(warm, 10);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 // largest sum it is made of, and is paid for up to a stated radius.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "data/careful_sum.h"
@@ -27,6 +28,16 @@ struct Box {
  private:
   void tighten(const RowMatrix& matrix, const Vector& offset, bool equality);
 };
+
+/// `multipliers` with the signs that a relaxation asks for: 0 for what is negative of a row that is not
+/// fixed.
+template <class IsFixed>
+void take_signs(const Vector& multipliers, const IsFixed& is_fixed, Vector& signed_multipliers) {
+  signed_multipliers = multipliers;
+  for (Index row = 0; row < signed_multipliers.size(); ++row) {
+    if (!is_fixed(row)) signed_multipliers[row] = std::max(signed_multipliers[row], 0.0);
+  }
+}
 
 class DualBound {
  public:

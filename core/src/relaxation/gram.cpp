@@ -1,25 +1,29 @@
 #include "relaxation/gram.h"
 
+#include <algorithm>
+
 #include "tuning.h"
 
 namespace marble {
 
-ProximalSystem::ProximalSystem(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt)
+ProximalSystem::ProximalSystem(const ScaledProblem& problem, Kkt& kkt)
     : problem_(problem),
-      kkt_(std::move(kkt)),
+      kkt_(kkt),
       weights_(problem),
       x_(problem.variables()),
       y_(problem.equalities()),
       rest_x_(problem.variables()),
       rest_y_(problem.equalities()),
-      image_(problem.variables()) {
+      image_(problem.variables()),
+      right_x_(problem.variables()),
+      right_y_(problem.equalities()) {
   weights_.rows.all.setZero();
 }
 
 bool ProximalSystem::factor(double rho, double delta) {
   weights_.rho = rho;
   weights_.delta = delta;
-  return kkt_->factor(weights_);
+  return kkt_.factor(weights_);
 }
 
 bool ProximalSystem::solve(VectorRef x, VectorRef y) {
@@ -35,13 +39,33 @@ bool ProximalSystem::solve(VectorRef x, VectorRef y) {
       multiply(problem_.A, x_, rest_y_);
       rest_y_ = y - rest_y_;
     }
-    if (!kkt_->solve(rest_x_, rest_y_)) return false;
+    if (!kkt_.solve(rest_x_, rest_y_)) return false;
     x_ += rest_x_;
     y_ += rest_y_;
   }
   x = x_;
   y = y_;
   return true;
+}
+
+bool ProximalSystem::minimize(ConstVectorRef multipliers, Vector& z, Vector& y) {
+  multiply(problem_.Q, z, right_x_);
+  right_x_ += problem_.g;
+  add_transposed(problem_.A, y, right_x_);
+  add_transposed(problem_.rows, -multipliers, right_x_);
+  right_x_ = -right_x_;
+  multiply(problem_.A, z, right_y_);
+  right_y_ = -right_y_ - problem_.b;
+  if (!solve(right_x_, right_y_)) return false;
+  z += right_x_;
+  y += right_y_;
+  return true;
+}
+
+double Gram::bytes() {
+  const std::lock_guard lock(mutex_);
+  const auto filled = std::ranges::count_if(columns_, [](const auto& column) { return column != nullptr; });
+  return static_cast<double>(filled) * problem_.layout.size() * sizeof(double);
 }
 
 const double* Gram::find(Index row) {

@@ -15,18 +15,21 @@ namespace marble {
 /// residual of K itself, which leaves no trace of ρ. Dependent equalities do no harm.
 class ProximalSystem {
  public:
-  ProximalSystem(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt);
+  ProximalSystem(const ScaledProblem& problem, Kkt& kkt);
 
   [[nodiscard]] bool factor(double rho, double delta);
+  [[nodiscard]] Kkt& kkt() { return kkt_; }
   /// For (x, y) in place of the right-hand side. False if interrupted.
   [[nodiscard]] bool solve(VectorRef x, VectorRef y);
-  [[nodiscard]] Kkt& kkt() { return *kkt_; }
+  /// Moves (z, y) to the minimum of the Lagrangian for these multipliers of the rows, ½δ|Δz|² included. False
+  /// if interrupted.
+  [[nodiscard]] bool minimize(ConstVectorRef multipliers, Vector& z, Vector& y);
 
  private:
   const ScaledProblem& problem_;
-  std::unique_ptr<Kkt> kkt_;
+  Kkt& kkt_;
   RowWeights weights_;
-  Vector x_, y_, rest_x_, rest_y_, image_;
+  Vector x_, y_, rest_x_, rest_y_, image_, right_x_, right_y_;
 };
 
 /// What the engines of a tree share; each fills it by its own system, which makes the same bits.
@@ -40,6 +43,8 @@ class Gram {
     return rows * rows * sizeof(double);
   }
 
+  /// Memory of those there are.
+  [[nodiscard]] double bytes();
   /// Null where it is not there yet.
   [[nodiscard]] const double* find(Index row);
   /// Solves for it. Null if that is interrupted.

@@ -27,6 +27,7 @@ double longest_step(const Vector& values, const Vector& change, const std::vecto
 InteriorPoint::InteriorPoint(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt)
     : problem_(problem),
       kkt_(std::move(kkt)),
+      system_(problem, *kkt_),
       dual_bound_(problem),
       weights_(problem),
       fixed_(static_cast<std::size_t>(problem.layout.size())),
@@ -45,7 +46,7 @@ InteriorPoint::InteriorPoint(const ScaledProblem& problem, std::unique_ptr<Kkt> 
       complement_(problem.layout.size()) {}
 
 bool InteriorPoint::prepare(Run& run) {
-  kkt_->attend(run.interrupt());
+  attend(run.interrupt());
   kkt_->load(problem_);
   return true;
 }
@@ -58,7 +59,13 @@ bool InteriorPoint::is_convex(Run& run) {
   return run.timed(&Times::factorization_s, [this] { return kkt_->factor(weights_); });
 }
 
-bool InteriorPoint::start(ConstVectorRef /*z*/) {
+ProximalSystem* InteriorPoint::proximal_system(Run& run) {
+  ++run.factorizations;
+  return system_.factor(tuning::exact_rho, tuning::tree_delta) ? &system_ : nullptr;
+}
+
+bool InteriorPoint::start(ConstVectorRef z) {
+  z_ = z;
   std::ranges::fill(fixed_, std::uint8_t{0});
   bound_ = -kInfinity;
   return true;
@@ -179,10 +186,8 @@ bool InteriorPoint::contradicts(const Box& box, double largest) {
   ray_y_ = y_ / largest;
   ray_mu_ = mu_ / largest;
   for (int pass = 0; pass < tuning::tree_ray_passes; ++pass) {
-    signed_ = ray_mu_;
-    for (Index row = 0; row < signed_.size(); ++row) {
-      if (!is_fixed(row)) signed_[row] = std::max(signed_[row], 0.0);
-    }
+    take_signs(
+        ray_mu_, [this](Index row) { return is_fixed(row); }, signed_);
     if (dual_bound_.contradicts(box, ray_y_, signed_)) return true;
     dz_.setZero();
     add_transposed(problem_.A, -ray_y_, dz_);

@@ -21,6 +21,7 @@ class InteriorPoint final : public NodeEngine {
   /// `kkt` of its own, of this problem.
   InteriorPoint(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt);
 
+  void attend(const Interrupt& interrupt) override { kkt_->attend(interrupt); }
   [[nodiscard]] bool prepare(Run& run) override;
   [[nodiscard]] bool is_convex(Run& run) override;
   [[nodiscard]] bool start(ConstVectorRef z) override;
@@ -38,6 +39,8 @@ class InteriorPoint final : public NodeEngine {
   [[nodiscard]] const Vector& slacks() const override { return w_; }
   [[nodiscard]] const std::vector<Index>& held() const override { return held_; }
   [[nodiscard]] bool is_held(Index row) const override { return w_[row] == 0.0; }
+  [[nodiscard]] const Vector& ray() const override { return signed_; }
+  [[nodiscard]] ProximalSystem* proximal_system(Run& run) override;
   [[nodiscard]] std::int64_t factorizations() const override { return factorizations_; }
   [[nodiscard]] double bytes() override { return kkt_->bytes(); }
   void save() override { saved_ = {fixed_, held_, z_, y_, w_, mu_, bound_}; }
@@ -56,6 +59,7 @@ class InteriorPoint final : public NodeEngine {
 
   const ScaledProblem& problem_;
   std::unique_ptr<Kkt> kkt_;
+  ProximalSystem system_;
   DualBound dual_bound_;
   RowWeights weights_;
   std::vector<std::uint8_t> fixed_;  // by row

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "relaxation/dual_bound.h"
+#include "relaxation/gram.h"
 #include "run/run.h"
 
 namespace marble {
@@ -28,7 +29,9 @@ class NodeEngine {
     interrupted,  ///< bound() is that of its parent
   };
 
-  /// False if Q is not convex, or interrupted.
+  /// From now on this may interrupt it.
+  virtual void attend(const Interrupt& interrupt) = 0;
+  /// Takes the problem's values. False if Q is not convex, or interrupted.
   [[nodiscard]] virtual bool prepare(Run& run) = 0;
   /// Whether Q is convex to rounding; prepares too.
   [[nodiscard]] virtual bool is_convex(Run& run) = 0;
@@ -51,9 +54,13 @@ class NodeEngine {
   [[nodiscard]] virtual const Vector& slacks() const = 0;  ///< 0 for rows held
   [[nodiscard]] virtual const std::vector<Index>& held() const = 0;
   [[nodiscard]] virtual bool is_held(Index row) const = 0;
+  /// After infeasible: the multipliers that contradict its rows.
+  [[nodiscard]] virtual const Vector& ray() const = 0;
+  /// K with its factor, until the next solve(). Null if interrupted.
+  [[nodiscard]] virtual ProximalSystem* proximal_system(Run& run) = 0;
   /// So far.
   [[nodiscard]] virtual std::int64_t factorizations() const = 0;
-  /// Of its factor.
+  /// Of its factors.
   [[nodiscard]] virtual double bytes() = 0;
 
   /// All of it, to come back to.

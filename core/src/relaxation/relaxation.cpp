@@ -16,17 +16,19 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Relaxation::Relaxation(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram)
     : problem_(problem),
-      system_(problem, std::move(kkt)),
+      kkt_(std::move(kkt)),
+      system_(problem, *kkt_),
+      row_proof_(problem, system_),
       gram_(problem, gram, system_),
       set_(gram_),
       dual_bound_(problem),
-      right_z_(problem.variables()),
-      right_y_(problem.equalities()),
-      signed_(problem.layout.size()) {}
+      signed_(problem.layout.size()),
+      image_(problem.variables()),
+      rates_(problem.layout.size()) {}
 
 bool Relaxation::prepare(Run& run) {
-  system_.kkt().attend(run.interrupt());
-  system_.kkt().load(problem_);
+  attend(run.interrupt());
+  kkt_->load(problem_);
   ++run.factorizations;
   return run.timed(&Times::factorization_s,
                    [this] { return system_.factor(tuning::exact_rho, tuning::tree_delta); });
@@ -62,17 +64,9 @@ bool Relaxation::start(const Center& center, const std::vector<Index>& held, dou
 
 // The minimum around the center for the multipliers at hand.
 bool Relaxation::find_point() {
-  multiply(problem_.Q, z_center_, right_z_);
-  right_z_ += problem_.g;
-  add_transposed(problem_.A, y_center_, right_z_);
-  add_transposed(problem_.rows, -set_.multipliers(), right_z_);
-  right_z_ = -right_z_;
-  multiply(problem_.A, z_center_, right_y_);
-  right_y_ = -right_y_ - problem_.b;
-  if (!system_.solve(right_z_, right_y_)) return false;
-  z_ = z_center_ + right_z_;
-  y_ = y_center_ + right_y_;
-  return true;
+  z_ = z_center_;
+  y_ = y_center_;
+  return system_.minimize(set_.multipliers(), z_, y_);
 }
 
 bool Relaxation::move_center() {
@@ -85,35 +79,40 @@ bool Relaxation::move_center() {
   return set_.recenter(slacks);
 }
 
+void Relaxation::take_signs_of(const Vector& multipliers) {
+  const auto is_fixed = [this](Index row) { return set_.kind(row) == DualActiveSet::RowKind::fixed; };
+  take_signs(multipliers, is_fixed, signed_);
+}
+
 double Relaxation::evaluate_bound(const Box& box) {
-  signed_ = set_.multipliers();
-  for (Index row = 0; row < problem_.layout.size(); ++row) {
-    if (set_.kind(row) != DualActiveSet::RowKind::fixed) signed_[row] = std::max(signed_[row], 0.0);
-  }
+  take_signs_of(set_.multipliers());
   return dual_bound_.of_objective(box, z_, y_, signed_);
 }
 
-// The ray of the multipliers with the multipliers of the equalities that belong to it: Aᵀy − Jᵀμ is what the
-// minimum along it leaves, −(Q + δI)x, and nothing where the rows contradict each other.
 bool Relaxation::contradicts(const Box& box) {
-  signed_ = set_.ray();
-  for (Index row = 0; row < problem_.layout.size(); ++row) {
-    if (set_.kind(row) != DualActiveSet::RowKind::fixed) signed_[row] = std::max(signed_[row], 0.0);
+  take_signs_of(set_.ray());
+  return row_proof_.contradicts(box, signed_);
+}
+
+// Of the dense matrices, that of the rows held and two factors of it with room to grow.
+double Relaxation::bytes() {
+  const double held = std::min<double>(problem_.variables(), problem_.layout.size());
+  return kkt_->bytes() + 4.0 * held * held * sizeof(double);
+}
+
+// Along what is flat, or nearly so, a proximal step is short: it goes on to the minimum there, or to the
+// first row that blocks.
+void Relaxation::lengthen_step() {
+  step_ = z_ - z_center_;
+  multiply(problem_.Q, step_, image_);
+  const double curvature = step_.dot(image_);
+  double length = curvature > 0.0 ? tuning::tree_delta * step_.squaredNorm() / curvature : kInfinity;
+  multiply(problem_.rows, step_, rates_);
+  for (Index row = 0; row < rates_.size(); ++row) {
+    if (!set_.is_held(row) && rates_[row] < 0.0)
+      length = std::min(length, std::max(0.0, set_.slacks()[row]) / -rates_[row]);
   }
-  const double size = max_abs(signed_);
-  if (!(size > 0.0) || !std::isfinite(size)) return false;
-  signed_ /= size;
-  Vector multipliers = Vector::Zero(problem_.equalities());
-  for (int pass = 0; pass < tuning::tree_ray_passes; ++pass) {
-    right_z_.setZero();
-    add_transposed(problem_.rows, signed_, right_z_);
-    add_transposed(problem_.A, -multipliers, right_z_);
-    right_y_.setZero();
-    if (!system_.solve(right_z_, right_y_)) return false;
-    multipliers += right_y_;
-    if (dual_bound_.contradicts(box, multipliers, signed_)) return true;
-  }
-  return false;
+  if (std::isfinite(length) && length > 1.0) z_ += length * step_;
 }
 
 Relaxation::End Relaxation::solve(const Box& box, double cutoff, const Interrupt& interrupt) {
@@ -141,6 +140,7 @@ Relaxation::End Relaxation::solve(const Box& box, double cutoff, const Interrupt
       paid = dual_bound_.paid();
     }
     enough = kInfinity;
+    if (end == DualActiveSet::End::optimal) lengthen_step();
     if (!move_center()) return interrupt.requested() ? End::interrupted : End::undecided;
   }
   return End::undecided;

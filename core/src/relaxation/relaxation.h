@@ -11,6 +11,7 @@
 #include "relaxation/dual_active_set.h"
 #include "relaxation/dual_bound.h"
 #include "relaxation/node_engine.h"
+#include "relaxation/row_proof.h"
 
 namespace marble {
 
@@ -19,6 +20,7 @@ class Relaxation final : public NodeEngine {
   /// `kkt` of its own, of this problem.
   Relaxation(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram);
 
+  void attend(const Interrupt& interrupt) override { kkt_->attend(interrupt); }
   /// Factorizes K. False if Q is not convex, or interrupted.
   [[nodiscard]] bool prepare(Run& run) override;
   /// Whether Q is convex to rounding; takes a factorization of its own before that of K.
@@ -44,27 +46,33 @@ class Relaxation final : public NodeEngine {
   [[nodiscard]] const Vector& slacks() const override { return set_.slacks(); }
   [[nodiscard]] const std::vector<Index>& held() const override { return set_.held(); }
   [[nodiscard]] bool is_held(Index row) const override { return set_.is_held(row); }
+  [[nodiscard]] const Vector& ray() const override { return signed_; }
+  [[nodiscard]] ProximalSystem* proximal_system(Run& /*run*/) override { return &system_; }
   [[nodiscard]] std::int64_t factorizations() const override { return 0; }  // prepare() counts them
   [[nodiscard]] double first_gain(Index row) { return set_.first_gain(row); }
-  [[nodiscard]] double bytes() override { return system_.kkt().bytes(); }
+  [[nodiscard]] double bytes() override;
   [[nodiscard]] std::int64_t steps() const { return set_.steps(); }
 
   void save() override;
   void restore() override;
 
  private:
-  [[nodiscard]] bool find_point();
   [[nodiscard]] bool move_center();
+  [[nodiscard]] bool find_point();
+  void lengthen_step();
   [[nodiscard]] bool contradicts(const Box& box);
   [[nodiscard]] double evaluate_bound(const Box& box);
+  void take_signs_of(const Vector& multipliers);
 
   const ScaledProblem& problem_;
+  std::unique_ptr<Kkt> kkt_;
   ProximalSystem system_;
+  RowProof row_proof_;
   GramColumns gram_;
   DualActiveSet set_;
   DualBound dual_bound_;
   Vector z_, y_, z_center_, y_center_;
-  Vector right_z_, right_y_, signed_;
+  Vector signed_, step_, image_, rates_;
   double bound_ = 0.0;
   struct {
     DualActiveSet::State set;

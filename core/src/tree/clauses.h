@@ -20,6 +20,7 @@ struct Clause {
     bool strong_s;  ///< whether s is its strong side
   };
   std::vector<Member> members;
+  Vector contradiction = {};  ///< multipliers of the rows: all weak sides at zero contradict each other
 
   /// Those that may still have their strong side at zero; empty if one has already.
   [[nodiscard]] std::vector<Member> open(const Fixings& fixings) const {

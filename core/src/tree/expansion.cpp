@@ -13,14 +13,6 @@ namespace {
 using End = NodeEngine::End;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-Sides with(Sides sides, bool s) {
-  return static_cast<Sides>(static_cast<unsigned>(sides) |
-                            static_cast<unsigned>(s ? Sides::s_zero : Sides::t_zero));
-}
-
-bool has_s(Sides sides) { return (static_cast<unsigned>(sides) & 1U) != 0; }
-bool has_t(Sides sides) { return (static_cast<unsigned>(sides) & 2U) != 0; }
-
 // Some steps of the active set, each of all rows by those held, against an interior point method's factors.
 std::unique_ptr<NodeEngine> make_engine(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram) {
   const double rows = problem.layout.size();
@@ -45,6 +37,9 @@ void Expander::expand(Expansion& e, const Interrupt& interrupt) {
   e.bounded = 0;
   e.suggestion.reset();
   e.gains.clear();
+  e.closed.clear();
+  closed_.clear();
+  keep_ = e.keep;
   if (interrupt.requested()) return;
   e.node.read(problem_.layout, fixings_, held_);
   const RowLayout& rows = problem_.layout;
@@ -57,8 +52,11 @@ void Expander::expand(Expansion& e, const Interrupt& interrupt) {
   if (end == End::infeasible || end == End::cutoff) {
     e.outcome = Expansion::Outcome::closed;
     if (end == End::cutoff) e.closed_bound = e.node.bound;
+    close(fixings_, end);
+    e.closed = take_closed();
     return;
   }
+  if (keep_) e.node.keep(rows, relaxation_->multipliers(), Node::Proof::bound);
   const Choice choice = choose(e);
   const Index pair = choice.pair;
   const bool free = pair >= 0;
@@ -71,14 +69,29 @@ void Expander::expand(Expansion& e, const Interrupt& interrupt) {
     return;
   }
   relaxation_->save();
-  const std::vector<Clause::Member> members = choose_clause(e, choice.gain);
-  if (!members.empty()) {
-    expand_clause(e, members, interrupt);
+  const ClauseChoice clause = choose_clause(e, choice.gain);
+  if (clause.clause != nullptr) {
+    expand_clause(e, clause, interrupt);
   } else if (bound_child(e, pair, true, interrupt)) {
     relaxation_->restore();
     if (bound_child(e, pair, false, interrupt)) e.outcome = Expansion::Outcome::branched;
   }
   e.factorizations = relaxation_->factorizations() - before;
+  e.closed = take_closed();
+}
+
+Node Expander::node(const Fixings& fixings, End end) const {
+  Node node(problem_.layout, fixings, relaxation_->held());
+  node.bound = relaxation_->bound();
+  if (!keep_) return node;
+  const bool infeasible = end == End::infeasible;
+  node.keep(problem_.layout, infeasible ? relaxation_->ray() : relaxation_->multipliers(),
+            infeasible ? Node::Proof::contradiction : Node::Proof::bound);
+  return node;
+}
+
+void Expander::close(const Fixings& fixings, End end) {
+  if (keep_) closed_.push_back(node(fixings, end));
 }
 
 void Expander::fix(const Fixings& fixings) {
@@ -91,15 +104,17 @@ void Expander::fix(const Fixings& fixings) {
 
 // One child a member that may take its strong side, the others before it on their weak one: the most
 // promising first.
-void Expander::expand_clause(Expansion& e, const std::vector<Clause::Member>& members,
-                             const Interrupt& interrupt) {
-  for (const Clause::Member& member : members) {
+void Expander::expand_clause(Expansion& e, const ClauseChoice& choice, const Interrupt& interrupt) {
+  for (const Clause::Member& member : choice.open) {
     relaxation_->restore();
     fix(fixings_);
     if (!bound_child(e, member.pair, member.strong_s, interrupt)) return;
     fixings_[member.pair] = with(fixings_[member.pair], !member.strong_s);
   }
   e.outcome = Expansion::Outcome::branched;
+  if (!keep_) return;
+  closed_.emplace_back(problem_.layout, fixings_, std::vector<Index>());
+  closed_.back().keep(problem_.layout, choice.clause->contradiction, Node::Proof::contradiction);
 }
 
 // The pair with the best score among those whose sides are both away from zero; if there is none, one whose
@@ -129,20 +144,20 @@ Expander::Choice Expander::choose(const Expansion& e) const {
 
 // The clause that promises the largest gain in its worst child, by that gain; none if it is not above what a
 // pair promises.
-std::vector<Clause::Member> Expander::choose_clause(const Expansion& e, double gain) const {
+Expander::ClauseChoice Expander::choose_clause(const Expansion& e, double gain) const {
   const Vector& v = relaxation_->slacks();
   const auto expected = [&](const Clause::Member& member) {
     const Index row = member.strong_s ? problem_.layout.s(member.pair) : problem_.layout.t(member.pair);
     return e.costs->gain(member.pair, member.strong_s, v[row]);
   };
-  std::vector<Clause::Member> best;
+  ClauseChoice best;
   for (const Clause& clause : *e.clauses) {
     std::vector<Clause::Member> open = clause.open(fixings_);
     if (open.empty() || static_cast<std::int64_t>(open.size()) > e.most_children) continue;
     std::ranges::stable_sort(open, {}, expected);
     if (expected(open.front()) <= gain) continue;
     gain = expected(open.front());
-    best = std::move(open);
+    best = {&clause, std::move(open)};
   }
   return best;
 }
@@ -159,14 +174,14 @@ bool Expander::bound_child(Expansion& e, Index pair, bool s, const Interrupt& in
   const bool closed = end == End::infeasible || end == End::cutoff;
   const double reached = closed ? e.cutoff : relaxation_->bound();
   e.gains.push_back({pair, s, amount, std::max(0.0, reached - before)});
-  if (closed) {
-    if (end == End::cutoff) e.closed_bound = std::min(e.closed_bound, relaxation_->bound());
-    return true;
-  }
   Fixings child_fixings = fixings_;
   child_fixings[pair] = with(child_fixings[pair], s);
-  Node child(problem_.layout, child_fixings, relaxation_->held());
-  child.bound = relaxation_->bound();
+  if (closed) {
+    if (end == End::cutoff) e.closed_bound = std::min(e.closed_bound, relaxation_->bound());
+    close(child_fixings, end);
+    return true;
+  }
+  Node child = node(child_fixings, end);
   child.depth = e.node.depth + 1;
   e.children.push_back(std::move(child));
   return true;
@@ -199,6 +214,10 @@ std::optional<int> Expander::probe_all(Fixings& fixings, const Box& box, double 
       const End end = relaxation_->solve(box, cutoff, interrupt);
       if (end == End::optimal) probed_.push_back({pair, s, amount, relaxation_->bound() - before});
       if (end == End::cutoff) closed_bound = std::min(closed_bound, relaxation_->bound());
+      if (end == End::cutoff || end == End::infeasible) {
+        fixings[pair] = s ? Sides::s_zero : Sides::t_zero;
+        close(fixings, end);
+      }
       relaxation_->restore();
       if (end != End::cutoff && end != End::infeasible) continue;
       fixings[pair] = s ? Sides::t_zero : Sides::s_zero;
@@ -206,7 +225,9 @@ std::optional<int> Expander::probe_all(Fixings& fixings, const Box& box, double 
       ++fixed;
       const End rest = relaxation_->solve(box, cutoff, interrupt);
       if (rest == End::cutoff) closed_bound = std::min(closed_bound, relaxation_->bound());
-      if (rest == End::cutoff || rest == End::infeasible) return std::nullopt;
+      if (rest != End::cutoff && rest != End::infeasible) continue;
+      close(fixings, rest);
+      return std::nullopt;
     }
   }
   return fixed;
@@ -218,7 +239,9 @@ bool Expander::is_feasible(Fixings fixings, const std::vector<Clause::Member>& w
     fixings[member.pair] = with(fixings[member.pair], !member.strong_s);
   if (!relaxation_->start(center, {}, -kInfinity)) return true;
   fix(fixings);
-  return relaxation_->solve(box, kInfinity, interrupt) != End::infeasible;
+  if (relaxation_->solve(box, kInfinity, interrupt) != End::infeasible) return true;
+  contradiction_ = relaxation_->ray();
+  return false;
 }
 
 // Members that contradict each other until none can be left out, by halves. (Chinneck and Dravnieks,
@@ -259,6 +282,7 @@ std::vector<Clause> Expander::find_clauses(const Fixings& fixings, const NodeEng
   std::vector<Clause> clauses;
   while (left.size() > 1 && !is_feasible(fixings, left, center, box, interrupt)) {
     Clause clause{shrink(fixings, left, center, box, interrupt)};
+    clause.contradiction = contradiction_;
     if (clause.members.empty()) break;
     std::erase_if(left, [&clause](const Clause::Member& member) {
       return std::ranges::any_of(clause.members,

@@ -27,6 +27,7 @@ struct Expansion {
   std::int64_t most_children = 2;
   double cutoff = 0.0;   ///< scaled objective: what is not below it is closed
   bool suggest = false;  ///< whether its point is to be tried even if it is not complementary
+  bool keep = false;     ///< whether nodes keep their multipliers, and what is closed is told
 
   /// What has come of it.
   enum class Outcome {
@@ -38,7 +39,7 @@ struct Expansion {
   };
   Outcome outcome = Outcome::interrupted;
   double closed_bound = 0.0;  ///< the least of what was closed; +∞ if nothing or infeasible
-  std::vector<Node> children;
+  std::vector<Node> children, closed;
   int bounded = 0;  ///< children whose bound was found
   std::vector<PseudoCosts::Gain> gains;
   std::int64_t factorizations = 0;
@@ -62,6 +63,12 @@ class Expander {
                            const Interrupt& interrupt);
   /// What probe() has learned of each side that it could not fix.
   [[nodiscard]] const std::vector<PseudoCosts::Gain>& probed() const { return probed_; }
+  /// Nodes that probe() or the last expansion have closed, with what proves it.
+  [[nodiscard]] std::vector<Node> take_closed() { return std::exchange(closed_, {}); }
+  /// From now on nodes keep their multipliers.
+  void keep(bool keep) { keep_ = keep; }
+  /// A node of what was solved last.
+  [[nodiscard]] Node node(const Fixings& fixings, NodeEngine::End end) const;
   /// Clauses among the pairs that are not fixed, by what probe() has learned, each of pairs of its own.
   [[nodiscard]] std::vector<Clause> find_clauses(const Fixings& fixings, const NodeEngine::Center& center,
                                                  const Box& box, const Interrupt& interrupt);
@@ -72,10 +79,14 @@ class Expander {
     double gain = 0.0;  // of the lesser side
   };
   [[nodiscard]] Choice choose(const Expansion& expansion) const;
-  [[nodiscard]] std::vector<Clause::Member> choose_clause(const Expansion& expansion, double gain) const;
+  struct ClauseChoice {
+    const Clause* clause = nullptr;
+    std::vector<Clause::Member> open;
+  };
+  [[nodiscard]] ClauseChoice choose_clause(const Expansion& expansion, double gain) const;
   void fix(const Fixings& fixings);
-  void expand_clause(Expansion& expansion, const std::vector<Clause::Member>& members,
-                     const Interrupt& interrupt);
+  void expand_clause(Expansion& expansion, const ClauseChoice& choice, const Interrupt& interrupt);
+  void close(const Fixings& fixings, NodeEngine::End end);
   [[nodiscard]] bool bound_child(Expansion& expansion, Index pair, bool s, const Interrupt& interrupt);
   [[nodiscard]] bool is_feasible(Fixings fixings, const std::vector<Clause::Member>& weak,
                                  const NodeEngine::Center& center, const Box& box,
@@ -92,6 +103,9 @@ class Expander {
   std::vector<PseudoCosts::Gain> probed_;
   Fixings fixings_;
   std::vector<Index> held_;
+  std::vector<Node> closed_;
+  Vector contradiction_;  // of what is_feasible() last refuted
+  bool keep_ = false;
 };
 
 }  // namespace marble

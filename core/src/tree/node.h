@@ -1,34 +1,55 @@
 // A node of the tree: which sides of pairs it fixes at zero, what is known of its bound, and the rows that
-// its parent's optimum held.
+// its parent's optimum held, or, where the tree is kept, the multipliers that prove its bound.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
 #include "data/rows.h"
+#include "tuning.h"
 
 namespace marble {
 
 /// Of one pair; both where s = t = 0 is all that is left.
 enum class Sides : std::uint8_t { relaxed = 0, s_zero = 1, t_zero = 2, both_zero = 3 };
 
+[[nodiscard]] inline bool has(Sides sides, Sides side) {
+  return (static_cast<unsigned>(sides) & static_cast<unsigned>(side)) != 0;
+}
+[[nodiscard]] inline bool has_s(Sides sides) { return has(sides, Sides::s_zero); }
+[[nodiscard]] inline bool has_t(Sides sides) { return has(sides, Sides::t_zero); }
+[[nodiscard]] inline Sides with(Sides sides, bool s) {
+  return static_cast<Sides>(static_cast<unsigned>(sides) |
+                            static_cast<unsigned>(s ? Sides::s_zero : Sides::t_zero));
+}
+
 /// By pair.
 using Fixings = std::vector<Sides>;
+
+[[nodiscard]] inline bool is_fixed(const RowLayout& layout, const Fixings& fixings, Index row) {
+  return row >= layout.inequalities && has(fixings[static_cast<std::size_t>(layout.pair_of(row))],
+                                           layout.is_s(row) ? Sides::s_zero : Sides::t_zero);
+}
 
 /// Two bits a pair and one a row: a tree may hold millions.
 class Node {
  public:
+  /// What its multipliers prove.
+  enum class Proof : std::uint8_t { none, bound, contradiction };
+
   double bound = 0.0;       ///< scaled objective
   std::int64_t number = 0;  ///< in the order of making
   std::int32_t depth = 0;
   bool exhausted = false;  ///< its point is complementary, and was tried as an answer
+  Proof proof = Proof::none;
 
   Node() = default;
   Node(const RowLayout& layout, const Fixings& fixings, const std::vector<Index>& held)
       : bits_((2 * fixings.size() + static_cast<std::size_t>(layout.size()) + 7) / 8) {
     for (std::size_t pair = 0; pair < fixings.size(); ++pair) {
-      set(2 * pair, (static_cast<unsigned>(fixings[pair]) & 1U) != 0);
-      set(2 * pair + 1, (static_cast<unsigned>(fixings[pair]) & 2U) != 0);
+      set(2 * pair, has_s(fixings[pair]));
+      set(2 * pair + 1, has_t(fixings[pair]));
     }
     for (const Index row : held) set(2 * fixings.size() + static_cast<std::size_t>(row), true);
   }
@@ -44,9 +65,37 @@ class Node {
     }
   }
 
-  /// Memory of one, of a problem with such rows.
-  [[nodiscard]] static double bytes(const RowLayout& layout) {
-    return sizeof(Node) + 16.0 + (2.0 * layout.pairs + layout.size() + 7.0) / 8.0;
+  /// Keeps the multipliers of rows, but for those that are nothing beside the largest; rows that have one are
+  /// held from now on.
+  void keep(const RowLayout& layout, const Vector& multipliers, Proof what) {
+    const std::size_t rows = 2 * static_cast<std::size_t>(layout.pairs);
+    const double least = tuning::exactness * max_abs(multipliers);
+    multipliers_.clear();
+    for (Index row = 0; row < layout.size(); ++row) {
+      if (std::abs(multipliers[row]) > least) set(rows + static_cast<std::size_t>(row), true);
+      if (get(rows + static_cast<std::size_t>(row))) multipliers_.push_back(multipliers[row]);
+    }
+    multipliers_.shrink_to_fit();
+    proof = what;
+  }
+  /// Those of all rows, 0 where none was kept.
+  [[nodiscard]] Vector multipliers(const RowLayout& layout) const {
+    Vector all = Vector::Zero(layout.size());
+    std::size_t next = 0;
+    for (Index row = 0; row < layout.size() && next < multipliers_.size(); ++row) {
+      if (get(2 * static_cast<std::size_t>(layout.pairs) + static_cast<std::size_t>(row)))
+        all[row] = multipliers_[next++];
+    }
+    return all;
+  }
+
+  /// Memory of one, of a problem with such rows, and with the multipliers of so many.
+  [[nodiscard]] static double bytes(const RowLayout& layout, double multipliers) {
+    return sizeof(Node) + 16.0 + (2.0 * layout.pairs + layout.size() + 7.0) / 8.0 +
+           sizeof(double) * multipliers;
+  }
+  [[nodiscard]] double bytes(const RowLayout& layout) const {
+    return bytes(layout, static_cast<double>(multipliers_.size()));
   }
 
  private:
@@ -56,6 +105,7 @@ class Node {
   [[nodiscard]] bool get(std::size_t bit) const { return (bits_[bit / 8] >> bit % 8 & 1U) != 0; }
 
   std::vector<std::uint8_t> bits_;
+  std::vector<double> multipliers_;  // of the rows held, in their order
 };
 
 }  // namespace marble

@@ -23,7 +23,23 @@ TreeResult none(std::string why) {
   return result;
 }
 
+double relative_gap(double objective, double bound) {
+  return std::max(0.0, objective - bound) / std::max(1.0, std::abs(objective));
+}
+
+double within(const Options& options) { return std::max(options.gap_tolerance, tuning::exactness); }
+
 }  // namespace
+
+void TreeResult::answer_is(double objective, const Options& options) {
+  bound = std::min(bound, objective);
+  gap = relative_gap(objective, bound);
+  proved = gap <= within(options);
+  char text[120];
+  std::snprintf(text, sizeof text, ", for the answer, feasible to the tolerances only: %s, gap %.1e",
+                proved ? "proved" : "not proved", gap);
+  remark += text;
+}
 
 Tree::Tree(const ScaledProblem& problem, const Options& options, BranchPoint& point, Incumbent& incumbent)
     : problem_(problem),
@@ -34,35 +50,23 @@ Tree::Tree(const ScaledProblem& problem, const Options& options, BranchPoint& po
       costs_(problem.pairs()),
       expansions_(tuning::tree_round) {}
 
-TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, double most_bytes) {
+TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, const Room& room) {
   const Run::Polishing polishing(run);
-  const double bytes = Gram::most_bytes(problem_);
-  most_nodes_ = (most_bytes - bytes) / Node::bytes(problem_.layout);
-  if (!(most_nodes_ >= tuning::tree_least_nodes))
-    return none("not proved: a tree needs more memory than there is");
-  gram_ = std::make_unique<Gram>(problem_);
-  expanders_.clear();
-  if (!make_expanders(run, 1)) {
-    if (const auto reason = run.interrupted()) {
-      TreeResult stopped = none("stopped before the tree had begun");
-      stopped.end = TreeResult::End::limit;
-      stopped.limit = *reason;
-      return stopped;
-    }
-    return none("not proved: Q is not convex");
-  }
-  const double engines = run.runner() != nullptr ? tuning::tree_round : 1;
-  most_nodes_ -= engines * expanders_[0]->relaxation().bytes() / Node::bytes(problem_.layout);
-  if (!known_convex && !expanders_[0]->relaxation().is_convex(run))
-    return none("not proved: Q is not convex");
-  open_.clear();
+  TreeResult result = explore(run, z, known_convex, room);
+  settle(room);
+  return result;
+}
+
+TreeResult Tree::explore(Run& run, ConstVectorRef z, bool known_convex, const Room& room) {
+  if (auto ended = prepare(run, known_convex, room)) return *std::move(ended);
+  if (!room.from_kept) costs_ = PseudoCosts(problem_.pairs());
   tried_.clear();
-  costs_ = PseudoCosts(problem_.pairs());
-  nodes_ = made_ = rounds_ = 0;
-  undecided_ = false;
+  clauses_.clear();
+  nodes_ = made_ = rounds_ = warm_nodes_ = warm_closed_ = 0;
   closed_bound_ = kInfinity;
   told_bound_ = -kInfinity;
-  if (const auto end = begin(run, z)) return *end == TreeResult::End::limit ? stopped(run) : result(*end);
+  if (const auto end = begin(run, z, room))
+    return *end == TreeResult::End::limit ? stopped(run) : result(*end);
   report(run);
   while (!open_.empty()) {
     if (open_.front().bound >= cutoff()) close_all();
@@ -73,78 +77,209 @@ TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, double mo
   return result(TreeResult::End::exhausted);
 }
 
+// Memory, and engines. An end if there is none, or if Q is not convex.
+std::optional<TreeResult> Tree::prepare(Run& run, bool known_convex, const Room& room) {
+  keeps_ = room.kept_bytes > 0.0;
+  const double node = Node::bytes(
+      problem_.layout, keeps_ ? std::min<double>(problem_.variables(), problem_.layout.size()) : 0.0);
+  most_nodes_ = (room.most_bytes - room.kept_bytes - Gram::most_bytes(problem_)) / node;
+  if (!(most_nodes_ >= tuning::tree_least_nodes))
+    return none("not proved: a tree needs more memory than there is");
+  if (gram_ == nullptr) gram_ = std::make_unique<Gram>(problem_);
+  for (const auto& expander : expanders_) expander->relaxation().attend(run.interrupt());
+  const auto not_convex = [&] {
+    if (const auto reason = run.interrupted()) {
+      TreeResult stopped = none("stopped before the tree had begun");
+      stopped.end = TreeResult::End::limit;
+      stopped.limit = *reason;
+      return stopped;
+    }
+    return none("not proved: Q is not convex");
+  };
+  if (!make_expanders(run, 1)) return not_convex();
+  const double engines = run.runner() != nullptr ? tuning::tree_round : 1;
+  most_nodes_ -= engines * expanders_[0]->relaxation().bytes() / node;
+  if (!convex_ && !known_convex) {
+    if (!expanders_[0]->relaxation().is_convex(run)) return not_convex();
+    convex_ = true;
+  }
+  return std::nullopt;
+}
+
 // Those there are have the problem's values and K's factor.
 bool Tree::make_expanders(Run& run, std::size_t count) {
   while (expanders_.size() < count) {
     std::unique_ptr<Kkt> kkt = make_kkt(problem_, run.interrupt());
     if (kkt == nullptr) return false;
-    expanders_.push_back(std::make_unique<Expander>(problem_, std::move(kkt), *gram_));
-    if (!expanders_.back()->relaxation().prepare(run)) return false;
+    auto expander = std::make_unique<Expander>(problem_, std::move(kkt), *gram_);
+    if (!expander->relaxation().prepare(run)) return false;
+    expanders_.push_back(std::move(expander));
   }
   return true;
 }
 
-// The root; where there is an incumbent, what it fixes for good. An end, if that is all.
-std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z) {
-  const Vector& from = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
+void Tree::forget_matrices() {
+  expanders_.clear();
+  gram_.reset();
+  convex_.reset();
+}
+
+// What is kept is within its memory: the leaves first, then engines and columns.
+void Tree::settle(const Room& room) {
+  keep(std::exchange(open_, {}));
+  Fixings sides(static_cast<std::size_t>(problem_.pairs()), Sides::t_zero);
+  for (Index pair = 0; incumbent_.exists() && pair < problem_.pairs(); ++pair) {
+    if (incumbent_.best().set.s_fixed[pair] != 0) sides[static_cast<std::size_t>(pair)] = Sides::s_zero;
+  }
+  kept_.set_answer(std::move(sides));
+  double bytes = kept_.bytes() + (gram_ != nullptr ? gram_->bytes() : 0.0);
+  for (const auto& expander : expanders_) bytes += expander->relaxation().bytes();
+  if (bytes <= room.kept_bytes) return;
+  expanders_.clear();
+  gram_.reset();
+}
+
+// From the incumbent's multipliers, if they prove it, what is kept, or the root. An end, if that is all.
+std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z, const Room& room) {
+  const Vector from = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
   radius_ = tuning::tree_radius * (1.0 + max_abs(from.cwiseProduct(problem_.variable_scale)));
   box_.emplace(problem_, radius_);
-  Fixings fixings(static_cast<std::size_t>(problem_.pairs()));
-  const double by_incumbent = bound_by_solutions(fixings);
-  if (by_incumbent >= cutoff()) {
-    ++nodes_;
-    close(by_incumbent);
+  std::vector<Node> leaves = kept_.replace(room.kept_bytes);
+  ++nodes_;
+  Node root(problem_.layout, Fixings(static_cast<std::size_t>(problem_.pairs())), {});
+  root.bound = -kInfinity;
+  raise_by_solutions(root);
+  if (root.bound >= cutoff()) {
+    close(root, root.bound);
     return TreeResult::End::exhausted;
   }
-  NodeEngine& relaxation = expanders_[0]->relaxation();
-  if (!relaxation.start(from)) return TreeResult::End::limit;
-  Node root(problem_.layout, fixings, {});
-  root.bound = -kInfinity;
+  expanders_[0]->keep(keeps_);
+  if (!expanders_[0]->relaxation().start(from)) {
+    push(std::move(root));
+    return TreeResult::End::limit;
+  }
+  if (room.from_kept && !leaves.empty()) {
+    if (go_on_from(run, from, std::move(leaves))) return std::nullopt;
+    warm_nodes_ = 0;
+    closed_bound_ = kInfinity;
+    static_cast<void>(kept_.replace(room.kept_bytes));
+  }
+  return begin_at_root(run, std::move(root));
+}
+
+// Where there is an incumbent, what it fixes for good comes first.
+std::optional<TreeResult::End> Tree::begin_at_root(Run& run, Node root) {
+  Expander& expander = *expanders_[0];
+  NodeEngine& relaxation = expander.relaxation();
   using End = NodeEngine::End;
+  const double by_incumbent = root.bound;
   const End end = relaxation.solve(*box_, cutoff(), run.interrupt());
   if (end == End::interrupted) {
     push(std::move(root));
     return TreeResult::End::limit;
   }
-  ++nodes_;
-  if (end == End::infeasible) return TreeResult::End::infeasible;
-  if (end == End::cutoff) {
-    close(relaxation.bound());
-    return TreeResult::End::exhausted;
+  Fixings fixings(static_cast<std::size_t>(problem_.pairs()));
+  if (end == End::infeasible || end == End::cutoff) {
+    close(expander.node(fixings, end), end == End::cutoff ? relaxation.bound() : kInfinity);
+    return end == End::cutoff ? TreeResult::End::exhausted : TreeResult::End::infeasible;
   }
-  if (end == End::optimal) try_as_answer(run, expanders_[0]->suggestion());
+  if (end == End::optimal) try_as_answer(run, expander.suggestion());
   center_ = relaxation.center();
-  if (incumbent_.exists() && !expanders_[0]->probe(fixings, *box_, cutoff(), closed_bound_, run.interrupt()))
-    return TreeResult::End::exhausted;
-  for (const PseudoCosts::Gain& gain : expanders_[0]->probed()) costs_.add(gain);
-  root = Node(problem_.layout, fixings, relaxation.held());
+  const bool fixable = incumbent_.exists();
+  const bool left = !fixable || expander.probe(fixings, *box_, cutoff(), closed_bound_, run.interrupt());
+  keep(expander.take_closed());
+  if (!left) return TreeResult::End::exhausted;
+  for (const PseudoCosts::Gain& gain : expander.probed()) costs_.add(gain);
+  root = expander.node(fixings, end);
   root.bound = std::max(by_incumbent, relaxation.bound());
   push(std::move(root));
-  clauses_ = incumbent_.exists() ? expanders_[0]->find_clauses(fixings, center_, *box_, run.interrupt())
-                                 : std::vector<Clause>();
+  if (fixable) clauses_ = expander.find_clauses(fixings, center_, *box_, run.interrupt());
   run.factorizations += static_cast<std::int32_t>(relaxation.factorizations());
   return std::nullopt;
 }
 
-// What the multipliers of the exact solutions at hand prove of a relaxation: of the one that a solution is
-// the answer to, all; what an engine has left of stationarity there is not paid for again.
-double Tree::bound_by_solutions(const Fixings& fixings) const {
-  if (!incumbent_.exists()) return -kInfinity;
-  DualBound dual_bound(problem_);
-  double best = -kInfinity;
-  for (const Iterate* x : {&incumbent_.best().x, &incumbent_.other().x}) {
-    Vector multipliers = (-x->lambda()).cwiseMax(0.0);
-    for (Index pair = 0; pair < problem_.pairs(); ++pair) {
-      const auto sides = static_cast<unsigned>(fixings[static_cast<std::size_t>(pair)]);
-      for (const bool s : {true, false}) {
-        const Index row = s ? problem_.layout.s(pair) : problem_.layout.t(pair);
-        const auto fixed = static_cast<unsigned>(s ? Sides::s_zero : Sides::t_zero);
-        if ((sides & fixed) != 0) multipliers[row] = -x->lambda()[row];
-      }
-    }
-    best = std::max(best, dual_bound.of_objective(*box_, x->z(), x->y(), multipliers));
+// The leaves of the last tree, with what their multipliers prove of the numbers there are now. False if that
+// is too little: the root is as good a beginning.
+bool Tree::go_on_from(Run& run, ConstVectorRef from, std::vector<Node> leaves) {
+  NodeEngine& engine = expanders_[0]->relaxation();
+  center_ = engine.center();
+  ProximalSystem* const system = engine.proximal_system(run);
+  if (system == nullptr) return false;
+  RowProof proof(problem_, *system);
+  warm_nodes_ = static_cast<std::int64_t>(leaves.size());
+  for (Node& leaf : leaves) {
+    leaf.bound = -kInfinity;
+    leaf.exhausted = false;
   }
-  return best;
+  const auto close_some = [&](bool adapted) {
+    std::erase_if(leaves, [&](Node& leaf) {
+      if (run.interrupted() || !still_closed(leaf, from, proof, adapted)) return false;
+      close(leaf, leaf.bound);
+      ++warm_closed_;
+      return true;
+    });
+  };
+  close_some(false);
+  if (!leaves.empty()) {
+    close_some(true);
+    run.factorizations += static_cast<std::int32_t>(proof.factorizations());
+    if (!engine.prepare(run)) return false;
+  }
+  if (static_cast<double>(warm_closed_) < tuning::tree_still_closed * static_cast<double>(warm_nodes_))
+    return false;
+  for (Node& leaf : leaves) push(std::move(leaf));
+  return true;
+}
+
+// By its own multipliers, as they are or adapted to the numbers, or by those of the answers at hand.
+bool Tree::still_closed(Node& leaf, ConstVectorRef from, RowProof& proof, bool adapted) {
+  Fixings fixings;
+  std::vector<Index> held;
+  Vector multipliers;
+  leaf.read(problem_.layout, fixings, held);
+  const auto fixed = [&](Index row) { return is_fixed(problem_.layout, fixings, row); };
+  take_signs(leaf.multipliers(problem_.layout), fixed, multipliers);
+  if (!adapted) {
+    if (leaf.proof == Node::Proof::contradiction && proof.contradicts(*box_, multipliers)) {
+      leaf.bound = kInfinity;
+    } else if (leaf.proof == Node::Proof::bound) {
+      leaf.bound = proof.bound(*box_, from, multipliers, cutoff());
+    }
+    if (leaf.bound < cutoff()) raise_by_solutions(leaf);
+  } else if (leaf.proof == Node::Proof::bound) {
+    leaf.bound = std::max(leaf.bound, proof.adapt(*box_, from, fixed, multipliers, cutoff()));
+    leaf.keep(problem_.layout, multipliers, Node::Proof::bound);
+  }
+  return leaf.bound >= cutoff();
+}
+
+// To what the multipliers of the exact solutions at hand prove of it: of the one that a solution is the
+// answer to, all; what an engine has left of stationarity there is not paid for again.
+void Tree::raise_by_solutions(Node& node) const {
+  if (!incumbent_.exists()) return;
+  Fixings fixings;
+  std::vector<Index> held;
+  node.read(problem_.layout, fixings, held);
+  DualBound dual_bound(problem_);
+  Vector multipliers;
+  for (const Iterate* x : {&incumbent_.best().x, &incumbent_.other().x}) {
+    const auto fixed = [&](Index row) { return is_fixed(problem_.layout, fixings, row); };
+    take_signs(-x->lambda(), fixed, multipliers);
+    const double bound = dual_bound.of_objective(*box_, x->z(), x->y(), multipliers);
+    if (bound <= node.bound) continue;
+    node.bound = bound;
+    if (keeps_) node.keep(problem_.layout, multipliers, Node::Proof::bound);
+  }
+}
+
+void Tree::close(Node node, double bound) {
+  closed_bound_ = std::min(closed_bound_, bound);
+  if (keeps_) kept_.add(problem_.layout, std::move(node));
+}
+
+void Tree::keep(std::vector<Node> leaves) {
+  if (!keeps_) return;
+  for (Node& leaf : leaves) kept_.add(problem_.layout, std::move(leaf));
 }
 
 void Tree::push(Node node) {
@@ -155,8 +290,8 @@ void Tree::push(Node node) {
 
 // No open node can have a better answer.
 void Tree::close_all() {
-  close(open_.front().bound);
-  open_.clear();
+  closed_bound_ = std::min(closed_bound_, open_.front().bound);
+  keep(std::exchange(open_, {}));
 }
 
 // The least bounds; where room runs out, or as long as there is no answer, the deepest nodes.
@@ -177,7 +312,8 @@ void Tree::choose_nodes(std::size_t count) {
     Node node = std::move(open_.back());
     open_.pop_back();
     if (node.bound >= limit) {
-      close(node.bound);
+      const double bound = node.bound;
+      close(std::move(node), bound);
     } else {
       expansions_[chosen_++].node = std::move(node);
     }
@@ -206,6 +342,7 @@ bool Tree::round(Run& run) {
     expansion.most_children = (options_.node_limit - nodes_) / static_cast<std::int64_t>(chosen_);
     expansion.cutoff = cutoff();
     expansion.suggest = suggest && i == 0;
+    expansion.keep = keeps_;
     Expander& expander = *expanders_[at_once ? i : 0];
     tasks.emplace_back([&expansion, &expander, &run] { expander.expand(expansion, run.interrupt()); });
   }
@@ -221,18 +358,14 @@ bool Tree::round(Run& run) {
 void Tree::take(Run& run, Expansion& e) {
   using Outcome = Expansion::Outcome;
   if (e.outcome != Outcome::interrupted) {
-    close(e.closed_bound);
+    closed_bound_ = std::min(closed_bound_, e.closed_bound);
     nodes_ += e.bounded;
+    keep(std::move(e.closed));
   }
   run.factorizations += static_cast<std::int32_t>(e.factorizations);
   for (const PseudoCosts::Gain& gain : e.gains) costs_.add(gain);
   if (e.suggestion) try_as_answer(run, *e.suggestion);
-  if (e.outcome == Outcome::leaf || e.outcome == Outcome::complementary) {
-    Fixings fixings(static_cast<std::size_t>(problem_.pairs()));
-    std::vector<Index> held;
-    e.node.read(problem_.layout, fixings, held);
-    e.node.bound = std::max(e.node.bound, bound_by_solutions(fixings));
-  }
+  if (e.outcome == Outcome::leaf || e.outcome == Outcome::complementary) raise_by_solutions(e.node);
   switch (e.outcome) {
     case Outcome::branched:
       for (Node& child : e.children) push(std::move(child));
@@ -241,8 +374,7 @@ void Tree::take(Run& run, Expansion& e) {
       break;
     case Outcome::leaf:
       // Nothing is left to branch on: the answer it suggests is its own, or could not be had.
-      close(e.node.bound);
-      undecided_ = undecided_ || e.node.bound < cutoff();
+      close(e.node, e.node.bound);
       break;
     case Outcome::complementary:
       e.node.exhausted = true;
@@ -283,8 +415,8 @@ void Tree::try_as_answer(Run& run, const Suggestion& suggestion) {
 double Tree::cutoff() const {
   if (!incumbent_.exists()) return kInfinity;
   const double objective = problem_.user_objective(incumbent_.best().objective);
-  const double tolerance = std::max(options_.gap_tolerance, tuning::exactness);
-  const double least = objective - tuning::tree_within_gap * tolerance * std::max(1.0, std::abs(objective));
+  const double least =
+      objective - tuning::tree_within_gap * within(options_) * std::max(1.0, std::abs(objective));
   return (least - problem_.c0) * problem_.cost_scale;
 }
 
@@ -301,28 +433,31 @@ double Tree::bound() const {
   return std::min(std::isfinite(least) ? rounded : least, objective);
 }
 
-double Tree::gap() const {
+double Tree::gap(double bound) const {
   if (!incumbent_.exists()) return kInfinity;
-  const double objective = problem_.user_objective(incumbent_.best().objective);
-  return std::max(0.0, objective - bound()) / std::max(1.0, std::abs(objective));
+  return relative_gap(problem_.user_objective(incumbent_.best().objective), bound);
 }
 
 TreeResult Tree::result(TreeResult::End end) const {
   TreeResult result;
   result.end = end;
   result.bound = bound();
-  result.gap = gap();
+  result.gap = gap(result.bound);
   result.nodes = nodes_;
   result.open_nodes = static_cast<std::int64_t>(open_.size());
   if (end == TreeResult::End::exhausted && !incumbent_.exists() && closed_bound_ == kInfinity)
     result.end = TreeResult::End::infeasible;
-  result.proved = result.end == TreeResult::End::infeasible ||
-                  result.gap <= std::max(options_.gap_tolerance, tuning::exactness);
+  result.proved = result.end == TreeResult::End::infeasible || result.gap <= within(options_);
   char text[160];
   std::snprintf(text, sizeof text, "%s by %lld nodes, %lld open, for |z| <= %.1e: bound %.9g, gap %.1e",
                 result.proved ? "proved" : "not proved", static_cast<long long>(nodes_),
                 static_cast<long long>(result.open_nodes), radius_, result.bound, result.gap);
   result.remark = text;
+  if (warm_nodes_ > 0) {
+    std::snprintf(text, sizeof text, ", from %lld nodes of the last tree, %lld still closed",
+                  static_cast<long long>(warm_nodes_), static_cast<long long>(warm_closed_));
+    result.remark += text;
+  }
   return result;
 }
 
@@ -341,12 +476,10 @@ void Tree::report(Run& run) {
   Progress row;
   row.step_length = 1.0;
   row.bound = told_bound_;
+  row.gap = gap(told_bound_);
   row.nodes = nodes_;
   row.open_nodes = static_cast<std::int64_t>(open_.size());
-  if (incumbent_.exists()) {
-    row.incumbent = problem_.user_objective(incumbent_.best().objective);
-    row.gap = std::max(0.0, row.incumbent - row.bound) / std::max(1.0, std::abs(row.incumbent));
-  }
+  if (incumbent_.exists()) row.incumbent = problem_.user_objective(incumbent_.best().objective);
   run.told_iteration = -1;
   if (incumbent_.exists()) {
     reporter_.tell(run, incumbent_.best().x.z(), incumbent_.best().objective, incumbent_.best().violations,

@@ -16,6 +16,7 @@
 #include "run/termination.h"
 #include "search/incumbent.h"
 #include "tree/expansion.h"
+#include "tree/kept_tree.h"
 
 namespace marble {
 
@@ -36,6 +37,9 @@ struct TreeResult {
   double gap = std::numeric_limits<double>::infinity();
   std::int64_t nodes = 0, open_nodes = 0;
   std::string remark;
+
+  /// Told of a better answer than the tree had: one that is feasible to the tolerances only.
+  void answer_is(double objective, const Options& options);
 };
 
 class Tree {
@@ -43,23 +47,40 @@ class Tree {
   /// Tries answers on `point`, and with the factorizations of the incumbent's engine.
   Tree(const ScaledProblem& problem, const Options& options, BranchPoint& point, Incumbent& incumbent);
 
-  /// Searches from the incumbent, if there is one, else from near z. May take so much memory.
-  [[nodiscard]] TreeResult search(Run& run, ConstVectorRef z, bool known_convex, double most_bytes);
+  /// What a search may take and leave behind.
+  struct Room {
+    double most_bytes;  ///< of memory
+    double kept_bytes;  ///< what remains of that for the next search: 0 if there is none
+    bool from_kept;     ///< whether it begins with what the last one has left
+  };
+  /// Searches from the incumbent, if there is one, else from near z.
+  [[nodiscard]] TreeResult search(Run& run, ConstVectorRef z, bool known_convex, const Room& room);
+  /// What is kept moves on.
+  void shift(const Shift& by) { kept_.shift(problem_.layout, by); }
+  /// The matrices have new values.
+  void forget_matrices();
 
  private:
+  [[nodiscard]] TreeResult explore(Run& run, ConstVectorRef z, bool known_convex, const Room& room);
+  [[nodiscard]] std::optional<TreeResult> prepare(Run& run, bool known_convex, const Room& room);
   [[nodiscard]] bool make_expanders(Run& run, std::size_t count);
-  [[nodiscard]] std::optional<TreeResult::End> begin(Run& run, ConstVectorRef z);
+  [[nodiscard]] std::optional<TreeResult::End> begin(Run& run, ConstVectorRef z, const Room& room);
+  [[nodiscard]] std::optional<TreeResult::End> begin_at_root(Run& run, Node root);
+  [[nodiscard]] bool go_on_from(Run& run, ConstVectorRef from, std::vector<Node> leaves);
+  [[nodiscard]] bool still_closed(Node& leaf, ConstVectorRef from, RowProof& proof, bool adapted);
+  void settle(const Room& room);
   [[nodiscard]] bool round(Run& run);
-  [[nodiscard]] double bound_by_solutions(const Fixings& fixings) const;
+  void raise_by_solutions(Node& node) const;
   void choose_nodes(std::size_t count);
   void take(Run& run, Expansion& expansion);
-  void close(double bound) { closed_bound_ = std::min(closed_bound_, bound); }
+  void close(Node node, double bound);
+  void keep(std::vector<Node> leaves);
   void close_all();
   void push(Node node);
   void try_as_answer(Run& run, const Suggestion& suggestion);
   [[nodiscard]] double cutoff() const;
   [[nodiscard]] double bound() const;
-  [[nodiscard]] double gap() const;
+  [[nodiscard]] double gap(double bound) const;
   [[nodiscard]] TreeResult result(TreeResult::End end) const;
   [[nodiscard]] TreeResult stopped(Run& run) const;
   void report(Run& run);
@@ -80,9 +101,11 @@ class Tree {
   std::vector<Expansion> expansions_;
   std::size_t chosen_ = 0;
   double closed_bound_ = 0.0, told_bound_ = 0.0;
-  std::int64_t nodes_ = 0, made_ = 0, rounds_ = 0;
+  std::int64_t nodes_ = 0, made_ = 0, rounds_ = 0, warm_nodes_ = 0, warm_closed_ = 0;
   double most_nodes_ = 0.0;
-  bool undecided_ = false;
+  KeptTree kept_;
+  bool keeps_ = false;
+  std::optional<bool> convex_;
   std::unordered_set<std::size_t> tried_;  // branches, by their hash
 };
 

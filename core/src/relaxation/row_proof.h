@@ -1,0 +1,51 @@
+// What multipliers of the rows alone prove: with the z and the y that belong to them, found with K's factor.
+//
+// So multipliers that were found for other numbers of the same pattern still prove a bound of these, whatever
+// has changed; where z is free along something flat they must be adapted first. (Marcucci and Tedrake, "Warm
+// start of mixed-integer programs for model predictive control of hybrid systems", 2020.)
+#pragma once
+
+#include <limits>
+
+#include "relaxation/dual_bound.h"
+#include "relaxation/gram.h"
+#include "tuning.h"
+
+namespace marble {
+
+class RowProof {
+ public:
+  RowProof(const ScaledProblem& problem, ProximalSystem& system);
+
+  /// Of the objective; from z on, no further than to `enough`. Multipliers must have the right signs.
+  [[nodiscard]] double bound(const Box& box, ConstVectorRef z, const Vector& multipliers, double enough);
+  /// Makes them those of the optimum that holds the same rows at zero, but for rows of a wrong sign, and
+  /// gives the bound of these. Takes K's factor away.
+  template <class IsFixed>
+  [[nodiscard]] double adapt(const Box& box, ConstVectorRef z, const IsFixed& is_fixed, Vector& multipliers,
+                             double enough) {
+    double best = -std::numeric_limits<double>::infinity();
+    for (int pass = 0; pass < tuning::tree_adaptations; ++pass) {
+      if (!hold(z, multipliers)) break;
+      take_signs(held_multipliers_, is_fixed, multipliers);
+      best = std::max(best, dual_bound_.of_objective(box, z_, y_, multipliers));
+      if (best >= enough || multipliers == held_multipliers_) break;
+    }
+    return best;
+  }
+  [[nodiscard]] std::int64_t factorizations() const { return factorizations_; }
+  /// Whether they contradict the rows.
+  [[nodiscard]] bool contradicts(const Box& box, const Vector& multipliers);
+
+ private:
+  [[nodiscard]] bool hold(ConstVectorRef z, const Vector& multipliers);
+
+  const ScaledProblem& problem_;
+  ProximalSystem& system_;
+  DualBound dual_bound_;
+  RowWeights weights_;
+  Vector z_, y_, right_z_, right_y_, ray_, held_multipliers_, slacks_;
+  std::int64_t factorizations_ = 0;
+};
+
+}  // namespace marble
