@@ -73,10 +73,10 @@ std::vector<Family> families() {
   HopperParameters hops;
   hops.steps = 8;
   GatesParameters flight;
-  flight.steps = 10;
+  flight.steps = 26;
   flight.gates.resize(2);
   return {{"hopper, 8 steps", [=](std::uint64_t seed) { return hopper(vary(hops, seed)); }},
-          {"gates, 10 steps, 2 gates", [=](std::uint64_t seed) { return gates(vary(flight, seed)); }},
+          {"gates, 26 steps, 2 gates", [=](std::uint64_t seed) { return gates(vary(flight, seed)); }},
           {"qpec, 10 + 20 variables",
            [](std::uint64_t seed) {
              return qpec({10, 20, 4, 2}, seed);

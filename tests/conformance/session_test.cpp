@@ -225,11 +225,11 @@ TEST_F(SessionTest, ADestroyedOneFreesTheServer) {
 }
 
 TEST(SessionLife, AnIdleOneIsEndedByTheServer) {
-  ServerProcess server(MARBLE_SERVER_BINARY, {"--session-idle-s", "1"});
+  ServerProcess server(MARBLE_SERVER_BINARY, {"--session-idle-s", "3"});
   auto client = Client::connect(server.address());
   auto session = client->open_session(public_example().problem.view());
   ASSERT_TRUE(session.has_value());
-  EXPECT_EQ(session->idle_timeout_s(), 1.0);
+  EXPECT_EQ(session->idle_timeout_s(), 3.0);
   const auto end = session->next();
   ASSERT_FALSE(end.has_value());
   EXPECT_EQ(end.error().code, ErrorCode::aborted);

@@ -334,8 +334,11 @@ TEST_F(Session, ADroppedStreamFreesWorkerAndMemoryAtOnce) {
 
 TEST_F(Session, AnIdleOneIsEnded) {
   start({"--session-idle-s", "1"});
-  const auto call = set_up(setup_of(example_request()));
-  EXPECT_FALSE(call->next().has_value());
+  const auto call = open();
+  call->write(setup_of(example_request()));
+  // Ready comes first; nothing does where a machine is so busy that the second is over before.
+  while (call->next()) {
+  }
   EXPECT_EQ(call->finish().error_code(), grpc::StatusCode::ABORTED);
   EXPECT_TRUE(eventually_no_session());
 }

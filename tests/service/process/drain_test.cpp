@@ -91,7 +91,7 @@ TEST_F(Drain, InItsTimeOfNoticeItSaysThatItLeavesAndTakesEverything) {
 }
 
 TEST_F(Drain, AfterItsTimeOfNoticeItStops) {
-  start({"--workers", "1", "--drain-notice-s", "0.2"});
+  start({"--workers", "1", "--drain-notice-s", "0.2", "--drain-grace-s", "300"});
   Stream running(solver(), long_request(300));
   ASSERT_TRUE(running.read_until(Event::kStarted));
   server().terminate();
