@@ -97,7 +97,8 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
 // ended, or nothing where an exact solution came before its end.
 std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z) {
   const bool quadratic = quadratic_ && options_.polish && options_.path == Path::fast;
-  if (quadratic && solve_quadratic(run, initial_z)) return std::nullopt;
+  if (quadratic && incumbent_.solve_branch(run, *quadratic_, initial_z, branch_.point.set))
+    return std::nullopt;
   path_.start(quadratic && run.interrupted() ? ConstVectorRef(quadratic_->iterate().z()) : initial_z);
   std::optional<Ending> end;
   auto branch = PathBranch::not_exact;
@@ -124,23 +125,6 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z) {
   }
   if (!ended_by_force(end->status) && options_.polish) static_cast<void>(solve_path_branch(run));
   return end;
-}
-
-// Without pairs: by the rows that the interior point method shows. They are tried as soon as they have
-// settled, for a few factorizations, and in earnest where it ends.
-bool Strategy::solve_quadratic(Run& run, ConstVectorRef initial_z) {
-  const int last = run.factorizations + tuning::engine_budget;
-  quadratic_->start(initial_z);
-  for (bool at_end = false; !at_end;) {
-    if (!quadratic_->step(run)) return false;
-    at_end = quadratic_->kappa() <= tuning::roundoff || run.factorizations >= last;
-    if (!at_end && !quadratic_->shows_new_rows()) continue;
-    const Run::Polishing polishing(run);
-    branch_.point.start_from_solution(quadratic_->iterate());
-    const int budget = at_end ? tuning::engine_budget : tuning::early_budget;
-    if (incumbent_.solve_branch(run, "interior point", budget) == Incumbent::Outcome::kept) return true;
-  }
-  return false;
 }
 
 // A path that seems to end in a proof ends so only if there is one.
@@ -229,7 +213,8 @@ TreeResult Strategy::search_small_tree(Run& run, bool known_convex) {
   few.node_limit = options_.small_budget;
   Tree tree(problem_, few, branch_.point, incumbent_);
   Run part = run.part(true);
-  const TreeResult found = tree.search(part, incumbent_.best().x.z(), known_convex, tree_bytes_);
+  const TreeResult found =
+      tree.search(part, incumbent_.best().x.z(), known_convex, {tree_bytes_, 0.0, false});
   run.add_part(part);
   TreeResult told;
   told.end = found.end;

@@ -75,7 +75,6 @@ class Strategy {
                                    const std::optional<WarmStart>& warm_start);
   [[nodiscard]] Answer search_globally(Run& run, Answer local, bool warm);
   [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z);
-  [[nodiscard]] bool solve_quadratic(Run& run, ConstVectorRef initial_z);
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
   [[nodiscard]] PathBranch solve_path_branch(Run& run);
   [[nodiscard]] bool path_is_lower(bool feasible, double objective) const;

@@ -38,6 +38,8 @@ void warm(const Settings& settings);
 void mpc(const Settings& settings);
 /// The hopper at horizons of 30 to 480 steps.
 void growth(const Settings& settings);
+/// Whether hoppers of 30 to 960 steps with varied numbers are solved, and what that takes.
+void horizons(const Settings& settings);
 /// Branch and bound on problems with known optima and on the paper's: bounds, nodes and their cost.
 void global(const Settings& settings);
 /// Each MacMPEC problem in other units of its variables, rows and cost, 10^-8 to 10^8.

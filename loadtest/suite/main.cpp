@@ -21,7 +21,8 @@ constexpr const char* kUsage =
     "FOLDER]\n"
     "             [--peers COMMAND]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
-    "Families: macmpec perturbed robotics variants qpecs warm mpc growth units throughput global hard qp; "
+    "Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global "
+    "hard qp; "
     "all "
     "of "
     "them by "
@@ -122,6 +123,7 @@ int main(int argc, char** argv) {
       {"warm", suite::warm},
       {"mpc", suite::mpc},
       {"growth", suite::growth},
+      {"horizons", suite::horizons},
       {"units", suite::units},
       {"throughput", suite::throughput},
       {"global", suite::global},

@@ -39,6 +39,8 @@ class BranchPoint {
   /// With the factor at hand: takes out of a direction what changes the rows held at zero.
   [[nodiscard]] bool project(VectorRef direction);
 
+  [[nodiscard]] Kkt& kkt() { return kkt_; }
+
   /// Largest entry of the stationarity, and of the violation of fixed and free rows, scaled.
   [[nodiscard]] double error() const;
 

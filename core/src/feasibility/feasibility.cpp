@@ -16,14 +16,18 @@ Feasibility::Feasibility(const ScaledProblem& problem, const Options& options, B
                          Incumbent& incumbent)
     : problem_(problem), options_(options), point_(point), incumbent_(incumbent), tree_(problem) {}
 
-// Whether the branch has an exact solution, or z is feasible on it.
+// Whether the branch has an exact solution, or z is feasible on it. Where exchanges of rows do not find that
+// solution though there is a feasible point, the interior point method shows its rows, if Q is convex there.
 bool Feasibility::take(Run& run, ConstVectorRef z, const WorkingSet& branch, const char* origin) {
   Iterate x(problem_);
   x.z() = z;
   point_.restore(x, branch);
   if (incumbent_.solve_branch(run, origin, tuning::engine_budget) == Incumbent::Outcome::kept) return true;
   point_.restore(x, branch);
-  return within_tolerances(violations(problem_, point_.images), options_);
+  if (!within_tolerances(violations(problem_, point_.images), options_)) return false;
+  QuadraticEngine engine(problem_, point_.kkt());
+  if (!incumbent_.solve_branch(run, engine, z, branch)) point_.restore(x, branch);
+  return true;
 }
 
 bool Feasibility::pivot(Run& run, ConstVectorRef z, int first, int end, int last_factorization) {

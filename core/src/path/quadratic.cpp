@@ -10,58 +10,72 @@ namespace marble {
 QuadraticEngine::QuadraticEngine(const ScaledProblem& problem, Kkt& kkt)
     : problem_(problem),
       kkt_(kkt),
+      set_(problem),
       weights_(problem),
       x_(problem),
       d_(problem),
       images_(problem),
-      slack_(problem.inequalities()),
-      slack_step_(problem.inequalities()),
-      product_(problem.inequalities()),
-      rate_(problem.inequalities()),
-      held_(static_cast<std::size_t>(problem.inequalities())),
+      slack_(problem.layout.size()),
+      slack_step_(problem.layout.size()),
+      product_(problem.layout.size()),
+      rate_(problem.layout.size()),
       reporter_(problem) {}
 
 // ν as large as the constraints are violated: multipliers grow with that, and from below it steps are short.
-void QuadraticEngine::start(ConstVectorRef initial_z) {
+void QuadraticEngine::start(ConstVectorRef initial_z, const WorkingSet& branch) {
+  set_ = branch;
+  shown_.clear();
+  short_steps_ = 0;
   x_.all.setZero();
   x_.z() = initial_z;
   images_.evaluate(problem_, x_);
-  slack_ = images_.rows.all.cwiseMax(1.0);
-  const double violation = std::max(max_abs(images_.equality), max_abs(images_.rows.all.cwiseMin(0.0)));
-  x_.lambda().setConstant(-std::max(1.0, tuning::quadratic_start * violation));
-  shown_.clear();
-  short_steps_ = 0;
+  const Vector& rows = images_.rows.all;
+  double violation = max_abs(images_.equality);
+  for (Index i = 0; i < rows.size(); ++i)
+    violation = std::max(violation, set_.is_fixed(i) ? std::abs(rows[i]) : -rows[i]);
+  slack_.setZero();
+  set_.for_each_free_row([&](Index row) {
+    slack_[row] = std::max(1.0, rows[row]);
+    x_.lambda()[row] = -std::max(1.0, tuning::quadratic_start * violation);
+  });
   evaluate();
 }
 
 void QuadraticEngine::evaluate() {
   images_.evaluate(problem_, x_);
-  kappa_ = slack_.size() == 0 ? 0.0 : -slack_.dot(x_.lambda()) / static_cast<double>(slack_.size());
+  kappa_ = -slack_.dot(x_.lambda()) / free_rows();
 }
 
-// Newton on (Qz + g + Aᵀy + Cᵀλ, Az + b, Cz + d − w, w∘ν − κ + product); dν is eliminated by the last two.
+double QuadraticEngine::free_rows() const {
+  return std::max<double>(1.0, problem_.inequalities() + problem_.pairs());
+}
+
+// Newton on (Qz + g + Aᵀy + Jᵀλ, Az + b, Jz + c − w, w∘ν − κ + product) over the rows [C; L; R]; dν is
+// eliminated by the last two. A fixed side has w = 0 and dλ = ρ times what its step leaves of it.
 bool QuadraticEngine::direction(double kappa, bool correct) {
-  rate_ = (kappa + slack_.cwiseProduct(x_.lambda()).array()).matrix();
-  if (correct) rate_ -= product_;
+  rate_.setZero();
+  set_.for_each_free_row([&](Index row) {
+    rate_[row] = (kappa - (correct ? product_[row] : 0.0)) / slack_[row] + x_.lambda()[row];
+  });
   auto dz = d_.z();
   dz = -images_.stationarity;
   const Vector& weight = weights_.rows.all;
-  slack_step_ = rate_.cwiseQuotient(slack_) - weight.cwiseProduct(images_.rows.all - slack_);
+  slack_step_ = rate_ - weight.cwiseProduct(images_.rows.all - slack_);
   add_transposed(problem_.rows, slack_step_, dz);
   d_.y() = -images_.equality;
   if (!kkt_.solve(dz, d_.y()) || !dz.allFinite() || !d_.y().allFinite()) return false;
   multiply(problem_.rows, dz, slack_step_);
   slack_step_ += images_.rows.all - slack_;
-  d_.lambda() = weight.cwiseProduct(slack_step_) - rate_.cwiseQuotient(slack_);
+  d_.lambda() = weight.cwiseProduct(slack_step_) - rate_;
   return true;
 }
 
 double QuadraticEngine::longest_step() const {
   double length = 1.0;
-  for (Eigen::Index i = 0; i < slack_.size(); ++i) {
-    if (slack_step_[i] < 0.0) length = std::min(length, -slack_[i] / slack_step_[i]);
-    if (d_.lambda()[i] > 0.0) length = std::min(length, -x_.lambda()[i] / d_.lambda()[i]);
-  }
+  set_.for_each_free_row([&](Index row) {
+    if (slack_step_[row] < 0.0) length = std::min(length, -slack_[row] / slack_step_[row]);
+    if (d_.lambda()[row] > 0.0) length = std::min(length, -x_.lambda()[row] / d_.lambda()[row]);
+  });
   return length;
 }
 
@@ -70,19 +84,24 @@ bool QuadraticEngine::step(Run& run) {
   report(run);
   weights_.rho = tuning::exact_rho;
   weights_.delta = tuning::exact_delta;
-  weights_.rows.all = -x_.lambda().cwiseQuotient(slack_);
+  weights_.rows.all.setConstant(tuning::exact_rho);
+  set_.for_each_free_row([&](Index row) { weights_.rows.all[row] = -x_.lambda()[row] / slack_[row]; });
   ++run.factorizations;
   if (!run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); })) return false;
   if (!direction(0.0, false)) return false;
   const double affine = longest_step();
-  const double kappa_affine = -(slack_ + affine * slack_step_).dot(x_.lambda() + affine * d_.lambda()) /
-                              std::max<double>(1.0, static_cast<double>(slack_.size()));
+  double affine_products = 0.0;
+  set_.for_each_free_row([&](Index row) {
+    affine_products -=
+        (slack_[row] + affine * slack_step_[row]) * (x_.lambda()[row] + affine * d_.lambda()[row]);
+  });
+  const double kappa_affine = affine_products / free_rows();
   const double centering = kappa_ > 0.0 ? std::pow(std::max(0.0, kappa_affine) / kappa_, 3) : 0.0;
   product_ = -slack_step_.cwiseProduct(d_.lambda());
   if (!direction(centering * kappa_, true)) return false;
   step_length_ = std::min(1.0, tuning::interior_fraction * longest_step());
   x_.all += step_length_ * d_.all;
-  slack_ += step_length_ * slack_step_;
+  set_.for_each_free_row([&](Index row) { slack_[row] += step_length_ * slack_step_[row]; });
   ++run.iterations;
   evaluate();
   read_rows();
@@ -91,18 +110,18 @@ bool QuadraticEngine::step(Run& run) {
 }
 
 bool QuadraticEngine::shows_new_rows() {
-  if (!settled_ || shown_ == held_) return false;
-  shown_ = held_;
+  if (!settled_ || shown_ == set_.held) return false;
+  shown_ = set_.held;
   return true;
 }
 
 void QuadraticEngine::read_rows() {
   settled_ = kappa_ <= tuning::branch_kappa;
-  for (Eigen::Index i = 0; i < slack_.size(); ++i) {
-    const bool held = slack_[i] < -x_.lambda()[i];
-    if (held != held_[static_cast<std::size_t>(i)]) settled_ = false;
-    held_[static_cast<std::size_t>(i)] = held;
-  }
+  set_.for_each_free_row([&](Index row) {
+    const std::uint8_t held = slack_[row] < -x_.lambda()[row];
+    if (held != set_.held[row]) settled_ = false;
+    set_.held[row] = held;
+  });
 }
 
 void QuadraticEngine::report(Run& run) {

@@ -31,6 +31,22 @@ Incumbent::Outcome Incumbent::solve_branch(Run& run, const char* origin, int bud
   return Outcome::kept;
 }
 
+// The rows are tried as soon as they have settled, for a few factorizations, and in earnest at the end.
+bool Incumbent::solve_branch(Run& run, QuadraticEngine& engine, ConstVectorRef z, const WorkingSet& branch) {
+  const int last = run.factorizations + tuning::engine_budget;
+  engine.start(z, branch);
+  for (bool at_end = false; !at_end;) {
+    if (!engine.step(run)) return false;
+    at_end = engine.kappa() <= tuning::roundoff || run.factorizations >= last;
+    if (!at_end && !engine.shows_new_rows()) continue;
+    const Run::Polishing polishing(run);
+    branch_.point().restore(engine.iterate(), engine.set());
+    const int budget = at_end ? tuning::engine_budget : tuning::early_budget;
+    if (solve_branch(run, "interior point", budget) == Outcome::kept) return true;
+  }
+  return false;
+}
+
 void Incumbent::offer(const Iterate& x, const Images& images, const WorkingSet& set, const char* origin) {
   if (exists_ && !(images.objective < best_.objective)) return;
   other_.violations = violations(problem_, images);

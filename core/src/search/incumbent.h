@@ -3,6 +3,7 @@
 
 #include "branch/exact_branch.h"
 #include "marble/options.h"
+#include "path/quadratic.h"
 
 namespace marble {
 
@@ -32,6 +33,9 @@ class Incumbent {
   };
   /// Solves the branch at hand exactly and keeps what is better than the best so far.
   [[nodiscard]] Outcome solve_branch(Run& run, const char* origin, int budget);
+  /// Solves this branch exactly, by the rows that an interior point method shows on it. True if it is kept.
+  [[nodiscard]] bool solve_branch(Run& run, QuadraticEngine& engine, ConstVectorRef z,
+                                  const WorkingSet& branch);
   /// Keeps a point with its images, exact for the rows it holds at zero, if it is feasible and lower at all.
   void offer(const Iterate& x, const Images& images, const WorkingSet& set, const char* origin);
   /// Replaces it, by a swap.

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "branch/branch_engines.h"
 #include "support/problems/random_problem.h"
 #include "workbench.h"
@@ -54,6 +56,30 @@ TEST(Incumbent, KeepsTheBetterOfTwoBranchesWhicheverComesFirst) {
     EXPECT_STREQ(k.incumbent.best().origin, better_first ? "first" : "second");
     EXPECT_NEAR(k.judged(k.incumbent.other().x.z()).objective, 4.0, 1e-9) << "the other one is still at hand";
   }
+}
+
+// From 0, which most branches do not contain.
+TEST(Incumbent, TheInteriorPointMethodSolvesABranchAsExchangesOfRowsDo) {
+  int solved = 0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    const OwnedProblem p =
+        testing::random_problem({.variables = 30, .equalities = 5, .inequalities = 12, .pairs = 9}, seed);
+    Kept by_rows(p);
+    Kept by_interior(p);
+    WorkingSet set(by_rows.problem);
+    for (Index pair = 0; pair < by_rows.problem.pairs(); ++pair)
+      set.fix(pair, (seed >> pair % 5 & 1U) != 0, false);
+    by_rows.branch.point.set = set;
+    if (by_rows.incumbent.solve_branch(by_rows.run, "rows", kBudget) != Outcome::kept) continue;
+    QuadraticEngine engine(by_interior.problem, *by_interior.kkt);
+    const Vector zero = Vector::Zero(by_interior.problem.variables());
+    ASSERT_TRUE(by_interior.incumbent.solve_branch(by_interior.run, engine, zero, set)) << "seed " << seed;
+    EXPECT_NEAR(by_interior.objective(), by_rows.objective(), 1e-9 * (1.0 + std::abs(by_rows.objective())));
+    for (Index pair = 0; pair < set.layout.pairs; ++pair)
+      EXPECT_EQ(by_interior.incumbent.best().set.s_fixed[pair], set.s_fixed[pair]);
+    ++solved;
+  }
+  EXPECT_GE(solved, 20);
 }
 
 TEST(Incumbent, TheSameSolutionAgainIsNoBetter) {
