@@ -83,7 +83,8 @@ class Solution:
     certificate. Where z is not proved, detail says why. bound: no feasible point has an objective below it; -inf where
     none is known, so without option global, inf of a problem that is proved infeasible. gap: (objective - bound) /
     max(1, |objective|), ≥ 0; inf without a feasible point or a bound. nodes, open_nodes: of the tree, bounded, and left
-    open at the end; 0 without option global.
+    open at the end; 0 without option global. warm_nodes: of a session's last tree, that this one began with instead of
+    the root.
     iterations, factorizations: counts. times: seconds. options: every option as it was used. cold_objective: what a
     cold start last reached on the way here. job_id: the server's.
     problem: what was solved.
@@ -113,6 +114,7 @@ class Solution:
     gap: float
     nodes: int
     open_nodes: int
+    warm_nodes: int
     iterations: int
     factorizations: int
     times: Times
