@@ -121,6 +121,7 @@ void take_proof(const Strategy::Answer& found, Solution& solution) {
   solution.gap = found.tree.gap;
   solution.nodes = found.tree.nodes;
   solution.open_nodes = found.tree.open_nodes;
+  solution.warm_nodes = found.tree.warm_nodes;
 }
 
 }  // namespace

@@ -211,6 +211,10 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
 TreeResult Strategy::search_small_tree(Run& run, bool known_convex) {
   Options few = options_;
   few.node_limit = options_.small_budget;
+  // As many digits of a small objective: a cost in other units is the same problem.
+  const double size =
+      std::max(1.0 / problem_.cost_scale, std::abs(problem_.user_objective(incumbent_.best().objective)));
+  few.gap_tolerance *= std::min(1.0, size);
   Tree tree(problem_, few, branch_.point, incumbent_);
   Run part = run.part(true);
   const TreeResult found =

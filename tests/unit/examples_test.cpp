@@ -64,22 +64,6 @@ TEST(PublishedExamples, OfARocketHasThePapersObjectives) {
   EXPECT_NEAR(paper.objective, 381.19, 0.005);
 }
 
-// With the constants of the authors' repository (include/solver.h, 7eb4b17).
-TEST(PublishedExamples, OfARocketIsSolvedByTheAlgorithmAsItIsPrinted) {
-  Options options{.path = Path::algorithm1,
-                  .max_iterations = 1000,
-                  .kappa_min = 1e-7,
-                  .rho_initial = 10.0,
-                  .inner_tolerance = 1e-6};
-  options.equality_tolerance = options.inequality_tolerance = 1e-4;
-  options.complementarity_tolerance = 1e-3;
-  const OwnedProblem p = published_rocket();
-  const Solution s = solve_in_process(p.view(), options).value();
-  EXPECT_TRUE(is_solved(s.status)) << s.detail;
-  EXPECT_NEAR(s.objective, 381.19, 0.005);
-  EXPECT_LE(infeasibility(p, s.z), 1e-3);
-}
-
 TEST(PublishedExamples, OfGatesAndHopperAreSolvedToWhatIsKnown) {
   const struct {
     OwnedProblem problem;

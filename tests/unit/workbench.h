@@ -39,7 +39,6 @@ class WrappedKkt : public Kkt {
   explicit WrappedKkt(Kkt& inner) : inner_(inner) {}
   [[nodiscard]] bool allocate(const ScaledProblem&) override { return true; }
   void load(const ScaledProblem& problem) override { inner_.load(problem); }
-  [[nodiscard]] bool factor(const RowWeights& weights) override { return inner_.factor(weights); }
   [[nodiscard]] bool solve(VectorRef x, VectorRef y) override { return inner_.solve(x, y); }
   [[nodiscard]] bool solve_sparse(std::span<const Index> indices, std::span<const double> values,
                                   VectorRef x) override {
@@ -48,6 +47,9 @@ class WrappedKkt : public Kkt {
   [[nodiscard]] std::string_view name() const override { return "wrapped"; }
   [[nodiscard]] double flops() const override { return inner_.flops(); }
   [[nodiscard]] double bytes() const override { return inner_.bytes(); }
+
+ protected:
+  [[nodiscard]] bool factorize(const RowWeights& weights) override { return inner_.factor(weights); }
 
  private:
   Kkt& inner_;
@@ -58,8 +60,8 @@ class FailingKkt final : public WrappedKkt {
  public:
   FailingKkt(Kkt& inner, int last, std::stop_source* stop = nullptr)
       : WrappedKkt(inner), left_(last - 1), stop_(stop) {}
-  [[nodiscard]] bool factor(const RowWeights& weights) override {
-    if (left_-- > 0) return WrappedKkt::factor(weights);
+  [[nodiscard]] bool factorize(const RowWeights& weights) override {
+    if (left_-- > 0) return WrappedKkt::factorize(weights);
     if (stop_ != nullptr) stop_->request_stop();
     return false;
   }

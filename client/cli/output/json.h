@@ -14,7 +14,7 @@ using Json = nlohmann::ordered_json;  // keys stay in the order in which they we
 [[nodiscard]] Json to_json(const Error& error);
 
 /// What Progress, Solution and JobInfo tell of a tree (option global): bound, gap, nodes, open_nodes and,
-/// where they have it, incumbent. JSON has no infinity: what is not known is null.
+/// where they have them, incumbent and warm_nodes. JSON has no infinity: what is not known is null.
 template <class Told>
 void add_tree(const Told& told, Json& json) {
   if constexpr (requires { told.incumbent; }) json["incumbent"] = told.incumbent;
@@ -22,6 +22,7 @@ void add_tree(const Told& told, Json& json) {
   json["gap"] = told.gap;
   json["nodes"] = told.nodes;
   json["open_nodes"] = told.open_nodes;
+  if constexpr (requires { told.warm_nodes; }) json["warm_nodes"] = told.warm_nodes;
 }
 
 /// Without a line break; bytes that are no UTF-8, as file names may hold, are replaced.

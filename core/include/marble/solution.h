@@ -94,14 +94,19 @@ struct Solution {
   double gap = std::numeric_limits<double>::infinity();
   std::int64_t nodes = 0;       ///< of the tree of option global, bounded; 0 without it
   std::int64_t open_nodes = 0;  ///< of them left open at the end: 0 of a tree that was searched to its end
+  /// Of a session's last tree, that this one began with instead of the root: bounded anew by the multipliers
+  /// they were closed with, not solved again. `detail` says how many of them are closed still.
+  std::int64_t warm_nodes = 0;
   /// What a cold start last reached on the way to this answer: the objective itself, or, of a chain of warm
   /// starts, that of its first. A warm start that ends clearly above it starts cold too.
   double cold_objective = 0.0;
-  Violations violations;            ///< of z, user units
-  double kkt_residual = 0.0;        ///< max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|, unscaled
-  std::int32_t iterations = 0;      ///< Newton steps
-  std::int32_t factorizations = 0;  ///< all of them, rejected ones included
-  Times times;                      ///< where the time went
+  Violations violations;        ///< of z, user units
+  double kkt_residual = 0.0;    ///< max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|, unscaled
+  std::int32_t iterations = 0;  ///< Newton steps
+  /// All of them, rejected ones included. With option global each helper of a TaskRunner makes one of its own
+  /// for some problems; nothing else depends on who helps.
+  std::int32_t factorizations = 0;
+  Times times;  ///< where the time went
 };
 
 }  // namespace marble

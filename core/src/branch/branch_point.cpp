@@ -72,11 +72,13 @@ bool BranchPoint::factor(Run& run, double rho, double delta) {
   for (Index row = 0; row < problem_.layout.size(); ++row) weights_.rows.all[row] = set.held[row] ? rho : 0.0;
   factored_set_ = set;
   ++run.factorizations;
-  return run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); });
+  const bool factored = run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); });
+  factor_ = kkt_.factors();
+  return factored;
 }
 
 bool BranchPoint::is_factored(double rho, double delta) const {
-  return weights_.rho == rho && weights_.delta == delta && factored_set_ == set;
+  return kkt_.factors() == factor_ && weights_.rho == rho && weights_.delta == delta && factored_set_ == set;
 }
 
 // With the active rows as equalities: Newton on (Qz + g + Jᵀλ, J_active z + c) with the regularized factor,

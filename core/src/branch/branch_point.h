@@ -59,6 +59,7 @@ class BranchPoint {
   Kkt& kkt_;
   RowWeights weights_;
   WorkingSet factored_set_;
+  std::int64_t factor_ = -1;  // of kkt_, which others use too
 };
 
 }  // namespace marble

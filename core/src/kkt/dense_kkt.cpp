@@ -188,7 +188,7 @@ bool DenseKkt::add_terms(double sign) {
                      static_cast<int>(terms_.size()), system_.data(), variables_, variables_, interrupt());
 }
 
-bool DenseKkt::factor(const RowWeights& weights) {
+bool DenseKkt::factorize(const RowWeights& weights) {
   rho_ = weights.rho;
   if (!fill(system_, hessian_, interrupt())) return false;
   system_.diagonal().array() += weights.delta;

@@ -9,6 +9,7 @@
 // the fill each way causes.
 #pragma once
 
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <span>
@@ -44,7 +45,12 @@ class Kkt {
   virtual void load(const ScaledProblem& problem) = 0;
   /// Assembles and factorizes in place. True if the inertia is right, which means that H + ρAᵀA is positive
   /// definite: n positive and n_e negative pivots (plus what the kept rows' own signs ask for).
-  [[nodiscard]] virtual bool factor(const RowWeights& weights) = 0;
+  [[nodiscard]] bool factor(const RowWeights& weights) {
+    ++factors_;
+    return factorize(weights);
+  }
+  /// Another number after each factor(): whose factor is at hand, where several engines share one.
+  [[nodiscard]] std::int64_t factors() const { return factors_; }
   /// Solves for (x, y) in place of (f, h), with one step of iterative refinement.
   [[nodiscard]] virtual bool solve(VectorRef x, VectorRef y) = 0;
   /// x for a right-hand side f with few entries and h = 0, without the refinement: for the many solves of a
@@ -57,7 +63,10 @@ class Kkt {
       const = 0;  ///< memory of factor and workspace, known before allocate()
 
  private:
+  [[nodiscard]] virtual bool factorize(const RowWeights& weights) = 0;
+
   Interrupt interrupt_;
+  std::int64_t factors_ = 0;
 };
 
 /// What a backend may take, or what the least of them would.

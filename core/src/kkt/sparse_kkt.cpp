@@ -292,7 +292,7 @@ Index SparseKkt::kept_negative_weights(const RowWeights& weights) const {
   return count;
 }
 
-bool SparseKkt::factor(const RowWeights& weights) {
+bool SparseKkt::factorize(const RowWeights& weights) {
   assemble(weights);
   if (!ldl_.factorize(values_, interrupt())) return false;
   // Haynsworth: a kept row with k > 0 asks for a negative pivot, one with k < 0 for a positive one.

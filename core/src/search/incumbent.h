@@ -40,7 +40,11 @@ class Incumbent {
   void offer(const Iterate& x, const Images& images, const WorkingSet& set, const char* origin);
   /// Replaces it, by a swap.
   void replace(ExactSolution& better);
-  void clear() { exists_ = false; }
+  /// Of other() too, lest bounds depend on solves before this one.
+  void clear() {
+    exists_ = false;
+    other_.x.all.setZero();
+  }
 
   [[nodiscard]] bool exists() const { return exists_; }
   /// While it exists; its objective falls whenever it is replaced.

@@ -443,6 +443,7 @@ TreeResult Tree::result(TreeResult::End end) const {
   result.end = end;
   result.bound = bound();
   result.gap = gap(result.bound);
+  result.warm_nodes = warm_nodes_;
   result.nodes = nodes_;
   result.open_nodes = static_cast<std::int64_t>(open_.size());
   if (end == TreeResult::End::exhausted && !incumbent_.exists() && closed_bound_ == kInfinity)

@@ -35,7 +35,7 @@ struct TreeResult {
   bool proved = false;
   double bound = -std::numeric_limits<double>::infinity();
   double gap = std::numeric_limits<double>::infinity();
-  std::int64_t nodes = 0, open_nodes = 0;
+  std::int64_t nodes = 0, open_nodes = 0, warm_nodes = 0;
   std::string remark;
 
   /// Told of a better answer than the tree had: one that is feasible to the tolerances only.

@@ -62,6 +62,7 @@ void tree_to_message(const Told& told, Message* message) {
   if (told.gap < kInfinity) message->set_gap(told.gap);
   message->set_nodes(told.nodes);
   message->set_open_nodes(told.open_nodes);
+  if constexpr (requires { told.warm_nodes; }) message->set_warm_nodes(told.warm_nodes);
 }
 template <class Message, class Told>
 void take_tree(const Message& message, Told& told) {
@@ -72,6 +73,7 @@ void take_tree(const Message& message, Told& told) {
   told.gap = message.has_gap() ? message.gap() : kInfinity;
   told.nodes = message.nodes();
   told.open_nodes = message.open_nodes();
+  if constexpr (requires { told.warm_nodes; }) told.warm_nodes = message.warm_nodes();
 }
 
 /// Everything but z, which is sent only where it was asked for.

@@ -14,8 +14,8 @@ export const STATUSES = {
   },
   iteration_limit: {
     tone: "soft",
-    means: "max_iterations was reached; this is the best iterate.",
-    advice: "If the curves still fall, raise max_iterations. If they are flat, another start (x0, or starts above 1) helps more than more iterations.",
+    means: "max_iterations was reached, or with option global node_limit; this is the best iterate.",
+    advice: "If the curves still fall, raise max_iterations. If they are flat, another start (x0, or starts above 1) helps more than more iterations. Where nodes are open, raise node_limit.",
   },
   time_limit: {
     tone: "soft",

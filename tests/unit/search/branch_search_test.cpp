@@ -35,13 +35,13 @@ struct Searched {
 class NotingKkt final : public testing::WrappedKkt {
  public:
   NotingKkt(Kkt& inner, std::function<void()> begins) : WrappedKkt(inner), begins_(std::move(begins)) {}
-  [[nodiscard]] bool factor(const RowWeights& weights) override {
+  [[nodiscard]] bool factorize(const RowWeights& weights) override {
     const double next = tuning::soft_rho * std::pow(tuning::further_softer, begun + 1);
     if (std::abs(weights.rho - next) <= 1e-12 * next) {
       ++begun;
       begins_();
     }
-    return WrappedKkt::factor(weights);
+    return WrappedKkt::factorize(weights);
   }
   int begun = 0;
 
@@ -108,10 +108,10 @@ TEST(BranchSearch, FurtherStartsAreFreeAfterACheapSoftStartWhileTheyGain) {
 class RememberingKkt final : public testing::WrappedKkt {
  public:
   using WrappedKkt::WrappedKkt;
-  [[nodiscard]] bool factor(const RowWeights& weights) override {
+  [[nodiscard]] bool factorize(const RowWeights& weights) override {
     if (weights.rho == tuning::soft_rho) held.clear();  // of the last soft start and what came after it
     held.push_back((weights.rows.all.array() > 0.0).cast<int>());
-    return WrappedKkt::factor(weights);
+    return WrappedKkt::factorize(weights);
   }
   std::vector<Eigen::ArrayXi> held;
 };

@@ -51,7 +51,7 @@ export const errorNames = {
 export const statusAdvice = {
   solved: "",
   solved_reduced: "Use it if that is enough. Else look at which violation is largest and scale those rows, or loosen that tolerance.",
-  iteration_limit: "If the curves still fall, raise max_iterations. If they are flat, another start (x0, or starts above 1) helps more than more iterations.",
+  iteration_limit: "If the curves still fall, raise max_iterations. If they are flat, another start (x0, or starts above 1) helps more than more iterations. Where nodes are open, raise node_limit.",
   time_limit: "Look at where the time went: raise time_limit_s, lower local_search_budget, or start warm in a session.",
   cancelled: "Send it again if nobody meant to end it.",
   infeasible: "The problem contradicts itself: check signs and offsets of A, b, C, d, l and r. The largest multipliers in the certificate name the rows that clash.",

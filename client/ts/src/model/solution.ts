@@ -89,6 +89,8 @@ export class Solution {
   readonly nodes: number;
   /** Nodes of the tree left open at the end: 0 of one that was searched to its end. */
   readonly openNodes: number;
+  /** Nodes of a session's last tree that this one began with instead of the root, bounded anew by their multipliers. */
+  readonly warmNodes: number;
   /** What a cold start last reached: the objective itself, or of a chain of warm starts that of its first. */
   readonly coldObjective: number;
   /** Rows of progress that were dropped because they were not taken fast enough. */
@@ -121,6 +123,7 @@ export class Solution {
     this.gap = tree.gap;
     this.nodes = tree.nodes;
     this.openNodes = tree.openNodes;
+    this.warmNodes = message.warmNodes;
     this.coldObjective = message.coldObjective;
     this.progressSkipped = progressSkipped;
   }

@@ -62,7 +62,7 @@ _ADVICE: Final = {
         "tolerance.",
     "iteration_limit":
         "If the curves still fall, raise max_iterations. If they are flat, another start (x0, or starts above 1) "
-        "helps more than more iterations.",
+        "helps more than more iterations. Where nodes are open, raise node_limit.",
     "time_limit":
         "Look at where the time went: raise time_limit_s, lower local_search_budget, or start warm in a session.",
     "cancelled":
@@ -86,7 +86,7 @@ class Status(enum.Enum):
 
     SOLVED: All tolerances are met.
     SOLVED_REDUCED: Feasible to 100 times the tolerances, but no further progress was possible.
-    ITERATION_LIMIT: max_iterations was reached; this is the best iterate.
+    ITERATION_LIMIT: max_iterations was reached, or with option global node_limit; this is the best iterate.
     TIME_LIMIT: time_limit_s was reached; this is the best iterate.
     CANCELLED: The solve was told to end, by its client, by cancel or by a server that shuts down; this is the best
     iterate.

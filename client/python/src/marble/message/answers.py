@@ -93,6 +93,7 @@ def solution(message: Any, arrays: Arrays, path: str, problem: LCQP, job_id: str
         second_order=_second_orders().get(message.second_order),
         proved=message.proved,
         **_tree(message),
+        warm_nodes=message.warm_nodes,
         iterations=message.iterations,
         factorizations=message.factorizations,
         times=_times(message.times),

@@ -84,7 +84,8 @@ class Solution:
     proved, detail says why. bound: no feasible point has an objective below it; -inf where none is known, so of what
     neither option global nor small_budget has bounded, inf of a problem that is proved infeasible. gap: (objective -
     bound) / max(1, |objective|), ≥ 0; inf without a feasible point or a bound. nodes, open_nodes: of the tree of option
-    global, bounded, and left open at the end; 0 without it.
+    global, bounded, and left open at the end; 0 without it. warm_nodes: of a session's last tree, that this one began
+    with instead of the root.
     iterations, factorizations: counts. times: seconds. options: every option as it was used. cold_objective: what a
     cold start last reached on the way here. job_id: the server's.
     problem: what was solved.
@@ -114,6 +115,7 @@ class Solution:
     gap: float
     nodes: int
     open_nodes: int
+    warm_nodes: int
     iterations: int
     factorizations: int
     times: Times
