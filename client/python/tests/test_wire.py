@@ -60,7 +60,7 @@ def test_what_a_tree_does_not_know_is_infinite_and_what_it_knows_comes_as_it_was
     response.solution.status = 1
     plain = answers.solve_response(response.SerializeToString(), None)
     assert (plain.proved, plain.bound, plain.gap, plain.nodes) == (False, -np.inf, np.inf, 0)
-    tree = dict(proved=True, bound=np.inf, gap=0.25, nodes=2**40, open_nodes=7)
+    tree = dict(proved=True, bound=np.inf, gap=0.25, nodes=2**40, open_nodes=7, warm_nodes=8)
     for name, value in tree.items():
         setattr(response.solution, name, value)
     told = answers.solve_response(response.SerializeToString(), None)

@@ -40,9 +40,10 @@ class Incumbent {
   void offer(const Iterate& x, const Images& images, const WorkingSet& set, const char* origin);
   /// Replaces it, by a swap.
   void replace(ExactSolution& better);
-  /// Of other() too, lest bounds depend on solves before this one.
+  /// All of it, lest bounds depend on solves before this one.
   void clear() {
     exists_ = false;
+    best_.x.all.setZero();
     other_.x.all.setZero();
   }
 

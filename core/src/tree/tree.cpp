@@ -27,6 +27,12 @@ double relative_gap(double objective, double bound) {
   return std::max(0.0, objective - bound) / std::max(1.0, std::abs(objective));
 }
 
+std::size_t branch_hash(const WorkingSet& set) {
+  std::size_t hash = 0;
+  for (Index pair = 0; pair < set.layout.pairs; ++pair) hash = 31 * hash + (set.s_fixed[pair] != 0 ? 1 : 2);
+  return hash;
+}
+
 double within(const Options& options) { return std::max(options.gap_tolerance, tuning::exactness); }
 
 }  // namespace
@@ -58,14 +64,28 @@ TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, const Roo
 }
 
 TreeResult Tree::explore(Run& run, ConstVectorRef z, bool known_convex, const Room& room) {
-  if (auto ended = prepare(run, known_convex, room)) return *std::move(ended);
-  if (!room.from_kept) costs_ = PseudoCosts(problem_.pairs());
+  const bool convex = known_convex || convex_.value_or(false);
+  if (!convex) {
+    if (auto ended = prepare(run, false, room)) return *std::move(ended);
+  }
+  keeps_ = room.kept_bytes > 0.0;
   tried_.clear();
   clauses_.clear();
   nodes_ = made_ = rounds_ = warm_nodes_ = warm_closed_ = 0;
   closed_bound_ = kInfinity;
   told_bound_ = -kInfinity;
-  if (const auto end = begin(run, z, room))
+  std::vector<Node> leaves = kept_.replace(room.kept_bytes);
+  Node root = make_root(z);
+  if (root.bound >= cutoff()) {  // proved by the incumbent's multipliers, without an engine
+    close(root, root.bound);
+    return result(TreeResult::End::exhausted);
+  }
+  if (convex) {
+    if (auto ended = prepare(run, true, room)) return *std::move(ended);
+  }
+  if (!room.from_kept) costs_ = PseudoCosts(problem_.pairs());
+  if (!room.from_kept) leaves.clear();
+  if (const auto end = begin(run, std::move(root), std::move(leaves), room))
     return *end == TreeResult::End::limit ? stopped(run) : result(*end);
   report(run);
   while (!open_.empty()) {
@@ -79,9 +99,9 @@ TreeResult Tree::explore(Run& run, ConstVectorRef z, bool known_convex, const Ro
 
 // Memory, and engines. An end if there is none, or if Q is not convex.
 std::optional<TreeResult> Tree::prepare(Run& run, bool known_convex, const Room& room) {
-  keeps_ = room.kept_bytes > 0.0;
   const double node = Node::bytes(
-      problem_.layout, keeps_ ? std::min<double>(problem_.variables(), problem_.layout.size()) : 0.0);
+      problem_.layout,
+      room.kept_bytes > 0.0 ? std::min<double>(problem_.variables(), problem_.layout.size()) : 0.0);
   most_nodes_ = (room.most_bytes - room.kept_bytes - Gram::most_bytes(problem_)) / node;
   if (!(most_nodes_ >= tuning::tree_least_nodes))
     return none("not proved: a tree needs more memory than there is");
@@ -139,27 +159,28 @@ void Tree::settle(const Room& room) {
   gram_.reset();
 }
 
-// From the incumbent's multipliers, if they prove it, what is kept, or the root. An end, if that is all.
-std::optional<TreeResult::End> Tree::begin(Run& run, ConstVectorRef z, const Room& room) {
-  const Vector from = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
-  radius_ = tuning::tree_radius * (1.0 + max_abs(from.cwiseProduct(problem_.variable_scale)));
+// Around the incumbent, or around z, and bounded by what there is without an engine.
+Node Tree::make_root(ConstVectorRef z) {
+  from_ = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
+  radius_ = tuning::tree_radius * (1.0 + max_abs(from_.cwiseProduct(problem_.variable_scale)));
   box_.emplace(problem_, radius_);
-  std::vector<Node> leaves = kept_.replace(room.kept_bytes);
   ++nodes_;
   Node root(problem_.layout, Fixings(static_cast<std::size_t>(problem_.pairs())), {});
   root.bound = -kInfinity;
   raise_by_solutions(root);
-  if (root.bound >= cutoff()) {
-    close(root, root.bound);
-    return TreeResult::End::exhausted;
-  }
+  return root;
+}
+
+// From what is kept, or from the root. An end, if that is all.
+std::optional<TreeResult::End> Tree::begin(Run& run, Node root, std::vector<Node> leaves, const Room& room) {
+  if (incumbent_.exists()) tried_.insert(branch_hash(incumbent_.best().set));
   expanders_[0]->keep(keeps_);
-  if (!expanders_[0]->relaxation().start(from)) {
+  if (!expanders_[0]->relaxation().start(from_)) {
     push(std::move(root));
     return TreeResult::End::limit;
   }
-  if (room.from_kept && !leaves.empty()) {
-    if (go_on_from(run, from, std::move(leaves))) return std::nullopt;
+  if (!leaves.empty()) {
+    if (go_on_from(run, from_, std::move(leaves))) return std::nullopt;
     warm_nodes_ = 0;
     closed_bound_ = kInfinity;
     static_cast<void>(kept_.replace(room.kept_bytes));
@@ -397,14 +418,12 @@ void Tree::try_as_answer(Run& run, const Suggestion& suggestion) {
   WorkingSet set(problem_);
   std::ranges::fill(set.held, std::uint8_t{0});
   for (const Index row : suggestion.held) set.held[row] = 1;
-  std::size_t hash = 0;
   for (Index pair = 0; pair < problem_.pairs(); ++pair) {
     const bool s = images.rows.s()[pair] < images.rows.t()[pair];
     const Index free = s ? problem_.layout.t(pair) : problem_.layout.s(pair);
     set.fix(pair, s, set.held[free] != 0);
-    hash = 31 * hash + (s ? 1 : 2);
   }
-  if (!tried_.insert(hash).second) return;
+  if (!tried_.insert(branch_hash(set)).second) return;
   point_.restore(x, set);
   const auto outcome = incumbent_.solve_branch(run, "tree", tuning::engine_budget);
   if (outcome == Incumbent::Outcome::not_exact && !incumbent_.exists())

@@ -64,7 +64,9 @@ class Tree {
   [[nodiscard]] TreeResult explore(Run& run, ConstVectorRef z, bool known_convex, const Room& room);
   [[nodiscard]] std::optional<TreeResult> prepare(Run& run, bool known_convex, const Room& room);
   [[nodiscard]] bool make_expanders(Run& run, std::size_t count);
-  [[nodiscard]] std::optional<TreeResult::End> begin(Run& run, ConstVectorRef z, const Room& room);
+  [[nodiscard]] Node make_root(ConstVectorRef z);
+  [[nodiscard]] std::optional<TreeResult::End> begin(Run& run, Node root, std::vector<Node> leaves,
+                                                     const Room& room);
   [[nodiscard]] std::optional<TreeResult::End> begin_at_root(Run& run, Node root);
   [[nodiscard]] bool go_on_from(Run& run, ConstVectorRef from, std::vector<Node> leaves);
   [[nodiscard]] bool still_closed(Node& leaf, ConstVectorRef from, RowProof& proof, bool adapted);
@@ -94,6 +96,7 @@ class Tree {
   std::vector<std::unique_ptr<Expander>> expanders_;
   std::optional<Box> box_;
   double radius_ = 0.0;
+  Vector from_;  // where it begins
   NodeEngine::Center center_;
   PseudoCosts costs_;
   std::vector<Clause> clauses_;

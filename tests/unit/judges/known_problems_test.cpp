@@ -46,6 +46,22 @@ TEST(KnownProblems, AreSolvedToTheOptimumThatIsKnownOnEitherPath) {
   }
 }
 
+// Nothing before it and nothing after it: it ends at what its own tolerances allow, and more often at none.
+TEST(KnownProblems, AreMostlySolvedByTheAlgorithmAsItIsPrinted) {
+  int solved = 0;
+  for (const testing::SmallProblem& known : testing::known_problems()) {
+    const OwnedProblem& problem = known.problem;
+    const Solution s = solve_in_process(problem.view(), {.path = Path::algorithm1}).value();
+    if (!is_solved(s.status)) continue;
+    ++solved;
+    EXPECT_EQ(s.detail.find("local search"), std::string::npos) << problem.name << ": " << s.detail;
+    EXPECT_FALSE(s.proved) << problem.name;
+    EXPECT_LE(judge(problem.view(), s).infeasibility(), 1e-6) << problem.name;
+    EXPECT_GE(s.objective, known.optimum - 1e-3 * (1.0 + std::abs(known.optimum))) << problem.name;
+  }
+  EXPECT_GE(solved, 20);
+}
+
 // Of these each branch is a point or nearly one: which minimum is found hangs on the way there.
 bool has_many_minima(const std::string& name) {
   return name == "linear bilevel" || name == "aiyoshi and shimizu" || name == "knapsack" ||
