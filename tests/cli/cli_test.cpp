@@ -118,7 +118,8 @@ TEST_F(Cli, ExamplesAreTheSameForASeed) {
 TEST_F(Cli, OptionsAreListedWithDefaultAndRange) {
   const Result result = run("options");
   EXPECT_EQ(result.exit_code, 0);
-  EXPECT_NE(result.out.find("path                       fast     in fast, paper, algorithm1"), std::string::npos)
+  EXPECT_NE(result.out.find("path                       fast     in fast, paper, algorithm1"),
+            std::string::npos)
       << result.out;
   EXPECT_NE(result.out.find("kappa_factor               0.5      in [0.001, 0.99]"), std::string::npos)
       << result.out;

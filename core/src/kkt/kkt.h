@@ -22,11 +22,13 @@ namespace marble {
 
 struct RowWeights {
   explicit RowWeights(const ScaledProblem& problem)
-      : rows(problem.layout), cosine(Vector::Ones(problem.pairs())), sine(Vector::Zero(problem.pairs())) {}
+      : rows(problem.layout), cosine(Vector::Ones(problem.pairs())), sine(Vector::Zero(problem.pairs())) {
+    rows.all.setZero();
+  }
 
   double rho = 1.0;     ///< ρ of the equality rows, > 0
   double delta = 0.0;   ///< δ ≥ 0
-  RowVector rows;       ///< ≥ 0; a negative one of a pair makes H lose convexity
+  RowVector rows;       ///< ≥ 0, as made 0; a negative one of a pair makes H lose convexity
   Vector cosine, sine;  ///< n_c, of the angle; as made, no turn
 };
 

@@ -77,10 +77,10 @@ class Run {
   };
 
   [[nodiscard]] ProgressSink* sink() const { return silent_ ? nullptr : controls_.progress; }
-  [[nodiscard]] TaskRunner* runner() const { return controls_.runner; }
+  [[nodiscard]] TaskRunner* runner() const { return silent_ ? nullptr : controls_.runner; }
 
-  /// A run of its own for one search, which counts from here; one of several that may go on at once tells no
-  /// progress.
+  /// A run of its own for one search, which counts from here; a silent one tells no
+  /// progress and has no helpers.
   [[nodiscard]] Run part(bool silent) const {
     Run result = *this;
     result.silent_ = silent;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <utility>
 
@@ -23,29 +22,13 @@ TreeResult none(std::string why) {
   return result;
 }
 
-double relative_gap(double objective, double bound) {
-  return std::max(0.0, objective - bound) / std::max(1.0, std::abs(objective));
-}
-
 std::size_t branch_hash(const WorkingSet& set) {
   std::size_t hash = 0;
   for (Index pair = 0; pair < set.layout.pairs; ++pair) hash = 31 * hash + (set.s_fixed[pair] != 0 ? 1 : 2);
   return hash;
 }
 
-double within(const Options& options) { return std::max(options.gap_tolerance, tuning::exactness); }
-
 }  // namespace
-
-void TreeResult::answer_is(double objective, const Options& options) {
-  bound = std::min(bound, objective);
-  gap = relative_gap(objective, bound);
-  proved = gap <= within(options);
-  char text[120];
-  std::snprintf(text, sizeof text, ", for the answer, feasible to the tolerances only: %s, gap %.1e",
-                proved ? "proved" : "not proved", gap);
-  remark += text;
-}
 
 Tree::Tree(const ScaledProblem& problem, const Options& options, BranchPoint& point, Incumbent& incumbent)
     : problem_(problem),
@@ -428,87 +411,6 @@ void Tree::try_as_answer(Run& run, const Suggestion& suggestion) {
   const auto outcome = incumbent_.solve_branch(run, "tree", tuning::engine_budget);
   if (outcome == Incumbent::Outcome::not_exact && !incumbent_.exists())
     incumbent_.offer(x, images, set, "tree");
-}
-
-// Nodes whose bound is not below this are closed.
-double Tree::cutoff() const {
-  if (!incumbent_.exists()) return kInfinity;
-  const double objective = problem_.user_objective(incumbent_.best().objective);
-  const double least =
-      objective - tuning::tree_within_gap * within(options_) * std::max(1.0, std::abs(objective));
-  return (least - problem_.c0) * problem_.cost_scale;
-}
-
-// Of all feasible points: open nodes, closed ones and, as these are not below their cutoff, the incumbent. In
-// the user's units, where that rounds.
-double Tree::bound() const {
-  double least = closed_bound_;
-  if (!open_.empty()) least = std::min(least, open_.front().bound);
-  const double user = least / problem_.cost_scale;
-  const double rounded =
-      user + problem_.c0 - tuning::bound_roundoff * (std::abs(user) + std::abs(problem_.c0));
-  const double objective =
-      incumbent_.exists() ? problem_.user_objective(incumbent_.best().objective) : kInfinity;
-  return std::min(std::isfinite(least) ? rounded : least, objective);
-}
-
-double Tree::gap(double bound) const {
-  if (!incumbent_.exists()) return kInfinity;
-  return relative_gap(problem_.user_objective(incumbent_.best().objective), bound);
-}
-
-TreeResult Tree::result(TreeResult::End end) const {
-  TreeResult result;
-  result.end = end;
-  result.bound = bound();
-  result.gap = gap(result.bound);
-  result.warm_nodes = warm_nodes_;
-  result.nodes = nodes_;
-  result.open_nodes = static_cast<std::int64_t>(open_.size());
-  if (end == TreeResult::End::exhausted && !incumbent_.exists() && closed_bound_ == kInfinity)
-    result.end = TreeResult::End::infeasible;
-  result.proved = result.end == TreeResult::End::infeasible || result.gap <= within(options_);
-  char text[160];
-  std::snprintf(text, sizeof text, "%s by %lld nodes, %lld open, for |z| <= %.1e: bound %.9g, gap %.1e",
-                result.proved ? "proved" : "not proved", static_cast<long long>(nodes_),
-                static_cast<long long>(result.open_nodes), radius_, result.bound, result.gap);
-  result.remark = text;
-  if (warm_nodes_ > 0) {
-    std::snprintf(text, sizeof text, ", from %lld nodes of the last tree, %lld still closed",
-                  static_cast<long long>(warm_nodes_), static_cast<long long>(warm_closed_));
-    result.remark += text;
-  }
-  return result;
-}
-
-TreeResult Tree::stopped(Run& run) const {
-  TreeResult result = this->result(TreeResult::End::limit);
-  const auto reason = run.interrupted();
-  result.limit = reason.value_or(Status::iteration_limit);
-  if (!reason)
-    result.remark += nodes_ + 2 > options_.node_limit ? "; node_limit" : "; no memory for more nodes";
-  return result;
-}
-
-void Tree::report(Run& run) {
-  told_bound_ = std::max(told_bound_, bound());
-  if (run.sink() == nullptr) return;
-  Progress row;
-  row.step_length = 1.0;
-  row.bound = told_bound_;
-  row.gap = gap(told_bound_);
-  row.nodes = nodes_;
-  row.open_nodes = static_cast<std::int64_t>(open_.size());
-  if (incumbent_.exists()) row.incumbent = problem_.user_objective(incumbent_.best().objective);
-  run.told_iteration = -1;
-  if (incumbent_.exists()) {
-    reporter_.tell(run, incumbent_.best().x.z(), incumbent_.best().objective, incumbent_.best().violations,
-                   row);
-  } else {
-    point_.x.z() = center_.z;
-    point_.images.evaluate(problem_, point_.x);
-    reporter_.tell(run, center_.z, point_.images.objective, violations(problem_, point_.images), row);
-  }
 }
 
 }  // namespace marble

@@ -50,6 +50,14 @@ void expect_solves(Kkt& kkt, const ScaledProblem& p, const RowWeights& weights) 
   EXPECT_LT(max_abs(found - expected), 1e-10 * (1.0 + max_abs(expected))) << kkt.name();
 }
 
+// Memory that others had is not zero: what an engine does not set must not weigh.
+TEST(RowWeights, WeighNothingAsMade) {
+  const ScaledProblem p = scale(Problem::create(random_problem({}, 1).view()).value(), 0);
+  const Eigen::Index rows = p.layout.size();
+  { const Vector before = Vector::Constant(rows, 1e6); }
+  EXPECT_EQ(RowWeights(p).rows.all, Vector::Zero(rows));
+}
+
 TEST(Kkt, EveryBackendSolvesTheSystemAndTheNextWithTheSamePattern) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const OwnedProblem problem =

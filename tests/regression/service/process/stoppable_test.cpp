@@ -15,7 +15,7 @@ class Stoppable : public ServiceTest {
  protected:
   static v1::SolveRequest filling_request(double time_limit_s = 0.0) {
     v1::SolveRequest request;
-    to_message(filling_problem(16'000).view(), request.mutable_problem());
+    to_message(filling_problem(32'000).view(), request.mutable_problem());
     if (time_limit_s > 0.0) request.mutable_options()->set_time_limit_s(time_limit_s);
     return request;
   }
