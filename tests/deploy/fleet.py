@@ -238,7 +238,7 @@ class Load:
         self.errors, self.solved, self.stopping = [], 0, False
         self.lock = threading.Lock()
         work = self.repeat if repeating else self.once
-        self.threads = [threading.Thread(target=work, args=(target, problem)) for _ in range(clients)]
+        self.threads = [threading.Thread(target=work, args=(target, problem), daemon=True) for _ in range(clients)]
         for thread in self.threads:
             thread.start()
 
