@@ -1,8 +1,6 @@
 #include "hard_families.h"
 
 #include <Eigen/Core>
-#include <array>
-#include <cmath>
 #include <cstdint>
 #include <utility>
 

@@ -44,14 +44,7 @@ OwnedProblem gates(const GatesParameters& p) {
   const Discrete step = dynamics(p);
 
   for (int i = 0; i < kStates; ++i) model.equal_zero({{state(0, i), 1.0}}, -p.initial[i]);
-  for (int k = 0; k < last; ++k) {
-    for (int i = 0; i < kStates; ++i) {
-      Terms terms = {{state(k + 1, i), -1.0}};
-      for (int j = 0; j < kStates; ++j) terms.push_back({state(k, j), step.state(i, j)});
-      for (int j = 0; j < kInputs; ++j) terms.push_back({input(k, j), step.input(i, j)});
-      model.equal_zero(terms);
-    }
-  }
+  for (int k = 0; k < last; ++k) add_step(model, step, state(k + 1, 0), state(k, 0), input(k, 0));
   for (int i = 0; i < 6; ++i) model.equal_zero({{state(last, i), 1.0}}, -p.final[i]);
 
   for (int k = 0; k < p.steps; ++k) {

@@ -1,6 +1,6 @@
 #include <Eigen/Geometry>
-#include <array>
 #include <numbers>
+#include <utility>
 
 #include "discretize.h"
 #include "marble/published_examples.h"
@@ -47,12 +47,7 @@ Discrete dynamics(double step_s) {
 }
 
 void move(Model& model, int k, const Discrete& step, double step_s) {
-  for (int i = 0; i < kStates; ++i) {
-    Terms terms = {{state(k + 1, i), -1.0}};
-    for (int j = 0; j < kStates; ++j) terms.push_back({state(k, j), step.state(i, j)});
-    for (int j = 0; j < kInputs; ++j) terms.push_back({input(k, j), step.input(i, j)});
-    model.equal_zero(terms);
-  }
+  add_step(model, step, state(k + 1, 0), state(k, 0), input(k, 0));
   for (int i = 0; i < kInputs; ++i) {  // thrust, as what it is more than the weight, and rates
     model.at_least_zero({{input(k, i), 1.0}}, i == 0 ? kGravity : kRate[i - 1]);
     model.at_least_zero({{input(k, i), -1.0}}, i == 0 ? 3.0 * kGravity : kRate[i - 1]);

@@ -33,12 +33,7 @@ Discrete dynamics() {
 }
 
 void move(Model& model, int k, const Discrete& step) {
-  for (int i = 0; i < 7; ++i) {
-    Terms terms = {{at(k + 1, i), -1.0}};
-    for (int j = 0; j < 7; ++j) terms.push_back({at(k, j), step.state(i, j)});
-    for (int j = 0; j < 2; ++j) terms.push_back({at(k, kThrust + j), step.input(i, j)});
-    model.equal_zero(terms);
-  }
+  add_step(model, step, at(k + 1, 0), at(k, 0), at(k, kThrust));
   model.at_least_zero({{at(k, kThrust), 1.0}}, kMass * kGravity);
   model.at_least_zero({{at(k, kThrust), -1.0}}, 12.0 - kMass * kGravity);
   model.within({{at(k, kGimbalRate), 1.0}}, 0.8);

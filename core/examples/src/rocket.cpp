@@ -47,14 +47,7 @@ OwnedProblem rocket(const RocketParameters& p) {
   const Discrete step = dynamics(p);
 
   for (int i = 0; i < 7; ++i) model.equal_zero({{at(0, i), 1.0}}, -p.initial[i]);
-  for (int k = 0; k < last; ++k) {
-    for (int i = 0; i < 7; ++i) {
-      Terms terms = {{at(k + 1, i), -1.0}};
-      for (int j = 0; j < 7; ++j) terms.push_back({at(k, j), step.state(i, j)});
-      for (int j = 0; j < 2; ++j) terms.push_back({at(k, kThrust + j), step.input(i, j)});
-      model.equal_zero(terms);
-    }
-  }
+  for (int k = 0; k < last; ++k) add_step(model, step, at(k + 1, 0), at(k, 0), at(k, kThrust));
   model.equal_zero({{at(last, kX), 1.0}}, -p.catch_x);
   model.equal_zero({{at(last, kY), 1.0}}, -p.catch_y);
   model.equal_zero({{at(last, kVx), 1.0}});

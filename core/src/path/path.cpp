@@ -8,6 +8,7 @@
 #include "tuning.h"
 
 namespace marble {
+
 PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& options)
     : problem_(problem),
       options_(options),

@@ -16,9 +16,7 @@ ProximalSystem::ProximalSystem(const ScaledProblem& problem, Kkt& kkt)
       rest_y_(problem.equalities()),
       image_(problem.variables()),
       right_x_(problem.variables()),
-      right_y_(problem.equalities()) {
-  weights_.rows.all.setZero();
-}
+      right_y_(problem.equalities()) {}
 
 bool ProximalSystem::factor(double rho, double delta) {
   weights_.rho = rho;
