@@ -5,6 +5,7 @@ import { BinaryWriter } from "@bufbuild/protobuf/wire";
 import { Metadata, status } from "@grpc/grpc-js";
 import {
   type Client,
+  type Counters,
   InvalidProblemError,
   MarbleError,
   NotFoundError,
@@ -17,7 +18,7 @@ import {
 } from "@marble/client";
 
 import { corner, endless, long } from "./support/problems.js";
-import { Server, standIn } from "./support/server.js";
+import { Server, eventually, standIn } from "./support/server.js";
 
 let server: Server;
 let client: Client;
@@ -180,23 +181,27 @@ test("the server's own checks come back as the same error, in the caller's terms
 
 test("a full queue is a RefusedError that says when to come again", async () => {
   const controller = new AbortController();
-  const { signal } = controller;
-  const busy = [client.solve(long, { options: endless, signal }), client.solve(long, { options: endless, signal })];
-  for (const call of busy) call.catch(() => undefined);
-  const full = async (): Promise<RefusedError> => {
-    for (;;) {
-      try {
-        await client.solve(corner, { deadlineMs: 300 });
-      } catch (error) {
-        if (error instanceof RefusedError) return error;
-      }
-    }
+  const counters = async (): Promise<Counters> => (await client.info()).counters;
+  const solve = (): Promise<unknown> => {
+    const solved = client.solve(long, { options: endless, signal: controller.signal });
+    solved.catch(() => undefined);
+    return solved;
   };
-  const error = await full();
-  assert.equal(error.code, "resource_exhausted");
-  assert.ok(error.retryAfterMs !== undefined && error.retryAfterMs > 0);
-  controller.abort();
-  await Promise.allSettled(busy);
+  try {
+    const running = solve();
+    await eventually(async () => (await counters()).running === 1);
+    const waiting = solve();
+    await eventually(async () => (await counters()).queued === 1);
+    await assert.rejects(client.solve(corner), (error) => {
+      assert.ok(error instanceof RefusedError);
+      assert.equal(error.code, "resource_exhausted");
+      return error.retryAfterMs !== undefined && error.retryAfterMs > 0;
+    });
+    controller.abort();
+    await Promise.allSettled([running, waiting]);
+  } finally {
+    controller.abort();
+  }
 });
 
 // A message of protobuf, of texts and messages.
