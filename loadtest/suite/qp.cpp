@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "peers.h"
-#include "quadratic_families.h"
+#include "peers/peers.h"
+#include "problems/quadratic_families.h"
 #include "record.h"
 #include "support/problems/small_problems.h"
 

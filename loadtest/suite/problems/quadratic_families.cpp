@@ -1,11 +1,11 @@
-#include "quadratic_families.h"
+#include "problems/quadratic_families.h"
 
 #include <algorithm>
 #include <array>
 #include <utility>
 #include <vector>
 
-#include "noise.h"
+#include "problems/noise.h"
 
 namespace marble::suite {
 namespace {

@@ -1,14 +1,14 @@
-#include "tuning_families.h"
+#include "problems/tuning_families.h"
 
 #include <cmath>
 #include <ctime>
 #include <limits>
 
-#include "hard_families.h"
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "noise.h"
-#include "quadratic_families.h"
+#include "problems/hard_families.h"
+#include "problems/noise.h"
+#include "problems/quadratic_families.h"
 #include "support/judges/independent_check.h"
 #include "support/problems/other_units.h"
 #include "support/problems/random_problem.h"
