@@ -98,11 +98,11 @@ bool InteriorPoint::begin() {
     if (is_fixed(row)) mu_[row] = 0.0;
   }
   evaluate();
-  weights_.rho = tuning::tree_interior_rho;
-  weights_.delta = tuning::tree_interior_delta;
+  weights_.rho = tuning::exact_rho;
+  weights_.delta = tuning::elastic_delta;
   weights_.rows.all.setOnes();
   for (Index row = 0; row < w_.size(); ++row) {
-    if (is_fixed(row)) weights_.rows.all[row] = tuning::tree_interior_rho;
+    if (is_fixed(row)) weights_.rows.all[row] = tuning::exact_rho;
   }
   ++factorizations_;
   if (!kkt_->factor(weights_)) return false;
@@ -173,7 +173,7 @@ std::optional<InteriorPoint::End> InteriorPoint::examine(const Box& box, double 
   for (Index row = 0; row < w_.size(); ++row)
     violation = std::max(violation, is_fixed(row) ? std::abs(rows_[row]) : std::abs(rows_[row] - w_[row]));
   const double size = 1.0 + std::abs(objective_);
-  if (violation <= tuning::tree_interior_violation && objective_ - bound_ <= tuning::tree_interior_gap * size)
+  if (violation <= tuning::tree_interior_gap && objective_ - bound_ <= tuning::tree_interior_gap * size)
     return End::optimal;
   const double largest = std::max(max_abs(mu_), max_abs(y_));
   if (largest > tuning::tree_interior_ray * size && contradicts(box, largest)) return End::infeasible;
@@ -224,21 +224,21 @@ bool InteriorPoint::direction(double kappa, bool corrected) {
 // False if there is none.
 bool InteriorPoint::step() {
   const double kappa = mean_product(w_, mu_);
-  weights_.delta = std::clamp(tuning::tree_interior_delta * kappa, tuning::tree_interior_least_delta,
-                              tuning::tree_interior_delta);
+  weights_.delta = std::clamp(tuning::elastic_delta * kappa, tuning::rounding,
+                              tuning::elastic_delta);
   for (Index row = 0; row < w_.size(); ++row)
-    weights_.rows.all[row] = is_fixed(row) ? tuning::tree_interior_rho : mu_[row] / w_[row];
+    weights_.rows.all[row] = is_fixed(row) ? tuning::exact_rho : mu_[row] / w_[row];
   while (true) {
     ++factorizations_;
     if (kkt_->factor(weights_)) break;
-    weights_.delta *= tuning::tree_interior_growth;
+    weights_.delta *= tuning::delta_raise;
     if (kkt_->interrupt().requested() || weights_.delta > 1.0) return false;
   }
   if (!direction(0.0, false)) return false;
   trial_w_ = w_ + longest_step(w_, dw_, fixed_) * dw_;
   trial_mu_ = mu_ + longest_step(mu_, dmu_, fixed_) * dmu_;
   const double ratio = kappa > 0.0 ? mean_product(trial_w_, trial_mu_) / kappa : 0.0;
-  const double target = std::max(ratio * ratio * ratio * kappa, tuning::tree_interior_kappa);
+  const double target = std::max(ratio * ratio * ratio * kappa, tuning::rounding);
   if (!direction(target, true)) return false;
   const double primal = tuning::interior_fraction * longest_step(w_, dw_, fixed_);
   const double dual = tuning::interior_fraction * longest_step(mu_, dmu_, fixed_);
@@ -255,7 +255,7 @@ InteriorPoint::End InteriorPoint::solve(const Box& box, double cutoff, const Int
   kkt_->attend(interrupt);
   if (!begin()) return interrupt.requested() ? End::interrupted : End::undecided;
   std::optional<End> end;
-  for (int iteration = 0; iteration < tuning::tree_interior_iterations && !end; ++iteration) {
+  for (int iteration = 0; iteration < tuning::engine_budget && !end; ++iteration) {
     evaluate();
     end = examine(box, cutoff);
     if (!end && !step()) end = interrupt.requested() ? End::interrupted : End::undecided;

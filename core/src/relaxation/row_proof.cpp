@@ -37,9 +37,9 @@ double RowProof::bound(const Box& box, ConstVectorRef z, const Vector& multiplie
 bool RowProof::hold(ConstVectorRef z, const Vector& multipliers) {
   held_multipliers_ = multipliers;
   weights_.rho = tuning::exact_rho;
-  weights_.delta = tuning::tree_interior_delta;
+  weights_.delta = tuning::elastic_delta;
   weights_.rows.all = (multipliers.array() != 0.0)
-                          .select(Vector::Constant(multipliers.size(), tuning::tree_interior_rho), 0.0);
+                          .select(Vector::Constant(multipliers.size(), tuning::exact_rho), 0.0);
   ++factorizations_;
   if (!system_.kkt().factor(weights_)) return false;
   z_ = z;
