@@ -157,13 +157,18 @@ TEST(TreeRun, AnswersNoWorseThanFurtherStartsDo) {
 }
 
 // What a controller meets as its target moves away from where the leg can be; z = 0 is no start at all.
-TEST(TreeRun, ProvesShortHoppersFromNothing) {
-  examples::HopperParameters parameters{.steps = 3};
-  for (int tick = 0; tick < 24; ++tick) {
-    const OwnedProblem p = examples::hopper(parameters);
-    const Solution s = solve_in_process(p.view(), global()).value();
-    EXPECT_TRUE(s.proved) << tick << " " << s.detail;
-    parameters = examples::advance(parameters, s.z);
+TEST(TreeRun, ProvesShortHoppersFromNothingByFewNodes) {
+  for (const Index steps : {3, 5}) {
+    examples::HopperParameters parameters{.steps = steps};
+    std::int64_t nodes = 0;
+    for (int tick = 0; tick < 24; ++tick) {
+      const OwnedProblem p = examples::hopper(parameters);
+      const Solution s = solve_in_process(p.view(), global()).value();
+      EXPECT_TRUE(s.proved) << steps << " " << tick << " " << s.detail;
+      nodes += s.nodes;
+      parameters = examples::advance(parameters, s.z);
+    }
+    EXPECT_LE(nodes, steps == 3 ? 24 : 600) << steps;
   }
 }
 
