@@ -46,7 +46,10 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
   if (is_proof(local.ending.status) || ended_by_force(local.ending.status)) return local;
   if (tree_ == nullptr) tree_ = std::make_unique<Tree>(problem_, options_, branch_.point, incumbent_);
   const Tree::Room room{tree_bytes_, keeps_tree_ ? kept_tree_bytes_ : 0.0, warm && keeps_tree_};
-  TreeResult found = tree_->search(run, local.x->z(), optimality_.known_convex(), room);
+  const double before =
+      incumbent_.exists() ? incumbent_.best().objective : std::numeric_limits<double>::infinity();
+  TreeResult found = tree_->search(run, local.x->z(), optimality_.known_convex(), room,
+                                   [this](Run& own) { return start_for_tree(own); });
   Answer answer = std::move(local);
   // The path's point may be within the tolerances where no branch near has an exact solution.
   const bool path_stays = answer.x == &path_point_.x && answer.ending.status == Status::solved &&
@@ -54,7 +57,7 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
                           (!incumbent_.exists() || path_point_.objective < incumbent_.best().objective);
   if (found.end == TreeResult::End::limit) {
     answer.ending.status = found.limit;
-    if (incumbent_.exists() && !path_stays) answer.x = &incumbent_.best().x;
+    if (!path_stays && incumbent_.exists() && incumbent_.best().objective < before) take_incumbent(answer);
   } else if (path_stays) {
     // It stays the answer.
   } else if (incumbent_.exists() && found.end != TreeResult::End::none) {
@@ -70,9 +73,29 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
   return answer;
 }
 
+// A round of further starts. Without helpers, who need engines, for which a tree has not counted memory.
+bool Strategy::start_for_tree(Run& run) {
+  const Run::Searching searching(run);
+  Run part = run.part(true);
+  const bool better =
+      search_.start_round(part, tuning::further_round, [&] { static_cast<void>(optimality_.judge(part)); });
+  run.add_part(part);
+  return better;
+}
+
+// Where there is no time to judge it.
+void Strategy::take_incumbent(Answer& answer) const {
+  const ExactSolution& best = incumbent_.best();
+  answer.x = &best.x;
+  answer.b_stationary.reset();
+  answer.second_order = SecondOrder::unknown;
+  answer.ending.detail = std::string(best.origin) + "; " + describe(best.violations);
+}
+
 Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
                                        const std::optional<WarmStart>& warm_start) {
   incumbent_.clear();
+  search_.count_from_first();
   path_point_.violations.equality = std::numeric_limits<double>::infinity();  // none yet
   looked_for_ = {};
   if (warm_start && search_.resume(run, *warm_start->solution, warm_start->cold_objective)) {

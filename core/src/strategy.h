@@ -74,6 +74,8 @@ class Strategy {
   [[nodiscard]] Answer run_locally(Run& run, ConstVectorRef initial_z,
                                    const std::optional<WarmStart>& warm_start);
   [[nodiscard]] Answer search_globally(Run& run, Answer local, bool warm);
+  [[nodiscard]] bool start_for_tree(Run& run);
+  void take_incumbent(Answer& answer) const;
   [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z);
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
   [[nodiscard]] PathBranch solve_path_branch(Run& run);

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "marble/convert.h"
+#include "marble/examples.h"
 
 namespace marble::testing {
 namespace {
@@ -91,6 +92,16 @@ v1::SolveRequest long_request(int max_iterations) {
   options->set_inequality_tolerance(1e-14);
   options->set_complementarity_tolerance(1e-14);
   options->set_stationarity_tolerance(1e-14);
+  return request;
+}
+
+v1::SolveRequest long_proof() {
+  static const OwnedProblem problem = examples::qpec({40, 80, 40, 40}, 0);
+  v1::SolveRequest request;
+  to_message(problem.view(), request.mutable_problem());
+  request.mutable_problem()->set_name("long proof");
+  request.mutable_options()->set_global(true);
+  request.mutable_options()->set_node_limit(1'000'000'000);
   return request;
 }
 

@@ -13,4 +13,7 @@ namespace marble::testing {
 /// iterations.
 [[nodiscard]] v1::SolveRequest long_request(int max_iterations = 1'000'000);
 
+/// A proof whose tree does not close.
+[[nodiscard]] v1::SolveRequest long_proof();
+
 }  // namespace marble::testing

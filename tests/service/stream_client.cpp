@@ -1,7 +1,8 @@
 // A client to be killed: has the server busy with a solve that takes for ever, and says "running" once it is.
-// Usage: stream_client ADDRESS [stream | batch | session]
+// Usage: stream_client ADDRESS [stream | proof | batch | session]
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
 #include <iostream>
 #include <string>
 
@@ -14,17 +15,22 @@ using namespace marble;
 
 constexpr int kBatch = 8;
 
-grpc::Status stream(v1::Solver::Stub& stub, grpc::ClientContext& context) {
+grpc::Status stream(v1::Solver::Stub& stub, grpc::ClientContext& context, const v1::SolveRequest& solve,
+                    bool (*runs)(const v1::Progress&)) {
   v1::SolveStreamRequest request;
-  *request.mutable_solve() = testing::long_request();
+  *request.mutable_solve() = solve;
   const auto reader = stub.SolveStream(&context, request);
   bool told = false;
   for (v1::SolveStreamResponse event; reader->Read(&event);) {
-    if (event.has_progress() && !told) std::cout << "running" << std::endl;
-    told = told || event.has_progress();
+    if (told || !std::ranges::any_of(event.progress().rows(), runs)) continue;
+    std::cout << "running" << std::endl;
+    told = true;
   }
   return reader->Finish();
 }
+
+bool iterates(const v1::Progress& /*row*/) { return true; }
+bool has_a_tree(const v1::Progress& row) { return row.open_nodes() > 1; }
 
 grpc::Status batch(v1::Solver::Stub& stub, grpc::ClientContext& context) {
   const auto stream = stub.SolveBatch(&context);
@@ -62,13 +68,15 @@ grpc::Status session(v1::Solver::Stub& stub, grpc::ClientContext& context) {
 
 int main(int argc, char** argv) {
   const std::string kind = argc == 3 ? argv[2] : "stream";
-  if (argc < 2 || argc > 3 || (kind != "stream" && kind != "batch" && kind != "session")) return 2;
+  if (argc < 2 || argc > 3 || (kind != "stream" && kind != "proof" && kind != "batch" && kind != "session"))
+    return 2;
   const auto channel = grpc::CreateChannel(argv[1], grpc::InsecureChannelCredentials());
   const auto stub = v1::Solver::NewStub(channel);
   grpc::ClientContext context;
   const grpc::Status status = kind == "session" ? session(*stub, context)
                               : kind == "batch" ? batch(*stub, context)
-                                                : stream(*stub, context);
+                              : kind == "proof" ? stream(*stub, context, testing::long_proof(), has_a_tree)
+                                                : stream(*stub, context, testing::long_request(), iterates);
   std::cout << "ended: " << status.error_message() << std::endl;
   return status.ok() ? 0 : 1;
 }

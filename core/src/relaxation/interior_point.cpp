@@ -258,7 +258,9 @@ InteriorPoint::End InteriorPoint::solve(const Box& box, double cutoff, const Int
   for (int iteration = 0; iteration < tuning::engine_budget && !end; ++iteration) {
     evaluate();
     end = examine(box, cutoff);
-    if (!end && !step()) end = interrupt.requested() ? End::interrupted : End::undecided;
+    // Small factors have no look of their own.
+    if (!end && (interrupt.requested() || !step()))
+      end = interrupt.requested() ? End::interrupted : End::undecided;
   }
   finish();
   return end.value_or(End::undecided);

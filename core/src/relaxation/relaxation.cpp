@@ -101,14 +101,17 @@ double Relaxation::bytes() {
 }
 
 // Along what is flat, or nearly so, a proximal step is short: it goes on to the minimum there, or to the
-// first row that blocks.
+// first row that blocks. One that has just reached a row held, which the last center was not on, does not:
+// it would leave that row again.
 void Relaxation::lengthen_step() {
   step_ = z_ - z_center_;
   multiply(problem_.Q, step_, image_);
   const double curvature = step_.dot(image_);
   double length = curvature > 0.0 ? tuning::tree_delta * step_.squaredNorm() / curvature : kInfinity;
   multiply(problem_.rows, step_, rates_);
+  const double still = tuning::exactness * max_abs(step_);
   for (Index row = 0; row < rates_.size(); ++row) {
+    if (set_.is_held(row) && std::abs(rates_[row]) > still) return;
     if (!set_.is_held(row) && rates_[row] < 0.0)
       length = std::min(length, std::max(0.0, set_.slacks()[row]) / -rates_[row]);
   }

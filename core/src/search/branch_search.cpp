@@ -100,13 +100,16 @@ void BranchSearch::repeat_soft_start(Run& run, bool after_soft_start) {
 }
 
 void BranchSearch::start_further(Run& run, const std::function<void()>& settle) {
+  while (further_ < options_.starts && incumbent_.exists() && !run.interrupted())
+    static_cast<void>(start_round(run, std::min(options_.starts - further_, tuning::further_round), settle));
+}
+
+bool BranchSearch::start_round(Run& run, int count, const std::function<void()>& settle) {
   const Run::Polishing polishing(run);
   const Run::Searching searching(run);
-  while (further_ < options_.starts && incumbent_.exists() && !run.interrupted()) {
-    const int count = std::min(options_.starts - further_, tuning::further_round);
-    static_cast<void>(further_starts_.round(run, from_soft(), further_, count, incumbent_, settle));
-    further_ += count;
-  }
+  const bool better = further_starts_.round(run, from_soft(), further_, count, incumbent_, settle);
+  further_ += count;
+  return better;
 }
 
 // A branch that stays feasible after a small change is near the best one. Else it is mended; and a cold start

@@ -18,6 +18,8 @@ class BranchSearch {
   BranchSearch(const ScaledProblem& problem, Kkt& kkt, const Options& options, PathEngine& path,
                BranchEngines& branch, Incumbent& incumbent);
 
+  /// A solve begins: the next further start is its second.
+  void count_from_first() { further_ = 1; }
   /// Better branches than the incumbent's. True if that took a soft start, which borrowed the path.
   bool improve(Run& run, ConstVectorRef initial_z);
   /// A feasible branch by way of an interior point, or one from a soft start. True as above.
@@ -26,6 +28,8 @@ class BranchSearch {
   void repeat_soft_start(Run& run, bool after_soft_start);
   /// Those asked for, from the incumbent, in rounds. `settle` is called after each that replaces it.
   void start_further(Run& run, const std::function<void()>& settle);
+  /// One round of them, asked for or not. True if it replaced the incumbent.
+  [[nodiscard]] bool start_round(Run& run, int count, const std::function<void()>& settle);
   /// From the branch of a solution of this problem or one like it. False where no feasible branch is near, or
   /// where there is one but a cold start, which has reached `cold_objective`, should have its say too.
   [[nodiscard]] bool resume(Run& run, const Iterate& solution, double cold_objective);

@@ -31,6 +31,12 @@ Suggestion Expander::suggestion() const {
 }
 
 void Expander::expand(Expansion& e, const Interrupt& interrupt) {
+  const std::int64_t before = relaxation_->factorizations();
+  expand_node(e, interrupt);
+  e.factorizations = relaxation_->factorizations() - before;
+}
+
+void Expander::expand_node(Expansion& e, const Interrupt& interrupt) {
   e.outcome = Expansion::Outcome::interrupted;
   e.closed_bound = kInfinity;
   e.children.clear();
@@ -45,7 +51,6 @@ void Expander::expand(Expansion& e, const Interrupt& interrupt) {
   const RowLayout& rows = problem_.layout;
   if (!relaxation_->start(*e.center, held_, e.node.bound)) return;
   fix(fixings_);
-  const std::int64_t before = relaxation_->factorizations();
   const End end = relaxation_->solve(*e.box, e.cutoff, interrupt);
   if (end == End::interrupted) return;
   e.node.bound = std::max(e.node.bound, relaxation_->bound());
@@ -76,7 +81,6 @@ void Expander::expand(Expansion& e, const Interrupt& interrupt) {
     relaxation_->restore();
     if (bound_child(e, pair, false, interrupt)) e.outcome = Expansion::Outcome::branched;
   }
-  e.factorizations = relaxation_->factorizations() - before;
   e.closed = take_closed();
 }
 

@@ -78,6 +78,7 @@ class Expander {
     Index pair = -1;
     double gain = 0.0;  // of the lesser side
   };
+  void expand_node(Expansion& expansion, const Interrupt& interrupt);
   [[nodiscard]] Choice choose(const Expansion& expansion) const;
   struct ClauseChoice {
     const Clause* clause = nullptr;

@@ -39,10 +39,13 @@ Tree::Tree(const ScaledProblem& problem, const Options& options, BranchPoint& po
       costs_(problem.pairs()),
       expansions_(tuning::tree_round) {}
 
-TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, const Room& room) {
+TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, const Room& room, Improve improve) {
   const Run::Polishing polishing(run);
+  improve_ = std::move(improve);
+  until_improving_ = between_improving_ = tuning::tree_rounds_between_starts;
   TreeResult result = explore(run, z, known_convex, room);
   settle(room);
+  improve_ = {};
   return result;
 }
 
@@ -75,6 +78,7 @@ TreeResult Tree::explore(Run& run, ConstVectorRef z, bool known_convex, const Ro
     if (open_.front().bound >= cutoff()) close_all();
     if (open_.empty()) break;
     if (run.interrupted() || nodes_ + 2 > options_.node_limit || !round(run)) return stopped(run);
+    try_to_improve(run);
     report(run);
   }
   return result(TreeResult::End::exhausted);
@@ -109,13 +113,15 @@ std::optional<TreeResult> Tree::prepare(Run& run, bool known_convex, const Room&
   return std::nullopt;
 }
 
-// Those there are have the problem's values and K's factor.
+// Those there are have the problem's values and K's factor. Those for helpers do what the first has done:
+// counted once, as without helpers.
 bool Tree::make_expanders(Run& run, std::size_t count) {
   while (expanders_.size() < count) {
     std::unique_ptr<Kkt> kkt = make_kkt(problem_, run.interrupt());
     if (kkt == nullptr) return false;
     auto expander = std::make_unique<Expander>(problem_, std::move(kkt), *gram_);
-    if (!expander->relaxation().prepare(run)) return false;
+    Run for_helper = run.part(true);
+    if (!expander->relaxation().prepare(expanders_.empty() ? run : for_helper)) return false;
     expanders_.push_back(std::move(expander));
   }
   return true;
@@ -168,7 +174,11 @@ std::optional<TreeResult::End> Tree::begin(Run& run, Node root, std::vector<Node
     closed_bound_ = kInfinity;
     static_cast<void>(kept_.replace(room.kept_bytes));
   }
-  return begin_at_root(run, std::move(root));
+  const NodeEngine& engine = expanders_[0]->relaxation();
+  const std::int64_t before = engine.factorizations();
+  const auto end = begin_at_root(run, std::move(root));
+  run.factorizations += static_cast<std::int32_t>(engine.factorizations() - before);
+  return end;
 }
 
 // Where there is an incumbent, what it fixes for good comes first.
@@ -198,7 +208,6 @@ std::optional<TreeResult::End> Tree::begin_at_root(Run& run, Node root) {
   root.bound = std::max(by_incumbent, relaxation.bound());
   push(std::move(root));
   if (fixable) clauses_ = expander.find_clauses(fixings, center_, *box_, run.interrupt());
-  run.factorizations += static_cast<std::int32_t>(relaxation.factorizations());
   return std::nullopt;
 }
 
@@ -388,6 +397,20 @@ void Tree::take(Run& run, Expansion& e) {
       push(std::move(e.node));
       break;
   }
+}
+
+// Counted in rounds, so that helpers change nothing: what gains is tried again soon, what does not after
+// twice as many of them.
+void Tree::try_to_improve(Run& run) {
+  if (!improve_ || !incumbent_.exists() || open_.empty() || run.interrupted() || --until_improving_ > 0)
+    return;
+  if (improve_(run)) {
+    tried_.insert(branch_hash(incumbent_.best().set));
+    between_improving_ = tuning::tree_rounds_between_starts;
+  } else {
+    between_improving_ *= 2;
+  }
+  until_improving_ = between_improving_;
 }
 
 // The branch of the smaller sides, solved exactly.

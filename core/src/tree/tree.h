@@ -53,8 +53,12 @@ class Tree {
     double kept_bytes;  ///< what remains of that for the next search: 0 if there is none
     bool from_kept;     ///< whether it begins with what the last one has left
   };
-  /// Searches from the incumbent, if there is one, else from near z.
-  [[nodiscard]] TreeResult search(Run& run, ConstVectorRef z, bool known_convex, const Room& room);
+  /// Looks for a better incumbent than the one there is. True if it was replaced.
+  using Improve = std::function<bool(Run& run)>;
+  /// Searches from the incumbent, if there is one, else from near z. `improve`, if there is one, is called
+  /// now and then, as long as it gains or nodes are many.
+  [[nodiscard]] TreeResult search(Run& run, ConstVectorRef z, bool known_convex, const Room& room,
+                                  Improve improve = {});
   /// What is kept moves on.
   void shift(const Shift& by) { kept_.shift(problem_.layout, by); }
   /// The matrices have new values.
@@ -80,6 +84,7 @@ class Tree {
   void close_all();
   void push(Node node);
   void try_as_answer(Run& run, const Suggestion& suggestion);
+  void try_to_improve(Run& run);
   [[nodiscard]] double cutoff() const;
   [[nodiscard]] double bound() const;
   [[nodiscard]] double gap(double bound) const;
@@ -105,6 +110,8 @@ class Tree {
   std::size_t chosen_ = 0;
   double closed_bound_ = 0.0, told_bound_ = 0.0;
   std::int64_t nodes_ = 0, made_ = 0, rounds_ = 0, warm_nodes_ = 0, warm_closed_ = 0;
+  Improve improve_;
+  std::int64_t until_improving_ = 0, between_improving_ = 0;  // rounds
   double most_nodes_ = 0.0;
   KeptTree kept_;
   bool keeps_ = false;

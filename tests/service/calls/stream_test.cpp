@@ -123,6 +123,19 @@ TEST_F(SolveStream, AKilledClientFreesItsWorker) {
   EXPECT_TRUE(lives());
 }
 
+TEST_F(SolveStream, AClientKilledInTheMiddleOfAProofFreesItsWorkers) {
+  start({"--workers", "2"});
+  const TemporaryDirectory directory;
+  ChildProcess client({STREAM_CLIENT_BINARY, server().address(), "proof"}, directory.file("client"));
+  ASSERT_TRUE(eventually([&] { return client.output().find("running") != std::string::npos; }))
+      << client.output();
+  EXPECT_EQ(counters().running(), 1);
+  client.send(SIGKILL);
+  EXPECT_EQ(client.wait(), -SIGKILL);
+  EXPECT_TRUE(eventually_idle());
+  EXPECT_TRUE(lives());
+}
+
 TEST_F(SolveStream, AFrozenClientCountsAsDeadAndFreesItsWorker) {
   start({"--workers", "1", "--keepalive-s", "1"});
   const TemporaryDirectory directory;
