@@ -101,13 +101,16 @@ double Relaxation::bytes() {
 }
 
 // Along what is flat, or nearly so, a proximal step is short: it goes on to the minimum there, or to the
-// first row that blocks.
+// first row that blocks. Not a step that comes from outside onto the rows held: it has its length.
 void Relaxation::lengthen_step() {
   step_ = z_ - z_center_;
   multiply(problem_.Q, step_, image_);
   const double curvature = step_.dot(image_);
   double length = curvature > 0.0 ? tuning::tree_delta * step_.squaredNorm() / curvature : kInfinity;
   multiply(problem_.rows, step_, rates_);
+  double leaving = 0.0;
+  for (const Index row : set_.held()) leaving = std::max(leaving, std::abs(rates_[row]));
+  if (leaving > tuning::tree_violation * max_abs(step_)) return;
   for (Index row = 0; row < rates_.size(); ++row) {
     if (!set_.is_held(row) && rates_[row] < 0.0)
       length = std::min(length, std::max(0.0, set_.slacks()[row]) / -rates_[row]);
