@@ -3,12 +3,15 @@
 #include <exception>
 #include <iostream>
 
+#include "ampl/command_line.h"
+#include "ampl/driver.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"
 
 int main(int argc, char** argv) {
   using namespace marble::cli;
   std::signal(SIGPIPE, SIG_DFL);  // marble example hopper | head ends quietly
+  if (ampl::is_ampl(argc, argv)) return ampl::drive(argc, argv);
   CLI::App program(
       "Solves quadratic programs with complementarity constraints, on a Marble server or in process.",
       "marble");

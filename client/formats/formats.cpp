@@ -27,7 +27,7 @@ std::string name_of(std::string path) {
 Expected<ProblemFile> read_nl(const std::string& path) {
   const auto content = read_bytes(path);
   if (!content) return unexpected(content.error());
-  return parse_nl(*content, name_of(path));
+  return parse_nl(*content, name_of(path), NlNames::beside(path.substr(0, path.size() - 3)));
 }
 
 }  // namespace

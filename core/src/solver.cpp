@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "branch/parametric.h"
-#include "marble/warm_solver.h"
+#include "model/printed.h"
 #include "proof/stationarity.h"
 #include "strategy.h"
 #include "tuning.h"
@@ -30,16 +30,6 @@ const char* nonconvex_remark(SecondOrder second_order) {
     default:
       return "; Q is not convex: a stationary point, perhaps no local minimum";
   }
-}
-
-// Algorithm 1 as printed has nothing before it and nothing after it.
-Options effective(Options options) {
-  if (options.path == Path::algorithm1) {
-    options.scaling_passes = options.local_search_budget = options.feasibility_budget = options.small_budget =
-        0;
-    options.polish = false;
-  }
-  return options;
 }
 
 // All that does not depend on the factorization: the scaled copy, the engines' vectors, and the responses
@@ -127,9 +117,9 @@ void take_proof(const Strategy::Answer& found, Solution& solution) {
 }  // namespace
 
 struct Solver::State {
-  State(const Problem& user_problem, const Options& user_options, ScaledProblem scaled,
+  State(const Problem& user_problem, const Options& in_force, ScaledProblem scaled,
         std::unique_ptr<Kkt> chosen_kkt)
-      : options(effective(user_options)),
+      : options(in_force),
         sizes(PartSizes::of(user_problem)),
         problem(std::move(scaled)),
         kkt(std::move(chosen_kkt)),
@@ -184,9 +174,10 @@ Solver::Solver(Solver&&) noexcept = default;
 Solver& Solver::operator=(Solver&&) noexcept = default;
 Solver::~Solver() = default;
 
-Expected<Solver> Solver::create(const Problem& problem, const Options& options,
+Expected<Solver> Solver::create(const Problem& problem, const Options& user_options,
                                 const SetupControls& controls) {
-  if (auto valid = validate(options); !valid) return unexpected(valid.error());
+  if (auto valid = validate(user_options); !valid) return unexpected(valid.error());
+  const Options options = in_force(user_options);
   const auto begin = Run::Clock::now();
   const Interrupt interrupt(controls.stop, controls.until);
   const auto refuse = [&controls](double bytes) {
@@ -198,7 +189,7 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& options,
   own_bytes += FurtherStarts::extra_bytes(options, own_bytes);
   const auto limit = static_cast<double>(controls.most_bytes);
   if (own_bytes > limit) return refuse(own_bytes);
-  ScaledProblem scaled = scale(problem, effective(options).scaling_passes, interrupt);
+  ScaledProblem scaled = scale(problem, options.scaling_passes, interrupt);
   const MostFlops most(options, controls);
   KktCost least;
   std::unique_ptr<Kkt> kkt = make_kkt(scaled, {limit - own_bytes, most.flops()}, interrupt, least);
@@ -239,9 +230,12 @@ Expected<void> Solver::set_options(const Options& options) {
 
 void Solver::take(const Options& checked) {
   const int scaling_passes = state_->options.scaling_passes;
-  state_->options = effective(checked);
+  state_->options = in_force(checked);
   state_->options.scaling_passes = scaling_passes;
 }
+
+void Solver::keep_tree() { state_->strategy.keep_tree(); }
+void Solver::shift_tree(const Shift& by) { state_->strategy.shift_tree(by); }
 
 std::int64_t Solver::memory_bytes() const { return state_->memory_bytes; }
 
@@ -277,24 +271,6 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   solution.times.setup_s = state_->setup_s;
   solution.cold_objective = found.stayed_warm ? controls.warm_start->cold_objective : solution.objective;
   return solution;
-}
-
-// Here, where the tree is, which moves on with the answer.
-void WarmSolver::begin_at(const Restart& restart) {
-  Strategy& strategy = solver_.state_->strategy;
-  strategy.keep_tree();
-  if (restart.cold) newest_.reset();
-  if (newest_) {
-    strategy.shift_tree(restart.shift);
-    shift(restart.shift.variables, newest_->z);
-    shift(restart.shift.equalities, newest_->equality_multipliers);
-    shift(restart.shift.inequalities, newest_->inequality_multipliers);
-    shift(restart.shift.pairs, newest_->complementarity_multipliers_L);
-    shift(restart.shift.pairs, newest_->complementarity_multipliers_R);
-  }
-  if (restart.initial_z.empty()) return;
-  initial_z_.assign(restart.initial_z.begin(), restart.initial_z.end());
-  if (newest_) newest_->z = initial_z_;
 }
 
 Expected<Solution> solve_once(const Problem& problem, const Options& options, const SolveControls& controls,

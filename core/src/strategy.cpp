@@ -175,7 +175,7 @@ bool Strategy::is_small(const Run& run) const {
   const double size = problem_.variables() + problem_.equalities() + problem_.layout.size();
   return (problem_.pairs() > 0 || run.nonconvex) && problem_.pairs() <= tuning::small_pairs &&
          size <= tuning::small_size && options_.path == Path::fast && options_.polish &&
-         options_.local_search_budget > 0;
+         options_.local_search_budget > 0 && options_.small_budget > 0 && !options_.global;
 }
 
 // What a cold solve does beyond its answer: the global one where the problem is small, and the starts asked
@@ -184,12 +184,12 @@ bool Strategy::is_small(const Run& run) const {
 Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   const Run::Searching searching(run);
   Answer answer = finish_exact(run);
-  const bool small = small_too && !options_.global && options_.small_budget > 0 && is_small(run);
+  const bool small = small_too && is_small(run);
   if (!incumbent_.exists() || run.interrupted() || (!small && options_.starts == 1)) return answer;
   const double before = incumbent_.best().objective;
   const bool known_convex = optimality_.convex(run);
   TreeResult tree;
-  if (small) tree = search_small_tree(run, known_convex);
+  if (small) tree = search_small_tree(run, incumbent_.best().x.z(), known_convex);
   const bool convex = known_convex || tree.end != TreeResult::End::none;
   std::optional<Multistart> elsewhere;
   if (!convex) elsewhere.emplace(problem_, kkt_, branch_.point, incumbent_);
@@ -208,17 +208,18 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
 }
 
 // What it proves, without its counts: those are of option global.
-TreeResult Strategy::search_small_tree(Run& run, bool known_convex) {
+TreeResult Strategy::search_small_tree(Run& run, ConstVectorRef z, bool known_convex) {
   Options few = options_;
   few.node_limit = options_.small_budget;
   // As many digits of a small objective: a cost in other units is the same problem.
-  const double size =
-      std::max(1.0 / problem_.cost_scale, std::abs(problem_.user_objective(incumbent_.best().objective)));
-  few.gap_tolerance *= std::min(1.0, size);
+  if (incumbent_.exists()) {
+    const double size =
+        std::max(1.0 / problem_.cost_scale, std::abs(problem_.user_objective(incumbent_.best().objective)));
+    few.gap_tolerance *= std::min(1.0, size);
+  }
   Tree tree(problem_, few, branch_.point, incumbent_);
   Run part = run.part(true);
-  const TreeResult found =
-      tree.search(part, incumbent_.best().x.z(), known_convex, {tree_bytes_, 0.0, false});
+  const TreeResult found = tree.search(part, z, known_convex, {tree_bytes_, 0.0, false});
   run.add_part(part);
   TreeResult told;
   told.end = found.end;
@@ -279,6 +280,15 @@ std::optional<Strategy::Answer> Strategy::find_feasible(Run& run, ConstVectorRef
   if (end == Feasibility::End::refuted) return ended(Status::infeasible, "");
   if (end == Feasibility::End::none) {
     if (const auto reason = run.interrupted()) return ended(*reason, "stopped early; ");
+    if (is_small(run)) {
+      const TreeResult tree = search_small_tree(run, path_point_.x.z(), optimality_.known_convex());
+      if (incumbent_.exists()) return finish_cold(run, false);
+      if (tree.end == TreeResult::End::infeasible) {
+        Answer answer = ended(Status::infeasible, "every branch of the pairs contradicts the constraints; ");
+        answer.tree = tree;
+        return answer;
+      }
+    }
     return ended(Status::locally_infeasible, "no feasible branch found; ");
   }
   if (end == Feasibility::End::feasible) {

@@ -81,7 +81,7 @@ class Strategy {
   [[nodiscard]] Answer finish_exact(Run& run);
   [[nodiscard]] bool is_small(const Run& run) const;
   [[nodiscard]] Answer finish_cold(Run& run, bool small_too);
-  [[nodiscard]] TreeResult search_small_tree(Run& run, bool known_convex);
+  [[nodiscard]] TreeResult search_small_tree(Run& run, ConstVectorRef z, bool known_convex);
   [[nodiscard]] Answer finish_path(Run& run, ConstVectorRef initial_z, Ending end);
   [[nodiscard]] Optimality::Descended descend_from_path(Run& run);
   [[nodiscard]] std::optional<Answer> find_feasible(Run& run, ConstVectorRef z);

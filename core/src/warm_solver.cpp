@@ -41,6 +41,22 @@ std::int64_t WarmSolver::memory_bytes() const {
   return solver_.memory_bytes() + static_cast<std::int64_t>(numbers * sizeof(double));
 }
 
+void WarmSolver::begin_at(const Restart& restart) {
+  solver_.keep_tree();
+  if (restart.cold) newest_.reset();
+  if (newest_) {
+    solver_.shift_tree(restart.shift);
+    shift(restart.shift.variables, newest_->z);
+    shift(restart.shift.equalities, newest_->equality_multipliers);
+    shift(restart.shift.inequalities, newest_->inequality_multipliers);
+    shift(restart.shift.pairs, newest_->complementarity_multipliers_L);
+    shift(restart.shift.pairs, newest_->complementarity_multipliers_R);
+  }
+  if (restart.initial_z.empty()) return;
+  initial_z_.assign(restart.initial_z.begin(), restart.initial_z.end());
+  if (newest_) newest_->z = initial_z_;
+}
+
 Expected<Solution> WarmSolver::solve(const ProblemUpdate& update, const Restart& restart,
                                      const SolveControls& controls) {
   const auto checked = CheckedUpdate::check(sizes_, update, restart);

@@ -5,9 +5,9 @@
 #include <utility>
 #include <vector>
 
-#include "bench.h"
-#include "echo_server.h"
-#include "finding.h"
+#include "base/echo_server.h"
+#include "base/finding.h"
+#include "parts/parts.h"
 
 namespace {
 

@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "marble/examples.h"
-#include "noise.h"
+#include "problems/noise.h"
 #include "support/judges/independent_check.h"
 #include "support/problems/shared_problems.h"
 

@@ -13,7 +13,7 @@
 #include "families.h"
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "peers.h"
+#include "peers/peers.h"
 #include "support/problems/shared_problems.h"
 
 namespace marble::suite {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "families.h"
-#include "peers.h"
+#include "peers/peers.h"
 #include "qp.h"
 #include "support/problems/shared_problems.h"
 #include "tune.h"
@@ -35,7 +35,7 @@ constexpr const char* kUsage =
     "  --profile FILE.svg   draw macmpec against its peers\n"
     "  --benchmarks FOLDER  problems with references\n"
     "  --peers COMMAND      measure qp or global in turns with other solvers: COMMAND runs qp_peers.py or\n"
-    "                       global_peers.py of loadtest/suite\n"
+    "                       global_peers.py of loadtest/suite/peers\n"
     "tune, in a build of the preset tune: what numbers of core/src/tuning.def do on generated families, one "
     "by\n"
     "one, or what these values do together. On odd seeds, --seeds N (default 10) of each family; with "

@@ -13,9 +13,9 @@
 #include <thread>
 #include <type_traits>
 
+#include "problems/tuning_families.h"
 #include "record.h"
 #include "tuning.h"
-#include "tuning_families.h"
 
 namespace marble::suite {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "families.h"
-#include "noise.h"
+#include "problems/noise.h"
 #include "support/judges/independent_check.h"
 #include "support/problems/other_units.h"
 #include "support/problems/shared_problems.h"

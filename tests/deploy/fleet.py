@@ -179,8 +179,17 @@ class Nginx(Proxy):
         shutil.copy(PROXIES / "nginx.conf", self.file)
         return ["nginx", "-c", self.file, "-g", "daemon off;"]
 
-    def workers(self):
-        return set(subprocess.run(["pgrep", "-P", str(self.process.pid)], capture_output=True, text=True).stdout.split())
+    def workers(self, name=""):
+        return set(subprocess.run(["pgrep", "-P", str(self.process.pid), "-f", name], capture_output=True,
+                                  text=True).stdout.split())
+
+    def leaving(self):
+        """The workers that have been told to end."""
+        return self.workers("worker process is shutting down")
+
+    def open_files(self):
+        """Of its workers: each connection is one."""
+        return sum(len(os.listdir(f"/proc/{worker}/fd")) for worker in self.workers())
 
     def reload(self, text):
         self.file.write_text(text)
@@ -196,6 +205,38 @@ class Nginx(Proxy):
 
     def take_in(self, name):
         self.reload(self.file.read_text().replace(" down;", ";"))
+
+
+class QuietConnection:
+    """Clients of `address` reach the front; the first of them on a connection that was made before, and has been silent."""
+
+    def __init__(self):
+        self.upstream = [socket.create_connection(FRONT.split(":"))]
+        self.listening = socket.create_server(("127.0.0.1", 0))
+        self.address = "127.0.0.1:%d" % self.listening.getsockname()[1]
+        threading.Thread(target=self.serve, daemon=True).start()
+
+    def serve(self):
+        while True:
+            try:
+                client, _ = self.listening.accept()
+            except OSError:
+                return
+            upstream = self.upstream.pop() if self.upstream else socket.create_connection(FRONT.split(":"))
+            for source, sink in ((client, upstream), (upstream, client)):
+                threading.Thread(target=self.pass_on, args=(source, sink), daemon=True).start()
+
+    @staticmethod
+    def pass_on(source, sink):
+        try:
+            while data := source.recv(65536):
+                sink.sendall(data)
+            sink.shutdown(socket.SHUT_WR)
+        except OSError:
+            pass
+
+    def close(self):
+        self.listening.close()
 
 
 class Envoy(Proxy):

@@ -3,12 +3,14 @@
 import http.client
 import json
 import shutil
+import signal
 import subprocess
 
+import marble
 import pytest
 from marble.base import contract
 
-from fleet import BUILD, Envoy, Fleet, HAProxy, Load, Nginx, NoProxy, example, example_file, eventually
+from fleet import BUILD, Envoy, Fleet, HAProxy, Load, Nginx, NoProxy, QuietConnection, example, example_file, eventually
 
 ENGINES = [HAProxy, Nginx, Envoy, NoProxy]
 
@@ -72,6 +74,30 @@ def test_a_rolling_restart_under_full_load_is_seen_by_nobody(fleet, engine, prob
         engine.take_in(server.name)
     load.wait_for(20)
     assert load.stop().errors == []
+
+
+def test_an_old_worker_of_nginx_ends_though_a_connection_was_silent_when_it_was_told(fleet):
+    class Impatient(Nginx):
+        def command(self):
+            words = super().command()
+            text = self.file.read_text().replace("keepalive_time 1m;", "keepalive_time 2s;")
+            assert "keepalive_time 2s;" in text
+            self.file.write_text(text)
+            return words
+
+    engine = Impatient()
+    files = engine.open_files()
+    quiet = QuietConnection()
+    try:
+        eventually(lambda: engine.open_files() > files, "the connection with a worker")
+        old = engine.workers()
+        engine.process.send_signal(signal.SIGHUP)
+        eventually(lambda: engine.workers() - old and engine.workers() & old == engine.leaving(), "the word to the old workers")
+        with marble.Client(quiet.address) as client:
+            eventually(lambda: client.info() and not engine.workers() & old, "the old workers' end")
+    finally:
+        quiet.close()
+        engine.close()
 
 
 def test_with_time_of_notice_haproxy_needs_no_word_from_whoever_restarts(fleet, problem):

@@ -33,9 +33,9 @@ def free_port():
 class Server:
     """Starts at once; `flags` come after --listen and --http on loopback."""
 
-    # With these a chain is followed in thousands of tiny steps of kappa: it goes on until it is stopped.
-    ENDLESS = [word for option in ("path=paper", "polish=false", "max_iterations=1000000", "kappa_initial=1e6",
-                                   "kappa_factor=0.99", "kappa_min=1e-20", "rho_initial=1", "rho_max=1",
+    # With these a chain is followed at kappa = 1 in tiny steps of rho, smoothly: it goes on until it is stopped.
+    ENDLESS = [word for option in ("path=paper", "polish=false", "max_iterations=1000000", "kappa_initial=1",
+                                   "rho_initial=1", "rho_factor=1.00001", "rho_max=1e12",
                                    "equality_tolerance=1e-14", "inequality_tolerance=1e-14",
                                    "complementarity_tolerance=1e-14", "stationarity_tolerance=1e-14")
                for word in ("--option", option)]

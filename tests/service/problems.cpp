@@ -83,11 +83,10 @@ v1::SolveRequest long_request(int max_iterations) {
   options->set_path(v1::PATH_PAPER);
   options->set_polish(false);
   options->set_max_iterations(max_iterations);
-  options->set_kappa_initial(1e6);
-  options->set_kappa_factor(0.99);
-  options->set_kappa_min(1e-20);
+  options->set_kappa_initial(1.0);
   options->set_rho_initial(1.0);
-  options->set_rho_max(1.0);
+  options->set_rho_factor(1.00001);
+  options->set_rho_max(1e12);
   options->set_equality_tolerance(1e-14);
   options->set_inequality_tolerance(1e-14);
   options->set_complementarity_tolerance(1e-14);

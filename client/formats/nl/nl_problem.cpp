@@ -1,10 +1,10 @@
 #include "nl/nl_problem.h"
 
+#include <algorithm>
 #include <utility>
 
+#include "nl/nl_model.h"
 #include "nl/nl_tokens.h"
-#include "nl/quadratic.h"
-#include "parts/assembler.h"
 #include "parts/file_limits.h"
 
 namespace marble::formats {
@@ -26,42 +26,83 @@ enum Operator : int {
   kSquare = 77,
 };
 
-// The k of "5 k i": which bounds of variable i the row complements.
-enum Sides : int { kLowerSide = 1, kUpperSide = 2, kBothSides = 3 };
-
-struct Bounds {
-  double low = -kInfinity, high = kInfinity;
-  int complements = -1;  // the variable that the row complements
-  int sides = 0;         // with regard to which of its bounds
+// Of those that do not, what people call them (Gay, table 5).
+struct NamedOperator {
+  int code;
+  const char* name;
 };
+constexpr NamedOperator kOthers[] = {{4, "rem"},
+                                     {6, "less"},
+                                     {11, "min"},
+                                     {12, "max"},
+                                     {13, "floor"},
+                                     {14, "ceil"},
+                                     {15, "abs"},
+                                     {35, "if"},
+                                     {37, "tanh"},
+                                     {38, "tan"},
+                                     {39, "sqrt"},
+                                     {40, "sinh"},
+                                     {41, "sin"},
+                                     {42, "log10"},
+                                     {43, "log"},
+                                     {44, "exp"},
+                                     {45, "cosh"},
+                                     {46, "cos"},
+                                     {47, "atanh"},
+                                     {48, "atan2"},
+                                     {49, "atan"},
+                                     {50, "asinh"},
+                                     {51, "asin"},
+                                     {52, "acosh"},
+                                     {53, "acos"},
+                                     {55, "div"},
+                                     {56, "precision"},
+                                     {57, "round"},
+                                     {58, "trunc"},
+                                     {64, "piecewise linear"},
+                                     {78, "a constant to a power"}};
+
+std::string operator_name(int code) {
+  const auto* const found = std::ranges::find(kOthers, code, &NamedOperator::code);
+  return found == std::end(kOthers) ? "" : found->name;
+}
 
 class NlReader {
  public:
-  explicit NlReader(std::string_view content)
-      : in_(content), most_terms_(most_numbers(content.size())), length_(content.size()) {}
+  NlReader(std::string_view content, const NlNames& names)
+      : in_(content), names_(names), most_terms_(most_numbers(content.size())), length_(content.size()) {}
 
-  Expected<ProblemFile> read(const std::string& name) {
+  Expected<NlProblem> read(const std::string& name) {
     header_ = in_.header();
     check_header();
     if (!in_.failed()) {
-      rows_.resize(static_cast<std::size_t>(header_.constraints));
-      row_bounds_.resize(rows_.size());
-      bounds_.resize(static_cast<std::size_t>(header_.variables));
+      model_.rows.resize(static_cast<std::size_t>(header_.constraints));
+      model_.row_bounds.resize(model_.rows.size());
+      model_.bounds.resize(static_cast<std::size_t>(header_.variables));
       while (const char key = in_.key()) {
         segment(key);
         if (in_.failed()) break;
       }
       check_complete();
     }
-    if (in_.failed()) return unexpected(in_.error());
-    return assemble(name);
+    if (in_.failed()) return unexpected(place_.named(in_.error(), names_));
+    return as_lcqp(std::move(model_), name, names_);
   }
 
  private:
+  using Kind = NlPlace::Kind;
+
+  // What of the model is being read: a fault names it.
+  void enter(Kind kind, int index = 0) {
+    if (!in_.failed()) place_ = {kind, index};
+  }
+
   void check_header() {
     const auto refuse = [&](std::int64_t count, const char* what) {
       if (count > 0) in_.fail("header", std::to_string(count) + " " + what, "must be none: not an LCQP");
     };
+    if (header_.integers > 0) enter(Kind::column, header_.first_integer);
     refuse(header_.integers, "integer variables");
     refuse(header_.networks, "network constraints");
     refuse(header_.functions, "imported functions");
@@ -94,6 +135,7 @@ class NlReader {
   }
 
   void segment(char key) {
+    enter(Kind::none);
     switch (key) {
       case 'C':
         return constraint();
@@ -105,20 +147,25 @@ class NlReader {
         return jacobian_row();
       case 'G':
         static_cast<void>(in_.integer("G", 0, header_.objectives - 1));
-        return linear_terms(objective_, seen_.gradient);
+        return linear_terms(model_.objective, seen_.gradient);
       case 'b':
-        for (std::size_t i = 0; i < bounds_.size() && !in_.failed(); ++i) bounds_[i] = bound("b", false);
+        for (std::size_t i = 0; i < model_.bounds.size() && !in_.failed(); ++i) {
+          enter(Kind::column, static_cast<int>(i));
+          model_.bounds[i] = bound("b", false);
+        }
         seen_.bounds = header_.variables;
         return;
       case 'r':
-        for (std::size_t i = 0; i < row_bounds_.size() && !in_.failed(); ++i)
-          row_bounds_[i] = bound("r", true);
+        for (std::size_t i = 0; i < model_.row_bounds.size() && !in_.failed(); ++i) {
+          enter(Kind::row, static_cast<int>(i));
+          model_.row_bounds[i] = bound("r", true);
+        }
         seen_.row_bounds = header_.constraints;
         return;
       case 'x':
         return initial_point();
       case 'd':
-        return skip_pairs(in_.integer("d", 0, kMany));
+        return initial_duals();
       case 'S':
         return suffix();
       case 'k':
@@ -134,22 +181,25 @@ class NlReader {
 
   void constraint() {
     const int index = in_.integer("C", 0, header_.constraints - 1);
+    enter(Kind::row, index);
     Quadratic body = expression();
     if (body.degree() == 2)
       in_.fail("C" + std::to_string(index), "quadratic", "must be linear: constraints of an LCQP are");
-    if (!in_.failed()) keep(std::move(body), rows_[at(index)]);
+    if (!in_.failed()) keep(std::move(body), model_.rows[at(index)]);
   }
 
   void objective() {
     static_cast<void>(in_.integer("O", 0, header_.objectives - 1));
-    maximize_ = in_.integer("O", 0, 1) == 1;
-    keep(expression(), objective_);
+    model_.maximize = in_.integer("O", 0, 1) == 1;
+    enter(Kind::objective);
+    keep(expression(), model_.objective);
     ++seen_.objectives;
   }
 
   void defined_variable() {
     const int first = header_.variables;
     const int index = in_.integer("V", first, kMany);
+    enter(Kind::definition, index);
     const int terms = in_.integer("V", 0, header_.variables);
     static_cast<void>(in_.integer("V", 0, kMany));
     Quadratic value;
@@ -163,7 +213,8 @@ class NlReader {
 
   void jacobian_row() {
     const int index = in_.integer("J", 0, header_.constraints - 1);
-    if (!in_.failed()) linear_terms(rows_[at(index)], seen_.jacobian);
+    enter(Kind::row, index);
+    if (!in_.failed()) linear_terms(model_.rows[at(index)], seen_.jacobian);
   }
 
   void linear_terms(Quadratic& sum, std::int64_t& seen) {
@@ -174,8 +225,8 @@ class NlReader {
     }
   }
 
-  Bounds bound(const char* what, bool may_complement) {
-    Bounds bounds;
+  NlBounds bound(const char* what, bool may_complement) {
+    NlBounds bounds;
     switch (in_.key()) {
       case '0':
         bounds.low = in_.real(what);
@@ -206,10 +257,18 @@ class NlReader {
   }
 
   void initial_point() {
-    initial_.assign(bounds_.size(), 0.0);
+    model_.initial.assign(model_.bounds.size(), 0.0);
     for (int count = in_.integer("x", 0, header_.variables); count > 0 && !in_.failed(); --count) {
       const int variable = in_.integer("x", 0, header_.variables - 1);
-      initial_[at(variable)] = in_.real("x");
+      model_.initial[at(variable)] = in_.real("x");
+    }
+  }
+
+  void initial_duals() {
+    model_.duals.assign(model_.rows.size(), 0.0);
+    for (int count = in_.integer("d", 0, header_.constraints); count > 0 && !in_.failed(); --count) {
+      const int row = in_.integer("d", 0, header_.constraints - 1);
+      model_.duals[at(row)] = in_.real("d");
     }
   }
 
@@ -321,7 +380,7 @@ class NlReader {
       case kPowerOfConstantExponent:
         return power();
       default:
-        in_.fail("o" + std::to_string(code), "", "is an operator that no LCQP has");
+        in_.fail("o" + std::to_string(code), operator_name(code), "is an operator that no LCQP has");
         return {};
     }
   }
@@ -352,102 +411,31 @@ class NlReader {
     return {};
   }
 
-  static AffineRow affine(const Quadratic& row) {
-    AffineRow result;
-    result.constant = row.constant;
-    result.terms.assign(row.linear.begin(), row.linear.end());
-    return result;
-  }
-
-  // "5 k i". AMPL's own readers take the row's bounds from k alone (ASL's fg_read.c: lower k & 2 ? -inf : 0,
-  // upper k & 1 ? inf : 0). Whatever else the variable is bounded by is a plain bound: Pyomo writes k = 1 for
-  // one with two. `plain` keeps the bounds that no pair holds.
-  Expected<void> add_complementarity(Assembler& problem, std::size_t index, std::vector<Bounds>& plain) {
-    const int variable = row_bounds_[index].complements, sides = row_bounds_[index].sides;
-    const AffineRow row = affine(rows_[index]);
-    const Bounds& given = bounds_[at(variable)];
-    const bool lower = (sides & kLowerSide) != 0, upper = (sides & kUpperSide) != 0;
-    const auto refuse = [&](const char* rule) {
-      return unexpected(invalid("r", static_cast<std::int64_t>(index),
-                                "5 " + std::to_string(sides) + " " + std::to_string(variable + 1), rule));
-    };
-    if (lower && given.low == -kInfinity) return refuse("must complement a variable with a lower bound");
-    if (upper && given.high == kInfinity) return refuse("must complement a variable with an upper bound");
-    if (sides == 0 && (given.low > -kInfinity || given.high < kInfinity))
-      return refuse("must complement a variable without bounds");
-    if (given.low == given.high) {  // the variable stands still: its row may do what the sides allow
-      if (sides == kBothSides) return {};
-      return problem.add_range(row, upper ? -kInfinity : 0.0, lower ? kInfinity : 0.0, "r",
-                               static_cast<std::int64_t>(index));
-    }
-    if (!(given.low < given.high)) return {};  // the bounds' own row is refused
-    if (sides == kBothSides) {
-      problem.add_mixed(row, variable, given.low, given.high);
-    } else if (lower) {
-      problem.add_pair(row, AffineRow::variable(variable, -given.low));
-    } else if (upper) {
-      problem.add_pair(row.negated(), AffineRow::variable(variable, -given.high).negated());
-    } else {
-      return problem.add_range(row, 0.0, 0.0, "r", static_cast<std::int64_t>(index));
-    }
-    if (lower) plain[at(variable)].low = -kInfinity;
-    if (upper) plain[at(variable)].high = kInfinity;
-    return {};
-  }
-
-  Expected<ProblemFile> assemble(const std::string& name) {
-    Assembler problem(header_.variables);
-    const Quadratic cost = objective_.times(maximize_ ? -1.0 : 1.0);
-    problem.add_constant(cost.constant);
-    for (const auto& [index, value] : cost.linear) problem.add_linear(index, value);
-    for (const auto& [pair, value] : cost.products) {  // x² is ½ · 2 x², x y is ½ (x y + y x)
-      problem.add_quadratic(pair.first, pair.second, pair.first == pair.second ? 2.0 * value : value);
-      if (pair.first != pair.second) problem.add_quadratic(pair.second, pair.first, value);
-    }
-    std::vector<Bounds> plain = bounds_;
-    for (std::size_t i = 0; i < rows_.size(); ++i) {
-      const Bounds& bounds = row_bounds_[i];
-      const auto added = bounds.complements >= 0
-                             ? add_complementarity(problem, i, plain)
-                             : problem.add_range(affine(rows_[i]), bounds.low, bounds.high, "r",
-                                                 static_cast<std::int64_t>(i));
-      if (!added) return unexpected(added.error());
-    }
-    for (std::size_t i = 0; i < bounds_.size(); ++i) {
-      const auto added = problem.add_range(AffineRow::variable(static_cast<Index>(i)), plain[i].low,
-                                           plain[i].high, "b", static_cast<std::int64_t>(i));
-      if (!added) return unexpected(added.error());
-    }
-    auto made = problem.finish(name);
-    if (!made) return unexpected(made.error());
-    ProblemFile file{std::move(*made), std::nullopt};
-    if (!initial_.empty()) {
-      initial_.resize(file.problem.g.size(), 0.0);
-      file.problem.initial_z = initial_;
-    }
-    return file;
-  }
-
   NlTokens in_;
+  const NlNames& names_;
+  NlPlace place_;
   const std::size_t most_terms_, length_;
   std::size_t held_ = 0;
   NlHeader header_;
   struct {
     std::int64_t objectives = 0, row_bounds = 0, bounds = 0, jacobian = 0, gradient = 0;
   } seen_;  // of what the header tells
-  bool maximize_ = false;
-  Quadratic objective_;
-  std::vector<Quadratic> rows_;
-  std::vector<Bounds> row_bounds_, bounds_;
+  NlModel model_;
   std::map<int, Quadratic> defined_;
-  std::vector<double> initial_;
   int depth_ = 0;
 };
 
 }  // namespace
 
-Expected<ProblemFile> parse_nl(std::string_view content, const std::string& name) {
-  return NlReader(content).read(name);
+Expected<NlProblem> parse_nl_problem(std::string_view content, const std::string& name,
+                                     const NlNames& names) {
+  return NlReader(content, names).read(name);
+}
+
+Expected<ProblemFile> parse_nl(std::string_view content, const std::string& name, const NlNames& names) {
+  auto problem = parse_nl_problem(content, name, names);
+  if (!problem) return unexpected(problem.error());
+  return std::move(problem->file);
 }
 
 }  // namespace marble::formats

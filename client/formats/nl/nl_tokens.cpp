@@ -1,5 +1,6 @@
 #include "nl/nl_tokens.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cstring>
 #include <numeric>
@@ -58,6 +59,23 @@ std::array<int, 6> NlTokens::header_line(int number, int least) {
   return values;
 }
 
+// "3 1 1 0": how many, and they; a number that is none ends them, as in older files.
+void NlTokens::options_line(std::string_view words, NlHeader& header) {
+  constexpr int kMostOptions = 9;
+  constexpr int kHasTolerance = 3;
+  words = without_comment(words);
+  const auto next = [&words](auto& value) {
+    const std::string_view word = take_word(words);
+    return std::from_chars(word.data(), word.data() + word.size(), value).ec == std::errc();
+  };
+  int count = 0, value = 0;
+  if (!next(count) || count > kMostOptions) return;
+  while (static_cast<int>(header.options.size()) < count && next(value)) header.options.push_back(value);
+  double tolerance = 0.0;
+  if (count > 1 && header.options.size() > 1 && header.options[1] == kHasTolerance && next(tolerance))
+    header.vb_tolerance = tolerance;
+}
+
 NlHeader NlTokens::header() {
   NlHeader header;
   const std::string_view first = line();
@@ -66,6 +84,7 @@ NlHeader NlTokens::header() {
     return header;
   }
   header.binary = first[0] == 'b';
+  options_line(first.substr(1), header);
   const auto sizes = header_line(2, 3);
   header.variables = sizes[0];
   header.constraints = sizes[1];
@@ -74,13 +93,20 @@ NlHeader NlTokens::header() {
   static_cast<void>(header_line(3, 2));
   const auto networks = header_line(4, 2);
   header.networks = std::int64_t{networks[0]} + networks[1];
-  static_cast<void>(header_line(5, 2));
+  const auto nonlinear = header_line(5, 2);
   const auto flags = header_line(6, 2);
   header.functions = flags[1];
   if (header.binary && flags[2] > 1)
     fail("header", "arithmetic " + std::to_string(flags[2]), "must be IEEE, little-endian");
   const auto discrete = header_line(7, 2);
   header.integers = std::accumulate(discrete.begin(), discrete.begin() + 5, std::int64_t{0});
+  // Integers are the last of their kind: of variables in constraints and objective, in constraints, in the
+  // objective, and of all (Gay, table 3).
+  header.first_integer = header.variables - discrete[0] - discrete[1];
+  const int last[] = {nonlinear[2], nonlinear[0], std::max(nonlinear[0], nonlinear[1])};
+  for (int kind = 0; kind < 3; ++kind) {
+    if (discrete[2 + kind] > 0) header.first_integer = last[kind] - discrete[2 + kind];
+  }
   const auto nonzeros = header_line(8, 2);
   header.jacobian = nonzeros[0];
   header.gradient = nonzeros[1];

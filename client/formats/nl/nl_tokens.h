@@ -3,8 +3,10 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "marble/error.h"
 
@@ -13,8 +15,11 @@ namespace marble::formats {
 /// What the ten lines of the header say, as far as it matters here.
 struct NlHeader {
   bool binary = false;
+  std::vector<int> options = {};         ///< of the first line, for the solution to repeat
+  std::optional<double> vb_tolerance{};  ///< after them where the second is 3, to be repeated too
   int variables = 0, constraints = 0, objectives = 0;
   std::int64_t integers = 0;                ///< integer and binary variables
+  int first_integer = 0;                    ///< one of them, where there are any
   std::int64_t networks = 0;                ///< network constraints
   int functions = 0;                        ///< imported ones
   std::int64_t jacobian = 0, gradient = 0;  ///< entries of the segments J, of the segments G
@@ -45,6 +50,7 @@ class NlTokens {
 
  private:
   [[nodiscard]] std::string_view line();
+  void options_line(std::string_view words, NlHeader& header);
   [[nodiscard]] std::array<int, 6> header_line(int number, int least);
   [[nodiscard]] std::string_view word();
   template <class Number>

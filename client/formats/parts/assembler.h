@@ -33,6 +33,13 @@ class Assembler {
   /// One more, after those there are.
   Index add_variable();
 
+  /// Rows and pairs so far: the next one added has this number.
+  [[nodiscard]] Index equalities() const { return equalities_.rows(); }
+  /// As equalities().
+  [[nodiscard]] Index inequalities() const { return inequalities_.rows(); }
+  /// As equalities().
+  [[nodiscard]] Index pairs() const { return left_.rows(); }
+
   void add_constant(double value) { c0_ += value; }
   void add_linear(Index variable, double coefficient) {
     g_[static_cast<std::size_t>(variable)] += coefficient;
@@ -40,14 +47,16 @@ class Assembler {
   /// The entry of Q (both triangles are given), of ½ zᵀQz.
   void add_quadratic(Index row, Index column, double value) { Q_.add(row, column, value); }
 
-  /// low <= row <= high: an equality where both are the same, nothing for an infinite side. `field` and
+  /// low <= row <= high: an equality where both are the same, nothing for an infinite side, row − low before
+  /// high − row. `field` and
   /// `index` say in errors where it is from: NaN, or low > high.
   [[nodiscard]] Expected<void> add_range(const AffineRow& row, double low, double high, const char* field,
                                          std::int64_t index);
   /// 0 <= left ⊥ right >= 0.
   void add_pair(const AffineRow& left, const AffineRow& right);
   /// row ⊥ low <= variable <= high with finite low < high, as AMPL means it: row >= 0 at the lower bound, <=
-  /// 0 at the upper one, 0 between them. Takes two more variables, the parts of the row.
+  /// 0 at the upper one, 0 between them. Takes two more variables, the parts p and q of the row, an equality
+  /// row = p − q, and two pairs, p with the lower bound and q with the upper one.
   void add_mixed(const AffineRow& row, Index variable, double low, double high);
 
   /// What was put together; checked as Problem::create does.
@@ -58,6 +67,7 @@ class Assembler {
     Triplets entries;
     std::vector<double> offsets;
     void add(const AffineRow& row);
+    [[nodiscard]] Index rows() const { return static_cast<Index>(offsets.size()); }
   };
 
   Triplets Q_;

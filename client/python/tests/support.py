@@ -12,7 +12,6 @@ import numpy as np
 import scipy.sparse as sp
 
 import marble
-from marble.hopper import Hopper
 
 SERVER = os.environ.get("MARBLE_SERVER_BINARY", "marble-server")
 PROGRAM = os.environ.get("MARBLE_BINARY", "marble")
@@ -32,7 +31,7 @@ class Server:
         self.process = subprocess.Popen(
             [SERVER, "--listen", listen, "--address-file", str(file), "--http", "none", "--log-level", "warn", *flags],
             env=clean_environment())
-        end = time.monotonic() + 30
+        end = time.monotonic() + 120
         while not (file.exists() and file.read_text().endswith("\n")):
             assert self.process.poll() is None, "the server ended at once"
             assert time.monotonic() < end, "the server did not come up"
@@ -53,7 +52,7 @@ class Server:
         self.process.wait()
 
 
-def wait_until(condition, seconds: float = 30.0) -> bool:
+def wait_until(condition, seconds: float = 120.0) -> bool:
     end = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > end:
@@ -68,8 +67,26 @@ def tiny() -> marble.LCQP:
 
 
 def long_solve() -> tuple[marble.LCQP, dict[str, object]]:
-    """A problem and options that keep a worker busy until somebody stops it."""
-    return Hopper(steps=300).problem(), {"starts": 1000, "local_search_budget": 1_000_000, "max_iterations": 10**9}
+    """A problem and options that keep a worker busy until somebody stops it.
+
+    A chain of pairs, x' = x + u + f/2, 0 <= f _|_ x + 1/2 >= 0, |u| <= 1, at kappa = 1, followed in tiny steps of rho:
+    each is one full Newton step along a smooth path, whatever the machine.
+    """
+    steps = 2000
+    k = np.arange(steps)
+
+    def rows(part: int, first: int = 0) -> sp.csc_matrix:
+        where = (k[first:], 3 * k[:steps - first] + part)
+        return sp.csc_matrix((np.ones(steps - first), where), shape=(steps, 3 * steps))
+
+    x, u, f = rows(0), rows(1), rows(2)
+    g = np.zeros(3 * steps)
+    g[::3] = np.sin(0.1 * k)
+    problem = marble.LCQP(sp.identity(3 * steps), g, A=x - u - 0.5 * f - rows(0, first=1), C=sp.vstack([u, -u]),
+                          d=np.ones(2 * steps), L=f, R=x, r=np.full(steps, 0.5), name="long")
+    tolerances = ("equality", "inequality", "complementarity", "stationarity")
+    return problem, {"path": "paper", "polish": False, "max_iterations": 10**9, "kappa_initial": 1, "rho_initial": 1,
+                     "rho_factor": 1.00001, "rho_max": 1e12, **{f"{name}_tolerance": 1e-14 for name in tolerances}}
 
 
 def random_problem(seed: int) -> marble.LCQP:

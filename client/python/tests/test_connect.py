@@ -160,7 +160,7 @@ def test_only_calls_that_change_nothing_are_repeated():
 
 
 def test_a_draining_server_is_left_out_of_the_turns(start_server):
-    servers = [start_server("--workers", "1"), start_server("--workers", "1")]
+    servers = [start_server("--workers", "1", "--drain-grace-s", "3600"), start_server("--workers", "1")]
     problem, options = long_solve()
     with marble.Client(servers[0].address) as one, marble.Client([server.address for server in servers]) as both:
         busy = one.solve_async(problem, options=options)

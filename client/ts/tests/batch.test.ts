@@ -1,11 +1,12 @@
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { after, before } from "node:test";
 import { setTimeout as sleep } from "node:timers/promises";
 
 import { type BatchProblem, type Client, InvalidProblemError, type Problem, connect } from "@marble/client";
 
 import { chain, corner, endless, long } from "./support/problems.js";
 import { Server, eventually } from "./support/server.js";
+import { test } from "./support/test.js";
 
 let server: Server;
 let client: Client;

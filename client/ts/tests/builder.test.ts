@@ -1,9 +1,10 @@
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { after, before } from "node:test";
 
 import { type Client, ProblemBuilder, connect } from "@marble/client";
 
 import { Server } from "./support/server.js";
+import { test } from "./support/test.js";
 
 let server: Server;
 let client: Client;

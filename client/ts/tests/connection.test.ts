@@ -1,11 +1,11 @@
 import assert from "node:assert/strict";
 import { createServer } from "node:net";
-import { test } from "node:test";
 
 import { UnavailableError, connect } from "@marble/client";
 
 import { corner, endless, long } from "./support/problems.js";
 import { Server, eventually } from "./support/server.js";
+import { test } from "./support/test.js";
 
 test("a client outlives a restart of its server", async () => {
   await using server = await Server.start();

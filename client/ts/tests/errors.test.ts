@@ -1,5 +1,5 @@
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { after, before } from "node:test";
 
 import { BinaryWriter } from "@bufbuild/protobuf/wire";
 import { Metadata, status } from "@grpc/grpc-js";
@@ -19,6 +19,7 @@ import {
 
 import { corner, endless, long } from "./support/problems.js";
 import { Server, eventually, standIn } from "./support/server.js";
+import { test } from "./support/test.js";
 
 let server: Server;
 let client: Client;

@@ -3,12 +3,13 @@ import { execFileSync } from "node:child_process";
 import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { after, before, test } from "node:test";
+import { after, before } from "node:test";
 
 import { AccessError, type ConnectOptions, UnavailableError, connect } from "@marble/client";
 
 import { corner } from "./support/problems.js";
 import { Server, newToken } from "./support/server.js";
+import { test } from "./support/test.js";
 
 let directory: string;
 const file = (name: string): string => join(directory, name);

@@ -1,5 +1,5 @@
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { after, before } from "node:test";
 
 import {
   AbortedError,
@@ -7,6 +7,7 @@ import {
   DeadlineError,
   InvalidProblemError,
   PreconditionError,
+  type Session,
   SupersededError,
   UnavailableError,
   connect,
@@ -15,6 +16,7 @@ import {
 
 import { chain, corner, endless, example, long } from "./support/problems.js";
 import { Server, eventually } from "./support/server.js";
+import { test } from "./support/test.js";
 
 let server: Server;
 let client: Client;
@@ -199,12 +201,14 @@ test("a session whose server is gone ends with UnavailableError; a new one is op
 });
 
 async function reopened(planner: Client): ReturnType<Client["session"]> {
-  for (;;) {
+  const opened: Session[] = [];
+  await eventually(async () => {
     try {
-      return await planner.session(corner);
+      opened.push(await planner.session(corner));
     } catch (error) {
       if (!(error instanceof UnavailableError)) throw error;
-      await planner.info(); // which is repeated until the server is there
     }
-  }
+    return opened.length > 0;
+  });
+  return opened[0];
 }

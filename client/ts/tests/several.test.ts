@@ -1,11 +1,11 @@
 // One client, several servers.
 import assert from "node:assert/strict";
-import { test } from "node:test";
 
 import { type Client, connect } from "@marble/client";
 
 import { corner, endless, long } from "./support/problems.js";
 import { Server, type StandIn, eventually, standIn } from "./support/server.js";
+import { test } from "./support/test.js";
 
 const list = (...servers: Server[]): string => servers.map((server) => server.address).join(",");
 
@@ -50,7 +50,7 @@ test("a server that is killed costs no solve, and has its turns again when it is
 });
 
 test("a draining server is left out of the turns, of submissions too", async () => {
-  await using draining = await Server.start(["--workers", "1"]);
+  await using draining = await Server.start(["--workers", "1", "--drain-grace-s", "3600"]);
   await using other = await Server.start();
   using client = connect(list(draining, other));
   await solveUntilAllServe(client, draining, other);

@@ -1,12 +1,13 @@
 import assert from "node:assert/strict";
 import { writeFileSync } from "node:fs";
-import { after, before, test } from "node:test";
+import { after, before } from "node:test";
 import { inspect } from "node:util";
 
 import { CancelledError, type Client, DeadlineError, type Progress, type SolveEvent, connect } from "@marble/client";
 
 import { chain, corner, endless, example, long, stationarity, violation } from "./support/problems.js";
 import { Server, eventually, marble } from "./support/server.js";
+import { test } from "./support/test.js";
 
 let server: Server;
 let client: Client;

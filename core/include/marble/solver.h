@@ -18,6 +18,8 @@
 
 namespace marble {
 
+struct Shift;
+
 /// Runs pieces of one solve that do not depend on each other.
 class TaskRunner {
  public:
@@ -83,11 +85,13 @@ class Solver {
   [[nodiscard]] Expected<Solution> solve(const SolveControls& controls = {});
 
  private:
-  friend class WarmSolver;  // which takes what was checked before
+  friend class WarmSolver;  // which takes what was checked before, and moves the tree on with its answer
   struct State;
   explicit Solver(std::unique_ptr<State> state);
   void take(const ProblemUpdate& checked);
   void take(const Options& checked);
+  void keep_tree();
+  void shift_tree(const Shift& by);
   std::unique_ptr<State> state_;
 };
 

@@ -3,17 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "path/keep_positive.h"
 #include "tuning.h"
 
 namespace marble {
-namespace {
-
-// Shortens `length` so that value + length · change keeps 1 % of value.
-void keep_positive(double value, double change, double& length) {
-  if (change < 0.0) length = std::min(length, -tuning::interior_fraction * value / change);
-}
-
-}  // namespace
 
 InteriorEngine::InteriorEngine(const ScaledProblem& problem, Kkt& kkt)
     : problem_(problem),
@@ -110,8 +103,9 @@ double InteriorEngine::move() {
   double primal = 1.0;
   double dual = 1.0;
   const auto dual_step = [&](Index i) { return kappa_ / slack[i] - nu_[i] - nu_[i] / slack[i] * change[i]; };
-  for (Index row = 0; row < slack.size(); ++row) keep_positive(slack[row], change[row], primal);
-  for (Index i = 0; i < inequalities; ++i) keep_positive(nu_[i], dual_step(i), dual);
+  const double part = tuning::interior_fraction;
+  for (Index row = 0; row < slack.size(); ++row) keep_positive(part * slack[row], change[row], primal);
+  for (Index i = 0; i < inequalities; ++i) keep_positive(part * nu_[i], dual_step(i), dual);
   for (Index i = 0; i < inequalities; ++i) nu_[i] += dual * dual_step(i);
   slack = (slack + primal * change).cwiseMax(tuning::roundoff);
   for (Index i = 0; i < inequalities; ++i) {

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "data/retraction.h"
+#include "model/printed.h"
 #include "tuning.h"
 
 namespace marble {
@@ -33,7 +34,7 @@ std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
   while (true) {
     evaluate();  // line 4
     report(run);
-    const bool printed = options_.path == Path::algorithm1;
+    const bool printed = is_printed(options_);
     if (!printed && solved() && solved_afresh()) return Ending{Status::solved, {}, {}};
     remember_best();
     if (const auto reason = run.interrupted()) return give_best(*reason);

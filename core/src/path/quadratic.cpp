@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "path/keep_positive.h"
 #include "tuning.h"
 
 namespace marble {
@@ -73,8 +74,8 @@ bool QuadraticEngine::direction(double kappa, bool correct) {
 double QuadraticEngine::longest_step() const {
   double length = 1.0;
   set_.for_each_free_row([&](Index row) {
-    if (slack_step_[row] < 0.0) length = std::min(length, -slack_[row] / slack_step_[row]);
-    if (d_.lambda()[row] > 0.0) length = std::min(length, -x_.lambda()[row] / d_.lambda()[row]);
+    keep_positive(slack_[row], slack_step_[row], length);
+    keep_positive(-x_.lambda()[row], -d_.lambda()[row], length);
   });
   return length;
 }

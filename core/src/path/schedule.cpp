@@ -3,15 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/printed.h"
 #include "tuning.h"
 
 namespace marble {
 
 Regularization::Regularization(const Options& options)
     : base_(options.path == Path::fast ? tuning::least_delta : 0.0),
-      first_(options.path == Path::algorithm1 ? tuning::printed_first_delta : options.regularization_initial),
-      factor_(options.path == Path::algorithm1 ? tuning::printed_delta_raise : tuning::delta_raise),
-      remembers_(options.path != Path::algorithm1) {}
+      first_(is_printed(options) ? tuning::printed_first_delta : options.regularization_initial),
+      factor_(is_printed(options) ? tuning::printed_delta_raise : tuning::delta_raise),
+      remembers_(!is_printed(options)) {}
 
 bool Regularization::raise() {
   const double first = remembers_ ? std::max(first_, last_ / tuning::delta_lower) : first_;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "path/keep_positive.h"
 #include "tuning.h"
 
 namespace marble {
@@ -16,8 +17,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 double longest_step(const Vector& values, const Vector& change, const std::vector<std::uint8_t>& ignored) {
   double length = 1.0;
   for (Index i = 0; i < values.size(); ++i) {
-    if (ignored[static_cast<std::size_t>(i)] == 0 && change[i] < 0.0)
-      length = std::min(length, -values[i] / change[i]);
+    if (ignored[static_cast<std::size_t>(i)] == 0) keep_positive(values[i], change[i], length);
   }
   return length;
 }

@@ -117,9 +117,9 @@ TEST_F(Batch, ADroppedStreamFreesEverythingAtOnce) {
 }
 
 TEST_F(Batch, ADrainAnswersWhatItTookAndSaysThatTheRestIsForOthers) {
-  start({"--workers", "1"});
+  start({"--workers", "1", "--drain-grace-s", "0.1"});
   const auto call = open();
-  call->write(problem(1, long_request(300)));
+  call->write(problem(1, long_request()));
   ASSERT_TRUE(eventually([&] { return counters().running() == 1; }));
   server().terminate();
   const auto answer = call->next();

@@ -389,9 +389,9 @@ TEST_F(Session, SlowsAClientThatSendsFasterThanItSolvesAndLosesNothing) {
 }
 
 TEST_F(Session, ADrainAnswersWhatItHasAndEndsTheStream) {
-  start({"--workers", "1"});
+  start({"--workers", "1", "--drain-grace-s", "0.1"});
   const auto idle = set_up(setup_of(example_request()));
-  const auto busy = set_up(setup_of(long_request(300)));
+  const auto busy = set_up(setup_of(long_request()));
   busy->write(update(1));
   ASSERT_TRUE(eventually([&] { return counters().running() == 1; }));
   server().terminate();

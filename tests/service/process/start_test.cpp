@@ -13,7 +13,7 @@ class Start : public ServiceTest {
     std::vector<std::string> arguments = {MARBLE_SERVER_BINARY};
     arguments.insert(arguments.end(), flags.begin(), flags.end());
     ChildProcess process(arguments, directory_.file("output"), environment);
-    const bool ended = eventually([&] { return !process.running(); }, std::chrono::seconds(20));
+    const bool ended = eventually([&] { return !process.running(); });
     output_ = process.output();
     return ended ? process.wait() : -1;
   }

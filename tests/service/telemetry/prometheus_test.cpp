@@ -195,7 +195,7 @@ class Prometheus : public SecureServiceTest {
     return httplib::Client(server().http()).Get("/metrics", {{"Authorization", "Bearer " + token}});
   }
   [[nodiscard]] bool eventually_gives(const std::string& query, double value) {
-    return eventually([&] { return prometheus_->value(query) == value; }, std::chrono::seconds(30));
+    return eventually([&] { return prometheus_->value(query) == value; });
   }
   /// Runs promtool in deploy/prometheus; what it says is no good, or nothing.
   [[nodiscard]] std::string promtool(const std::string& arguments) {
@@ -282,8 +282,7 @@ TEST_F(Prometheus, EveryQueryOfTheDashboardHasAnAnswer) {
       const nlohmann::json answer = prometheus_->query(query);
       return answer.at("status") == "success" && !answer.at("data").at("result").empty();
     };
-    EXPECT_TRUE(eventually(has_samples, std::chrono::seconds(20))) << query << "\n"
-                                                                   << prometheus_->query(query).dump();
+    EXPECT_TRUE(eventually(has_samples)) << query << "\n" << prometheus_->query(query).dump();
   }
 }
 
@@ -295,7 +294,7 @@ TEST_F(Prometheus, EveryAlertIsEvaluatedAndAHealthyServerRaisesNone) {
     return groups.size() == 1 && groups[0].at("rules").size() >= 10 &&
            std::ranges::all_of(groups[0].at("rules"), is_ok);
   };
-  EXPECT_TRUE(eventually(evaluated, std::chrono::seconds(30))) << prometheus_->get("rules").dump();
+  EXPECT_TRUE(eventually(evaluated)) << prometheus_->get("rules").dump();
   EXPECT_TRUE(prometheus_->get("alerts").at("data").at("alerts").empty())
       << prometheus_->get("alerts").dump();
 }

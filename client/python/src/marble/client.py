@@ -121,12 +121,7 @@ class Client:
         who = connect.ConnectOptions.from_environment(
             token=token, name=name, tls=tls, tls_ca=tls_ca, tls_certificate=tls_certificate, tls_key=tls_key,
             tls_server_name=tls_server_name)
-        target, credentials = connect.target(address, who), who.credentials()
-        if credentials is None:
-            channel = grpc.insecure_channel(target.name, target.options)
-        else:
-            channel = grpc.secure_channel(target.name, credentials, target.options)
-        self.address = target.shown
+        self.address, channel = connect.channel(grpc, address, who)
         self._rpc = Rpc(channel, who.metadata(), timeout)
         self.jobs = Jobs(self._rpc)
 

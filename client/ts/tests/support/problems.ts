@@ -81,16 +81,18 @@ export function chain(steps: number): FileProblem {
   };
 }
 
-/** Options with which the chain is followed for a million iterations. */
+/**
+ * Options with which the chain is followed for a million iterations: at kappa = 1, in tiny steps of rho. Each is one full Newton
+ * step along a smooth path, whatever the machine.
+ */
 export const endless: SolveOptions = {
   path: "paper",
   polish: false,
   maxIterations: 1_000_000,
-  kappaInitial: 1e6,
-  kappaFactor: 0.99,
-  kappaMin: 1e-20,
+  kappaInitial: 1,
   rhoInitial: 1,
-  rhoMax: 1,
+  rhoFactor: 1.00001,
+  rhoMax: 1e12,
   equalityTolerance: 1e-14,
   inequalityTolerance: 1e-14,
   complementarityTolerance: 1e-14,

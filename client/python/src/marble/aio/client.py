@@ -15,7 +15,7 @@ from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
 from marble.calls.jobs import result_of
 from marble.calls.progress import teller
 from marble.connection import connect
-from marble.connection.rpc import PACKAGE, check_deadline
+from marble.connection.rpc import PACKAGE, Calls
 from marble.errors import Cancelled
 from marble.message import answers, requests
 from marble.message.info import ServerInfo, server_info
@@ -26,16 +26,8 @@ from marble.model.problem import Problem, compiled, in_terms_of, problem_of
 from marble.model.solution import Progress, Solution
 
 
-class _Rpc:
-    """As marble.connection.rpc.Rpc, on a channel of grpc.aio."""
-
-    def __init__(self, channel: Any, metadata: tuple[tuple[str, str], ...], timeout: float | None) -> None:
-        self.channel = channel
-        self._metadata = metadata
-        self._timeout = check_deadline(timeout)
-
-    def _deadline(self, deadline: float | None) -> float | None:
-        return self._timeout if deadline is None else check_deadline(deadline)
+class _Rpc(Calls):
+    """On a channel of grpc.aio."""
 
     async def call(self, method: str, request: bytes, deadline: float | None = None) -> bytes:
         try:
@@ -44,16 +36,6 @@ class _Rpc:
             return answer
         except grpc.RpcError as error:
             raise errors.from_rpc(error) from None
-
-    def stream(self, method: str, request: bytes, deadline: float | None = None) -> Any:
-        return self.channel.unary_stream(PACKAGE + method)(
-            request, timeout=self._deadline(deadline), metadata=self._metadata)
-
-    def endless(self, method: str, request: bytes) -> Any:
-        return self.channel.unary_stream(PACKAGE + method)(request, metadata=self._metadata)
-
-    def duplex(self, method: str) -> Any:
-        return self.channel.stream_stream(PACKAGE + method)(metadata=self._metadata)
 
 
 class Jobs:
@@ -117,12 +99,7 @@ class Client:
         who = connect.ConnectOptions.from_environment(
             token=token, name=name, tls=tls, tls_ca=tls_ca, tls_certificate=tls_certificate, tls_key=tls_key,
             tls_server_name=tls_server_name)
-        target, credentials = connect.target(address, who), who.credentials()
-        if credentials is None:
-            channel = grpc.aio.insecure_channel(target.name, target.options)
-        else:
-            channel = grpc.aio.secure_channel(target.name, credentials, target.options)
-        self.address = target.shown
+        self.address, channel = connect.channel(grpc.aio, address, who)
         self._rpc = _Rpc(channel, who.metadata(), timeout)
         self.jobs = Jobs(self._rpc)
 

@@ -10,8 +10,7 @@ import grpc
 from numpy.typing import ArrayLike
 
 from marble import errors
-from marble.calls.session import answer_of
-from marble.calls.session_core import SessionCore, SessionEvent, Shift
+from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of
 from marble.errors import Cancelled, FailedPrecondition
 from marble.message.requests import Call
 from marble.model.lcqp import LCQP, MatrixLike
@@ -19,7 +18,7 @@ from marble.model.problem import Problem
 from marble.model.solution import Progress, Solution
 
 
-class Session:
+class Session(SessionFacts):
     """As marble.Session, awaited; from marble.aio.Client.session, set up by `async with`.
 
     One task may send while another one waits in next(); else one at a time.
@@ -27,9 +26,8 @@ class Session:
 
     def __init__(self, open_stream: Callable[[str], Any], problem: LCQP | Problem, call: Call, latest_only: bool,
                  progress: Callable[[int, Progress], object] | None) -> None:
-        self._core = SessionCore(problem)
-        self._tell = progress
-        self._first = self._core.set_up(call, latest_only, progress is not None)
+        self._core = SessionCore(problem, progress)
+        self._first = self._core.set_up(call, latest_only)
         self._open_stream = open_stream
         self._stream: Any = None
         self._unread: dict[int, SessionEvent] = {}
@@ -60,16 +58,9 @@ class Session:
     async def _read(self) -> SessionEvent | None:
         try:
             while (data := await self._stream.read()) is not grpc.aio.EOF:
-                kind, content = self._core.take(data)
-                if kind == "outcome":
-                    event: SessionEvent = content
+                done, event = self._core.take(data)
+                if done:
                     return event
-                if kind == "ready":
-                    self._core.ready(content)
-                    return None
-                if self._tell is not None:
-                    for row in content[1]:
-                        self._tell(content[0], row)
             code = await self._stream.code()
             if code is not grpc.StatusCode.OK:
                 raise errors.from_rpc(grpc.aio.AioRpcError(
@@ -88,16 +79,6 @@ class Session:
     def is_open(self) -> bool:
         """Whether updates may be sent."""
         return self._stream is not None and not self._core.ended and not self._stream.done()
-
-    @property
-    def job_id(self) -> str:
-        """The server's id of the session."""
-        return self._core.job_id
-
-    @property
-    def problem(self) -> LCQP:
-        """The problem as the updates so far left it."""
-        return self._core.current
 
     async def send(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
         """Sends an update without waiting for its answer, and returns its number; see marble.Session.send."""

@@ -11,7 +11,7 @@ import grpc
 from numpy.typing import ArrayLike
 
 from marble import errors
-from marble.calls.session_core import SessionCore, SessionEvent, Shift, Superseded
+from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of
 from marble.connection.rpc import Rpc
 from marble.errors import Cancelled, Error, FailedPrecondition
 from marble.message.requests import Call
@@ -20,7 +20,7 @@ from marble.model.problem import Problem
 from marble.model.solution import Progress, Solution
 
 
-class Session:
+class Session(SessionFacts):
     """An open session, from Client.session. A context manager: leaving it closes it, an exception gives it up.
 
     One thread may send while another one waits in next(); else one thread at a time. An error of update() concerns that
@@ -29,13 +29,12 @@ class Session:
 
     def __init__(self, rpc: Rpc, problem: LCQP | Problem, call: Call, latest_only: bool,
                  progress: Callable[[int, Progress], object] | None) -> None:
-        self._core = SessionCore(problem)
-        self._tell = progress
+        self._core = SessionCore(problem, progress)
         # One message at a time: gRPC takes the next when the server has room for it.
         self._outbox: queue.Queue[bytes | None] = queue.Queue(maxsize=1)
         self._unread: dict[int, SessionEvent] = {}
         self._writing, self._reading = threading.Lock(), threading.Lock()
-        first = self._core.set_up(call, latest_only, progress is not None)
+        first = self._core.set_up(call, latest_only)
         self._stream = rpc.duplex("Solver/Session", self._messages(first))
         try:
             self._read()
@@ -74,16 +73,9 @@ class Session:
         """The next outcome, or None at the stream's end; the caller holds _reading."""
         try:
             for data in self._stream:
-                kind, content = self._core.take(data)
-                if kind == "outcome":
-                    event: SessionEvent = content
+                done, event = self._core.take(data)
+                if done:
                     return event
-                if kind == "ready":
-                    self._core.ready(content)
-                    return None
-                if self._tell is not None:
-                    for row in content[1]:
-                        self._tell(content[0], row)
         except grpc.RpcError as error:
             self._finish()
             raise errors.from_rpc(error) from None
@@ -94,31 +86,6 @@ class Session:
     def is_open(self) -> bool:
         """Whether updates may be sent."""
         return not self._core.ended and bool(self._stream.is_active())
-
-    @property
-    def job_id(self) -> str:
-        """The server's id of the session, one job for all its solves."""
-        return self._core.job_id
-
-    @property
-    def memory_bytes(self) -> int:
-        """Memory of the session on the server, as it is counted against the limits."""
-        return self._core.memory_bytes
-
-    @property
-    def setup_s(self) -> float:
-        """Seconds that scaling, ordering, analysis and allocation took."""
-        return self._core.setup_s
-
-    @property
-    def idle_timeout_s(self) -> float:
-        """Seconds without an update after which the server ends the session."""
-        return self._core.idle_timeout_s
-
-    @property
-    def problem(self) -> LCQP:
-        """The problem as the updates so far left it."""
-        return self._core.current
 
     def send(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
         """Sends an update without waiting, as update does, and returns its number; numbers ascend.
@@ -195,12 +162,3 @@ class Session:
             self.cancel()
         else:
             self.close()
-
-
-def answer_of(event: SessionEvent) -> Solution:
-    """The answer of an update; raises the error if there is none."""
-    if isinstance(event.outcome, Superseded):
-        raise Cancelled(f"update {event.sequence} was superseded by update {event.outcome.by_sequence}")
-    if isinstance(event.outcome, Error):
-        raise event.outcome
-    return event.outcome

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from marble import errors
 from marble.base import contract
 from marble.base.tables import VALUES, VECTORS
-from marble.errors import FailedPrecondition, InvalidArgument, InvalidProblem
+from marble.errors import Cancelled, FailedPrecondition, InvalidArgument, InvalidProblem
 from marble.message import answers, requests, wire
 from marble.message.wire import Encoder
 from marble.model import lcqp
@@ -91,9 +91,10 @@ class SessionEvent:
 class SessionCore:
     """The state of one session; does no input or output."""
 
-    def __init__(self, problem: LCQP | Problem) -> None:
+    def __init__(self, problem: LCQP | Problem, tell: Callable[[int, Progress], object] | None) -> None:
         self.given = problem.copy() if isinstance(problem, Problem) else problem
         self.current = compiled(problem)
+        self._tell = tell
         self.sequence = 0
         self.job_id = ""
         self.memory_bytes = 0
@@ -101,7 +102,7 @@ class SessionCore:
         self.ended = False
         self._asked: dict[int, tuple[LCQP | Problem, LCQP]] = {}
 
-    def set_up(self, call: requests.Call, latest_only: bool, progress: bool) -> bytes:
+    def set_up(self, call: requests.Call, latest_only: bool) -> bytes:
         """The first message."""
         requests.check_request_id(call.request_id)
         requests.check_progress(call)
@@ -111,8 +112,9 @@ class SessionCore:
             setup.message("initial_point", requests.initial_point(self.current.z0))
         setup.others(contract.message("SessionSetup")(
             options=requests.options_message(call.options), request_id=call.request_id,
-            priority=requests.priority_number(call.priority), latest_only=latest_only, progress=progress,
-            progress_interval_s=call.progress_interval, iterate_every=call.iterate_every))
+            priority=requests.priority_number(call.priority), latest_only=latest_only,
+            progress=self._tell is not None, progress_interval_s=call.progress_interval,
+            iterate_every=call.iterate_every))
         return _request("setup", setup)
 
     def update(self, problem: LCQP | Problem | None = None, *, options: Mapping[str, Any] | None = None,
@@ -167,15 +169,21 @@ class SessionCore:
                 changes[name] = _with_pattern(value, getattr(now, name), name)
         return changes
 
-    def take(self, data: bytes) -> tuple[str, Any]:
-        """("ready", the message), ("progress", (sequence, rows)) or ("outcome", a SessionEvent)."""
+    def take(self, data: bytes) -> tuple[bool, SessionEvent | None]:
+        """Whether a reader has what it waits for, and the outcome of an update if that is what it is.
+
+        Progress is told, and waited beyond; with the word that all is set up there is no outcome.
+        """
         message, arrays = wire.decode("SessionResponse", data)
         kind = message.WhichOneof("event")
         if kind == "ready":
-            return kind, message.ready
+            self._ready(message.ready)
+            return True, None
         if kind == "progress":
-            rows: list[Progress] = [answers.progress(row) for row in message.progress.progress.rows]
-            return kind, (message.progress.sequence, rows)
+            if self._tell is not None:
+                for row in message.progress.progress.rows:
+                    self._tell(message.progress.sequence, answers.progress(row))
+            return False, None
         body = getattr(message, kind)
         given, problem = self._asked.pop(body.sequence)
         outcome: Solution | Superseded | errors.Error
@@ -186,14 +194,53 @@ class SessionCore:
             outcome = Superseded(body.by_sequence)
         else:
             outcome = errors.from_status(body.status)
-        return "outcome", SessionEvent(body.sequence, outcome)
+        return True, SessionEvent(body.sequence, outcome)
 
-    def ready(self, message: Any) -> None:
-        """Remembers what the server told when it had set the session up."""
+    def _ready(self, message: Any) -> None:
         self.job_id = message.job_id
         self.memory_bytes = message.memory_bytes
         self.setup_s = message.setup_s
         self.idle_timeout_s = message.idle_timeout_s
+
+
+def answer_of(event: SessionEvent) -> Solution:
+    """The answer of an update; raises the error if there is none."""
+    if isinstance(event.outcome, Superseded):
+        raise Cancelled(f"update {event.sequence} was superseded by update {event.outcome.by_sequence}")
+    if isinstance(event.outcome, errors.Error):
+        raise event.outcome
+    return event.outcome
+
+
+class SessionFacts:
+    """What both kinds of session tell of themselves."""
+
+    _core: SessionCore
+
+    @property
+    def job_id(self) -> str:
+        """The server's id of the session, one job for all its solves."""
+        return self._core.job_id
+
+    @property
+    def memory_bytes(self) -> int:
+        """Memory of the session on the server, as it is counted against the limits."""
+        return self._core.memory_bytes
+
+    @property
+    def setup_s(self) -> float:
+        """Seconds that scaling, ordering, analysis and allocation took."""
+        return self._core.setup_s
+
+    @property
+    def idle_timeout_s(self) -> float:
+        """Seconds without an update after which the server ends the session."""
+        return self._core.idle_timeout_s
+
+    @property
+    def problem(self) -> LCQP:
+        """The problem as the updates so far left it."""
+        return self._core.current
 
 
 def _request(field: str, part: Encoder) -> bytes:

@@ -207,3 +207,11 @@ def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Targ
         else:
             _host_and_port(name.removeprefix(_DNS))
     return Target(name, ", ".join(addresses), tuple(options))
+
+
+def channel(library: Any, address: str | Sequence[str] | None, connect: ConnectOptions) -> tuple[str, Any]:
+    """The address as it is shown, and a channel of grpc or grpc.aio to it."""
+    there, credentials = target(address, connect), connect.credentials()
+    if credentials is None:
+        return there.shown, library.insecure_channel(there.name, there.options)
+    return there.shown, library.secure_channel(there.name, credentials, there.options)

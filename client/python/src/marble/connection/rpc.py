@@ -20,8 +20,8 @@ def check_deadline(deadline: float | None) -> float | None:
     return deadline
 
 
-class Rpc:
-    """A channel, who calls, and how long a call may take if nothing else is said."""
+class Calls:
+    """A channel of grpc or of grpc.aio, who calls, and how long a call may take if nothing else is said."""
 
     def __init__(self, channel: Any, metadata: tuple[tuple[str, str], ...], timeout: float | None) -> None:
         self.channel = channel
@@ -30,6 +30,23 @@ class Rpc:
 
     def _deadline(self, deadline: float | None) -> float | None:
         return self._timeout if deadline is None else check_deadline(deadline)
+
+    def stream(self, method: str, request: bytes, deadline: float | None = None) -> Any:
+        """One message there, many back."""
+        return self.channel.unary_stream(PACKAGE + method)(
+            request, timeout=self._deadline(deadline), metadata=self._metadata)
+
+    def endless(self, method: str, request: bytes) -> Any:
+        """The same without a deadline."""
+        return self.channel.unary_stream(PACKAGE + method)(request, metadata=self._metadata)
+
+    def duplex(self, method: str, requests: Iterator[bytes] | None = None) -> Any:
+        """Many there, many back; None: they are written one by one (grpc.aio)."""
+        return self.channel.stream_stream(PACKAGE + method)(requests, metadata=self._metadata)
+
+
+class Rpc(Calls):
+    """On a channel of grpc."""
 
     def call(self, method: str, request: bytes, deadline: float | None = None) -> bytes:
         """One message there, one back."""
@@ -45,16 +62,3 @@ class Rpc:
         except BaseException:  # Ctrl-C: the server need not finish
             future.cancel()
             raise
-
-    def stream(self, method: str, request: bytes, deadline: float | None = None) -> Any:
-        """One message there, many back."""
-        return self.channel.unary_stream(PACKAGE + method)(
-            request, timeout=self._deadline(deadline), metadata=self._metadata)
-
-    def endless(self, method: str, request: bytes) -> Any:
-        """The same without a deadline."""
-        return self.channel.unary_stream(PACKAGE + method)(request, metadata=self._metadata)
-
-    def duplex(self, method: str, requests: Iterator[bytes]) -> Any:
-        """Many there, many back."""
-        return self.channel.stream_stream(PACKAGE + method)(requests, metadata=self._metadata)

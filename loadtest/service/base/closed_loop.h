@@ -3,7 +3,7 @@
 
 #include <atomic>
 
-#include "bench.h"
+#include "base/bench.h"
 #include "measure/machine.h"
 
 namespace marble::bench {

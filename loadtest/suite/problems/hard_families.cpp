@@ -1,4 +1,4 @@
-#include "hard_families.h"
+#include "problems/hard_families.h"
 
 #include <Eigen/Core>
 #include <cstdint>
@@ -6,7 +6,7 @@
 
 #include "marble/published_examples.h"
 #include "model.h"
-#include "noise.h"
+#include "problems/noise.h"
 
 namespace marble::suite {
 namespace {

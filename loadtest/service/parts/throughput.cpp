@@ -1,10 +1,11 @@
 // Two workers with four clients against two threads that solve here, in turns.
 #include <cstdio>
 
-#include "bench.h"
-#include "closed_loop.h"
-#include "finding.h"
+#include "base/bench.h"
+#include "base/closed_loop.h"
+#include "base/finding.h"
 #include "marble/examples.h"
+#include "parts/parts.h"
 
 namespace marble::bench {
 namespace {

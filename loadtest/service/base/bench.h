@@ -63,21 +63,4 @@ class Session {
 /// Every vector of the problem, and a plan that moves on by one of `steps` stages.
 [[nodiscard]] v1::SessionUpdate next_tick(const OwnedProblem& problem, int steps);
 
-/// The hopper's receding horizon, warm in a session against cold unary solves.
-void mpc();
-/// A control loop's ticks while others flood the server.
-void flood();
-/// Sessions that do nothing.
-void idle();
-/// What metrics, logs, traces and those who watch cost.
-void cost();
-/// The same solves here and there; tiny ones beside a bare echo.
-void remote();
-/// Two workers against two threads here.
-void throughput();
-/// Full load beside idle sessions and dashboards.
-void crowd();
-/// What telling every iteration costs the solve.
-void streaming();
-
 }  // namespace marble::bench

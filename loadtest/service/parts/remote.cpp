@@ -2,13 +2,14 @@
 #include <cstdio>
 #include <functional>
 
-#include "bench.h"
-#include "echo_server.h"
-#include "finding.h"
+#include "base/bench.h"
+#include "base/echo_server.h"
+#include "base/finding.h"
 #include "marble/client.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "marble/solver.h"
+#include "parts/parts.h"
 #include "plan/scenario.h"
 
 namespace marble::bench {

@@ -1,4 +1,4 @@
-#include "bench.h"
+#include "base/bench.h"
 
 #include <algorithm>
 #include <cmath>

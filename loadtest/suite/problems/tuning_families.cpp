@@ -1,4 +1,4 @@
-#include "tuning_families.h"
+#include "problems/tuning_families.h"
 
 #include <cmath>
 #include <ctime>
@@ -6,8 +6,11 @@
 
 #include "marble/examples.h"
 #include "marble/solver.h"
-#include "noise.h"
+#include "problems/hard_families.h"
+#include "problems/noise.h"
+#include "problems/quadratic_families.h"
 #include "support/judges/independent_check.h"
+#include "support/problems/other_units.h"
 #include "support/problems/random_problem.h"
 
 namespace marble::suite {
@@ -36,6 +39,25 @@ Outcome cold(const OwnedProblem& problem) {
   const Solution s = solve_in_process(problem.view(), options).value();
   const double seconds = processor_seconds() - begin;
   return {answer(problem, s), static_cast<double>(s.factorizations), seconds};
+}
+
+// What a tree leaves open of the gap, within so many nodes.
+Outcome proof(const OwnedProblem& problem) {
+  Options options;
+  options.time_limit_s = kRunaway_s;
+  options.global = true;
+  options.node_limit = 200;
+  const double begin = processor_seconds();
+  const Solution s = solve_in_process(problem.view(), options).value();
+  const double seconds = processor_seconds() - begin;
+  const double open = std::isnan(answer(problem, s)) ? std::numeric_limits<double>::quiet_NaN() : s.gap;
+  return {open, static_cast<double>(s.factorizations + s.nodes), seconds};
+}
+
+// Of a problem in units of 10^-3 to 10^3 each variable and row: the answer in the problem's own.
+Outcome in_other_units(const OwnedProblem& problem, std::uint64_t seed) {
+  const auto random = [noise = Noise(seed)]() mutable { return std::pow(10.0, 3.0 * noise.uniform()); };
+  return cold(testing::convert(problem, {random, random}).problem);
 }
 
 // Ten problems in a row, each from the answer before: `next` makes one of the last, of the same matrices, and
@@ -146,6 +168,20 @@ std::vector<Instance> tuning_instances(int seeds, bool judging) {
     add("warm rocket", [=] { return warm(rocket(vary(landing, seed)), 1e-3, seed); });
     add("warm qpec", [=] { return warm(qpec(sizes, seed), kind == 0 ? 1e-3 : 3e-2, seed); });
     add("warm hopper", [=] { return plan(vary(hops, seed)); });
+    HopperParameters few_hops = hops;
+    few_hops.steps = 3 + kind;
+    add("proof of a hopper", [=] { return proof(hopper(vary(few_hops, seed))); });
+    add("proof of a rocket", [=] { return proof(rocket(vary(landing, seed))); });
+    add("proof of a qpec", [=] { return proof(qpec({10, 20 + 10 * kind, 4, 2}, seed)); });
+    add("hopper in other units", [=] { return in_other_units(hopper(vary(hops, seed)), seed); });
+    add("qpec in other units", [=] { return in_other_units(qpec(sizes, seed), seed); });
+    add("scattered QP", [=] { return cold(scattered_problem(100 + 50 * kind, Curvature(kind), seed)); });
+    add("linear MPC", [=] { return cold(mpc_problem(20 + 20 * kind, seed)); });
+  }
+  for (const HardProblem& hard : hard_problems(seeds, judging)) {
+    const bool random = !hard.proof.has_value() && hard.family != "cheap gates";
+    if (random && hard.problem.L.rows <= 40)
+      all.push_back({hard.family, [problem = hard.problem] { return cold(problem); }});
   }
   return all;
 }

@@ -1,9 +1,10 @@
 #include <cstdio>
 #include <fstream>
 
-#include "bench.h"
+#include "base/bench.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
+#include "parts/parts.h"
 
 namespace marble::bench {
 namespace {

@@ -1,4 +1,4 @@
-#include "closed_loop.h"
+#include "base/closed_loop.h"
 
 #include <atomic>
 #include <thread>

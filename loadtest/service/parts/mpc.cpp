@@ -1,8 +1,9 @@
 #include <cstdio>
 
-#include "bench.h"
+#include "base/bench.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
+#include "parts/parts.h"
 
 namespace marble::bench {
 namespace {

@@ -2,11 +2,12 @@
 #include <cstdio>
 #include <thread>
 
-#include "bench.h"
-#include "closed_loop.h"
-#include "finding.h"
+#include "base/bench.h"
+#include "base/closed_loop.h"
+#include "base/finding.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
+#include "parts/parts.h"
 
 namespace marble::bench {
 namespace {

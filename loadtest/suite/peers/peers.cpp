@@ -1,4 +1,4 @@
-#include "peers.h"
+#include "peers/peers.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,8 +1,8 @@
-#include "echo_server.h"
+#include "base/echo_server.h"
 
 #include <cstdio>
 
-#include "bench.h"
+#include "base/bench.h"
 
 namespace marble::bench {
 namespace {

@@ -1,8 +1,8 @@
 // Small problems from the literature with the optima given there, none of them of the 39 in the benchmarks.
 #include <utility>
 
-#include "hard_families.h"
 #include "model.h"
+#include "problems/hard_families.h"
 
 namespace marble::suite {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "marble/problem.h"
-#include "performance_profile.h"
+#include "peers/performance_profile.h"
 #include "record.h"
 
 namespace marble::suite {

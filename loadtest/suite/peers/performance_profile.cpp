@@ -1,4 +1,4 @@
-#include "performance_profile.h"
+#include "peers/performance_profile.h"
 
 #include <algorithm>
 #include <cmath>

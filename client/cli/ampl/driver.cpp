@@ -1,0 +1,225 @@
+#include "ampl/driver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <iostream>
+
+#include "ampl/command_line.h"
+#include "arguments/server_arguments.h"
+#include "base/atomic_file.h"
+#include "base/exit_code.h"
+#include "base/interrupt.h"
+#include "marble/client.h"
+#include "marble/contract.h"
+#include "marble/solver.h"
+#include "marble/version.h"
+#include "nl/nl_answer.h"
+#include "nl/nl_problem.h"
+#include "nl/nl_tokens.h"
+#include "nl/sol_file.h"
+#include "output/iteration_table.h"
+#include "output/proof.h"
+#include "parts/file_bytes.h"
+
+namespace marble::cli::ampl {
+namespace {
+
+using formats::MultiplierView;
+using formats::NlProblem;
+using formats::SolFile;
+using formats::SolSuffix;
+
+// solve_result_num by AMPL's ranges: 0 solved, 100 solved?, 200 infeasible, 300 unbounded, 400 limit, 500
+// failure.
+enum Code {
+  kNotAnLcqp = 510,  // the file, or what it asks for
+  kWrongOption = 520,
+  kNoAnswer = 530,  // of a server
+};
+
+int code_of(Status status) {
+  switch (status) {
+    case Status::solved:
+      return 0;
+    case Status::solved_reduced:
+      return 100;
+    case Status::infeasible:
+      return 200;
+    case Status::locally_infeasible:
+      return 201;
+    case Status::unbounded:
+      return 300;
+    case Status::iteration_limit:
+      return 400;
+    case Status::time_limit:
+      return 401;
+    case Status::cancelled:
+      return 402;
+    case Status::numerical_failure:
+      break;
+  }
+  return 500;
+}
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.10g", value);
+  return text;
+}
+
+std::string banner() { return std::string("marble ") + kVersion + ": "; }
+
+std::string message_of(const Solution& s, double sign) {
+  std::string text = banner() + to_string(s.status);
+  if (is_solved(s.status)) text += "; objective " + number(sign * s.objective);
+  text += "\n" + std::to_string(s.iterations) + " iterations, " + std::to_string(s.factorizations) +
+          " factorizations";
+  if (const std::string proof = proof_text(proof_of(s)); !proof.empty()) text += "\n" + proof;
+  if (!is_solved(s.status)) text += "\n" + s.detail + "\n" + advice(s.status);
+  return text;
+}
+
+SolSuffix suffix(const char* name, SolSuffix::Of of, const std::vector<double>& values) {
+  SolSuffix result{name, of, {}};
+  for (std::size_t i = 0; i < values.size(); ++i)
+    result.values.emplace_back(static_cast<Index>(i), values[i]);
+  return result;
+}
+
+// What proves that there is no answer, or how good it may get: dunbdd and unbdd are AMPL's names for rays.
+void add_proofs(const NlProblem& nl, const Solution& s, SolFile& sol) {
+  using Of = SolSuffix::Of;
+  const double sign = nl.maximize ? -1.0 : 1.0;
+  const auto variables = static_cast<std::size_t>(sol.variables);
+  if (s.status == Status::infeasible && !s.certificate.empty()) {
+    const auto proof = MultiplierView::stacked(nl.file.problem, s.certificate);
+    sol.suffixes.push_back(
+        suffix("dunbdd", Of::constraints,
+               formats::sums(nl.row_duals, static_cast<std::size_t>(sol.constraints), proof)));
+  }
+  if (s.status == Status::unbounded && s.certificate.size() >= variables) {
+    sol.suffixes.push_back(
+        suffix("unbdd", Of::variables, {s.certificate.begin(), s.certificate.begin() + sol.variables}));
+  }
+  if (std::isfinite(s.bound)) sol.suffixes.push_back({"bound", Of::problem, {{0, sign * s.bound}}});
+  if (std::isfinite(s.gap)) sol.suffixes.push_back({"gap", Of::problem, {{0, s.gap}}});
+}
+
+void add_answer(const NlProblem& nl, const Solution& s, SolFile& sol) {
+  const double sign = nl.maximize ? -1.0 : 1.0;
+  const auto multipliers = MultiplierView::of(s);
+  sol.message = message_of(s, sign);
+  sol.code = code_of(s.status);
+  sol.primals.assign(s.z.begin(), s.z.begin() + sol.variables);
+  sol.duals = formats::sums(nl.row_duals, static_cast<std::size_t>(sol.constraints), multipliers);
+  auto reduced_costs = formats::sums(nl.reduced_costs, static_cast<std::size_t>(sol.variables), multipliers);
+  if (nl.maximize) {
+    for (auto* const values : {&sol.duals, &reduced_costs})
+      std::ranges::transform(*values, values->begin(), std::negate<>());
+  }
+  if (is_solved(s.status)) sol.suffixes.push_back(suffix("rc", SolSuffix::Of::variables, reduced_costs));
+  add_proofs(nl, s, sol);
+}
+
+Expected<Solution> solve(const NlProblem& nl, const Settings& settings, std::stop_token stop) {
+  const OwnedProblem& problem = nl.file.problem;
+  IterationTable table(false, stdout);
+  SolveControls controls{settings.tells ? &table : nullptr, std::move(stop), problem.initial_z};
+  if (settings.server.empty() || settings.server == contract::local_address) {
+    const bool has_duals = std::ranges::any_of(nl.initial_duals, [](double dual) { return dual != 0.0; });
+    std::optional<Solution> start;
+    if (has_duals && !problem.initial_z.empty()) controls.warm_start = &start.emplace(initial_answer(nl));
+    return solve_in_process(problem.view(), settings.options, controls);
+  }
+  ServerArguments arguments;
+  arguments.server = settings.server;
+  const auto client = connect(arguments);
+  if (!client) return unexpected(client.error());
+  auto answer = client->solve(problem.view(), settings.options, controls, {.problem_name = problem.name});
+  if (answer) return std::move(static_cast<Solution&>(*answer));
+  answer.error().bound += " (server " + settings.server + ")";
+  return unexpected(answer.error());
+}
+
+void refuse(SolFile& sol, int code, const Error& error) {
+  sol.message = banner() + error.message();
+  sol.code = code;
+}
+
+// What the .sol file is to say, as far as one can be written: the header tells the sizes.
+Expected<SolFile> run(const CommandLine& line) {
+  const auto content = formats::read_bytes(line.stub + ".nl");
+  if (!content) return unexpected(of_field(line.stub + ".nl", content.error()));
+  formats::NlTokens tokens(*content);
+  const formats::NlHeader header = tokens.header();
+  if (tokens.failed()) return unexpected(of_field(line.stub + ".nl", tokens.error()));
+  SolFile sol{.message = "",
+              .options = header.options,
+              .vb_tolerance = header.vb_tolerance,
+              .constraints = header.constraints,
+              .variables = header.variables};
+  Settings settings;
+  if (const char* const server = std::getenv("MARBLE_SERVER")) settings.server = server;
+  const char* const words = std::getenv("marble_options");
+  for (const auto& assignments : {assignments_of(words == nullptr ? "" : words), line.assignments}) {
+    if (const auto applied = apply(assignments, settings); !applied) {
+      refuse(sol, kWrongOption, applied.error());
+      return sol;
+    }
+  }
+  const auto nl = formats::parse_nl_problem(*content, line.stub.substr(line.stub.find_last_of('/') + 1),
+                                            formats::NlNames::beside(line.stub));
+  if (!nl) {
+    refuse(sol, kNotAnLcqp, nl.error());
+    return sol;
+  }
+  const Interrupt interrupt;
+  const auto answer = solve(*nl, settings, interrupt.token());
+  if (answer) {
+    add_answer(*nl, *answer, sol);
+  } else {
+    refuse(sol, kNoAnswer, answer.error());
+  }
+  return sol;
+}
+
+Expected<void> write(const SolFile& sol, const std::string& path) {
+  auto file = AtomicFile::open(path);
+  if (!file) return unexpected(file.error());
+  file->write(formats::sol_text(sol));
+  return file->commit();
+}
+
+int fails(const Error& error) {
+  std::cerr << "marble: " << error.message() << '\n';
+  return kBadInput;
+}
+
+}  // namespace
+
+int drive(int argc, const char* const* argv) {
+  const auto line = parse(argc, argv);
+  if (!line) return fails(line.error());
+  if (line->asks == CommandLine::Asks::version) {
+    std::cout << "marble " << kVersion << '\n';
+    return kAllSolved;
+  }
+  if (line->asks == CommandLine::Asks::options) {
+    print_options();
+    return kAllSolved;
+  }
+  auto sol = or_out_of_memory(
+      [&] { return run(*line); },
+      [] { return failure(ErrorCode::resource_exhausted, "is too large for the memory there is"); });
+  if (!sol) return fails(sol.error());
+  if (!line->from_ampl) {  // for a person, or a reader of old that knows no such line
+    std::cout << sol->message << '\n';
+    sol->code.reset();
+  }
+  const auto written = write(*sol, line->sol_path);
+  return written ? kAllSolved : fails(written.error());
+}
+
+}  // namespace marble::cli::ampl

@@ -1,0 +1,13 @@
+// How far a step may go where numbers have to stay positive.
+#pragma once
+
+#include <algorithm>
+
+namespace marble {
+
+/// Shortens `length` so that value + length · change is not negative, of a value that is positive.
+inline void keep_positive(double value, double change, double& length) {
+  if (change < 0.0) length = std::min(length, -value / change);
+}
+
+}  // namespace marble
