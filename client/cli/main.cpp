@@ -1,53 +1,69 @@
-#include <csignal>
-#include <exception>
-#include <iostream>
+// The program marble: solves JSON files in this process itself, and hands all else over to the program that
+// has every command. Loading what that one needs (gRPC, HDF5, ncurses and what these need) takes longer than
+// most solves.
+#include <unistd.h>
 
-#include "ampl/command_line.h"
-#include "ampl/driver.h"
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <exception>
+#include <filesystem>
+#include <iostream>
+#include <optional>
+#include <string_view>
+
+#include "arguments/solve_arguments.h"
 #include "base/exit_code.h"
-#include "commands/commands.h"
+#include "commands/solve_files.h"
+
+namespace marble::cli {
+namespace {
+
+bool is_json_file(const std::string& path) {
+  std::error_code failed;
+  return path.ends_with(".json") && std::filesystem::is_regular_file(path, failed);
+}
+
+// Nothing where this is another program's: other commands, help, usage that is wrong, servers, other files.
+std::optional<int> solve_json_here(int argc, char** argv) {
+  if (argc < 2 || std::string_view(argv[1]) != "solve") return std::nullopt;
+  CLI::App program;
+  const auto arguments = std::make_shared<SolveArguments>();
+  static_cast<void>(add_solve_command(program, arguments));
+  try {
+    program.parse(argc, argv);
+  } catch (const CLI::ParseError&) {
+    return std::nullopt;
+  }
+  if (!arguments->here() || !std::ranges::all_of(arguments->files, is_json_file)) return std::nullopt;
+  const auto options = parse_options(arguments->solver);
+  if (!options) return option_fails(options.error());
+  return solve_files(*arguments, *options, {read_json_problem, solve_here});
+}
+
+// Returns only where it could not.
+int hand_over(char** argv) {
+  std::error_code failed;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", failed);
+  const std::string program = (self.parent_path() / MARBLE_ALL_COMMANDS).lexically_normal().string();
+  execv(program.c_str(), argv);
+  std::cerr << "marble: " << program << ": cannot be run: " << std::strerror(errno) << '\n';
+  return kBadInput;
+}
+
+}  // namespace
+}  // namespace marble::cli
 
 int main(int argc, char** argv) {
   using namespace marble::cli;
   std::signal(SIGPIPE, SIG_DFL);  // marble example hopper | head ends quietly
-  if (ampl::is_ampl(argc, argv)) return ampl::drive(argc, argv);
-  CLI::App program(
-      "Solves quadratic programs with complementarity constraints, on a Marble server or in process.",
-      "marble");
-  program.require_subcommand(1);
-  program.get_formatter()->column_width(36);
-  program.footer(std::string(kExitCodes) +
-                 "\nThe server is --server ADDR, else MARBLE_SERVER, else 127.0.0.1:50051; ADDR is "
-                 "host:port, or several with commas between, or unix:PATH, or local for none.\nMARBLE_TOKEN, "
-                 "MARBLE_TLS_CA, "
-                 "MARBLE_TLS_CERTIFICATE and MARBLE_TLS_KEY are the defaults "
-                 "of "
-                 "their options.");
-  int exit_code = kAllSolved;
-  add_solve(program, exit_code);
-  add_batch(program, exit_code);
-  add_submit(program, exit_code);
-  add_result(program, exit_code);
-  add_jobs(program, exit_code);
-  add_job(program, exit_code);
-  add_watch(program, exit_code);
-  add_cancel(program, exit_code);
-  add_delete(program, exit_code);
-  add_plot(program, exit_code);
-  add_mpc(program, exit_code);
-  add_convert(program, exit_code);
-  add_example(program, exit_code);
-  add_health(program, exit_code);
-  add_info(program, exit_code);
-  add_options(program, exit_code);
-  add_version(program, exit_code);
   try {
-    program.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return program.exit(error) == 0 ? kAllSolved : kBadInput;
+    if (const auto exit_code = solve_json_here(argc, argv)) return *exit_code;
   } catch (const std::exception& error) {
     std::cerr << "marble: " << error.what() << '\n';
     return kBadInput;
   }
-  return exit_code;
+  return hand_over(argv);
 }

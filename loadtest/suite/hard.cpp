@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <map>
 #include <string>
@@ -34,7 +35,9 @@ void hard(const Settings& settings) {
     if (tally.problems++ == 0) order.push_back(problem.family);
     const Record r = solve_and_judge(problem.family, problem.problem, {}, 0.0);
     const bool wrong = is_wrong(r, problem);
-    const bool solved = problem.proof ? r.status == problem.proof : is_solved(r.status) && !wrong;
+    const double optimum = problem.optimum.value_or(r.objective);
+    const bool best = std::abs(r.objective - optimum) <= 1e-6 * std::max(1.0, std::abs(optimum));
+    const bool solved = problem.proof ? r.status == problem.proof : is_solved(r.status) && !wrong && best;
     tally.solved += solved;
     tally.wrong += wrong;
     if (!solved) ++tally.unsolved[to_string(r.status)];

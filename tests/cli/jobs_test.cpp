@@ -82,7 +82,7 @@ TEST_F(JobCommands, AnUnfinishedResultExitsOneAndAnUnknownOneTwo) {
 TEST_F(JobCommands, CtrlCEndsTheWaitingNotTheJob) {
   const std::string id = submit_long();
   const Run waiting = start("result --wait " + id + " --server " + server_.address());
-  ASSERT_TRUE(eventually([&] { return waiting.process->catches(SIGINT, MARBLE_BINARY); }));
+  ASSERT_TRUE(eventually([&] { return waiting.process->catches(SIGINT, MARBLE_ALL_BINARY); }));
   waiting.process->send(SIGINT);
   const Result result = waiting.wait();
   EXPECT_EQ(result.exit_code, 1);

@@ -1,8 +1,5 @@
 #include "arguments/server_arguments.h"
 
-#include <cerrno>
-#include <cstring>
-#include <fstream>
 #include <iostream>
 #include <map>
 
@@ -10,22 +7,6 @@
 #include "output/json.h"
 
 namespace marble::cli {
-namespace {
-
-Expected<std::string> read_token(const std::string& path) {
-  std::ifstream file(path);
-  std::string token;
-  if (!std::getline(file, token)) {
-    const char* why = file.is_open() ? "has no first line" : std::strerror(errno);
-    return unexpected(
-        failure(ErrorCode::not_found, "--token-file", path, std::string("cannot be read: ") + why));
-  }
-  if (!token.empty() && token.back() == '\r') token.pop_back();
-  return token;
-}
-
-}  // namespace
-
 void add_server_arguments(CLI::App& command, ServerArguments& arguments) {
   command.add_option("--server", arguments.server,
                      "address of the server: host:port, or several with commas between, or unix:PATH; "
@@ -60,16 +41,6 @@ void add_priority_argument(CLI::App& command, Priority& priority) {
                   "whose turn it is when the server is busy: realtime, interactive or batch")
       ->transform(CLI::CheckedTransformer(names).description(""))
       ->type_name("TEXT");
-}
-
-Expected<Client> connect(const ServerArguments& arguments) {
-  ConnectOptions options = arguments.connect;
-  if (!arguments.token_file.empty()) {
-    auto token = read_token(arguments.token_file);
-    if (!token) return unexpected(token.error());
-    options.token = std::move(*token);
-  }
-  return Client::connect(arguments.server, options);
 }
 
 int server_fails(const ServerArguments& arguments, const Error& error) {

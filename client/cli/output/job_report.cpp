@@ -2,17 +2,10 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 
 #include "base/exit_code.h"
 
 namespace marble::cli {
-
-std::string formatted(const char* pattern, double value) {
-  char text[48];
-  std::snprintf(text, sizeof text, pattern, value);
-  return text;
-}
 
 std::string ending(const JobInfo& job) {
   if (job.error) return std::string("error: ") + to_string(job.error->code);

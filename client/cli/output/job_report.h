@@ -5,14 +5,12 @@
 
 #include "marble/jobs.h"
 #include "output/json.h"
+#include "output/text_table.h"
 
 namespace marble::cli {
 
 /// "solved", "error: deadline_exceeded", or "-" while there is none.
 [[nodiscard]] std::string ending(const JobInfo& job);
-
-/// A number as a pattern of printf says.
-[[nodiscard]] std::string formatted(const char* pattern, double value);
 
 /// Seconds in few characters: "12 ms", "3.4 s", "5 min", "2 h", "3 d".
 [[nodiscard]] std::string duration_text(double seconds);

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "output/job_report.h"
+#include "output/text_table.h"
 
 namespace marble::cli {
 

@@ -1,6 +1,7 @@
 #include "output/text_table.h"
 
 #include <algorithm>
+#include <cstdio>
 
 namespace marble::cli {
 namespace {
@@ -42,6 +43,12 @@ std::string TextTable::text() const {
       line += row[i] + std::string(widths[i] - characters(row[i]) + 2, ' ');
     text += line.substr(0, line.find_last_not_of(' ') + 1) + '\n';
   }
+  return text;
+}
+
+std::string formatted(const char* pattern, double value) {
+  char text[48];
+  std::snprintf(text, sizeof text, pattern, value);
   return text;
 }
 

@@ -1,4 +1,4 @@
-// Columns of text, as wide as they need to be.
+// Columns of text, as wide as they need to be, and what their cells hold.
 #pragma once
 
 #include <string>
@@ -10,6 +10,9 @@ namespace marble::cli {
 /// Text of others on this terminal: control characters become ?, and what is longer than `longest` characters
 /// is cut and ends in …
 [[nodiscard]] std::string terminal_text(std::string_view text, std::size_t longest = 1000);
+
+/// A number as a pattern of printf says.
+[[nodiscard]] std::string formatted(const char* pattern, double value);
 
 class TextTable {
  public:

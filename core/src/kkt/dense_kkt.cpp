@@ -238,16 +238,22 @@ bool DenseKkt::factorize(const RowWeights& weights) {
   return fill(factor_, system_, interrupt()) && factorize_cholesky(factor_.data(), variables_, interrupt());
 }
 
-bool DenseKkt::solve(VectorRef x, VectorRef y) {
+bool DenseKkt::solve(VectorRef x, VectorRef y) { return solve(x, y, true); }
+
+bool DenseKkt::solve_once(VectorRef x, VectorRef y) { return solve(x, y, false); }
+
+bool DenseKkt::solve(VectorRef x, VectorRef y, bool refined) {
   // Row 2 gives y = ρ(Ax − h); put into row 1: (H + ρAᵀA) x = f + ρAᵀh.
   const auto A = rows_.topRows(equalities_);
   x.noalias() += rho_ * (A.transpose() * y);
-  residual_ = x;
+  if (refined) residual_ = x;
   solve_triangles(factor_, x);
   if (Checkpoint(interrupt()).reached(factor_.size())) return false;
-  subtract_product(system_, x, residual_);
-  solve_triangles(factor_, residual_);
-  x += residual_;
+  if (refined) {
+    subtract_product(system_, x, residual_);
+    solve_triangles(factor_, residual_);
+    x += residual_;
+  }
   y *= -1.0;
   y.noalias() += A * x;
   y *= rho_;

@@ -19,6 +19,7 @@ class DenseKkt final : public Kkt {
   [[nodiscard]] bool allocate(const ScaledProblem& problem) override;
   void load(const ScaledProblem& problem) override;
   [[nodiscard]] bool solve(VectorRef x, VectorRef y) override;
+  [[nodiscard]] bool solve_once(VectorRef x, VectorRef y) override;
   [[nodiscard]] bool solve_sparse(std::span<const Index> indices, std::span<const double> values,
                                   VectorRef x) override;
   [[nodiscard]] std::string_view name() const override { return "dense"; }
@@ -26,6 +27,7 @@ class DenseKkt final : public Kkt {
   [[nodiscard]] double bytes() const override;
 
  private:
+  [[nodiscard]] bool solve(VectorRef x, VectorRef y, bool refined);
   [[nodiscard]] bool factorize(const RowWeights& weights) override;
   using Matrix = Eigen::MatrixXd;
   // A row of `weighted_`: scale · (cos · rows_[s] + sin · rows_[t]).

@@ -55,6 +55,8 @@ class Kkt {
   [[nodiscard]] std::int64_t factors() const { return factors_; }
   /// Solves for (x, y) in place of (f, h), with one step of iterative refinement.
   [[nodiscard]] virtual bool solve(VectorRef x, VectorRef y) = 0;
+  /// The same without the refinement: for whoever refines by a system of his own.
+  [[nodiscard]] virtual bool solve_once(VectorRef x, VectorRef y) = 0;
   /// x for a right-hand side f with few entries and h = 0, without the refinement: for the many solves of a
   /// local search.
   [[nodiscard]] virtual bool solve_sparse(std::span<const Index> indices, std::span<const double> values,

@@ -314,15 +314,8 @@ bool SparseKkt::solve_sparse(std::span<const Index> indices, std::span<const dou
   return true;
 }
 
-bool SparseKkt::solve(VectorRef x, VectorRef y) {
-  const std::vector<Index>& position = ldl_.position();
+bool SparseKkt::refine() {
   const Pattern& matrix = ldl_.matrix();
-  right_side_.setZero();
-  for (Index i = 0; i < variables_; ++i) right_side_[position[i]] = x[i];
-  for (Index i = 0; i < equalities_; ++i) right_side_[position[variables_ + i]] = y[i];
-  solution_ = right_side_;
-  if (!ldl_.solve(solution_.data(), 0, interrupt())) return false;
-
   residual_ = right_side_;
   for (Index column = 0; column < size_; ++column) {
     double sum = 0.0;
@@ -335,7 +328,22 @@ bool SparseKkt::solve(VectorRef x, VectorRef y) {
   }
   if (!ldl_.solve(residual_.data(), 0, interrupt())) return false;
   solution_ += residual_;
+  return true;
+}
 
+bool SparseKkt::solve(VectorRef x, VectorRef y) { return solve(x, y, true); }
+
+bool SparseKkt::solve_once(VectorRef x, VectorRef y) { return solve(x, y, false); }
+
+bool SparseKkt::solve(VectorRef x, VectorRef y, bool refined) {
+  const std::vector<Index>& position = ldl_.position();
+  right_side_.setZero();
+  for (Index i = 0; i < variables_; ++i) right_side_[position[i]] = x[i];
+  for (Index i = 0; i < equalities_; ++i) right_side_[position[variables_ + i]] = y[i];
+  solution_ = right_side_;
+  if (!ldl_.solve(solution_.data(), 0, interrupt())) return false;
+
+  if (refined && !refine()) return false;
   for (Index i = 0; i < variables_; ++i) x[i] = solution_[position[i]];
   for (Index i = 0; i < equalities_; ++i) y[i] = solution_[position[variables_ + i]];
   return true;

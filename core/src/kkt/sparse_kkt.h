@@ -31,6 +31,7 @@ class SparseKkt final : public Kkt {
   [[nodiscard]] bool allocate(const ScaledProblem& problem) override;
   void load(const ScaledProblem& problem) override;
   [[nodiscard]] bool solve(VectorRef x, VectorRef y) override;
+  [[nodiscard]] bool solve_once(VectorRef x, VectorRef y) override;
   [[nodiscard]] bool solve_sparse(std::span<const Index> indices, std::span<const double> values,
                                   VectorRef x) override;
   [[nodiscard]] std::string_view name() const override;
@@ -38,6 +39,8 @@ class SparseKkt final : public Kkt {
   [[nodiscard]] double bytes() const override;
 
  private:
+  [[nodiscard]] bool solve(VectorRef x, VectorRef y, bool refined);
+  [[nodiscard]] bool refine();
   [[nodiscard]] bool factorize(const RowWeights& weights) override;
   // A constraint's columns, its values (two rows for a pair), and where its terms go in the factorized
   // matrix.

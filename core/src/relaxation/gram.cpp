@@ -37,9 +37,13 @@ bool ProximalSystem::solve(VectorRef x, VectorRef y) {
       multiply(problem_.A, x_, rest_y_);
       rest_y_ = y - rest_y_;
     }
-    if (!kkt_.solve(rest_x_, rest_y_)) return false;
+    if (!kkt_.solve_once(rest_x_, rest_y_)) return false;
     x_ += rest_x_;
     y_ += rest_y_;
+    // Each takes about as much away as the last one: what the next would correct is rounding.
+    if (sweep > 0 && max_abs(rest_x_) <= tuning::exactness * max_abs(x_) &&
+        max_abs(rest_y_) <= tuning::exactness * max_abs(y_))
+      break;
   }
   x = x_;
   y = y_;

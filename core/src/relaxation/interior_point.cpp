@@ -224,8 +224,7 @@ bool InteriorPoint::direction(double kappa, bool corrected) {
 // False if there is none.
 bool InteriorPoint::step() {
   const double kappa = mean_product(w_, mu_);
-  weights_.delta = std::clamp(tuning::elastic_delta * kappa, tuning::rounding,
-                              tuning::elastic_delta);
+  weights_.delta = std::clamp(tuning::elastic_delta * kappa, tuning::rounding, tuning::elastic_delta);
   for (Index row = 0; row < w_.size(); ++row)
     weights_.rows.all[row] = is_fixed(row) ? tuning::exact_rho : mu_[row] / w_[row];
   while (true) {

@@ -38,8 +38,8 @@ bool RowProof::hold(ConstVectorRef z, const Vector& multipliers) {
   held_multipliers_ = multipliers;
   weights_.rho = tuning::exact_rho;
   weights_.delta = tuning::elastic_delta;
-  weights_.rows.all = (multipliers.array() != 0.0)
-                          .select(Vector::Constant(multipliers.size(), tuning::exact_rho), 0.0);
+  weights_.rows.all =
+      (multipliers.array() != 0.0).select(Vector::Constant(multipliers.size(), tuning::exact_rho), 0.0);
   ++factorizations_;
   if (!system_.kkt().factor(weights_)) return false;
   z_ = z;

@@ -197,12 +197,15 @@ std::optional<TreeResult::End> Tree::begin_at_root(Run& run, Node root) {
     close(expander.node(fixings, end), end == End::cutoff ? relaxation.bound() : kInfinity);
     return end == End::cutoff ? TreeResult::End::exhausted : TreeResult::End::infeasible;
   }
-  if (end == End::optimal) try_as_answer(run, expander.suggestion());
+  std::optional<Suggestion> suggestion;
+  if (end == End::optimal) suggestion = expander.suggestion();
   center_ = relaxation.center();
   const bool fixable = incumbent_.exists();
+  if (suggestion && !fixable) try_as_answer(run, *suggestion);
   const bool left = !fixable || expander.probe(fixings, *box_, cutoff(), closed_bound_, run.interrupt());
   keep(expander.take_closed());
   if (!left) return TreeResult::End::exhausted;
+  if (suggestion && fixable) try_as_answer(run, *suggestion);
   for (const PseudoCosts::Gain& gain : expander.probed()) costs_.add(gain);
   root = expander.node(fixings, end);
   root.bound = std::max(by_incumbent, relaxation.bound());

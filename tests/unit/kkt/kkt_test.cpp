@@ -44,10 +44,14 @@ void expect_solves(Kkt& kkt, const ScaledProblem& p, const RowWeights& weights) 
   Vector right(x.size() + y.size());
   right << x, y;
   const Vector expected = testing::dense_solve(dense_system(p, weights), right);
+  Vector once_x = x, once_y = y;
   ASSERT_TRUE(kkt.solve(x, y));
   Vector found(x.size() + y.size());
   found << x, y;
   EXPECT_LT(max_abs(found - expected), 1e-10 * (1.0 + max_abs(expected))) << kkt.name();
+  ASSERT_TRUE(kkt.solve_once(once_x, once_y));
+  found << once_x, once_y;
+  EXPECT_LT(max_abs(found - expected), 1e-8 * (1.0 + max_abs(expected))) << kkt.name();
 }
 
 // Memory that others had is not zero: what an engine does not set must not weigh.

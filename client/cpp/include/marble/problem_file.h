@@ -38,6 +38,9 @@ enum class FileFormat {
 /// as parse_problem; not_found if it cannot be read. A problem without a name is called as its file.
 [[nodiscard]] Expected<ProblemFile> read_problem(const std::string& path);
 
+/// The same of a file that is JSON, whatever it is called. A program that links this alone needs no gRPC.
+[[nodiscard]] Expected<ProblemFile> read_json_problem(const std::string& path);
+
 /// One line of JSON, or the binary message. Doubles keep every bit. Q given by its upper triangle is written
 /// in full in JSON. The problem must be valid.
 [[nodiscard]] std::string write_problem(const ProblemFile& file, FileFormat format);

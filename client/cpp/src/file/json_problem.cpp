@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "file/content.h"
 #include "file/json_reader.h"
 
 namespace marble::client {
@@ -150,3 +151,14 @@ std::string write_json(const ProblemFile& file) {
 }
 
 }  // namespace marble::client
+
+namespace marble {
+
+Expected<ProblemFile> read_json_problem(const std::string& path) {
+  const auto content = client::read_content(path);
+  if (!content) return unexpected(content.error());
+  const std::string name = client::name_of_file(path);
+  return or_out_of_memory([&] { return client::parse_json(*content, name); }, client::too_large_file);
+}
+
+}  // namespace marble

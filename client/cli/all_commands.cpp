@@ -1,0 +1,54 @@
+// All commands, as one program, which the program marble runs.
+#include <csignal>
+#include <exception>
+#include <iostream>
+
+#include "ampl/command_line.h"
+#include "ampl/driver.h"
+#include "base/exit_code.h"
+#include "commands/commands.h"
+
+int main(int argc, char** argv) {
+  using namespace marble::cli;
+  std::signal(SIGPIPE, SIG_DFL);  // marble example hopper | head ends quietly
+  if (ampl::is_ampl(argc, argv)) return ampl::drive(argc, argv);
+  CLI::App program(
+      "Solves quadratic programs with complementarity constraints, on a Marble server or in process.",
+      "marble");
+  program.require_subcommand(1);
+  program.get_formatter()->column_width(36);
+  program.footer(std::string(kExitCodes) +
+                 "\nThe server is --server ADDR, else MARBLE_SERVER, else 127.0.0.1:50051; ADDR is "
+                 "host:port, or several with commas between, or unix:PATH, or local for none.\nMARBLE_TOKEN, "
+                 "MARBLE_TLS_CA, "
+                 "MARBLE_TLS_CERTIFICATE and MARBLE_TLS_KEY are the defaults "
+                 "of "
+                 "their options.");
+  int exit_code = kAllSolved;
+  add_solve(program, exit_code);
+  add_batch(program, exit_code);
+  add_submit(program, exit_code);
+  add_result(program, exit_code);
+  add_jobs(program, exit_code);
+  add_job(program, exit_code);
+  add_watch(program, exit_code);
+  add_cancel(program, exit_code);
+  add_delete(program, exit_code);
+  add_plot(program, exit_code);
+  add_mpc(program, exit_code);
+  add_convert(program, exit_code);
+  add_example(program, exit_code);
+  add_health(program, exit_code);
+  add_info(program, exit_code);
+  add_options(program, exit_code);
+  add_version(program, exit_code);
+  try {
+    program.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return program.exit(error) == 0 ? kAllSolved : kBadInput;
+  } catch (const std::exception& error) {
+    std::cerr << "marble: " << error.what() << '\n';
+    return kBadInput;
+  }
+  return exit_code;
+}

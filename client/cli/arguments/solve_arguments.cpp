@@ -1,0 +1,26 @@
+#include "arguments/solve_arguments.h"
+
+#include "base/exit_code.h"
+
+namespace marble::cli {
+
+CLI::App* add_solve_command(CLI::App& program, const std::shared_ptr<SolveArguments>& arguments) {
+  CLI::App* command = program.add_subcommand("solve", "Solve problem files, in their order");
+  command->add_option("FILE", arguments->files, ".json, .pb or .bin; - is standard input")->required();
+  add_server_arguments(*command, arguments->server);
+  add_priority_argument(*command, arguments->priority);
+  command->add_flag("--local", arguments->local, "solve in this process, without a server")
+      ->excludes(command->get_option("--server"));
+  add_solver_arguments(*command, arguments->solver);
+  command->add_option("--trace", arguments->trace,
+                      "write every iteration to this file, as CSV; for one FILE (see: marble plot)");
+  command->add_flag("--quiet", arguments->quiet, "no iteration table");
+  command->footer(
+      std::string("The iteration table goes to standard error, answers to standard output.\n"
+                  "Ctrl-C stops the solve: a local one answers with its best iterate, a remote one is given "
+                  "up.\n") +
+      kExitCodes);
+  return command;
+}
+
+}  // namespace marble::cli

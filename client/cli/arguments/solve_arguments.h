@@ -1,0 +1,32 @@
+// What `marble solve` is asked for.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "arguments/server_arguments.h"
+#include "arguments/solver_arguments.h"
+#include "marble/contract.h"
+
+namespace marble::cli {
+
+struct SolveArguments {
+  std::vector<std::string> files;
+  ServerArguments server;
+  SolverArguments solver;
+  Priority priority = Priority::by_method;
+  bool local = false;
+  bool quiet = false;
+  std::string trace;  // empty: none is written
+  [[nodiscard]] bool json() const { return server.json(); }
+  /// Without a server.
+  [[nodiscard]] bool here() const { return local || server.server == contract::local_address; }
+};
+
+/// Adds the subcommand, which does nothing yet.
+[[nodiscard]] CLI::App* add_solve_command(CLI::App& program,
+                                          const std::shared_ptr<SolveArguments>& arguments);
+
+}  // namespace marble::cli

@@ -1,0 +1,108 @@
+#include "commands/solve_files.h"
+
+#include <chrono>
+#include <iostream>
+#include <optional>
+
+#include "base/exit_code.h"
+#include "base/interrupt.h"
+#include "marble/solver.h"
+#include "output/iteration_table.h"
+#include "trace/trace_file.h"
+
+namespace marble::cli {
+namespace {
+
+// Who is told of each iteration: the person, the trace, both or nobody.
+class Listeners final : public ProgressSink {
+ public:
+  Listeners(bool tells, TraceWriter* trace) : table_(colours_wanted()), tells_(tells), trace_(trace) {}
+  void report(const Progress& progress) override {
+    if (tells_) table_.report(progress);
+    if (trace_ != nullptr) trace_->report(progress);
+  }
+  [[nodiscard]] ProgressSink* sink() { return tells_ || trace_ != nullptr ? this : nullptr; }
+
+ private:
+  IterationTable table_;
+  bool tells_;
+  TraceWriter* trace_;
+};
+
+// `remote`: the error may be the server's.
+int tell_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
+               const Error& error, bool remote) {
+  std::cerr << "marble: " << file << ": " << error.message() << '\n';
+  if (arguments.json()) std::cout << json_line(file, name, error) << '\n' << std::flush;
+  return remote ? exit_code_of(error) : exit_code_of_local(error);
+}
+
+int solve_file(const SolveArguments& arguments, const std::string& path, const Options& options,
+               const SolveMeans& means, TraceWriter* trace, std::stop_token stop) {
+  const auto file = means.read(path);
+  if (!file) return tell_error(arguments, path, "", file.error(), false);
+  if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
+  Listeners listeners(!arguments.quiet, trace);
+  const SolveControls controls{listeners.sink(), std::move(stop), file->problem.initial_z};
+  const auto answer = means.solve(file->problem, options, controls);
+  if (!answer) return tell_error(arguments, path, file->problem.name, answer.error(), means.remote);
+  const Subject subject = subject_of(path, *file);
+  std::cout << (arguments.json() ? json_line(subject, *answer) + "\n" : summary(subject, *answer))
+            << std::flush;
+  return is_solved(answer->status) ? kAllSolved : kNotSolved;
+}
+
+int trace_fails(const Error& error) {
+  std::cerr << "marble: " << error.message() << '\n';
+  return kBadInput;
+}
+
+// Opened before anything is solved, so that a long solve is not lost for a path mistyped.
+Expected<std::optional<TraceWriter>> open_trace(const SolveArguments& arguments) {
+  if (arguments.trace.empty()) return std::nullopt;
+  if (arguments.files.size() > 1) {
+    return unexpected(invalid("--trace", "is the convergence of one problem: must go with one FILE, not " +
+                                             std::to_string(arguments.files.size())));
+  }
+  auto writer = TraceWriter::open(arguments.trace);
+  if (!writer) return unexpected(writer.error());
+  return std::move(*writer);
+}
+
+}  // namespace
+
+Expected<Answer> solve_here(const OwnedProblem& problem, const Options& options,
+                            const SolveControls& controls) {
+  const auto begun = std::chrono::steady_clock::now();
+  auto solution = solve_in_process(problem.view(), options, controls);
+  if (!solution) return unexpected(std::move(solution.error()));
+  Answer answer;
+  static_cast<Solution&>(answer) = std::move(*solution);
+  answer.total_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  return answer;
+}
+
+int solve_files(const SolveArguments& arguments, const Options& options, const SolveMeans& means) {
+  auto trace = open_trace(arguments);
+  if (!trace) return trace_fails(trace.error());
+  const Interrupt interrupt;
+  int exit_code = kAllSolved;
+  for (const std::string& path : arguments.files) {
+    // One outcome a file, also after Ctrl-C: programs count the lines.
+    const int outcome =
+        interrupt.token().stop_requested()
+            ? tell_error(arguments, path, "", failure(ErrorCode::cancelled, "not solved: interrupted before"),
+                         false)
+            : solve_file(arguments, path, options, means, *trace ? &**trace : nullptr, interrupt.token());
+    exit_code = worse(exit_code, outcome);
+  }
+  if (*trace && (*trace)->rows() > 0) {  // else nothing was solved, as was told
+    if (auto written = (*trace)->commit(); !written)
+      exit_code = worse(exit_code, trace_fails(written.error()));
+  }
+  if (std::cout) return exit_code;
+  std::cerr << "marble: standard output cannot be written\n";
+  return worse(exit_code, kBadInput);
+}
+
+}  // namespace marble::cli
