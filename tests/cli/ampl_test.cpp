@@ -93,6 +93,8 @@ TEST_F(Ampl, AnAnswerHasMessageSizesDualsPrimalsAndCode) {
       EXPECT_NEAR(std::strtod(sol.lines[9 + k].c_str(), nullptr), expected[k], 1e-7) << k;
     EXPECT_EQ(sol.code(), "0");
     EXPECT_EQ(sol.suffix("rc").size(), 2U);
+    EXPECT_EQ(sol.suffix("rc"), sol.suffix("lower_bound_duals")) << "no upper bound holds";
+    EXPECT_EQ(sol.suffix("upper_bound_duals"), (std::vector<std::string>{"0 0", "1 0"}));
   }
 }
 

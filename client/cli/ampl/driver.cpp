@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <iostream>
+#include <iterator>
 
 #include "ampl/command_line.h"
 #include "arguments/server_arguments.h"
@@ -114,12 +116,23 @@ void add_answer(const NlProblem& nl, const Solution& s, SolFile& sol) {
   sol.code = code_of(s.status);
   sol.primals.assign(s.z.begin(), s.z.begin() + sol.variables);
   sol.duals = formats::sums(nl.row_duals, static_cast<std::size_t>(sol.constraints), multipliers);
-  auto reduced_costs = formats::sums(nl.reduced_costs, static_cast<std::size_t>(sol.variables), multipliers);
-  if (nl.maximize) {
-    for (auto* const values : {&sol.duals, &reduced_costs})
-      std::ranges::transform(*values, values->begin(), std::negate<>());
+  const auto bound_duals = [&](auto&& wanted) {
+    std::vector<formats::DualTerm> terms;
+    std::ranges::copy_if(nl.reduced_costs, std::back_inserter(terms), wanted);
+    std::vector<double> values = formats::sums(terms, static_cast<std::size_t>(sol.variables), multipliers);
+    if (nl.maximize) std::ranges::transform(values, values.begin(), std::negate<>());
+    return values;
+  };
+  if (nl.maximize) std::ranges::transform(sol.duals, sol.duals.begin(), std::negate<>());
+  if (is_solved(s.status)) {
+    const auto add = [&](const char* name, auto&& wanted) {
+      sol.suffixes.push_back(suffix(name, SolSuffix::Of::variables, bound_duals(wanted)));
+    };
+    add("rc", [](const formats::DualTerm&) { return true; });
+    // As JuMP asks for them (MathOptInterface, FileFormats.NL).
+    add("lower_bound_duals", [](const formats::DualTerm& term) { return term.sign > 0.0; });
+    add("upper_bound_duals", [](const formats::DualTerm& term) { return term.sign < 0.0; });
   }
-  if (is_solved(s.status)) sol.suffixes.push_back(suffix("rc", SolSuffix::Of::variables, reduced_costs));
   add_proofs(nl, s, sol);
 }
 
