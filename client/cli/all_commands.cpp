@@ -17,13 +17,15 @@ int main(int argc, char** argv) {
       "marble");
   program.require_subcommand(1);
   program.get_formatter()->column_width(36);
-  program.footer(std::string(kExitCodes) +
-                 "\nThe server is --server ADDR, else MARBLE_SERVER, else 127.0.0.1:50051; ADDR is "
-                 "host:port, or several with commas between, or unix:PATH, or local for none.\nMARBLE_TOKEN, "
-                 "MARBLE_TLS_CA, "
-                 "MARBLE_TLS_CERTIFICATE and MARBLE_TLS_KEY are the defaults "
-                 "of "
-                 "their options.");
+  program.footer(
+      std::string(kExitCodes) +
+      "\nThe server is --server ADDR, else MARBLE_SERVER, else 127.0.0.1:50051; ADDR is "
+      "host:port, or several with commas between, or unix:PATH, or local for none.\nMARBLE_TOKEN, "
+      "MARBLE_TLS_CA, "
+      "MARBLE_TLS_CERTIFICATE and MARBLE_TLS_KEY are the defaults "
+      "of "
+      "their options.\nPyomo, AMPL and JuMP call marble STUB -AMPL [NAME=VALUE ...]; marble -= lists what "
+      "may be set.");
   int exit_code = kAllSolved;
   add_solve(program, exit_code);
   add_batch(program, exit_code);
