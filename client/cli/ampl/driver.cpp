@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <functional>
 #include <iostream>
 #include <iterator>
 
@@ -23,6 +22,7 @@
 #include "nl/sol_file.h"
 #include "output/iteration_table.h"
 #include "output/proof.h"
+#include "output/text_table.h"
 #include "parts/file_bytes.h"
 
 namespace marble::cli::ampl {
@@ -65,17 +65,11 @@ int code_of(Status status) {
   return 500;
 }
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.10g", value);
-  return text;
-}
-
 std::string banner() { return std::string("marble ") + kVersion + ": "; }
 
 std::string message_of(const Solution& s, double sign) {
   std::string text = banner() + to_string(s.status);
-  if (is_solved(s.status)) text += "; objective " + number(sign * s.objective);
+  if (is_solved(s.status)) text += "; objective " + formatted("%.10g", sign * s.objective);
   text += "\n" + std::to_string(s.iterations) + " iterations, " + std::to_string(s.factorizations) +
           " factorizations";
   if (const std::string proof = proof_text(proof_of(s)); !proof.empty()) text += "\n" + proof;
@@ -93,7 +87,6 @@ SolSuffix suffix(const char* name, SolSuffix::Of of, const std::vector<double>& 
 // What proves that there is no answer, or how good it may get: dunbdd and unbdd are AMPL's names for rays.
 void add_proofs(const NlProblem& nl, const Solution& s, SolFile& sol) {
   using Of = SolSuffix::Of;
-  const double sign = nl.maximize ? -1.0 : 1.0;
   const auto variables = static_cast<std::size_t>(sol.variables);
   if (s.status == Status::infeasible && !s.certificate.empty()) {
     const auto proof = MultiplierView::stacked(nl.file.problem, s.certificate);
@@ -105,28 +98,23 @@ void add_proofs(const NlProblem& nl, const Solution& s, SolFile& sol) {
     sol.suffixes.push_back(
         suffix("unbdd", Of::variables, {s.certificate.begin(), s.certificate.begin() + sol.variables}));
   }
-  if (std::isfinite(s.bound)) sol.suffixes.push_back({"bound", Of::problem, {{0, sign * s.bound}}});
+  if (std::isfinite(s.bound)) sol.suffixes.push_back({"bound", Of::problem, {{0, nl.sign() * s.bound}}});
   if (std::isfinite(s.gap)) sol.suffixes.push_back({"gap", Of::problem, {{0, s.gap}}});
 }
 
 void add_answer(const NlProblem& nl, const Solution& s, SolFile& sol) {
-  const double sign = nl.maximize ? -1.0 : 1.0;
   const auto multipliers = MultiplierView::of(s);
-  sol.message = message_of(s, sign);
+  sol.message = message_of(s, nl.sign());
   sol.code = code_of(s.status);
   sol.primals.assign(s.z.begin(), s.z.begin() + sol.variables);
-  sol.duals = formats::sums(nl.row_duals, static_cast<std::size_t>(sol.constraints), multipliers);
-  const auto bound_duals = [&](auto&& wanted) {
-    std::vector<formats::DualTerm> terms;
-    std::ranges::copy_if(nl.reduced_costs, std::back_inserter(terms), wanted);
-    std::vector<double> values = formats::sums(terms, static_cast<std::size_t>(sol.variables), multipliers);
-    if (nl.maximize) std::ranges::transform(values, values.begin(), std::negate<>());
-    return values;
-  };
-  if (nl.maximize) std::ranges::transform(sol.duals, sol.duals.begin(), std::negate<>());
+  sol.duals = formats::sums(nl.row_duals, static_cast<std::size_t>(sol.constraints), multipliers, nl.sign());
   if (is_solved(s.status)) {
     const auto add = [&](const char* name, auto&& wanted) {
-      sol.suffixes.push_back(suffix(name, SolSuffix::Of::variables, bound_duals(wanted)));
+      std::vector<formats::DualTerm> terms;
+      std::ranges::copy_if(nl.reduced_costs, std::back_inserter(terms), wanted);
+      sol.suffixes.push_back(
+          suffix(name, SolSuffix::Of::variables,
+                 formats::sums(terms, static_cast<std::size_t>(sol.variables), multipliers, nl.sign())));
     };
     add("rc", [](const formats::DualTerm&) { return true; });
     // As JuMP asks for them (MathOptInterface, FileFormats.NL).

@@ -56,11 +56,11 @@ MultiplierView MultiplierView::stacked(const OwnedProblem& p, std::span<const do
 }
 
 std::vector<double> sums(const std::vector<DualTerm>& terms, std::size_t count,
-                         const MultiplierView& multipliers) {
+                         const MultiplierView& multipliers, double sign) {
   std::vector<double> result(count, 0.0);
   for (const DualTerm& term : terms) {
     const std::span<const double> values = part(multipliers, term.block);
-    if (at(term.index) < values.size()) result[at(term.of)] += term.sign * values[at(term.index)];
+    if (at(term.index) < values.size()) result[at(term.of)] += sign * term.sign * values[at(term.index)];
   }
   return result;
 }
@@ -89,8 +89,7 @@ Solution initial_answer(const NlProblem& nl) {
         break;
     }
   };
-  for (const DualTerm& term : nl.row_duals)
-    set(term, term.sign * nl.initial_duals[at(term.of)] * (nl.maximize ? -1.0 : 1.0));
+  for (const DualTerm& term : nl.row_duals) set(term, nl.sign() * term.sign * nl.initial_duals[at(term.of)]);
 
   std::vector<double> gradient(p.g.size(), 0.0);  // Qz, then all of the stationarity's residual
   add_product(p.Q, start.z, gradient);

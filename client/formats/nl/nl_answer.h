@@ -18,9 +18,9 @@ struct MultiplierView {
   [[nodiscard]] static MultiplierView stacked(const OwnedProblem& problem, std::span<const double> values);
 };
 
-/// The sums of the terms, of `count` rows or variables.
+/// The sums of the terms, of `count` rows or variables, times `sign`.
 [[nodiscard]] std::vector<double> sums(const std::vector<DualTerm>& terms, std::size_t count,
-                                       const MultiplierView& multipliers);
+                                       const MultiplierView& multipliers, double sign = 1.0);
 
 /// An answer to begin with, from the file's initial point and dual values: the multipliers of rows are the
 /// dual values', those of bounds and of the pairs' right sides what is left of the gradient where the bound

@@ -31,6 +31,9 @@ struct NlProblem {
   std::vector<DualTerm> reduced_costs;
   /// Dual values that the file begins with, by row, in AMPL's signs; empty without segment d.
   std::vector<double> initial_duals;
+
+  /// What the LCQP's objective, bound and dual values are to be multiplied by to be the file's.
+  [[nodiscard]] double sign() const { return maximize ? -1.0 : 1.0; }
 };
 
 /// A quadratic objective, linear constraints with bounds, linear complementarity conditions ("complements"),

@@ -4,7 +4,23 @@
 namespace marble::testing {
 namespace {
 
-class SolveStream : public ServiceTest {};
+class SolveStream : public ServiceTest {
+ protected:
+  /// A client of this kind is killed while its solve runs.
+  void expect_free_after_kill(const std::vector<std::string>& kind) {
+    const TemporaryDirectory directory;
+    std::vector<std::string> command = {STREAM_CLIENT_BINARY, server().address()};
+    command.insert(command.end(), kind.begin(), kind.end());
+    ChildProcess client(command, directory.file("client"));
+    ASSERT_TRUE(eventually([&] { return client.output().find("running") != std::string::npos; }))
+        << client.output();
+    EXPECT_EQ(counters().running(), 1);
+    client.send(SIGKILL);
+    EXPECT_EQ(client.wait(), -SIGKILL);
+    EXPECT_TRUE(eventually_idle());
+    EXPECT_TRUE(lives());
+  }
+};
 
 TEST_F(SolveStream, TellsAcceptedThenStartedThenProgressThenTheResult) {
   start();
@@ -112,28 +128,12 @@ TEST_F(SolveStream, CancelTakesAWaitingJobOutOfTheQueue) {
 
 TEST_F(SolveStream, AKilledClientFreesItsWorker) {
   start({"--workers", "1"});
-  const TemporaryDirectory directory;
-  ChildProcess client({STREAM_CLIENT_BINARY, server().address()}, directory.file("client"));
-  ASSERT_TRUE(eventually([&] { return client.output().find("running") != std::string::npos; }))
-      << client.output();
-  EXPECT_EQ(counters().running(), 1);
-  client.send(SIGKILL);
-  EXPECT_EQ(client.wait(), -SIGKILL);
-  EXPECT_TRUE(eventually_idle());
-  EXPECT_TRUE(lives());
+  expect_free_after_kill({});
 }
 
 TEST_F(SolveStream, AClientKilledInTheMiddleOfAProofFreesItsWorkers) {
   start({"--workers", "2"});
-  const TemporaryDirectory directory;
-  ChildProcess client({STREAM_CLIENT_BINARY, server().address(), "proof"}, directory.file("client"));
-  ASSERT_TRUE(eventually([&] { return client.output().find("running") != std::string::npos; }))
-      << client.output();
-  EXPECT_EQ(counters().running(), 1);
-  client.send(SIGKILL);
-  EXPECT_EQ(client.wait(), -SIGKILL);
-  EXPECT_TRUE(eventually_idle());
-  EXPECT_TRUE(lives());
+  expect_free_after_kill({"proof"});
 }
 
 TEST_F(SolveStream, AFrozenClientCountsAsDeadAndFreesItsWorker) {
