@@ -38,6 +38,8 @@ int main(int argc, char** argv) {
   add_delete(program, exit_code);
   add_plot(program, exit_code);
   add_mpc(program, exit_code);
+  add_compare(program, exit_code);
+  add_reproduce(program, exit_code);
   add_convert(program, exit_code);
   add_example(program, exit_code);
   add_health(program, exit_code);

@@ -72,7 +72,7 @@ std::vector<std::filesystem::path> problem_files(const std::filesystem::path& fo
   return all;
 }
 
-std::vector<Record> macmpec(const Settings& settings) {
+void macmpec(const Settings& settings) {
   std::vector<Record> records;
   print_header();
   for (const auto& file : problem_files(settings.benchmarks / "macmpec")) {
@@ -81,7 +81,6 @@ std::vector<Record> macmpec(const Settings& settings) {
     print(records.back());
   }
   if (!records.empty()) print_summary("macmpec", records, 1e-5);
-  return records;
 }
 
 void perturbed(const Settings& settings) {

@@ -23,7 +23,7 @@ struct Settings {
 [[nodiscard]] std::vector<std::filesystem::path> problem_files(const std::filesystem::path& folder);
 
 /// Default options on each MacMPEC problem, against the best known objective.
-[[nodiscard]] std::vector<Record> macmpec(const Settings& settings);
+void macmpec(const Settings& settings);
 /// Each MacMPEC problem with its data × (1 + 1e-3 noise), `seeds` times, against the best of `starts` starts.
 void perturbed(const Settings& settings);
 /// The paper's three problems, against the best known objective.

@@ -8,7 +8,6 @@
 #include <string>
 
 #include "families.h"
-#include "peers/peers.h"
 #include "qp.h"
 #include "support/problems/shared_problems.h"
 #include "tune.h"
@@ -17,8 +16,7 @@ namespace {
 
 constexpr const char* kUsage =
     "Runs families of problems and prints what the solver reached on them.\n"
-    "Usage: suite [FAMILY ...] [--seeds N] [--judge] [--starts K] [--profile FILE.svg] [--benchmarks "
-    "FOLDER]\n"
+    "Usage: suite [FAMILY ...] [--seeds N] [--judge] [--starts K] [--benchmarks FOLDER]\n"
     "             [--peers COMMAND]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
     "Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global "
@@ -32,7 +30,6 @@ constexpr const char* kUsage =
     "  --starts K           of the references where none is known, default 8\n"
     "  --time-limit S       of global, default 60\n"
     "  --only NAME          of global and qp, that problem\n"
-    "  --profile FILE.svg   draw macmpec against its peers\n"
     "  --benchmarks FOLDER  problems with references\n"
     "  --peers COMMAND      measure qp or global in turns with other solvers: COMMAND runs qp_peers.py or\n"
     "                       global_peers.py of loadtest/suite/peers\n"
@@ -75,7 +72,6 @@ int main(int argc, char** argv) {
   using namespace marble;
   suite::Settings settings;
   settings.benchmarks = testing::shared_benchmarks();
-  std::string profile;
   std::vector<std::string> wanted;
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
@@ -98,8 +94,6 @@ int main(int argc, char** argv) {
       settings.time_limit_s = std::max(0.0, std::atof(value()));
     } else if (argument == "--only") {
       settings.only = value();
-    } else if (argument == "--profile") {
-      profile = value();
     } else if (argument == "--peers") {
       settings.peers = value();
     } else if (argument == "--benchmarks") {
@@ -109,13 +103,8 @@ int main(int argc, char** argv) {
     }
   }
 
-  const auto run_macmpec = [&profile](const suite::Settings& s) {
-    const auto records = suite::macmpec(s);
-    if (!profile.empty())
-      suite::draw_performance_profile(suite::read_peers(s.benchmarks / "peers.csv", records), profile);
-  };
   const std::pair<const char*, std::function<void(const suite::Settings&)>> families[] = {
-      {"macmpec", run_macmpec},
+      {"macmpec", suite::macmpec},
       {"perturbed", suite::perturbed},
       {"robotics", suite::robotics},
       {"variants", suite::variants},

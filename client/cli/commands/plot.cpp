@@ -14,8 +14,8 @@
 #include "terminal/locale.h"
 #include "terminal/terminal_plot.h"
 #include "trace/convergence.h"
-#include "trace/gnuplot.h"
 #include "trace/trace_file.h"
+#include "trace/trace_picture.h"
 
 namespace marble::cli {
 namespace {
@@ -139,7 +139,7 @@ int plot_to_file(const PlotArguments& arguments, const Drawing& drawing) {
   auto file = AtomicFile::open(arguments.output);
   if (!file) return fails(file.error().field, file.error().bound);
   const std::string title = std::filesystem::path(arguments.trace).stem().string();
-  const auto picture = run_gnuplot(gnuplot_script(drawing.rows, drawing.x, drawing.columns, *format, title));
+  const auto picture = run_gnuplot(trace_picture(drawing.rows, drawing.x, drawing.columns, *format, title));
   if (!picture) {
     if (picture.error().code != ErrorCode::not_found)
       return fails(arguments.output, picture.error().message());

@@ -10,8 +10,8 @@
 #include "terminal/sparkline.h"
 #include "terminal/terminal_plot.h"
 #include "trace/convergence.h"
-#include "trace/gnuplot.h"
 #include "trace/trace_file.h"
+#include "trace/trace_picture.h"
 
 namespace marble::cli {
 namespace {
@@ -172,7 +172,7 @@ TEST(Gnuplot, ATitleCannotBeACommand) {
   std::vector<const ProgressColumn*> columns{&progress_columns()[3]};
   const std::vector<Progress> rows{row_at(0), row_at(1)};
   const std::string script =
-      gnuplot_script(rows, progress_columns()[0], columns, PictureFormat::png, "a'\nsystem \"x\" `y`$(z)");
+      trace_picture(rows, progress_columns()[0], columns, PictureFormat::png, "a'\nsystem \"x\" `y`$(z)");
   EXPECT_NE(script.find("set title 'a__system _x_ _y__(z)' noenhanced\n"), std::string::npos) << script;
 }
 
@@ -188,7 +188,7 @@ TEST(Gnuplot, OfATreeTheGapIsLogarithmicAndWhatIsNotKnownIsNotDrawn) {
     if (column.name == "elapsed_s") time = &column;
   }
   const std::string script =
-      gnuplot_script(std::vector{begin, later}, *time, columns, PictureFormat::svg, "t");
+      trace_picture(std::vector{begin, later}, *time, columns, PictureFormat::svg, "t");
   EXPECT_NE(script.find("0.5 NaN -1 NaN NaN\n1.5 NaN -2 -3 0.5\n"), std::string::npos) << script;
   EXPECT_NE(script.find("set xlabel 'elapsed_s'"), std::string::npos) << script;
   EXPECT_LT(script.find("title 'gap'"), script.find("unset logscale y")) << script;

@@ -1,0 +1,34 @@
+// What `compare` and `reproduce` are asked for alike, and what they do with it.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "arguments/solver_arguments.h"
+#include "comparison/comparison.h"
+
+namespace marble::cli {
+
+struct ComparisonArguments {
+  SolverArguments solver;
+  std::vector<std::string> with, peers, recorded;
+  ComparisonSettings settings;
+  std::string table, profile;  // files; empty: none is written
+};
+
+void add_comparison_arguments(CLI::App& command, ComparisonArguments& arguments);
+
+/// Those that are asked for: `own` where there is none of --with, else these; then the peers.
+[[nodiscard]] Expected<std::vector<Contestant>> contestants_of(const ComparisonArguments& arguments,
+                                                               const std::vector<std::string>& own);
+
+/// Reads them all, or says which cannot be.
+[[nodiscard]] Expected<std::vector<ProblemFile>> read_all(const std::vector<std::string>& paths);
+
+/// Compares, prints and writes; the exit code.
+[[nodiscard]] int compare_and_tell(const ComparisonArguments& arguments,
+                                   const std::vector<ProblemFile>& problems,
+                                   const std::vector<Contestant>& contestants, const std::string& title);
+
+}  // namespace marble::cli
