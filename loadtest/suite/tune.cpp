@@ -10,6 +10,7 @@
 #include <fstream>
 #include <functional>
 #include <map>
+#include <string_view>
 #include <thread>
 #include <type_traits>
 
@@ -57,13 +58,14 @@ std::vector<Number> all_numbers() {
 }
 
 // Below and above, by a little and by much. What lies between 0 and 1 near 1, or just above it, moves by its
-// distance from 1.
+// distance from 1; so does a factor by which something rises, which does not end below 1.
 std::vector<double> others(const Number& n) {
+  const bool rises = n.value > 1.0 && std::string_view(n.name).ends_with("_factor");
   std::vector<double> values;
   for (const double factor : {0.1, 1.0 / 3.0, 3.0, 10.0}) {
     double value = n.value * factor;
     if (!n.whole && n.value >= 0.3 && n.value < 1.0) value = 1.0 - (1.0 - n.value) * factor;
-    if (!n.whole && n.value > 1.0 && n.value < 3.0) value = 1.0 + (n.value - 1.0) * factor;
+    if (!n.whole && ((n.value > 1.0 && n.value < 3.0) || rises)) value = 1.0 + (n.value - 1.0) * factor;
     if (n.whole) value = std::round(value);
     if (value != n.value && value >= 0.0 && (n.whole ? value >= 1.0 : true)) values.push_back(value);
   }
