@@ -31,7 +31,7 @@ def protoc():
     try:
         import grpc_tools.protoc  # noqa: F401
     except ImportError:
-        sys.exit("marble-client is built with protoc: install protobuf-compiler (Debian) or grpcio-tools (pip)")
+        sys.exit("marble-solver is built with protoc: install protobuf-compiler (Debian) or grpcio-tools (pip)")
     return [sys.executable, "-m", "grpc_tools.protoc"]
 
 

@@ -3,7 +3,7 @@ import re
 
 import marble
 
-project = "marble-client"
+project = "marble-solver"
 release = marble.__version__
 extensions = ["sphinx.ext.autodoc"]
 default_role = "code"

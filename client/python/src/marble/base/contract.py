@@ -18,7 +18,7 @@ def _load() -> Any:
     try:
         content = path.read_bytes()
     except FileNotFoundError:
-        raise ImportError(f"{path} is missing: build or install marble-client, do not import its sources") from None
+        raise ImportError(f"{path} is missing: build or install marble-solver, do not import its sources") from None
     pool = descriptor_pool.DescriptorPool()
     for file in descriptor_pb2.FileDescriptorSet.FromString(content).file:
         pool.AddSerializedFile(file.SerializeToString())
