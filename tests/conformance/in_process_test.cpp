@@ -189,7 +189,7 @@ class Environment : public ::testing::Test {
   const OwnedProblem problem_ = examples::rocket();
 };
 
-TEST_F(Environment, SolveGoesToTheServerThatItNamesAndStaysHereOnlyIfItIsLocal) {
+TEST_F(Environment, SolveGoesToTheServerThatItNames) {
   name("local");
   const RemoteSolution here = marble::solve(problem_.view()).value();
   EXPECT_TRUE(here.job_id.empty());
@@ -208,10 +208,12 @@ TEST_F(Environment, SolveGoesToTheServerThatItNamesAndStaysHereOnlyIfItIsLocal) 
   EXPECT_TRUE(marble::solve(problem_.view()).value().job_id.empty());
 }
 
-TEST_F(Environment, WhereNoServerIsNamedItIsTheOneOfThisMachineAndNeverThisProcess) {
+TEST_F(Environment, WhereNoServerIsNamedSolveStaysHereAndAClientAsksThisMachine) {
   unsetenv("MARBLE_SERVER");
+  EXPECT_TRUE(marble::solve(problem_.view()).value().job_id.empty());
   EXPECT_EQ(Client::connect().value().address(), "127.0.0.1:50051");
   name("");
+  EXPECT_TRUE(marble::solve(problem_.view()).value().job_id.empty());
   EXPECT_EQ(Client::connect().value().address(), "127.0.0.1:50051");
 }
 

@@ -1,5 +1,6 @@
 #include "marble/client.h"
 
+#include <cstdlib>
 #include <memory>
 
 #include "connection/connection.h"
@@ -70,7 +71,8 @@ namespace {
 class EnvironmentClient {
  public:
   [[nodiscard]] Expected<std::shared_ptr<const Client>> get() {
-    const std::string address = default_server_address();
+    const char* const named = std::getenv("MARBLE_SERVER");
+    const std::string address = named != nullptr && *named != '\0' ? named : contract::local_address;
     const ConnectOptions options = ConnectOptions::from_environment();
     const MutexLock lock(mutex_);
     if (client_ != nullptr && address == address_ && options == options_) return client_;

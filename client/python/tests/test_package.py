@@ -12,7 +12,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from support import clean_environment, random_problem, tiny
+from support import SERVER, clean_environment, random_problem, tiny
 
 import marble
 from marble import drawing
@@ -32,8 +32,8 @@ def _python(*arguments, server="", where=None, **more):
 
 def test_the_quick_start_works_word_for_word(server, tmp_path):
     blocks = re.findall(r"```python\n(.*?)```", (HERE / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    assert len(blocks) == 1
-    (tmp_path / "quick_start.py").write_text(blocks[0], encoding="utf-8")
+    assert len(blocks) == 2
+    (tmp_path / "quick_start.py").write_text("\n".join(blocks), encoding="utf-8")
     run = _python("quick_start.py", server=server.address, where=tmp_path)
     assert run.returncode == 0, run.stderr
     assert "solved" in run.stdout
@@ -67,6 +67,14 @@ def test_the_program_solves_files_and_tells_of_bad_ones(server, tmp_path):
     assert info.returncode == 0 and "workers" in info.stdout
     nobody = _python("-m", "marble", "--server", "127.0.0.1:1", "info")
     assert nobody.returncode == 3 and "127.0.0.1:1" in nobody.stderr
+
+
+def test_a_server_runs_by_the_package_s_name(tmp_path):
+    folder = pathlib.Path(SERVER).parent
+    run = _python("-m", "marble", "server", "--version", PATH=f"{folder}{os.pathsep}{os.environ['PATH']}")
+    assert run.returncode == 0 and run.stdout.split() == ["marble-server", marble.__version__], run.stderr
+    nowhere = _python("-m", "marble", "server", PATH=str(tmp_path))
+    assert nowhere.returncode == 3 and "no marble-server in PATH" in nowhere.stderr
 
 
 @pytest.mark.parametrize(("name", "argument", "words"), [("hopper.py", "plan.png", "the foot presses in"),

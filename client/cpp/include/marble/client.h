@@ -35,7 +35,7 @@ class Client {
  public:
   /// `address` is host:port or unix:PATH; or several host:port with commas between, or dns:///host:port for
   /// every address that the name has: calls then go round those of them that say they are healthy; or
-  /// "local", which is in_process(). Nothing else is ever solved in process: where no server is named the
+  /// "local", which is in_process(). A client solves nothing else in process: where no server is named the
   /// address is 127.0.0.1:50051, and where nobody listens there calls end with `unavailable` and say what to
   /// do. Only checks the address and the options: the connection is made by the first call, and made again by
   /// a later one if it broke. Calls that got `unavailable` before any answer are repeated up to three times,
@@ -101,10 +101,10 @@ class Client {
   std::shared_ptr<const client::Connection> connection_;
 };
 
-/// Solves on the server that MARBLE_SERVER names, else on 127.0.0.1:50051; in this process if it is "local":
-/// the environment decides, not the program. The connection is kept for calls to come, as long as
-/// MARBLE_SERVER and what ConnectOptions reads of the environment stay. All else as Client::solve.
-/// Thread-safe.
+/// Solves on the server that MARBLE_SERVER names, and in this process where it names none or is "local": the
+/// environment decides, not the program. A server that is named but away is an error, not a local solve. The
+/// connection is kept for calls to come, as long as MARBLE_SERVER and what ConnectOptions reads of the
+/// environment stay. All else as Client::solve. Thread-safe.
 [[nodiscard]] Expected<RemoteSolution> solve(const ProblemView& problem, const Options& options = {},
                                              const SolveControls& controls = {},
                                              const CallControls& call = {});

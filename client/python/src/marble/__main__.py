@@ -1,4 +1,4 @@
-"""python -m marble demo | solve FILE… | info."""
+"""python -m marble demo | solve FILE… | info | server."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from marble import drawing
+from marble import drawing, programs
 from marble.base.tables import DEFAULT_ADDRESS
 from marble.client import Client
 from marble.errors import Error, InvalidArgument
@@ -78,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m marble", description=__doc__,
                                      epilog="exit codes: 0 all solved, 1 some not solved, 2 usage or bad file, "
                                             "3 server unreachable or refused")
-    parser.add_argument("--server", help="host:port, unix:PATH, or local for one of its own; default MARBLE_SERVER, "
+    parser.add_argument("--server", help="host:port, unix:PATH, or local for this process; default MARBLE_SERVER, "
                                           f"else {DEFAULT_ADDRESS}")
     commands = parser.add_subparsers(required=True)
     demo = commands.add_parser("demo", help="solve the hopper and draw it")
@@ -91,13 +91,17 @@ def _parser() -> argparse.ArgumentParser:
     for command in (demo, solve):
         command.add_argument("--progress", action="store_true", help="show progress")
     commands.add_parser("info", help="what the server is").set_defaults(run=_info)
+    commands.add_parser("server", add_help=False, help="run a marble-server; its own arguments follow, --help among them")
     return parser
 
 
 def main(texts: Sequence[str] | None = None) -> int:
     """Runs a command; returns its exit code."""
-    arguments = _parser().parse_args(texts)
+    words = list(sys.argv[1:] if texts is None else texts)
     try:
+        if words[:1] == ["server"]:
+            programs.run("marble-server", words[1:])
+        arguments = _parser().parse_args(words)
         with Client(arguments.server) as client:
             code: int = arguments.run(client, arguments)
             return code

@@ -12,12 +12,14 @@ from typing import Any
 
 import casadi
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
+from marble.base.lazy import lazy
 from marble.errors import InvalidProblem
 from marble.model.lcqp import LCQP, mirrored
 from marble.model.problem import Problem, compiled
+
+sp: Any = lazy("scipy.sparse")
 
 
 def _only_of(expression: Any, x: Any, what: str) -> None:

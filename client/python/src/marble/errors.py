@@ -8,9 +8,10 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
-import grpc
-
 from marble.base import contract, tables
+from marble.base.lazy import lazy
+
+grpc: Any = lazy("grpc")
 
 if TYPE_CHECKING:
     from marble.model.solution import Solution
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 Index = int | tuple[int, int] | None
 
 # The letters of the equation, and the names of the fields of marble.v1.Problem and marble.v1.ProblemUpdate.
-_LETTERS = {"constant": "c0", "initial_point.z": "z0",
+_LETTERS = {"constant": "c0", "initial_point.z": "z0", "initial_z": "z0",
             **{field: letter for letter, field in {**tables.VECTORS, **tables.MATRICES}.items()},
             **{field: letter + ".values" for letter, field in tables.VALUES.items()}}
 _PARTS = ("c0", "z0", *tables.VECTORS, *tables.MATRICES)
@@ -160,9 +161,20 @@ def _invalid(status: Any) -> InvalidArgument:
         value, bound = "", broken.field_violations[0].description
     else:
         return InvalidArgument("", status.message)
+    return _of_field(path, index, value, bound)
+
+
+def _of_field(path: str, index: Index, value: str, bound: str) -> InvalidArgument:
     field = _in_letters(path)
     kind = InvalidProblem if field.partition(".")[0] in _PARTS else InvalidArgument
     return kind(field, bound, index=index, value=value)
+
+
+def from_core(code: str, field: str, index: int, value: str, bound: str, sentence: str) -> Error:
+    """The exception of an error of the solver in this process, by the name of its code."""
+    if code == "invalid_argument":
+        return _of_field(field, None if index < 0 else index, value, bound)
+    return _KINDS[code](sentence)
 
 
 def from_status(status: Any) -> Error:

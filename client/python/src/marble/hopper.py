@@ -8,12 +8,15 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from marble.base.lazy import lazy
 from marble.model.lcqp import LCQP, Vector
+
+sp: Any = lazy("scipy.sparse")
 
 NAMES = ("body_x", "body_z", "foot_x", "foot_z", "body_vx", "body_vz", "foot_vx", "foot_vz", "force_x", "force_z",
          "slip_plus", "slip_minus", "normal_force", "friction_force",

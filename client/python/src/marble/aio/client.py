@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import AsyncIterable, AsyncIterator, Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-import grpc
 from numpy.typing import ArrayLike
 
 from marble import errors
+from marble.aio import here
 from marble.aio.session import Session
+from marble.base.lazy import lazy
+from marble.base.tables import LOCAL_ADDRESS
 from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
 from marble.calls.jobs import result_of
 from marble.calls.progress import teller
 from marble.connection import connect
-from marble.connection.rpc import PACKAGE, Calls
+from marble.connection.rpc import PACKAGE, Calls, check_deadline
 from marble.errors import Cancelled
+from marble.in_process import solver
 from marble.message import answers, requests
 from marble.message.info import ServerInfo, server_info
 from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
@@ -24,6 +28,8 @@ from marble.message.requests import Call, ProgressWish
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, compiled, in_terms_of, problem_of
 from marble.model.solution import Progress, Solution
+
+grpc: Any = lazy("grpc")
 
 
 class _Rpc(Calls):
@@ -96,16 +102,23 @@ class Client:
                  name: str | None = None, tls: bool = False, tls_ca: str | None = None,
                  tls_certificate: str | None = None, tls_key: str | None = None, tls_server_name: str | None = None,
                  timeout: float | None = None) -> None:
-        who = connect.ConnectOptions.from_environment(
-            token=token, name=name, tls=tls, tls_ca=tls_ca, tls_certificate=tls_certificate, tls_key=tls_key,
-            tls_server_name=tls_server_name)
-        self.address, channel = connect.channel(grpc.aio, address, who)
-        self._rpc = _Rpc(channel, who.metadata(), timeout)
+        self._here, self._timeout = connect.is_local(address), check_deadline(timeout)
+        self._rpc: Any
+        if self._here:
+            solver.core()
+            self.address, self._rpc = solver.IN_PROCESS, solver.NoServer()
+        else:
+            who = connect.ConnectOptions.from_environment(
+                token=token, name=name, tls=tls, tls_ca=tls_ca, tls_certificate=tls_certificate, tls_key=tls_key,
+                tls_server_name=tls_server_name)
+            self.address, channel = connect.channel(grpc.aio, address, who)
+            self._rpc = _Rpc(channel, who.metadata(), timeout)
         self.jobs = Jobs(self._rpc)
 
     async def close(self) -> None:
         """Ends the connection and all that is under way on it."""
-        await self._rpc.channel.close()
+        if not self._here:
+            await self._rpc.channel.close()
 
     async def __aenter__(self) -> Client:
         return self
@@ -121,6 +134,12 @@ class Client:
         call = Call(options, priority, request_id, progress_interval, iterate_every)
         lcqp = compiled(problem)
         tell, close = teller(progress)
+        if self._here:
+            try:
+                limit = self._timeout if deadline is None else deadline
+                return in_terms_of(problem, await here.solve(lcqp, call, tell, limit))
+            finally:
+                close()
         if tell is None:
             data = await self._rpc.call("Solver/Solve", requests.solve(lcqp, call), deadline)
             return in_terms_of(problem, answers.solve_response(data, lcqp))
@@ -143,6 +162,10 @@ class Client:
                     *, options: Mapping[str, Any] | None = None,
                     priority: Priority | str | None = None) -> AsyncIterator[BatchAnswer]:
         """Yields answers as they finish; `problems` may be asynchronous. See marble.Client.batch."""
+        if self._here:
+            async for answer in here.batch(problems, Call(options, priority)):
+                yield answer
+            return
         core = BatchCore(Call(options, priority))
         stream = self._rpc.duplex("Solver/SolveBatch")
 
@@ -181,6 +204,8 @@ class Client:
                 progress_interval: float = 0.0, iterate_every: int = 0) -> Session:
         """Sets a problem up once: `async with client.session(problem) as session`. See marble.Client.session."""
         call = Call(options, priority, request_id, progress_interval, iterate_every)
+        if self._here:
+            return here.SessionHere(problem, call, progress)
         return Session(self._rpc.duplex, problem, call, latest_only, progress)
 
     async def info(self) -> ServerInfo:
@@ -206,6 +231,8 @@ async def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = Non
     if isinstance(server, Client):
         return await server.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
                                   request_id=request_id)
+    if server is None:
+        server = os.environ.get("MARBLE_SERVER") or LOCAL_ADDRESS
     async with Client(server) as client:
         return await client.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
                                   request_id=request_id)

@@ -6,16 +6,18 @@ import asyncio
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import grpc
 from numpy.typing import ArrayLike
 
 from marble import errors
+from marble.base.lazy import lazy
 from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of
 from marble.errors import Cancelled, FailedPrecondition
 from marble.message.requests import Call
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem
 from marble.model.solution import Progress, Solution
+
+grpc: Any = lazy("grpc")
 
 
 class Session(SessionFacts):

@@ -1,6 +1,6 @@
 """The messages of marble.v1, from the descriptor set that the package carries.
 
-Classes are made when the package is loaded, in a pool of their own: no generated code that fits one version of
+Classes are made when they are first wanted, in a pool of their own: no generated code that fits one version of
 protobuf only, and no quarrel with other packages that bring a google.rpc.
 """
 
@@ -8,43 +8,45 @@ from __future__ import annotations
 
 import functools
 import pathlib
+import threading
 from typing import Any
 
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+_lock = threading.Lock()
+_made: Any = None
 
 
-def _load() -> Any:
-    path = pathlib.Path(__file__).parent.with_name("contract.pb")
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise ImportError(f"{path} is missing: build or install marble-solver, do not import its sources") from None
-    pool = descriptor_pool.DescriptorPool()
-    for file in descriptor_pb2.FileDescriptorSet.FromString(content).file:
-        pool.AddSerializedFile(file.SerializeToString())
-    return pool
+def _pool() -> Any:
+    global _made
+    with _lock:
+        if _made is None:
+            from google.protobuf import descriptor_pb2, descriptor_pool
 
-
-_POOL = _load()
+            content = pathlib.Path(__file__).parent.with_name("contract.pb").read_bytes()
+            _made = descriptor_pool.DescriptorPool()
+            for file in descriptor_pb2.FileDescriptorSet.FromString(content).file:
+                _made.AddSerializedFile(file.SerializeToString())
+        return _made
 
 
 def descriptor(name: str) -> Any:
     """The descriptor of a message, by its name within marble.v1 or by its full name."""
-    return _POOL.FindMessageTypeByName(name if "." in name else "marble.v1." + name)
+    return _pool().FindMessageTypeByName(name if "." in name else "marble.v1." + name)
 
 
 @functools.cache
 def message(name: str) -> Any:
     """The class of a message, by its name within marble.v1 or by its full name."""
+    from google.protobuf import message_factory
+
     if hasattr(message_factory, "GetMessageClass"):
         return message_factory.GetMessageClass(descriptor(name))
-    return message_factory.MessageFactory(_POOL).GetPrototype(descriptor(name))  # protobuf < 4.22
+    return message_factory.MessageFactory(_pool()).GetPrototype(descriptor(name))  # protobuf < 4.22
 
 
 @functools.cache
 def enum_names(name: str) -> dict[int, str]:
     """Numbers of an enum and its values' names in small letters, without the enum's own."""
-    values = _POOL.FindEnumTypeByName("marble.v1." + name).values
+    values = _pool().FindEnumTypeByName("marble.v1." + name).values
     prefix = values[0].name[: -len("UNSPECIFIED")]
     return {value.number: value.name[len(prefix):].lower() for value in values}
 

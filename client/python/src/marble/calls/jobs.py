@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-import grpc
-
 from marble import errors
+from marble.base.lazy import lazy
 from marble.connection.rpc import Rpc
 from marble.message import answers, requests
 from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
@@ -15,6 +14,8 @@ from marble.message.requests import Call
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Solution
+
+grpc: Any = lazy("grpc")
 
 
 class Jobs:

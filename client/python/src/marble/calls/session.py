@@ -7,10 +7,10 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-import grpc
 from numpy.typing import ArrayLike
 
 from marble import errors
+from marble.base.lazy import lazy
 from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of
 from marble.connection.rpc import Rpc
 from marble.errors import Cancelled, Error, FailedPrecondition
@@ -18,6 +18,8 @@ from marble.message.requests import Call
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem
 from marble.model.solution import Progress, Solution
+
+grpc: Any = lazy("grpc")
 
 
 class Session(SessionFacts):

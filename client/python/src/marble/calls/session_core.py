@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from marble import errors
 from marble.base import contract
+from marble.base.lazy import lazy
 from marble.base.tables import VALUES, VECTORS
 from marble.errors import Cancelled, FailedPrecondition, InvalidArgument, InvalidProblem
 from marble.message import answers, requests, wire
@@ -21,6 +21,8 @@ from marble.model import lcqp
 from marble.model.lcqp import LCQP, Vector
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Progress, Solution
+
+sp: Any = lazy("scipy.sparse")
 
 _SHIFTED: Final = ("variables", "equalities", "inequalities", "pairs")
 
@@ -65,6 +67,10 @@ class Shift:
                 raise InvalidArgument("stages", f"must divide the number of {name}, {size}", value=stages)
             blocks.append((ShiftBlock(0, size, size // stages),) if size else ())
         return Shift(*blocks)
+
+    def blocks(self) -> tuple[tuple[tuple[int, int, int], ...], ...]:
+        """Of the four kinds of vectors: first, count and by of each block."""
+        return tuple(tuple((b.first, b.count, b.by) for b in getattr(self, name)) for name in _SHIFTED)
 
     def message(self) -> Any:
         """The Shift of marble.v1."""
@@ -121,13 +127,7 @@ class SessionCore:
                z0: ArrayLike | None = None, cold: bool = False, shift: Shift | int | None = None,
                deadline: float | None = None, **parts: Any) -> bytes:
         """The next update; self.sequence is its number then."""
-        if self.ended:
-            raise FailedPrecondition("the session has ended")
-        if deadline is not None and not (math.isfinite(deadline) and deadline > 0):
-            raise InvalidArgument("deadline", "must be finite and > 0 seconds", value=deadline)
-        changes = self._changes(problem, parts)
-        if isinstance(shift, int):
-            shift = Shift.by_stage(self.current, shift)
+        changes, shift = self.prepared(problem, parts, shift, deadline)
         message = contract.message("SessionUpdate")(
             sequence=self.sequence + 1, cold=cold, deadline_s=deadline or 0.0,
             options=requests.options_message(options), shift=None if shift is None else shift.message())
@@ -138,13 +138,30 @@ class SessionCore:
             update.message("initial_point", requests.initial_point(lcqp.vector(z0, "z0", self.current.n, " (n)")))
         data = _request("update", update)
         # Nothing is remembered of an update that could not be made.
+        self.remember(problem, changes)
+        self._asked[self.sequence] = (self.asked(), self.current)
+        return data
+
+    def prepared(self, problem: LCQP | Problem | None, parts: Mapping[str, Any], shift: Shift | int | None,
+                 deadline: float | None) -> tuple[dict[str, Any], Shift | None]:
+        """What an update changes, by the letters of the equation, and its shift; checked, and not yet remembered."""
+        if self.ended:
+            raise FailedPrecondition("the session has ended")
+        if deadline is not None and not (math.isfinite(deadline) and deadline > 0):
+            raise InvalidArgument("deadline", "must be finite and > 0 seconds", value=deadline)
+        changes = self._changes(problem, parts)
+        return changes, Shift.by_stage(self.current, shift) if isinstance(shift, int) else shift
+
+    def remember(self, problem: LCQP | Problem | None, changes: Mapping[str, Any]) -> None:
+        """Takes an update that was prepared, under the next number."""
         self.sequence += 1
         self.current = self.current.replaced(**changes)
         if isinstance(problem, Problem):
             self.given = problem.copy()
-        given: LCQP | Problem = self.given if isinstance(self.given, Problem) else self.current
-        self._asked[self.sequence] = (given, self.current)
-        return data
+
+    def asked(self) -> LCQP | Problem:
+        """In whose terms the newest update is answered."""
+        return self.given if isinstance(self.given, Problem) else self.current
 
     def _changes(self, problem: LCQP | Problem | None, parts: Mapping[str, Any]) -> dict[str, Any]:
         now = self.current

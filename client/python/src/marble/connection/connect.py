@@ -14,12 +14,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-import grpc
-
 from marble.base import tables
+from marble.base.lazy import lazy
 from marble.base.tables import LONGEST_CLIENT_NAME, LONGEST_UNIX_PATH
-from marble.connection.local import local_address
 from marble.errors import InvalidArgument, Unavailable
+
+grpc: Any = lazy("grpc")
 
 _KEEPALIVE_MS: Final = 30_000  # a server that is gone without a word is noticed in
 _KEEPALIVE_TIMEOUT_MS: Final = 15_000  # the sum of the two; it allows a ping every 10 s
@@ -160,20 +160,21 @@ def service_config(several: bool) -> str:
     return json.dumps(config)
 
 
-def _own_server(connect: ConnectOptions) -> str:
-    if connect.credentials() is not None:
-        raise InvalidArgument("address", "must name a server: that of this process alone has no TLS", value="local")
-    return local_address()
+def named(address: str | Sequence[str] | None) -> str | Sequence[str]:
+    """The address, or where there is none MARBLE_SERVER, else 127.0.0.1:50051."""
+    return (os.environ.get("MARBLE_SERVER") or tables.DEFAULT_ADDRESS) if address is None else address
+
+
+def is_local(address: str | Sequence[str] | None) -> bool:
+    """Whether it stands for no server."""
+    return named(address) == tables.LOCAL_ADDRESS
 
 
 def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Target:
     """`address`: host:port or unix:PATH; or several host:port, in a list or with commas; or dns:///host:port, which is
-    every address of the name; or "local", this process's own server. None is MARBLE_SERVER, else 127.0.0.1:50051.
+    every address of the name. None is MARBLE_SERVER, else 127.0.0.1:50051.
     """
-    if address is None:
-        address = os.environ.get("MARBLE_SERVER") or tables.DEFAULT_ADDRESS
-    if address == tables.LOCAL_ADDRESS:
-        address = _own_server(connect)
+    address = named(address)
     addresses = [part.strip() for part in address.split(",")] if isinstance(address, str) else list(address)
     if not addresses:
         raise InvalidArgument("address", "must be at least one")

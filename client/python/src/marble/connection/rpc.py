@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import grpc
-
 from marble import errors
+from marble.base.lazy import lazy
 from marble.errors import Cancelled, InvalidArgument
+
+grpc: Any = lazy("grpc")
 
 PACKAGE = "/marble.v1."
 

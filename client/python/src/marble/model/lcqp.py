@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from marble.base.lazy import lazy
 from marble.base.tables import LONGEST_PROBLEM_NAME, SYMMETRY
 from marble.errors import InvalidProblem
+
+sp: Any = lazy("scipy.sparse")
 
 Vector = NDArray[np.float64]
 MatrixLike = Any

@@ -10,13 +10,15 @@ from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from marble.base.lazy import lazy
 from marble.errors import InvalidProblem
 from marble.model import problem_file
 from marble.model.lcqp import LCQP, MatrixLike, Vector, matrix, mirrored, stack, vector
 from marble.model.solution import Solution
+
+sp: Any = lazy("scipy.sparse")
 
 Variable = int | str
 

@@ -12,10 +12,12 @@ import pathlib
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
+from marble.base.lazy import lazy
 from marble.errors import InvalidProblem
 from marble.model.lcqp import LCQP, mirrored
+
+sp: Any = lazy("scipy.sparse")
 
 _BLOCKS = (("A", "b"), ("C", "d"), ("L", "l"), ("R", "r"))
 

@@ -1,0 +1,303 @@
+// marble._core: core's solvers for the Python package, which knows what callers may give and what they get.
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <chrono>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "arrays.h"
+#include "ctrl_c.h"
+#include "marble/options.h"
+#include "marble/solver.h"
+#include "marble/version.h"
+#include "marble/warm_solver.h"
+
+namespace marble::python {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// marble._core.Fault, an exception whose args are code, field, index (-1: none), value, bound and the whole
+// sentence.
+PyObject* fault_type = nullptr;
+
+[[noreturn]] void raise(const Error& error) {
+  const py::tuple arguments = py::make_tuple(to_string(error.code), error.field, error.index, error.value,
+                                             error.bound, error.message());
+  PyErr_SetObject(fault_type, arguments.ptr());
+  throw py::error_already_set();
+}
+
+template <class T>
+T value_or_raise(Expected<T> expected) {
+  if (!expected) raise(expected.error());
+  return std::move(*expected);
+}
+
+/// Names and values that the package has checked by the contract; their ranges are checked here.
+void set_options(Options& options, const py::dict& given) {
+  for (const auto& [name, value] : given) {
+    const auto key = name.cast<std::string>();
+    const auto set = py::isinstance<py::str>(value) ? set_option_text(options, key, value.cast<std::string>())
+                                                    : set_option(options, key, value.cast<double>());
+    if (!set) raise(set.error());
+  }
+}
+
+py::object option_value(const OptionInfo& info, double value) {
+  switch (info.type) {
+    case OptionType::integer:
+      return py::int_(static_cast<std::int64_t>(value));
+    case OptionType::boolean:
+      return py::bool_(value != 0.0);
+    case OptionType::choice:
+      return py::str(std::string(info.choices[static_cast<std::size_t>(value)]));
+    default:
+      return py::float_(value);
+  }
+}
+
+py::dict dict_of(const Options& options) {
+  static const auto* const names = [] {
+    auto* const all = new std::vector<py::object>;  // lives as long as the process
+    for (const OptionInfo& info : option_table()) all->push_back(py::str(std::string(info.name)));
+    return all;
+  }();
+  py::dict all;
+  std::size_t at = 0;
+  for (const OptionInfo& info : option_table())
+    all[(*names)[at++]] = option_value(info, get_option(options, info.name));
+  return all;
+}
+
+py::tuple tuple_of(const Violations& v) {
+  return py::make_tuple(v.equality, v.inequality, v.complementarity);
+}
+
+/// Whether a solve under way shall end; anybody may ask for it.
+struct Stop {
+  std::stop_source source;
+};
+
+/// Tells a Python function of the rows, thinned out as a server does it. What the function raises ends the
+/// solve.
+class Teller final : public ProgressSink {
+ public:
+  Teller(py::object tell, double interval_s, std::int32_t iterate_every, std::stop_source source)
+      : tell_(std::move(tell)),
+        interval_s_(interval_s),
+        iterate_every_(iterate_every),
+        source_(std::move(source)) {}
+
+  void report(const Progress& row) override {
+    if (last_s_ >= 0.0 && row.elapsed_s - last_s_ < interval_s_) return;
+    last_s_ = row.elapsed_s;
+    const py::gil_scoped_acquire gil;
+    if (raised_) return;
+    try {
+      const bool whole = iterate_every_ > 0 && row.iteration % iterate_every_ == 0;
+      const auto z = whole ? py::array_t<double>(static_cast<py::ssize_t>(row.z.size()), row.z.data())
+                           : py::array_t<double>(0);
+      tell_(row.iteration, row.outer_iteration, row.objective, tuple_of(row.violations), row.kkt_residual,
+            row.kappa, row.rho, row.step_length, row.regularization, row.factorizations, row.elapsed_s, z,
+            row.incumbent, row.bound, row.gap, row.nodes, row.open_nodes);
+    } catch (py::error_already_set& error) {
+      raised_ = std::move(error);
+      source_.request_stop();
+    }
+  }
+
+  [[nodiscard]] ProgressSink* sink() { return tell_.is_none() ? nullptr : this; }
+
+  void raise_if_raised() {
+    if (raised_) throw std::move(*raised_);
+  }
+
+ private:
+  py::object tell_;
+  double interval_s_;
+  std::int32_t iterate_every_;
+  std::stop_source source_;
+  double last_s_ = -1.0;
+  std::optional<py::error_already_set> raised_;
+};
+
+/// What accompanies one solve, from Python.
+struct Call {
+  std::optional<double> deadline_s;
+  py::object tell;
+  double interval_s;
+  std::int32_t iterate_every;
+  std::shared_ptr<Stop> stop;  // null on the main thread, where Ctrl-C may
+  bool ctrl_c;
+};
+
+/// Runs `solve(options, controls)` without the GIL; the answer as Python has it, but for a time limit that a
+/// deadline has set.
+template <class Solve>
+py::dict run(const Options& options, const Call& call, const Solve& solve) {
+  const auto begin = Clock::now();
+  const auto elapsed_s = [begin] { return std::chrono::duration<double>(Clock::now() - begin).count(); };
+  const double deadline_s = call.deadline_s.value_or(std::numeric_limits<double>::infinity());
+  Options limited = options;
+  limited.time_limit_s = std::min(options.time_limit_s, deadline_s);
+  std::stop_source source = call.stop ? call.stop->source : std::stop_source();
+  Teller teller(call.tell, call.interval_s, call.iterate_every, source);
+  const SolveControls controls{.progress = teller.sink(), .stop = source.get_token()};
+  std::optional<Expected<Solution>> outcome;
+  {
+    std::optional<CtrlC> ctrl_c;
+    if (call.ctrl_c) ctrl_c.emplace(source);
+    const py::gil_scoped_release no_gil;
+    outcome = or_out_of_memory([&] { return solve(limited, controls); });
+  }
+  teller.raise_if_raised();
+  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+  Solution s = value_or_raise(std::move(*outcome));
+  if (s.status != Status::cancelled && elapsed_s() >= deadline_s)
+    raise(failure(ErrorCode::deadline_exceeded, "the deadline passed while the problem was solved"));
+  py::dict answer;
+  answer["status"] = to_string(s.status);
+  answer["detail"] = s.detail;
+  answer["z"] = array_of(std::move(s.z));
+  answer["y"] = array_of(std::move(s.equality_multipliers));
+  answer["nu"] = array_of(std::move(s.inequality_multipliers));
+  answer["xi"] = array_of(std::move(s.complementarity_multipliers_L));
+  answer["eta"] = array_of(std::move(s.complementarity_multipliers_R));
+  answer["certificate"] = array_of(std::move(s.certificate));
+  answer["objective"] = s.objective;
+  answer["violations"] = tuple_of(s.violations);
+  answer["kkt_residual"] = s.kkt_residual;
+  answer["stationarity"] = to_string(s.stationarity);
+  answer["b_stationary"] = s.b_stationary ? py::object(py::bool_(*s.b_stationary)) : py::object(py::none());
+  answer["second_order"] = to_string(s.second_order);
+  answer["proved"] = s.proved;
+  answer["bound"] = s.bound;
+  answer["gap"] = s.gap;
+  answer["nodes"] = s.nodes;
+  answer["open_nodes"] = s.open_nodes;
+  answer["warm_nodes"] = s.warm_nodes;
+  answer["iterations"] = s.iterations;
+  answer["factorizations"] = s.factorizations;
+  answer["cold_objective"] = s.cold_objective;
+  answer["options"] = dict_of(options);
+  const Times& t = s.times;
+  answer["times"] =
+      py::make_tuple(0.0, t.setup_s, t.factorization_s, t.line_search_s, t.polish_s, t.solve_s, elapsed_s());
+  return answer;
+}
+
+Options options_of(const py::dict& given) {
+  Options options;
+  set_options(options, given);
+  if (auto valid = validate(options); !valid) raise(valid.error());
+  return options;
+}
+
+/// A marble.LCQP once, from set-up to answer.
+py::dict solve(const py::object& lcqp, const py::dict& given, const Call& call) {
+  const Options options = options_of(given);
+  Borrowed arrays;
+  const ProblemView view = arrays.problem(lcqp);
+  const py::object z0 = lcqp.attr("z0");
+  const std::span<const double> initial_z = z0.is_none() ? std::span<const double>() : arrays.doubles(z0);
+  return run(options, call, [&](const Options& limited, SolveControls controls) {
+    controls.initial_z = initial_z;
+    return solve_in_process(view, limited, controls);
+  });
+}
+
+/// Set up once, solved again and again: what a session is.
+class Warm {
+ public:
+  Warm(const py::object& lcqp, const py::dict& given) : options_(options_of(given)) {
+    Borrowed arrays;
+    const Problem problem = value_or_raise(Problem::create(arrays.problem(lcqp)));
+    const py::object z0 = lcqp.attr("z0");
+    const std::span<const double> initial_z = z0.is_none() ? std::span<const double>() : arrays.doubles(z0);
+    std::optional<Expected<WarmSolver>> solver;
+    {
+      const py::gil_scoped_release no_gil;
+      solver = or_out_of_memory([&] { return WarmSolver::create(problem, options_, initial_z); });
+    }
+    solver_.emplace(value_or_raise(std::move(*solver)));
+  }
+
+  /// changes: new numbers by the letters of the equation, a matrix's are its values. shift: for each of the
+  /// four kinds of vectors its blocks (first, count, by).
+  py::dict solve(const py::dict& given, const py::dict& changes, const py::object& z0, bool cold,
+                 const py::object& shift, const Call& call) {
+    Options options = options_;
+    set_options(options, given);
+    if (auto valid = validate(options); !valid) raise(valid.error());
+    Borrowed arrays;
+    ProblemUpdate update;
+    for (const auto& [key, value] : changes) {
+      const auto name = key.cast<std::string>();
+      if (name == "c0") {
+        update.c0 = value.cast<double>();
+        continue;
+      }
+#define MARBLE_VECTOR(letter, field) \
+  if (name == #letter) update.letter = arrays.doubles(value);
+#define MARBLE_MATRIX(letter, field, values, rows) \
+  if (name == #letter) update.letter = arrays.doubles(value);
+#include "marble/contract.def"
+    }
+    Restart restart{.cold = cold};
+    if (!z0.is_none()) restart.initial_z = arrays.doubles(z0);
+    if (!shift.is_none()) {
+      const auto parts = shift.cast<py::tuple>();
+      std::vector<ShiftBlock>* const blocks[] = {&restart.shift.variables, &restart.shift.equalities,
+                                                 &restart.shift.inequalities, &restart.shift.pairs};
+      for (std::size_t part = 0; part < 4; ++part) {
+        for (const py::handle& block : parts[part]) {
+          const auto numbers = block.cast<py::tuple>();
+          blocks[part]->push_back(
+              {numbers[0].cast<Index>(), numbers[1].cast<Index>(), numbers[2].cast<Index>()});
+        }
+      }
+    }
+    auto answer =
+        run(options, call, [&](const Options& limited, const SolveControls& controls) -> Expected<Solution> {
+          if (auto set = solver_->set_options(limited); !set) return unexpected(set.error());
+          return solver_->solve(update, restart, controls);
+        });
+    options_ = options;
+    return answer;
+  }
+
+  [[nodiscard]] std::int64_t memory_bytes() const { return solver_->memory_bytes(); }
+  [[nodiscard]] double setup_s() const { return solver_->setup_s(); }
+
+ private:
+  Options options_;
+  std::optional<WarmSolver> solver_;
+};
+
+}  // namespace
+
+PYBIND11_MODULE(_core, m) {
+  fault_type = PyErr_NewException("marble._core.Fault", PyExc_Exception, nullptr);
+  m.attr("Fault") = py::reinterpret_borrow<py::object>(fault_type);
+  m.attr("version") = MARBLE_VERSION;
+  py::class_<Stop, std::shared_ptr<Stop>>(m, "Stop").def(py::init<>()).def("request", [](Stop& stop) {
+    stop.source.request_stop();
+  });
+  py::class_<Call>(m, "Call").def(
+      py::init([](std::optional<double> deadline_s, py::object tell, double interval_s,
+                  std::int32_t iterate_every, std::shared_ptr<Stop> stop, bool ctrl_c) {
+        return Call{deadline_s, std::move(tell), interval_s, iterate_every, std::move(stop), ctrl_c};
+      }));
+  m.def("solve", &solve);
+  py::class_<Warm>(m, "Warm")
+      .def(py::init<const py::object&, const py::dict&>())
+      .def("solve", &Warm::solve)
+      .def_property_readonly("memory_bytes", &Warm::memory_bytes)
+      .def_property_readonly("setup_s", &Warm::setup_s);
+}
+
+}  // namespace marble::python

@@ -1,0 +1,93 @@
+"""A session without a server: core's warm solver, in the callers' threads."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from marble import errors
+from marble.calls.session import Session
+from marble.calls.session_core import SessionCore, SessionEvent
+from marble.errors import Error
+from marble.in_process import solver
+from marble.message import requests
+from marble.message.requests import Call
+from marble.model import lcqp
+from marble.model.lcqp import LCQP
+from marble.model.problem import Problem, in_terms_of
+from marble.model.solution import Progress
+
+
+class SessionHere(Session):
+    """As marble.Session. Every update is solved as it comes, so that none ever waits or is overtaken."""
+
+    def __init__(self, problem: LCQP | Problem, call: Call,
+                 progress: Callable[[int, Progress], object] | None) -> None:
+        self._core = SessionCore(problem, progress)
+        self._unread: dict[int, SessionEvent] = {}
+        self._writing, self._reading = threading.Lock(), threading.Lock()
+        self._call, self._tell = call, progress
+        self._running: Any = None
+        requests.check_request_id(call.request_id)
+        requests.priority_number(call.priority)
+        requests.check_progress(call)
+        solver_kind = solver.core()
+        try:
+            self._solver = solver_kind.Warm(self._core.current, solver.option_values(call.options))
+        except solver_kind.Fault as fault:
+            raise errors.from_core(*fault.args) from None
+        self._core.memory_bytes = self._solver.memory_bytes
+        self._core.setup_s = self._solver.setup_s
+
+    @property
+    def is_open(self) -> bool:
+        """Whether updates may be sent."""
+        return not self._core.ended
+
+    def send(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
+        """Solves before it returns the update's number; next() has the answer."""
+        with self._writing:
+            outcome = self._outcome(problem, **changes)
+            self._unread[self._core.sequence] = SessionEvent(self._core.sequence, outcome)
+            return self._core.sequence
+
+    def _outcome(self, problem: LCQP | Problem | None, *, options: Any = None, z0: Any = None, cold: bool = False,
+                 shift: Any = None, deadline: float | None = None, **parts: Any) -> Any:
+        changes, shift = self._core.prepared(problem, parts, shift, deadline)
+        start = None if z0 is None else lcqp.vector(z0, "z0", self._core.current.n, " (n)")
+        values = solver.option_values(options)
+        numbers = {name: value if name == "c0" else getattr(value, "data", value) if name in "QACLR" else value
+                   for name, value in changes.items()}
+        before = self._core.current, self._core.given
+        self._core.remember(problem, changes)
+        sequence, tell = self._core.sequence, self._tell
+        own = None if tell is None else lambda row: tell(sequence, row)
+        self._running = solver.core().Stop()
+        try:
+            told = self._solver.solve(values, numbers, start, cold, None if shift is None else shift.blocks(),
+                                      solver.core_call(self._call, own, deadline, self._running))
+            answer = solver.unless_cancelled(solver.solution(told, self._core.current))
+            return in_terms_of(self._core.asked(), answer)
+        except solver.core().Fault as fault:
+            error = errors.from_core(*fault.args)
+            if isinstance(error, errors.InvalidArgument):  # nothing has changed then
+                self._core.current, self._core.given = before
+            return error
+        except Error as error:
+            return error
+        finally:
+            self._running = None
+
+    def _read(self) -> SessionEvent | None:
+        return None
+
+    def close(self) -> None:
+        """Ends the session. What was not fetched is let go."""
+        self._core.ended = True
+
+    def cancel(self) -> None:
+        """Gives the session up, with a solve that another thread has under way."""
+        self._core.ended = True
+        if (running := self._running) is not None:
+            running.request()

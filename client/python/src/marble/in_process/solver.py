@@ -1,0 +1,120 @@
+"""Problems to marble._core, which is core itself, and its answers back; the same classes as a server's."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, Final, NoReturn
+
+from marble import errors
+from marble.base.tables import Status
+from marble.calls.batch import BatchAnswer, BatchItem
+from marble.connection.rpc import check_deadline
+from marble.errors import Cancelled, Error, Unavailable
+from marble.message import answers, requests
+from marble.message.requests import Call
+from marble.model.lcqp import LCQP
+from marble.model.problem import Problem, compiled, in_terms_of
+from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
+
+IN_PROCESS: Final = "in process"
+_STATUSES: Final = {status.value: status for status in Status}
+_STATIONARITIES: Final = {kind.value: kind for kind in Stationarity}
+_SECOND_ORDERS: Final = {kind.value: kind for kind in SecondOrder}
+
+
+@functools.cache
+def core() -> Any:
+    """marble._core; Unavailable where the package was built without it."""
+    try:
+        return importlib.import_module("marble._core")
+    except ImportError as error:
+        raise Unavailable(
+            "this build of marble has no solver of its own (marble._core): install a wheel of marble-solver, or build "
+            f"with pybind11; or name a server (MARBLE_SERVER=HOST:PORT) ({error})") from None
+
+
+class NoServer:
+    """In the place of a connection: what asks for a server is told that there is none."""
+
+    def call(self, *_: Any, **__: Any) -> NoReturn:
+        """There is nobody to call."""
+        raise Unavailable(f"there is no server: this client solves {IN_PROCESS} (local)")
+
+    stream = endless = duplex = call
+
+
+def option_values(options: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The options by their names, checked by the contract as for a server."""
+    return answers.options(requests.options_message(options)) if options else {}
+
+
+def _row(tell: Callable[[Progress], object]) -> Callable[..., None]:
+    def told(iteration: int, outer_iteration: int, objective: float, violations: tuple[float, float, float],
+             *rest: Any) -> None:
+        tell(Progress(iteration, outer_iteration, objective, Violations(*violations), *rest))
+
+    return told
+
+
+def core_call(call: Call, tell: Callable[[Progress], object] | None, deadline: float | None, stop: Any) -> Any:
+    """What accompanies one solve, checked. stop: a Stop of core, or None."""
+    if call.request_id:
+        requests.check_request_id(call.request_id)
+    if call.priority is not None:
+        requests.priority_number(call.priority)
+    requests.check_progress(call)
+    ctrl_c = (threading.current_thread() is threading.main_thread()
+              and signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+    return core().Call(check_deadline(deadline), None if tell is None else _row(tell), call.progress_interval,
+                       call.iterate_every, stop, ctrl_c)
+
+
+def solution(told: dict[str, Any], problem: LCQP) -> Solution:
+    """The answer of core as an object of this package; of a solve that was stopped too."""
+    told["status"] = _STATUSES[told["status"]]
+    told["stationarity"] = _STATIONARITIES.get(told["stationarity"])
+    told["second_order"] = _SECOND_ORDERS.get(told["second_order"])
+    told["violations"] = Violations(*told["violations"])
+    told["times"] = Times(*told["times"])
+    return Solution(**told, problem=problem, job_id="")
+
+
+def unless_cancelled(answer: Solution) -> Solution:
+    """The answer; a solve that was given up has none."""
+    if answer.status is Status.CANCELLED:
+        raise Cancelled("given up by the caller")
+    return answer
+
+
+def stoppable(problem: LCQP, call: Call, tell: Callable[[Progress], object] | None, deadline: float | None,
+              stop: Any) -> Solution:
+    """Solves on this thread. Whoever has `stop` ends it, with the status CANCELLED."""
+    solver = core()
+    try:
+        told = solver.solve(problem, option_values(call.options), core_call(call, tell, deadline, stop))
+    except solver.Fault as fault:
+        raise errors.from_core(*fault.args) from None
+    return solution(told, problem)
+
+
+def solve(problem: LCQP, call: Call, tell: Callable[[Progress], object] | None = None,
+          deadline: float | None = None) -> Solution:
+    """Solves on this thread; on the main one Ctrl-C gives the solve up."""
+    return unless_cancelled(stoppable(problem, call, tell, deadline, None))
+
+
+def batch(problems: Iterable[LCQP | Problem | BatchItem], call: Call) -> Iterator[BatchAnswer]:
+    """One after the other, in the order in which they come."""
+    for index, item in enumerate(problems):
+        one = item if isinstance(item, BatchItem) else BatchItem(item)
+        problem = compiled(one.problem)
+        wishes = Call(call.options if one.options is None else one.options, call.priority, one.request_id)
+        try:
+            answer, error = in_terms_of(one.problem, solve(problem, wishes)), None
+        except Error as caught:
+            answer, error = None, caught
+        yield BatchAnswer(index, one.tag, answer, error)
