@@ -264,9 +264,9 @@ def test_without_the_extension_the_error_says_what_is_missing(monkeypatch):
         solver.core.cache_clear()
 
 
-def test_a_solve_here_loads_neither_grpc_nor_protobuf():
-    program = ("import sys, marble; marble.solve([[2.0]], [-2.0]); "
+def test_the_import_loads_not_even_numpy_and_a_solve_here_neither_grpc_nor_protobuf():
+    program = ("import sys, marble; print('numpy' in sys.modules); marble.solve([[2.0]], [-2.0]); "
                "print([name for name in ('grpc', 'google.protobuf', 'asyncio') if name in sys.modules])")
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True,
                           env=clean_environment(PYTHONPATH=":".join(sys.path)))
-    assert done.stdout == "[]\n"
+    assert done.stdout == "False\n[]\n"

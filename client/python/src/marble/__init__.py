@@ -12,48 +12,10 @@ import importlib
 import pathlib
 from typing import TYPE_CHECKING, Any
 
-from marble.base.tables import Status
-from marble.calls.batch import BatchAnswer, BatchItem
-from marble.calls.jobs import Jobs
-from marble.calls.session import Session
-from marble.calls.session_core import SessionEvent, Shift, ShiftBlock, Superseded
-from marble.client import Client, SolveHandle, solve
-from marble.connection.connect import ConnectOptions
-from marble.errors import (
-    Aborted,
-    Cancelled,
-    DeadlineExceeded,
-    Error,
-    FailedPrecondition,
-    InvalidArgument,
-    InvalidProblem,
-    NotFound,
-    PermissionDenied,
-    Refused,
-    ServerError,
-    Unauthenticated,
-    Unavailable,
-    Unsolved,
-)
-from marble.message.info import Option, ServerInfo
-from marble.message.job import (
-    Job,
-    JobDetails,
-    JobEvent,
-    JobKind,
-    JobPage,
-    JobState,
-    PairSides,
-    Priority,
-    Submitted,
-    Trace,
-)
-from marble.model.lcqp import LCQP
-from marble.model.problem import Problem
-from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
-
 if TYPE_CHECKING:
-    from marble import aio
+    from marble import aio as aio
+    from marble.api import *  # noqa: F403
+    from marble.api import __all__ as __all__
 
 
 def _version() -> str:
@@ -64,61 +26,25 @@ def _version() -> str:
         raise ImportError(f"{file} is missing: build or install marble-solver, do not import its sources") from None
 
 
-def __getattr__(name: str) -> Any:
-    if name == "aio":  # asyncio takes long to load
-        return importlib.import_module("marble.aio")
-    raise AttributeError(f"module 'marble' has no attribute {name!r}")
+if not TYPE_CHECKING:  # whose names are told above
+    def __getattr__(name: str) -> Any:
+        """Loads numpy and the rest when something of them is wanted; asyncio, when it is."""
+        if name == "aio":
+            return importlib.import_module("marble.aio")
+        if name.startswith("__") and name != "__all__":
+            raise AttributeError(f"module 'marble' has no attribute {name!r}")
+        api = importlib.import_module("marble.api")
+        if name in globals():  # a module that was loaded with it
+            return globals()[name]
+        try:
+            value = getattr(api, name)
+        except AttributeError:
+            raise AttributeError(f"module 'marble' has no attribute {name!r}") from None
+        globals()[name] = value
+        return value
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), "aio", *importlib.import_module("marble.api").__all__})
 
 
 __version__ = _version()
-
-__all__ = [
-    "LCQP",
-    "Aborted",
-    "BatchAnswer",
-    "BatchItem",
-    "Cancelled",
-    "Client",
-    "ConnectOptions",
-    "DeadlineExceeded",
-    "Error",
-    "FailedPrecondition",
-    "InvalidArgument",
-    "InvalidProblem",
-    "Job",
-    "JobDetails",
-    "JobEvent",
-    "JobKind",
-    "JobPage",
-    "JobState",
-    "Jobs",
-    "NotFound",
-    "Option",
-    "PairSides",
-    "PermissionDenied",
-    "Priority",
-    "Problem",
-    "Progress",
-    "Refused",
-    "ServerError",
-    "ServerInfo",
-    "Session",
-    "SessionEvent",
-    "Shift",
-    "ShiftBlock",
-    "Solution",
-    "SolveHandle",
-    "SecondOrder",
-    "Stationarity",
-    "Status",
-    "Submitted",
-    "Superseded",
-    "Times",
-    "Trace",
-    "Unauthenticated",
-    "Unavailable",
-    "Unsolved",
-    "Violations",
-    "aio",
-    "solve",
-]

@@ -91,7 +91,7 @@ def _parser() -> argparse.ArgumentParser:
     for command in (demo, solve):
         command.add_argument("--progress", action="store_true", help="show progress")
     commands.add_parser("info", help="what the server is").set_defaults(run=_info)
-    commands.add_parser("server", add_help=False, help="run a marble-server; its own arguments follow, --help among them")
+    commands.add_parser("server", add_help=False, help="run a marble-server; its own arguments follow")
     return parser
 
 

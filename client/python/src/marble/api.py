@@ -1,0 +1,91 @@
+"""All that the package offers by its name: loaded when something of it is wanted."""
+
+from marble.base.tables import Status
+from marble.calls.batch import BatchAnswer, BatchItem
+from marble.calls.jobs import Jobs
+from marble.calls.session import Session
+from marble.calls.session_core import SessionEvent, Shift, ShiftBlock, Superseded
+from marble.client import Client, SolveHandle, solve
+from marble.connection.connect import ConnectOptions
+from marble.errors import (
+    Aborted,
+    Cancelled,
+    DeadlineExceeded,
+    Error,
+    FailedPrecondition,
+    InvalidArgument,
+    InvalidProblem,
+    NotFound,
+    PermissionDenied,
+    Refused,
+    ServerError,
+    Unauthenticated,
+    Unavailable,
+    Unsolved,
+)
+from marble.message.info import Option, ServerInfo
+from marble.message.job import (
+    Job,
+    JobDetails,
+    JobEvent,
+    JobKind,
+    JobPage,
+    JobState,
+    PairSides,
+    Priority,
+    Submitted,
+    Trace,
+)
+from marble.model.lcqp import LCQP
+from marble.model.problem import Problem
+from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
+
+__all__ = [
+    "LCQP",
+    "Aborted",
+    "BatchAnswer",
+    "BatchItem",
+    "Cancelled",
+    "Client",
+    "ConnectOptions",
+    "DeadlineExceeded",
+    "Error",
+    "FailedPrecondition",
+    "InvalidArgument",
+    "InvalidProblem",
+    "Job",
+    "JobDetails",
+    "JobEvent",
+    "JobKind",
+    "JobPage",
+    "JobState",
+    "Jobs",
+    "NotFound",
+    "Option",
+    "PairSides",
+    "PermissionDenied",
+    "Priority",
+    "Problem",
+    "Progress",
+    "Refused",
+    "ServerError",
+    "ServerInfo",
+    "Session",
+    "SessionEvent",
+    "Shift",
+    "ShiftBlock",
+    "Solution",
+    "SolveHandle",
+    "SecondOrder",
+    "Stationarity",
+    "Status",
+    "Submitted",
+    "Superseded",
+    "Times",
+    "Trace",
+    "Unauthenticated",
+    "Unavailable",
+    "Unsolved",
+    "Violations",
+    "solve",
+]
