@@ -47,29 +47,27 @@ void set_options(Options& options, const py::dict& given) {
   }
 }
 
-py::object option_value(const OptionInfo& info, double value) {
-  switch (info.type) {
-    case OptionType::integer:
-      return py::int_(static_cast<std::int64_t>(value));
-    case OptionType::boolean:
-      return py::bool_(value != 0.0);
-    case OptionType::choice:
-      return py::str(std::string(info.choices[static_cast<std::size_t>(value)]));
-    default:
-      return py::float_(value);
+py::object python_value(double value) { return py::float_(value); }
+py::object python_value(std::int32_t value) { return py::int_(value); }
+py::object python_value(bool value) { return py::bool_(value); }
+
+/// A choice by its name.
+py::object python_value(Path path) {
+  for (const OptionInfo& info : option_table()) {
+    if (info.name == "path") return py::str(std::string(info.choices[static_cast<std::size_t>(path)]));
   }
+  return py::none();
 }
 
 py::dict dict_of(const Options& options) {
-  static const auto* const names = [] {
-    auto* const all = new std::vector<py::object>;  // lives as long as the process
-    for (const OptionInfo& info : option_table()) all->push_back(py::str(std::string(info.name)));
-    return all;
-  }();
   py::dict all;
-  std::size_t at = 0;
-  for (const OptionInfo& info : option_table())
-    all[(*names)[at++]] = option_value(info, get_option(options, info.name));
+#define MARBLE_OPTION(type, name, ...)                                \
+  {                                                                   \
+    static PyObject* const key = PyUnicode_InternFromString(#name);   \
+    PyDict_SetItem(all.ptr(), key, python_value(options.name).ptr()); \
+  }
+#include "marble/options.def"
+#undef MARBLE_OPTION
   return all;
 }
 
@@ -125,14 +123,23 @@ class Teller final : public ProgressSink {
   std::optional<py::error_already_set> raised_;
 };
 
+/// Whether Ctrl-C is to raise KeyboardInterrupt, and no handler of the program's own.
+bool raises_keyboard_interrupt() {
+  static PyObject* const module = PyImport_ImportModule("_signal");
+  static PyObject* const usual =
+      module == nullptr ? nullptr : PyObject_GetAttrString(module, "default_int_handler");
+  if (usual == nullptr) throw py::error_already_set();
+  return py::handle(module).attr("getsignal")(SIGINT).is(py::handle(usual));
+}
+
 /// What accompanies one solve, from Python.
 struct Call {
   std::optional<double> deadline_s;
   py::object tell;
   double interval_s;
   std::int32_t iterate_every;
-  std::shared_ptr<Stop> stop;  // null on the main thread, where Ctrl-C may
-  bool ctrl_c;
+  std::shared_ptr<Stop> stop;  // null where only Ctrl-C may ask for it
+  bool main_thread;
 };
 
 /// Runs `solve(options, controls)` without the GIL; the answer as Python has it, but for a time limit that a
@@ -150,7 +157,7 @@ py::dict run(const Options& options, const Call& call, const Solve& solve) {
   std::optional<Expected<Solution>> outcome;
   {
     std::optional<CtrlC> ctrl_c;
-    if (call.ctrl_c) ctrl_c.emplace(source);
+    if (call.main_thread && raises_keyboard_interrupt()) ctrl_c.emplace(source);
     const py::gil_scoped_release no_gil;
     outcome = or_out_of_memory([&] { return solve(limited, controls); });
   }
@@ -289,8 +296,8 @@ PYBIND11_MODULE(_core, m) {
   });
   py::class_<Call>(m, "Call").def(
       py::init([](std::optional<double> deadline_s, py::object tell, double interval_s,
-                  std::int32_t iterate_every, std::shared_ptr<Stop> stop, bool ctrl_c) {
-        return Call{deadline_s, std::move(tell), interval_s, iterate_every, std::move(stop), ctrl_c};
+                  std::int32_t iterate_every, std::shared_ptr<Stop> stop, bool main_thread) {
+        return Call{deadline_s, std::move(tell), interval_s, iterate_every, std::move(stop), main_thread};
       }));
   m.def("solve", &solve);
   py::class_<Warm>(m, "Warm")

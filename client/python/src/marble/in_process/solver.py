@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import importlib
-import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final, NoReturn
@@ -67,10 +66,9 @@ def core_call(call: Call, tell: Callable[[Progress], object] | None, deadline: f
     if call.priority is not None:
         requests.priority_number(call.priority)
     requests.check_progress(call)
-    ctrl_c = (threading.current_thread() is threading.main_thread()
-              and signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+    main_thread = threading.get_ident() == threading.main_thread().ident
     return core().Call(check_deadline(deadline), None if tell is None else _row(tell), call.progress_interval,
-                       call.iterate_every, stop, ctrl_c)
+                       call.iterate_every, stop, main_thread)
 
 
 def solution(told: dict[str, Any], problem: LCQP) -> Solution:

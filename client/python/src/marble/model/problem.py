@@ -261,6 +261,6 @@ def problem_of(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None, A: Ma
         if g is None:
             raise InvalidProblem("g", "is missing; its size defines the number of variables")
         return LCQP(Q, g, A=A, b=b, C=C, d=d, L=L, l=l, R=R, r=r, c0=c0, z0=z0, name=name)
-    if any(part is not None for part in (g, A, b, C, d, L, l, R, r, z0)):
+    if not (g is A is b is C is d is L is l is R is r is z0 is None):
         raise InvalidProblem("g", "must not be given beside a whole problem")
     return Q
