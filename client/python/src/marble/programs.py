@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pathlib
 import shutil
+import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
@@ -24,3 +25,13 @@ def run(name: str, arguments: Sequence[str]) -> NoReturn:
     """Goes on as the program."""
     path = find(name)
     os.execv(path, [name, *arguments])
+
+
+def marble() -> NoReturn:
+    """The command `marble` of a wheel."""
+    run("marble", sys.argv[1:])
+
+
+def marble_server() -> NoReturn:
+    """The command `marble-server` of a wheel."""
+    run("marble-server", sys.argv[1:])
