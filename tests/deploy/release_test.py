@@ -11,6 +11,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 STANDS_IN = {
     "tests/tidy": "exit ${TIDY_FAULTS:-0}",
     "deploy/make-packages": 'touch "$1/marble-server.deb"',
+    "deploy/make-wheels": 'touch "$1/marble_solver-manylinux.whl"',
     "programs/python3": 'touch "$6/marble_solver.whl" "$6/marble_solver.tar.gz"',
     "programs/npm": 'if [ "$1" = pack ]; then touch "$3/marble-client.tgz"; fi',
 }
@@ -62,7 +63,7 @@ class Release(unittest.TestCase):
         done = self.release()
         self.assertEqual(done.returncode, 0, done.stderr)
         sums = (self.work / "packages/SHA256SUMS").read_text().split()[1::2]
-        self.assertEqual(sums, ["marble-server.deb", "marble_solver.whl", "marble_solver.tar.gz", "marble-client.tgz"])
+        self.assertEqual(sums, ["marble-server.deb", "marble_solver-manylinux.whl", "marble_solver.whl", "marble_solver.tar.gz", "marble-client.tgz"])
         self.assertEqual(self.git("tag"), "")
 
     def test_the_tag_is_made_when_asked_and_carries_this_version_s_changes(self):
