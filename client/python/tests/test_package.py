@@ -15,7 +15,7 @@ import pytest
 from support import SERVER, clean_environment, random_problem, tiny
 
 import marble
-from marble import drawing
+from marble import drawing, flights
 from marble.hopper import Hopper
 
 HERE = pathlib.Path(__file__).resolve().parent.parent
@@ -45,6 +45,30 @@ def test_the_demo_ends_in_a_picture(server, tmp_path):
     drawn = (tmp_path / "plan.png").is_file()
     assert drawn == ("drawn in plan.png" in run.stdout)
     assert drawn or "####" in run.stdout
+
+
+@pytest.fixture
+def programs_in_path(monkeypatch):
+    folder = os.path.dirname(os.environ.get("MARBLE_BINARY", ""))
+    monkeypatch.setenv("PATH", folder + os.pathsep + os.environ["PATH"])
+
+
+@pytest.mark.parametrize("name", ["rocket", "gates"])
+def test_a_flight_ends_in_a_picture(name, server, tmp_path, programs_in_path):
+    run = _python("-m", "marble", "demo", name, server=server.address, where=tmp_path)
+    assert run.returncode == 0 and f"{name}: solved" in run.stdout, run.stderr
+    assert (tmp_path / f"{name}.png").is_file() == (f"drawn in {name}.png" in run.stdout)
+
+
+def test_a_flights_trajectory_begins_and_ends_where_the_problem_says(client, programs_in_path):
+    rocket = flights.trajectory(client.solve(flights.problem("rocket")).z, flights.ROCKET_STEP)
+    assert rocket.shape == (40, 3) and rocket[0, :2] == pytest.approx([13.0, 25.5])
+    assert rocket[-1, :2] == pytest.approx(flights.ROCKET_CATCH)
+    gates = flights.trajectory(client.solve(flights.problem("gates")).z, flights.GATES_STEP)
+    assert gates.shape == (30, 3) and gates[-1] == pytest.approx([6.0, 0.0, 1.0])
+    for centre, _ in flights.GATES:
+        nearest = np.linalg.norm(gates - np.array(centre), axis=1).min()
+        assert nearest <= np.linalg.norm(flights.GATE_HALF_EXTENT) + 1e-6
 
 
 def test_a_terminal_can_show_the_plan(client):

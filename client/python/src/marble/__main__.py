@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from marble import drawing, programs
+from marble import drawing, flights, programs
 from marble.base.tables import DEFAULT_ADDRESS
 from marble.client import Client
 from marble.errors import Error, InvalidArgument
@@ -16,6 +16,7 @@ from marble.hopper import Hopper
 from marble.model import problem_file
 
 _SOLVED, _NOT_SOLVED, _USAGE, _SERVER = 0, 1, 2, 3
+_DEMOS = ("hopper", "rocket", "gates")
 
 
 def _value(text: str) -> Any:
@@ -36,14 +37,23 @@ def _options(texts: Sequence[str]) -> dict[str, Any]:
 
 
 def _demo(client: Client, arguments: argparse.Namespace) -> int:
+    name, picture = arguments.name, arguments.picture
+    if name not in _DEMOS:  # a file alone
+        stem = os.path.basename(name).partition(".")[0]
+        name, picture = stem if stem in _DEMOS else "hopper", name
+    picture = picture or f"{name}.png"
     hopper = Hopper()
-    answer = client.solve(hopper.problem(), progress=arguments.progress)
+    answer = client.solve(hopper.problem() if name == "hopper" else flights.problem(name), progress=arguments.progress)
     print(answer)
     try:
-        drawing.save(hopper, answer.z, arguments.picture)
-        print(f"\ndrawn in {arguments.picture}")
+        if name == "hopper":
+            drawing.save(hopper, answer.z, picture)
+        else:
+            flights.save(name, answer.z, picture)
+        print(f"\ndrawn in {picture}")
     except ImportError:
-        print("\n" + drawing.text(hopper, answer.z))
+        if name == "hopper":
+            print("\n" + drawing.text(hopper, answer.z))
         print("\nwith matplotlib installed this is a picture")
     return _SOLVED if answer.solved else _NOT_SOLVED
 
@@ -81,8 +91,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--server", help="host:port, unix:PATH, or local for this process; default MARBLE_SERVER, "
                                           f"else {DEFAULT_ADDRESS}")
     commands = parser.add_subparsers(required=True)
-    demo = commands.add_parser("demo", help="solve the hopper and draw it")
-    demo.add_argument("picture", nargs="?", default="hopper.png", help="the file to draw into; .gif is an animation")
+    demo = commands.add_parser("demo", help="solve one of the paper's problems and draw it")
+    demo.add_argument("name", nargs="?", default="hopper", help="hopper, rocket or gates; or just the file, rocket.png")
+    demo.add_argument("picture", nargs="?", help="the file to draw into, NAME.png; of the hopper .gif is an animation")
     demo.set_defaults(run=_demo)
     solve = commands.add_parser("solve", help="solve problem files (JSON)")
     solve.add_argument("files", nargs="+", metavar="FILE")
