@@ -1,7 +1,7 @@
 """The paper's two flights, a rocket that is caught and a quadrotor through gates: their problems and pictures.
 
-The problems are those of `marble example rocket` and `marble example gates`, which that program writes; here is where in z
-the trajectory is, and what stands in its way (core/examples in the source tree).
+The problems are those of `marble example rocket` and `marble example gates`, which that program writes; here is where
+in z the trajectory is, and what stands in its way (core/examples in the source tree).
 """
 
 from __future__ import annotations
