@@ -170,6 +170,13 @@ def test_the_reference_is_generated_without_warnings_and_has_every_name(tmp_path
         assert f'id="marble.{name}"' in page, name
 
 
+@pytest.mark.parametrize("name", ["client", "errors", "aio", "in_process.session", "hopper", "model.problem"])
+def test_every_module_may_be_the_first_that_is_imported(name):
+    run = _python("-c", f"import marble.{name}, marble; print(marble.{name}.__name__, marble.errors.Error is marble.Error)")
+    assert run.stdout == f"marble.{name} True\n", run.stderr
+    assert not hasattr(marble, "nothing") and {"solve", "aio", "Client"} <= set(dir(marble))
+
+
 def test_everything_public_is_documented():
     for name in marble.__all__:
         thing = getattr(marble, name)

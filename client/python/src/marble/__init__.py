@@ -29,13 +29,12 @@ def _version() -> str:
 if not TYPE_CHECKING:  # whose names are told above
     def __getattr__(name: str) -> Any:
         """Loads numpy and the rest when something of them is wanted; asyncio, when it is."""
-        if name == "aio":
-            return importlib.import_module("marble.aio")
+        own = pathlib.Path(__file__).with_name(name)
+        if own.is_dir() or own.with_suffix(".py").is_file():
+            return importlib.import_module(f"marble.{name}")
         if name.startswith("__") and name != "__all__":
             raise AttributeError(f"module 'marble' has no attribute {name!r}")
         api = importlib.import_module("marble.api")
-        if name in globals():  # a module that was loaded with it
-            return globals()[name]
         try:
             value = getattr(api, name)
         except AttributeError:
