@@ -1,10 +1,12 @@
-// Borrowed views of Python's arrays, and arrays that take a vector over: nothing is copied either way.
+// Borrowed views of Python's arrays, and vectors that Python may view: nothing is copied either way. By the
+// buffer protocol alone, which every version of numpy speaks: pybind11's own way to arrays reads numpy's
+// structures, and an older one misreads those of numpy 2.
 #pragma once
 
-#include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
 #include <span>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -50,24 +52,54 @@ class Borrowed {
   }
 
  private:
+  class Buffer {
+   public:
+    Buffer() = default;
+    Buffer(Buffer&& other) noexcept : buffer_(std::exchange(other.buffer_, {})) {}
+    Buffer& operator=(Buffer&&) = delete;
+    ~Buffer() { PyBuffer_Release(&buffer_); }
+    /// Whether the object has contiguous items of that kind.
+    [[nodiscard]] bool take(const py::handle& values, char format, std::size_t size) {
+      if (PyObject_GetBuffer(values.ptr(), &buffer_, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT) != 0) {
+        PyErr_Clear();
+        return false;
+      }
+      return buffer_.format != nullptr && buffer_.format[0] == format && buffer_.format[1] == 0 &&
+             static_cast<std::size_t>(buffer_.itemsize) == size;
+    }
+    template <class Number>
+    [[nodiscard]] std::span<const Number> items() const {
+      return {static_cast<const Number*>(buffer_.buf),
+              static_cast<std::size_t>(buffer_.len) / sizeof(Number)};
+    }
+
+   private:
+    Py_buffer buffer_ = {};
+  };
+
   template <class Number>
   [[nodiscard]] std::span<const Number> view(const py::handle& values) {
-    auto array = py::array_t<Number, py::array::c_style | py::array::forcecast>::ensure(values);
-    if (!array) throw py::error_already_set();
-    const std::span<const Number> span(array.data(), static_cast<std::size_t>(array.size()));
-    kept_.push_back(std::move(array));
-    return span;
+    constexpr bool kReal = std::is_same_v<Number, double>;
+    Buffer buffer;
+    if (!buffer.take(values, kReal ? 'd' : 'i', sizeof(Number))) {
+      const py::object array =
+          py::module_::import("numpy").attr("ascontiguousarray")(values, kReal ? "float64" : "int32");
+      Buffer converted;
+      if (!converted.take(array, kReal ? 'd' : 'i', sizeof(Number)))
+        throw py::type_error("no array of numbers");
+      kept_.push_back(std::move(converted));  // which keeps the array too
+    } else {
+      kept_.push_back(std::move(buffer));
+    }
+    return kept_.back().items<Number>();
   }
 
-  std::vector<py::object> kept_;
+  std::vector<Buffer> kept_;
 };
 
-/// An array that owns what the vector held.
-[[nodiscard]] inline py::array_t<double> array_of(std::vector<double>&& values) {
-  if (values.empty()) return py::array_t<double>(0);
-  auto* const owned = new std::vector<double>(std::move(values));
-  const py::capsule owner(owned, [](void* data) { delete static_cast<std::vector<double>*>(data); });
-  return py::array_t<double>(static_cast<py::ssize_t>(owned->size()), owned->data(), owner);
-}
+/// A vector that Python may view as an array, and that lives as long as such a view.
+struct Numbers {
+  std::vector<double> values;
+};
 
 }  // namespace marble::python

@@ -97,8 +97,7 @@ class Teller final : public ProgressSink {
     if (raised_) return;
     try {
       const bool whole = iterate_every_ > 0 && row.iteration % iterate_every_ == 0;
-      const auto z = whole ? py::array_t<double>(static_cast<py::ssize_t>(row.z.size()), row.z.data())
-                           : py::array_t<double>(0);
+      const Numbers z{whole ? std::vector<double>(row.z.begin(), row.z.end()) : std::vector<double>()};
       tell_(row.iteration, row.outer_iteration, row.objective, tuple_of(row.violations), row.kkt_residual,
             row.kappa, row.rho, row.step_length, row.regularization, row.factorizations, row.elapsed_s, z,
             row.incumbent, row.bound, row.gap, row.nodes, row.open_nodes);
@@ -169,12 +168,12 @@ py::dict run(const Options& options, const Call& call, const Solve& solve) {
   py::dict answer;
   answer["status"] = to_string(s.status);
   answer["detail"] = s.detail;
-  answer["z"] = array_of(std::move(s.z));
-  answer["y"] = array_of(std::move(s.equality_multipliers));
-  answer["nu"] = array_of(std::move(s.inequality_multipliers));
-  answer["xi"] = array_of(std::move(s.complementarity_multipliers_L));
-  answer["eta"] = array_of(std::move(s.complementarity_multipliers_R));
-  answer["certificate"] = array_of(std::move(s.certificate));
+  answer["z"] = Numbers{std::move(s.z)};
+  answer["y"] = Numbers{std::move(s.equality_multipliers)};
+  answer["nu"] = Numbers{std::move(s.inequality_multipliers)};
+  answer["xi"] = Numbers{std::move(s.complementarity_multipliers_L)};
+  answer["eta"] = Numbers{std::move(s.complementarity_multipliers_R)};
+  answer["certificate"] = Numbers{std::move(s.certificate)};
   answer["objective"] = s.objective;
   answer["violations"] = tuple_of(s.violations);
   answer["kkt_residual"] = s.kkt_residual;
@@ -291,6 +290,9 @@ PYBIND11_MODULE(_core, m) {
   fault_type = PyErr_NewException("marble._core.Fault", PyExc_Exception, nullptr);
   m.attr("Fault") = py::reinterpret_borrow<py::object>(fault_type);
   m.attr("version") = MARBLE_VERSION;
+  py::class_<Numbers>(m, "Numbers", py::buffer_protocol()).def_buffer([](Numbers& numbers) {
+    return py::buffer_info(numbers.values.data(), static_cast<py::ssize_t>(numbers.values.size()));
+  });
   py::class_<Stop, std::shared_ptr<Stop>>(m, "Stop").def(py::init<>()).def("request", [](Stop& stop) {
     stop.source.request_stop();
   });

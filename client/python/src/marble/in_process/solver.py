@@ -8,6 +8,8 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final, NoReturn
 
+import numpy as np
+
 from marble import errors
 from marble.base.tables import Status
 from marble.calls.batch import BatchAnswer, BatchItem
@@ -20,6 +22,7 @@ from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
 
 IN_PROCESS: Final = "in process"
+_VECTORS: Final = ("z", "y", "nu", "xi", "eta", "certificate")
 _STATUSES: Final = {status.value: status for status in Status}
 _STATIONARITIES: Final = {kind.value: kind for kind in Stationarity}
 _SECOND_ORDERS: Final = {kind.value: kind for kind in SecondOrder}
@@ -54,7 +57,9 @@ def option_values(options: Mapping[str, Any] | None) -> dict[str, Any]:
 def _row(tell: Callable[[Progress], object]) -> Callable[..., None]:
     def told(iteration: int, outer_iteration: int, objective: float, violations: tuple[float, float, float],
              *rest: Any) -> None:
-        tell(Progress(iteration, outer_iteration, objective, Violations(*violations), *rest))
+        *numbers, z, incumbent, bound, gap, nodes, open_nodes = rest
+        tell(Progress(iteration, outer_iteration, objective, Violations(*violations), *numbers, z=np.asarray(z),
+                      incumbent=incumbent, bound=bound, gap=gap, nodes=nodes, open_nodes=open_nodes))
 
     return told
 
@@ -73,6 +78,8 @@ def core_call(call: Call, tell: Callable[[Progress], object] | None, deadline: f
 
 def solution(told: dict[str, Any], problem: LCQP) -> Solution:
     """The answer of core as an object of this package; of a solve that was stopped too."""
+    for name in _VECTORS:
+        told[name] = np.asarray(told[name])
     told["status"] = _STATUSES[told["status"]]
     told["stationarity"] = _STATIONARITIES.get(told["stationarity"])
     told["second_order"] = _SECOND_ORDERS.get(told["second_order"])
