@@ -58,8 +58,8 @@ def _row(tell: Callable[[Progress], object]) -> Callable[..., None]:
     def told(iteration: int, outer_iteration: int, objective: float, violations: tuple[float, float, float],
              *rest: Any) -> None:
         *numbers, z, incumbent, bound, gap, nodes, open_nodes = rest
-        tell(Progress(iteration, outer_iteration, objective, Violations(*violations), *numbers, z=np.asarray(z),
-                      incumbent=incumbent, bound=bound, gap=gap, nodes=nodes, open_nodes=open_nodes))
+        row = [*numbers, np.asarray(z), incumbent, bound, gap, nodes, open_nodes]
+        tell(Progress(iteration, outer_iteration, objective, Violations(*violations), *row))
 
     return told
 
