@@ -172,7 +172,8 @@ def test_the_reference_is_generated_without_warnings_and_has_every_name(tmp_path
 
 @pytest.mark.parametrize("name", ["client", "errors", "aio", "in_process.session", "hopper", "model.problem"])
 def test_every_module_may_be_the_first_that_is_imported(name):
-    run = _python("-c", f"import marble.{name} as one, marble; print(one.__name__, marble.errors.Error is marble.Error)")
+    code = f"import marble.{name} as one, marble; print(one.__name__, marble.errors.Error is marble.Error)"
+    run = _python("-c", code)
     assert run.stdout == f"marble.{name} True\n", run.stderr
     assert not hasattr(marble, "nothing") and {"solve", "aio", "Client"} <= set(dir(marble))
 
