@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -77,14 +78,14 @@ bool InteriorPoint::start(const Center& /*center*/, const std::vector<Index>& /*
   return true;
 }
 
-void InteriorPoint::restore() {
-  fixed_ = saved_.fixed;
-  held_ = saved_.held;
-  z_ = saved_.z;
-  y_ = saved_.y;
-  w_ = saved_.w;
-  mu_ = saved_.mu;
-  bound_ = saved_.bound;
+void InteriorPoint::restore(const State& state) {
+  fixed_ = state.fixed;
+  held_ = state.held;
+  z_ = state.z;
+  y_ = state.y;
+  w_ = state.w;
+  mu_ = state.mu;
+  bound_ = state.bound;
 }
 
 // The least squares of all rows, moved until slacks and multipliers are positive (Mehrotra, "On the
@@ -106,7 +107,7 @@ bool InteriorPoint::begin() {
   }
   ++factorizations_;
   if (!kkt_->factor(weights_)) return false;
-  dz_ = -problem_.g;
+  dz_ = -linear_;
   add_transposed(problem_.rows, -weights_.rows.all.cwiseProduct(problem_.offset), dz_);
   dy_ = -problem_.b;
   if (!kkt_->solve(dz_, dy_)) return false;
@@ -142,8 +143,8 @@ bool InteriorPoint::begin() {
 
 void InteriorPoint::evaluate() {
   multiply(problem_.Q, z_, gradient_);
-  objective_ = 0.5 * z_.dot(gradient_) + problem_.g.dot(z_);
-  gradient_ += problem_.g;
+  objective_ = 0.5 * z_.dot(gradient_) + linear_.dot(z_);
+  gradient_ += linear_;
   stationarity_ = gradient_;
   add_transposed(problem_.A, y_, stationarity_);
   add_transposed(problem_.rows, -mu_, stationarity_);
@@ -164,16 +165,20 @@ double InteriorPoint::mean_product(const Vector& w, const Vector& mu) const {
   return count == 0 ? 0.0 : sum / count;
 }
 
+double InteriorPoint::violation() const {
+  double worst = max_abs(equality_);
+  for (Index row = 0; row < w_.size(); ++row)
+    worst = std::max(worst, is_fixed(row) ? std::abs(rows_[row]) : std::abs(rows_[row] - w_[row]));
+  return worst;
+}
+
 // What is known at this iterate; an end if that is enough.
 std::optional<InteriorPoint::End> InteriorPoint::examine(const Box& box, double cutoff) {
   const double proved = dual_bound_.of_objective(box, z_, y_, mu_);
   bound_ = std::max(bound_, proved);
   if (bound_ >= cutoff) return End::cutoff;
-  double violation = max_abs(equality_);
-  for (Index row = 0; row < w_.size(); ++row)
-    violation = std::max(violation, is_fixed(row) ? std::abs(rows_[row]) : std::abs(rows_[row] - w_[row]));
   const double size = 1.0 + std::abs(objective_);
-  if (violation <= tuning::tree_interior_gap && objective_ - bound_ <= tuning::tree_interior_gap * size)
+  if (violation() <= tuning::tree_interior_gap && objective_ - bound_ <= tuning::tree_interior_gap * size)
     return End::optimal;
   const double largest = std::max(max_abs(mu_), max_abs(y_));
   if (largest > tuning::tree_interior_ray * size && contradicts(box, largest)) return End::infeasible;
@@ -252,6 +257,7 @@ bool InteriorPoint::step() {
 
 InteriorPoint::End InteriorPoint::solve(const Box& box, double cutoff, const Interrupt& interrupt) {
   kkt_->attend(interrupt);
+  linear_ = problem_.g;
   if (!begin()) return interrupt.requested() ? End::interrupted : End::undecided;
   std::optional<End> end;
   for (int iteration = 0; iteration < tuning::engine_budget && !end; ++iteration) {
@@ -263,6 +269,37 @@ InteriorPoint::End InteriorPoint::solve(const Box& box, double cutoff, const Int
   }
   finish();
   return end.value_or(End::undecided);
+}
+
+// At the optimum z' with a price on the slacks, S in sum, f(z') + S(z') ≤ f(z) + S(z): such that S(z) is the
+// rise. No two prices are the same, else an interior point method ends amid slacks of which only the sum is
+// given.
+std::vector<Index> InteriorPoint::zero_together(const std::vector<Index>& rows, double rise,
+                                                const Interrupt& interrupt) {
+  const auto weight = [](std::size_t k) { return 1.0 + std::fmod(0.618 * static_cast<double>(k), 1.0); };
+  double sum = 0.0;
+  for (std::size_t k = 0; k < rows.size(); ++k) sum += weight(k) * w_[rows[k]];
+  if (!(sum > 0.0) || !std::isfinite(rise)) return {};
+  const double price = rise / sum;
+  const State solved{fixed_, held_, z_, y_, w_, mu_, bound_};
+  linear_ = problem_.g;
+  Vector priced = Vector::Zero(w_.size());
+  for (std::size_t k = 0; k < rows.size(); ++k) priced[rows[k]] = price * weight(k);
+  add_transposed(problem_.rows, priced, linear_);
+  kkt_->attend(interrupt);
+  std::vector<Index> zero;
+  bool going = begin();
+  for (int iteration = 0; iteration < tuning::engine_budget && going; ++iteration) {
+    evaluate();
+    // The slack of a zero row with such a multiplier is far below it.
+    if (violation() <= tuning::tree_interior_gap && mean_product(w_, mu_) <= 0.1 * price * price) {
+      std::ranges::copy_if(rows, std::back_inserter(zero), [this](Index row) { return w_[row] < mu_[row]; });
+      break;
+    }
+    going = !interrupt.requested() && step();
+  }
+  restore(solved);
+  return zero;
 }
 
 // Rows whose multiplier outweighs their slack are active.

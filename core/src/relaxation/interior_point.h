@@ -30,6 +30,9 @@ class InteriorPoint final : public NodeEngine {
                            double parent_bound) override;
   void fix(Index row) override { fixed_[static_cast<std::size_t>(row)] = 1; }
   [[nodiscard]] End solve(const Box& box, double cutoff, const Interrupt& interrupt) override;
+  /// By a small price on their sum.
+  [[nodiscard]] std::vector<Index> zero_together(const std::vector<Index>& rows, double rise,
+                                                 const Interrupt& interrupt) override;
 
   [[nodiscard]] double bound() const override { return bound_; }
   [[nodiscard]] Center center() const override { return {z_, y_, mu_, w_}; }
@@ -44,12 +47,20 @@ class InteriorPoint final : public NodeEngine {
   [[nodiscard]] std::int64_t factorizations() const override { return factorizations_; }
   [[nodiscard]] double bytes() override { return kkt_->bytes(); }
   void save() override { saved_ = {fixed_, held_, z_, y_, w_, mu_, bound_}; }
-  void restore() override;
+  void restore() override { restore(saved_); }
 
  private:
+  struct State {
+    std::vector<std::uint8_t> fixed;
+    std::vector<Index> held;
+    Vector z, y, w, mu;
+    double bound;
+  };
+  void restore(const State& state);
   [[nodiscard]] bool is_fixed(Index row) const { return fixed_[static_cast<std::size_t>(row)] != 0; }
   [[nodiscard]] bool begin();
   void evaluate();
+  [[nodiscard]] double violation() const;
   [[nodiscard]] double mean_product(const Vector& w, const Vector& mu) const;
   [[nodiscard]] std::optional<End> examine(const Box& box, double cutoff);
   [[nodiscard]] bool contradicts(const Box& box, double largest);
@@ -64,17 +75,13 @@ class InteriorPoint final : public NodeEngine {
   RowWeights weights_;
   std::vector<std::uint8_t> fixed_;  // by row
   Vector z_, y_, w_, mu_;            // w: slacks > 0, nothing of fixed rows
+  Vector linear_;                    // of the objective
   Vector equality_, rows_, gradient_, stationarity_;
   Vector dz_, dy_, dw_, dmu_, complement_, trial_w_, trial_mu_, ray_y_, ray_mu_, signed_;
   double objective_ = 0.0, bound_ = 0.0;
   std::int64_t factorizations_ = 0;
   std::vector<Index> held_;
-  struct {
-    std::vector<std::uint8_t> fixed;
-    std::vector<Index> held;
-    Vector z, y, w, mu;
-    double bound;
-  } saved_;
+  State saved_;
 };
 
 }  // namespace marble

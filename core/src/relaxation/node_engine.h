@@ -45,6 +45,14 @@ class NodeEngine {
   /// Solves what is fixed now. `cutoff` and bounds are scaled objectives.
   [[nodiscard]] virtual End solve(const Box& box, double cutoff, const Interrupt& interrupt) = 0;
 
+  /// Of these rows, none of them fixed, those that are zero together at some point of what was solved last,
+  /// where the objective is higher by no more than `rise`. May be none wherever telling costs more than it
+  /// saves; then nothing else is known of them.
+  [[nodiscard]] virtual std::vector<Index> zero_together(const std::vector<Index>& /*rows*/, double /*rise*/,
+                                                         const Interrupt& /*interrupt*/) {
+    return {};
+  }
+
   [[nodiscard]] virtual double bound() const = 0;
   /// The one of the last solve().
   [[nodiscard]] virtual Center center() const = 0;

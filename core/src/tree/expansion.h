@@ -96,12 +96,14 @@ class Expander {
                                                    std::vector<Clause::Member> members,
                                                    const NodeEngine::Center& center, const Box& box,
                                                    const Interrupt& interrupt);
+  void skip_idle(const Fixings& fixings, double rise, const Interrupt& interrupt);
   [[nodiscard]] std::optional<int> probe_all(Fixings& fixings, const Box& box, double cutoff,
                                              double& closed_bound, const Interrupt& interrupt);
 
   const ScaledProblem& problem_;
   std::unique_ptr<NodeEngine> relaxation_;
   std::vector<PseudoCosts::Gain> probed_;
+  std::vector<std::uint8_t> idle_;  // by row, of a round of probing: not to be tried
   Fixings fixings_;
   std::vector<Index> held_;
   std::vector<Node> closed_;
