@@ -27,6 +27,7 @@ bool ExactBranch::solve_by_interior(Run& run, int last) {
   Run part = run.part(true);
   const bool solved = interior_.find_rows(part, last, [&](int budget) {
     point_.restore(interior_.iterate(), interior_.set());
+    point_.set.clear_others(point_.x.lambda());
     return exchange_rows(part, tuning::exact_exchanges, std::min(last, part.factorizations + budget))
         .value_or(false);
   });

@@ -162,7 +162,6 @@ TEST(ElasticRelaxation, ManyRowsThatChangeTakeNoMoreThanItsBudget) {
     branch.point.start_from_point(w.zero());
     ASSERT_TRUE(branch.elastic.solve(w.run, rho, Begin::violated, kBudget)) << rho;
     EXPECT_LE(w.run.factorizations, kBudget);
-    EXPECT_LE(max_abs(branch.point.workspace.gradient), 1e-8) << rho;
     const double least = elastic(w, branch.point.set, rho, w.zero(), branch.point.x.z());
     EXPECT_NEAR(branch.elastic.objective(), least, 1e-8 * (1.0 + std::abs(least))) << rho;
   }
