@@ -221,9 +221,15 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
     for (int start = 0; start < count && run.factorizations < last && !run.interrupted(); ++start)
       if (elsewhere->next(run, std::min(last, run.factorizations + options_.local_search_budget))) settle();
   };
-  if (small && !convex) start_elsewhere(options_.small_budget, run.factorizations + options_.small_budget);
+  // Of a small problem a start is as many places as the budget has.
+  const auto start_small = [&] {
+    start_elsewhere(options_.small_budget, run.factorizations + options_.small_budget);
+  };
+  if (small && !convex) start_small();
   if (!tree.proved) search_.start_further(run, settle);
-  if (!convex) start_elsewhere(options_.starts - 1, std::numeric_limits<int>::max());
+  for (int start = 1; start < options_.starts && small && !convex && !run.interrupted(); ++start)
+    start_small();
+  if (!small && !convex) start_elsewhere(options_.starts - 1, std::numeric_limits<int>::max());
   if (incumbent_.best().objective < before) answer = finish_exact(run);
   if (small) answer.ending.detail += "; small_budget: " + (convex ? tree.remark : "starts elsewhere");
   answer.tree = std::move(tree);

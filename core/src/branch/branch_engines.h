@@ -1,4 +1,5 @@
-// The two ways to solve a branch, exactly and elastically, from one point and with one factor.
+// The two ways to solve a branch, exactly and elastically, from one point and with one factor, and what both
+// use.
 #pragma once
 
 #include "branch/elastic_relaxation.h"
@@ -10,13 +11,15 @@ struct BranchEngines {
   BranchEngines(const ScaledProblem& problem, Kkt& kkt)
       : point(problem, kkt),
         newton(problem, kkt, point),
-        exact(point, newton),
-        elastic(problem, point, newton) {}
+        interior(problem, kkt),
+        exact(point, newton, interior),
+        elastic(problem, point, newton, interior) {}
   BranchEngines(const BranchEngines&) = delete;
   BranchEngines& operator=(const BranchEngines&) = delete;
 
   BranchPoint point;
   SemismoothNewton newton;
+  QuadraticEngine interior;
   ExactBranch exact;
   ElasticRelaxation elastic;
 };

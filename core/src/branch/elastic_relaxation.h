@@ -3,13 +3,15 @@
 #pragma once
 
 #include "branch/semismooth_newton.h"
+#include "path/quadratic.h"
 
 namespace marble {
 
 class ElasticRelaxation {
  public:
   /// Works on `point`; `newton` must too.
-  ElasticRelaxation(const ScaledProblem& problem, BranchPoint& point, SemismoothNewton& newton);
+  ElasticRelaxation(const ScaledProblem& problem, BranchPoint& point, SemismoothNewton& newton,
+                    QuadraticEngine& interior);
 
   /// Where the rows come from that it begins with.
   enum class Rows {
@@ -17,7 +19,8 @@ class ElasticRelaxation {
     violated,  ///< the fixed sides, and those that z violates
   };
   /// Solves it for the branch at hand from the point at hand. True if solved; the factor at hand is then the
-  /// one of this solution.
+  /// one of this solution. Where so many rows change that Newton's method has not ended soon, an interior
+  /// point method has the rest of `budget`.
   [[nodiscard]] bool solve(Run& run, double rho, Rows rows, int budget);
   /// Where the proximal term of solve() pulls: to the point at hand, or to 0. From an exact solution the
   /// first leaves variables without cost where they are, and with them most active rows.
@@ -31,9 +34,12 @@ class ElasticRelaxation {
   [[nodiscard]] const BranchPoint& point() const { return point_; }
 
  private:
+  [[nodiscard]] bool solve_by_interior(Run& run, const SemismoothNewton::Penalty& penalty, int last);
+
   const ScaledProblem& problem_;
   BranchPoint& point_;
   SemismoothNewton& newton_;
+  QuadraticEngine& interior_;
   Vector anchor_;
   double objective_ = 0.0;
 };

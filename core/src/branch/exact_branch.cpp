@@ -1,20 +1,38 @@
 #include "branch/exact_branch.h"
 
+#include <algorithm>
+
 #include "tuning.h"
 
 namespace marble {
 
-ExactBranch::ExactBranch(BranchPoint& point, SemismoothNewton& newton) : point_(point), newton_(newton) {}
+ExactBranch::ExactBranch(BranchPoint& point, SemismoothNewton& newton, QuadraticEngine& interior)
+    : point_(point), newton_(newton), interior_(interior) {}
 
 bool ExactBranch::solve(Run& run, int budget) {
   const int last = run.factorizations + budget;
   point_.set.clear_others(point_.x.lambda());  // they may be of another branch
   newton_.center.all = point_.x.all;           // should the exchanges lead nowhere
   if (const auto solved = exchange_rows(run, tuning::exact_exchanges, last)) return *solved;
-  bool rows_known = newton_.converge(run, {tuning::exact_rho, tuning::exact_delta}, last);
+  const int last_of_newton = std::min(last, run.factorizations + tuning::newton_budget);
+  bool rows_known = newton_.converge(run, {tuning::exact_rho, tuning::exact_delta}, last_of_newton);
   if (newton_.lost_descent())
-    rows_known = newton_.converge(run, {tuning::exact_rho, tuning::elastic_delta}, last);
-  return rows_known && exchange_rows(run, tuning::exact_exchanges, last).value_or(false);
+    rows_known = newton_.converge(run, {tuning::exact_rho, tuning::elastic_delta}, last_of_newton);
+  if (rows_known) return exchange_rows(run, tuning::exact_exchanges, last).value_or(false);
+  return run.factorizations >= last_of_newton && last_of_newton < last && solve_by_interior(run, last);
+}
+
+bool ExactBranch::solve_by_interior(Run& run, int last) {
+  interior_.start(point_.x.z(), point_.set);
+  Run part = run.part(true);
+  const bool solved = interior_.find_rows(part, last, [&](int budget) {
+    point_.restore(interior_.iterate(), interior_.set());
+    point_.set.clear_others(point_.x.lambda());
+    return exchange_rows(part, tuning::exact_exchanges, std::min(last, part.factorizations + budget))
+        .value_or(false);
+  });
+  run.add_part(part);
+  return solved;
 }
 
 // Nothing if the rows are not known after so many rounds, or contradict each other.

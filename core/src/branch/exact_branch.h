@@ -4,19 +4,20 @@
 // The primal-dual active set method: it guesses which of those hold with equality, solves the
 // equality-constrained problem that leaves by one factorization, and exchanges all rows whose sign is wrong.
 // Where that cycles the proximal method of multipliers, which converges for every feasible branch, tells the
-// rows.
+// rows; where they are so many that it would take too long, an interior point method.
 #pragma once
 
 #include <optional>
 
 #include "branch/semismooth_newton.h"
+#include "path/quadratic.h"
 
 namespace marble {
 
 class ExactBranch {
  public:
   /// Works on `point`; `newton` must too.
-  ExactBranch(BranchPoint& point, SemismoothNewton& newton);
+  ExactBranch(BranchPoint& point, SemismoothNewton& newton, QuadraticEngine& interior);
 
   /// Solves the branch at hand to full accuracy with at most `budget` factorizations. True if it succeeded:
   /// the point then satisfies the branch's optimality conditions to rounding, with every sign right but those
@@ -28,9 +29,11 @@ class ExactBranch {
  private:
   [[nodiscard]] std::optional<bool> exchange_rows(Run& run, int rounds, int last);
   [[nodiscard]] bool exchange();
+  [[nodiscard]] bool solve_by_interior(Run& run, int last);
 
   BranchPoint& point_;
   SemismoothNewton& newton_;
+  QuadraticEngine& interior_;
 };
 
 }  // namespace marble

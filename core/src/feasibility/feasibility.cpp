@@ -78,17 +78,23 @@ Feasibility::End Feasibility::run(Run& run, ConstVectorRef z) {
   const Run::Polishing polishing(run);
   const int begin = run.factorizations;
   const int last = begin + options_.feasibility_budget;
+  const int half = begin + options_.feasibility_budget / 2;
   auto tree = PairTree::End::stopped;
   const bool found = [&] {
     if (pivot(run, z, 0, tuning::lemke_ways, last)) return true;
-    if (problem_.pairs() <= tuning::tree_pairs) {
-      tree = search_tree(run, z, begin + options_.feasibility_budget / 2);
+    const bool few_pairs = problem_.pairs() <= tuning::tree_pairs;
+    if (few_pairs) {
+      tree = search_tree(run, z, begin + options_.feasibility_budget / tuning::tree_first_share);
+      if (tree != PairTree::End::stopped) return tree == PairTree::End::found;
+    }
+    if (pivot(run, z, tuning::lemke_ways, tuning::lemke_more_ways, half)) return true;
+    if (few_pairs && run.factorizations < half && !run.interrupted()) {
+      tree = search_tree(run, z, half);
       if (tree != PairTree::End::stopped) return tree == PairTree::End::found;
     }
     for (const bool user_units : {false, true})
       if (run.factorizations < last && !run.interrupted() && solve_calm(run, z, user_units)) return true;
-    if (run.factorizations < last && pivot(run, z, tuning::lemke_ways, tuning::lemke_more_ways, last))
-      return true;
+    if (pivot(run, z, tuning::lemke_more_ways, 2 * tuning::lemke_more_ways, last)) return true;
     if (run.factorizations < last && !run.interrupted()) tree = search_tree(run, z, last);
     return tree == PairTree::End::found;
   }();

@@ -20,10 +20,29 @@ QuadraticEngine::QuadraticEngine(const ScaledProblem& problem, Kkt& kkt)
       slack_step_(problem.layout.size()),
       product_(problem.layout.size()),
       rate_(problem.layout.size()),
-      reporter_(problem) {}
+      center_(problem.variables()),
+      reporter_(problem) {
+  shown_.reserve(set_.held.size());
+}
+
+void QuadraticEngine::start(ConstVectorRef initial_z, const WorkingSet& branch) {
+  softness_ = 0.0;
+  weights_.rho = tuning::exact_rho;
+  weights_.delta = tuning::exact_delta;
+  begin(initial_z, branch);
+}
+
+void QuadraticEngine::start_elastic(ConstVectorRef initial_z, const WorkingSet& branch, double rho,
+                                    double delta, ConstVectorRef center) {
+  softness_ = 1.0 / rho;
+  weights_.rho = rho;
+  weights_.delta = delta;
+  center_ = center;
+  begin(initial_z, branch);
+}
 
 // ν as large as the constraints are violated: multipliers grow with that, and from below it steps are short.
-void QuadraticEngine::start(ConstVectorRef initial_z, const WorkingSet& branch) {
+void QuadraticEngine::begin(ConstVectorRef initial_z, const WorkingSet& branch) {
   set_ = branch;
   shown_.clear();
   short_steps_ = 0;
@@ -44,6 +63,11 @@ void QuadraticEngine::start(ConstVectorRef initial_z, const WorkingSet& branch) 
 
 void QuadraticEngine::evaluate() {
   images_.evaluate(problem_, x_);
+  if (softness_ > 0.0) {
+    images_.stationarity += weights_.delta * (x_.z() - center_);
+    images_.equality -= softness_ * x_.y();
+    images_.rows.all -= softness_ * x_.lambda();
+  }
   kappa_ = -slack_.dot(x_.lambda()) / free_rows();
 }
 
@@ -52,11 +76,13 @@ double QuadraticEngine::free_rows() const {
 }
 
 // Newton on (Qz + g + Aᵀy + Jᵀλ, Az + b, Jz + c − w, w∘ν − κ + product) over the rows [C; L; R]; dν is
-// eliminated by the last two. A fixed side has w = 0 and dλ = ρ times what its step leaves of it.
+// eliminated by the last two. A fixed side has w = 0 and dλ = ρ times what its step leaves of it. With a
+// softness ε they are Az + b − εy and Jz + c + εν − w.
 bool QuadraticEngine::direction(double kappa, bool correct) {
   rate_.setZero();
   set_.for_each_free_row([&](Index row) {
-    rate_[row] = (kappa - (correct ? product_[row] : 0.0)) / slack_[row] + x_.lambda()[row];
+    rate_[row] = ((kappa - (correct ? product_[row] : 0.0)) / slack_[row] + x_.lambda()[row]) /
+                 (1.0 - softness_ * x_.lambda()[row] / slack_[row]);
   });
   auto dz = d_.z();
   dz = -images_.stationarity;
@@ -68,6 +94,7 @@ bool QuadraticEngine::direction(double kappa, bool correct) {
   multiply(problem_.rows, dz, slack_step_);
   slack_step_ += images_.rows.all - slack_;
   d_.lambda() = weight.cwiseProduct(slack_step_) - rate_;
+  slack_step_ -= softness_ * d_.lambda();
   return true;
 }
 
@@ -83,10 +110,10 @@ double QuadraticEngine::longest_step() const {
 bool QuadraticEngine::step(Run& run) {
   if (run.interrupted()) return false;
   report(run);
-  weights_.rho = tuning::exact_rho;
-  weights_.delta = tuning::exact_delta;
-  weights_.rows.all.setConstant(tuning::exact_rho);
-  set_.for_each_free_row([&](Index row) { weights_.rows.all[row] = -x_.lambda()[row] / slack_[row]; });
+  weights_.rows.all.setConstant(weights_.rho);
+  set_.for_each_free_row([&](Index row) {
+    weights_.rows.all[row] = x_.lambda()[row] / (softness_ * x_.lambda()[row] - slack_[row]);
+  });
   ++run.factorizations;
   if (!run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); })) return false;
   if (!direction(0.0, false)) return false;
@@ -126,6 +153,7 @@ void QuadraticEngine::read_rows() {
 }
 
 void QuadraticEngine::report(Run& run) {
+  if (run.sink() == nullptr) return;
   reporter_.tell(run, x_.z(), images_.objective, violations(problem_, images_),
                  {.kkt_residual = max_abs(images_.stationarity),
                   .kappa = kappa_,

@@ -4,6 +4,8 @@
 // Mehrotra's predictor and corrector (SIAM J. Optim. 2, 1992): one factorization and two solves a step. With
 // w = Cz + d > 0 and ν > 0 it follows w∘ν = κ to κ → 0; equalities, fixed sides of pairs and z by proximal
 // terms, which vanish where it ends. The rows that will hold at zero show long before that.
+//
+// Of an elastic branch the same: its rows are w = Cz + d + ν/ρ, and its terms in ρ and δ stay.
 #pragma once
 
 #include "data/residual.h"
@@ -11,6 +13,7 @@
 #include "kkt/kkt.h"
 #include "run/reporter.h"
 #include "run/run.h"
+#include "tuning.h"
 
 namespace marble {
 
@@ -20,6 +23,10 @@ class QuadraticEngine {
 
   /// On this branch: of `branch` only which sides it fixes counts.
   void start(ConstVectorRef initial_z, const WorkingSet& branch);
+  /// On the elastic version of this branch: every violation of a row costs ½ρ·violation², and every distance
+  /// from `center` ½δ·distance².
+  void start_elastic(ConstVectorRef initial_z, const WorkingSet& branch, double rho, double delta,
+                     ConstVectorRef center);
   /// One step. False if it broke down, was too short again and again, or was interrupted: Q has negative
   /// curvature, or there is no solution.
   [[nodiscard]] bool step(Run& run);
@@ -32,7 +39,22 @@ class QuadraticEngine {
   [[nodiscard]] bool shows_new_rows();
   [[nodiscard]] double kappa() const { return kappa_; }
 
+  /// Steps up to the run's given count of factorizations, and at the latest to κ ≈ 0. Whenever the rows have
+  /// settled, and at the end, solve(budget) is asked whether it could solve the branch with iterate() and
+  /// set(). True if it could.
+  template <class Solve>
+  [[nodiscard]] bool find_rows(Run& run, int last_factorization, Solve&& solve) {
+    for (bool at_end = false; !at_end;) {
+      if (!step(run)) return false;
+      at_end = kappa_ <= tuning::roundoff || run.factorizations >= last_factorization;
+      if (!at_end && !shows_new_rows()) continue;
+      if (solve(at_end ? tuning::engine_budget : tuning::early_budget)) return true;
+    }
+    return false;
+  }
+
  private:
+  void begin(ConstVectorRef initial_z, const WorkingSet& branch);
   void evaluate();
   [[nodiscard]] bool direction(double kappa, bool correct);
   [[nodiscard]] double longest_step() const;
@@ -47,6 +69,8 @@ class QuadraticEngine {
   Iterate x_, d_;  // λ of the step is −dν
   Images images_;
   Vector slack_, slack_step_, product_, rate_;  // w, dw, the predictor's dw∘dν, what rows add to the gradient
+  Vector center_;
+  double softness_ = 0.0;  // 1/ρ of an elastic branch, else 0
   std::vector<std::uint8_t> shown_;
   double kappa_ = 0.0, step_length_ = 0.0;
   int short_steps_ = 0;  // in a row

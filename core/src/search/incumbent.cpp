@@ -33,18 +33,12 @@ Incumbent::Outcome Incumbent::solve_branch(Run& run, const char* origin, int bud
 
 // The rows are tried as soon as they have settled, for a few factorizations, and in earnest at the end.
 bool Incumbent::solve_branch(Run& run, QuadraticEngine& engine, ConstVectorRef z, const WorkingSet& branch) {
-  const int last = run.factorizations + tuning::engine_budget;
   engine.start(z, branch);
-  for (bool at_end = false; !at_end;) {
-    if (!engine.step(run)) return false;
-    at_end = engine.kappa() <= tuning::roundoff || run.factorizations >= last;
-    if (!at_end && !engine.shows_new_rows()) continue;
+  return engine.find_rows(run, run.factorizations + tuning::engine_budget, [&](int budget) {
     const Run::Polishing polishing(run);
     branch_.point().restore(engine.iterate(), engine.set());
-    const int budget = at_end ? tuning::engine_budget : tuning::early_budget;
-    if (solve_branch(run, "interior point", budget) == Outcome::kept) return true;
-  }
-  return false;
+    return solve_branch(run, "interior point", budget) == Outcome::kept;
+  });
 }
 
 void Incumbent::offer(const Iterate& x, const Images& images, const WorkingSet& set, const char* origin) {

@@ -51,6 +51,14 @@ bool Multistart::minimize(Run& run, ConstVectorRef target, const WorkingSet* bra
   return true;
 }
 
+// One that an earlier start has ended in, by its objective.
+bool Multistart::is_searched() const {
+  const double objective = images_.objective;
+  return std::ranges::any_of(searched_, [objective](double other) {
+    return std::abs(objective - other) <= tuning::exactness * (1.0 + std::abs(other));
+  });
+}
+
 // One pair flipped after the other, until none of them leads lower.
 void Multistart::search_neighbours(Run& run, int last) {
   const Index pairs = problem_.pairs();
@@ -59,9 +67,13 @@ void Multistart::search_neighbours(Run& run, int last) {
     if (run.factorizations >= last || run.interrupted()) return;
     WorkingSet branch = set_;
     branch.flip(pair);
-    if (minimize(run, Vector(x_.z()), &branch, last)) useless = -1;
+    if (minimize(run, Vector(x_.z()), &branch, last)) {
+      if (is_searched()) return;
+      useless = -1;
+    }
     pair = (pair + 1) % pairs;
   }
+  searched_.push_back(images_.objective);
 }
 
 bool Multistart::next(Run& run, int last) {
@@ -88,7 +100,7 @@ bool Multistart::start(Run& run, int last) {
     Vector target = best.x.z();
     for (Index j = 0; j < target.size(); ++j)
       target[j] += spread * (2.0 * noise(number, static_cast<std::uint64_t>(j)) - 1.0);
-    if (!minimize(run, target, nullptr, last)) return false;
+    if (!minimize(run, target, nullptr, last) || is_searched()) return false;
   }
   search_neighbours(run, last);
   incumbent_.offer(x_, images_, set_, "start elsewhere, descent");

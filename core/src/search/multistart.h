@@ -1,11 +1,12 @@
 // Local minima elsewhere, for where Q is not convex: what makes a branch elastic and hardens it again stays
 // in its basin there. A start is a random point, the nearest feasible one on a branch near it, a descent
 // along negative curvature, and then the neighbouring branches: the same from the minimum with one pair
-// flipped, for as long as that is lower.
+// flipped, for as long as that is lower. A minimum that an earlier start has ended in is not searched again.
 #pragma once
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "branch/branch_engines.h"
 #include "proof/descent.h"
@@ -27,6 +28,7 @@ class Multistart {
   [[nodiscard]] bool prepare(Run& run);
   [[nodiscard]] bool minimize(Run& run, ConstVectorRef target, const WorkingSet* branch, int last);
   void search_neighbours(Run& run, int last);
+  [[nodiscard]] bool is_searched() const;
 
   const ScaledProblem& problem_;
   Incumbent& incumbent_;
@@ -38,6 +40,7 @@ class Multistart {
   Images images_;
   WorkingSet set_;
   bool found_ = false;
+  std::vector<double> searched_;  // objectives of minima that none of their neighbours is lower than
   std::uint64_t number_ = 0;
 };
 

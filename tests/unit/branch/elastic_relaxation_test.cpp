@@ -9,6 +9,7 @@
 
 #include "branch/branch_engines.h"
 #include "support/problems/random_problem.h"
+#include "support/problems/small_problems.h"
 #include "workbench.h"
 
 namespace marble {
@@ -150,6 +151,19 @@ TEST(ElasticRelaxation, FromTheRowsOfItsSolutionItNeedsNoFactorization) {
     EXPECT_EQ(w.run.factorizations, before) << seed << ": the factor at hand is theirs";
     EXPECT_TRUE(branch.point.set == set) << seed;
     EXPECT_NEAR(branch.elastic.objective(), objective, 1e-8 * (1.0 + std::abs(objective))) << seed;
+  }
+}
+
+// Newton's method brings a row or two to zero a step where rows are neighbours in a chain.
+TEST(ElasticRelaxation, ManyRowsThatChangeTakeNoMoreThanItsBudget) {
+  for (const double rho : {1e3, 1e6, 1e8}) {
+    Workbench w(testing::obstacle_problem(1000));
+    BranchEngines branch(w.problem, *w.kkt);
+    branch.point.start_from_point(w.zero());
+    ASSERT_TRUE(branch.elastic.solve(w.run, rho, Begin::violated, kBudget)) << rho;
+    EXPECT_LE(w.run.factorizations, kBudget);
+    const double least = elastic(w, branch.point.set, rho, w.zero(), branch.point.x.z());
+    EXPECT_NEAR(branch.elastic.objective(), least, 1e-8 * (1.0 + std::abs(least))) << rho;
   }
 }
 

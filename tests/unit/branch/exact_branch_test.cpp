@@ -188,5 +188,15 @@ TEST(ExactBranch, CallsSolvedOnlyWhatIsExact) {
   EXPECT_GE(refused, 10);
 }
 
+// Exchanges of rows go one by one there, and so does Newton's method.
+TEST(ExactBranch, ManyRowsThatChangeTakeNoMoreThanItsBudget) {
+  Workbench w(testing::obstacle_problem(1000));
+  BranchEngines branch(w.problem, *w.kkt);
+  branch.point.start_from_point(w.zero());
+  ASSERT_TRUE(branch.exact.solve(w.run, kBudget));
+  EXPECT_LE(w.run.factorizations, kBudget);
+  EXPECT_LE(branch.point.error(), 1e-9);
+}
+
 }  // namespace
 }  // namespace marble

@@ -132,6 +132,27 @@ TEST(Feasibility, AFeasibleProblemIsNeverRefuted) {
   EXPECT_GE(found, 38);
 }
 
+// 0 ≤ x ⊥ Mx + q ≥ 0 with a full M of no class: hardly one way of Lemke's method in ten ends in a solution.
+TEST(Feasibility, ComplementarityProblemsOfNoClassAreSolvedUpToFortyPairs) {
+  constexpr Index kPairs = 40;
+  int solved = 0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    std::mt19937_64 random(seed);
+    const Eigen::MatrixXd M = random_matrix(random, kPairs, kPairs);
+    Eigen::VectorXd x = random_matrix(random, kPairs, 1).col(0);
+    const Eigen::VectorXd w = (-x).cwiseMax(0.0);
+    x = x.cwiseMax(0.0);
+    OwnedProblem p;
+    p.g.assign(kPairs, 0.0);
+    p.L = sparse(Eigen::MatrixXd::Identity(kPairs, kPairs));
+    p.l.assign(kPairs, 0.0);
+    p.R = sparse(M);
+    p.r = values(w - M * x);
+    solved += is_solved(solve_in_process(p.view()).value().status) ? 1 : 0;
+  }
+  EXPECT_GE(solved, 9);
+}
+
 TEST(Feasibility, ItsBudgetIsKeptAndNoneSwitchesItOff) {
   const OwnedProblem p = sums(14, 3).second;
   Options options;

@@ -151,5 +151,23 @@ TEST(SmallProblem, IndefiniteOnesGetStartsElsewhere) {
   EXPECT_GT(lower, 0);
 }
 
+// Each start of a small one has small_budget of its own.
+TEST(SmallProblem, StartsOfIndefiniteOnesLookInAsManyPlaces) {
+  Options one, many;
+  many.starts = 8;
+  int compared = 0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const OwnedProblem p = testing::random_problem(
+        {.variables = 20, .equalities = 0, .inequalities = 40, .pairs = 7, .indefinite = true}, seed);
+    const Solution first = solved(p, one);
+    const Solution best = solved(p, many);
+    if (first.status != Status::solved || best.status != Status::solved) continue;
+    EXPECT_GT(best.factorizations, first.factorizations + 7 * one.small_budget - 1) << seed;
+    EXPECT_LE(best.objective, first.objective + 1e-9 * (1.0 + std::abs(first.objective))) << seed;
+    ++compared;
+  }
+  EXPECT_GT(compared, 0);
+}
+
 }  // namespace
 }  // namespace marble
