@@ -8,11 +8,11 @@
 
 namespace marble {
 
-QuadraticEngine::QuadraticEngine(const ScaledProblem& problem, Kkt& kkt)
+QuadraticEngine::QuadraticEngine(const ScaledProblem& problem, Kkt& kkt, const ScaledProblem& of_kkt)
     : problem_(problem),
       kkt_(kkt),
       set_(problem),
-      weights_(problem),
+      weights_(of_kkt),
       x_(problem),
       d_(problem),
       images_(problem),
@@ -20,7 +20,9 @@ QuadraticEngine::QuadraticEngine(const ScaledProblem& problem, Kkt& kkt)
       slack_step_(problem.layout.size()),
       product_(problem.layout.size()),
       rate_(problem.layout.size()),
-      reporter_(problem) {}
+      reporter_(problem) {
+  shown_.reserve(set_.held.size());
+}
 
 // ν as large as the constraints are violated: multipliers grow with that, and from below it steps are short.
 void QuadraticEngine::start(ConstVectorRef initial_z, const WorkingSet& branch) {
