@@ -44,7 +44,9 @@ double bytes_without_factor(const Problem& problem) {
   const double iterate = n + problem.equalities() + 2.0 * problem.inequalities() + 3.0 * problem.pairs();
   return entries * (sizeof(double) + 2.0 * sizeof(Index)) +
          tuning::memory_iterates * iterate * sizeof(double) +
-         Parametric::response_bytes(problem.pairs(), rows) + tuning::memory_fixed_bytes;
+         Parametric::response_bytes(problem.pairs(), rows) +
+         (PenaltyHomotopy::applies(problem.pairs()) ? PenaltyHomotopy::bytes(entries, iterate) : 0.0) +
+         tuning::memory_fixed_bytes;
 }
 
 // Flops that one factorization may have. No machine does more than tuning::flops_per_second of them on one

@@ -139,6 +139,7 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z) {
       path_borrowed = search_.find(run, initial_z);
     }
     search_.repeat_soft_start(run, path_borrowed);
+    if (path_borrowed) search_.from_penalties(run, initial_z);
     const bool exact = incumbent_.exists() && branch != PathBranch::path_is_lower;
     if (exact || (end && is_solved(end->status))) return end;
   }

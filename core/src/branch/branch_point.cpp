@@ -8,14 +8,14 @@
 
 namespace marble {
 
-BranchPoint::BranchPoint(const ScaledProblem& problem, Kkt& kkt)
+BranchPoint::BranchPoint(const ScaledProblem& problem, Kkt& kkt, const ScaledProblem& of_kkt)
     : x(problem),
       images(problem),
       set(problem),
       workspace(problem),
       problem_(problem),
       kkt_(kkt),
-      weights_(problem),
+      weights_(of_kkt),
       factored_set_(problem) {}
 
 void BranchPoint::start_from_path(const Iterate& iterate) {

@@ -11,7 +11,9 @@ namespace marble {
 
 class BranchPoint {
  public:
-  BranchPoint(const ScaledProblem& problem, Kkt& kkt);
+  BranchPoint(const ScaledProblem& problem, Kkt& kkt) : BranchPoint(problem, kkt, problem) {}
+  /// With the kkt of another problem whose rows are the same, but not which of them are pairs.
+  BranchPoint(const ScaledProblem& problem, Kkt& kkt, const ScaledProblem& of_kkt);
 
   Iterate x;       ///< z, y and λ; σ and v are not used
   Images images;   ///< of x

@@ -8,11 +8,11 @@
 
 namespace marble {
 
-QuadraticEngine::QuadraticEngine(const ScaledProblem& problem, Kkt& kkt)
+QuadraticEngine::QuadraticEngine(const ScaledProblem& problem, Kkt& kkt, const ScaledProblem& of_kkt)
     : problem_(problem),
       kkt_(kkt),
       set_(problem),
-      weights_(problem),
+      weights_(of_kkt),
       x_(problem),
       d_(problem),
       images_(problem),

@@ -19,7 +19,9 @@ namespace marble {
 
 class QuadraticEngine {
  public:
-  QuadraticEngine(const ScaledProblem& problem, Kkt& kkt);
+  QuadraticEngine(const ScaledProblem& problem, Kkt& kkt) : QuadraticEngine(problem, kkt, problem) {}
+  /// With the kkt of another problem whose rows are the same, but not which of them are pairs.
+  QuadraticEngine(const ScaledProblem& problem, Kkt& kkt, const ScaledProblem& of_kkt);
 
   /// On this branch: of `branch` only which sides it fixes counts.
   void start(ConstVectorRef initial_z, const WorkingSet& branch);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "tuning.h"
 
@@ -15,6 +16,13 @@ SearchPlan near_exact(int patience) {
 
 SearchPlan from_soft() {
   return {.rho_first = tuning::soft_rho,
+          .rho_soft = tuning::middle_rho,
+          .first_patience = tuning::search_patience,
+          .flip_patience = tuning::search_patience};
+}
+
+SearchPlan from_penalty_end() {
+  return {.rho_first = tuning::middle_rho,
           .rho_soft = tuning::middle_rho,
           .first_patience = tuning::search_patience,
           .flip_patience = tuning::search_patience};
@@ -43,7 +51,9 @@ BranchSearch::BranchSearch(const ScaledProblem& problem, Kkt& kkt, const Options
       incumbent_(incumbent),
       interior_(problem, kkt),
       search_(problem, kkt, branch.elastic),
-      further_starts_(problem, options, branch, search_) {}
+      further_starts_(problem, options, branch, search_),
+      homotopy_(PenaltyHomotopy::applies(problem.pairs()) ? std::make_unique<PenaltyHomotopy>(problem, kkt)
+                                                          : nullptr) {}
 
 // Few pairs that pull: better branches are a flip or two away. Many: they are found where all is soft still.
 bool BranchSearch::improve(Run& run, ConstVectorRef initial_z) {
@@ -88,15 +98,39 @@ void BranchSearch::from_soft_start(Run& run, ConstVectorRef initial_z, int last_
     static_cast<void>(incumbent_.solve_branch(run, "soft start, local search", tuning::engine_budget));
 }
 
-void BranchSearch::repeat_soft_start(Run& run, bool after_soft_start) {
+// Where a soft start came first, another way down: what it ends at is another basin, often a better one. It
+// may take no more than all before it.
+void BranchSearch::from_penalties(Run& run, ConstVectorRef initial_z) {
+  if (homotopy_ == nullptr || run.nonconvex || run.interrupted() || options_.local_search_budget == 0) return;
   const Run::Polishing polishing(run);
   const Run::Searching searching(run);
+  Run part = run.part(true);
+  const int most = std::min(run.factorizations, options_.local_search_budget);
+  const bool ended = homotopy_->run(part, initial_z, part.factorizations + most);
+  run.add_part(part);
+  if (!ended) return;
+  point_.start_from_point(homotopy_->z());
+  if (search_.run(run, from_penalty_end(), run.factorizations + options_.local_search_budget) &&
+      incumbent_.solve_branch(run, "penalties, local search", tuning::engine_budget) ==
+          Incumbent::Outcome::kept)
+    repeat(run, 0, std::numeric_limits<int>::max());
+}
+
+void BranchSearch::repeat_soft_start(Run& run, bool after_soft_start) {
   further_ = 1;
-  for (int useless = 0; after_soft_start && incumbent_.exists() && !run.interrupted() &&
-                        further_ < tuning::further_round && useless < tuning::useless_starts &&
-                        run.factorizations < tuning::cheap_search;) {
-    useless = further_starts_.round(run, from_soft(), further_++, 1, incumbent_) ? 0 : useless + 1;
+  if (after_soft_start) further_ = repeat(run, 1, tuning::cheap_search);
+}
+
+// Further starts one by one, from number `first` on, while they gain. The number of the next.
+int BranchSearch::repeat(Run& run, int first, int most_factorizations) {
+  const Run::Polishing polishing(run);
+  const Run::Searching searching(run);
+  int number = first;
+  for (int useless = 0; incumbent_.exists() && !run.interrupted() && number < tuning::further_round &&
+                        useless < tuning::useless_starts && run.factorizations < most_factorizations;) {
+    useless = further_starts_.round(run, from_soft(), number++, 1, incumbent_) ? 0 : useless + 1;
   }
+  return number;
 }
 
 void BranchSearch::start_further(Run& run, const std::function<void()>& settle) {

@@ -3,12 +3,14 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 
 #include "path/interior.h"
 #include "path/path.h"
 #include "search/further_starts.h"
 #include "search/incumbent.h"
 #include "search/local_search.h"
+#include "search/penalty_homotopy.h"
 
 namespace marble {
 
@@ -26,6 +28,9 @@ class BranchSearch {
   bool find(Run& run, ConstVectorRef initial_z);
   /// Further starts where a soft start came first and was cheap: a few, while they gain.
   void repeat_soft_start(Run& run, bool after_soft_start);
+  /// A search from the end of a penalty homotopy, where that applies, for at most as many factorizations as
+  /// the run has taken so far, and further starts where it brought a better branch.
+  void from_penalties(Run& run, ConstVectorRef initial_z);
   /// Those asked for, from the incumbent, in rounds. `settle` is called after each that replaces it.
   void start_further(Run& run, const std::function<void()>& settle);
   /// One round of them, asked for or not. True if it replaced the incumbent.
@@ -36,6 +41,7 @@ class BranchSearch {
 
  private:
   void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization);
+  int repeat(Run& run, int first, int most_factorizations);
   [[nodiscard]] bool from_interior(Run& run, ConstVectorRef initial_z);
 
   const ScaledProblem& problem_;
@@ -46,7 +52,8 @@ class BranchSearch {
   InteriorEngine interior_;
   LocalSearch search_;
   FurtherStarts further_starts_;
-  int further_ = 1;  // starts of this solve, the first one included
+  std::unique_ptr<PenaltyHomotopy> homotopy_;  // where it applies
+  int further_ = 1;                            // starts of this solve, the first one included
 };
 
 }  // namespace marble

@@ -54,7 +54,7 @@ TEST(BranchSearch, FurtherStartsAreFreeAfterACheapSoftStartWhileTheyGain) {
   int by_uselessness = 0;
   int by_cost = 0;
   std::vector<OwnedProblem> problems;
-  for (const int steps : {8, 18, 21}) problems.push_back(examples::hopper({.steps = steps}));
+  for (const int steps : {8, 18, 21, 24, 27, 30}) problems.push_back(examples::hopper({.steps = steps}));
   for (std::uint64_t seed = 1; seed <= 60; ++seed) {
     problems.push_back(
         testing::random_problem({.variables = 20, .equalities = 1, .inequalities = 0, .pairs = 20}, seed));
