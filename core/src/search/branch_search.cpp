@@ -107,6 +107,7 @@ void BranchSearch::from_penalties(Run& run, ConstVectorRef initial_z) {
   Run part = run.part(true);
   const int most = std::min(run.factorizations, options_.local_search_budget);
   const bool ended = homotopy_->run(part, initial_z, part.factorizations + most);
+  part.iterations = run.iterations;  // steps of its QPs are none of the solve's: nobody is told of them
   run.add_part(part);
   if (!ended) return;
   point_.start_from_point(homotopy_->z());

@@ -1,10 +1,9 @@
-#!/ usr / bin / env python3
+#!/usr/bin/env python3
 """Solves an LCQP to its global optimum by CPLEX and by SCIP, those of them that are installed, each pair as a special ordered
 set of its two sides (SOS1), and prints a line for each: name, seconds, objective, bound, nodes, status. What a solver refuses,
 as CPLEX's community edition does above 1,000 variables or rows, has nan for numbers.
 
-Usage: global_peers.py PROBLEM.json SECONDS   as `suite global --peers` calls it;
-PROBLEM.json as client/FORMATS.md says
+Usage: global_peers.py PROBLEM.json SECONDS   as `suite global --peers` calls it; PROBLEM.json as client/FORMATS.md says
 """
 
 import json
@@ -112,9 +111,12 @@ def main():
     problem = Problem(sys.argv[1])
     for solve in (cplex, scip):
         try:
-            seconds, objective, bound, nodes, status
-= solve(problem, float(sys.argv[2])) except ImportError
-    : print(solve.__name__, math.nan, math.nan, math.nan, 0, "missing") continue print(
-          solve.__name__, seconds, objective, bound, nodes, status.replace(" ", "_"))
+            seconds, objective, bound, nodes, status = solve(problem, float(sys.argv[2]))
+        except ImportError:
+            print(solve.__name__, math.nan, math.nan, math.nan, 0, "missing")
+            continue
+        print(solve.__name__, seconds, objective, bound, nodes, status.replace(" ", "_"))
 
-          if __name__ == "__main__" : main()
+
+if __name__ == "__main__":
+    main()

@@ -1,12 +1,8 @@
-#!/ usr / bin / env python3
-""
-    "Solves a QP by PIQP and Clarabel, those of them that are installed, and prints a line for each: name, seconds of set-up
-    and solve(the least of TURNS),
-    objective,
-    largest violation
-        .
+#!/usr/bin/env python3
+"""Solves a QP by PIQP and Clarabel, those of them that are installed, and prints a line for each: name, seconds of set-up
+and solve (the least of TURNS), objective, largest violation.
 
-    Usage : qp_peers.py PROBLEM.json TURNS as `suite qp-- peers` calls it; PROBLEM.json as client/FORMATS.md says, no pairs
+Usage: qp_peers.py PROBLEM.json TURNS        as `suite qp --peers` calls it; PROBLEM.json as client/FORMATS.md says, no pairs
 """
 
 import json
