@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "marble/examples.h"
-#include "marble/published_examples.h"
 #include "support/judges/brute_force.h"
 #include "support/problems/random_problem.h"
 #include "support/problems/small_problems.h"
@@ -92,7 +91,6 @@ TEST(Strategy, SaysWhichEnginesFoundTheAnswer) {
   };
   EXPECT_EQ(found_by(corner(1.0, 2.0)), "path");
   EXPECT_EQ(found_by(examples::hopper({.steps = 15})), "soft start, local search");
-  EXPECT_EQ(found_by(examples::published_hopper()), "penalties, local search");
   EXPECT_EQ(found_by(examples::rocket()), "interior point, local search");
   Planned p(corner(1.0, 2.0));
   EXPECT_EQ(p.warm(p.solved_branch(1), 1.0).detail.rfind("warm start; ", 0), 0U);
