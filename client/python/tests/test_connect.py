@@ -166,6 +166,8 @@ def test_a_draining_server_is_left_out_of_the_turns(start_server):
         busy = one.solve_async(problem, options=options)
         assert wait_until(lambda: one.info().counters["running"] == 1)
         servers[0].process.send_signal(signal.SIGTERM)
+        # Only then: what it accepts before it knows of the signal waits behind the long solve.
+        assert wait_until(lambda: _refuses(one))
         assert all(both.solve(tiny()).solved for _ in range(30))
         busy.cancel()
 
@@ -183,6 +185,14 @@ def test_ctrl_c_frees_the_worker(start_server):
         run.send_signal(signal.SIGINT)
         assert b"KeyboardInterrupt" in run.communicate(timeout=60)[1]
         assert wait_until(lambda: client.info().counters["running"] == 0)
+
+
+def _refuses(client):
+    try:
+        client.jobs.submit(tiny())
+    except marble.Unavailable:
+        return True
+    return False
 
 
 def _solved(client):
