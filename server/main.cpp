@@ -23,6 +23,7 @@
 #include "process/signals.h"
 #include "process/supervisor.h"
 #include "service/info_service.h"
+#include "submissions/recovery.h"
 
 namespace {
 
@@ -98,6 +99,15 @@ int print_new_token(const std::string& name_and_roles) {
   return 0;
 }
 
+int check_state(const Config& config) {
+  if (config.state_dir.empty())
+    return tell({{"flag --check-state", marble::invalid("state_dir", "must be set")}});
+  const auto checked = JobStore::check(config.state_dir);
+  if (!checked) return tell({{"state", checked.error()}});
+  std::cout << *checked << '\n';
+  return 0;
+}
+
 // Time for those who ask for health now and then to send their calls elsewhere. A second signal ends it, and
 // the grace with it.
 void give_notice(Scheduler& scheduler, Signals& signals, double notice_s) {
@@ -137,6 +147,7 @@ int main(int argc, char** argv) {
   absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore);
   const auto config = load_config(*command_line);
   if (!config) return tell(config.error());
+  if (command_line->check_state) return check_state(*config);
   if (command_line->print_config || command_line->check_config) {
     std::cout << (command_line->print_config ? to_toml(*config) : "ok\n");
     return 0;
@@ -153,7 +164,22 @@ int main(int argc, char** argv) {
   LiveCalls calls;
   JobBoard board({config->history_jobs, config->trace_rows, config->trace_pairs});
   FeedLimit feeds(config->watchers);
-  ResultStore results(result_limits(*config));
+  std::unique_ptr<JobStore> store;
+  if (!config->state_dir.empty()) {
+    auto opened = JobStore::open(config->state_dir, log);
+    if (!opened) {
+      log.error(Component::server, "cannot_use_state",
+                {{"state_dir", opened.error().value}, {"reason", opened.error().bound}});
+      return kBadConfiguration;
+    }
+    store = std::move(*opened);
+  } else {
+    log.info(Component::server, "jobs_in_memory",
+             {{"reason", "no state_dir is set: submitted jobs and their answers end with the server"}});
+  }
+  ResultStore results(result_limits(*config), [&store](const std::string& id) {
+    if (store != nullptr) store->forget(id);
+  });
   SessionTable sessions({config->sessions, config->session_bytes});
   ConnectionTable connections(connection_limits(*config), log);
   const auto shared_scheduler = std::make_shared<Scheduler>(queue_limits(*config), board, log, metrics);
@@ -164,8 +190,18 @@ int main(int argc, char** argv) {
   pulse.add(shared_scheduler);
   pulse.add(expiry);
   pulse.add(suppressed_lines);
-  const ServiceParts parts{*config, access,  log,       metrics,  pulse,       board,
-                           feeds,   results, scheduler, sessions, connections, calls};
+  const ServiceParts parts{*config, access,      log,       metrics,  pulse,       board, feeds,
+                           results, store.get(), scheduler, sessions, connections, calls};
+  std::shared_ptr<Recovery> recovery;
+  if (store != nullptr) {
+    auto begun = Recovery::begin(parts);
+    if (!begun) {
+      log.error(Component::server, "cannot_use_state",
+                {{"state_dir", begun.error().value}, {"reason", begun.error().bound}});
+      return kBadConfiguration;
+    }
+    recovery = std::move(*begun);
+  }
   SolverService solver_service(parts);
   JobsService jobs_service(parts);
   InfoService info_service(parts);
@@ -226,6 +262,7 @@ int main(int argc, char** argv) {
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
+  if (store != nullptr) store->close();
   hang_up(*listening, connections, calls);
   http.reset();
   log.tell_all_suppressed();

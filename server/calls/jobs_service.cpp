@@ -4,40 +4,12 @@
 #include "calls/watch_call.h"
 #include "messages/job_access.h"
 #include "messages/job_requests.h"
-#include "messages/reply.h"
 #include "queue/job_log.h"
 #include "service/read_first.h"
 #include "service/unary_call.h"
-#include "wire/wire.h"
+#include "submissions/submission.h"
 
 namespace marble::server {
-namespace {
-
-// Keeps the answer of a submitted job.
-class ResultKeeper final : public JobObserver {
- public:
-  ResultKeeper(ResultStore& results, std::shared_ptr<JobRecord> record)
-      : results_(results), record_(std::move(record)) {}
-
-  void finished(Outcome outcome) override {
-    v1::SolveResponse response;
-    ResultStore::Result result{unexpected(Error{}), outcome.retry_delay_s};
-    if (const auto filled = fill_response(*record_, outcome, &response); filled) {
-      result.answer = serialize(response);
-    } else {
-      result.answer = unexpected(filled.error());
-    }
-    const auto bytes = result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0;
-    record_->set_result_bytes(bytes);  // before who waits for it hears of it
-    if (!results_.put(record_->id(), std::move(result), Clock::now())) record_->set_result_bytes(0);
-  }
-
- private:
-  ResultStore& results_;
-  const std::shared_ptr<JobRecord> record_;
-};
-
-}  // namespace
 
 JobsService::JobsService(const ServiceParts& parts) : parts_(parts) {
   const auto unary = [&](const char* name, auto method) {
@@ -73,11 +45,11 @@ grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* conte
     return caller;
   };
   const auto handle = [&](const Caller& caller, v1::SolveRequest& parsed, v1::SubmitResponse* out,
-                          Origin& origin) -> Expected<void> {
+                          Origin& origin) -> Expected<Afterwards> {
     const auto message = std::make_shared<v1::SolveRequest>();
     message->Swap(&parsed);
     origin.request_id = message->request_id();
-    auto submitted = submit(caller, message, out);
+    auto submitted = submit(parts_, caller, message, out);
     if (!submitted) return told(origin, submitted.error());
     return submitted;
   };
@@ -85,28 +57,10 @@ grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* conte
                                                       parts_.scheduler.retry_delay_s());
 }
 
-Expected<void> JobsService::submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
-                                   v1::SubmitResponse* response) const {
-  const auto job = make_job(parts_, caller, JobKind::submitted, std::move(request));
-  if (!job) return unexpected(job.error());
-  const std::shared_ptr<JobRecord> record = (*job)->record;
-  (*job)->observer = std::make_shared<ResultKeeper>(parts_.results, record);
-  parts_.results.expect(record->id(), caller.identity.client);
-  const auto place = parts_.scheduler.admit(*job);
-  if (!place) {
-    parts_.results.forget(record->id());
-    return unexpected(place.error());
-  }
-  response->set_job_id(record->id());
-  response->set_queue_position(place->position);
-  response->set_estimated_wait_s(place->estimated_wait_s);
-  return {};
-}
-
 grpc::ServerUnaryReactor* JobsService::Delete(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
   const auto handle = [&](const Identity& caller, const v1::DeleteJobRequest& message, v1::DeleteJobResponse*,
-                          const Origin&) -> Expected<void> {
+                          const Origin&) -> Expected<Afterwards> {
     const std::string& id = message.job_id();
     const std::string owner = parts_.results.owner(id);
     if (owner.empty() || !may_see(caller, owner)) return unexpected(no_such_job(id));
@@ -114,7 +68,7 @@ grpc::ServerUnaryReactor* JobsService::Delete(grpc::CallbackServerContext* conte
     if (!parts_.results.forget(id)) return unexpected(no_such_job(id));
     if (const auto record = parts_.board.find(id); record != nullptr) record->cancel();
     parts_.board.forget(id);
-    return {};
+    return when_settled(parts_);
   };
   return answer<v1::DeleteJobRequest, v1::DeleteJobResponse>(parts_, context, request, response,
                                                              of_any_role(parts_, *context), handle);
@@ -143,8 +97,8 @@ grpc::ServerUnaryReactor* JobsService::Get(grpc::CallbackServerContext* context,
 grpc::ServerUnaryReactor* JobsService::Cancel(grpc::CallbackServerContext* context,
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
   const auto handle = [&](const Identity& caller, const v1::CancelJobRequest& message,
-                          v1::CancelJobResponse* out, const Origin&) -> Expected<void> {
-    return cancel_job(parts_.board, caller, message.job_id(), out);
+                          v1::CancelJobResponse* out, const Origin&) -> Expected<Afterwards> {
+    return cancel_job(parts_, caller, message.job_id(), out);
   };
   return answer<v1::CancelJobRequest, v1::CancelJobResponse>(parts_, context, request, response,
                                                              of_any_role(parts_, *context), handle);

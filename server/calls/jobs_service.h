@@ -29,8 +29,6 @@ class JobsService final : public JobsRawService {
                                    grpc::ByteBuffer* response) override;
 
  private:
-  [[nodiscard]] Expected<void> submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
-                                      v1::SubmitResponse* response) const;
   const ServiceParts& parts_;
 };
 

@@ -15,6 +15,7 @@ struct CommandLine {
   bool print_config = false;
   bool check_config = false;
   bool print_metrics = false;
+  bool check_state = false;
   std::string new_token;  ///< NAME:ROLES; empty if none is wanted
 };
 

@@ -2,6 +2,8 @@
 
 #include <array>
 #include <charconv>
+#include <future>
+#include <memory>
 
 #include "http/requests/endpoint.h"
 #include "http/requests/reply.h"
@@ -9,6 +11,7 @@
 #include "messages/job_access.h"
 #include "messages/job_requests.h"
 #include "service/server_info.h"
+#include "submissions/submission.h"
 
 namespace marble::server::http {
 namespace {
@@ -80,6 +83,14 @@ Answer of_job(const JobBoard& board, Ask ask) {
   };
 }
 
+// On a thread that may wait.
+Expected<void> wait_for(const Afterwards& afterwards) {
+  if (!afterwards) return {};
+  const auto ended = std::make_shared<std::promise<Expected<void>>>();
+  afterwards([ended](const Expected<void>& how) { ended->set_value(how); });
+  return ended->get_future().get();
+}
+
 }  // namespace
 
 void add_job_routes(Router& router, const ServiceParts& parts) {
@@ -117,7 +128,17 @@ void add_job_routes(Router& router, const ServiceParts& parts) {
                                              "text/csv; charset=utf-8; header=present");
                         return {};
                       }));
-  router.post("/api/jobs/([^/]+)/cancel", endpoint(parts, of_job<v1::CancelJobResponse>(board, cancel_job)));
+  router.post("/api/jobs/([^/]+)/cancel",
+              endpoint(parts,
+                       [&parts](const httplib::Request& request, const Identity& caller,
+                                httplib::Response& response) -> Expected<void> {
+                         v1::CancelJobResponse message;
+                         auto asked = cancel_job(parts, caller, request.matches[1].str(), &message);
+                         if (!asked) return unexpected(asked.error());
+                         if (auto kept = wait_for(*asked); !kept) return kept;
+                         reply_json(response, message);
+                         return {};
+                       }));
 }
 
 }  // namespace marble::server::http

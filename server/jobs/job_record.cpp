@@ -133,6 +133,14 @@ void JobRecord::set_result_bytes(std::int64_t bytes) {
   changed();
 }
 
+void JobRecord::restore(JobSnapshot snapshot, Trace trace) {
+  const MutexLock lock(mutex_);
+  history_.restore(std::move(trace.rows), trace.stride);
+  pairs_.restore(std::move(trace.pairs));
+  snapshot_ = std::move(snapshot);
+  changed();
+}
+
 JobSnapshot JobRecord::snapshot() const {
   const MutexLock lock(mutex_);
   return snapshot_;

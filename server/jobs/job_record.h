@@ -92,16 +92,18 @@ class JobRecord final : public ProgressSink {
   /// The last word on a session: why it ended, nothing if its client closed it.
   void closed(const std::optional<Error>& reason) ABSL_LOCKS_EXCLUDED(mutex_);
   void set_result_bytes(std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
-
-  [[nodiscard]] JobSnapshot snapshot() const ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] bool is_finished() const ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] Options options() const ABSL_LOCKS_EXCLUDED(mutex_);
   struct Trace {
     std::vector<Progress> rows;
     int stride = 1;
     std::int64_t cursor = 0;  ///< to read on from
     std::vector<PairHistory::Frame> pairs = {};
   };
+  /// What it was when it had finished, before the server was started anew.
+  void restore(JobSnapshot snapshot, Trace trace) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  [[nodiscard]] JobSnapshot snapshot() const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool is_finished() const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Options options() const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Trace trace() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Changes with every change, progress too.
   [[nodiscard]] std::int64_t changes() const { return changes_.load(std::memory_order_acquire); }

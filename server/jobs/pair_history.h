@@ -41,6 +41,14 @@ class PairHistory {
   }
   [[nodiscard]] bool empty() const { return count_ == 0; }
 
+  /// The frames of a solve that has ended.
+  void restore(std::vector<Frame> frames) {
+    if (frames.empty()) return;
+    newest_ = frames.back();
+    frames_ = std::move(frames);
+    count_ = 1;  // the newest is among them
+  }
+
   /// Another solve begins.
   void begin() {
     frames_.clear();

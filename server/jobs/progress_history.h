@@ -58,6 +58,16 @@ class ProgressHistory {
   [[nodiscard]] std::int64_t count() const { return count_; }
   [[nodiscard]] const Progress& newest() const { return newest_; }
 
+  /// The trace of a solve that has ended.
+  void restore(std::vector<Progress> trace, int stride) {
+    if (most_rows_ == 0 || trace.empty()) return;
+    trace_ = std::move(trace);
+    newest_ = trace_.back();
+    stride_ = stride;
+    while (trace_.size() > most_rows_) thin();
+    count_ = first_ = 0;  // nobody reads on: what is told is the trace
+  }
+
   /// Another solve begins: a trace of its own. Cursors go on.
   void begin() {
     trace_.clear();

@@ -7,13 +7,26 @@ namespace marble::server {
 
 constexpr std::int64_t kEntryBytes = 512;  // that an entry takes besides its answer
 
-void ResultStore::expect(const std::string& id, const std::string& client) {
+Expected<std::string> ResultStore::expect(const std::string& id, const std::string& client,
+                                          const RequestName& name) {
   const MutexLock lock(mutex_);
-  entries_[id].client = client;
+  if (!name.request_id.empty()) {
+    const auto [named, is_new] = ids_.try_emplace({client, name.request_id}, id);
+    if (!is_new) {
+      if (entries_.at(named->second).name.digest == name.digest) return named->second;
+      return unexpected(invalid("request_id", name.request_id,
+                                "must be new: job " + named->second + " is of another request by this id"));
+    }
+  }
+  Entry& entry = entries_[id];
+  entry.client = client;
+  entry.name = name;
+  return id;
 }
 
 bool ResultStore::put(const std::string& id, Result result, Clock::time_point now) {
   std::vector<std::pair<const void*, Callback>> waiters;
+  std::vector<std::string> erased;
   Shared shared;
   bool kept = false;
   {
@@ -39,8 +52,12 @@ bool ResultStore::put(const std::string& id, Result result, Clock::time_point no
     found->second.bytes = bytes;
     bytes_ += bytes;
     found->second.age = ages_.insert(ages_.end(), {id, now + limits_.keep});
-    while (bytes_ > limits_.bytes) erase(std::string(ages_.front().id));
+    while (bytes_ > limits_.bytes) {
+      erased.push_back(ages_.front().id);
+      erase(erased.back());
+    }
   }
+  tell(erased);
   for (const auto& [waiter, callback] : waiters) callback(shared);
   return kept;
 }
@@ -90,6 +107,7 @@ bool ResultStore::forget(const std::string& id) {
     waiters = std::exchange(found->second.waiters, {});
     erase(id);
   }
+  tell({id});
   for (const auto& [waiter, callback] : waiters) callback(nullptr);
   return true;
 }
@@ -99,13 +117,27 @@ bool ResultStore::erase(const std::string& id) {
   if (found == entries_.end()) return false;
   bytes_ -= found->second.bytes;
   if (found->second.result != nullptr) ages_.erase(found->second.age);
+  if (!found->second.name.request_id.empty())
+    ids_.erase({found->second.client, found->second.name.request_id});
   entries_.erase(found);
   return true;
 }
 
 void ResultStore::expire(Clock::time_point now) {
-  const MutexLock lock(mutex_);
-  while (!ages_.empty() && ages_.front().end <= now) erase(std::string(ages_.front().id));
+  std::vector<std::string> erased;
+  {
+    const MutexLock lock(mutex_);
+    while (!ages_.empty() && ages_.front().end <= now) {
+      erased.push_back(ages_.front().id);
+      erase(erased.back());
+    }
+  }
+  tell(erased);
+}
+
+void ResultStore::tell(const std::vector<std::string>& erased) const {
+  if (!forgotten_) return;
+  for (const std::string& id : erased) forgotten_(id);
 }
 
 std::int64_t ResultStore::bytes() const {

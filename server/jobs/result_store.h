@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <list>
+#include <map>
 #include <memory>
 #include <string>
 #include <unordered_map>
@@ -30,10 +31,22 @@ class ResultStore {
   using Shared = std::shared_ptr<const Result>;
   using Callback = std::function<void(Shared)>;
 
-  explicit ResultStore(const ResultLimits& limits) : limits_(limits) {}
+  /// Told of each that is let go, whyever.
+  using Forgotten = std::function<void(const std::string& id)>;
 
-  /// A job of this client will have an answer.
-  void expect(const std::string& id, const std::string& client) ABSL_LOCKS_EXCLUDED(mutex_);
+  explicit ResultStore(const ResultLimits& limits, Forgotten forgotten = {})
+      : limits_(limits), forgotten_(std::move(forgotten)) {}
+
+  /// What a client calls a request, so that it may send it again; the digest tells whether it is the same.
+  struct RequestName {
+    std::string request_id;  ///< empty: it has none
+    std::string digest;
+  };
+  /// A job of this client will have an answer. Nothing is expected, and the id is that of the earlier job, if
+  /// the client has had one by this name that is not let go yet. Errors: invalid_argument (that was for
+  /// another request).
+  [[nodiscard]] Expected<std::string> expect(const std::string& id, const std::string& client,
+                                             const RequestName& name = {}) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Here it is. Dropped if nobody expects it any more; true if it is kept. One that alone is larger than
   /// all that may be kept is replaced by an error.
   bool put(const std::string& id, Result result, Clock::time_point now) ABSL_LOCKS_EXCLUDED(mutex_);
@@ -58,16 +71,21 @@ class ResultStore {
   };
   struct Entry {
     std::string client;
+    RequestName name;
     Shared result;
     std::int64_t bytes = 0;
     std::list<Age>::iterator age;  // of one that has a result
     std::vector<std::pair<const void*, Callback>> waiters;
   };
   bool erase(const std::string& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void tell(const std::vector<std::string>& erased) const;
 
   const ResultLimits limits_;
+  const Forgotten forgotten_;
   mutable Mutex mutex_;
   std::unordered_map<std::string, Entry> entries_ ABSL_GUARDED_BY(mutex_);
+  std::map<std::pair<std::string, std::string>, std::string> ids_
+      ABSL_GUARDED_BY(mutex_);                   // by client and request id
   std::list<Age> ages_ ABSL_GUARDED_BY(mutex_);  // of those that have a result, oldest first
   std::int64_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
 };

@@ -1,5 +1,7 @@
 #include "messages/job_message.h"
 
+#include <algorithm>
+
 #include "marble/convert.h"
 #include "wire/status.h"
 
@@ -72,6 +74,71 @@ void to_message(const PairHistory::Frame& frame, v1::PairSides* message) {
   message->set_kappa(frame.kappa);
   message->mutable_s()->Assign(frame.s.begin(), frame.s.end());
   message->mutable_t()->Assign(frame.t.begin(), frame.t.end());
+}
+
+namespace {
+
+std::chrono::system_clock::time_point time_of(double unix_s) {
+  return std::chrono::system_clock::time_point(
+      std::chrono::duration_cast<std::chrono::system_clock::duration>(std::chrono::duration<double>(unix_s)));
+}
+
+}  // namespace
+
+JobDescription description_of(const v1::JobInfo& message) {
+  JobDescription what = {.id = message.job_id(),
+                         .kind = static_cast<JobKind>(message.kind() - v1::JOB_KIND_SOLVE),
+                         .priority = static_cast<Priority>(message.priority() - v1::PRIORITY_REALTIME),
+                         .client = message.client(),
+                         .request_id = message.request_id(),
+                         .name = message.problem_name(),
+                         .variables = message.variables(),
+                         .equalities = message.equalities(),
+                         .inequalities = message.inequalities(),
+                         .pairs = message.pairs(),
+                         .accepted = time_of(message.accepted_unix_s())};
+  if (!message.trace_id().empty()) what.trace = TraceContext{message.trace_id(), {}, {}};
+  return what;
+}
+
+JobSnapshot snapshot_of(const v1::JobInfo& message) {
+  JobSnapshot now;
+  now.state = static_cast<JobState>(message.state() - v1::JOB_STATE_QUEUED);
+  if (message.status() != v1::STATUS_UNSPECIFIED) now.status = status_of(message.status());
+  if (message.has_error()) now.error = error_of(message.error());
+  now.iterations = message.iterations();
+  now.factorizations = message.factorizations();
+  now.objective = message.objective();
+  now.violations = violations_of(message.violations());
+  take_tree(message, now);
+  now.proved = message.proved();
+  const v1::Times& times = message.times();
+  now.times.setup_s = times.setup_s();
+  now.times.factorization_s = times.factorization_s();
+  now.times.line_search_s = times.line_search_s();
+  now.times.polish_s = times.polish_s();
+  now.times.solve_s = times.solve_s();
+  now.queue_s = times.queue_s();
+  now.total_s = times.total_s();
+  now.updates = message.updates();
+  now.memory_bytes = message.memory_bytes();
+  now.result_bytes = message.result_bytes();
+  now.detail = message.detail();
+  if (message.finished_unix_s() > 0.0) now.finished = time_of(message.finished_unix_s());
+  return now;
+}
+
+JobRecord::Trace trace_of(const v1::Trace& message) {
+  JobRecord::Trace trace;
+  trace.stride = std::max(message.stride(), 1);
+  for (const v1::Progress& row : message.rows()) trace.rows.push_back(progress_of(row));
+  for (const v1::PairSides& sides : message.pairs()) {
+    trace.pairs.push_back({.iteration = sides.iteration(),
+                           .kappa = sides.kappa(),
+                           .s = {sides.s().begin(), sides.s().end()},
+                           .t = {sides.t().begin(), sides.t().end()}});
+  }
+  return trace;
 }
 
 }  // namespace marble::server

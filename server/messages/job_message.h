@@ -11,4 +11,9 @@ void to_message(const JobRecord::Trace& trace, v1::Trace* message);
 void to_message(const PairHistory::Frame& frame, v1::PairSides* message);
 [[nodiscard]] v1::Priority to_message(Priority priority);
 
+/// A job that has finished, made again of what was told of it.
+[[nodiscard]] JobDescription description_of(const v1::JobInfo& message);
+[[nodiscard]] JobSnapshot snapshot_of(const v1::JobInfo& message);
+[[nodiscard]] JobRecord::Trace trace_of(const v1::Trace& message);
+
 }  // namespace marble::server

@@ -41,6 +41,7 @@ Signals::Signals() {
   handle(SIGINT, pass_on);
   handle(SIGHUP, pass_on);
   handle(SIGPIPE, SIG_IGN);
+  handle(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error of who writes it
 }
 
 Signals::~Signals() {

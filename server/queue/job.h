@@ -19,6 +19,7 @@ struct Outcome {
   double queue_s = 0.0;
   double total_s = 0.0;
   double retry_delay_s = 0.0;  ///< for errors that say "try again"
+  bool interrupted = false;    ///< it did not come to its end: the server stops
 };
 
 /// The error of a job that needs more memory than there is.
@@ -49,6 +50,7 @@ struct Job {
   std::function<Expected<Solution>(const SolveControls&)> work;
   std::shared_ptr<JobObserver> observer = nullptr;  ///< let go after finished()
   double time_limit_s = 1e9;                        ///< after which its work ends by itself
+  bool is_interrupted = false;                      ///< the scheduler's own: its stop is the server's
   bool is_setup = false;  ///< of a session: prepares, solves nothing, and is not counted
   Clock::time_point accepted = Clock::now();
   Clock::time_point begun = {};  ///< when a worker took it

@@ -263,6 +263,8 @@ void Scheduler::run_job(const std::shared_ptr<Job>& job) {
       mean += kNewest * (run_s - mean);
     }
     others_ready = queue_.ready();
+    outcome.interrupted =
+        job->is_interrupted && outcome.solution && outcome.solution->status == Status::cancelled;
   }
   if (others_ready) work_.notify_one();  // their client may have been at its quota
   finish(*job, std::move(outcome), true);
@@ -340,9 +342,11 @@ bool Scheduler::is_drained() const {
   return closed_ && idle();
 }
 
-void Scheduler::refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error) {
+void Scheduler::refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error,
+                               bool interrupted) {
   for (const auto& job : jobs) {
     Outcome outcome;
+    outcome.interrupted = interrupted;
     outcome.solution = unexpected(error);
     finish(*job, std::move(outcome), false);
   }
@@ -367,9 +371,9 @@ void Scheduler::drain(std::chrono::duration<double> grace) {
     hurried_ = true;  // sessions begin nothing more
     waiting = queue_.expire(Clock::time_point::max());
     finishing_ += static_cast<int>(waiting.size());
-    for (const auto& job : running_) job->stop.request_stop();
+    for (const auto& job : running_) job->is_interrupted = job->stop.request_stop();
   }
-  refuse_waiting(waiting, draining("the job was not started"));
+  refuse_waiting(waiting, draining("the job was not started"), true);
   const MutexLock lock(mutex_);
   while (!idle()) progress_.wait(mutex_);
 }
@@ -400,7 +404,7 @@ void Scheduler::pulse(Clock::time_point now) {
     place_listeners_.erase(std::remove_if(place_listeners_.begin(), place_listeners_.end(), gone),
                            place_listeners_.end());
   }
-  refuse_waiting(late, too_late());
+  refuse_waiting(late, too_late(), false);
   for (const auto& [observer, place] : places) observer->moved(place);
 }
 

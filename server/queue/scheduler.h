@@ -140,7 +140,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
   void run_job(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] const std::function<void()>& begin_task(SharedTasks& shared)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error);
+  void refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error, bool interrupted);
   void finish(Job& job, Outcome outcome, bool ran) ABSL_LOCKS_EXCLUDED(mutex_);
   void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] QueuePlace place_of(const Job& job, const std::vector<double>& busy_s) const

@@ -74,19 +74,21 @@ Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, 
   const std::span initial_z(z.data(), static_cast<std::size_t>(z.size()));
   if (auto valid = Problem::check_initial_point(initial_z, problem->variables()); !valid)
     return unexpected(of_field("initial_point.z", valid.error()));
-  auto record = parts.board.make({.id = random_id(),
-                                  .kind = kind,
-                                  .priority = *priority,
-                                  .client = caller.identity.client,
-                                  .request_id = message.request_id(),
-                                  .name = message.problem().name(),
-                                  .peer = caller.origin.peer,
-                                  .variables = problem->variables(),
-                                  .equalities = problem->equalities(),
-                                  .inequalities = problem->inequalities(),
-                                  .pairs = problem->pairs(),
-                                  .trace = caller.origin.trace},
-                                 *options);
+  auto record = parts.board.make(
+      {.id = caller.earlier ? caller.earlier->id : random_id(),
+       .kind = kind,
+       .priority = *priority,
+       .client = caller.identity.client,
+       .request_id = message.request_id(),
+       .name = message.problem().name(),
+       .peer = caller.origin.peer,
+       .variables = problem->variables(),
+       .equalities = problem->equalities(),
+       .inequalities = problem->inequalities(),
+       .pairs = problem->pairs(),
+       .trace = caller.origin.trace,
+       .accepted = caller.earlier ? caller.earlier->accepted : std::chrono::system_clock::now()},
+      *options);
   return CheckedRequest{*problem, *options, *priority, initial_z, std::move(record)};
 }
 
@@ -133,6 +135,10 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
   if (!checked) return unexpected(checked.error());
   auto job = std::make_shared<Job>();
   job->record = checked->record;
+  if (caller.earlier) {
+    const auto age = std::chrono::system_clock::now() - caller.earlier->accepted;
+    job->accepted -= std::chrono::duration_cast<Clock::duration>(age);
+  }
   job->ticket = {.client = caller.identity.client,
                  .priority = checked->priority,
                  .deadline = caller.deadline,

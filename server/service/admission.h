@@ -19,6 +19,12 @@ struct Caller {
   Identity identity;
   Origin origin;
   Clock::time_point deadline = Clock::time_point::max();
+  /// Of a job that was accepted before the server was started anew.
+  struct Earlier {
+    std::string id;
+    std::chrono::system_clock::time_point accepted;
+  };
+  std::optional<Earlier> earlier = {};
 };
 
 /// The origin then knows the client. Errors: unauthenticated, permission_denied without the role.

@@ -12,6 +12,7 @@
 #include "queue/scheduler.h"
 #include "queue/session_table.h"
 #include "service/job_feed.h"
+#include "store/job_store.h"
 
 namespace marble::server {
 
@@ -24,6 +25,7 @@ struct ServiceParts {
   JobBoard& board;
   FeedLimit& feeds;
   ResultStore& results;
+  JobStore* store;  ///< null: submitted jobs live in memory
   Scheduler& scheduler;
   SessionTable& sessions;
   ConnectionTable& connections;

@@ -64,6 +64,21 @@ google::rpc::Status to_message(const Error& whole, double retry_delay_s) {
   return details;
 }
 
+Error error_of(const google::rpc::Status& status) {
+  Error error;
+  error.code = error_code_of(status.code());
+  error.bound = status.message();
+  for (const auto& any : status.details()) {
+    v1::Fault fault;
+    if (!any.UnpackTo(&fault)) continue;
+    error.field = fault.field();
+    error.index = fault.has_index() ? fault.index() : -1;
+    error.value = fault.value();
+    error.bound = fault.bound();
+  }
+  return error;
+}
+
 grpc::Status to_status(const Error& error, double retry_delay_s) {
   const google::rpc::Status details = to_message(error, retry_delay_s);
   return {static_cast<grpc::StatusCode>(details.code()), details.message(), details.SerializeAsString()};

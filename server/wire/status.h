@@ -15,6 +15,8 @@ namespace marble::server {
 /// prose, for invalid_argument; RetryInfo for resource_exhausted and unavailable where waiting helps: where
 /// `retry_delay_s` > 0.
 [[nodiscard]] google::rpc::Status to_message(const Error& error, double retry_delay_s = 0.0);
+/// The way back, of what the server itself has written.
+[[nodiscard]] Error error_of(const google::rpc::Status& status);
 /// The same as a call's end has it.
 [[nodiscard]] grpc::Status to_status(const Error& error, double retry_delay_s = 0.0);
 

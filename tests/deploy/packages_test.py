@@ -106,7 +106,8 @@ def test_its_command_line_starts_a_server_that_says_when_it_is_ready(tree):
     notified.bind(str(tree.root / "tmp/notify"))
     os.chmod(tree.root / "tmp/notify", 0o777)
     notified.settimeout(60)
-    tree.run("install", "-d", "-o", unit["User"], "-g", unit["Group"], "/run/" + unit["RuntimeDirectory"])
+    places = ["/run/" + unit["RuntimeDirectory"], "/var/lib/" + unit["StateDirectory"]]  # systemd makes them
+    tree.run("install", "-d", "-o", unit["User"], "-g", unit["Group"], *places)
     # A network of its own: the unit's ports may be taken here.
     script = "ip link set lo up; exec chroot --userspec=marble:marble \"$@\""
     server = subprocess.Popen(["unshare", "--net", "sh", "-c", script, "sh", str(tree.root), *unit["ExecStart"].split()],
@@ -122,6 +123,7 @@ def test_its_command_line_starts_a_server_that_says_when_it_is_ready(tree):
         (tree.root / "tmp/rocket.json").write_text(marble("example", "rocket"))
         assert "solved" in marble("solve", "--quiet", "--output", "json", "/tmp/rocket.json")
         assert marble("health", "--server", "unix:/run/marble/marble.sock").strip() == "serving"
+        assert "0 jobs without an answer" in tree.run("marble-server", "--config", "/etc/marble/marble.toml", "--check-state")
         server.send_signal(signal.SIGTERM)
         assert notified.recv(100) == b"STOPPING=1"
         output, _ = server.communicate(timeout=60)
@@ -129,7 +131,7 @@ def test_its_command_line_starts_a_server_that_says_when_it_is_ready(tree):
         assert "stopped" in output
     finally:
         server.kill()
-        tree.run("rm", "-rf", "/run/marble", "/tmp/notify", "/tmp/rocket.json")
+        tree.run("rm", "-rf", *places, "/tmp/notify", "/tmp/rocket.json")
 
 
 def test_systemd_starts_watches_reloads_and_stops_it(tree):

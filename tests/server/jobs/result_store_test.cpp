@@ -12,12 +12,16 @@ ResultStore::Result text(std::size_t bytes) {
   return {grpc::ByteBuffer(&slice, 1), 0.0};
 }
 
+void expect(ResultStore& store, const std::string& id, const std::string& client) {
+  EXPECT_EQ(store.expect(id, client).value(), id);
+}
+
 const Clock::time_point kStart = Clock::time_point() + seconds(1000);
 
 TEST(ResultStore, KeepsWhatIsExpectedAndNothingElse) {
   ResultStore store({seconds(10), 10'000});
   EXPECT_FALSE(store.put("stranger", text(1), kStart));
-  store.expect("job", "client");
+  expect(store, "job", "client");
   EXPECT_EQ(store.owner("job"), "client");
   EXPECT_EQ(store.get("job"), nullptr);
   EXPECT_TRUE(store.put("job", text(5), kStart));
@@ -32,7 +36,7 @@ TEST(ResultStore, KeepsWhatIsExpectedAndNothingElse) {
 TEST(ResultStore, LetsGoOfTheOldestBeyondItsBytes) {
   ResultStore store({seconds(10), 4000});
   for (const char* id : {"a", "b", "c", "d"}) {
-    store.expect(id, "client");
+    expect(store, id, "client");
     store.put(id, text(1000), kStart);
     EXPECT_LE(store.bytes(), 4000);
   }
@@ -44,7 +48,7 @@ TEST(ResultStore, LetsGoOfTheOldestBeyondItsBytes) {
 
 TEST(ResultStore, AnAnswerLargerThanEverythingIsAnErrorInWords) {
   ResultStore store({seconds(10), 4000});
-  store.expect("job", "client");
+  expect(store, "job", "client");
   EXPECT_FALSE(store.put("job", text(5000), kStart));
   ASSERT_NE(store.get("job"), nullptr);
   EXPECT_EQ(store.get("job")->answer.error().code, ErrorCode::resource_exhausted);
@@ -53,9 +57,9 @@ TEST(ResultStore, AnAnswerLargerThanEverythingIsAnErrorInWords) {
 
 TEST(ResultStore, LetsGoOfWhatIsTooOld) {
   ResultStore store({seconds(10), 10'000});
-  store.expect("old", "client");
+  expect(store, "old", "client");
   store.put("old", text(1), kStart);
-  store.expect("new", "client");
+  expect(store, "new", "client");
   store.put("new", text(1), kStart + seconds(5));
   store.expire(kStart + seconds(9));
   EXPECT_NE(store.get("old"), nullptr);
@@ -66,7 +70,7 @@ TEST(ResultStore, LetsGoOfWhatIsTooOld) {
 
 TEST(ResultStore, CallsBackOnceWhoeverWaits) {
   ResultStore store({seconds(10), 10'000});
-  store.expect("job", "client");
+  expect(store, "job", "client");
   int first = 0, second = 0, nothing = 0;
   store.wait("job", &first, [&](const ResultStore::Shared& result) { first += result != nullptr ? 1 : 100; });
   store.wait("job", &second, [&](const ResultStore::Shared&) { ++second; });
@@ -84,11 +88,39 @@ TEST(ResultStore, CallsBackOnceWhoeverWaits) {
 
 TEST(ResultStore, WhoeverWaitsForWhatIsLetGoIsTold) {
   ResultStore store({seconds(10), 10'000});
-  store.expect("job", "client");
+  expect(store, "job", "client");
   int told = 0;
   store.wait("job", &told, [&](const ResultStore::Shared& result) { told += result == nullptr ? 1 : 100; });
   EXPECT_TRUE(store.forget("job"));
   EXPECT_EQ(told, 1);
+}
+
+// What makes a submission that is sent again the same job.
+TEST(ResultStore, ARequestIdIsOneJobUntilItIsLetGo) {
+  ResultStore store({seconds(10), 10'000});
+  EXPECT_EQ(store.expect("first", "client", {"mine", "digest"}).value(), "first");
+  EXPECT_EQ(store.expect("second", "client", {"mine", "digest"}).value(), "first");
+  EXPECT_EQ(store.expect("third", "other", {"mine", "digest"}).value(), "third");
+  EXPECT_EQ(store.owner("second"), "");
+  const auto taken = store.expect("fourth", "client", {"mine", "another"});
+  ASSERT_FALSE(taken.has_value());
+  EXPECT_EQ(taken.error().code, ErrorCode::invalid_argument);
+  EXPECT_EQ(taken.error().field, "request_id");
+  EXPECT_TRUE(store.forget("first"));
+  EXPECT_EQ(store.expect("fifth", "client", {"mine", "another"}).value(), "fifth");
+}
+
+TEST(ResultStore, TellsOfEachThatIsLetGo) {
+  std::vector<std::string> gone;
+  ResultStore store({seconds(10), 4000}, [&](const std::string& id) { gone.push_back(id); });
+  for (const char* id : {"a", "b", "c", "d"}) {
+    expect(store, id, "client");
+    store.put(id, text(1000), kStart);
+  }
+  EXPECT_EQ(gone, (std::vector<std::string>{"a", "b"}));
+  store.forget("c");
+  store.expire(kStart + seconds(11));
+  EXPECT_EQ(gone, (std::vector<std::string>{"a", "b", "c", "d"}));
 }
 
 }  // namespace

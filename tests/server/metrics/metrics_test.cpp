@@ -65,8 +65,8 @@ class MetricsTest : public ::testing::Test {
   SessionTable sessions_{{}};
   ConnectionTable connections_{{}, log_};
   LiveCalls calls_;
-  const ServiceParts parts_{config_, access_,  log_,       metrics_,  pulse_,       board_,
-                            feeds_,  results_, scheduler_, sessions_, connections_, calls_};
+  const ServiceParts parts_{config_,  access_, log_,       metrics_,  pulse_,       board_, feeds_,
+                            results_, nullptr, scheduler_, sessions_, connections_, calls_};
 };
 
 TEST_F(MetricsTest, EveryMetricOfTheTableIsToldWithHelpAndType) {

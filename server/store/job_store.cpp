@@ -1,0 +1,355 @@
+#include "store/job_store.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <utility>
+
+#include "base/refusal.h"
+
+namespace marble::server {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::seconds kAgain{1};  // after this long what could not be written is tried again
+constexpr const char* kFile = "/jobs.sqlite";
+constexpr const char* kLock = "/lock";
+constexpr const char* kApplication = "1298297459";  // "Mbrs", SQLite's application_id
+constexpr const char* kVersion = "1";               // of the tables, SQLite's user_version
+
+// `number` is the order of acceptance, `ended` that of the answers.
+constexpr const char* kTables = R"(
+CREATE TABLE jobs (
+  number INTEGER PRIMARY KEY,
+  id TEXT NOT NULL UNIQUE,
+  client TEXT NOT NULL, request_id TEXT NOT NULL, digest BLOB NOT NULL,
+  peer TEXT NOT NULL, traceparent TEXT NOT NULL,
+  priority INTEGER NOT NULL, accepted_unix_s REAL NOT NULL, cancelled INTEGER NOT NULL,
+  request BLOB);
+CREATE TABLE answers (
+  ended INTEGER PRIMARY KEY,
+  id TEXT NOT NULL UNIQUE REFERENCES jobs (id) ON DELETE CASCADE,
+  finished_unix_s REAL NOT NULL,
+  job BLOB NOT NULL, answer BLOB NOT NULL, error BLOB NOT NULL);
+)";
+
+Error fault(const std::string& where, std::string why) {
+  return failure(ErrorCode::unavailable, "state_dir", where, std::move(why));
+}
+
+Expected<Descriptor> locked(const std::string& directory) {
+  if (mkdir(directory.c_str(), S_IRWXU) != 0 && errno != EEXIST)
+    return unexpected(fault(directory, std::strerror(errno)));
+  const std::string file = directory + kLock;
+  Descriptor descriptor(open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, S_IRUSR | S_IWUSR));
+  if (!descriptor) return unexpected(fault(file, std::strerror(errno)));
+  if (flock(descriptor.get(), LOCK_EX | LOCK_NB) != 0)
+    return unexpected(fault(directory, "another server uses it"));
+  return descriptor;
+}
+
+// Nothing, if the file is ours and whole; "0" as its version if it is new.
+Expected<std::string> version_of(Database& database, const std::string& file) {
+  const auto application = database.ask("PRAGMA application_id");
+  if (!application) return unexpected(application.error());
+  const auto version = database.ask("PRAGMA user_version");
+  if (!version) return unexpected(version.error());
+  const auto tables = database.ask("SELECT count(*) FROM sqlite_master");
+  if (!tables) return unexpected(tables.error());
+  if (*application != kApplication && (*application != "0" || *tables != "0"))
+    return unexpected(fault(file, "is a file of another program"));
+  if (*version != "0" && *version != kVersion)
+    return unexpected(fault(file, "is of version " + *version + ", this server knows " + kVersion));
+  const auto check = database.ask("PRAGMA quick_check(1)");
+  if (!check) return unexpected(check.error());
+  if (*check != "ok") return unexpected(fault(file, "is damaged: " + *check));
+  return version;
+}
+
+Expected<void> prepare(Database& database, const std::string& file) {
+  const auto version = version_of(database, file);
+  if (!version) return unexpected(version.error());
+  const auto mode = database.ask("PRAGMA journal_mode = WAL");
+  if (!mode) return unexpected(mode.error());
+  if (*mode != "wal") return unexpected(fault(file, "cannot be in SQLite's mode WAL, but in " + *mode));
+  if (auto set = database.run("PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON"); !set) return set;
+  if (*version != "0") return {};
+  return database.run(std::string("BEGIN;") + kTables + "PRAGMA application_id = " + kApplication +
+                      "; PRAGMA user_version = " + kVersion + "; COMMIT");
+}
+
+}  // namespace
+
+JobStore::JobStore(Descriptor lock, Database writer, Database reader, const Log& log)
+    : log_(log),
+      lock_(std::move(lock)),
+      writer_(std::move(writer)),
+      reader_(std::move(reader)),
+      thread_([this] { work(); }) {}
+
+void JobStore::close() {
+  {
+    const MutexLock lock(mutex_);
+    closing_ = true;
+  }
+  wake_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+Expected<std::unique_ptr<JobStore>> JobStore::open(const std::string& directory, const Log& log) {
+  auto lock = locked(directory);
+  if (!lock) return unexpected(lock.error());
+  const std::string file = directory + kFile;
+  auto writer = Database::open(file);
+  if (!writer) return unexpected(writer.error());
+  if (auto ready = prepare(*writer, file); !ready) return unexpected(ready.error());
+  auto reader = Database::open(file);
+  if (!reader) return unexpected(reader.error());
+  return std::unique_ptr<JobStore>(
+      new JobStore(std::move(*lock), std::move(*writer), std::move(*reader), log));
+}
+
+Expected<std::string> JobStore::check(const std::string& directory) {
+  const std::string file = directory + kFile;
+  if (access(file.c_str(), F_OK) != 0) return unexpected(fault(file, std::strerror(errno)));
+  auto database = Database::open(file);
+  if (!database) return unexpected(database.error());
+  if (const auto version = version_of(*database, file); !version) return unexpected(version.error());
+  const auto whole = database->ask("PRAGMA integrity_check(1)");
+  if (!whole) return unexpected(whole.error());
+  if (*whole != "ok") return unexpected(fault(file, "is damaged: " + *whole));
+  const auto jobs = database->ask("SELECT count(*) FROM jobs WHERE id NOT IN (SELECT id FROM answers)");
+  if (!jobs) return unexpected(jobs.error());
+  const auto answers = database->ask("SELECT count(*) FROM answers");
+  if (!answers) return unexpected(answers.error());
+  return file + ": ok, " + *jobs + " jobs without an answer, " + *answers + " with one";
+}
+
+Expected<std::vector<StoredJob>> JobStore::unanswered() {
+  const MutexLock lock(read_mutex_);
+  auto rows = reader_.prepare(
+      "SELECT id, client, request_id, digest, peer, traceparent, priority, accepted_unix_s, cancelled "
+      "FROM jobs WHERE id NOT IN (SELECT id FROM answers) ORDER BY number");
+  if (!rows) return unexpected(rows.error());
+  std::vector<StoredJob> jobs;
+  while (true) {
+    const auto row = rows->step();
+    if (!row) return unexpected(row.error());
+    if (!*row) return jobs;
+    jobs.push_back({.id = rows->bytes(0),
+                    .client = rows->bytes(1),
+                    .request_id = rows->bytes(2),
+                    .digest = rows->bytes(3),
+                    .peer = rows->bytes(4),
+                    .traceparent = rows->bytes(5),
+                    .priority = rows->integer(6),
+                    .accepted_unix_s = rows->real(7),
+                    .cancelled = rows->integer(8) != 0,
+                    .request = {}});
+  }
+}
+
+Expected<std::string> JobStore::request_of(const std::string& id) {
+  const MutexLock lock(read_mutex_);
+  auto rows = reader_.prepare("SELECT request FROM jobs WHERE id = ?");
+  if (!rows) return unexpected(rows.error());
+  const auto row = rows->bind(1, id).step();
+  if (!row) return unexpected(row.error());
+  return rows->bytes(0);
+}
+
+Expected<void> JobStore::each_result(const std::function<void(StoredResult)>& tell) {
+  const MutexLock lock(read_mutex_);
+  auto rows = reader_.prepare(
+      "SELECT id, client, request_id, digest, job, answer, error, finished_unix_s "
+      "FROM answers JOIN jobs USING (id) ORDER BY ended");
+  if (!rows) return unexpected(rows.error());
+  while (true) {
+    const auto row = rows->step();
+    if (!row) return unexpected(row.error());
+    if (!*row) return {};
+    tell({.id = rows->bytes(0),
+          .client = rows->bytes(1),
+          .request_id = rows->bytes(2),
+          .digest = rows->bytes(3),
+          .job = rows->bytes(4),
+          .answer = rows->bytes(5),
+          .error = rows->bytes(6),
+          .finished_unix_s = rows->real(7)});
+  }
+}
+
+void JobStore::add(StoredJob job, Settled settled) {
+  ask({.kind = Kind::add, .job = std::move(job), .settled = std::move(settled)});
+}
+
+void JobStore::finish(StoredResult result, Settled settled) {
+  ask({.kind = Kind::finish, .result = std::move(result), .settled = std::move(settled)});
+}
+
+void JobStore::cancel(const std::string& id) { ask({.kind = Kind::cancel, .job = {.id = id}}); }
+
+void JobStore::forget(const std::string& id) { ask({.kind = Kind::forget, .job = {.id = id}}); }
+
+void JobStore::when_settled(Settled settled) { ask({.settled = std::move(settled)}); }
+
+void JobStore::ask(Change change) {
+  {
+    const MutexLock lock(mutex_);
+    if (!closed_) {
+      changes_.push_back(std::move(change));
+      wake_.notify_all();
+      return;
+    }
+  }
+  if (change.settled) change.settled(unexpected(draining()));
+}
+
+Expected<void> JobStore::health() const {
+  const MutexLock lock(mutex_);
+  return health_;
+}
+
+bool JobStore::is_settled() const {
+  const MutexLock lock(mutex_);
+  return changes_.empty() && !writing_;
+}
+
+// What is to be written next, after a while if the last time failed: then nothing new will do too, to see
+// whether it still fails. False at the end.
+bool JobStore::take(std::vector<Change>& changes) {
+  const MutexLock lock(mutex_);
+  const auto again = Clock::now() + kAgain;
+  if (health_) {
+    while (changes_.empty() && !closing_) wake_.wait(mutex_);
+  } else {
+    while (!closing_ && wake_.wait_until(mutex_, again) == std::cv_status::no_timeout) {
+    }
+  }
+  closed_ = changes_.empty() && closing_;
+  if (closed_) return false;
+  changes.swap(changes_);
+  writing_ = true;
+  return true;
+}
+
+void JobStore::work() {
+  std::vector<Change> changes;
+  while (take(changes)) {
+    const Expected<void> made = write(changes);
+    settle(changes, made);
+    changes.clear();
+  }
+}
+
+// Who asked is told, once. What failed is asked for again by itself; but a job that was not added is gone,
+// and nothing is tried again at the end.
+void JobStore::settle(std::vector<Change>& changes, const Expected<void>& made) {
+  bool was_well = true;
+  {
+    const MutexLock lock(mutex_);
+    was_well = health_.has_value();
+    health_ = made;
+  }
+  if (!made && was_well)
+    log_.error(Component::server, "state_not_written",
+               {{"state", made.error().value}, {"reason", made.error().bound}});
+  if (made && !was_well) log_.info(Component::server, "state_written_again", {});
+  for (Change& change : changes) {
+    if (const Settled settled = std::exchange(change.settled, nullptr)) settled(made);
+  }
+  const MutexLock lock(mutex_);
+  if (!made && !closing_) {
+    std::erase_if(changes, [](const Change& change) {
+      return change.kind == Kind::add || change.kind == Kind::nothing;
+    });
+    changes_.insert(changes_.begin(), std::make_move_iterator(changes.begin()),
+                    std::make_move_iterator(changes.end()));
+  }
+  writing_ = false;
+}
+
+// One transaction. A change that alone cannot be made, as it is too large for SQLite, is told so and left
+// out.
+Expected<void> JobStore::write(std::vector<Change>& changes) {
+  if (auto begun = writer_.run("BEGIN IMMEDIATE"); !begun) return begun;
+  const auto all = [&]() -> Expected<void> {
+    for (Change& change : changes) {
+      const auto made = make(change);
+      if (made) continue;
+      if (made.error().code != ErrorCode::resource_exhausted) return made;
+      if (const Settled settled = std::exchange(change.settled, nullptr)) settled(made);
+      change.kind = Kind::nothing;
+    }
+    if (changes.empty()) {  // anything that is written
+      if (auto set = writer_.run(std::string("PRAGMA user_version = ") + kVersion); !set) return set;
+    }
+    return writer_.run("COMMIT");
+  };
+  auto made = all();
+  if (!made) (void)writer_.run("ROLLBACK");  // fails where SQLite has done so by itself
+  return made;
+}
+
+Expected<void> JobStore::make(const Change& change) {
+  const auto run = [&](std::string_view sql, const auto& bind) -> Expected<void> {
+    auto statement = writer_.prepare(sql);
+    if (!statement) return unexpected(statement.error());
+    if (auto bound = bind(*statement); !bound) return bound;
+    return statement->run();
+  };
+  const StoredJob& job = change.job;
+  const StoredResult& result = change.result;
+  switch (change.kind) {
+    case Kind::add:
+      return run(
+          "INSERT INTO jobs (id, client, request_id, digest, peer, traceparent, priority, accepted_unix_s, "
+          "cancelled, request) VALUES (?, ?, ?, ?, ?, ?, ?, ?, 0, ?)",
+          [&](Statement& statement) -> Expected<void> {
+            return statement.bind(1, job.id)
+                .bind(2, job.client)
+                .bind(3, job.request_id)
+                .bind_blob(4, job.digest)
+                .bind(5, job.peer)
+                .bind(6, job.traceparent)
+                .bind(7, job.priority)
+                .bind(8, job.accepted_unix_s)
+                .bind_blob(9, job.request)
+                .bound();
+          });
+    case Kind::finish: {
+      // Of a job that was forgotten meanwhile nothing is kept.
+      auto answered =
+          run("INSERT OR IGNORE INTO answers (id, finished_unix_s, job, answer, error) "
+              "SELECT ?1, ?2, ?3, ?4, ?5 WHERE EXISTS (SELECT 1 FROM jobs WHERE id = ?1)",
+              [&](Statement& statement) -> Expected<void> {
+                return statement.bind(1, result.id)
+                    .bind(2, result.finished_unix_s)
+                    .bind_blob(3, result.job)
+                    .bind_blob(4, result.answer)
+                    .bind_blob(5, result.error)
+                    .bound();
+              });
+      if (!answered) return answered;
+      return run("UPDATE jobs SET request = NULL WHERE id = ?",
+                 [&](Statement& statement) { return statement.bind(1, result.id).bound(); });
+    }
+    case Kind::cancel:
+      return run("UPDATE jobs SET cancelled = 1 WHERE id = ?",
+                 [&](Statement& statement) { return statement.bind(1, job.id).bound(); });
+    case Kind::forget:
+      return run("DELETE FROM jobs WHERE id = ?",
+                 [&](Statement& statement) { return statement.bind(1, job.id).bound(); });
+    case Kind::nothing:
+      return {};
+  }
+  return {};
+}
+
+}  // namespace marble::server

@@ -1,0 +1,80 @@
+#include "submissions/result_keeper.h"
+
+#include "messages/job_message.h"
+#include "messages/reply.h"
+#include "wire/status.h"
+#include "wire/wire.h"
+
+namespace marble::server {
+namespace {
+
+std::string bytes_of(const grpc::ByteBuffer& buffer) {
+  std::vector<grpc::Slice> slices;
+  std::string bytes;
+  if (!buffer.Dump(&slices).ok()) return bytes;
+  bytes.reserve(buffer.Length());
+  for (const grpc::Slice& slice : slices)
+    bytes.append(reinterpret_cast<const char*>(slice.begin()), slice.size());
+  return bytes;
+}
+
+void put(ResultStore& results, JobRecord& record, ResultStore::Result result) {
+  if (!results.put(record.id(), std::move(result), Clock::now())) record.set_result_bytes(0);
+}
+
+}  // namespace
+
+void ResultKeeper::finished(Outcome outcome) {
+  const bool interrupted = outcome.interrupted && parts_.store != nullptr;
+  if (interrupted) outcome.solution = unexpected(draining("the job begins again when it is back"));
+  v1::SolveResponse response;
+  ResultStore::Result result{unexpected(Error{}), outcome.retry_delay_s};
+  if (const auto filled = fill_response(*record_, outcome, &response); filled) {
+    result.answer = serialize(response);
+  } else {
+    result.answer = unexpected(filled.error());
+  }
+  const auto bytes = result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0;
+  record_->set_result_bytes(bytes);  // before who waits for it hears of it
+  if (parts_.store == nullptr || interrupted) return put(parts_.results, *record_, std::move(result));
+  StoredResult stored{.id = record_->id()};
+  v1::GetJobResponse job;
+  to_message(*record_, job.mutable_job());
+  marble::to_message(record_->options(), job.mutable_options());
+  to_message(record_->trace(), job.mutable_trace());
+  stored.job = job.SerializeAsString();
+  stored.finished_unix_s = job.job().finished_unix_s();
+  if (result.answer) {
+    stored.answer = bytes_of(*result.answer);
+  } else {
+    stored.error = to_message(result.answer.error(), result.retry_delay_s).SerializeAsString();
+  }
+  Answer answer{std::move(stored), std::move(result)};
+  {
+    const MutexLock lock(mutex_);
+    if (!added_) {
+      early_ = std::move(answer);
+      return;
+    }
+  }
+  keep(std::move(answer));
+}
+
+void ResultKeeper::added() {
+  std::optional<Answer> early;
+  {
+    const MutexLock lock(mutex_);
+    added_ = true;
+    early.swap(early_);
+  }
+  if (early) keep(std::move(*early));
+}
+
+// Whoever waits for it has it when it is on disk; where that fails, from memory.
+void ResultKeeper::keep(Answer answer) const {
+  parts_.store->finish(std::move(answer.stored),
+                       [&results = parts_.results, record = record_, result = std::move(answer.result)](
+                           const Expected<void>&) { put(results, *record, result); });
+}
+
+}  // namespace marble::server
