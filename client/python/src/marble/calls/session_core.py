@@ -114,7 +114,7 @@ class SessionCore:
     """The state of one session; does no input or output."""
 
     def __init__(self, problem: LCQP | Problem, tell: Callable[[int, Progress], object] | None) -> None:
-        self.given = problem.copy() if isinstance(problem, Problem) else problem
+        self.given: LCQP | Problem = problem.copy() if isinstance(problem, Problem) else problem
         self.current = compiled(problem)
         self._tell = tell
         self.sequence = 0
@@ -311,6 +311,8 @@ def _changed(changes: Mapping[str, Any]) -> Encoder:
 
 
 def _equal(value: Any, old: Any) -> bool:
+    if value is old:
+        return True
     if isinstance(value, float):
         return value == float(old)
     return np.array_equal(getattr(value, "data", value), getattr(old, "data", old))
@@ -327,6 +329,8 @@ def _with_pattern(value: Any, old: Any, name: str) -> Any:
 
 
 def _same_pattern(new: Any, old: Any, name: str) -> Any:
+    if new.indptr is old.indptr and new.indices is old.indices:
+        return new
     if new.nnz == old.nnz and np.array_equal(new.indptr, old.indptr) and np.array_equal(new.indices, old.indices):
         return new
     rows = np.int64(old.shape[0])
