@@ -35,7 +35,8 @@ class Cvxpy(unittest.TestCase):
 
     def test_a_norm_and_options_by_name(self):
         x = cvxpy.Variable(3)
-        problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.norm1(x - np.arange(3)) + cvxpy.sum_squares(x)), [cvxpy.sum(x) == 1])
+        cost = cvxpy.norm1(x - np.arange(3)) + cvxpy.sum_squares(x)
+        problem = cvxpy.Problem(cvxpy.Minimize(cost), [cvxpy.sum(x) == 1])
         value = problem.solve(solver=marble.cvxpy.MARBLE(), max_iterations=200)
         self.assertAlmostEqual(value, problem.solve(solver="CLARABEL"), 5)
 
@@ -53,7 +54,8 @@ class Cvxpy(unittest.TestCase):
             np.testing.assert_allclose(answer.t, [y.value[0] + 0.5, y.value[1]], atol=1e-9)
             self.assertLess(np.abs(np.minimum(answer.s, answer.t)).max(), 1e-7)
             sign = 1 if isinstance(goal, cvxpy.Minimize) else -1
-            branches = [cvxpy.Problem(goal, [*rows, x[0] >= 0, y[0] + 0.5 >= 0, 1 - x[1] >= 0, y[1] >= 0, first == 0, second == 0])
+            signs = [x[0] >= 0, y[0] + 0.5 >= 0, 1 - x[1] >= 0, y[1] >= 0]
+            branches = [cvxpy.Problem(goal, [*rows, *signs, first == 0, second == 0])
                         for first in (x[0], y[0] + 0.5) for second in (1 - x[1], y[1])]
             best = min(sign * branch.solve(solver="CLARABEL") for branch in branches)
             self.assertAlmostEqual(sign * problem.value, best, 5)
@@ -68,6 +70,15 @@ class Cvxpy(unittest.TestCase):
         self.assertAlmostEqual(problem.value, 5, 6)
         np.testing.assert_allclose(answer.xi + answer.eta, [2], atol=1e-6)  # 2 (0 - 1) + 4 = xi
         self.assertIs(problem.solver_stats.extra_stats["solution"].status, answer.status)
+
+    def test_new_values_of_parameters_and_other_pairs_are_seen(self):
+        x, p = cvxpy.Variable(2), cvxpy.Parameter(2)
+        problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum_squares(x - p)), [cvxpy.sum(x) <= 2])
+        pairs, other = [(x[0], x[1])], [(x[0], 1 - x[1])]
+        for p.value, chosen, expected in (([1, 0.5], pairs, [1, 0]), ([0.5, 1], pairs, [0, 1]),
+                                          ([0.5, 0.75], other, [0.5, 1]), ([0.5, 0.75], [], [0.5, 0.75])):
+            marble.cvxpy.solve(problem, pairs=chosen)
+            np.testing.assert_allclose(x.value, expected, atol=1e-6)
 
     def test_what_a_pair_cannot_be_in_is_refused_by_its_name(self):
         x, whole = cvxpy.Variable(2, name="force"), cvxpy.Variable(integer=True, name="count")

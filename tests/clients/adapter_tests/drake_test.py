@@ -53,7 +53,8 @@ class Drake(unittest.TestCase):
             self.assertAlmostEqual(ours.get_optimal_cost(), cost, 4)
             np.testing.assert_allclose(ours.GetSolution(), best.get_x_val(), atol=1e-4)
             self.assertEqual(ours.GetSolution(x[1]), ours.get_x_val()[1])
-            self.assertAlmostEqual(ours.GetSolution(x[0] + 2 * y[1]), ours.GetSolution(x)[0] + 2 * ours.GetSolution(y)[1])
+            together = ours.GetSolution(x)[0] + 2 * ours.GetSolution(y)[1]
+            self.assertAlmostEqual(ours.GetSolution(x[0] + 2 * y[1]), together)
             for row, other in zip(rows, other_rows):
                 np.testing.assert_allclose(ours.GetDualSolution(row), best.GetDualSolution(other), atol=1e-3)
         self.assertGreaterEqual(solved, 4)

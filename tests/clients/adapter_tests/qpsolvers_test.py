@@ -30,7 +30,8 @@ class Qpsolvers(unittest.TestCase):
                 np.testing.assert_allclose(ours.z_box, other.z_box, atol=1e-4)
 
     def test_without_rows_with_a_start_and_with_options(self):
-        x = qpsolvers.solve_qp(2 * np.eye(2), np.array([-2.0, -4.0]), solver="marble", initvals=np.ones(2), polish=False)
+        x = qpsolvers.solve_qp(2 * np.eye(2), np.array([-2.0, -4.0]), solver="marble", initvals=np.ones(2),
+                               polish=False)
         np.testing.assert_allclose(x, [1, 2], atol=1e-6)
         with self.assertRaises(marble.InvalidArgument):
             qpsolvers.solve_qp(np.eye(1), np.zeros(1), solver="marble", nothing=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import weakref
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -97,6 +98,29 @@ def _check(problem: cvxpy.Problem, sides: Sequence[Sequence[Any]]) -> None:
                                  value=str(constraint))
 
 
+# Of each problem what it was last solved with: its pairs, what these were made to, and with that in CVXPY's memory what
+# new values of parameters need.
+_known: weakref.WeakKeyDictionary[Any, tuple[list[Any], list[list[Any]], Any, MARBLE]] = weakref.WeakKeyDictionary()
+
+
+def _canonical(problem: cvxpy.Problem, pairs: Sequence[tuple[Any, Any]]) -> tuple[Any, Any, Any, list[list[Any]]]:
+    """CVXPY's data of a problem with the sides of the pairs as constraints, which are the last thing returned."""
+    given = [expression for pair in pairs for expression in pair]
+    known = _known.get(problem)
+    if known is None or len(known[0]) != len(given) or any(a is not b for a, b in zip(known[0], given, strict=True)):
+        sides = [[_side(expression, f"pairs[{k}][{i}]") for i, expression in enumerate(pair)]
+                 for k, pair in enumerate(pairs)]
+        for k, (a, b) in enumerate(sides):
+            if a.size != b.size:
+                raise InvalidProblem(f"pairs[{k}]", "must be two expressions of one shape",
+                                     value=f"of shapes {a.shape} and {b.shape}")
+        _check(problem, sides)
+        signs = [[side >= 0 for side in pair] for pair in sides]
+        whole = cvxpy.Problem(problem.objective, problem.constraints + [sign for pair in signs for sign in pair])
+        known = _known[problem] = given, signs, whole, MARBLE()
+    return *known[2].get_problem_data(known[3]), known[1]
+
+
 def solve(problem: cvxpy.Problem, pairs: Sequence[tuple[Any, Any]] = (), **options: Any) -> Answer:
     """Solves a problem with 0 ≤ a ⊥ b ≥ 0 for every pair (a, b) of affine expressions of one shape, entry by entry.
 
@@ -108,16 +132,7 @@ def solve(problem: cvxpy.Problem, pairs: Sequence[tuple[Any, Any]] = (), **optio
     does not fit: a side that is not affine, a constraint or an objective that is no quadratic program's, an integer
     variable.
     """
-    sides = [[_side(expression, f"pairs[{k}][{i}]") for i, expression in enumerate(pair)]
-             for k, pair in enumerate(pairs)]
-    for k, (a, b) in enumerate(sides):
-        if a.size != b.size:
-            raise InvalidProblem(f"pairs[{k}]", "must be two expressions of one shape",
-                                 value=f"of shapes {a.shape} and {b.shape}")
-    _check(problem, sides)
-    signs = [[side >= 0 for side in pair] for pair in sides]
-    whole = cvxpy.Problem(problem.objective, problem.constraints + [sign for pair in signs for sign in pair])
-    data, chain, inverse = whole.get_problem_data(MARBLE())
+    data, chain, inverse, signs = _canonical(problem, pairs)
     ids, places, count = chain.compose_constr_id_map(), {}, 0
     for constraint in inverse[-1][MARBLE.NEQ_CONSTR]:
         places[constraint.id] = np.arange(count, count + constraint.size)

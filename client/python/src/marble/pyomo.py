@@ -126,6 +126,7 @@ class _Model:
         self.variables: list[Any] = []
         self.Q, self.g, self.rows, self.L, self.R = _Matrix(), _Matrix(), _Matrix(), _Matrix(), _Matrix()
         self.constraints: list[Any] = []
+        self._low, self._high = _Numbers(), _Numbers()
         mixed: list[tuple[Any, ...]] = []
         objectives = list(model.component_data_objects(Objective, active=True, descend_into=Block))
         if len(objectives) != 1:
@@ -135,7 +136,10 @@ class _Model:
             if getattr(constraint, "_complementarity", None) is not None:
                 raise InvalidProblem(f"constraint {constraint.name}", "must not be made by the transformation mpec.nl, "
                                      "which is for files: give the model as it was before")
-            self._row(f"constraint {constraint.name}", constraint.body)
+            low, body, high = constraint.to_bounded_expression()
+            self._row(f"constraint {constraint.name}", body)
+            self._low.add(-np.inf if low is None else low)
+            self._high.add(np.inf if high is None else high)
             self.constraints.append(constraint)
         for condition in model.component_data_objects(Complementarity, active=True, descend_into=Block):
             mixed += self._condition(f"complementarity {condition.name}", condition)
@@ -202,12 +206,11 @@ class _Model:
     def numbers(self) -> tuple[LCQP, bool]:
         """The problem with the numbers as they are now, and whether it is of the pattern of the last one."""
         made = self.rows.count - len(self.constraints)
-        low, high = (np.concatenate([[otherwise if limit is None else limit for limit in limits], np.zeros(made),
-                                     [otherwise if limit is None else limit for limit in bounds],
+        low, high = (np.concatenate([limits.now(), np.zeros(made),
+                                     [otherwise if bound is None else bound for bound in bounds],
                                      np.full(self.n - len(self.variables), otherwise)])
-                     for otherwise, limits, bounds in (
-                         (-np.inf, [c.lb for c in self.constraints], [v.lb for v in self.variables]),
-                         (np.inf, [c.ub for c in self.constraints], [v.ub for v in self.variables])))
+                     for otherwise, limits, bounds in ((-np.inf, self._low, [v.lb for v in self.variables]),
+                                                       (np.inf, self._high, [v.ub for v in self.variables])))
         for i in np.flatnonzero(low > high):
             what = ([f"constraint {c.name}" for c in self.constraints] + made * [""]
                     + [f"variable {v.name}" for v in self.variables])[i]
