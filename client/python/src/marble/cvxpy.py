@@ -118,7 +118,8 @@ def _canonical(problem: cvxpy.Problem, pairs: Sequence[tuple[Any, Any]]) -> tupl
         signs = [[side >= 0 for side in pair] for pair in sides]
         whole = cvxpy.Problem(problem.objective, problem.constraints + [sign for pair in signs for sign in pair])
         known = _known[problem] = given, signs, whole, MARBLE()
-    return *known[2].get_problem_data(known[3]), known[1]
+    data, chain, inverse = known[2].get_problem_data(known[3])
+    return data, chain, inverse, known[1]
 
 
 def solve(problem: cvxpy.Problem, pairs: Sequence[tuple[Any, Any]] = (), **options: Any) -> Answer:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marble.base.lazy import lazy
-from marble.model.lcqp import LCQP, Vector
+from marble.model.lcqp import LCQP, Vector, csc
 
 sp: Any = lazy("scipy.sparse")
 
@@ -109,4 +109,4 @@ def _kinds(low: Vector, high: Vector) -> tuple[Any, Any, Any]:
 
 
 def _filled(pattern: Any, values: Vector) -> Any:
-    return sp.csc_matrix((values.copy(), pattern.indices, pattern.indptr), shape=pattern.shape)
+    return csc(values.copy(), pattern.indices, pattern.indptr, pattern.shape)
