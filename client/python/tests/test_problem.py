@@ -7,6 +7,7 @@ import subprocess
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from support import PROGRAM, clean_environment, full, random_problem
 
 import marble
