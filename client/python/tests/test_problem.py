@@ -144,10 +144,10 @@ def test_what_is_wrong_is_told_before_anything_is_sent(wrong, field, index):
 
 def test_dense_lists_and_sparse_data_are_the_same_problem():
     random = np.random.default_rng(0)
-    for n, m in ((1, 1), (2, 3), (7, 5)):
+    for n, m, rounding in ((1, 1, 0.0), (2, 3, 1e-14), (7, 5, 1e-14), (7, 5, 0.0)):
         half = np.where(random.random((n, n)) < 0.5, 0.0, random.normal(size=(n, n)))
         Q, C = half + half.T, np.where(random.random((m, n)) < 0.5, 0.0, random.normal(size=(m, n)))
-        Q[0, -1] += 1e-14 * abs(Q[0, -1])  # rounding is no asymmetry
+        Q[0, -1] += rounding * abs(Q[0, -1])  # which is no asymmetry
         forms = [marble.LCQP(form(Q), np.ones(n), C=form(C), L=form(C), R=form(-C))
                  for form in (sp.csc_matrix, sp.coo_matrix, np.asarray, np.asfortranarray, np.ndarray.tolist)]
         for other in forms[1:]:

@@ -85,7 +85,9 @@ def _entries(dense: Any, upper: bool = False) -> Any:
 
 def matrix(values: MatrixLike, field: str, columns: int, rows: int | None = None) -> Any:
     """A csc_matrix of finite doubles with sorted, unique entries; explicit zeros stay part of the pattern."""
-    if sp.issparse(values):
+    if isinstance(values, sp.csc_matrix) and values.dtype == np.float64 and values.has_canonical_format:
+        result = csc(values.data.copy(), values.indices.copy(), values.indptr.copy(), values.shape)
+    elif sp.issparse(values):
         result = sp.csc_matrix(values, dtype=np.float64, copy=True)
         result.sum_duplicates()
     else:
@@ -116,6 +118,11 @@ def upper_triangle(Q: MatrixLike, n: int) -> Any:
         if dense.shape == (n, n) and np.isfinite(dense).all() and (dense == dense.T).all():
             return _entries(dense, upper=True)
     full = matrix(Q, "Q", n, n)
+    mirror = full.T.tocsc()  # sorted, as it is made from rows
+    if all(np.array_equal(getattr(full, part), getattr(mirror, part)) for part in ("indptr", "indices", "data")):
+        upper = full.indices <= np.repeat(np.arange(n), np.diff(full.indptr))
+        counts = np.concatenate([[0], np.cumsum(upper)])
+        return csc(full.data[upper], full.indices[upper], counts[full.indptr].astype(full.indptr.dtype), (n, n))
     difference = abs(full - full.T).tocoo()
     if difference.nnz:
         larger = abs(full).maximum(abs(full.T)).tocsr()
