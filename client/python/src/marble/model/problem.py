@@ -158,25 +158,24 @@ class Problem:
         other._low, other._high = self._low.copy(), self._high.copy()
         return other
 
-    def _stacked(self) -> tuple[Any, Vector, Vector]:
-        """All limits as rows: the caller's, then the bounds of the variables."""
-        rows = stack([*self._rows, sp.identity(self.n, format="csc")], self.n)
-        return rows, np.concatenate([*self._lows, self._low]), np.concatenate([*self._highs, self._high])
-
     def compile(self) -> LCQP:
         """The problem as the solver takes it."""
-        rows, low, high = self._stacked()
+        low, high = np.concatenate([*self._lows, self._low]), np.concatenate([*self._highs, self._high])
         layout = Layout.of(low, high)
-        by_row = rows.tocsr()
-        sign, source = layout.inequality_sign, layout.inequality_source
-        C = by_row[source].tocsr()
-        C.data *= np.repeat(sign, np.diff(C.indptr))
-        lefts, ls, rights, rs = zip(*self._pairs, strict=True) if self._pairs else ((), (), (), ())
-        return LCQP(self._Q, self._g, A=by_row[layout.equality_source], b=-low[layout.equality_source],
-                    C=C, d=np.where(sign > 0, -low[source], high[source]),
-                    L=stack(lefts, self.n), l=np.concatenate([np.zeros(0), *ls]),
-                    R=stack(rights, self.n), r=np.concatenate([np.zeros(0), *rs]),
-                    c0=self._c0, z0=self._z0, name=self.name)
+        sign, equal, source = layout.inequality_sign, layout.equality_source, layout.inequality_source
+        parts: dict[str, Any] = {}
+        if equal.size or source.size:  # the caller's rows, then the bounds of the variables
+            by_row = stack([*self._rows, sp.identity(self.n, format="csc")], self.n).tocsr()
+            if equal.size:
+                parts.update(A=by_row[equal].tocsc(), b=-low[equal])
+            if source.size:
+                C = by_row[source]
+                C.data *= np.repeat(sign, np.diff(C.indptr))
+                parts.update(C=C.tocsc(), d=np.where(sign > 0, -low[source], high[source]))
+        if self._pairs:
+            lefts, ls, rights, rs = zip(*self._pairs, strict=True)
+            parts.update(L=stack(lefts, self.n), l=np.concatenate(ls), R=stack(rights, self.n), r=np.concatenate(rs))
+        return LCQP(self._Q, self._g, **parts, c0=self._c0, z0=self._z0, name=self.name)
 
     def translate(self, solution: Solution) -> Solution:
         """The answer of the compiled problem with multipliers of rows and bounds as they were added."""
