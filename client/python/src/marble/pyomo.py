@@ -120,8 +120,9 @@ class _Model:
             model, active=True, sort=SortComponents.deterministic,
             valid={Block, Objective, Constraint, Var, Param, Expression, Suffix, Set, RangeSet, Complementarity},
             targets=set())
-        for kind, found in unknown.items():
-            raise InvalidProblem(f"{kind.__name__} {found[0].name}", "must not be there: an LCQP has none")
+        if unknown:
+            name, kind = min((part.name, kind.__name__) for kind, found in unknown.items() for part in found)
+            raise InvalidProblem(f"{kind} {name}", "must not be there: an LCQP has none")
         self.name, self.columns = str(model.name), ComponentMap()
         self.variables: list[Any] = []
         self.Q, self.g, self.rows, self.L, self.R = _Matrix(), _Matrix(), _Matrix(), _Matrix(), _Matrix()
