@@ -7,6 +7,7 @@ import subprocess
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from support import PROGRAM, clean_environment, full, random_problem
 
 import marble
@@ -139,3 +140,25 @@ def test_what_is_wrong_is_told_before_anything_is_sent(wrong, field, index):
     with pytest.raises(marble.InvalidProblem) as caught:
         wrong(marble.Problem(["a", "b"]))
     assert (caught.value.field, caught.value.index) == (field, index)
+
+
+def test_dense_lists_and_sparse_data_are_the_same_problem():
+    random = np.random.default_rng(0)
+    for n, m, rounding in ((1, 1, 0.0), (2, 3, 1e-14), (7, 5, 1e-14), (7, 5, 0.0)):
+        half = np.where(random.random((n, n)) < 0.5, 0.0, random.normal(size=(n, n)))
+        Q, C = half + half.T, np.where(random.random((m, n)) < 0.5, 0.0, random.normal(size=(m, n)))
+        Q[0, -1] += rounding * abs(Q[0, -1])  # which is no asymmetry
+        forms = [marble.LCQP(form(Q), np.ones(n), C=form(C), L=form(C), R=form(-C))
+                 for form in (sp.csc_matrix, sp.coo_matrix, np.asarray, np.asfortranarray, np.ndarray.tolist)]
+        for other in forms[1:]:
+            for name in "QACLR":
+                ours, theirs = getattr(forms[0], name), getattr(other, name)
+                assert type(theirs) is sp.csc_matrix and theirs.shape == ours.shape and theirs.has_canonical_format
+                for part in ("data", "indices", "indptr"):
+                    assert getattr(theirs, part).dtype == getattr(ours, part).dtype
+                    np.testing.assert_array_equal(getattr(theirs, part), getattr(ours, part))
+    for form in (np.asarray, sp.csc_matrix):
+        for wrong, index in (([[1, 2], [3, 1]], (0, 1)), ([[1, 0], [0, np.nan]], (1, 1))):
+            with pytest.raises(marble.InvalidProblem) as caught:
+                marble.LCQP(form(np.array(wrong, dtype=float)), [0, 0])
+            assert (caught.value.field, caught.value.index) == ("Q", index)

@@ -67,6 +67,25 @@ def test_an_update_that_does_not_fit_is_told_and_changes_nothing(client):
         assert session.update(cold=True).objective == before
 
 
+def test_a_refused_update_leaves_the_problem_and_the_later_ones_without_its_numbers(client):
+    for one in (client, marble.Client("local")):
+        with one.session(tiny()) as session:
+            before = session.problem
+            with pytest.raises(marble.InvalidArgument):
+                session.update(g=[7, 7], options={"max_iterations": -1})
+            assert np.array_equal(session.problem.g, before.g)
+            session.send(c0=1.0)
+            refused = session.send(g=[7, 7], c0=5.0, options={"max_iterations": -1})
+            session.send(r=[0.5])
+            outcomes = {event.sequence: event.outcome for event in (session.next() for _ in range(3))}
+            assert isinstance(outcomes.pop(refused), marble.InvalidArgument)
+            for outcome in outcomes.values():
+                check(outcome.problem, outcome)
+                assert np.array_equal(outcome.problem.g, before.g) and outcome.problem.c0 == 1.0
+            assert (session.problem.c0, session.problem.r[0]) == (1.0, 0.5)
+            assert np.array_equal(session.problem.g, before.g)
+
+
 def test_answers_come_in_order_to_who_sends_ahead(client):
     with client.session(tiny()) as session:
         numbers = [session.send(c0=float(k)) for k in range(40)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -212,8 +211,7 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
     if isinstance(server, Client):
         return server.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
                             request_id=request_id)
-    if server is None:
-        server = os.environ.get("MARBLE_SERVER") or LOCAL_ADDRESS
+    server = connect.server_of(server)
     if server == LOCAL_ADDRESS:
         return _solve_here(problem, Call(wishes, priority, request_id), progress, deadline)
     with Client(server) as client:

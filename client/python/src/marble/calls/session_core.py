@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -94,11 +95,26 @@ class SessionEvent:
     outcome: Solution | Superseded | errors.Error
 
 
+@dataclass
+class _Update:
+    """What an update changes, and the problem before and after it: as the solver has it, and as it was given."""
+
+    changes: Mapping[str, Any]
+    given: Problem | None
+    before: tuple[LCQP, LCQP | Problem]
+    told: bool = False
+
+    @property
+    def after(self) -> tuple[LCQP, LCQP | Problem]:
+        current, given = self.before
+        return current.replaced(**self.changes), given if self.given is None else self.given
+
+
 class SessionCore:
     """The state of one session; does no input or output."""
 
     def __init__(self, problem: LCQP | Problem, tell: Callable[[int, Progress], object] | None) -> None:
-        self.given = problem.copy() if isinstance(problem, Problem) else problem
+        self.given: LCQP | Problem = problem.copy() if isinstance(problem, Problem) else problem
         self.current = compiled(problem)
         self._tell = tell
         self.sequence = 0
@@ -106,7 +122,8 @@ class SessionCore:
         self.memory_bytes = 0
         self.setup_s = self.idle_timeout_s = 0.0
         self.ended = False
-        self._asked: dict[int, tuple[LCQP | Problem, LCQP]] = {}
+        self._lock = threading.Lock()  # one thread sends, another one reads
+        self._updates: dict[int, _Update] = {}  # in their order, from the first on that nothing was told of
 
     def set_up(self, call: requests.Call, latest_only: bool) -> bytes:
         """The first message."""
@@ -139,7 +156,6 @@ class SessionCore:
         data = _request("update", update)
         # Nothing is remembered of an update that could not be made.
         self.remember(problem, changes)
-        self._asked[self.sequence] = (self.asked(), self.current)
         return data
 
     def prepared(self, problem: LCQP | Problem | None, parts: Mapping[str, Any], shift: Shift | int | None,
@@ -154,14 +170,31 @@ class SessionCore:
 
     def remember(self, problem: LCQP | Problem | None, changes: Mapping[str, Any]) -> None:
         """Takes an update that was prepared, under the next number."""
-        self.sequence += 1
-        self.current = self.current.replaced(**changes)
-        if isinstance(problem, Problem):
-            self.given = problem.copy()
+        given = problem.copy() if isinstance(problem, Problem) else None
+        with self._lock:
+            self.sequence += 1
+            update = self._updates[self.sequence] = _Update(changes, given, (self.current, self.given))
+            self.current, self.given = update.after
 
-    def asked(self) -> LCQP | Problem:
-        """In whose terms the newest update is answered."""
-        return self.given if isinstance(self.given, Problem) else self.current
+    def settle(self, sequence: int, kept: bool) -> tuple[LCQP, LCQP | Problem]:
+        """The problem that an update asked for, and in whose terms; what came of it is known now.
+
+        kept: whether the solver has its numbers; if not, those after it stand on what was before it.
+        """
+        with self._lock:
+            update = self._updates[sequence]
+            current, given = update.after
+            update.told = True
+            if not kept:
+                del self._updates[sequence]
+                self.current, self.given = update.before
+                for number, later in self._updates.items():
+                    if number > sequence:
+                        later.before = self.current, self.given
+                        self.current, self.given = later.after
+            while self._updates and next(iter(self._updates.values())).told:
+                del self._updates[next(iter(self._updates))]
+        return current, given if isinstance(given, Problem) else current
 
     def _changes(self, problem: LCQP | Problem | None, parts: Mapping[str, Any]) -> dict[str, Any]:
         now = self.current
@@ -202,15 +235,14 @@ class SessionCore:
                     self._tell(message.progress.sequence, answers.progress(row))
             return False, None
         body = getattr(message, kind)
-        given, problem = self._asked.pop(body.sequence)
+        error = errors.from_status(body.status) if kind == "error" else None
+        problem, given = self.settle(body.sequence, kept=not isinstance(error, InvalidArgument))
         outcome: Solution | Superseded | errors.Error
         if kind == "answer":
             outcome = answers.solution(body.solution, arrays, "answer.solution.", problem, self.job_id)
             outcome = in_terms_of(given, outcome)
-        elif kind == "superseded":
-            outcome = Superseded(body.by_sequence)
         else:
-            outcome = errors.from_status(body.status)
+            outcome = error or Superseded(body.by_sequence)
         return True, SessionEvent(body.sequence, outcome)
 
     def _ready(self, message: Any) -> None:
@@ -279,6 +311,8 @@ def _changed(changes: Mapping[str, Any]) -> Encoder:
 
 
 def _equal(value: Any, old: Any) -> bool:
+    if value is old:
+        return True
     if isinstance(value, float):
         return value == float(old)
     return np.array_equal(getattr(value, "data", value), getattr(old, "data", old))
@@ -295,6 +329,8 @@ def _with_pattern(value: Any, old: Any, name: str) -> Any:
 
 
 def _same_pattern(new: Any, old: Any, name: str) -> Any:
+    if new.indptr is old.indptr and new.indices is old.indices:
+        return new
     if new.nnz == old.nnz and np.array_equal(new.indptr, old.indptr) and np.array_equal(new.indices, old.indices):
         return new
     rows = np.int64(old.shape[0])

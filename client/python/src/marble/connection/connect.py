@@ -165,6 +165,11 @@ def named(address: str | Sequence[str] | None) -> str | Sequence[str]:
     return (os.environ.get("MARBLE_SERVER") or tables.DEFAULT_ADDRESS) if address is None else address
 
 
+def server_of(server: str | Sequence[str] | None) -> str | Sequence[str]:
+    """Where to solve if this is what was said: None is MARBLE_SERVER, else this process."""
+    return (os.environ.get("MARBLE_SERVER") or tables.LOCAL_ADDRESS) if server is None else server
+
+
 def is_local(address: str | Sequence[str] | None) -> bool:
     """Whether it stands for no server."""
     return named(address) == tables.LOCAL_ADDRESS

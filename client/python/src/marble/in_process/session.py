@@ -59,25 +59,25 @@ class SessionHere(Session):
         values = solver.option_values(options)
         numbers = {name: value if name == "c0" else getattr(value, "data", value) if name in "QACLR" else value
                    for name, value in changes.items()}
-        before = self._core.current, self._core.given
         self._core.remember(problem, changes)
         sequence, tell = self._core.sequence, self._tell
         own = None if tell is None else lambda row: tell(sequence, row)
         self._running = solver.core().Stop()
+        kept = True
         try:
             told = self._solver.solve(values, numbers, start, cold, None if shift is None else shift.blocks(),
                                       solver.core_call(self._call, own, deadline, self._running))
             answer = solver.unless_cancelled(solver.solution(told, self._core.current))
-            return in_terms_of(self._core.asked(), answer)
+            return in_terms_of(self._core.given, answer)
         except solver.core().Fault as fault:
             error = errors.from_core(*fault.args)
-            if isinstance(error, errors.InvalidArgument):  # nothing has changed then
-                self._core.current, self._core.given = before
+            kept = not isinstance(error, errors.InvalidArgument)
             return error
         except Error as error:
             return error
         finally:
             self._running = None
+            self._core.settle(sequence, kept)
 
     def _read(self) -> SessionEvent | None:
         return None

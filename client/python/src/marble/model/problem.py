@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from marble.base.lazy import lazy
 from marble.errors import InvalidProblem
 from marble.model import problem_file
+from marble.model.layout import Layout
 from marble.model.lcqp import LCQP, MatrixLike, Vector, matrix, mirrored, stack, vector
 from marble.model.solution import Solution
 
@@ -43,15 +44,6 @@ def _check_order(low: Vector, high: Vector, name: str) -> None:
     if crossed.size:
         i = int(crossed[0])
         raise InvalidProblem(name, f"must be at most the upper limit {high[i]:g}", index=i, value=f"{low[i]:g}")
-
-
-@dataclass(frozen=True, eq=False)
-class _Layout:
-    """Where the rows of A and C come from: the caller's row or bound, and of which sign (+1 its lower limit)."""
-
-    equality_source: NDArray[np.intp]
-    inequality_source: NDArray[np.intp]
-    inequality_sign: Vector
 
 
 @dataclass(eq=False)
@@ -166,45 +158,30 @@ class Problem:
         other._low, other._high = self._low.copy(), self._high.copy()
         return other
 
-    def _stacked(self) -> tuple[Any, Vector, Vector]:
-        """All limits as rows: the caller's, then the bounds of the variables."""
-        rows = stack([*self._rows, sp.identity(self.n, format="csc")], self.n)
-        return rows, np.concatenate([*self._lows, self._low]), np.concatenate([*self._highs, self._high])
-
-    def _layout(self, low: Vector, high: Vector) -> _Layout:
-        equal = low == high
-        lower = np.flatnonzero(~equal & np.isfinite(low))
-        upper = np.flatnonzero(~equal & np.isfinite(high))
-        source = np.concatenate([lower, upper])
-        sign = np.concatenate([np.ones(lower.size), -np.ones(upper.size)])
-        order = np.argsort(source, kind="stable")  # the two sides of a row stand together
-        return _Layout(np.flatnonzero(equal), source[order], sign[order])
-
     def compile(self) -> LCQP:
         """The problem as the solver takes it."""
-        rows, low, high = self._stacked()
-        layout = self._layout(low, high)
-        by_row = rows.tocsr()
-        sign, source = layout.inequality_sign, layout.inequality_source
-        C = by_row[source].tocsr()
-        C.data *= np.repeat(sign, np.diff(C.indptr))
-        lefts, ls, rights, rs = zip(*self._pairs, strict=True) if self._pairs else ((), (), (), ())
-        return LCQP(self._Q, self._g, A=by_row[layout.equality_source], b=-low[layout.equality_source],
-                    C=C, d=np.where(sign > 0, -low[source], high[source]),
-                    L=stack(lefts, self.n), l=np.concatenate([np.zeros(0), *ls]),
-                    R=stack(rights, self.n), r=np.concatenate([np.zeros(0), *rs]),
-                    c0=self._c0, z0=self._z0, name=self.name)
+        low, high = np.concatenate([*self._lows, self._low]), np.concatenate([*self._highs, self._high])
+        layout = Layout.of(low, high)
+        sign, equal, source = layout.inequality_sign, layout.equality_source, layout.inequality_source
+        parts: dict[str, Any] = {}
+        if equal.size or source.size:  # the caller's rows, then the bounds of the variables
+            by_row = stack([*self._rows, sp.identity(self.n, format="csc")], self.n).tocsr()
+            if equal.size:
+                parts.update(A=by_row[equal].tocsc(), b=-low[equal])
+            if source.size:
+                C = by_row[source]
+                C.data *= np.repeat(sign, np.diff(C.indptr))
+                parts.update(C=C.tocsc(), d=np.where(sign > 0, -low[source], high[source]))
+        if self._pairs:
+            lefts, ls, rights, rs = zip(*self._pairs, strict=True)
+            parts.update(L=stack(lefts, self.n), l=np.concatenate(ls), R=stack(rights, self.n), r=np.concatenate(rs))
+        return LCQP(self._Q, self._g, **parts, c0=self._c0, z0=self._z0, name=self.name)
 
     def translate(self, solution: Solution) -> Solution:
         """The answer of the compiled problem with multipliers of rows and bounds as they were added."""
         low = np.concatenate([*self._lows, self._low])
         high = np.concatenate([*self._highs, self._high])
-        layout = self._layout(low, high)
-        duals = np.zeros(low.size)
-        if solution.y.size == layout.equality_source.size:
-            duals[layout.equality_source] = solution.y
-        if solution.nu.size == layout.inequality_source.size:
-            np.add.at(duals, layout.inequality_source, -layout.inequality_sign * solution.nu)
+        duals = Layout.of(low, high).duals(solution.y, solution.nu, low.size)
         rows = low.size - self.n
         return dataclasses.replace(solution, row_duals=duals[:rows], bound_duals=duals[rows:], variables=self._names)
 

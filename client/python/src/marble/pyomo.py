@@ -1,0 +1,348 @@
+"""Marble as a persistent solver of Pyomo: after `import marble.pyomo`, SolverFactory("marble_persistent").
+
+It reads the model's parts once and solves over a session, so that a solve after new values of parameters, bounds or
+fixed variables sends only what differs, and starts from the last answer. SolverFactory("marble") is another way: the
+program `marble`, by files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from pyomo.common.collections import ComponentMap
+from pyomo.core import (
+    Block,
+    Constraint,
+    Expression,
+    Objective,
+    Param,
+    RangeSet,
+    Set,
+    SortComponents,
+    Suffix,
+    Var,
+    minimize,
+    value,
+)
+from pyomo.mpec import Complementarity
+from pyomo.opt import SolverFactory, SolverResults, SolverStatus, TerminationCondition
+from pyomo.repn import generate_standard_repn
+from pyomo.repn.util import categorize_valid_components
+
+import marble
+from marble.base.lazy import lazy
+from marble.base.tables import Status
+from marble.client import Client
+from marble.errors import InvalidArgument, InvalidProblem
+from marble.model.layout import Family
+from marble.model.lcqp import LCQP, Vector
+from marble.model.solution import Solution
+from marble.repeated import Repeated
+
+sp: Any = lazy("scipy.sparse")
+
+_ENDS: Final = {
+    Status.SOLVED: (SolverStatus.ok, TerminationCondition.optimal),
+    Status.SOLVED_REDUCED: (SolverStatus.ok, TerminationCondition.feasible),
+    Status.INFEASIBLE: (SolverStatus.warning, TerminationCondition.infeasible),
+    Status.LOCALLY_INFEASIBLE: (SolverStatus.warning, TerminationCondition.infeasible),
+    Status.UNBOUNDED: (SolverStatus.warning, TerminationCondition.unbounded),
+    Status.ITERATION_LIMIT: (SolverStatus.warning, TerminationCondition.maxIterations),
+    Status.TIME_LIMIT: (SolverStatus.warning, TerminationCondition.maxTimeLimit),
+}
+_NO_POINT: Final = (Status.INFEASIBLE, Status.UNBOUNDED)
+
+
+class _Numbers:
+    """A list of numbers of which some are expressions of parameters and fixed variables."""
+
+    def __init__(self) -> None:
+        self._values: list[float] = []
+        self._mutable: list[tuple[int, Any]] = []
+
+    def add(self, number: Any) -> None:
+        if isinstance(number, float | int):
+            self._values.append(float(number))
+        else:
+            self._mutable.append((len(self._values), number))
+            self._values.append(np.nan)
+
+    def now(self) -> Vector:
+        for place, expression in self._mutable:
+            self._values[place] = value(expression)
+        return np.array(self._values)
+
+
+class _Matrix:
+    """Entries in the order in which they are added, and as those of a csc_matrix."""
+
+    def __init__(self) -> None:
+        self._rows: list[int] = []
+        self._columns: list[int] = []
+        self._entries = _Numbers()
+        self._places: Any = None
+        self.constants = _Numbers()
+        self.count = 0
+
+    def entry(self, row: int, column: int, number: Any) -> None:
+        self._rows.append(row)
+        self._columns.append(column)
+        self._entries.add(number)
+
+    def add_row(self, entries: Iterable[tuple[int, Any]], constant: Any) -> None:
+        for column, number in entries:
+            self.entry(self.count, column, number)
+        self.constants.add(constant)
+        self.count += 1
+
+    def pattern(self, columns: int, rows: int | None = None) -> Any:
+        """Where its entries are; those at one place are added up."""
+        rows = self.count if rows is None else rows
+        keys, self._places = np.unique(np.array(self._columns, dtype=np.int64) * rows
+                                       + np.array(self._rows, dtype=np.int64), return_inverse=True)
+        indptr = np.searchsorted(keys, np.arange(columns + 1, dtype=np.int64) * rows)
+        return sp.csc_matrix((np.zeros(keys.size), (keys % max(rows, 1)).astype(np.int32), indptr.astype(np.int32)),
+                             shape=(rows, columns))
+
+    def now(self) -> Vector:
+        entries = self._entries.now()
+        size = int(self._places.max()) + 1 if entries.size else 0
+        return np.bincount(self._places, weights=entries, minlength=size).astype(np.float64)
+
+
+class _Model:
+    """A Pyomo model's parts, read once; refused with the name of what no LCQP has."""
+
+    def __init__(self, model: Any) -> None:
+        _, unknown = categorize_valid_components(
+            model, active=True, sort=SortComponents.deterministic,
+            valid={Block, Objective, Constraint, Var, Param, Expression, Suffix, Set, RangeSet, Complementarity},
+            targets=set())
+        if unknown:
+            name, kind = min((part.name, kind.__name__) for kind, found in unknown.items() for part in found)
+            raise InvalidProblem(f"{kind} {name}", "must not be there: an LCQP has none")
+        self.name, self.columns = str(model.name), ComponentMap()
+        self.variables: list[Any] = []
+        self.Q, self.g, self.rows, self.L, self.R = _Matrix(), _Matrix(), _Matrix(), _Matrix(), _Matrix()
+        self.constraints: list[Any] = []
+        self._low, self._high = _Numbers(), _Numbers()
+        mixed: list[tuple[Any, ...]] = []
+        objectives = list(model.component_data_objects(Objective, active=True, descend_into=Block))
+        if len(objectives) != 1:
+            raise InvalidProblem("objective", "must be one", value=", ".join(o.name for o in objectives) or "nothing")
+        self.sense = 1.0 if objectives[0].sense == minimize else -1.0
+        for constraint in model.component_data_objects(Constraint, active=True, descend_into=Block):
+            if getattr(constraint, "_complementarity", None) is not None:
+                raise InvalidProblem(f"constraint {constraint.name}", "must not be made by the transformation mpec.nl, "
+                                     "which is for files: give the model as it was before")
+            low, body, high = constraint.to_bounded_expression()
+            self._row(f"constraint {constraint.name}", body)
+            self._low.add(-np.inf if low is None else low)
+            self._high.add(np.inf if high is None else high)
+            self.constraints.append(constraint)
+        for condition in model.component_data_objects(Complementarity, active=True, descend_into=Block):
+            mixed += self._condition(f"complementarity {condition.name}", condition)
+        self._objective(objectives[0])
+        self.n = len(self.variables) + 2 * len(mixed)
+        if self.n == 0:
+            raise InvalidProblem("model", "must have a variable in its objective or constraints", value=model.name)
+        # low ≤ e ≤ high ⊥ F, by F = p − m: 0 ≤ e − low ⊥ p ≥ 0, 0 ≤ high − e ⊥ m ≥ 0
+        for p, (below, above, (entries, constant)) in zip(range(len(self.variables), self.n, 2), mixed, strict=True):
+            self.rows.add_row([*entries, (p, -1.0), (p + 1, 1.0)], constant)
+            for side, part in ((below, p), (above, p + 1)):
+                self.L.add_row(*side)
+                self.R.add_row([(part, 1.0)], 0.0)
+        self.patterns = [self.Q.pattern(self.n, self.n),
+                         *(matrix.pattern(self.n) for matrix in (self.rows, self.L, self.R, self.g))]
+        self._family: Family | None = None
+
+    def _column(self, variable: Any) -> int:
+        if variable not in self.columns:
+            if not variable.is_continuous():
+                raise InvalidProblem(f"variable {variable.name}", "must be continuous", value=variable.domain.name)
+            self.columns[variable] = len(self.variables)
+            self.variables.append(variable)
+        return int(self.columns[variable])
+
+    def _linear(self, name: str, expression: Any) -> tuple[list[tuple[int, Any]], Any]:
+        repn = generate_standard_repn(expression, compute_values=False)
+        if repn.nonlinear_expr is not None or repn.quadratic_vars:
+            raise InvalidProblem(name, "must be linear in the variables", value=str(expression))
+        return [(self._column(v), c) for v, c in zip(repn.linear_vars, repn.linear_coefs, strict=True)], repn.constant
+
+    def _row(self, name: str, body: Any) -> None:
+        self.rows.add_row(*self._linear(name, body))
+
+    def _objective(self, objective: Any) -> None:
+        repn = generate_standard_repn(objective.expr, compute_values=False)
+        if repn.nonlinear_expr is not None:
+            raise InvalidProblem(f"objective {objective.name}", "must be quadratic in the variables",
+                                 value=str(repn.nonlinear_expr))
+        for (v, w), number in zip(repn.quadratic_vars, repn.quadratic_coefs, strict=True):
+            i, j = sorted((self._column(v), self._column(w)))
+            self.Q.entry(i, j, 2 * number if i == j else number)
+        self.g.add_row([(self._column(v), c) for v, c in zip(repn.linear_vars, repn.linear_coefs, strict=True)],
+                       repn.constant)
+
+    def _condition(self, name: str, condition: Any) -> list[tuple[Any, ...]]:
+        """As pyomo.mpec reads it: two sides with two bounds between them, or an equality. A side that has both bounds
+        is returned, as its distances from them, with the other side: no pair yet.
+        """
+        first, second = (condition._canonical_expression(part) for part in condition._args)
+        for equality in (first, second):
+            if len(equality) == 2:
+                self._row(name, equality[1] - equality[0])
+                return []
+        if sum(side is not None for part in (first, second) for side in (part[0], part[2])) != 2:
+            raise InvalidProblem(name, "must have two bounds, on one of its sides or one on each")
+        for (low, body, high), free in ((first, second[1]), (second, first[1])):
+            if low is not None and high is not None:
+                return [tuple(self._linear(name, side) for side in (body - low, high - body, free))]
+        for (low, body, high), side in ((first, self.L), (second, self.R)):
+            side.add_row(*self._linear(name, high - body if low is None else body - low))
+        return []
+
+    def numbers(self) -> tuple[LCQP, bool]:
+        """The problem with the numbers as they are now, and whether it is of the pattern of the last one."""
+        made = self.rows.count - len(self.constraints)
+        low, high = (np.concatenate([limits.now(), np.zeros(made),
+                                     [otherwise if bound is None else bound for bound in bounds],
+                                     np.full(self.n - len(self.variables), otherwise)])
+                     for otherwise, limits, bounds in ((-np.inf, self._low, [v.lb for v in self.variables]),
+                                                       (np.inf, self._high, [v.ub for v in self.variables])))
+        for i in np.flatnonzero(low > high):
+            what = ([f"constraint {c.name}" for c in self.constraints] + made * [""]
+                    + [f"variable {v.name}" for v in self.variables])[i]
+            raise InvalidProblem(what, f"must have a lower limit of at most the upper one, {high[i]:g}", value=low[i])
+        same = self._family is not None and self._family.fits(low, high)
+        if self._family is None or not same:
+            self._family = Family(self.patterns[:4], low, high, self.name)
+        g = np.zeros(self.n)
+        g[np.flatnonzero(np.diff(self.patterns[4].indptr))] = self.g.now()
+        return self._family.problem(
+            Q=self.sense * self.Q.now(), g=self.sense * g, c0=self.sense * float(self.g.constants.now()[0]),
+            rows=self.rows.now(), constant=self.rows.constants.now(), low=low, high=high, L=self.L.now(),
+            l=self.L.constants.now(), R=self.R.now(), r=self.R.constants.now()), same
+
+    def duals(self, answer: Solution) -> Vector:
+        """Changes of the objective by the right-hand sides of constraints and by bounds of variables."""
+        assert self._family is not None
+        return -self.sense * self._family.layout.duals(answer.y, answer.nu, self.rows.count + self.n)
+
+
+def _key(model: Any) -> list[Any]:
+    """What a model consists of: while it is the same objects, only numbers can have changed."""
+    key: list[Any] = []
+    for part in model.component_data_objects((Objective, Constraint, Complementarity, Expression), active=True,
+                                             descend_into=Block):
+        key += [part, *(part._args if part.ctype is Complementarity else (part.expr,)), getattr(part, "sense", None)]
+    for variable in model.component_data_objects(Var, descend_into=Block):
+        key += [variable, variable.fixed, variable.domain]
+    return key
+
+
+def _same(key: list[Any], other: list[Any]) -> bool:
+    return len(key) == len(other) and all(a is b for a, b in zip(key, other, strict=True))
+
+
+@SolverFactory.register("marble_persistent", doc="Marble, in this process or on a server, over a session")
+class MarblePersistent:
+    """server: as in marble.solve. options: the solver's, by name; a dictionary, as of other solvers of Pyomo's."""
+
+    name = "marble_persistent"
+
+    def __init__(self, server: str | Sequence[str] | Client | None = None, options: Mapping[str, Any] | None = None,
+                 **_: Any) -> None:
+        self.options: dict[str, Any] = dict(options or {})
+        self._repeated = Repeated(server)
+        self._instance: Any = None
+        self._model: _Model | None = None
+        self._used: dict[str, Any] = {}
+        self._key: list[Any] = []
+        self.answer: Solution | None = None
+
+    def available(self, exception_flag: bool = True) -> bool:
+        """It is, as this module is."""
+        return True
+
+    def version(self) -> tuple[int, ...]:
+        """Of the package."""
+        return tuple(int(part) for part in marble.__version__.split("."))
+
+    def set_instance(self, model: Any) -> None:
+        """Reads the model. InvalidProblem names the constraint, condition or variable that no LCQP has."""
+        self._model, self._instance, self._key = _Model(model), model, _key(model)
+
+    def solve(self, model: Any = None, *, options: Mapping[str, Any] | None = None, timelimit: float | None = None,
+              tee: bool = False, load_solutions: bool = True, warmstart: bool = False) -> Any:
+        """Solves the model, or the one of set_instance, as it is now, and returns Pyomo's SolverResults.
+
+        A model that has other parts than at the last solve, or that fixes other variables, is read again. options:
+        for this solve alone. timelimit: seconds. load_solutions: whether variables get their values, and the suffixes
+        dual and rc theirs. warmstart: begin where the variables are, not at the last answer. Marble's answer is
+        `answer` then.
+        """
+        model = self._instance if model is None else model
+        if model is None:
+            raise InvalidArgument("model", "must be given, here or to set_instance", value="nothing")
+        fresh = self._model is None or model is not self._instance or not _same(self._key, _key(model))
+        if fresh:
+            self.set_instance(model)
+        assert self._model is not None
+        problem, same = self._model.numbers()
+        wishes = {**self.options, **(options or {}), **({} if timelimit is None else {"time_limit_s": timelimit})}
+        same = same and not fresh and wishes == self._used
+        start = None
+        if warmstart:
+            start = np.zeros(self._model.n)
+            start[:len(self._model.variables)] = [0.0 if v.value is None else v.value for v in self._model.variables]
+        self._repeated.options, self._used = dict(wishes), wishes
+        self.answer = self._repeated.solve(problem, same_pattern=same, z0=start)
+        if load_solutions and self.answer.status not in _NO_POINT:
+            self.load_vars()
+            self._load_suffixes()
+        return self._results(self.answer, tee)
+
+    def load_vars(self) -> None:
+        """Gives the variables the values of the last answer."""
+        assert self._model is not None and self.answer is not None
+        for variable, number in zip(self._model.variables, self.answer.z.tolist(), strict=False):
+            variable.set_value(number, skip_validation=True)
+            variable.stale = False
+
+    def _load_suffixes(self) -> None:
+        assert self._model is not None and self.answer is not None
+        duals = self._model.duals(self.answer).tolist()
+        for suffix in self._instance.component_objects(Suffix, active=True, descend_into=False):
+            if suffix.import_enabled() and suffix.local_name == "dual":
+                suffix.update(zip(self._model.constraints, duals, strict=False))
+            elif suffix.import_enabled() and suffix.local_name == "rc":
+                suffix.update(zip(self._model.variables, duals[self._model.rows.count:], strict=False))
+
+    def _results(self, answer: Solution, tee: bool) -> Any:
+        assert self._model is not None
+        results = SolverResults()
+        results.solver.name = self.name
+        results.solver.status, results.solver.termination_condition = _ENDS.get(
+            answer.status, (SolverStatus.error, TerminationCondition.error))
+        results.solver.message = f"{answer.status.value}: {answer.detail}"
+        results.solver.time = answer.times.total_s
+        sense = self._model.sense
+        results.problem.sense = "minimize" if sense > 0 else "maximize"
+        reached, bound = (answer.objective if answer.solved else np.inf), answer.bound
+        results.problem.upper_bound, results.problem.lower_bound = (reached, bound) if sense > 0 else (-bound, -reached)
+        if tee:
+            print(answer)
+        return results
+
+    def close(self) -> None:
+        """Ends the session."""
+        self._repeated.close()
+
+    def __enter__(self) -> MarblePersistent:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

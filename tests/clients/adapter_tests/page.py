@@ -1,0 +1,49 @@
+"""The examples of client/python/ADAPTERS.md, and problems that the tests share."""
+
+import contextlib
+import io
+import pathlib
+import re
+import sys
+
+import numpy as np
+
+import marble
+
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+
+
+def example(tool):
+    """What a section's example prints, and what the page says that it prints."""
+    page = ROOT / "client/python/ADAPTERS.md"
+    section, = re.findall(rf"^## {tool}\n(.*?)(?=^## |\Z)", page.read_text(), re.DOTALL | re.MULTILINE)
+    (code, said), = re.findall(r"```python\n(.*?)```\n```text\n(.*?)```", section, re.DOTALL)
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        exec(compile(code, f"{page}: {tool}", "exec"), {})
+    return out.getvalue(), said
+
+
+def random_qp(seed, n=12, rows=8, equalities=3):
+    random = np.random.default_rng(seed)
+    root, inside = random.normal(size=(n, n)), random.normal(size=n)
+    G, A = random.normal(size=(rows, n)), random.normal(size=(equalities, n))
+    return root @ root.T + np.eye(n), random.normal(size=n), G, G @ inside + 0.1 * random.random(rows), A, A @ inside
+
+
+@contextlib.contextmanager
+def local_and_remote(folder):
+    """A client without a server, and one of a server, where there is a program for it."""
+    sys.path.insert(0, str(ROOT / "client/python/tests"))
+    from support import SERVER, Server
+
+    with marble.Client("local") as here:
+        if not pathlib.Path(SERVER).is_file():
+            yield [here]
+            return
+        server = Server(folder)
+        try:
+            with marble.Client(server.address) as there:
+                yield [here, there]
+        finally:
+            server.kill()

@@ -1,0 +1,192 @@
+"""The real Pyomo with Marble as its persistent solver: what is solved, what is sent, what is refused by its name."""
+
+import itertools
+import pathlib
+import tempfile
+import unittest
+
+import numpy as np
+import pyomo.environ as pyo
+from page import example, local_and_remote
+from pyomo.gdp import Disjunction
+from pyomo.mpec import Complementarity, complements
+from pyomo.opt import SolverStatus, TerminationCondition
+
+import marble
+import marble.pyomo
+
+INF = np.inf
+FREE = (-INF, INF)
+# What is written, and the pieces of its meaning: boxes of y and of w.
+CONDITIONS = {
+    "w >= 0, y >= 0": (lambda m: complements(m.w >= 0, m.y >= 0), [((0, 0), (0, INF)), ((0, INF), (0, 0))]),
+    "w >= 0, y <= 50": (lambda m: complements(m.w >= 0, m.y <= 50), [((50, 50), (0, INF)), ((-INF, 50), (0, 0))]),
+    "w <= 0, y <= 50": (lambda m: complements(m.w <= 0, m.y <= 50), [((50, 50), (-INF, 0)), ((-INF, 50), (0, 0))]),
+    "w <= m.p, y >= 0": (lambda m: complements(m.w <= m.p, m.y >= 0), [((0, 0), (-INF, 2)), ((0, INF), (2, 2))]),
+    "w + 1 >= 0, 50 - y >= 0": (lambda m: complements(m.w + 1 >= 0, 50 - m.y >= 0),
+                                [((50, 50), (-1, INF)), ((-INF, 50), (-1, -1))]),
+    "w == 3, y": (lambda m: complements(m.w == 3, m.y), [(FREE, (3, 3))]),
+    "0 <= y <= 50, w": (lambda m: complements(pyo.inequality(0, m.y, 50), m.w),
+                        [((0, 0), (0, INF)), ((0, 50), (0, 0)), ((50, 50), (-INF, 0))]),
+    "y, 0 <= w <= 5": (lambda m: complements(m.y, pyo.inequality(0, m.w, 5)),
+                       [((0, INF), (0, 0)), ((0, 0), (0, 5)), ((-INF, 0), (5, 5))]),
+}
+
+
+def qpec(sense=pyo.minimize):
+    """Three pairs, and a sum that holds both first variables back."""
+    sign = 1 if sense == pyo.minimize else -1
+    m = pyo.ConcreteModel("qpec")
+    m.p = pyo.Param(initialize=0, mutable=True)
+    m.y = pyo.Var(range(3), bounds=(0, 50))
+    m.w = pyo.Var(range(3))
+    m.cost = pyo.Objective(sense=sense, expr=sign * sum(
+        (m.y[i] - 60) ** 2 + (m.w[i] + i - 4 + m.p) ** 2 + m.y[i] * m.w[(i + 1) % 3] for i in range(3)))
+    m.pairs = Complementarity(range(3), rule=lambda m, i: complements(m.w[i] >= 0, m.y[i] >= 0))
+    m.total = pyo.Constraint(expr=m.y[0] + m.y[1] + m.p * m.y[2] <= 70 + m.p)
+    m.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT)
+    m.rc = pyo.Suffix(direction=pyo.Suffix.IMPORT)
+    return m
+
+
+def solver(**words):
+    return pyo.SolverFactory("marble_persistent", server="local", **words)
+
+
+class Pyomo(unittest.TestCase):
+    def test_conditions_mean_what_they_say(self):
+        wanted = list(itertools.product((60.0, 20.0, -60.0), (-5.0, 5.0)))
+        for words, (condition, pieces) in CONDITIONS.items():
+            m = pyo.ConcreteModel()
+            m.p, m.far, m.up = (pyo.Param(initialize=2, mutable=True) for _ in range(3))
+            m.w, m.y = pyo.Var(), pyo.Var()
+            m.cost = pyo.Objective(expr=(m.y - m.far) ** 2 + (m.w - m.up) ** 2)
+            m.condition = Complementarity(expr=condition(m))
+            for m.far.value, m.up.value in wanted:
+                one = solver()
+                one.solve(m)
+                best = min(sum((np.clip(at, *box) - at) ** 2 for at, box in zip((m.far.value, m.up.value), piece))
+                           for piece in pieces)
+                self.assertAlmostEqual(pyo.value(m.cost), best, 5, f"{words}, {m.far.value}, {m.up.value}")
+
+    def test_status_values_duals_and_reduced_costs(self):
+        for sense, sign in ((pyo.minimize, 1), (pyo.maximize, -1)):
+            m = qpec(sense)
+            results = solver().solve(m)
+            pyo.assert_optimal_termination(results)
+            self.assertEqual(results.solver.status, SolverStatus.ok)
+            np.testing.assert_allclose([v.value for v in m.y.values()], [35, 35, 50], atol=1e-6)
+            self.assertAlmostEqual(pyo.value(m.cost), sign * 1379, 5)
+            self.assertAlmostEqual(m.dual[m.total], sign * -50, 5)  # 2 (35 - 60)
+            self.assertAlmostEqual(m.rc[m.y[2]], sign * -20, 5)  # 2 (50 - 60), at its upper bound
+            self.assertAlmostEqual(results.problem.upper_bound, sign * 1379, 5)
+
+    def test_a_solve_after_new_numbers_is_an_update_of_the_session_here_and_on_a_server(self):
+        with tempfile.TemporaryDirectory() as folder, local_and_remote(pathlib.Path(folder)) as clients:
+            for client in clients:
+                m = qpec()
+                with pyo.SolverFactory("marble_persistent", server=client) as one:
+                    one.set_instance(m)
+                    one.solve()
+                    before = one.answer.problem
+                    m.p.value = 0.2  # in a row, in its limit and in the objective
+                    one.solve()
+                    self.assertIs(one.answer.problem.Q, before.Q)
+                    self.assertLess(one.answer.factorizations, 5)
+                    other = qpec()
+                    other.p.value = 0.2
+                    solver().solve(other)
+                    self.assertAlmostEqual(pyo.value(m.cost), pyo.value(other.cost), 5)
+                    m.y[1].setub(20)
+                    one.solve()
+                    self.assertAlmostEqual(m.y[1].value, 20, 6)
+                    self.assertEqual(one.answer.problem.sizes, before.sizes)
+                    m.y[0].fix(3)  # what follows changes what the model consists of
+                    one.solve()
+                    self.assertEqual(one.answer.problem.n, before.n - 1)
+                    m.y[0].fix(4)
+                    one.solve()
+                    self.assertEqual(m.y[0].value, 4)
+                    m.more = pyo.Constraint(expr=m.y[1] == 7)
+                    one.solve(m)
+                    self.assertAlmostEqual(m.y[1].value, 7, 6)
+                    m.more.deactivate()
+                    m.pairs[1].deactivate()
+                    one.solve()
+                    self.assertEqual(one.answer.problem.sizes[3], 2)
+
+    def test_options_limits_and_ends_are_told_in_its_words(self):
+        m = qpec()
+        one = solver(options={"global": True, "gap_tolerance": 1e-3})
+        one.solve(m)
+        self.assertTrue(one.answer.proved)
+        limited = solver().solve(m, options={"path": "paper", "polish": False, "max_iterations": 2})
+        self.assertEqual(limited.solver.termination_condition, TerminationCondition.maxIterations)
+        with self.assertRaisesRegex(marble.InvalidArgument, "speed"):
+            solver().solve(m, options={"speed": 3})
+        one.options["max_iterations"] = 77
+        one.solve(m, timelimit=5)
+        self.assertEqual((one.answer.options["max_iterations"], one.answer.options["time_limit_s"]), (77, 5))
+        m.y[0].value = None
+        m.more = pyo.Constraint(expr=m.y[0] >= 50.5)
+        results = solver().solve(m)
+        self.assertEqual(results.solver.termination_condition, TerminationCondition.infeasible)
+        self.assertIsNone(m.y[0].value)
+        m = pyo.ConcreteModel()
+        m.x = pyo.Var(bounds=(0, None))
+        m.cost = pyo.Objective(expr=-m.x)
+        self.assertEqual(solver().solve(m).solver.termination_condition, TerminationCondition.unbounded)
+
+    def test_a_warm_start_begins_where_the_variables_are(self):
+        m = pyo.ConcreteModel()
+        m.x, m.y = pyo.Var(), pyo.Var()
+        m.cost = pyo.Objective(expr=(m.x - 1) ** 2 + (m.y - 1) ** 2)
+        m.pair = Complementarity(expr=complements(m.x >= 0, m.y >= 0))
+        one = solver()
+        for start in ((0.9, 0.1), (0.1, 0.9)):
+            m.x.value, m.y.value = start
+            one.solve(m, warmstart=True)
+            np.testing.assert_allclose([m.x.value, m.y.value], np.round(start), atol=1e-6)
+
+    def test_what_no_lcqp_has_is_refused_by_its_name(self):
+        def binary(m):
+            m.switch = pyo.Var(domain=pyo.Binary)
+            m.on = pyo.Constraint(expr=m.y[0] <= 50 * m.switch)
+
+        def without(m):
+            del m.cost
+
+        def cubic(m):
+            m.cost.set_value(m.y[0] ** 3)
+
+        wrong = {
+            r"constraint heat is exp\(w\[0\]\).* must be linear":
+                lambda m: m.add_component("heat", pyo.Constraint(expr=pyo.exp(m.w[0]) <= 3)),
+            r"constraint ball is .*must be linear":
+                lambda m: m.add_component("ball", pyo.Constraint(expr=m.w[0] ** 2 <= 3)),
+            r"complementarity curved is .*must be linear": lambda m: m.add_component(
+                "curved", Complementarity(expr=complements(m.w[0] >= 0, m.y[0] * m.y[1] >= 0))),
+            r"complementarity three: must have two bounds": lambda m: m.add_component(
+                "three", Complementarity(expr=complements(m.w[0] >= 0, pyo.inequality(0, m.y[0], 5)))),
+            "variable switch is Binary: must be continuous": binary,
+            "objective is cost, other: must be one": lambda m: m.add_component("other", pyo.Objective(expr=m.y[0])),
+            "objective is nothing": without,
+            "objective cost is .*must be quadratic": cubic,
+            "SOSConstraint sets: must not": lambda m: m.add_component("sets", pyo.SOSConstraint(var=m.y, sos=1)),
+            "Disjunction either: must not": lambda m: m.add_component(
+                "either", Disjunction(expr=[m.y[0] <= 1, m.y[1] <= 1])),
+            r"variable y\[0\] is 60": lambda m: m.y[0].setlb(60),
+            "constraint pairs.*mpec.nl": lambda m: pyo.TransformationFactory("mpec.nl").apply_to(m),
+        }
+        for said, change in wrong.items():
+            m = qpec()
+            change(m)
+            with self.assertRaisesRegex(marble.InvalidProblem, said):
+                solver().solve(m)
+
+    def test_the_page_s_example_prints_what_it_says(self):
+        self.assertEqual(*example("Pyomo"))
+
+
+if __name__ == "__main__":
+    unittest.main()
