@@ -125,8 +125,10 @@ bool BranchPoint::project(VectorRef direction) {
   return true;
 }
 
-double BranchPoint::error() const {
-  double error = std::max(max_abs(images.stationarity), max_abs(images.equality));
+double BranchPoint::error() const { return std::max(max_abs(images.stationarity), violation()); }
+
+double BranchPoint::violation() const {
+  double error = max_abs(images.equality);
   set.for_each_free_row([&](Index row) { error = std::max(error, -images.rows.all[row]); });
   for (Index i = 0; i < problem_.pairs(); ++i)
     error = std::max(error, std::abs(images.rows.all[set.fixed_row(i)]));

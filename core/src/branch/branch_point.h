@@ -45,6 +45,8 @@ class BranchPoint {
 
   /// Largest entry of the stationarity, and of the violation of fixed and free rows, scaled.
   [[nodiscard]] double error() const;
+  /// The violation alone.
+  [[nodiscard]] double violation() const;
 
   /// What a step of any of those methods needs, and nothing reads after it.
   struct Workspace {

@@ -4,7 +4,8 @@
 // The primal-dual active set method: it guesses which of those hold with equality, solves the
 // equality-constrained problem that leaves by one factorization, and exchanges all rows whose sign is wrong.
 // Where that cycles the proximal method of multipliers, which converges for every feasible branch, tells the
-// rows; where they are so many that it would take too long, an interior point method.
+// rows; where they are so many that it would take too long, an interior point method. Its own solution is the
+// answer where rows that are weakly active leave what is flat, so that no choice of them gives it back.
 #pragma once
 
 #include <optional>
@@ -21,7 +22,8 @@ class ExactBranch {
 
   /// Solves the branch at hand to full accuracy with at most `budget` factorizations. True if it succeeded:
   /// the point then satisfies the branch's optimality conditions to rounding, with every sign right but those
-  /// of the fixed sides.
+  /// of the fixed sides. After the interior point method's own solution a row that is not held may have a
+  /// multiplier: its product with the slack is rounding.
   [[nodiscard]] bool solve(Run& run, int budget);
 
   [[nodiscard]] BranchPoint& point() { return point_; }
@@ -30,6 +32,7 @@ class ExactBranch {
   [[nodiscard]] std::optional<bool> exchange_rows(Run& run, int rounds, int last);
   [[nodiscard]] bool exchange();
   [[nodiscard]] bool solve_by_interior(Run& run, int last);
+  [[nodiscard]] bool take_interior();
 
   BranchPoint& point_;
   SemismoothNewton& newton_;

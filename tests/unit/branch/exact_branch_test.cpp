@@ -198,5 +198,35 @@ TEST(ExactBranch, ManyRowsThatChangeTakeNoMoreThanItsBudget) {
   EXPECT_LE(branch.point.error(), 1e-9);
 }
 
+// One more variable x ≥ 0 whose cost is all but none: weakly active, and flat where that is not held.
+// Newton's method is busy with the other rows.
+TEST(ExactBranch, TakesTheInteriorPointsSolutionWhereItsRowsDoNotGiveItBack) {
+  constexpr double kCost = 3e-9;
+  OwnedProblem p = testing::obstacle_problem(1000);
+  const Index x = p.Q.rows++;
+  p.Q.columns++;
+  p.Q.column_pointers.push_back(p.Q.column_pointers.back());
+  p.g.push_back(kCost);
+  p.C.rows++;
+  p.C.columns++;
+  p.C.row_indices.push_back(x);
+  p.C.values.push_back(1.0);
+  p.C.column_pointers.push_back(p.C.column_pointers.back() + 1);
+  p.d.push_back(0.0);
+  Workbench w(p, {.scaling_passes = 0});
+  BranchEngines branch(w.problem, *w.kkt);
+  branch.point.start_from_point(w.zero());
+  branch.point.x.z()[x] = 1.0;
+  ASSERT_TRUE(branch.exact.solve(w.run, kBudget));
+  EXPECT_LE(w.run.factorizations, kBudget);
+  EXPECT_LE(branch.point.violation(), 1e-9);
+  const Images images = w.images(branch.point.x);
+  EXPECT_LE(max_abs(images.stationarity), 1e-6);
+  for (Index row = 0; row < w.problem.inequalities(); ++row) {
+    EXPECT_LE(branch.point.x.lambda_w()[row], 1e-9) << row;
+    EXPECT_NEAR(images.rows.inequality()[row] * branch.point.x.lambda_w()[row], 0.0, 1e-9) << row;
+  }
+}
+
 }  // namespace
 }  // namespace marble
