@@ -31,9 +31,7 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
       incumbent_(problem, options, branch_.exact),
       search_(problem, kkt, options, path_, branch_, incumbent_),
       optimality_(problem, kkt, options, branch_.point, incumbent_),
-      path_point_(problem) {
-  if (problem.pairs() == 0) quadratic_.emplace(problem, kkt);
-}
+      path_point_(problem) {}
 
 Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z,
                                const std::optional<WarmStart>& warm_start) {
@@ -119,10 +117,10 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
 // is infeasible, one that is not. If nothing exact comes of it, the rest of the path. Says how the path
 // ended, or nothing where an exact solution came before its end.
 std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z) {
-  const bool quadratic = quadratic_ && options_.polish && options_.path == Path::fast;
-  if (quadratic && incumbent_.solve_branch(run, *quadratic_, initial_z, branch_.point.set))
+  const bool quadratic = problem_.pairs() == 0 && options_.polish && options_.path == Path::fast;
+  if (quadratic && incumbent_.solve_branch(run, branch_.interior, initial_z, branch_.point.set))
     return std::nullopt;
-  path_.start(quadratic && run.interrupted() ? ConstVectorRef(quadratic_->iterate().z()) : initial_z);
+  path_.start(quadratic && run.interrupted() ? ConstVectorRef(branch_.interior.iterate().z()) : initial_z);
   std::optional<Ending> end;
   auto branch = PathBranch::not_exact;
   for (const double kappa : {tuning::branch_kappa, tuning::last_kappa}) {

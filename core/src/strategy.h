@@ -12,7 +12,6 @@
 
 #include "optimality.h"
 #include "path/path.h"
-#include "path/quadratic.h"
 #include "run/termination.h"
 #include "search/branch_search.h"
 #include "search/incumbent.h"
@@ -94,7 +93,6 @@ class Strategy {
   const Options& options_;
   Kkt& kkt_;
   PathEngine path_;
-  std::optional<QuadraticEngine> quadratic_;  // where there are no pairs
   BranchEngines branch_;
   Incumbent incumbent_;
   BranchSearch search_;
