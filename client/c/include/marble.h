@@ -1,0 +1,208 @@
+/* The C interface of Marble: core and client behind one shared library.
+ *
+ *   min 1/2 z'Qz + g'z + c0   s.t.   A z + b = 0,   C z + d >= 0,   0 <= L z + l  _|_  R z + r >= 0
+ *
+ * What can fail returns MARBLE_OK or the code of its fault and fills `error`, which may be NULL. Nothing
+ * throws, nothing aborts. NULL where it is not allowed is MARBLE_INVALID_ARGUMENT and names the parameter. A
+ * fault changes nothing. Destroying NULL does nothing. What a function makes it writes to its last parameter
+ * but one, NULL where it failed. Threads: a client may be used by many at once, and marble_call_cancel at any
+ * time. Every other handle belongs to one thread at a time; handles that are only read may be read by many.
+ */
+#pragma once
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Of this header. It rises, and the library's soname with it, where a program would have to be compiled anew.
+ */
+#define MARBLE_ABI_VERSION 1
+/* Of the library that is loaded. */
+int32_t marble_abi_version(void);
+/* Major, minor, patch of the library. */
+const char* marble_version(void);
+
+/* clang-format off */
+/* Made by proto/generate from contract.def, up to the line that ends it; not to be edited. */
+enum marble_error_code {
+  MARBLE_OK = 0,
+  MARBLE_CANCELLED = 1, /* The caller gave it up, or it was ended before there was an answer. */
+  MARBLE_INVALID_ARGUMENT = 3, /* The input breaks a documented rule; field and index say where. */
+  MARBLE_DEADLINE_EXCEEDED = 4, /* Its deadline passed before there was an answer. */
+  MARBLE_NOT_FOUND = 5, /* What it names is not here, or not any more. */
+  MARBLE_PERMISSION_DENIED = 7, /* The caller lacks the role or the priority for it. */
+  MARBLE_RESOURCE_EXHAUSTED = 8, /* A limit of the server or a quota of the client was reached. */
+  MARBLE_FAILED_PRECONDITION = 9, /* It does not fit what came before it: an update of another shape, an answer that is not there yet. */
+  MARBLE_ABORTED = 10, /* The server ended it by a rule of its own: a session without an update for too long. */
+  MARBLE_INTERNAL = 13, /* A bug in Marble. */
+  MARBLE_UNAVAILABLE = 14, /* The server cannot be reached, is draining, or is no Marble server. */
+  MARBLE_UNAUTHENTICATED = 16, /* The caller showed no token or certificate that is known. */
+};
+enum marble_status {
+  MARBLE_STATUS_SOLVED = 0, /* All tolerances are met. */
+  MARBLE_STATUS_SOLVED_REDUCED = 1, /* Feasible to 100 times the tolerances, but no further progress was possible. */
+  MARBLE_STATUS_ITERATION_LIMIT = 2, /* max_iterations was reached, or with option global node_limit; this is the best iterate. */
+  MARBLE_STATUS_TIME_LIMIT = 3, /* time_limit_s was reached; this is the best iterate. */
+  MARBLE_STATUS_CANCELLED = 4, /* The solve was told to end, by its client, by cancel or by a server that shuts down; this is the best iterate. */
+  MARBLE_STATUS_INFEASIBLE = 5, /* No point meets the constraints. The certificate in the answer proves it even without complementarity; where it is empty, every branch of the pairs was refuted. */
+  MARBLE_STATUS_LOCALLY_INFEASIBLE = 6, /* The search ended where the violation cannot be lowered any further; no feasible point is near. Others may exist elsewhere. */
+  MARBLE_STATUS_UNBOUNDED = 7, /* The objective falls without end along a feasible direction, which is the certificate in the answer. */
+  MARBLE_STATUS_NUMERICAL_FAILURE = 8, /* No acceptable step was found within the bounded number of tries. */
+};
+/* The end of what is made. */
+/* clang-format on */
+
+/* What was wrong, where, and the rule it broke. Texts end with a zero byte; what is longer is cut off. */
+typedef struct marble_error {
+  int32_t code;      /* MARBLE_OK, or one of marble_error_code */
+  int32_t reserved;  /* 0 */
+  int64_t index;     /* position in the field, from 0; -1 where the field as a whole is meant */
+  char field[128];   /* as "A.row_indices"; empty where there is none */
+  char value[64];    /* the value that is wrong, as "nan"; may be empty */
+  char bound[512];   /* the rule: "must be in [0, 12)" */
+  char message[768]; /* all of it in one line */
+} marble_error;
+
+/* "invalid_argument"; "unknown" of no code. */
+const char* marble_error_name(int32_t code);
+/* "solved"; "unknown" of no status. */
+const char* marble_status_name(int32_t status);
+/* What to try after a solve that ended so; empty where there is nothing to mend. */
+const char* marble_status_advice(int32_t status);
+
+/* A problem: owns copies of what it is given. */
+typedef struct marble_problem marble_problem;
+/* n >= 0 variables, all parts zero or absent. */
+int32_t marble_problem_create(int32_t variables, marble_problem** problem, marble_error* error);
+/* A file, JSON or binary: "-" is standard input. */
+int32_t marble_problem_read(const char* path, marble_problem** problem, marble_error* error);
+void marble_problem_destroy(marble_problem* problem);
+int32_t marble_problem_variables(const marble_problem* problem); /* n; 0 of NULL */
+int32_t marble_problem_pairs(const marble_problem* problem);     /* n_c; 0 of NULL */
+/* `part` is "g" (n), "b", "d", "l", "r" (as many as the matrix has rows) or "c0" (1). `values` may be NULL
+ * where count is 0. Sizes and numbers are checked by marble_problem_check and by all that solves. */
+int32_t marble_problem_set_vector(marble_problem* problem, const char* part, const double* values,
+                                  int64_t count, marble_error* error);
+/* `part` is "Q" (n x n, symmetric, both triangles), "A", "C", "L" or "R"; compressed columns: column_pointers
+ * has columns + 1 entries from 0 to `entries`, row_indices and values have `entries`, rows ascend within a
+ * column. rows, columns and entries are >= 0. */
+int32_t marble_problem_set_matrix(marble_problem* problem, const char* part, int32_t rows, int32_t columns,
+                                  const int32_t* column_pointers, int64_t entries, const int32_t* row_indices,
+                                  const double* values, marble_error* error);
+/* The first fault: field, index, value and bound. */
+int32_t marble_problem_check(const marble_problem* problem, marble_error* error);
+
+/* The solver's options by their names, at their defaults unless set. */
+typedef struct marble_options marble_options;
+int32_t marble_options_create(marble_options** options, marble_error* error);
+void marble_options_destroy(marble_options* options);
+/* As on a command line: "1e-6", "true", "paper". */
+int32_t marble_options_set(marble_options* options, const char* name, const char* text, marble_error* error);
+/* A number; booleans are 0 and 1, choices count from 0. */
+int32_t marble_options_set_number(marble_options* options, const char* name, double value,
+                                  marble_error* error);
+int32_t marble_options_get(const marble_options* options, const char* name, double* value,
+                           marble_error* error);
+
+/* One row of the iteration table. Later versions may append to it. */
+typedef struct marble_progress {
+  int32_t iteration;
+  int32_t outer_iteration;
+  int32_t factorizations;
+  int32_t reserved; /* 0 */
+  double objective;
+  double equality_violation; /* violations in the user's units */
+  double inequality_violation;
+  double complementarity_violation;
+  double kkt_residual;
+  double kappa;
+  double rho;
+  double step_length;
+  double regularization;
+  double elapsed_s;
+  double incumbent; /* +infinity while there is none */
+  double bound;     /* -infinity while there is none */
+  double gap;       /* +infinity while there is none */
+  int64_t nodes;
+  int64_t open_nodes;
+} marble_progress;
+/* Told after every iteration, on the thread that solves; must not block, and must not destroy what is in use.
+ * Whoever returns anything but 0 gives the call up, as marble_call_cancel does. */
+typedef int (*marble_progress_function)(const marble_progress* progress, void* user);
+
+/* What accompanies calls; may be used again, and by one call at a time. */
+typedef struct marble_call marble_call;
+int32_t marble_call_create(marble_call** call, marble_error* error);
+void marble_call_destroy(marble_call* call);
+/* NULL tells nobody. */
+int32_t marble_call_set_progress(marble_call* call, marble_progress_function function, void* user,
+                                 marble_error* error);
+/* Where to start: n numbers, or none with count 0. */
+int32_t marble_call_set_initial_z(marble_call* call, const double* z, int64_t count, marble_error* error);
+/* No answer is wanted later than so many seconds after a call began (>= 0); infinity: whenever. */
+int32_t marble_call_set_deadline(marble_call* call, double seconds, marble_error* error);
+/* What goes on with it and what comes ends with MARBLE_CANCELLED, until marble_call_reset. Any thread may
+ * ask. */
+void marble_call_cancel(marble_call* call);
+int32_t marble_call_reset(marble_call* call, marble_error* error);
+
+/* A connection to a server, or this process. */
+typedef struct marble_client marble_client;
+/* "host:port", several with commas, "unix:PATH", or "local": this process. NULL is where MARBLE_SERVER says,
+ * and this process where it says nothing. MARBLE_TOKEN, MARBLE_TLS_CA, MARBLE_TLS_CERTIFICATE and
+ * MARBLE_TLS_KEY count. */
+int32_t marble_client_connect(const char* address, marble_client** client, marble_error* error);
+void marble_client_destroy(marble_client* client);
+const char* marble_client_address(
+    const marble_client* client); /* "in process" without a server; empty of NULL */
+
+/* The answer, solved or not. All it lends lives as long as it. */
+typedef struct marble_solution marble_solution;
+/* `client`, `options` and `call` may be NULL: where MARBLE_SERVER says, the defaults, and nothing. */
+int32_t marble_solve(const marble_client* client, const marble_problem* problem,
+                     const marble_options* options, marble_call* call, marble_solution** solution,
+                     marble_error* error);
+void marble_solution_destroy(marble_solution* solution);
+int32_t marble_solution_status(const marble_solution* solution);     /* a marble_status; -1 of NULL */
+const char* marble_solution_detail(const marble_solution* solution); /* one sentence; empty of NULL */
+double marble_solution_objective(const marble_solution* solution);   /* NaN of NULL */
+/* Lent, not copied: "z" (n), "y" (of A), "nu" (of C), "xi" and "eta" (of L and R), "certificate" (maybe
+ * none), with Qz + g + A'y - C'nu - L'xi - R'eta = 0. */
+int32_t marble_solution_vector(const marble_solution* solution, const char* name, const double** values,
+                               int64_t* count, marble_error* error);
+/* objective, bound, gap, proved, nodes, open_nodes, iterations, factorizations, kkt_residual,
+ * equality_violation, inequality_violation, complementarity_violation, stationarity (0 unknown, 1 weak to 4
+ * strong), second_order (0 unknown, 1 saddle, 2 necessary, 3 minimum), setup_s, solve_s, queue_s, total_s. */
+int32_t marble_solution_number(const marble_solution* solution, const char* name, double* value,
+                               marble_error* error);
+
+/* One problem again and again: only what changed is set, each solve starts from the last answer. */
+typedef struct marble_session marble_session;
+/* As marble_solve. The call's initial_z is where the first solve starts; to cancel it ends the session. Its
+ * function, if it has one, is told of every solve; it and the call must outlive the session. */
+int32_t marble_session_open(const marble_client* client, const marble_problem* problem,
+                            const marble_options* options, marble_call* call, marble_session** session,
+                            marble_error* error);
+void marble_session_destroy(marble_session* session);
+/* New numbers for the next solve: "c0", a vector, or all values of a matrix in their order. They are checked
+ * here. */
+int32_t marble_session_set(marble_session* session, const char* part, const double* values, int64_t count,
+                           marble_error* error);
+/* From the next solve on; scaling_passes stays. */
+int32_t marble_session_set_options(marble_session* session, const marble_options* options,
+                                   marble_error* error);
+/* The next solve starts here (n numbers) instead of at the last answer. */
+int32_t marble_session_set_initial_z(marble_session* session, const double* z, int64_t count,
+                                     marble_error* error);
+/* The next solve forgets the last answer. */
+int32_t marble_session_set_cold(marble_session* session, marble_error* error);
+/* The last answer moves one stage on before the next solve: all vectors hold `stages` equal parts. */
+int32_t marble_session_shift(marble_session* session, int32_t stages, marble_error* error);
+/* Takes what was set, and forgets that it was. */
+int32_t marble_session_solve(marble_session* session, marble_solution** solution, marble_error* error);
+
+#ifdef __cplusplus
+}
+#endif

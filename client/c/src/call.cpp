@@ -1,0 +1,84 @@
+#include "handles.h"
+
+using marble::Expected;
+using marble::unexpected;
+using marble::c::guarded;
+using marble::c::null;
+
+void Teller::report(const marble::Progress& row) {
+  if (function_ == nullptr) return;
+  const marble_progress told = {.iteration = row.iteration,
+                                .outer_iteration = row.outer_iteration,
+                                .factorizations = row.factorizations,
+                                .reserved = 0,
+                                .objective = row.objective,
+                                .equality_violation = row.violations.equality,
+                                .inequality_violation = row.violations.inequality,
+                                .complementarity_violation = row.violations.complementarity,
+                                .kkt_residual = row.kkt_residual,
+                                .kappa = row.kappa,
+                                .rho = row.rho,
+                                .step_length = row.step_length,
+                                .regularization = row.regularization,
+                                .elapsed_s = row.elapsed_s,
+                                .incumbent = row.incumbent,
+                                .bound = row.bound,
+                                .gap = row.gap,
+                                .nodes = row.nodes,
+                                .open_nodes = row.open_nodes};
+  if (function_(&told, user_) != 0) stop_.request_stop();
+}
+
+std::int32_t marble_call_create(marble_call** call, marble_error* error) {
+  if (call != nullptr) *call = nullptr;
+  return guarded(error, [&]() -> Expected<void> {
+    if (call == nullptr) return unexpected(null("call"));
+    *call = new marble_call();
+    return {};
+  });
+}
+
+void marble_call_destroy(marble_call* call) { delete call; }
+
+std::int32_t marble_call_set_progress(marble_call* call, marble_progress_function function, void* user,
+                                      marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (call == nullptr) return unexpected(null("call"));
+    call->function = function;
+    call->user = user;
+    return {};
+  });
+}
+
+std::int32_t marble_call_set_initial_z(marble_call* call, const double* z, std::int64_t count,
+                                       marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (call == nullptr) return unexpected(null("call"));
+    const auto given = marble::c::numbers(z, count);
+    if (!given) return unexpected(marble::of_field("initial_z", given.error()));
+    call->initial_z.assign(given->begin(), given->end());
+    return {};
+  });
+}
+
+std::int32_t marble_call_set_deadline(marble_call* call, double seconds, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (call == nullptr) return unexpected(null("call"));
+    if (!(seconds >= 0.0))
+      return unexpected(marble::invalid("seconds", std::to_string(seconds), "must be >= 0"));
+    call->deadline_s = seconds;
+    return {};
+  });
+}
+
+void marble_call_cancel(marble_call* call) {
+  if (call != nullptr) call->stop.request_stop();
+}
+
+std::int32_t marble_call_reset(marble_call* call, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (call == nullptr) return unexpected(null("call"));
+    call->stop = std::stop_source();
+    return {};
+  });
+}

@@ -1,0 +1,120 @@
+#include "handles.h"
+#include "marble/problem_file.h"
+
+using marble::Expected;
+using marble::invalid;
+using marble::unexpected;
+using marble::c::guarded;
+using marble::c::null;
+
+namespace {
+
+Expected<void> set_matrix(marble::SparseMatrix& matrix, const std::string& part,
+                          marble::SparseMatrixView given, std::int64_t entries, const double* values) {
+  const auto at_least_zero = [&](const char* name, std::int64_t value) -> Expected<void> {
+    if (value < 0) return unexpected(invalid(part + "." + name, std::to_string(value), "must be >= 0"));
+    return {};
+  };
+  if (auto valid = at_least_zero("rows", given.rows); !valid) return valid;
+  if (auto valid = at_least_zero("columns", given.columns); !valid) return valid;
+  if (auto valid = at_least_zero("entries", entries); !valid) return valid;
+  if (given.column_pointers.data() == nullptr) return unexpected(null("column_pointers"));
+  if (entries > 0 && given.row_indices.data() == nullptr) return unexpected(null("row_indices"));
+  if (entries > 0 && values == nullptr) return unexpected(null("values"));
+  matrix = marble::SparseMatrix{given.rows,
+                                given.columns,
+                                {given.column_pointers.begin(), given.column_pointers.end()},
+                                {given.row_indices.begin(), given.row_indices.end()},
+                                {values, values + entries}};
+  return {};
+}
+
+}  // namespace
+
+std::int32_t marble_problem_create(std::int32_t variables, marble_problem** problem, marble_error* error) {
+  if (problem != nullptr) *problem = nullptr;
+  return guarded(error, [&]() -> Expected<void> {
+    if (problem == nullptr) return unexpected(null("problem"));
+    if (variables < 0) return unexpected(invalid("variables", std::to_string(variables), "must be >= 0"));
+    auto made = std::make_unique<marble_problem>();
+    made->problem.g.assign(static_cast<std::size_t>(variables), 0.0);
+    *problem = made.release();
+    return {};
+  });
+}
+
+std::int32_t marble_problem_read(const char* path, marble_problem** problem, marble_error* error) {
+  if (problem != nullptr) *problem = nullptr;
+  return guarded(error, [&]() -> Expected<void> {
+    if (path == nullptr) return unexpected(null("path"));
+    if (problem == nullptr) return unexpected(null("problem"));
+    auto file = marble::read_problem(path);
+    if (!file) return unexpected(file.error());
+    *problem = std::make_unique<marble_problem>(std::move(file->problem)).release();
+    return {};
+  });
+}
+
+void marble_problem_destroy(marble_problem* problem) { delete problem; }
+
+std::int32_t marble_problem_variables(const marble_problem* problem) {
+  return problem == nullptr ? 0 : static_cast<std::int32_t>(problem->problem.g.size());
+}
+
+std::int32_t marble_problem_pairs(const marble_problem* problem) {
+  return problem == nullptr ? 0 : static_cast<std::int32_t>(problem->problem.l.size());
+}
+
+std::int32_t marble_problem_set_vector(marble_problem* problem, const char* part, const double* values,
+                                       std::int64_t count, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (problem == nullptr) return unexpected(null("problem"));
+    if (part == nullptr) return unexpected(null("part"));
+    const auto given = marble::c::numbers(values, count);
+    if (!given) return unexpected(given.error());
+    const std::string name = part;
+    if (name == "c0") {
+      if (count != 1) return unexpected(invalid("c0", std::to_string(count), "must be 1 number"));
+      problem->problem.c0 = *values;
+      return {};
+    }
+#define MARBLE_VECTOR(letter, field)                              \
+  if (name == #letter) {                                          \
+    problem->problem.letter.assign(given->begin(), given->end()); \
+    return {};                                                    \
+  }
+#include "marble/contract.def"
+    return unexpected(invalid("part", name, "must be c0, g, b, d, l or r"));
+  });
+}
+
+std::int32_t marble_problem_set_matrix(marble_problem* problem, const char* part, std::int32_t rows,
+                                       std::int32_t columns, const std::int32_t* column_pointers,
+                                       std::int64_t entries, const std::int32_t* row_indices,
+                                       const double* values, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (problem == nullptr) return unexpected(null("problem"));
+    if (part == nullptr) return unexpected(null("part"));
+    const std::string name = part;
+    const auto size = [](std::int64_t count) { return static_cast<std::size_t>(count < 0 ? 0 : count); };
+    const std::size_t pointers = column_pointers == nullptr ? 0 : size(columns) + 1;
+    const marble::SparseMatrixView given = {rows,
+                                            columns,
+                                            {column_pointers, pointers},
+                                            {row_indices, row_indices == nullptr ? 0 : size(entries)},
+                                            {}};
+#define MARBLE_MATRIX(letter, field, update, vector) \
+  if (name == #letter) return set_matrix(problem->problem.letter, name, given, entries, values);
+#include "marble/contract.def"
+    return unexpected(invalid("part", name, "must be Q, A, C, L or R"));
+  });
+}
+
+std::int32_t marble_problem_check(const marble_problem* problem, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (problem == nullptr) return unexpected(null("problem"));
+    const auto checked = marble::Problem::create(problem->problem.view());
+    if (!checked) return unexpected(checked.error());
+    return {};
+  });
+}

@@ -1,0 +1,179 @@
+#include "handles.h"
+
+using marble::Expected;
+using marble::unexpected;
+using marble::c::guarded;
+using marble::c::null;
+
+struct marble_session {
+  marble::Session session;
+  marble::PartSizes sizes;
+  marble::OwnedProblem shape;  // its vectors alone: what a shift by stages needs to know
+  marble_call* call;
+  // For the next solve.
+  marble::OwnedProblem numbers = {};
+  std::optional<double> c0 = {};
+  std::optional<marble::Options> options = {};
+  std::vector<double> initial_z = {};
+  bool cold = false;
+  marble::Shift shift = {};
+
+  void forget() {
+    numbers = {};
+    c0 = {};
+    options = {};
+    initial_z.clear();
+    cold = false;
+    shift = {};
+  }
+};
+
+std::int32_t marble_session_open(const marble_client* client, const marble_problem* problem,
+                                 const marble_options* options, marble_call* call, marble_session** session,
+                                 marble_error* error) {
+  if (session != nullptr) *session = nullptr;
+  return guarded(error, [&]() -> Expected<void> {
+    if (problem == nullptr) return unexpected(null("problem"));
+    if (session == nullptr) return unexpected(null("session"));
+    const auto checked = marble::Problem::create(problem->problem.view());
+    if (!checked) return unexpected(checked.error());
+    std::optional<marble::Client> own;
+    if (client == nullptr) {
+      auto connected = marble::c::connect(nullptr);
+      if (!connected) return unexpected(connected.error());
+      own = std::move(*connected);
+    }
+    marble::SessionOptions over;
+    over.problem_name = problem->problem.name;
+    if (call != nullptr) {
+      over.progress = call->function != nullptr;
+      over.initial_z = call->initial_z;
+      over.stop = call->stop.get_token();
+    }
+    const marble::Client& where = own ? *own : client->client;
+    auto opened = where.open_session(problem->problem.view(),
+                                     options == nullptr ? marble::Options() : options->options, over);
+    if (!opened) return unexpected(opened.error());
+    marble::OwnedProblem shape;
+    shape.g = problem->problem.g;
+    shape.b = problem->problem.b;
+    shape.d = problem->problem.d;
+    shape.l = problem->problem.l;
+    shape.r = problem->problem.r;
+    *session =
+        new marble_session{std::move(*opened), marble::PartSizes::of(*checked), std::move(shape), call};
+    return {};
+  });
+}
+
+void marble_session_destroy(marble_session* session) { delete session; }
+
+std::int32_t marble_session_set(marble_session* session, const char* part, const double* values,
+                                std::int64_t count, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (session == nullptr) return unexpected(null("session"));
+    if (part == nullptr) return unexpected(null("part"));
+    const auto given = marble::c::numbers(values, count);
+    if (!given) return unexpected(given.error());
+    const std::string name = part;
+    marble::ProblemUpdate update;
+    if (name == "c0") {
+      if (count != 1) return unexpected(marble::invalid("c0", std::to_string(count), "must be 1 number"));
+      update.c0 = *values;
+      if (auto valid = session->sizes.check(update); !valid) return valid;
+      session->c0 = *values;
+      return {};
+    }
+    // Of no numbers nothing can be wrong but their count, and an update without them would be one of nothing.
+    const auto wrong_count = [&](std::size_t wanted) {
+      return marble::invalid(name, std::to_string(count), "must have " + std::to_string(wanted) + " numbers");
+    };
+#define MARBLE_VECTOR(letter, field)                                                                   \
+  if (name == #letter) {                                                                               \
+    if (given->size() != session->sizes.letter) return unexpected(wrong_count(session->sizes.letter)); \
+    update.letter = *given;                                                                            \
+    if (auto valid = session->sizes.check(update); !valid) return valid;                               \
+    session->numbers.letter.assign(given->begin(), given->end());                                      \
+    return {};                                                                                         \
+  }
+#define MARBLE_MATRIX(letter, field, update_field, vector)                                             \
+  if (name == #letter) {                                                                               \
+    if (given->size() != session->sizes.letter) return unexpected(wrong_count(session->sizes.letter)); \
+    update.letter = *given;                                                                            \
+    if (auto valid = session->sizes.check(update); !valid) return valid;                               \
+    session->numbers.letter.values.assign(given->begin(), given->end());                               \
+    return {};                                                                                         \
+  }
+#include "marble/contract.def"
+    return unexpected(marble::invalid("part", name, "must be c0, g, b, d, l, r, Q, A, C, L or R"));
+  });
+}
+
+std::int32_t marble_session_set_options(marble_session* session, const marble_options* options,
+                                        marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (session == nullptr) return unexpected(null("session"));
+    if (options == nullptr) return unexpected(null("options"));
+    session->options = options->options;
+    return {};
+  });
+}
+
+std::int32_t marble_session_set_initial_z(marble_session* session, const double* z, std::int64_t count,
+                                          marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (session == nullptr) return unexpected(null("session"));
+    const auto given = marble::c::numbers(z, count);
+    if (!given) return unexpected(marble::of_field("initial_z", given.error()));
+    const auto variables = static_cast<marble::Index>(session->sizes.g);
+    if (auto valid = marble::Problem::check_initial_point(*given, variables); !valid) return valid;
+    session->initial_z.assign(given->begin(), given->end());
+    return {};
+  });
+}
+
+std::int32_t marble_session_set_cold(marble_session* session, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (session == nullptr) return unexpected(null("session"));
+    session->cold = true;
+    return {};
+  });
+}
+
+std::int32_t marble_session_shift(marble_session* session, std::int32_t stages, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (session == nullptr) return unexpected(null("session"));
+    auto by_stage = marble::Shift::by_stage(session->shape.view(), stages);
+    if (!by_stage) return unexpected(by_stage.error());
+    session->shift = std::move(*by_stage);
+    return {};
+  });
+}
+
+std::int32_t marble_session_solve(marble_session* session, marble_solution** solution, marble_error* error) {
+  if (solution != nullptr) *solution = nullptr;
+  return guarded(error, [&]() -> Expected<void> {
+    if (session == nullptr) return unexpected(null("session"));
+    if (solution == nullptr) return unexpected(null("solution"));
+    const marble_call none;
+    const marble_call& call = session->call == nullptr ? none : *session->call;
+    Teller teller(call.function, call.user, call.stop);
+    marble::ProblemUpdate update;
+    update.c0 = session->c0;
+#define MARBLE_VECTOR(letter, field) update.letter = session->numbers.letter;
+#define MARBLE_MATRIX(letter, field, update_field, vector) update.letter = session->numbers.letter.values;
+#include "marble/contract.def"
+    marble::UpdateControls controls;
+    controls.options = session->options;
+    controls.initial_z = session->initial_z;
+    controls.cold = session->cold;
+    controls.shift = session->shift;
+    controls.deadline = call.deadline();
+    controls.progress = call.function == nullptr ? nullptr : &teller;
+    auto answer = session->session.solve(update, controls);
+    session->forget();
+    if (!answer) return unexpected(answer.error());
+    *solution = new marble_solution{std::move(*answer)};
+    return {};
+  });
+}

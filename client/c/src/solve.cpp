@@ -1,0 +1,136 @@
+#include <cmath>
+
+#include "handles.h"
+
+using marble::Expected;
+using marble::unexpected;
+using marble::c::guarded;
+using marble::c::null;
+
+namespace marble::c {
+
+Expected<Client> connect(const char* address) {
+  if (address != nullptr) return Client::connect(address);
+  const char* const named = std::getenv("MARBLE_SERVER");
+  return named != nullptr && *named != '\0' ? Client::connect(named) : Client::in_process();
+}
+
+}  // namespace marble::c
+
+std::int32_t marble_client_connect(const char* address, marble_client** client, marble_error* error) {
+  if (client != nullptr) *client = nullptr;
+  return guarded(error, [&]() -> Expected<void> {
+    if (client == nullptr) return unexpected(null("client"));
+    auto connected = marble::c::connect(address);
+    if (!connected) return unexpected(connected.error());
+    *client = new marble_client{std::move(*connected)};
+    return {};
+  });
+}
+
+void marble_client_destroy(marble_client* client) { delete client; }
+
+const char* marble_client_address(const marble_client* client) {
+  return client == nullptr ? "" : client->client.address().c_str();
+}
+
+std::int32_t marble_solve(const marble_client* client, const marble_problem* problem,
+                          const marble_options* options, marble_call* call, marble_solution** solution,
+                          marble_error* error) {
+  if (solution != nullptr) *solution = nullptr;
+  return guarded(error, [&]() -> Expected<void> {
+    if (problem == nullptr) return unexpected(null("problem"));
+    if (solution == nullptr) return unexpected(null("solution"));
+    const marble_call none;
+    const marble_call& given = call == nullptr ? none : *call;
+    Teller teller(given.function, given.user, given.stop);
+    const marble::SolveControls controls{.progress = given.function == nullptr ? nullptr : &teller,
+                                         .stop = given.stop.get_token(),
+                                         .initial_z = given.initial_z};
+    marble::CallControls over;
+    over.deadline = given.deadline();
+    over.problem_name = problem->problem.name;
+    const marble::Options chosen = options == nullptr ? marble::Options() : options->options;
+    const auto view = problem->problem.view();
+    auto answer = client == nullptr ? marble::solve(view, chosen, controls, over)
+                                    : client->client.solve(view, chosen, controls, over);
+    if (!answer) return unexpected(answer.error());
+    *solution = new marble_solution{std::move(*answer)};
+    return {};
+  });
+}
+
+void marble_solution_destroy(marble_solution* solution) { delete solution; }
+
+std::int32_t marble_solution_status(const marble_solution* solution) {
+  return solution == nullptr ? -1 : static_cast<std::int32_t>(solution->solution.status);
+}
+
+const char* marble_solution_detail(const marble_solution* solution) {
+  return solution == nullptr ? "" : solution->solution.detail.c_str();
+}
+
+double marble_solution_objective(const marble_solution* solution) {
+  return solution == nullptr ? std::nan("") : solution->solution.objective;
+}
+
+std::int32_t marble_solution_vector(const marble_solution* solution, const char* name, const double** values,
+                                    std::int64_t* count, marble_error* error) {
+  if (values != nullptr) *values = nullptr;
+  if (count != nullptr) *count = 0;
+  return guarded(error, [&]() -> Expected<void> {
+    if (solution == nullptr) return unexpected(null("solution"));
+    if (name == nullptr) return unexpected(null("name"));
+    if (values == nullptr) return unexpected(null("values"));
+    if (count == nullptr) return unexpected(null("count"));
+    const marble::Solution& s = solution->solution;
+    const std::pair<const char*, const std::vector<double>*> all[] = {
+        {"z", &s.z},
+        {"y", &s.equality_multipliers},
+        {"nu", &s.inequality_multipliers},
+        {"xi", &s.complementarity_multipliers_L},
+        {"eta", &s.complementarity_multipliers_R},
+        {"certificate", &s.certificate}};
+    for (const auto& [key, vector] : all) {
+      if (std::string_view(name) != key) continue;
+      *values = vector->data();
+      *count = static_cast<std::int64_t>(vector->size());
+      return {};
+    }
+    return unexpected(marble::invalid("name", name, "must be z, y, nu, xi, eta or certificate"));
+  });
+}
+
+std::int32_t marble_solution_number(const marble_solution* solution, const char* name, double* value,
+                                    marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (solution == nullptr) return unexpected(null("solution"));
+    if (name == nullptr) return unexpected(null("name"));
+    if (value == nullptr) return unexpected(null("value"));
+    const marble::RemoteSolution& s = solution->solution;
+    const std::pair<const char*, double> all[] = {{"objective", s.objective},
+                                                  {"bound", s.bound},
+                                                  {"gap", s.gap},
+                                                  {"proved", s.proved ? 1.0 : 0.0},
+                                                  {"nodes", static_cast<double>(s.nodes)},
+                                                  {"open_nodes", static_cast<double>(s.open_nodes)},
+                                                  {"iterations", s.iterations},
+                                                  {"factorizations", s.factorizations},
+                                                  {"kkt_residual", s.kkt_residual},
+                                                  {"equality_violation", s.violations.equality},
+                                                  {"inequality_violation", s.violations.inequality},
+                                                  {"complementarity_violation", s.violations.complementarity},
+                                                  {"stationarity", static_cast<double>(s.stationarity)},
+                                                  {"second_order", static_cast<double>(s.second_order)},
+                                                  {"setup_s", s.times.setup_s},
+                                                  {"solve_s", s.times.solve_s},
+                                                  {"queue_s", s.queue_s},
+                                                  {"total_s", s.total_s}};
+    for (const auto& [key, number] : all) {
+      if (std::string_view(name) != key) continue;
+      *value = number;
+      return {};
+    }
+    return unexpected(marble::invalid("name", name, "is no number of a solution"));
+  });
+}
