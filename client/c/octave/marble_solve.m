@@ -1,0 +1,13 @@
+% answer = marble_solve(problem, options)
+%
+%   min 1/2 z'Qz + g'z + c0   s.t.   A z + b = 0,   C z + d >= 0,   0 <= L z + l  complements  R z + r >= 0
+%
+% problem: a struct with g and what there is of Q, A, b, C, d, L, l, R, r, c0, and z0 to start from. options: a struct of
+% the solver's options. answer: a struct with status, detail, objective, z, y, nu, xi, eta and more. It solves where the
+% environment's MARBLE_SERVER says, and in this process where that says nothing.
+function answer = marble_solve(problem, options)
+  if nargin < 2
+    options = struct();
+  end
+  answer = marble_mex('solve', marble_parts(problem), options);
+end
