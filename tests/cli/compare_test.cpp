@@ -151,7 +151,7 @@ TEST_F(Compare, WhatIsWrongIsToldBeforeAnythingIsSolved) {
       {"--with 'a: path'", "--with = path: must be OPTION=VALUE"},
       {"--with 'a: rho=1'", "rho"},
       {"--with ': path=fast'", "must be NAME or NAME: OPTION=VALUE"},
-      {"--with a --with a", "--with and --peer = a: must be names that differ"},
+      {"--with a --with a", "--with, --methods and --peer = a: must be names that differ"},
       {"--peer sh", "must be NAME: COMMAND"},
       {"--runs 0", "--runs"},
       {"--tolerance -1", "--tolerance"},
