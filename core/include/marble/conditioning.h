@@ -21,7 +21,7 @@ struct PathCondition {
 
 /// A path, and what was seen along it.
 struct PathConditions {
-  std::vector<PathCondition> at;              ///< κ falling, each at most 0.7 of the one before
+  std::vector<PathCondition> at;              ///< κ falling, each but the last at most 0.7 of the one before
   Status status = Status::numerical_failure;  ///< how the path ended
   std::string detail;                         ///< the same in words
   std::int32_t iterations = 0;                ///< Newton steps in all

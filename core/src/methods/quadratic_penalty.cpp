@@ -16,9 +16,15 @@ void PiecewisePenalty::start(ConstVectorRef z) {
   branch_.newton.center.z() = z;
 }
 
-// The proximal term of what is flat pulls to where it begins.
+// The proximal term of what is flat pulls to where it begins. Without estimates it is the elastic problem of the
+// branch, for which there is an interior point method where Newton's steps are too many.
 bool PiecewisePenalty::minimize(Run& run, double rho) {
   branch_.newton.center.z() = branch_.point.x.z();
+  const auto estimates = branch_.newton.center.lambda();
+  if (max_abs(branch_.newton.center.y()) == 0.0 && max_abs(estimates) == 0.0) {
+    branch_.elastic.anchor_here();
+    return branch_.elastic.solve(run, rho, ElasticRelaxation::Rows::violated, tuning::reference_budget);
+  }
   return branch_.newton.minimize(run, {rho, tuning::elastic_delta},
                                  run.factorizations + tuning::reference_budget);
 }
