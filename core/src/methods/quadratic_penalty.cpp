@@ -16,8 +16,8 @@ void PiecewisePenalty::start(ConstVectorRef z) {
   branch_.newton.center.z() = z;
 }
 
-// The proximal term of what is flat pulls to where it begins. Without estimates it is the elastic problem of the
-// branch, for which there is an interior point method where Newton's steps are too many.
+// The proximal term of what is flat pulls to where it begins. Without estimates it is the elastic problem of
+// the branch, for which there is an interior point method where Newton's steps are too many.
 bool PiecewisePenalty::minimize(Run& run, double rho) {
   branch_.newton.center.z() = branch_.point.x.z();
   const auto estimates = branch_.newton.center.lambda();
