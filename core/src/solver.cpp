@@ -34,7 +34,7 @@ const char* nonconvex_remark(SecondOrder second_order) {
 
 // All that does not depend on the factorization: the scaled copy, the engines' vectors, and the responses
 // that a local search keeps.
-double bytes_without_factor(const Problem& problem) {
+double bytes_without_factor(const Problem& problem, const Options& options) {
   const ProblemView& view = problem.view();
   double entries = 0.0;
   for (const SparseMatrixView* matrix : {&view.Q, &view.A, &view.C, &view.L, &view.R})
@@ -45,6 +45,7 @@ double bytes_without_factor(const Problem& problem) {
   return entries * (sizeof(double) + 2.0 * sizeof(Index)) +
          tuning::memory_iterates * iterate * sizeof(double) +
          Parametric::response_bytes(problem.pairs(), rows) +
+         (options.method != Method::marble ? Reference::bytes(entries, iterate) : 0.0) +
          (PenaltyHomotopy::applies(problem.pairs()) ? PenaltyHomotopy::bytes(entries, iterate) : 0.0) +
          tuning::memory_fixed_bytes;
 }
@@ -187,7 +188,7 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& user_opti
                               std::to_string(static_cast<std::int64_t>(bytes)) + " bytes of memory",
                               "a solver may take at most " + std::to_string(controls.most_bytes)));
   };
-  double own_bytes = bytes_without_factor(problem);
+  double own_bytes = bytes_without_factor(problem, options);
   own_bytes += FurtherStarts::extra_bytes(options, own_bytes);
   const auto limit = static_cast<double>(controls.most_bytes);
   if (own_bytes > limit) return refuse(own_bytes);

@@ -35,8 +35,15 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
 
 Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z,
                                const std::optional<WarmStart>& warm_start) {
+  if (options_.method != Method::marble)
+    return run_reference(run, warm_start ? ConstVectorRef(warm_start->solution->z()) : initial_z);
   Answer local = run_locally(run, initial_z, warm_start);
   return options_.global ? search_globally(run, std::move(local), warm_start.has_value()) : local;
+}
+
+Strategy::Answer Strategy::run_reference(Run& run, ConstVectorRef initial_z) {
+  if (reference_ == nullptr) reference_ = std::make_unique<Reference>(problem_, kkt_, options_, branch_);
+  return {reference_->run(run, initial_z), &reference_->iterate()};
 }
 
 // A tree over the pairs, from the local answer. What has been proved already, or was ended, stays as it is.

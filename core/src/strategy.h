@@ -4,12 +4,15 @@
 //     └─ branch infeasible ──► interior point ──► branches near its end, exchanged until one is feasible
 //                                └─ none is ──► whatever finds one without regard to the objective
 //
+// Option method may name another way, of none of these engines.
+//
 // With a warm start the branch of the point given comes first, and often last.
 #pragma once
 
 #include <memory>
 #include <optional>
 
+#include "methods/reference.h"
 #include "optimality.h"
 #include "path/path.h"
 #include "run/termination.h"
@@ -70,6 +73,7 @@ class Strategy {
   // What came of the branch that the path shows.
   enum class PathBranch { exact, path_is_lower, not_exact };
 
+  [[nodiscard]] Answer run_reference(Run& run, ConstVectorRef initial_z);
   [[nodiscard]] Answer run_locally(Run& run, ConstVectorRef initial_z,
                                    const std::optional<WarmStart>& warm_start);
   [[nodiscard]] Answer search_globally(Run& run, Answer local, bool warm);
@@ -98,7 +102,8 @@ class Strategy {
   BranchSearch search_;
   Optimality optimality_;
   PathPoint path_point_;
-  std::unique_ptr<Tree> tree_;  // made when it is first needed
+  std::unique_ptr<Reference> reference_;  // the same
+  std::unique_ptr<Tree> tree_;            // made when it is first needed
   double tree_bytes_ = 0.0, kept_tree_bytes_ = 0.0;
   bool keeps_tree_ = false;
   struct {

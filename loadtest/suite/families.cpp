@@ -77,7 +77,7 @@ void macmpec(const Settings& settings) {
   print_header();
   for (const auto& file : problem_files(settings.benchmarks / "macmpec")) {
     const auto [problem, reference] = testing::read_shared(file);
-    records.push_back(solve_and_judge(file.stem(), problem, {}, reference));
+    records.push_back(solve_and_judge(file.stem(), problem, settings.options, reference));
     print(records.back());
   }
   if (!records.empty()) print_summary("macmpec", records, 1e-5);
@@ -102,7 +102,7 @@ void robotics(const Settings& settings) {
   print_header();
   for (const auto& file : problem_files(settings.benchmarks / "robotics")) {
     const auto [problem, reference] = testing::read_shared(file);
-    records.push_back(solve_and_judge(file.stem(), problem, {}, reference));
+    records.push_back(solve_and_judge(file.stem(), problem, settings.options, reference));
     print(records.back());
   }
   if (!records.empty()) print_summary("robotics", records, 0.1);

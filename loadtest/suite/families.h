@@ -16,13 +16,14 @@ struct Settings {
   bool judging = false;              ///< hard: even seeds, which nothing is chosen on
   std::string peers;                 ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
   double time_limit_s = 60.0;        ///< of a proof
+  Options options;                   ///< macmpec and robotics: what is solved by
   std::string only;                  ///< of the problems to prove, that one; all if empty
 };
 
 /// The problems of a folder in the order of their names; none, said so, where there is no folder.
 [[nodiscard]] std::vector<std::filesystem::path> problem_files(const std::filesystem::path& folder);
 
-/// Default options on each MacMPEC problem, against the best known objective.
+/// The options on each MacMPEC problem, against the best known objective.
 void macmpec(const Settings& settings);
 /// Each MacMPEC problem with its data × (1 + 1e-3 noise), `seeds` times, against the best of `starts` starts.
 void perturbed(const Settings& settings);

@@ -30,6 +30,7 @@ constexpr const char* kUsage =
     "  --starts K           of the references where none is known, default 8\n"
     "  --time-limit S       of global, default 60\n"
     "  --only NAME          of global and qp, that problem\n"
+    "  --option NAME=VALUE  of macmpec and robotics, a solver option; may be repeated\n"
     "  --benchmarks FOLDER  problems with references\n"
     "  --peers COMMAND      measure qp or global in turns with other solvers: COMMAND runs qp_peers.py or\n"
     "                       global_peers.py of loadtest/suite/peers\n"
@@ -92,6 +93,14 @@ int main(int argc, char** argv) {
       settings.starts = std::max(1, std::atoi(value()));
     } else if (argument == "--time-limit") {
       settings.time_limit_s = std::max(0.0, std::atof(value()));
+    } else if (argument == "--option") {
+      const std::string option = value();
+      const std::size_t equals = option.find('=');
+      const std::string text = equals == std::string::npos ? "" : option.substr(equals + 1);
+      if (auto set = set_option_text(settings.options, option.substr(0, equals), text); !set) {
+        std::fprintf(stderr, "suite: %s\n", set.error().message().c_str());
+        return 2;
+      }
     } else if (argument == "--only") {
       settings.only = value();
     } else if (argument == "--peers") {

@@ -151,7 +151,7 @@ TEST_F(Compare, WhatIsWrongIsToldBeforeAnythingIsSolved) {
       {"--with 'a: path'", "--with = path: must be OPTION=VALUE"},
       {"--with 'a: rho=1'", "rho"},
       {"--with ': path=fast'", "must be NAME or NAME: OPTION=VALUE"},
-      {"--with a --with a", "--with and --peer = a: must be names that differ"},
+      {"--with a --with a", "--with, --methods and --peer = a: must be names that differ"},
       {"--peer sh", "must be NAME: COMMAND"},
       {"--runs 0", "--runs"},
       {"--tolerance -1", "--tolerance"},
@@ -166,6 +166,25 @@ TEST_F(Compare, WhatIsWrongIsToldBeforeAnythingIsSolved) {
   EXPECT_EQ(run("compare /no/such/file.json").exit_code, 2);
   EXPECT_EQ(run("reproduce figure4").exit_code, 2);
   EXPECT_EQ(run("reproduce table1 " + good()).exit_code, 2);
+}
+
+TEST_F(Compare, MethodsOfOthersStandBesideThisSolver) {
+  const Result result = run("compare " + good() + " --methods marble,penalty_scp,relaxation,exterior,alag" +
+                            peer("right", kRight) + table());
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  for (const char* name : {"marble", "penalty_scp", "relaxation", "exterior", "alag", "right"})
+    EXPECT_EQ(row(result, name).solved, "yes") << name;
+  const Result wrong = run("compare " + good() + " --methods marble,guess");
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_NE(wrong.err.find("must be one of marble, penalty_scp"), std::string::npos) << wrong.err;
+}
+
+TEST_F(Compare, RetractionsAreComparedOnTheSamePath) {
+  const Result result = run("reproduce retraction " + good());
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  for (const char* text : {"published rocket", "retraction", "failures", "median of their ratios", "good "})
+    EXPECT_NE(result.out.find(text), std::string::npos) << text << " is missing:\n" << result.out;
+  EXPECT_EQ(run("reproduce retraction --peer 'mine: true'").exit_code, 2);
 }
 
 // 380.7148 is Gurobi's optimum of the rocket, 381.19 what the paper's method reached.

@@ -85,6 +85,19 @@ TEST(Allocation, NoneInTheLoopOfAProblemWhoseLinesSearchAndRetry) {
   expect_none_in_loop(p, options);
 }
 
+TEST(Allocation, NoneInTheLoopOfAnyMethod) {
+  for (const Method method :
+       {Method::penalty_scp, Method::relaxation, Method::l1_penalty, Method::exterior, Method::alag}) {
+    for (const OwnedProblem& p : {examples::rocket(), dense_problem()}) {
+      Solver solver = make(p, {.max_iterations = 60, .method = method});
+      CountingSink sink;
+      const Solution s = solver.solve({.progress = &sink}).value();
+      EXPECT_GT(sink.rows, 2) << s.detail;
+      EXPECT_EQ(sink.last - sink.first, 0) << s.detail;
+    }
+  }
+}
+
 TEST(Allocation, NoneInAnyFactorizationOfPolishAndLocalSearch) {
   // What a solve allocates beyond its loop is its answer: no more when it factorizes more.
   for (const OwnedProblem& p : {examples::hopper({.steps = 20}), dense_problem()}) {

@@ -34,30 +34,47 @@ double p_curvature(double sigma, double kappa) {
   return 2.0 * kappa / std::pow(sigma * sigma + 4.0 * kappa, 1.5);
 }
 
+namespace {
+
+// Of the sides of a pair, s = h(σ) and t = h(−σ): h and its derivatives by the retraction chosen.
+using Function = double (*)(double, double);
+double exponential(double sigma, double kappa) { return std::sqrt(kappa) * std::exp(sigma); }
+Function side(const Subproblem& sub) { return sub.retraction == Retraction::softplus ? p : exponential; }
+Function side_slope(const Subproblem& sub) {
+  return sub.retraction == Retraction::softplus ? p_slope : exponential;
+}
+Function side_curvature(const Subproblem& sub) {
+  return sub.retraction == Retraction::softplus ? p_curvature : exponential;
+}
+
+}  // namespace
+
 Vector literal_residual(const ScaledProblem& problem, const Subproblem& sub, const Iterate& x) {
   const Eigen::MatrixXd A = dense(problem.A), C = dense(C_of(problem)), L = dense(L_of(problem)),
                         R = dense(R_of(problem));
-  const auto every = [&sub](const auto& values, double sign, double (*f)(double, double)) {
+  const auto every = [&sub](const auto& values, double sign, Function f) {
     return Vector(values.unaryExpr([&](double value) { return f(sign * value, sub.kappa); }));
   };
   Iterate r(problem);
   r.z() = dense(problem.Q) * x.z() + problem.g + A.transpose() * x.y() + C.transpose() * x.lambda_w() +
           L.transpose() * x.lambda_L() + R.transpose() * x.lambda_R();
-  r.sigma() = every(x.sigma(), -1.0, p_slope).cwiseProduct(x.lambda_R()) -
-              every(x.sigma(), 1.0, p_slope).cwiseProduct(x.lambda_L());
+  r.sigma() = every(x.sigma(), -1.0, side_slope(sub)).cwiseProduct(x.lambda_R()) -
+              every(x.sigma(), 1.0, side_slope(sub)).cwiseProduct(x.lambda_L());
   r.v() = x.lambda_w() + every(x.v(), -1.0, p);
   r.y() = (sub.equality_estimate - x.y()) / sub.rho + A * x.z() + problem.b;
   r.lambda_w() = (sub.row_estimate.inequality() - x.lambda_w()) / sub.rho + C * x.z() + d_of(problem) -
                  every(x.v(), 1.0, p);
-  r.lambda_L() =
-      (sub.row_estimate.s() - x.lambda_L()) / sub.rho + L * x.z() + l_of(problem) - every(x.sigma(), 1.0, p);
-  r.lambda_R() =
-      (sub.row_estimate.t() - x.lambda_R()) / sub.rho + R * x.z() + r_of(problem) - every(x.sigma(), -1.0, p);
+  r.lambda_L() = (sub.row_estimate.s() - x.lambda_L()) / sub.rho + L * x.z() + l_of(problem) -
+                 every(x.sigma(), 1.0, side(sub));
+  r.lambda_R() = (sub.row_estimate.t() - x.lambda_R()) / sub.rho + R * x.z() + r_of(problem) -
+                 every(x.sigma(), -1.0, side(sub));
   return r.all;
 }
 
 double pair_curvature(const Subproblem& sub, const Iterate& x, Index i, bool clip) {
-  const double q = -p_curvature(x.sigma()[i], sub.kappa) * (x.lambda_L()[i] + x.lambda_R()[i]);
+  const Function curvature = side_curvature(sub);
+  const double q = -curvature(x.sigma()[i], sub.kappa) * x.lambda_L()[i] -
+                   curvature(-x.sigma()[i], sub.kappa) * x.lambda_R()[i];
   return clip && q < 0.0 ? 0.0 : q;
 }
 
@@ -84,8 +101,8 @@ Eigen::MatrixXd full_jacobian(const ScaledProblem& problem, const Subproblem& su
   }
   for (Index i = 0; i < n_c; ++i) {
     J(sigma + i, sigma + i) = pair_curvature(sub, x, i, clip) + delta;
-    J(sigma + i, left + i) = J(left + i, sigma + i) = -p_slope(x.sigma()[i], sub.kappa);
-    J(sigma + i, right + i) = J(right + i, sigma + i) = p_slope(-x.sigma()[i], sub.kappa);
+    J(sigma + i, left + i) = J(left + i, sigma + i) = -side_slope(sub)(x.sigma()[i], sub.kappa);
+    J(sigma + i, right + i) = J(right + i, sigma + i) = side_slope(sub)(-x.sigma()[i], sub.kappa);
   }
   return J;
 }

@@ -23,7 +23,7 @@ namespace marble::testing {
 /// r(x) of (13) with equality constraints, in the segments of Iterate.
 [[nodiscard]] Vector literal_residual(const ScaledProblem& problem, const Subproblem& sub, const Iterate& x);
 
-/// q = −p″(σ)(λ_L + λ_R), at least 0 if clipped.
+/// q = −p″(σ)(λ_L + λ_R), at least 0 if clipped; by the exponential retraction −(s λ_L + t λ_R).
 [[nodiscard]] double pair_curvature(const Subproblem& sub, const Iterate& x, Index i, bool clip);
 
 /// Jacobian of the residual (13), rows and columns in the segments of Iterate, with δ on z and σ.

@@ -4,8 +4,11 @@
 #include <memory>
 
 #include "base/exit_code.h"
+#include "base/interrupt.h"
 #include "commands/commands.h"
 #include "comparison/comparison_arguments.h"
+#include "comparison/retractions.h"
+#include "marble/examples.h"
 #include "marble/published_examples.h"
 
 namespace marble::cli {
@@ -34,6 +37,12 @@ constexpr const char* kTableOne =
     "Contact dynamics is the hopper, progress constraints are the gates, state-triggered constraints the\n"
     "rocket. The gates were published with other numbers than the table's.\n";
 
+constexpr const char* kRetraction =
+    "\nThe paper's section IV.A, in words only: the exponential map suffers from numerical ill-conditioning "
+    "due\nto unbounded gradients; those of the softplus are between 0 and 1. cond: of the whole KKT matrix "
+    "of "
+    "(13),\nwhere the inner loop has ended, in the 1-norm.\n";
+
 constexpr const char* kFigureFour =
     "\nThe paper's Figure 4 and its text: Marble is the fastest on 69 % of 39 problems of MacMPEC and at "
     "most 8\n"
@@ -44,6 +53,19 @@ std::vector<ProblemFile> table_one() {
   problems[0].problem = examples::published_hopper();
   problems[1].problem = examples::published_gates();
   problems[2].problem = examples::published_rocket();
+  return problems;
+}
+
+// The paper's three, ours, and some that have no structure.
+std::vector<ProblemFile> families() {
+  std::vector<ProblemFile> problems = table_one();
+  const auto add = [&problems](OwnedProblem problem) {
+    problems.emplace_back().problem = std::move(problem);
+  };
+  add(examples::hopper({.steps = 20}));
+  add(examples::rocket());
+  add(examples::gates());
+  for (const std::uint64_t seed : {1, 2, 3, 4}) add(examples::qpec({}, seed));
   return problems;
 }
 
@@ -62,20 +84,37 @@ int reproduce(const ComparisonArguments& arguments, const std::vector<ProblemFil
   return exit_code;
 }
 
+int fails(const std::string& message) {
+  std::cerr << "marble: " << message << '\n';
+  return kBadInput;
+}
+
+// By the authors' constants, on both paths alike.
+int reproduce_retraction(const ReproduceArguments& arguments, const std::vector<ProblemFile>& files) {
+  const auto contestants = contestants_of(arguments, {kOwn[1]});
+  if (!contestants) return option_fails(contestants.error());
+  const auto* const options = std::get_if<Options>(&contestants->front().solver);
+  if (contestants->size() != 1 || options == nullptr)
+    return fails("retraction has no peers, and one --with at most: the options of both paths");
+  std::vector<ProblemFile> problems = families();
+  problems.insert(problems.end(), files.begin(), files.end());
+  const Interrupt interrupt;
+  const auto pairs = compare_retractions(problems, *options, interrupt.token());
+  if (!pairs) return fails(pairs.error().message());
+  std::cout << retraction_report(*pairs) << kRetraction << std::flush;
+  return kAllSolved;
+}
+
 int run(const ReproduceArguments& arguments) {
   const bool table = arguments.what == "table1";
-  if (table != arguments.files.empty()) {
-    std::cerr << "marble: "
-              << (table ? "table1 has problems of its own, and no FILE"
-                        : "figure4 needs FILE ...: the problems of MacMPEC")
-              << '\n';
-    return kBadInput;
-  }
+  if (table && !arguments.files.empty()) return fails("table1 has problems of its own, and no FILE");
+  if (arguments.what == "figure4" && arguments.files.empty())
+    return fails("figure4 needs FILE ...: the problems of MacMPEC");
   if (table) return reproduce(arguments, table_one(), "Table I", kTableOne);
   const auto problems = read_all(arguments.files);
-  if (problems) return reproduce(arguments, *problems, "Figure 4", kFigureFour);
-  std::cerr << "marble: " << problems.error().message() << '\n';
-  return kBadInput;
+  if (!problems) return fails(problems.error().message());
+  if (arguments.what == "retraction") return reproduce_retraction(arguments, *problems);
+  return reproduce(arguments, *problems, "Figure 4", kFigureFour);
 }
 
 }  // namespace
@@ -88,10 +127,11 @@ void add_reproduce(CLI::App& program, int& exit_code) {
       ->add_option(
           "WHAT", arguments->what,
           "table1: hopper, gates and rocket as the paper's authors published them; figure4: the performance "
-          "profile of MacMPEC, whose files must be given")
+          "profile of MacMPEC, whose files must be given; retraction: softplus against exponential on the "
+          "path, table1's problems, ours and those of the files")
       ->required()
-      ->check(CLI::IsMember({"table1", "figure4"}));
-  command->add_option("FILE", arguments->files, "problems in any format, for figure4");
+      ->check(CLI::IsMember({"table1", "figure4", "retraction"}));
+  command->add_option("FILE", arguments->files, "problems in any format, for figure4 and retraction");
   judge_as_authors(*arguments);
   add_comparison_arguments(*command, *arguments);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });

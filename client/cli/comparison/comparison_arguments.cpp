@@ -51,6 +51,11 @@ void add_comparison_arguments(CLI::App& command, ComparisonArguments& arguments)
       ->allow_extra_args(false);
   command
       .add_option(
+          "--methods", arguments.methods,
+          "methods of option method, with commas between: this solver and those of others, in process")
+      ->delimiter(',');
+  command
+      .add_option(
           "--peer", arguments.peers,
           "'NAME: COMMAND': a program that takes a problem's JSON file as its last argument and prints "
           "a line {\"status\": ..., \"z\": [...], \"seconds\": ...}; may be repeated")
@@ -89,10 +94,16 @@ Expected<std::vector<Contestant>> contestants_of(const ComparisonArguments& argu
   const auto base = parse_options(arguments.solver);
   if (!base) return unexpected(base.error());
   std::vector<Contestant> all;
-  for (const std::string& text : arguments.with.empty() ? own : arguments.with) {
+  for (const std::string& text : arguments.with.empty() && arguments.methods.empty() ? own : arguments.with) {
     auto contestant = contestant_by_options("--with", text, *base);
     if (!contestant) return unexpected(std::move(contestant.error()));
     all.push_back(std::move(*contestant));
+  }
+  for (const std::string& method : arguments.methods) {
+    Options options = *base;
+    if (auto set = set_option_text(options, "method", method); !set)
+      return unexpected(of_field("--methods", set.error()));
+    all.push_back({method, options});
   }
   for (const std::string& text : arguments.peers) {
     auto contestant = contestant_by_command("--peer", text);
@@ -101,7 +112,7 @@ Expected<std::vector<Contestant>> contestants_of(const ComparisonArguments& argu
   }
   for (std::size_t k = 0; k < all.size(); ++k) {
     if (std::ranges::count(all, all[k].name, &Contestant::name) > 1)
-      return unexpected(invalid("--with and --peer", all[k].name, "must be names that differ"));
+      return unexpected(invalid("--with, --methods and --peer", all[k].name, "must be names that differ"));
   }
   return all;
 }

@@ -12,14 +12,14 @@ namespace marble::cli {
 
 struct ComparisonArguments {
   SolverArguments solver;
-  std::vector<std::string> with, peers, recorded;
+  std::vector<std::string> with, methods, peers, recorded;
   ComparisonSettings settings;
   std::string table, profile;  // files; empty: none is written
 };
 
 void add_comparison_arguments(CLI::App& command, ComparisonArguments& arguments);
 
-/// Those that are asked for: `own` where there is none of --with, else these; then the peers.
+/// Those that are asked for: `own` where there is none of --with and --methods, else these; then the peers.
 [[nodiscard]] Expected<std::vector<Contestant>> contestants_of(const ComparisonArguments& arguments,
                                                                const std::vector<std::string>& own);
 

@@ -52,11 +52,16 @@ py::object python_value(std::int32_t value) { return py::int_(value); }
 py::object python_value(bool value) { return py::bool_(value); }
 
 /// A choice by its name.
-py::object python_value(Path path) {
+py::object choice_name(std::string_view option, std::size_t value) {
   for (const OptionInfo& info : option_table()) {
-    if (info.name == "path") return py::str(std::string(info.choices[static_cast<std::size_t>(path)]));
+    if (info.name == option) return py::str(std::string(info.choices[value]));
   }
   return py::none();
+}
+py::object python_value(Path path) { return choice_name("path", static_cast<std::size_t>(path)); }
+py::object python_value(Method method) { return choice_name("method", static_cast<std::size_t>(method)); }
+py::object python_value(Retraction retraction) {
+  return choice_name("retraction", static_cast<std::size_t>(retraction));
 }
 
 py::dict dict_of(const Options& options) {

@@ -150,6 +150,8 @@ const wrongControls: [unknown, string][] = [
   [{ options: { maxIterations: 1.5 } }, "options.maxIterations"],
   [{ options: { polish: 1 } }, "options.polish"],
   [{ options: { path: "quick" } }, "options.path"],
+  [{ options: { method: "guess" } }, "options.method"],
+  [{ options: { retraction: "linear" } }, "options.retraction"],
   [{ options: { timeLimit: 1 } }, "options"],
   [{ priority: "high" }, "priority"],
   [{ deadlineMs: 0 }, "deadlineMs"],

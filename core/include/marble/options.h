@@ -17,6 +17,22 @@ enum class Path {
   algorithm1,  ///< Algorithm 1 as printed and nothing else: its δ, its end, no scaling, no polish, no search
 };
 
+/// By what a solve is done.
+enum class Method {
+  marble,       ///< this solver: the path, exact branches, local search
+  penalty_scp,  ///< π sᵀt linearized, a QP a step, π raised: LCQPow's iteration
+  relaxation,   ///< s∘t ≤ τ by an interior point method, τ lowered: Scholtes
+  l1_penalty,   ///< μ Σ min(s, t), exact once μ is above the multipliers
+  exterior,     ///< μ times the squared distance from the constraints: SUMT
+  alag,         ///< the same with estimates of the multipliers: the augmented Lagrangian
+};
+
+/// How a pair's sides s·t = κ are written by one variable.
+enum class Retraction {
+  softplus,     ///< (4): slopes between 0 and 1
+  exponential,  ///< √κ·e^σ and √κ·e^−σ: slopes without bound
+};
+
 /// All options, at their defaults unless set. Ranges are closed; validate() checks them.
 struct Options {
 #define MARBLE_OPTION(type, name, default_value, low, high, unit, doc) type name = default_value;

@@ -49,16 +49,16 @@ void residual(const Subproblem& sub, const Images& images, const Iterate& x, Ite
   const auto s = images.rows.s();
   const auto t = images.rows.t();
   for (Eigen::Index i = 0; i < inequality.size(); ++i) {
-    const Retraction w(x.v()[i], kappa);
+    const Softplus w(x.v()[i], kappa);
     r.v()[i] = x.lambda_w()[i] + w.negative;
     r.lambda_w()[i] =
         softness * (sub.row_estimate.inequality()[i] - x.lambda_w()[i]) + inequality[i] - w.positive;
   }
   for (Eigen::Index i = 0; i < s.size(); ++i) {
-    const Retraction h(x.sigma()[i], kappa);
-    r.sigma()[i] = h.negative_slope() * x.lambda_R()[i] - h.slope() * x.lambda_L()[i];
-    r.lambda_L()[i] = softness * (sub.row_estimate.s()[i] - x.lambda_L()[i]) + s[i] - h.positive;
-    r.lambda_R()[i] = softness * (sub.row_estimate.t()[i] - x.lambda_R()[i]) + t[i] - h.negative;
+    const PairCurve h(sub.retraction, x.sigma()[i], kappa);
+    r.sigma()[i] = h.b() * x.lambda_R()[i] - h.a() * x.lambda_L()[i];
+    r.lambda_L()[i] = softness * (sub.row_estimate.s()[i] - x.lambda_L()[i]) + s[i] - h.s;
+    r.lambda_R()[i] = softness * (sub.row_estimate.t()[i] - x.lambda_R()[i]) + t[i] - h.t;
   }
 }
 

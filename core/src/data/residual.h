@@ -2,6 +2,7 @@
 #pragma once
 
 #include "data/iterate.h"
+#include "marble/options.h"
 #include "marble/progress.h"
 #include "marble/solution.h"
 
@@ -34,6 +35,7 @@ struct Subproblem {
     row_estimate.all.setZero();
   }
 
+  Retraction retraction = Retraction::softplus;
   double kappa = 0.0, rho = 0.0;
   Vector equality_estimate;  ///< α
   RowVector row_estimate;    ///< α of inequalities, β of pairs

@@ -1,17 +1,20 @@
-// The softplus retraction (4): s = p(σ), t = p(−σ) with s·t = κ exactly and both positive.
+// The softplus retraction (4): s = p(σ), t = p(−σ) with s·t = κ exactly and both positive; and the
+// exponential one that the paper compares it with.
 #pragma once
 
 #include <cmath>
 
+#include "marble/options.h"
+
 namespace marble {
 
 /// p(σ) = ½(σ + √(σ² + 4κ)) and p(−σ) = κ / p(σ), the smaller one without cancellation. Needs κ > 0.
-struct Retraction {
+struct Softplus {
   double positive;  ///< p(σ)
   double negative;  ///< p(−σ)
   double root;      ///< √(σ² + 4κ)
 
-  Retraction(double sigma, double kappa) : root(std::sqrt(sigma * sigma + 4.0 * kappa)) {
+  Softplus(double sigma, double kappa) : root(std::sqrt(sigma * sigma + 4.0 * kappa)) {
     const double large = 0.5 * (std::abs(sigma) + root);
     const double small = kappa / large;
     positive = sigma >= 0.0 ? large : small;
@@ -22,6 +25,46 @@ struct Retraction {
   [[nodiscard]] double negative_slope() const { return negative / root; }  ///< b = p′(−σ) = 1 − a
   /// p″(σ) = 2κ / (σ² + 4κ)^{3/2}, even in σ; written with p(σ)·p(−σ) for κ.
   [[nodiscard]] double curvature() const { return 2.0 * positive * negative / (root * root * root); }
+};
+
+/// √κ·e^σ and √κ·e^−σ, which are their own slopes: no bound holds them, nor what is computed with them.
+struct Exponential {
+  double positive, negative;
+
+  Exponential(double sigma, double kappa)
+      : positive(std::sqrt(kappa) * std::exp(sigma)), negative(std::sqrt(kappa) * std::exp(-sigma)) {}
+};
+
+/// The sides s and t of a pair at σ, by either. Inequalities have the softplus always: (12) depends on it.
+class PairCurve {
+ public:
+  PairCurve(Retraction retraction, double sigma, double kappa)
+      : PairCurve(retraction == Retraction::softplus ? of(Softplus(sigma, kappa))
+                                                     : of(Exponential(sigma, kappa))) {}
+
+  /// σ of the point of the curve where s − t is this.
+  [[nodiscard]] static double sigma_of(Retraction retraction, double difference, double kappa) {
+    return retraction == Retraction::softplus ? difference
+                                              : std::asinh(difference / (2.0 * std::sqrt(kappa)));
+  }
+
+  double s, t;
+  [[nodiscard]] double a() const { return s / root_; }  ///< s′(σ)
+  [[nodiscard]] double b() const { return t / root_; }  ///< −t′(σ)
+  /// s″(σ)·λ_L + t″(σ)·λ_R
+  [[nodiscard]] double bend(double lambda_L, double lambda_R) const {
+    return exponential_ ? s * lambda_L + t * lambda_R
+                        : 2.0 * s * t / (root_ * root_ * root_) * (lambda_L + lambda_R);
+  }
+
+ private:
+  PairCurve(double s_side, double t_side, double root, bool exponential)
+      : s(s_side), t(t_side), root_(root), exponential_(exponential) {}
+  static PairCurve of(const Softplus& p) { return {p.positive, p.negative, p.root, false}; }
+  static PairCurve of(const Exponential& e) { return {e.positive, e.negative, 1.0, true}; }
+
+  double root_;  // 1 of the exponential, whose sides are their slopes
+  bool exponential_;
 };
 
 }  // namespace marble

@@ -35,6 +35,20 @@ struct OptionTraits<Path> {
   static constexpr std::span<const std::string_view> choices = names;
 };
 
+template <>
+struct OptionTraits<Method> {
+  static constexpr OptionType kind = OptionType::choice;
+  static constexpr std::string_view names[] = {"marble",     "penalty_scp", "relaxation",
+                                               "l1_penalty", "exterior",    "alag"};
+  static constexpr std::span<const std::string_view> choices = names;
+};
+template <>
+struct OptionTraits<Retraction> {
+  static constexpr OptionType kind = OptionType::choice;
+  static constexpr std::string_view names[] = {"softplus", "exponential"};
+  static constexpr std::span<const std::string_view> choices = names;
+};
+
 constexpr OptionInfo kTable[] = {
 #define MARBLE_OPTION(type, name, default_value, low, high, unit, doc) \
   {#name,                                                              \

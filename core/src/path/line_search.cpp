@@ -34,17 +34,17 @@ Measures measure(const Subproblem& sub, const Images& at, const Images& along, c
   }
   double log_sum = 0.0;
   for (Eigen::Index i = 0; i < at.rows.inequality().size(); ++i) {
-    const Retraction w(x.v()[i] + alpha * d.v()[i], sub.kappa);
+    const Softplus w(x.v()[i] + alpha * d.v()[i], sub.kappa);
     log_sum += std::log(w.positive);
     add_constraint(at.rows.all[i] + alpha * along.rows.all[i] - w.positive, sub.row_estimate.all[i],
                    x.lambda_w()[i] + alpha * d.lambda_w()[i]);
   }
   m.phi -= sub.kappa * log_sum;
   for (Eigen::Index i = 0; i < at.rows.s().size(); ++i) {
-    const Retraction h(x.sigma()[i] + alpha * d.sigma()[i], sub.kappa);
-    add_constraint(at.rows.s()[i] + alpha * along.rows.s()[i] - h.positive, sub.row_estimate.s()[i],
+    const PairCurve h(sub.retraction, x.sigma()[i] + alpha * d.sigma()[i], sub.kappa);
+    add_constraint(at.rows.s()[i] + alpha * along.rows.s()[i] - h.s, sub.row_estimate.s()[i],
                    x.lambda_L()[i] + alpha * d.lambda_L()[i]);
-    add_constraint(at.rows.t()[i] + alpha * along.rows.t()[i] - h.negative, sub.row_estimate.t()[i],
+    add_constraint(at.rows.t()[i] + alpha * along.rows.t()[i] - h.t, sub.row_estimate.t()[i],
                    x.lambda_R()[i] + alpha * d.lambda_R()[i]);
   }
   return m;
@@ -54,7 +54,7 @@ double phi_slope(const Subproblem& sub, const Images& at, const Iterate& x, cons
   // d/dα of φ at 0; ∂φ/∂λ = (α + ρe)/ρ = λ/ρ.
   double slope = at.gradient.dot(d.z());
   for (Eigen::Index i = 0; i < at.rows.inequality().size(); ++i) {
-    slope -= sub.kappa * d.v()[i] / Retraction(x.v()[i], sub.kappa).root;  // p′/p = 1/√(v² + 4κ)
+    slope -= sub.kappa * d.v()[i] / Softplus(x.v()[i], sub.kappa).root;  // p′/p = 1/√(v² + 4κ)
   }
   const double from_multipliers = x.y().dot(d.y()) + x.lambda_w().dot(d.lambda_w()) +
                                   x.lambda_L().dot(d.lambda_L()) + x.lambda_R().dot(d.lambda_R());
@@ -120,7 +120,7 @@ double residual_norm(const Subproblem& sub, const Images& at, const Images& alon
     primal(at.equality[i] + alpha * along.equality[i], sub.equality_estimate[i], x.y()[i] + alpha * d.y()[i]);
   }
   for (Eigen::Index i = 0; i < at.rows.inequality().size(); ++i) {
-    const Retraction w(x.v()[i] + alpha * d.v()[i], sub.kappa);
+    const Softplus w(x.v()[i] + alpha * d.v()[i], sub.kappa);
     const double lambda = x.lambda_w()[i] + alpha * d.lambda_w()[i];
     take(lambda + w.negative);
     primal(at.rows.all[i] + alpha * along.rows.all[i] - w.positive, sub.row_estimate.all[i], lambda);
@@ -132,12 +132,12 @@ double residual_norm(const Subproblem& sub, const Images& at, const Images& alon
   const auto s_estimate = sub.row_estimate.s();
   const auto t_estimate = sub.row_estimate.t();
   for (Eigen::Index i = 0; i < s_at.size(); ++i) {
-    const Retraction h(x.sigma()[i] + alpha * d.sigma()[i], sub.kappa);
+    const PairCurve h(sub.retraction, x.sigma()[i] + alpha * d.sigma()[i], sub.kappa);
     const double lambda_L = x.lambda_L()[i] + alpha * d.lambda_L()[i];
     const double lambda_R = x.lambda_R()[i] + alpha * d.lambda_R()[i];
-    take(h.negative_slope() * lambda_R - h.slope() * lambda_L);
-    primal(s_at[i] + alpha * s_along[i] - h.positive, s_estimate[i], lambda_L);
-    primal(t_at[i] + alpha * t_along[i] - h.negative, t_estimate[i], lambda_R);
+    take(h.b() * lambda_R - h.a() * lambda_L);
+    primal(s_at[i] + alpha * s_along[i] - h.s, s_estimate[i], lambda_L);
+    primal(t_at[i] + alpha * t_along[i] - h.t, t_estimate[i], lambda_R);
   }
   return norm;
 }

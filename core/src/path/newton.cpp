@@ -15,14 +15,14 @@ bool Newton::factor(const Subproblem& sub, const Iterate& x, double delta, bool 
   weights_.delta = delta;
   auto omega = weights_.rows.inequality();
   for (Eigen::Index i = 0; i < omega.size(); ++i) {
-    const Retraction w(x.v()[i], sub.kappa);
+    const Softplus w(x.v()[i], sub.kappa);
     omega[i] = 1.0 / (1.0 / sub.rho + w.positive / w.negative);
   }
   for (Eigen::Index i = 0; i < pivot_.size(); ++i) {
-    const Retraction h(x.sigma()[i], sub.kappa);
-    const double a = h.slope();
-    const double b = h.negative_slope();
-    double q = -h.curvature() * (x.lambda_L()[i] + x.lambda_R()[i]);
+    const PairCurve h(sub.retraction, x.sigma()[i], sub.kappa);
+    const double a = h.a();
+    const double b = h.b();
+    double q = -h.bend(x.lambda_L()[i], x.lambda_R()[i]);
     q = (clip ? std::max(q, 0.0) : q) + delta;
     const double u = std::sqrt(a * a + b * b);
     pivot_[i] = u * u + q / sub.rho;
@@ -41,20 +41,20 @@ bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r
   const auto weight_s = weights_.rows.s();
   const auto weight_t = weights_.rows.t();
   const auto pair_image = [&](Eigen::Index i, double e_L, double e_R, double& out_L, double& out_R) {
-    const Retraction h(x.sigma()[i], sub.kappa);
+    const PairCurve h(sub.retraction, x.sigma()[i], sub.kappa);
     const double cosine = weights_.cosine[i];
     const double sine = weights_.sine[i];
     const double across = weight_s[i] * (cosine * e_L + sine * e_R);
     const double along = weight_t[i] * (sine * e_L - cosine * e_R);
     const double from_sigma = r.sigma()[i] / pivot_[i];
-    out_L = cosine * across + sine * along + h.slope() * from_sigma;
-    out_R = sine * across - cosine * along - h.negative_slope() * from_sigma;
+    out_L = cosine * across + sine * along + h.a() * from_sigma;
+    out_R = sine * across - cosine * along - h.b() * from_sigma;
   };
 
   const auto omega = weights_.rows.inequality();
   auto from_rows = rhs_.inequality();
   for (Eigen::Index i = 0; i < omega.size(); ++i) {
-    const Retraction w(x.v()[i], sub.kappa);
+    const Softplus w(x.v()[i], sub.kappa);
     from_rows[i] = omega[i] * (r.lambda_w()[i] - w.positive / w.negative * r.v()[i]);
   }
   for (Eigen::Index i = 0; i < pivot_.size(); ++i) {
@@ -69,7 +69,7 @@ bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r
 
   images.evaluate_rows(problem_, dz);
   for (Eigen::Index i = 0; i < omega.size(); ++i) {
-    const Retraction w(x.v()[i], sub.kappa);
+    const Softplus w(x.v()[i], sub.kappa);
     const double reach = images.rows.all[i] + r.lambda_w()[i];  // C dz + r₄
     const double dlambda = omega[i] * (reach - w.positive / w.negative * r.v()[i]);
     d.lambda_w()[i] = dlambda;
@@ -78,7 +78,7 @@ bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r
         x.v()[i] >= 0.0 ? (reach - dlambda / sub.rho) / w.slope() : (dlambda + r.v()[i]) / w.negative_slope();
   }
   for (Eigen::Index i = 0; i < pivot_.size(); ++i) {
-    const Retraction h(x.sigma()[i], sub.kappa);
+    const PairCurve h(sub.retraction, x.sigma()[i], sub.kappa);
     const double e_L = images.rows.s()[i] + r.lambda_L()[i];
     const double e_R = images.rows.t()[i] + r.lambda_R()[i];
     double dL = 0.0;
@@ -86,7 +86,7 @@ bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r
     pair_image(i, e_L, e_R, dL, dR);
     d.lambda_L()[i] = dL;
     d.lambda_R()[i] = dR;
-    d.sigma()[i] = (h.slope() * e_L - h.negative_slope() * e_R - r.sigma()[i] / sub.rho) / pivot_[i];
+    d.sigma()[i] = (h.a() * e_L - h.b() * e_R - r.sigma()[i] / sub.rho) / pivot_[i];
   }
   images.evaluate_duals(problem_, d);
   return true;

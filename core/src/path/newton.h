@@ -1,7 +1,8 @@
 // One Newton step on the KKT residual (13), through the condensed system.
 //
 // Inequality i:  ω = 1 / (1/ρ + w/μ),  w = p(v), μ = p(−v).
-// Pair i, with a = p′(σ), b = p′(−σ), u² = a² + b², q = −p″(σ)(λ_L + λ_R) + δ and the pivot π = u² + q/ρ:
+// Pair i, with a = s′(σ), b = −t′(σ), u² = a² + b², q = −(s″λ_L + t″λ_R) + δ and the pivot π = u² + q/ρ; by
+// the softplus a = p′(σ), b = p′(−σ) and q = −p″(σ)(λ_L + λ_R) + δ:
 //   weight ρ along (b, a)/u, the direction the retraction curve cannot follow, and q/π along (a, −b)/u, its
 //   tangent.
 // σ, v and λ are recovered from the step in (z, y).

@@ -63,10 +63,13 @@ void PathEngine::start(ConstVectorRef initial_z) {
   x_.all.setZero();
   x_.z() = initial_z;
   images_.evaluate(problem_, x_);
-  x_.sigma() = images_.rows.s() - images_.rows.t();  // the point of the curve nearest to (s, t)
+  for (Eigen::Index i = 0; i < x_.sigma().size(); ++i) {  // the point of the curve nearest to (s, t)
+    const double difference = images_.rows.s()[i] - images_.rows.t()[i];
+    x_.sigma()[i] = PairCurve::sigma_of(sub_.retraction, difference, sub_.kappa);
+  }
   x_.v() = images_.rows.inequality();
   for (Eigen::Index i = 0; i < x_.v().size(); ++i) {
-    x_.lambda_w()[i] = -Retraction(x_.v()[i], sub_.kappa).negative;  // (12): r₂ = 0
+    x_.lambda_w()[i] = -Softplus(x_.v()[i], sub_.kappa).negative;  // (12): r₂ = 0
   }
   images_.evaluate(problem_, x_);
   d_.all.setZero();

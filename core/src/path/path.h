@@ -41,6 +41,9 @@ class PathEngine {
   [[nodiscard]] const Violations& best_violations() const { return best_violations_; }
   [[nodiscard]] double best_objective() const { return best_objective_; }
   [[nodiscard]] double objective() const { return images_.objective; }
+  /// κ, ρ and the estimates at hand, and δ of the last step.
+  [[nodiscard]] const Subproblem& subproblem() const { return sub_; }
+  [[nodiscard]] double regularization() const { return regularization_.current(); }
 
  private:
   void evaluate();

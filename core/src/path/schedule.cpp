@@ -22,6 +22,7 @@ bool Regularization::raise() {
 
 void Schedule::begin(Subproblem& sub) const {
   const bool fast = options_.path == Path::fast;
+  sub.retraction = options_.retraction;
   const double own_kappa = fast ? tuning::path_first_kappa : tuning::paper_first_kappa;
   const double first_kappa = options_.kappa_initial > 0.0 ? options_.kappa_initial : own_kappa;
   sub.kappa = std::max(first_kappa, options_.kappa_min);

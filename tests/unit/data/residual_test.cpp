@@ -28,24 +28,30 @@ TEST(Residual, IsTheLiteralFormulaForEveryShape) {
   }
 }
 
-TEST(Residual, JacobianIsItsFiniteDifference) {
-  for (const auto& sizes : all_shapes()) {
-    const Setting s(sizes, 11);
-    const Eigen::MatrixXd J = testing::full_jacobian(s.problem, s.sub, s.x, 0.0);
-    for (Eigen::Index j = 0; j < s.x.all.size(); ++j) {
-      const double h = 1e-6;
-      Vector sides[2];
-      for (const int sign : {0, 1}) {
-        Iterate moved = s.x;
-        moved.all[j] += sign == 0 ? -h : h;
-        Images images(s.problem);
-        images.evaluate(s.problem, moved);
-        Iterate r(s.problem);
-        residual(s.sub, images, moved, r);
-        sides[sign] = r.all;
-      }
-      EXPECT_LT(max_abs((sides[1] - sides[0]) / (2.0 * h) - J.col(j)), 1e-7) << "column " << j;
+void expect_jacobian(const Setting& s) {
+  const Eigen::MatrixXd J = testing::full_jacobian(s.problem, s.sub, s.x, 0.0);
+  for (Eigen::Index j = 0; j < s.x.all.size(); ++j) {
+    const double h = 1e-6;
+    Vector sides[2];
+    for (const int sign : {0, 1}) {
+      Iterate moved = s.x;
+      moved.all[j] += sign == 0 ? -h : h;
+      Images images(s.problem);
+      images.evaluate(s.problem, moved);
+      Iterate r(s.problem);
+      residual(s.sub, images, moved, r);
+      sides[sign] = r.all;
     }
+    EXPECT_LT(max_abs((sides[1] - sides[0]) / (2.0 * h) - J.col(j)), 1e-7) << "column " << j;
+  }
+}
+
+TEST(Residual, JacobianIsItsFiniteDifferenceByEitherRetraction) {
+  for (const auto& sizes : all_shapes()) {
+    Setting s(sizes, 11);
+    expect_jacobian(s);
+    s.sub.retraction = Retraction::exponential;
+    expect_jacobian(s);
   }
 }
 

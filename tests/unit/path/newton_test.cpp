@@ -76,6 +76,21 @@ TEST(Newton, StepIsThatOfTheFullSystemForIndefiniteProblemsToo) {
   EXPECT_EQ(compared, 8 * 5 * 4) << "every problem becomes convex at some δ";
 }
 
+TEST(Newton, StepByTheExponentialRetractionIsThatOfTheFullSystem) {
+  for (const RandomSizes& sizes : all_shapes()) {
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+      Setting s(sizes, seed);
+      s.sub.retraction = Retraction::exponential;
+      residual(s.sub, s.images, s.x, s.r);
+      EXPECT_LT(max_abs(s.r.all - testing::literal_residual(s.problem, s.sub, s.x)), 1e-10);
+      for (const auto& kkt : backends(s.problem)) {
+        EXPECT_TRUE(expect_full_step(s, *kkt, 1.0, true, 1e-9));
+        EXPECT_TRUE(expect_full_step(s, *kkt, 10.0, false, 1e-9));
+      }
+    }
+  }
+}
+
 TEST(Newton, ImagesOfTheStepAreItsLiteralProducts) {
   for (const RandomSizes& sizes : all_shapes()) {
     const Setting s(sizes, 7);

@@ -1,14 +1,18 @@
 import { invalid } from "../base/errors.js";
 import { type Words, valueOf, word, words } from "../base/words.js";
-import { SolveOptions as Message, Path } from "../generated/marble/v1/options.js";
+import { SolveOptions as Message, Method, Path, Retraction } from "../generated/marble/v1/options.js";
 
 /**
  * Solver options; what is left out has the server's default. `client.info()` tells each one's default, range, unit and
  * meaning, as does `marble options`.
  */
-export interface SolveOptions extends Partial<Omit<Message, "path">> {
+export interface SolveOptions extends Partial<Omit<Message, "path" | "method" | "retraction">> {
   /** How the relaxation is followed to 0. */
   path?: Words<typeof Path, "PATH_">;
+  /** By what: this solver, or a method of others to compare with. */
+  method?: Words<typeof Method, "METHOD_">;
+  /** How the sides of a pair are written by one variable. */
+  retraction?: Words<typeof Retraction, "RETRACTION_">;
 }
 
 const names = Object.keys(Message.fromPartial({}));
@@ -16,11 +20,12 @@ const names = Object.keys(Message.fromPartial({}));
 /** Names and kinds are checked here; ranges are the server's to know. */
 export function optionsMessage(options: SolveOptions | undefined): Message | undefined {
   if (options === undefined) return undefined;
-  const path = valueOf(Path, "PATH_", options.path);
-  if (path === undefined) {
-    throw invalid("options.path", `must be one of ${words(Path, "PATH_").join(", ")}`, { value: options.path });
-  }
-  const message = Message.fromPartial({ ...options, path: path === 0 ? undefined : path });
+  const message = Message.fromPartial({
+    ...options,
+    path: choice("path", Path, "PATH_", options.path),
+    method: choice("method", Method, "METHOD_", options.method),
+    retraction: choice("retraction", Retraction, "RETRACTION_", options.retraction),
+  });
   for (const name of Object.keys(options)) {
     if (!names.includes(name)) throw invalid("options", `must be one of ${names.join(", ")}`, { value: name });
     checkKind(name as keyof Message, message);
@@ -29,8 +34,21 @@ export function optionsMessage(options: SolveOptions | undefined): Message | und
 }
 
 export function optionsOf(message: Message | undefined): SolveOptions {
-  const { path, ...rest } = Message.fromPartial(message ?? {});
-  return { ...rest, path: path === undefined ? undefined : word(Path, "PATH_", path) };
+  const { path, method, retraction, ...rest } = Message.fromPartial(message ?? {});
+  return {
+    ...rest,
+    path: path === undefined ? undefined : word(Path, "PATH_", path),
+    method: method === undefined ? undefined : word(Method, "METHOD_", method),
+    retraction: retraction === undefined ? undefined : word(Retraction, "RETRACTION_", retraction),
+  };
+}
+
+function choice(name: string, enumeration: object, prefix: string, chosen: string | undefined): number | undefined {
+  const value = valueOf(enumeration, prefix, chosen);
+  if (value === undefined) {
+    throw invalid(`options.${name}`, `must be one of ${words(enumeration, prefix).join(", ")}`, { value: chosen });
+  }
+  return value === 0 ? undefined : value;
 }
 
 // A value of the wrong kind does not survive the way to the server.

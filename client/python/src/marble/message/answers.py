@@ -65,10 +65,8 @@ def _second_orders() -> dict[int, SecondOrder]:
 
 def options(message: Any) -> dict[str, float | int | bool | str]:
     """The options that are set in a SolveOptions."""
-    values = {field.name: value for field, value in message.ListFields()}
-    for name in ("path",) if "path" in values else ():
-        values[name] = contract.enum_names("Path")[values[name]]
-    return values
+    return {field.name: value if field.enum_type is None else contract.enum_names(field.enum_type.name)[value]
+            for field, value in message.ListFields()}
 
 
 def solution(message: Any, arrays: Arrays, path: str, problem: LCQP, job_id: str) -> Solution:

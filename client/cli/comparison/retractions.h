@@ -1,0 +1,25 @@
+// The paper's section IV.A as a table: its softplus against the exponential, on the same path.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "marble/conditioning.h"
+#include "marble/problem_file.h"
+
+namespace marble::cli {
+
+/// One problem's path by each retraction.
+struct RetractionPair {
+  std::string problem;
+  PathConditions softplus, exponential;
+};
+
+/// Errors: those of the options; cancelled.
+[[nodiscard]] Expected<std::vector<RetractionPair>> compare_retractions(
+    const std::vector<ProblemFile>& problems, const Options& options, const std::stop_token& stop);
+
+/// A row a problem; then what both solved, and the median condition of ∇r by κ.
+[[nodiscard]] std::string retraction_report(const std::vector<RetractionPair>& pairs);
+
+}  // namespace marble::cli

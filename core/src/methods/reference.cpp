@@ -1,0 +1,112 @@
+#include "methods/reference.h"
+
+#include <cstdio>
+
+#include "methods/l1_penalty.h"
+#include "methods/penalty_scp.h"
+#include "methods/quadratic_penalty.h"
+#include "methods/scholtes.h"
+#include "tuning.h"
+
+namespace marble {
+namespace {
+
+std::unique_ptr<ReferenceMethod> make(const ScaledProblem& problem, Kkt& kkt, const Options& options,
+                                      BranchEngines& branch) {
+  switch (options.method) {
+    case Method::penalty_scp:
+      return std::make_unique<PenaltyScp>(problem, kkt);
+    case Method::relaxation:
+      return std::make_unique<ScholtesRelaxation>(problem, kkt, options);
+    case Method::l1_penalty:
+      return std::make_unique<L1Penalty>(problem, kkt);
+    case Method::exterior:
+      return std::make_unique<ExteriorPenalty>(problem, options, branch);
+    default:
+      return std::make_unique<AugmentedLagrangian>(problem, branch);
+  }
+}
+
+std::string name_of(Method method) {
+  for (const OptionInfo& option : option_table()) {
+    if (option.name == "method") return std::string(option.choices[static_cast<std::size_t>(method)]);
+  }
+  return {};
+}
+
+}  // namespace
+
+Reference::Reference(const ScaledProblem& problem, Kkt& kkt, const Options& options, BranchEngines& branch)
+    : problem_(problem),
+      kkt_(kkt),
+      options_(options),
+      branch_(branch),
+      x_(problem),
+      best_(problem),
+      images_(problem),
+      reporter_(problem) {}
+
+// A copy of the problem without pairs, its engines, and the best point.
+double Reference::bytes(double entries, double iterate) {
+  return entries * (sizeof(double) + 2.0 * sizeof(Index)) +
+         tuning::memory_iterates * iterate * sizeof(double);
+}
+
+void Reference::take(const Iterate& x) {
+  x_.z() = x.z();
+  x_.y() = x.y();
+  x_.lambda() = x.lambda();
+  images_.evaluate(problem_, x_);
+  violations_ = violations(problem_, images_);
+}
+
+Ending Reference::run(Run& run, ConstVectorRef initial_z) {
+  if (method_ == nullptr || made_ != options_.method) method_ = make(problem_, kkt_, options_, branch_);
+  made_ = options_.method;
+  method_->start(initial_z);
+  take(method_->iterate());
+  best_.all = x_.all;
+  best_violations_ = violations_;
+  auto state = ReferenceMethod::State::going_on;
+  while (state == ReferenceMethod::State::going_on) {
+    reporter_.tell(run, x_.z(), images_.objective, violations_,
+                   {.kkt_residual = max_abs(images_.stationarity),
+                    .kappa = method_->relaxation(),
+                    .rho = method_->penalty()});
+    if (largest(violations_) < largest(best_violations_)) {
+      best_.all = x_.all;
+      best_violations_ = violations_;
+    }
+    if (const auto reason = run.interrupted()) {
+      take(best_);
+      return {*reason, "stopped early; " + describe(violations_), {}};
+    }
+    state = method_->step(run);
+    take(method_->iterate());
+  }
+  if (const auto reason = run.interrupted(); reason && state == ReferenceMethod::State::failed) {
+    take(best_);
+    return {*reason, "stopped early; " + describe(violations_), {}};
+  }
+  return judge(state);
+}
+
+Ending Reference::judge(ReferenceMethod::State state) const {
+  using State = ReferenceMethod::State;
+  const double residual = max_abs(images_.stationarity);
+  char residual_text[64];
+  std::snprintf(residual_text, sizeof residual_text, "; scaled KKT residual %.2e; ", residual);
+  const std::string where = residual_text + describe(violations_);
+  const std::string name = name_of(options_.method);
+  if (state != State::failed && within_tolerances(violations_, options_) &&
+      residual <= options_.stationarity_tolerance)
+    return {Status::solved, name + where, {}};
+  if (within_tolerances(violations_, options_, tuning::reduced_factor) &&
+      residual <= tuning::reduced_residual)
+    return {Status::solved_reduced, name + " came no nearer" + where, {}};
+  if (state == State::given_up)
+    return {Status::locally_infeasible, name + " gave up at its last penalty" + where, {}};
+  return {Status::numerical_failure, name + " did not solve a problem on its way" + where, {}};
+}
+
+}  // namespace marble
