@@ -214,6 +214,18 @@ TEST(Nonlinear, WhereTheViolationCannotBeLoweredItSaysSo) {
   EXPECT_FALSE(answer->b_stationary.has_value());
 }
 
+TEST(Nonlinear, RowsThatContradictEachOtherWithinTheToleranceAreMet) {
+  const Formula twice{
+      .name = "twice", .optimum = 2, .start = {3}, .parts = [](const Jets& x) -> Parts {
+        return {.objective = 2 * x[0], .equalities = {square(x[0]) - 1, square(x[0]) - 1 - 1e-7}};
+      }};
+  const auto answer = solved_here(problem_of(twice));
+  ASSERT_TRUE(answer.has_value());
+  EXPECT_EQ(answer->status, Status::solved) << answer->detail;
+  EXPECT_NEAR(answer->objective, 2.0, 1e-6);
+  EXPECT_EQ(objection(twice, *answer), "");
+}
+
 TEST(Nonlinear, AHessianThatIsNotConvexLeadsToAMinimum) {
   const Formula saddle{.name = "saddle",
                        .optimum = -std::cosh(1.0) - 1,

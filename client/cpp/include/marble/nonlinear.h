@@ -123,7 +123,7 @@ struct Settings {
 /// The newest x that was accepted, solved or not.
 struct Answer {
   /// solved; solved_reduced: stationary, but the steps did not fall below the tolerance; locally_infeasible:
-  /// near x the violation cannot be lowered; unbounded; or the limit it met.
+  /// near x the violation cannot be lowered; or the limit it met.
   Status status = Status::numerical_failure;
   std::string detail;         ///< one sentence: the numbers that justify the status
   std::vector<double> x;      ///< n

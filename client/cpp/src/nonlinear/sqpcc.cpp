@@ -177,7 +177,7 @@ Expected<bool> Loop::find_elastic_step() {
     auto found = ask(Kind::elastic);
     if (!found || limit_ || !*found) return found;
     const double before = largest_violation(rows_of(point_)), after = largest_violation(step_.rows());
-    if (after <= (1.0 - kElasticProgress) * before) break;
+    if (after <= std::max((1.0 - kElasticProgress) * before, settings_.feasibility_tolerance)) break;
     if (rises == kMostRises || weights_->most() >= kMostWeight) {
       restoring_ = true;
       restore_below_ = kRestored * before;
