@@ -85,3 +85,22 @@ def test_faults_name_the_function_and_the_row():
     with pytest.raises(marble.InvalidArgument) as caught:
         marble.nlp.solve(circle, slopes, [2, 2], curvature="some")
     assert caught.value.field == "curvature"
+
+
+def test_casadi_problems_bring_their_derivatives():
+    casadi = pytest.importorskip("casadi", reason="casadi is not installed (it is not in Debian)")
+    for kind in (casadi.SX, casadi.MX):
+        x, p = kind.sym("x", 2), kind.sym("p")
+        problem = {"x": x, "p": p, "f": x[0] ** 3 + x[1] ** 2, "g": casadi.sumsqr(x) - p}
+        answer = marble.nlp.solve_casadi(problem, [2, 2], p=10, lbg=0, ubg=0, lbx=1)
+        assert answer.solved and np.allclose(answer.x, [1, 3], atol=1e-8) and answer.b_stationary, answer
+        assert np.allclose(answer.y, [-1], atol=1e-6) and np.allclose(answer.bounds, [1, 0], atol=1e-6)
+        # stackelberg1 of MacMPEC, the follower's response as a pair
+        problem = {"x": x, "f": x[0] ** 2 / 2 + x[0] * x[1] / 2 - 95 * x[0], "G": x[1], "H": 2 * x[1] + x[0] / 2 - 100}
+        answer = marble.nlp.solve_casadi(problem, [100, 25], lbx=0, ubx=[200, np.inf])
+        assert answer.solved and answer.objective == pytest.approx(-9800 / 3)
+        problem = {"x": x, "f": -x[1], "g": casadi.vertcat(x[0] - x[1], casadi.sin(x[0]))}
+        answer = marble.nlp.solve_casadi(problem, [0, 0], lbg=[0, -np.inf], ubg=[5, 0.5])
+        assert answer.solved and answer.x[1] == pytest.approx(np.pi / 6) and len(answer.nu) == 3
+    with pytest.raises(marble.InvalidArgument):
+        marble.nlp.solve_casadi({"x": x, "objective": x[0]}, [0, 0])

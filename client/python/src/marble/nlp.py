@@ -3,6 +3,7 @@
     min f(x)   s.t.   c_E(x) = 0,   c_I(x) ≥ 0,   0 ≤ G(x) ⊥ H(x) ≥ 0,   lower ≤ x ≤ upper
 
     answer = marble.nlp.solve(values, derivatives, x0)
+    answer = marble.nlp.solve_casadi({"x": x, "f": f, "g": g, "G": G, "H": H}, x0, lbg=0, ubg=0)
 
 `values(x)` returns a dictionary of "objective" and any of "equalities", "inequalities", "G", "H" and "residuals", half
 the sum of whose squares is added to the objective. `derivatives(x)` returns one of "gradient" and their Jacobians,
@@ -11,6 +12,7 @@ dense or scipy.sparse; of a sparse one the stored entries are its pattern, which
 
 from __future__ import annotations
 
+import importlib
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -166,3 +168,57 @@ def solve(
         told[name] = np.asarray(told[name])
     told["status"] = _STATUSES[told["status"]]
     return Answer(**told)
+
+
+def solve_casadi(
+    problem: Mapping[str, Any],
+    x0: ArrayLike,
+    *,
+    p: ArrayLike = (),
+    lbx: ArrayLike = -np.inf,
+    ubx: ArrayLike = np.inf,
+    lbg: ArrayLike = -np.inf,
+    ubg: ArrayLike = np.inf,
+    **settings: Any,
+) -> Answer:
+    """Solves min f(x, p) s.t. lbg ≤ g ≤ ubg, 0 ≤ G ⊥ H ≥ 0, lbx ≤ x ≤ ubx. Needs casadi.
+
+    problem: CasADi expressions by the names x, f and, where there are any, p, g, G and H. Derivatives and patterns are
+    CasADi's; the Hessian is exact. Rows of g with equal bounds are the answer's equalities; of the others those with a
+    lower bound are its first inequalities, those with an upper one the rest. settings: as `solve` takes them.
+    """
+    ca: Any = importlib.import_module("casadi")
+    others = sorted(set(problem) - {"x", "f", "p", "g", "G", "H"})
+    if others or not {"x", "f"} <= set(problem):
+        raise InvalidArgument("problem", f"must have x and f, and may have p, g, G and H; it has {sorted(problem)}")
+    x, f = problem["x"], problem["f"]
+    empty = type(x)(0, 1)
+    parameters, g = problem.get("p", empty), ca.vec(problem.get("g", empty))
+    G, H = ca.vec(problem.get("G", empty)), ca.vec(problem.get("H", empty))
+    low, high = (np.broadcast_to(np.asarray(bound, dtype=np.float64), (g.numel(),)) for bound in (lbg, ubg))
+    equal = np.flatnonzero(low == high).tolist()
+    above = np.flatnonzero((low != high) & (low > -np.inf)).tolist()
+    below = np.flatnonzero((low != high) & (high < np.inf)).tolist()
+    c_E = ca.vec(g[equal]) - ca.DM(low[equal])
+    c_I = ca.vertcat(ca.vec(g[above]) - ca.DM(low[above]), ca.DM(high[below]) - ca.vec(g[below]))
+    parts = {"equalities": c_E, "inequalities": c_I, "G": G, "H": H}
+    weights = [type(x).sym(name, part.numel()) for name, part in parts.items()]
+    lagrangian = f + ca.dot(weights[0], c_E) - sum(ca.dot(w, c) for w, c in zip(weights[1:], (c_I, G, H), strict=True))
+    inputs, given_p = [x, parameters], np.asarray(p, dtype=np.float64)
+    of_values = ca.Function("values", inputs, [f, *parts.values()])
+    of_slopes = ca.Function("slopes", inputs, [ca.gradient(f, x), *(ca.jacobian(part, x) for part in parts.values())])
+    of_hessian = ca.Function("hessian", [*inputs, *weights], [ca.hessian(lagrangian, x)[0]])
+
+    def values(at: Any) -> dict[str, Any]:
+        objective, *rest = of_values(at, given_p)
+        return {"objective": float(objective), **dict(zip(parts, map(_vector, rest), strict=True))}
+
+    def derivatives(at: Any) -> dict[str, Any]:
+        gradient, *rest = of_slopes(at, given_p)
+        return {"gradient": _vector(gradient), **{name: part.sparse() for name, part in zip(parts, rest, strict=True)}}
+
+    def hessian(at: Any, m: Multipliers) -> Any:
+        return of_hessian(at, given_p, m.y, m.nu, m.xi, m.eta).sparse()
+
+    lower, upper = (np.broadcast_to(np.asarray(bound, dtype=np.float64), (x.numel(),)) for bound in (lbx, ubx))
+    return solve(values, derivatives, x0, hessian=hessian, lower=lower, upper=upper, **settings)
