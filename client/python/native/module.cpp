@@ -14,6 +14,7 @@
 #include "marble/solver.h"
 #include "marble/version.h"
 #include "marble/warm_solver.h"
+#include "nonlinear.h"
 
 namespace marble::python {
 namespace {
@@ -289,6 +290,61 @@ class Warm {
   std::optional<WarmSolver> solver_;
 };
 
+nonlinear::Curvature curvature_of(const std::string& name) {
+  using nonlinear::Curvature;
+  if (name == "automatic") return Curvature::automatic;
+  if (name == "exact") return Curvature::exact;
+  if (name == "gauss_newton") return Curvature::gauss_newton;
+  if (name == "bfgs") return Curvature::bfgs;
+  if (name == "none") return Curvature::none;
+  raise(invalid("curvature", name, "must be automatic, exact, gauss_newton, bfgs or none"));
+}
+
+/// A marble.nlp problem. given: settings by their names; tell: None, or told of each iteration.
+py::dict solve_nonlinear_problem(const py::dict& problem, const py::dict& given, const py::dict& lcqp,
+                                 const py::object& tell, bool main_thread) {
+  nonlinear::Settings settings;
+  std::stop_source source;
+  settings.stop = source.get_token();
+  settings.curvature = curvature_of(given["curvature"].cast<std::string>());
+  settings.step_tolerance = given["step_tolerance"].cast<double>();
+  settings.feasibility_tolerance = given["feasibility_tolerance"].cast<double>();
+  settings.radius = given["radius"].cast<double>();
+  settings.largest_radius = std::max(settings.largest_radius, settings.radius);
+  settings.iteration_limit = given["iteration_limit"].cast<std::int32_t>();
+  settings.time_limit_s = given["time_limit_s"].cast<double>();
+  set_options(settings.lcqp, lcqp);
+  if (!tell.is_none()) {
+    settings.iteration = [&tell](const nonlinear::Iteration& row) {
+      tell(row.iteration, row.objective, row.violation, row.step, row.radius, row.accepted, row.ticks);
+    };
+  }
+  std::optional<CtrlC> ctrl_c;
+  if (main_thread && raises_keyboard_interrupt()) ctrl_c.emplace(source);
+  auto outcome = solve_nonlinear(problem, settings);
+  ctrl_c.reset();
+  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+  nonlinear::Answer a = value_or_raise(std::move(outcome));
+  py::dict answer;
+  answer["status"] = to_string(a.status);
+  answer["detail"] = a.detail;
+  answer["x"] = Numbers{std::move(a.x)};
+  answer["y"] = Numbers{std::move(a.multipliers.equalities)};
+  answer["nu"] = Numbers{std::move(a.multipliers.inequalities)};
+  answer["xi"] = Numbers{std::move(a.multipliers.G)};
+  answer["eta"] = Numbers{std::move(a.multipliers.H)};
+  answer["bounds"] = Numbers{std::move(a.multipliers.bounds)};
+  answer["objective"] = a.objective;
+  answer["violation"] = a.violation;
+  answer["kkt_residual"] = a.kkt_residual;
+  answer["b_stationary"] = a.b_stationary ? py::object(py::bool_(*a.b_stationary)) : py::object(py::none());
+  answer["iterations"] = a.iterations;
+  answer["ticks"] = a.ticks;
+  answer["evaluations"] = a.evaluations;
+  answer["factorizations"] = a.factorizations;
+  return answer;
+}
+
 }  // namespace
 
 PYBIND11_MODULE(_core, m) {
@@ -307,6 +363,7 @@ PYBIND11_MODULE(_core, m) {
         return Call{deadline_s, std::move(tell), interval_s, iterate_every, std::move(stop), main_thread};
       }));
   m.def("solve", &solve);
+  m.def("solve_nonlinear", &solve_nonlinear_problem);
   py::class_<Warm>(m, "Warm")
       .def(py::init<const py::object&, const py::dict&>())
       .def("solve", &Warm::solve)

@@ -1,0 +1,47 @@
+// The matrix B of the subproblem's ½ dᵀBd: its upper triangle, in a pattern that is fixed and has the
+// diagonal.
+#pragma once
+
+#include <vector>
+
+#include "nonlinear/functions.h"
+
+namespace marble::nonlinear {
+
+class Model {
+ public:
+  /// Of a kind that is not automatic. `first` are the derivatives at `point`.
+  [[nodiscard]] static Expected<Model> create(Curvature kind, Functions& functions, const Point& point,
+                                              const Linearisation& first, const Multipliers& multipliers);
+
+  /// B at a new point. `step` and `change` are those of x and of the Lagrangian's gradient since the last.
+  [[nodiscard]] Expected<void> move(Functions& functions, const Point& point, const Linearisation& at,
+                                    const Multipliers& multipliers, std::span<const double> step,
+                                    std::span<const double> change);
+  /// σ / scale² on the diagonal, in place of what was there before.
+  void shift(double sigma);
+  [[nodiscard]] double shift() const { return sigma_; }
+
+  [[nodiscard]] const SparseMatrix& upper() const { return upper_; }
+
+ private:
+  Model() = default;
+  void take_hessian();
+  void take_gauss_newton(const SparseMatrix& jacobian);
+  void update_block(Index first, Index size, std::span<const double> step, std::span<const double> change);
+  [[nodiscard]] double& entry(Index row, Index column) {  // of a block that is full above its diagonal
+    return upper_.values[upper_.column_pointers[column + 1] - 1 - (column - row)];
+  }
+
+  Curvature kind_ = Curvature::none;
+  SparseMatrix upper_;
+  SparseMatrix hessian_;          // exact: as the caller gave it
+  std::vector<Index> positions_;  // exact: of its entries in B
+  std::vector<double> inverse_scale_squared_;
+  std::vector<Index> blocks_;
+  std::vector<bool> known_;      // bfgs: of a block, whether it has seen a step
+  std::vector<double> product_;  // bfgs: B s
+  double sigma_ = 0.0;
+};
+
+}  // namespace marble::nonlinear

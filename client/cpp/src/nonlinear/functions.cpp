@@ -1,0 +1,222 @@
+#include "nonlinear/functions.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "nonlinear/algebra.h"
+
+namespace marble::nonlinear {
+namespace {
+
+constexpr Index kLargestBlock = 50;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+Expected<std::vector<double>> of_size(const std::vector<double>& given, std::size_t size, double otherwise,
+                                      const char* field) {
+  if (given.empty()) return std::vector<double>(size, otherwise);
+  if (given.size() == size) return given;
+  return unexpected(invalid(field, std::to_string(given.size()),
+                            "must have " + std::to_string(size) + " entries, as start has"));
+}
+
+Expected<std::vector<Index>> block_sizes(const std::vector<Index>& given, std::size_t size) {
+  std::vector<Index> blocks = given;
+  auto left = static_cast<std::int64_t>(size);
+  if (blocks.empty()) {
+    for (; left > 0; left -= blocks.back())
+      blocks.push_back(static_cast<Index>(std::min<std::int64_t>(left, kLargestBlock)));
+    return blocks;
+  }
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    if (blocks[i] < 1)
+      return unexpected(
+          invalid("blocks", static_cast<std::int64_t>(i), std::to_string(blocks[i]), "must be >= 1"));
+    left -= blocks[i];
+  }
+  if (left != 0) return unexpected(invalid("blocks", "must add up to the size of start"));
+  return blocks;
+}
+
+auto not_finite(std::span<const double> values) {
+  return std::find_if(values.begin(), values.end(), [](double value) { return !std::isfinite(value); });
+}
+
+/// Copies what a function gave, of `rows` rows.
+Expected<void> keep(std::span<const double> given, std::size_t rows, const char* field, Point& point,
+                    std::vector<double>& kept) {
+  if (given.size() != rows)
+    return unexpected(invalid(field, std::to_string(given.size()),
+                              "must have " + std::to_string(rows) + " rows, as at the first point"));
+  kept.assign(given.begin(), given.end());
+  const auto bad = not_finite(given);
+  if (bad != given.end() && !point.fault)
+    point.fault = invalid(field, bad - given.begin(), std::to_string(*bad), "must be finite");
+  return {};
+}
+
+Expected<void> check_pattern(const SparseMatrixView& given, std::size_t rows, std::size_t columns,
+                             const std::string& field) {
+  if (static_cast<std::size_t>(given.rows) != rows)
+    return unexpected(invalid(field + ".rows", std::to_string(given.rows),
+                              "must be " + std::to_string(rows) + ", a row a function"));
+  if (static_cast<std::size_t>(given.columns) != columns)
+    return unexpected(invalid(field + ".columns", std::to_string(given.columns),
+                              "must be " + std::to_string(columns) + ", a column a variable"));
+  const auto& pointers = given.column_pointers;
+  if (pointers.size() != columns + 1 || pointers.front() != 0 ||
+      static_cast<std::size_t>(pointers.back()) != given.row_indices.size() ||
+      !std::is_sorted(pointers.begin(), pointers.end()))
+    return unexpected(invalid(field + ".column_pointers",
+                              "must ascend from 0 to the number of entries, one more than columns"));
+  if (given.values.size() != given.row_indices.size())
+    return unexpected(
+        invalid(field + ".values", std::to_string(given.values.size()), "must be as many as row_indices"));
+  for (std::size_t j = 0; j < columns; ++j) {
+    for (Index k = pointers[j]; k < pointers[j + 1]; ++k) {
+      const Index row = given.row_indices[k];
+      if (row < 0 || static_cast<std::size_t>(row) >= rows ||
+          (k > pointers[j] && row <= given.row_indices[k - 1]))
+        return unexpected(invalid(field + ".row_indices", k, std::to_string(row),
+                                  "must ascend within its column, in [0, " + std::to_string(rows) + ")"));
+    }
+  }
+  return {};
+}
+
+/// Copies a matrix; the first time with its pattern, which no later one may leave.
+Expected<void> keep(const SparseMatrixView& given, std::size_t rows, std::size_t columns, const char* field,
+                    SparseMatrix& kept) {
+  if (kept.column_pointers.empty()) {
+    kept.rows = static_cast<Index>(rows), kept.columns = static_cast<Index>(columns);
+    kept.column_pointers.assign(columns + 1, 0);
+    if (rows == 0 && given.rows == 0) return {};
+    if (auto valid = check_pattern(given, rows, columns, field); !valid) return valid;
+    kept.column_pointers.assign(given.column_pointers.begin(), given.column_pointers.end());
+    kept.row_indices.assign(given.row_indices.begin(), given.row_indices.end());
+  } else if (rows != 0 || given.rows != 0) {
+    const auto stay = [&](std::span<const Index> now, const std::vector<Index>& first,
+                          const char* part) -> Expected<void> {
+      const auto [there, here] = std::mismatch(now.begin(), now.end(), first.begin(), first.end());
+      if (there == now.end() && here == first.end()) return {};
+      return unexpected(invalid(
+          std::string(field) + part, there - now.begin(),
+          there == now.end() ? "missing" : std::to_string(*there),
+          here == first.end()
+              ? "must not be there: patterns are fixed, as at the first point"
+              : "must stay " + std::to_string(*here) + ": patterns are fixed, as at the first point"));
+    };
+    if (auto same = stay(given.column_pointers, kept.column_pointers, ".column_pointers"); !same) return same;
+    if (auto same = stay(given.row_indices, kept.row_indices, ".row_indices"); !same) return same;
+    if (given.values.size() != kept.row_indices.size())
+      return unexpected(invalid(std::string(field) + ".values", std::to_string(given.values.size()),
+                                "must be as many as row_indices"));
+  }
+  kept.values.assign(given.values.begin(), given.values.end());
+  const auto bad = not_finite(given.values);
+  if (bad == given.values.end()) return {};
+  const auto entry = bad - given.values.begin();
+  const auto column = std::upper_bound(kept.column_pointers.begin(), kept.column_pointers.end(), entry) -
+                      kept.column_pointers.begin() - 1;
+  return unexpected(invalid(field, kept.row_indices[static_cast<std::size_t>(entry)], std::to_string(*bad),
+                            "must be finite, in column " + std::to_string(column) + " too"));
+}
+
+}  // namespace
+
+Expected<Functions> Functions::create(const Problem& problem) {
+  Functions made;
+  made.problem_ = &problem;
+  const std::size_t n = problem.start.size();
+  if (n == 0) return unexpected(invalid("start", "must have an entry for each variable"));
+  if (!problem.values) return unexpected(invalid("values", "must be a function"));
+  if (!problem.derivatives) return unexpected(invalid("derivatives", "must be a function"));
+  if (auto finite = check_numbers(problem.start, n, "start"); !finite) return unexpected(finite.error());
+  auto lower = of_size(problem.lower, n, -kInfinity, "lower");
+  if (!lower) return unexpected(lower.error());
+  auto upper = of_size(problem.upper, n, kInfinity, "upper");
+  if (!upper) return unexpected(upper.error());
+  auto scale = of_size(problem.scale, n, 1.0, "scale");
+  if (!scale) return unexpected(scale.error());
+  auto blocks = block_sizes(problem.blocks, n);
+  if (!blocks) return unexpected(blocks.error());
+  made.start_ = problem.start;
+  for (std::size_t j = 0; j < n; ++j) {
+    const auto index = static_cast<std::int64_t>(j);
+    if (!((*lower)[j] <= (*upper)[j]) || (*lower)[j] == kInfinity || (*upper)[j] == -kInfinity)
+      return unexpected(invalid("lower", index, std::to_string((*lower)[j]),
+                                "must be <= upper, " + std::to_string((*upper)[j])));
+    if (!((*scale)[j] > 0.0 && (*scale)[j] < kInfinity))
+      return unexpected(invalid("scale", index, std::to_string((*scale)[j]), "must be finite and > 0"));
+    made.start_[j] = std::clamp(made.start_[j], (*lower)[j], (*upper)[j]);
+  }
+  made.lower_ = std::move(*lower), made.upper_ = std::move(*upper), made.scale_ = std::move(*scale);
+  made.blocks_ = std::move(*blocks);
+  return made;
+}
+
+Expected<void> Functions::values(Point& point) {
+  const Values given = problem_->values(point.x);
+  ++evaluations_;
+  point.fault.reset();
+  if (given.G.size() != given.H.size())
+    return unexpected(invalid("values.H", std::to_string(given.H.size()),
+                              "must have as many rows as G, " + std::to_string(given.G.size())));
+  if (!std::isfinite(given.objective))
+    point.fault = invalid("values.objective", std::to_string(given.objective), "must be finite");
+  const std::span<const double> parts[] = {given.equalities, given.inequalities, given.G, given.H,
+                                           given.residuals};
+  std::vector<double>* kept[] = {&point.equalities, &point.inequalities, &point.G, &point.H,
+                                 &point.residuals};
+  constexpr const char* kFields[] = {"values.equalities", "values.inequalities", "values.G", "values.H",
+                                     "values.residuals"};
+  if (!rows_) {
+    rows_.emplace();
+    for (std::size_t i = 0; i < rows_->size(); ++i) (*rows_)[i] = parts[i].size();
+  }
+  for (std::size_t i = 0; i < rows_->size(); ++i) {
+    if (auto fits = keep(parts[i], (*rows_)[i], kFields[i], point, *kept[i]); !fits) return fits;
+  }
+  point.objective = given.objective + 0.5 * dot(point.residuals, point.residuals);
+  return {};
+}
+
+Expected<void> Functions::derivatives(const Point& point, Linearisation& linearisation) {
+  const Derivatives given = problem_->derivatives(point.x);
+  const std::size_t n = variables();
+  if (given.gradient.size() != n)
+    return unexpected(invalid("derivatives.gradient", std::to_string(given.gradient.size()),
+                              "must have " + std::to_string(n) + " entries"));
+  const auto bad = not_finite(given.gradient);  // no check_numbers, which makes a string of the field
+  if (bad != given.gradient.end())
+    return unexpected(invalid("derivatives.gradient", bad - given.gradient.begin(), std::to_string(*bad),
+                              "must be finite"));
+  linearisation.gradient.assign(given.gradient.begin(), given.gradient.end());
+  Linearisation& at = linearisation;
+  for (const auto& [part, rows, kept, field] :
+       {std::tuple{&given.equalities, point.equalities.size(), &at.equalities, "derivatives.equalities"},
+        std::tuple{&given.inequalities, point.inequalities.size(), &at.inequalities,
+                   "derivatives.inequalities"},
+        std::tuple{&given.G, point.G.size(), &at.G, "derivatives.G"},
+        std::tuple{&given.H, point.H.size(), &at.H, "derivatives.H"},
+        std::tuple{&given.residuals, point.residuals.size(), &at.residuals, "derivatives.residuals"}}) {
+    if (auto fits = keep(*part, rows, n, field, *kept); !fits) return fits;
+  }
+  add_transposed(at.residuals, point.residuals, 1.0, at.gradient);
+  return {};
+}
+
+Expected<void> Functions::hessian(const Point& point, const Multipliers& multipliers, SparseMatrix& upper) {
+  const SparseMatrixView given = problem_->hessian(point.x, multipliers);
+  const std::size_t n = variables();
+  if (auto fits = keep(given, n, n, "hessian", upper); !fits) return fits;
+  for (std::size_t j = 0; j < n; ++j) {
+    const Index end = upper.column_pointers[j + 1];
+    if (end > upper.column_pointers[j] && static_cast<std::size_t>(upper.row_indices[end - 1]) > j)
+      return unexpected(invalid("hessian.row_indices", end - 1, std::to_string(upper.row_indices[end - 1]),
+                                "must be <= its column: the upper triangle alone"));
+  }
+  return {};
+}
+
+}  // namespace marble::nonlinear

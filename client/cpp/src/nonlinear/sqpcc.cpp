@@ -1,0 +1,408 @@
+// The loop: LCQPs within a trust region, judged by the merit they promise and what comes of it.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include "nonlinear/algebra.h"
+#include "nonlinear/curvature.h"
+#include "nonlinear/functions.h"
+#include "nonlinear/merit.h"
+#include "nonlinear/subproblem.h"
+
+namespace marble::nonlinear {
+namespace {
+
+// Of actual over predicted decrease (murty-nlp-lectures, PSLP).
+constexpr double kReject = 1e-6;
+constexpr double kPoor = 0.25;
+constexpr double kGood = 0.75;
+constexpr double kRounding = 1e-14;     // of the merit: what two evaluations may differ by
+constexpr double kLeastRadius = 1e-13;  // a smaller one tells nothing
+constexpr double kFirstWeight = 1.0;
+constexpr double kMostWeight = 1e10;
+constexpr int kMostRises = 4;             // of the weights for one elastic step
+constexpr double kElasticProgress = 0.1;  // share of the violation that an elastic step must take away
+constexpr double kRestored = 0.1;         // of the violation at which the restoration began
+constexpr double kFirstShift = 1e-2;      // of B's largest entry
+constexpr double kShiftFactor = 10.0;
+constexpr int kMostShifts = 12;
+constexpr double kReducedKkt = 1e-4;  // of an answer whose steps stay long
+
+class Loop {
+ public:
+  Loop(const Problem& problem, Functions functions, const OpenTicks& open, const Settings& settings)
+      : problem_(problem), functions_(std::move(functions)), open_(open), settings_(settings) {}
+
+  Expected<Answer> run();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  enum class Kind { plain, elastic };
+
+  Expected<void> begin();
+  Expected<bool> find_step();
+  Expected<bool> find_elastic_step();
+  Expected<bool> find_restoring_step();
+  Expected<bool> convex_enough();
+  Expected<bool> ask(Kind kind, bool cold = false);
+  Expected<bool> ask_prepared(Kind kind, bool cold = false);
+  Expected<bool> certified();
+  Expected<void> judge();
+  Expected<void> correct();
+  Expected<void> move();
+  void adapt_radius();
+  void tell();
+  Answer end(Status status, const std::string& why);
+  Answer end_of_small_radius();
+
+  [[nodiscard]] double seconds_left() const {
+    return settings_.time_limit_s - std::chrono::duration<double>(Clock::now() - begun_).count();
+  }
+  [[nodiscard]] Box box() const {
+    return {functions_.lower(), functions_.upper(), functions_.scale(), radius_};
+  }
+  [[nodiscard]] double merit(const Point& point) const {
+    return (restoring_ ? 0.0 : point.objective) + weights_->penalty(rows_of(point));
+  }
+  [[nodiscard]] double predicted_decrease() const;
+  [[nodiscard]] bool step_is_small() const { return step_.size <= settings_.step_tolerance; }
+  [[nodiscard]] double violation() const { return largest_violation(rows_of(point_)); }
+  void lagrangian_gradient(const Multipliers& m, std::vector<double>& gradient) const;
+
+  const Problem& problem_;
+  Functions functions_;
+  const OpenTicks& open_;
+  const Settings& settings_;
+  Clock::time_point begun_ = Clock::now();
+
+  Point point_, trial_, best_trial_;
+  Linearisation at_;
+  std::optional<Model> B_;
+  std::optional<Weights> weights_;
+  std::optional<Subproblem> subproblem_[2];
+  std::unique_ptr<Ticks> ticks_[2];
+  Step step_, tried_;
+  Status answer_status_ = Status::numerical_failure;
+  std::optional<Status> limit_;  // that ended a tick
+
+  double radius_ = 0.0;
+  bool restoring_ = false;
+  double restore_below_ = 0.0;
+  bool stuck_ = false;  // no step lowers the violation
+  double predicted_ = 0.0, actual_ = 0.0, ratio_ = 0.0;
+  Iteration row_;
+  Answer answer_;
+  std::vector<double> gradient_, change_;
+};
+
+Expected<Answer> Loop::run() {
+  if (auto ready = begin(); !ready) return unexpected(ready.error());
+  for (row_.iteration = 0;; ++row_.iteration) {
+    if (row_.iteration >= settings_.iteration_limit) return end(Status::iteration_limit, "iteration_limit");
+    auto found = find_step();  // one LCQP; more where it must be elastic or convex
+    if (!found) return unexpected(found.error());
+    if (limit_) return end(*limit_, "within a subproblem");
+    if (stuck_) return end(Status::locally_infeasible, "no step lowers the violation");
+    if (*found && step_is_small() && violation() <= settings_.feasibility_tolerance &&
+        radius_ > settings_.step_tolerance) {
+      auto sure = certified();  // d = 0 solves the linearised problem
+      if (!sure) return unexpected(sure.error());
+      if (*sure) return end(Status::solved, "the step is zero");
+    }
+    ratio_ = -1.0, actual_ = 0.0;
+    if (*found) {
+      if (auto judged = judge(); !judged) return unexpected(judged.error());
+      if (ratio_ < kPoor && !step_.elastic) {
+        if (auto corrected = correct(); !corrected) return unexpected(corrected.error());
+      }
+    }
+    row_.accepted = ratio_ >= kReject;
+    tell();
+    adapt_radius();
+    if (row_.accepted) {
+      if (auto moved = move(); !moved) return unexpected(moved.error());
+    } else if (radius_ <= kLeastRadius) {
+      if (trial_.fault) return unexpected(*trial_.fault);
+      return end_of_small_radius();
+    }
+  }
+}
+
+Expected<void> Loop::begin() {
+  point_.x.assign(functions_.start().begin(), functions_.start().end());
+  if (auto given = functions_.values(point_); !given) return given;
+  if (point_.fault) return unexpected(*point_.fault);
+  trial_ = best_trial_ = point_;  // their memory
+  if (auto given = functions_.derivatives(point_, at_); !given) return given;
+  Curvature kind = settings_.curvature;
+  if (kind == Curvature::automatic)
+    kind = problem_.hessian           ? Curvature::exact
+           : point_.residuals.empty() ? Curvature::bfgs
+                                      : Curvature::gauss_newton;
+  if (kind == Curvature::exact && !problem_.hessian)
+    return unexpected(invalid("hessian", "must be a function: the settings ask for the exact curvature"));
+  Multipliers& m = step_.multipliers;
+  m.equalities.assign(point_.equalities.size(), 0.0), m.inequalities.assign(point_.inequalities.size(), 0.0);
+  m.G.assign(point_.G.size(), 0.0), m.H.assign(point_.H.size(), 0.0), m.bounds.assign(point_.x.size(), 0.0);
+  step_.d.assign(point_.x.size(), 0.0);
+  auto model = Model::create(kind, functions_, point_, at_, m);
+  if (!model) return unexpected(model.error());
+  B_ = std::move(*model);
+  weights_.emplace(rows_of(point_), kFirstWeight);
+  radius_ = settings_.radius;
+  gradient_.resize(point_.x.size()), change_.resize(point_.x.size());
+  return {};
+}
+
+// True where there is a step to judge. The plain subproblem first; where it has no feasible point the elastic
+// one, and where that cannot lower the violation whatever its weights, the violation alone.
+Expected<bool> Loop::find_step() {
+  row_.corrected = false;
+  if (!restoring_) {
+    auto found = ask(Kind::plain);
+    if (!found || limit_) return found;
+    if (*found) {
+      weights_->rise_above(step_.multipliers);
+      return convex_enough();
+    }
+    return find_elastic_step();
+  }
+  return find_restoring_step();
+}
+
+Expected<bool> Loop::find_elastic_step() {
+  for (int rises = 0;; ++rises) {
+    auto found = ask(Kind::elastic);
+    if (!found || limit_ || !*found) return found;
+    const double before = largest_violation(rows_of(point_)), after = largest_violation(step_.rows());
+    if (after <= std::max((1.0 - kElasticProgress) * before, settings_.feasibility_tolerance)) break;
+    if (rises == kMostRises || weights_->most() >= kMostWeight) {
+      restoring_ = true;
+      restore_below_ = kRestored * before;
+      return find_restoring_step();
+    }
+    weights_->multiply(kShiftFactor);
+  }
+  return convex_enough();
+}
+
+Expected<bool> Loop::find_restoring_step() {
+  *weights_ = Weights(rows_of(point_), kFirstWeight);
+  auto found = ask(Kind::elastic);
+  if (!found || limit_ || !*found) return found;
+  predicted_ = predicted_decrease();
+  stuck_ = predicted_ <= settings_.feasibility_tolerance * std::min(1.0, radius_);
+  return true;
+}
+
+// A step that the curvature makes no descent of: more of it on the diagonal, until the step is one.
+Expected<bool> Loop::convex_enough() {
+  for (int shifts = 0;; ++shifts) {
+    predicted_ = predicted_decrease();
+    const bool good = step_is_small() || (predicted_ > 0.0 && step_.second_order != SecondOrder::saddle);
+    if (good || shifts == kMostShifts) return good;
+    B_->shift(std::max(kShiftFactor * B_->shift(), kFirstShift * std::max(1.0, largest(B_->upper().values))));
+    auto found = ask(step_.elastic ? Kind::elastic : Kind::plain);
+    if (!found || limit_ || !*found) return found;
+    if (!step_.elastic) weights_->rise_above(step_.multipliers);
+  }
+}
+
+// The LCQP at the point, within the radius.
+Expected<bool> Loop::ask(Kind kind, bool cold) {
+  auto& subproblem = subproblem_[static_cast<int>(kind)];
+  if (!subproblem) subproblem.emplace(at_, B_->upper(), kind == Kind::elastic);
+  subproblem->set(point_, at_, B_->upper(), box());
+  if (kind == Kind::elastic) subproblem->set_weights(*weights_);
+  if (restoring_) subproblem->drop_objective();
+  auto found = ask_prepared(kind, cold);
+  if (!found || !*found) return found;
+  std::swap(step_, tried_);
+  return true;
+}
+
+// One tick. Into `tried_`; false where it has no feasible answer.
+Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
+  auto& subproblem = *subproblem_[static_cast<int>(kind)];
+  auto& ticks = ticks_[static_cast<int>(kind)];
+  if (settings_.stop.stop_requested()) limit_ = Status::cancelled;
+  const double left = seconds_left();
+  if (!limit_ && left <= 0.0) limit_ = Status::time_limit;
+  if (limit_) return false;
+  if (ticks == nullptr) {
+    auto opened = open_(subproblem.view(), settings_);
+    if (!opened) return unexpected(opened.error());
+    ticks = std::move(*opened);
+  }
+  auto solution =
+      ticks->solve(subproblem.update(), {.cold = cold, .deadline_s = left, .progress = settings_.progress});
+  ++row_.ticks;
+  if (!solution) {
+    const ErrorCode code = solution.error().code;
+    if (code == ErrorCode::deadline_exceeded) limit_ = Status::time_limit;
+    if (code == ErrorCode::cancelled && settings_.stop.stop_requested()) limit_ = Status::cancelled;
+    if (limit_) return false;
+    return unexpected(solution.error());
+  }
+  answer_.factorizations += solution->factorizations;
+  answer_status_ = solution->status;
+  if (solution->status == Status::cancelled) limit_ = Status::cancelled;
+  if (!is_solved(solution->status)) return false;
+  subproblem.read(*solution, point_, at_, box(), tried_);
+  return true;
+}
+
+// A zero step that the subproblem did not prove to be its answer may be one that the warm start holds on to:
+// asked again from scratch. Whether it stays zero.
+Expected<bool> Loop::certified() {
+  if (step_.b_stationary.value_or(false) || step_.elastic) return true;
+  auto found = ask(Kind::plain, true);
+  if (!found) return unexpected(found.error());
+  if (!*found || step_is_small()) return true;
+  weights_->rise_above(step_.multipliers);
+  predicted_ = predicted_decrease();
+  return predicted_ <= kRounding * std::max(1.0, std::abs(merit(point_)));
+}
+
+double Loop::predicted_decrease() const {
+  const double model = restoring_ ? 0.0 : dot(at_.gradient, step_.d) + 0.5 * quadratic(B_->upper(), step_.d);
+  return weights_->penalty(rows_of(point_)) - weights_->penalty(step_.rows()) - model;
+}
+
+// What comes of the step, over what it promised.
+Expected<void> Loop::judge() {
+  for (std::size_t j = 0; j < step_.d.size(); ++j) trial_.x[j] = point_.x[j] + step_.d[j];
+  if (auto given = functions_.values(trial_); !given) return given;
+  if (trial_.fault) return {};
+  const double here = merit(point_), noise = kRounding * std::max(1.0, std::abs(here));
+  actual_ = here - merit(trial_);
+  ratio_ = std::max(predicted_, std::abs(actual_)) <= noise ? 1.0 : actual_ / predicted_;
+  return {};
+}
+
+// The rows bend away from the step: once more, with what they really are at its end.
+Expected<void> Loop::correct() {
+  if (trial_.fault || weights_->penalty(rows_of(trial_)) <= weights_->penalty(step_.rows())) return {};
+  auto& subproblem = *subproblem_[static_cast<int>(Kind::plain)];
+  subproblem.correct(trial_, step_);
+  auto found = ask_prepared(Kind::plain);
+  if (!found) return unexpected(found.error());
+  if (!*found) return limit_.reset(), Expected<void>{};
+  std::swap(trial_, best_trial_);
+  const double ratio = ratio_, actual = actual_;
+  std::swap(step_.d, tried_.d);
+  auto judged = judge();
+  row_.corrected = judged && !trial_.fault && ratio_ > ratio;
+  if (!row_.corrected) {
+    std::swap(step_.d, tried_.d), std::swap(trial_, best_trial_);
+    ratio_ = ratio, actual_ = actual;
+  }
+  return judged;
+}
+
+void Loop::adapt_radius() {
+  if (ratio_ < kReject)
+    radius_ = 0.5 * (step_.size > 0.0 ? std::min(radius_, step_.size) : radius_);
+  else if (ratio_ < kPoor)
+    radius_ *= 0.5;
+  else if (ratio_ > kGood)
+    radius_ = std::min(settings_.largest_radius, std::max(radius_, 2.0 * step_.size));
+}
+
+// To the trial point, with the step's multipliers.
+Expected<void> Loop::move() {
+  const Multipliers& m = step_.multipliers;
+  lagrangian_gradient(m, change_);
+  std::swap(point_, trial_);
+  if (auto given = functions_.derivatives(point_, at_); !given) return given;
+  lagrangian_gradient(m, gradient_);
+  for (std::size_t j = 0; j < change_.size(); ++j) change_[j] = gradient_[j] - change_[j];
+  const double sigma = B_->shift() / kShiftFactor;
+  if (auto moved = B_->move(functions_, point_, at_, m, step_.d, change_); !moved) return moved;
+  B_->shift(sigma > kFirstShift / kShiftFactor ? sigma : 0.0);
+  if (restoring_ && violation() <= std::max(restore_below_, settings_.feasibility_tolerance))
+    restoring_ = false;
+  return {};
+}
+
+void Loop::lagrangian_gradient(const Multipliers& m, std::vector<double>& gradient) const {
+  gradient = at_.gradient;
+  add_transposed(at_.equalities, m.equalities, 1.0, gradient);
+  add_transposed(at_.inequalities, m.inequalities, -1.0, gradient);
+  add_transposed(at_.G, m.G, -1.0, gradient), add_transposed(at_.H, m.H, -1.0, gradient);
+}
+
+void Loop::tell() {
+  if (!settings_.iteration) return;
+  row_.objective = point_.objective, row_.violation = violation();
+  row_.step = step_.size, row_.radius = radius_, row_.predicted = predicted_, row_.actual = actual_;
+  row_.shift = B_->shift(), row_.elastic = step_.elastic, row_.restoring = restoring_;
+  row_.x = point_.x;
+  settings_.iteration(row_);
+  row_.x = {};
+}
+
+Answer Loop::end_of_small_radius() {
+  Answer answer = end(Status::numerical_failure, "no step is good, however short");
+  if (answer.violation <= settings_.feasibility_tolerance && answer.kkt_residual <= kReducedKkt)
+    answer.status = Status::solved_reduced;
+  return answer;
+}
+
+Answer Loop::end(Status status, const std::string& why) {
+  answer_.status = status;
+  answer_.x = point_.x, answer_.multipliers = step_.multipliers;
+  answer_.objective = point_.objective, answer_.violation = violation();
+  lagrangian_gradient(step_.multipliers, gradient_);
+  for (std::size_t j = 0; j < gradient_.size(); ++j) gradient_[j] -= step_.multipliers.bounds[j];
+  answer_.kkt_residual = largest(gradient_);
+  if (status == Status::solved)
+    answer_.b_stationary = step_.b_stationary, answer_.stationarity = step_.stationarity;
+  answer_.iterations = row_.iteration, answer_.ticks = row_.ticks,
+  answer_.evaluations = functions_.evaluations();
+  char text[200];
+  std::snprintf(text, sizeof text,
+                ": step %.1e within %.1e, violation %.1e, KKT residual %.1e after %d LCQPs", step_.size,
+                radius_, answer_.violation, answer_.kkt_residual, row_.ticks);
+  answer_.detail = why + text;
+  return std::move(answer_);
+}
+
+Expected<void> check(const Settings& s) {
+  if (auto valid = validate(s.lcqp); !valid) return unexpected(inside("settings.lcqp", valid.error()));
+  const auto positive = [](double value) { return value > 0.0 && std::isfinite(value); };
+  for (const auto& [good, field, value] :
+       {std::tuple{positive(s.step_tolerance), "settings.step_tolerance", s.step_tolerance},
+        std::tuple{positive(s.feasibility_tolerance), "settings.feasibility_tolerance",
+                   s.feasibility_tolerance},
+        std::tuple{positive(s.radius), "settings.radius", s.radius},
+        std::tuple{positive(s.time_limit_s), "settings.time_limit_s", s.time_limit_s}}) {
+    if (!good) return unexpected(invalid(field, std::to_string(value), "must be finite and > 0"));
+  }
+  if (!(s.largest_radius >= s.radius))
+    return unexpected(
+        invalid("settings.largest_radius", std::to_string(s.largest_radius), "must be >= radius"));
+  if (s.iteration_limit < 0)
+    return unexpected(invalid("settings.iteration_limit", std::to_string(s.iteration_limit), "must be >= 0"));
+  return {};
+}
+
+}  // namespace
+
+Options Settings::subproblem_options() {
+  Options options;
+  options.equality_tolerance = options.inequality_tolerance = options.complementarity_tolerance = 1e-9;
+  options.stationarity_tolerance = 1e-8;
+  return options;
+}
+
+Expected<Answer> solve(const Problem& problem, const OpenTicks& open, const Settings& settings) {
+  if (auto valid = check(settings); !valid) return unexpected(valid.error());
+  auto functions = Functions::create(problem);
+  if (!functions) return unexpected(functions.error());
+  return or_out_of_memory([&] { return Loop(problem, std::move(*functions), open, settings).run(); });
+}
+
+}  // namespace marble::nonlinear

@@ -1,0 +1,68 @@
+// The LCQP of a step d at a point: its pattern once, its numbers again and again.
+//
+//   min ∇θᵀd + ½ dᵀBd   s.t.   c_E + ∇c_E d = 0,   c_I + ∇c_I d ≥ 0,   0 ≤ G + ∇G d ⊥ H + ∇H d ≥ 0,   |d_j| ≤
+//   Δ_j
+//
+// The elastic one adds variables for what each row lacks, at the row's weight: d = 0 is always feasible
+// there.
+#pragma once
+
+#include <vector>
+
+#include "nonlinear/functions.h"
+#include "nonlinear/merit.h"
+
+namespace marble::nonlinear {
+
+/// The answer of one, and what it says of the linearised rows.
+struct Step {
+  std::vector<double> d;
+  double size = 0.0;  // max |d_j| / scale_j
+  Multipliers multipliers;
+  std::vector<double> equalities, inequalities, G, H;  // c + ∇c d
+  std::optional<bool> b_stationary;
+  Stationarity stationarity = Stationarity::unknown;
+  SecondOrder second_order = SecondOrder::unknown;
+  bool elastic = false;
+
+  [[nodiscard]] Rows rows() const { return {equalities, inequalities, G, H}; }
+};
+
+/// Views of a point's rows.
+[[nodiscard]] inline Rows rows_of(const Point& point) {
+  return {point.equalities, point.inequalities, point.G, point.H};
+}
+
+/// Where steps may end: bounds and trust region.
+struct Box {
+  std::span<const double> lower, upper, scale;
+  double radius = 0.0;
+};
+
+class Subproblem {
+ public:
+  Subproblem(const Linearisation& at, const SparseMatrix& B, bool elastic);
+
+  /// Of the numbers set last.
+  [[nodiscard]] ProblemView view() const;
+  [[nodiscard]] ProblemUpdate update() const;
+
+  /// All numbers. Without an objective only the elastic part of the cost is left.
+  void set(const Point& point, const Linearisation& at, const SparseMatrix& B, const Box& box);
+  void set_weights(const Weights& weights);
+  void drop_objective();
+  /// Rows that are offset so that the step meets what they really were at its end: the second-order
+  /// correction.
+  void correct(const Point& trial, const Step& step);
+
+  /// The step that an answer means.
+  void read(const Solution& solution, const Point& point, const Linearisation& at, const Box& box,
+            Step& step) const;
+
+ private:
+  OwnedProblem problem_;
+  std::size_t n_, equalities_, inequalities_, pairs_;
+  bool elastic_;
+};
+
+}  // namespace marble::nonlinear

@@ -1,0 +1,44 @@
+// Subproblems by core alone, for who has no client's library: the wheel's extension.
+#include <algorithm>
+#include <chrono>
+
+#include "marble/nonlinear.h"
+#include "marble/warm_solver.h"
+
+namespace marble::nonlinear {
+namespace {
+
+class WarmTicks final : public Ticks {
+ public:
+  WarmTicks(WarmSolver solver, const Settings& settings)
+      : solver_(std::move(solver)), options_(settings.lcqp), stop_(settings.stop) {}
+
+  Expected<Solution> solve(const ProblemUpdate& update, const TickControls& controls) override {
+    const bool cut = controls.deadline_s < options_.time_limit_s;
+    Options options = options_;
+    options.time_limit_s = std::min(options_.time_limit_s, controls.deadline_s);
+    if (auto set = solver_.set_options(options); !set) return unexpected(set.error());
+    auto answer =
+        solver_.solve(update, {.cold = controls.cold}, {.progress = controls.progress, .stop = stop_});
+    if (answer && answer->status == Status::time_limit && cut)
+      return unexpected(failure(ErrorCode::deadline_exceeded, "the deadline has passed"));
+    return answer;
+  }
+
+ private:
+  WarmSolver solver_;
+  Options options_;
+  std::stop_token stop_;
+};
+
+}  // namespace
+
+Expected<std::unique_ptr<Ticks>> open_ticks_in_process(const ProblemView& view, const Settings& settings) {
+  const auto problem = marble::Problem::create(view);
+  if (!problem) return unexpected(problem.error());
+  auto solver = WarmSolver::create(*problem, settings.lcqp);
+  if (!solver) return unexpected(solver.error());
+  return std::make_unique<WarmTicks>(std::move(*solver), settings);
+}
+
+}  // namespace marble::nonlinear
