@@ -55,8 +55,8 @@ struct Parts {
   ConnectionTable connections{{}, log};
   Scheduler scheduler{{1, 10, 1000, 10}, board, log, metrics};
   Pulse pulse;
-  const ServiceParts all{config, access,  log,       metrics,  pulse,       board,
-                         feeds,  results, scheduler, sessions, connections, calls};
+  const ServiceParts all{config,  access,  log,       metrics,  pulse,       board, feeds,
+                         results, nullptr, scheduler, sessions, connections, calls};
   Answering server;
   http::Router router{server};
 };
