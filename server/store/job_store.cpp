@@ -15,8 +15,6 @@
 namespace marble::server {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr std::chrono::seconds kAgain{1};  // after this long what could not be written is tried again
 constexpr const char* kFile = "/jobs.sqlite";
 constexpr const char* kLock = "/lock";
@@ -225,7 +223,7 @@ bool JobStore::is_settled() const {
 // whether it still fails. False at the end.
 bool JobStore::take(std::vector<Change>& changes) {
   const MutexLock lock(mutex_);
-  const auto again = Clock::now() + kAgain;
+  const auto again = std::chrono::steady_clock::now() + kAgain;
   if (health_) {
     while (changes_.empty() && !closing_) wake_.wait(mutex_);
   } else {

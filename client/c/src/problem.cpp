@@ -50,7 +50,7 @@ std::int32_t marble_problem_read(const char* path, marble_problem** problem, mar
     if (problem == nullptr) return unexpected(null("problem"));
     auto file = marble::read_problem(path);
     if (!file) return unexpected(file.error());
-    *problem = std::make_unique<marble_problem>(std::move(file->problem)).release();
+    *problem = new marble_problem{std::move(file->problem)};
     return {};
   });
 }
