@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "jobs/unix_time.h"
 #include "marble/convert.h"
 #include "wire/status.h"
 
@@ -25,7 +26,7 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   message->set_equalities(what.equalities);
   message->set_inequalities(what.inequalities);
   message->set_pairs(what.pairs);
-  message->set_accepted_unix_s(std::chrono::duration<double>(what.accepted.time_since_epoch()).count());
+  message->set_accepted_unix_s(unix_s(what.accepted));
   if (now.state == JobState::queued) {
     const QueuePlace place = record.place();
     message->set_queue_position(place.position);
@@ -59,8 +60,7 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   message->set_result_bytes(now.result_bytes);
   message->set_detail(now.detail);
   if (what.trace) message->set_trace_id(what.trace->trace_id);
-  if (now.finished)
-    message->set_finished_unix_s(std::chrono::duration<double>(now.finished->time_since_epoch()).count());
+  if (now.finished) message->set_finished_unix_s(unix_s(*now.finished));
 }
 
 void to_message(const JobRecord::Trace& trace, v1::Trace* message) {
@@ -76,14 +76,11 @@ void to_message(const PairHistory::Frame& frame, v1::PairSides* message) {
   message->mutable_t()->Assign(frame.t.begin(), frame.t.end());
 }
 
-namespace {
-
-std::chrono::system_clock::time_point time_of(double unix_s) {
-  return std::chrono::system_clock::time_point(
-      std::chrono::duration_cast<std::chrono::system_clock::duration>(std::chrono::duration<double>(unix_s)));
+void to_message(const JobRecord& record, v1::GetJobResponse* message) {
+  to_message(record, message->mutable_job());
+  marble::to_message(record.options(), message->mutable_options());
+  to_message(record.trace(), message->mutable_trace());
 }
-
-}  // namespace
 
 JobDescription description_of(const v1::JobInfo& message) {
   JobDescription what = {.id = message.job_id(),

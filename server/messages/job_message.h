@@ -9,6 +9,8 @@ namespace marble::server {
 void to_message(const JobRecord& record, v1::JobInfo* message);
 void to_message(const JobRecord::Trace& trace, v1::Trace* message);
 void to_message(const PairHistory::Frame& frame, v1::PairSides* message);
+/// All that is told of one job.
+void to_message(const JobRecord& record, v1::GetJobResponse* message);
 [[nodiscard]] v1::Priority to_message(Priority priority);
 
 /// A job that has finished, made again of what was told of it.

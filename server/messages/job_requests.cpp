@@ -39,9 +39,7 @@ Expected<void> get_job(const JobBoard& board, const Identity& caller, const std:
                        v1::GetJobResponse* response) {
   const auto record = find_job(board, caller, id);
   if (!record) return unexpected(record.error());
-  to_message(**record, response->mutable_job());
-  marble::to_message((*record)->options(), response->mutable_options());
-  to_message((*record)->trace(), response->mutable_trace());
+  to_message(**record, response);
   return {};
 }
 

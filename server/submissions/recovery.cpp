@@ -4,6 +4,7 @@
 
 #include "base/random_id.h"
 #include "google/rpc/status.pb.h"
+#include "jobs/unix_time.h"
 #include "marble/convert.h"
 #include "messages/job_message.h"
 #include "service/admission.h"
@@ -12,11 +13,6 @@
 
 namespace marble::server {
 namespace {
-
-std::chrono::system_clock::time_point time_of(double unix_s) {
-  return std::chrono::system_clock::time_point(
-      std::chrono::duration_cast<std::chrono::system_clock::duration>(std::chrono::duration<double>(unix_s)));
-}
 
 grpc::ByteBuffer buffer_of(const std::string& bytes) {
   const grpc::Slice slice(bytes);

@@ -39,9 +39,7 @@ void ResultKeeper::finished(Outcome outcome) {
   if (parts_.store == nullptr || interrupted) return put(parts_.results, *record_, std::move(result));
   StoredResult stored{.id = record_->id()};
   v1::GetJobResponse job;
-  to_message(*record_, job.mutable_job());
-  marble::to_message(record_->options(), job.mutable_options());
-  to_message(record_->trace(), job.mutable_trace());
+  to_message(*record_, &job);
   stored.job = job.SerializeAsString();
   stored.finished_unix_s = job.job().finished_unix_s();
   if (result.answer) {

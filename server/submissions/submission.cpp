@@ -2,6 +2,7 @@
 
 #include <openssl/sha.h>
 
+#include "jobs/unix_time.h"
 #include "messages/job_access.h"
 #include "messages/job_requests.h"
 #include "submissions/result_keeper.h"
@@ -16,9 +17,8 @@ std::string digest_of(const std::string& bytes) {
   return digest;
 }
 
-void place_of(const JobRecord& record, v1::SubmitResponse* response) {
-  const QueuePlace place = record.place();
-  response->set_job_id(record.id());
+void fill(const std::string& id, const QueuePlace& place, v1::SubmitResponse* response) {
+  response->set_job_id(id);
   response->set_queue_position(place.position);
   response->set_estimated_wait_s(place.estimated_wait_s);
 }
@@ -46,24 +46,22 @@ Afterwards kept(const ServiceParts& parts, const std::shared_ptr<ResultKeeper>& 
 
 Expected<Afterwards> submit(const ServiceParts& parts, const Caller& caller,
                             std::shared_ptr<v1::SolveRequest> request, v1::SubmitResponse* response) {
-  StoredJob stored;
   if (parts.store != nullptr) {
     if (auto well = parts.store->health(); !well) return unexpected(not_kept(well.error()));
   }
-  if (parts.store != nullptr || !request->request_id().empty()) {
-    stored.request = request->SerializeAsString();
-    stored.request_id = request->request_id();
-    if (!stored.request_id.empty()) stored.digest = digest_of(stored.request);
-  }
-  const auto job = make_job(parts, caller, JobKind::submitted, std::move(request));
+  const auto job = make_job(parts, caller, JobKind::submitted, request);
   if (!job) return unexpected(job.error());
+  StoredJob stored{.request_id = request->request_id()};
+  if (parts.store != nullptr || !stored.request_id.empty()) stored.request = request->SerializeAsString();
+  if (!stored.request_id.empty()) stored.digest = digest_of(stored.request);
+  request = nullptr;  // the job's
   const std::shared_ptr<JobRecord> record = (*job)->record;
   const std::string& client = caller.identity.client;
   const auto id = parts.results.expect(record->id(), client, {stored.request_id, stored.digest});
   if (!id) return unexpected(id.error());
   if (*id != record->id()) {
-    response->set_job_id(*id);
-    if (const auto earlier = parts.board.find(*id)) place_of(*earlier, response);
+    const auto earlier = parts.board.find(*id);
+    fill(*id, earlier != nullptr ? earlier->place() : QueuePlace{}, response);
     return when_settled(parts);
   }
   const auto keeper = std::make_shared<ResultKeeper>(parts, record);
@@ -73,9 +71,7 @@ Expected<Afterwards> submit(const ServiceParts& parts, const Caller& caller,
     parts.results.forget(record->id());
     return unexpected(place.error());
   }
-  response->set_job_id(record->id());
-  response->set_queue_position(place->position);
-  response->set_estimated_wait_s(place->estimated_wait_s);
+  fill(record->id(), *place, response);
   if (parts.store == nullptr) return Afterwards();
   const JobDescription& what = record->description();
   stored.id = what.id;
@@ -83,7 +79,7 @@ Expected<Afterwards> submit(const ServiceParts& parts, const Caller& caller,
   stored.peer = what.peer;
   if (what.trace) stored.traceparent = to_traceparent(*what.trace);
   stored.priority = static_cast<std::int64_t>(what.priority);
-  stored.accepted_unix_s = std::chrono::duration<double>(what.accepted.time_since_epoch()).count();
+  stored.accepted_unix_s = unix_s(what.accepted);
   return kept(parts, keeper, record, std::move(stored));
 }
 

@@ -2,14 +2,10 @@
 
 #include <algorithm>
 
+#include "search/without_pairs.h"
 #include "tuning.h"
 
 namespace marble {
-
-ScaledProblem without_pairs(ScaledProblem p) {
-  p.layout = {.inequalities = p.layout.size(), .pairs = 0};
-  return p;
-}
 
 bool is_complementary(const RowLayout& layout, const Vector& rows) {
   for (Index i = 0; i < layout.pairs; ++i) {

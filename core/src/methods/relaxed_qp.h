@@ -35,7 +35,4 @@ class RelaxedQp {
 /// Whether the smaller side of every pair is zero, of the rows' values.
 [[nodiscard]] bool is_complementary(const RowLayout& layout, const Vector& rows);
 
-/// The problem where each side of a pair is an inequality.
-[[nodiscard]] ScaledProblem without_pairs(ScaledProblem problem);
-
 }  // namespace marble

@@ -3,17 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "search/without_pairs.h"
 #include "tuning.h"
 
 namespace marble {
 namespace {
 
 SemismoothNewton::Penalty elastic() { return {tuning::homotopy_rho, tuning::elastic_delta}; }
-
-ScaledProblem without_pairs(ScaledProblem p) {
-  p.layout = {.inequalities = p.layout.size(), .pairs = 0};
-  return p;
-}
 
 }  // namespace
 

@@ -3,59 +3,17 @@
 #include <thread>
 
 #include "bidi.h"
-#include "service_test.h"
+#include "jobs_service_test.h"
 
 namespace marble::testing {
 namespace {
 
-class Jobs : public ServiceTest {
+class Jobs : public JobsServiceTest {
  protected:
-  void start(const std::vector<std::string>& flags = {}) {
-    ServiceTest::start(flags);
-    jobs_ = v1::Jobs::NewStub(channel());
-  }
-  std::string submit(const v1::SolveRequest& request) {
-    grpc::ClientContext context;
-    v1::SubmitResponse response;
-    const grpc::Status status = jobs_->Submit(&context, request, &response);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return response.job_id();
-  }
-  grpc::Status result(const std::string& id, bool wait, v1::SolveResponse* response,
-                      std::optional<std::chrono::milliseconds> deadline = std::nullopt) {
-    grpc::ClientContext context;
-    if (deadline) context.set_deadline(std::chrono::system_clock::now() + *deadline);
-    v1::JobResultRequest request;
-    request.set_job_id(id);
-    request.set_wait(wait);
-    return jobs_->Result(&context, request, response);
-  }
-  grpc::Status remove(const std::string& id) {
-    grpc::ClientContext context;
-    v1::DeleteJobRequest request;
-    request.set_job_id(id);
-    v1::DeleteJobResponse response;
-    return jobs_->Delete(&context, request, &response);
-  }
-  grpc::Status cancel(const std::string& id) {
-    grpc::ClientContext context;
-    v1::CancelJobRequest request;
-    request.set_job_id(id);
-    v1::CancelJobResponse response;
-    return jobs_->Cancel(&context, request, &response);
-  }
-  v1::GetJobResponse get(const std::string& id, grpc::StatusCode expected = grpc::StatusCode::OK) {
-    grpc::ClientContext context;
-    v1::GetJobRequest request;
-    request.set_job_id(id);
-    v1::GetJobResponse response;
-    EXPECT_EQ(jobs_->Get(&context, request, &response).error_code(), expected);
-    return response;
-  }
   v1::ListJobsResponse list(const v1::ListJobsRequest& request = {}) {
     grpc::ClientContext context;
     v1::ListJobsResponse response;
-    const grpc::Status status = jobs_->List(&context, request, &response);
+    const grpc::Status status = jobs().List(&context, request, &response);
     EXPECT_TRUE(status.ok()) << status.error_message();
     return response;
   }
@@ -83,11 +41,9 @@ class Jobs : public ServiceTest {
     auto call = std::make_unique<Watch>();
     v1::WatchJobsRequest request;
     request.set_job_id(id);
-    call->reader = jobs_->Watch(&call->context, request);
+    call->reader = jobs().Watch(&call->context, request);
     return call;
   }
-
-  std::unique_ptr<v1::Jobs::Stub> jobs_;
 };
 
 TEST_F(Jobs, ASubmittedJobsAnswerIsThereForWhoeverComesBack) {

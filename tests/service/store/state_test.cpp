@@ -6,65 +6,22 @@
 #include <random>
 #include <set>
 
-#include "service_test.h"
+#include "jobs_service_test.h"
 
 namespace marble::testing {
 namespace {
 
-class State : public ServiceTest {
+class State : public JobsServiceTest {
  protected:
   void start(std::vector<std::string> flags = {}) {
     flags.insert(flags.end(), {"--state-dir", directory_.file("state")});
-    ServiceTest::start(flags);
-    jobs_ = v1::Jobs::NewStub(channel());
+    JobsServiceTest::start(flags);
   }
   void kill_it() {
     server().send(SIGKILL);
     EXPECT_EQ(server().wait(), -SIGKILL);
   }
-  grpc::Status submit(const v1::SolveRequest& request, std::string* id) {
-    grpc::ClientContext context;
-    v1::SubmitResponse response;
-    grpc::Status status = jobs_->Submit(&context, request, &response);
-    *id = response.job_id();
-    return status;
-  }
-  std::string submitted(const v1::SolveRequest& request) {
-    std::string id;
-    const grpc::Status status = submit(request, &id);
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    return id;
-  }
-  grpc::Status result(const std::string& id, v1::SolveResponse* response) {
-    grpc::ClientContext context;
-    v1::JobResultRequest request;
-    request.set_job_id(id);
-    request.set_wait(true);
-    return jobs_->Result(&context, request, response);
-  }
-  v1::GetJobResponse get(const std::string& id) {
-    grpc::ClientContext context;
-    v1::GetJobRequest request;
-    request.set_job_id(id);
-    v1::GetJobResponse response;
-    (void)jobs_->Get(&context, request, &response);
-    return response;
-  }
   v1::JobState state_of(const std::string& id) { return get(id).job().state(); }
-  grpc::Status cancel(const std::string& id) {
-    grpc::ClientContext context;
-    v1::CancelJobRequest request;
-    request.set_job_id(id);
-    v1::CancelJobResponse response;
-    return jobs_->Cancel(&context, request, &response);
-  }
-  grpc::Status remove(const std::string& id) {
-    grpc::ClientContext context;
-    v1::DeleteJobRequest request;
-    request.set_job_id(id);
-    v1::DeleteJobResponse response;
-    return jobs_->Delete(&context, request, &response);
-  }
   /// Runs the server to its end; for what must not start.
   int refused(const std::string& text, std::vector<std::string> flags = {}) {
     flags.insert(flags.begin(), {MARBLE_SERVER_BINARY, "--listen", "127.0.0.1:0", "--http", "none",
@@ -77,18 +34,17 @@ class State : public ServiceTest {
 
   static constexpr rlim_t kFull = 32768;  // less than the store's log has by then, more than the server's
   TemporaryDirectory directory_;
-  std::unique_ptr<v1::Jobs::Stub> jobs_;
 };
 
 TEST_F(State, JobsWithoutAnAnswerRunAgainAfterAKillInTheirOrder) {
   start({"--workers", "1"});
-  const std::string running = submitted(long_request());
+  const std::string running = submit(long_request());
   ASSERT_TRUE(eventually([&] { return state_of(running) == v1::JOB_STATE_RUNNING; }));
   v1::SolveRequest patient = example_request();
   patient.set_priority(v1::PRIORITY_BATCH);
-  const std::string last = submitted(patient);
-  const std::string first = submitted(example_request());
-  const std::string second = submitted(example_request());
+  const std::string last = submit(patient);
+  const std::string first = submit(example_request());
+  const std::string second = submit(example_request());
   const double accepted = get(first).job().accepted_unix_s();
   kill_it();
   start({"--workers", "1"});
@@ -100,7 +56,7 @@ TEST_F(State, JobsWithoutAnAnswerRunAgainAfterAKillInTheirOrder) {
   EXPECT_TRUE(cancel(running).ok());
   for (const std::string& id : {first, second, last}) {
     v1::SolveResponse response;
-    ASSERT_TRUE(result(id, &response).ok());
+    ASSERT_TRUE(result(id, true, &response).ok());
     EXPECT_EQ(response.job_id(), id);
     EXPECT_NEAR(response.solution().objective(), 3.0, 1e-9);
   }
@@ -110,18 +66,18 @@ TEST_F(State, AnswersOutliveAKillToTheLastByteWithTheirTraces) {
   start();
   v1::SolveRequest named = long_request(50);
   named.set_request_id("mine");
-  const std::string id = submitted(named);
+  const std::string id = submit(named);
   v1::SolveResponse before, after;
-  ASSERT_TRUE(result(id, &before).ok());
+  ASSERT_TRUE(result(id, true, &before).ok());
   const v1::GetJobResponse job = get(id);
   v1::SolveRequest hopeless = example_request();
   hopeless.mutable_options()->set_max_iterations(1);
-  const std::string other = submitted(hopeless);
+  const std::string other = submit(hopeless);
   v1::SolveResponse unused;
-  ASSERT_TRUE(result(other, &unused).ok());
+  ASSERT_TRUE(result(other, true, &unused).ok());
   kill_it();
   start();
-  ASSERT_TRUE(result(id, &after).ok());
+  ASSERT_TRUE(result(id, true, &after).ok());
   EXPECT_EQ(after.SerializeAsString(), before.SerializeAsString());
   EXPECT_EQ(get(id).DebugString(), job.DebugString());
   EXPECT_GT(get(id).trace().rows_size(), 10);
@@ -129,20 +85,20 @@ TEST_F(State, AnswersOutliveAKillToTheLastByteWithTheirTraces) {
 
 TEST_F(State, CancelledStaysCancelledAndDeletedDeleted) {
   start({"--workers", "1"});
-  const std::string running = submitted(long_request());
+  const std::string running = submit(long_request());
   ASSERT_TRUE(eventually([&] { return state_of(running) == v1::JOB_STATE_RUNNING; }));
-  const std::string given_up = submitted(example_request());
-  const std::string gone = submitted(example_request());
+  const std::string given_up = submit(example_request());
+  const std::string gone = submit(example_request());
   EXPECT_TRUE(cancel(given_up).ok());
   EXPECT_TRUE(remove(gone).ok());
   EXPECT_TRUE(cancel(running).ok());
   kill_it();
   start({"--workers", "1"});
   v1::SolveResponse response;
-  EXPECT_EQ(result(given_up, &response).error_code(), grpc::StatusCode::CANCELLED);
-  EXPECT_EQ(result(gone, &response).error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_EQ(result(given_up, true, &response).error_code(), grpc::StatusCode::CANCELLED);
+  EXPECT_EQ(result(gone, true, &response).error_code(), grpc::StatusCode::NOT_FOUND);
   // Killed before or after its best iterate was on disk: in neither case it runs.
-  const grpc::Status ended = result(running, &response);
+  const grpc::Status ended = result(running, true, &response);
   EXPECT_TRUE(ended.error_code() == grpc::StatusCode::CANCELLED ||
               response.solution().status() == v1::STATUS_CANCELLED)
       << ended.error_message();
@@ -151,9 +107,9 @@ TEST_F(State, CancelledStaysCancelledAndDeletedDeleted) {
 
 TEST_F(State, WhatAStopInterruptsBeginsAgain) {
   start({"--workers", "1", "--drain-grace-s", "0"});
-  const std::string running = submitted(long_request());
+  const std::string running = submit(long_request());
   ASSERT_TRUE(eventually([&] { return state_of(running) == v1::JOB_STATE_RUNNING; }));
-  const std::string waiting = submitted(example_request());
+  const std::string waiting = submit(example_request());
   server().terminate();
   EXPECT_EQ(server().wait(), 0);
   start({"--workers", "1"});
@@ -161,18 +117,18 @@ TEST_F(State, WhatAStopInterruptsBeginsAgain) {
   EXPECT_EQ(state_of(waiting), v1::JOB_STATE_QUEUED);
   EXPECT_TRUE(cancel(running).ok());
   v1::SolveResponse response;
-  ASSERT_TRUE(result(waiting, &response).ok());
+  ASSERT_TRUE(result(waiting, true, &response).ok());
 }
 
 TEST_F(State, ARequestIdIsOneJobAfterARestartToo) {
   start();
   v1::SolveRequest request = example_request();
   request.set_request_id("mine");
-  const std::string id = submitted(request);
-  EXPECT_EQ(submitted(request), id);
+  const std::string id = submit(request);
+  EXPECT_EQ(submit(request), id);
   kill_it();
   start();
-  EXPECT_EQ(submitted(request), id);
+  EXPECT_EQ(submit(request), id);
   request.mutable_options()->set_max_iterations(7);
   std::string other;
   const grpc::Status status = submit(request, &other);
@@ -183,26 +139,26 @@ TEST_F(State, ARequestIdIsOneJobAfterARestartToo) {
 
 TEST_F(State, WithLowerLimitsThanBeforeJobsWaitForRoom) {
   start({"--workers", "1"});
-  const std::string running = submitted(long_request());
+  const std::string running = submit(long_request());
   ASSERT_TRUE(eventually([&] { return state_of(running) == v1::JOB_STATE_RUNNING; }));
   std::vector<std::string> ids;
-  for (int i = 0; i < 5; ++i) ids.push_back(submitted(example_request()));
+  for (int i = 0; i < 5; ++i) ids.push_back(submit(example_request()));
   kill_it();
   start({"--workers", "1", "--queue-jobs", "1"});
   ASSERT_TRUE(eventually([&] { return state_of(running) == v1::JOB_STATE_RUNNING; }));
   EXPECT_TRUE(cancel(running).ok());
   for (const std::string& id : ids) {
     v1::SolveResponse response;
-    EXPECT_TRUE(result(id, &response).ok()) << id;
+    EXPECT_TRUE(result(id, true, &response).ok()) << id;
   }
 }
 
 // The limit of a file's size stands for a disk that is full: the same errors, on any machine.
 TEST_F(State, AFullDiskRefusesJobsAndNothingElse) {
   start();
-  const std::string before = submitted(example_request());
+  const std::string before = submit(example_request());
   v1::SolveResponse response;
-  ASSERT_TRUE(result(before, &response).ok());
+  ASSERT_TRUE(result(before, true, &response).ok());
   rlimit unlimited = {};
   ASSERT_EQ(prlimit(server().pid(), RLIMIT_FSIZE, nullptr, &unlimited), 0);
   const rlimit full = {kFull, unlimited.rlim_max};
@@ -212,21 +168,21 @@ TEST_F(State, AFullDiskRefusesJobsAndNothingElse) {
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::UNAVAILABLE) << refused.error_message();
   EXPECT_NE(refused.error_message().find("cannot keep"), std::string::npos) << refused.error_message();
   EXPECT_TRUE(lives());
-  EXPECT_TRUE(result(before, &response).ok());
+  EXPECT_TRUE(result(before, true, &response).ok());
   EXPECT_TRUE(eventually([&] { return !server().log_lines({"state_not_written"}).empty(); }))
       << server().log();
   ASSERT_EQ(prlimit(server().pid(), RLIMIT_FSIZE, &unlimited, nullptr), 0);
   ASSERT_TRUE(eventually([&] { return submit(example_request(), &id).ok(); }));
-  EXPECT_TRUE(result(id, &response).ok());
+  EXPECT_TRUE(result(id, true, &response).ok());
   kill_it();
   start();
-  EXPECT_TRUE(result(before, &response).ok());
-  EXPECT_TRUE(result(id, &response).ok());
+  EXPECT_TRUE(result(before, true, &response).ok());
+  EXPECT_TRUE(result(id, true, &response).ok());
 }
 
 TEST_F(State, AJobThatEndsWhileTheDiskIsFullHasItsAnswer) {
   start({"--workers", "1"});
-  const std::string running = submitted(long_request());
+  const std::string running = submit(long_request());
   ASSERT_TRUE(eventually([&] { return state_of(running) == v1::JOB_STATE_RUNNING; }));
   rlimit unlimited = {};
   ASSERT_EQ(prlimit(server().pid(), RLIMIT_FSIZE, nullptr, &unlimited), 0);
@@ -235,14 +191,14 @@ TEST_F(State, AJobThatEndsWhileTheDiskIsFullHasItsAnswer) {
   const grpc::Status told = cancel(running);  // ends; that it was told to cannot be kept yet
   EXPECT_EQ(told.error_code(), grpc::StatusCode::UNAVAILABLE) << told.error_message();
   v1::SolveResponse response;
-  ASSERT_TRUE(result(running, &response).ok());
+  ASSERT_TRUE(result(running, true, &response).ok());
   EXPECT_EQ(response.solution().status(), v1::STATUS_CANCELLED);
   ASSERT_EQ(prlimit(server().pid(), RLIMIT_FSIZE, &unlimited, nullptr), 0);
   ASSERT_TRUE(eventually([&] { return !server().log_lines({"state_written_again"}).empty(); }));
   kill_it();
   start();
   v1::SolveResponse after;
-  ASSERT_TRUE(result(running, &after).ok());
+  ASSERT_TRUE(result(running, true, &after).ok());
   EXPECT_EQ(after.SerializeAsString(), response.SerializeAsString());
 }
 
@@ -262,10 +218,10 @@ TEST_F(State, ADirectoryThatCannotBeUsedIsRefusedInWords) {
 
 TEST_F(State, IsLookedThroughWhileTheServerRuns) {
   start({"--workers", "1"});
-  const std::string done = submitted(example_request());
+  const std::string done = submit(example_request());
   v1::SolveResponse response;
-  ASSERT_TRUE(result(done, &response).ok());
-  (void)submitted(long_request());
+  ASSERT_TRUE(result(done, true, &response).ok());
+  (void)submit(long_request());
   EXPECT_EQ(refused("ok, 1 jobs without an answer, 1 with one", {"--check-state"}), 0);
 }
 
@@ -294,7 +250,7 @@ TEST_F(State, NoAcceptedJobIsLostWheneverTheServerIsKilled) {
   std::set<double> objectives;
   for (const std::string& id : accepted) {
     v1::SolveResponse response;
-    const grpc::Status status = result(id, &response);
+    const grpc::Status status = result(id, true, &response);
     ASSERT_TRUE(status.ok()) << id << ": " << status.error_message();
     objectives.insert(std::round(response.solution().objective() - 3.0));
   }
