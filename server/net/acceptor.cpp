@@ -26,15 +26,20 @@ Acceptor::Acceptor(std::vector<Entrance> entrances, ConnectionTable& connections
     : entrances_(std::move(entrances)),
       connections_(connections),
       stop_(eventfd(0, EFD_CLOEXEC)),
+      look_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
       reserve_(spare()),
-      thread_([this] { run(); }) {}
+      accepting_([this] { accept(); }),
+      watching_([this] { watch(); }) {}
 
 Acceptor::~Acceptor() { stop(); }
 
 void Acceptor::stop() {
-  if (!thread_.joinable()) return;
+  if (!accepting_.joinable()) return;
   eventfd_write(stop_.get(), 1);
-  thread_.join();
+  accepting_.join();  // not held up for long: the watch ends who pours
+  accepted_all_ = true;
+  eventfd_write(look_.get(), 1);
+  watching_.join();
   for (const Entrance& entrance : entrances_) {
     for (const Descriptor& socket : entrance.socket.sockets()) shutdown(socket.get(), SHUT_RDWR);
   }
@@ -48,7 +53,7 @@ std::vector<int> Acceptor::listeners() const {
   return result;
 }
 
-void Acceptor::run() {
+void Acceptor::accept() {
   std::vector<pollfd> waited = {{stop_.get(), POLLIN, 0}};
   std::vector<grpc::experimental::ExternalConnectionAcceptor*> servers = {nullptr};
   for (const Entrance& entrance : entrances_) {
@@ -57,22 +62,30 @@ void Acceptor::run() {
       servers.push_back(entrance.server.get());
     }
   }
-  auto next_watch = Clock::now();
   while (true) {
-    const auto left = std::chrono::ceil<std::chrono::milliseconds>(next_watch - Clock::now());
-    const bool idle = connections_.usage().open == 0;
-    poll(waited.data(), waited.size(), idle ? -1 : std::max(0, static_cast<int>(left.count())));
+    poll(waited.data(), waited.size(), -1);
     if (waited[0].revents != 0) return;
     bool short_of = false;
     for (std::size_t i = 1; i < waited.size() && !short_of; ++i) {
       if (waited[i].revents != 0) short_of = !accept_all(waited[i].fd, *servers[i]);
     }
-    if (const auto now = Clock::now(); now >= next_watch) {
-      connections_.watch(now);
-      next_watch = now + kPeriod;
-    }
     // Who was closed for it needs a moment to give its descriptors back.
     if (short_of) std::this_thread::sleep_for(kPeriod);
+  }
+}
+
+void Acceptor::watch() {
+  while (true) {
+    if (connections_.usage().open == 0) {
+      pollfd waited = {look_.get(), POLLIN, 0};
+      poll(&waited, 1, -1);
+    } else {
+      std::this_thread::sleep_for(kPeriod);
+    }
+    if (accepted_all_) return;
+    eventfd_t count = 0;
+    eventfd_read(look_.get(), &count);
+    connections_.watch(Clock::now());
   }
 }
 
@@ -89,6 +102,7 @@ bool Acceptor::accept_all(int listener, grpc::experimental::ExternalConnectionAc
       return !connections_.make_room();
     }
     if (!connections_.add(std::move(copy), peer, Clock::now())) continue;
+    eventfd_write(look_.get(), 1);
     grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters parameters;
     parameters.listener_fd = -1;
     parameters.fd = socket.release();

@@ -1,9 +1,11 @@
-// Accepts the gRPC port's connections and hands them to gRPC. gRPC 1.51's own listener never accepts again
-// once the process has run out of descriptors (CVE-2023-4785), and knows no limit of connections.
+// Accepts the gRPC port's connections, hands them to gRPC, and has them watched. gRPC 1.51's own listener
+// never accepts again once the process has run out of descriptors (CVE-2023-4785), and knows no limit of
+// connections.
 #pragma once
 
 #include <grpcpp/server_builder.h>
 
+#include <atomic>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -27,21 +29,24 @@ class Acceptor {
   Acceptor(const Acceptor&) = delete;
   Acceptor& operator=(const Acceptor&) = delete;
 
-  /// Accepts no more, and whoever tries is refused; before the servers shut down.
+  /// Accepts no more, and whoever tries is refused; watches no more. Before the servers shut down.
   void stop();
   /// The sockets that are listened on, for as long as the acceptor lives.
   [[nodiscard]] std::vector<int> listeners() const;
 
  private:
-  void run();
+  void accept();
+  void watch();
   [[nodiscard]] bool accept_all(int listener, grpc::experimental::ExternalConnectionAcceptor& server);
   [[nodiscard]] bool out_of_descriptors(int listener);
 
   const std::vector<Entrance> entrances_;
   ConnectionTable& connections_;
-  const Descriptor stop_;  // an eventfd
-  Descriptor reserve_;     // given up for a moment to turn somebody away
-  std::thread thread_;
+  const Descriptor stop_, look_;  // eventfds; there is somebody to look at, or to be looked at no more
+  Descriptor reserve_;            // given up for a moment to turn somebody away
+  std::atomic<bool> accepted_all_ = false;
+  // Two: who is handed a connection reads from it before it returns, for as long as more keeps coming.
+  std::thread accepting_, watching_;
 };
 
 }  // namespace marble::server

@@ -49,26 +49,15 @@ class RawHttp2 {
 
   /// False once the other side has hung up.
   bool send(const std::string& bytes) {
-    std::size_t sent = 0;
-    while (sent < bytes.size()) {
-      const ssize_t count =
-          ::send(socket_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
-      if (count > 0) {
-        sent += static_cast<std::size_t>(count);
-      } else if (errno == EAGAIN) {
-        take();  // or each would wait for the other
-        if (closed_) return false;
-        pollfd writable = {socket_, POLLOUT | POLLIN, 0};
-        poll(&writable, 1, 1000);
-      } else {
-        closed_ = true;
-        return false;
-      }
-    }
-    return true;
+    sending_ = true;
+    const bool sent = send_all(bytes);
+    sending_ = false;
+    answer();
+    return sent;
   }
-  bool begin() {
-    begun_ = true;
+  /// `answers`: settings and pings are, from now on, between what is sent.
+  bool begin(bool answers = true) {
+    answers_ = answers;
     return send("PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + frame(kSettings, kNone, 0, ""));
   }
 
@@ -107,8 +96,7 @@ class RawHttp2 {
     return send(frame(kHeaders, kEndHeaders, stream, call_fields(path, more)));
   }
 
-  /// Settings and pings are answered once it has begun. Waits until the server has ended the stream, or the
-  /// connection.
+  /// Waits until the server has ended the stream, or the connection.
   [[nodiscard]] bool eventually_ended(std::uint32_t stream) {
     return eventually([&] {
       take();
@@ -127,6 +115,30 @@ class RawHttp2 {
   }
 
  private:
+  bool send_all(const std::string& bytes) {
+    std::size_t sent = 0;
+    while (sent < bytes.size()) {
+      const ssize_t count =
+          ::send(socket_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
+      if (count > 0) {
+        sent += static_cast<std::size_t>(count);
+      } else if (errno == EAGAIN) {
+        take();  // or each would wait for the other
+        if (closed_) return false;
+        pollfd writable = {socket_, POLLOUT | POLLIN, 0};
+        poll(&writable, 1, 1000);
+      } else {
+        closed_ = true;
+        return false;
+      }
+    }
+    return true;
+  }
+  void answer() {
+    if (answers_ && !owed_.empty()) ::send(socket_, owed_.data(), owed_.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+    owed_.clear();
+  }
+
   static std::string number(std::uint32_t value, int bytes) {
     std::string result;
     for (int i = bytes - 1; i >= 0; --i) result += static_cast<char>((value >> (8 * i)) & 0xFFU);
@@ -149,26 +161,24 @@ class RawHttp2 {
     const auto byte = [&](std::size_t at) { return static_cast<std::uint8_t>(incoming_[at]); };
     while (incoming_.size() >= 9) {
       const std::size_t size = (std::size_t{byte(0)} << 16U) | (std::size_t{byte(1)} << 8U) | byte(2);
-      if (incoming_.size() < 9 + size) return;
+      if (incoming_.size() < 9 + size) break;
       const std::uint32_t stream = (static_cast<std::uint32_t>(byte(5)) << 24U) |
                                    (static_cast<std::uint32_t>(byte(6)) << 16U) |
                                    (static_cast<std::uint32_t>(byte(7)) << 8U) | byte(8);
       const bool ends =
           byte(3) == kReset || ((byte(3) == kHeaders || byte(3) == kData) && (byte(4) & kEndStream));
       if (ends) ended_.insert(stream);
-      std::string answer;
-      if (byte(3) == kSettings && (byte(4) & kAck) == 0) answer = frame(kSettings, kAck, 0, "");
+      if (byte(3) == kSettings && (byte(4) & kAck) == 0) owed_ += frame(kSettings, kAck, 0, "");
       if (byte(3) == kPing && (byte(4) & kAck) == 0)
-        answer = frame(kPing, kAck, 0, incoming_.substr(9, size));
+        owed_ += frame(kPing, kAck, 0, incoming_.substr(9, size));
       incoming_.erase(0, 9 + size);
-      if (begun_ && !answer.empty())
-        ::send(socket_, answer.data(), answer.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
     }
+    if (!sending_) answer();  // not in the middle of a frame
   }
 
   const int socket_;
-  bool begun_ = false, closed_ = false;
-  std::string incoming_;
+  bool answers_ = false, sending_ = false, closed_ = false;
+  std::string incoming_, owed_;
   std::set<std::uint32_t> ended_;
 };
 

@@ -9,17 +9,23 @@ namespace {
 
 class HeaderFlood : public ServiceTest {};
 
-TEST_F(HeaderFlood, EndsTheConnection) {
+// One in ten was not ended: the thread that handed it to gRPC was also to end it, and gRPC kept that thread
+// reading for as long as more came.
+TEST_F(HeaderFlood, EndsEachConnection) {
+  constexpr std::int64_t kMost = std::int64_t{2} << 30;
   start();
-  RawHttp2 raw(server().address());
-  raw.begin();
   std::string part;
   while (part.size() < 16'000) part += RawHttp2::fields({{"x-a", std::string(100, 'a')}});
-  raw.send(RawHttp2::frame(RawHttp2::kHeaders, RawHttp2::kNone, 1, part));
+  const std::string first = RawHttp2::frame(RawHttp2::kHeaders, RawHttp2::kNone, 1, part);
   const std::string more = RawHttp2::frame(RawHttp2::kContinuation, RawHttp2::kNone, 1, part);
-  std::int64_t sent = 0;
-  while (sent < std::int64_t{2} << 30 && raw.send(more)) sent += static_cast<std::int64_t>(more.size());
-  EXPECT_LT(sent, std::int64_t{2} << 30);
+  for (int i = 0; i < 30; ++i) {
+    RawHttp2 raw(server().address());
+    raw.begin(false);  // no other frame may stand among these
+    raw.send(first);
+    std::int64_t sent = 0;
+    while (sent < kMost && raw.send(more)) sent += static_cast<std::int64_t>(more.size());
+    ASSERT_LT(sent, kMost) << i;
+  }
   EXPECT_LT(resident_bytes(server().pid()), 1 << 30);
   EXPECT_TRUE(eventually([&] {
     return !server().log_lines({"connection_closed", "pouring"}).empty();
