@@ -83,7 +83,7 @@ bool BranchPoint::is_factored(double rho, double delta) const {
 
 // With the active rows as equalities: Newton on (Qz + g + Jᵀλ, J_active z + c) with the regularized factor,
 // repeated. The residuals carry no regularization, so the fixed point is exact; each sweep gains about eight
-// digits.
+// digits, and where rows nearly depend on each other only part of one.
 bool BranchPoint::sharpen(double tolerance) {
   auto& [step, step_images, gradient] = workspace;
   double last = std::numeric_limits<double>::infinity();
@@ -98,7 +98,8 @@ bool BranchPoint::sharpen(double tolerance) {
     }
     if (!std::isfinite(error) || !(max_abs(x.z()) <= tuning::runaway)) return false;
     if (error <= tolerance) return true;
-    if (error > 0.5 * last) return error <= tuning::exactness;  // as exact as it gets
+    const bool is_exact = error <= tuning::exactness;
+    if (error > (is_exact ? 0.5 : tuning::exact_slowest) * last) return is_exact;  // as exact as it gets
     last = error;
     add_transposed(problem_.rows, step.lambda(), gradient);
     step.z() = -gradient;

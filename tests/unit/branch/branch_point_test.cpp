@@ -119,5 +119,39 @@ TEST(BranchPoint, WithAFactorItProjectsAndSharpens) {
   }
 }
 
+// z₁ = 0 and z₁ + εz₂ = ε: a sweep leaves 1/(1 + ρε²/2) of the error in their difference.
+TEST(BranchPoint, SharpensWhereRowsNearlyDependOnEachOther) {
+  for (const double epsilon : {1e-4, 5e-5}) {
+    OwnedProblem p;
+    p.g = {0.0, 0.0};
+    p.Q = compress(2, 2, {{0, 1}, {0, 1}, {1.0, 1.0}}, "Q").value();
+    p.C = compress(2, 2, {{0, 1, 1}, {0, 0, 1}, {1.0, 1.0, epsilon}}, "C").value();
+    p.d = {0.0, -epsilon};
+    Workbench w(p, unscaled());
+    BranchEngines branch(w.problem, *w.kkt);
+    branch.point.set.held = {1, 1};
+    ASSERT_TRUE(branch.point.factor(w.run, tuning::exact_rho, tuning::exact_delta));
+    branch.point.x.z()[1] = 1.0 + 5.0 * tuning::exactness / epsilon;
+    branch.point.x.lambda() << 1.0 / epsilon, -1.0 / epsilon;
+    EXPECT_TRUE(branch.point.sharpen()) << epsilon;
+    EXPECT_LE(branch.point.error(), tuning::exactness) << epsilon;
+    EXPECT_NEAR(branch.point.x.z()[1], 1.0, 2.0 * tuning::exactness / epsilon);
+  }
+}
+
+// z₁ = 0 and z₁ = 1: the multipliers only grow.
+TEST(BranchPoint, SharpensNothingWhereRowsContradictEachOther) {
+  OwnedProblem p;
+  p.g = {0.0};
+  p.Q = compress(1, 1, {{0}, {0}, {1.0}}, "Q").value();
+  p.C = compress(2, 1, {{0, 1}, {0, 0}, {1.0, 1.0}}, "C").value();
+  p.d = {0.0, -1.0};
+  Workbench w(p, unscaled());
+  BranchEngines branch(w.problem, *w.kkt);
+  branch.point.set.held = {1, 1};
+  ASSERT_TRUE(branch.point.factor(w.run, tuning::exact_rho, tuning::exact_delta));
+  EXPECT_FALSE(branch.point.sharpen());
+}
+
 }  // namespace
 }  // namespace marble
