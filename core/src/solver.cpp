@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include "branch/parametric.h"
 #include "model/printed.h"
+#include "model/text_of.h"
 #include "proof/stationarity.h"
 #include "strategy.h"
 #include "tuning.h"
@@ -62,12 +62,11 @@ struct MostFlops {
     return tuning::flops_per_second * std::max(tuning::never_refused_s, seconds);
   }
   [[nodiscard]] Error refusal(double needed) const {
-    char value[64];
-    char bound[128];
-    std::snprintf(value, sizeof value, "a factorization of %.2g flops", needed);
-    std::snprintf(bound, sizeof bound, "must have at most %.2g to fit %s of %g s on the fastest machine",
-                  flops(), by_time_limit ? "the time limit" : "the limit for one", seconds);
-    return failure(ErrorCode::resource_exhausted, "problem", value, bound);
+    return failure(ErrorCode::resource_exhausted, "problem",
+                   "a factorization of " + general(needed, 2) + " flops",
+                   "must have at most " + general(flops(), 2) + " to fit " +
+                       (by_time_limit ? "the time limit of " : "the limit for one of ") +
+                       general(seconds, 6) + " s on the fastest machine");
   }
 
   bool by_time_limit;

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <utility>
 
 #include "feasibility/feasibility.h"
+#include "model/text_of.h"
 #include "proof/proof.h"
 #include "search/multistart.h"
 #include "tuning.h"
@@ -371,11 +371,9 @@ std::optional<Ending> Strategy::prove(Run& run, Status status) {
   if (std::exchange(looked_for_.infeasible, true)) return std::nullopt;
   std::optional<FarkasProof> proof = prove_infeasible(problem_, z, run);
   if (!proof) return std::nullopt;
-  char radius[64];
-  std::snprintf(radius, sizeof radius, ": no z with |z| <= %.1e is feasible; ", proof->radius);
   return Ending{Status::infeasible,
-                "the constraints contradict each other even without complementarity" +
-                    (radius + describe(path_point_.violations)),
+                "the constraints contradict each other even without complementarity: no z with |z| <= " +
+                    scientific(proof->radius, 1) + " is feasible; " + describe(path_point_.violations),
                 std::move(proof->multipliers)};
 }
 

@@ -1,10 +1,10 @@
 #include "feasibility/feasibility.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <utility>
 
 #include "feasibility/lemke.h"
+#include "model/text_of.h"
 #include "run/termination.h"
 #include "search/branch_search.h"
 #include "search/distance.h"
@@ -104,13 +104,11 @@ Feasibility::End Feasibility::run(Run& run, ConstVectorRef z) {
 }
 
 std::string Feasibility::describe(End end) const {
-  char text[160] = "";
+  std::string text;
   if (end == End::refuted)
-    std::snprintf(
-        text, sizeof text,
-        "every branch of the pairs contradicts the constraints: no z with |z| <= %.1e is feasible; ",
-        tree_.radius());
-  return text + ("feasibility phase: " + std::to_string(factorizations_)) + " factorizations, " +
+    text = "every branch of the pairs contradicts the constraints: no z with |z| <= " +
+           scientific(tree_.radius(), 1) + " is feasible; ";
+  return text + "feasibility phase: " + std::to_string(factorizations_) + " factorizations, " +
          std::to_string(tree_.nodes()) + " nodes of a tree; ";
 }
 

@@ -1,11 +1,10 @@
 #include "methods/reference.h"
 
-#include <cstdio>
-
 #include "methods/l1_penalty.h"
 #include "methods/penalty_scp.h"
 #include "methods/quadratic_penalty.h"
 #include "methods/scholtes.h"
+#include "model/text_of.h"
 #include "tuning.h"
 
 namespace marble {
@@ -94,9 +93,7 @@ Ending Reference::run(Run& run, ConstVectorRef initial_z) {
 Ending Reference::judge(ReferenceMethod::State state) const {
   using State = ReferenceMethod::State;
   const double residual = max_abs(images_.stationarity);
-  char residual_text[64];
-  std::snprintf(residual_text, sizeof residual_text, "; scaled KKT residual %.2e; ", residual);
-  const std::string where = residual_text + describe(violations_);
+  const std::string where = "; scaled KKT residual " + scientific(residual, 2) + "; " + describe(violations_);
   const std::string name = name_of(options_.method);
   if (state != State::failed && within_tolerances(violations_, options_) &&
       residual <= options_.stationarity_tolerance)

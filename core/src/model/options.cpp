@@ -1,10 +1,9 @@
 #include "marble/options.h"
 
-#include <array>
-#include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <type_traits>
+
+#include "model/text_of.h"
 
 namespace marble {
 namespace {
@@ -62,12 +61,6 @@ constexpr OptionInfo kTable[] = {
 #include "marble/options.def"
 #undef MARBLE_OPTION
 };
-
-std::string text_of(double value) {
-  std::array<char, 32> buffer;
-  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
-  return {buffer.data(), end};
-}
 
 Expected<const OptionInfo*> find(std::string_view name) {
   for (const OptionInfo& info : kTable) {

@@ -1,21 +1,16 @@
 #include "marble/problem.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <string>
 
 #include "marble/contract.h"
+#include "model/text_of.h"
 
 namespace marble {
 namespace {
-
-std::string text_of(double value) {
-  char buffer[32];
-  return {buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr};
-}
 
 Expected<void> check_finite(std::span<const double> values, const std::string& field) {
   for (std::size_t i = 0; i < values.size(); ++i) {

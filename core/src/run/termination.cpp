@@ -1,8 +1,8 @@
 #include "run/termination.h"
 
 #include <algorithm>
-#include <cstdio>
 
+#include "model/text_of.h"
 #include "run/certificate.h"
 #include "tuning.h"
 
@@ -31,25 +31,23 @@ Ending explain_end(const ScaledProblem& p, const Options& options, const Iterate
   const std::string where = describe(violations);
   if (seems_infeasible(p, x)) return {Status::infeasible, where, {}};
   if (seems_unbounded(p, x)) return {Status::unbounded, where, {}};
-  char residual_text[64];
-  std::snprintf(residual_text, sizeof residual_text, "scaled KKT residual %.2e; ", residual_norm);
+  const std::string residual_text = "scaled KKT residual " + scientific(residual_norm, 2) + "; ";
   if (within_tolerances(violations, options, tuning::reduced_factor) &&
       residual_norm <= tuning::reduced_residual) {
-    return {Status::solved_reduced, "no further progress was possible; " + (residual_text + where), {}};
+    return {Status::solved_reduced, "no further progress was possible; " + residual_text + where, {}};
   }
   if (stalled) {
     return {Status::locally_infeasible,
-            "the violation is stationary: no feasible point near; " + (residual_text + where),
+            "the violation is stationary: no feasible point near; " + residual_text + where,
             {}};
   }
-  return {Status::numerical_failure, "no acceptable step; " + (residual_text + where), {}};
+  return {Status::numerical_failure, "no acceptable step; " + residual_text + where, {}};
 }
 
 std::string describe(const Violations& violations) {
-  char text[160];
-  std::snprintf(text, sizeof text, "violations: equality %.2e, inequality %.2e, complementarity %.2e",
-                violations.equality, violations.inequality, violations.complementarity);
-  return text;
+  return "violations: equality " + scientific(violations.equality, 2) + ", inequality " +
+         scientific(violations.inequality, 2) + ", complementarity " +
+         scientific(violations.complementarity, 2);
 }
 
 }  // namespace marble

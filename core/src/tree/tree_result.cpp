@@ -1,9 +1,9 @@
 // What a tree tells: its bound and gap, as it goes on and at its end.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
+#include "model/text_of.h"
 #include "tree/tree.h"
 #include "tuning.h"
 
@@ -24,10 +24,8 @@ void TreeResult::answer_is(double objective, const Options& options) {
   bound = std::min(bound, objective);
   gap = relative_gap(objective, bound);
   proved = gap <= within(options);
-  char text[120];
-  std::snprintf(text, sizeof text, ", for the answer, feasible to the tolerances only: %s, gap %.1e",
-                proved ? "proved" : "not proved", gap);
-  remark += text;
+  remark += std::string(", for the answer, feasible to the tolerances only: ") +
+            (proved ? "proved" : "not proved") + ", gap " + scientific(gap, 1);
 }
 
 // Nodes whose bound is not below this are closed.
@@ -68,15 +66,12 @@ TreeResult Tree::result(TreeResult::End end) const {
   if (end == TreeResult::End::exhausted && !incumbent_.exists() && closed_bound_ == kInfinity)
     result.end = TreeResult::End::infeasible;
   result.proved = result.end == TreeResult::End::infeasible || result.gap <= within(options_);
-  char text[160];
-  std::snprintf(text, sizeof text, "%s by %lld nodes, %lld open, for |z| <= %.1e: bound %.9g, gap %.1e",
-                result.proved ? "proved" : "not proved", static_cast<long long>(nodes_),
-                static_cast<long long>(result.open_nodes), radius_, result.bound, result.gap);
-  result.remark = text;
+  result.remark = (result.proved ? "proved by " : "not proved by ") + std::to_string(nodes_) + " nodes, " +
+                  std::to_string(result.open_nodes) + " open, for |z| <= " + scientific(radius_, 1) +
+                  ": bound " + general(result.bound, 9) + ", gap " + scientific(result.gap, 1);
   if (warm_nodes_ > 0) {
-    std::snprintf(text, sizeof text, ", from %lld nodes of the last tree, %lld still closed",
-                  static_cast<long long>(warm_nodes_), static_cast<long long>(warm_closed_));
-    result.remark += text;
+    result.remark += ", from " + std::to_string(warm_nodes_) + " nodes of the last tree, " +
+                     std::to_string(warm_closed_) + " still closed";
   }
   return result;
 }

@@ -1,0 +1,31 @@
+// Numbers in messages. std::to_chars takes a fifth of the time of printf, which a tick of a session would
+// feel.
+#pragma once
+
+#include <array>
+#include <charconv>
+#include <string>
+
+namespace marble {
+
+/// So that it reads back to the same number.
+[[nodiscard]] inline std::string text_of(double value) {
+  std::array<char, 32> text;
+  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
+}
+
+/// As printf's "%.{digits}e".
+[[nodiscard]] inline std::string scientific(double value, int digits) {
+  std::array<char, 32> text;
+  const auto format = std::chars_format::scientific;
+  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value, format, digits).ptr};
+}
+
+/// As printf's "%.{digits}g".
+[[nodiscard]] inline std::string general(double value, int digits) {
+  std::array<char, 32> text;
+  const auto format = std::chars_format::general;
+  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value, format, digits).ptr};
+}
+
+}  // namespace marble
