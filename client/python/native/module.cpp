@@ -65,13 +65,20 @@ py::object python_value(Retraction retraction) {
   return choice_name("retraction", static_cast<std::size_t>(retraction));
 }
 
+/// All options by their names: a copy of the defaults, which takes a tenth of the time, with what differs.
 py::dict dict_of(const Options& options) {
-  py::dict all;
-#define MARBLE_OPTION(type, name, ...)                                \
-  {                                                                   \
-    static PyObject* const key = PyUnicode_InternFromString(#name);   \
-    PyDict_SetItem(all.ptr(), key, python_value(options.name).ptr()); \
-  }
+  static const Options usual;
+  static PyObject* const usual_dict = [] {
+    py::dict all;
+#define MARBLE_OPTION(type, name, ...) all[#name] = python_value(usual.name);
+#include "marble/options.def"
+#undef MARBLE_OPTION
+    return all.release().ptr();
+  }();
+  auto all = py::reinterpret_steal<py::dict>(PyDict_Copy(usual_dict));
+  if (!all) throw py::error_already_set();
+#define MARBLE_OPTION(type, name, ...) \
+  if (options.name != usual.name) all[#name] = python_value(options.name);
 #include "marble/options.def"
 #undef MARBLE_OPTION
   return all;

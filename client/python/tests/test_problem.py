@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import subprocess
 
@@ -46,6 +47,23 @@ def test_multipliers_come_back_for_rows_and_bounds_with_osqp_s_signs(client, see
         equal = below == above
         assert (duals[(np.abs(values - above) > 1e-4) & ~equal] <= 1e-6).all()
         assert (duals[(np.abs(values - below) > 1e-4) & ~equal] >= -1e-6).all()
+
+
+def test_a_problem_is_compiled_again_only_when_it_has_changed():
+    problem = marble.Problem(2).minimize(np.eye(2), [-1.0, -2.0]).add_rows([[1.0, 1.0]], -4.0, 4.0)
+    changes = (lambda: problem.minimize(np.eye(2), [-3.0, 0.0]), lambda: problem.add_rows([[0.0, 1.0]], 0.5, 0.5),
+               lambda: problem.bound(0, 0.25, 2.0), lambda: problem.add_pair(0, 1), lambda: problem.start_at([1, 1]))
+    seen = [problem.compile()]
+    for change in changes:
+        assert problem.compile() is seen[-1]
+        change()
+        seen.append(problem.compile())
+    g, rows, bounds, pairs, start = itertools.pairwise(seen)
+    assert [part.g[0] for part in g] == [-1.0, -3.0] and [part.b.size for part in rows] == [0, 1]
+    assert [part.d.tolist() for part in bounds] == [[4.0, 4.0], [4.0, 4.0, -0.25, 2.0]]
+    assert [part.l.size for part in pairs] == [0, 1] and start[0].z0 is None and start[1].z0.tolist() == [1.0, 1.0]
+    problem.name = "renamed"
+    assert problem.compile().name == "renamed"
 
 
 def test_names_stand_for_variables(client):

@@ -46,6 +46,31 @@ class Layout:
         return duals
 
 
+def taken(blocks: Sequence[Any], source: Places, sign: Vector | None = None) -> Any:
+    """Rows of blocks that stand above one another, csc_matrix each: those of `source`, which rises and may name a row
+    twice, times `sign`; as a csc_matrix.
+    """
+    n = blocks[0].shape[1]
+    starts = np.cumsum([0] + [block.shape[0] for block in blocks])
+    row = np.concatenate([block.indices + start for block, start in zip(blocks, starts, strict=False)])
+    column = np.concatenate([np.repeat(np.arange(n), np.diff(block.indptr)) for block in blocks])
+    values = np.concatenate([block.data for block in blocks])
+    first = source.searchsorted(np.arange(starts[-1] + 1))
+    times = np.diff(first)[row]
+    entry = np.repeat(np.arange(row.size), times)
+    place = first[row[entry]] + np.arange(entry.size) - np.repeat(np.cumsum(times) - times, times)
+    order = np.argsort(column[entry], kind="stable")  # rows rise within a column as they did before
+    entry, place = entry[order], place[order]
+    data = values[entry] if sign is None else values[entry] * sign[place]
+    indptr = column[entry].searchsorted(np.arange(n + 1)).astype(np.int32)
+    return csc(data, place.astype(np.int32), indptr, (source.size, n))
+
+
+def stack(blocks: Sequence[Any]) -> Any:
+    """Blocks of rows above one another; explicit zeros stay."""
+    return blocks[0] if len(blocks) == 1 else taken(blocks, np.arange(sum(block.shape[0] for block in blocks)))
+
+
 class Family:
     """Problems of one pattern: where each of their numbers goes is found once.
 

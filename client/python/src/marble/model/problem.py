@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import dataclasses
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -12,14 +11,11 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from marble.base.lazy import lazy
 from marble.errors import InvalidProblem
 from marble.model import problem_file
-from marble.model.layout import Layout
-from marble.model.lcqp import LCQP, MatrixLike, Vector, matrix, mirrored, stack, vector
+from marble.model.layout import Layout, stack, taken
+from marble.model.lcqp import LCQP, MatrixLike, Vector, csc, matrix, mirrored, upper_triangle, vector
 from marble.model.solution import Solution
-
-sp: Any = lazy("scipy.sparse")
 
 Variable = int | str
 
@@ -46,6 +42,14 @@ def _check_order(low: Vector, high: Vector, name: str) -> None:
         raise InvalidProblem(name, f"must be at most the upper limit {high[i]:g}", index=i, value=f"{low[i]:g}")
 
 
+def _identity(n: int) -> Any:
+    return csc(np.ones(n), np.arange(n, dtype=np.int32), np.arange(n + 1, dtype=np.int32), (n, n))
+
+
+def _unit_row(i: int, n: int) -> Any:
+    return csc(np.ones(1), np.zeros(1, dtype=np.int32), (np.arange(n + 1) > i).astype(np.int32), (1, n))
+
+
 @dataclass(eq=False)
 class Problem:
     """A problem as a planner states it.
@@ -67,6 +71,8 @@ class Problem:
     _lows: list[Vector] = field(init=False, default_factory=list)
     _highs: list[Vector] = field(init=False, default_factory=list)
     _pairs: list[tuple[Any, Vector, Any, Vector]] = field(init=False, default_factory=list)
+    _layout: Layout | None = field(init=False, default=None)  # of the rows and limits at hand, once asked for
+    _compiled: LCQP | None = field(init=False, default=None)  # likewise
 
     def __post_init__(self) -> None:
         if isinstance(self.variables, int):
@@ -97,7 +103,8 @@ class Problem:
 
     def minimize(self, Q: MatrixLike | None = None, g: ArrayLike | None = None, c0: float = 0.0) -> Problem:
         """Sets the objective ½ zᵀQz + gᵀz + c0; Q n × n, symmetric, g n entries."""
-        self._Q = None if Q is None else matrix(Q, "Q", self.n, self.n)
+        self._compiled = None
+        self._Q = None if Q is None else upper_triangle(Q, self.n)
         self._g = np.zeros(self.n) if g is None else vector(g, "g", self.n, " (n)")
         self._c0 = float(c0)
         return self
@@ -108,6 +115,7 @@ class Problem:
         low = _limits(lb, -np.inf, rows.shape[0], "lb")
         high = _limits(ub, np.inf, rows.shape[0], "ub")
         _check_order(low, high, "lb")
+        self._layout = self._compiled = None
         self._rows.append(rows)
         self._lows.append(low)
         self._highs.append(high)
@@ -125,14 +133,13 @@ class Problem:
         low = _limits(lb, -np.inf, indices.size, "lb")
         high = _limits(ub, np.inf, indices.size, "ub")
         _check_order(low, high, "lb")
+        self._layout = self._compiled = None
         self._low[indices], self._high[indices] = low, high
         return self
 
     def add_pair(self, i: Variable, j: Variable, *, l: float = 0.0, r: float = 0.0) -> Problem:
         """Adds 0 ≤ z_i + l ⊥ z_j + r ≥ 0."""
-        left = sp.csc_matrix(([1.0], ([0], [self.index(i)])), shape=(1, self.n))
-        right = sp.csc_matrix(([1.0], ([0], [self.index(j)])), shape=(1, self.n))
-        return self.add_pairs(left, right, l=[l], r=[r])
+        return self.add_pairs(_unit_row(self.index(i), self.n), _unit_row(self.index(j), self.n), l=[l], r=[r])
 
     def add_pairs(self, L: MatrixLike, R: MatrixLike, *, l: ArrayLike | None = None,
                   r: ArrayLike | None = None) -> Problem:
@@ -141,12 +148,14 @@ class Problem:
         count = left.shape[0]
         if right.shape[0] != count:
             raise InvalidProblem("R", f"must have {count} rows, as many as L", value=f"{right.shape[0]} rows")
+        self._compiled = None
         self._pairs.append((left, np.zeros(count) if l is None else vector(l, "l", count),
                             right, np.zeros(count) if r is None else vector(r, "r", count)))
         return self
 
     def start_at(self, z0: ArrayLike | None) -> Problem:
         """Sets where a solve starts, n entries; None leaves that to the solver."""
+        self._compiled = None
         self._z0 = None if z0 is None else vector(z0, "z0", self.n, " (n)")
         return self
 
@@ -158,32 +167,40 @@ class Problem:
         other._low, other._high = self._low.copy(), self._high.copy()
         return other
 
+    def _limits(self) -> tuple[Vector, Vector]:
+        """Of the caller's rows, then of the variables."""
+        return np.concatenate([*self._lows, self._low]), np.concatenate([*self._highs, self._high])
+
+    def _arranged(self) -> Layout:
+        if self._layout is None:
+            self._layout = Layout.of(*self._limits())
+        return self._layout
+
     def compile(self) -> LCQP:
-        """The problem as the solver takes it."""
-        low, high = np.concatenate([*self._lows, self._low]), np.concatenate([*self._highs, self._high])
-        layout = Layout.of(low, high)
-        sign, equal, source = layout.inequality_sign, layout.equality_source, layout.inequality_source
-        parts: dict[str, Any] = {}
-        if equal.size or source.size:  # the caller's rows, then the bounds of the variables
-            by_row = stack([*self._rows, sp.identity(self.n, format="csc")], self.n).tocsr()
-            if equal.size:
-                parts.update(A=by_row[equal].tocsc(), b=-low[equal])
-            if source.size:
-                C = by_row[source]
-                C.data *= np.repeat(sign, np.diff(C.indptr))
-                parts.update(C=C.tocsc(), d=np.where(sign > 0, -low[source], high[source]))
-        if self._pairs:
-            lefts, ls, rights, rs = zip(*self._pairs, strict=True)
-            parts.update(L=stack(lefts, self.n), l=np.concatenate(ls), R=stack(rights, self.n), r=np.concatenate(rs))
-        return LCQP(self._Q, self._g, **parts, c0=self._c0, z0=self._z0, name=self.name)
+        """The problem as the solver takes it; the same object until something is changed."""
+        if self._compiled is None:
+            layout = self._arranged()
+            parts: dict[str, Any] = {} if self._Q is None else {"Q": self._Q}
+            equal, source, sign = layout.equality_source, layout.inequality_source, layout.inequality_sign
+            if equal.size or source.size:
+                low, high = self._limits()
+                identity = _identity(self.n)
+                if equal.size:
+                    parts.update(A=taken([*self._rows, identity], equal), b=-low[equal])
+                if source.size:
+                    parts.update(C=taken([*self._rows, identity], source, sign),
+                                 d=np.where(sign > 0, -low[source], high[source]))
+            if self._pairs:
+                lefts, ls, rights, rs = zip(*self._pairs, strict=True)
+                parts.update(L=stack(lefts), l=np.concatenate(ls), R=stack(rights), r=np.concatenate(rs))
+            self._compiled = LCQP(None, self._g, c0=self._c0, z0=self._z0).replaced(**parts)
+        return self._compiled.named(self.name)
 
     def translate(self, solution: Solution) -> Solution:
         """The answer of the compiled problem with multipliers of rows and bounds as they were added."""
-        low = np.concatenate([*self._lows, self._low])
-        high = np.concatenate([*self._highs, self._high])
-        duals = Layout.of(low, high).duals(solution.y, solution.nu, low.size)
-        rows = low.size - self.n
-        return dataclasses.replace(solution, row_duals=duals[:rows], bound_duals=duals[rows:], variables=self._names)
+        rows = sum(low.size for low in self._lows)
+        duals = self._arranged().duals(solution.y, solution.nu, rows + self.n)
+        return solution.replaced(row_duals=duals[:rows], bound_duals=duals[rows:], variables=self._names)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes a JSON file that `marble solve` reads: the compiled problem."""

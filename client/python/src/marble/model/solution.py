@@ -14,7 +14,7 @@ import numpy as np
 
 from marble.base.tables import Status
 from marble.errors import Unsolved
-from marble.model.lcqp import LCQP, Vector
+from marble.model.lcqp import LCQP, Vector, twin
 
 
 class Stationarity(enum.Enum):
@@ -126,6 +126,12 @@ class Solution:
     row_duals: Vector = field(default_factory=lambda: np.zeros(0))
     bound_duals: Vector = field(default_factory=lambda: np.zeros(0))
     variables: Mapping[str, int] = field(default_factory=dict)
+
+    def replaced(self, **parts: Any) -> Solution:
+        """The same answer with some attributes replaced."""
+        other: Solution = twin(self)
+        other.__dict__.update(parts)
+        return other
 
     @property
     def solved(self) -> bool:
