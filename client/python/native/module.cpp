@@ -307,9 +307,10 @@ nonlinear::Curvature curvature_of(const std::string& name) {
   raise(invalid("curvature", name, "must be automatic, exact, gauss_newton, bfgs or none"));
 }
 
-/// A marble.nlp problem. given: settings by their names; tell: None, or told of each iteration.
+/// A marble.nlp problem. given: settings by their names; tell: None, or told of each iteration; open: as
+/// solve_nonlinear has it, but for the options of each LCQP, which it is given first.
 py::dict solve_nonlinear_problem(const py::dict& problem, const py::dict& given, const py::dict& lcqp,
-                                 const py::object& tell, bool main_thread) {
+                                 const py::object& tell, const py::object& open, bool main_thread) {
   nonlinear::Settings settings;
   std::stop_source source;
   settings.stop = source.get_token();
@@ -327,8 +328,12 @@ py::dict solve_nonlinear_problem(const py::dict& problem, const py::dict& given,
     };
   }
   std::optional<CtrlC> ctrl_c;
-  if (main_thread && raises_keyboard_interrupt()) ctrl_c.emplace(source);
-  auto outcome = solve_nonlinear(problem, settings);
+  if (main_thread && open.is_none() && raises_keyboard_interrupt()) ctrl_c.emplace(source);
+  const auto of_options = [&](const py::object& opens) -> py::object {
+    if (opens.is_none()) return opens;
+    return py::module_::import("functools").attr("partial")(opens, dict_of(settings.lcqp));
+  };
+  auto outcome = solve_nonlinear(problem, settings, of_options(open));
   ctrl_c.reset();
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
   nonlinear::Answer a = value_or_raise(std::move(outcome));

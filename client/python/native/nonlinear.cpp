@@ -42,22 +42,95 @@ class ReleasedTicks final : public nonlinear::Ticks {
   std::unique_ptr<nonlinear::Ticks> ticks_;
 };
 
-Expected<std::unique_ptr<nonlinear::Ticks>> open(const ProblemView& view,
-                                                 const nonlinear::Settings& settings) {
+template <class Enum>
+Enum named(const py::handle& name, std::initializer_list<Enum> all) {
+  const auto text = name.cast<std::string>();
+  for (const Enum value : all) {
+    if (text == to_string(value)) return value;
+  }
+  throw py::value_error("no such status: " + text);
+}
+
+std::vector<double> owned(const py::handle& values) {
+  Borrowed arrays;
+  const auto view = arrays.doubles(values);
+  return {view.begin(), view.end()};
+}
+
+/// Of a session of the Python client's.
+class CalledTicks final : public nonlinear::Ticks {
+ public:
+  explicit CalledTicks(py::object tick) : tick_(std::move(tick)) {}
+
+  Expected<Solution> solve(const ProblemUpdate& update, const nonlinear::TickControls& controls) override {
+    py::dict changes;
+    if (update.c0) changes["c0"] = *update.c0;
+#define MARBLE_VECTOR(letter, field) \
+  if (!update.letter.empty()) changes[#letter] = copied(update.letter);
+#define MARBLE_MATRIX(letter, field, values, rows) \
+  if (!update.letter.empty()) changes[#letter] = copied(update.letter);
+#include "marble/contract.def"
+    const bool limited = controls.deadline_s < kForever;
+    const py::object answer =
+        tick_(changes, controls.cold,
+              limited ? py::object(py::float_(controls.deadline_s)) : py::object(py::none()));
+    if (answer.is_none()) return unexpected(failure(ErrorCode::deadline_exceeded, "the deadline has passed"));
+    const auto parts = py::tuple(answer);
+    Solution s;
+    s.status = named<Status>(parts[0], {
+#define MARBLE_STATUS(name, ...) Status::name,
+#include "marble/contract.def"
+                                       });
+    s.detail = parts[1].cast<std::string>();
+    s.z = owned(parts[2]), s.equality_multipliers = owned(parts[3]);
+    s.inequality_multipliers = owned(parts[4]);
+    s.complementarity_multipliers_L = owned(parts[5]), s.complementarity_multipliers_R = owned(parts[6]);
+    if (!parts[7].is_none()) s.b_stationary = parts[7].cast<bool>();
+    s.stationarity =
+        named<Stationarity>(parts[8], {Stationarity::unknown, Stationarity::weak, Stationarity::clarke,
+                                       Stationarity::mordukhovich, Stationarity::strong});
+    s.second_order = named<SecondOrder>(
+        parts[9], {SecondOrder::unknown, SecondOrder::saddle, SecondOrder::necessary, SecondOrder::minimum});
+    s.factorizations = parts[10].cast<decltype(s.factorizations)>();
+    return s;
+  }
+
+ private:
+  static constexpr double kForever = 1e8;  // seconds: no deadline is sent
+
+  py::object tick_;
+};
+
+py::tuple tuple_of(const SparseMatrixView& matrix) {
+  const auto integers = [](std::span<const Index> values) {
+    py::list list;
+    for (const Index value : values) list.append(value);
+    return list;
+  };
+  return py::make_tuple(copied(matrix.values), integers(matrix.row_indices), integers(matrix.column_pointers),
+                        matrix.rows);
+}
+
+py::dict dict_of(const ProblemView& view) {
+  py::dict problem;
+  problem["c0"] = view.c0;
+#define MARBLE_VECTOR(letter, field) problem[#letter] = copied(view.letter);
+#define MARBLE_MATRIX(letter, field, values, rows) problem[#letter] = tuple_of(view.letter);
+#include "marble/contract.def"
+  return problem;
+}
+
+Expected<std::unique_ptr<nonlinear::Ticks>> open_here(const ProblemView& view,
+                                                      const nonlinear::Settings& settings) {
   auto ticks = nonlinear::open_ticks_in_process(view, settings);
   if (!ticks) return unexpected(std::move(ticks.error()));
   return std::make_unique<ReleasedTicks>(std::move(*ticks));
 }
 
-std::vector<double> numbers(const py::dict& problem, const char* name) {
-  Borrowed arrays;
-  const auto view = arrays.doubles(problem[name]);
-  return {view.begin(), view.end()};
-}
-
 }  // namespace
 
-Expected<nonlinear::Answer> solve_nonlinear(const py::dict& problem, const nonlinear::Settings& settings) {
+Expected<nonlinear::Answer> solve_nonlinear(const py::dict& problem, const nonlinear::Settings& settings,
+                                            const py::object& open) {
   nonlinear::Problem made;
   Given values, derivatives, hessian;
   made.values = [&](std::span<const double> x) -> nonlinear::Values {
@@ -79,12 +152,17 @@ Expected<nonlinear::Answer> solve_nonlinear(const py::dict& problem, const nonli
       return hessian.matrix(hessian.keep(upper));
     };
   }
-  made.start = numbers(problem, "start"), made.lower = numbers(problem, "lower");
-  made.upper = numbers(problem, "upper"), made.scale = numbers(problem, "scale");
+  made.start = owned(problem["start"]), made.lower = owned(problem["lower"]);
+  made.upper = owned(problem["upper"]), made.scale = owned(problem["scale"]);
   Borrowed arrays;
   const auto blocks = arrays.indices(problem["blocks"]);
   made.blocks.assign(blocks.begin(), blocks.end());
-  return nonlinear::solve(made, open, settings);
+  if (open.is_none()) return nonlinear::solve(made, open_here, settings);
+  const auto open_there = [&open](const ProblemView& view,
+                                  const nonlinear::Settings&) -> Expected<std::unique_ptr<nonlinear::Ticks>> {
+    return std::make_unique<CalledTicks>(open(dict_of(view)));
+  };
+  return nonlinear::solve(made, open_there, settings);
 }
 
 }  // namespace marble::python

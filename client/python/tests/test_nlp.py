@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -36,17 +38,69 @@ def test_the_lectures_example_ends_at_its_solution(x0, hessian):
     assert rows[0].objective == x0[0] ** 3 + x0[1] ** 2
 
 
+def gate(x):
+    """A pair that keeps the point off (1, 2), where its residuals are zero."""
+    return {"objective": 0, "residuals": x - [1, 2], "G": [np.sin(x[0])], "H": [x[1]]}
+
+
+def gate_slopes(x):
+    return {"gradient": [0, 0], "residuals": np.eye(2), "G": sp.csc_matrix(([np.cos(x[0])], ([0], [0])), (1, 2)),
+            "H": sp.csc_matrix([[0.0, 1.0]])}
+
+
 def test_a_pair_keeps_one_side_at_zero():
-    def values(x):
-        return {"objective": 0, "residuals": x - [1, 2], "G": [np.sin(x[0])], "H": [x[1]]}
-
-    def derivatives(x):
-        return {"gradient": [0, 0], "residuals": np.eye(2), "G": sp.csc_matrix(([np.cos(x[0])], ([0], [0])), (1, 2)),
-                "H": sp.csc_matrix([[0.0, 1.0]])}
-
-    answer = marble.nlp.solve(values, derivatives, [0.5, 0.5], lower=[-1, -1], upper=[1.5, 3])
+    answer = marble.nlp.solve(gate, gate_slopes, [0.5, 0.5], lower=[-1, -1], upper=[1.5, 3])
     assert answer.solved and np.allclose(answer.x, [0, 2], atol=1e-8)
     assert answer.objective == pytest.approx(0.5)
+
+
+def bits(answer):
+    return [np.asarray(getattr(answer, field.name)).tobytes() if field.name not in ("status", "detail")
+            else getattr(answer, field.name) for field in dataclasses.fields(answer)]
+
+
+@pytest.mark.parametrize("named_by", ["client", "address", "environment"])
+def test_on_a_server_every_bit_is_as_in_process(server, client, named_by, monkeypatch):
+    there = {"client": client, "address": server.address, "environment": None}[named_by]
+    here = (marble.nlp.solve(circle, slopes, [3, 5], hessian=curvature),
+            marble.nlp.solve(gate, gate_slopes, [0.5, 0.5], lower=[-1, -1], upper=[1.5, 3]),
+            marble.nlp.solve(lambda x: {"objective": x[0], "equalities": [x @ x + 1]},
+                             lambda x: {"gradient": [1, 0], "equalities": [2 * x]}, [1, 1]))
+    assert [answer.solved for answer in here] == [True, True, False]  # the last by elastic subproblems
+    if named_by == "environment":
+        monkeypatch.setenv("MARBLE_SERVER", server.address)
+    served = (marble.nlp.solve(circle, slopes, [3, 5], hessian=curvature, server=there),
+              marble.nlp.solve(gate, gate_slopes, [0.5, 0.5], lower=[-1, -1], upper=[1.5, 3], server=there),
+              marble.nlp.solve(lambda x: {"objective": x[0], "equalities": [x @ x + 1]},
+                               lambda x: {"gradient": [1, 0], "equalities": [2 * x]}, [1, 1], server=there))
+    assert list(map(bits, served)) == list(map(bits, here))
+
+
+def test_each_subproblem_is_an_update_of_a_session_that_ends_with_the_solve(server, client):
+    before = client.info().counters
+    answer = marble.nlp.solve(circle, slopes, [3, 5], hessian=curvature, server=client)
+    assert answer.solved and answer.ticks > 2
+    after = client.info().counters
+    assert after["sessions"] == before["sessions"]
+    assert after["updates_total"] - before["updates_total"] == answer.ticks
+
+
+def test_a_server_that_dies_is_told_in_words(start_server):
+    one, calls = start_server(), []
+
+    def killing(x):
+        calls.append(x)
+        if len(calls) == 3:
+            one.kill()
+        return circle(x)
+
+    with pytest.raises(marble.Unavailable):
+        marble.nlp.solve(killing, slopes, [3, 5], hessian=curvature, server=one.address)
+
+
+def test_the_time_limit_ends_it_on_a_server_too(client):
+    answer = marble.nlp.solve(circle, slopes, [3, 5], hessian=curvature, server=client, time_limit_s=1e-9)
+    assert answer.status is marble.Status.TIME_LIMIT and answer.x.tolist() == [3, 5]
 
 
 def test_what_a_function_raises_comes_out():

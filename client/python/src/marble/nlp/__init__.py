@@ -1,4 +1,4 @@
-"""Nonlinear problems as sequences of LCQPs, in this process: the loop of the C++ library marble::nonlinear.
+"""Nonlinear problems as sequences of LCQPs: the loop of the C++ library marble::nonlinear.
 
     min f(x)   s.t.   c_E(x) = 0,   c_I(x) ≥ 0,   0 ≤ G(x) ⊥ H(x) ≥ 0,   lower ≤ x ≤ upper
 
@@ -12,6 +12,7 @@ dense or scipy.sparse; of a sparse one the stored entries are its pattern, which
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -21,11 +22,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import marble
 from marble import errors
 from marble.base.lazy import lazy
 from marble.base.tables import Status
+from marble.connection import connect
 from marble.errors import InvalidArgument
 from marble.in_process import solver
+from marble.nlp import ticks
 
 sp: Any = lazy("scipy.sparse")
 
@@ -124,9 +128,13 @@ def solve(
     iteration_limit: int = 200,
     time_limit_s: float = 1e9,
     progress: Callable[[Iteration], object] | None = None,
+    server: str | Sequence[str] | marble.Client | None = None,
     **options: Any,
 ) -> Answer:
     """Solves a nonlinear problem on this thread.
+
+    server: where the LCQPs are solved, each an update of a session; as in marble.solve: None is the server that
+    MARBLE_SERVER names, and this process where it names none. The same bits.
 
     hessian: of f + yᵀc_E − nuᵀc_I − xiᵀG − etaᵀH, symmetric; its upper triangle counts. blocks: sizes of groups of
     variables that no function couples but linearly. curvature: "exact", "gauss_newton", "bfgs" or "none"; "automatic"
@@ -160,14 +168,27 @@ def solve(
                 "time_limit_s": time_limit_s}
     tell = None if progress is None else lambda *row: progress(Iteration(*row))
     main_thread = threading.get_ident() == threading.main_thread().ident
-    try:
-        told = core.solve_nonlinear(problem, settings, solver.option_values(options), tell, main_thread)
-    except core.Fault as fault:
-        raise errors.from_core(*fault.args) from None
+    with contextlib.ExitStack() as opened:
+        there = _ticks_of(server, opened)
+        try:
+            told = core.solve_nonlinear(problem, settings, solver.option_values(options), tell, there, main_thread)
+        except core.Fault as fault:
+            raise errors.from_core(*fault.args) from None
     for name in _VECTORS:
         told[name] = np.asarray(told[name])
     told["status"] = _STATUSES[told["status"]]
     return Answer(**told)
+
+
+def _ticks_of(server: str | Sequence[str] | marble.Client | None,
+              opened: contextlib.ExitStack) -> Callable[..., ticks.Tick] | None:
+    """None for this process."""
+    if not isinstance(server, marble.Client):
+        server = connect.server_of(server)
+        if connect.is_local(server):
+            return None
+        server = opened.enter_context(marble.Client(server))
+    return ticks.opener(server, opened)
 
 
 def solve_casadi(
