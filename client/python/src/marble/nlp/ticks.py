@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from marble.client import Client
+import marble
 from marble.errors import DeadlineExceeded
 from marble.model.lcqp import LCQP, csc
 
 Tick = Callable[[Mapping[str, Any], bool, float | None], tuple[Any, ...] | None]
 
 
-def opener(client: Client, sessions: contextlib.ExitStack) -> Callable[[Mapping[str, Any], Mapping[str, Any]], Tick]:
+def opener(client: marble.Client,
+           sessions: contextlib.ExitStack) -> Callable[[Mapping[str, Any], Mapping[str, Any]], Tick]:
     """What marble._core asks for a session each time it has a problem of another pattern; `sessions` closes them."""
 
     def open_session(options: Mapping[str, Any], parts: Mapping[str, Any]) -> Tick:
