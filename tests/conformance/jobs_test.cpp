@@ -3,11 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <future>
+
 #include "marble/client.h"
 #include "marble/convert.h"
 #include "marble/examples.h"
 #include "problems.h"
 #include "support/problems/small_problems.h"
+#include "support/processes/losing_relay.h"
 #include "support/processes/server_process.h"
 
 namespace marble::testing {
@@ -44,6 +47,21 @@ TEST_F(JobsTest, ASubmittedJobsAnswerIsThereForAnotherConnection) {
   EXPECT_EQ(answer->z, solve_in_process(example_.view())->z);
   EXPECT_EQ(answer->job_id, id);
   EXPECT_EQ(jobs_.get(id)->job.priority, Priority::batch);
+}
+
+TEST_F(JobsTest, ASubmissionWhoseAnswerGotLostIsSentAgainAndIsOneJob) {
+  const OwnedProblem large = examples::hopper({.steps = 10});
+  LosingRelay relay(server_.address());
+  const Jobs far = Client::connect(relay.address())->jobs();
+  auto submitted = std::async(std::launch::async, [&] { return far.submit(large.view()); });
+  EXPECT_TRUE(eventually([&] { return !jobs_.list()->jobs.empty(); }));
+  relay.cut();
+  const auto job = submitted.get();
+  ASSERT_TRUE(job.has_value()) << job.error().message();
+  const auto all = jobs_.list()->jobs;
+  ASSERT_EQ(all.size(), 1U);
+  EXPECT_EQ(all[0].job_id, job->job_id);
+  EXPECT_TRUE(is_solved(jobs_.result(job->job_id, {.wait = true})->status));
 }
 
 TEST_F(JobsTest, AnUnfinishedJobHasNoAnswerYet) {

@@ -8,6 +8,7 @@
 #include "message/answer.h"
 #include "message/job_message.h"
 #include "message/request.h"
+#include "message/request_id.h"
 #include "message/status.h"
 
 namespace marble {
@@ -30,6 +31,7 @@ Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& o
   const client::RequestParts parts{problem,         options,           controls.initial_z,
                                    call.request_id, call.problem_name, call.priority};
   if (auto filled = client::fill_request(parts, &request); !filled) return unexpected(filled.error());
+  if (request.request_id().empty()) request.set_request_id(client::random_request_id());
   grpc::ClientContext context;
   if (auto ready = connection_->prepare(context, call.traceparent, connection_->deadline_of(call.deadline));
       !ready)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import asyncio
 
+import numpy as np
 import pytest
+import scipy.sparse as sp
+from relay import Relay
 from support import check, long_solve, random_problem, tiny, wait_until
 
 import marble
@@ -122,5 +125,25 @@ def test_jobs(server):
                 if event.job.job_id == job.job_id:
                     break
             await aio.jobs.delete(job.job_id)
+
+    run(scenario())
+
+
+def test_a_submission_whose_answer_got_lost_is_sent_again_and_is_one_job(server):
+    large = marble.LCQP(sp.eye(1000, format="csc"), np.ones(1000))
+
+    async def ids(aio):
+        return {job.job_id for job in (await aio.jobs.list()).jobs}
+
+    async def scenario():
+        with Relay(server.address) as relay:
+            async with marble.aio.Client(server.address) as near, marble.aio.Client(relay.address) as far:
+                before = await ids(near)
+                submitted = asyncio.ensure_future(far.jobs.submit(large))
+                while await ids(near) == before:
+                    await asyncio.sleep(0.01)
+                relay.cut()
+                job = await submitted
+                assert await ids(near) - before == {job.job_id}
 
     run(scenario())

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import itertools
 
+import numpy as np
 import pytest
+import scipy.sparse as sp
+from relay import Relay
 from support import check, long_solve, random_problem, tiny, wait_until
 
 import marble
@@ -93,3 +97,19 @@ def test_all_jobs_can_be_watched(client):
     job_id = client.jobs.submit(problem, options=options).job_id
     assert any(event.job.job_id == job_id for event in client.watch())
     client.jobs.delete(job_id)
+
+
+def _ids(client):
+    return {job.job_id for job in client.jobs.list().jobs}
+
+
+def test_a_submission_whose_answer_got_lost_is_sent_again_and_is_one_job(server, client):
+    large, before = marble.LCQP(sp.eye(1000, format="csc"), np.ones(1000)), _ids(client)
+    with (Relay(server.address) as relay, marble.Client(relay.address) as far,
+          concurrent.futures.ThreadPoolExecutor(1) as pool):
+        submitted = pool.submit(far.jobs.submit, large)
+        assert wait_until(lambda: _ids(client) != before)
+        relay.cut()
+        job = submitted.result(60)
+    assert _ids(client) - before == {job.job_id}
+    assert client.jobs.result(job.job_id, wait=True).solved

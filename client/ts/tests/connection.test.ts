@@ -3,7 +3,8 @@ import { createServer } from "node:net";
 
 import { UnavailableError, connect } from "@marble/client";
 
-import { corner, endless, long } from "./support/problems.js";
+import { corner, endless, example, long } from "./support/problems.js";
+import { Relay } from "./support/relay.js";
 import { Server, eventually } from "./support/server.js";
 import { test } from "./support/test.js";
 
@@ -32,7 +33,7 @@ test("a call that finds no server is repeated until it is there", async () => {
   await restarted;
 });
 
-test("a solve is tried again where nobody takes it, a submission is not", async () => {
+test("a call is tried again where nobody takes it, a deletion is not", async () => {
   let connections = 0;
   const hangingUp = createServer((socket) => {
     ++connections;
@@ -47,12 +48,30 @@ test("a solve is tried again where nobody takes it, a submission is not", async 
       await assert.rejects(call(client), UnavailableError);
       return connections;
     };
-    const submitted = await attempts((client) => client.jobs.submit(corner));
-    const solved = await attempts((client) => client.solve(corner));
-    assert.ok(solved > submitted, `${solved} connections for a solve, ${submitted} for a submission`);
+    const deleted = await attempts((client) => client.jobs.delete("x"));
+    for (const call of [
+      (client: ReturnType<typeof connect>) => client.solve(corner),
+      (client: ReturnType<typeof connect>) => client.jobs.submit(corner),
+    ]) {
+      const repeated = await attempts(call);
+      assert.ok(repeated > deleted, `${repeated} connections for ${call}, ${deleted} for a deletion`);
+    }
   } finally {
     hangingUp.close();
   }
+});
+
+test("a submission whose answer got lost is sent again, and is one job", async () => {
+  await using server = await Server.start();
+  using near = connect(server.address);
+  using relay = await Relay.to(server.address);
+  using far = connect(relay.address);
+  const submitted = far.jobs.submit(example("hopper", "--steps", "10"));
+  await eventually(async () => (await near.jobs.list()).jobs.length > 0);
+  relay.cut();
+  const { jobId } = await submitted;
+  assert.deepEqual((await near.jobs.list()).jobs.map((job) => job.jobId), [jobId]);
+  assert.ok((await near.jobs.result(jobId, { wait: true })).solved);
 });
 
 test("a streamed solve that has begun is not repeated when its server goes", async () => {

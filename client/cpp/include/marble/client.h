@@ -39,7 +39,7 @@ class Client {
   /// address is 127.0.0.1:50051, and where nobody listens there calls end with `unavailable` and say what to
   /// do. Only checks the address and the options: the connection is made by the first call, and made again by
   /// a later one if it broke. Calls that got `unavailable` before any answer are repeated up to three times,
-  /// but for submissions, sessions and batches. The error's field is "address" or that of the option.
+  /// but for sessions and batches. The error's field is "address" or that of the option.
   [[nodiscard]] static Expected<Client> connect(
       const std::string& address = default_server_address(),
       const ConnectOptions& options = ConnectOptions::from_environment());

@@ -1,3 +1,5 @@
+import { randomUUID } from "node:crypto";
+
 import { secondsOrZero, wholeOrZero } from "../base/checks.js";
 import { type MarbleError, invalid } from "../base/errors.js";
 import { unpackFloats } from "../base/packed.js";
@@ -120,9 +122,13 @@ export class Jobs {
   /** @internal */
   constructor(private readonly connection: Connection) {}
 
-  /** Queues a job that outlives this process. A deadline is that of the submission alone. */
+  /**
+   * Queues a job that outlives this process. A deadline is that of the submission alone. The same submission made again
+   * with its requestId is the same job; without one it has a random one.
+   */
   async submit(problem: Problem, controls: RequestControls & CallControls = {}): Promise<SubmittedJob> {
-    return unary(this.connection, JobsService.submit, solveRequest(problem, controls), controls);
+    const requestId = controls.requestId || `submit-${randomUUID()}`;
+    return unary(this.connection, JobsService.submit, solveRequest(problem, { ...controls, requestId }), controls);
   }
 
   /** The answer of a submitted job, or the error it ended with. */

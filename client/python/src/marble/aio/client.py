@@ -54,7 +54,7 @@ class Jobs:
                      priority: Priority | str | None = None, request_id: str = "",
                      deadline: float | None = None) -> Submitted:
         """Queues a job that outlives this process."""
-        request = requests.solve(compiled(problem), Call(options, priority, request_id))
+        request = requests.submission(compiled(problem), Call(options, priority, request_id))
         return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
 
     async def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,

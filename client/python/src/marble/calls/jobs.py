@@ -27,9 +27,12 @@ class Jobs:
     def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                priority: Priority | str | None = None, request_id: str = "",
                deadline: float | None = None) -> Submitted:
-        """Queues a job that outlives this process. deadline: of the submission alone, seconds."""
-        call = Call(options, priority, request_id)
-        return answers.submitted(self._rpc.call("Jobs/Submit", requests.solve(compiled(problem), call), deadline))
+        """Queues a job that outlives this process. deadline: of the submission alone, seconds.
+
+        request_id: one of the caller's, by which the same submission made again is the same job; a random one without.
+        """
+        request = requests.submission(compiled(problem), Call(options, priority, request_id))
+        return answers.submitted(self._rpc.call("Jobs/Submit", request, deadline))
 
     def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
                problem: LCQP | Problem | None = None) -> Solution:

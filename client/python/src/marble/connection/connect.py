@@ -25,9 +25,9 @@ _KEEPALIVE_MS: Final = 30_000  # a server that is gone without a word is noticed
 _KEEPALIVE_TIMEOUT_MS: Final = 15_000  # the sum of the two; it allows a ping every 10 s
 _MESSAGE_BYTES: Final = 256 << 20  # the server's default limit
 _DNS: Final = "dns:///"
-# A call that changes nothing on a server may be made again. Not so Jobs.Submit, which would leave two jobs, nor streams
-# that the client writes, whose first half may have been served.
-_REPEATABLE: Final = {"Solver": ("Solve", "SolveStream"), "Jobs": ("Result", "List", "Get", "Watch"),
+# A call that changes nothing on a server may be made again, and Jobs.Submit, whose request id makes two of it one job.
+# Not so streams that the client writes, whose first half may have been served.
+_REPEATABLE: Final = {"Solver": ("Solve", "SolveStream"), "Jobs": ("Submit", "Result", "List", "Get", "Watch"),
                       "Server": ("GetInfo",)}
 
 

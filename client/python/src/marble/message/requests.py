@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import keyword
 import math
+import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -127,6 +129,11 @@ def _solve(problem: LCQP, call: Call) -> Encoder:
 def solve(problem: LCQP, call: Call) -> bytes:
     """A SolveRequest."""
     return _solve(problem, call).finish()
+
+
+def submission(problem: LCQP, call: Call) -> bytes:
+    """A SolveRequest by an id: one submission, however often it is sent."""
+    return solve(problem, call if call.request_id else dataclasses.replace(call, request_id=f"submit-{uuid.uuid4()}"))
 
 
 def check_progress(call: Call) -> None:

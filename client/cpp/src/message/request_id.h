@@ -1,0 +1,21 @@
+// The id of a submission that the caller gave none.
+#pragma once
+
+#include <cstdint>
+#include <random>
+#include <string>
+
+namespace marble::client {
+
+/// 128 random bits: with it a submission that is sent again is the same job (SolveRequest.request_id).
+[[nodiscard]] inline std::string random_request_id() {
+  std::random_device random;
+  std::string id = "submit-";
+  for (int word = 0; word < 4; ++word) {
+    const std::uint32_t bits = random();
+    for (int digit = 0; digit < 8; ++digit) id += "0123456789abcdef"[(bits >> (4 * digit)) & 0xFU];
+  }
+  return id;
+}
+
+}  // namespace marble::client

@@ -1,0 +1,128 @@
+// Between clients and a server: keeps back what the server says to a request, as a network that fails does.
+#pragma once
+
+#include <arpa/inet.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <list>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace marble::testing {
+
+class LosingRelay {
+ public:
+  /// To a server on "127.0.0.1:4711".
+  explicit LosingRelay(const std::string& server) : server_(name_of(server)) {
+    sockaddr_in own = name_of("127.0.0.1:0");
+    socklen_t size = sizeof own;
+    if (bind(listener_, reinterpret_cast<const sockaddr*>(&own), sizeof own) != 0 ||
+        listen(listener_, 16) != 0 || getsockname(listener_, reinterpret_cast<sockaddr*>(&own), &size) != 0)
+      throw std::runtime_error("cannot listen");
+    address_ = "127.0.0.1:" + std::to_string(ntohs(own.sin_port));
+    thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+  }
+  ~LosingRelay() {
+    thread_.request_stop();
+    thread_.join();
+    for (Connection& connection : connections_) hang_up(connection);
+    close(listener_);
+  }
+  LosingRelay(const LosingRelay&) = delete;
+  LosingRelay& operator=(const LosingRelay&) = delete;
+
+  [[nodiscard]] const std::string& address() const { return address_; }
+  /// Ends the connections that lost an answer; those that come get theirs.
+  void cut() { loses_ = false; }
+
+ private:
+  /// More than a connection's beginning has, less than the requests whose answers get lost.
+  static constexpr std::size_t kRequestBytes = 4000;
+
+  struct Connection {
+    int client, server;
+    std::size_t asked = 0;
+    bool lost = false;
+  };
+
+  static sockaddr_in name_of(const std::string& address) {
+    const std::size_t colon = address.rfind(':');
+    sockaddr_in name = {};
+    name.sin_family = AF_INET;
+    name.sin_port = htons(static_cast<std::uint16_t>(std::stoi(address.substr(colon + 1))));
+    inet_pton(AF_INET, address.substr(0, colon).c_str(), &name.sin_addr);
+    return name;
+  }
+
+  static void hang_up(const Connection& connection) {
+    close(connection.client);
+    close(connection.server);
+  }
+
+  void accept_one() {
+    Connection connection{accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC),
+                          socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)};
+    if (connect(connection.server, reinterpret_cast<const sockaddr*>(&server_), sizeof server_) == 0) {
+      connections_.push_back(connection);
+    } else {
+      hang_up(connection);
+    }
+  }
+
+  /// What one end has sent, to the other. False once it has hung up.
+  [[nodiscard]] bool pass(Connection& connection, bool from_client) {
+    std::array<char, 1 << 16> bytes;
+    const ssize_t count =
+        recv(from_client ? connection.client : connection.server, bytes.data(), bytes.size(), 0);
+    if (count <= 0) return false;
+    if (from_client) {
+      connection.asked += static_cast<std::size_t>(count);
+      connection.lost = connection.lost || (loses_ && connection.asked > kRequestBytes);
+    } else if (connection.lost) {
+      return true;
+    }
+    const int to = from_client ? connection.server : connection.client;
+    for (ssize_t sent = 0; sent < count;) {
+      const ssize_t now = send(to, bytes.data() + sent, static_cast<std::size_t>(count - sent), MSG_NOSIGNAL);
+      if (now <= 0) return false;
+      sent += now;
+    }
+    return true;
+  }
+
+  void run(const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      std::vector<pollfd> ends = {{listener_, POLLIN, 0}};
+      for (const Connection& connection : connections_) {
+        ends.push_back({connection.client, POLLIN, 0});
+        ends.push_back({connection.server, POLLIN, 0});
+      }
+      poll(ends.data(), ends.size(), 10);
+      std::size_t end = 1;
+      for (auto connection = connections_.begin(); connection != connections_.end(); end += 2) {
+        const bool over = (connection->lost && !loses_) ||
+                          (ends[end].revents != 0 && !pass(*connection, true)) ||
+                          (ends[end + 1].revents != 0 && !pass(*connection, false));
+        if (over) hang_up(*connection);
+        connection = over ? connections_.erase(connection) : std::next(connection);
+      }
+      if (ends[0].revents != 0) accept_one();
+    }
+  }
+
+  sockaddr_in server_;
+  int listener_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  std::string address_;
+  std::atomic<bool> loses_ = true;
+  std::list<Connection> connections_;  // of the thread's
+  std::jthread thread_;
+};
+
+}  // namespace marble::testing
