@@ -84,8 +84,9 @@ Expected<void> prepare(Database& database, const std::string& file) {
 
 }  // namespace
 
-JobStore::JobStore(Descriptor lock, Database writer, Database reader, const Log& log)
+JobStore::JobStore(std::string file, Descriptor lock, Database writer, Database reader, const Log& log)
     : log_(log),
+      file_(std::move(file)),
       lock_(std::move(lock)),
       writer_(std::move(writer)),
       reader_(std::move(reader)),
@@ -110,7 +111,7 @@ Expected<std::unique_ptr<JobStore>> JobStore::open(const std::string& directory,
   auto reader = Database::open(file);
   if (!reader) return unexpected(reader.error());
   return std::unique_ptr<JobStore>(
-      new JobStore(std::move(*lock), std::move(*writer), std::move(*reader), log));
+      new JobStore(file, std::move(*lock), std::move(*writer), std::move(*reader), log));
 }
 
 Expected<std::string> JobStore::check(const std::string& directory) {
@@ -214,6 +215,20 @@ Expected<void> JobStore::health() const {
   return health_;
 }
 
+JobStore::Usage JobStore::usage() const {
+  Usage usage;
+  {
+    const MutexLock lock(mutex_);
+    usage = usage_;
+    usage.written = health_.has_value();
+  }
+  for (const char* part : {"", "-wal"}) {
+    struct stat facts = {};
+    if (stat((file_ + part).c_str(), &facts) == 0) usage.bytes += facts.st_size;
+  }
+  return usage;
+}
+
 bool JobStore::is_settled() const {
   const MutexLock lock(mutex_);
   return changes_.empty() && !writing_;
@@ -240,10 +255,19 @@ bool JobStore::take(std::vector<Change>& changes) {
 void JobStore::work() {
   std::vector<Change> changes;
   while (take(changes)) {
+    const auto begin = std::chrono::steady_clock::now();
     const Expected<void> made = write(changes);
+    if (made) count(changes, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
     settle(changes, made);
     changes.clear();
   }
+}
+
+void JobStore::count(const std::vector<Change>& changes, double seconds) {
+  const MutexLock lock(mutex_);
+  ++usage_.commits;
+  usage_.changes += std::ranges::count_if(changes, [](const Change& c) { return c.kind != Kind::nothing; });
+  usage_.commit_s += seconds;
 }
 
 // Who asked is told, once. What failed is asked for again by itself; but a job that was not added is gone,

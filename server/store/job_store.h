@@ -75,6 +75,14 @@ class JobStore {
 
   /// Why nothing could be written the last time, if so.
   [[nodiscard]] Expected<void> health() const ABSL_LOCKS_EXCLUDED(mutex_);
+  struct Usage {
+    bool written = true;  ///< what was tried last
+    /// Transactions, what was asked for in them, and seconds they took; of those that were made.
+    std::int64_t commits = 0, changes = 0;
+    double commit_s = 0.0;
+    std::int64_t bytes = 0;  ///< of the file, and of the log beside it that is not in it yet
+  };
+  [[nodiscard]] Usage usage() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Whether nothing is under way.
   [[nodiscard]] bool is_settled() const ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -86,15 +94,17 @@ class JobStore {
     StoredResult result = {};
     Settled settled = {};
   };
-  JobStore(Descriptor lock, Database writer, Database reader, const Log& log);
+  JobStore(std::string file, Descriptor lock, Database writer, Database reader, const Log& log);
   void ask(Change change) ABSL_LOCKS_EXCLUDED(mutex_);
   void work() ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool take(std::vector<Change>& changes) ABSL_LOCKS_EXCLUDED(mutex_);
+  void count(const std::vector<Change>& changes, double seconds) ABSL_LOCKS_EXCLUDED(mutex_);
   void settle(std::vector<Change>& changes, const Expected<void>& made) ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Expected<void> write(std::vector<Change>& changes);
   [[nodiscard]] Expected<void> make(const Change& change);
 
   const Log& log_;
+  const std::string file_;
   const Descriptor lock_;  // of the directory, for as long as this lives
   Database writer_;        // the thread's
   Mutex read_mutex_;
@@ -106,6 +116,7 @@ class JobStore {
   bool closing_ ABSL_GUARDED_BY(mutex_) = false;
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
   Expected<void> health_ ABSL_GUARDED_BY(mutex_);
+  Usage usage_ ABSL_GUARDED_BY(mutex_);  // its counts
   std::thread thread_;
 };
 

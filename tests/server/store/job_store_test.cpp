@@ -97,6 +97,24 @@ TEST_F(StoreTest, AnAnswerTakesTheRequestsPlace) {
             file() + ": ok, 0 jobs without an answer, 0 with one");
 }
 
+TEST_F(StoreTest, CountsWhatItWrote) {
+  const auto store = open();
+  const JobStore::Usage before = store->usage();
+  EXPECT_TRUE(before.written);
+  EXPECT_EQ(before.changes, 0);
+  EXPECT_GT(before.bytes, 0);
+  constexpr int kJobs = 50;
+  for (int i = 0; i < kJobs; ++i) store->add(job(std::to_string(i)), {});
+  store->cancel("1");
+  ASSERT_TRUE(settled(*store).has_value());
+  const JobStore::Usage after = store->usage();
+  EXPECT_EQ(after.changes, kJobs + 1);
+  EXPECT_GE(after.commits, 1);
+  EXPECT_LE(after.commits, kJobs + 2);
+  EXPECT_GT(after.commit_s, before.commit_s);
+  EXPECT_GT(after.bytes, before.bytes);
+}
+
 TEST_F(StoreTest, TellsEverybodyOnceAlsoAtItsEnd) {
   constexpr int kJobs = 200;
   std::atomic<int> kept = 0;

@@ -1,5 +1,6 @@
 // --state-dir: accepted means kept. Jobs and answers outlive a kill, a stop, and a disk that was full for a
 // while.
+#include <httplib.h>
 #include <sys/resource.h>
 
 #include <fstream>
@@ -155,10 +156,16 @@ TEST_F(State, WithLowerLimitsThanBeforeJobsWaitForRoom) {
 
 // The limit of a file's size stands for a disk that is full: the same errors, on any machine.
 TEST_F(State, AFullDiskRefusesJobsAndNothingElse) {
-  start();
+  start({"--http", "127.0.0.1:0"});
   const std::string before = submit(example_request());
   v1::SolveResponse response;
   ASSERT_TRUE(result(before, true, &response).ok());
+  const auto told = [&](const char* value) {
+    const auto metrics = httplib::Client(server().http()).Get("/metrics");
+    return metrics &&
+           metrics->body.find("\nmarble_state_written " + std::string(value) + "\n") != std::string::npos;
+  };
+  EXPECT_TRUE(told("1"));
   rlimit unlimited = {};
   ASSERT_EQ(prlimit(server().pid(), RLIMIT_FSIZE, nullptr, &unlimited), 0);
   const rlimit full = {kFull, unlimited.rlim_max};
@@ -171,9 +178,11 @@ TEST_F(State, AFullDiskRefusesJobsAndNothingElse) {
   EXPECT_TRUE(result(before, true, &response).ok());
   EXPECT_TRUE(eventually([&] { return !server().log_lines({"state_not_written"}).empty(); }))
       << server().log();
+  EXPECT_TRUE(told("0"));
   ASSERT_EQ(prlimit(server().pid(), RLIMIT_FSIZE, &unlimited, nullptr), 0);
   ASSERT_TRUE(eventually([&] { return submit(example_request(), &id).ok(); }));
   EXPECT_TRUE(result(id, true, &response).ok());
+  EXPECT_TRUE(told("1"));
   kill_it();
   start();
   EXPECT_TRUE(result(before, true, &response).ok());

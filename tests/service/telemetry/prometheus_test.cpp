@@ -53,7 +53,7 @@ class Prometheus : public SecureServiceTest {
  protected:
   void start_scraped() {
     start({"--tokens", write("tokens", alice_.line + bob_.line + eye_.line), "--http", "127.0.0.1:0",
-           "--workers", "1", "--queue-jobs", "0"});
+           "--workers", "1", "--queue-jobs", "0", "--state-dir", directory_.file("state")});
     prometheus_ = std::make_unique<PrometheusProcess>(server().http().substr(std::string("http://").size()),
                                                       eye_.secret, kDeploy + "/prometheus/alerts.yml");
     ASSERT_TRUE(eventually([&] { return prometheus_->value("up") == 1.0; }));
