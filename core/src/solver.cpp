@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 
 #include "branch/parametric.h"
 #include "model/printed.h"
@@ -129,7 +130,7 @@ struct Solver::State {
         initial_z(problem.variables()),
         warm_start(problem) {}
 
-  [[nodiscard]] Expected<void> take_warm_start(const Solution& solution);
+  void take_warm_start(const Solution& solution);
 
   Options options;
   PartSizes sizes;
@@ -142,33 +143,32 @@ struct Solver::State {
   std::int64_t memory_bytes = 0;
 };
 
-Expected<void> Solver::State::take_warm_start(const Solution& solution) {
+void Solver::State::take_warm_start(const Solution& solution) {
   const double cost = problem.cost_scale;
-  const auto take = [](const std::vector<double>& values, const char* field, ConstVectorRef scale,
-                       double factor, auto out) -> Expected<void> {
-    if (auto valid = check_numbers(values, static_cast<std::size_t>(out.size()), field); !valid) return valid;
+  const auto take = [](const std::vector<double>& values, ConstVectorRef scale, double factor, auto out) {
     for (Eigen::Index i = 0; i < out.size(); ++i)
       out[i] = factor * values[static_cast<std::size_t>(i)] / scale[i];
-    return {};
   };
-  Expected<void> taken = take(solution.z, "warm_start.z", problem.variable_scale, 1.0, warm_start.z());
-  if (taken) {
-    taken = take(solution.equality_multipliers, "warm_start.equality_multipliers", problem.equality_scale,
-                 cost, warm_start.y());
+  const auto& rows = problem.layout;
+  take(solution.z, problem.variable_scale, 1.0, warm_start.z());
+  take(solution.equality_multipliers, problem.equality_scale, cost, warm_start.y());
+  take(solution.inequality_multipliers, rows.inequality_part(problem.row_scale), -cost,
+       warm_start.lambda_w());
+  take(solution.complementarity_multipliers_L, rows.s_part(problem.row_scale), -cost, warm_start.lambda_L());
+  take(solution.complementarity_multipliers_R, rows.t_part(problem.row_scale), -cost, warm_start.lambda_R());
+}
+
+Expected<void> check_warm_start(const Solution& start, const PartSizes& sizes) {
+  for (const auto& [values, size, field] :
+       {std::tuple{&start.z, sizes.g, "warm_start.z"},
+        std::tuple{&start.equality_multipliers, sizes.b, "warm_start.equality_multipliers"},
+        std::tuple{&start.inequality_multipliers, sizes.d, "warm_start.inequality_multipliers"},
+        std::tuple{&start.complementarity_multipliers_L, sizes.l, "warm_start.complementarity_multipliers_L"},
+        std::tuple{&start.complementarity_multipliers_R, sizes.r,
+                   "warm_start.complementarity_multipliers_R"}}) {
+    if (auto valid = check_numbers(*values, size, field); !valid) return valid;
   }
-  if (taken) {
-    taken = take(solution.inequality_multipliers, "warm_start.inequality_multipliers",
-                 problem.layout.inequality_part(problem.row_scale), -cost, warm_start.lambda_w());
-  }
-  if (taken) {
-    taken = take(solution.complementarity_multipliers_L, "warm_start.complementarity_multipliers_L",
-                 problem.layout.s_part(problem.row_scale), -cost, warm_start.lambda_L());
-  }
-  if (taken) {
-    taken = take(solution.complementarity_multipliers_R, "warm_start.complementarity_multipliers_R",
-                 problem.layout.t_part(problem.row_scale), -cost, warm_start.lambda_R());
-  }
-  return taken;
+  return {};
 }
 
 Solver::Solver(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -245,6 +245,10 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   if (auto valid = Problem::check_initial_point(controls.initial_z, state_->problem.variables()); !valid) {
     return unexpected(valid.error());
   }
+  if (controls.warm_start != nullptr) {
+    if (auto valid = check_warm_start(*controls.warm_start, state_->sizes); !valid)
+      return unexpected(valid.error());
+  }
   Run run(state_->options, controls);
   state_->kkt->attend(run.interrupt());
   state_->initial_z.setZero();
@@ -252,12 +256,11 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
     const Eigen::Map<const Vector> z(controls.initial_z.data(), state_->problem.variables());
     state_->initial_z = z.cwiseQuotient(state_->problem.variable_scale);
   }
-  if (controls.warm_start != nullptr) {
-    if (auto taken = state_->take_warm_start(*controls.warm_start); !taken) return unexpected(taken.error());
-  }
   std::optional<Strategy::WarmStart> warm_start;
-  if (controls.warm_start != nullptr)
+  if (controls.warm_start != nullptr) {
+    state_->take_warm_start(*controls.warm_start);
     warm_start = Strategy::WarmStart{&state_->warm_start, controls.warm_start->cold_objective};
+  }
   const Strategy::Answer found = state_->strategy.run(run, state_->initial_z, warm_start);
   Solution solution = answer(state_->problem, found.ending, *found.x, run);
   solution.b_stationary = found.b_stationary;

@@ -16,6 +16,28 @@ void assign(Field* field, const Values& values) {
   field->Assign(values.begin(), values.end());
 }
 
+template <class Message>
+void vectors_to_message(const Solution& solution, Message* message) {
+  assign(message->mutable_z(), solution.z);
+  assign(message->mutable_equality_multipliers(), solution.equality_multipliers);
+  assign(message->mutable_inequality_multipliers(), solution.inequality_multipliers);
+  assign(message->mutable_complementarity_multipliers_l(), solution.complementarity_multipliers_L);
+  assign(message->mutable_complementarity_multipliers_r(), solution.complementarity_multipliers_R);
+}
+
+std::vector<double> vector_of(const google::protobuf::RepeatedField<double>& field) {
+  return {field.begin(), field.end()};
+}
+
+template <class Message>
+void take_vectors(const Message& message, Solution& solution) {
+  solution.z = vector_of(message.z());
+  solution.equality_multipliers = vector_of(message.equality_multipliers());
+  solution.inequality_multipliers = vector_of(message.inequality_multipliers());
+  solution.complementarity_multipliers_L = vector_of(message.complementarity_multipliers_l());
+  solution.complementarity_multipliers_R = vector_of(message.complementarity_multipliers_r());
+}
+
 SparseMatrixView view_of(const v1::SparseMatrix& m) {
   return {m.rows(), m.columns(), span_of(m.column_pointers()), span_of(m.row_indices()), span_of(m.values())};
 }
@@ -41,6 +63,13 @@ constexpr FieldNames kFieldNames[] = {
 constexpr FieldNames kUpdateNames[] = {
 #define MARBLE_MATRIX(letter, field, update, vector) {#letter ".values", #update},
 #include "marble/contract.def"
+};
+
+// Where a solve starts.
+constexpr FieldNames kStartNames[] = {
+    {"initial_z", "initial_point.z"},
+    {"warm_start.complementarity_multipliers_L", "warm_start.complementarity_multipliers_l"},
+    {"warm_start.complementarity_multipliers_R", "warm_start.complementarity_multipliers_r"},
 };
 
 using google::protobuf::FieldDescriptor;
@@ -103,6 +132,9 @@ void to_message(const ProblemView& problem, v1::Problem* message) {
 }
 
 std::string message_field(const std::string& field) {
+  for (const auto& [core, message] : kStartNames) {
+    if (field == core) return message;
+  }
   const std::size_t dot = field.find('.');
   const std::string head = field.substr(0, dot);
   for (const auto& [core, message] : kFieldNames) {
@@ -122,6 +154,9 @@ std::string core_field(const std::string& field) {
   const std::size_t dot = field.find('.');
   const std::string head = field.substr(0, dot);
   for (const auto& [core, message] : kUpdateNames) {
+    if (field == message) return core;
+  }
+  for (const auto& [core, message] : kStartNames) {
     if (field == message) return core;
   }
   for (const auto& [core, message] : kFieldNames) {
@@ -287,11 +322,7 @@ static_assert(static_cast<int>(Status::solved) + 1 == v1::STATUS_SOLVED &&
 void to_message(const Solution& solution, v1::Solution* message) {
   message->set_status(to_message(solution.status));
   message->set_detail(solution.detail);
-  assign(message->mutable_z(), solution.z);
-  assign(message->mutable_equality_multipliers(), solution.equality_multipliers);
-  assign(message->mutable_inequality_multipliers(), solution.inequality_multipliers);
-  assign(message->mutable_complementarity_multipliers_l(), solution.complementarity_multipliers_L);
-  assign(message->mutable_complementarity_multipliers_r(), solution.complementarity_multipliers_R);
+  vectors_to_message(solution, message);
   assign(message->mutable_certificate(), solution.certificate);
   message->set_objective(solution.objective);
   to_message(solution.violations, message->mutable_violations());
@@ -313,15 +344,10 @@ void to_message(const Solution& solution, v1::Solution* message) {
 }
 
 Solution solution_of(const v1::Solution& message) {
-  const auto vector_of = [](const auto& field) { return std::vector<double>(field.begin(), field.end()); };
   Solution solution;
   solution.status = status_of(message.status());
   solution.detail = message.detail();
-  solution.z = vector_of(message.z());
-  solution.equality_multipliers = vector_of(message.equality_multipliers());
-  solution.inequality_multipliers = vector_of(message.inequality_multipliers());
-  solution.complementarity_multipliers_L = vector_of(message.complementarity_multipliers_l());
-  solution.complementarity_multipliers_R = vector_of(message.complementarity_multipliers_r());
+  take_vectors(message, solution);
   solution.certificate = vector_of(message.certificate());
   solution.objective = message.objective();
   solution.violations = violations_of(message.violations());
@@ -339,6 +365,18 @@ Solution solution_of(const v1::Solution& message) {
   solution.times = {message.times().setup_s(), message.times().factorization_s(),
                     message.times().line_search_s(), message.times().solve_s(), message.times().polish_s()};
   return solution;
+}
+
+void to_message(const Solution& start, v1::WarmStart* message) {
+  vectors_to_message(start, message);
+  message->set_cold_objective(start.cold_objective);
+}
+
+Solution solution_of(const v1::WarmStart& message) {
+  Solution start;
+  take_vectors(message, start);
+  start.cold_objective = message.cold_objective();
+  return start;
 }
 
 }  // namespace marble

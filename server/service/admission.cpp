@@ -73,7 +73,15 @@ Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, 
   const auto& z = message.initial_point().z();
   const std::span initial_z(z.data(), static_cast<std::size_t>(z.size()));
   if (auto valid = Problem::check_initial_point(initial_z, problem->variables()); !valid)
-    return unexpected(of_field("initial_point.z", valid.error()));
+    return unexpected(of_field(message_field(valid.error().field), valid.error()));
+  std::optional<Solution> warm_start;
+  if constexpr (requires { message.warm_start(); }) {
+    if (message.has_warm_start()) {
+      warm_start = solution_of(message.warm_start());
+      if (auto valid = check_warm_start(*warm_start, PartSizes::of(*problem)); !valid)
+        return unexpected(of_field(message_field(valid.error().field), valid.error()));
+    }
+  }
   auto record = parts.board.make(
       {.id = caller.earlier ? caller.earlier->id : random_id(),
        .kind = kind,
@@ -89,7 +97,7 @@ Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, 
        .trace = caller.origin.trace,
        .accepted = caller.earlier ? caller.earlier->accepted : std::chrono::system_clock::now()},
       *options);
-  return CheckedRequest{*problem, *options, *priority, initial_z, std::move(record)};
+  return CheckedRequest{*problem, *options, *priority, initial_z, std::move(warm_start), std::move(record)};
 }
 
 }  // namespace
@@ -153,6 +161,7 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
                   const SolveControls& given) {
     SolveControls controls = given;
     controls.initial_z = checked.initial_z;
+    controls.warm_start = checked.warm_start ? &*checked.warm_start : nullptr;
     const auto tell_memory = [&](const Solver& solver) { checked.record->set_memory(solver.memory_bytes()); };
     return solve_once(checked.problem, checked.options, controls, limits, tell_memory);
   };

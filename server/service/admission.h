@@ -43,6 +43,7 @@ struct CheckedRequest {
   Options options;
   Priority priority;
   std::span<const double> initial_z;
+  std::optional<Solution> warm_start;
   std::shared_ptr<JobRecord> record;
 };
 

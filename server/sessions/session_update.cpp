@@ -65,11 +65,8 @@ Expected<Update> Update::check(v1::SessionUpdate& message, const PartSizes& size
   update.shift_ = {blocks_of(shift.variables()), blocks_of(shift.equalities()),
                    blocks_of(shift.inequalities()), blocks_of(shift.pairs())};
   update.message_.clear_shift();
-  if (auto valid = update.restart().check(sizes); !valid) {
-    const bool of_point = valid.error().field == "initial_z";
-    return unexpected(
-        inside("update", of_point ? of_field("initial_point.z", valid.error()) : valid.error()));
-  }
+  if (auto valid = update.restart().check(sizes); !valid)
+    return unexpected(inside("update", of_field(message_field(valid.error().field), valid.error())));
   const double deadline_s = update.message_.deadline_s();
   if (!(deadline_s >= 0.0))
     return unexpected(invalid("update.deadline_s", std::to_string(deadline_s), "must be >= 0"));

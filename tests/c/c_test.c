@@ -237,6 +237,63 @@ static void a_session_takes_what_changed_and_starts_warm(const marble_client* cl
   marble_session_destroy(session);
 }
 
+/* A further start of the same problem is its answer after one factorization; so is one that was submitted. */
+static void an_answer_is_started_from(const marble_client* client) {
+  marble_problem* problem = first();
+  marble_solution *cold = NULL, *warm = NULL;
+  marble_call* call = NULL;
+  marble_error error;
+  double factorizations = 0;
+  CHECK(marble_solve(client, problem, NULL, NULL, &cold, &error) == MARBLE_OK);
+  CHECK(marble_call_create(&call, NULL) == MARBLE_OK);
+  CHECK(marble_call_set_warm_start(NULL, cold, &error) == MARBLE_INVALID_ARGUMENT && strcmp(error.field, "call") == 0);
+  CHECK(marble_call_set_warm_start(call, cold, &error) == MARBLE_OK);
+  CHECK(marble_solve(client, problem, NULL, call, &warm, &error) == MARBLE_OK);
+  check_answer(warm, -4);
+  CHECK(marble_solution_number(warm, "factorizations", &factorizations, NULL) == MARBLE_OK && factorizations == 1);
+  marble_solution_destroy(warm);
+  marble_problem_destroy(problem);
+  CHECK(marble_problem_create(3, &problem, NULL) == MARBLE_OK);
+  CHECK(marble_problem_set_vector(problem, "g", (const double[]){1, 1, 1}, 3, NULL) == MARBLE_OK);
+  CHECK(marble_solve(client, problem, NULL, call, &warm, &error) == MARBLE_INVALID_ARGUMENT && warm == NULL);
+  CHECK(strcmp(error.field, "warm_start.z") == 0 && strcmp(error.bound, "must have 3 entries") == 0);
+  CHECK(marble_call_set_warm_start(call, NULL, NULL) == MARBLE_OK);
+  marble_call_destroy(call);
+  marble_solution_destroy(cold);
+  marble_problem_destroy(problem);
+}
+
+/* Only a server has jobs. */
+static void a_job_is_submitted_and_its_answer_fetched(const marble_client* client) {
+  const int server = strcmp(marble_client_address(client), "in process") != 0;
+  marble_problem* problem = first();
+  marble_solution* solution = NULL;
+  marble_call* call = NULL;
+  marble_error error;
+  const char* state = NULL;
+  char id[MARBLE_JOB_ID_SIZE], again[MARBLE_JOB_ID_SIZE];
+  CHECK(marble_call_create(&call, NULL) == MARBLE_OK);
+  CHECK(marble_call_set_priority(call, "now", &error) == MARBLE_INVALID_ARGUMENT);
+  CHECK(strcmp(error.field, "priority") == 0 && strcmp(error.value, "now") == 0 && error.bound[0] != '\0');
+  CHECK(marble_call_set_priority(call, "batch", NULL) == MARBLE_OK);
+  CHECK(marble_call_set_request_id(call, "c_test", NULL) == MARBLE_OK);
+  CHECK(marble_job_submit(client, NULL, NULL, call, id, &error) == MARBLE_INVALID_ARGUMENT);
+  CHECK(strcmp(error.field, "problem") == 0 && id[0] == '\0');
+  CHECK(marble_job_submit(client, problem, NULL, call, id, &error) == (server ? MARBLE_OK : MARBLE_UNAVAILABLE));
+  if (server) {
+    CHECK(marble_job_submit(client, problem, NULL, call, again, &error) == MARBLE_OK && strcmp(id, again) == 0);
+    CHECK(marble_job_result(client, id, 1, NULL, &solution, &error) == MARBLE_OK);
+    check_answer(solution, -4);
+    CHECK(marble_job_state(client, id, &state, &error) == MARBLE_OK && strcmp(state, "finished") == 0);
+    CHECK(marble_job_cancel(client, id, &error) == MARBLE_OK); /* it has finished: nothing to end */
+    CHECK(marble_job_remove(client, id, &error) == MARBLE_OK);
+    CHECK(marble_job_result(client, id, 0, call, &solution, &error) == MARBLE_NOT_FOUND && solution == NULL);
+  }
+  marble_solution_destroy(solution);
+  marble_call_destroy(call);
+  marble_problem_destroy(problem);
+}
+
 static void* solve_many(void* client) {
   for (int i = 0; i < 20; i++) {
     marble_problem* problem = first();
@@ -316,6 +373,8 @@ int main(int argc, char** argv) {
     an_answer_and_its_numbers_without_copies(client);
     a_fault_names_field_index_value_and_bound(client);
     null_is_a_fault_and_never_a_crash();
+    an_answer_is_started_from(client);
+    a_job_is_submitted_and_its_answer_fetched(client);
     a_session_takes_what_changed_and_starts_warm(client);
     two_threads_share_a_client(client);
     another_thread_ends_a_solve(client);

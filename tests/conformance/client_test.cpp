@@ -3,10 +3,15 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <limits>
+#include <optional>
 #include <thread>
 
 #include "marble/convert.h"
+#include "marble/examples.h"
 #include "problems.h"
+#include "support/judges/same_solution.h"
 #include "support/problems/small_problems.h"
 #include "support/processes/server_process.h"
 
@@ -67,6 +72,44 @@ TEST_F(ClientTest, AStopTokenGivesAUnarySolveUp) {
   ASSERT_FALSE(answer.has_value());
   EXPECT_EQ(answer.error().code, ErrorCode::cancelled);
   EXPECT_TRUE(server_becomes_idle());
+}
+
+TEST_F(ClientTest, AWarmStartGivesTheBitsThatItGivesInProcess) {
+  examples::HopperParameters parameters{.steps = 10};
+  const Solution last = solve_in_process(examples::hopper(parameters).view()).value();
+  parameters = examples::advance(parameters, last.z);
+  const OwnedProblem next = examples::hopper(parameters);
+  const Solution start = examples::shift_hopper(last);
+  const Solution here = solve_in_process(next.view(), {}, {.warm_start = &start}).value();
+  ASSERT_TRUE(is_solved(here.status)) << here.detail;
+  const auto there = client_->solve(next.view(), {}, {.warm_start = &start});
+  ASSERT_TRUE(there.has_value()) << there.error().message();
+  expect_same_bits(*there, here);
+  const auto job = client_->jobs().submit(next.view(), {}, {.warm_start = &start});
+  ASSERT_TRUE(job.has_value()) << job.error().message();
+  expect_same_bits(client_->jobs().result(job->job_id, {.wait = true}).value(), here);
+  EXPECT_LT(here.factorizations, client_->solve(next.view())->factorizations);
+}
+
+TEST_F(ClientTest, AWarmStartMayGoWhileASolveInProcessIsPending) {
+  const OwnedProblem p = examples::hopper({.steps = 10});
+  auto start = std::make_optional(solve_in_process(p.view()).value());
+  const int factorizations = solve_in_process(p.view(), {}, {.warm_start = &*start})->factorizations;
+  auto pending = Client::in_process().solve_async(p.view(), {}, {.warm_start = &*start});
+  ASSERT_TRUE(pending.has_value()) << pending.error().message();
+  std::ranges::fill(start->z, 1e9);
+  start.reset();
+  EXPECT_EQ(pending->get()->factorizations, factorizations);
+}
+
+TEST_F(ClientTest, AWarmStartThatDoesNotFitIsNamedAsTheCallerKnowsIt) {
+  const OwnedProblem p = examples::hopper({.steps = 10});
+  Solution start = solve_in_process(p.view()).value();
+  start.complementarity_multipliers_R[3] = std::numeric_limits<double>::quiet_NaN();
+  for (const Client& client : {*client_, Client::in_process()}) {
+    EXPECT_EQ(client.solve(p.view(), {}, {.warm_start = &start}).error().message(),
+              "warm_start.complementarity_multipliers_R[3] = nan: must be finite");
+  }
 }
 
 TEST_F(ClientTest, ATokenThatIsStoppedAlreadyStartsNothing) {

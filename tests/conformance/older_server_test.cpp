@@ -63,6 +63,7 @@ TEST(OlderServer, AnErrorHasItsPlaceInTheCallersTermsAndTheServersWords) {
         Place{"update.problem.hessian_values[2]", "Q.values", 2},
         Place{"setup.options.max_iterations", "max_iterations", -1},
         Place{"initial_point.z[1]", "initial_z", 1},
+        Place{"warm_start.complementarity_multipliers_l[5]", "warm_start.complementarity_multipliers_L", 5},
         Place{"update.shift.pairs[2].by", "shift.pairs[2].by", -1}}) {
     const Error error = refused(grpc::StatusCode::INVALID_ARGUMENT, bad_request(path));
     EXPECT_EQ(error.code, ErrorCode::invalid_argument) << path;

@@ -65,6 +65,56 @@ std::string everything(bool binary) {
   return nl.content();
 }
 
+// min (x0 - 1)^2 + (x1 - 2)^2  s.t.  0 <= x0 complements x1 >= 0, -1 <= x0 + x1 <= 3: the best is 1 at (0, 2). As the
+// writers of two front ends put it, which were not at hand: by what is published of them.
+struct Written {
+  const char* by;
+  const char* content;
+};
+constexpr Written kWritten[] = {
+    // MathOptInterface, FileFormats.NL, of MOI.Complements: no comments; quadratic terms as products, their constant
+    // before them, the linear rest in G; every variable has its start; the last column is not counted.
+    {"JuMP's AmplNLWriter",
+     "g3 1 1 0\n 2 2 1 1 0 0\n 0 1\n 0 0\n 0 2 0\n 0 0 0 1\n 0 0 0 0 0\n 3 2\n 0 0\n 0 0 0 0 0\n"
+     "C0\nn0\nC1\nn0\n"
+     "O0 0\no0\nn5\no0\no2\nv0\nv0\no2\nv1\nv1\n"
+     "x2\n0 0.25\n1 0\n"
+     "r\n5 1 1\n0 -1 3\n"
+     "b\n2 0\n3\n"
+     "k1\n1\nJ0 1\n1 1\nJ1 2\n0 1\n1 1\nG0 2\n0 -2\n1 -4\n"},
+    // AMPL ("Writing .nl Files", Gay 2005): options in the first line, comments behind tabs, suffixes (here a basis)
+    // before all else, powers as o5, a start of what is not zero, a dual start.
+    {"AMPL",
+     "g3 1 1 0\t# problem corner\n 2 2 1 1 0\t# vars, constraints, objectives, ranges, eqns\n"
+     " 0 1 1 0 0 0\t# nonlinear constrs, objs; ccons: lin, nonlin, nd, nzlb\n 0 0\t# network\n"
+     " 0 2 0\t# nonlinear vars in constraints, objectives, both\n 0 0 0 1\t# linear network variables; functions; "
+     "arith, flags\n 0 0 0 0 0\t# discrete variables\n 3 2\t# nonzeros in Jacobian, obj. gradient\n"
+     " 7 2\t# max name lengths: constraints, variables\n 0 0 0 0 0\t# common exprs\n"
+     "S0 2 sstatus\n0 3\n1 1\nS1 1 sstatus\n1 1\n"
+     "C0\t#contact\nn0\nC1\t#band\nn0\n"
+     "O0 0\t#cost\no0\t# + \no5\t#^\no1\t# - \nv0\t#gap\nn1\nn2\no5\t#^\no1\t# - \nv1\t#force\nn2\nn2\n"
+     "d1\t# initial dual guess\n1 0.5\n"
+     "x1\t# initial guess\n0 0.25\t#gap\n"
+     "r\t#2 ranges (rhs's)\n5 1 1\t#contact\n0 -1 3\t#band\n"
+     "b\t#2 bounds (on variables)\n2 0\t#gap\n3\t#force\n"
+     "k1\t#intermediate Jacobian column lengths\n1\nJ0 1\n1 1\nJ1 2\n0 1\n1 1\nG0 2\n0 0\n1 0\n"}};
+
+TEST(Nl, FilesInTheFormOfOtherWritersAreTheProblemTheyMean) {
+  for (const Written& written : kWritten) {
+    const auto nl = parse_nl_problem(written.content, "corner", {});
+    ASSERT_TRUE(nl.has_value()) << written.by << ": " << nl.error().message();
+    const OwnedProblem& problem = nl->file.problem;
+    EXPECT_EQ(problem.initial_z, (std::vector<double>{0.25, 0.0})) << written.by;
+    EXPECT_EQ(problem.l.size(), 1U) << written.by;
+    EXPECT_EQ(problem.d.size(), 2U) << written.by << ": a range is two rows";
+    const Solution solution = solve_in_process(problem.view()).value();
+    EXPECT_EQ(solution.status, Status::solved) << written.by;
+    EXPECT_NEAR(solution.objective, 1.0, 1e-9) << written.by;
+    EXPECT_NEAR(solution.z[0], 0.0, 1e-9) << written.by;
+    EXPECT_NEAR(solution.z[1], 2.0, 1e-9) << written.by;
+  }
+}
+
 TEST(Nl, EveryKindOfRowAndTermIsReadAsItIsMeant) {
   for (const bool binary : {false, true}) {
     const auto file = parse_nl(everything(binary), "everything");

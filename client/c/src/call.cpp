@@ -1,3 +1,5 @@
+#include <string_view>
+
 #include "handles.h"
 
 using marble::Expected;
@@ -57,6 +59,41 @@ std::int32_t marble_call_set_initial_z(marble_call* call, const double* z, std::
     const auto given = marble::c::numbers(z, count);
     if (!given) return unexpected(marble::of_field("initial_z", given.error()));
     call->initial_z.assign(given->begin(), given->end());
+    return {};
+  });
+}
+
+std::int32_t marble_call_set_warm_start(marble_call* call, const marble_solution* start,
+                                        marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (call == nullptr) return unexpected(null("call"));
+    call->warm_start.reset();
+    if (start != nullptr) call->warm_start = start->solution;
+    return {};
+  });
+}
+
+std::int32_t marble_call_set_priority(marble_call* call, const char* priority, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (call == nullptr) return unexpected(null("call"));
+    if (priority == nullptr) return unexpected(null("priority"));
+    using marble::Priority;
+    for (const Priority known :
+         {Priority::by_method, Priority::realtime, Priority::interactive, Priority::batch}) {
+      if (std::string_view(priority) != marble::to_string(known)) continue;
+      call->priority = known;
+      return {};
+    }
+    return unexpected(
+        marble::invalid("priority", priority, "must be by_method, realtime, interactive or batch"));
+  });
+}
+
+std::int32_t marble_call_set_request_id(marble_call* call, const char* request_id, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (call == nullptr) return unexpected(null("call"));
+    if (request_id == nullptr) return unexpected(null("request_id"));
+    call->request_id = request_id;
     return {};
   });
 }

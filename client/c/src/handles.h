@@ -40,11 +40,29 @@ struct marble_call {
   marble_progress_function function = nullptr;
   void* user = nullptr;
   std::vector<double> initial_z;
+  std::optional<marble::Solution> warm_start;
   double deadline_s = std::numeric_limits<double>::infinity();
+  marble::Priority priority = marble::Priority::by_method;
+  std::string request_id;
 
   [[nodiscard]] std::optional<std::chrono::duration<double>> deadline() const {
     if (deadline_s == std::numeric_limits<double>::infinity()) return std::nullopt;
     return std::chrono::duration<double>(deadline_s);
+  }
+  /// What it says of a solve; it lends its arrays.
+  [[nodiscard]] marble::SolveControls controls(marble::ProgressSink* progress) const {
+    return {.progress = function == nullptr ? nullptr : progress,
+            .stop = stop.get_token(),
+            .initial_z = initial_z,
+            .warm_start = warm_start ? &*warm_start : nullptr};
+  }
+  [[nodiscard]] marble::CallControls over(const std::string& problem_name) const {
+    marble::CallControls over;
+    over.deadline = deadline();
+    over.request_id = request_id;
+    over.problem_name = problem_name;
+    over.priority = priority;
+    return over;
   }
 };
 

@@ -49,6 +49,8 @@ std::int32_t marble_session_open(const marble_client* client, const marble_probl
       over.progress = call->function != nullptr;
       over.initial_z = call->initial_z;
       over.stop = call->stop.get_token();
+      over.request_id = call->request_id;
+      over.priority = call->priority;
     }
     const marble::Client& where = own ? *own : client->client;
     auto opened = where.open_session(problem->problem.view(),

@@ -44,12 +44,8 @@ std::int32_t marble_solve(const marble_client* client, const marble_problem* pro
     const marble_call none;
     const marble_call& given = call == nullptr ? none : *call;
     Teller teller(given.function, given.user, given.stop);
-    const marble::SolveControls controls{.progress = given.function == nullptr ? nullptr : &teller,
-                                         .stop = given.stop.get_token(),
-                                         .initial_z = given.initial_z};
-    marble::CallControls over;
-    over.deadline = given.deadline();
-    over.problem_name = problem->problem.name;
+    const marble::SolveControls controls = given.controls(&teller);
+    const marble::CallControls over = given.over(problem->problem.name);
     const marble::Options chosen = options == nullptr ? marble::Options() : options->options;
     const auto view = problem->problem.view();
     auto answer = client == nullptr ? marble::solve(view, chosen, controls, over)

@@ -128,12 +128,11 @@ Expected<Solution> solve(const NlProblem& nl, const Settings& settings, std::sto
   const OwnedProblem& problem = nl.file.problem;
   IterationTable table(false, stdout);
   SolveControls controls{settings.tells ? &table : nullptr, std::move(stop), problem.initial_z};
-  if (settings.server.empty() || settings.server == contract::local_address) {
-    const bool has_duals = std::ranges::any_of(nl.initial_duals, [](double dual) { return dual != 0.0; });
-    std::optional<Solution> start;
-    if (has_duals && !problem.initial_z.empty()) controls.warm_start = &start.emplace(initial_answer(nl));
+  const bool has_duals = std::ranges::any_of(nl.initial_duals, [](double dual) { return dual != 0.0; });
+  std::optional<Solution> start;
+  if (has_duals && !problem.initial_z.empty()) controls.warm_start = &start.emplace(initial_answer(nl));
+  if (settings.server.empty() || settings.server == contract::local_address)
     return solve_in_process(problem.view(), settings.options, controls);
-  }
   ServerArguments arguments;
   arguments.server = settings.server;
   const auto client = connect(arguments);

@@ -152,7 +152,26 @@ struct Call {
   std::int32_t iterate_every;
   std::shared_ptr<Stop> stop;  // null where only Ctrl-C may ask for it
   bool main_thread;
+  std::optional<Solution> warm_start;
 };
+
+/// Of (z, y, nu, xi, eta, cold objective), or None.
+std::optional<Solution> warm_start_of(const py::object& given) {
+  if (given.is_none()) return {};
+  const auto parts = given.cast<py::tuple>();
+  Solution start;
+  std::vector<double>* const vectors[] = {&start.z, &start.equality_multipliers, &start.inequality_multipliers,
+                                          &start.complementarity_multipliers_L,
+                                          &start.complementarity_multipliers_R};
+  Borrowed arrays;
+  std::size_t place = 0;
+  for (std::vector<double>* const vector : vectors) {
+    const std::span<const double> values = arrays.doubles(parts[place++]);
+    vector->assign(values.begin(), values.end());
+  }
+  start.cold_objective = parts[place].cast<double>();
+  return start;
+}
 
 /// Runs `solve(options, controls)` without the GIL; the answer as Python has it, but for a time limit that a
 /// deadline has set.
@@ -165,7 +184,9 @@ py::dict run(const Options& options, const Call& call, const Solve& solve) {
   limited.time_limit_s = std::min(options.time_limit_s, deadline_s);
   std::stop_source source = call.stop ? call.stop->source : std::stop_source();
   Teller teller(call.tell, call.interval_s, call.iterate_every, source);
-  const SolveControls controls{.progress = teller.sink(), .stop = source.get_token()};
+  const SolveControls controls{.progress = teller.sink(),
+                               .stop = source.get_token(),
+                               .warm_start = call.warm_start ? &*call.warm_start : nullptr};
   std::optional<Expected<Solution>> outcome;
   {
     std::optional<CtrlC> ctrl_c;
@@ -371,8 +392,11 @@ PYBIND11_MODULE(_core, m) {
   });
   py::class_<Call>(m, "Call").def(
       py::init([](std::optional<double> deadline_s, py::object tell, double interval_s,
-                  std::int32_t iterate_every, std::shared_ptr<Stop> stop, bool main_thread) {
-        return Call{deadline_s, std::move(tell), interval_s, iterate_every, std::move(stop), main_thread};
+                  std::int32_t iterate_every, std::shared_ptr<Stop> stop, bool main_thread,
+                  const py::object& warm_start) {
+        return Call{deadline_s,      std::move(tell), interval_s,
+                    iterate_every,   std::move(stop), main_thread,
+                    warm_start_of(warm_start)};
       }));
   m.def("solve", &solve);
   m.def("solve_nonlinear", &solve_nonlinear_problem);

@@ -71,6 +71,7 @@ PLACES = [
     ("update.problem.hessian_values", 2, "Q.values", 2),
     ("setup.options.max_iterations", None, "max_iterations", None),
     ("initial_point.z", 1, "z0", 1),
+    ("warm_start.complementarity_multipliers_l", 5, "warm_start.xi", 5),
     ("update.shift.pairs[2].by", None, "shift.pairs[2].by", None),
 ]
 

@@ -68,6 +68,20 @@ def test_a_start_is_taken(client):
         assert rows[0].iteration == 0 and rows[0].objective == pytest.approx(objective, abs=1e-12)
 
 
+def test_an_answer_is_started_from_here_and_there(server, client):
+    problem = random_problem(3)
+    first = client.solve(problem)
+    next_one = problem.replaced(g=problem.g + 1e-3)
+    answers = [marble.solve(next_one, server=where, warm_start=first) for where in (server, "local", client)]
+    assert all(answer.solved and answer.factorizations < first.factorizations for answer in answers)
+    assert len({(answer.z.tobytes(), answer.eta.tobytes(), answer.factorizations) for answer in answers}) == 1
+    for where in (server, "local"):
+        with pytest.raises(marble.InvalidArgument, match=r"warm_start.z.*: must have \d+ entries"):
+            marble.solve(tiny(), server=where, warm_start=first)
+    with pytest.raises(marble.InvalidArgument, match="warm_start is list: must be a Solution"):
+        client.solve(problem, warm_start=[1.0])
+
+
 def test_progress_is_told_on_the_calling_thread(client):
     rows, threads = [], set()
 

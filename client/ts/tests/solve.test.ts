@@ -180,6 +180,15 @@ test("an initial point is started from, and the problem's x0 if there is none", 
   assert.notDeepEqual(given.z, (await client.solve(corner, { options })).z);
 });
 
+test("an answer is started from, and one that does not fit is refused by its name", async () => {
+  const first = await client.solve(corner);
+  const again = await client.solve(corner, { warmStart: first });
+  assert.equal(again.factorizations, 1);
+  assert.deepEqual(again.z, first.z);
+  const other = { g: [1, 1], C: [[1, 0], [0, 1]], d: [0, 0] };
+  await assert.rejects(client.solve(other, { warmStart: first }), { field: "warmStart.z" });
+});
+
 test("a solution reads well as text and in the console", async () => {
   const solution = await client.solve(corner);
   assert.match(String(solution), /^solved: objective 2, \d+ iterations, \d+ factorizations, \S+ ms, violation \S+$/);

@@ -43,6 +43,10 @@ struct SolveControls {
   std::optional<std::chrono::steady_clock::time_point> begun = {};
 };
 
+/// Whether an answer may be a `warm_start` of a problem of these sizes: as many entries in z and each kind of
+/// multipliers, all finite. Errors name "warm_start.z", "warm_start.equality_multipliers" and such.
+[[nodiscard]] Expected<void> check_warm_start(const Solution& start, const PartSizes& sizes);
+
 /// What a solver may take, and what ends its set-up.
 struct SetupControls {
   std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max();  ///< of memory

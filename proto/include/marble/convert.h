@@ -28,7 +28,8 @@ void to_message(const ProblemUpdate& update, v1::ProblemUpdate* message);
 /// Copies a problem into a message.
 void to_message(const ProblemView& problem, v1::Problem* message);
 
-/// Path in the request of a field named by the core: "A.row_indices" → "equality_matrix.row_indices".
+/// Path in the request of a field named by the core: "A.row_indices" → "equality_matrix.row_indices", "initial_z"
+/// → "initial_point.z".
 [[nodiscard]] std::string message_field(const std::string& core_field);
 /// The same in an update, where a matrix has its values alone: "A.values" → "equality_values".
 [[nodiscard]] std::string update_field(const std::string& core_field);
@@ -87,5 +88,8 @@ void to_message(const Progress& progress, v1::Progress* message);
 /// Everything but the queue and total times and the options, which the service knows.
 void to_message(const Solution& solution, v1::Solution* message);
 [[nodiscard]] Solution solution_of(const v1::Solution& message);
+/// What a solve starts from: the vectors and the cold objective alone.
+void to_message(const Solution& start, v1::WarmStart* message);
+[[nodiscard]] Solution solution_of(const v1::WarmStart& message);
 
 }  // namespace marble

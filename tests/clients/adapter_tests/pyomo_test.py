@@ -8,7 +8,7 @@ import unittest
 import numpy as np
 import pyomo.environ as pyo
 from page import example, local_and_remote
-from pyomo.gdp import Disjunction
+from pyomo.gdp import Disjunct, Disjunction
 from pyomo.mpec import Complementarity, complements
 from pyomo.opt import SolverStatus, TerminationCondition
 
@@ -114,6 +114,91 @@ class Pyomo(unittest.TestCase):
                     m.pairs[1].deactivate()
                     one.solve()
                     self.assertEqual(one.answer.problem.sizes[3], 2)
+
+    def test_the_dual_value_of_a_condition_is_the_change_by_its_bound(self):
+        for words, condition, bend in (
+                ("lower, lower", lambda m: complements(m.w >= m.p, m.y >= 0), (-5, 60)),
+                ("upper, lower", lambda m: complements(m.w <= m.p, m.y >= 0), (5, 60)),
+                ("equality", lambda m: complements(m.w == 3 + m.p, m.y), (9, 60)),
+                ("both bounds", lambda m: complements(pyo.inequality(m.p, m.w, 5 + m.p), m.y), (-4, 20)),
+                ("both bounds, above", lambda m: complements(pyo.inequality(m.p, m.w, 5 + m.p), m.y), (9, -20))):
+            for sense, sign in ((pyo.minimize, 1), (pyo.maximize, -1)):
+                m = pyo.ConcreteModel()
+                m.p, m.y, m.w = pyo.Param(initialize=0, mutable=True), pyo.Var(), pyo.Var()
+                m.cost = pyo.Objective(sense=sense, expr=sign * ((m.w - bend[0]) ** 2 + (m.y - bend[1]) ** 2))
+                m.pair = Complementarity(rule=condition)
+                m.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT)
+                values = []
+                with solver() as one:
+                    for step in (1e-4, -1e-4, 0):
+                        m.p.value = step
+                        one.solve(m)
+                        values.append(pyo.value(m.cost))
+                with self.subTest(words, sense=sense):
+                    self.assertGreater(abs(m.dual[m.pair]), 1)
+                    self.assertAlmostEqual(m.dual[m.pair], (values[0] - values[1]) / 2e-4, 4)
+
+    def test_disjunctions_become_pairs_and_their_indicators_are_chosen(self):
+        for wish, best, chosen in (((-3, 0.5), 0, "left"), ((2.7, 0.5), 0, "right"), ((0.2, 5), 4, "up"),
+                                   ((0.1, -4), 1, "nested")):
+            for solve in (solver().solve, pyo.SolverFactory("marble").solve):
+                m = pyo.ConcreteModel()
+                m.x, m.y = pyo.Var(bounds=(-9, 9)), pyo.Var(bounds=(-9, 9))
+                m.left = Disjunct()
+                m.left.far = pyo.Constraint(expr=m.x <= -1)
+                m.right = Disjunct()
+                m.right.far = pyo.Constraint(expr=(2, m.x, 3))
+                m.up = Disjunct()
+                m.up.exact = pyo.Constraint(expr=m.y == 3)
+                m.nested = Disjunct()
+                m.nested.deep = pyo.Constraint(expr=m.y <= -3)
+                m.nested.inner = Disjunction(expr=[m.x >= 1.1, m.x <= 0])
+                m.away = Disjunct()  # is none of them
+                m.away.where = pyo.Constraint(expr=m.x == 0.2)
+                m.away.indicator_var.fix(False)
+                m.one = Disjunction(expr=[m.left, m.right, m.up, m.nested, m.away])
+                m.two = Disjunction(expr=[m.y >= -5, m.x >= 5])
+                m.cost = pyo.Objective(expr=(m.x - wish[0]) ** 2 + (m.y - wish[1]) ** 2)
+                pyo.TransformationFactory("marble.pairs").apply_to(m)
+                solve(m, options={"global": "true"})
+                with self.subTest(chosen):
+                    self.assertLess(pyo.value(m.cost), best + 0.02)
+                    marble.pyomo.choose(m)
+                    indicators = {d.local_name: d.indicator_var.value for d in m.one.disjuncts}
+                    self.assertEqual([name for name, holds in indicators.items() if holds], [chosen])
+                    self.assertEqual([d.indicator_var.value for d in m.two.disjuncts], [True, False])
+
+    def test_of_disjunctions_what_no_pair_has_is_refused_by_its_name(self):
+        def model():
+            m = pyo.ConcreteModel()
+            m.x = pyo.Var(bounds=(0, 9))
+            m.low, m.high = Disjunct(), Disjunct()
+            m.low.at = pyo.Constraint(expr=m.x <= 1)
+            m.high.at = pyo.Constraint(expr=m.x >= 5)
+            m.either = Disjunction(expr=[m.low, m.high])
+            m.cost = pyo.Objective(expr=(m.x - 4) ** 2)
+            return m
+
+        m = model()
+        with self.assertRaisesRegex(marble.InvalidProblem, "marble.pairs"):
+            solver().solve(m)
+        m.logic = pyo.LogicalConstraint(expr=m.low.indicator_var.implies(m.high.indicator_var))
+        with self.assertRaisesRegex(marble.InvalidProblem, "logical constraint logic"):
+            pyo.TransformationFactory("marble.pairs").apply_to(m)
+        m = model()
+        m.price = pyo.Constraint(expr=m.low.binary_indicator_var + m.x <= 9)
+        with self.assertRaisesRegex(marble.InvalidProblem, "constraint price"):
+            pyo.TransformationFactory("marble.pairs").apply_to(m)
+        m = model()
+        m.low.deactivate()
+        m.high.indicator_var.fix(False)
+        with self.assertRaisesRegex(marble.InvalidProblem, "disjunction either"):
+            pyo.TransformationFactory("marble.pairs").apply_to(m)
+        m = model()
+        m.high.indicator_var.fix(True)
+        pyo.TransformationFactory("marble.pairs").apply_to(m)
+        solver().solve(m)
+        self.assertAlmostEqual(m.x.value, 5, 6)
 
     def test_options_limits_and_ends_are_told_in_its_words(self):
         m = qpec()

@@ -101,6 +101,11 @@ INSTANTIATE_TEST_SUITE_P(
                 for (const double z : {0.0, 0.0, 0.0, kNan}) r.mutable_initial_point()->add_z(z);
               },
               "initial_point.z[3]", "is nan, must be finite"},
+        Fault{"WarmStartWithoutMultipliers",
+              [](auto& r) {
+                for (int k = 0; k < 4; ++k) r.mutable_warm_start()->add_z(0.0);
+              },
+              "warm_start.equality_multipliers", "must have 1 entries"},
         Fault{"OptionOutOfRange", [](auto& r) { r.mutable_options()->set_kappa_factor(1.5); },
               "options.kappa_factor", "is 1.5"},
         Fault{"OptionNan", [](auto& r) { r.mutable_options()->set_equality_tolerance(kNan); },

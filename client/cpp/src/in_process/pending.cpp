@@ -27,6 +27,10 @@ class InProcessPending final : public PendingSolution::State {
     if (!problem) return unexpected(problem.error());
     if (auto valid = Problem::check_initial_point(controls_.initial_z, problem->variables()); !valid)
       return valid;
+    if (controls_.warm_start != nullptr) {
+      if (auto valid = check_warm_start(*controls_.warm_start, PartSizes::of(*problem)); !valid) return valid;
+      controls_.warm_start = &warm_start_.emplace(*controls_.warm_start);
+    }
     auto solver = Solver::create(*problem, deadline_.limit(options));
     if (!solver) return unexpected(solver.error());
     solver_ = std::move(*solver);
@@ -56,6 +60,7 @@ class InProcessPending final : public PendingSolution::State {
   std::stop_callback<std::function<void()>> stop_with_caller_;
   std::optional<Solver> solver_;
   std::vector<double> initial_z_;
+  std::optional<Solution> warm_start_;
   Expected<RemoteSolution> answer_;
   std::jthread thread_;  // the last member: it uses the others
 };

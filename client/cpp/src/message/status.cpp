@@ -23,7 +23,7 @@ void take_field(std::string path, Error& error) {
       path.erase(open);
     }
   }
-  error.field = path == "initial_point.z" ? "initial_z" : core_field(path);
+  error.field = core_field(path);
 }
 
 }  // namespace

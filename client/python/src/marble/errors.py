@@ -20,6 +20,9 @@ Index = int | tuple[int, int] | None
 
 # The letters of the equation, and the names of the fields of marble.v1.Problem and marble.v1.ProblemUpdate.
 _LETTERS = {"constant": "c0", "initial_point.z": "z0", "initial_z": "z0",
+            "warm_start.equality_multipliers": "warm_start.y", "warm_start.inequality_multipliers": "warm_start.nu",
+            **{f"warm_start.complementarity_multipliers_{side}": f"warm_start.{name}"
+               for sides, name in (("lL", "xi"), ("rR", "eta")) for side in sides},
             **{field: letter for letter, field in {**tables.VECTORS, **tables.MATRICES}.items()},
             **{field: letter + ".values" for letter, field in tables.VALUES.items()}}
 _PARTS = ("c0", "z0", *tables.VECTORS, *tables.MATRICES)

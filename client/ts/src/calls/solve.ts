@@ -5,6 +5,7 @@ import { type Words, valueOf, words } from "../base/words.js";
 import type { Connection } from "../connection/connection.js";
 import { Priority as PriorityNumber } from "../generated/marble/v1/job.js";
 import { SolverService, type SolveRequest, type SolveStreamResponse } from "../generated/marble/v1/service.js";
+import type { WarmStart } from "../generated/marble/v1/solution.js";
 import { takeVector } from "../model/matrix.js";
 import { type SolveOptions, optionsMessage } from "../model/options.js";
 import { type Problem, checkProblem } from "../model/problem.js";
@@ -20,6 +21,8 @@ export interface RequestControls {
   options?: SolveOptions;
   /** n entries. Default: the problem's x0, else the solver's own choice. */
   initialPoint?: ArrayLike<number>;
+  /** An answer to this problem or one like it, of the same sizes: its branch is tried before anything else. */
+  warmStart?: Solution;
   /** Default: "realtime" of sessions, "batch" of batches, else "interactive". */
   priority?: Priority;
   /** The client's own id of the request, for the server's log; at most 128 bytes of printable ASCII. */
@@ -88,6 +91,7 @@ export function solveRequest(problem: Problem, controls: RequestControls): Solve
     problem: message,
     options: optionsMessage(controls.options),
     initialPoint: initialPoint(controls.initialPoint ?? problem.x0 ?? undefined, shape.variables),
+    warmStart: controls.warmStart && warmStartOf(controls.warmStart),
     requestId: controls.requestId ?? "",
     priority: priorityOf(controls.priority),
   };
@@ -95,6 +99,17 @@ export function solveRequest(problem: Problem, controls: RequestControls): Solve
 
 export function initialPoint(z: ArrayLike<number> | undefined, n: number): { z: Uint8Array } | undefined {
   return z && { z: packDoubles(takeVector("initialPoint", z, n, "variables")) };
+}
+
+function warmStartOf(answer: Solution): WarmStart {
+  return {
+    z: packDoubles(answer.z),
+    equalityMultipliers: packDoubles(answer.equalityMultipliers),
+    inequalityMultipliers: packDoubles(answer.inequalityMultipliers),
+    complementarityMultipliersL: packDoubles(answer.leftMultipliers),
+    complementarityMultipliersR: packDoubles(answer.rightMultipliers),
+    coldObjective: answer.coldObjective,
+  };
 }
 
 export function priorityOf(priority: Priority | undefined): PriorityNumber {

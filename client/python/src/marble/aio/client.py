@@ -129,9 +129,10 @@ class Client:
     async def solve(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                     priority: Priority | str | None = None, progress: ProgressWish = None,
                     deadline: float | None = None, request_id: str = "", progress_interval: float = 0.0,
-                    iterate_every: int = 0) -> Solution:
+                    iterate_every: int = 0,
+                    warm_start: Solution | None = None) -> Solution:
         """Solves; see marble.Client.solve."""
-        call = Call(options, priority, request_id, progress_interval, iterate_every)
+        call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start)
         lcqp = compiled(problem)
         tell, close = teller(progress)
         if self._here:
@@ -224,18 +225,19 @@ async def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = Non
                 z0: ArrayLike | None = None, options: Mapping[str, Any] | None = None,
                 server: str | Sequence[str] | Client | None = None, name: str = "",
                 priority: Priority | str | None = None, progress: ProgressWish = None, deadline: float | None = None,
-                request_id: str = "", **more_options: Any) -> Solution:
+                request_id: str = "", warm_start: Solution | None = None,
+                **more_options: Any) -> Solution:
     """As marble.solve, awaited; `server` may be a marble.aio.Client."""
     problem = problem_of(Q, g, A, b, C, d, L, l, R, r, c0, z0, name)
     wishes = {**(options or {}), **more_options}
     if isinstance(server, Client):
         return await server.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
-                                  request_id=request_id)
+                                  request_id=request_id, warm_start=warm_start)
     if server is None:
         server = os.environ.get("MARBLE_SERVER") or LOCAL_ADDRESS
     async with Client(server) as client:
         return await client.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
-                                  request_id=request_id)
+                                  request_id=request_id, warm_start=warm_start)
 
 
 __all__ = ["Client", "Jobs", "Session", "solve"]

@@ -72,8 +72,10 @@ def core_call(call: Call, tell: Callable[[Progress], object] | None, deadline: f
         requests.priority_number(call.priority)
     requests.check_progress(call)
     main_thread = threading.get_ident() == threading.main_thread().ident
+    s = call.warm_start
+    start = None if s is None else (s.z, s.y, s.nu, s.xi, s.eta, s.cold_objective)
     return core().Call(check_deadline(deadline), None if tell is None else _row(tell), call.progress_interval,
-                       call.iterate_every, stop, main_thread)
+                       call.iterate_every, stop, main_thread, start)
 
 
 def solution(told: dict[str, Any], problem: LCQP) -> Solution:

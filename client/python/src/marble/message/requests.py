@@ -16,7 +16,7 @@ from marble.errors import InvalidArgument
 from marble.message.job import JobState, Priority
 from marble.message.wire import Encoder
 from marble.model.lcqp import LCQP
-from marble.model.solution import Progress
+from marble.model.solution import Progress, Solution
 
 ProgressWish = bool | Callable[[Progress], object] | None
 
@@ -106,6 +106,7 @@ class Call:
     options: solver options by name. priority: None is the method's own. request_id: for the server's log; at most 128
     bytes of printable ASCII. progress_interval: least time between two reports, seconds, ≥ 0; 0 reports every
     iteration. iterate_every: Progress.z is there in every k-th report, if it is the newest when it is sent; 0 never.
+    warm_start: an answer to this problem or one like it, of the same sizes: its branch is tried before anything else.
     """
 
     options: Mapping[str, Any] | None = None
@@ -113,6 +114,20 @@ class Call:
     request_id: str = ""
     progress_interval: float = 0.0
     iterate_every: int = 0
+    warm_start: Solution | None = None
+
+    def __post_init__(self) -> None:
+        if not (self.warm_start is None or isinstance(self.warm_start, Solution)):
+            raise InvalidArgument("warm_start", "must be a Solution", value=type(self.warm_start).__name__)
+
+
+def _warm_start(start: Solution) -> Encoder:
+    part = Encoder("WarmStart")
+    for field, values in (("z", start.z), ("equality_multipliers", start.y), ("inequality_multipliers", start.nu),
+                          ("complementarity_multipliers_l", start.xi), ("complementarity_multipliers_r", start.eta)):
+        part.doubles(field, values)
+    part.others(contract.message("WarmStart")(cold_objective=start.cold_objective))
+    return part
 
 
 def _solve(problem: LCQP, call: Call) -> Encoder:
@@ -123,6 +138,8 @@ def _solve(problem: LCQP, call: Call) -> Encoder:
                                                  priority=priority_number(call.priority)))
     if problem.z0 is not None:
         part.message("initial_point", initial_point(problem.z0))
+    if call.warm_start is not None:
+        part.message("warm_start", _warm_start(call.warm_start))
     return part
 
 

@@ -2,7 +2,8 @@
 
 It reads the model's parts once and solves over a session, so that a solve after new values of parameters, bounds or
 fixed variables sends only what differs, and starts from the last answer. SolverFactory("marble") is another way: the
-program `marble`, by files.
+program `marble`, by files. Both take disjunctions of pyomo.gdp after TransformationFactory("marble.pairs"); `choose`
+sets their indicators then.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from marble.errors import InvalidArgument, InvalidProblem
 from marble.model.layout import Family
 from marble.model.lcqp import LCQP, Vector
 from marble.model.solution import Solution
+from marble.pyomo.disjunctions import choose
 from marble.repeated import Repeated
 
 sp: Any = lazy("scipy.sparse")
@@ -122,11 +124,15 @@ class _Model:
             targets=set())
         if unknown:
             name, kind = min((part.name, kind.__name__) for kind, found in unknown.items() for part in found)
-            raise InvalidProblem(f"{kind} {name}", "must not be there: an LCQP has none")
+            hint = ', but for the pairs that TransformationFactory("marble.pairs") makes of it'
+            raise InvalidProblem(f"{kind} {name}", "must not be there: an LCQP has none"
+                                 + (hint if kind == "Disjunction" else ""))
         self.name, self.columns = str(model.name), ComponentMap()
         self.variables: list[Any] = []
         self.Q, self.g, self.rows, self.L, self.R = _Matrix(), _Matrix(), _Matrix(), _Matrix(), _Matrix()
         self.constraints: list[Any] = []
+        # A condition, and the rows, ("row", "L" or "R", number), whose multipliers are its dual value, each with a sign.
+        self.conditions: list[tuple[Any, list[tuple[str, int, float]]]] = []
         self._low, self._high = _Numbers(), _Numbers()
         mixed: list[tuple[Any, ...]] = []
         objectives = list(model.component_data_objects(Objective, active=True, descend_into=Block))
@@ -149,7 +155,9 @@ class _Model:
         if self.n == 0:
             raise InvalidProblem("model", "must have a variable in its objective or constraints", value=model.name)
         # low ≤ e ≤ high ⊥ F, by F = p − m: 0 ≤ e − low ⊥ p ≥ 0, 0 ≤ high − e ⊥ m ≥ 0
-        for p, (below, above, (entries, constant)) in zip(range(len(self.variables), self.n, 2), mixed, strict=True):
+        for p, (condition, below, above, (entries, constant)) in zip(range(len(self.variables), self.n, 2), mixed,
+                                                                     strict=True):
+            self.conditions.append((condition, [("L", self.L.count, 1.0), ("L", self.L.count + 1, -1.0)]))
             self.rows.add_row([*entries, (p, -1.0), (p + 1, 1.0)], constant)
             for side, part in ((below, p), (above, p + 1)):
                 self.L.add_row(*side)
@@ -188,18 +196,20 @@ class _Model:
 
     def _condition(self, name: str, condition: Any) -> list[tuple[Any, ...]]:
         """As pyomo.mpec reads it: two sides with two bounds between them, or an equality. A side that has both bounds
-        is returned, as its distances from them, with the other side: no pair yet.
+        is returned, with its distances from them and the other side: no pair yet.
         """
         first, second = (condition._canonical_expression(part) for part in condition._args)
         for equality in (first, second):
             if len(equality) == 2:
+                self.conditions.append((condition, [("row", self.rows.count, 1.0)]))
                 self._row(name, equality[1] - equality[0])
                 return []
         if sum(side is not None for part in (first, second) for side in (part[0], part[2])) != 2:
             raise InvalidProblem(name, "must have two bounds, on one of its sides or one on each")
         for (low, body, high), free in ((first, second[1]), (second, first[1])):
             if low is not None and high is not None:
-                return [tuple(self._linear(name, side) for side in (body - low, high - body, free))]
+                return [(condition, *(self._linear(name, side) for side in (body - low, high - body, free)))]
+        self.conditions.append((condition, [("L", self.L.count, -1.0 if first[0] is None else 1.0)]))
         for (low, body, high), side in ((first, self.L), (second, self.R)):
             side.add_row(*self._linear(name, high - body if low is None else body - low))
         return []
@@ -230,6 +240,12 @@ class _Model:
         """Changes of the objective by the right-hand sides of constraints and by bounds of variables."""
         assert self._family is not None
         return -self.sense * self._family.layout.duals(answer.y, answer.nu, self.rows.count + self.n)
+
+    def condition_duals(self, answer: Solution, duals: Vector) -> Iterable[tuple[Any, float]]:
+        """Of each condition the change of the objective by the bounds of its first side that has one."""
+        of = {"row": duals, "L": self.sense * answer.xi}
+        for condition, terms in self.conditions:
+            yield condition, sum(sign * float(of[kind][place]) for kind, place, sign in terms)
 
 
 def _key(model: Any) -> list[Any]:
@@ -314,10 +330,12 @@ class MarblePersistent:
 
     def _load_suffixes(self) -> None:
         assert self._model is not None and self.answer is not None
-        duals = self._model.duals(self.answer).tolist()
+        numbers = self._model.duals(self.answer)
+        duals = numbers.tolist()
         for suffix in self._instance.component_objects(Suffix, active=True, descend_into=False):
             if suffix.import_enabled() and suffix.local_name == "dual":
                 suffix.update(zip(self._model.constraints, duals, strict=False))
+                suffix.update(self._model.condition_duals(self.answer, numbers))
             elif suffix.import_enabled() and suffix.local_name == "rc":
                 suffix.update(zip(self._model.variables, duals[self._model.rows.count:], strict=False))
 
@@ -346,3 +364,6 @@ class MarblePersistent:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+__all__ = ["MarblePersistent", "choose"]

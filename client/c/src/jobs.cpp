@@ -1,0 +1,86 @@
+#include <cstring>
+
+#include "handles.h"
+
+using marble::Expected;
+using marble::unexpected;
+using marble::c::guarded;
+using marble::c::null;
+
+namespace {
+
+// `work` is given the jobs of the client, or of where MARBLE_SERVER says.
+template <class Work>
+std::int32_t with_jobs(const marble_client* client, const char* job_id, marble_error* error,
+                       const Work& work) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (job_id == nullptr) return unexpected(null("job_id"));
+    if (client != nullptr) return work(client->client.jobs());
+    const auto connected = marble::c::connect(nullptr);
+    if (!connected) return unexpected(connected.error());
+    return work(connected->jobs());
+  });
+}
+
+}  // namespace
+
+std::int32_t marble_job_submit(const marble_client* client, const marble_problem* problem,
+                               const marble_options* options, marble_call* call, char* job_id,
+                               marble_error* error) {
+  if (job_id != nullptr) job_id[0] = '\0';
+  return with_jobs(client, job_id, error, [&](const marble::Jobs& jobs) -> Expected<void> {
+    if (problem == nullptr) return unexpected(null("problem"));
+    const marble_call none;
+    const marble_call& given = call == nullptr ? none : *call;
+    const auto taken =
+        jobs.submit(problem->problem.view(), options == nullptr ? marble::Options() : options->options,
+                    given.controls(nullptr), given.over(problem->problem.name));
+    if (!taken) return unexpected(taken.error());
+    if (taken->job_id.size() >= MARBLE_JOB_ID_SIZE) {
+      return unexpected(failure(marble::ErrorCode::internal, "job_id", taken->job_id,
+                                "must have less than " + std::to_string(MARBLE_JOB_ID_SIZE) + " bytes"));
+    }
+    std::memcpy(job_id, taken->job_id.c_str(), taken->job_id.size() + 1);
+    return {};
+  });
+}
+
+std::int32_t marble_job_state(const marble_client* client, const char* job_id, const char** state,
+                              marble_error* error) {
+  if (state != nullptr) *state = nullptr;
+  return with_jobs(client, job_id, error, [&](const marble::Jobs& jobs) -> Expected<void> {
+    if (state == nullptr) return unexpected(null("state"));
+    const auto found = jobs.get(job_id);
+    if (!found) return unexpected(found.error());
+    *state = marble::to_string(found->job.state);
+    return {};
+  });
+}
+
+std::int32_t marble_job_result(const marble_client* client, const char* job_id, std::int32_t wait,
+                               marble_call* call, marble_solution** solution, marble_error* error) {
+  if (solution != nullptr) *solution = nullptr;
+  return with_jobs(client, job_id, error, [&](const marble::Jobs& jobs) -> Expected<void> {
+    if (solution == nullptr) return unexpected(null("solution"));
+    const marble_call none;
+    const marble_call& given = call == nullptr ? none : *call;
+    auto answer = jobs.result(
+        job_id, {.wait = wait != 0, .deadline = given.deadline(), .stop = given.stop.get_token()});
+    if (!answer) return unexpected(answer.error());
+    *solution = new marble_solution{std::move(*answer)};
+    return {};
+  });
+}
+
+std::int32_t marble_job_cancel(const marble_client* client, const char* job_id, marble_error* error) {
+  return with_jobs(client, job_id, error, [&](const marble::Jobs& jobs) -> Expected<void> {
+    const auto cancelled = jobs.cancel(job_id);
+    if (!cancelled) return unexpected(cancelled.error());
+    return {};
+  });
+}
+
+std::int32_t marble_job_remove(const marble_client* client, const char* job_id, marble_error* error) {
+  return with_jobs(client, job_id, error,
+                   [&](const marble::Jobs& jobs) -> Expected<void> { return jobs.remove(job_id); });
+}
