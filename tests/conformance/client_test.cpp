@@ -106,8 +106,9 @@ TEST_F(ClientTest, AWarmStartThatDoesNotFitIsNamedAsTheCallerKnowsIt) {
   const OwnedProblem p = examples::hopper({.steps = 10});
   Solution start = solve_in_process(p.view()).value();
   start.complementarity_multipliers_R[3] = std::numeric_limits<double>::quiet_NaN();
-  for (const Client& client : {*client_, Client::in_process()}) {
-    EXPECT_EQ(client.solve(p.view(), {}, {.warm_start = &start}).error().message(),
+  const Client here = Client::in_process();
+  for (const Client* const client : {static_cast<const Client*>(&*client_), &here}) {
+    EXPECT_EQ(client->solve(p.view(), {}, {.warm_start = &start}).error().message(),
               "warm_start.complementarity_multipliers_R[3] = nan: must be finite");
   }
 }

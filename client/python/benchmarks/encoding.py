@@ -55,7 +55,7 @@ for size in (0.1, 1.0, 10.0):
     problem = sized(size)
     data, response = requests.solve(problem, Call()), answer(int(size * 1e6 / 8))
     message = contract.message("SolveResponse")
-    print(f"{len(data) / 1e6:>12.2f} {best_ms(lambda: requests.solve(problem, Call())):>12.2f} "
-          f"{best_ms(lambda: by_protobuf(problem)):>12.2f} {len(response) / 1e6:>12.2f} "
-          f"{best_ms(lambda: wire.decode('SolveResponse', response)):>12.2f} "
-          f"{best_ms(lambda: np.array(message.FromString(response).solution.z)):>12.2f}")
+    print(f"{len(data) / 1e6:>12.2f} {best_ms(lambda: requests.solve(problem, Call())):>12.3g} "
+          f"{best_ms(lambda: by_protobuf(problem)):>12.3g} {len(response) / 1e6:>12.2f} "
+          f"{best_ms(lambda: wire.decode('SolveResponse', response)):>12.3g} "
+          f"{best_ms(lambda: np.array(message.FromString(response).solution.z)):>12.3g}")

@@ -72,10 +72,10 @@ def test_an_answer_is_started_from_here_and_there(server, client):
     problem = random_problem(3)
     first = client.solve(problem)
     next_one = problem.replaced(g=problem.g + 1e-3)
-    answers = [marble.solve(next_one, server=where, warm_start=first) for where in (server, "local", client)]
+    answers = [marble.solve(next_one, server=where, warm_start=first) for where in (server.address, "local", client)]
     assert all(answer.solved and answer.factorizations < first.factorizations for answer in answers)
     assert len({(answer.z.tobytes(), answer.eta.tobytes(), answer.factorizations) for answer in answers}) == 1
-    for where in (server, "local"):
+    for where in (server.address, "local"):
         with pytest.raises(marble.InvalidArgument, match=r"warm_start.z.*: must have \d+ entries"):
             marble.solve(tiny(), server=where, warm_start=first)
     with pytest.raises(marble.InvalidArgument, match="warm_start is list: must be a Solution"):

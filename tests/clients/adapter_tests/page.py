@@ -14,14 +14,15 @@ ROOT = pathlib.Path(__file__).resolve().parents[3]
 
 
 def example(tool):
-    """What a section's example prints, and what the page says that it prints."""
+    """What a section's examples print, and what the page says that they print."""
     page = ROOT / "client/python/ADAPTERS.md"
     section, = re.findall(rf"^## {tool}\n(.*?)(?=^## |\Z)", page.read_text(), re.DOTALL | re.MULTILINE)
-    (code, said), = re.findall(r"```python\n(.*?)```\n```text\n(.*?)```", section, re.DOTALL)
+    examples = re.findall(r"```python\n(.*?)```\n```text\n(.*?)```", section, re.DOTALL)
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
-        exec(compile(code, f"{page}: {tool}", "exec"), {})
-    return out.getvalue(), said
+        for code, _ in examples:
+            exec(compile(code, f"{page}: {tool}", "exec"), {})
+    return out.getvalue(), "".join(said for _, said in examples)
 
 
 def random_qp(seed, n=12, rows=8, equalities=3):

@@ -98,7 +98,7 @@ class DisjunctionsToPairs(Transformation):  # type: ignore[misc]
                 self._made.pairs.add(disjunct.name, complements(weight >= 0, slack >= 0))
         disjunction.deactivate()
         for disjunct in disjunction.disjuncts:
-            disjunct.deactivate()
+            disjunct._deactivate_without_fixing_indicator()  # as Pyomo's own transformations do
 
     def _relax(self, disjunct: Any, slack: Any) -> None:
         for inner in list(_disjunctions(disjunct)):
