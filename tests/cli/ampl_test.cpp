@@ -159,6 +159,20 @@ TEST_F(Ampl, AServerIsAskedWhereOneIsNamed) {
   EXPECT_NE(nobody.message.find("127.0.0.1:1"), std::string::npos) << nobody.message;
 }
 
+TEST_F(Ampl, DualValuesOfTheFileAreAWarmStartHereAndOnAServer) {
+  ServerProcess server(MARBLE_SERVER_BINARY, {"--workers", "1"});
+  const auto work_of = [&](const std::string& content, const std::string& where) {
+    const Sol sol = solve(content, "server=" + where);
+    EXPECT_EQ(sol.code(), "0") << sol.message;
+    return sol.message.substr(sol.message.find('\n'));
+  };
+  std::string solved = corner(3.0);
+  solved.insert(solved.find("\nr\n") + 1, "d2\n0 -1\n1 2\nx2\n0 1.5\n1 1.5\n");
+  for (const std::string& where : {std::string("local"), server.address()})
+    EXPECT_TRUE(work_of(solved, where).starts_with("\n0 iterations, 1 factorizations\n"));
+  EXPECT_EQ(work_of(solved, server.address()), work_of(solved, "local"));
+}
+
 TEST_F(Ampl, WithoutAmplTheMessageIsPrintedAndTheSolFileHasNoCode) {
   const std::string path = file("model.nl", corner(3.0)), out = file("answer", "");
   const Result result = run("'-o" + out + "' '" + path + "'");

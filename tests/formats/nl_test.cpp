@@ -65,14 +65,15 @@ std::string everything(bool binary) {
   return nl.content();
 }
 
-// min (x0 - 1)^2 + (x1 - 2)^2  s.t.  0 <= x0 complements x1 >= 0, -1 <= x0 + x1 <= 3: the best is 1 at (0, 2). As the
-// writers of two front ends put it, which were not at hand: by what is published of them.
+// min (x0 - 1)^2 + (x1 - 2)^2  s.t.  0 <= x0 complements x1 >= 0, -1 <= x0 + x1 <= 3: the best is 1 at (0,
+// 2). As the writers of two front ends put it, which were not at hand: by what is published of them.
 struct Written {
   const char* by;
   const char* content;
 };
 constexpr Written kWritten[] = {
-    // MathOptInterface, FileFormats.NL, of MOI.Complements: no comments; quadratic terms as products, their constant
+    // MathOptInterface, FileFormats.NL, of MOI.Complements: no comments; quadratic terms as products, their
+    // constant
     // before them, the linear rest in G; every variable has its start; the last column is not counted.
     {"JuMP's AmplNLWriter",
      "g3 1 1 0\n 2 2 1 1 0 0\n 0 1\n 0 0\n 0 2 0\n 0 0 0 1\n 0 0 0 0 0\n 3 2\n 0 0\n 0 0 0 0 0\n"
@@ -82,12 +83,14 @@ constexpr Written kWritten[] = {
      "r\n5 1 1\n0 -1 3\n"
      "b\n2 0\n3\n"
      "k1\n1\nJ0 1\n1 1\nJ1 2\n0 1\n1 1\nG0 2\n0 -2\n1 -4\n"},
-    // AMPL ("Writing .nl Files", Gay 2005): options in the first line, comments behind tabs, suffixes (here a basis)
+    // AMPL ("Writing .nl Files", Gay 2005): options in the first line, comments behind tabs, suffixes (here a
+    // basis)
     // before all else, powers as o5, a start of what is not zero, a dual start.
     {"AMPL",
      "g3 1 1 0\t# problem corner\n 2 2 1 1 0\t# vars, constraints, objectives, ranges, eqns\n"
      " 0 1 1 0 0 0\t# nonlinear constrs, objs; ccons: lin, nonlin, nd, nzlb\n 0 0\t# network\n"
-     " 0 2 0\t# nonlinear vars in constraints, objectives, both\n 0 0 0 1\t# linear network variables; functions; "
+     " 0 2 0\t# nonlinear vars in constraints, objectives, both\n 0 0 0 1\t# linear network variables; "
+     "functions; "
      "arith, flags\n 0 0 0 0 0\t# discrete variables\n 3 2\t# nonzeros in Jacobian, obj. gradient\n"
      " 7 2\t# max name lengths: constraints, variables\n 0 0 0 0 0\t# common exprs\n"
      "S0 2 sstatus\n0 3\n1 1\nS1 1 sstatus\n1 1\n"

@@ -143,15 +143,15 @@ int32_t marble_call_set_progress(marble_call* call, marble_progress_function fun
                                  marble_error* error);
 /* Where to start: n numbers, or none with count 0. */
 int32_t marble_call_set_initial_z(marble_call* call, const double* z, int64_t count, marble_error* error);
-/* An answer to this problem or one like it, of the same sizes, whose branch is tried first; it is copied. NULL:
- * none. Sessions start from their own answers, and take none. */
+/* An answer to this problem or one like it, of the same sizes, whose branch is tried first; it is copied.
+ * NULL: none. Sessions start from their own answers, and take none. */
 int32_t marble_call_set_warm_start(marble_call* call, const marble_solution* start, marble_error* error);
 /* No answer is wanted later than so many seconds after a call began (>= 0); infinity: whenever. */
 int32_t marble_call_set_deadline(marble_call* call, double seconds, marble_error* error);
 /* Whose turn it is on a busy server: "by_method" (the default), "realtime", "interactive" or "batch". */
 int32_t marble_call_set_priority(marble_call* call, const char* priority, marble_error* error);
-/* The caller's own id of what it asks for, for the server's log: at most 128 bytes of printable ASCII, empty for
- * none. A job that is submitted twice with it is one job. */
+/* The caller's own id of what it asks for, for the server's log: at most 128 bytes of printable ASCII, empty
+ * for none. A job that is submitted twice with it is one job. */
 int32_t marble_call_set_request_id(marble_call* call, const char* request_id, marble_error* error);
 /* What goes on with it and what comes ends with MARBLE_CANCELLED, until marble_call_reset. Any thread may
  * ask. */
@@ -187,16 +187,20 @@ int32_t marble_solution_vector(const marble_solution* solution, const char* name
 int32_t marble_solution_number(const marble_solution* solution, const char* name, double* value,
                                marble_error* error);
 
-/* Jobs of one server outlive the program that submitted them. MARBLE_NOT_FOUND: never heard of it, no longer kept, or
- * not the caller's to see. `client` is as above. */
+/* Jobs of one server outlive the program that submitted them. MARBLE_NOT_FOUND: never heard of it, no longer
+ * kept, or not the caller's to see. `client` is as above. */
 #define MARBLE_JOB_ID_SIZE 64 /* with its zero byte */
-/* Queues it. Of the call count initial z, warm start, priority, request id, and of the submission alone its deadline. */
-int32_t marble_job_submit(const marble_client* client, const marble_problem* problem, const marble_options* options,
-                          marble_call* call, char job_id[MARBLE_JOB_ID_SIZE], marble_error* error);
+/* Queues it. Of the call count initial z, warm start, priority, request id, and of the submission alone its
+ * deadline. */
+int32_t marble_job_submit(const marble_client* client, const marble_problem* problem,
+                          const marble_options* options, marble_call* call, char job_id[MARBLE_JOB_ID_SIZE],
+                          marble_error* error);
 /* "queued", "running", "finished" and such: a constant. */
-int32_t marble_job_state(const marble_client* client, const char* job_id, const char** state, marble_error* error);
+int32_t marble_job_state(const marble_client* client, const char* job_id, const char** state,
+                         marble_error* error);
 /* Its answer, or the fault it ended with. Unless `wait` is other than 0 a job that has not finished is
- * MARBLE_FAILED_PRECONDITION. Of the call, which may be NULL, count deadline and cancel: of the waiting alone. */
+ * MARBLE_FAILED_PRECONDITION. Of the call, which may be NULL, count deadline and cancel: of the waiting
+ * alone. */
 int32_t marble_job_result(const marble_client* client, const char* job_id, int32_t wait, marble_call* call,
                           marble_solution** solution, marble_error* error);
 /* Ends it: a waiting one at once, a running one within an iteration. */

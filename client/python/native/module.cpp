@@ -160,8 +160,8 @@ std::optional<Solution> warm_start_of(const py::object& given) {
   if (given.is_none()) return {};
   const auto parts = given.cast<py::tuple>();
   Solution start;
-  std::vector<double>* const vectors[] = {&start.z, &start.equality_multipliers, &start.inequality_multipliers,
-                                          &start.complementarity_multipliers_L,
+  std::vector<double>* const vectors[] = {&start.z, &start.equality_multipliers,
+                                          &start.inequality_multipliers, &start.complementarity_multipliers_L,
                                           &start.complementarity_multipliers_R};
   Borrowed arrays;
   std::size_t place = 0;
@@ -390,13 +390,11 @@ PYBIND11_MODULE(_core, m) {
   py::class_<Stop, std::shared_ptr<Stop>>(m, "Stop").def(py::init<>()).def("request", [](Stop& stop) {
     stop.source.request_stop();
   });
-  py::class_<Call>(m, "Call").def(
-      py::init([](std::optional<double> deadline_s, py::object tell, double interval_s,
-                  std::int32_t iterate_every, std::shared_ptr<Stop> stop, bool main_thread,
-                  const py::object& warm_start) {
-        return Call{deadline_s,      std::move(tell), interval_s,
-                    iterate_every,   std::move(stop), main_thread,
-                    warm_start_of(warm_start)};
+  py::class_<Call>(m, "Call").def(py::init(
+      [](std::optional<double> deadline_s, py::object tell, double interval_s, std::int32_t iterate_every,
+         std::shared_ptr<Stop> stop, bool main_thread, const py::object& warm_start) {
+        return Call{deadline_s,  std::move(tell),          interval_s, iterate_every, std::move(stop),
+                    main_thread, warm_start_of(warm_start)};
       }));
   m.def("solve", &solve);
   m.def("solve_nonlinear", &solve_nonlinear_problem);

@@ -28,8 +28,8 @@ void to_message(const ProblemUpdate& update, v1::ProblemUpdate* message);
 /// Copies a problem into a message.
 void to_message(const ProblemView& problem, v1::Problem* message);
 
-/// Path in the request of a field named by the core: "A.row_indices" → "equality_matrix.row_indices", "initial_z"
-/// → "initial_point.z".
+/// Path in the request of a field named by the core: "A.row_indices" → "equality_matrix.row_indices",
+/// "initial_z" → "initial_point.z".
 [[nodiscard]] std::string message_field(const std::string& core_field);
 /// The same in an update, where a matrix has its values alone: "A.values" → "equality_values".
 [[nodiscard]] std::string update_field(const std::string& core_field);

@@ -9,17 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from pyomo.core import (
-    Any as AnyKey,
-    Block,
-    Constraint,
-    LogicalConstraint,
-    Transformation,
-    TransformationFactory,
-    Var,
-    value,
-)
+import pyomo.core
 from pyomo.common.modeling import unique_component_name
+from pyomo.core import Block, Constraint, LogicalConstraint, Transformation, TransformationFactory, Var, value
 from pyomo.core.expr.visitor import identify_variables
 from pyomo.gdp import Disjunct, Disjunction
 from pyomo.mpec import Complementarity, complements
@@ -48,7 +40,8 @@ def _refuse_other_uses(model: Any) -> None:
     logical = next(model.component_data_objects(LogicalConstraint, active=True, descend_into=(Block, Disjunct)), None)
     if logical is not None:
         raise InvalidProblem(f"logical constraint {logical.name}", "must not be there: pairs have no indicators")
-    indicators = {id(d.binary_indicator_var) for d in model.component_data_objects(Disjunct, descend_into=(Block, Disjunct))}
+    disjuncts = model.component_data_objects(Disjunct, descend_into=(Block, Disjunct))
+    indicators = {id(disjunct.binary_indicator_var) for disjunct in disjuncts}
     for constraint in model.component_data_objects(Constraint, active=True, descend_into=(Block, Disjunct)):
         for variable in identify_variables(constraint.body):
             if id(variable) in indicators:
@@ -70,10 +63,10 @@ class DisjunctionsToPairs(Transformation):  # type: ignore[misc]
         _refuse_other_uses(model)
         self._made = Block()
         model.add_component(unique_component_name(model, "marble_pairs"), self._made)
-        self._made.slack = Var(AnyKey, dense=False)
-        self._made.weight = Var(AnyKey, dense=False)
-        self._made.rows = Constraint(AnyKey)
-        self._made.pairs = Complementarity(AnyKey)
+        self._made.slack = Var(pyomo.core.Any, dense=False)
+        self._made.weight = Var(pyomo.core.Any, dense=False)
+        self._made.rows = Constraint(pyomo.core.Any)
+        self._made.pairs = Complementarity(pyomo.core.Any)
         for disjunction in list(_disjunctions(model)):
             self._turn(disjunction, 0)
 

@@ -39,8 +39,8 @@ from marble.client import Client
 from marble.errors import InvalidArgument, InvalidProblem
 from marble.model.layout import Family
 from marble.model.lcqp import LCQP, Vector
+from marble.model.pyomo_disjunctions import choose
 from marble.model.solution import Solution
-from marble.pyomo.disjunctions import choose
 from marble.repeated import Repeated
 
 sp: Any = lazy("scipy.sparse")
@@ -131,7 +131,7 @@ class _Model:
         self.variables: list[Any] = []
         self.Q, self.g, self.rows, self.L, self.R = _Matrix(), _Matrix(), _Matrix(), _Matrix(), _Matrix()
         self.constraints: list[Any] = []
-        # A condition, and the rows, ("row", "L" or "R", number), whose multipliers are its dual value, each with a sign.
+        # A condition, and the rows ("row" or "L", number, sign) whose multipliers make its dual value.
         self.conditions: list[tuple[Any, list[tuple[str, int, float]]]] = []
         self._low, self._high = _Numbers(), _Numbers()
         mixed: list[tuple[Any, ...]] = []
