@@ -270,3 +270,34 @@ def test_the_import_loads_not_even_numpy_and_a_solve_here_neither_grpc_nor_proto
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True,
                           env=clean_environment(PYTHONPATH=":".join(sys.path)))
     assert done.stdout == "False\n[]\n"
+
+
+def test_derivatives_of_an_answer_are_differences_of_answers_nearby():
+    problem = random_problem(3)
+    answer = marble.solve(problem, server="local")
+    sensitivity = marble.Sensitivity(answer)
+    assert sensitivity.smooth
+    random = np.random.default_rng(0)
+    direction = {"g": random.normal(size=problem.n), "b": random.normal(size=problem.b.size),
+                 "l": random.normal(size=problem.l.size)}
+    change = sensitivity.along(**direction)
+    h = 1e-6
+
+    def moved(step):
+        parts = {name: getattr(problem, name) + step * by for name, by in direction.items()}
+        return marble.solve(problem.replaced(**parts), server="local", warm_start=answer, local_search_budget=0)
+
+    near = [moved(h), moved(-h)]
+    for name in ("z", "y", "xi", "eta"):
+        np.testing.assert_allclose(getattr(change, name), (getattr(near[0], name) - getattr(near[1], name)) / (2 * h),
+                                   rtol=1e-4, atol=1e-4)
+    weights = random.normal(size=problem.n)
+    gradient = sensitivity.gradient(z=weights)
+    assert set(gradient) == {*"gbdlrQACLR"} and gradient["A"].shape == problem.A.data.shape
+    assert sum(gradient[name] @ by for name, by in direction.items()) == pytest.approx(weights @ change.z)
+    with pytest.raises(marble.InvalidArgument, match=r"direction.g.*must have"):
+        sensitivity.along(g=[1.0])
+    with pytest.raises(marble.InvalidArgument, match="direction is h"):
+        sensitivity.along(h=[1.0])
+    with pytest.raises(marble.Unsolved):
+        marble.Sensitivity(marble.solve(problem, server="local", max_iterations=0, path="paper", polish=False))

@@ -23,6 +23,7 @@ from marble.errors import (
     Unavailable,
     Unsolved,
 )
+from marble.in_process.sensitivity import AnswerChange, Sensitivity
 from marble.message.info import Option, ServerInfo
 from marble.message.job import (
     Job,
@@ -43,6 +44,7 @@ from marble.model.solution import Progress, SecondOrder, Solution, Stationarity,
 __all__ = [
     "LCQP",
     "Aborted",
+    "AnswerChange",
     "BatchAnswer",
     "BatchItem",
     "Cancelled",
@@ -68,6 +70,7 @@ __all__ = [
     "Problem",
     "Progress",
     "Refused",
+    "Sensitivity",
     "ServerError",
     "ServerInfo",
     "Session",
