@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from marble import drawing, flights, programs
+from marble import drawing, flights, programs, robots
 from marble.base.tables import DEFAULT_ADDRESS
 from marble.client import Client
 from marble.errors import Error, InvalidArgument
@@ -17,6 +17,7 @@ from marble.model import problem_file
 
 _SOLVED, _NOT_SOLVED, _USAGE, _SERVER = 0, 1, 2, 3
 _DEMOS = ("hopper", "rocket", "gates")
+_BENT = "nonlinear-"  # before the name of a robot
 
 
 def _value(text: str) -> Any:
@@ -36,8 +37,29 @@ def _options(texts: Sequence[str]) -> dict[str, Any]:
     return {name: _value(value) for name, _, value in pairs}
 
 
+def _plan(client: Client, arguments: argparse.Namespace) -> int:
+    """A robot whose formulas bend: a picture and a moving one, or the one that is asked for."""
+    name = os.path.basename(arguments.name).partition(".")[0]
+    kind = robots.ROBOTS.get(name.removeprefix(_BENT))
+    if kind is None:
+        raise InvalidArgument("demo", f"must be one of {', '.join(_BENT + each for each in robots.ROBOTS)}", value=name)
+    plan = robots.solve(kind().robot(), server=client, progress=print if arguments.progress else None)
+    print(plan)
+    files = [arguments.picture or arguments.name] if arguments.picture or arguments.name != name else \
+        [f"{name}.png", f"{name}.gif"]
+    try:
+        for file in files:
+            robots.save(plan, file)
+        print(f"\ndrawn in {' and '.join(files)}")
+    except ImportError:
+        print("\nwith matplotlib and pillow installed this is a picture")
+    return _SOLVED if plan.answer.solved else _NOT_SOLVED
+
+
 def _demo(client: Client, arguments: argparse.Namespace) -> int:
     name, picture = arguments.name, arguments.picture
+    if os.path.basename(name).startswith(_BENT):
+        return _plan(client, arguments)
     if name not in _DEMOS:  # a file alone
         stem = os.path.basename(name).partition(".")[0]
         name, picture = stem if stem in _DEMOS else "hopper", name
@@ -92,8 +114,11 @@ def _parser() -> argparse.ArgumentParser:
                                           f"else {DEFAULT_ADDRESS}")
     commands = parser.add_subparsers(required=True)
     demo = commands.add_parser("demo", help="solve one of the paper's problems and draw it")
-    demo.add_argument("name", nargs="?", default="hopper", help="hopper, rocket or gates; or just the file, rocket.png")
-    demo.add_argument("picture", nargs="?", help="the file to draw into, NAME.png; of the hopper .gif is an animation")
+    demo.add_argument("name", nargs="?", default="hopper",
+                      help="hopper, rocket or gates; nonlinear-rocket, -quadrotor, -hopper or -pusher, by casadi; or "
+                           "just the file, rocket.png")
+    demo.add_argument("picture", nargs="?", help="the file to draw into, NAME.png; of the hopper and of the nonlinear "
+                                                 "ones .gif is an animation")
     demo.set_defaults(run=_demo)
     solve = commands.add_parser("solve", help="solve problem files (JSON)")
     solve.add_argument("files", nargs="+", metavar="FILE")
