@@ -7,7 +7,7 @@
 
 #include "http/requests/endpoint.h"
 #include "http/requests/reply.h"
-#include "marble/progress_csv.h"
+#include "marble/progress.h"
 #include "messages/job_access.h"
 #include "messages/job_requests.h"
 #include "service/server_info.h"

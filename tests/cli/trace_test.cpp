@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "cli_test.h"
-#include "marble/progress_csv.h"
+#include "marble/progress.h"
 
 namespace marble::testing {
 namespace {

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "marble/progress.h"
-#include "marble/progress_csv.h"
 #include "terminal/terminal_plot.h"
 
 namespace marble::cli {

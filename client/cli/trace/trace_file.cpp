@@ -9,7 +9,7 @@
 #include <limits>
 #include <sstream>
 
-#include "marble/progress_csv.h"
+#include "marble/progress.h"
 #include "output/text_table.h"
 
 namespace marble::cli {

@@ -7,7 +7,6 @@
 
 #include "base/gnuplot.h"
 #include "marble/progress.h"
-#include "marble/progress_csv.h"
 
 namespace marble::cli {
 

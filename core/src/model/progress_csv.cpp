@@ -1,7 +1,7 @@
-#include "marble/progress_csv.h"
-
 #include <array>
 #include <charconv>
+
+#include "marble/progress.h"
 
 namespace marble {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "marble/progress_csv.h"
+#include "marble/progress.h"
 #include "output/proof.h"
 #include "terminal/sparkline.h"
 #include "terminal/terminal_plot.h"

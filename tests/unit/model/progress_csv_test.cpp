@@ -1,8 +1,8 @@
-#include "marble/progress_csv.h"
-
 #include <gtest/gtest.h>
 
 #include <limits>
+
+#include "marble/progress.h"
 
 namespace marble {
 namespace {
