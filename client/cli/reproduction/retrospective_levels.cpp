@@ -78,10 +78,11 @@ std::string levels_summary(const std::vector<LevelOfSeeds>& levels, int seeds) {
   const LevelOfSeeds& last = levels.back();
   std::string text = "Median of " + std::to_string(seeds) + " seeds: ";
   if (levels.size() > kFirstSettled) {
-    const auto settled = std::ranges::subrange(levels.begin() + kFirstSettled, levels.end());
-    const auto [least, most] = std::ranges::minmax(settled, {}, &LevelOfSeeds::scaled);
-    text += "from level 3 on KKT*sqrt(samples) is between " + formatted("%.2f", least.scaled()) + " and " +
-            formatted("%.2f", most.scaled()) + "; ";
+    const auto [least, most] = std::minmax_element(
+        levels.begin() + kFirstSettled, levels.end(),
+        [](const LevelOfSeeds& one, const LevelOfSeeds& other) { return one.scaled() < other.scaled(); });
+    text += "from level 3 on KKT*sqrt(samples) is between " + formatted("%.2f", least->scaled()) + " and " +
+            formatted("%.2f", most->scaled()) + "; ";
   }
   return text + formatted("%.1f", last.steps) + " steps by " + formatted("%.1f", last.lcqps) +
          " LCQPs lead to " + formatted("%.1e", last.kkt) + " at " + std::to_string(last.samples) +
