@@ -168,6 +168,32 @@ TEST(Retrospective, AllLevelsAreAsExactAsTheyAreAsked) {
   EXPECT_GT(rough.back().kkt_residual, 100 * exact.back().kkt_residual);
 }
 
+// Residuals x − a over samples a: the average of their squares is least at the mean of a.
+TEST(Retrospective, EveryKindOfCurvatureGoesOnFromLevelToLevel) {
+  const CounterRandom random(13);
+  for (const auto kind :
+       {nonlinear::Curvature::exact, nonlinear::Curvature::gauss_newton, nonlinear::Curvature::bfgs}) {
+    double mean = 0.0;
+    const Formula formula{.name = "mean", .start = {4}, .parts = [&mean](const Jets& x) -> Parts {
+                            return {.residuals = {exp(x[0]) - mean}};
+                          }};
+    SampledProblem sampled;
+    sampled.problem = problem_of(formula, kind == nonlinear::Curvature::exact);
+    sampled.use_samples = [&](std::int64_t N) {
+      mean = 0.0;
+      for (std::int64_t i = 0; i < N; ++i)
+        mean += (1 + random.uniform(static_cast<std::uint64_t>(i))) / static_cast<double>(N);
+    };
+    RetrospectiveSettings settings{.loop = {.curvature = kind}, .levels = 12, .reduction = 1e-9};
+    settings.level = [&](const Level& level) {
+      EXPECT_NEAR(std::exp(level.x[0]), mean, 1e-3) << static_cast<int>(kind) << " at " << level.level;
+    };
+    const auto answer = solved_in_levels(sampled, settings);
+    ASSERT_TRUE(answer.has_value()) << answer.error().message();
+    EXPECT_LE(answer->levels.back().iterations, 4) << static_cast<int>(kind);
+  }
+}
+
 // δ/√N: a wide one is met at once, at the x where the first level ended.
 TEST(Retrospective, ATolerancePerRootOfSamplesEndsLevelsEarlier) {
   SampledBt6 wide(2), narrow(2);

@@ -54,7 +54,7 @@ struct Level {
   double violation = 0.0;        ///< of its rows
   double kkt_residual = 0.0;     ///< max |∇θ + ∇c_Eᵀy − …| of its samples, by its last multipliers
   std::int32_t iterations = 0;   ///< steps that were tried
-  std::int32_t ticks = 0;        ///< LCQPs of this level: the iterations and at least one more
+  std::int32_t ticks = 0;        ///< LCQPs of this level, with that which told its end
   std::int32_t evaluations = 0;  ///< calls of Problem::values, of this level
   std::int32_t linearisations = 0;        ///< calls of Problem::derivatives, of this level
   std::optional<Estimate> estimate = {};  ///< of the cost at x, by samples N_k … N_k + fresh_samples − 1
@@ -63,7 +63,8 @@ struct Level {
 
 /// All of it optional.
 struct RetrospectiveSettings {
-  /// Of every level. iteration_limit holds for each, time_limit_s for all.
+  /// Of every level. iteration_limit holds for each, time_limit_s for all. Iteration::iteration begins again
+  /// at each, Iteration::ticks goes on.
   Settings loop = {};
   std::int64_t first_samples = 2;  ///< |S₀| ≥ 1
   double growth = 2.0;             ///< ω > 1; a level has one more sample than the last at least

@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "nonlinear/loop.h"
+#include "nonlinear/sqpcc.h"
 
 namespace marble::nonlinear {
 namespace {

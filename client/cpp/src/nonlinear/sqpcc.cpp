@@ -1,3 +1,5 @@
+#include "nonlinear/sqpcc.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -5,7 +7,6 @@
 #include <utility>
 
 #include "nonlinear/algebra.h"
-#include "nonlinear/loop.h"
 
 namespace marble::nonlinear {
 namespace {
