@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 namespace marble {
@@ -29,7 +30,7 @@ class CounterRandom {
   /// Uniform in [0, 1), a multiple of 2⁻⁵³: number `number` of sample `sample`.
   [[nodiscard]] constexpr double uniform(std::uint64_t sample, std::uint32_t number = 0) const {
     const auto words = philox({low(sample), high(sample), number / 2, 0}, key_);
-    const std::size_t first = 2 * (number % 2);
+    const std::size_t first = number % 2 == 0 ? 0 : 2;
     const std::uint64_t bits = (std::uint64_t{words[first + 1]} << 32) | words[first];
     return static_cast<double>(bits >> 11) * 0x1p-53;
   }
