@@ -4,6 +4,7 @@
 
 #include "formula.h"
 #include "marble/client.h"
+#include "sampled_bt6.h"
 #include "support/processes/server_process.h"
 
 namespace marble::testing {
@@ -40,6 +41,19 @@ TEST_F(NonlinearSessions, GiveTheSameBitsHereOnAServerAndByCoreAlone) {
     expect_same_bits(*in_process, *by_core, formula.name);
     expect_same_bits(*on_server, *by_core, formula.name);
   }
+}
+
+TEST_F(NonlinearSessions, GiveTheSameBitsAtEveryLevelOfSamples) {
+  const nonlinear::RetrospectiveSettings settings{.levels = 8};
+  SampledBt6 first(1), second(1), third(1);
+  const auto by_core =
+      nonlinear::solve_retrospective(first.sampled(), nonlinear::open_ticks_in_process, settings);
+  const auto in_process = nonlinear::solve_retrospective(second.sampled(), Client::in_process(), settings);
+  const auto on_server = nonlinear::solve_retrospective(third.sampled(), *there_, settings);
+  ASSERT_TRUE(by_core && in_process);
+  ASSERT_TRUE(on_server.has_value()) << on_server.error().message();
+  expect_same_bits(in_process->answer, by_core->answer, "in process");
+  expect_same_bits(on_server->answer, by_core->answer, "on a server");
 }
 
 class Counter final : public ProgressSink {

@@ -9,6 +9,7 @@
 #include <iterator>
 #include <string_view>
 
+#include "base/atomic_file.h"
 #include "base/program.h"
 
 namespace marble::cli {
@@ -63,6 +64,20 @@ Expected<std::string> run_gnuplot(const std::string& script) {
   if (!end->well || end->out.empty())
     return unexpected(failure(ErrorCode::internal, "gnuplot", "failed: " + end->err));
   return std::move(end->out);
+}
+
+Expected<void> write_figure(const std::string& path, const std::string& csv,
+                            const std::function<std::string(PictureFormat)>& script) {
+  std::string content = csv;
+  if (const auto format = picture_format(path)) {
+    auto picture = run_gnuplot(script(*format));
+    if (!picture) return unexpected(of_field(path, picture.error()));
+    content = std::move(*picture);
+  }
+  auto file = AtomicFile::open(path);
+  if (!file) return unexpected(std::move(file.error()));
+  file->write(content);
+  return file->commit();
 }
 
 }  // namespace marble::cli

@@ -1,6 +1,7 @@
 // Pictures by gnuplot, where it is installed.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -28,5 +29,9 @@ enum class PictureFormat { png, svg };
 /// Runs gnuplot, without a shell and without the user's settings; the picture's bytes. Errors: not_found if
 /// gnuplot is not installed, internal with its own words if it failed.
 [[nodiscard]] Expected<std::string> run_gnuplot(const std::string& script);
+
+/// Writes a picture as the file's name ends, .png or .svg; else CSV. The error's field is the file.
+[[nodiscard]] Expected<void> write_figure(const std::string& path, const std::string& csv,
+                                          const std::function<std::string(PictureFormat)>& script);
 
 }  // namespace marble::cli

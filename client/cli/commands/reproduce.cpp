@@ -1,15 +1,18 @@
-// The tables and figures of "Complementarity by Construction", with this program in the place of its
-// authors'.
+// The tables and figures of "Complementarity by Construction", and one of "Retrospective Approximation", with
+// this program in the place of their authors'.
 #include <iostream>
+#include <map>
 #include <memory>
 
+#include "base/atomic_file.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "commands/commands.h"
 #include "comparison/comparison_arguments.h"
-#include "comparison/retractions.h"
 #include "marble/examples.h"
 #include "marble/published_examples.h"
+#include "reproduction/retractions.h"
+#include "reproduction/retrospective_levels.h"
 
 namespace marble::cli {
 namespace {
@@ -17,6 +20,8 @@ namespace {
 struct ReproduceArguments : ComparisonArguments {
   std::string what;
   std::vector<std::string> files;
+  int seeds = 20, levels = 18;
+  nonlinear::LevelTest test = nonlinear::LevelTest::merit;
 };
 
 // This solver as it is; the printed algorithm with the constants, tolerances and first regularization of its
@@ -42,6 +47,12 @@ constexpr const char* kRetraction =
     "due\nto unbounded gradients; those of the softplus are between 0 and 1. cond: of the whole KKT matrix "
     "of "
     "(13),\nwhere the inner loop has ended, in the 1-norm.\n";
+
+constexpr const char* kRetrospective =
+    "The paper's theory: the error falls like 1/sqrt(samples), by as many solves a level. KKT: of BT6 "
+    "itself, "
+    "which\nthe noise leaves alone on the average; its quartiles are over the seeds. Steps and LCQPs: so "
+    "far.\n";
 
 constexpr const char* kFigureFour =
     "\nThe paper's Figure 4 and its text: Marble is the fastest on 69 % of 39 problems of MacMPEC and at "
@@ -105,7 +116,41 @@ int reproduce_retraction(const ReproduceArguments& arguments, const std::vector<
   return kAllSolved;
 }
 
+// Of a problem and of settings of its own.
+bool has_others(const ReproduceArguments& a) {
+  return !(a.files.empty() && a.with.empty() && a.methods.empty() && a.peers.empty() && a.recorded.empty() &&
+           a.solver.options.empty() && a.solver.time_limit_s.empty());
+}
+
+int reproduce_retrospective(const ReproduceArguments& arguments) {
+  if (has_others(arguments))
+    return fails(
+        "ra-bt6 has no FILE, no solvers beside and no options but --seeds, --levels, --test, --table "
+        "and --figure");
+  const Interrupt interrupt;
+  const auto levels = levels_of_seeds(arguments.seeds, arguments.levels, arguments.test, interrupt.token());
+  if (!levels) {
+    std::cerr << "marble: " << levels.error().message() << '\n';
+    return levels.error().code == ErrorCode::cancelled ? kNotSolved : exit_code_of_local(levels.error());
+  }
+  const TextTable table = levels_table(*levels);
+  std::cout << table.text() << '\n'
+            << levels_summary(*levels, arguments.seeds) << kRetrospective << std::flush;
+  if (!arguments.table.empty()) {
+    auto file = AtomicFile::open(arguments.table);
+    if (!file) return fails(file.error().message());
+    file->write(table.as(table_format(arguments.table)));
+    if (auto written = file->commit(); !written) return fails(written.error().message());
+  }
+  if (arguments.profile.empty()) return kAllSolved;
+  const auto drawn = write_figure(arguments.profile, levels_csv(*levels), [&levels](PictureFormat format) {
+    return levels_picture(*levels, format);
+  });
+  return drawn ? kAllSolved : fails(drawn.error().message());
+}
+
 int run(const ReproduceArguments& arguments) {
+  if (arguments.what == "ra-bt6") return reproduce_retrospective(arguments);
   const bool table = arguments.what == "table1";
   if (table && !arguments.files.empty()) return fails("table1 has problems of its own, and no FILE");
   if (arguments.what == "figure4" && arguments.files.empty())
@@ -121,17 +166,29 @@ int run(const ReproduceArguments& arguments) {
 
 void add_reproduce(CLI::App& program, int& exit_code) {
   CLI::App* command = program.add_subcommand(
-      "reproduce", "Make the tables and figures of the paper again, with other solvers beside if asked");
+      "reproduce", "Make the tables and figures of the papers again, with other solvers beside if asked");
   auto arguments = std::make_shared<ReproduceArguments>();
   command
       ->add_option(
           "WHAT", arguments->what,
           "table1: hopper, gates and rocket as the paper's authors published them; figure4: the performance "
           "profile of MacMPEC, whose files must be given; retraction: softplus against exponential on the "
-          "path, table1's problems, ours and those of the files")
+          "path, table1's problems, ours and those of the files; ra-bt6: retrospective approximation of BT6 "
+          "under noise")
       ->required()
-      ->check(CLI::IsMember({"table1", "figure4", "retraction"}));
+      ->check(CLI::IsMember({"table1", "figure4", "retraction", "ra-bt6"}));
   command->add_option("FILE", arguments->files, "problems in any format, for figure4 and retraction");
+  command->add_option("--seeds", arguments->seeds, "of ra-bt6, from 0; the median counts")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command->add_option("--levels", arguments->levels, "of ra-bt6, each with twice the samples of the last")
+      ->check(CLI::Range(1, 26))
+      ->capture_default_str();
+  command
+      ->add_option("--test", arguments->test,
+                   "of ra-bt6: which measure ends a level, merit (a tenth of the first) or step (half of it)")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, nonlinear::LevelTest>{
+          {"merit", nonlinear::LevelTest::merit}, {"step", nonlinear::LevelTest::step}}));
   judge_as_authors(*arguments);
   add_comparison_arguments(*command, *arguments);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });

@@ -85,7 +85,7 @@ void add_comparison_arguments(CLI::App& command, ComparisonArguments& arguments)
       ->check(CLI::Range(0.0, 1e9))
       ->capture_default_str();
   command.add_option("--table", arguments.table, "write the table to a file: .md, .csv, or text");
-  command.add_option("--profile", arguments.profile,
+  command.add_option("--profile,--figure", arguments.profile,
                      "write the performance profile to a file: .svg or .png by gnuplot, else CSV");
 }
 

@@ -3,9 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/atomic_file.h"
-#include "output/text_table.h"
-
 namespace marble::cli {
 namespace {
 
@@ -61,27 +58,6 @@ std::vector<std::string> cells(const Entry& entry) {
   return all;
 }
 
-std::string replaced(std::string text, char what, const std::string& by) {
-  for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += by.size())
-    text.replace(at, 1, by);
-  return text;
-}
-
-std::string markdown_line(const std::vector<std::string>& row) {
-  std::string line = "|";
-  for (const std::string& cell : row) line += " " + replaced(cell, '|', "\\|") + " |";
-  return line + "\n";
-}
-
-std::string csv_line(const std::vector<std::string>& row) {
-  std::string line;
-  for (const std::string& cell : row) {
-    const bool plain = cell.find_first_of(",\"\n") == std::string::npos;
-    line += (line.empty() ? "" : ",") + (plain ? cell : "\"" + replaced(cell, '"', "\"\"") + "\"");
-  }
-  return line + "\n";
-}
-
 std::vector<std::string> contestants_of(const Comparison& comparison) {
   std::vector<std::string> names;
   for (const Entry& entry : comparison.entries) {
@@ -92,24 +68,10 @@ std::vector<std::string> contestants_of(const Comparison& comparison) {
 
 }  // namespace
 
-TableFormat table_format(const std::string& path) {
-  return path.ends_with(".md")    ? TableFormat::markdown
-         : path.ends_with(".csv") ? TableFormat::csv
-                                  : TableFormat::text;
-}
-
 std::string comparison_table(const Comparison& comparison, TableFormat format) {
-  if (format == TableFormat::text) {
-    TextTable table(header());
-    for (const Entry& entry : comparison.entries) table.add(cells(entry));
-    return table.text();
-  }
-  const auto line = format == TableFormat::markdown ? markdown_line : csv_line;
-  std::string text = line(header());
-  if (format == TableFormat::markdown)
-    text += markdown_line(std::vector<std::string>(std::size(kColumns), "---"));
-  for (const Entry& entry : comparison.entries) text += line(cells(entry));
-  return text;
+  TextTable table(header());
+  for (const Entry& entry : comparison.entries) table.add(cells(entry));
+  return table.as(format);
 }
 
 std::string comparison_summary(const Comparison& comparison, const ComparisonSettings& settings) {
@@ -143,17 +105,8 @@ std::string comparison_faults(const Comparison& comparison) {
 
 Expected<void> write_profile(const PerformanceProfile& profile, const std::string& title,
                              const std::string& path) {
-  const auto format = picture_format(path);
-  std::string content = format ? "" : profile.csv();
-  if (format) {
-    auto picture = run_gnuplot(profile.picture(*format, title));
-    if (!picture) return unexpected(of_field(path, picture.error()));
-    content = std::move(*picture);
-  }
-  auto file = AtomicFile::open(path);
-  if (!file) return unexpected(std::move(file.error()));
-  file->write(content);
-  return file->commit();
+  return write_figure(path, profile.csv(),
+                      [&](PictureFormat format) { return profile.picture(format, title); });
 }
 
 }  // namespace marble::cli

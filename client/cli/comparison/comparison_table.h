@@ -4,13 +4,9 @@
 #include <string>
 
 #include "comparison/comparison.h"
+#include "output/text_table.h"
 
 namespace marble::cli {
-
-enum class TableFormat { text, markdown, csv };
-
-/// By the end of the file's name, .md or .csv; text else.
-[[nodiscard]] TableFormat table_format(const std::string& path);
 
 /// A row a problem and contestant.
 [[nodiscard]] std::string comparison_table(const Comparison& comparison, TableFormat format);

@@ -13,7 +13,34 @@ std::size_t characters(std::string_view text) {
   return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), begins_character));
 }
 
+std::string replaced(std::string text, char what, const std::string& by) {
+  for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += by.size())
+    text.replace(at, 1, by);
+  return text;
+}
+
+std::string markdown_line(const std::vector<std::string>& row) {
+  std::string line = "|";
+  for (const std::string& cell : row) line += " " + replaced(cell, '|', "\\|") + " |";
+  return line + "\n";
+}
+
+std::string csv_line(const std::vector<std::string>& row) {
+  std::string line;
+  for (const std::string& cell : row) {
+    const bool plain = cell.find_first_of(",\"\n") == std::string::npos;
+    line += (line.empty() ? "" : ",") + (plain ? cell : "\"" + replaced(cell, '"', "\"\"") + "\"");
+  }
+  return line + "\n";
+}
+
 }  // namespace
+
+TableFormat table_format(const std::string& path) {
+  return path.ends_with(".md")    ? TableFormat::markdown
+         : path.ends_with(".csv") ? TableFormat::csv
+                                  : TableFormat::text;
+}
 
 std::string terminal_text(std::string_view text, std::size_t longest) {
   const bool cut = characters(text) > longest;
@@ -44,6 +71,17 @@ std::string TextTable::text() const {
     text += line.substr(0, line.find_last_not_of(' ') + 1) + '\n';
   }
   return text;
+}
+
+std::string TextTable::as(TableFormat format) const {
+  if (format == TableFormat::text) return text();
+  const bool markdown = format == TableFormat::markdown;
+  std::string made;
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    made += markdown ? markdown_line(rows_[i]) : csv_line(rows_[i]);
+    if (markdown && i == 0) made += markdown_line(std::vector<std::string>(rows_[i].size(), "---"));
+  }
+  return made;
 }
 
 std::string formatted(const char* pattern, double value) {

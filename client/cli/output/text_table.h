@@ -14,12 +14,18 @@ namespace marble::cli {
 /// A number as a pattern of printf says.
 [[nodiscard]] std::string formatted(const char* pattern, double value);
 
+enum class TableFormat { text, markdown, csv };
+
+/// By the end of the file's name, .md or .csv; text else.
+[[nodiscard]] TableFormat table_format(const std::string& path);
+
 class TextTable {
  public:
   explicit TextTable(std::vector<std::string> header) : rows_{std::move(header)} {}
   void add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
   /// A line a row, two spaces between columns.
   [[nodiscard]] std::string text() const;
+  [[nodiscard]] std::string as(TableFormat format) const;
 
  private:
   std::vector<std::vector<std::string>> rows_;

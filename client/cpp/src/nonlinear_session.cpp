@@ -2,7 +2,7 @@
 #include <chrono>
 
 #include "marble/client.h"
-#include "marble/nonlinear.h"
+#include "marble/retrospective.h"
 
 namespace marble::nonlinear {
 namespace {
@@ -25,16 +25,23 @@ class SessionTicks final : public Ticks {
   Session session_;
 };
 
-}  // namespace
-
-Expected<Answer> solve(const Problem& problem, const Client& client, const Settings& settings) {
-  const OpenTicks open = [&client](const ProblemView& view,
-                                   const Settings& of) -> Expected<std::unique_ptr<Ticks>> {
+OpenTicks sessions_of(const Client& client) {
+  return [&client](const ProblemView& view, const Settings& of) -> Expected<std::unique_ptr<Ticks>> {
     auto session = client.open_session(view, of.lcqp, {.progress = of.progress != nullptr, .stop = of.stop});
     if (!session) return unexpected(std::move(session.error()));
     return std::make_unique<SessionTicks>(std::move(*session));
   };
-  return solve(problem, open, settings);
+}
+
+}  // namespace
+
+Expected<Answer> solve(const Problem& problem, const Client& client, const Settings& settings) {
+  return solve(problem, sessions_of(client), settings);
+}
+
+Expected<RetrospectiveAnswer> solve_retrospective(const SampledProblem& sampled, const Client& client,
+                                                  const RetrospectiveSettings& settings) {
+  return solve_retrospective(sampled, sessions_of(client), settings);
 }
 
 }  // namespace marble::nonlinear

@@ -10,6 +10,7 @@
 
 #include "arrays.h"
 #include "ctrl_c.h"
+#include "marble/counter_random.h"
 #include "marble/options.h"
 #include "marble/sensitivity.h"
 #include "marble/solver.h"
@@ -393,13 +394,9 @@ nonlinear::Curvature curvature_of(const std::string& name) {
   raise(invalid("curvature", name, "must be automatic, exact, gauss_newton, bfgs or none"));
 }
 
-/// A marble.nlp problem. given: settings by their names; tell: None, or told of each iteration; open: as
-/// solve_nonlinear has it, but for the options of each LCQP, which it is given first.
-py::dict solve_nonlinear_problem(const py::dict& problem, const py::dict& given, const py::dict& lcqp,
-                                 const py::object& tell, const py::object& open, bool main_thread) {
+/// Settings by their names; tell: None, or told of each iteration.
+nonlinear::Settings settings_of(const py::dict& given, const py::dict& lcqp, const py::object& tell) {
   nonlinear::Settings settings;
-  std::stop_source source;
-  settings.stop = source.get_token();
   settings.curvature = curvature_of(given["curvature"].cast<std::string>());
   settings.step_tolerance = given["step_tolerance"].cast<double>();
   settings.feasibility_tolerance = given["feasibility_tolerance"].cast<double>();
@@ -413,16 +410,28 @@ py::dict solve_nonlinear_problem(const py::dict& problem, const py::dict& given,
       tell(row.iteration, row.objective, row.violation, row.step, row.radius, row.accepted, row.ticks);
     };
   }
+  return settings;
+}
+
+/// Runs `solve(open)` so that Ctrl-C stops it. open: as solve_nonlinear has it, but for the options of each
+/// LCQP, which it is given first.
+template <class Solve>
+auto run_nonlinear(nonlinear::Settings& settings, const py::object& open, bool main_thread,
+                   const Solve& solve) {
+  std::stop_source source;
+  settings.stop = source.get_token();
   std::optional<CtrlC> ctrl_c;
   if (main_thread && open.is_none() && raises_keyboard_interrupt()) ctrl_c.emplace(source);
-  const auto of_options = [&](const py::object& opens) -> py::object {
-    if (opens.is_none()) return opens;
-    return py::module_::import("functools").attr("partial")(opens, dict_of(settings.lcqp));
-  };
-  auto outcome = solve_nonlinear(problem, settings, of_options(open));
+  py::object of_options = open;
+  if (!open.is_none())
+    of_options = py::module_::import("functools").attr("partial")(open, dict_of(settings.lcqp));
+  auto outcome = solve(of_options);
   ctrl_c.reset();
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-  nonlinear::Answer a = value_or_raise(std::move(outcome));
+  return value_or_raise(std::move(outcome));
+}
+
+py::dict dict_of_answer(nonlinear::Answer a) {
   py::dict answer;
   answer["status"] = to_string(a.status);
   answer["detail"] = a.detail;
@@ -441,6 +450,59 @@ py::dict solve_nonlinear_problem(const py::dict& problem, const py::dict& given,
   answer["evaluations"] = a.evaluations;
   answer["factorizations"] = a.factorizations;
   return answer;
+}
+
+/// A marble.nlp problem.
+py::dict solve_nonlinear_problem(const py::dict& problem, const py::dict& given, const py::dict& lcqp,
+                                 const py::object& tell, const py::object& open, bool main_thread) {
+  nonlinear::Settings settings = settings_of(given, lcqp, tell);
+  return dict_of_answer(run_nonlinear(settings, open, main_thread, [&](const py::object& opens) {
+    return solve_nonlinear(problem, settings, opens);
+  }));
+}
+
+/// The same level after level. growing: the other settings by their names; tell_level: told of each.
+py::dict solve_retrospective_problem(const py::dict& problem, const py::dict& given, const py::dict& lcqp,
+                                     const py::object& tell, const py::object& open, bool main_thread,
+                                     const py::dict& growing, const py::object& use_samples,
+                                     const py::object& sample_cost, const py::object& tell_level) {
+  nonlinear::RetrospectiveSettings settings;
+  settings.loop = settings_of(given, lcqp, tell);
+  settings.first_samples = growing["first_samples"].cast<std::int64_t>();
+  settings.growth = growing["growth"].cast<double>();
+  settings.levels = growing["levels"].cast<std::int32_t>();
+  settings.largest_samples = growing["largest_samples"].cast<std::int64_t>();
+  const auto test = growing["test"].cast<std::string>();
+  if (test != "merit" && test != "step") raise(invalid("test", test, "must be merit or step"));
+  settings.test = test == "merit" ? nonlinear::LevelTest::merit : nonlinear::LevelTest::step;
+  if (!growing["reduction"].is_none()) settings.reduction = growing["reduction"].cast<double>();
+  settings.tolerance = growing["tolerance"].cast<double>();
+  settings.carry_curvature = growing["carry_curvature"].cast<bool>();
+  settings.fresh_samples = growing["fresh_samples"].cast<std::int64_t>();
+  settings.level = [&tell_level](const nonlinear::Level& l) {
+    py::dict row;
+    row["level"] = l.level, row["samples"] = l.samples, row["status"] = to_string(l.status);
+    row["objective"] = l.objective, row["violation"] = l.violation, row["kkt_residual"] = l.kkt_residual;
+    row["iterations"] = l.iterations, row["ticks"] = l.ticks, row["evaluations"] = l.evaluations;
+    row["linearisations"] = l.linearisations, row["estimate"] = py::none();
+    if (l.estimate) row["estimate"] = py::make_tuple(l.estimate->mean, l.estimate->half_width);
+    row["x"] = Numbers{{l.x.begin(), l.x.end()}};
+    tell_level(row);
+  };
+  auto outcome = run_nonlinear(settings.loop, open, main_thread, [&](const py::object& opens) {
+    return solve_retrospective(problem, settings, use_samples, sample_cost, opens);
+  });
+  return dict_of_answer(std::move(outcome.answer));
+}
+
+/// Sample by sample.
+Numbers uniform_numbers(std::uint64_t seed, std::uint64_t first, std::uint64_t count, std::uint32_t numbers) {
+  const CounterRandom random(seed);
+  Numbers made;
+  made.values.reserve(count * numbers);
+  for (std::uint64_t sample = first; sample < first + count; ++sample)
+    for (std::uint32_t k = 0; k < numbers; ++k) made.values.push_back(random.uniform(sample, k));
+  return made;
 }
 
 }  // namespace
@@ -463,6 +525,8 @@ PYBIND11_MODULE(_core, m) {
       }));
   m.def("solve", &solve);
   m.def("solve_nonlinear", &solve_nonlinear_problem);
+  m.def("solve_retrospective", &solve_retrospective_problem);
+  m.def("uniform", &uniform_numbers);
   py::class_<Warm>(m, "Warm")
       .def(py::init<const py::object&, const py::dict&>())
       .def("solve", &Warm::solve)

@@ -127,42 +127,77 @@ Expected<std::unique_ptr<nonlinear::Ticks>> open_here(const ProblemView& view,
   return std::make_unique<ReleasedTicks>(std::move(*ticks));
 }
 
+/// Calls Python's functions, and keeps what they gave last.
+class Called {
+ public:
+  /// `problem` must outlive it.
+  explicit Called(const py::dict& problem) {
+    made_.values = [this, &problem](std::span<const double> x) -> nonlinear::Values {
+      const auto parts = py::tuple(values_.keep(problem["values"](copied(x))));
+      Borrowed& arrays = *values_.arrays;
+      return {parts[0].cast<double>(),  arrays.doubles(parts[1]), arrays.doubles(parts[2]),
+              arrays.doubles(parts[3]), arrays.doubles(parts[4]), arrays.doubles(parts[5])};
+    };
+    made_.derivatives = [this, &problem](std::span<const double> x) -> nonlinear::Derivatives {
+      Given& given = derivatives_;
+      const auto parts = py::tuple(given.keep(problem["derivatives"](copied(x))));
+      return {given.arrays->doubles(parts[0]), given.matrix(parts[1]), given.matrix(parts[2]),
+              given.matrix(parts[3]),          given.matrix(parts[4]), given.matrix(parts[5])};
+    };
+    if (!problem["hessian"].is_none()) {
+      made_.hessian = [this, &problem](std::span<const double> x, const nonlinear::Multipliers& m) {
+        const py::object upper = problem["hessian"](copied(x), copied(m.equalities), copied(m.inequalities),
+                                                    copied(m.G), copied(m.H));
+        return hessian_.matrix(hessian_.keep(upper));
+      };
+    }
+    made_.start = owned(problem["start"]), made_.lower = owned(problem["lower"]);
+    made_.upper = owned(problem["upper"]), made_.scale = owned(problem["scale"]);
+    Borrowed arrays;
+    const auto blocks = arrays.indices(problem["blocks"]);
+    made_.blocks.assign(blocks.begin(), blocks.end());
+  }
+  Called(const Called&) = delete;
+  Called& operator=(const Called&) = delete;
+
+  [[nodiscard]] const nonlinear::Problem& problem() const { return made_; }
+
+ private:
+  nonlinear::Problem made_;
+  Given values_, derivatives_, hessian_;
+};
+
+nonlinear::OpenTicks ticks_of(const py::object& open) {
+  if (open.is_none()) return open_here;
+  return [&open](const ProblemView& view,
+                 const nonlinear::Settings&) -> Expected<std::unique_ptr<nonlinear::Ticks>> {
+    return std::make_unique<CalledTicks>(open(dict_of(view)));
+  };
+}
+
 }  // namespace
 
 Expected<nonlinear::Answer> solve_nonlinear(const py::dict& problem, const nonlinear::Settings& settings,
                                             const py::object& open) {
-  nonlinear::Problem made;
-  Given values, derivatives, hessian;
-  made.values = [&](std::span<const double> x) -> nonlinear::Values {
-    const auto parts = py::tuple(values.keep(problem["values"](copied(x))));
-    Borrowed& arrays = *values.arrays;
-    return {parts[0].cast<double>(),  arrays.doubles(parts[1]), arrays.doubles(parts[2]),
-            arrays.doubles(parts[3]), arrays.doubles(parts[4]), arrays.doubles(parts[5])};
-  };
-  made.derivatives = [&](std::span<const double> x) -> nonlinear::Derivatives {
-    Given& given = derivatives;
-    const auto parts = py::tuple(given.keep(problem["derivatives"](copied(x))));
-    return {given.arrays->doubles(parts[0]), given.matrix(parts[1]), given.matrix(parts[2]),
-            given.matrix(parts[3]),          given.matrix(parts[4]), given.matrix(parts[5])};
-  };
-  if (!problem["hessian"].is_none()) {
-    made.hessian = [&](std::span<const double> x, const nonlinear::Multipliers& m) {
-      const py::object upper = problem["hessian"](copied(x), copied(m.equalities), copied(m.inequalities),
-                                                  copied(m.G), copied(m.H));
-      return hessian.matrix(hessian.keep(upper));
+  const Called called(problem);
+  return nonlinear::solve(called.problem(), ticks_of(open), settings);
+}
+
+Expected<nonlinear::RetrospectiveAnswer> solve_retrospective(const py::dict& problem,
+                                                             const nonlinear::RetrospectiveSettings& settings,
+                                                             const py::object& use_samples,
+                                                             const py::object& sample_cost,
+                                                             const py::object& open) {
+  const Called called(problem);
+  nonlinear::SampledProblem sampled;
+  sampled.problem = called.problem();
+  sampled.use_samples = [&use_samples](std::int64_t N) { use_samples(N); };
+  if (!sample_cost.is_none()) {
+    sampled.sample_cost = [&sample_cost](std::span<const double> x, std::int64_t sample) {
+      return sample_cost(copied(x), sample).cast<double>();
     };
   }
-  made.start = owned(problem["start"]), made.lower = owned(problem["lower"]);
-  made.upper = owned(problem["upper"]), made.scale = owned(problem["scale"]);
-  Borrowed arrays;
-  const auto blocks = arrays.indices(problem["blocks"]);
-  made.blocks.assign(blocks.begin(), blocks.end());
-  if (open.is_none()) return nonlinear::solve(made, open_here, settings);
-  const auto open_there = [&open](const ProblemView& view,
-                                  const nonlinear::Settings&) -> Expected<std::unique_ptr<nonlinear::Ticks>> {
-    return std::make_unique<CalledTicks>(open(dict_of(view)));
-  };
-  return nonlinear::solve(made, open_there, settings);
+  return nonlinear::solve_retrospective(sampled, ticks_of(open), settings);
 }
 
 }  // namespace marble::python

@@ -3,7 +3,7 @@
 
 #include <pybind11/pybind11.h>
 
-#include "marble/nonlinear.h"
+#include "marble/retrospective.h"
 
 namespace marble::python {
 
@@ -16,5 +16,11 @@ namespace marble::python {
 [[nodiscard]] Expected<nonlinear::Answer> solve_nonlinear(const pybind11::dict& problem,
                                                           const nonlinear::Settings& settings,
                                                           const pybind11::object& open);
+
+/// The same level after level. use_samples: told N before a level; sample_cost: None, or the cost at x of a
+/// sample by its number.
+[[nodiscard]] Expected<nonlinear::RetrospectiveAnswer> solve_retrospective(
+    const pybind11::dict& problem, const nonlinear::RetrospectiveSettings& settings,
+    const pybind11::object& use_samples, const pybind11::object& sample_cost, const pybind11::object& open);
 
 }  // namespace marble::python

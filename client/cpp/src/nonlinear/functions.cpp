@@ -183,6 +183,7 @@ Expected<void> Functions::values(Point& point) {
 
 Expected<void> Functions::derivatives(const Point& point, Linearisation& linearisation) {
   const Derivatives given = problem_->derivatives(point.x);
+  ++linearisations_;
   const std::size_t n = variables();
   if (given.gradient.size() != n)
     return unexpected(invalid("derivatives.gradient", std::to_string(given.gradient.size()),

@@ -43,6 +43,7 @@ class Functions {
   [[nodiscard]] std::span<const double> scale() const { return scale_; }
   [[nodiscard]] std::span<const Index> blocks() const { return blocks_; }
   [[nodiscard]] std::int32_t evaluations() const { return evaluations_; }
+  [[nodiscard]] std::int32_t linearisations() const { return linearisations_; }
 
  private:
   Functions() = default;
@@ -50,7 +51,7 @@ class Functions {
   const Problem* problem_ = nullptr;
   std::vector<double> start_, lower_, upper_, scale_;
   std::vector<Index> blocks_;
-  std::int32_t evaluations_ = 0;
+  std::int32_t evaluations_ = 0, linearisations_ = 0;
   std::optional<std::array<std::size_t, 5>> rows_;  // of each part, as at the first point
 };
 

@@ -1,15 +1,12 @@
-// The loop: LCQPs within a trust region, judged by the merit they promise and what comes of it.
+#include "nonlinear/sqpcc.h"
+
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <tuple>
 #include <utility>
 
 #include "nonlinear/algebra.h"
-#include "nonlinear/curvature.h"
-#include "nonlinear/functions.h"
-#include "nonlinear/merit.h"
-#include "nonlinear/subproblem.h"
 
 namespace marble::nonlinear {
 namespace {
@@ -30,75 +27,10 @@ constexpr double kShiftFactor = 10.0;
 constexpr int kMostShifts = 12;
 constexpr double kReducedKkt = 1e-4;  // of an answer whose steps stay long
 
-class Loop {
- public:
-  Loop(const Problem& problem, Functions functions, const OpenTicks& open, const Settings& settings)
-      : problem_(problem), functions_(std::move(functions)), open_(open), settings_(settings) {}
+}  // namespace
 
-  Expected<Answer> run();
-
- private:
-  using Clock = std::chrono::steady_clock;
-  enum class Kind { plain, elastic };
-
-  Expected<void> begin();
-  Expected<bool> find_step();
-  Expected<bool> find_elastic_step();
-  Expected<bool> find_restoring_step();
-  Expected<bool> convex_enough();
-  Expected<bool> ask(Kind kind, bool cold = false);
-  Expected<bool> ask_prepared(Kind kind, bool cold = false);
-  Expected<bool> certified();
-  Expected<void> judge();
-  Expected<void> correct();
-  Expected<void> move();
-  void adapt_radius();
-  void tell();
-  Answer end(Status status, const std::string& why);
-  Answer end_of_small_radius();
-
-  [[nodiscard]] double seconds_left() const {
-    return settings_.time_limit_s - std::chrono::duration<double>(Clock::now() - begun_).count();
-  }
-  [[nodiscard]] Box box() const {
-    return {functions_.lower(), functions_.upper(), functions_.scale(), radius_};
-  }
-  [[nodiscard]] double merit(const Point& point) const {
-    return (restoring_ ? 0.0 : point.objective) + weights_->penalty(rows_of(point));
-  }
-  [[nodiscard]] double predicted_decrease() const;
-  [[nodiscard]] bool step_is_small() const { return step_.size <= settings_.step_tolerance; }
-  [[nodiscard]] double violation() const { return largest_violation(rows_of(point_)); }
-  void lagrangian_gradient(const Multipliers& m, std::vector<double>& gradient) const;
-
-  const Problem& problem_;
-  Functions functions_;
-  const OpenTicks& open_;
-  const Settings& settings_;
-  Clock::time_point begun_ = Clock::now();
-
-  Point point_, trial_, best_trial_;
-  Linearisation at_;
-  std::optional<Model> B_;
-  std::optional<Weights> weights_;
-  std::optional<Subproblem> subproblem_[2];
-  std::unique_ptr<Ticks> ticks_[2];
-  Step step_, tried_;
-  Status answer_status_ = Status::numerical_failure;
-  std::optional<Status> limit_;  // that ended a tick
-
-  double radius_ = 0.0;
-  bool restoring_ = false;
-  double restore_below_ = 0.0;
-  bool stuck_ = false;  // no step lowers the violation
-  double predicted_ = 0.0, actual_ = 0.0, ratio_ = 0.0;
-  Iteration row_;
-  Answer answer_;
-  std::vector<double> gradient_, change_;
-};
-
-Expected<Answer> Loop::run() {
-  if (auto ready = begin(); !ready) return unexpected(ready.error());
+Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
+  if (auto ready = B_ ? begin_again() : begin(); !ready) return unexpected(ready.error());
   for (row_.iteration = 0;; ++row_.iteration) {
     if (row_.iteration >= settings_.iteration_limit) return end(Status::iteration_limit, "iteration_limit");
     auto found = find_step();  // one LCQP; more where it must be elastic or convex
@@ -110,6 +42,11 @@ Expected<Answer> Loop::run() {
       auto sure = certified();  // d = 0 solves the linearised problem
       if (!sure) return unexpected(sure.error());
       if (*sure) return end(Status::solved, "the step is zero");
+    }
+    if (*found && meets(tolerance)) {
+      Answer answer = end(Status::solved, "the level's tolerance is met");
+      answer.b_stationary.reset(), answer.stationarity = Stationarity::unknown;  // they are those of d = 0
+      return answer;
     }
     ratio_ = -1.0, actual_ = 0.0;
     if (*found) {
@@ -136,6 +73,31 @@ Expected<void> Loop::begin() {
   if (point_.fault) return unexpected(*point_.fault);
   trial_ = best_trial_ = point_;  // their memory
   if (auto given = functions_.derivatives(point_, at_); !given) return given;
+  Multipliers& m = step_.multipliers;
+  m.equalities.assign(point_.equalities.size(), 0.0), m.inequalities.assign(point_.inequalities.size(), 0.0);
+  m.G.assign(point_.G.size(), 0.0), m.H.assign(point_.H.size(), 0.0), m.bounds.assign(point_.x.size(), 0.0);
+  step_.d.assign(point_.x.size(), 0.0);
+  gradient_.resize(point_.x.size()), change_.resize(point_.x.size());
+  weights_.emplace(rows_of(point_), kFirstWeight);
+  radius_ = settings_.radius;
+  return make_curvature();
+}
+
+// The functions have changed, and B with them, but that of bfgs: no step led here.
+Expected<void> Loop::begin_again() {
+  if (auto given = functions_.values(point_); !given) return given;
+  if (point_.fault) return unexpected(*point_.fault);
+  if (auto given = functions_.derivatives(point_, at_); !given) return given;
+  restoring_ = stuck_ = false;
+  limit_.reset();
+  answer_.b_stationary.reset(), answer_.stationarity = Stationarity::unknown;
+  if (radius_ <= settings_.step_tolerance) radius_ = settings_.radius;
+  if (std::exchange(forget_curvature_, false)) return make_curvature();
+  std::fill(step_.d.begin(), step_.d.end(), 0.0), std::fill(change_.begin(), change_.end(), 0.0);
+  return B_->move(functions_, point_, at_, step_.multipliers, step_.d, change_);
+}
+
+Expected<void> Loop::make_curvature() {
   Curvature kind = settings_.curvature;
   if (kind == Curvature::automatic)
     kind = problem_.hessian           ? Curvature::exact
@@ -143,16 +105,9 @@ Expected<void> Loop::begin() {
                                       : Curvature::gauss_newton;
   if (kind == Curvature::exact && !problem_.hessian)
     return unexpected(invalid("hessian", "must be a function: the settings ask for the exact curvature"));
-  Multipliers& m = step_.multipliers;
-  m.equalities.assign(point_.equalities.size(), 0.0), m.inequalities.assign(point_.inequalities.size(), 0.0);
-  m.G.assign(point_.G.size(), 0.0), m.H.assign(point_.H.size(), 0.0), m.bounds.assign(point_.x.size(), 0.0);
-  step_.d.assign(point_.x.size(), 0.0);
-  auto model = Model::create(kind, functions_, point_, at_, m);
+  auto model = Model::create(kind, functions_, point_, at_, step_.multipliers);
   if (!model) return unexpected(model.error());
   B_ = std::move(*model);
-  weights_.emplace(rows_of(point_), kFirstWeight);
-  radius_ = settings_.radius;
-  gradient_.resize(point_.x.size()), change_.resize(point_.x.size());
   return {};
 }
 
@@ -208,6 +163,15 @@ Expected<bool> Loop::convex_enough() {
     if (!found || limit_ || !*found) return found;
     if (!step_.elastic) weights_->rise_above(step_.multipliers);
   }
+}
+
+// A step that the radius cuts measures the radius.
+bool Loop::meets(const std::optional<LevelTolerance>& tolerance) {
+  if (!tolerance) return false;
+  const double measure = tolerance->test == LevelTest::merit ? predicted_ : step_.size;
+  if (row_.iteration == 0) first_measure_ = measure;
+  return !step_.elastic && !restoring_ && step_.size < (1.0 - kRounding) * radius_ &&
+         measure <= tolerance->reduction * first_measure_ + tolerance->floor;
 }
 
 // The LCQP at the point, within the radius.
@@ -367,7 +331,7 @@ Answer Loop::end(Status status, const std::string& why) {
                 ": step %.1e within %.1e, violation %.1e, KKT residual %.1e after %d LCQPs", step_.size,
                 radius_, answer_.violation, answer_.kkt_residual, row_.ticks);
   answer_.detail = why + text;
-  return std::move(answer_);
+  return answer_;
 }
 
 Expected<void> check(const Settings& s) {
@@ -388,8 +352,6 @@ Expected<void> check(const Settings& s) {
     return unexpected(invalid("settings.iteration_limit", std::to_string(s.iteration_limit), "must be >= 0"));
   return {};
 }
-
-}  // namespace
 
 Options Settings::subproblem_options() {
   Options options;

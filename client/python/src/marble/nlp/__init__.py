@@ -8,107 +8,27 @@
 `values(x)` returns a dictionary of "objective" and any of "equalities", "inequalities", "G", "H" and "residuals", half
 the sum of whose squares is added to the objective. `derivatives(x)` returns one of "gradient" and their Jacobians,
 dense or scipy.sparse; of a sparse one the stored entries are its pattern, which must not change.
+
+`retrospective` is for functions that are averages over samples: values(x, N) and derivatives(x, N).
 """
 
 from __future__ import annotations
 
-import contextlib
 import importlib
-import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import marble
-from marble import errors
-from marble.base.lazy import lazy
-from marble.base.tables import Status
-from marble.connection import connect
 from marble.errors import InvalidArgument
-from marble.in_process import solver
-from marble.nlp import ticks
+from marble.nlp.functions import Multipliers, problem_of, vector
+from marble.nlp.levels import Estimate, Level, RetrospectiveAnswer, retrospective, uniform
+from marble.nlp.loop import Answer, Iteration, answer_of, run
 
-sp: Any = lazy("scipy.sparse")
-
-_PARTS: Final = ("equalities", "inequalities", "G", "H", "residuals")
-_VECTORS: Final = ("x", "y", "nu", "xi", "eta", "bounds")
-_STATUSES: Final = {status.value: status for status in Status}
-
-
-@dataclass(frozen=True)
-class Multipliers:
-    """With ∇f + ∇c_Eᵀy − ∇c_Iᵀnu − ∇Gᵀxi − ∇Hᵀeta = bounds at a solution."""
-
-    y: NDArray[np.float64]
-    nu: NDArray[np.float64]
-    xi: NDArray[np.float64]
-    eta: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """One row of the iteration table."""
-
-    iteration: int
-    objective: float
-    violation: float
-    step: float
-    radius: float
-    accepted: bool
-    ticks: int
-
-
-@dataclass(frozen=True)
-class Answer:
-    """The newest x that was accepted, solved or not; its fields as marble/nonlinear.h has them."""
-
-    status: Status
-    detail: str
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    nu: NDArray[np.float64]
-    xi: NDArray[np.float64]
-    eta: NDArray[np.float64]
-    bounds: NDArray[np.float64]
-    objective: float
-    violation: float
-    kkt_residual: float
-    b_stationary: bool | None
-    iterations: int
-    ticks: int
-    evaluations: int
-    factorizations: int
-
-    @property
-    def solved(self) -> bool:
-        """Whether the tolerances, or the reduced ones, are met."""
-        return self.status in (Status.SOLVED, Status.SOLVED_REDUCED)
-
-
-def _vector(values: Any) -> NDArray[np.float64]:
-    return np.ascontiguousarray(values, dtype=np.float64).reshape(-1)
-
-
-def _matrix(given: Any) -> Any:
-    """In compressed columns; of a dense one every entry is stored, so that its pattern stays."""
-    if sp.issparse(given):
-        made = sp.csc_matrix(given, dtype=np.float64)
-        made.sort_indices()
-        return made
-    dense = np.atleast_2d(np.asarray(given, dtype=np.float64))
-    rows, columns = dense.shape
-    indices = np.tile(np.arange(rows, dtype=np.int32), columns)
-    pointers = np.arange(0, rows * columns + 1, rows, dtype=np.int32) if rows else np.zeros(columns + 1, np.int32)
-    return sp.csc_matrix((dense.ravel(order="F"), indices, pointers), shape=dense.shape)
-
-
-def _known(given: Mapping[str, Any], first: str, what: str) -> None:
-    others = sorted(set(given) - {first, *_PARTS})
-    if first not in given or others:
-        raise InvalidArgument(what, f"must have {first!r}, and may have {', '.join(_PARTS)}; it has {sorted(given)}")
+__all__ = ["Answer", "Estimate", "Iteration", "Level", "Multipliers", "RetrospectiveAnswer", "retrospective", "solve",
+           "solve_casadi", "uniform"]
 
 
 def solve(
@@ -141,54 +61,11 @@ def solve(
     takes the first of the three for which there is what it needs. progress: told of each iteration. options: of each
     LCQP. What a function raises comes out. Errors: InvalidArgument names the function, and the row as index.
     """
-    core = solver.core()
-
-    def of_values(x: Any) -> tuple[Any, ...]:
-        given = values(np.asarray(x))
-        _known(given, "objective", "values")
-        return float(given["objective"]), *(_vector(given.get(name, ())) for name in _PARTS)
-
-    def of_derivatives(x: Any) -> tuple[Any, ...]:
-        given = derivatives(np.asarray(x))
-        _known(given, "gradient", "derivatives")
-        return _vector(given["gradient"]), *(_matrix(given[name]) if name in given else None for name in _PARTS)
-
-    def of_hessian(x: Any, *multipliers: Any) -> Any:
-        assert hessian is not None
-        given = Multipliers(*(np.asarray(part, dtype=np.float64) for part in multipliers))
-        full = _matrix(hessian(np.asarray(x), given))
-        return _matrix(sp.triu(full, format="csc"))
-
-    problem = {"values": of_values, "derivatives": of_derivatives, "hessian": None if hessian is None else of_hessian,
-               "start": _vector(x0), "lower": _vector(() if lower is None else lower),
-               "upper": _vector(() if upper is None else upper), "scale": _vector(() if scale is None else scale),
-               "blocks": np.asarray(() if blocks is None else blocks, dtype=np.int32)}
+    problem = problem_of(values, derivatives, hessian, x0, lower, upper, scale, blocks)
     settings = {"curvature": curvature, "step_tolerance": step_tolerance, "radius": radius,
                 "feasibility_tolerance": feasibility_tolerance, "iteration_limit": iteration_limit,
                 "time_limit_s": time_limit_s}
-    tell = None if progress is None else lambda *row: progress(Iteration(*row))
-    main_thread = threading.get_ident() == threading.main_thread().ident
-    with contextlib.ExitStack() as opened:
-        there = _ticks_of(server, opened)
-        try:
-            told = core.solve_nonlinear(problem, settings, solver.option_values(options), tell, there, main_thread)
-        except core.Fault as fault:
-            raise errors.from_core(*fault.args) from None
-    for name in _VECTORS:
-        told[name] = np.asarray(told[name])
-    told["status"] = _STATUSES[told["status"]]
-    return Answer(**told)
-
-
-def _ticks_of(server: str | Sequence[str] | marble.Client | None,
-              opened: contextlib.ExitStack) -> Callable[..., ticks.Tick] | None:
-    """None for this process."""
-    if not isinstance(server, marble.Client):
-        server = connect.server_of(server)
-        if connect.is_local(server):
-            return None
-        server = opened.enter_context(marble.Client(server))
-    return ticks.opener(server, opened)
+    return answer_of(run("solve_nonlinear", problem, settings, options, progress, server))
 
 
 def solve_casadi(
@@ -232,11 +109,11 @@ def solve_casadi(
 
     def values(at: Any) -> dict[str, Any]:
         objective, *rest = of_values(at, given_p)
-        return {"objective": float(objective), **dict(zip(parts, map(_vector, rest), strict=True))}
+        return {"objective": float(objective), **dict(zip(parts, map(vector, rest), strict=True))}
 
     def derivatives(at: Any) -> dict[str, Any]:
         gradient, *rest = of_slopes(at, given_p)
-        return {"gradient": _vector(gradient), **{name: part.sparse() for name, part in zip(parts, rest, strict=True)}}
+        return {"gradient": vector(gradient), **{name: part.sparse() for name, part in zip(parts, rest, strict=True)}}
 
     def hessian(at: Any, m: Multipliers) -> Any:
         return of_hessian(at, given_p, m.y, m.nu, m.xi, m.eta).sparse()

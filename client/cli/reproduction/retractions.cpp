@@ -1,4 +1,4 @@
-#include "comparison/retractions.h"
+#include "reproduction/retractions.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,0 +1,45 @@
+// Random numbers by number: sample i is a function of the seed and of i alone, the same bits on every
+// machine, however many others are drawn, in whatever order. For samples that are nested.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace marble {
+
+/// Philox4x32-10 (J. Salmon, M. Moraes, R. Dror, D. Shaw, "Parallel Random Numbers: As Easy as 1, 2, 3", SC
+/// 2011): ten rounds that mix a counter of four words by a key of two.
+[[nodiscard]] constexpr std::array<std::uint32_t, 4> philox(std::array<std::uint32_t, 4> counter,
+                                                            std::array<std::uint32_t, 2> key) {
+  for (int round = 0; round < 10; ++round) {
+    const std::uint64_t a = std::uint64_t{0xD2511F53} * counter[0];
+    const std::uint64_t b = std::uint64_t{0xCD9E8D57} * counter[2];
+    counter = {static_cast<std::uint32_t>(b >> 32) ^ counter[1] ^ key[0], static_cast<std::uint32_t>(b),
+               static_cast<std::uint32_t>(a >> 32) ^ counter[3] ^ key[1], static_cast<std::uint32_t>(a)};
+    key = {key[0] + 0x9E3779B9u, key[1] + 0xBB67AE85u};
+  }
+  return counter;
+}
+
+/// A sequence of samples, each of as many numbers as it takes.
+class CounterRandom {
+ public:
+  explicit constexpr CounterRandom(std::uint64_t seed) : key_{low(seed), high(seed)} {}
+
+  /// Uniform in [0, 1), a multiple of 2⁻⁵³: number `number` of sample `sample`.
+  [[nodiscard]] constexpr double uniform(std::uint64_t sample, std::uint32_t number = 0) const {
+    const auto words = philox({low(sample), high(sample), number / 2, 0}, key_);
+    const std::size_t first = number % 2 == 0 ? 0 : 2;
+    const std::uint64_t bits = (std::uint64_t{words[first + 1]} << 32) | words[first];
+    return static_cast<double>(bits >> 11) * 0x1p-53;
+  }
+
+ private:
+  static constexpr std::uint32_t low(std::uint64_t value) { return static_cast<std::uint32_t>(value); }
+  static constexpr std::uint32_t high(std::uint64_t value) { return static_cast<std::uint32_t>(value >> 32); }
+
+  std::array<std::uint32_t, 2> key_;
+};
+
+}  // namespace marble

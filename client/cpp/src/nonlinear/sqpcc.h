@@ -1,0 +1,109 @@
+// The loop: LCQPs within a trust region, judged by the merit they promise and what comes of it.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "marble/retrospective.h"
+#include "nonlinear/curvature.h"
+#include "nonlinear/functions.h"
+#include "nonlinear/merit.h"
+#include "nonlinear/subproblem.h"
+
+namespace marble::nonlinear {
+
+/// What ends a level before its steps are zero: a measure of a plain subproblem's step, the radius not
+/// holding it back, of at most `reduction` times that of the level's first step, and `floor`.
+struct LevelTolerance {
+  LevelTest test = LevelTest::merit;
+  double reduction = 0.0;
+  double floor = 0.0;
+};
+
+/// Errors of nonlinear::solve's settings.
+[[nodiscard]] Expected<void> check(const Settings& settings);
+
+class Loop {
+ public:
+  /// All but the functions must outlive it.
+  Loop(const Problem& problem, Functions functions, const OpenTicks& open, const Settings& settings)
+      : problem_(problem), functions_(std::move(functions)), open_(open), settings_(settings) {}
+
+  /// From the problem's start; from then on from where the last run ended, by functions that may be others of
+  /// the same patterns, with its x, multipliers, B of bfgs, weights, radius and ticks. With `tolerance`,
+  /// Status::solved means that it is met, or the settings' tolerances are.
+  Expected<Answer> run(const std::optional<LevelTolerance>& tolerance = {});
+
+  /// B of bfgs as at the start.
+  void forget_curvature() { forget_curvature_ = true; }
+  /// Calls of Problem::derivatives so far.
+  [[nodiscard]] std::int32_t linearisations() const { return functions_.linearisations(); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  enum class Kind { plain, elastic };
+
+  Expected<void> begin();
+  Expected<void> begin_again();
+  Expected<void> make_curvature();
+  Expected<bool> find_step();
+  Expected<bool> find_elastic_step();
+  Expected<bool> find_restoring_step();
+  Expected<bool> convex_enough();
+  Expected<bool> ask(Kind kind, bool cold = false);
+  Expected<bool> ask_prepared(Kind kind, bool cold = false);
+  Expected<bool> certified();
+  Expected<void> judge();
+  Expected<void> correct();
+  Expected<void> move();
+  void adapt_radius();
+  void tell();
+  Answer end(Status status, const std::string& why);
+  Answer end_of_small_radius();
+
+  [[nodiscard]] double seconds_left() const {
+    return settings_.time_limit_s - std::chrono::duration<double>(Clock::now() - begun_).count();
+  }
+  [[nodiscard]] Box box() const {
+    return {functions_.lower(), functions_.upper(), functions_.scale(), radius_};
+  }
+  [[nodiscard]] double merit(const Point& point) const {
+    return (restoring_ ? 0.0 : point.objective) + weights_->penalty(rows_of(point));
+  }
+  [[nodiscard]] double predicted_decrease() const;
+  [[nodiscard]] bool step_is_small() const { return step_.size <= settings_.step_tolerance; }
+  [[nodiscard]] double violation() const { return largest_violation(rows_of(point_)); }
+  [[nodiscard]] bool meets(const std::optional<LevelTolerance>& tolerance);
+  void lagrangian_gradient(const Multipliers& m, std::vector<double>& gradient) const;
+
+  const Problem& problem_;
+  Functions functions_;
+  const OpenTicks& open_;
+  const Settings& settings_;
+  Clock::time_point begun_ = Clock::now();
+
+  Point point_, trial_, best_trial_;
+  Linearisation at_;
+  std::optional<Model> B_;
+  std::optional<Weights> weights_;
+  std::optional<Subproblem> subproblem_[2];
+  std::unique_ptr<Ticks> ticks_[2];
+  Step step_, tried_;
+  Status answer_status_ = Status::numerical_failure;
+  std::optional<Status> limit_;  // that ended a tick
+
+  double radius_ = 0.0;
+  bool forget_curvature_ = false;
+  double first_measure_ = 0.0;  // of the level's tolerance
+  bool restoring_ = false;
+  double restore_below_ = 0.0;
+  bool stuck_ = false;  // no step lowers the violation
+  double predicted_ = 0.0, actual_ = 0.0, ratio_ = 0.0;
+  Iteration row_;
+  Answer answer_;
+  std::vector<double> gradient_, change_;
+};
+
+}  // namespace marble::nonlinear

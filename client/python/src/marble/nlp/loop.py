@@ -1,0 +1,108 @@
+"""The native loop: what it is asked, where its LCQPs are solved, and its answer."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+import marble
+from marble import errors
+from marble.base.tables import Status
+from marble.connection import connect
+from marble.in_process import solver
+from marble.nlp import ticks
+
+_VECTORS: Final = ("x", "y", "nu", "xi", "eta", "bounds")
+_STATUSES: Final = {status.value: status for status in Status}
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One row of the iteration table."""
+
+    iteration: int
+    objective: float
+    violation: float
+    step: float
+    radius: float
+    accepted: bool
+    ticks: int
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The newest x that was accepted, solved or not; its fields as marble/nonlinear.h has them."""
+
+    status: Status
+    detail: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    nu: NDArray[np.float64]
+    xi: NDArray[np.float64]
+    eta: NDArray[np.float64]
+    bounds: NDArray[np.float64]
+    objective: float
+    violation: float
+    kkt_residual: float
+    b_stationary: bool | None
+    iterations: int
+    ticks: int
+    evaluations: int
+    factorizations: int
+
+    @property
+    def solved(self) -> bool:
+        """Whether the tolerances, or the reduced ones, are met."""
+        return self.status in (Status.SOLVED, Status.SOLVED_REDUCED)
+
+
+def status_of(name: str) -> Status:
+    """A status as the native library names it."""
+    return _STATUSES[name]
+
+
+def answer_of(told: dict[str, Any]) -> Answer:
+    """The native library's answer as an object."""
+    for name in _VECTORS:
+        told[name] = np.asarray(told[name])
+    told["status"] = status_of(told["status"])
+    return Answer(**told)
+
+
+def run(
+    entry: str,
+    problem: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    options: Mapping[str, Any],
+    progress: Callable[[Iteration], object] | None,
+    server: str | Sequence[str] | marble.Client | None,
+    *more: Any,
+) -> Any:
+    """Calls marble._core's function of that name, with the sessions that it asks for open until it ends."""
+    core = solver.core()
+    tell = None if progress is None else lambda *row: progress(Iteration(*row))
+    main_thread = threading.get_ident() == threading.main_thread().ident
+    with contextlib.ExitStack() as opened:
+        there = _ticks_of(server, opened)
+        try:
+            return getattr(core, entry)(problem, settings, solver.option_values(options), tell, there, main_thread,
+                                        *more)
+        except core.Fault as fault:
+            raise errors.from_core(*fault.args) from None
+
+
+def _ticks_of(server: str | Sequence[str] | marble.Client | None,
+              opened: contextlib.ExitStack) -> Callable[..., ticks.Tick] | None:
+    """None for this process."""
+    if not isinstance(server, marble.Client):
+        server = connect.server_of(server)
+        if connect.is_local(server):
+            return None
+        server = opened.enter_context(marble.Client(server))
+    return ticks.opener(server, opened)
