@@ -124,10 +124,9 @@ class Assembly {
     }
     for (std::size_t i = 0; i < model_.bounds.size(); ++i) {
       const auto index = static_cast<Index>(i);
-      const auto added = model_.bounds_apart
-                             ? keep_bounds(index, plain_[i])
-                             : add_bounded(AffineRow::variable(index), plain_[i].low, plain_[i].high, "b",
-                                           index, made_.reduced_costs);
+      const auto added = model_.bounds_apart ? keep_bounds(index, plain_[i])
+                                             : add_bounded(AffineRow::variable(index), plain_[i].low,
+                                                           plain_[i].high, "b", index, made_.reduced_costs);
       if (!added) return unexpected(of(added.error(), NlPlace::Kind::column, i));
     }
     return {};

@@ -136,9 +136,8 @@ void NlSegments::jacobian_row() {
   const int row = in_.integer("J", 0, header_.constraints - 1);
   enter(Kind::row, row);
   if (in_.failed()) return;
-  linear_terms(seen_.jacobian, [this, row](int variable, double coefficient) {
-    add_row_term(row, variable, coefficient);
-  });
+  linear_terms(seen_.jacobian,
+               [this, row](int variable, double coefficient) { add_row_term(row, variable, coefficient); });
 }
 
 template <class Add>
