@@ -25,48 +25,6 @@ enum Operator : int {
   kSquare = 77,
 };
 
-// Of those that do not, what people call them (Gay, table 5).
-struct NamedOperator {
-  int code;
-  const char* name;
-};
-constexpr NamedOperator kOthers[] = {{4, "rem"},
-                                     {6, "less"},
-                                     {11, "min"},
-                                     {12, "max"},
-                                     {13, "floor"},
-                                     {14, "ceil"},
-                                     {15, "abs"},
-                                     {35, "if"},
-                                     {37, "tanh"},
-                                     {38, "tan"},
-                                     {39, "sqrt"},
-                                     {40, "sinh"},
-                                     {41, "sin"},
-                                     {42, "log10"},
-                                     {43, "log"},
-                                     {44, "exp"},
-                                     {45, "cosh"},
-                                     {46, "cos"},
-                                     {47, "atanh"},
-                                     {48, "atan2"},
-                                     {49, "atan"},
-                                     {50, "asinh"},
-                                     {51, "asin"},
-                                     {52, "acosh"},
-                                     {53, "acos"},
-                                     {55, "div"},
-                                     {56, "precision"},
-                                     {57, "round"},
-                                     {58, "trunc"},
-                                     {64, "piecewise linear"},
-                                     {78, "a constant to a power"}};
-
-std::string operator_name(int code) {
-  const auto* const found = std::ranges::find(kOthers, code, &NamedOperator::code);
-  return found == std::end(kOthers) ? "" : found->name;
-}
-
 class NlReader final : NlSegments {
  public:
   NlReader(std::string_view content, const NlNames& names)

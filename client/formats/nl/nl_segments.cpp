@@ -1,11 +1,55 @@
 #include "nl/nl_segments.h"
 
+#include <algorithm>
+
 namespace marble::formats {
 namespace {
 
 constexpr int kMany = 0x7fffffff;
 
+// What people call operators that no LCQP has (Gay, table 5).
+struct NamedOperator {
+  int code;
+  const char* name;
+};
+constexpr NamedOperator kOthers[] = {{4, "rem"},
+                                     {6, "less"},
+                                     {11, "min"},
+                                     {12, "max"},
+                                     {13, "floor"},
+                                     {14, "ceil"},
+                                     {15, "abs"},
+                                     {35, "if"},
+                                     {37, "tanh"},
+                                     {38, "tan"},
+                                     {39, "sqrt"},
+                                     {40, "sinh"},
+                                     {41, "sin"},
+                                     {42, "log10"},
+                                     {43, "log"},
+                                     {44, "exp"},
+                                     {45, "cosh"},
+                                     {46, "cos"},
+                                     {47, "atanh"},
+                                     {48, "atan2"},
+                                     {49, "atan"},
+                                     {50, "asinh"},
+                                     {51, "asin"},
+                                     {52, "acosh"},
+                                     {53, "acos"},
+                                     {55, "div"},
+                                     {56, "precision"},
+                                     {57, "round"},
+                                     {58, "trunc"},
+                                     {64, "piecewise linear"},
+                                     {78, "a constant to a power"}};
+
 }  // namespace
+
+std::string operator_name(int code) {
+  const auto* const found = std::ranges::find(kOthers, code, &NamedOperator::code);
+  return found == std::end(kOthers) ? "" : found->name;
+}
 
 Expected<void> NlSegments::read_segments() {
   header_ = in_.header();
@@ -108,14 +152,14 @@ void NlSegments::segment(char key) {
 void NlSegments::constraint() {
   const int row = in_.integer("C", 0, header_.constraints - 1);
   enter(Kind::row, row);
-  read_row(row);
+  if (!in_.failed()) read_row(row);
 }
 
 void NlSegments::objective() {
   static_cast<void>(in_.integer("O", 0, header_.objectives - 1));
   model_.maximize = in_.integer("O", 0, 1) == 1;
   enter(Kind::objective);
-  read_objective();
+  if (!in_.failed()) read_objective();
   ++seen_.objectives;
 }
 
@@ -129,7 +173,7 @@ void NlSegments::definition() {
     const int variable = in_.integer("V", 0, header_.variables - 1);
     linear.emplace_back(variable, in_.real("V"));
   }
-  read_definition(index, std::move(linear));
+  if (!in_.failed()) read_definition(index, std::move(linear));
 }
 
 void NlSegments::jacobian_row() {

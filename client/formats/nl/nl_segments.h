@@ -11,6 +11,9 @@
 
 namespace marble::formats {
 
+/// "exp" of 44; empty of those that an LCQP may have, and of what is none.
+[[nodiscard]] std::string operator_name(int code);
+
 class NlSegments {
  public:
   virtual ~NlSegments() = default;

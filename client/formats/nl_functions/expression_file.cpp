@@ -270,7 +270,8 @@ class Rewriter final : NlSegments {
       }
       default:
         if (code != kAbs && (code < kFirstOfFunctions || code > kLastOfFunctions)) {
-          in_.fail("o" + std::to_string(code), "", "is an operator that no smooth model has");
+          in_.fail("o" + std::to_string(code), operator_name(code),
+                   "is an operator that no smooth model has");
           return {};
         }
         out_.operation(code);
