@@ -1,4 +1,5 @@
-// A nonlinear file of AMPL's, text or binary: what is written again for AMPL's library is a file of its own right.
+// A nonlinear file of AMPL's, text or binary: what is written again for AMPL's library is a file of its own
+// right.
 #include <cstdint>
 #include <string_view>
 
