@@ -88,7 +88,7 @@ std::vector<double> everything_at(const nonlinear::Problem& p, const std::vector
   const nonlinear::Derivatives d = p.derivatives(x);
   add(d.gradient);
   for (const auto& part : {d.equalities, d.inequalities, d.G, d.H}) add(part.values);
-  add(p.hessian(x, m).values);
+  if (p.hessian) add(p.hessian(x, m).values);
   return all;
 }
 
@@ -105,17 +105,13 @@ TEST(NlFunctions, DerivativesOfEveryOperatorAgreeWithDifferences) {
   }
 }
 
-TEST(NlFunctions, SecondDerivativesAgreeWithDifferencesOfTheFirst) {
-  const NlNonlinear nl = read(bent(false));
-  const nonlinear::Problem& p = nl.problem;
-  const std::size_t n = p.start.size();
-  nonlinear::Multipliers m{.equalities = {0.3, -0.4},
-                           .inequalities = {0.5, 0.25, 0.75},
-                           .G = {0.1, 0.2, 0.3, 0.6},
-                           .H = {0.4, 0.3, 0.2, 0.1},
-                           .bounds = {}};
-  const auto gradient = [&](const std::vector<double>& x) {
-    const nonlinear::Derivatives d = p.derivatives(x);
+/// The Hessian at x, asked for after the functions were elsewhere, against differences of the Lagrangian's
+/// gradient.
+void expect_second_derivatives(const nonlinear::Problem& p, const std::vector<double>& x,
+                               const nonlinear::Multipliers& m, double tolerance) {
+  const std::size_t n = x.size();
+  const auto gradient = [&](const std::vector<double>& at) {
+    const nonlinear::Derivatives d = p.derivatives(at);
     std::vector<double> sum = numbers(d.gradient);
     const auto add = [&](const SparseMatrixView& J, const std::vector<double>& by, double sign) {
       ASSERT_EQ(static_cast<std::size_t>(J.rows), by.size());
@@ -129,20 +125,121 @@ TEST(NlFunctions, SecondDerivativesAgreeWithDifferencesOfTheFirst) {
     return sum;
   };
   constexpr double kStep = 1e-6;
-  std::vector<std::vector<double>> dense(n, std::vector<double>(n, 0.0));
-  const SparseMatrixView H = p.hessian(p.start, m);
+  std::vector<std::vector<double>> differences(n, std::vector<double>(n)), dense = differences;
+  for (std::size_t j = 0; j < n; ++j) {
+    std::vector<double> ahead = x, behind = x;
+    ahead[j] += kStep, behind[j] -= kStep;
+    const std::vector<double> after = gradient(ahead), before = gradient(behind);
+    for (std::size_t i = 0; i < n; ++i) differences[i][j] = (after[i] - before[i]) / (2 * kStep);
+  }
+  const SparseMatrixView H = p.hessian(x, m);
   for (std::size_t j = 0; j < n; ++j) {
     for (Index k = H.column_pointers[j]; k < H.column_pointers[j + 1]; ++k)
       dense[H.row_indices[k]][j] = dense[j][H.row_indices[k]] = H.values[k];
   }
   for (std::size_t j = 0; j < n; ++j) {
-    std::vector<double> ahead = p.start, behind = p.start;
-    ahead[j] += kStep, behind[j] -= kStep;
-    const std::vector<double> after = gradient(ahead), before = gradient(behind);
     for (std::size_t i = 0; i < n; ++i)
-      EXPECT_NEAR(dense[i][j], (after[i] - before[i]) / (2 * kStep), 1e-6 * (1 + std::abs(dense[i][j])))
-          << i << j;
+      EXPECT_NEAR(dense[i][j], differences[i][j], tolerance * (1 + std::abs(dense[i][j]))) << i << ' ' << j;
   }
+}
+
+TEST(NlFunctions, SecondDerivativesAgreeWithDifferencesOfTheFirst) {
+  const NlNonlinear nl = read(bent(false));
+  expect_second_derivatives(nl.problem, nl.problem.start,
+                            {.equalities = {0.3, -0.4},
+                             .inequalities = {0.5, 0.25, 0.75},
+                             .G = {0.1, 0.2, 0.3, 0.6},
+                             .H = {0.4, 0.3, 0.2, 0.1},
+                             .bounds = {}},
+                            1e-6);
+}
+
+/// Five variables, three defined ones and three rows of expressions made by chance, of functions without
+/// poles.
+class ByChance {
+ public:
+  explicit ByChance(unsigned seed) : random_(seed) {}
+
+  std::string content() {
+    NlWriter nl(random_() % 2 == 0, kVariables, 3, 1);
+    for (; defined_ < 3; ++defined_) {
+      nl.key('V').integer(kVariables + defined_).integer(1).integer(0).entry(defined_, 0.5);
+      expression(nl, 3);
+    }
+    for (int row = 0; row < 3; ++row) expression(nl.key('C').integer(row), 5);
+    expression(nl.key('O').integer(0).integer(0), 5);
+    nl.key('x').integer(kVariables);
+    for (int j = 0; j < kVariables; ++j) nl.entry(j, 0.01 * static_cast<double>(random_() % 150) - 0.7);
+    nl.key('r').equal(0.0).at_least(0.0).complements(3, 4);
+    nl.key('b').free().free().free().free().between(-2.0, 2.0);
+    return nl.content();
+  }
+
+ private:
+  static constexpr int kVariables = 5;
+
+  void expression(NlWriter& nl, int depth) {
+    if (depth == 0) {
+      const auto leaf = static_cast<int>(random_() % (kVariables + 2));
+      if (leaf == kVariables) return void(nl.constant(0.25 * static_cast<double>(random_() % 9) - 1.0));
+      if (leaf < kVariables || defined_ == 0) return void(nl.variable(leaf % kVariables));
+      return void(nl.variable(kVariables + static_cast<int>(random_() % static_cast<unsigned>(defined_))));
+    }
+    switch (random_() % 8) {
+      case 0:
+      case 1: {
+        constexpr int kFunctions[] = {37, 41, 46, 49, 50};  // tanh, sin, cos, atan, asinh
+        nl.operation(kFunctions[random_() % 5]);
+        return expression(nl, depth - 1);
+      }
+      case 2:  // over 2 + its square
+        nl.operation(3);
+        expression(nl, depth - 1);
+        nl.operation(0).constant(2.0).operation(77);
+        return expression(nl, depth - 1);
+      case 3:
+        nl.operation(5).operation(46);  // cos^3
+        expression(nl, depth - 1);
+        return void(nl.constant(3.0));
+      case 4: {
+        const int count = 1 + static_cast<int>(random_() % 4);
+        nl.operation(54).integer(count);
+        for (int i = 0; i < count; ++i) expression(nl, depth - 1);
+        return;
+      }
+      case 5:
+        nl.operation(16);
+        return expression(nl, depth - 1);
+      default:
+        nl.operation(random_() % 2 == 0 ? 2 : 1);
+        expression(nl, depth - 1);
+        return expression(nl, random_() % 2 == 0 ? depth - 1 : 0);
+    }
+  }
+
+  std::mt19937 random_;
+  int defined_ = 0;
+};
+
+TEST(NlFunctions, DerivativesOfExpressionsMadeByChanceAgreeWithDifferences) {
+  int without = 0;
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    SCOPED_TRACE(seed);
+    const NlNonlinear nl = read(ByChance(seed).content());
+    std::vector<double> x = nl.problem.start;
+    for (double& value : x) value += 0.03;
+    const auto agree = nonlinear::check_derivatives(nl.problem, x, 1e-5);
+    EXPECT_TRUE(agree.has_value()) << agree.error().message();
+    if (!nl.problem.hessian) {
+      ++without;
+      continue;
+    }
+    expect_second_derivatives(
+        nl.problem, x,
+        {.equalities = {0.3, -0.4}, .inequalities = {0.5}, .G = {0.2, 0.3}, .H = {0.4, 0.6}, .bounds = {}},
+        1e-5);
+  }
+  EXPECT_LE(without, 20) << "models whose second derivatives the library has wrong";
 }
 
 TEST(NlFunctions, TextAndBinaryHaveTheSameBits) {

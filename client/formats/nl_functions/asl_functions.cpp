@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <limits>
@@ -57,13 +58,15 @@ class TemporaryFile {
     const int descriptor = mkstemps(file.path_.data(), 3);
     if (descriptor < 0) {
       file.path_.clear();
-      return unexpected(failure(ErrorCode::unavailable, folder.string() + ": cannot hold a temporary file"));
+      return unexpected(
+          failure(ErrorCode::resource_exhausted, folder.string() + ": cannot hold a temporary file"));
     }
     std::size_t written = 0;
     for (ssize_t now = 1; written < content.size() && now > 0; written += static_cast<std::size_t>(now))
       now = std::max<ssize_t>(write(descriptor, content.data() + written, content.size() - written), 0);
     if (close(descriptor) == 0 && written == content.size()) return file;
-    return unexpected(failure(ErrorCode::unavailable, folder.string() + ": cannot hold a temporary file"));
+    return unexpected(
+        failure(ErrorCode::resource_exhausted, folder.string() + ": cannot hold a temporary file"));
   }
   TemporaryFile(TemporaryFile&& other) noexcept : path_(std::exchange(other.path_, {})) {}
   TemporaryFile& operator=(TemporaryFile&&) = delete;
@@ -78,86 +81,98 @@ class TemporaryFile {
   std::string path_;
 };
 
+// One reading of the file. The library asks for a point by a pointer to what is not constant, and leaves it.
+class Reading {
+ public:
+  Reading() = default;
+  Reading(const Reading&) = delete;
+  Reading& operator=(const Reading&) = delete;
+  ~Reading() {
+    if (asl_ != nullptr) ASL_free(&asl_);
+  }
+
+  [[nodiscard]] Expected<void> read(const std::string& stub, int kind) {
+    asl_ = ASL_alloc(kind);
+    if (asl_ == nullptr)
+      return unexpected(failure(ErrorCode::resource_exhausted, "no memory for the functions"));
+    asl_->i.return_nofile_ = 3;  // neither a missing file nor a faulty header ends the process
+    FILE* stream = nullptr;
+    int fault = 0;
+    const bool came = reaches_end(asl_, [&] {
+      stream = jac0dim_ASL(asl_, stub.c_str(), static_cast<ftnlen>(stub.size()));
+      if (stream == nullptr) return;
+      fault = kind == ASL_read_fg ? fg_read_ASL(asl_, stream, ASL_return_read_err)
+                                  : pfgh_read_ASL(asl_, stream, ASL_return_read_err);
+    });
+    if (came && stream != nullptr && fault == 0) return {};
+    return unexpected(failure(ErrorCode::internal,
+                              "AMPL's library does not take the model, error " + std::to_string(fault)));
+  }
+  [[nodiscard]] ASL* asl() const { return asl_; }
+  [[nodiscard]] std::size_t columns() const { return static_cast<std::size_t>(asl_->i.n_var_); }
+  [[nodiscard]] std::size_t rows() const { return static_cast<std::size_t>(asl_->i.n_con_); }
+
+  static real* point(std::span<const double> x) { return const_cast<real*>(x.data()); }
+  [[nodiscard]] double objective(std::span<const double> x) const {
+    double value = kNaN;
+    return asked([&](fint* failed) { value = asl_->p.Objval(asl_, 0, point(x), failed); }) ? value : kNaN;
+  }
+  [[nodiscard]] bool all_rows(std::span<const double> x, std::span<double> values) const {
+    return rows() == 0 || asked([&](fint* failed) { asl_->p.Conval(asl_, point(x), values.data(), failed); });
+  }
+  [[nodiscard]] double row(int index, std::span<const double> x) const {
+    double value = kNaN;
+    return asked([&](fint* failed) { value = asl_->p.Conival(asl_, index, point(x), failed); }) ? value
+                                                                                                : kNaN;
+  }
+  /// Whether the library did what `ask` asks for; else it is to forget the point, which it may know by half.
+  template <class Ask>
+  [[nodiscard]] bool asked(const Ask& ask) const {
+    fint failed = 0;
+    if (reaches_end(asl_, [&] { ask(&failed); }) && failed == 0) return true;
+    asl_->i.x0kind_ = ASL_first_x;
+    return false;
+  }
+
+ private:
+  ASL* asl_ = nullptr;
+};
+
 }  // namespace
 
 struct AslFunctions::Library {
-  ASL* asl = nullptr;
+  Reading first, second;  ///< derivatives: the reading for second ones has wrong first ones at times
   std::size_t n = 0, m = 0;
   SparseMatrix jacobian, hessian;
   std::vector<double> given;       ///< second derivatives in the library's order
   std::vector<std::size_t> order;  ///< of the hessian's entries: where they are in `given`
   std::vector<double> rows, y;     ///< scratch
 
-  Library() = default;
-  Library(const Library&) = delete;
-  Library& operator=(const Library&) = delete;
-  ~Library() {
-    if (asl != nullptr) ASL_free(&asl);
-  }
-
   [[nodiscard]] Expected<void> read(const std::string& content);
   void take_jacobian();
   void take_hessian();
-
-  // It takes the point by a pointer to what is not constant, and leaves it.
-  static real* point(std::span<const double> x) { return const_cast<real*>(x.data()); }
-  [[nodiscard]] double objective(std::span<const double> x) const {
-    fint failed = 0;
-    double value = kNaN;
-    const bool came = reaches_end(asl, [&] { value = asl->p.Objval(asl, 0, point(x), &failed); });
-    return came && failed == 0 ? value : forgotten();
-  }
-  [[nodiscard]] bool all_rows(std::span<const double> x, std::span<double> values) const {
-    if (m == 0) return true;
-    fint failed = 0;
-    const bool came = reaches_end(asl, [&] { asl->p.Conval(asl, point(x), values.data(), &failed); });
-    if (came && failed == 0) return true;
-    static_cast<void>(forgotten());
-    return false;
-  }
-  [[nodiscard]] double row(int index, std::span<const double> x) const {
-    fint failed = 0;
-    double value = kNaN;
-    const bool came = reaches_end(asl, [&] { value = asl->p.Conival(asl, index, point(x), &failed); });
-    return came && failed == 0 ? value : forgotten();
-  }
-  // What the library knows of the point may be half of it.
-  [[nodiscard]] double forgotten() const {
-    asl->i.x0kind_ = ASL_first_x;
-    return kNaN;
-  }
 };
 
 Expected<void> AslFunctions::Library::read(const std::string& content) {
   auto file = TemporaryFile::of(content);
   if (!file) return unexpected(file.error());
-  const std::string stub = file->stub();
   const KeptFloatingPoint kept;
-  asl = ASL_alloc(ASL_read_pfgh);
-  if (asl == nullptr)
-    return unexpected(failure(ErrorCode::resource_exhausted, "no memory for the functions"));
-  asl->i.return_nofile_ = 3;  // neither a missing file nor a faulty header ends the process
-  FILE* stream = nullptr;
-  int fault = 0;
-  const bool came = reaches_end(asl, [&] {
-    stream = jac0dim_ASL(asl, stub.c_str(), static_cast<ftnlen>(stub.size()));
-    if (stream != nullptr) fault = pfgh_read_ASL(asl, stream, ASL_return_read_err);
-  });
-  if (!came || stream == nullptr || fault != 0)
-    return unexpected(failure(ErrorCode::internal,
-                              "AMPL's library does not take the model, error " + std::to_string(fault)));
-  n = static_cast<std::size_t>(asl->i.n_var_), m = static_cast<std::size_t>(asl->i.n_con_);
+  if (auto done = first.read(file->stub(), ASL_read_fg); !done) return done;
+  if (auto done = second.read(file->stub(), ASL_read_pfgh); !done) return done;
+  n = first.columns(), m = first.rows();
   rows.resize(m), y.resize(m);
   take_jacobian();
   fint entries = 0;
-  const bool set = reaches_end(asl, [&] { entries = asl->p.Sphset(asl, nullptr, -1, 1, m > 0 ? 1 : 0, 1); });
-  if (!set) return unexpected(failure(ErrorCode::internal, "AMPL's library has no second derivatives"));
+  ASL* const asl = second.asl();
+  if (!second.asked([&](fint*) { entries = asl->p.Sphset(asl, nullptr, -1, 1, m > 0 ? 1 : 0, 1); }))
+    return unexpected(failure(ErrorCode::internal, "AMPL's library has no second derivatives"));
   given.resize(static_cast<std::size_t>(entries));
   take_hessian();
   return {};
 }
 
 void AslFunctions::Library::take_jacobian() {
+  const ASL* const asl = first.asl();
   const auto entries = static_cast<std::size_t>(asl->i.nzc_);
   const auto rows_of = static_cast<Index>(m), columns = static_cast<Index>(n);
   jacobian = {rows_of, columns, std::vector<Index>(n + 1, 0), std::vector<Index>(entries, 0),
@@ -173,7 +188,7 @@ void AslFunctions::Library::take_jacobian() {
 }
 
 void AslFunctions::Library::take_hessian() {
-  const SputInfo& pattern = *asl->i.sputinfo_;
+  const SputInfo& pattern = *second.asl()->i.sputinfo_;
   hessian = {static_cast<Index>(n), static_cast<Index>(n), {0}, {}, std::vector<double>(given.size(), 0.0)};
   order.resize(given.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
@@ -198,41 +213,48 @@ Expected<AslFunctions> AslFunctions::open(const std::string& content) {
   return AslFunctions(std::move(library));
 }
 
-double AslFunctions::objective(std::span<const double> x) { return library_->objective(x); }
+double AslFunctions::objective(std::span<const double> x) { return library_->first.objective(x); }
 
 void AslFunctions::rows(std::span<const double> x, std::span<double> values) {
-  if (library_->all_rows(x, values)) return;
-  for (std::size_t i = 0; i < values.size(); ++i) values[i] = library_->row(static_cast<int>(i), x);
+  if (library_->first.all_rows(x, values)) return;
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = row(i, x);
 }
 
+double AslFunctions::row(std::size_t index, std::span<const double> x) {
+  return library_->first.row(static_cast<int>(index), x);
+}
+
+// Values come first: asked for by the library itself, what they lack would be told on standard error.
 void AslFunctions::gradient(std::span<const double> x, std::span<double> values) {
-  ASL* const asl = library_->asl;
-  fint failed = 0;
-  const bool came =
-      reaches_end(asl, [&] { asl->p.Objgrd(asl, 0, Library::point(x), values.data(), &failed); });
-  if (!came || failed != 0) std::ranges::fill(values, library_->forgotten());
+  const Reading& of = library_->first;
+  ASL* const asl = of.asl();
+  const bool good = std::isfinite(of.objective(x)) && of.asked([&](fint* failed) {
+    asl->p.Objgrd(asl, 0, Reading::point(x), values.data(), failed);
+  });
+  if (!good) std::ranges::fill(values, kNaN);
 }
 
 const SparseMatrix& AslFunctions::jacobian(std::span<const double> x) {
   Library& of = *library_;
   if (of.m == 0) return of.jacobian;
-  fint failed = 0;
-  const bool came = reaches_end(
-      of.asl, [&] { of.asl->p.Jacval(of.asl, Library::point(x), of.jacobian.values.data(), &failed); });
-  if (!came || failed != 0) std::ranges::fill(of.jacobian.values, of.forgotten());
+  ASL* const asl = of.first.asl();
+  const bool good = of.first.all_rows(x, of.rows) && of.first.asked([&](fint* failed) {
+    asl->p.Jacval(asl, Reading::point(x), of.jacobian.values.data(), failed);
+  });
+  if (!good) std::ranges::fill(of.jacobian.values, kNaN);
   return of.jacobian;
 }
 
 const SparseMatrix& AslFunctions::hessian(std::span<const double> x, double weight,
                                           std::span<const double> y) {
   Library& of = *library_;
-  static_cast<void>(of.objective(x));  // so it knows the point
-  bool came = of.all_rows(x, of.rows);
+  ASL* const asl = of.second.asl();
   std::ranges::copy(y, of.y.begin());
-  came = came && reaches_end(of.asl, [&] {
-           of.asl->p.Sphes(of.asl, nullptr, of.given.data(), -1, &weight, of.m > 0 ? of.y.data() : nullptr);
-         });
-  if (!came) std::ranges::fill(of.given, of.forgotten());
+  const bool good =
+      std::isfinite(of.second.objective(x)) && of.second.all_rows(x, of.rows) && of.second.asked([&](fint*) {
+        asl->p.Sphes(asl, nullptr, of.given.data(), -1, &weight, of.m > 0 ? of.y.data() : nullptr);
+      });
+  if (!good) std::ranges::fill(of.given, kNaN);
   for (std::size_t k = 0; k < of.order.size(); ++k) of.hessian.values[k] = of.given[of.order[k]];
   return of.hessian;
 }

@@ -14,8 +14,8 @@ namespace marble::formats {
 /// n variables, m rows. What has no value at a point is NaN there. Not for several threads at a time.
 class AslFunctions {
  public:
-  /// Of a file that read_expressions() wrote. Errors: internal (the library does not take it), unavailable
-  /// (no place for a temporary file), resource_exhausted.
+  /// Of a file that read_expressions() wrote. Errors: internal (the library does not take it),
+  /// resource_exhausted (no place for a temporary file, no memory).
   [[nodiscard]] static Expected<AslFunctions> open(const std::string& content);
   AslFunctions(AslFunctions&&) noexcept;
   AslFunctions& operator=(AslFunctions&&) noexcept;
@@ -23,6 +23,7 @@ class AslFunctions {
 
   [[nodiscard]] double objective(std::span<const double> x);
   void rows(std::span<const double> x, std::span<double> values);
+  [[nodiscard]] double row(std::size_t index, std::span<const double> x);
   void gradient(std::span<const double> x, std::span<double> values);
 
   /// m × n, its pattern fixed; rows ascend within a column.

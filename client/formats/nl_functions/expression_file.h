@@ -15,7 +15,10 @@ namespace marble::formats {
 struct ExpressionFile {
   std::string content;  ///< binary: one objective to be minimised and all rows, without bounds
   NlHeader header;
-  /// All but the expressions: its variables are the file's and, after them, one for the value of each row.
+  /// Long defined variables, by the file's number: variables after the file's, each with a row after the
+  /// file's.
+  std::vector<int> lifted;
+  /// All but the expressions: after the variables there is one more for the value of each row.
   NlModel model;
 };
 

@@ -171,27 +171,78 @@ class FileFunctions {
   SparseMatrix hessian_;
 };
 
-// Where the file begins, within its bounds.
-std::vector<double> start_of(const NlModel& model, std::size_t n) {
-  std::vector<double> start = model.initial;
-  start.resize(n, 0.0);
+// Whether the library's second derivatives are those of its first ones, at x in one direction: it errs where
+// linear terms within a function cancel. True where that cannot be told.
+bool second_derivatives_agree(AslFunctions& functions, const std::vector<double>& x, std::size_t m) {
+  constexpr double kStep = 1e-5, kShare = 1e-4, kNoise = 1e-7;
+  const std::size_t n = x.size();
+  std::vector<double> direction(n), weights(m);
+  for (std::size_t j = 0; j < n; ++j)
+    direction[j] = (1.0 + std::abs(x[j])) / (1.0 + static_cast<double>(j % 7));
+  for (std::size_t i = 0; i < m; ++i) weights[i] = 1.0 / (1.0 + static_cast<double>(i % 5));
+  const auto slope = [&](double step) {  // of the objective and all rows
+    std::vector<double> there = x, sum(n);
+    for (std::size_t j = 0; j < n; ++j) there[j] += step * direction[j];
+    functions.gradient(there, sum);
+    const SparseMatrix& J = functions.jacobian(there);
+    for (std::size_t j = 0; j < n && m > 0; ++j) {
+      for (Index k = J.column_pointers[j]; k < J.column_pointers[j + 1]; ++k)
+        sum[j] += J.values[at(k)] * weights[at(J.row_indices[at(k)])];
+    }
+    return sum;
+  };
+  const std::vector<double> ahead = slope(kStep), behind = slope(-kStep);
+  std::vector<double> product(n, 0.0);
+  const SparseMatrix& H = functions.hessian(x, 1.0, weights);
   for (std::size_t j = 0; j < n; ++j) {
-    const NlBounds& bounds = model.bounds[j];
+    for (Index k = H.column_pointers[j]; k < H.column_pointers[j + 1]; ++k) {
+      const std::size_t i = at(H.row_indices[at(k)]);
+      product[i] += H.values[at(k)] * direction[j];
+      if (i != j) product[j] += H.values[at(k)] * direction[i];
+    }
+  }
+  double most = 0.0, size = 0.0, apart = 0.0;
+  for (std::size_t j = 0; j < n; ++j) {
+    const double difference = (ahead[j] - behind[j]) / (2.0 * kStep);
+    most = std::max(most, std::abs(ahead[j]));
+    size = std::max({size, std::abs(difference), std::abs(product[j])});
+    apart += std::abs(difference - product[j]);
+  }
+  return !std::isfinite(apart) || apart <= kShare * size + kNoise * (1.0 + most);
+}
+
+// Where the file begins, within its bounds; its long defined variables begin at their values.
+std::vector<double> start_of(const ExpressionFile& file, AslFunctions& functions) {
+  const auto given = static_cast<std::size_t>(file.header.variables),
+             rows = static_cast<std::size_t>(file.header.constraints);
+  std::vector<double> start = file.model.initial;
+  start.resize(given + file.lifted.size(), 0.0);
+  for (std::size_t j = 0; j < given; ++j) {
+    const NlBounds& bounds = file.model.bounds[j];
     if (bounds.low <= bounds.high) start[j] = std::clamp(start[j], bounds.low, bounds.high);
   }
+  for (std::size_t k = 0; k < file.lifted.size(); ++k)
+    start[given + k] = functions.row(rows + k, start);  // expression − variable
   return start;
 }
 
 // A function without a value where the loop begins: the first one's name.
-Expected<void> check_start(double objective, std::span<const double> rows, const NlNames& names) {
+Expected<void> check_start(const ExpressionFile& file, AslFunctions& functions, std::span<const double> start,
+                           std::span<const double> rows, const NlNames& names) {
   const auto fault = [&](NlPlace place) {
     return unexpected(place.named(
         invalid("x", "must be a point where every function has a value: there is none at the initial point"),
         names));
   };
-  const auto bad = std::ranges::find_if(rows, [](double value) { return !std::isfinite(value); });
-  if (bad != rows.end()) return fault({NlPlace::Kind::row, static_cast<int>(bad - rows.begin())});
-  if (!std::isfinite(objective)) return fault({NlPlace::Kind::objective});
+  const auto given = static_cast<std::size_t>(file.header.constraints);
+  for (std::size_t k = 0; k < file.lifted.size(); ++k) {
+    if (!std::isfinite(start[static_cast<std::size_t>(file.header.variables) + k]))
+      return fault({NlPlace::Kind::definition, file.lifted[k]});
+  }
+  for (std::size_t i = 0; i < given; ++i) {
+    if (!std::isfinite(rows[i])) return fault({NlPlace::Kind::row, static_cast<int>(i)});
+  }
+  if (!std::isfinite(functions.objective(start))) return fault({NlPlace::Kind::objective});
   return {};
 }
 
@@ -201,24 +252,29 @@ Expected<NlNonlinear> parse_nonlinear_nl(std::string_view content, const std::st
                                          const NlNames& names) {
   auto file = read_expressions(content, names);
   if (!file) return unexpected(file.error());
-  const auto n = static_cast<std::size_t>(file->header.variables),
-             m = static_cast<std::size_t>(file->header.constraints);
   auto functions = AslFunctions::open(file->content);
   if (!functions) return unexpected(functions.error());
-  std::vector<double>& start = file->model.initial = start_of(file->model, n);
+  std::vector<double> start = start_of(*file, *functions);
+  const std::size_t n = start.size(), m = file->model.row_bounds.size();
   std::vector<double> rows(m);
   functions->rows(start, rows);
-  if (auto begins = check_start(functions->objective(start), rows, names); !begins)
+  if (auto begins = check_start(*file, *functions, start, rows, names); !begins)
     return unexpected(begins.error());
+  std::vector<double> beside = start;  // where less is zero
+  for (std::size_t j = 0; j < n; ++j) beside[j] += 0.01 * (1.0 + static_cast<double>(j % 3));
+  const bool trusted =
+      second_derivatives_agree(*functions, start, m) && second_derivatives_agree(*functions, beside, m);
   start.insert(start.end(), rows.begin(), rows.end());
+  file->model.initial = std::move(start);
   file->model.bounds_apart = true;
   auto linear = as_lcqp(std::move(file->model), name, names);
   if (!linear) return unexpected(linear.error());
 
   NlNonlinear made;
-  made.variables = static_cast<int>(n), made.constraints = static_cast<int>(m);
+  made.variables = file->header.variables, made.constraints = file->header.constraints;
   made.name = name, made.names = names, made.maximize = linear->maximize;
   made.row_duals = std::move(linear->row_duals), made.reduced_costs = std::move(linear->reduced_costs);
+  std::erase_if(made.row_duals, [&](const DualTerm& term) { return term.of >= made.constraints; });
   OwnedProblem& blocks = linear->file.problem;
   made.equalities = blocks.b.size(), made.inequalities = blocks.d.size(), made.pairs = blocks.l.size();
   made.problem.start = std::move(blocks.initial_z);
@@ -232,6 +288,7 @@ Expected<NlNonlinear> parse_nonlinear_nl(std::string_view content, const std::st
                                                    made.sign(), made.problem.start);
   made.problem.values = [all](std::span<const double> x) { return all->values(x); };
   made.problem.derivatives = [all](std::span<const double> x) { return all->derivatives(x); };
+  if (!trusted) return made;
   made.problem.hessian = [all](std::span<const double> x, const nonlinear::Multipliers& multipliers) {
     return all->hessian(x, multipliers);
   };

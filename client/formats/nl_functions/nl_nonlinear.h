@@ -14,8 +14,9 @@ namespace marble::formats {
 /// whose blocks are c_E, c_I, G and H.
 struct NlNonlinear {
   std::string name;
-  nonlinear::Problem
-      problem;  ///< its first variables are the file's; mixed complementarity adds some after them
+  /// Its first variables are the file's. Long defined variables are some too, then mixed complementarity adds
+  /// two each.
+  nonlinear::Problem problem;
   int variables = 0, constraints = 0;  ///< of the file
   std::size_t equalities = 0, inequalities = 0, pairs = 0;
   bool maximize = false;                ///< the problem minimizes the negative
