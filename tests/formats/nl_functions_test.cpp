@@ -221,7 +221,7 @@ class ByChance {
   int defined_ = 0;
 };
 
-TEST(NlFunctions, DerivativesOfExpressionsMadeByChanceAgreeWithDifferences) {
+TEST(NlFunctions, DerivativesOfExpressionsMadeByChanceAgreeWithDifferencesOrAreNotGiven) {
   int without = 0;
   for (unsigned seed = 0; seed < 200; ++seed) {
     SCOPED_TRACE(seed);
@@ -234,12 +234,35 @@ TEST(NlFunctions, DerivativesOfExpressionsMadeByChanceAgreeWithDifferences) {
       ++without;
       continue;
     }
-    expect_second_derivatives(
-        nl.problem, x,
-        {.equalities = {0.3, -0.4}, .inequalities = {0.5}, .G = {0.2, 0.3}, .H = {0.4, 0.6}, .bounds = {}},
-        1e-5);
+    const nonlinear::Values there = nl.problem.values(x);
+    nonlinear::Multipliers m{.equalities = std::vector<double>(there.equalities.size(), 0.3),
+                             .inequalities = std::vector<double>(there.inequalities.size(), 0.5),
+                             .G = std::vector<double>(there.G.size(), 0.2),
+                             .H = std::vector<double>(there.H.size(), 0.4),
+                             .bounds = {}};
+    expect_second_derivatives(nl.problem, x, m, 1e-5);
   }
   EXPECT_LE(without, 20) << "models whose second derivatives the library has wrong";
+}
+
+TEST(NlFunctions, ALongDefinedVariableIsAVariableThatBeginsAtItsValue) {
+  NlWriter nl(false, 1, 1, 1);
+  nl.key('V').integer(1).integer(0).integer(0).operation(54).integer(80);
+  for (int i = 0; i < 80; ++i) nl.operation(41).variable(0);
+  nl.key('C').integer(0).operation(2).variable(1).variable(1);
+  nl.key('O').integer(0).integer(0).operation(44).variable(1);
+  nl.key('x').integer(1).entry(0, 0.5);
+  nl.key('r').at_most(9.0).key('b').free();
+  const NlNonlinear read_one = read(nl.content());
+  const double value = 80.0 * std::sin(0.5);
+  ASSERT_EQ(read_one.problem.start.size(), 2U);
+  EXPECT_NEAR(read_one.problem.start[1], value, 1e-12);
+  const nonlinear::Values there = read_one.problem.values(read_one.problem.start);
+  EXPECT_NEAR(there.objective, std::exp(value), 1e-9 * std::exp(value));
+  ASSERT_EQ(there.equalities.size(), 1U);
+  EXPECT_NEAR(there.equalities[0], 0.0, 1e-12);
+  EXPECT_EQ(read_one.variables, 1);
+  for (const DualTerm& term : read_one.row_duals) EXPECT_EQ(term.of, 0) << "its row is not the file's";
 }
 
 TEST(NlFunctions, TextAndBinaryHaveTheSameBits) {
