@@ -155,8 +155,7 @@ Expected<Solution> solve(const NlProblem& nl, const Settings& settings, std::sto
   const bool has_duals = std::ranges::any_of(nl.initial_duals, [](double dual) { return dual != 0.0; });
   std::optional<Solution> start;
   if (has_duals && !problem.initial_z.empty()) controls.warm_start = &start.emplace(initial_answer(nl));
-  if (is_here(settings))
-    return solve_in_process(problem.view(), settings.options, controls);
+  if (is_here(settings)) return solve_in_process(problem.view(), settings.options, controls);
   ServerArguments arguments;
   arguments.server = settings.server;
   const auto client = connect(arguments);
