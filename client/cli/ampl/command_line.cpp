@@ -6,6 +6,7 @@
 
 #include "base/option_text.h"
 #include "marble/contract.h"
+#include "nonlinear/nonlinear_settings.h"
 
 namespace marble::cli::ampl {
 namespace {
@@ -83,8 +84,10 @@ Expected<void> apply(const std::vector<std::string>& assignments, Settings& sett
     } else if (name == kOutlev.name) {
       if (value != "0" && value != "1") return unexpected(invalid(name, value, "must be 0 or 1"));
       settings.tells = value == "1";
-    } else if (auto set = set_option_text(settings.options, name, value); !set) {
-      return set;
+    } else {
+      if (auto set = set_nonlinear_text(settings.nonlinear, name, value); !set) return set;
+      if (is_nonlinear_word(name)) continue;
+      if (auto set = set_option_text(settings.options, name, value); !set) return set;
     }
   }
   return {};
@@ -92,6 +95,8 @@ Expected<void> apply(const std::vector<std::string>& assignments, Settings& sett
 
 void print_options() {
   for (const Word& word : {kServer, kOutlev}) std::printf("%-26s %s\n", word.name, word.doc);
+  for (const NonlinearWord& word : nonlinear_words())
+    std::printf("%-26s %s; %s\n", word.name, word.doc, word.value);
   for (const OptionInfo& option : option_table()) {
     std::printf("%-26s %s; %s\n", std::string(option.name).c_str(), std::string(option.doc).c_str(),
                 option_text(option, option.default_value).c_str());

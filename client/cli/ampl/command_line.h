@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "marble/error.h"
+#include "marble/nonlinear.h"
 #include "marble/options.h"
 
 namespace marble::cli::ampl {
@@ -28,16 +29,17 @@ struct CommandLine {
 /// What the assignments say; a later one counts.
 struct Settings {
   Options options;
-  std::string server;  ///< empty, or "local": this process
-  bool tells = false;  ///< outlev: a row an iteration, on standard output
+  nonlinear::Settings nonlinear;  ///< of a nonlinear file
+  std::string server;             ///< empty, or "local": this process
+  bool tells = false;             ///< outlev: a row an iteration, on standard output
 };
 
 /// "name=value", "name = value" or, of a switch, "name": of AMPL's option marble_options, words between
 /// blanks.
 [[nodiscard]] std::vector<std::string> assignments_of(const std::string& text);
 
-/// The names are those of the solver's options (marble options), and `server` and `outlev`. Errors:
-/// invalid_argument, with the name.
+/// The names are those of the solver's options (marble options), those of nonlinear_words(), and `server` and
+/// `outlev`. Errors: invalid_argument, with the name.
 [[nodiscard]] Expected<void> apply(const std::vector<std::string>& assignments, Settings& settings);
 
 /// For -=: the names and what they mean.

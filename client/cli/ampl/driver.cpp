@@ -20,6 +20,9 @@
 #include "nl/nl_problem.h"
 #include "nl/nl_tokens.h"
 #include "nl/sol_file.h"
+#include "nl_functions/nl_nonlinear.h"
+#include "nonlinear/nonlinear_report.h"
+#include "nonlinear/nonlinear_solve.h"
 #include "output/iteration_table.h"
 #include "output/proof.h"
 #include "output/text_table.h"
@@ -29,6 +32,7 @@ namespace marble::cli::ampl {
 namespace {
 
 using formats::MultiplierView;
+using formats::NlNonlinear;
 using formats::NlProblem;
 using formats::SolFile;
 using formats::SolSuffix;
@@ -36,7 +40,7 @@ using formats::SolSuffix;
 // solve_result_num by AMPL's ranges: 0 solved, 100 solved?, 200 infeasible, 300 unbounded, 400 limit, 500
 // failure.
 enum Code {
-  kNotAnLcqp = 510,  // the file, or what it asks for
+  kNotTaken = 510,  // the file, or what it asks for
   kWrongOption = 520,
   kNoAnswer = 530,  // of a server
 };
@@ -124,6 +128,26 @@ void add_answer(const NlProblem& nl, const Solution& s, SolFile& sol) {
   add_proofs(nl, s, sol);
 }
 
+void add_answer(const NlNonlinear& nl, const nonlinear::Answer& a, SolFile& sol) {
+  sol.message = banner() + to_string(a.status);
+  if (is_solved(a.status)) sol.message += "; objective " + formatted("%.10g", nl.sign() * a.objective);
+  sol.message += "\n" + std::to_string(a.iterations) + " iterations, " + std::to_string(a.ticks) +
+                 " LCQPs, " + std::to_string(a.factorizations) + " factorizations";
+  if (!is_solved(a.status)) sol.message += "\n" + a.detail + "\n" + advice(a.status);
+  sol.code = code_of(a.status);
+  NonlinearVectors vectors = NonlinearVectors::of(nl, a);
+  sol.primals = std::move(vectors.x), sol.duals = std::move(vectors.duals);
+  if (!is_solved(a.status)) return;
+  const auto of = SolSuffix::Of::variables;
+  sol.suffixes = {suffix("rc", of, vectors.reduced_costs),
+                  suffix("lower_bound_duals", of, vectors.lower_bound_duals),
+                  suffix("upper_bound_duals", of, vectors.upper_bound_duals)};
+}
+
+bool is_here(const Settings& settings) {
+  return settings.server.empty() || settings.server == contract::local_address;
+}
+
 Expected<Solution> solve(const NlProblem& nl, const Settings& settings, std::stop_token stop) {
   const OwnedProblem& problem = nl.file.problem;
   IterationTable table(false, stdout);
@@ -131,8 +155,7 @@ Expected<Solution> solve(const NlProblem& nl, const Settings& settings, std::sto
   const bool has_duals = std::ranges::any_of(nl.initial_duals, [](double dual) { return dual != 0.0; });
   std::optional<Solution> start;
   if (has_duals && !problem.initial_z.empty()) controls.warm_start = &start.emplace(initial_answer(nl));
-  if (settings.server.empty() || settings.server == contract::local_address)
-    return solve_in_process(problem.view(), settings.options, controls);
+  if (is_here(settings)) return solve_in_process(problem.view(), settings.options, controls);
   ServerArguments arguments;
   arguments.server = settings.server;
   const auto client = connect(arguments);
@@ -143,9 +166,27 @@ Expected<Solution> solve(const NlProblem& nl, const Settings& settings, std::sto
   return unexpected(answer.error());
 }
 
+Expected<nonlinear::Answer> solve(const NlNonlinear& nl, const Settings& settings, std::stop_token stop) {
+  nonlinear::Settings of = settings.nonlinear;
+  of.stop = std::move(stop);
+  NonlinearTable table(nl.sign(), false, stdout);
+  if (settings.tells) of.iteration = [&table](const nonlinear::Iteration& row) { table.report(row); };
+  ServerArguments arguments;
+  arguments.server = settings.server;
+  return solve_nonlinear(nl, of, is_here(settings) ? nullptr : &arguments);
+}
+
 void refuse(SolFile& sol, int code, const Error& error) {
   sol.message = banner() + error.message();
   sol.code = code;
+}
+
+template <class Nl>
+void answer(const Nl& nl, const Settings& settings, SolFile& sol) {
+  const Interrupt interrupt;
+  const auto found = solve(nl, settings, interrupt.token());
+  if (found) return add_answer(nl, *found, sol);
+  refuse(sol, found.error().code == ErrorCode::invalid_argument ? kNotTaken : kNoAnswer, found.error());
 }
 
 // What the .sol file is to say, as far as one can be written: the header tells the sizes.
@@ -169,18 +210,14 @@ Expected<SolFile> run(const CommandLine& line) {
       return sol;
     }
   }
-  const auto nl = formats::parse_nl_problem(*content, line.stub.substr(line.stub.find_last_of('/') + 1),
-                                            formats::NlNames::beside(line.stub));
-  if (!nl) {
-    refuse(sol, kNotAnLcqp, nl.error());
-    return sol;
-  }
-  const Interrupt interrupt;
-  const auto answer = solve(*nl, settings, interrupt.token());
-  if (answer) {
-    add_answer(*nl, *answer, sol);
+  const std::string name = line.stub.substr(line.stub.find_last_of('/') + 1);
+  const auto names = formats::NlNames::beside(line.stub);
+  if (const auto nl = formats::parse_nl_problem(*content, name, names)) {
+    answer(*nl, settings, sol);
+  } else if (const auto bent = formats::parse_nonlinear_nl(*content, name, names)) {
+    answer(*bent, settings, sol);
   } else {
-    refuse(sol, kNoAnswer, answer.error());
+    refuse(sol, kNotTaken, bent.error());
   }
   return sol;
 }

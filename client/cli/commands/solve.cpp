@@ -1,3 +1,4 @@
+#include <chrono>
 #include <cstdio>
 #include <iostream>
 #include <memory>
@@ -9,6 +10,12 @@
 #include "commands/solve_files.h"
 #include "formats.h"
 #include "marble/client.h"
+#include "marble/solver.h"
+#include "nonlinear/nonlinear_report.h"
+#include "nonlinear/nonlinear_settings.h"
+#include "nonlinear/nonlinear_solve.h"
+#include "output/iteration_table.h"
+#include "parts/file_bytes.h"
 
 namespace marble::cli {
 namespace {
@@ -53,19 +60,75 @@ Expected<Answer> solve_there(const SolveArguments& arguments, const Client& clie
   return answer;
 }
 
+// The words that are of nonlinear files alone are no solver's options.
+Expected<Options> options_of_lcqps(SolverArguments arguments) {
+  std::erase_if(arguments.options, [](const std::string& word) {
+    return word.find('=') != std::string::npos && is_nonlinear_word(word.substr(0, word.find('=')));
+  });
+  return parse_options(arguments);
+}
+
+Expected<nonlinear::Settings> nonlinear_settings(const SolverArguments& arguments) {
+  nonlinear::Settings settings;
+  std::vector<std::string> words = arguments.options;
+  if (!arguments.time_limit_s.empty()) words.push_back("time_limit_s=" + arguments.time_limit_s);
+  for (const std::string& word : words) {
+    const std::size_t equals = word.find('=');
+    auto set = set_nonlinear_text(settings, word.substr(0, equals), word.substr(equals + 1));
+    if (!set) return unexpected(set.error());
+  }
+  return settings;
+}
+
+// An .nl file that is no LCQP; nothing of any other file.
+std::optional<int> solve_nonlinear_file(const SolveArguments& arguments, nonlinear::Settings settings,
+                                        const std::string& path, std::stop_token stop) {
+  if (!path.ends_with(".nl")) return std::nullopt;
+  const auto content = formats::read_bytes(path);
+  if (!content) return std::nullopt;
+  const std::string stub = path.substr(0, path.size() - 3), name = stub.substr(stub.find_last_of('/') + 1);
+  const auto nl = or_out_of_memory(
+      [&] { return formats::parse_nonlinear_nl(*content, name, formats::NlNames::beside(stub)); });
+  if (!nl) return tell_error(arguments, path, "", nl.error(), false);
+  if (!arguments.trace.empty()) {
+    return tell_error(arguments, path, name,
+                      invalid("--trace", "is the convergence of an LCQP: this problem is nonlinear"), false);
+  }
+  if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
+  NonlinearTable table(nl->sign(), colours_wanted(), stderr);
+  if (!arguments.quiet) settings.iteration = [&table](const nonlinear::Iteration& row) { table.report(row); };
+  settings.stop = std::move(stop);
+  const bool here = arguments.here();
+  const auto begun = std::chrono::steady_clock::now();
+  const auto answer = solve_nonlinear(*nl, settings, here ? nullptr : &arguments.server);
+  if (!answer) return tell_error(arguments, path, name, answer.error(), !here);
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+  std::cout << (arguments.json() ? json_line(path, *nl, *answer, seconds) + "\n"
+                                 : summary(*nl, *answer, seconds))
+            << std::flush;
+  return is_solved(answer->status) ? kAllSolved : kNotSolved;
+}
+
 int run(const SolveArguments& arguments) {
-  const auto options = parse_options(arguments.solver);
+  const auto options = options_of_lcqps(arguments.solver);
   if (!options) return option_fails(options.error());
-  if (arguments.here()) return solve_files(arguments, *options, {formats::read_any_problem, solve_here});
+  const auto nonlinear = nonlinear_settings(arguments.solver);
+  if (!nonlinear) return option_fails(nonlinear.error());
+  SolveMeans means{formats::read_any_problem, solve_here};
+  means.otherwise = [&](const std::string& path, std::stop_token stop) {
+    return solve_nonlinear_file(arguments, *nonlinear, path, std::move(stop));
+  };
+  if (arguments.here()) return solve_files(arguments, *options, means);
   const auto client = connect(arguments.server);
   if (!client) {
     std::cerr << "marble: " << client.error().message() << '\n';
     return kBadInput;
   }
-  const auto solve = [&](const OwnedProblem& problem, const Options& own, const SolveControls& controls) {
+  means.solve = [&](const OwnedProblem& problem, const Options& own, const SolveControls& controls) {
     return solve_there(arguments, *client, problem, own, controls);
   };
-  return solve_files(arguments, *options, {formats::read_any_problem, solve, true});
+  means.remote = true;
+  return solve_files(arguments, *options, means);
 }
 
 }  // namespace

@@ -29,18 +29,15 @@ class Listeners final : public ProgressSink {
   TraceWriter* trace_;
 };
 
-// `remote`: the error may be the server's.
-int tell_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
-               const Error& error, bool remote) {
-  std::cerr << "marble: " << file << ": " << error.message() << '\n';
-  if (arguments.json()) std::cout << json_line(file, name, error) << '\n' << std::flush;
-  return remote ? exit_code_of(error) : exit_code_of_local(error);
-}
-
 int solve_file(const SolveArguments& arguments, const std::string& path, const Options& options,
                const SolveMeans& means, TraceWriter* trace, std::stop_token stop) {
   const auto file = means.read(path);
-  if (!file) return tell_error(arguments, path, "", file.error(), false);
+  if (!file) {
+    if (means.otherwise) {
+      if (const auto outcome = means.otherwise(path, stop)) return *outcome;
+    }
+    return tell_error(arguments, path, "", file.error(), false);
+  }
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
   Listeners listeners(!arguments.quiet, trace);
   const SolveControls controls{listeners.sink(), std::move(stop), file->problem.initial_z};
@@ -70,6 +67,13 @@ Expected<std::optional<TraceWriter>> open_trace(const SolveArguments& arguments)
 }
 
 }  // namespace
+
+int tell_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
+               const Error& error, bool remote) {
+  std::cerr << "marble: " << file << ": " << error.message() << '\n';
+  if (arguments.json()) std::cout << json_line(file, name, error) << '\n' << std::flush;
+  return remote ? exit_code_of(error) : exit_code_of_local(error);
+}
 
 Expected<Answer> solve_here(const OwnedProblem& problem, const Options& options,
                             const SolveControls& controls) {

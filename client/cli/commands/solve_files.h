@@ -2,6 +2,8 @@
 #pragma once
 
 #include <functional>
+#include <optional>
+#include <stop_token>
 #include <string>
 
 #include "arguments/solve_arguments.h"
@@ -15,11 +17,17 @@ struct SolveMeans {
   std::function<Expected<ProblemFile>(const std::string& path)> read;
   std::function<Expected<Answer>(const OwnedProblem&, const Options&, const SolveControls&)> solve;
   bool remote = false;  ///< errors of `solve` may be the server's
+  /// For a file that `read` does not take: the outcome, once it is solved and told of, or nothing.
+  std::function<std::optional<int>(const std::string& path, std::stop_token stop)> otherwise = {};
 };
 
 /// In this process. The solver's own contract: one that is stopped answers with its best iterate.
 [[nodiscard]] Expected<Answer> solve_here(const OwnedProblem& problem, const Options& options,
                                           const SolveControls& controls);
+
+/// Tells of a file without an answer; the exit code. `remote`: the error may be the server's.
+int tell_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
+               const Error& error, bool remote);
 
 /// Solves and tells of each; the exit code.
 [[nodiscard]] int solve_files(const SolveArguments& arguments, const Options& options,

@@ -107,6 +107,12 @@ class Assembly {
     return add_bounded(row, low, high, "r", index, made_.row_duals);
   }
 
+  // Refused by the same rule as rows of them would be.
+  Expected<void> keep_bounds(Index index, const NlBounds& bounds) {
+    made_.bounds.emplace_back(bounds.low, bounds.high);
+    return Assembler(index + 1).add_range(AffineRow::variable(index), bounds.low, bounds.high, "b", index);
+  }
+
   Expected<void> add_rows() {
     plain_ = model_.bounds;
     for (std::size_t i = 0; i < model_.rows.size(); ++i) {
@@ -118,8 +124,9 @@ class Assembly {
     }
     for (std::size_t i = 0; i < model_.bounds.size(); ++i) {
       const auto index = static_cast<Index>(i);
-      const auto added = add_bounded(AffineRow::variable(index), plain_[i].low, plain_[i].high, "b", index,
-                                     made_.reduced_costs);
+      const auto added = model_.bounds_apart ? keep_bounds(index, plain_[i])
+                                             : add_bounded(AffineRow::variable(index), plain_[i].low,
+                                                           plain_[i].high, "b", index, made_.reduced_costs);
       if (!added) return unexpected(of(added.error(), NlPlace::Kind::column, i));
     }
     return {};

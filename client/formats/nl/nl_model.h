@@ -39,6 +39,7 @@ struct NlModel {
   std::vector<Quadratic> rows = {};  ///< linear
   std::vector<NlBounds> row_bounds = {}, bounds = {};
   std::vector<double> initial = {}, duals = {};  ///< by variable and by row, or empty
+  bool bounds_apart = false;                     ///< into NlProblem::bounds, not into the LCQP
 };
 
 /// Errors: bounds or conditions that contradict themselves, by their rows and variables.

@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "nl/nl_model.h"
-#include "nl/nl_tokens.h"
+#include "nl/nl_segments.h"
 #include "parts/file_limits.h"
 
 namespace marble::formats {
@@ -26,269 +25,38 @@ enum Operator : int {
   kSquare = 77,
 };
 
-// Of those that do not, what people call them (Gay, table 5).
-struct NamedOperator {
-  int code;
-  const char* name;
-};
-constexpr NamedOperator kOthers[] = {{4, "rem"},
-                                     {6, "less"},
-                                     {11, "min"},
-                                     {12, "max"},
-                                     {13, "floor"},
-                                     {14, "ceil"},
-                                     {15, "abs"},
-                                     {35, "if"},
-                                     {37, "tanh"},
-                                     {38, "tan"},
-                                     {39, "sqrt"},
-                                     {40, "sinh"},
-                                     {41, "sin"},
-                                     {42, "log10"},
-                                     {43, "log"},
-                                     {44, "exp"},
-                                     {45, "cosh"},
-                                     {46, "cos"},
-                                     {47, "atanh"},
-                                     {48, "atan2"},
-                                     {49, "atan"},
-                                     {50, "asinh"},
-                                     {51, "asin"},
-                                     {52, "acosh"},
-                                     {53, "acos"},
-                                     {55, "div"},
-                                     {56, "precision"},
-                                     {57, "round"},
-                                     {58, "trunc"},
-                                     {64, "piecewise linear"},
-                                     {78, "a constant to a power"}};
-
-std::string operator_name(int code) {
-  const auto* const found = std::ranges::find(kOthers, code, &NamedOperator::code);
-  return found == std::end(kOthers) ? "" : found->name;
-}
-
-class NlReader {
+class NlReader final : NlSegments {
  public:
   NlReader(std::string_view content, const NlNames& names)
-      : in_(content), names_(names), most_terms_(most_numbers(content.size())), length_(content.size()) {}
+      : NlSegments(content, names, "an LCQP"), most_terms_(most_numbers(content.size())) {}
 
   Expected<NlProblem> read(const std::string& name) {
-    header_ = in_.header();
-    check_header();
-    if (!in_.failed()) {
-      model_.rows.resize(static_cast<std::size_t>(header_.constraints));
-      model_.row_bounds.resize(model_.rows.size());
-      model_.bounds.resize(static_cast<std::size_t>(header_.variables));
-      while (const char key = in_.key()) {
-        segment(key);
-        if (in_.failed()) break;
-      }
-      check_complete();
-    }
-    if (in_.failed()) return unexpected(place_.named(in_.error(), names_));
+    if (const auto read = read_segments(); !read) return unexpected(read.error());
     return as_lcqp(std::move(model_), name, names_);
   }
 
  private:
-  using Kind = NlPlace::Kind;
-
-  // What of the model is being read: a fault names it.
-  void enter(Kind kind, int index = 0) {
-    if (!in_.failed()) place_ = {kind, index};
-  }
-
-  void check_header() {
-    const auto refuse = [&](std::int64_t count, const char* what) {
-      if (count > 0) in_.fail("header", std::to_string(count) + " " + what, "must be none: not an LCQP");
-    };
-    if (header_.integers > 0) enter(Kind::column, header_.first_integer);
-    refuse(header_.integers, "integer variables");
-    refuse(header_.networks, "network constraints");
-    refuse(header_.functions, "imported functions");
-    refuse(header_.logical_constraints, "logical constraints");
-    if (header_.objectives > 1)
-      in_.fail("header", std::to_string(header_.objectives) + " objectives", "must be one at most");
-    // Every variable and every constraint has a bound of a byte at least.
-    if (static_cast<std::size_t>(header_.variables) + static_cast<std::size_t>(header_.constraints) >
-        length_) {
-      in_.fail("header",
-               std::to_string(header_.variables) + " variables, " + std::to_string(header_.constraints) +
-                   " constraints",
-               "must be no more than the file has bytes, " + std::to_string(length_));
-    }
-  }
-
-  // A file that was cut at a segment's end is a file still, but of another problem. (Rows that are linear
-  // need no C.)
-  void check_complete() {
-    const auto need = [&](const char* key, std::int64_t there, std::int64_t told) {
-      if (there >= told) return;
-      in_.fail(key, std::to_string(there) + " of " + std::to_string(told),
-               "is missing: the file ends too soon");
-    };
-    need("O", seen_.objectives, header_.objectives);
-    need("r", seen_.row_bounds, header_.constraints);
-    need("b", seen_.bounds, header_.variables);
-    need("J", seen_.jacobian, header_.jacobian);
-    need("G", seen_.gradient, header_.gradient);
-  }
-
-  void segment(char key) {
-    enter(Kind::none);
-    switch (key) {
-      case 'C':
-        return constraint();
-      case 'O':
-        return objective();
-      case 'V':
-        return defined_variable();
-      case 'J':
-        return jacobian_row();
-      case 'G':
-        static_cast<void>(in_.integer("G", 0, header_.objectives - 1));
-        return linear_terms(model_.objective, seen_.gradient);
-      case 'b':
-        for (std::size_t i = 0; i < model_.bounds.size() && !in_.failed(); ++i) {
-          enter(Kind::column, static_cast<int>(i));
-          model_.bounds[i] = bound("b", false);
-        }
-        seen_.bounds = header_.variables;
-        return;
-      case 'r':
-        for (std::size_t i = 0; i < model_.row_bounds.size() && !in_.failed(); ++i) {
-          enter(Kind::row, static_cast<int>(i));
-          model_.row_bounds[i] = bound("r", true);
-        }
-        seen_.row_bounds = header_.constraints;
-        return;
-      case 'x':
-        return initial_point();
-      case 'd':
-        return initial_duals();
-      case 'S':
-        return suffix();
-      case 'k':
-        for (int count = in_.integer("k", 0, kMany); count > 0 && !in_.failed(); --count)
-          static_cast<void>(in_.integer("k", 0, kMany));
-        return;
-      default:
-        in_.fail("segment", std::string(1, key), "is none that an LCQP has");
-    }
-  }
-
-  static std::size_t at(int index) { return static_cast<std::size_t>(index); }
-
-  void constraint() {
-    const int index = in_.integer("C", 0, header_.constraints - 1);
-    enter(Kind::row, index);
+  void read_row(int row) override {
     Quadratic body = expression();
     if (body.degree() == 2)
-      in_.fail("C" + std::to_string(index), "quadratic", "must be linear: constraints of an LCQP are");
-    if (!in_.failed()) keep(std::move(body), model_.rows[at(index)]);
+      in_.fail("C" + std::to_string(row), "quadratic", "must be linear: constraints of an LCQP are");
+    if (!in_.failed()) keep(std::move(body), model_.rows[at(row)]);
   }
 
-  void objective() {
-    static_cast<void>(in_.integer("O", 0, header_.objectives - 1));
-    model_.maximize = in_.integer("O", 0, 1) == 1;
-    enter(Kind::objective);
-    keep(expression(), model_.objective);
-    ++seen_.objectives;
-  }
+  void read_objective() override { keep(expression(), model_.objective); }
 
-  void defined_variable() {
-    const int first = header_.variables;
-    const int index = in_.integer("V", first, kMany);
-    enter(Kind::definition, index);
-    const int terms = in_.integer("V", 0, header_.variables);
-    static_cast<void>(in_.integer("V", 0, kMany));
+  void read_definition(int index, Terms linear) override {
     Quadratic value;
-    for (int i = 0; i < terms && !in_.failed(); ++i) {
-      const int variable = in_.integer("V", 0, header_.variables - 1);
-      value.linear[variable] += in_.real("V");
-    }
+    for (const auto& [variable, coefficient] : linear) value.linear[variable] += coefficient;
     value.add(expression());
     keep(std::move(value), defined_[index]);
   }
 
-  void jacobian_row() {
-    const int index = in_.integer("J", 0, header_.constraints - 1);
-    enter(Kind::row, index);
-    if (!in_.failed()) linear_terms(model_.rows[at(index)], seen_.jacobian);
+  void add_row_term(int row, Index variable, double coefficient) override {
+    model_.rows[at(row)].linear[variable] += coefficient;
   }
-
-  void linear_terms(Quadratic& sum, std::int64_t& seen) {
-    for (int count = in_.integer("J", 0, header_.variables); count > 0 && !in_.failed(); --count) {
-      const int variable = in_.integer("J", 0, header_.variables - 1);
-      sum.linear[variable] += in_.real("J");
-      ++seen;
-    }
-  }
-
-  NlBounds bound(const char* what, bool may_complement) {
-    NlBounds bounds;
-    switch (in_.key()) {
-      case '0':
-        bounds.low = in_.real(what);
-        bounds.high = in_.real(what);
-        break;
-      case '1':
-        bounds.high = in_.real(what);
-        break;
-      case '2':
-        bounds.low = in_.real(what);
-        break;
-      case '3':
-        break;
-      case '4':
-        bounds.low = bounds.high = in_.real(what);
-        break;
-      case '5':
-        if (may_complement) {
-          bounds.sides = in_.integer(what, 0, kBothSides);
-          bounds.complements = in_.integer(what, 1, header_.variables) - 1;
-          break;
-        }
-        [[fallthrough]];
-      default:
-        in_.fail(what, "", "must be a bound: 0 to 4, in r 5 too");
-    }
-    return bounds;
-  }
-
-  void initial_point() {
-    model_.initial.assign(model_.bounds.size(), 0.0);
-    for (int count = in_.integer("x", 0, header_.variables); count > 0 && !in_.failed(); --count) {
-      const int variable = in_.integer("x", 0, header_.variables - 1);
-      model_.initial[at(variable)] = in_.real("x");
-    }
-  }
-
-  void initial_duals() {
-    model_.duals.assign(model_.rows.size(), 0.0);
-    for (int count = in_.integer("d", 0, header_.constraints); count > 0 && !in_.failed(); --count) {
-      const int row = in_.integer("d", 0, header_.constraints - 1);
-      model_.duals[at(row)] = in_.real("d");
-    }
-  }
-
-  void skip_pairs(int count) {
-    for (; count > 0 && !in_.failed(); --count) {
-      static_cast<void>(in_.integer("entry", 0, kMany));
-      static_cast<void>(in_.real("entry"));
-    }
-  }
-
-  // "S kind count name", then as many pairs; kind 4 and more have real values, which does not matter to text.
-  void suffix() {
-    const int kind = in_.integer("S", 0, 7);
-    int count = in_.integer("S", 0, kMany);
-    in_.skip_name();
-    if ((kind & 4) != 0 || !header_.binary) return skip_pairs(count);
-    for (; count > 0 && !in_.failed(); --count) {
-      static_cast<void>(in_.integer("S", 0, kMany));
-      static_cast<void>(in_.integer("S", -kMany - 1, kMany));
-    }
+  void add_objective_term(Index variable, double coefficient) override {
+    model_.objective.linear[variable] += coefficient;
   }
 
   // Defined variables and products let a short file ask for any number of terms: those that are held at a
@@ -411,16 +179,8 @@ class NlReader {
     return {};
   }
 
-  NlTokens in_;
-  const NlNames& names_;
-  NlPlace place_;
-  const std::size_t most_terms_, length_;
+  const std::size_t most_terms_;
   std::size_t held_ = 0;
-  NlHeader header_;
-  struct {
-    std::int64_t objectives = 0, row_bounds = 0, bounds = 0, jacobian = 0, gradient = 0;
-  } seen_;  // of what the header tells
-  NlModel model_;
   std::map<int, Quadratic> defined_;
   int depth_ = 0;
 };

@@ -3,6 +3,7 @@
 
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "marble/problem_file.h"
@@ -31,6 +32,9 @@ struct NlProblem {
   std::vector<DualTerm> reduced_costs;
   /// Dual values that the file begins with, by row, in AMPL's signs; empty without segment d.
   std::vector<double> initial_duals;
+  /// Lowest and highest value of each variable, but for what pairs hold, where they were to be apart; else
+  /// none.
+  std::vector<std::pair<double, double>> bounds;
 
   /// What the LCQP's objective, bound and dual values are to be multiplied by to be the file's.
   [[nodiscard]] double sign() const { return maximize ? -1.0 : 1.0; }

@@ -1,0 +1,256 @@
+#include "nl/nl_segments.h"
+
+#include <algorithm>
+
+namespace marble::formats {
+namespace {
+
+constexpr int kMany = 0x7fffffff;
+
+// What people call operators that no LCQP has (Gay, table 5).
+struct NamedOperator {
+  int code;
+  const char* name;
+};
+constexpr NamedOperator kOthers[] = {{4, "rem"},
+                                     {6, "less"},
+                                     {11, "min"},
+                                     {12, "max"},
+                                     {13, "floor"},
+                                     {14, "ceil"},
+                                     {15, "abs"},
+                                     {35, "if"},
+                                     {37, "tanh"},
+                                     {38, "tan"},
+                                     {39, "sqrt"},
+                                     {40, "sinh"},
+                                     {41, "sin"},
+                                     {42, "log10"},
+                                     {43, "log"},
+                                     {44, "exp"},
+                                     {45, "cosh"},
+                                     {46, "cos"},
+                                     {47, "atanh"},
+                                     {48, "atan2"},
+                                     {49, "atan"},
+                                     {50, "asinh"},
+                                     {51, "asin"},
+                                     {52, "acosh"},
+                                     {53, "acos"},
+                                     {55, "div"},
+                                     {56, "precision"},
+                                     {57, "round"},
+                                     {58, "trunc"},
+                                     {64, "piecewise linear"},
+                                     {78, "a constant to a power"}};
+
+}  // namespace
+
+std::string operator_name(int code) {
+  const auto* const found = std::ranges::find(kOthers, code, &NamedOperator::code);
+  return found == std::end(kOthers) ? "" : found->name;
+}
+
+Expected<void> NlSegments::read_segments() {
+  header_ = in_.header();
+  check_header();
+  if (!in_.failed()) {
+    model_.rows.resize(at(header_.constraints));
+    model_.row_bounds.resize(model_.rows.size());
+    model_.bounds.resize(at(header_.variables));
+    while (const char key = in_.key()) {
+      segment(key);
+      if (in_.failed()) break;
+    }
+    check_complete();
+  }
+  if (in_.failed()) return unexpected(place_.named(in_.error(), names_));
+  return {};
+}
+
+void NlSegments::check_header() {
+  const auto refuse = [&](std::int64_t count, const char* what) {
+    if (count > 0)
+      in_.fail("header", std::to_string(count) + " " + what, std::string("must be none: not ") + whole_);
+  };
+  if (header_.integers > 0) enter(Kind::column, header_.first_integer);
+  refuse(header_.integers, "integer variables");
+  refuse(header_.networks, "network constraints");
+  refuse(header_.functions, "imported functions");
+  refuse(header_.logical_constraints, "logical constraints");
+  if (header_.objectives > 1)
+    in_.fail("header", std::to_string(header_.objectives) + " objectives", "must be one at most");
+  // Every variable and every constraint has a bound of a byte at least.
+  if (at(header_.variables) + at(header_.constraints) > length_) {
+    in_.fail("header",
+             std::to_string(header_.variables) + " variables, " + std::to_string(header_.constraints) +
+                 " constraints",
+             "must be no more than the file has bytes, " + std::to_string(length_));
+  }
+}
+
+// A file that was cut at a segment's end is a file still, but of another problem. (Rows that are linear
+// need no C.)
+void NlSegments::check_complete() {
+  const auto need = [&](const char* key, std::int64_t there, std::int64_t told) {
+    if (there >= told) return;
+    in_.fail(key, std::to_string(there) + " of " + std::to_string(told),
+             "is missing: the file ends too soon");
+  };
+  need("O", seen_.objectives, header_.objectives);
+  need("r", seen_.row_bounds, header_.constraints);
+  need("b", seen_.bounds, header_.variables);
+  need("J", seen_.jacobian, header_.jacobian);
+  need("G", seen_.gradient, header_.gradient);
+}
+
+void NlSegments::segment(char key) {
+  enter(Kind::none);
+  switch (key) {
+    case 'C':
+      return constraint();
+    case 'O':
+      return objective();
+    case 'V':
+      return definition();
+    case 'J':
+      return jacobian_row();
+    case 'G':
+      static_cast<void>(in_.integer("G", 0, header_.objectives - 1));
+      return linear_terms(seen_.gradient, [this](int variable, double coefficient) {
+        add_objective_term(variable, coefficient);
+      });
+    case 'b':
+      for (std::size_t i = 0; i < model_.bounds.size() && !in_.failed(); ++i) {
+        enter(Kind::column, static_cast<int>(i));
+        model_.bounds[i] = bound("b", false);
+      }
+      seen_.bounds = header_.variables;
+      return;
+    case 'r':
+      for (std::size_t i = 0; i < model_.row_bounds.size() && !in_.failed(); ++i) {
+        enter(Kind::row, static_cast<int>(i));
+        model_.row_bounds[i] = bound("r", true);
+      }
+      seen_.row_bounds = header_.constraints;
+      return;
+    case 'x':
+      return numbers(key, header_.variables, model_.initial);
+    case 'd':
+      return numbers(key, header_.constraints, model_.duals);
+    case 'S':
+      return suffix();
+    case 'k':
+      for (int count = in_.integer("k", 0, kMany); count > 0 && !in_.failed(); --count)
+        static_cast<void>(in_.integer("k", 0, kMany));
+      return;
+    default:
+      in_.fail("segment", std::string(1, key), std::string("is none that ") + whole_ + " has");
+  }
+}
+
+void NlSegments::constraint() {
+  const int row = in_.integer("C", 0, header_.constraints - 1);
+  enter(Kind::row, row);
+  if (!in_.failed()) read_row(row);
+}
+
+void NlSegments::objective() {
+  static_cast<void>(in_.integer("O", 0, header_.objectives - 1));
+  model_.maximize = in_.integer("O", 0, 1) == 1;
+  enter(Kind::objective);
+  if (!in_.failed()) read_objective();
+  ++seen_.objectives;
+}
+
+void NlSegments::definition() {
+  const int index = in_.integer("V", header_.variables, kMany);
+  enter(Kind::definition, index);
+  const int count = in_.integer("V", 0, header_.variables);
+  static_cast<void>(in_.integer("V", 0, kMany));
+  Terms linear;
+  for (int i = 0; i < count && !in_.failed(); ++i) {
+    const int variable = in_.integer("V", 0, header_.variables - 1);
+    linear.emplace_back(variable, in_.real("V"));
+  }
+  if (!in_.failed()) read_definition(index, std::move(linear));
+}
+
+void NlSegments::jacobian_row() {
+  const int row = in_.integer("J", 0, header_.constraints - 1);
+  enter(Kind::row, row);
+  if (in_.failed()) return;
+  linear_terms(seen_.jacobian,
+               [this, row](int variable, double coefficient) { add_row_term(row, variable, coefficient); });
+}
+
+template <class Add>
+void NlSegments::linear_terms(std::int64_t& seen, const Add& add) {
+  for (int count = in_.integer("J", 0, header_.variables); count > 0 && !in_.failed(); --count) {
+    const int variable = in_.integer("J", 0, header_.variables - 1);
+    add(variable, in_.real("J"));
+    ++seen;
+  }
+}
+
+NlBounds NlSegments::bound(const char* what, bool may_complement) {
+  NlBounds bounds;
+  switch (in_.key()) {
+    case '0':
+      bounds.low = in_.real(what);
+      bounds.high = in_.real(what);
+      break;
+    case '1':
+      bounds.high = in_.real(what);
+      break;
+    case '2':
+      bounds.low = in_.real(what);
+      break;
+    case '3':
+      break;
+    case '4':
+      bounds.low = bounds.high = in_.real(what);
+      break;
+    case '5':
+      if (may_complement) {
+        bounds.sides = in_.integer(what, 0, kBothSides);
+        bounds.complements = in_.integer(what, 1, header_.variables) - 1;
+        break;
+      }
+      [[fallthrough]];
+    default:
+      in_.fail(what, "", "must be a bound: 0 to 4, in r 5 too");
+  }
+  return bounds;
+}
+
+// Of the initial point, or of the dual values; what is not told is 0.
+void NlSegments::numbers(char key, int size, std::vector<double>& values) {
+  const char what[] = {key, '\0'};
+  values.assign(at(size), 0.0);
+  for (int count = in_.integer(what, 0, size); count > 0 && !in_.failed(); --count) {
+    const int index = in_.integer(what, 0, size - 1);
+    values[at(index)] = in_.real(what);
+  }
+}
+
+void NlSegments::skip_pairs(int count) {
+  for (; count > 0 && !in_.failed(); --count) {
+    static_cast<void>(in_.integer("entry", 0, kMany));
+    static_cast<void>(in_.real("entry"));
+  }
+}
+
+// "S kind count name", then as many pairs; kind 4 and more have real values, which does not matter to text.
+void NlSegments::suffix() {
+  const int kind = in_.integer("S", 0, 7);
+  int count = in_.integer("S", 0, kMany);
+  in_.skip_name();
+  if ((kind & 4) != 0 || !header_.binary) return skip_pairs(count);
+  for (; count > 0 && !in_.failed(); --count) {
+    static_cast<void>(in_.integer("S", 0, kMany));
+    static_cast<void>(in_.integer("S", -kMany - 1, kMany));
+  }
+}
+
+}  // namespace marble::formats
