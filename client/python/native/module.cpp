@@ -8,37 +8,21 @@
 #include <optional>
 #include <string>
 
+#include "answers.h"
 #include "arrays.h"
 #include "ctrl_c.h"
 #include "marble/counter_random.h"
 #include "marble/options.h"
-#include "marble/sensitivity.h"
 #include "marble/solver.h"
 #include "marble/version.h"
 #include "marble/warm_solver.h"
 #include "nonlinear.h"
+#include "sensitivity.h"
 
 namespace marble::python {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-// marble._core.Fault, an exception whose args are code, field, index (-1: none), value, bound and the whole
-// sentence.
-PyObject* fault_type = nullptr;
-
-[[noreturn]] void raise(const Error& error) {
-  const py::tuple arguments = py::make_tuple(to_string(error.code), error.field, error.index, error.value,
-                                             error.bound, error.message());
-  PyErr_SetObject(fault_type, arguments.ptr());
-  throw py::error_already_set();
-}
-
-template <class T>
-T value_or_raise(Expected<T> expected) {
-  if (!expected) raise(expected.error());
-  return std::move(*expected);
-}
 
 /// Names and values that the package has checked by the contract; their ranges are checked here.
 void set_options(Options& options, const py::dict& given) {
@@ -156,24 +140,6 @@ struct Call {
   bool main_thread;
   std::optional<Solution> warm_start;
 };
-
-/// Of (z, y, nu, xi, eta, cold objective), or None.
-std::optional<Solution> warm_start_of(const py::object& given) {
-  if (given.is_none()) return {};
-  const auto parts = given.cast<py::tuple>();
-  Solution start;
-  std::vector<double>* const vectors[] = {&start.z, &start.equality_multipliers,
-                                          &start.inequality_multipliers, &start.complementarity_multipliers_L,
-                                          &start.complementarity_multipliers_R};
-  Borrowed arrays;
-  std::size_t place = 0;
-  for (std::vector<double>* const vector : vectors) {
-    const std::span<const double> values = arrays.doubles(parts[place++]);
-    vector->assign(values.begin(), values.end());
-  }
-  start.cold_objective = parts[place].cast<double>();
-  return start;
-}
 
 /// Runs `solve(options, controls)` without the GIL; the answer as Python has it, but for a time limit that a
 /// deadline has set.
@@ -320,70 +286,6 @@ class Warm {
   std::optional<WarmSolver> solver_;
 };
 
-/// Derivatives of an answer. Keeps the problem, whose arrays it borrows.
-class Derivatives {
- public:
-  Derivatives(const py::object& lcqp, const py::object& answer)
-      : sensitivity_(value_or_raise(
-            Sensitivity::create(value_or_raise(Problem::create(arrays_.problem(lcqp))), solved(answer)))) {}
-
-  py::dict along(const py::dict& direction) {
-    Borrowed arrays;
-    ProblemUpdate update;
-    for (const auto& [key, value] : direction) {
-      const auto name = key.cast<std::string>();
-#define MARBLE_VECTOR(letter, field) \
-  if (name == #letter) update.letter = arrays.doubles(value);
-#define MARBLE_MATRIX(letter, field, values, rows) \
-  if (name == #letter) update.letter = arrays.doubles(value);
-#include "marble/contract.def"
-    }
-    AnswerChange change = value_or_raise(sensitivity_.along(update));
-    py::dict told;
-    told["z"] = Numbers{std::move(change.z)};
-    told["y"] = Numbers{std::move(change.equality_multipliers)};
-    told["nu"] = Numbers{std::move(change.inequality_multipliers)};
-    told["xi"] = Numbers{std::move(change.complementarity_multipliers_L)};
-    told["eta"] = Numbers{std::move(change.complementarity_multipliers_R)};
-    told["holds"] = change.holds;
-    return told;
-  }
-
-  py::dict gradient(const py::dict& weights) {
-    Borrowed arrays;
-    AnswerWeights given;
-    const std::pair<const char*, std::span<const double>*> kinds[] = {
-        {"z", &given.z},
-        {"y", &given.equality_multipliers},
-        {"nu", &given.inequality_multipliers},
-        {"xi", &given.complementarity_multipliers_L},
-        {"eta", &given.complementarity_multipliers_R}};
-    for (const auto& [name, span] : kinds) {
-      if (weights.contains(name)) *span = arrays.doubles(weights[name]);
-    }
-    ProblemGradient gradient = value_or_raise(sensitivity_.gradient(given));
-    py::dict told;
-#define MARBLE_VECTOR(letter, field) told[#letter] = Numbers{std::move(gradient.letter)};
-#define MARBLE_MATRIX(letter, field, values, rows) told[#letter] = Numbers{std::move(gradient.letter)};
-#include "marble/contract.def"
-    return told;
-  }
-
-  [[nodiscard]] std::vector<Index> weak_inequalities() const { return sensitivity_.weak_inequalities(); }
-  [[nodiscard]] std::vector<Index> biactive_pairs() const { return sensitivity_.biactive_pairs(); }
-
- private:
-  // The package has looked whether it is.
-  static Solution solved(const py::object& answer) {
-    Solution solution = *warm_start_of(answer);
-    solution.status = Status::solved;
-    return solution;
-  }
-
-  Borrowed arrays_;  // before what borrows of it
-  Sensitivity sensitivity_;
-};
-
 nonlinear::Curvature curvature_of(const std::string& name) {
   using nonlinear::Curvature;
   if (name == "automatic") return Curvature::automatic;
@@ -508,8 +410,7 @@ Numbers uniform_numbers(std::uint64_t seed, std::uint64_t first, std::uint64_t c
 }  // namespace
 
 PYBIND11_MODULE(_core, m) {
-  fault_type = PyErr_NewException("marble._core.Fault", PyExc_Exception, nullptr);
-  m.attr("Fault") = py::reinterpret_borrow<py::object>(fault_type);
+  make_fault(m);
   m.attr("version") = MARBLE_VERSION;
   py::class_<Numbers>(m, "Numbers", py::buffer_protocol()).def_buffer([](Numbers& numbers) {
     return py::buffer_info(numbers.values.data(), static_cast<py::ssize_t>(numbers.values.size()));
@@ -520,8 +421,8 @@ PYBIND11_MODULE(_core, m) {
   py::class_<Call>(m, "Call").def(py::init(
       [](std::optional<double> deadline_s, py::object tell, double interval_s, std::int32_t iterate_every,
          std::shared_ptr<Stop> stop, bool main_thread, const py::object& warm_start) {
-        return Call{deadline_s,  std::move(tell),          interval_s, iterate_every, std::move(stop),
-                    main_thread, warm_start_of(warm_start)};
+        return Call{deadline_s,      std::move(tell), interval_s,           iterate_every,
+                    std::move(stop), main_thread,     answer_of(warm_start)};
       }));
   m.def("solve", &solve);
   m.def("solve_nonlinear", &solve_nonlinear_problem);
@@ -532,12 +433,7 @@ PYBIND11_MODULE(_core, m) {
       .def("solve", &Warm::solve)
       .def_property_readonly("memory_bytes", &Warm::memory_bytes)
       .def_property_readonly("setup_s", &Warm::setup_s);
-  py::class_<Derivatives>(m, "Sensitivity")
-      .def(py::init<const py::object&, const py::object&>())
-      .def("along", &Derivatives::along)
-      .def("gradient", &Derivatives::gradient)
-      .def_property_readonly("weak_inequalities", &Derivatives::weak_inequalities)
-      .def_property_readonly("biactive_pairs", &Derivatives::biactive_pairs);
+  bind_sensitivity(m);
 }
 
 }  // namespace marble::python

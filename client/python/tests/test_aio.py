@@ -7,8 +7,7 @@ import asyncio
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from relay import Relay
-from support import check, long_solve, random_problem, tiny, wait_until
+from support import Relay, check, long_solve, random_problem, tiny, wait_until
 
 import marble
 
