@@ -278,6 +278,14 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   return solution;
 }
 
+// Made of this solver's own answer, which fits.
+void Solver::prepare(const Solution& warm_start, const SolveControls& controls) {
+  Run run(state_->options, controls);
+  state_->kkt->attend(run.interrupt());
+  state_->take_warm_start(warm_start);
+  state_->strategy.prepare(run, {&state_->warm_start, warm_start.cold_objective});
+}
+
 Expected<Solution> solve_once(const Problem& problem, const Options& options, const SolveControls& controls,
                               const SetupControls& setup, const std::function<void(const Solver&)>& ready) {
   if (auto valid = Problem::check_initial_point(controls.initial_z, problem.variables()); !valid)

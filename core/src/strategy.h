@@ -45,6 +45,10 @@ class Strategy {
 
   /// From z (scaled) to an end; if there is a solution to start from, from its branch first.
   [[nodiscard]] Answer run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start);
+  /// Makes ready what run() with this warm start begins with; vectors may still change before.
+  void prepare(Run& run, const WarmStart& warm_start) {
+    if (options_.method == Method::marble) search_.prepare(run, *warm_start.solution);
+  }
   /// Memory that a tree may take, with option global, and what it may keep of that for the next one.
   void allow_tree(double bytes, double kept_bytes) {
     tree_bytes_ = bytes;
@@ -58,6 +62,7 @@ class Strategy {
   }
   /// The matrices have new values.
   void forget_matrices() {
+    branch_.point.forget_ahead();
     optimality_.forget_convexity();
     if (tree_ != nullptr) tree_->forget_matrices();
   }

@@ -63,13 +63,30 @@ Expected<Solution> WarmSolver::solve(const ProblemUpdate& update, const Restart&
   return checked ? solve(*checked, controls) : unexpected(checked.error());
 }
 
-Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveControls& controls) {
+Expected<void> WarmSolver::take(const CheckedUpdate& update) {
   if (update.sizes() != sizes_)
     return unexpected(
         failure(ErrorCode::failed_precondition, "the update is one of another problem's sizes"));
   if (update.options()) solver_.take(*update.options());
   solver_.take(update.numbers());
   begin_at(update.restart());
+  return {};
+}
+
+Expected<void> WarmSolver::prepare(const ProblemUpdate& update, const Restart& restart,
+                                   const SolveControls& controls) {
+  const auto checked = CheckedUpdate::check(sizes_, update, restart);
+  return checked ? prepare(*checked, controls) : unexpected(checked.error());
+}
+
+Expected<void> WarmSolver::prepare(const CheckedUpdate& update, const SolveControls& controls) {
+  if (auto taken = take(update); !taken) return taken;
+  if (newest_) solver_.prepare(*newest_, {.stop = controls.stop});
+  return {};
+}
+
+Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveControls& controls) {
+  if (auto taken = take(update); !taken) return unexpected(taken.error());
   SolveControls own = controls;
   own.initial_z = initial_z_;
   own.warm_start = newest_ ? &*newest_ : nullptr;

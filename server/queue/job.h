@@ -51,7 +51,8 @@ struct Job {
   std::shared_ptr<JobObserver> observer = nullptr;  ///< let go after finished()
   double time_limit_s = 1e9;                        ///< after which its work ends by itself
   bool is_interrupted = false;                      ///< the scheduler's own: its stop is the server's
-  bool is_setup = false;  ///< of a session: prepares, solves nothing, and is not counted
+  bool is_setup = false;        ///< of a session: prepares, solves nothing, and is not counted
+  bool is_preparation = false;  ///< the same of an update's first part
   Clock::time_point accepted = Clock::now();
   Clock::time_point begun = {};  ///< when a worker took it
   std::stop_source stop = {};

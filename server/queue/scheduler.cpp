@@ -77,6 +77,8 @@ Error refusal(QueueRefusal why, const QueueLimits& limits, const Job& job) {
   return {};
 }
 
+bool solves(const Job& job) { return !job.is_setup && !job.is_preparation; }
+
 }  // namespace
 
 EndedJob counted_of(const Job& job, const Outcome& outcome) {
@@ -84,7 +86,7 @@ EndedJob counted_of(const Job& job, const Outcome& outcome) {
   if (!outcome.solution) return ended;
   const bool is_update = job.ticket.reserved && !job.is_setup;
   if (!is_update) ended.setup_s = outcome.solution->times.setup_s;
-  if (!job.is_setup) ended.solution = &*outcome.solution;
+  if (solves(job)) ended.solution = &*outcome.solution;
   return ended;
 }
 
@@ -278,7 +280,7 @@ void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
   log_end(log_, job, outcome);
   metrics_.job_ended(counted_of(job, outcome));
   if (job.ticket.reserved) {
-    if (!job.is_setup) job.record->answered(outcome.solution, outcome.total_s);
+    if (solves(job)) job.record->answered(outcome.solution, outcome.total_s);
   } else {
     job.record->finished(outcome.solution, outcome.queue_s, outcome.total_s);
     board_.finish(job.record);
@@ -303,7 +305,7 @@ void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
 
 void Scheduler::count(const Job& job, const Outcome& outcome) {
   if (job.ticket.reserved) {
-    if (!outcome.solution || job.is_setup) return;
+    if (!outcome.solution || !solves(job)) return;
     ++counters_.updates;
     if (is_solved(outcome.solution->status)) ++counters_.updates_solved;
     last_minute_.add(Clock::now(), is_solved(outcome.solution->status));

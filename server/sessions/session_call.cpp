@@ -230,6 +230,7 @@ std::shared_ptr<Job> SessionCall::next_job() {
   job_->accepted = update->arrival();
   job_->ticket.bytes = update->bytes();
   job_->time_limit_s = update->options().time_limit_s;
+  job_->is_preparation = update->prepares();
   job_->ticket.least_run =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kHopeless * fastest_s_));
   solving_ = update->sequence();
@@ -237,6 +238,14 @@ std::shared_ptr<Job> SessionCall::next_job() {
     update->taken = true;
     last_progress_s_ = -1.0;
     record_->set_options(update->options());
+    if (update->prepares()) {
+      auto prepared = solver_->prepare(update->checked(), {.stop = controls.stop});
+      if (!prepared) return unexpected(std::move(prepared.error()));
+      Solution ready;
+      ready.status = Status::solved;
+      ready.detail = "prepared";
+      return ready;
+    }
     auto solution = solver_->solve(update->checked(), controls);
     if (solution && solution->status == Status::time_limit && Clock::now() >= deadline) {
       return unexpected(
@@ -256,7 +265,11 @@ void SessionCall::update_done(const std::shared_ptr<Update>& update, Outcome out
     last_activity_ = Clock::now();
     take_rows();
     if (!update->taken && !end_) waiting_->leave_behind(std::move(*update));
-    if (outcome.solution) {
+    if (update->prepares()) {
+      record_->idle();
+      if (!outcome.solution && update->taken)
+        refuse(sequence, outcome.solution.error(), outcome.retry_delay_s);
+    } else if (outcome.solution) {
       const double solve_s = outcome.solution->times.solve_s;
       fastest_s_ = fastest_s_ == 0.0 ? solve_s : std::min(fastest_s_, solve_s);
       ++answers_;

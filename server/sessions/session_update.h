@@ -18,6 +18,8 @@ class Update {
                                               const Options& in_force);
 
   [[nodiscard]] std::int64_t sequence() const { return message_.sequence(); }
+  /// Whether it is the first of two parts.
+  [[nodiscard]] bool prepares() const { return message_.prepare(); }
   /// Those in force for it.
   [[nodiscard]] const Options& options() const { return options_; }
   [[nodiscard]] Clock::time_point arrival() const { return arrival_; }

@@ -7,10 +7,11 @@ namespace marble::server {
 std::optional<std::int64_t> WaitingUpdates::push(std::shared_ptr<Update> update,
                                                  std::unique_ptr<Scheduler::Held> room) {
   std::optional<std::int64_t> superseded;
-  if (latest_only_ && !updates_.empty()) {
-    superseded = updates_.front().update->sequence();
-    update->take_along(std::move(*updates_.front().update));
-    updates_.pop_front();
+  if (!updates_.empty() && (latest_only_ || updates_.back().update->prepares())) {
+    Update& last = *updates_.back().update;
+    if (!last.prepares()) superseded = last.sequence();
+    update->take_along(std::move(last));
+    updates_.pop_back();
   }
   if (left_behind_) update->take_along(std::move(*std::exchange(left_behind_, std::nullopt)));
   updates_.push_back({std::move(update), std::move(room)});

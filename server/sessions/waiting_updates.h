@@ -21,8 +21,8 @@ class WaitingUpdates {
   /// Whether one more takes no room but the session's own, which has some for one that waits.
   [[nodiscard]] bool has_room() const { return latest_only_ || updates_.empty(); }
 
-  /// The last in line, with the room it was given elsewhere, if any. The number of the one that it
-  /// supersedes.
+  /// The last in line, with the room it was given elsewhere, if any. A first part that still waits becomes
+  /// one with it. The number of the one that it supersedes.
   [[nodiscard]] std::optional<std::int64_t> push(std::shared_ptr<Update> update,
                                                  std::unique_ptr<Scheduler::Held> room);
   /// The first in line, whose room is given back. There must be one.

@@ -66,6 +66,21 @@ TEST_F(LoopCommands, MpcInThisProcessIsTheSameLoopAsOverAServer) {
   EXPECT_EQ(run(loop + " --local --server 127.0.0.1:1").exit_code, 2);
 }
 
+TEST_F(LoopCommands, MpcInTwoPartsIsTheSameLoop) {
+  const std::string loop = "mpc hopper --steps 20 --ticks 3 --seed 4 --output json";
+  const auto whole = marble(loop).lines(), parts = marble(loop + " --prepare").lines(),
+             here = run(loop + " --prepare --local").lines();
+  ASSERT_EQ(whole.size(), 5U);
+  ASSERT_EQ(parts.size(), 5U);
+  ASSERT_EQ(here.size(), 5U);
+  for (std::size_t i = 0; i < 4; ++i) {
+    for (const char* key : {"tick", "status", "objective", "iterations", "factorizations"}) {
+      EXPECT_EQ(parts[i][key], whole[i][key]) << key << " of tick " << i;
+      EXPECT_EQ(here[i][key], whole[i][key]) << key << " of tick " << i;
+    }
+  }
+}
+
 TEST_F(LoopCommands, MpcIsCheaperWarmThanCold) {
   const Result warm = marble("mpc hopper --ticks 4 --output json");
   ASSERT_EQ(warm.exit_code, 0) << warm.err;

@@ -3,6 +3,8 @@
 #include <grpcpp/server_builder.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
 #include "marble/client.h"
@@ -100,6 +102,75 @@ TEST(OlderServer, AnErrorWithoutDetailsHasItsCodeAndItsWords) {
     EXPECT_EQ(error.index, -1);
     EXPECT_EQ(error.bound, "in words");
   }
+}
+
+/// Answers every update with its number as z, a first part too, as one that has never heard of parts. Of
+/// those it refuses, it says so.
+class Answering final : public v1::Solver::Service {
+ public:
+  Answering() {
+    grpc::ServerBuilder builder;
+    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
+    builder.RegisterService(this);
+    server_ = builder.BuildAndStart();
+  }
+  [[nodiscard]] std::string address() const { return "127.0.0.1:" + std::to_string(port_); }
+  std::atomic<std::int64_t> refuses = 0;
+
+ private:
+  grpc::Status Session(grpc::ServerContext*,
+                       grpc::ServerReaderWriter<v1::SessionResponse, v1::SessionRequest>* stream) override {
+    v1::SessionRequest request;
+    while (stream->Read(&request)) {
+      v1::SessionResponse response;
+      const std::int64_t number = request.update().sequence();
+      if (request.has_setup()) {
+        response.mutable_ready();
+      } else if (number == refuses) {
+        response.mutable_error()->set_sequence(number);
+        response.mutable_error()->mutable_status()->set_code(grpc::StatusCode::RESOURCE_EXHAUSTED);
+      } else {
+        v1::SessionAnswer* answer = response.mutable_answer();
+        answer->set_sequence(number);
+        answer->mutable_solution()->set_status(v1::STATUS_SOLVED);
+        answer->mutable_solution()->add_z(static_cast<double>(number));
+      }
+      stream->Write(response);
+    }
+    return grpc::Status::OK;
+  }
+
+  int port_ = 0;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+TEST(OlderServer, WhatItAnswersToAFirstPartIsLetGo) {
+  Answering server;
+  const auto client = Client::connect(server.address());
+  auto session = client->open_session(public_example().problem.view());
+  ASSERT_TRUE(session.has_value()) << session.error().message();
+  for (int tick = 0; tick < 3; ++tick) {
+    const auto part = session->prepare({});
+    ASSERT_TRUE(part.has_value()) << part.error().message();
+    const auto answer = session->solve();
+    ASSERT_TRUE(answer.has_value()) << answer.error().message();
+    EXPECT_EQ(answer->z, std::vector<double>{static_cast<double>(*part + 1)});
+  }
+  EXPECT_TRUE(session->close().has_value());
+  EXPECT_FALSE(session->next()->has_value());
+}
+
+TEST(OlderServer, AFirstPartThatItRefusesIsTheErrorOfTheSecond) {
+  Answering server;
+  const auto client = Client::connect(server.address());
+  auto session = client->open_session(public_example().problem.view());
+  ASSERT_TRUE(session.has_value());
+  server.refuses = 1;
+  ASSERT_TRUE(session->prepare({}).has_value());
+  const auto refused = session->solve();
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error().code, ErrorCode::resource_exhausted);
+  EXPECT_TRUE(session->solve().has_value());
 }
 
 }  // namespace

@@ -62,6 +62,61 @@ TEST_F(SessionTest, AWarmSessionEqualsASolverInProcessBitForBit) {
   EXPECT_FALSE(session->is_open());
 }
 
+TEST_F(SessionTest, TwoPartsGiveTheBitsOfOneUpdateHereAndThere) {
+  examples::HopperParameters parameters{.steps = kSteps};
+  const OwnedProblem first = examples::hopper(parameters);
+  const Client here = Client::in_process();
+  auto whole = here.open_session(first.view()), parts_here = here.open_session(first.view()),
+       parts_there = client_->open_session(first.view());
+  ASSERT_TRUE(whole && parts_here && parts_there);
+  for (int tick = 0; tick < 5; ++tick) {
+    const OwnedProblem now = examples::hopper(parameters);
+    UpdateControls controls;
+    if (tick > 0) controls.shift = Shift::by_stage(first.view(), kSteps).value();
+    const auto one = whole->solve(vectors_of(now), controls);
+    ASSERT_TRUE(one.has_value());
+    for (auto* session : {&*parts_here, &*parts_there}) {
+      const auto number = session->prepare({.c0 = now.c0, .g = now.g, .d = now.d}, controls);
+      ASSERT_TRUE(number.has_value()) << number.error().message();
+      EXPECT_EQ(*number, 2 * tick + 1);
+      const auto two = session->solve({.b = now.b});
+      ASSERT_TRUE(two.has_value()) << two.error().message();
+      expect_same_bits(*two, *one);
+    }
+    parameters = examples::advance(parameters, one->z);
+  }
+}
+
+TEST_F(SessionTest, AFirstPartIsCheckedBeforeItGoesOut) {
+  const Client here = Client::in_process();
+  const std::vector<double> few = {1.0};
+  const Client* const both[] = {&here, &*client_};
+  for (const Client* client : both) {
+    auto session = client->open_session(examples::hopper({.steps = kSteps}).view());
+    ASSERT_TRUE(session.has_value());
+    const auto refused = session->prepare({.g = few});
+    EXPECT_EQ(refused.error().code, ErrorCode::invalid_argument);
+    EXPECT_EQ(refused.error().field, "g");
+    EXPECT_TRUE(session->solve().has_value());
+    ASSERT_TRUE(session->close().has_value());
+    EXPECT_EQ(session->prepare({}).error().code, ErrorCode::failed_precondition);
+  }
+}
+
+TEST_F(SessionTest, NextTellsNothingOfAFirstPart) {
+  auto session = client_->open_session(example_.view());
+  ASSERT_TRUE(session.has_value());
+  ASSERT_TRUE(session->prepare({}).has_value());
+  const auto sent = session->send();
+  ASSERT_TRUE(sent.has_value());
+  EXPECT_EQ(*sent, 2);
+  ASSERT_TRUE(session->close().has_value());
+  const auto event = session->next();
+  ASSERT_TRUE(event && *event);
+  EXPECT_EQ((*event)->sequence, 2);
+  EXPECT_FALSE(session->next()->has_value());
+}
+
 TEST_F(SessionTest, ColdForgetsTheLastAnswer) {
   const OwnedProblem p = examples::hopper({.steps = kSteps});
   auto session = client_->open_session(p.view());

@@ -26,6 +26,7 @@ struct MpcArguments {
   int steps = 60;
   std::uint64_t seed = 0;
   bool cold = false;
+  bool prepare = false;
   bool local = false;
 };
 
@@ -55,6 +56,17 @@ ProblemUpdate difference(const OwnedProblem& before, const OwnedProblem& now) {
   update.A = changed(before.A.values, now.A.values);
   update.C = changed(before.C.values, now.C.values);
   return update;
+}
+
+// What of it the measured state does not change, ahead. The rest stays for the tick.
+Expected<void> prepare(Session& session, ProblemUpdate& update, UpdateControls& controls) {
+  ProblemUpdate first = update;
+  first.b = {};
+  auto prepared = session.prepare(first, controls);
+  if (!prepared) return unexpected(std::move(prepared.error()));
+  update = {.b = update.b};
+  controls.shift = {};
+  return {};
 }
 
 double median(std::vector<double> values) {
@@ -125,8 +137,12 @@ int run_loop(const MpcArguments& arguments, Session& session, examples::HopperPa
   ProblemUpdate update;
   OwnedProblem next;
   for (int number = 0; number <= arguments.ticks; ++number) {
+    UpdateControls of_tick = controls;
+    // The time between two ticks is the controller's own.
+    const auto prepared = arguments.prepare ? prepare(session, update, of_tick) : Expected<void>();
+    if (!prepared) return worse(exit_code, fails(arguments, prepared.error()));
     const auto begin = std::chrono::steady_clock::now();
-    auto answer = session.solve(update, controls);
+    auto answer = session.solve(update, of_tick);
     const std::chrono::duration<double, std::milli> round_trip = std::chrono::steady_clock::now() - begin;
     if (!answer) {
       tell_summary(arguments, session, ticks);
@@ -191,6 +207,11 @@ void add_mpc(CLI::App& program, int& exit_code) {
   command->add_option("--seed", arguments->seed, "0 is the nominal problem, any other a variation of it")
       ->capture_default_str();
   command->add_flag("--cold", arguments->cold, "start every tick afresh, to compare");
+  command
+      ->add_flag(
+          "--prepare", arguments->prepare,
+          "send what the state does not change ahead of each tick, in a part of its own: the same bits")
+      ->excludes(command->get_option("--cold"));
   command->footer(kExitCodes);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }

@@ -2,6 +2,7 @@
 #include <chrono>
 
 #include "marble/client.h"
+#include "marble/real_time.h"
 #include "marble/retrospective.h"
 
 namespace marble::nonlinear {
@@ -14,20 +15,39 @@ class SessionTicks final : public Ticks {
   explicit SessionTicks(Session session) : session_(std::move(session)) {}
 
   Expected<Solution> solve(const ProblemUpdate& update, const TickControls& controls) override {
-    UpdateControls tick{.cold = controls.cold, .progress = controls.progress};
-    if (controls.deadline_s < kForever) tick.deadline = std::chrono::duration<double>(controls.deadline_s);
-    auto answer = session_.solve(update, tick);
+    auto answer = session_.solve(update, of_session(controls));
     if (!answer) return unexpected(std::move(answer.error()));
+    reopened_ += answer->reopened ? 1 : 0;
     return Solution(std::move(*answer));
   }
 
+  Expected<bool> prepare(const ProblemUpdate& update, const TickControls& controls) override {
+    auto prepared = session_.prepare(update, of_session(controls));
+    if (!prepared) return unexpected(std::move(prepared.error()));
+    return true;
+  }
+
+  [[nodiscard]] std::int32_t reopened() const override { return reopened_; }
+
  private:
+  [[nodiscard]] static UpdateControls of_session(const TickControls& controls) {
+    UpdateControls tick{.initial_z = controls.initial_z,
+                        .cold = controls.cold,
+                        .shift = controls.shift,
+                        .progress = controls.progress};
+    if (controls.deadline_s < kForever) tick.deadline = std::chrono::duration<double>(controls.deadline_s);
+    return tick;
+  }
+
   Session session_;
+  std::int32_t reopened_ = 0;
 };
 
 OpenTicks sessions_of(const Client& client) {
   return [&client](const ProblemView& view, const Settings& of) -> Expected<std::unique_ptr<Ticks>> {
-    auto session = client.open_session(view, of.lcqp, {.progress = of.progress != nullptr, .stop = of.stop});
+    SessionOptions wanted;
+    wanted.progress = of.progress != nullptr, wanted.stop = of.stop, wanted.reopen = of.reopen;
+    auto session = client.open_session(view, of.lcqp, wanted);
     if (!session) return unexpected(std::move(session.error()));
     return std::make_unique<SessionTicks>(std::move(*session));
   };
@@ -42,6 +62,11 @@ Expected<Answer> solve(const Problem& problem, const Client& client, const Setti
 Expected<RetrospectiveAnswer> solve_retrospective(const SampledProblem& sampled, const Client& client,
                                                   const RetrospectiveSettings& settings) {
   return solve_retrospective(sampled, sessions_of(client), settings);
+}
+
+Expected<RealTime> RealTime::create(const Problem& problem, const Measured& measured, const Client& client,
+                                    const RealTimeSettings& settings) {
+  return create(problem, measured, sessions_of(client), settings);
 }
 
 }  // namespace marble::nonlinear

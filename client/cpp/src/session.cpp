@@ -31,6 +31,10 @@ Expected<std::int64_t> Session::send(const ProblemUpdate& update, const UpdateCo
   return or_out_of_memory([&] { return state_->send(update, controls); });
 }
 
+Expected<std::int64_t> Session::prepare(const ProblemUpdate& update, const UpdateControls& controls) {
+  return or_out_of_memory([&] { return state_->prepare(update, controls); });
+}
+
 Expected<std::optional<SessionEvent>> Session::next() {
   return or_out_of_memory([&] { return state_->next(); });
 }

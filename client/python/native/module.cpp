@@ -17,58 +17,14 @@
 #include "marble/version.h"
 #include "marble/warm_solver.h"
 #include "nonlinear.h"
+#include "real_time.h"
 #include "sensitivity.h"
+#include "settings.h"
 
 namespace marble::python {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-/// Names and values that the package has checked by the contract; their ranges are checked here.
-void set_options(Options& options, const py::dict& given) {
-  for (const auto& [name, value] : given) {
-    const auto key = name.cast<std::string>();
-    const auto set = py::isinstance<py::str>(value) ? set_option_text(options, key, value.cast<std::string>())
-                                                    : set_option(options, key, value.cast<double>());
-    if (!set) raise(set.error());
-  }
-}
-
-py::object python_value(double value) { return py::float_(value); }
-py::object python_value(std::int32_t value) { return py::int_(value); }
-py::object python_value(bool value) { return py::bool_(value); }
-
-/// A choice by its name.
-py::object choice_name(std::string_view option, std::size_t value) {
-  for (const OptionInfo& info : option_table()) {
-    if (info.name == option) return py::str(std::string(info.choices[value]));
-  }
-  return py::none();
-}
-py::object python_value(Path path) { return choice_name("path", static_cast<std::size_t>(path)); }
-py::object python_value(Method method) { return choice_name("method", static_cast<std::size_t>(method)); }
-py::object python_value(Retraction retraction) {
-  return choice_name("retraction", static_cast<std::size_t>(retraction));
-}
-
-/// All options by their names: a copy of the defaults, which takes a tenth of the time, with what differs.
-py::dict dict_of(const Options& options) {
-  static const Options usual;
-  static PyObject* const usual_dict = [] {
-    py::dict all;
-#define MARBLE_OPTION(type, name, ...) all[#name] = python_value(usual.name);
-#include "marble/options.def"
-#undef MARBLE_OPTION
-    return all.release().ptr();
-  }();
-  auto all = py::reinterpret_steal<py::dict>(PyDict_Copy(usual_dict));
-  if (!all) throw py::error_already_set();
-#define MARBLE_OPTION(type, name, ...) \
-  if (options.name != usual.name) all[#name] = python_value(options.name);
-#include "marble/options.def"
-#undef MARBLE_OPTION
-  return all;
-}
 
 py::tuple tuple_of(const Violations& v) {
   return py::make_tuple(v.equality, v.inequality, v.complementarity);
@@ -238,63 +194,68 @@ class Warm {
   /// four kinds of vectors its blocks (first, count, by).
   py::dict solve(const py::dict& given, const py::dict& changes, const py::object& z0, bool cold,
                  const py::object& shift, const Call& call) {
-    Options options = options_;
-    set_options(options, given);
-    if (auto valid = validate(options); !valid) raise(valid.error());
-    Borrowed arrays;
-    ProblemUpdate update;
-    for (const auto& [key, value] : changes) {
-      const auto name = key.cast<std::string>();
-      if (name == "c0") {
-        update.c0 = value.cast<double>();
-        continue;
-      }
-#define MARBLE_VECTOR(letter, field) \
-  if (name == #letter) update.letter = arrays.doubles(value);
-#define MARBLE_MATRIX(letter, field, values, rows) \
-  if (name == #letter) update.letter = arrays.doubles(value);
-#include "marble/contract.def"
-    }
-    Restart restart{.cold = cold};
-    if (!z0.is_none()) restart.initial_z = arrays.doubles(z0);
-    if (!shift.is_none()) {
-      const auto parts = shift.cast<py::tuple>();
-      std::vector<ShiftBlock>* const blocks[] = {&restart.shift.variables, &restart.shift.equalities,
-                                                 &restart.shift.inequalities, &restart.shift.pairs};
-      for (std::size_t part = 0; part < 4; ++part) {
-        for (const py::handle& block : parts[part]) {
-          const auto numbers = block.cast<py::tuple>();
-          blocks[part]->push_back(
-              {numbers[0].cast<Index>(), numbers[1].cast<Index>(), numbers[2].cast<Index>()});
-        }
-      }
-    }
-    auto answer =
-        run(options, call, [&](const Options& limited, const SolveControls& controls) -> Expected<Solution> {
-          if (auto set = solver_->set_options(limited); !set) return unexpected(set.error());
-          return solver_->solve(update, restart, controls);
-        });
-    options_ = options;
+    const Wanted wanted(options_, given, changes, z0, cold, shift);
+    auto answer = run(wanted.options, call,
+                      [&](const Options& limited, const SolveControls& controls) -> Expected<Solution> {
+                        if (auto set = solver_->set_options(limited); !set) return unexpected(set.error());
+                        return solver_->solve(wanted.update, wanted.restart, controls);
+                      });
+    options_ = wanted.options;
     return answer;
+  }
+
+  /// The first part of a solve(), of the same arguments.
+  void prepare(const py::dict& given, const py::dict& changes, const py::object& z0, bool cold,
+               const py::object& shift) {
+    const Wanted wanted(options_, given, changes, z0, cold, shift);
+    Expected<void> prepared;
+    {
+      const py::gil_scoped_release no_gil;
+      prepared = or_out_of_memory([&]() -> Expected<void> {
+        if (auto set = solver_->set_options(wanted.options); !set) return set;
+        return solver_->prepare(wanted.update, wanted.restart);
+      });
+    }
+    if (!prepared) raise(prepared.error());
+    options_ = wanted.options;
   }
 
   [[nodiscard]] std::int64_t memory_bytes() const { return solver_->memory_bytes(); }
   [[nodiscard]] double setup_s() const { return solver_->setup_s(); }
 
  private:
+  /// What an update says; borrows its arrays.
+  struct Wanted {
+    Wanted(const Options& in_force, const py::dict& given, const py::dict& changes, const py::object& z0,
+           bool cold, const py::object& shift)
+        : options(in_force) {
+      set_options(options, given);
+      if (auto valid = validate(options); !valid) raise(valid.error());
+      for (const auto& [key, value] : changes) {
+        const auto name = key.cast<std::string>();
+        if (name == "c0") {
+          update.c0 = value.cast<double>();
+          continue;
+        }
+#define MARBLE_VECTOR(letter, field) \
+  if (name == #letter) update.letter = arrays.doubles(value);
+#define MARBLE_MATRIX(letter, field, values, rows) \
+  if (name == #letter) update.letter = arrays.doubles(value);
+#include "marble/contract.def"
+      }
+      restart.cold = cold;
+      if (!z0.is_none()) restart.initial_z = arrays.doubles(z0);
+      restart.shift = shift_of(shift);
+    }
+    Options options;
+    Borrowed arrays;
+    ProblemUpdate update;
+    Restart restart;
+  };
+
   Options options_;
   std::optional<WarmSolver> solver_;
 };
-
-nonlinear::Curvature curvature_of(const std::string& name) {
-  using nonlinear::Curvature;
-  if (name == "automatic") return Curvature::automatic;
-  if (name == "exact") return Curvature::exact;
-  if (name == "gauss_newton") return Curvature::gauss_newton;
-  if (name == "bfgs") return Curvature::bfgs;
-  if (name == "none") return Curvature::none;
-  raise(invalid("curvature", name, "must be automatic, exact, gauss_newton, bfgs or none"));
-}
 
 /// Settings by their names; tell: None, or told of each iteration.
 nonlinear::Settings settings_of(const py::dict& given, const py::dict& lcqp, const py::object& tell) {
@@ -315,7 +276,7 @@ nonlinear::Settings settings_of(const py::dict& given, const py::dict& lcqp, con
   return settings;
 }
 
-/// Runs `solve(open)` so that Ctrl-C stops it. open: as solve_nonlinear has it, but for the options of each
+/// Runs `solve(open)` so that Ctrl-C stops it. open: as ticks_of has it, but for the options of each
 /// LCQP, which it is given first.
 template <class Solve>
 auto run_nonlinear(nonlinear::Settings& settings, const py::object& open, bool main_thread,
@@ -324,10 +285,7 @@ auto run_nonlinear(nonlinear::Settings& settings, const py::object& open, bool m
   settings.stop = source.get_token();
   std::optional<CtrlC> ctrl_c;
   if (main_thread && open.is_none() && raises_keyboard_interrupt()) ctrl_c.emplace(source);
-  py::object of_options = open;
-  if (!open.is_none())
-    of_options = py::module_::import("functools").attr("partial")(open, dict_of(settings.lcqp));
-  auto outcome = solve(of_options);
+  auto outcome = solve(with_options(open, settings.lcqp));
   ctrl_c.reset();
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
   return value_or_raise(std::move(outcome));
@@ -431,8 +389,10 @@ PYBIND11_MODULE(_core, m) {
   py::class_<Warm>(m, "Warm")
       .def(py::init<const py::object&, const py::dict&>())
       .def("solve", &Warm::solve)
+      .def("prepare", &Warm::prepare)
       .def_property_readonly("memory_bytes", &Warm::memory_bytes)
       .def_property_readonly("setup_s", &Warm::setup_s);
+  bind_real_time(m);
   bind_sensitivity(m);
 }
 

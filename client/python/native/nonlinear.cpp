@@ -37,6 +37,10 @@ class ReleasedTicks final : public nonlinear::Ticks {
     const py::gil_scoped_release no_gil;
     return ticks_->solve(update, controls);
   }
+  Expected<bool> prepare(const ProblemUpdate& update, const nonlinear::TickControls& controls) override {
+    const py::gil_scoped_release no_gil;
+    return ticks_->prepare(update, controls);
+  }
 
  private:
   std::unique_ptr<nonlinear::Ticks> ticks_;
@@ -62,18 +66,13 @@ class CalledTicks final : public nonlinear::Ticks {
  public:
   explicit CalledTicks(py::object tick) : tick_(std::move(tick)) {}
 
+  Expected<bool> prepare(const ProblemUpdate& update, const nonlinear::TickControls& controls) override {
+    static_cast<void>(ask(update, controls, true));
+    return true;
+  }
+
   Expected<Solution> solve(const ProblemUpdate& update, const nonlinear::TickControls& controls) override {
-    py::dict changes;
-    if (update.c0) changes["c0"] = *update.c0;
-#define MARBLE_VECTOR(letter, field) \
-  if (!update.letter.empty()) changes[#letter] = copied(update.letter);
-#define MARBLE_MATRIX(letter, field, values, rows) \
-  if (!update.letter.empty()) changes[#letter] = copied(update.letter);
-#include "marble/contract.def"
-    const bool limited = controls.deadline_s < kForever;
-    const py::object answer =
-        tick_(changes, controls.cold,
-              limited ? py::object(py::float_(controls.deadline_s)) : py::object(py::none()));
+    const py::object answer = ask(update, controls, false);
     if (answer.is_none()) return unexpected(failure(ErrorCode::deadline_exceeded, "the deadline has passed"));
     const auto parts = py::tuple(answer);
     Solution s;
@@ -97,6 +96,29 @@ class CalledTicks final : public nonlinear::Ticks {
 
  private:
   static constexpr double kForever = 1e8;  // seconds: no deadline is sent
+
+  py::object ask(const ProblemUpdate& update, const nonlinear::TickControls& controls, bool first_part) {
+    py::dict changes;
+    if (update.c0) changes["c0"] = *update.c0;
+#define MARBLE_VECTOR(letter, field) \
+  if (!update.letter.empty()) changes[#letter] = copied(update.letter);
+#define MARBLE_MATRIX(letter, field, values, rows) \
+  if (!update.letter.empty()) changes[#letter] = copied(update.letter);
+#include "marble/contract.def"
+    const bool limited = controls.deadline_s < kForever;
+    const Shift& shift = controls.shift;
+    const py::object z0 = controls.initial_z.empty() ? py::none() : py::cast(copied(controls.initial_z));
+    return tick_(changes, controls.cold,
+                 limited ? py::object(py::float_(controls.deadline_s)) : py::object(py::none()),
+                 py::make_tuple(tuples_of(shift.variables), tuples_of(shift.equalities),
+                                tuples_of(shift.inequalities), tuples_of(shift.pairs)),
+                 z0, first_part);
+  }
+  static py::list tuples_of(const std::vector<ShiftBlock>& blocks) {
+    py::list list;
+    for (const ShiftBlock& block : blocks) list.append(py::make_tuple(block.first, block.count, block.by));
+    return list;
+  }
 
   py::object tick_;
 };
@@ -167,15 +189,33 @@ class Called {
   Given values_, derivatives_, hessian_;
 };
 
+}  // namespace
+
+nonlinear::Problem problem_of(const py::dict& problem) {
+  struct Kept {
+    explicit Kept(py::dict own) : given(std::move(own)), called(given) {}
+    py::dict given;
+    Called called;
+  };
+  const auto kept = std::make_shared<Kept>(problem);
+  const nonlinear::Problem& all = kept->called.problem();
+  nonlinear::Problem made = all;
+  made.values = [kept, &all](std::span<const double> x) { return all.values(x); };
+  made.derivatives = [kept, &all](std::span<const double> x) { return all.derivatives(x); };
+  if (!all.hessian) return made;
+  made.hessian = [kept, &all](std::span<const double> x, const nonlinear::Multipliers& multipliers) {
+    return all.hessian(x, multipliers);
+  };
+  return made;
+}
+
 nonlinear::OpenTicks ticks_of(const py::object& open) {
   if (open.is_none()) return open_here;
-  return [&open](const ProblemView& view,
-                 const nonlinear::Settings&) -> Expected<std::unique_ptr<nonlinear::Ticks>> {
+  return [open](const ProblemView& view,
+                const nonlinear::Settings&) -> Expected<std::unique_ptr<nonlinear::Ticks>> {
     return std::make_unique<CalledTicks>(open(dict_of(view)));
   };
 }
-
-}  // namespace
 
 Expected<nonlinear::Answer> solve_nonlinear(const py::dict& problem, const nonlinear::Settings& settings,
                                             const py::object& open) {

@@ -69,6 +69,8 @@ def test_a_session_is_warm_and_ends_with_its_block(server, client):
                 check(problem.replaced(g=problem.g + 1), answer)
                 with pytest.raises(marble.InvalidProblem):
                     await session.update(g=[1])
+                await session.prepare(c0=3.0)
+                assert np.isclose((await session.update()).objective, 3.0 + answer.objective)
                 numbers = [await session.send(c0=float(k)) for k in range(10)]
                 events = [await session.next() for _ in numbers]
                 assert [event.sequence for event in events] == numbers and session.job_id

@@ -158,3 +158,64 @@ def test_casadi_problems_bring_their_derivatives():
         assert answer.solved and answer.x[1] == pytest.approx(np.pi / 6) and len(answer.nu) == 3
     with pytest.raises(marble.InvalidArgument):
         marble.nlp.solve_casadi({"x": x, "objective": x[0]}, [0, 0])
+
+
+def test_real_time_iteration_follows_what_is_measured(server):
+    """A mass on a line before a wall, ten stages of position, speed, force and the wall's push."""
+    stages, h, parts = 10, 0.1, 4
+    n = 2 + parts * stages
+
+    def values(x):
+        s, before = x[2:].reshape(stages, parts), np.vstack([x[:2], x[2:].reshape(stages, parts)[:-1, :2]])
+        position = s[:, 0] - before[:, 0] - h * s[:, 1]
+        speed = s[:, 1] - before[:, 1] - h * (s[:, 2] - s[:, 3] - 0.5 * np.sin(s[:, 0]))
+        return {"objective": 0.0, "residuals": np.concatenate([s[:, 0] - 2, 0.1 * s[:, 1], 0.1 * s[:, 2]]),
+                "equalities": np.column_stack([position, speed]).ravel(), "G": 1 - s[:, 0], "H": s[:, 3]}
+
+    def derivatives(x):
+        E, R = sp.lil_matrix((2 * stages, n)), sp.lil_matrix((3 * stages, n))
+        G, H = sp.lil_matrix((stages, n)), sp.lil_matrix((stages, n))
+        for k in range(stages):
+            at, last = 2 + parts * k, max(0, 2 + parts * (k - 1)) if k else 0
+            E[2 * k, at], E[2 * k, last], E[2 * k, at + 1] = 1, -1, -h
+            E[2 * k + 1, at + 1], E[2 * k + 1, last + 1] = 1, -1
+            E[2 * k + 1, at + 2], E[2 * k + 1, at + 3], E[2 * k + 1, at] = -h, h, 0.5 * h * np.cos(x[at])
+            G[k, at], H[k, at + 3] = -1, 1
+            R[k, at], R[stages + k, at + 1], R[2 * stages + k, at + 2] = 1, 0.1, 0.1
+        return {"gradient": np.zeros(n), "equalities": E.tocsc(), "G": G.tocsc(), "H": H.tocsc(), "residuals": R.tocsc()}
+
+    block = marble.ShiftBlock
+    shift = marble.Shift(variables=[block(0, 4, 2), block(2, parts * stages, parts)],
+                         equalities=[block(0, 2 * stages, 2)], pairs=[block(0, stages, 1)])
+    loops = [marble.nlp.RealTime(values, derivatives, np.zeros(n), variables=[0, 1], shift=shift, server=where)
+             for where in ("local", server.address)]
+    ends = []
+    for loop in loops:
+        with loop:
+            state = np.zeros(2)
+            for _ in range(20):
+                loop.prepare()
+                tick = loop.feedback(state)
+                assert tick.outcome == "answered" and tick.deadline_met and tick.ticks == 1, tick.why
+                assert np.allclose(tick.x[:2], state, atol=1e-9)
+                state = tick.x[2:4]
+            late = loop.feedback(state, 0.0)
+            assert (late.outcome, late.deadline_met) == ("shifted", False) and late.why
+            ends.append(tick)
+    assert ends[0].x.tobytes() == ends[1].x.tobytes() and ends[0].factorizations == ends[1].factorizations
+    assert abs(ends[0].x[0] - 1) < 1e-6 and np.max(np.abs(values(ends[0].x)["equalities"])) < 1e-6  # at the wall
+
+
+def test_real_time_iteration_names_what_it_cannot_take():
+    def refused(**settings):
+        with pytest.raises(marble.InvalidArgument) as wrong:
+            marble.nlp.RealTime(gate, gate_slopes, [0.5, 0.5], server="local", **settings)
+        return wrong.value.field
+
+    assert refused(variables=[2]) == "measured.variables" and refused(equalities=[0]) == "measured.equalities"
+    assert refused(fallback="none") == "fallback" and refused(curvature="bfgs") == "settings.curvature"
+    with marble.nlp.RealTime(gate, gate_slopes, [0.5, 0.5], server="local") as loop:
+        with pytest.raises(marble.InvalidArgument) as wrong:
+            loop.feedback([1.0])
+        assert wrong.value.field == "measurement"
+        assert np.allclose(loop.feedback([]).x, [0, 2], atol=0.2)

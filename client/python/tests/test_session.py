@@ -94,6 +94,34 @@ def test_answers_come_in_order_to_who_sends_ahead(client):
     assert [round(event.outcome.objective) for event in events] == [k - 1 for k in range(40)]
 
 
+def test_two_parts_give_the_bits_of_one_update(client):
+    hopper = Hopper(steps=12)
+    with client.session(hopper.problem()) as whole, client.session(hopper.problem()) as parts, \
+            marble.Client("local").session(hopper.problem()) as here:
+        for tick in range(4):
+            now, shift = hopper.problem(), 12 if tick else None
+            one = whole.update(now, shift=shift)
+            for session in (parts, here):
+                number = session.prepare(g=now.g, c0=now.c0, A=now.A, shift=shift)
+                two = session.update(b=now.b)
+                assert number == 2 * tick + 1 and two.factorizations == one.factorizations
+                assert np.array_equal(two.z, one.z) and np.array_equal(two.y, one.y)
+            hopper = hopper.advanced(one.z)
+        for session in (parts, here):
+            with pytest.raises(marble.InvalidProblem) as wrong:
+                session.prepare(g=[1])
+            assert wrong.value.field == "g" and session.update().solved
+
+
+def test_what_the_server_refuses_of_a_first_part_is_the_update_s_error(client):
+    with client.session(tiny()) as session:
+        before = session.update().objective
+        session.prepare(c0=5.0, options={"max_iterations": -1})
+        with pytest.raises(marble.InvalidArgument):
+            session.update()
+        assert session.update().objective == before and session.problem.c0 == 2.0
+
+
 def test_latest_only_supersedes_what_waits(start_server):
     problem, options = long_solve()
     with marble.Client(start_server("--workers", "1").address) as client, \

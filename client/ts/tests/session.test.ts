@@ -87,6 +87,25 @@ test("a shift moves the last solution one stage on", async () => {
   assert.ok(Math.abs(solution.objective - fresh.objective) < 1e-6);
 });
 
+test("two parts give the bits of one update of both", async () => {
+  const problem = example("hopper", "--steps", "12");
+  await using whole = await client.session(problem);
+  await using parts = await client.session(problem);
+  await Promise.all([whole.update(), parts.update()]);
+  const g = problem.g.map((value) => 1.01 * value);
+  const b = problem.b?.map((value) => 1.01 * value);
+  const shift = shiftByStage(problem, 12);
+  const one = await whole.update({ g, b }, { shift });
+  parts.prepare({ g }, { shift });
+  const two = await parts.update({ b });
+  assert.deepEqual(two.z, one.z);
+  assert.equal(two.factorizations, one.factorizations);
+  assert.throws(() => parts.prepare({ g: [1] }), InvalidProblemError);
+  parts.prepare({ c0: 1 }, { options: { rhoMax: 0 } }); // the server's rule
+  await assert.rejects(parts.update(), InvalidProblemError);
+  assert.ok((await parts.update()).solved);
+});
+
 test("stages that do not divide the problem are refused, as in every language", () => {
   const wrong = { name: "InvalidProblemError", field: "stages" };
   const bound = "must divide the number of variables, 60";

@@ -92,6 +92,7 @@ class Solver {
   friend class WarmSolver;  // which takes what was checked before, and moves the tree on with its answer
   struct State;
   explicit Solver(std::unique_ptr<State> state);
+  void prepare(const Solution& warm_start, const SolveControls& controls);
   void take(const ProblemUpdate& checked);
   void take(const Options& checked);
   void keep_tree();

@@ -62,6 +62,15 @@ class WarmSolver {
   /// The same of what was checked before. Errors: failed_precondition if it was for other sizes.
   [[nodiscard]] Expected<Solution> solve(const CheckedUpdate& update, const SolveControls& controls = {});
 
+  /// The first part of a solve: takes the new numbers and how it starts, and factorizes for the branch that
+  /// it will begin on. The solve() that follows brings the rest and gives the answer of one solve() of both,
+  /// to the last bit, sooner: most if what it brings are vectors that leave the branch's rows as they are,
+  /// such as b. Of `controls` only stop counts. Errors: as solve(); nothing has changed then.
+  [[nodiscard]] Expected<void> prepare(const ProblemUpdate& update, const Restart& restart = {},
+                                       const SolveControls& controls = {});
+  /// The same of what was checked before.
+  [[nodiscard]] Expected<void> prepare(const CheckedUpdate& update, const SolveControls& controls = {});
+
   /// Other options for solves to come; scaling_passes stays as it was set up. Options must be valid.
   [[nodiscard]] Expected<void> set_options(const Options& options) { return solver_.set_options(options); }
 
@@ -72,6 +81,7 @@ class WarmSolver {
 
  private:
   WarmSolver(Solver solver, const PartSizes& sizes, double setup_s, std::span<const double> initial_z);
+  [[nodiscard]] Expected<void> take(const CheckedUpdate& update);
   void begin_at(const Restart& restart);
 
   Solver solver_;

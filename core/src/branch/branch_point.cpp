@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "tuning.h"
 
@@ -67,6 +68,10 @@ void BranchPoint::restore(const Iterate& iterate, const WorkingSet& working_set)
 }
 
 bool BranchPoint::factor(Run& run, double rho, double delta) {
+  if (std::exchange(ahead_, false) && is_factored(rho, delta)) {
+    ++run.factorizations;
+    return true;
+  }
   weights_.rho = rho;
   weights_.delta = delta;
   for (Index row = 0; row < problem_.layout.size(); ++row) weights_.rows.all[row] = set.held[row] ? rho : 0.0;
@@ -75,6 +80,11 @@ bool BranchPoint::factor(Run& run, double rho, double delta) {
   const bool factored = run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); });
   factor_ = kkt_.factors();
   return factored;
+}
+
+void BranchPoint::factor_ahead(Run& run, double rho, double delta) {
+  ahead_ = false;
+  ahead_ = factor(run, rho, delta);
 }
 
 bool BranchPoint::is_factored(double rho, double delta) const {

@@ -31,6 +31,11 @@ class BranchPoint {
   /// Factorizes for the rows held at zero. False if the inertia is wrong: Q + δI has negative curvature, or
   /// none, along a direction that keeps all of them.
   [[nodiscard]] bool factor(Run& run, double rho, double delta);
+  /// The same before the numbers are all there, of the same matrices: the next factor(), if it is for the
+  /// same rows, takes it over and counts it.
+  void factor_ahead(Run& run, double rho, double delta);
+  /// The matrices have new values.
+  void forget_ahead() { ahead_ = false; }
   /// Whether the factor at hand is that, of these rows.
   [[nodiscard]] bool is_factored(double rho, double delta) const;
   [[nodiscard]] double rho() const { return weights_.rho; }  ///< of the last factorization
@@ -68,6 +73,7 @@ class BranchPoint {
   RowWeights weights_;
   WorkingSet factored_set_;
   std::int64_t factor_ = -1;  // of kkt_, which others use too
+  bool ahead_ = false;        // it was made for a factor() to come
 };
 
 }  // namespace marble

@@ -147,6 +147,11 @@ bool BranchSearch::start_round(Run& run, int count, const std::function<void()>&
   return better;
 }
 
+void BranchSearch::prepare(Run& run, const Iterate& solution) {
+  point_.start_from_solution(solution);
+  point_.factor_ahead(run, tuning::exact_rho, tuning::exact_delta);
+}
+
 // A branch that stays feasible after a small change is near the best one. Else it is mended; and a cold start
 // has its say where that fails, or where answers have become clearly worse than a cold start's was.
 bool BranchSearch::resume(Run& run, const Iterate& solution, double cold_objective) {

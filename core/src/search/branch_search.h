@@ -38,6 +38,8 @@ class BranchSearch {
   /// From the branch of a solution of this problem or one like it. False where no feasible branch is near, or
   /// where there is one but a cold start, which has reached `cold_objective`, should have its say too.
   [[nodiscard]] bool resume(Run& run, const Iterate& solution, double cold_objective);
+  /// What resume() of the same solution begins with, once some numbers of the problem are new.
+  void prepare(Run& run, const Iterate& solution);
 
  private:
   void from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization);

@@ -259,6 +259,90 @@ TEST_F(Session, LatestOnlyDropsWhatWaitsAndKeepsItsNumbers) {
   EXPECT_NEAR(answer->answer().solution().z(1), 2.0, 1e-9) << "of the third";
 }
 
+TEST_F(Session, AFirstPartHasNoAnswerAndTheSecondIsOfBoth) {
+  start();
+  const auto call = set_up(setup_of(example_request()));
+  ASSERT_TRUE(ask(*call, update(1))->has_answer());
+  v1::SessionRequest first = update(2);
+  first.mutable_update()->set_prepare(true);
+  first.mutable_update()->mutable_problem()->add_equality_offset(-4.0);
+  ASSERT_TRUE(call->write(first));
+  v1::SessionRequest second = update(3);
+  second.mutable_update()->mutable_problem()->add_inequality_offset(-2.0);
+  const auto answer = ask(*call, second);
+  ASSERT_TRUE(answer && answer->has_answer());
+  EXPECT_EQ(answer->answer().sequence(), 3);
+  EXPECT_NEAR(answer->answer().solution().z(0), 4.0, 1e-9) << "of the first";
+  EXPECT_NEAR(answer->answer().solution().z(1), 2.0, 1e-9) << "of the second";
+  EXPECT_EQ(counters().updates_total(), 2) << "a first part is no solve";
+  EXPECT_EQ(counters().running(), 0);
+}
+
+TEST_F(Session, PartsThatStillWaitBecomeOne) {
+  start({"--workers", "1"});
+  const auto call = set_up(setup_of(example_request()));
+  Stream blocker(solver(), long_request());
+  ASSERT_TRUE(blocker.read_until(Event::kStarted));
+  ASSERT_TRUE(call->write(update(1)));  // waits for the worker, in the queue
+  ASSERT_TRUE(eventually([&] { return counters().queued() == 1; }));
+  for (const std::int64_t number : {2, 3}) {
+    v1::SessionRequest part = update(number);
+    part.mutable_update()->set_prepare(true);
+    part.mutable_update()->mutable_problem()->add_equality_offset(-2.0 * static_cast<double>(number));
+    ASSERT_TRUE(call->write(part));
+  }
+  v1::SessionRequest whole = update(4);
+  whole.mutable_update()->mutable_problem()->add_inequality_offset(-2.0);
+  ASSERT_TRUE(call->write(whole));
+  blocker.cancel();
+  EXPECT_EQ(call->next()->answer().sequence(), 1);
+  const auto answer = call->next();
+  EXPECT_EQ(answer->answer().sequence(), 4);
+  EXPECT_NEAR(answer->answer().solution().z(0), 6.0, 1e-9) << "of the newer first part";
+  EXPECT_NEAR(answer->answer().solution().z(1), 2.0, 1e-9);
+}
+
+TEST_F(Session, WithLatestOnlyAFirstPartTakesThePlaceOfWhatWaits) {
+  start({"--workers", "1"});
+  v1::SessionRequest setup = setup_of(example_request());
+  setup.mutable_setup()->set_latest_only(true);
+  const auto call = set_up(setup);
+  Stream blocker(solver(), long_request());
+  ASSERT_TRUE(blocker.read_until(Event::kStarted));
+  ASSERT_TRUE(call->write(update(1)));
+  ASSERT_TRUE(eventually([&] { return counters().queued() == 1; }));
+  v1::SessionRequest second = update(2);
+  second.mutable_update()->mutable_problem()->add_equality_offset(-4.0);
+  ASSERT_TRUE(call->write(second));
+  v1::SessionRequest part = update(3);
+  part.mutable_update()->set_prepare(true);
+  ASSERT_TRUE(call->write(part));
+  const auto superseded = call->next();
+  ASSERT_TRUE(superseded && superseded->has_superseded());
+  EXPECT_EQ(superseded->superseded().sequence(), 2);
+  EXPECT_EQ(superseded->superseded().by_sequence(), 3);
+  ASSERT_TRUE(call->write(update(4)));
+  blocker.cancel();
+  EXPECT_EQ(call->next()->answer().sequence(), 1);
+  const auto answer = call->next();
+  EXPECT_EQ(answer->answer().sequence(), 4);
+  EXPECT_NEAR(answer->answer().solution().z(0), 4.0, 1e-9) << "of the second";
+}
+
+TEST_F(Session, AnInvalidFirstPartIsToldAtOnceAndChangesNothing) {
+  start();
+  const auto call = set_up(setup_of(example_request()));
+  const double before = ask(*call, update(1))->answer().solution().z(0);
+  v1::SessionRequest part = update(2);
+  part.mutable_update()->set_prepare(true);
+  part.mutable_update()->mutable_problem()->add_equality_offset(std::nan(""));
+  const auto refused = ask(*call, part);
+  ASSERT_TRUE(refused && refused->has_error());
+  EXPECT_EQ(refused->error().sequence(), 2);
+  EXPECT_EQ(refused->error().status().code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(ask(*call, update(3))->answer().solution().z(0), before);
+}
+
 TEST_F(Session, AnUpdateTooLateIsToldAndItsNumbersStay) {
   start({"--workers", "1"});
   const auto call = set_up(setup_of(example_request()));

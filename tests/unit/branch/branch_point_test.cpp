@@ -153,5 +153,28 @@ TEST(BranchPoint, SharpensNothingWhereRowsContradictEachOther) {
   EXPECT_FALSE(branch.point.sharpen());
 }
 
+TEST(BranchPoint, AFactorMadeAheadIsTakenOverOnceAndByTheSameRowsAlone) {
+  Workbench w(row_and_pair(), unscaled());
+  BranchEngines branch(w.problem, *w.kkt);
+  const auto factor = [&] { return branch.point.factor(w.run, tuning::exact_rho, tuning::exact_delta); };
+  const auto made_by = [&](auto&& work) {
+    const std::int64_t before = w.kkt->factors();
+    work();
+    return w.kkt->factors() - before;
+  };
+  const auto ahead = [&] { branch.point.factor_ahead(w.run, tuning::exact_rho, tuning::exact_delta); };
+  EXPECT_EQ(made_by(ahead), 1);
+  const int counted = w.run.factorizations;
+  EXPECT_EQ(made_by([&] { EXPECT_TRUE(factor()); }), 0);
+  EXPECT_EQ(w.run.factorizations, counted + 1) << "it counts as the solve's own";
+  EXPECT_EQ(made_by([&] { EXPECT_TRUE(factor()); }), 1) << "only once";
+  ahead();
+  branch.point.set.held[0] ^= 1U;
+  EXPECT_EQ(made_by([&] { EXPECT_TRUE(factor()); }), 1) << "of other rows";
+  ahead();
+  branch.point.forget_ahead();
+  EXPECT_EQ(made_by([&] { EXPECT_TRUE(factor()); }), 1) << "of other matrices";
+}
+
 }  // namespace
 }  // namespace marble

@@ -182,5 +182,61 @@ TEST(WarmSolver, ARefusedUpdateChangesNothing) {
   EXPECT_EQ(solver.solve().value().z, untouched.solve().value().z);
 }
 
+// A planner's ticks, each with new matrices, of which b alone is known late.
+TEST(WarmSolver, TwoPartsGiveTheBitsOfOneUpdateOfBoth) {
+  examples::HopperParameters parameters{.steps = 12};
+  const OwnedProblem first = examples::hopper(parameters);
+  const Problem problem = Problem::create(first.view()).value();
+  WarmSolver whole = WarmSolver::create(problem).value(), parts = WarmSolver::create(problem).value();
+  const Shift shift = Shift::by_stage(first.view(), parameters.steps).value();
+  for (int tick = 0; tick < 8; ++tick) {
+    const OwnedProblem now = examples::hopper(parameters);
+    Values A = now.A.values, Q = now.Q.values;
+    for (double& value : Q) value *= 1.0 + 0.01 * tick;
+    const Restart restart{.shift = tick > 0 ? shift : Shift{}};
+    if (tick % 3 == 1) {  // a first part that is said twice
+      ASSERT_TRUE(parts.prepare({.Q = Q, .A = A}, restart).has_value());
+      ASSERT_TRUE(parts.prepare({.c0 = now.c0, .g = now.g, .d = now.d}).has_value());
+    } else {
+      ASSERT_TRUE(parts.prepare({.c0 = now.c0, .g = now.g, .d = now.d, .Q = Q, .A = A}, restart).has_value());
+    }
+    const Solution two = parts.solve({.b = now.b}).value();
+    const Solution one =
+        whole.solve({.c0 = now.c0, .g = now.g, .b = now.b, .d = now.d, .Q = Q, .A = A}, restart).value();
+    ASSERT_EQ(two.z, one.z) << "tick " << tick;
+    EXPECT_EQ(two.equality_multipliers, one.equality_multipliers);
+    EXPECT_EQ(two.complementarity_multipliers_L, one.complementarity_multipliers_L);
+    EXPECT_EQ(two.factorizations, one.factorizations);
+    EXPECT_EQ(two.detail, one.detail);
+    parameters = examples::advance(parameters, one.z);
+  }
+}
+
+TEST(WarmSolver, ASecondPartMayChangeWhatTheFirstMadeReady) {
+  const OwnedProblem first = examples::hopper({.steps = 12});
+  const Problem problem = Problem::create(first.view()).value();
+  WarmSolver whole = WarmSolver::create(problem).value(), parts = WarmSolver::create(problem).value();
+  ASSERT_EQ(parts.solve().value().z, whole.solve().value().z);
+  Values Q = first.Q.values, d = first.d;
+  for (double& value : Q) value *= 2.0;
+  for (double& value : d) value += 0.01;
+  ASSERT_TRUE(parts.prepare({.g = first.g}).has_value());
+  const Solution two = parts.solve({.d = d, .Q = Q}).value(), one = whole.solve({.d = d, .Q = Q}).value();
+  EXPECT_EQ(two.z, one.z);
+  EXPECT_EQ(two.factorizations, one.factorizations);
+  ASSERT_TRUE(parts.prepare({.g = first.g}, {.cold = true}).has_value());
+  EXPECT_EQ(parts.solve().value().z, whole.solve({}, {.cold = true}).value().z);
+}
+
+TEST(WarmSolver, AFirstPartThatIsWrongChangesNothing) {
+  const OwnedProblem first = examples::hopper({.steps = 12});
+  WarmSolver solver = WarmSolver::create(Problem::create(first.view()).value()).value();
+  const Solution before = solver.solve().value();
+  const Values few = {1.0};
+  EXPECT_EQ(solver.prepare({.g = few}).error().field, "g");
+  EXPECT_EQ(solver.prepare({}, {.initial_z = few}).error().field, "initial_z");
+  EXPECT_EQ(solver.solve().value().objective, before.objective);
+}
+
 }  // namespace
 }  // namespace marble

@@ -20,6 +20,7 @@
 #include "marble/options.h"
 #include "marble/problem.h"
 #include "marble/progress.h"
+#include "marble/restart.h"
 #include "marble/solution.h"
 
 namespace marble {
@@ -114,7 +115,10 @@ struct Settings {
   std::function<void(const Iteration&)> iteration = {};  ///< told after every one
   ProgressSink* progress = nullptr;                      ///< told of what each tick does
   std::stop_token stop = {};                             ///< ends it with Status::cancelled
-  Options lcqp = subproblem_options();                   ///< of each tick
+  /// A session whose server dies or drains is set up again, on another one where the client knows several,
+  /// and the tick asked again: SessionOptions::reopen. In process there is nothing to reopen.
+  bool reopen = false;
+  Options lcqp = subproblem_options();  ///< of each tick
 
   /// Tolerances that are tighter than the defaults, and the pairs' search kept near the branch at hand.
   [[nodiscard]] static Options subproblem_options();
@@ -139,13 +143,16 @@ struct Answer {
   std::int32_t ticks = 0;                             ///< LCQPs solved
   std::int32_t evaluations = 0;                       ///< calls of Problem::values
   std::int64_t factorizations = 0;                    ///< of all ticks
+  std::int32_t reopened = 0;                          ///< how often a session was set up again elsewhere
 };
 
 /// What accompanies one tick.
 struct TickControls {
-  bool cold = false;                 ///< forget the last answer
-  double deadline_s = 1e9;           ///< from now on
-  ProgressSink* progress = nullptr;  ///< as Settings has it
+  bool cold = false;                       ///< forget the last answer
+  double deadline_s = 1e9;                 ///< from now on
+  ProgressSink* progress = nullptr;        ///< as Settings has it
+  std::span<const double> initial_z = {};  ///< n or empty: starts here, not at the last answer's z
+  Shift shift = {};                        ///< the last answer moves on first
 };
 
 /// Where the subproblems of one pattern are solved: a session, here or on a server.
@@ -156,6 +163,12 @@ class Ticks {
   /// and whatever ends it.
   [[nodiscard]] virtual Expected<Solution> solve(const ProblemUpdate& update,
                                                  const TickControls& controls) = 0;
+  /// The first part of an update: its numbers are taken over, and what an answer needs is made ready, but
+  /// nothing is solved; the next solve() brings the rest. False where there is no such thing: then the next
+  /// solve() must bring all. Errors: as solve().
+  [[nodiscard]] virtual Expected<bool> prepare(const ProblemUpdate& update, const TickControls& controls);
+  /// How often it was set up again elsewhere so far.
+  [[nodiscard]] virtual std::int32_t reopened() const { return 0; }
 };
 
 /// Sets one up. A run opens one, and another one once a subproblem must be elastic.

@@ -91,6 +91,16 @@ class Session {
   [[nodiscard]] Expected<RemoteSolution> solve(const ProblemUpdate& update = {},
                                                const UpdateControls& controls = {});
 
+  /// Sends the first part of an update ahead of what is not known yet, and returns its number: the next
+  /// update is the second part, and its answer that of one update of both, to the last bit. The server takes
+  /// the numbers in, with shift, options and start, and factorizes for the branch that the solve will begin
+  /// on. Nothing is answered; what the server refuses of it is the error of the solve() that follows, or
+  /// comes from next(). An older server solves it, which costs its time; the second part then begins at that
+  /// solution. Errors: invalid_argument, as solve() has them; of a server that is lost, unavailable, which
+  /// ends the session, or with `reopen` nothing yet.
+  [[nodiscard]] Expected<std::int64_t> prepare(const ProblemUpdate& update,
+                                               const UpdateControls& controls = {});
+
   /// Sends an update without waiting, and returns its number; numbers ascend. Blocks while the server has as
   /// many waiting as it takes (64 by default), so next() must be called meanwhile. An error ends the session,
   /// but for failed_precondition of one with `reopen`.

@@ -10,6 +10,8 @@ struct Session::State {
   virtual ~State() = default;
   [[nodiscard]] virtual Expected<RemoteSolution> solve(const ProblemUpdate& update,
                                                        const UpdateControls& controls) = 0;
+  [[nodiscard]] virtual Expected<std::int64_t> prepare(const ProblemUpdate& update,
+                                                       const UpdateControls& controls) = 0;
   [[nodiscard]] virtual Expected<std::int64_t> send(const ProblemUpdate& update,
                                                     const UpdateControls& controls) = 0;
   [[nodiscard]] virtual Expected<std::optional<SessionEvent>> next() = 0;

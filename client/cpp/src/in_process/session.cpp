@@ -24,16 +24,23 @@ class InProcessSession final : public Session::State {
 
   Expected<RemoteSolution> solve(const ProblemUpdate& update, const UpdateControls& controls) override {
     if (!is_open()) return unexpected(reason());
-    if (controls.options) {
-      if (auto valid = validate(*controls.options); !valid) return unexpected(valid.error());
-      options_ = *controls.options;
-    }
+    if (auto taken = take(controls.options); !taken) return unexpected(taken.error());
     ++sequence_;
     const DeadlineLimit deadline(controls.deadline);
     ThinnedProgress progress(tells_ ? controls.progress : nullptr, interval_s_, iterate_every_);
     if (auto set = solver_.set_options(deadline.limit(options_)); !set) return unexpected(set.error());
     return deadline.answer(solver_.solve(update, {controls.initial_z, controls.cold, controls.shift},
                                          {.progress = progress.sink(), .stop = stop_}));
+  }
+
+  Expected<std::int64_t> prepare(const ProblemUpdate& update, const UpdateControls& controls) override {
+    if (!is_open()) return unexpected(reason());
+    if (auto taken = take(controls.options); !taken) return unexpected(taken.error());
+    if (auto set = solver_.set_options(options_); !set) return unexpected(set.error());
+    auto prepared =
+        solver_.prepare(update, {controls.initial_z, controls.cold, controls.shift}, {.stop = stop_});
+    if (!prepared) return unexpected(prepared.error());
+    return ++sequence_;
   }
 
   Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls) override {
@@ -66,6 +73,12 @@ class InProcessSession final : public Session::State {
   [[nodiscard]] bool is_open() const override { return !closed_ && !stop_.stop_requested(); }
 
  private:
+  [[nodiscard]] Expected<void> take(const std::optional<Options>& options) {
+    if (!options) return {};
+    if (auto valid = validate(*options); !valid) return valid;
+    options_ = *options;
+    return {};
+  }
   [[nodiscard]] Error reason() const { return closed_ ? session_ended() : given_up(); }
 
   WarmSolver solver_;

@@ -48,6 +48,16 @@ void SessionMemory::take(const ProblemUpdate& update, const UpdateControls& cont
   take_numbers(controls.initial_z, setup.mutable_initial_point()->mutable_z());
 }
 
+void SessionMemory::take_first_part(const ProblemUpdate& update, const UpdateControls& controls) {
+  take(update, controls);
+  if (controls.cold || last_z_.empty()) return last_z_.clear();
+  if (controls.initial_z.empty()) {
+    shift(controls.shift.variables, last_z_);
+  } else {
+    last_z_.assign(controls.initial_z.begin(), controls.initial_z.end());
+  }
+}
+
 void SessionMemory::take(const std::vector<double>& z) { last_z_ = z; }
 
 v1::SessionRequest SessionMemory::setup(const UpdateControls& next) const {

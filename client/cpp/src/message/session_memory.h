@@ -14,6 +14,8 @@ class SessionMemory {
 
   /// The server took the update in: its numbers and options hold from now on.
   void take(const ProblemUpdate& update, const UpdateControls& controls);
+  /// The server took the first part of an update in: the same, and where the second part starts.
+  void take_first_part(const ProblemUpdate& update, const UpdateControls& controls);
   /// An answer that the next solve starts from.
   void take(const std::vector<double>& z);
 

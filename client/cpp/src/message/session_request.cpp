@@ -51,7 +51,7 @@ Expected<v1::SessionRequest> make_setup(const ProblemView& problem, const Option
 }
 
 Expected<v1::SessionRequest> make_update(std::int64_t sequence, const ProblemUpdate& update,
-                                         const UpdateControls& controls) {
+                                         const UpdateControls& controls, bool first_part) {
   v1::SessionRequest request;
   v1::SessionUpdate* message = request.mutable_update();
   message->set_sequence(sequence);
@@ -61,6 +61,7 @@ Expected<v1::SessionRequest> make_update(std::int64_t sequence, const ProblemUpd
     message->mutable_initial_point()->mutable_z()->Assign(controls.initial_z.begin(),
                                                           controls.initial_z.end());
   message->set_cold(controls.cold);
+  message->set_prepare(first_part);
   fill(controls.shift, message->mutable_shift());
   if (controls.deadline) message->set_deadline_s(std::max(controls.deadline->count(), kPassed));
   if (auto fits = check_size(request); !fits) return unexpected(fits.error());

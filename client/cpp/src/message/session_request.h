@@ -9,6 +9,6 @@ namespace marble::client {
 [[nodiscard]] Expected<v1::SessionRequest> make_setup(const ProblemView& problem, const Options& options,
                                                       const SessionOptions& session);
 [[nodiscard]] Expected<v1::SessionRequest> make_update(std::int64_t sequence, const ProblemUpdate& update,
-                                                       const UpdateControls& controls);
+                                                       const UpdateControls& controls, bool first_part);
 
 }  // namespace marble::client

@@ -30,6 +30,12 @@ SparseMatrix pattern(Index n, const RowsAbove& rows_above) {
 
 }  // namespace
 
+Curvature chosen(Curvature kind, const Problem& problem, const Point& point) {
+  if (kind != Curvature::automatic) return kind;
+  if (problem.hessian) return Curvature::exact;
+  return point.residuals.empty() ? Curvature::bfgs : Curvature::gauss_newton;
+}
+
 Expected<Model> Model::create(Curvature kind, Functions& functions, const Point& point,
                               const Linearisation& first, const Multipliers& multipliers) {
   Model made;

@@ -8,6 +8,9 @@
 
 namespace marble::nonlinear {
 
+/// What `automatic` means for a problem, of which `point` is one; any other kind is itself.
+[[nodiscard]] Curvature chosen(Curvature kind, const Problem& problem, const Point& point);
+
 class Model {
  public:
   /// Of a kind that is not automatic. `first` are the derivatives at `point`.

@@ -21,6 +21,8 @@ struct Rows {
 /// Largest violation of any row.
 [[nodiscard]] double largest_violation(const Rows& rows);
 
+inline constexpr double kFirstWeight = 1.0;  // of all rows, before there are multipliers
+
 /// μ of each row and of each pair.
 class Weights {
  public:

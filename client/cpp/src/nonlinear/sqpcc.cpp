@@ -17,7 +17,6 @@ constexpr double kPoor = 0.25;
 constexpr double kGood = 0.75;
 constexpr double kRounding = 1e-14;     // of the merit: what two evaluations may differ by
 constexpr double kLeastRadius = 1e-13;  // a smaller one tells nothing
-constexpr double kFirstWeight = 1.0;
 constexpr double kMostWeight = 1e10;
 constexpr int kMostRises = 4;             // of the weights for one elastic step
 constexpr double kElasticProgress = 0.1;  // share of the violation that an elastic step must take away
@@ -98,11 +97,7 @@ Expected<void> Loop::begin_again() {
 }
 
 Expected<void> Loop::make_curvature() {
-  Curvature kind = settings_.curvature;
-  if (kind == Curvature::automatic)
-    kind = problem_.hessian           ? Curvature::exact
-           : point_.residuals.empty() ? Curvature::bfgs
-                                      : Curvature::gauss_newton;
+  const Curvature kind = chosen(settings_.curvature, problem_, point_);
   if (kind == Curvature::exact && !problem_.hessian)
     return unexpected(invalid("hessian", "must be a function: the settings ask for the exact curvature"));
   auto model = Model::create(kind, functions_, point_, at_, step_.multipliers);
@@ -326,6 +321,7 @@ Answer Loop::end(Status status, const std::string& why) {
     answer_.b_stationary = step_.b_stationary, answer_.stationarity = step_.stationarity;
   answer_.iterations = row_.iteration, answer_.ticks = row_.ticks,
   answer_.evaluations = functions_.evaluations();
+  for (const auto& ticks : ticks_) answer_.reopened += ticks != nullptr ? ticks->reopened() : 0;
   char text[200];
   std::snprintf(text, sizeof text,
                 ": step %.1e within %.1e, violation %.1e, KKT residual %.1e after %d LCQPs", step_.size,
@@ -351,6 +347,10 @@ Expected<void> check(const Settings& s) {
   if (s.iteration_limit < 0)
     return unexpected(invalid("settings.iteration_limit", std::to_string(s.iteration_limit), "must be >= 0"));
   return {};
+}
+
+Expected<bool> Ticks::prepare(const ProblemUpdate& /*update*/, const TickControls& /*controls*/) {
+  return false;
 }
 
 Options Settings::subproblem_options() {

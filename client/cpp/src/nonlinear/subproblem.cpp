@@ -118,6 +118,11 @@ void Subproblem::set(const Point& point, const Linearisation& at, const SparseMa
   }
 }
 
+ProblemUpdate Subproblem::set_equalities(const Point& point) {
+  problem_.b = point.equalities;
+  return {.b = problem_.b};
+}
+
 void Subproblem::set_weights(const Weights& weights) {
   auto cost = problem_.g.begin() + static_cast<std::ptrdiff_t>(n_);
   for (const auto part : {weights.equalities(), weights.equalities(), weights.inequalities(), weights.pairs(),

@@ -49,6 +49,8 @@ class Subproblem {
 
   /// All numbers. Without an objective only the elastic part of the cost is left.
   void set(const Point& point, const Linearisation& at, const SparseMatrix& B, const Box& box);
+  /// Other offsets of the equalities alone, and the update that says so.
+  [[nodiscard]] ProblemUpdate set_equalities(const Point& point);
   void set_weights(const Weights& weights);
   void drop_objective();
   /// Rows that are offset so that the step meets what they really were at its end: the second-order

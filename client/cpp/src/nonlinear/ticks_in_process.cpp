@@ -18,11 +18,19 @@ class WarmTicks final : public Ticks {
     Options options = options_;
     options.time_limit_s = std::min(options_.time_limit_s, controls.deadline_s);
     if (auto set = solver_.set_options(options); !set) return unexpected(set.error());
-    auto answer =
-        solver_.solve(update, {.cold = controls.cold}, {.progress = controls.progress, .stop = stop_});
+    auto answer = solver_.solve(update, {controls.initial_z, controls.cold, controls.shift},
+                                {.progress = controls.progress, .stop = stop_});
     if (answer && answer->status == Status::time_limit && cut)
       return unexpected(failure(ErrorCode::deadline_exceeded, "the deadline has passed"));
     return answer;
+  }
+
+  Expected<bool> prepare(const ProblemUpdate& update, const TickControls& controls) override {
+    if (auto set = solver_.set_options(options_); !set) return unexpected(set.error());
+    auto prepared =
+        solver_.prepare(update, {controls.initial_z, controls.cold, controls.shift}, {.stop = stop_});
+    if (!prepared) return unexpected(prepared.error());
+    return true;
   }
 
  private:

@@ -3,11 +3,14 @@
 #include <deque>
 #include <functional>
 #include <map>
+#include <set>
 #include <thread>
+#include <utility>
 
 #include "connection/connection.h"
 #include "connection/traceparent.h"
 #include "handle/session_state.h"
+#include "marble/warm_solver.h"
 #include "message/answer.h"
 #include "message/session_memory.h"
 #include "message/session_request.h"
@@ -36,14 +39,15 @@ struct SessionStream {
   ~SessionStream();
 
   [[nodiscard]] Expected<void> set_up(const v1::SessionRequest& request);
-  [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(writing);
+  [[nodiscard]] Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls,
+                                            bool first_part = false) ABSL_EXCLUSIVE_LOCKS_REQUIRED(writing);
   [[nodiscard]] std::optional<SessionEvent> read() ABSL_EXCLUSIVE_LOCKS_REQUIRED(reading);
   [[nodiscard]] std::optional<SessionEvent> event_of(const v1::SessionResponse& response);
   [[nodiscard]] Expected<RemoteSolution> solve(const ProblemUpdate& update, const UpdateControls& controls);
   [[nodiscard]] Expected<RemoteSolution> outcome_of(SessionEvent event, const ProblemUpdate& update,
                                                     const UpdateControls& controls);
   [[nodiscard]] Error reason() const { return status.ok() ? session_ended() : to_error(status, stop); }
+  [[nodiscard]] bool is_first_part(std::int64_t number);
   void read_to_the_end() ABSL_EXCLUSIVE_LOCKS_REQUIRED(reading);
   void tell(const v1::SessionProgress& progress);
 
@@ -63,11 +67,13 @@ struct SessionStream {
 
   Mutex reading;
   std::deque<SessionEvent> unfetched ABSL_GUARDED_BY(reading);
+  std::optional<SessionEvent> refused_part ABSL_GUARDED_BY(reading);  // a first part, with its error
   grpc::Status status;
   std::atomic<bool> over = false;  // set after `status`, which then stays
 
   Mutex sinks_access;
   std::map<std::int64_t, ProgressSink*> sinks ABSL_GUARDED_BY(sinks_access);
+  std::set<std::int64_t> first_parts ABSL_GUARDED_BY(sinks_access);  // sent since the last answer
 };
 
 SessionStream::~SessionStream() {
@@ -96,15 +102,17 @@ Expected<void> SessionStream::set_up(const v1::SessionRequest& request) {
   return unexpected(reason());
 }
 
-Expected<std::int64_t> SessionStream::send(const ProblemUpdate& update, const UpdateControls& controls) {
+Expected<std::int64_t> SessionStream::send(const ProblemUpdate& update, const UpdateControls& controls,
+                                           bool first_part) {
   if (over) return unexpected(reason());
   if (writes_done) return unexpected(session_ended());
-  const auto request = make_update(sequence + 1, update, controls);
+  const auto request = make_update(sequence + 1, update, controls, first_part);
   if (!request) return unexpected(request.error());
   ++sequence;
-  if (controls.progress != nullptr) {
+  {
     const MutexLock lock(sinks_access);
-    sinks[sequence] = controls.progress;
+    if (first_part) first_parts.insert(sequence);
+    if (controls.progress != nullptr && !first_part) sinks[sequence] = controls.progress;
   }
   if (stream->Write(*request)) return sequence;
   writes_done = true;
@@ -121,7 +129,13 @@ Expected<RemoteSolution> SessionStream::solve(const ProblemUpdate& update, const
   if (!sent) return unexpected(sent.error());
   const MutexLock lock(reading);
   while (auto event = read()) {
-    if (event->sequence == *sent) return outcome_of(std::move(*event), update, controls);
+    const bool own = event->sequence == *sent;
+    if (own && refused_part) {
+      Error error = std::get<Error>(std::exchange(refused_part, std::nullopt)->outcome);
+      return unexpected(std::move(error));
+    }
+    if (own) return outcome_of(std::move(*event), update, controls);
+    if (refused_part && event->sequence == refused_part->sequence) continue;
     unfetched.push_back(std::move(*event));
   }
   return unexpected(reason());
@@ -145,11 +159,24 @@ std::optional<SessionEvent> SessionStream::read() {
   v1::SessionResponse response;
   while (!over && stream->Read(&response)) {
     if (response.has_progress()) tell(response.progress());
-    if (auto event = event_of(response)) return event;
+    if (auto event = event_of(response)) {
+      if (!is_first_part(event->sequence)) return event;
+      if (!std::holds_alternative<Error>(event->outcome)) continue;  // an older server's, who solved it
+      refused_part = *event;
+      return event;
+    }
   }
   if (!over) status = stream->Finish();
   over = true;
   return std::nullopt;
+}
+
+// Those before it have had their say.
+bool SessionStream::is_first_part(std::int64_t number) {
+  const MutexLock lock(sinks_access);
+  const bool first_part = first_parts.count(number) != 0;
+  first_parts.erase(first_parts.begin(), first_parts.upper_bound(number));
+  return first_part;
 }
 
 void SessionStream::read_to_the_end() {
@@ -187,9 +214,12 @@ void SessionStream::tell(const v1::SessionProgress& progress) {
 
 class RemoteSession final : public Session::State {
  public:
-  explicit RemoteSession(std::unique_ptr<SessionStream> stream) { take(std::move(stream)); }
+  RemoteSession(std::unique_ptr<SessionStream> stream, const PartSizes& sizes) : sizes_(sizes) {
+    take(std::move(stream));
+  }
 
   Expected<RemoteSolution> solve(const ProblemUpdate& update, const UpdateControls& controls) override;
+  Expected<std::int64_t> prepare(const ProblemUpdate& update, const UpdateControls& controls) override;
   Expected<std::int64_t> send(const ProblemUpdate& update, const UpdateControls& controls) override;
   Expected<std::optional<SessionEvent>> next() override;
   Expected<void> close() override;
@@ -200,6 +230,7 @@ class RemoteSession final : public Session::State {
   [[nodiscard]] Expected<void> reopen(const UpdateControls& next);
 
   std::unique_ptr<SessionStream> stream_;
+  PartSizes sizes_;
 };
 
 void RemoteSession::take(std::unique_ptr<SessionStream> stream) {
@@ -210,6 +241,20 @@ void RemoteSession::take(std::unique_ptr<SessionStream> stream) {
   memory_bytes = ready.memory_bytes();
   setup_s = ready.setup_s();
   idle_timeout_s = ready.idle_timeout_s();
+}
+
+// Checked here: of the server nobody waits to hear what is wrong.
+Expected<std::int64_t> RemoteSession::prepare(const ProblemUpdate& update, const UpdateControls& controls) {
+  const auto valid =
+      CheckedUpdate::check(sizes_, update, {controls.initial_z, controls.cold, controls.shift});
+  if (!valid) return unexpected(valid.error());
+  const MutexLock lock(stream_->writing);
+  auto sent = stream_->send(update, controls, true);
+  if (stream_->memory == nullptr) return sent;
+  const bool lost = !sent && sent.error().code == ErrorCode::unavailable;
+  if (sent || lost) stream_->memory->take_first_part(update, controls);
+  if (lost) return stream_->sequence;  // solve() goes elsewhere
+  return sent;
 }
 
 Expected<std::int64_t> RemoteSession::send(const ProblemUpdate& update, const UpdateControls& controls) {
@@ -228,6 +273,7 @@ Expected<std::optional<SessionEvent>> RemoteSession::next() {
     return event;
   }
   auto event = s.read();
+  s.refused_part.reset();  // told
   if (!event && !s.status.ok()) return unexpected(s.reason());
   return event;
 }
@@ -286,7 +332,11 @@ Expected<std::unique_ptr<Session::State>> open_remote_session(std::shared_ptr<co
   auto stream = std::make_unique<SessionStream>(std::move(connection), session.traceparent, session.stop, 0);
   if (auto made = stream->set_up(*request); !made) return unexpected(made.error());
   if (session.reopen) stream->memory = std::make_unique<SessionMemory>(std::move(*request));
-  return std::make_unique<RemoteSession>(std::move(stream));
+  PartSizes sizes;
+#define MARBLE_VECTOR(letter, field) sizes.letter = problem.letter.size();
+#define MARBLE_MATRIX(letter, field, update, vector) sizes.letter = problem.letter.values.size();
+#include "marble/contract.def"
+  return std::make_unique<RemoteSession>(std::move(stream), sizes);
 }
 
 }  // namespace marble::client

@@ -84,6 +84,8 @@ export class Session implements AsyncDisposable {
 
   private readonly waiting = new Map<number, Waiting>();
   private readonly finished: Promise<void>;
+  private readonly firstParts = new Set<number>();
+  private refusedPart?: { sequence: number; error: MarbleError };
   private sequence = 0;
   private end?: MarbleError;
 
@@ -142,6 +144,19 @@ export class Session implements AsyncDisposable {
     });
   }
 
+  /**
+   * Sends the first part of an update ahead of what is not known yet: the next update is the second part, and its solution
+   * that of one update of both, to the last bit. The server takes the numbers in and factorizes for the branch that the
+   * solve will begin on; nothing is answered. What it refuses of a first part rejects the update that follows.
+   * @throws InvalidProblemError of a part that does not fit.
+   */
+  prepare(update: ProblemUpdate = {}, controls: Omit<UpdateControls, "deadlineMs"> = {}): void {
+    const message = { ...updateOf(this.sequence + 1, update, controls, this.shape), prepare: true };
+    if (this.end !== undefined) throw this.end;
+    this.firstParts.add(++this.sequence);
+    this.call.write({ request: { $case: "update", value: message } });
+  }
+
   /** Ends the session once everything is answered, and waits for that. */
   async close(): Promise<void> {
     if (this.end === undefined) {
@@ -181,8 +196,19 @@ export class Session implements AsyncDisposable {
       return;
     }
     const sequence = (value as { sequence: number }).sequence;
+    if (this.firstParts.delete(sequence)) {
+      // An answer to one is an older server's, and of no use.
+      if (event.$case === "error") this.refusedPart = { sequence, error: errorOfStatus(expect(event.value.status)) };
+      return;
+    }
+    for (const part of this.firstParts) if (part < sequence && event.$case === "answer") this.firstParts.delete(part);
     const waiting = this.waiting.get(sequence);
     this.waiting.delete(sequence);
+    if (this.refusedPart !== undefined && this.refusedPart.sequence < sequence) {
+      waiting?.reject(this.refusedPart.error);
+      this.refusedPart = undefined;
+      return;
+    }
     if (event.$case === "answer") waiting?.resolve(new Solution(this.jobId, expect(event.value.solution)));
     if (event.$case === "superseded") waiting?.reject(new SupersededError(event.value.bySequence));
     if (event.$case === "error") waiting?.reject(errorOfStatus(expect(event.value.status)));
@@ -220,6 +246,7 @@ function updateOf(sequence: number, update: ProblemUpdate, controls: UpdateContr
     cold: controls.cold ?? false,
     shift: controls.shift && shiftMessage(controls.shift),
     deadlineS: (controls.deadlineMs ?? 0) / 1000,
+    prepare: false,
   };
 }
 

@@ -96,6 +96,11 @@ class SessionHere(Session):
             raise FailedPrecondition("the session is not open yet: use `async with`")
         return self._session
 
+    async def prepare(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
+        """As marble.aio.Session.prepare; it is ready when this returns, and what is wrong is raised at once."""
+        number: int = await asyncio.to_thread(self._opened().prepare, problem, **changes)
+        return number
+
     async def send(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
         """Solves before it returns the update's number; next() has the answer."""
         number: int = await asyncio.to_thread(self._opened().send, problem, **changes)

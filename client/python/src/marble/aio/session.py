@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from marble import errors
 from marble.base.lazy import lazy
-from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of
+from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of, first_refused
 from marble.errors import Cancelled, FailedPrecondition
 from marble.message.requests import Call
 from marble.model.lcqp import LCQP, MatrixLike
@@ -33,6 +33,7 @@ class Session(SessionFacts):
         self._open_stream = open_stream
         self._stream: Any = None
         self._unread: dict[int, SessionEvent] = {}
+        self._first_parts: list[int] = []
         self._writing, self._reading = asyncio.Lock(), asyncio.Lock()
 
     async def __aenter__(self) -> Session:
@@ -92,6 +93,12 @@ class Session(SessionFacts):
             await self._write(message)
             return sequence
 
+    async def prepare(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
+        """Sends the first part of an update ahead of what is not known yet; see marble.Session.prepare."""
+        number = await self.send(problem, first_part=True, **changes)
+        self._first_parts.append(number)
+        return number
+
     async def next(self) -> SessionEvent | None:
         """Waits for what comes of the next of the updates sent; None after close() and the last."""
         async with self._reading:
@@ -115,7 +122,8 @@ class Session(SessionFacts):
                 if event is None:
                     raise Cancelled("the session ended without an answer")
                 self._unread[event.sequence] = event
-            return answer_of(self._unread.pop(sequence))
+            event = self._unread.pop(sequence)
+            return answer_of(first_refused(self._unread, self._first_parts, sequence) or event)
 
     async def close(self) -> None:
         """Ends the session once everything is answered, and waits for that."""

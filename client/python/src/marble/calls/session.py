@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from marble import errors
 from marble.base.lazy import lazy
-from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of
+from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of, first_refused
 from marble.connection.rpc import Rpc
 from marble.errors import Cancelled, Error, FailedPrecondition
 from marble.message.requests import Call
@@ -35,6 +35,7 @@ class Session(SessionFacts):
         # One message at a time: gRPC takes the next when the server has room for it.
         self._outbox: queue.Queue[bytes | None] = queue.Queue(maxsize=1)
         self._unread: dict[int, SessionEvent] = {}
+        self._first_parts: list[int] = []
         self._writing, self._reading = threading.Lock(), threading.Lock()
         first = self._core.set_up(call, latest_only)
         self._stream = rpc.duplex("Solver/Session", self._messages(first))
@@ -100,6 +101,18 @@ class Session(SessionFacts):
             self._put(message)
             return sequence
 
+    def prepare(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
+        """Sends the first part of an update ahead of what is not known yet, and returns its number.
+
+        The next update is the second part; its answer is that of one update of both, to the last bit. The server takes
+        the numbers in and factorizes for the branch that the solve will begin on, and answers nothing; an error of it
+        is raised by the update that follows, or comes from next(). problem and changes: as update has them, but for a
+        deadline.
+        """
+        number = self.send(problem, first_part=True, **changes)
+        self._first_parts.append(number)
+        return number
+
     def next(self) -> SessionEvent | None:
         """Waits for what comes of the next of the updates sent, in the order it comes; None after close() and the last.
 
@@ -133,7 +146,8 @@ class Session(SessionFacts):
                 if event is None:
                     raise Cancelled("the session ended without an answer")
                 self._unread[event.sequence] = event
-            return answer_of(self._unread.pop(sequence))
+            event = self._unread.pop(sequence)
+            return answer_of(first_refused(self._unread, self._first_parts, sequence) or event)
 
     solve = update
 

@@ -103,6 +103,7 @@ class _Update:
     given: Problem | None
     before: tuple[LCQP, LCQP | Problem]
     told: bool = False
+    first_part: bool = False  # of which nothing may ever be told
 
     @property
     def after(self) -> tuple[LCQP, LCQP | Problem]:
@@ -142,12 +143,13 @@ class SessionCore:
 
     def update(self, problem: LCQP | Problem | None = None, *, options: Mapping[str, Any] | None = None,
                z0: ArrayLike | None = None, cold: bool = False, shift: Shift | int | None = None,
-               deadline: float | None = None, **parts: Any) -> bytes:
+               deadline: float | None = None, first_part: bool = False, **parts: Any) -> bytes:
         """The next update; self.sequence is its number then."""
         changes, shift = self.prepared(problem, parts, shift, deadline)
         message = contract.message("SessionUpdate")(
             sequence=self.sequence + 1, cold=cold, deadline_s=deadline or 0.0,
-            options=requests.options_message(options), shift=None if shift is None else shift.message())
+            options=requests.options_message(options), shift=None if shift is None else shift.message(),
+            prepare=first_part)
         update = Encoder("SessionUpdate")
         update.others(message)
         update.message("problem", _changed(changes))
@@ -155,7 +157,7 @@ class SessionCore:
             update.message("initial_point", requests.initial_point(lcqp.vector(z0, "z0", self.current.n, " (n)")))
         data = _request("update", update)
         # Nothing is remembered of an update that could not be made.
-        self.remember(problem, changes)
+        self.remember(problem, changes, first_part)
         return data
 
     def prepared(self, problem: LCQP | Problem | None, parts: Mapping[str, Any], shift: Shift | int | None,
@@ -168,12 +170,13 @@ class SessionCore:
         changes = self._changes(problem, parts)
         return changes, Shift.by_stage(self.current, shift) if isinstance(shift, int) else shift
 
-    def remember(self, problem: LCQP | Problem | None, changes: Mapping[str, Any]) -> None:
+    def remember(self, problem: LCQP | Problem | None, changes: Mapping[str, Any], first_part: bool = False) -> None:
         """Takes an update that was prepared, under the next number."""
         given = problem.copy() if isinstance(problem, Problem) else None
         with self._lock:
             self.sequence += 1
-            update = self._updates[self.sequence] = _Update(changes, given, (self.current, self.given))
+            update = _Update(changes, given, (self.current, self.given), first_part=first_part)
+            self._updates[self.sequence] = update
             self.current, self.given = update.after
 
     def settle(self, sequence: int, kept: bool) -> tuple[LCQP, LCQP | Problem]:
@@ -192,8 +195,11 @@ class SessionCore:
                     if number > sequence:
                         later.before = self.current, self.given
                         self.current, self.given = later.after
-            while self._updates and next(iter(self._updates.values())).told:
-                del self._updates[next(iter(self._updates))]
+            while self._updates:
+                number, first = next(iter(self._updates.items()))
+                if not first.told and not (first.first_part and number < sequence):
+                    break
+                del self._updates[number]
         return current, given if isinstance(given, Problem) else current
 
     def _changes(self, problem: LCQP | Problem | None, parts: Mapping[str, Any]) -> dict[str, Any]:
@@ -235,6 +241,11 @@ class SessionCore:
                     self._tell(message.progress.sequence, answers.progress(row))
             return False, None
         body = getattr(message, kind)
+        with self._lock:
+            update = self._updates.get(body.sequence)
+            first_part = update is not None and update.first_part
+        if first_part and kind != "error":
+            return False, None  # an older server has solved it
         error = errors.from_status(body.status) if kind == "error" else None
         problem, given = self.settle(body.sequence, kept=not isinstance(error, InvalidArgument))
         outcome: Solution | Superseded | errors.Error
@@ -250,6 +261,13 @@ class SessionCore:
         self.memory_bytes = message.memory_bytes
         self.setup_s = message.setup_s
         self.idle_timeout_s = message.idle_timeout_s
+
+
+def first_refused(unread: dict[int, SessionEvent], first_parts: list[int], sequence: int) -> SessionEvent | None:
+    """The error of a first part before this update, which is then its own. Forgets the parts before it."""
+    refused = [unread.pop(number) for number in first_parts if number < sequence and number in unread]
+    first_parts[:] = [number for number in first_parts if number > sequence]
+    return refused[0] if refused else None
 
 
 def answer_of(event: SessionEvent) -> Solution:

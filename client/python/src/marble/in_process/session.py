@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from marble import errors
@@ -26,6 +26,7 @@ class SessionHere(Session):
                  progress: Callable[[int, Progress], object] | None) -> None:
         self._core = SessionCore(problem, progress)
         self._unread: dict[int, SessionEvent] = {}
+        self._first_parts: list[int] = []
         self._writing, self._reading = threading.Lock(), threading.Lock()
         self._call, self._tell = call, progress
         self._running: Any = None
@@ -45,6 +46,12 @@ class SessionHere(Session):
         """Whether updates may be sent."""
         return not self._core.ended
 
+    def prepare(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
+        """As marble.Session.prepare; it is ready when this returns, and what is wrong is raised at once."""
+        with self._writing:
+            self._take_first_part(problem, **changes)
+            return self._core.sequence
+
     def send(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
         """Solves before it returns the update's number; next() has the answer."""
         with self._writing:
@@ -52,13 +59,23 @@ class SessionHere(Session):
             self._unread[self._core.sequence] = SessionEvent(self._core.sequence, outcome)
             return self._core.sequence
 
+    def _take_first_part(self, problem: LCQP | Problem | None, *, options: Any = None, z0: Any = None,
+                         cold: bool = False, shift: Any = None, **parts: Any) -> None:
+        changes, shift = self._core.prepared(problem, parts, shift, None)
+        start = None if z0 is None else lcqp.vector(z0, "z0", self._core.current.n, " (n)")
+        try:
+            self._solver.prepare(solver.option_values(options), _numbers(changes), start, cold,
+                                 None if shift is None else shift.blocks())
+        except solver.core().Fault as fault:
+            raise errors.from_core(*fault.args) from None
+        self._core.remember(problem, changes, first_part=True)
+
     def _outcome(self, problem: LCQP | Problem | None, *, options: Any = None, z0: Any = None, cold: bool = False,
                  shift: Any = None, deadline: float | None = None, **parts: Any) -> Any:
         changes, shift = self._core.prepared(problem, parts, shift, deadline)
         start = None if z0 is None else lcqp.vector(z0, "z0", self._core.current.n, " (n)")
         values = solver.option_values(options)
-        numbers = {name: value if name == "c0" else getattr(value, "data", value) if name in "QACLR" else value
-                   for name, value in changes.items()}
+        numbers = _numbers(changes)
         self._core.remember(problem, changes)
         sequence, tell = self._core.sequence, self._tell
         own = None if tell is None else lambda row: tell(sequence, row)
@@ -91,3 +108,9 @@ class SessionHere(Session):
         self._core.ended = True
         if (running := self._running) is not None:
             running.request()
+
+
+def _numbers(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Changes as core takes them: of a matrix its values."""
+    return {name: value if name == "c0" else getattr(value, "data", value) if name in "QACLR" else value
+            for name, value in changes.items()}

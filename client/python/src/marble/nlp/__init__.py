@@ -26,9 +26,10 @@ from marble.errors import InvalidArgument
 from marble.nlp.functions import Multipliers, problem_of, vector
 from marble.nlp.levels import Estimate, Level, RetrospectiveAnswer, retrospective, uniform
 from marble.nlp.loop import Answer, Iteration, answer_of, run
+from marble.nlp.real_time import RealTime, RealTimeTick
 
-__all__ = ["Answer", "Estimate", "Iteration", "Level", "Multipliers", "RetrospectiveAnswer", "retrospective", "solve",
-           "solve_casadi", "uniform"]
+__all__ = ["Answer", "Estimate", "Iteration", "Level", "Multipliers", "RealTime", "RealTimeTick", "RetrospectiveAnswer",
+           "retrospective", "solve", "solve_casadi", "uniform"]
 
 
 def solve(

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 import marble
 from marble import errors
 from marble.base.tables import Status
-from marble.connection import connect
 from marble.in_process import solver
 from marble.nlp import ticks
 
@@ -89,20 +88,9 @@ def run(
     tell = None if progress is None else lambda *row: progress(Iteration(*row))
     main_thread = threading.get_ident() == threading.main_thread().ident
     with contextlib.ExitStack() as opened:
-        there = _ticks_of(server, opened)
+        there = ticks.ticks_of(server, opened)
         try:
             return getattr(core, entry)(problem, settings, solver.option_values(options), tell, there, main_thread,
                                         *more)
         except core.Fault as fault:
             raise errors.from_core(*fault.args) from None
-
-
-def _ticks_of(server: str | Sequence[str] | marble.Client | None,
-              opened: contextlib.ExitStack) -> Callable[..., ticks.Tick] | None:
-    """None for this process."""
-    if not isinstance(server, marble.Client):
-        server = connect.server_of(server)
-        if connect.is_local(server):
-            return None
-        server = opened.enter_context(marble.Client(server))
-    return ticks.opener(server, opened)

@@ -3,16 +3,32 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 
 import marble
+from marble.calls.session_core import Shift, ShiftBlock
+from marble.connection import connect
 from marble.errors import DeadlineExceeded
 from marble.model.lcqp import LCQP, csc
 
-Tick = Callable[[Mapping[str, Any], bool, float | None], tuple[Any, ...] | None]
+_PASSED: Final = 1e-9  # to a session no time left is none at all
+
+Blocks = Sequence[Sequence[tuple[int, int, int]]]
+Tick = Callable[[Mapping[str, Any], bool, float | None, Blocks, Any, bool], tuple[Any, ...] | None]
+
+
+def ticks_of(server: str | Sequence[str] | marble.Client | None,
+              opened: contextlib.ExitStack) -> Callable[..., Tick] | None:
+    """None for this process."""
+    if not isinstance(server, marble.Client):
+        server = connect.server_of(server)
+        if connect.is_local(server):
+            return None
+        server = opened.enter_context(marble.Client(server))
+    return opener(server, opened)
 
 
 def opener(client: marble.Client,
@@ -23,11 +39,18 @@ def opener(client: marble.Client,
         problem = _problem(parts)
         session = sessions.enter_context(client.session(problem, options=options))
 
-        def tick(changes: Mapping[str, Any], cold: bool, seconds: float | None) -> tuple[Any, ...] | None:
+        def tick(changes: Mapping[str, Any], cold: bool, seconds: float | None, blocks: Blocks, z0: Any,
+                 first_part: bool) -> tuple[Any, ...] | None:
             nonlocal problem
             problem = _changed(problem, changes)
+            shift = Shift(*([ShiftBlock(*block) for block in part] for part in blocks)) if any(blocks) else None
+            start = None if z0 is None else np.asarray(z0)
+            if first_part:
+                session.prepare(problem, cold=cold, shift=shift, z0=start)
+                return None
             try:
-                answer = session.update(problem, cold=cold, deadline=seconds)
+                answer = session.update(problem, cold=cold, shift=shift, z0=start,
+                                        deadline=None if seconds is None else max(seconds, _PASSED))
             except DeadlineExceeded:
                 return None
             stationarity, second_order = answer.stationarity, answer.second_order

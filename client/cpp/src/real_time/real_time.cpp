@@ -1,0 +1,310 @@
+// A tick in two parts: all that does not depend on the measurement, and the LCQP with it.
+#include "marble/real_time.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "nonlinear/curvature.h"
+#include "nonlinear/functions.h"
+#include "nonlinear/merit.h"
+#include "nonlinear/subproblem.h"
+#include "real_time/embedding.h"
+
+namespace marble::nonlinear {
+namespace {
+Expected<void> check_real_time(const RealTimeSettings& s) {
+  if (auto valid = validate(s.lcqp); !valid) return unexpected(inside("settings.lcqp", valid.error()));
+  if (!(s.radius > 0.0 && std::isfinite(s.radius)))
+    return unexpected(invalid("settings.radius", std::to_string(s.radius), "must be finite and > 0"));
+  if (!(s.diagonal >= 0.0 && std::isfinite(s.diagonal)))
+    return unexpected(invalid("settings.diagonal", std::to_string(s.diagonal), "must be finite and >= 0"));
+  return {};
+}
+
+void offset(std::vector<ShiftBlock>& blocks, std::span<const ShiftBlock> more, std::size_t by) {
+  for (ShiftBlock block : more) {
+    block.first += static_cast<Index>(by);
+    blocks.push_back(block);
+  }
+}
+
+}  // namespace
+
+const char* to_string(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::answered:
+      return "answered";
+    case Outcome::kept:
+      return "kept";
+    case Outcome::shifted:
+      return "shifted";
+    default:
+      return "elastic";
+  }
+}
+
+struct RealTime::State {
+  State(const Problem& problem, const Measured& measured, const RealTimeSettings& in_force)
+      : embedding(problem, measured), settings(in_force) {}
+
+  [[nodiscard]] Expected<void> begin(const OpenTicks& opens);
+  [[nodiscard]] Expected<void> prepare();
+  [[nodiscard]] Expected<RealTimeTick> feedback(std::span<const double> measurement, double deadline_s);
+  [[nodiscard]] Expected<void> restart(std::span<const double> x);
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  [[nodiscard]] Expected<std::unique_ptr<Ticks>> open(const OpenTicks& opens, const Subproblem& of) const;
+  [[nodiscard]] Expected<void> linearise();
+  void move();
+  [[nodiscard]] Expected<bool> ask(Ticks& ticks, const Subproblem& of, const ProblemUpdate& update,
+                                   const TickControls& controls, RealTimeTick& tick);
+  [[nodiscard]] Expected<bool> ask_elastic(double deadline_s, RealTimeTick& tick);
+  [[nodiscard]] Box box() const {
+    return {functions->lower(), functions->upper(), functions->scale(), settings.radius};
+  }
+  [[nodiscard]] TickControls first_part() const {
+    TickControls controls{.progress = settings.progress, .initial_z = no_step};
+    if (shift_due) controls.shift = shift_of_answers;
+    return controls;
+  }
+
+  Embedding embedding;
+  RealTimeSettings settings;
+  std::optional<Functions> functions;
+  Point point;       // the moved plan, with the measurement in its rows once there is one
+  Linearisation at;  // there
+  std::optional<Model> B;
+  std::optional<Weights> weights;
+  std::optional<Subproblem> subproblem, elastic;
+  std::unique_ptr<Ticks> ticks, elastic_ticks;
+  Step step;
+  std::vector<double> no_step;     // d = 0, where the LCQP begins
+  std::vector<double> unmeasured;  // of the measured rows, what they are at the moved plan
+  Shift shift_of_answers;          // of the LCQP's own vectors
+  bool due = false;                // the plan is to be moved on
+  bool shift_due = false;          // the session has not been told yet
+  bool prepared = false;
+  bool sent = false;             // the first part
+  std::vector<double> returned;  // the last tick's plan
+};
+
+Expected<void> RealTime::State::begin(const OpenTicks& opens) {
+  if (auto valid = check_real_time(settings); !valid) return valid;
+  if (auto valid = embedding.check(); !valid) return valid;
+  auto made = Functions::create(embedding.problem());
+  if (!made) return unexpected(made.error());
+  functions.emplace(std::move(*made));
+  const std::size_t n = functions->variables();
+  point.x.assign(functions->start().begin(), functions->start().end());
+  returned = point.x;
+  if (auto given = functions->values(point); !given) return given;
+  if (point.fault) return unexpected(*point.fault);
+  if (auto valid = embedding.check_rows(point); !valid) return valid;
+  if (auto given = functions->derivatives(point, at); !given) return given;
+
+  PartSizes sizes;  // the caller's
+  sizes.g = n, sizes.b = point.equalities.size() - embedding.variables();
+  sizes.d = point.inequalities.size(), sizes.l = point.G.size();
+  if (auto valid = Restart{.shift = settings.shift}.check(sizes); !valid)
+    return unexpected(inside("settings", valid.error()));
+  shift_of_answers.equalities = settings.shift.equalities;
+  shift_of_answers.inequalities = settings.shift.inequalities;
+  offset(shift_of_answers.inequalities, settings.shift.variables, sizes.d);  // rows of the lower bounds
+  offset(shift_of_answers.inequalities, settings.shift.variables, sizes.d + n);
+  shift_of_answers.pairs = settings.shift.pairs;
+
+  const Curvature kind = chosen(settings.curvature, embedding.problem(), point);
+  if (kind == Curvature::bfgs)
+    return unexpected(
+        invalid("settings.curvature", "bfgs",
+                "must be exact, gauss_newton or none: the problem needs a Hessian or residuals"));
+  if (kind == Curvature::exact && !embedding.problem().hessian)
+    return unexpected(invalid("hessian", "must be a function: the settings ask for the exact curvature"));
+  Multipliers& m = step.multipliers;
+  m.equalities.assign(point.equalities.size(), 0.0), m.inequalities.assign(sizes.d, 0.0),
+      m.G.assign(sizes.l, 0.0);
+  m.H.assign(sizes.l, 0.0), m.bounds.assign(n, 0.0);
+  step.d.assign(n, 0.0), no_step.assign(n, 0.0), unmeasured.assign(embedding.size(), 0.0);
+  auto model = Model::create(kind, *functions, point, at, m);
+  if (!model) return unexpected(model.error());
+  B = std::move(*model);
+  B->shift(settings.diagonal);
+  weights.emplace(rows_of(point), kFirstWeight);
+  subproblem.emplace(at, B->upper(), false);
+  subproblem->set(point, at, B->upper(), box());
+  auto opened = open(opens, *subproblem);
+  if (!opened) return unexpected(opened.error());
+  ticks = std::move(*opened);
+  if (settings.fallback != Fallback::elastic) return {};
+  elastic.emplace(at, B->upper(), true);
+  opened = open(opens, *elastic);
+  if (!opened) return unexpected(opened.error());
+  elastic_ticks = std::move(*opened);
+  return {};
+}
+
+Expected<std::unique_ptr<Ticks>> RealTime::State::open(const OpenTicks& opens, const Subproblem& of) const {
+  Settings one;
+  one.progress = settings.progress, one.stop = settings.stop, one.reopen = settings.reopen;
+  one.lcqp = settings.lcqp;
+  return opens(of.view(), one);
+}
+
+Expected<void> RealTime::State::prepare() {
+  prepared = false;
+  if (std::exchange(due, false)) move();
+  if (auto done = linearise(); !done) return done;
+  auto taken = ticks->prepare(subproblem->update(), first_part());
+  if (!taken) return unexpected(taken.error());
+  sent = *taken;
+  if (sent) shift_due = false;
+  prepared = true;
+  return {};
+}
+
+void RealTime::State::move() {
+  shift(settings.shift.variables, point.x);
+  if (settings.moved) settings.moved(point.x);
+  Multipliers& m = step.multipliers;
+  shift(settings.shift.variables, m.bounds);
+  shift(settings.shift.equalities, m.equalities), shift(settings.shift.inequalities, m.inequalities);
+  shift(settings.shift.pairs, m.G), shift(settings.shift.pairs, m.H);
+  shift_due = true;
+}
+
+Expected<void> RealTime::State::linearise() {
+  if (auto given = functions->values(point); !given) return given;
+  if (point.fault) return unexpected(*point.fault);
+  if (auto given = functions->derivatives(point, at); !given) return given;
+  if (auto moved = B->move(*functions, point, at, step.multipliers, {}, {}); !moved) return moved;
+  B->shift(settings.diagonal);
+  for (std::size_t k = 0; k < unmeasured.size(); ++k)
+    unmeasured[k] =
+        std::exchange(point.equalities[embedding.row(k, point)], 0.0);  // as if it came as planned
+  subproblem->set(point, at, B->upper(), box());
+  return {};
+}
+
+Expected<RealTimeTick> RealTime::State::feedback(std::span<const double> measurement, double deadline_s) {
+  const auto begun = Clock::now();
+  const auto elapsed_s = [&] { return std::chrono::duration<double>(Clock::now() - begun).count(); };
+  const auto left_s = [&] { return std::max(0.0, deadline_s - elapsed_s()); };
+  if (auto valid = check_numbers(measurement, embedding.size(), "measurement"); !valid)
+    return unexpected(valid.error());
+  if (!prepared) {
+    if (auto done = prepare(); !done) return unexpected(done.error());
+  }
+  prepared = false;
+  for (std::size_t k = 0; k < measurement.size(); ++k)
+    point.equalities[embedding.row(k, point)] = unmeasured[k] - measurement[k];
+  const ProblemUpdate measured = subproblem->set_equalities(point);
+  TickControls controls{.progress = settings.progress};
+  if (!sent) controls = first_part();
+  controls.deadline_s = left_s();
+  RealTimeTick tick;
+  const std::int32_t reopened = ticks->reopened();
+  auto answered = ask(*ticks, *subproblem, sent ? measured : subproblem->update(), controls, tick);
+  shift_due = false;
+  if (!answered) return unexpected(answered.error());
+  if (!*answered && tick.deadline_met && settings.fallback == Fallback::elastic) {
+    answered = ask_elastic(left_s(), tick);
+    if (!answered) return unexpected(answered.error());
+  }
+  tick.deadline_met = tick.deadline_met && elapsed_s() <= deadline_s;
+  tick.reopened = ticks->reopened() - reopened;
+  if (*answered) {
+    for (std::size_t j = 0; j < step.d.size(); ++j) point.x[j] += step.d[j];
+    weights->rise_above(step.multipliers);
+    tick.outcome = step.elastic ? Outcome::elastic : Outcome::answered;
+    tick.x = point.x, tick.step = step.size, tick.b_stationary = step.b_stationary;
+    tick.violation = largest_violation(step.rows());
+  } else {
+    tick.outcome = settings.fallback == Fallback::keep ? Outcome::kept : Outcome::shifted;
+    tick.x = settings.fallback == Fallback::keep ? returned : point.x;
+    tick.violation = largest_violation(rows_of(point));
+  }
+  tick.multipliers = step.multipliers;
+  tick.multipliers.equalities.resize(step.multipliers.equalities.size() - embedding.variables());
+  returned = tick.x;
+  due = true;
+  return tick;
+}
+
+// True if there is a step.
+Expected<bool> RealTime::State::ask(Ticks& of, const Subproblem& asked, const ProblemUpdate& update,
+                                    const TickControls& controls, RealTimeTick& tick) {
+  const bool first = tick.ticks++ == 0;
+  auto solution = of.solve(update, controls);
+  if (!solution) {
+    const ErrorCode code = solution.error().code;
+    if (code != ErrorCode::deadline_exceeded && code != ErrorCode::resource_exhausted)
+      return unexpected(solution.error());
+    if (code == ErrorCode::deadline_exceeded) tick.deadline_met = false;
+    if (first) tick.status = Status::time_limit;
+    tick.why = solution.error().message();
+    return false;
+  }
+  tick.factorizations += solution->factorizations;
+  if (first) tick.status = solution->status;
+  if (solution->status == Status::cancelled)
+    return unexpected(failure(ErrorCode::cancelled, "stopped within a tick"));
+  const bool solved = is_solved(solution->status);
+  if (!solved || solution->second_order == SecondOrder::saddle) {
+    tick.why = solved ? "the LCQP's answer is a saddle point: it wants a larger settings.diagonal"
+                      : std::string(to_string(solution->status)) + ": " + solution->detail;
+    return false;
+  }
+  asked.read(*solution, point, at, box(), step);
+  return true;
+}
+
+Expected<bool> RealTime::State::ask_elastic(double deadline_s, RealTimeTick& tick) {
+  elastic->set(point, at, B->upper(), box());
+  elastic->set_weights(*weights);
+  const std::string why = tick.why;
+  auto answered = ask(*elastic_ticks, *elastic, elastic->update(),
+                      {.cold = true, .deadline_s = deadline_s, .progress = settings.progress}, tick);
+  if (answered && *answered) tick.why = why;
+  return answered;
+}
+
+Expected<void> RealTime::State::restart(std::span<const double> x) {
+  if (auto valid = check_numbers(x, point.x.size(), "x"); !valid) return valid;
+  point.x.assign(x.begin(), x.end());
+  returned = point.x;
+  due = prepared = false;
+  return {};
+}
+
+RealTime::RealTime(std::unique_ptr<State> state) : state_(std::move(state)) {}
+RealTime::RealTime(RealTime&&) noexcept = default;
+RealTime& RealTime::operator=(RealTime&&) noexcept = default;
+RealTime::~RealTime() = default;
+
+Expected<RealTime> RealTime::create(const Problem& problem, const Measured& measured, const OpenTicks& open,
+                                    const RealTimeSettings& settings) {
+  return or_out_of_memory([&]() -> Expected<RealTime> {
+    auto state = std::make_unique<State>(problem, measured, settings);
+    if (auto begun = state->begin(open); !begun) return unexpected(begun.error());
+    return RealTime(std::move(state));
+  });
+}
+
+Expected<void> RealTime::prepare() {
+  return or_out_of_memory([&] { return state_->prepare(); });
+}
+
+Expected<RealTimeTick> RealTime::feedback(std::span<const double> measurement, double deadline_s) {
+  return or_out_of_memory([&] { return state_->feedback(measurement, deadline_s); });
+}
+
+Expected<void> RealTime::restart(std::span<const double> x) {
+  return or_out_of_memory([&] { return state_->restart(x); });
+}
+
+}  // namespace marble::nonlinear
