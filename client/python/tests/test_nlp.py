@@ -182,7 +182,8 @@ def test_real_time_iteration_follows_what_is_measured(server):
             E[2 * k + 1, at + 2], E[2 * k + 1, at + 3], E[2 * k + 1, at] = -h, h, 0.5 * h * np.cos(x[at])
             G[k, at], H[k, at + 3] = -1, 1
             R[k, at], R[stages + k, at + 1], R[2 * stages + k, at + 2] = 1, 0.1, 0.1
-        return {"gradient": np.zeros(n), "equalities": E.tocsc(), "G": G.tocsc(), "H": H.tocsc(), "residuals": R.tocsc()}
+        given = {"equalities": E, "G": G, "H": H, "residuals": R}
+        return {"gradient": np.zeros(n), **{name: matrix.tocsc() for name, matrix in given.items()}}
 
     block = marble.ShiftBlock
     shift = marble.Shift(variables=[block(0, 4, 2), block(2, parts * stages, parts)],
