@@ -18,11 +18,14 @@ if TYPE_CHECKING:
 
 Index = int | tuple[int, int] | None
 
-# The letters of the equation, and the names of the fields of marble.v1.Problem and marble.v1.ProblemUpdate.
-_LETTERS = {"constant": "c0", "initial_point.z": "z0", "initial_z": "z0",
+# What core names otherwise than this package; all else it names by the letters of the equation.
+_OF_CORE = {"initial_z": "z0",
             "warm_start.equality_multipliers": "warm_start.y", "warm_start.inequality_multipliers": "warm_start.nu",
-            **{f"warm_start.complementarity_multipliers_{side}": f"warm_start.{name}"
-               for sides, name in (("lL", "xi"), ("rR", "eta")) for side in sides},
+            "warm_start.complementarity_multipliers_L": "warm_start.xi",
+            "warm_start.complementarity_multipliers_R": "warm_start.eta"}
+# The letters of the equation, and the names of the fields of marble.v1.Problem and marble.v1.ProblemUpdate.
+_LETTERS = {"constant": "c0", "initial_point.z": "z0",
+            **{field.replace("_L", "_l").replace("_R", "_r"): name for field, name in _OF_CORE.items()},
             **{field: letter for letter, field in {**tables.VECTORS, **tables.MATRICES}.items()},
             **{field: letter + ".values" for letter, field in tables.VALUES.items()}}
 _PARTS = ("c0", "z0", *tables.VECTORS, *tables.MATRICES)
@@ -164,11 +167,10 @@ def _invalid(status: Any) -> InvalidArgument:
         value, bound = "", broken.field_violations[0].description
     else:
         return InvalidArgument("", status.message)
-    return _of_field(path, index, value, bound)
+    return _of_field(_in_letters(path), index, value, bound)
 
 
-def _of_field(path: str, index: Index, value: str, bound: str) -> InvalidArgument:
-    field = _in_letters(path)
+def _of_field(field: str, index: Index, value: str, bound: str) -> InvalidArgument:
     kind = InvalidProblem if field.partition(".")[0] in _PARTS else InvalidArgument
     return kind(field, bound, index=index, value=value)
 
@@ -176,7 +178,7 @@ def _of_field(path: str, index: Index, value: str, bound: str) -> InvalidArgumen
 def from_core(code: str, field: str, index: int, value: str, bound: str, sentence: str) -> Error:
     """The exception of an error of the solver in this process, by the name of its code."""
     if code == "invalid_argument":
-        return _of_field(field, None if index < 0 else index, value, bound)
+        return _of_field(_OF_CORE.get(field, field), None if index < 0 else index, value, bound)
     return _KINDS[code](sentence)
 
 
