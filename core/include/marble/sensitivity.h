@@ -39,8 +39,16 @@ struct AnswerWeights {
 /// Of a loss, by the numbers of a problem. Of Q by its upper entries, which stand for their mirror images
 /// too; 0 of the lower ones of a full Q, which count for nothing in an update.
 struct ProblemGradient {
-  std::vector<double> g, b, d, l, r;  ///< as the problem has them
-  std::vector<double> Q, A, C, L, R;  ///< one per stored entry
+  std::vector<double> g;  ///< n
+  std::vector<double> b;  ///< n_e
+  std::vector<double> d;  ///< n_i
+  std::vector<double> l;  ///< n_c
+  std::vector<double> r;  ///< n_c
+  std::vector<double> Q;  ///< one per stored entry
+  std::vector<double> A;  ///< one per stored entry
+  std::vector<double> C;  ///< one per stored entry
+  std::vector<double> L;  ///< one per stored entry
+  std::vector<double> R;  ///< one per stored entry
 };
 
 /// The branch of an answer and its factor. On the branch the answer solves
@@ -58,7 +66,9 @@ class Sensitivity {
   /// of field "solution" where it is not solved, or no isolated exact solution of its branch.
   [[nodiscard]] static Expected<Sensitivity> create(const Problem& problem, const Solution& answer);
 
+  /// What was moved from may only be assigned to or destroyed.
   Sensitivity(Sensitivity&&) noexcept;
+  /// As the constructor.
   Sensitivity& operator=(Sensitivity&&) noexcept;
   ~Sensitivity();
 

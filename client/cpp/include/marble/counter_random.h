@@ -25,6 +25,7 @@ namespace marble {
 /// A sequence of samples, each of as many numbers as it takes.
 class CounterRandom {
  public:
+  /// Of this seed: the same numbers everywhere.
   explicit constexpr CounterRandom(std::uint64_t seed) : key_{low(seed), high(seed)} {}
 
   /// Uniform in [0, 1), a multiple of 2⁻⁵³: number `number` of sample `sample`.

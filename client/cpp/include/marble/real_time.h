@@ -50,9 +50,9 @@ enum class Outcome { answered, kept, shifted, elastic };
 /// All of it optional.
 struct RealTimeSettings {
   Curvature curvature = Curvature::automatic;  ///< not bfgs, which would need more than a step a tick
-  double diagonal = 0.0;  ///< over scale², added to B's diagonal, ≥ 0: keeps steps short
-  double radius = 1e6;    ///< of steps, in units of scale, > 0
-  Fallback fallback = Fallback::shifted;
+  double diagonal = 0.0;                  ///< over scale², added to B's diagonal, ≥ 0: keeps steps short
+  double radius = 1e6;                    ///< of steps, in units of scale, > 0
+  Fallback fallback = Fallback::shifted;  ///< what a tick without an answer returns
   /// How the plan moves on from tick to tick: stretches of x, of c_E, of c_I and of the pairs. None: it
   /// stays.
   Shift shift = {};
@@ -66,14 +66,14 @@ struct RealTimeSettings {
 
 /// The plan after one tick, and where it is from.
 struct RealTimeTick {
-  Outcome outcome = Outcome::answered;
-  std::vector<double> x;    ///< n, the plan
-  Multipliers multipliers;  ///< of the LCQP; of the last one where this had no answer
+  Outcome outcome = Outcome::answered;  ///< where x is from
+  std::vector<double> x;                ///< n, the plan
+  Multipliers multipliers;              ///< of the LCQP; of the last one where this had no answer
   /// Of the LCQP; time_limit if its deadline has passed. Of the plain one, if the elastic one answered.
   Status status = Status::numerical_failure;
-  bool deadline_met = true;
-  std::string why = {};  ///< there is no answer; else empty
-  double step = 0.0;     ///< max |d_j| / scale_j: how far the plan was off
+  bool deadline_met = true;  ///< whether it had not passed when the LCQP ended
+  std::string why = {};      ///< there is no answer; else empty
+  double step = 0.0;         ///< max |d_j| / scale_j: how far the plan was off
   /// Largest violation that the plan leaves in the linearised rows, with the measurement; of the moved plan
   /// where that, or the kept one, was returned.
   double violation = 0.0;

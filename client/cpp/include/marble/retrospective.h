@@ -39,7 +39,7 @@ enum class LevelTest {
 
 /// A mean of fresh samples, and half its 95 % interval.
 struct Estimate {
-  double mean = 0.0;
+  double mean = 0.0;        ///< of the costs
   double half_width = 0.0;  ///< 1.96 · standard deviation / √samples
 };
 
@@ -70,8 +70,8 @@ struct RetrospectiveSettings {
   double growth = 2.0;             ///< ω > 1; a level has one more sample than the last at least
   std::int32_t levels = 10;        ///< ≥ 1
   std::int64_t largest_samples =
-      1'000'000'000;  ///< ≥ first_samples: the level that would have more is the last
-  LevelTest test = LevelTest::merit;
+      1'000'000'000;                     ///< ≥ first_samples: the level that would have more is the last
+  LevelTest test = LevelTest::merit;     ///< what a level must bring down
   std::optional<double> reduction = {};  ///< γ in (0, 1); absent: 0.1 of the merit, 0.5 of the step
   double tolerance = 0.0;                ///< δ ≥ 0, in the measure of the test
   bool carry_curvature = true;           ///< B of bfgs goes on from level to level; false: it begins again
@@ -82,7 +82,7 @@ struct RetrospectiveSettings {
 /// The last level's answer. In it iterations, ticks, evaluations and factorizations are those of all levels;
 /// b_stationary is there only where the last step was zero.
 struct RetrospectiveAnswer {
-  Answer answer;
+  Answer answer;              ///< of the last level
   std::vector<Level> levels;  ///< without x
 };
 
