@@ -140,9 +140,9 @@ def upper_triangle(Q: MatrixLike, n: int) -> Any:
         excess = difference.data - SYMMETRY * np.asarray(larger[difference.row, difference.col]).reshape(-1)
         worst = int(np.argmax(excess))
         if excess[worst] > 0:
-            row, column = sorted((int(difference.row[worst]), int(difference.col[worst])))
-            raise InvalidProblem("Q", f"must be symmetric, as (Q + Q.T) / 2 is, and entry ({column}, {row}) is "
-                                 f"{full[column, row]}", index=(row, column), value=full[row, column])
+            i, j = sorted((int(difference.row[worst]), int(difference.col[worst])))
+            raise InvalidProblem("Q", f"must be symmetric, as (Q + Q.T) / 2 is, and entry ({j}, {i}) is "
+                                 f"{full[j, i]}", index=(i, j), value=full[i, j])
     upper = sp.triu(full, format="csc")
     upper.sort_indices()
     return upper
