@@ -68,7 +68,7 @@ Numbers by_upper_entry(const SparseMatrixView& m, const Vector& x, const Vector&
   return gradient;
 }
 
-void take(std::span<const double> values, double factor, Vector& out, Index first = 0) {
+void add_to(std::span<const double> values, double factor, Vector& out, Index first = 0) {
   for (std::size_t i = 0; i < values.size(); ++i) out[first + static_cast<Index>(i)] += factor * values[i];
 }
 
@@ -128,16 +128,7 @@ Kinds Sensitivity::State::unscaled(const Iterate& x) const {
 }
 
 Expected<void> Sensitivity::State::begin(const Solution& solution) {
-  Kinds given(scaled);
-  const RowLayout& rows = scaled.layout;
-  take(solution.z, 1.0, given.z), take(solution.equality_multipliers, 1.0, given.y);
-  take(solution.inequality_multipliers, -1.0, given.lambda);
-  take(solution.complementarity_multipliers_L, -1.0, given.lambda, rows.inequalities);
-  take(solution.complementarity_multipliers_R, -1.0, given.lambda, rows.inequalities + rows.pairs);
-  const double cost = scaled.cost_scale;
-  right.z() = given.z.cwiseQuotient(scaled.variable_scale);
-  right.y() = cost * given.y.cwiseQuotient(scaled.equality_scale);
-  right.lambda() = cost * given.lambda.cwiseQuotient(scaled.row_scale);
+  marble::take(scaled, solution, right);
   point.start_from_solution(right);
   const Options options;
   Run run(options, {});
@@ -218,9 +209,9 @@ Expected<AnswerChange> Sensitivity::along(const ProblemUpdate& direction) {
   const ProblemView& p = s.problem;
   const Index n_i = s.scaled.inequalities(), n_c = s.scaled.pairs();
   Kinds change(s.scaled), at(s.scaled);  // of the rows by the direction alone; of the answer
-  take(direction.g, 1.0, change.z), take(direction.b, 1.0, change.y);
-  take(direction.d, 1.0, change.lambda), take(direction.l, 1.0, change.lambda, n_i);
-  take(direction.r, 1.0, change.lambda, n_i + n_c);
+  add_to(direction.g, 1.0, change.z), add_to(direction.b, 1.0, change.y);
+  add_to(direction.d, 1.0, change.lambda), add_to(direction.l, 1.0, change.lambda, n_i);
+  add_to(direction.r, 1.0, change.lambda, n_i + n_c);
   const Kinds& x = s.answer;
   if (!direction.Q.empty()) add_symmetric_product(p.Q, direction.Q, x.z, change.z);
   const auto add = [&](const SparseMatrixView& m, std::span<const double> values, const Vector& multipliers,
@@ -271,7 +262,7 @@ Expected<ProblemGradient> Sensitivity::gradient(const AnswerWeights& weights) {
     if (given.values.empty()) continue;
     if (auto valid = check_numbers(given.values, given.size, given.field); !valid)
       return unexpected(valid.error());
-    take(given.values, given.sign, given.out, given.first);
+    add_to(given.values, given.sign, given.out, given.first);
   }
   for (Index row = 0; row < w.lambda.size(); ++row) {
     if (s.point.set.held[row] == 0) w.lambda[row] = 0.0;  // its multiplier stays zero

@@ -130,8 +130,6 @@ struct Solver::State {
         initial_z(problem.variables()),
         warm_start(problem) {}
 
-  void take_warm_start(const Solution& solution);
-
   Options options;
   PartSizes sizes;
   ScaledProblem problem;
@@ -142,21 +140,6 @@ struct Solver::State {
   double setup_s = 0.0;
   std::int64_t memory_bytes = 0;
 };
-
-void Solver::State::take_warm_start(const Solution& solution) {
-  const double cost = problem.cost_scale;
-  const auto take = [](const std::vector<double>& values, ConstVectorRef scale, double factor, auto out) {
-    for (Eigen::Index i = 0; i < out.size(); ++i)
-      out[i] = factor * values[static_cast<std::size_t>(i)] / scale[i];
-  };
-  const auto& rows = problem.layout;
-  take(solution.z, problem.variable_scale, 1.0, warm_start.z());
-  take(solution.equality_multipliers, problem.equality_scale, cost, warm_start.y());
-  take(solution.inequality_multipliers, rows.inequality_part(problem.row_scale), -cost,
-       warm_start.lambda_w());
-  take(solution.complementarity_multipliers_L, rows.s_part(problem.row_scale), -cost, warm_start.lambda_L());
-  take(solution.complementarity_multipliers_R, rows.t_part(problem.row_scale), -cost, warm_start.lambda_R());
-}
 
 Expected<void> check_warm_start(const Solution& start, const PartSizes& sizes) {
   for (const auto& [values, size, field] :
@@ -258,7 +241,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   }
   std::optional<Strategy::WarmStart> warm_start;
   if (controls.warm_start != nullptr) {
-    state_->take_warm_start(*controls.warm_start);
+    marble::take(state_->problem, *controls.warm_start, state_->warm_start);
     warm_start = Strategy::WarmStart{&state_->warm_start, controls.warm_start->cold_objective};
   }
   const Strategy::Answer found = state_->strategy.run(run, state_->initial_z, warm_start);
@@ -282,7 +265,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
 void Solver::prepare(const Solution& warm_start, const SolveControls& controls) {
   Run run(state_->options, controls);
   state_->kkt->attend(run.interrupt());
-  state_->take_warm_start(warm_start);
+  marble::take(state_->problem, warm_start, state_->warm_start);
   state_->strategy.prepare(run, {&state_->warm_start, warm_start.cold_objective});
 }
 

@@ -110,4 +110,14 @@ std::int32_t guarded(marble_error* error, const Work& work) {
 /// Where an environment's MARBLE_SERVER says, and this process where it says nothing.
 [[nodiscard]] Expected<Client> connect(const char* address);
 
+/// Gives `work`, which returns an Expected<void>, the client, or without one that of where MARBLE_SERVER
+/// says.
+template <class Work>
+Expected<void> with_client(const marble_client* client, const Work& work) {
+  if (client != nullptr) return work(client->client);
+  const auto connected = connect(nullptr);
+  if (!connected) return unexpected(connected.error());
+  return work(*connected);
+}
+
 }  // namespace marble::c

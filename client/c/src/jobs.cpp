@@ -15,10 +15,7 @@ std::int32_t with_jobs(const marble_client* client, const char* job_id, marble_e
                        const Work& work) {
   return guarded(error, [&]() -> Expected<void> {
     if (job_id == nullptr) return unexpected(null("job_id"));
-    if (client != nullptr) return work(client->client.jobs());
-    const auto connected = marble::c::connect(nullptr);
-    if (!connected) return unexpected(connected.error());
-    return work(connected->jobs());
+    return marble::c::with_client(client, [&](const marble::Client& where) { return work(where.jobs()); });
   });
 }
 

@@ -37,12 +37,6 @@ std::int32_t marble_session_open(const marble_client* client, const marble_probl
     if (session == nullptr) return unexpected(null("session"));
     const auto checked = marble::Problem::create(problem->problem.view());
     if (!checked) return unexpected(checked.error());
-    std::optional<marble::Client> own;
-    if (client == nullptr) {
-      auto connected = marble::c::connect(nullptr);
-      if (!connected) return unexpected(connected.error());
-      own = std::move(*connected);
-    }
     marble::SessionOptions over;
     over.problem_name = problem->problem.name;
     if (call != nullptr) {
@@ -52,19 +46,20 @@ std::int32_t marble_session_open(const marble_client* client, const marble_probl
       over.request_id = call->request_id;
       over.priority = call->priority;
     }
-    const marble::Client& where = own ? *own : client->client;
-    auto opened = where.open_session(problem->problem.view(),
-                                     options == nullptr ? marble::Options() : options->options, over);
-    if (!opened) return unexpected(opened.error());
-    marble::OwnedProblem shape;
-    shape.g = problem->problem.g;
-    shape.b = problem->problem.b;
-    shape.d = problem->problem.d;
-    shape.l = problem->problem.l;
-    shape.r = problem->problem.r;
-    *session =
-        new marble_session{std::move(*opened), marble::PartSizes::of(*checked), std::move(shape), call};
-    return {};
+    return marble::c::with_client(client, [&](const marble::Client& where) -> Expected<void> {
+      auto opened = where.open_session(problem->problem.view(),
+                                       options == nullptr ? marble::Options() : options->options, over);
+      if (!opened) return unexpected(opened.error());
+      marble::OwnedProblem shape;
+      shape.g = problem->problem.g;
+      shape.b = problem->problem.b;
+      shape.d = problem->problem.d;
+      shape.l = problem->problem.l;
+      shape.r = problem->problem.r;
+      *session =
+          new marble_session{std::move(*opened), marble::PartSizes::of(*checked), std::move(shape), call};
+      return {};
+    });
   });
 }
 

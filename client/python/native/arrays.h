@@ -6,6 +6,7 @@
 #include <pybind11/pybind11.h>
 
 #include <span>
+#include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -49,6 +50,24 @@ class Borrowed {
     view.L = matrix(lcqp.attr("L"), view.l.size(), n);
     view.R = matrix(lcqp.attr("R"), view.r.size(), n);
     return view;
+  }
+
+  /// New numbers by the letters of the equation, a matrix's are its values. The dictionary must outlive it.
+  [[nodiscard]] ProblemUpdate update(const py::dict& changes) {
+    ProblemUpdate update;
+    for (const auto& [key, value] : changes) {
+      const auto name = key.cast<std::string>();
+      if (name == "c0") {
+        update.c0 = value.cast<double>();
+        continue;
+      }
+#define MARBLE_VECTOR(letter, field) \
+  if (name == #letter) update.letter = doubles(value);
+#define MARBLE_MATRIX(letter, field, values, rows) \
+  if (name == #letter) update.letter = doubles(value);
+#include "marble/contract.def"
+    }
+    return update;
   }
 
  private:

@@ -231,18 +231,7 @@ class Warm {
         : options(in_force) {
       set_options(options, given);
       if (auto valid = validate(options); !valid) raise(valid.error());
-      for (const auto& [key, value] : changes) {
-        const auto name = key.cast<std::string>();
-        if (name == "c0") {
-          update.c0 = value.cast<double>();
-          continue;
-        }
-#define MARBLE_VECTOR(letter, field) \
-  if (name == #letter) update.letter = arrays.doubles(value);
-#define MARBLE_MATRIX(letter, field, values, rows) \
-  if (name == #letter) update.letter = arrays.doubles(value);
-#include "marble/contract.def"
-      }
+      update = arrays.update(changes);
       restart.cold = cold;
       if (!z0.is_none()) restart.initial_z = arrays.doubles(z0);
       restart.shift = shift_of(shift);

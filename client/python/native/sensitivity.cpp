@@ -22,16 +22,7 @@ class Derivatives {
 
   py::dict along(const py::dict& direction) {
     Borrowed arrays;
-    ProblemUpdate update;
-    for (const auto& [key, value] : direction) {
-      const auto name = key.cast<std::string>();
-#define MARBLE_VECTOR(letter, field) \
-  if (name == #letter) update.letter = arrays.doubles(value);
-#define MARBLE_MATRIX(letter, field, values, rows) \
-  if (name == #letter) update.letter = arrays.doubles(value);
-#include "marble/contract.def"
-    }
-    AnswerChange change = value_or_raise(sensitivity_.along(update));
+    AnswerChange change = value_or_raise(sensitivity_.along(arrays.update(direction)));
     py::dict told;
     told["z"] = Numbers{std::move(change.z)};
     told["y"] = Numbers{std::move(change.equality_multipliers)};

@@ -2,7 +2,10 @@
 // layout.
 #pragma once
 
+#include <vector>
+
 #include "data/scaling.h"
+#include "marble/solution.h"
 
 namespace marble {
 
@@ -37,5 +40,21 @@ class Iterate {
  private:
   Eigen::Index n_, n_c_, n_i_, n_e_;
 };
+
+/// z and the multipliers of an answer in the user's units, of this problem's sizes; σ and v stay as they are.
+inline void take(const ScaledProblem& problem, const Solution& answer, Iterate& x) {
+  const auto scaled = [](const std::vector<double>& values, ConstVectorRef scale, double factor, auto out) {
+    for (Eigen::Index i = 0; i < out.size(); ++i)
+      out[i] = factor * values[static_cast<std::size_t>(i)] / scale[i];
+  };
+  const double cost = problem.cost_scale;
+  const RowLayout& rows = problem.layout;
+  const Vector& scale = problem.row_scale;
+  scaled(answer.z, problem.variable_scale, 1.0, x.z());
+  scaled(answer.equality_multipliers, problem.equality_scale, cost, x.y());
+  scaled(answer.inequality_multipliers, rows.inequality_part(scale), -cost, x.lambda_w());
+  scaled(answer.complementarity_multipliers_L, rows.s_part(scale), -cost, x.lambda_L());
+  scaled(answer.complementarity_multipliers_R, rows.t_part(scale), -cost, x.lambda_R());
+}
 
 }  // namespace marble

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from marble import errors
 from marble.base.tables import MATRICES, VECTORS
 from marble.errors import InvalidArgument
 from marble.in_process import solver
@@ -45,13 +44,9 @@ class Sensitivity:
     """
 
     def __init__(self, answer: Solution) -> None:
-        core = solver.core()
         parts = (answer.raise_if_unsolved().z, answer.y, answer.nu, answer.xi, answer.eta, answer.cold_objective)
-        try:
-            self._core = core.Sensitivity(answer.problem, parts)
-        except core.Fault as fault:
-            _raise(fault)
-        self._problem = answer.problem
+        with solver.faults():
+            self._core = solver.core().Sensitivity(answer.problem, parts)
         self.weak_inequalities = np.array(self._core.weak_inequalities, dtype=np.int32)
         self.biactive_pairs = np.array(self._core.biactive_pairs, dtype=np.int32)
         self.smooth = not (self.weak_inequalities.size or self.biactive_pairs.size)
@@ -64,10 +59,8 @@ class Sensitivity:
         others = sorted(set(direction) - {*VECTORS, *MATRICES})
         if others:
             raise InvalidArgument("direction", f"must be of {', '.join((*VECTORS, *MATRICES))}", value=others[0])
-        try:
+        with solver.faults():
             return AnswerChange(**_told(self._core.along({name: _numbers(v) for name, v in direction.items()})))
-        except solver.core().Fault as fault:
-            _raise(fault)
 
     def gradient(self, **weights: ArrayLike) -> dict[str, Vector]:
         """The gradient of a loss by every number of the problem, from its derivatives by z, y, nu, xi and eta.
@@ -77,15 +70,9 @@ class Sensitivity:
         others = sorted(set(weights) - {"z", "y", "nu", "xi", "eta"})
         if others:
             raise InvalidArgument("weights", "must be of z, y, nu, xi, eta", value=others[0])
-        try:
+        with solver.faults():
             return _told(self._core.gradient({name: _numbers(v) for name, v in weights.items()}))
-        except solver.core().Fault as fault:
-            _raise(fault)
 
 
 def _numbers(values: Any) -> Vector:
-    return np.ascontiguousarray(getattr(values, "data", values) if hasattr(values, "nnz") else values, dtype=np.float64)
-
-
-def _raise(fault: Any) -> NoReturn:
-    raise errors.from_core(*fault.args) from None
+    return np.ascontiguousarray(values.data if hasattr(values, "nnz") else values, dtype=np.float64)

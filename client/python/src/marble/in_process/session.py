@@ -33,11 +33,8 @@ class SessionHere(Session):
         requests.check_request_id(call.request_id)
         requests.priority_number(call.priority)
         requests.check_progress(call)
-        solver_kind = solver.core()
-        try:
-            self._solver = solver_kind.Warm(self._core.current, solver.option_values(call.options))
-        except solver_kind.Fault as fault:
-            raise errors.from_core(*fault.args) from None
+        with solver.faults():
+            self._solver = solver.core().Warm(self._core.current, solver.option_values(call.options))
         self._core.memory_bytes = self._solver.memory_bytes
         self._core.setup_s = self._solver.setup_s
 
@@ -63,11 +60,9 @@ class SessionHere(Session):
                          cold: bool = False, shift: Any = None, **parts: Any) -> None:
         changes, shift = self._core.prepared(problem, parts, shift, None)
         start = None if z0 is None else lcqp.vector(z0, "z0", self._core.current.n, " (n)")
-        try:
+        with solver.faults():
             self._solver.prepare(solver.option_values(options), _numbers(changes), start, cold,
                                  None if shift is None else shift.blocks())
-        except solver.core().Fault as fault:
-            raise errors.from_core(*fault.args) from None
         self._core.remember(problem, changes, first_part=True)
 
     def _outcome(self, problem: LCQP | Problem | None, *, options: Any = None, z0: Any = None, cold: bool = False,

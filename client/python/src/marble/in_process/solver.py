@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import importlib
 import threading
@@ -37,6 +38,15 @@ def core() -> Any:
         raise Unavailable(
             "this build of marble has no solver of its own (marble._core): install a wheel of marble-solver, or build "
             f"with pybind11; or name a server (MARBLE_SERVER=HOST:PORT) ({error})") from None
+
+
+@contextlib.contextmanager
+def faults() -> Iterator[None]:
+    """What core raises within is raised as this package's error."""
+    try:
+        yield
+    except core().Fault as fault:
+        raise errors.from_core(*fault.args) from None
 
 
 class NoServer:

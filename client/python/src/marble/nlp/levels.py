@@ -14,7 +14,7 @@ from marble.base.tables import Status
 from marble.errors import InvalidArgument
 from marble.in_process import solver
 from marble.nlp.functions import Multipliers, problem_of
-from marble.nlp.loop import Answer, Iteration, answer_of, run, status_of
+from marble.nlp.loop import Answer, Iteration, answer_of, decoded, run
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def retrospective(
         N = count
 
     def tell(row: dict[str, Any]) -> None:
-        row["status"], row["x"] = status_of(row["status"]), np.asarray(row["x"])
+        row = decoded(row)
         row["estimate"] = None if row["estimate"] is None else Estimate(*row["estimate"])
         told.append(Level(**row))
         if level is not None:

@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import marble
-from marble import errors
 from marble.base.tables import Status
 from marble.in_process import solver
 from marble.nlp import ticks
 
-_VECTORS: Final = ("x", "y", "nu", "xi", "eta", "bounds")
-_STATUSES: Final = {status.value: status for status in Status}
+_VECTORS: Final = frozenset(("x", "y", "nu", "xi", "eta", "bounds"))
 
 
 @dataclass(frozen=True)
@@ -61,17 +59,17 @@ class Answer:
         return self.status in (Status.SOLVED, Status.SOLVED_REDUCED)
 
 
-def status_of(name: str) -> Status:
-    """A status as the native library names it."""
-    return _STATUSES[name]
+def decoded(told: dict[str, Any]) -> dict[str, Any]:
+    """What the native library tells, with this package's statuses and arrays."""
+    for name in _VECTORS & told.keys():
+        told[name] = np.asarray(told[name])
+    told["status"] = Status(told["status"])
+    return told
 
 
 def answer_of(told: dict[str, Any]) -> Answer:
     """The native library's answer as an object."""
-    for name in _VECTORS:
-        told[name] = np.asarray(told[name])
-    told["status"] = status_of(told["status"])
-    return Answer(**told)
+    return Answer(**decoded(told))
 
 
 def run(
@@ -89,8 +87,6 @@ def run(
     main_thread = threading.get_ident() == threading.main_thread().ident
     with contextlib.ExitStack() as opened:
         there = ticks.ticks_of(server, opened)
-        try:
+        with solver.faults():
             return getattr(core, entry)(problem, settings, solver.option_values(options), tell, there, main_thread,
                                         *more)
-        except core.Fault as fault:
-            raise errors.from_core(*fault.args) from None

@@ -17,14 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import marble
-from marble import errors
 from marble.base.tables import Status
 from marble.calls.session_core import Shift
 from marble.in_process import solver
-from marble.nlp import functions, ticks
+from marble.nlp import functions, loop, ticks
 
-_VECTORS: Final = ("x", "y", "nu", "xi", "eta")
-_STATUSES: Final = {status.value: status for status in Status}
 _FOREVER: Final = 1e9  # seconds
 
 
@@ -86,7 +83,7 @@ class RealTime:
                     "shift": None if shift is None else shift.blocks()}
         self._opened = contextlib.ExitStack()
         try:
-            with _faults():
+            with solver.faults():
                 self._loop = core.RealTimeLoop(problem, settings, solver.option_values(options),
                                                ticks.ticks_of(server, self._opened))
         except BaseException:
@@ -95,21 +92,18 @@ class RealTime:
 
     def prepare(self) -> None:
         """Moves the plan on, calls the functions there and sends all that does not depend on the measurement."""
-        with _faults():
+        with solver.faults():
             self._loop.prepare()
 
     def feedback(self, measurement: ArrayLike, deadline: float | None = None) -> RealTimeTick:
         """One LCQP: the plan's answer to a measurement, within `deadline` seconds. Prepares if that was not done."""
-        with _faults():
+        with solver.faults():
             told = self._loop.feedback(functions.vector(measurement), _FOREVER if deadline is None else deadline)
-        for name in _VECTORS:
-            told[name] = np.asarray(told[name])
-        told["status"] = _STATUSES[told["status"]]
-        return RealTimeTick(**told)
+        return RealTimeTick(**loop.decoded(told))
 
     def restart(self, x: ArrayLike) -> None:
         """Another plan to go on from; it is not moved on first."""
-        with _faults():
+        with solver.faults():
             self._loop.restart(functions.vector(x))
 
     def close(self) -> None:
@@ -121,11 +115,3 @@ class RealTime:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-@contextlib.contextmanager
-def _faults() -> Any:
-    try:
-        yield
-    except solver.core().Fault as fault:
-        raise errors.from_core(*fault.args) from None
