@@ -10,7 +10,6 @@ constexpr double kStepS = 5.0 / (kSteps - 1);
 constexpr double kMass = 1.0;
 constexpr double kGravity = 9.81;
 constexpr double kHalfLength = 0.5;
-constexpr double kTriggerAltitude = 1.3 * 3.0;
 
 // Variables of one step; the last step has no inputs.
 enum { kX, kY, kVx, kVy, kTheta, kOmega, kGimbal, kSides, kThrust = kSides + 8, kGimbalRate, kStep };
@@ -40,11 +39,11 @@ void move(Model& model, int k, const Discrete& step) {
   model.add_square(kStepS, {{at(k, kThrust), 1.0}}, kMass * kGravity);
 }
 
-void trigger(Model& model, int k) {
+void trigger(Model& model, int k, double altitude) {
   const Terms triggered[3] = {{{at(k, kTheta), 1.0}, {at(k, kGimbal), 1.0}},
                               {{at(k, kX), 1.0}, {at(k, kTheta), -kHalfLength}},
                               {{at(k, kX), 1.0}, {at(k, kTheta), kHalfLength}}};
-  model.equal_zero({{positive(k, 0), 1.0}, {negative(k, 0), -1.0}, {at(k, kY), 1.0}}, -kTriggerAltitude);
+  model.equal_zero({{positive(k, 0), 1.0}, {negative(k, 0), -1.0}, {at(k, kY), 1.0}}, -altitude);
   Terms violation;
   for (int i = 1; i <= 3; ++i) {
     model.equal_zero(Terms{{positive(k, i), -1.0}, {negative(k, i), 1.0}} + triggered[i - 1]);
@@ -61,7 +60,7 @@ void trigger(Model& model, int k) {
 
 }  // namespace
 
-OwnedProblem published_rocket() {
+OwnedProblem published_rocket(double trigger_altitude) {
   const int last = kSteps - 1;
   Model model("published rocket", at(last, kThrust));
   const double initial[7] = {10.0, 20.0, -3.0, -8.0, 0.15, 0.2, 0.0};
@@ -73,7 +72,7 @@ OwnedProblem published_rocket() {
   const Discrete step = dynamics();
   for (int k = 0; k < kSteps; ++k) {
     if (k < last) move(model, k, step);
-    trigger(model, k);
+    trigger(model, k, trigger_altitude);
     model.within({{at(k, kTheta), 1.0}}, 0.2);
     model.within({{at(k, kOmega), 1.0}}, 0.6);
     model.within({{at(k, kGimbal), 1.0}}, 0.5);

@@ -1,0 +1,103 @@
+#include "scenarios/recourse.h"
+
+#include <algorithm>
+#include <atomic>
+#include <functional>
+#include <optional>
+
+#include "tuning.h"
+
+namespace marble {
+namespace {
+
+ProblemUpdate numbers_of(const OwnedProblem& p) {
+  return {p.c0, p.g, p.b, p.d, p.l, p.r, p.Q.values, p.A.values, p.C.values, p.L.values, p.R.values};
+}
+
+// One batch: one solver for all of its worlds, set up for the first of them.
+class Batch {
+ public:
+  explicit Batch(const BatchControls& controls) : controls_(controls), options_(controls.options) {}
+
+  // `problem` makes the LCQP of a world's number.
+  Recourse solve(const OwnedProblem& world, const Solution* start) {
+    if (const auto ended = interrupted()) return {*ended, {}};
+    if (!solver_) {
+      const auto problem = Problem::create(world.view());
+      if (!problem) return {};
+      auto made = Solver::create(*problem, options_, {.stop = controls_.stop, .until = controls_.until});
+      if (!made) return {interrupted().value_or(Status::numerical_failure), {}};
+      solver_.emplace(*std::move(made));
+    } else if (!solver_->update(numbers_of(world))) {
+      return {};
+    }
+    options_.time_limit_s = std::max(
+        0.0,
+        std::chrono::duration<double>(controls_.until - std::chrono::steady_clock::now()).count());
+    options_.time_limit_s = std::min(options_.time_limit_s, most_s_);
+    if (!solver_->set_options(options_)) return {};
+    auto solution = solver_->solve({.stop = controls_.stop, .warm_start = start});
+    if (!solution) return {};
+    const Status status = solution->status;
+    return {status, *std::move(solution)};
+  }
+
+ private:
+  [[nodiscard]] std::optional<Status> interrupted() const {
+    if (controls_.stop.stop_requested()) return Status::cancelled;
+    if (std::chrono::steady_clock::now() >= controls_.until) return Status::time_limit;
+    return std::nullopt;
+  }
+
+  const BatchControls& controls_;
+  Options options_;
+  double most_s_ = Options().time_limit_s;
+  std::optional<Solver> solver_;
+};
+
+// Calls `solve(batch, s)` for each of `count` worlds, in batches.
+void in_batches(std::size_t count, const BatchControls& controls,
+                const std::function<void(Batch&, std::size_t)>& solve) {
+  std::vector<std::function<void()>> tasks;
+  std::atomic<bool> out_of_memory = false;
+  for (std::size_t first = 0; first < count; first += tuning::scenario_batch) {
+    tasks.emplace_back([&, first] {
+      try {
+        Batch batch(controls);
+        for (std::size_t s = first; s < std::min(count, first + tuning::scenario_batch); ++s) solve(batch, s);
+      } catch (const std::bad_alloc&) {
+        out_of_memory = true;
+      }
+    });
+  }
+  if (controls.runner != nullptr) {
+    controls.runner->run(tasks);
+  } else {
+    for (const auto& task : tasks) task();
+  }
+  if (out_of_memory) throw std::bad_alloc();
+}
+
+}  // namespace
+
+std::vector<Recourse> solve_recourse(const Stages& stages, std::span<const double> x,
+                                     std::span<const ScenarioNumbers> worlds,
+                                     std::span<const Solution* const> starts,
+                                     const BatchControls& controls) {
+  std::vector<Recourse> result(worlds.size());
+  in_batches(worlds.size(), controls, [&](Batch& batch, std::size_t s) {
+    result[s] = batch.solve(stages.recourse(worlds[s], x), starts.empty() ? nullptr : starts[s]);
+  });
+  return result;
+}
+
+std::vector<Status> solve_alone(const Stages& stages, std::span<const ScenarioNumbers> worlds,
+                                const BatchControls& controls) {
+  std::vector<Status> result(worlds.size());
+  in_batches(worlds.size(), controls, [&](Batch& batch, std::size_t s) {
+    result[s] = batch.solve(stages.alone(worlds[s]), nullptr).status;
+  });
+  return result;
+}
+
+}  // namespace marble

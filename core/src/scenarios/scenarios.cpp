@@ -1,0 +1,379 @@
+#include "marble/composite/scenarios.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "data/interrupt.h"
+#include "model/text_of.h"
+#include "scenarios/lift.h"
+#include "scenarios/recourse.h"
+#include "scenarios/stages.h"
+#include "tuning.h"
+
+namespace marble {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+bool is_without_plan(Status status) {
+  return status == Status::infeasible || status == Status::locally_infeasible;
+}
+
+double seconds_since(Clock::time_point begun) {
+  return std::chrono::duration<double>(Clock::now() - begun).count();
+}
+
+Expected<void> validate_settings(const ScenarioSettings& settings) {
+  const auto refuse = [](const char* field, double value, const char* bound) {
+    return unexpected(invalid(std::string("settings.") + field, text_of(value), bound));
+  };
+  if (auto valid = validate(settings.options); !valid)
+    return unexpected(inside("settings.options", valid.error()));
+  if (settings.first_scenarios < 1)
+    return refuse("first_scenarios", static_cast<double>(settings.first_scenarios), "must be >= 1");
+  if (!std::isfinite(settings.growth) || settings.growth <= 1.0)
+    return refuse("growth", settings.growth, "must be finite and > 1");
+  if (settings.most_scenarios < settings.first_scenarios)
+    return refuse("most_scenarios", static_cast<double>(settings.most_scenarios),
+                  "must be >= first_scenarios");
+  if (!std::isfinite(settings.tolerance) || settings.tolerance < 0.0)
+    return refuse("tolerance", settings.tolerance, "must be finite and >= 0");
+  if (!(settings.without_recourse >= 0.0 && settings.without_recourse <= 1.0))
+    return refuse("without_recourse", settings.without_recourse, "must be in [0, 1]");
+  if (settings.fresh_scenarios < 0)
+    return refuse("fresh_scenarios", static_cast<double>(settings.fresh_scenarios), "must be >= 0");
+  return {};
+}
+
+// 1.96 standard deviations of a weighted mean; unbiased where the weights are equal.
+OutOfSample judged(std::span<const ScenarioNumbers> worlds, std::span<const Recourse> recourse) {
+  OutOfSample result;
+  result.scenarios = static_cast<std::int64_t>(worlds.size());
+  double weight = 0.0, squares = 0.0, sum = 0.0;
+  for (std::size_t s = 0; s < worlds.size(); ++s) {
+    result.factorizations += recourse[s].solution.factorizations;
+    if (!recourse[s].found()) {
+      ++result.without_recourse;
+      continue;
+    }
+    weight += worlds[s].weight;
+    squares += worlds[s].weight * worlds[s].weight;
+    sum += worlds[s].weight * recourse[s].solution.objective;
+  }
+  const auto found = static_cast<double>(result.scenarios - result.without_recourse);
+  if (found == 0.0) return result;
+  result.mean = sum / weight;
+  double variance = 0.0;
+  for (std::size_t s = 0; s < worlds.size(); ++s) {
+    if (!recourse[s].found()) continue;
+    const double difference = recourse[s].solution.objective - result.mean;
+    variance += worlds[s].weight / weight * difference * difference;
+  }
+  if (found > 1.0)
+    result.half_width = tuning::scenario_normal_quantile *
+                        std::sqrt(variance * found / (found - 1.0) * squares) / weight;
+  return result;
+}
+
+// The levels, one after the other.
+class Levels {
+ public:
+  Levels(const ScenarioProblem& problem, const ScenarioSettings& settings, const SolveControls& controls,
+         const SetupControls& setup, Stages stages)
+      : problem_(problem),
+        settings_(settings),
+        controls_(controls),
+        setup_(setup),
+        stages_(std::move(stages)),
+        begun_(controls.begun.value_or(Clock::now())),
+        until_(after(begun_, settings.options.time_limit_s)),
+        most_(std::min(settings.most_scenarios, problem.scenarios)) {}
+
+  Expected<ScenarioAnswer> run() {
+    std::int64_t count = std::min(settings_.first_scenarios, most_);
+    for (double size = static_cast<double>(settings_.first_scenarios);;) {
+      if (auto drawn = draw(count); !drawn) return unexpected(drawn.error());
+      ScenarioLevel level;
+      level.level = static_cast<std::int32_t>(answer_.levels.size());
+      level.scenarios = count;
+      auto solution = solve(level);
+      if (!solution) {
+        const Error& error = solution.error();
+        if (error.code == ErrorCode::cancelled) return end(ScenarioEnd::cancelled, error.message());
+        if (error.code == ErrorCode::deadline_exceeded) return end(ScenarioEnd::time_limit, error.message());
+        if (answer_.scenarios == 0) return unexpected(error);
+        return end(ScenarioEnd::too_large, error.message());
+      }
+      if (!is_solved(solution->status)) return end_unsolved(level, *solution);
+      keep(level, *std::move(solution));
+      size = std::max(size * settings_.growth, static_cast<double>(count) + 1.0);
+      const std::int64_t next =
+          size >= static_cast<double>(most_) ? most_ : static_cast<std::int64_t>(std::ceil(size));
+      if (auto tried = try_fresh(level, next); !tried) return unexpected(tried.error());
+      tell(level);
+      if (const auto ended = end_of(level)) return end(*ended, level.detail);
+      if (count == most_) return end(ScenarioEnd::samples, level.detail);
+      count = next;
+    }
+  }
+
+ private:
+  // Worlds up to number `count`, where there are as many.
+  Expected<void> draw(std::int64_t count) {
+    while (static_cast<std::int64_t>(worlds_.size()) < std::min(count, problem_.scenarios)) {
+      const auto number = static_cast<std::int64_t>(worlds_.size());
+      auto world = problem_.sample(number);
+      if (!world) return unexpected(world.error());
+      if (auto valid = stages_.check(*world); !valid)
+        return unexpected(inside("scenario[" + std::to_string(number) + "]", valid.error()));
+      worlds_.push_back(*std::move(world));
+    }
+    return {};
+  }
+
+  [[nodiscard]] std::span<const ScenarioNumbers> worlds(std::int64_t first, std::int64_t last) const {
+    return std::span(worlds_).subspan(static_cast<std::size_t>(first), static_cast<std::size_t>(last - first));
+  }
+
+  // From the last level, lifted. Searching for a feasible point far away comes last: where there is none, a
+  // world that has none by itself is found sooner.
+  Expected<Solution> solve(ScenarioLevel& level) {
+    const auto begun = Clock::now();
+    const auto sample = worlds(0, level.scenarios);
+    weights_ = normalized_weights(sample);
+    std::optional<Solution> start;
+    if (answer_.scenarios > 0) start = lift(level.scenarios);
+    auto assembled = stages_.assemble(sample, weights_);
+    if (!assembled) return unexpected(assembled.error());
+    const auto problem = Problem::create(assembled->view());
+    if (!problem) return unexpected(problem.error());
+    level.variables = problem->variables();
+    level.pairs = problem->pairs();
+    Options options = settings_.options;
+    if (start)
+      options.local_search_budget = std::min(options.local_search_budget, tuning::scenario_search_budget);
+    if (level.scenarios > 1) options.feasibility_budget = 0;
+    auto solver = Solver::create(*problem, options, limits());
+    if (!solver) return unexpected(solver.error());
+    level.memory_bytes = solver->memory_bytes();
+    auto solution = solve_from(*solver, options, start ? &*start : nullptr, level);
+    if (solution && is_without_plan(solution->status)) {
+      find_infeasible(level);
+      if (answer_.infeasible.empty() && level.scenarios > 1) {
+        options.feasibility_budget = settings_.options.feasibility_budget;
+        solution = solve_from(*solver, options, start ? &*start : nullptr, level);
+      }
+    }
+    if (!solution) return solution;
+    level.status = solution->status;
+    level.detail = solution->detail;
+    level.objective = solution->objective;
+    level.seconds = seconds_since(begun);
+    return solution;
+  }
+
+  // Where a start kept no branch but was mended, a cold solve too, if more levels or starts are to come.
+  Expected<Solution> solve_from(Solver& solver, Options options, const Solution* start,
+                                ScenarioLevel& level) const {
+    if (auto set = solver.set_options(options); !set) return unexpected(set.error());
+    SolveControls controls = controls_;
+    controls.warm_start = start;
+    controls.begun = begun_;
+    auto solution = solver.solve(controls);
+    if (!solution) return solution;
+    level.factorizations += solution->factorizations;
+    const bool stayed_warm = start != nullptr && std::isinf(solution->cold_objective);
+    level.warm = stayed_warm && solution->factorizations <= tuning::warm_small_change;
+    const bool goes_on = level.scenarios < most_ || options.starts > 1;
+    if (!is_solved(solution->status) || !stayed_warm || level.warm || !goes_on) return solution;
+    level.searched = true;
+    options.local_search_budget = 0;
+    if (auto set = solver.set_options(options); !set) return unexpected(set.error());
+    controls.warm_start = nullptr;
+    auto other = solver.solve(controls);
+    if (!other) return other;
+    level.factorizations += other->factorizations;
+    return is_solved(other->status) && other->objective < solution->objective ? other : solution;
+  }
+
+  // Worlds of the level that have no plan even by themselves. Those of a level that was solved have one.
+  void find_infeasible(const ScenarioLevel& level) {
+    if (level.scenarios == 1) {
+      answer_.infeasible = {0};
+      return;
+    }
+    const std::int64_t first = answer_.scenarios;
+    const std::vector<Status> alone =
+        solve_alone(stages_, worlds(first, level.scenarios), {settings_.options, until_, controls_.stop,
+                                                              controls_.runner});
+    for (std::size_t s = 0; s < alone.size(); ++s)
+      if (is_without_plan(alone[s])) answer_.infeasible.push_back(first + static_cast<std::int64_t>(s));
+  }
+
+  // New worlds begin with their recourse, and without one with what the nearest old world does.
+  Solution lift(std::int64_t count) const {
+    std::vector<const Solution*> parts;
+    for (const Solution& part : parts_) parts.push_back(&part);
+    for (std::int64_t s = answer_.scenarios; s < count; ++s) {
+      const auto fresh = static_cast<std::size_t>(s - answer_.scenarios);
+      const bool found = fresh < fresh_.size() && fresh_[fresh].found();
+      parts.push_back(found ? &fresh_[fresh].solution : nearest_part(worlds_[static_cast<std::size_t>(s)]));
+    }
+    return lifted(stages_, solution_, parts, weights_);
+  }
+
+  [[nodiscard]] const Solution* nearest_part(const ScenarioNumbers& world) const {
+    return &parts_[nearest(stages_, world, worlds(0, answer_.scenarios))];
+  }
+
+  void keep(const ScenarioLevel& level, Solution solution) {
+    const std::size_t plan = stages_.variables.first.size();
+    solution_ = std::move(solution);
+    parts_.clear();
+    for (std::size_t s = 0; s < weights_.size(); ++s)
+      parts_.push_back(world_part(stages_, solution_, s, weights_[s]));
+    answer_.status = level.status;
+    answer_.scenarios = level.scenarios;
+    answer_.x.assign(solution_.z.begin(), solution_.z.begin() + static_cast<std::ptrdiff_t>(plan));
+    answer_.objective = level.objective;
+    answer_.violations = solution_.violations;
+  }
+
+  [[nodiscard]] SetupControls limits() const {
+    SetupControls result = setup_;
+    result.stop = controls_.stop;
+    result.until = until_;
+    return result;
+  }
+
+  // A recourse is looked for near the plan's, and nowhere else.
+  [[nodiscard]] BatchControls recourse_controls() const {
+    BatchControls result{settings_.options, until_, controls_.stop, controls_.runner};
+    result.options.starts = 1;
+    result.options.global = false;
+    result.options.local_search_budget = result.options.feasibility_budget = 0;
+    result.options.max_iterations =
+        std::min(result.options.max_iterations, tuning::scenario_recourse_iterations);
+    return result;
+  }
+  Expected<void> try_fresh(ScenarioLevel& level, std::int64_t next) {
+    fresh_.clear();
+    if (settings_.fresh_scenarios == 0 && level.scenarios == most_) return {};
+    const std::int64_t last = std::min(
+        problem_.scenarios, std::max(level.scenarios + settings_.fresh_scenarios, next));
+    if (auto drawn = draw(last); !drawn) return drawn;
+    const auto fresh = worlds(level.scenarios, last);
+    if (fresh.empty()) return {};
+    const auto begun = Clock::now();
+    std::vector<const Solution*> starts;
+    for (const ScenarioNumbers& world : fresh) starts.push_back(nearest_part(world));
+    fresh_ = solve_recourse(stages_, answer_.x, fresh, starts, recourse_controls());
+    const bool all = std::ranges::none_of(fresh_, [](const Recourse& recourse) {
+      return recourse.status == Status::time_limit || recourse.status == Status::cancelled;
+    });
+    if (all) {
+      level.fresh = judged(fresh, fresh_);
+      level.fresh->seconds = seconds_since(begun);
+    }
+    return {};
+  }
+
+  void tell(ScenarioLevel& level) {
+    level.x = answer_.x;
+    if (settings_.level) settings_.level(level);
+    level.x = {};
+    answer_.levels.push_back(level);
+  }
+
+  [[nodiscard]] std::optional<ScenarioEnd> end_of(const ScenarioLevel& level) const {
+    if (controls_.stop.stop_requested()) return ScenarioEnd::cancelled;
+    if (Clock::now() >= until_) return ScenarioEnd::time_limit;
+    if (settings_.tolerance == 0.0 || !level.fresh) return std::nullopt;
+    const OutOfSample& fresh = *level.fresh;
+    const bool served = static_cast<double>(fresh.without_recourse) <=
+                        settings_.without_recourse * static_cast<double>(fresh.scenarios);
+    if (served && fresh.half_width <= settings_.tolerance * std::abs(fresh.mean))
+      return ScenarioEnd::interval;
+    return std::nullopt;
+  }
+
+  Expected<ScenarioAnswer> end_unsolved(ScenarioLevel& level, const Solution& solution) {
+    answer_.status = solution.status;
+    tell(level);
+    if (solution.status == Status::cancelled) return end(ScenarioEnd::cancelled, solution.detail);
+    if (solution.status == Status::time_limit) return end(ScenarioEnd::time_limit, solution.detail);
+    std::string detail = solution.detail;
+    if (!answer_.infeasible.empty())
+      detail = "scenario " + std::to_string(answer_.infeasible.front()) + " has no plan by itself; " + detail;
+    return end(ScenarioEnd::not_solved, detail);
+  }
+
+  Expected<ScenarioAnswer> end(ScenarioEnd why, std::string detail) {
+    answer_.end = why;
+    answer_.detail = std::move(detail);
+    for (const Solution& part : parts_) answer_.recourse.push_back(part.z);
+    return std::move(answer_);
+  }
+
+  const ScenarioProblem& problem_;
+  const ScenarioSettings& settings_;
+  const SolveControls& controls_;
+  const SetupControls& setup_;
+  Stages stages_;
+  Clock::time_point begun_, until_;
+  std::int64_t most_;
+  std::vector<ScenarioNumbers> worlds_;
+  std::vector<double> weights_;   // of the level
+  Solution solution_;             // of the newest level that was solved
+  std::vector<Solution> parts_;   // of it, by world
+  std::vector<Recourse> fresh_;   // of the worlds after it
+  ScenarioAnswer answer_;
+};
+
+}  // namespace
+
+const char* to_string(ScenarioEnd end) {
+  switch (end) {
+    case ScenarioEnd::interval:
+      return "interval";
+    case ScenarioEnd::samples:
+      return "samples";
+    case ScenarioEnd::not_solved:
+      return "not_solved";
+    case ScenarioEnd::too_large:
+      return "too_large";
+    case ScenarioEnd::time_limit:
+      return "time_limit";
+    case ScenarioEnd::cancelled:
+      return "cancelled";
+  }
+  return "?";
+}
+
+Expected<ScenarioAnswer> solve_scenarios(const ScenarioProblem& problem, const ScenarioSettings& settings,
+                                         const SolveControls& controls, const SetupControls& setup) {
+  if (auto valid = validate_settings(settings); !valid) return unexpected(valid.error());
+  auto stages = Stages::create(problem);
+  if (!stages) return unexpected(stages.error());
+  return Levels(problem, settings, controls, setup, *std::move(stages)).run();
+}
+
+Expected<OwnedProblem> assemble_scenarios(const ScenarioProblem& problem, std::int64_t scenarios) {
+  const auto stages = Stages::create(problem);
+  if (!stages) return unexpected(stages.error());
+  if (scenarios < 1 || scenarios > problem.scenarios)
+    return unexpected(invalid("scenarios", std::to_string(scenarios), "must be >= 1, and no more than there are"));
+  std::vector<ScenarioNumbers> worlds;
+  for (std::int64_t i = 0; i < scenarios; ++i) {
+    auto world = problem.sample(i);
+    if (!world) return unexpected(world.error());
+    if (auto valid = stages->check(*world); !valid)
+      return unexpected(inside("scenario[" + std::to_string(i) + "]", valid.error()));
+    worlds.push_back(*std::move(world));
+  }
+  return stages->assemble(worlds, normalized_weights(worlds));
+}
+
+}  // namespace marble
