@@ -13,11 +13,11 @@ struct Settings {
   std::filesystem::path benchmarks;  ///< MacMPEC and robotics problems with references; may not exist
   int seeds = 20;                    ///< of the random families
   int starts = 8;                    ///< of the references where none is known
-  bool judging = false;              ///< hard: even seeds, which nothing is chosen on
+  bool judging = false;              ///< hard and scenarios: even seeds, which nothing is chosen on
   std::string peers;                 ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
   double time_limit_s = 60.0;        ///< of a proof
   Options options;                   ///< macmpec and robotics: what is solved by
-  std::string only;                  ///< of the problems to prove, that one; all if empty
+  std::string only;  ///< of global and qp, that problem; of scenarios, that part; all if empty
 };
 
 /// The problems of a folder in the order of their names; none, said so, where there is no folder.
@@ -50,5 +50,8 @@ void throughput(const Settings& settings);
 /// Where it is hard to find a feasible point, and small problems with many minima: solved, wrong, and the
 /// work.
 void hard(const Settings& settings);
+/// One plan for sampled worlds, grown level by level against all at once: the rocket by its trigger's
+/// altitude, the hopper by friction.
+void scenarios(const Settings& settings);
 
 }  // namespace marble::suite

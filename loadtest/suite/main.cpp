@@ -20,16 +20,16 @@ constexpr const char* kUsage =
     "             [--peers COMMAND]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
     "Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global "
-    "hard qp; "
+    "hard qp scenarios; "
     "all "
     "of "
     "them by "
     "default.\n"
     "  --seeds N            of the random families, default 20\n"
-    "  --judge              hard: on even seeds, the half that nothing is chosen on\n"
+    "  --judge              hard and scenarios: on even seeds, the half that nothing is chosen on\n"
     "  --starts K           of the references where none is known, default 8\n"
     "  --time-limit S       of global, default 60\n"
-    "  --only NAME          of global and qp, that problem\n"
+    "  --only NAME          of global and qp, that problem; of scenarios: optima, chains, many, hopper\n"
     "  --option NAME=VALUE  of macmpec and robotics, a solver option; may be repeated\n"
     "  --benchmarks FOLDER  problems with references\n"
     "  --peers COMMAND      measure qp or global in turns with other solvers: COMMAND runs qp_peers.py or\n"
@@ -126,7 +126,8 @@ int main(int argc, char** argv) {
       {"throughput", suite::throughput},
       {"global", suite::global},
       {"hard", suite::hard},
-      {"qp", suite::qp}};
+      {"qp", suite::qp},
+      {"scenarios", suite::scenarios}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
       std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());

@@ -32,8 +32,7 @@ class Batch {
       return {};
     }
     options_.time_limit_s = std::max(
-        0.0,
-        std::chrono::duration<double>(controls_.until - std::chrono::steady_clock::now()).count());
+        0.0, std::chrono::duration<double>(controls_.until - std::chrono::steady_clock::now()).count());
     options_.time_limit_s = std::min(options_.time_limit_s, most_s_);
     if (!solver_->set_options(options_)) return {};
     auto solution = solver_->solve({.stop = controls_.stop, .warm_start = start});
@@ -82,8 +81,7 @@ void in_batches(std::size_t count, const BatchControls& controls,
 
 std::vector<Recourse> solve_recourse(const Stages& stages, std::span<const double> x,
                                      std::span<const ScenarioNumbers> worlds,
-                                     std::span<const Solution* const> starts,
-                                     const BatchControls& controls) {
+                                     std::span<const Solution* const> starts, const BatchControls& controls) {
   std::vector<Recourse> result(worlds.size());
   in_batches(worlds.size(), controls, [&](Batch& batch, std::size_t s) {
     result[s] = batch.solve(stages.recourse(worlds[s], x), starts.empty() ? nullptr : starts[s]);

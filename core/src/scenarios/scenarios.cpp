@@ -72,8 +72,8 @@ OutOfSample judged(std::span<const ScenarioNumbers> worlds, std::span<const Reco
     variance += worlds[s].weight / weight * difference * difference;
   }
   if (found > 1.0)
-    result.half_width = tuning::scenario_normal_quantile *
-                        std::sqrt(variance * found / (found - 1.0) * squares) / weight;
+    result.half_width =
+        tuning::scenario_normal_quantile * std::sqrt(variance * found / (found - 1.0) * squares) / weight;
   return result;
 }
 
@@ -134,7 +134,8 @@ class Levels {
   }
 
   [[nodiscard]] std::span<const ScenarioNumbers> worlds(std::int64_t first, std::int64_t last) const {
-    return std::span(worlds_).subspan(static_cast<std::size_t>(first), static_cast<std::size_t>(last - first));
+    return std::span(worlds_).subspan(static_cast<std::size_t>(first),
+                                      static_cast<std::size_t>(last - first));
   }
 
   // From the last level, lifted. Searching for a feasible point far away comes last: where there is none, a
@@ -206,8 +207,8 @@ class Levels {
     }
     const std::int64_t first = answer_.scenarios;
     const std::vector<Status> alone =
-        solve_alone(stages_, worlds(first, level.scenarios), {settings_.options, until_, controls_.stop,
-                                                              controls_.runner});
+        solve_alone(stages_, worlds(first, level.scenarios),
+                    {settings_.options, until_, controls_.stop, controls_.runner});
     for (std::size_t s = 0; s < alone.size(); ++s)
       if (is_without_plan(alone[s])) answer_.infeasible.push_back(first + static_cast<std::int64_t>(s));
   }
@@ -261,8 +262,8 @@ class Levels {
   Expected<void> try_fresh(ScenarioLevel& level, std::int64_t next) {
     fresh_.clear();
     if (settings_.fresh_scenarios == 0 && level.scenarios == most_) return {};
-    const std::int64_t last = std::min(
-        problem_.scenarios, std::max(level.scenarios + settings_.fresh_scenarios, next));
+    const std::int64_t last =
+        std::min(problem_.scenarios, std::max(level.scenarios + settings_.fresh_scenarios, next));
     if (auto drawn = draw(last); !drawn) return drawn;
     const auto fresh = worlds(level.scenarios, last);
     if (fresh.empty()) return {};
@@ -325,10 +326,10 @@ class Levels {
   Clock::time_point begun_, until_;
   std::int64_t most_;
   std::vector<ScenarioNumbers> worlds_;
-  std::vector<double> weights_;   // of the level
-  Solution solution_;             // of the newest level that was solved
-  std::vector<Solution> parts_;   // of it, by world
-  std::vector<Recourse> fresh_;   // of the worlds after it
+  std::vector<double> weights_;  // of the level
+  Solution solution_;            // of the newest level that was solved
+  std::vector<Solution> parts_;  // of it, by world
+  std::vector<Recourse> fresh_;  // of the worlds after it
   ScenarioAnswer answer_;
 };
 
@@ -364,7 +365,8 @@ Expected<OwnedProblem> assemble_scenarios(const ScenarioProblem& problem, std::i
   const auto stages = Stages::create(problem);
   if (!stages) return unexpected(stages.error());
   if (scenarios < 1 || scenarios > problem.scenarios)
-    return unexpected(invalid("scenarios", std::to_string(scenarios), "must be >= 1, and no more than there are"));
+    return unexpected(
+        invalid("scenarios", std::to_string(scenarios), "must be >= 1, and no more than there are"));
   std::vector<ScenarioNumbers> worlds;
   for (std::int64_t i = 0; i < scenarios; ++i) {
     auto world = problem.sample(i);

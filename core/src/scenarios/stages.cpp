@@ -356,14 +356,13 @@ OwnedProblem Stages::recourse(const ScenarioNumbers& world, std::span<const doub
   for (std::size_t j = 0; j < own; ++j)
     for (Index k = Q_.linking.pointers[j]; k < Q_.linking.pointers[j + 1]; ++k) {
       const auto entry = static_cast<std::size_t>(k);
-      result.g[j] +=
-          at(Q, Q_.linking.positions[entry]) * x[static_cast<std::size_t>(Q_.linking.rows[entry])];
+      result.g[j] += at(Q, Q_.linking.positions[entry]) * x[static_cast<std::size_t>(Q_.linking.rows[entry])];
     }
   each_part([&](const Part& part) {
     const auto values = given_or(world.*part.values, part.matrix.values);
     result.*part.into = block_matrix(part.stages.recourse, part.rows.second.size(), values);
     std::vector<double>& offset = result.*part.offset_into =
-        gather(given_or(world.*part.offsets, part.offset), part.rows.second);
+                                      gather(given_or(world.*part.offsets, part.offset), part.rows.second);
     add_product(part.stages.linking, values, x, offset);
   });
   return result;
@@ -378,10 +377,11 @@ OwnedProblem Stages::alone(const ScenarioNumbers& world) const {
   result.hessian_form = view.hessian_form;
   result.c0 = world.c0.value_or(view.c0);
 #define MARBLE_VECTOR(letter, field) result.letter = owned(given_or(world.letter, view.letter));
-#define MARBLE_MATRIX(letter, field, update, vector)                                          \
-  result.letter = {view.letter.rows, view.letter.columns,                                     \
-                   {view.letter.column_pointers.begin(), view.letter.column_pointers.end()},  \
-                   {view.letter.row_indices.begin(), view.letter.row_indices.end()},          \
+#define MARBLE_MATRIX(letter, field, update, vector)                                         \
+  result.letter = {view.letter.rows,                                                         \
+                   view.letter.columns,                                                      \
+                   {view.letter.column_pointers.begin(), view.letter.column_pointers.end()}, \
+                   {view.letter.row_indices.begin(), view.letter.row_indices.end()},         \
                    owned(given_or(world.letter, view.letter.values))};
 #include "marble/contract.def"
   return result;

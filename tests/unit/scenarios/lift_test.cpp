@@ -26,8 +26,8 @@ TEST(ScenarioLift, SolvesTheLargerProblemWhereItsWorldsAreTheOldOnesAgain) {
     const std::vector<double> halves = normalized_weights(worlds);
     std::vector<Solution> parts;
     for (std::size_t s = 0; s < 4; ++s)
-      parts.push_back(world_part(stages, answer, nearest(stages, worlds[s], std::span(worlds).first(2)),
-                                 weights[s % 2]));
+      parts.push_back(
+          world_part(stages, answer, nearest(stages, worlds[s], std::span(worlds).first(2)), weights[s % 2]));
     std::vector<const Solution*> pointers;
     for (const Solution& part : parts) pointers.push_back(&part);
     const Solution start = lifted(stages, answer, pointers, halves);

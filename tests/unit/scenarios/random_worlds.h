@@ -15,8 +15,8 @@ namespace marble::testing {
 class RandomWorlds {
  public:
   explicit RandomWorlds(std::uint64_t seed, HessianForm form = HessianForm::full)
-      : base(random_problem({.variables = 10, .equalities = 4, .inequalities = 8, .pairs = 6, .density = 0.15},
-                            seed)),
+      : base(random_problem(
+            {.variables = 10, .equalities = 4, .inequalities = 8, .pairs = 6, .density = 0.15}, seed)),
         seed_(seed) {
     if (form == HessianForm::upper_triangle) keep_upper();
     for (Index j = 0; j < 10; j += 2) first_stage.push_back(j);

@@ -62,11 +62,11 @@ TEST(Scenarios, GrowToAnAnswerThatSolvesTheProblemOfAllWorlds) {
   const OneNumberWorlds rocket = examples::rocket_by_altitude();
   const ScenarioProblem problem = rocket.worlds(spread(16, 3.0, 4.8));
   std::vector<std::int64_t> told;
-  const auto grown = solve_scenarios(
-      problem, {.most_scenarios = 16, .level = [&](const ScenarioLevel& level) {
-                  told.push_back(level.scenarios);
-                  EXPECT_EQ(level.x.size(), rocket.first_stage.size());
-                }});
+  const auto grown =
+      solve_scenarios(problem, {.most_scenarios = 16, .level = [&](const ScenarioLevel& level) {
+                                  told.push_back(level.scenarios);
+                                  EXPECT_EQ(level.x.size(), rocket.first_stage.size());
+                                }});
   ASSERT_TRUE(grown) << grown.error().message();
   EXPECT_EQ(told, (std::vector<std::int64_t>{1, 2, 4, 8, 16}));
   EXPECT_EQ(grown->end, ScenarioEnd::samples);
@@ -77,7 +77,8 @@ TEST(Scenarios, GrowToAnAnswerThatSolvesTheProblemOfAllWorlds) {
   const OwnedProblem whole = assemble_scenarios(problem, 16).value();
   Solution together;
   together.z = grown->x;
-  for (const std::vector<double>& y : grown->recourse) together.z.insert(together.z.end(), y.begin(), y.end());
+  for (const std::vector<double>& y : grown->recourse)
+    together.z.insert(together.z.end(), y.begin(), y.end());
   Solution cold = solve_in_process(whole.view()).value();
   EXPECT_LE(grown->objective, cold.objective * 1.02);
   cold.z = together.z;
@@ -203,8 +204,8 @@ TEST(Scenarios, EndWhenTheIntervalIsSmallEnough) {
   const Target target;
   std::vector<double> numbers;
   for (int i = 0; i < 256; ++i) numbers.push_back(i % 2 == 0 ? 10.0 : -10.0);
-  const auto answer =
-      solve_scenarios(target.problem(numbers), {.first_scenarios = 2, .most_scenarios = 256, .tolerance = 0.01});
+  const auto answer = solve_scenarios(target.problem(numbers),
+                                      {.first_scenarios = 2, .most_scenarios = 256, .tolerance = 0.01});
   ASSERT_TRUE(answer) << answer.error().message();
   EXPECT_EQ(answer->end, ScenarioEnd::interval);
   EXPECT_EQ(answer->scenarios, 2) << "every world costs the same";
@@ -232,9 +233,10 @@ TEST(Scenarios, KeepTheNewestPlanWhenTheyAreStopped) {
   const Target target;
   std::stop_source source;
   const auto stopped = solve_scenarios(target.problem({1.0, 2.0, 3.0, 4.0}),
-                                       {.level = [&](const ScenarioLevel& level) {
-                                         if (level.scenarios == 2) source.request_stop();
-                                       }},
+                                       {.level =
+                                            [&](const ScenarioLevel& level) {
+                                              if (level.scenarios == 2) source.request_stop();
+                                            }},
                                        {.stop = source.get_token()});
   ASSERT_TRUE(stopped) << stopped.error().message();
   EXPECT_EQ(stopped->end, ScenarioEnd::cancelled);
@@ -265,8 +267,7 @@ TEST(Scenarios, TakeMemoryInProportionToTheirNumber) {
   const ScenarioProblem problem = rocket.worlds(spread(256, 3.0, 4.8));
   const auto bytes = [&](int worlds) {
     const OwnedProblem whole = assemble_scenarios(problem, worlds).value();
-    return static_cast<double>(
-        Solver::create(Problem::create(whole.view()).value()).value().memory_bytes());
+    return static_cast<double>(Solver::create(Problem::create(whole.view()).value()).value().memory_bytes());
   };
   const double few = bytes(64), more = bytes(128), many = bytes(256);
   EXPECT_LE(many - more, 2.2 * (more - few)) << few << " " << more << " " << many;

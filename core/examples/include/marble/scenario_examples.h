@@ -12,9 +12,9 @@ namespace marble::examples {
 
 /// A base problem, its plan's variables, and the world of a number.
 struct OneNumberWorlds {
-  OwnedProblem base;                                            ///< of the nominal number
-  std::vector<Index> first_stage;                               ///< the plan
-  std::function<ScenarioNumbers(double number)> numbers;        ///< of that world
+  OwnedProblem base;                                      ///< of the nominal number
+  std::vector<Index> first_stage;                         ///< the plan
+  std::function<ScenarioNumbers(double number)> numbers;  ///< of that world
 
   /// Worlds of these numbers, in their order. This object must outlive it.
   [[nodiscard]] ScenarioProblem worlds(std::vector<double> of_numbers) const;

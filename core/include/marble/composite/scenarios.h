@@ -56,18 +56,18 @@ struct ScenarioProblem {
   std::vector<Index> own_inequalities = {};  ///< ascending, as own_equalities
   std::vector<Index> own_pairs = {};         ///< ascending, as own_equalities
   /// World number i ≥ 0: the same whenever it is asked for. Called by one thread, in ascending order.
-  std::function<Expected<ScenarioNumbers>(std::int64_t i)> sample;
+  std::function<Expected<ScenarioNumbers>(std::int64_t i)> sample = {};
   std::int64_t scenarios = std::numeric_limits<std::int64_t>::max();  ///< ≥ 1: how many worlds there are
 };
 
 /// Why the levels ended.
 enum class ScenarioEnd {
-  interval,     ///< the cost outside the sample is known to `tolerance`
-  samples,      ///< most_scenarios, or all that there are, are in
-  not_solved,   ///< the last level has another end than solved: see status
-  too_large,    ///< the next level needs more memory than allowed
-  time_limit,   ///< the time of the options was up
-  cancelled,    ///< by the stop token
+  interval,    ///< the cost outside the sample is known to `tolerance`
+  samples,     ///< most_scenarios, or all that there are, are in
+  not_solved,  ///< the last level has another end than solved: see status
+  too_large,   ///< the next level needs more memory than allowed
+  time_limit,  ///< the time of the options was up
+  cancelled,   ///< by the stop token
 };
 /// "interval", "samples", "not_solved", "too_large", "time_limit", "cancelled".
 [[nodiscard]] const char* to_string(ScenarioEnd end);
@@ -85,20 +85,20 @@ struct OutOfSample {
 
 /// What a level came to.
 struct ScenarioLevel {
-  std::int32_t level = 0;                      ///< from 0
-  std::int64_t scenarios = 0;                  ///< N: those of number 0 … N − 1
-  Status status = Status::numerical_failure;   ///< of its LCQP
-  std::string detail;                          ///< of its LCQP, as Solution::detail
-  double objective = 0.0;                      ///< Σ π_s q(x, y_s; ξ_s)
-  std::int32_t variables = 0;                  ///< of its LCQP
-  std::int32_t pairs = 0;                      ///< of its LCQP
-  std::int64_t factorizations = 0;             ///< of its LCQP, all attempts
-  double seconds = 0.0;                        ///< set-up and solve, by the clock
-  bool warm = false;                           ///< it kept the branch of the level before, lifted
-  bool searched = false;                       ///< it was solved cold too, as its start was mended
-  std::int64_t memory_bytes = 0;               ///< of its LCQP and its solver, by the estimate of Solver
-  std::optional<OutOfSample> fresh = {};       ///< absent where no worlds are left or none are asked for
-  std::span<const double> x = {};              ///< its plan; valid only during the call
+  std::int32_t level = 0;                     ///< from 0
+  std::int64_t scenarios = 0;                 ///< N: those of number 0 … N − 1
+  Status status = Status::numerical_failure;  ///< of its LCQP
+  std::string detail;                         ///< of its LCQP, as Solution::detail
+  double objective = 0.0;                     ///< Σ π_s q(x, y_s; ξ_s)
+  std::int32_t variables = 0;                 ///< of its LCQP
+  std::int32_t pairs = 0;                     ///< of its LCQP
+  std::int64_t factorizations = 0;            ///< of its LCQP, all attempts
+  double seconds = 0.0;                       ///< set-up and solve, by the clock
+  bool warm = false;                          ///< it kept the branch of the level before, lifted
+  bool searched = false;                      ///< it was solved cold too, as its start was mended
+  std::int64_t memory_bytes = 0;              ///< of its LCQP and its solver, by the estimate of Solver
+  std::optional<OutOfSample> fresh = {};      ///< absent where no worlds are left or none are asked for
+  std::span<const double> x = {};             ///< its plan; valid only during the call
 };
 
 /// All of it optional.
@@ -107,11 +107,11 @@ struct ScenarioSettings {
   /// levels after the first have at most 50. A level whose start had to be mended is solved cold too before
   /// the next one; the last level only where `starts` is above 1.
   Options options = {};
-  std::int64_t first_scenarios = 1;    ///< N₀ ≥ 1
-  double growth = 2.0;                 ///< ω > 1: N_k = ⌈N₀ ωᵏ⌉, one more than the last at least
-  std::int64_t most_scenarios = 64;    ///< ≥ first_scenarios: the level that would have more has these
-  double tolerance = 0.0;              ///< ≥ 0: ends when half_width ≤ tolerance · |mean|; 0: never
-  double without_recourse = 0.05;      ///< in [0, 1]: not while a larger share of the fresh worlds has none
+  std::int64_t first_scenarios = 1;  ///< N₀ ≥ 1
+  double growth = 2.0;               ///< ω > 1: N_k = ⌈N₀ ωᵏ⌉, one more than the last at least
+  std::int64_t most_scenarios = 64;  ///< ≥ first_scenarios: the level that would have more has these
+  double tolerance = 0.0;            ///< ≥ 0: ends when half_width ≤ tolerance · |mean|; 0: never
+  double without_recourse = 0.05;    ///< in [0, 1]: not while a larger share of the fresh worlds has none
   /// ≥ 0, of a level: at least these; those that the next level adds are tried anyway. 0: no level after the
   /// last is thought of, and the last one's plan is not tried.
   std::int64_t fresh_scenarios = 16;
@@ -124,12 +124,12 @@ struct ScenarioAnswer {
   /// Of the last level: solved where the answer is of it. Otherwise what it ended with, while x is of the
   /// level before, if there was one.
   Status status = Status::numerical_failure;
-  std::string detail;               ///< one sentence
-  std::int64_t scenarios = 0;       ///< that x was made for; 0: no level was solved, and x is empty
-  std::vector<double> x;            ///< the plan, in the order of first_stage
+  std::string detail;                         ///< one sentence
+  std::int64_t scenarios = 0;                 ///< that x was made for; 0: no level was solved, and x is empty
+  std::vector<double> x;                      ///< the plan, in the order of first_stage
   std::vector<std::vector<double>> recourse;  ///< y_s, in the order of the other variables
-  double objective = 0.0;           ///< Σ π_s q(x, y_s; ξ_s)
-  Violations violations;            ///< of the level's LCQP, user units
+  double objective = 0.0;                     ///< Σ π_s q(x, y_s; ξ_s)
+  Violations violations;                      ///< of the level's LCQP, user units
   /// Worlds that have no plan even by themselves, ascending: their own LCQPs ended infeasible or
   /// locally_infeasible. Looked for where a level has no solution.
   std::vector<std::int64_t> infeasible;
