@@ -51,4 +51,7 @@ void throughput(const Settings& settings);
 /// work.
 void hard(const Settings& settings);
 
+/// Problems tied by rows between them, and hoppers cut into pieces: block by block, and whole.
+void coupled(const Settings& settings);
+
 }  // namespace marble::suite

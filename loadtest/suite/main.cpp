@@ -20,7 +20,7 @@ constexpr const char* kUsage =
     "             [--peers COMMAND]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
     "Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global "
-    "hard qp; "
+    "hard qp coupled; "
     "all "
     "of "
     "them by "
@@ -126,7 +126,8 @@ int main(int argc, char** argv) {
       {"throughput", suite::throughput},
       {"global", suite::global},
       {"hard", suite::hard},
-      {"qp", suite::qp}};
+      {"qp", suite::qp},
+      {"coupled", suite::coupled}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
       std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());
