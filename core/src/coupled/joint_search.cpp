@@ -21,7 +21,8 @@ void unscale(ConstVectorRef values, ConstVectorRef scale, double factor, std::ve
 Solution search_near(const Problem& user_problem, Solution start, const Options& user_options,
                      const CoupledControls& controls) {
   const Options options = in_force(user_options);
-  Run run(options, {.stop = controls.stop, .runner = controls.runner, .begun = controls.begun});
+  const SolveControls how{.stop = controls.stop, .runner = controls.runner, .begun = controls.begun};
+  Run run(options, how);  // which refers to them
   const ScaledProblem problem = scale(user_problem, options.scaling_passes, run.interrupt());
   const std::unique_ptr<Kkt> kkt = make_kkt(problem, run.interrupt());
   if (kkt == nullptr) return start;
