@@ -3,7 +3,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <functional>
 #include <limits>
 #include <string>
@@ -55,8 +54,7 @@ void random_family(const char* name, const testing::CoupledSizes& sizes, int see
     tally.joint_ms.push_back(ms_since(begin));
     tally.joint_factorizations.push_back(whole.factorizations);
     begin = Clock::now();
-    CoupledOptions options; options.joint_search = std::getenv("JS"); if (std::getenv("SEARCHES")) options.searches = std::atoi(std::getenv("SEARCHES")); if (const char* rho = std::getenv("RHO")) options.proximal = std::atof(rho);
-    const CoupledSolution answer = solve_coupled(view, options, {.runner = &threads}).value();
+    const CoupledSolution answer = solve_coupled(view, {}, {.runner = &threads}).value();
     tally.ms.push_back(ms_since(begin));
     tally.iterations.push_back(answer.coordination.last.iteration);
     tally.factorizations.push_back(
@@ -91,44 +89,36 @@ std::vector<Index> stages_of_hopper(int steps) {
   return stages;
 }
 
-void hoppers_in_pieces() {
+void hoppers_in_pieces(int only_steps) {
   std::printf("%6s %6s %22s %8s %6s %12s %9s %12s %16s %16s %10s %22s\n", "steps", "pieces", "pieces end",
               "iterat.", "flips", "fact. blocks", "joint", "ms", "objective", "of the blocks", "whole ms",
               "whole");
   TwoThreads threads;
   for (const auto& [steps, pieces] : {std::pair{120, 2}, std::pair{240, 4}, std::pair{480, 8},
                                       std::pair{960, 16}, std::pair{1920, 32}}) {
-    if (std::getenv("STEPS") && steps != std::atoi(std::getenv("STEPS"))) continue;
+    if (only_steps != 0 && steps != only_steps) continue;
     examples::HopperParameters parameters;
     parameters.steps = steps;
     const OwnedProblem p = examples::hopper(parameters);
     const Problem problem = Problem::create(p.view()).value();
-    CoupledControls controls{.runner = &threads};
-    if (std::getenv("COUPLED_TRACE"))
-      controls.progress = [](const CoupledIteration& it) {
-        std::printf("   %3d  coupling %.3g  step %.3g  objective %.12g  frozen %d  fact %lld\n", it.iteration,
-                    it.coupling_violation, it.step, it.objective, it.frozen, (long long)it.factorizations);
-        std::fflush(stdout);
-      };
     PiecesOptions options;
     options.pieces = pieces;
-    if (const char* rho = std::getenv("RHO")) options.coupled.proximal = std::atof(rho);
-    if (const char* rho = std::getenv("AHEAD")) options.look_ahead = std::atoi(rho);
     auto begin = Clock::now();
     const PiecesSolution answer =
-        solve_in_pieces(problem, stages_of_hopper(steps), options, controls).value();
+        solve_in_pieces(problem, stages_of_hopper(steps), options, {.runner = &threads}).value();
     const double ms = ms_since(begin);
     std::printf("%6d %6d %22s %8d %6d %12lld %9d %12.1f %16.9f %16.9f", steps, pieces,
                 to_string(answer.whole.status), answer.coordination.last.iteration, answer.coordination.flips,
                 static_cast<long long>(answer.coordination.last.factorizations), answer.whole.factorizations,
                 ms, answer.whole.objective, answer.blocks_objective);
     std::fflush(stdout);
-    if (steps <= 480 && !std::getenv("NOWHOLE")) {
+    if (steps <= 480) {
       begin = Clock::now();
       const Solution whole = solve_once(problem).value();
       std::printf(" %10.1f %22s %16.9f", ms_since(begin), to_string(whole.status), whole.objective);
     }
-    std::printf("\n    sweep %.9f, %lld factorizations\n", answer.sweep_objective, (long long)answer.sweep_factorizations);
+    std::printf("\n    one after the other: %.9f, %lld factorizations\n", answer.sweep_objective,
+                static_cast<long long>(answer.sweep_factorizations));
     std::printf("    %s\n", answer.whole.detail.c_str());
     std::fflush(stdout);
   }
@@ -145,7 +135,7 @@ void coupled(const Settings& settings) {
   if (settings.only.empty() || settings.only == "large")
     random_family("10 x 40, 10 pairs", {.blocks = 10, .variables = 40, .pairs = 10, .rows = 10},
                   10 * settings.seeds);
-  if (settings.only.empty() || settings.only == "pieces") hoppers_in_pieces();
+  if (settings.only.empty() || settings.only == "pieces") hoppers_in_pieces(settings.steps);
 }
 
 }  // namespace marble::suite

@@ -97,11 +97,27 @@ std::vector<double> widened(const CoupledView& view, const std::vector<BlockPlac
   return wide;
 }
 
+Expected<void> check_start(const CoupledView& view, const CoupledStart& start) {
+  if (start.blocks.empty()) return {};
+  if (start.blocks.size() != view.blocks.size()) {
+    return unexpected(invalid("start.blocks", std::to_string(start.blocks.size()),
+                              "answers; must be " + std::to_string(view.blocks.size()) + ", one a block"));
+  }
+  for (std::size_t k = 0; k < start.blocks.size(); ++k) {
+    const auto problem = Problem::create(view.blocks[k].problem);
+    if (auto valid = check_warm_start(start.blocks[k], PartSizes::of(*problem)); !valid) {
+      const std::string& field = valid.error().field;
+      return unexpected(
+          of_field("start.blocks[" + std::to_string(k) + "]" + field.substr(field.find('.')), valid.error()));
+    }
+  }
+  return {};
+}
+
 }  // namespace
 
-bool ends_it(const Coordination& coordination) {
-  return coordination.failed_block.has_value() || coordination.status == Status::cancelled ||
-         coordination.status == Status::time_limit;
+bool stopped(const Coordination& coordination) {
+  return coordination.status == Status::cancelled || coordination.status == Status::time_limit;
 }
 
 double sum_of_objectives(const Coordination& coordination) {
@@ -139,7 +155,7 @@ Expected<CoupledSolution> finish_coupled(const CoupledView& view, Coordination c
   result.places = joint_places(view);
   result.blocks_objective = sum_of_objectives(coordination);
   Solution start = stacked(coordination);
-  if (ends_it(coordination) || !options.joint) {
+  if (coordination.failed_block || stopped(coordination) || !options.joint) {
     result.joint = std::move(start);
     result.joint.status = coordination.status;
     result.joint.detail = coordination.detail;
@@ -167,6 +183,9 @@ Expected<CoupledSolution> solve_coupled(const CoupledView& view, const CoupledOp
                                         const CoupledControls& controls) {
   if (auto valid = check(view); !valid) return unexpected(valid.error());
   if (auto valid = options.check(); !valid) return unexpected(valid.error());
+  if (controls.start != nullptr) {
+    if (auto valid = check_start(view, *controls.start); !valid) return unexpected(valid.error());
+  }
   CoupledControls own = controls;
   if (!own.begun) own.begun = std::chrono::steady_clock::now();
   return or_out_of_memory([&]() -> Expected<CoupledSolution> {

@@ -5,8 +5,8 @@
 
 namespace marble {
 
-/// An outcome that ends a coupled solve without a joint one: a block's, or a stop.
-[[nodiscard]] bool ends_it(const Coordination& coordination);
+/// Whether a caller's stop or the time limit ended it.
+[[nodiscard]] bool stopped(const Coordination& coordination);
 /// Σ f_k(y_k)
 [[nodiscard]] double sum_of_objectives(const Coordination& coordination);
 /// The problem, solved from what the blocks have found: `start` has z and multipliers of its sizes.

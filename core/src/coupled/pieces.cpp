@@ -284,6 +284,8 @@ Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const
                                          const PiecesOptions& options, const CoupledControls& controls) {
   if (auto valid = options.coupled.check(); !valid) return unexpected(valid.error());
   if (!options.coupled.joint) return unexpected(invalid("joint", "must be true of a problem in pieces"));
+  if (options.look_ahead < -1)
+    return unexpected(invalid("look_ahead", std::to_string(options.look_ahead), "must be >= -1"));
   CoupledControls own = controls;
   if (!own.begun) own.begun = std::chrono::steady_clock::now();
   return or_out_of_memory([&]() -> Expected<PiecesSolution> {
@@ -307,8 +309,14 @@ Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const
     auto coordination = coordinate(blocks, view.total, options.coupled, own);
     if (!coordination) return unexpected(coordination.error());
     result.blocks_objective = sum_of_objectives(*coordination);
-    Solution found = pieces->joined(coordination->answers);
-    if (ends_it(*coordination)) {
+    Solution found;
+    if (coordination->failed_block && !stopped(*coordination)) {
+      found = *std::move(swept);
+      coordination->detail += "; so the whole was solved from the pieces one after the other";
+    } else {
+      found = pieces->joined(coordination->answers);
+    }
+    if (stopped(*coordination)) {
       result.whole = std::move(found);
       result.whole.status = coordination->status;
       result.whole.detail = coordination->detail;

@@ -1,5 +1,5 @@
-// Several LCQPs that rows between them tie together, solved block by block (ALADIN: Houska, Frasch and Diehl
-// 2016; for complementarity: Lyu, Jiang, Houska).
+// Several LCQPs that rows between them tie together, solved block by block: ALADIN (Houska, Frasch and Diehl
+// 2016), whose blocks here keep their pairs as they are. core/ALGORITHM.md has the formulas.
 //
 //   min Σ f_k(z_k)   s.t.   z_k feasible for LCQP_k,   Σ E_k z_k = e
 //
@@ -61,7 +61,7 @@ struct CoupledOptions {
   bool joint = true;
   /// Whether better branches of the joint problem are looked for before that, near the one that the blocks
   /// have found: a local search and further starts, which takes about as long as solving it whole.
-  bool joint_search = false;
+  bool joint_search = true;
 
   /// Errors name the field: "proximal" and such.
   [[nodiscard]] Expected<void> check() const;

@@ -1,7 +1,6 @@
 // One LCQP cut into pieces that rows tie together: a long horizon, stage by stage.
 //
-//   auto pieces = marble::pieces_by_stage(stage_of_variable, 8);
-//   auto answer = marble::solve_in_pieces(problem, *pieces);
+//   auto answer = marble::solve_in_pieces(problem, stage_of_variable, {.pieces = 8});
 #pragma once
 
 #include <cstdint>
@@ -49,12 +48,12 @@ struct Pieces {
 
 /// How a long horizon is solved in pieces.
 struct PiecesOptions {
-  /// Of the pieces' agreement; `joint` must be true. By default ρ = 100, and each pair keeps the side that it
-  /// has after the pieces were solved one after the other.
-  CoupledOptions coupled = {.proximal = 100.0, .freeze_after = 0};
-  Index pieces = 2;             ///< >= 1, at most as many as there are stages
-  /// Stages that each piece looks ahead while they are first solved one after the other; −1: a third of a
-  /// piece, but at least 2.
+  /// Of the pieces' agreement; `joint` must be true. By default ρ = 100, each pair keeps the side that it has
+  /// after the pieces were solved one after the other, and no better branch of the whole is looked for.
+  CoupledOptions coupled = {.proximal = 100.0, .freeze_after = 0, .joint_search = false};
+  Index pieces = 2;  ///< >= 1, at most as many as there are stages
+  /// Stages that each piece looks ahead while they are first solved one after the other, >= −1; −1: a third of
+  /// a piece, but at least 2.
   Index look_ahead = -1;
 };
 
@@ -68,8 +67,9 @@ struct PiecesSolution {
 };
 
 /// Solves the pieces one after the other, each from where the last one ends and with a look ahead; lets them
-/// agree, all at once; and solves the branch that they have found as one. Stages must follow each other: a
-/// row sees variables of its last stage and those before. Errors: as pieces_by_stage(), cut(), coordinate()
+/// agree, all at once; and solves the branch that they have found as one. Where a piece has no answer at some
+/// price, the whole is solved from the pieces as they came one after the other; `coordination` and the detail
+/// of `whole` say so. Errors: invalid_argument of "look_ahead", and as pieces_by_stage(), cut(), coordinate()
 /// and Solver::create name them.
 [[nodiscard]] Expected<PiecesSolution> solve_in_pieces(const Problem& problem,
                                                        std::span<const Index> stage_of_variable,
