@@ -69,8 +69,7 @@ void random_family(const char* name, const testing::CoupledSizes& sizes, int see
     }
     ++tally.solved;
     tally.wrong += testing::judge(joint.view(), answer.joint).infeasibility() > 1e-6;
-    const double gap =
-        (answer.joint.objective - whole.objective) / std::max(1.0, std::abs(whole.objective));
+    const double gap = (answer.joint.objective - whole.objective) / std::max(1.0, std::abs(whole.objective));
     tally.as_good += !is_solved(whole.status) || gap <= 1e-6;
     tally.better += !is_solved(whole.status) || gap < -1e-6;
     if (gap > 1e-6) tally.gaps.push_back(gap);
@@ -94,8 +93,8 @@ void hoppers_in_pieces(int only_steps) {
               "iterat.", "flips", "fact. blocks", "joint", "ms", "objective", "of the blocks", "whole ms",
               "whole");
   TwoThreads threads;
-  for (const auto& [steps, pieces] : {std::pair{120, 2}, std::pair{240, 4}, std::pair{480, 8},
-                                      std::pair{960, 16}, std::pair{1920, 32}}) {
+  for (const auto& [steps, pieces] :
+       {std::pair{120, 2}, std::pair{240, 4}, std::pair{480, 8}, std::pair{960, 16}, std::pair{1920, 32}}) {
     if (only_steps != 0 && steps != only_steps) continue;
     examples::HopperParameters parameters;
     parameters.steps = steps;

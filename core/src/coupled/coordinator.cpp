@@ -169,7 +169,7 @@ bool Coordinator::measure() {
       step = std::max(step, proximal_ * std::abs(answer.value[i] - state_.asks[k].centre[i]));
     }
   }
-  state_.last = {iterations_, max_abs(sum),    step, objective, proximal_, state_.asks.front().frozen,
+  state_.last = {iterations_,    max_abs(sum), step, objective, proximal_, state_.asks.front().frozen,
                  factorizations_};
   return state_.last.coupling_violation <= options_.tolerance * (1.0 + value) &&
          step <= options_.tolerance * (1.0 + max_abs(state_.prices));
@@ -187,8 +187,7 @@ void Coordinator::agree() {
     const std::size_t m_k = rows.size();
     Vector& mu = own_prices.emplace_back(static_cast<Eigen::Index>(m_k));
     for (std::size_t i = 0; i < m_k; ++i)
-      mu[static_cast<Eigen::Index>(i)] =
-          ask.price[i] + proximal_ * (answer.value[i] - ask.centre[i]);
+      mu[static_cast<Eigen::Index>(i)] = ask.price[i] + proximal_ * (answer.value[i] - ask.centre[i]);
     for (std::size_t i = 0; i < m_k; ++i) {
       right[rows[i]] += answer.value[i];
       for (std::size_t j = 0; j < m_k; ++j) {
@@ -211,8 +210,8 @@ void Coordinator::agree() {
     for (std::size_t i = 0; i < m_k; ++i) {
       ask.centre[i] = answer.value[i];
       for (std::size_t j = 0; j < m_k; ++j)
-        ask.centre[i] += answer.response[j * m_k + i] *
-                         (own_prices[k][static_cast<Eigen::Index>(j)] - ask.price[j]);
+        ask.centre[i] +=
+            answer.response[j * m_k + i] * (own_prices[k][static_cast<Eigen::Index>(j)] - ask.price[j]);
     }
   }
 }
@@ -281,17 +280,16 @@ Expected<Coordination> Coordinator::run() {
   if (*end == End::failed) {
     const std::size_t block = *result_.failed_block;
     const BlockAnswer& answer = state_.answers[block];
-    return ended(answer.status, blocks_.name(block) + " is " + to_string(answer.status) +
-                                    " by itself: " + answer.detail);
+    return ended(answer.status,
+                 blocks_.name(block) + " is " + to_string(answer.status) + " by itself: " + answer.detail);
   }
   if (*end == End::agreed && result_.frozen_at > 0) {
     if (auto flipped = try_flips(); !flipped) return unexpected(flipped.error());
   }
   const std::string numbers = "coupling rows hold to " + scientific(state_.last.coupling_violation, 1) +
                               " after " + std::to_string(iterations_) + " iterations";
-  return *end == End::agreed
-             ? ended(Status::solved, "the blocks agree: " + numbers)
-             : ended(Status::iteration_limit, "the blocks do not agree yet: " + numbers);
+  return *end == End::agreed ? ended(Status::solved, "the blocks agree: " + numbers)
+                             : ended(Status::iteration_limit, "the blocks do not agree yet: " + numbers);
 }
 
 }  // namespace

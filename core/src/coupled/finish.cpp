@@ -54,15 +54,14 @@ void tell_by_blocks(const CoupledView& view, const Coordination& coordination, S
     joint.violations.inequality = std::max(joint.violations.inequality, own.violations.inequality);
     joint.violations.complementarity =
         std::max(joint.violations.complementarity, own.violations.complementarity);
-    joint.kkt_residual = std::max(
-        joint.kkt_residual,
-        own.kkt_residual + coordination.last.step * most_of_a_column(view.blocks[k].coupling));
+    joint.kkt_residual =
+        std::max(joint.kkt_residual,
+                 own.kkt_residual + coordination.last.step * most_of_a_column(view.blocks[k].coupling));
     joint.stationarity = std::min(joint.stationarity, own.stationarity);
     joint.second_order = std::min(joint.second_order, own.second_order);
     joint.iterations += own.iterations;
   }
-  joint.violations.equality =
-      std::max(joint.violations.equality, coordination.last.coupling_violation);
+  joint.violations.equality = std::max(joint.violations.equality, coordination.last.coupling_violation);
   // Strongly stationary blocks leave no direction of descent together; of others nothing is known.
   if (joint.stationarity != Stationarity::strong) {
     joint.b_stationary.reset();
@@ -134,16 +133,14 @@ Expected<Solution> solve_from(const Problem& problem, Solution start, const Coor
   start.factorizations = 0;
   if (options.joint_search) start = search_near(problem, std::move(start), options.options, controls);
   const int searched = start.factorizations;
-  auto solution = solve_once(problem, options.options,
-                             {.stop = controls.stop,
-                              .warm_start = &start,
-                              .runner = controls.runner,
-                              .begun = controls.begun});
+  auto solution = solve_once(
+      problem, options.options,
+      {.stop = controls.stop, .warm_start = &start, .runner = controls.runner, .begun = controls.begun});
   if (!solution) return solution;
   solution->factorizations += searched;
   if (solution->status == Status::infeasible) {
-    solution->detail = "each block has an answer by itself, but not with the coupling rows: " +
-                       std::move(solution->detail);
+    solution->detail =
+        "each block has an answer by itself, but not with the coupling rows: " + std::move(solution->detail);
   }
   solution->detail += "; " + coordination.detail;
   return solution;

@@ -127,9 +127,9 @@ Expected<void> check(const CoupledView& view) {
     }
   }
   if (variables > std::numeric_limits<Index>::max()) {
-    return unexpected(invalid("blocks", std::to_string(variables),
-                              "variables together; must be at most " +
-                                  std::to_string(std::numeric_limits<Index>::max())));
+    return unexpected(
+        invalid("blocks", std::to_string(variables),
+                "variables together; must be at most " + std::to_string(std::numeric_limits<Index>::max())));
   }
   return {};
 }

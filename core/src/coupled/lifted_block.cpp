@@ -42,8 +42,11 @@ void for_column(const SparseMatrixView& m, Index j, const Visit& visit) {
 
 SparseMatrix widened(const SparseMatrixView& m, Index columns) {
   if (m.rows == 0) return {};
-  SparseMatrix wide{m.rows, columns, {m.column_pointers.begin(), m.column_pointers.end()},
-                    {m.row_indices.begin(), m.row_indices.end()}, {m.values.begin(), m.values.end()}};
+  SparseMatrix wide{m.rows,
+                    columns,
+                    {m.column_pointers.begin(), m.column_pointers.end()},
+                    {m.row_indices.begin(), m.row_indices.end()},
+                    {m.values.begin(), m.values.end()}};
   wide.column_pointers.resize(at(columns) + 1, static_cast<Index>(wide.values.size()));
   return wide;
 }
@@ -94,8 +97,8 @@ void LiftedBlock::lift() {
       });
       std::ranges::sort(both, {}, [](const auto& entry) { return entry.first; });
       for (const auto& [pair, numbers] : both)
-        pair_entries_.push_back({pair, A.add(n_e_ + m + pair, 0.0), C.add(n_i_ + pair, 0.0), numbers.first,
-                                 numbers.second});
+        pair_entries_.push_back(
+            {pair, A.add(n_e_ + m + pair, 0.0), C.add(n_i_ + pair, 0.0), numbers.first, numbers.second});
     }
     Q.end(), A.end(), C.end();
   }

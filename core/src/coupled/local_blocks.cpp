@@ -61,7 +61,8 @@ Expected<BlockAnswer> LocalBlocks::solve(Block& block, const BlockAsk& ask) cons
     if (!cold) return unexpected(cold.error());
     const int factorizations = solution->factorizations + cold->factorizations;
     const double least = tuning::near * (1.0 + std::abs(solution->objective));
-    if (is_solved(cold->status) && !(cold->objective >= solution->objective - least)) solution = std::move(cold);
+    if (is_solved(cold->status) && !(cold->objective >= solution->objective - least))
+      solution = std::move(cold);
     solution->factorizations = factorizations;
   }
   if (!solution) return unexpected(solution.error());
@@ -87,8 +88,7 @@ Expected<std::vector<BlockAnswer>> LocalBlocks::tick(std::span<const BlockAsk> a
   }
   std::vector<BlockAnswer> result;
   for (std::size_t k = 0; k < answers.size(); ++k) {
-    if (!answers[k])
-      return unexpected(inside("blocks[" + std::to_string(k) + "]", answers[k].error()));
+    if (!answers[k]) return unexpected(inside("blocks[" + std::to_string(k) + "]", answers[k].error()));
     result.push_back(*std::move(answers[k]));
   }
   return result;

@@ -124,8 +124,7 @@ Expected<Pieces> Cutter::cut() {
   const auto m = static_cast<Index>(ties_.size());
   if (m > kMostCouplingRows) {
     return unexpected(invalid("total", std::to_string(m),
-                              "copies tie the pieces; must be at most " +
-                                  std::to_string(kMostCouplingRows)));
+                              "copies tie the pieces; must be at most " + std::to_string(kMostCouplingRows)));
   }
   std::vector<Triplets> coupling(parts_.size());
   for (Index row = 0; row < m; ++row) {
@@ -144,10 +143,11 @@ Expected<Pieces> Cutter::cut() {
       return rows == 0 ? Expected<SparseMatrix>(SparseMatrix{})
                        : compress(static_cast<Index>(rows), n, entries, name);
     };
-    for (auto& [into, entries, rows, name] :
-         {std::tuple{&block.Q, &part.Q, part.g.size(), "Q"}, std::tuple{&block.A, &part.A, part.b.size(), "A"},
-          std::tuple{&block.C, &part.C, part.d.size(), "C"}, std::tuple{&block.L, &part.L, part.l.size(), "L"},
-          std::tuple{&block.R, &part.R, part.r.size(), "R"}}) {
+    for (auto& [into, entries, rows, name] : {std::tuple{&block.Q, &part.Q, part.g.size(), "Q"},
+                                              std::tuple{&block.A, &part.A, part.b.size(), "A"},
+                                              std::tuple{&block.C, &part.C, part.d.size(), "C"},
+                                              std::tuple{&block.L, &part.L, part.l.size(), "L"},
+                                              std::tuple{&block.R, &part.R, part.r.size(), "R"}}) {
       auto matrix = made(*entries, rows, name);
       if (!matrix) return unexpected(matrix.error());
       *into = *std::move(matrix);
@@ -190,8 +190,8 @@ Expected<std::vector<Index>> pieces_by_stage(std::span<const Index> stage_of_var
   if (stage_of_variable.empty()) return unexpected(invalid("stages", "must be one for each variable"));
   for (std::size_t j = 0; j < stage_of_variable.size(); ++j) {
     if (stage_of_variable[j] < 0) {
-      return unexpected(invalid("stages", static_cast<std::int64_t>(j),
-                                std::to_string(stage_of_variable[j]), "must be >= 0"));
+      return unexpected(invalid("stages", static_cast<std::int64_t>(j), std::to_string(stage_of_variable[j]),
+                                "must be >= 0"));
     }
   }
   const std::int64_t stages = std::int64_t{*std::ranges::max_element(stage_of_variable)} + 1;
@@ -224,8 +224,8 @@ Expected<Pieces> cut(const Problem& problem, std::span<const Index> piece_of_var
   const Index last = *std::ranges::max_element(piece_of_variable);
   seen.resize(at(last) + 1);
   if (const auto none = std::ranges::find(seen, 0); none != seen.end()) {
-    return unexpected(invalid("pieces", "must give piece " + std::to_string(none - seen.begin()) +
-                                            " a variable"));
+    return unexpected(
+        invalid("pieces", "must give piece " + std::to_string(none - seen.begin()) + " a variable"));
   }
   return Cutter(problem.view(), piece_of_variable, last + 1).cut();
 }

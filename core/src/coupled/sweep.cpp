@@ -22,9 +22,8 @@ std::vector<Index> last_stages(std::initializer_list<const SparseMatrixView*> ma
                                std::span<const Index> stage) {
   std::vector<Index> last(rows, 0);
   for (const SparseMatrixView* m : matrices)
-    for_entries(*m, [&](Index row, Index j, double) {
-      last[at(row)] = std::max(last[at(row)], stage[at(j)]);
-    });
+    for_entries(*m,
+                [&](Index row, Index j, double) { last[at(row)] = std::max(last[at(row)], stage[at(j)]); });
   return last;
 }
 
@@ -101,8 +100,7 @@ Expected<OwnedProblem> Window::problem(Index first, Index end, const std::vector
     if (row >= 0 && column >= 0) Q.add(row, column, value);
     if (row >= 0 && column < 0 && stage_[at(j)] < first) window.g[at(row)] += value * z[at(j)];
     const bool mirrored = p_.hessian_form == HessianForm::upper_triangle && i != j;
-    if (mirrored && column >= 0 && row < 0 && stage_[at(i)] < first)
-      window.g[at(column)] += value * z[at(i)];
+    if (mirrored && column >= 0 && row < 0 && stage_[at(i)] < first) window.g[at(column)] += value * z[at(i)];
   });
   const auto n = static_cast<Index>(window.g.size());
   auto hessian = compress(n, n, Q, "Q");
@@ -172,8 +170,9 @@ Expected<Solution> sweep(const Problem& problem, std::span<const Index> stage_of
     if (!part) return unexpected(part.error());
     const auto checked = Problem::create(part->view());
     if (!checked) return unexpected(checked.error());
-    const auto answer = solve_once(*checked, options.coupled.options,
-                                   {.stop = controls.stop, .runner = controls.runner, .begun = controls.begun});
+    const auto answer =
+        solve_once(*checked, options.coupled.options,
+                   {.stop = controls.stop, .runner = controls.runner, .begun = controls.begun});
     if (!answer) return unexpected(answer.error());
     whole.factorizations += answer->factorizations;
     if (!is_solved(answer->status)) {

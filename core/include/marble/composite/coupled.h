@@ -44,15 +44,15 @@ struct CoupledView {
 
 /// How a coupled problem is solved.
 struct CoupledOptions {
-  Options options = {};     ///< of every block's solves, and of the joint one; the time limit counts all
+  Options options = {};  ///< of every block's solves, and of the joint one; the time limit counts all
   /// First ρ > 0 of ½ρ‖E_k(y_k − z_k)‖², what holds a block where the last iteration was. Where blocks move
   /// apart it is raised tenfold, from the best iteration so far.
   double proximal = 1.0;
   int max_iterations = 60;  ///< of the coordinator, >= 1
   /// Iterations, after which every pair keeps its side; >= 0, and 0 only from a start that knows the sides.
   int freeze_after = 15;
-  /// Once the blocks agree each looks for a better branch at the prices found, by a cold solve, and they go on
-  /// if one has it; so often at most, >= 0.
+  /// Once the blocks agree each looks for a better branch at the prices found, by a cold solve, and they go
+  /// on if one has it; so often at most, >= 0.
   int searches = 3;
   int flips = 20;           ///< pairs of frozen blocks that may be tried on their other side; >= 0
   double tolerance = 1e-9;  ///< of Σ E_k y_k − e and of the last step, relative; in (0, 1)
@@ -80,8 +80,9 @@ struct CoupledIteration {
 
 /// Where a coupled solve begins: with the answer of one like it, or a guess.
 struct CoupledStart {
-  std::vector<double> prices;    ///< λ, m; empty: zeros
-  std::vector<Solution> blocks;  ///< z and multipliers of each block, in its own sizes; empty: nothing is known
+  std::vector<double> prices;  ///< λ, m; empty: zeros
+  std::vector<Solution>
+      blocks;  ///< z and multipliers of each block, in its own sizes; empty: nothing is known
 };
 
 /// What may accompany a coupled solve; all of it optional.
@@ -117,10 +118,10 @@ struct BlockPull {
 struct BlockAnswer {
   Status status = Status::numerical_failure;  ///< as of any solve
   std::string detail;                         ///< as of any solve
-  std::vector<double> value;     ///< E_k y_k, of the rows that see it: m_k
+  std::vector<double> value;                  ///< E_k y_k, of the rows that see it: m_k
   std::vector<double> response;  ///< S_k = E_k P_k E_kᵀ by columns, m_k × m_k: −d(E_k y_k)/dλ on its branch,
                                  ///< without the proximal term
-  double objective = 0.0;        ///< f_k(y_k); NaN if it is kept
+  double objective = 0.0;  ///< f_k(y_k); NaN if it is kept
   std::int32_t factorizations = 0;
   std::vector<BlockPull> pulls;  ///< of a frozen block
   Solution solution;             ///< y_k with multipliers, in the block's own sizes; empty if it is kept
@@ -179,8 +180,7 @@ struct CoupledSolution {
   double blocks_objective = 0.0;   ///< Σ f_k(y_k) of the blocks, before the joint solve
   /// λ, m
   [[nodiscard]] std::span<const double> prices() const {
-    return std::span(joint.equality_multipliers)
-        .subspan(static_cast<std::size_t>(places.back().equalities));
+    return std::span(joint.equality_multipliers).subspan(static_cast<std::size_t>(places.back().equalities));
   }
 };
 

@@ -1,9 +1,11 @@
-// A block of a coupled problem as an LCQP of one fixed pattern, for whoever solves it: a WarmSolver, a session.
+// A block of a coupled problem as an LCQP of one fixed pattern, for whoever solves it: a WarmSolver, a
+// session.
 //
 //   min f(z) + λᵀv + ½ρ‖v − v⁻‖²   s.t.   z feasible for the block's LCQP,   E z − v = 0
 //
 // v are the rows of E that are not empty. Only their gradient λ − ρv⁻ changes from solve to solve. Once the
-// block is frozen each pair is an equality, its fixed side, and an inequality; a flip exchanges their numbers.
+// block is frozen each pair is an equality, its fixed side, and an inequality; a flip exchanges their
+// numbers.
 #pragma once
 
 #include <cstdint>
@@ -62,9 +64,9 @@ class LiftedBlock {
   std::vector<Index> rows_, local_;  // local_: of a coupling row, its place in rows_
   std::vector<std::uint8_t> side_;   // of a frozen pair: 1 where s is fixed
   struct Entry {
-    Index row;             // pair
+    Index row;  // pair
     std::size_t in_A, in_C;
-    double s, t;           // L's number there, and R's
+    double s, t;  // L's number there, and R's
   };
   std::vector<Entry> pair_entries_;
   bool frozen_ = false, sides_changed_ = false, proximal_changed_ = false;

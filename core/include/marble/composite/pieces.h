@@ -52,8 +52,8 @@ struct PiecesOptions {
   /// after the pieces were solved one after the other, and no better branch of the whole is looked for.
   CoupledOptions coupled = {.proximal = 100.0, .freeze_after = 0, .joint_search = false};
   Index pieces = 2;  ///< >= 1, at most as many as there are stages
-  /// Stages that each piece looks ahead while they are first solved one after the other, >= −1; −1: a third of
-  /// a piece, but at least 2.
+  /// Stages that each piece looks ahead while they are first solved one after the other, >= −1; −1: a third
+  /// of a piece, but at least 2.
   Index look_ahead = -1;
 };
 
