@@ -135,16 +135,18 @@ Expected<std::vector<AladinRun>> aladin_runs(int seeds, const std::stop_token& s
 
 TextTable aladin_table(const std::vector<AladinRun>& runs) {
   TextTable table({"start", "method", "stands for", "seeds", "come to 1e-10", "fall back", "error 1e-6 from",
-                   "1e-8 from", "1e-10 from", "products 1e-16 from", "factorizations"});
+                   "1e-8 from", "1e-10 from", "products 1e-16 from", "worst end", "factorizations"});
   for (const AladinStart start : {AladinStart::path, AladinStart::near, AladinStart::far}) {
     for (const auto& [method, name, stands] : kMethods) {
       int seeds = 0, come = 0, back = 0, factorizations = 0;
+      double end = 0.0;
       std::array<int, 4> worst = {0, 0, 0, 0};
       for (const AladinRun& run : runs) {
         if (run.start != start || run.method != method) continue;
         ++seeds;
         back += run.fell_back >= 0;
         factorizations += run.factorizations;
+        end = std::max(end, run.error.back());
         if (AladinRun::settled(run.error, kError) < 0) continue;
         ++come;
         const int settled[] = {AladinRun::settled(run.error, 1e-6), AladinRun::settled(run.error, 1e-8),
@@ -157,7 +159,7 @@ TextTable aladin_table(const std::vector<AladinRun>& runs) {
       if (come == 0) worst.fill(-1);
       table.add({name_of(start), name, stands, std::to_string(seeds), std::to_string(come),
                  std::to_string(back), at(worst[0]), at(worst[1]), at(worst[2]), at(worst[3]),
-                 formatted("%.0f", static_cast<double>(factorizations) / seeds)});
+                 formatted("%.1e", end), formatted("%.0f", static_cast<double>(factorizations) / seeds)});
     }
   }
   return table;
@@ -191,8 +193,8 @@ std::string aladin_picture(const std::vector<AladinRun>& runs, PictureFormat for
       const std::string data = (path ? "$path" : "$ways") + std::to_string(k);
       text += data + " << END_OF_RUN\n";
       for (std::size_t i = 0; i < run.error.size(); ++i) {
-        // A zero has no place on a logarithmic axis: below the smallest number there is the axis' end.
-        text += std::to_string(i);
+        text += std::to_string(i);  // of zeros, which no logarithmic axis has, its end is drawn
+
         for (const double value :
              {run.s[i], run.t[i], std::max(run.error[i], 1e-17), std::max(run.complementarity[i], 1e-22)})
           text += " " + gnuplot_number(value);

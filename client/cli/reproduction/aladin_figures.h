@@ -43,8 +43,8 @@ struct AladinRun {
 /// fewer where a method can do no more. Errors: cancelled.
 [[nodiscard]] Expected<std::vector<AladinRun>> aladin_runs(int seeds, const std::stop_token& stop);
 
-/// A row a start and method: how many seeds come to 1e-10 and fall back, and the worst of those that come
-/// there.
+/// A row a start and method: how many seeds come to 1e-10 and fall back, the worst of those that come
+/// there, and the worst end of all; factorizations are a mean.
 [[nodiscard]] TextTable aladin_table(const std::vector<AladinRun>& runs);
 /// A line an iteration of every run.
 [[nodiscard]] std::string aladin_csv(const std::vector<AladinRun>& runs);

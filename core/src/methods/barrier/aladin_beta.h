@@ -9,9 +9,9 @@
 // The coordination QP (17) of their gradients and curvatures gives the next α, and λ; z carries x in both.
 //
 // Not copied from the printed text: x ≤ 0 in (1c), against x ⪰ 0 in (18), with its r − β; the sum and the
-// signs in (16c), where p and n have a curvature each; (18)'s one scalar product, with which nothing
-// converges. It does not print r, Σ, P and M. It has no globalization: here a merit test ends it where it
-// does not converge, and the ℓ₁ penalty-barrier itself goes on, from the best point on the way.
+// signs in (16c), where p and n have a curvature each; (18)'s one scalar product, which no setting tried
+// brings below 1e-8. It does not print r, Σ, P and M. It has no globalization: here a merit test ends it
+// where it does not converge, and the ℓ₁ penalty-barrier itself goes on, from the best point on the way.
 #pragma once
 
 #include <vector>
