@@ -97,9 +97,10 @@ bool AladinBeta::coordinate(Run& run) {
     const Copy copy(alpha_[i], lambda_[i], i < rows ? 0.0 : rho_, mu_, r);
     copy_[i] = copy.value, slope_[i] = copy.slope, curvature_[i] = copy.curvature;
   }
-  coupling_gap_ = max_abs(local_alpha_ - copy_);
+  qp_.step = local_alpha_ - copy_;
+  coupling_gap_ = max_abs(qp_.step);
   qp_.curvature = curvature_;
-  qp_.slope = slope_ + curvature_.cwiseProduct(local_alpha_ - copy_);
+  qp_.slope = slope_ + curvature_.cwiseProduct(qp_.step);
   const double prox = tuning::aladin_prox;
   qp_.curvature.tail(2 * pairs).array() += prox;
   qp_.slope.tail(2 * pairs) += prox * (local_alpha_ - alpha_).tail(2 * pairs);
