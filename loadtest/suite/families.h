@@ -17,7 +17,8 @@ struct Settings {
   std::string peers;                 ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
   double time_limit_s = 60.0;        ///< of a proof
   Options options;                   ///< macmpec and robotics: what is solved by
-  std::string only;  ///< of global and qp, that problem; of scenarios, that part; all if empty
+  std::string only;  ///< of the problems to prove, of coupled and scenarios, that one; all if empty
+  int steps = 0;     ///< coupled: of the hopper, that horizon; 0: all
 };
 
 /// The problems of a folder in the order of their names; none, said so, where there is no folder.
@@ -50,6 +51,8 @@ void throughput(const Settings& settings);
 /// Where it is hard to find a feasible point, and small problems with many minima: solved, wrong, and the
 /// work.
 void hard(const Settings& settings);
+/// Problems tied by rows between them, and hoppers cut into pieces: block by block, and whole.
+void coupled(const Settings& settings);
 /// One plan for sampled worlds, grown level by level against all at once: the rocket by its trigger's
 /// altitude, the hopper by friction.
 void scenarios(const Settings& settings);
