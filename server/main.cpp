@@ -23,7 +23,7 @@
 #include "process/signals.h"
 #include "process/supervisor.h"
 #include "service/info_service.h"
-#include "submissions/recovery.h"
+#include "submissions/local_submissions.h"
 
 namespace {
 
@@ -190,18 +190,15 @@ int main(int argc, char** argv) {
   pulse.add(shared_scheduler);
   pulse.add(expiry);
   pulse.add(suppressed_lines);
-  const ServiceParts parts{*config, access,      log,       metrics,  pulse,       board, feeds,
-                           results, store.get(), scheduler, sessions, connections, calls};
-  std::shared_ptr<Recovery> recovery;
-  if (store != nullptr) {
-    auto begun = Recovery::begin(parts);
-    if (!begun) {
-      log.error(Component::server, "cannot_use_state",
-                {{"state_dir", begun.error().value}, {"reason", begun.error().bound}});
-      return kBadConfiguration;
-    }
-    recovery = std::move(*begun);
+  ServiceParts parts{*config, access,  log,       metrics,  pulse,       board,
+                     feeds,   results, scheduler, sessions, connections, calls};
+  const auto submissions = LocalSubmissions::begin(parts, store.get());
+  if (!submissions) {
+    log.error(Component::server, "cannot_use_state",
+              {{"state_dir", submissions.error().value}, {"reason", submissions.error().bound}});
+    return kBadConfiguration;
   }
+  parts.submissions = submissions->get();
   SolverService solver_service(parts);
   JobsService jobs_service(parts);
   InfoService info_service(parts);

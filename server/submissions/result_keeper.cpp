@@ -25,7 +25,7 @@ void put(ResultStore& results, JobRecord& record, ResultStore::Result result) {
 }  // namespace
 
 void ResultKeeper::finished(Outcome outcome) {
-  const bool interrupted = outcome.interrupted && parts_.store != nullptr;
+  const bool interrupted = outcome.interrupted && store_ != nullptr;
   if (interrupted) outcome.solution = unexpected(draining("the job begins again when it is back"));
   v1::SolveResponse response;
   ResultStore::Result result{unexpected(Error{}), outcome.retry_delay_s};
@@ -36,7 +36,7 @@ void ResultKeeper::finished(Outcome outcome) {
   }
   const auto bytes = result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0;
   record_->set_result_bytes(bytes);  // before who waits for it hears of it
-  if (parts_.store == nullptr || interrupted) return put(parts_.results, *record_, std::move(result));
+  if (store_ == nullptr || interrupted) return put(parts_.results, *record_, std::move(result));
   StoredResult stored{.id = record_->id()};
   v1::GetJobResponse job;
   to_message(*record_, &job);
@@ -70,7 +70,7 @@ void ResultKeeper::added() {
 
 // Whoever waits for it has it when it is on disk; where that fails, from memory.
 void ResultKeeper::keep(Answer answer) const {
-  parts_.store->finish(std::move(answer.stored),
+  store_->finish(std::move(answer.stored),
                        [&results = parts_.results, record = record_, result = std::move(answer.result)](
                            const Expected<void>&) { put(results, *record, result); });
 }

@@ -7,13 +7,15 @@
 #include "mutex.h"
 #include "queue/job.h"
 #include "service/service_parts.h"
+#include "store/job_store.h"
 
 namespace marble::server {
 
 class ResultKeeper final : public JobObserver {
  public:
-  ResultKeeper(const ServiceParts& parts, std::shared_ptr<JobRecord> record)
-      : parts_(parts), record_(std::move(record)) {}
+  /// `store` may be null.
+  ResultKeeper(const ServiceParts& parts, JobStore* store, std::shared_ptr<JobRecord> record)
+      : parts_(parts), store_(store), record_(std::move(record)) {}
 
   /// The store was asked to add the job: its answer may follow.
   void added() ABSL_LOCKS_EXCLUDED(mutex_);
@@ -28,6 +30,7 @@ class ResultKeeper final : public JobObserver {
   void keep(Answer answer) const;
 
   const ServiceParts& parts_;
+  JobStore* const store_;
   const std::shared_ptr<JobRecord> record_;
   Mutex mutex_;
   bool added_ ABSL_GUARDED_BY(mutex_) = false;

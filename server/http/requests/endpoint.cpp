@@ -1,11 +1,14 @@
 #include "http/requests/endpoint.h"
 
 #include <algorithm>
+#include <future>
+#include <memory>
 #include <utility>
 
 #include "http/requests/caller.h"
 #include "http/requests/reply.h"
 #include "queue/job_log.h"
+#include "service/submissions.h"
 
 namespace marble::server::http {
 
@@ -22,6 +25,12 @@ httplib::Server::Handler endpoint(const ServiceParts& parts, Answer answer) {
         caller ? answer(request, *caller, response) : Expected<void>(unexpected(caller.error()));
     if (!done) refuse(parts.log, request, done.error(), response);
   };
+}
+
+void look(const ServiceParts& parts, const std::string& id) {
+  const auto looked = std::make_shared<std::promise<void>>();
+  parts.submissions->look(id, [looked] { looked->set_value(); });
+  looked->get_future().wait();
 }
 
 Expected<void> check_parameters(const httplib::Request& request, std::initializer_list<const char*> known) {
