@@ -13,11 +13,12 @@ namespace {
 
 // What is known here of the job that a request names, or of all, is brought up to date first.
 template <class Request>
-void look_at(const ServiceParts& parts, const grpc::ByteBuffer& bytes, std::function<void()> then) {
+void look_at(const ServiceParts& parts, const grpc::ByteBuffer& bytes, Settled then) {
   std::string id;
   if constexpr (requires(Request request) { request.job_id(); }) {
     Request request;
-    if (parse(&bytes, &request)) id = request.job_id();
+    const grpc::ByteBuffer copy(bytes);  // reading takes a buffer's bytes out of it
+    if (parse(&copy, &request)) id = request.job_id();
   }
   parts.submissions->look(id, std::move(then));
 }
@@ -35,20 +36,17 @@ JobsService::JobsService(const ServiceParts& parts) : parts_(parts) {
   unary("List", &JobsService::List, look_at<v1::ListJobsRequest>);
   unary("Get", &JobsService::Get, look_at<v1::GetJobRequest>);
   unary("Cancel", &JobsService::Cancel, look_at<v1::CancelJobRequest>);
-  MarkMethodStreamed(method_number("Jobs", "Result"),
-                     unary_read_first(
-                         parts,
-                         [&parts](auto* from, auto... bytes) {
-                           return ResultCall::begin(parts, *from, bytes...);
-                         },
-                         look_at<v1::JobResultRequest>));
-  MarkMethodStreamed(method_number("Jobs", "Watch"),
-                     stream_read_first(
-                         parts,
-                         [&parts](auto* from, const auto* request) {
-                           return WatchCall::begin(parts, *from, request);
-                         },
-                         look_at<v1::WatchJobsRequest>));
+  MarkMethodStreamed(
+      method_number("Jobs", "Result"),
+      unary_read_first(
+          parts, [&parts](auto* from, auto... bytes) { return ResultCall::begin(parts, *from, bytes...); },
+          look_at<v1::JobResultRequest>));
+  MarkMethodStreamed(method_number("Jobs", "Watch"), stream_read_first(
+                                                         parts,
+                                                         [&parts](auto* from, const auto* request) {
+                                                           return WatchCall::begin(parts, *from, request);
+                                                         },
+                                                         look_at<v1::WatchJobsRequest>));
 }
 
 grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* context,
@@ -70,7 +68,13 @@ grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* conte
     origin.request_id = message->request_id();
     auto submitted = parts_.submissions->submit(caller, message, out);
     if (!submitted) return told(origin, submitted.error());
-    return submitted;
+    if (!*submitted) return submitted;
+    return [this, origin, wait = std::move(*submitted)](const Settled& settled) {
+      wait([this, origin, settled](const Expected<void>& ended) {
+        if (!ended) note_refusal(parts_, origin, ended.error());
+        settled(ended);
+      });
+    };
   };
   return answer<v1::SolveRequest, v1::SubmitResponse>(parts_, context, request, response, who, handle,
                                                       parts_.scheduler.retry_delay_s());
@@ -83,7 +87,8 @@ grpc::ServerUnaryReactor* JobsService::Delete(grpc::CallbackServerContext* conte
     return parts_.submissions->remove(caller, message.job_id());
   };
   return answer<v1::DeleteJobRequest, v1::DeleteJobResponse>(parts_, context, request, response,
-                                                             of_any_role(parts_, *context), handle);
+                                                             of_any_role(parts_, *context), handle,
+                                                             parts_.scheduler.retry_delay_s());
 }
 
 grpc::ServerUnaryReactor* JobsService::List(grpc::CallbackServerContext* context,
@@ -113,7 +118,8 @@ grpc::ServerUnaryReactor* JobsService::Cancel(grpc::CallbackServerContext* conte
     return parts_.submissions->cancel(caller, message.job_id(), out);
   };
   return answer<v1::CancelJobRequest, v1::CancelJobResponse>(parts_, context, request, response,
-                                                             of_any_role(parts_, *context), handle);
+                                                             of_any_role(parts_, *context), handle,
+                                                             parts_.scheduler.retry_delay_s());
 }
 
 }  // namespace marble::server

@@ -91,7 +91,7 @@ void add_event_routes(Router& router, const ServiceParts& parts, EventHub& hub) 
                                                   [&](const httplib::Request& request, const Identity& caller,
                                                       httplib::Response& response) -> Expected<void> {
                                                     const std::string id = request.matches[1].str();
-                                                    look(parts, id);
+                                                    if (auto looked = look(parts, id); !looked) return looked;
                                                     auto viewer = hub.watch_job(caller, id);
                                                     if (!viewer) return unexpected(viewer.error());
                                                     stream(parts, request, std::move(*viewer), "", response);

@@ -77,7 +77,7 @@ Answer of_job(const ServiceParts& parts, Ask ask) {
   return [&parts, ask](const httplib::Request& request, const Identity& caller,
                        httplib::Response& response) -> Expected<void> {
     const std::string id = request.matches[1].str();
-    look(parts, id);
+    if (auto looked = look(parts, id); !looked) return looked;
     Response message;
     if (auto asked = ask(parts.board, caller, id, &message); !asked) return asked;
     reply_json(response, message);
@@ -109,9 +109,10 @@ void add_job_routes(Router& router, const ServiceParts& parts) {
                                             httplib::Response& response) -> Expected<void> {
                                      const auto asked = list_request(request);
                                      if (!asked) return unexpected(asked.error());
-                                     look(parts);
+                                     if (auto looked = look(parts); !looked) return looked;
                                      v1::ListJobsResponse message;
-                                     if (auto listed = list_jobs(parts.board, caller, *asked, &message); !listed)
+                                     if (auto listed = list_jobs(parts.board, caller, *asked, &message);
+                                         !listed)
                                        return listed;
                                      reply_json(response, message);
                                      return {};
@@ -122,7 +123,7 @@ void add_job_routes(Router& router, const ServiceParts& parts) {
                       [&parts](const httplib::Request& request, const Identity& caller,
                                httplib::Response& response) -> Expected<void> {
                         const std::string id = request.matches[1].str();
-                        look(parts, id);
+                        if (auto looked = look(parts, id); !looked) return looked;
                         const auto record = find_job(parts.board, caller, id);
                         if (!record) return unexpected(record.error());
                         response.set_header("Content-Disposition",
@@ -136,7 +137,7 @@ void add_job_routes(Router& router, const ServiceParts& parts) {
                        [&parts](const httplib::Request& request, const Identity& caller,
                                 httplib::Response& response) -> Expected<void> {
                          const std::string id = request.matches[1].str();
-                         look(parts, id);
+                         if (auto looked = look(parts, id); !looked) return looked;
                          v1::CancelJobResponse message;
                          auto asked = parts.submissions->cancel(caller, id, &message);
                          if (!asked) return unexpected(asked.error());

@@ -14,13 +14,13 @@
 #include "marble/v1/service.grpc.pb.h"
 #include "service/admission.h"
 #include "service/service_parts.h"
+#include "service/submissions.h"
 #include "wire/status.h"
 
 namespace marble::server {
 
 /// What is done with a request before its method is begun, whoever calls then.
-using ReadFirstLook = void (*)(const ServiceParts& parts, const grpc::ByteBuffer& request,
-                               std::function<void()> then);
+using ReadFirstLook = void (*)(const ServiceParts& parts, const grpc::ByteBuffer& request, Settled then);
 
 /// gRPC's side of a call is a stream; `Inner`, a reactor of a method with one message, is begun with that
 /// message, or with none if the caller is not known: it refuses such a caller first thing. Owns itself.
@@ -49,7 +49,7 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
 
   void OnReadDone(bool ok) override {
     if (!parts_.calls.has_come(*this)) return;
-    if (ok) return look_ ? look_(parts_, request_, [this] { begin_inner(); }) : begin_inner();
+    if (ok) return look_ ? look_(parts_, request_, [this](const auto& how) { begin(how); }) : begin_inner();
     this->Finish(to_status(failure(ErrorCode::invalid_argument, "the request has no message")));
   }
   void OnWriteDone(bool ok) override { call_.write_done(inner_, ok); }
@@ -65,6 +65,10 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
       : token_(parts.calls), parts_(parts), context_(context), look_(look), call_(*this) {}
 
   void refuse() override { this->Finish(refused(parts_, origin_of(context_), draining())); }
+  void begin(const Expected<void>& looked) {
+    if (looked) return begin_inner();
+    this->Finish(to_status(looked.error(), parts_.scheduler.retry_delay_s()));
+  }
   void begin_inner() {
     inner_ = method_();
     call_.bind(inner_);
@@ -129,7 +133,7 @@ class StreamReadFirst final : public grpc::ServerCallbackWriter<grpc::ByteBuffer
 /// For MarkMethodStreamed(): `method` has the arguments of a raw callback method.
 template <class Method>
 [[nodiscard]] grpc::internal::MethodHandler* unary_read_first(const ServiceParts& parts, Method method,
-                                                            ReadFirstLook look = nullptr) {
+                                                              ReadFirstLook look = nullptr) {
   return new grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>(
       [&parts, method, look](grpc::CallbackServerContext* context) {
         return UnaryReadFirst::Outer::begin(parts, context, method, look);
@@ -137,7 +141,7 @@ template <class Method>
 }
 template <class Method>
 [[nodiscard]] grpc::internal::MethodHandler* stream_read_first(const ServiceParts& parts, Method method,
-                                                             ReadFirstLook look = nullptr) {
+                                                               ReadFirstLook look = nullptr) {
   return new grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>(
       [&parts, method, look](grpc::CallbackServerContext* context) {
         return StreamReadFirst::Outer::begin(

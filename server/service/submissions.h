@@ -36,13 +36,19 @@ class Submissions {
   /// Lets a submitted job and its answer go. Errors: as of cancel().
   [[nodiscard]] virtual Expected<Afterwards> remove(const Identity& caller, const std::string& id) = 0;
   /// Calls back when what is known here of the job, or of all if there is no id, is what the store knows now;
-  /// if that cannot be found out soon, without.
-  virtual void look(const std::string& id, std::function<void()> then) = 0;
+  /// where that cannot be found out soon, with what is known. Errors: unavailable (nothing is known of it).
+  virtual void look(const std::string& id, Settled then) = 0;
 
   /// Why nothing can be written, if so.
   [[nodiscard]] virtual Expected<void> health() const = 0;
   /// Nothing where there is no store.
   [[nodiscard]] virtual std::optional<StoreUsage> usage() const = 0;
+  /// The store writes what it was given, and nothing from then on.
+  virtual void close() = 0;
+  /// The error of a submission while nothing can be written.
+  [[nodiscard]] static Error not_kept(const Error& why) {
+    return failure(ErrorCode::unavailable, "the server cannot keep a job now: " + why.bound);
+  }
   /// Whether the store has all that it was given, and everybody has heard of it.
   [[nodiscard]] virtual bool is_settled() const = 0;
 };

@@ -29,7 +29,8 @@ struct StoreUsage {
 };
 
 /// A `Change` has `settled`, which is told once; says whether it `is_change()`, else somebody just waits for
-/// those before it; and whether it `is_lasting()`: what could not be written is tried again until it is.
+/// those before it; whether it `is_lasting()`: what could not be written is tried again until it is; and
+/// whether it `is_patient()`: it is told only once it was written.
 /// Thread-safe. Changes are written in the order in which they were asked for.
 template <class Change>
 class GroupWriter {
@@ -94,7 +95,8 @@ class GroupWriter {
   }
 
  private:
-  static constexpr std::chrono::seconds kAgain{1};  // after this long what could not be written is tried again
+  static constexpr std::chrono::seconds kAgain{
+      1};  // after this long what could not be written is tried again
 
   // What is to be written next, after a while if the last time failed: then nothing new will do too, to see
   // whether it still fails. False at the end.
@@ -151,6 +153,7 @@ class GroupWriter {
                  {{"state", made.error().value}, {"reason", made.error().bound}});
     if (made && !was_well) log_.info(Component::server, "state_written_again", {});
     for (Change& change : changes) {
+      if (!made && change.is_patient()) continue;
       if (const Settled settled = std::exchange(change.settled, nullptr)) settled(made);
     }
     const MutexLock lock(mutex_);

@@ -32,6 +32,7 @@ struct StoredResult {
   std::string answer = {};  ///< a marble.v1.SolveResponse; empty if there is none
   std::string error = {};   ///< a google.rpc.Status where there is no answer
   double finished_unix_s = 0.0;
+  std::string info = {};  ///< a marble.v1.JobInfo: the job's without its trace, where several servers list it
 };
 
 /// Thread-safe. Every change is made in the order in which it was asked for.
@@ -79,6 +80,7 @@ class JobStore {
     StoredResult result = {};
     Settled settled = {};
     [[nodiscard]] bool is_change() const { return kind != Kind::nothing; }
+    [[nodiscard]] static bool is_patient() { return false; }
     [[nodiscard]] bool is_lasting() const { return kind != Kind::nothing && kind != Kind::add; }
   };
   JobStore(std::string file, Descriptor lock, Database writer, Database reader, const Log& log);

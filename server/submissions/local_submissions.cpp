@@ -1,7 +1,6 @@
 #include "submissions/local_submissions.h"
 
-#include <openssl/sha.h>
-
+#include "base/digest.h"
 #include "jobs/unix_time.h"
 #include "messages/job_access.h"
 #include "messages/job_requests.h"
@@ -11,21 +10,10 @@
 namespace marble::server {
 namespace {
 
-std::string digest_of(const std::string& bytes) {
-  std::string digest(SHA256_DIGEST_LENGTH, '\0');
-  SHA256(reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size(),
-         reinterpret_cast<unsigned char*>(digest.data()));
-  return digest;
-}
-
 void fill(const std::string& id, const QueuePlace& place, v1::SubmitResponse* response) {
   response->set_job_id(id);
   response->set_queue_position(place.position);
   response->set_estimated_wait_s(place.estimated_wait_s);
-}
-
-Error not_kept(const Error& why) {
-  return failure(ErrorCode::unavailable, "the server cannot keep a job now: " + why.bound);
 }
 
 // The job on disk. One that cannot be put there ends, and nobody has heard of it.
@@ -37,7 +25,7 @@ Afterwards kept(const ServiceParts& parts, JobStore& store, const std::shared_pt
       record->cancel();
       parts.results.forget(record->id());
       parts.board.forget(record->id());
-      settled(unexpected(not_kept(added.error())));
+      settled(unexpected(Submissions::not_kept(added.error())));
     });
     keeper->added();
   };
@@ -45,8 +33,7 @@ Afterwards kept(const ServiceParts& parts, JobStore& store, const std::shared_pt
 
 }  // namespace
 
-Expected<std::unique_ptr<LocalSubmissions>> LocalSubmissions::begin(const ServiceParts& parts,
-                                                                    JobStore* store) {
+Expected<std::unique_ptr<Submissions>> LocalSubmissions::begin(const ServiceParts& parts, JobStore* store) {
   std::unique_ptr<LocalSubmissions> submissions(new LocalSubmissions(parts, store));
   if (store == nullptr) return submissions;
   auto recovery = Recovery::begin(parts, *store);

@@ -12,17 +12,20 @@ class LocalSubmissions final : public Submissions {
  public:
   /// Before anybody calls; takes up what the store holds. `store` may be null. Errors: unavailable (it cannot
   /// be read).
-  [[nodiscard]] static Expected<std::unique_ptr<LocalSubmissions>> begin(const ServiceParts& parts,
-                                                                         JobStore* store);
+  [[nodiscard]] static Expected<std::unique_ptr<Submissions>> begin(const ServiceParts& parts,
+                                                                    JobStore* store);
 
   [[nodiscard]] Expected<Afterwards> submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
                                             v1::SubmitResponse* response) override;
   [[nodiscard]] Expected<Afterwards> cancel(const Identity& caller, const std::string& id,
                                             v1::CancelJobResponse* response) override;
   [[nodiscard]] Expected<Afterwards> remove(const Identity& caller, const std::string& id) override;
-  void look(const std::string& /*id*/, std::function<void()> then) override { then(); }
+  void look(const std::string& /*id*/, Settled then) override { then({}); }
   [[nodiscard]] Expected<void> health() const override;
   [[nodiscard]] std::optional<StoreUsage> usage() const override;
+  void close() override {
+    if (store_ != nullptr) store_->close();
+  }
   [[nodiscard]] bool is_settled() const override { return store_ == nullptr || store_->is_settled(); }
 
  private:

@@ -11,6 +11,14 @@
 
 namespace marble::server {
 
+/// How a job ended, as stores have it and as those who wait have it.
+struct KeptResult {
+  StoredResult stored;
+  ResultStore::Result result;
+};
+/// Its record has the size of the answer from then on.
+[[nodiscard]] KeptResult result_of(JobRecord& record, const Outcome& outcome);
+
 class ResultKeeper final : public JobObserver {
  public:
   /// `store` may be null.
@@ -23,18 +31,14 @@ class ResultKeeper final : public JobObserver {
   void finished(Outcome outcome) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
-  struct Answer {
-    StoredResult stored;
-    ResultStore::Result result;
-  };
-  void keep(Answer answer) const;
+  void keep(KeptResult answer) const;
 
   const ServiceParts& parts_;
   JobStore* const store_;
   const std::shared_ptr<JobRecord> record_;
   Mutex mutex_;
   bool added_ ABSL_GUARDED_BY(mutex_) = false;
-  std::optional<Answer> early_ ABSL_GUARDED_BY(mutex_);  // that came before
+  std::optional<KeptResult> early_ ABSL_GUARDED_BY(mutex_);  // that came before
 };
 
 }  // namespace marble::server

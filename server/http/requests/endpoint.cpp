@@ -27,10 +27,10 @@ httplib::Server::Handler endpoint(const ServiceParts& parts, Answer answer) {
   };
 }
 
-void look(const ServiceParts& parts, const std::string& id) {
-  const auto looked = std::make_shared<std::promise<void>>();
-  parts.submissions->look(id, [looked] { looked->set_value(); });
-  looked->get_future().wait();
+Expected<void> look(const ServiceParts& parts, const std::string& id) {
+  const auto looked = std::make_shared<std::promise<Expected<void>>>();
+  parts.submissions->look(id, [looked](const Expected<void>& how) { looked->set_value(how); });
+  return looked->get_future().get();
 }
 
 Expected<void> check_parameters(const httplib::Request& request, std::initializer_list<const char*> known) {
