@@ -298,6 +298,7 @@ py::dict dict_of_answer(nonlinear::Answer a) {
   answer["ticks"] = a.ticks;
   answer["evaluations"] = a.evaluations;
   answer["factorizations"] = a.factorizations;
+  answer["reopened"] = a.reopened;
   return answer;
 }
 

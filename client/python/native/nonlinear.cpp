@@ -91,8 +91,11 @@ class CalledTicks final : public nonlinear::Ticks {
     s.second_order = named<SecondOrder>(
         parts[9], {SecondOrder::unknown, SecondOrder::saddle, SecondOrder::necessary, SecondOrder::minimum});
     s.factorizations = parts[10].cast<decltype(s.factorizations)>();
+    reopened_ += parts[11].cast<bool>() ? 1 : 0;
     return s;
   }
+
+  [[nodiscard]] std::int32_t reopened() const override { return reopened_; }
 
  private:
   static constexpr double kForever = 1e8;  // seconds: no deadline is sent
@@ -121,6 +124,7 @@ class CalledTicks final : public nonlinear::Ticks {
   }
 
   py::object tick_;
+  std::int32_t reopened_ = 0;
 };
 
 py::tuple tuple_of(const SparseMatrixView& matrix) {

@@ -57,6 +57,7 @@ class RealTimeLoop {
     tick["step"] = t.step, tick["violation"] = t.violation;
     tick["b_stationary"] = t.b_stationary;
     tick["ticks"] = t.ticks, tick["factorizations"] = t.factorizations;
+    tick["reopened"] = t.reopened;
     return tick;
   }
   void restart(const py::object& x) {

@@ -30,7 +30,7 @@ class Client;
 namespace nonlinear {
 
 /// What the functions are at a point. Views of the caller's memory, read before the next call of any
-/// function.
+/// function. A step to where a value or a first derivative is not finite is shortened.
 struct Values {
   double objective = 0.0;                     ///< θ, but for ½‖residuals‖²
   std::span<const double> equalities = {};    ///< c_E
@@ -74,9 +74,12 @@ struct Problem {
   std::function<Values(std::span<const double> x)> values;            ///< wanted
   std::function<Derivatives(std::span<const double> x)> derivatives;  ///< wanted
   /// ∇²θ + Σ y ∇²c_E − Σ ν ∇²c_I − Σ ξ ∇²G − Σ η ∇²H, its upper triangle (row ≤ column), pattern fixed as
-  /// above. Optional.
+  /// above. Entries that are not finite are replaced, by 0 or by the slope's change over the last step.
+  /// Optional.
   std::function<SparseMatrixView(std::span<const double> x, const Multipliers& multipliers)> hessian = {};
-  std::vector<double> start = {};  ///< n, the first x; its size defines n. Moved into the bounds
+  /// n, the first x; its size defines n. Moved into the bounds, and off them where a function has no value or
+  /// slope there.
+  std::vector<double> start = {};
   std::vector<double> lower = {};  ///< n, or empty: −∞
   std::vector<double> upper = {};  ///< n, or empty: +∞
   std::vector<double> scale = {};  ///< n, > 0, or empty: 1. A typical change of each variable
@@ -180,7 +183,7 @@ using OpenTicks =
                                                                      const Settings& settings);
 
 /// Solves, each subproblem by what `open` opens. Errors: invalid_argument: fields "start", "lower", "blocks",
-/// "settings.radius" and such; "values.G" of what a function gave, with the row as index, and
+/// "settings.radius" and such; "values.G" of what a function gave at the start, with the row as index, and
 /// "derivatives.G.row_indices" where a pattern changed; whatever ends a tick, but for a deadline and a stop.
 [[nodiscard]] Expected<Answer> solve(const Problem& problem, const OpenTicks& open,
                                      const Settings& settings = {});

@@ -1,6 +1,7 @@
 #include "nonlinear/curvature.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "nonlinear/algebra.h"
 
@@ -8,7 +9,8 @@ namespace marble::nonlinear {
 namespace {
 
 constexpr double kDamping = 0.2;       // Powell's: a block keeps at least this of its curvature along a step
-constexpr double kScalingBound = 1e4;  // of a block's first matrix, a multiple of the identity
+constexpr double kScalingBound = 1e4;  // of a block's first matrix, a multiple of the identity; of a secant
+constexpr double kInfinite = 1e20;     // an entry of the Hessian that is larger is none
 constexpr double kLeastStep = 1e-14;   // of a block, squared: below it rounding decides
 
 /// An upper triangle with the diagonal and, in each column, what `rows_above` adds.
@@ -59,7 +61,7 @@ Expected<Model> Model::create(Curvature kind, Functions& functions, const Point&
             begin));
       }
     }
-    made.take_hessian();
+    made.take_hessian({}, {});
   } else if (kind == Curvature::gauss_newton) {
     const SparseMatrix& J = first.residuals;
     std::vector<std::vector<Index>> columns(static_cast<std::size_t>(J.rows));  // of a row, so far
@@ -94,7 +96,7 @@ Expected<void> Model::move(Functions& functions, const Point& point, const Linea
   const double sigma = std::exchange(sigma_, 0.0);
   if (kind_ == Curvature::exact) {
     if (auto given = functions.hessian(point, multipliers, hessian_); !given) return given;
-    take_hessian();
+    take_hessian(step, change);
   } else if (kind_ == Curvature::gauss_newton) {
     take_gauss_newton(at.residuals);
   } else {
@@ -116,9 +118,26 @@ Expected<void> Model::move(Functions& functions, const Point& point, const Linea
   return {};
 }
 
-void Model::take_hessian() {
+// At a bound a second derivative may be infinite, as that of a power, or infinity times a multiplier of zero.
+// Then 0 takes its place off the diagonal, and on it the slope's change over the last step.
+void Model::take_hessian(std::span<const double> step, std::span<const double> change) {
   std::fill(upper_.values.begin(), upper_.values.end(), 0.0);
-  for (std::size_t k = 0; k < positions_.size(); ++k) upper_.values[positions_[k]] = hessian_.values[k];
+  bool finite = true;
+  for (Index j = 0; j < upper_.columns; ++j) {
+    for (Index k = hessian_.column_pointers[j]; k < hessian_.column_pointers[j + 1]; ++k) {
+      double value = hessian_.values[k];
+      if (!(std::abs(value) <= kInfinite)) {
+        finite = false, value = 0.0;
+        if (hessian_.row_indices[k] == j) {
+          const double one = inverse_scale_squared_[j];
+          const double secant = step.empty() || step[j] == 0.0 ? one : std::abs(change[j] / step[j]);
+          value = std::clamp(secant, one / kScalingBound, one * kScalingBound);
+        }
+      }
+      upper_.values[positions_[k]] = value;
+    }
+  }
+  if (!finite) ++replaced_;
 }
 
 // Column by column, the products of two sorted columns.

@@ -24,12 +24,14 @@ class Model {
   /// σ / scale² on the diagonal, in place of what was there before.
   void shift(double sigma);
   [[nodiscard]] double shift() const { return sigma_; }
+  /// How many Hessians had entries that were not finite, and were replaced.
+  [[nodiscard]] std::int32_t replaced() const { return replaced_; }
 
   [[nodiscard]] const SparseMatrix& upper() const { return upper_; }
 
  private:
   Model() = default;
-  void take_hessian();
+  void take_hessian(std::span<const double> step, std::span<const double> change);
   void take_gauss_newton(const SparseMatrix& jacobian);
   void update_block(Index first, Index size, std::span<const double> step, std::span<const double> change);
   [[nodiscard]] double& entry(Index row, Index column) {  // of a block that is full above its diagonal
@@ -45,6 +47,7 @@ class Model {
   std::vector<bool> known_;      // bfgs: of a block, whether it has seen a step
   std::vector<double> product_;  // bfgs: B s
   double sigma_ = 0.0;
+  std::int32_t replaced_ = 0;
 };
 
 }  // namespace marble::nonlinear

@@ -37,6 +37,7 @@ Expected<void> check_derivatives(const Problem& problem, std::span<const double>
   Linearisation at;
   if (auto given = functions->values(here); !given) return given;
   if (auto given = functions->derivatives(here, at); !given) return given;
+  if (at.fault) return unexpected(*at.fault);
   for (std::size_t j = 0; j < n; ++j) {
     const double h = kDifference * std::max(1.0, std::abs(x[j]));
     above.x[j] = x[j] + h, below.x[j] = x[j] - h;

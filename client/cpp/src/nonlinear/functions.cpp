@@ -10,6 +10,7 @@ namespace marble::nonlinear {
 namespace {
 
 constexpr Index kLargestBlock = 50;
+constexpr double kOffBound = 1e-2;  // of a scale or a range
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Expected<std::vector<double>> of_size(const std::vector<double>& given, std::size_t size, double otherwise,
@@ -84,9 +85,10 @@ Expected<void> check_pattern(const SparseMatrixView& given, std::size_t rows, st
   return {};
 }
 
-/// Copies a matrix; the first time with its pattern, which no later one may leave.
+/// Copies a matrix; the first time with its pattern, which no later one may leave. The fault is the first
+/// entry that is not finite, where that matters.
 Expected<void> keep(const SparseMatrixView& given, std::size_t rows, std::size_t columns, const char* field,
-                    SparseMatrix& kept) {
+                    SparseMatrix& kept, std::optional<Error>* fault) {
   if (kept.column_pointers.empty()) {
     kept.rows = static_cast<Index>(rows), kept.columns = static_cast<Index>(columns);
     kept.column_pointers.assign(columns + 1, 0);
@@ -113,13 +115,15 @@ Expected<void> keep(const SparseMatrixView& given, std::size_t rows, std::size_t
                                 "must be as many as row_indices"));
   }
   kept.values.assign(given.values.begin(), given.values.end());
+  if (fault == nullptr || *fault) return {};
   const auto bad = not_finite(given.values);
   if (bad == given.values.end()) return {};
   const auto entry = bad - given.values.begin();
   const auto column = std::upper_bound(kept.column_pointers.begin(), kept.column_pointers.end(), entry) -
                       kept.column_pointers.begin() - 1;
-  return unexpected(invalid(field, kept.row_indices[static_cast<std::size_t>(entry)], std::to_string(*bad),
-                            "must be finite, in column " + std::to_string(column) + " too"));
+  *fault = invalid(field, kept.row_indices[static_cast<std::size_t>(entry)], std::to_string(*bad),
+                   "must be finite, in column " + std::to_string(column) + " too");
+  return {};
 }
 
 }  // namespace
@@ -153,6 +157,17 @@ Expected<Functions> Functions::create(const Problem& problem) {
   made.lower_ = std::move(*lower), made.upper_ = std::move(*upper), made.scale_ = std::move(*scale);
   made.blocks_ = std::move(*blocks);
   return made;
+}
+
+bool Functions::leave_bounds(std::vector<double>& x) const {
+  bool left = false;
+  for (std::size_t j = 0; j < x.size(); ++j) {
+    const double off = kOffBound * std::min(scale_[j], upper_[j] - lower_[j]);
+    if (off <= 0.0 || (x[j] != lower_[j] && x[j] != upper_[j])) continue;
+    x[j] += x[j] == lower_[j] ? off : -off;
+    left = true;
+  }
+  return left;
 }
 
 Expected<void> Functions::values(Point& point) {
@@ -189,9 +204,10 @@ Expected<void> Functions::derivatives(const Point& point, Linearisation& lineari
     return unexpected(invalid("derivatives.gradient", std::to_string(given.gradient.size()),
                               "must have " + std::to_string(n) + " entries"));
   const auto bad = not_finite(given.gradient);  // no check_numbers, which makes a string of the field
+  linearisation.fault.reset();
   if (bad != given.gradient.end())
-    return unexpected(invalid("derivatives.gradient", bad - given.gradient.begin(), std::to_string(*bad),
-                              "must be finite"));
+    linearisation.fault =
+        invalid("derivatives.gradient", bad - given.gradient.begin(), std::to_string(*bad), "must be finite");
   linearisation.gradient.assign(given.gradient.begin(), given.gradient.end());
   Linearisation& at = linearisation;
   for (const auto& [part, rows, kept, field] :
@@ -201,7 +217,7 @@ Expected<void> Functions::derivatives(const Point& point, Linearisation& lineari
         std::tuple{&given.G, point.G.size(), &at.G, "derivatives.G"},
         std::tuple{&given.H, point.H.size(), &at.H, "derivatives.H"},
         std::tuple{&given.residuals, point.residuals.size(), &at.residuals, "derivatives.residuals"}}) {
-    if (auto fits = keep(*part, rows, n, field, *kept); !fits) return fits;
+    if (auto fits = keep(*part, rows, n, field, *kept, &at.fault); !fits) return fits;
   }
   add_transposed(at.residuals, point.residuals, 1.0, at.gradient);
   return {};
@@ -210,7 +226,7 @@ Expected<void> Functions::derivatives(const Point& point, Linearisation& lineari
 Expected<void> Functions::hessian(const Point& point, const Multipliers& multipliers, SparseMatrix& upper) {
   const SparseMatrixView given = problem_->hessian(point.x, multipliers);
   const std::size_t n = variables();
-  if (auto fits = keep(given, n, n, "hessian", upper); !fits) return fits;
+  if (auto fits = keep(given, n, n, "hessian", upper, nullptr); !fits) return fits;
   for (std::size_t j = 0; j < n; ++j) {
     const Index end = upper.column_pointers[j + 1];
     if (end > upper.column_pointers[j] && static_cast<std::size_t>(upper.row_indices[end - 1]) > j)

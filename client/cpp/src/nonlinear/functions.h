@@ -22,6 +22,7 @@ struct Point {
 struct Linearisation {
   std::vector<double> gradient;  // with the residuals' part
   SparseMatrix equalities, inequalities, G, H, residuals;
+  std::optional<Error> fault;  // what is not finite, and where
 };
 
 class Functions {
@@ -31,10 +32,13 @@ class Functions {
 
   /// Of point.x. Numbers that are not finite are no error yet: a step that came there may be shortened.
   [[nodiscard]] Expected<void> values(Point& point);
-  /// Of a point whose values are there. The first call fixes the patterns.
+  /// Of a point whose values are there. The first call fixes the patterns. Not finite: as of values.
   [[nodiscard]] Expected<void> derivatives(const Point& point, Linearisation& linearisation);
+  /// Entries may be infinite, or no numbers.
   [[nodiscard]] Expected<void> hessian(const Point& point, const Multipliers& multipliers,
                                        SparseMatrix& upper);
+  /// Moves what is at a bound off it, by a hundredth of its scale or of its range. False where nothing is.
+  [[nodiscard]] bool leave_bounds(std::vector<double>& x) const;
 
   [[nodiscard]] std::size_t variables() const { return start_.size(); }
   [[nodiscard]] std::span<const double> start() const { return start_; }  // within the bounds

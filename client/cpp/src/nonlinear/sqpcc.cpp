@@ -18,6 +18,8 @@ constexpr double kGood = 0.75;
 constexpr double kRounding = 1e-14;     // of the merit: what two evaluations may differ by
 constexpr double kLeastRadius = 1e-13;  // a smaller one tells nothing
 constexpr double kMostWeight = 1e10;
+constexpr double kLeapt = 0.9;            // of the violation before a leap: what must come of it
+constexpr double kWider = 10.0;           // radius of a leap
 constexpr int kMostRises = 4;             // of the weights for one elastic step
 constexpr double kElasticProgress = 0.1;  // share of the violation that an elastic step must take away
 constexpr double kRestored = 0.1;         // of the violation at which the restoration began
@@ -36,7 +38,7 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
     if (!found) return unexpected(found.error());
     if (limit_) return end(*limit_, "within a subproblem");
     if (stuck_) return end(Status::locally_infeasible, "no step lowers the violation");
-    if (*found && step_is_small() && violation() <= settings_.feasibility_tolerance &&
+    if (*found && step_is_small() && is_stationary() && violation() <= settings_.feasibility_tolerance &&
         radius_ > settings_.step_tolerance) {
       auto sure = certified();  // d = 0 solves the linearised problem
       if (!sure) return unexpected(sure.error());
@@ -54,13 +56,14 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
         if (auto corrected = correct(); !corrected) return unexpected(corrected.error());
       }
     }
-    row_.accepted = ratio_ >= kReject;
+    auto taken = linearised();
+    if (!taken) return unexpected(taken.error());
+    row_.accepted = *taken;
     tell();
     adapt_radius();
     if (row_.accepted) {
       if (auto moved = move(); !moved) return unexpected(moved.error());
     } else if (radius_ <= kLeastRadius) {
-      if (trial_.fault) return unexpected(*trial_.fault);
       return end_of_small_radius();
     }
   }
@@ -68,10 +71,8 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
 
 Expected<void> Loop::begin() {
   point_.x.assign(functions_.start().begin(), functions_.start().end());
-  if (auto given = functions_.values(point_); !given) return given;
-  if (point_.fault) return unexpected(*point_.fault);
-  trial_ = best_trial_ = point_;  // their memory
-  if (auto given = functions_.derivatives(point_, at_); !given) return given;
+  if (auto given = evaluate_start(); !given) return given;
+  trial_ = best_trial_ = point_, next_ = at_;  // their memory
   Multipliers& m = step_.multipliers;
   m.equalities.assign(point_.equalities.size(), 0.0), m.inequalities.assign(point_.inequalities.size(), 0.0);
   m.G.assign(point_.G.size(), 0.0), m.H.assign(point_.H.size(), 0.0), m.bounds.assign(point_.x.size(), 0.0);
@@ -82,12 +83,28 @@ Expected<void> Loop::begin() {
   return make_curvature();
 }
 
+// Where they are not finite, at a bound such as that of a root: a little inside of it.
+Expected<void> Loop::evaluate_start() {
+  std::optional<Error> first;
+  for (bool inside = false;; inside = true) {
+    if (auto given = functions_.values(point_); !given) return given;
+    if (!point_.fault) {
+      if (auto given = functions_.derivatives(point_, at_); !given) return given;
+    }
+    const std::optional<Error>& fault = point_.fault ? point_.fault : at_.fault;
+    if (!fault) return {};
+    if (!first) first = fault;
+    if (inside || !functions_.leave_bounds(point_.x)) return unexpected(*first);
+  }
+}
+
 // The functions have changed, and B with them, but that of bfgs: no step led here.
 Expected<void> Loop::begin_again() {
   if (auto given = functions_.values(point_); !given) return given;
   if (point_.fault) return unexpected(*point_.fault);
   if (auto given = functions_.derivatives(point_, at_); !given) return given;
-  restoring_ = stuck_ = false;
+  if (at_.fault) return unexpected(*at_.fault);
+  restoring_ = stuck_ = false, leapt_from_ = std::numeric_limits<double>::infinity();
   limit_.reset();
   answer_.b_stationary.reset(), answer_.stationarity = Stationarity::unknown;
   if (radius_ <= settings_.step_tolerance) radius_ = settings_.radius;
@@ -109,7 +126,7 @@ Expected<void> Loop::make_curvature() {
 // True where there is a step to judge. The plain subproblem first; where it has no feasible point the elastic
 // one, and where that cannot lower the violation whatever its weights, the violation alone.
 Expected<bool> Loop::find_step() {
-  row_.corrected = false;
+  row_.corrected = leap_ = false;
   if (!restoring_) {
     auto found = ask(Kind::plain);
     if (!found || limit_) return found;
@@ -144,6 +161,32 @@ Expected<bool> Loop::find_restoring_step() {
   if (!found || limit_ || !*found) return found;
   predicted_ = predicted_decrease();
   stuck_ = predicted_ <= settings_.feasibility_tolerance * std::min(1.0, radius_);
+  return stuck_ ? find_leap() : true;
+}
+
+// No short step lowers the violation. A far one may, to another branch of the pairs, though the rows bend on
+// the way: it is taken as it is, and those after it must end lower than here.
+Expected<bool> Loop::find_leap() {
+  const double here = merit(point_), short_radius = radius_;
+  if (here >= leapt_from_) return go_back();
+  if (here > kLeapt * leapt_from_) return true;
+  leapt_from_ = here, least_ = point_.x;
+  while (radius_ < settings_.largest_radius) {
+    radius_ = std::min(kWider * radius_, settings_.largest_radius);
+    auto found = ask(Kind::elastic, true);
+    if (!found || limit_ || !*found) return found;
+    predicted_ = predicted_decrease();
+    leap_ = predicted_ > (1.0 - kLeapt) * here;
+    if (leap_) return stuck_ = false, true;
+  }
+  radius_ = short_radius;
+  return true;
+}
+
+Expected<bool> Loop::go_back() {
+  point_.x = least_;
+  if (auto given = functions_.values(point_); !given) return unexpected(given.error());
+  if (auto given = functions_.derivatives(point_, at_); !given) return unexpected(given.error());
   return true;
 }
 
@@ -261,6 +304,19 @@ Expected<void> Loop::correct() {
   return judged;
 }
 
+// A step may be short because B is large, far from where the slopes balance.
+bool Loop::is_stationary() {
+  const Multipliers& m = step_.multipliers;
+  return kkt_residual() <= kReducedKkt * std::max({1.0, largest(at_.gradient), largest(m.equalities),
+                                                   largest(m.inequalities), largest(m.G), largest(m.H)});
+}
+
+double Loop::kkt_residual() {
+  lagrangian_gradient(step_.multipliers, gradient_);
+  for (std::size_t j = 0; j < gradient_.size(); ++j) gradient_[j] -= step_.multipliers.bounds[j];
+  return largest(gradient_);
+}
+
 void Loop::adapt_radius() {
   if (ratio_ < kReject)
     radius_ = 0.5 * (step_.size > 0.0 ? std::min(radius_, step_.size) : radius_);
@@ -270,19 +326,27 @@ void Loop::adapt_radius() {
     radius_ = std::min(settings_.largest_radius, std::max(radius_, 2.0 * step_.size));
 }
 
+// Whether the trial point is taken: its merit is good, and it has derivatives.
+Expected<bool> Loop::linearised() {
+  if (ratio_ < kReject && !(leap_ && !trial_.fault)) return false;
+  if (auto given = functions_.derivatives(trial_, next_); !given) return unexpected(given.error());
+  if (!next_.fault) return true;
+  trial_.fault = next_.fault, ratio_ = -1.0;
+  return false;
+}
+
 // To the trial point, with the step's multipliers.
 Expected<void> Loop::move() {
   const Multipliers& m = step_.multipliers;
   lagrangian_gradient(m, change_);
-  std::swap(point_, trial_);
-  if (auto given = functions_.derivatives(point_, at_); !given) return given;
+  std::swap(point_, trial_), std::swap(at_, next_);
   lagrangian_gradient(m, gradient_);
   for (std::size_t j = 0; j < change_.size(); ++j) change_[j] = gradient_[j] - change_[j];
   const double sigma = B_->shift() / kShiftFactor;
   if (auto moved = B_->move(functions_, point_, at_, m, step_.d, change_); !moved) return moved;
   B_->shift(sigma > kFirstShift / kShiftFactor ? sigma : 0.0);
   if (restoring_ && violation() <= std::max(restore_below_, settings_.feasibility_tolerance))
-    restoring_ = false;
+    restoring_ = false, leapt_from_ = std::numeric_limits<double>::infinity();
   return {};
 }
 
@@ -304,7 +368,9 @@ void Loop::tell() {
 }
 
 Answer Loop::end_of_small_radius() {
-  Answer answer = end(Status::numerical_failure, "no step is good, however short");
+  Answer answer =
+      end(Status::numerical_failure, trial_.fault ? "every step ends where " + trial_.fault->message()
+                                                  : "no step is good, however short");
   if (answer.violation <= settings_.feasibility_tolerance && answer.kkt_residual <= kReducedKkt)
     answer.status = Status::solved_reduced;
   return answer;
@@ -314,9 +380,7 @@ Answer Loop::end(Status status, const std::string& why) {
   answer_.status = status;
   answer_.x = point_.x, answer_.multipliers = step_.multipliers;
   answer_.objective = point_.objective, answer_.violation = violation();
-  lagrangian_gradient(step_.multipliers, gradient_);
-  for (std::size_t j = 0; j < gradient_.size(); ++j) gradient_[j] -= step_.multipliers.bounds[j];
-  answer_.kkt_residual = largest(gradient_);
+  answer_.kkt_residual = kkt_residual();
   if (status == Status::solved)
     answer_.b_stationary = step_.b_stationary, answer_.stationarity = step_.stationarity;
   answer_.iterations = row_.iteration, answer_.ticks = row_.ticks,
@@ -327,6 +391,9 @@ Answer Loop::end(Status status, const std::string& why) {
                 ": step %.1e within %.1e, violation %.1e, KKT residual %.1e after %d LCQPs", step_.size,
                 radius_, answer_.violation, answer_.kkt_residual, row_.ticks);
   answer_.detail = why + text;
+  if (const std::int32_t replaced = B_->replaced(); replaced > 0)
+    answer_.detail += "; entries of " + std::to_string(replaced) +
+                      (replaced == 1 ? " Hessian" : " Hessians") + " were not finite";
   return answer_;
 }
 

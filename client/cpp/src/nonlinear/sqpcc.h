@@ -46,17 +46,21 @@ class Loop {
   enum class Kind { plain, elastic };
 
   Expected<void> begin();
+  Expected<void> evaluate_start();
   Expected<void> begin_again();
   Expected<void> make_curvature();
   Expected<bool> find_step();
   Expected<bool> find_elastic_step();
   Expected<bool> find_restoring_step();
+  Expected<bool> find_leap();
+  Expected<bool> go_back();
   Expected<bool> convex_enough();
   Expected<bool> ask(Kind kind, bool cold = false);
   Expected<bool> ask_prepared(Kind kind, bool cold = false);
   Expected<bool> certified();
   Expected<void> judge();
   Expected<void> correct();
+  Expected<bool> linearised();
   Expected<void> move();
   void adapt_radius();
   void tell();
@@ -74,6 +78,8 @@ class Loop {
   }
   [[nodiscard]] double predicted_decrease() const;
   [[nodiscard]] bool step_is_small() const { return step_.size <= settings_.step_tolerance; }
+  [[nodiscard]] bool is_stationary();
+  [[nodiscard]] double kkt_residual();
   [[nodiscard]] double violation() const { return largest_violation(rows_of(point_)); }
   [[nodiscard]] bool meets(const std::optional<LevelTolerance>& tolerance);
   void lagrangian_gradient(const Multipliers& m, std::vector<double>& gradient) const;
@@ -85,7 +91,7 @@ class Loop {
   Clock::time_point begun_ = Clock::now();
 
   Point point_, trial_, best_trial_;
-  Linearisation at_;
+  Linearisation at_, next_;  // at point_, and at the trial that is taken
   std::optional<Model> B_;
   std::optional<Weights> weights_;
   std::optional<Subproblem> subproblem_[2];
@@ -99,7 +105,10 @@ class Loop {
   double first_measure_ = 0.0;  // of the level's tolerance
   bool restoring_ = false;
   double restore_below_ = 0.0;
-  bool stuck_ = false;  // no step lowers the violation
+  bool leap_ = false;                                            // the step is one
+  double leapt_from_ = std::numeric_limits<double>::infinity();  // violation where the last one began
+  std::vector<double> least_;                                    // x there
+  bool stuck_ = false;                                           // no step lowers the violation
   double predicted_ = 0.0, actual_ = 0.0, ratio_ = 0.0;
   Iteration row_;
   Answer answer_;

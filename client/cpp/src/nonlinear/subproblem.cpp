@@ -10,6 +10,7 @@ namespace {
 
 // B of a step that has no objective: what is left to choose is chosen near.
 constexpr double kNear = 1e-6;
+constexpr double kAtBound = 1e-12;  // of a step: what is nearer to a bound is there
 
 /// A Jacobian with two more entries a column, of the trust region's rows: −low ≤ d ≤ up.
 SparseMatrix with_box(const SparseMatrix& jacobian) {
@@ -162,10 +163,12 @@ void Subproblem::read(const Solution& solution, const Point& point, const Linear
   m.G = solution.complementarity_multipliers_L, m.H = solution.complementarity_multipliers_R;
   m.bounds.resize(n_);
   for (std::size_t j = 0; j < n_; ++j) {
-    // Rounding of the solver's must not lead out of the bounds.
+    // Rounding of the solver's must not lead out of the bounds, nor to just before them.
     const double low = std::min(box.radius * box.scale[j], point.x[j] - box.lower[j]);
     const double up = std::min(box.radius * box.scale[j], box.upper[j] - point.x[j]);
     step.d[j] = std::clamp(step.d[j], -low, up);
+    if (step.d[j] + low <= kAtBound * low) step.d[j] = -low;
+    if (up - step.d[j] <= kAtBound * up) step.d[j] = up;
     step.size = std::max(step.size, std::abs(step.d[j]) / box.scale[j]);
     const bool at_lower = low < box.radius * box.scale[j], at_upper = up < box.radius * box.scale[j];
     const auto row = inequalities + static_cast<std::ptrdiff_t>(j);

@@ -106,6 +106,7 @@ Expected<void> RealTime::State::begin(const OpenTicks& opens) {
   if (point.fault) return unexpected(*point.fault);
   if (auto valid = embedding.check_rows(point); !valid) return valid;
   if (auto given = functions->derivatives(point, at); !given) return given;
+  if (at.fault) return unexpected(*at.fault);
 
   PartSizes sizes;  // the caller's
   sizes.g = n, sizes.b = point.equalities.size() - embedding.variables();
@@ -181,6 +182,7 @@ Expected<void> RealTime::State::linearise() {
   if (auto given = functions->values(point); !given) return given;
   if (point.fault) return unexpected(*point.fault);
   if (auto given = functions->derivatives(point, at); !given) return given;
+  if (at.fault) return unexpected(*at.fault);
   if (auto moved = B->move(*functions, point, at, step.multipliers, {}, {}); !moved) return moved;
   B->shift(settings.diagonal);
   for (std::size_t k = 0; k < unmeasured.size(); ++k)

@@ -4,6 +4,7 @@
 
     answer = marble.nlp.solve(values, derivatives, x0)
     answer = marble.nlp.solve_casadi({"x": x, "f": f, "g": g, "G": G, "H": H}, x0, lbg=0, ubg=0)
+    answer = marble.nlp.solve_jax({"f": f, "g": g, "G": G, "H": H}, x0, lbg=0, ubg=0)
 
 `values(x)` returns a dictionary of "objective" and any of "equalities", "inequalities", "G", "H" and "residuals", half
 the sum of whose squares is added to the objective. `derivatives(x)` returns one of "gradient" and their Jacobians,
@@ -21,15 +22,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import marble
 from marble.errors import InvalidArgument
-from marble.nlp.functions import Multipliers, problem_of, vector
+from marble.nlp.from_jax import JaxFunctions
+from marble.nlp.functions import Multipliers, TwoSided, problem_of, vector
 from marble.nlp.levels import Estimate, Level, RetrospectiveAnswer, retrospective, uniform
-from marble.nlp.loop import Answer, Iteration, answer_of, run
+from marble.nlp.loop import Answer, Iteration, Settings, answer_of, run
 from marble.nlp.real_time import RealTime, RealTimeTick
 
-__all__ = ["Answer", "Estimate", "Iteration", "Level", "Multipliers", "RealTime", "RealTimeTick", "RetrospectiveAnswer",
-           "retrospective", "solve", "solve_casadi", "uniform"]
+__all__ = ["Answer", "Estimate", "Iteration", "JaxFunctions", "Level", "Multipliers", "RealTime", "RealTimeTick",
+           "RetrospectiveAnswer", "Settings", "retrospective", "solve", "solve_casadi", "solve_jax", "uniform"]
 
 
 def solve(
@@ -42,31 +43,17 @@ def solve(
     upper: ArrayLike | None = None,
     scale: ArrayLike | None = None,
     blocks: Sequence[int] | None = None,
-    curvature: str = "automatic",
-    step_tolerance: float = 1e-8,
-    feasibility_tolerance: float = 1e-6,
-    radius: float = 1.0,
-    iteration_limit: int = 200,
-    time_limit_s: float = 1e9,
-    progress: Callable[[Iteration], object] | None = None,
-    server: str | Sequence[str] | marble.Client | None = None,
-    **options: Any,
+    **settings: Any,
 ) -> Answer:
     """Solves a nonlinear problem on this thread.
 
-    server: where the LCQPs are solved, each an update of a session; as in marble.solve: None is the server that
-    MARBLE_SERVER names, and this process where it names none. The same bits.
-
-    hessian: of f + yᵀc_E − nuᵀc_I − xiᵀG − etaᵀH, symmetric; its upper triangle counts. blocks: sizes of groups of
-    variables that no function couples but linearly. curvature: "exact", "gauss_newton", "bfgs" or "none"; "automatic"
-    takes the first of the three for which there is what it needs. progress: told of each iteration. options: of each
-    LCQP. What a function raises comes out. Errors: InvalidArgument names the function, and the row as index.
+    hessian: of f + yᵀc_E − nuᵀc_I − xiᵀG − etaᵀH, symmetric; its upper triangle counts. lower, upper: bounds of x.
+    scale: a typical change of each variable. blocks: sizes of groups of variables that no function couples but
+    linearly. settings: `Settings` by their names, and options of each LCQP. What a function raises comes out. Errors:
+    InvalidArgument names the function, and the row as index.
     """
     problem = problem_of(values, derivatives, hessian, x0, lower, upper, scale, blocks)
-    settings = {"curvature": curvature, "step_tolerance": step_tolerance, "radius": radius,
-                "feasibility_tolerance": feasibility_tolerance, "iteration_limit": iteration_limit,
-                "time_limit_s": time_limit_s}
-    return answer_of(run("solve_nonlinear", problem, settings, options, progress, server))
+    return answer_of(run("solve_nonlinear", problem, settings))
 
 
 def solve_casadi(
@@ -94,12 +81,10 @@ def solve_casadi(
     empty = type(x)(0, 1)
     parameters, g = problem.get("p", empty), ca.vec(problem.get("g", empty))
     G, H = ca.vec(problem.get("G", empty)), ca.vec(problem.get("H", empty))
-    low, high = (np.broadcast_to(np.asarray(bound, dtype=np.float64), (g.numel(),)) for bound in (lbg, ubg))
-    equal = np.flatnonzero(low == high).tolist()
-    above = np.flatnonzero((low != high) & (low > -np.inf)).tolist()
-    below = np.flatnonzero((low != high) & (high < np.inf)).tolist()
-    c_E = ca.vec(g[equal]) - ca.DM(low[equal])
-    c_I = ca.vertcat(ca.vec(g[above]) - ca.DM(low[above]), ca.DM(high[below]) - ca.vec(g[below]))
+    sides = TwoSided(lbg, ubg, g.numel())
+    equal, above, below = (rows.tolist() for rows in (sides.equal, sides.above, sides.below))
+    c_E = ca.vec(g[equal]) - ca.DM(sides.low[equal])
+    c_I = ca.vertcat(ca.vec(g[above]) - ca.DM(sides.low[above]), ca.DM(sides.high[below]) - ca.vec(g[below]))
     parts = {"equalities": c_E, "inequalities": c_I, "G": G, "H": H}
     weights = [type(x).sym(name, part.numel()) for name, part in parts.items()]
     lagrangian = f + ca.dot(weights[0], c_E) - sum(ca.dot(w, c) for w, c in zip(weights[1:], (c_I, G, H), strict=True))
@@ -121,3 +106,26 @@ def solve_casadi(
 
     lower, upper = (np.broadcast_to(np.asarray(bound, dtype=np.float64), (x.numel(),)) for bound in (lbx, ubx))
     return solve(values, derivatives, x0, hessian=hessian, lower=lower, upper=upper, **settings)
+
+
+def solve_jax(
+    problem: Mapping[str, Callable[..., Any]],
+    x0: ArrayLike,
+    *,
+    p: Any = None,
+    lbx: ArrayLike = -np.inf,
+    ubx: ArrayLike = np.inf,
+    lbg: ArrayLike = -np.inf,
+    ubg: ArrayLike = np.inf,
+    **settings: Any,
+) -> Answer:
+    """Solves min f(x, p) s.t. lbg ≤ g ≤ ubg, 0 ≤ G ⊥ H ≥ 0, lbx ≤ x ≤ ubx. Needs jax.
+
+    problem: functions for JAX by the names f and, where there are any, g, G and H, as `JaxFunctions` takes them, which
+    is what to keep of a problem that is solved again and again: its functions are compiled once. The Hessian is exact.
+    settings: as `solve` takes them.
+    """
+    start = vector(x0)
+    given = JaxFunctions(problem, start.size, p=p, lbg=lbg, ubg=ubg)
+    lower, upper = (np.broadcast_to(np.asarray(bound, dtype=np.float64), start.shape) for bound in (lbx, ubx))
+    return solve(given.values, given.derivatives, start, hessian=given.hessian, lower=lower, upper=upper, **settings)

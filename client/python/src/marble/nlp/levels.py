@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import marble
 from marble.base.tables import Status
 from marble.errors import InvalidArgument
 from marble.in_process import solver
 from marble.nlp.functions import Multipliers, problem_of
-from marble.nlp.loop import Answer, Iteration, answer_of, decoded, run
+from marble.nlp.loop import Answer, answer_of, decoded, run
 
 
 @dataclass(frozen=True)
@@ -95,15 +94,7 @@ def retrospective(
     upper: ArrayLike | None = None,
     scale: ArrayLike | None = None,
     blocks: Sequence[int] | None = None,
-    curvature: str = "automatic",
-    step_tolerance: float = 1e-8,
-    feasibility_tolerance: float = 1e-6,
-    radius: float = 1.0,
-    iteration_limit: int = 200,
-    time_limit_s: float = 1e9,
-    progress: Callable[[Iteration], object] | None = None,
-    server: str | Sequence[str] | marble.Client | None = None,
-    **options: Any,
+    **settings: Any,
 ) -> RetrospectiveAnswer:
     """Solves a problem of expectations, level after level on nested samples (RA-SQP).
 
@@ -115,8 +106,8 @@ def retrospective(
     largest_samples has these, and is the last.
 
     sample_cost(x, i): the cost of sample i; with it each level is judged by fresh_samples that it has not seen. level:
-    told after every one. iteration_limit is of each level, time_limit_s of all; the rest as `solve` has it. Errors:
-    InvalidArgument, and what a function raises.
+    told after every one. settings: `Settings` by their names, of which iteration_limit is of each level and
+    time_limit_s of all; the rest as `solve` has it. Errors: InvalidArgument, and what a function raises.
     """
     N = 0
     told: list[Level] = []
@@ -138,12 +129,9 @@ def retrospective(
 
     problem = problem_of(lambda x: values(x, N), lambda x: derivatives(x, N), None if hessian is None else of_hessian,
                          x0, lower, upper, scale, blocks)
-    settings = {"curvature": curvature, "step_tolerance": step_tolerance, "radius": radius,
-                "feasibility_tolerance": feasibility_tolerance, "iteration_limit": iteration_limit,
-                "time_limit_s": time_limit_s}
     growing = {"first_samples": first_samples, "growth": growth, "levels": levels, "largest_samples": largest_samples,
                "test": test, "reduction": reduction, "tolerance": tolerance, "carry_curvature": carry_curvature,
                "fresh_samples": fresh_samples}
     cost = None if sample_cost is None else lambda x, i: float(sample_cost(np.asarray(x), i))
-    answer = run("solve_retrospective", problem, settings, options, progress, server, growing, use_samples, cost, tell)
+    answer = run("solve_retrospective", problem, settings, growing, use_samples, cost, tell)
     return RetrospectiveAnswer(answer_of(answer), told)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
@@ -52,11 +52,36 @@ class Answer:
     ticks: int
     evaluations: int
     factorizations: int
+    reopened: int
 
     @property
     def solved(self) -> bool:
         """Whether the tolerances, or the reduced ones, are met."""
         return self.status in (Status.SOLVED, Status.SOLVED_REDUCED)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the loop is told beside its problem, each by its name; further names are options of each LCQP.
+
+    curvature: "exact", "gauss_newton", "bfgs" or "none"; "automatic" takes the first of the three for which there is
+    what it needs. step_tolerance: longest step of a solved point, in units of scale. feasibility_tolerance: its largest
+    violation. radius: the first one of the trust region. progress: told of each iteration.
+
+    server: where the LCQPs are solved, each an update of a session; as in marble.solve: None is the server that
+    MARBLE_SERVER names, and this process where it names none. The same bits. reopen: a session whose server is lost is
+    set up again, on another one where the client knows several, and asked again; the answer counts it as reopened.
+    """
+
+    curvature: str = "automatic"
+    step_tolerance: float = 1e-8
+    feasibility_tolerance: float = 1e-6
+    radius: float = 1.0
+    iteration_limit: int = 200
+    time_limit_s: float = 1e9
+    progress: Callable[[Iteration], object] | None = None
+    server: str | Sequence[str] | marble.Client | None = None
+    reopen: bool = False
 
 
 def decoded(told: dict[str, Any]) -> dict[str, Any]:
@@ -72,21 +97,19 @@ def answer_of(told: dict[str, Any]) -> Answer:
     return Answer(**decoded(told))
 
 
-def run(
-    entry: str,
-    problem: Mapping[str, Any],
-    settings: Mapping[str, Any],
-    options: Mapping[str, Any],
-    progress: Callable[[Iteration], object] | None,
-    server: str | Sequence[str] | marble.Client | None,
-    *more: Any,
-) -> Any:
-    """Calls marble._core's function of that name, with the sessions that it asks for open until it ends."""
+def run(entry: str, problem: Mapping[str, Any], given: Mapping[str, Any], *more: Any) -> Any:
+    """Calls marble._core's function of that name, with the sessions that it asks for open until it ends.
+
+    given: settings and options of each LCQP, by their names.
+    """
     core = solver.core()
+    names = [field.name for field in fields(Settings)]
+    settings = Settings(**{name: given[name] for name in names if name in given})
+    options = solver.option_values({name: value for name, value in given.items() if name not in names})
+    progress = settings.progress
     tell = None if progress is None else lambda *row: progress(Iteration(*row))
     main_thread = threading.get_ident() == threading.main_thread().ident
     with contextlib.ExitStack() as opened:
-        there = ticks.ticks_of(server, opened)
+        there = ticks.ticks_of(settings.server, opened, settings.reopen)
         with solver.faults():
-            return getattr(core, entry)(problem, settings, solver.option_values(options), tell, there, main_thread,
-                                        *more)
+            return getattr(core, entry)(problem, vars(settings), options, tell, there, main_thread, *more)

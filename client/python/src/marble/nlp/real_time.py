@@ -43,6 +43,7 @@ class RealTimeTick:
     b_stationary: bool | None
     ticks: int
     factorizations: int
+    reopened: int
 
 
 class RealTime:
@@ -66,6 +67,7 @@ class RealTime:
         fallback: str = "shifted",
         shift: Shift | None = None,
         server: str | Sequence[str] | marble.Client | None = None,
+        reopen: bool = False,
         **options: Any,
     ) -> None:
         """A plan x0 of a problem as marble.nlp.solve has it.
@@ -74,7 +76,7 @@ class RealTime:
         entry, after those of the variables, in place of 0. shift: how the plan moves on from tick to tick: stretches of
         x, c_E, c_I and the pairs. fallback: what a tick returns whose LCQP has no answer: "keep", "shifted" or
         "elastic". radius: of steps, in units of scale. diagonal: added to the curvature, which cannot be "bfgs".
-        server, options: as marble.nlp.solve has them.
+        server, reopen: as marble.nlp.Settings has them. options: of each LCQP.
         """
         core = solver.core()
         problem = functions.problem_of(values, derivatives, hessian, x0, lower, upper, scale, None)
@@ -85,7 +87,7 @@ class RealTime:
         try:
             with solver.faults():
                 self._loop = core.RealTimeLoop(problem, settings, solver.option_values(options),
-                                               ticks.ticks_of(server, self._opened))
+                                               ticks.ticks_of(server, self._opened, reopen))
         except BaseException:
             self._opened.close()
             raise
