@@ -5,8 +5,8 @@
 #include "messages/job_requests.h"
 #include "queue/job_log.h"
 #include "service/read_first.h"
-#include "service/submissions.h"
 #include "service/unary_call.h"
+#include "store/submissions.h"
 
 namespace marble::server {
 namespace {

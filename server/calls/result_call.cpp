@@ -3,7 +3,7 @@
 #include "marble/v1/service.pb.h"
 #include "messages/job_access.h"
 #include "service/admission.h"
-#include "service/submissions.h"
+#include "store/submissions.h"
 #include "wire/status.h"
 #include "wire/wire.h"
 

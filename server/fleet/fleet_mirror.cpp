@@ -66,6 +66,13 @@ void FleetMirror::ring() const {
   [[maybe_unused]] const auto written = write(bell_.get(), &one, sizeof one);
 }
 
+void FleetMirror::wait(milliseconds patience) {
+  const auto end = std::chrono::steady_clock::now() + patience;
+  const MutexLock lock(mutex_);
+  while (!well_ && well_again_.wait_until(mutex_, end) == std::cv_status::no_timeout) {
+  }
+}
+
 void FleetMirror::look(const std::string& id, Settled then) {
   Expected<void> well;
   {
@@ -125,6 +132,7 @@ void FleetMirror::set_well(const Expected<void>& done) {
   const MutexLock lock(mutex_);
   well_ = done;
   working_ = false;
+  well_again_.notify_all();
 }
 
 void FleetMirror::run() {

@@ -5,6 +5,7 @@
 // for; and, while somebody watches, what running jobs tell.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <set>
@@ -40,6 +41,8 @@ class FleetMirror {
   FleetMirror(const FleetMirror&) = delete;
   FleetMirror& operator=(const FleetMirror&) = delete;
 
+  /// Until the store was read once, or for `patience`.
+  void wait(std::chrono::milliseconds patience) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Submissions::look(). At once where the store cannot be reached.
   void look(const std::string& id, Settled then) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Gives the answer to the results, when it can.
@@ -97,6 +100,7 @@ class FleetMirror {
   FleetOwner& owner_;
   const Descriptor bell_;
   mutable Mutex mutex_;
+  Condition well_again_;
   Asked asked_ ABSL_GUARDED_BY(mutex_);
   Expected<void> well_ ABSL_GUARDED_BY(mutex_) = unexpected(failure(ErrorCode::unavailable, "state",
                                                                     "is not connected yet"));

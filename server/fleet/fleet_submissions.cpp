@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 
-#include "base/digest.h"
 #include "base/random_id.h"
 #include "jobs/unix_time.h"
 #include "marble/convert.h"
@@ -13,6 +12,7 @@
 #include "messages/job_message.h"
 #include "messages/job_requests.h"
 #include "service/admission.h"
+#include "store/digest.h"
 #include "submissions/result_keeper.h"
 
 namespace marble::server {
@@ -89,7 +89,9 @@ Expected<std::unique_ptr<Submissions>> FleetSubmissions::begin(const ServicePart
   if (database) {
     if (auto ready = prepare_fleet(*database); !ready) return unexpected(ready.error());
   }
-  return std::unique_ptr<Submissions>(new FleetSubmissions(parts));
+  std::unique_ptr<FleetSubmissions> begun(new FleetSubmissions(parts));
+  if (database) begun->mirror_.wait(Postgres::kPatience);  // so that it answers for the jobs that are there
+  return begun;
 }
 
 void FleetSubmissions::close() {
@@ -119,6 +121,10 @@ Expected<Afterwards> FleetSubmissions::submit(const Caller& caller, std::shared_
   v1::JobInfo info;
   to_message(record, &info);
   job->info = info.SerializeAsString();
+  // A name in a certificate may hold anything. The store would refuse it again and again.
+  if (what.client.find('\0') != std::string::npos || !v1::JobInfo().ParseFromString(job->info))
+    return unexpected(
+        invalid("client", "must be named in UTF-8, without a zero byte, where others share its jobs"));
   return [this, job, response](const Settled& settled) {
     store_.add(job, [job, response, settled](const Expected<void>& made) {
       if (!made) return settled(unexpected(not_kept(made.error())));

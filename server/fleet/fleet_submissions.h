@@ -9,7 +9,7 @@
 
 #include "fleet/fleet_mirror.h"
 #include "fleet/fleet_store.h"
-#include "service/submissions.h"
+#include "store/submissions.h"
 
 namespace marble::server {
 

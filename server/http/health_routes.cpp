@@ -1,7 +1,7 @@
 #include "http/health_routes.h"
 
 #include "net/port_probe.h"
-#include "service/submissions.h"
+#include "store/submissions.h"
 
 namespace marble::server::http {
 

@@ -11,7 +11,7 @@
 #include "messages/job_access.h"
 #include "messages/job_requests.h"
 #include "service/server_info.h"
-#include "service/submissions.h"
+#include "store/submissions.h"
 
 namespace marble::server::http {
 namespace {

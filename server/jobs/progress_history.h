@@ -46,8 +46,7 @@ class ProgressHistory {
   /// Rows since the cursor, which moves on to the newest.
   [[nodiscard]] Rows read(std::int64_t& cursor) const {
     Rows result;
-    const std::int64_t oldest =
-        std::max(known_from_, count_ - static_cast<std::int64_t>(recent_.size()));
+    const std::int64_t oldest = std::max(known_from_, count_ - static_cast<std::int64_t>(recent_.size()));
     result.skipped = std::max<std::int64_t>(0, oldest - cursor);
     for (std::int64_t at = std::max(cursor, oldest); at < count_; ++at)
       result.rows.push_back(recent_[static_cast<std::size_t>(at) % kRecent]);

@@ -14,7 +14,7 @@
 #include "marble/v1/service.grpc.pb.h"
 #include "service/admission.h"
 #include "service/service_parts.h"
-#include "service/submissions.h"
+#include "store/submissions.h"
 #include "wire/status.h"
 
 namespace marble::server {

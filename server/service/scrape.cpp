@@ -10,7 +10,7 @@
 #include "marble/version.h"
 #include "process/process.h"
 #include "service/service_parts.h"
-#include "service/submissions.h"
+#include "store/submissions.h"
 
 namespace marble::server {
 namespace {

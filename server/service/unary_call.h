@@ -9,7 +9,7 @@
 
 #include "access/origin.h"
 #include "service/admission.h"
-#include "service/submissions.h"
+#include "store/submissions.h"
 #include "wire/status.h"
 #include "wire/wire.h"
 

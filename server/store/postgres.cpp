@@ -13,6 +13,8 @@ namespace {
 
 using std::chrono::milliseconds;
 
+constexpr std::size_t kBytesPerSecond = 16 << 20;  // a disk's that is slow; more patience for what is large
+
 std::string first_line(const char* message) {
   const std::string text = message == nullptr ? "" : message;
   return text.substr(0, text.find('\n'));
@@ -92,7 +94,8 @@ Expected<Postgres> Postgres::open(const std::string& uri) {
   }
   if (PQsetnonblocking(connection, 1) != 0 || PQenterPipelineMode(connection) != 1)
     return unexpected(opened.lost(first_line(PQerrorMessage(connection))));
-  const std::array settings = {PgStatement("SET statement_timeout = '5s'"),
+  const std::array settings = {PgStatement("SET statement_timeout = '60s'"),
+                               PgStatement("SET lock_timeout = '5s'"),
                                PgStatement("SET idle_in_transaction_session_timeout = '10s'")};
   if (auto set = opened.run(settings); !set) return unexpected(set.error());
   return opened;
@@ -105,11 +108,12 @@ Expected<void> Postgres::wait_for(short events, Time end) {
 }
 
 // Null between the results of two statements.
-Expected<PGresult*> Postgres::next_result(Time end) {
+Expected<PGresult*> Postgres::next_result(Time::duration patience) {
   PGconn* const connection = connection_.get();
   while (PQisBusy(connection) != 0) {
     const int unsent = PQflush(connection);
     if (unsent < 0) return unexpected(lost(first_line(PQerrorMessage(connection))));
+    const Time end = std::chrono::steady_clock::now() + patience;
     if (auto ready = wait_for(static_cast<short>(unsent > 0 ? POLLIN | POLLOUT : POLLIN), end); !ready)
       return unexpected(ready.error());
     if (PQconsumeInput(connection) == 0) return unexpected(lost(first_line(PQerrorMessage(connection))));
@@ -120,12 +124,14 @@ Expected<PGresult*> Postgres::next_result(Time end) {
 Expected<std::vector<PgRows>> Postgres::run(std::span<const PgStatement> statements) {
   PGconn* const connection = connection_.get();
   if (connection == nullptr) return unexpected(fault("is not connected"));
+  std::size_t bytes = 0;
   for (const PgStatement& statement : statements) {
     std::vector<const char*> values;
     std::vector<int> lengths;
     for (const std::string& value : statement.values_) {
       values.push_back(value.data());
       lengths.push_back(static_cast<int>(value.size()));
+      bytes += value.size();
     }
     if (PQsendQueryParams(connection, statement.sql_, static_cast<int>(values.size()), nullptr, values.data(),
                           lengths.data(), statement.formats_.data(), 1) != 1)
@@ -134,9 +140,9 @@ Expected<std::vector<PgRows>> Postgres::run(std::span<const PgStatement> stateme
   if (PQpipelineSync(connection) != 1) return unexpected(lost(first_line(PQerrorMessage(connection))));
   std::vector<PgRows> all;
   Expected<void> made;
-  const auto end = std::chrono::steady_clock::now() + kPatience;
+  const auto patience = kPatience + std::chrono::seconds(bytes / kBytesPerSecond);
   while (true) {
-    const auto result = next_result(end);
+    const auto result = next_result(patience);
     if (!result) return unexpected(result.error());
     if (*result == nullptr) {
       if (PQstatus(connection) == CONNECTION_BAD)

@@ -62,8 +62,8 @@ class PgStatement {
 };
 
 /// For one thread at a time. Errors: unavailable, of field "state", with the server's address as value. After
-/// a time without an answer the connection is closed; what it had begun is then undone, or was made: nobody
-/// knows.
+/// a time in which nothing comes or goes the connection is closed; what it had begun is then undone, or was
+/// made: nobody knows.
 class Postgres {
  public:
   static constexpr std::chrono::seconds kPatience{5};
@@ -87,7 +87,7 @@ class Postgres {
  private:
   using Time = std::chrono::steady_clock::time_point;
   [[nodiscard]] Expected<void> wait_for(short events, Time end);
-  [[nodiscard]] Expected<PGresult*> next_result(Time end);
+  [[nodiscard]] Expected<PGresult*> next_result(Time::duration patience);
   [[nodiscard]] Error fault(std::string why) const;
   [[nodiscard]] Error lost(std::string why);
   [[nodiscard]] bool take_notifications();

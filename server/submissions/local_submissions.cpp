@@ -1,10 +1,10 @@
 #include "submissions/local_submissions.h"
 
-#include "base/digest.h"
 #include "jobs/unix_time.h"
 #include "messages/job_access.h"
 #include "messages/job_requests.h"
 #include "service/admission.h"
+#include "store/digest.h"
 #include "submissions/result_keeper.h"
 
 namespace marble::server {

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "service/service_parts.h"
-#include "service/submissions.h"
 #include "store/job_store.h"
+#include "store/submissions.h"
 #include "submissions/recovery.h"
 
 namespace marble::server {

@@ -8,7 +8,7 @@
 #include "http/requests/caller.h"
 #include "http/requests/reply.h"
 #include "queue/job_log.h"
-#include "service/submissions.h"
+#include "store/submissions.h"
 
 namespace marble::server::http {
 
