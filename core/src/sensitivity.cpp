@@ -80,6 +80,16 @@ Numbers part(const Vector& values, Index first, Index count, double factor) {
 
 Error no_branch(const char* why) { return failure(ErrorCode::failed_precondition, "solution", why); }
 
+Expected<void> check_answer(const Solution& answer, const PartSizes& sizes) {
+  if (auto valid = check_warm_start(answer, sizes); !valid) {
+    const std::string& field = valid.error().field;
+    return unexpected(of_field("solution" + field.substr(field.find('.')), valid.error()));
+  }
+  if (!is_solved(answer.status))
+    return unexpected(no_branch((std::string("must be solved: it is ") + to_string(answer.status)).c_str()));
+  return {};
+}
+
 }  // namespace
 
 /// Vectors of the system, in the user's units: of its variables, and of its right-hand side.
@@ -137,6 +147,7 @@ Expected<void> Sensitivity::State::begin(const Solution& solution) {
   if (!point.sharpen(tuning::rounding) || point.error() > tuning::exactness * (1.0 + max_abs(point.x.all)))
     return unexpected(no_branch("is no exact solution of a branch"));
   answer = unscaled(point.x);
+  weak_inequalities.clear(), biactive_pairs.clear(), weak_rows.clear();
   find_weak_rows();
   return {};
 }
@@ -192,15 +203,17 @@ Sensitivity& Sensitivity::operator=(Sensitivity&&) noexcept = default;
 Sensitivity::~Sensitivity() = default;
 
 Expected<Sensitivity> Sensitivity::create(const Problem& problem, const Solution& answer) {
-  if (auto valid = check_warm_start(answer, PartSizes::of(problem)); !valid) {
-    const std::string& field = valid.error().field;
-    return unexpected(of_field("solution" + field.substr(field.find('.')), valid.error()));
-  }
-  if (!is_solved(answer.status))
-    return unexpected(no_branch((std::string("must be solved: it is ") + to_string(answer.status)).c_str()));
+  if (auto valid = check_answer(answer, PartSizes::of(problem)); !valid) return unexpected(valid.error());
   auto state = std::make_unique<State>(problem, scale(problem, Options().scaling_passes));
   if (auto begun = state->begin(answer); !begun) return unexpected(begun.error());
   return Sensitivity(std::move(state));
+}
+
+Expected<void> Sensitivity::renew(const ProblemUpdate& update, const Solution& answer) {
+  if (auto valid = state_->sizes.check(update); !valid) return valid;
+  if (auto valid = check_answer(answer, state_->sizes); !valid) return valid;
+  if (rescale(update, state_->scaled)) state_->kkt->load(state_->scaled);
+  return state_->begin(answer);
 }
 
 Expected<AnswerChange> Sensitivity::along(const ProblemUpdate& direction) {

@@ -17,7 +17,8 @@ struct Settings {
   std::string peers;                 ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
   double time_limit_s = 60.0;        ///< of a proof
   Options options;                   ///< macmpec and robotics: what is solved by
-  std::string only;                  ///< of the problems to prove, that one; all if empty
+  std::string only;                  ///< of the problems to prove, and of coupled, that one; all if empty
+  int steps = 0;                     ///< coupled: of the hopper, that horizon; 0: all
 };
 
 /// The problems of a folder in the order of their names; none, said so, where there is no folder.
@@ -50,5 +51,7 @@ void throughput(const Settings& settings);
 /// Where it is hard to find a feasible point, and small problems with many minima: solved, wrong, and the
 /// work.
 void hard(const Settings& settings);
+/// Problems tied by rows between them, and hoppers cut into pieces: block by block, and whole.
+void coupled(const Settings& settings);
 
 }  // namespace marble::suite

@@ -20,7 +20,7 @@ constexpr const char* kUsage =
     "             [--peers COMMAND]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
     "Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global "
-    "hard qp; "
+    "hard qp coupled; "
     "all "
     "of "
     "them by "
@@ -29,7 +29,8 @@ constexpr const char* kUsage =
     "  --judge              hard: on even seeds, the half that nothing is chosen on\n"
     "  --starts K           of the references where none is known, default 8\n"
     "  --time-limit S       of global, default 60\n"
-    "  --only NAME          of global and qp, that problem\n"
+    "  --only NAME          of global and qp, that problem; of coupled small, large or pieces\n"
+    "  --steps N            of coupled, the hopper of that horizon: 120, 240, 480, 960 or 1920\n"
     "  --option NAME=VALUE  of macmpec and robotics, a solver option; may be repeated\n"
     "  --benchmarks FOLDER  problems with references\n"
     "  --peers COMMAND      measure qp or global in turns with other solvers: COMMAND runs qp_peers.py or\n"
@@ -103,6 +104,8 @@ int main(int argc, char** argv) {
       }
     } else if (argument == "--only") {
       settings.only = value();
+    } else if (argument == "--steps") {
+      settings.steps = std::atoi(value());
     } else if (argument == "--peers") {
       settings.peers = value();
     } else if (argument == "--benchmarks") {
@@ -126,7 +129,8 @@ int main(int argc, char** argv) {
       {"throughput", suite::throughput},
       {"global", suite::global},
       {"hard", suite::hard},
-      {"qp", suite::qp}};
+      {"qp", suite::qp},
+      {"coupled", suite::coupled}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
       std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());

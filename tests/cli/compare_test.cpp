@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "cli_test.h"
 
@@ -170,10 +171,12 @@ TEST_F(Compare, WhatIsWrongIsToldBeforeAnythingIsSolved) {
 }
 
 TEST_F(Compare, MethodsOfOthersStandBesideThisSolver) {
-  const Result result = run("compare " + good() + " --methods marble,penalty_scp,relaxation,exterior,alag" +
+  const Result result = run("compare " + good() +
+                            " --methods marble,penalty_scp,relaxation,exterior,alag,aladin_beta,l1_barrier" +
                             peer("right", kRight) + table());
   EXPECT_EQ(result.exit_code, 0) << result.err;
-  for (const char* name : {"marble", "penalty_scp", "relaxation", "exterior", "alag", "right"})
+  for (const char* name :
+       {"marble", "penalty_scp", "relaxation", "exterior", "alag", "aladin_beta", "l1_barrier", "right"})
     EXPECT_EQ(row(result, name).solved, "yes") << name;
   const Result wrong = run("compare " + good() + " --methods marble,guess");
   EXPECT_EQ(wrong.exit_code, 2);
@@ -231,6 +234,62 @@ TEST_F(Compare, TheFigureOfRetrospectiveApproximationIsDrawn) {
        {good(), std::string("--peer 'mine: true'"), std::string("--option rho_initial=1"),
         std::string("--levels 0"), std::string("--test kkt")})
     EXPECT_EQ(run("reproduce ra-bt6 " + wrong).exit_code, 2) << wrong;
+}
+
+// The paper's text on its figure 2: 1e-10 in the fewest iterations, products of 1e-16 within about 20. Its
+// figure 1 ends in (1, 0).
+TEST_F(Compare, TheFiguresOfAladinBetaAreReproduced) {
+  const std::string csv = directory_.file("t.csv"), figure = directory_.file("f.csv");
+  const Result result =
+      run("reproduce aladin-figures --seeds 5 --table " + quoted(csv) + " --figure " + quoted(figure));
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  for (const char* stands : {"ALADIN-beta", "IPOPT1", "IPOPT2", "IPOPT-vanilla"})
+    EXPECT_NE(result.out.find(stands), std::string::npos) << result.out;
+  std::istringstream lines(read_file(figure));
+  std::string line;
+  std::getline(lines, line);
+  EXPECT_EQ(line, "start,method,seed,fell_back,iteration,s,t,error,complementarity");
+  int errors = 0, products = 0, back = 0;
+  double worst = 0.0, s = 0.0, t = 0.0;
+  while (std::getline(lines, line)) {
+    std::vector<std::string> cells;
+    std::istringstream stream(line);
+    for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
+    ASSERT_EQ(cells.size(), 9u) << line;
+    if (cells[1] != "aladin_beta") continue;
+    const bool of_itself = cells[3] == "-1";
+    const int iteration = std::stoi(cells[4]);
+    if (cells[0] == "path") {
+      s = std::stod(cells[5]), t = std::stod(cells[6]);
+      EXPECT_TRUE(iteration > 0 || (s == 1.0 && t == 1.0)) << line;
+    }
+    EXPECT_TRUE(of_itself || cells[0] == "far") << line;
+    back += iteration == 0 && !of_itself;
+    if (cells[0] != "near" || iteration < 18) continue;
+    worst = std::max(worst, std::stod(cells[7]));
+    errors += iteration == 18;
+    products += iteration == 21 && std::stod(cells[8]) <= 1e-16;
+  }
+  EXPECT_EQ(errors, 5);
+  EXPECT_LE(worst, 1e-10) << "from iteration 18 on";
+  EXPECT_EQ(products, 5);
+  EXPECT_NEAR(s, 1.0, 1e-10);
+  EXPECT_NEAR(t, 0.0, 1e-10);
+  // Where it fails from far, another goes on, and the table says how often.
+  const std::string told = ",aladin_beta,ALADIN-beta,5,5," + std::to_string(back) + ",";
+  EXPECT_NE(read_file(csv).find(told), std::string::npos) << told << '\n' << read_file(csv);
+}
+
+TEST_F(Compare, TheFiguresOfAladinBetaAreDrawn) {
+  const std::string picture = directory_.file("f.svg");
+  const Result drawn = run("reproduce aladin-figures --seeds 1 --figure " + quoted(picture));
+  if (drawn.exit_code == 0) {
+    EXPECT_NE(read_file(picture).find("n = 10: distance to the nearest local minimum"), std::string::npos);
+  } else {
+    EXPECT_NE(drawn.err.find("gnuplot"), std::string::npos) << drawn.err;
+  }
+  for (const std::string& wrong : {good(), std::string("--methods alag"), std::string("--seeds 0")})
+    EXPECT_EQ(run("reproduce aladin-figures " + wrong).exit_code, 2) << wrong;
 }
 
 // 380.7148 is Gurobi's optimum of the rocket, 381.19 what the paper's method reached.

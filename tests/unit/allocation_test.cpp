@@ -87,7 +87,8 @@ TEST(Allocation, NoneInTheLoopOfAProblemWhoseLinesSearchAndRetry) {
 
 TEST(Allocation, NoneInTheLoopOfAnyMethod) {
   for (const Method method :
-       {Method::penalty_scp, Method::relaxation, Method::l1_penalty, Method::exterior, Method::alag}) {
+       {Method::penalty_scp, Method::relaxation, Method::l1_penalty, Method::exterior, Method::alag,
+        Method::aladin_beta, Method::l1_barrier, Method::l1_barrier_stepwise, Method::plain_barrier}) {
     for (const OwnedProblem& p : {examples::rocket(), dense_problem()}) {
       Solver solver = make(p, {.max_iterations = 60, .method = method});
       CountingSink sink;

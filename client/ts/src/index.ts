@@ -49,3 +49,7 @@ export type { Problem, ProblemUpdate } from "./model/problem.js";
 export type { Progress, Tree, Violations } from "./model/progress.js";
 export { Solution } from "./model/solution.js";
 export type { SecondOrder, Stationarity, Status, Times } from "./model/solution.js";
+export type { CurvatureKind } from "./nonlinear/curvature.js";
+export type { Derivatives, Multipliers, NonlinearProblem, Values } from "./nonlinear/functions.js";
+export { RealTime } from "./nonlinear/real-time.js";
+export type { RealTimeSettings, RealTimeTick } from "./nonlinear/real-time.js";

@@ -25,6 +25,10 @@ enum class Method {
   l1_penalty,   ///< μ Σ min(s, t), exact once μ is above the multipliers
   exterior,     ///< μ times the squared distance from the constraints: SUMT
   alag,         ///< the same with estimates of the multipliers: the augmented Lagrangian
+  aladin_beta,  ///< ALADIN-β: the next one split, and brought together by a QP a step
+  l1_barrier,  ///< ℓ₁ penalty of s∘t = 0 and a barrier of all bounds; both change from problem to problem
+  l1_barrier_stepwise,  ///< the same, and both change after every Newton step
+  plain_barrier,        ///< the barrier alone: an interior point method on s∘t = 0 as it is
 };
 
 /// How a pair's sides s·t = κ are written by one variable.

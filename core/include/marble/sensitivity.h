@@ -66,6 +66,10 @@ class Sensitivity {
   /// of field "solution" where it is not solved, or no isolated exact solution of its branch.
   [[nodiscard]] static Expected<Sensitivity> create(const Problem& problem, const Solution& answer);
 
+  /// The same problem with new numbers, and an answer to it: scaling and analysis stay. Errors: as create(),
+  /// and as PartSizes::check names them; this may then only be renewed or destroyed.
+  [[nodiscard]] Expected<void> renew(const ProblemUpdate& update, const Solution& answer);
+
   /// What was moved from may only be assigned to or destroyed.
   Sensitivity(Sensitivity&&) noexcept;
   /// As the constructor.

@@ -1,9 +1,11 @@
 #include "methods/reference.h"
 
+#include "methods/barrier/aladin_beta.h"
+#include "methods/barrier/l1_barrier.h"
+#include "methods/barrier/scholtes.h"
 #include "methods/l1_penalty.h"
 #include "methods/penalty_scp.h"
 #include "methods/quadratic_penalty.h"
-#include "methods/scholtes.h"
 #include "model/text_of.h"
 #include "tuning.h"
 
@@ -21,6 +23,14 @@ std::unique_ptr<ReferenceMethod> make(const ScaledProblem& problem, Kkt& kkt, co
       return std::make_unique<L1Penalty>(problem, kkt);
     case Method::exterior:
       return std::make_unique<ExteriorPenalty>(problem, options, branch);
+    case Method::aladin_beta:
+      return std::make_unique<AladinBeta>(problem, kkt, options);
+    case Method::l1_barrier:
+      return std::make_unique<L1Barrier>(problem, kkt, options, L1Barrier::Schedule::every_problem);
+    case Method::l1_barrier_stepwise:
+      return std::make_unique<L1Barrier>(problem, kkt, options, L1Barrier::Schedule::every_step);
+    case Method::plain_barrier:
+      return std::make_unique<L1Barrier>(problem, kkt, options, L1Barrier::Schedule::no_penalty);
     default:
       return std::make_unique<AugmentedLagrangian>(problem, branch);
   }
@@ -94,7 +104,8 @@ Ending Reference::judge(ReferenceMethod::State state) const {
   using State = ReferenceMethod::State;
   const double residual = max_abs(images_.stationarity);
   const std::string where = "; scaled KKT residual " + scientific(residual, 2) + "; " + describe(violations_);
-  const std::string name = name_of(options_.method);
+  const std::string remark = method_->remark();
+  const std::string name = name_of(options_.method) + (remark.empty() ? "" : " (" + remark + ")");
   if (state != State::failed && within_tolerances(violations_, options_) &&
       residual <= options_.stationarity_tolerance)
     return {Status::solved, name + where, {}};

@@ -2,6 +2,8 @@
 // to where the method itself ends. None of them polishes or searches.
 #pragma once
 
+#include <string>
+
 #include "data/iterate.h"
 #include "run/run.h"
 
@@ -29,8 +31,10 @@ class ReferenceMethod {
   [[nodiscard]] virtual const Iterate& iterate() const = 0;
   /// The penalty, 0 where there is none.
   [[nodiscard]] virtual double penalty() const = 0;
-  /// The τ of s∘t ≤ τ, 0 where there is none.
+  /// The τ of s∘t ≤ τ or the μ of a barrier, 0 where there is none.
   [[nodiscard]] virtual double relaxation() const { return 0.0; }
+  /// What else there is to say of where it ended; empty where there is nothing.
+  [[nodiscard]] virtual std::string remark() const { return {}; }
 };
 
 }  // namespace marble

@@ -37,8 +37,9 @@ struct OptionTraits<Path> {
 template <>
 struct OptionTraits<Method> {
   static constexpr OptionType kind = OptionType::choice;
-  static constexpr std::string_view names[] = {"marble",     "penalty_scp", "relaxation",
-                                               "l1_penalty", "exterior",    "alag"};
+  static constexpr std::string_view names[] = {
+      "marble", "penalty_scp", "relaxation", "l1_penalty",          "exterior",
+      "alag",   "aladin_beta", "l1_barrier", "l1_barrier_stepwise", "plain_barrier"};
   static constexpr std::span<const std::string_view> choices = names;
 };
 template <>

@@ -11,8 +11,11 @@
 namespace marble {
 namespace {
 
-constexpr Method kOthers[] = {Method::penalty_scp, Method::relaxation, Method::l1_penalty, Method::exterior,
-                              Method::alag};
+constexpr Method kOthers[] = {
+    Method::penalty_scp, Method::relaxation, Method::l1_penalty,          Method::exterior,     Method::alag,
+    Method::aladin_beta, Method::l1_barrier, Method::l1_barrier_stepwise, Method::plain_barrier};
+
+bool is_barrier(Method method) { return method >= Method::aladin_beta || method == Method::relaxation; }
 
 TEST(Reference, EveryMethodEndsAtTheOneMinimum) {
   for (const Method method : kOthers) {
@@ -77,15 +80,15 @@ TEST(Reference, ASolverMayChangeItsMethodFromSolveToSolve) {
   EXPECT_EQ(solver.solve().value().z, ours.z);
 }
 
-TEST(Reference, ProgressTellsPenaltiesAndTau) {
+TEST(Reference, ProgressTellsPenaltiesAndTauOrMu) {
   for (const Method method : kOthers) {
     testing::Rows rows;
     static_cast<void>(
         solve_in_process(testing::two_sides(1.0).view(), {.method = method}, {.progress = &rows}));
     ASSERT_GE(rows.rows.size(), 2U);
     const Progress& last = rows.rows.back();
-    EXPECT_EQ(last.kappa > 0.0, method == Method::relaxation);
-    EXPECT_EQ(last.rho > 0.0, method != Method::relaxation);
+    EXPECT_EQ(last.kappa > 0.0, is_barrier(method));
+    EXPECT_EQ(last.rho > 0.0, method != Method::relaxation && method != Method::plain_barrier);
   }
 }
 

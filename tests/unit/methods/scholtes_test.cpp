@@ -1,5 +1,5 @@
 // relaxation: where each τ ends, and the whole way.
-#include "methods/scholtes.h"
+#include "methods/barrier/scholtes.h"
 
 #include <gtest/gtest.h>
 

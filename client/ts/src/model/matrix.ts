@@ -53,13 +53,18 @@ export function takeMatrix(field: string, matrix: Matrix, columns: number): Csc 
   return "columnPointers" in matrix ? fromColumns(field, matrix) : fromTriplets(field, matrix);
 }
 
-/** New values for the pattern of `of`: values in its order, or a whole matrix with no entry elsewhere. */
-export function takeValues(field: string, given: ArrayLike<number> | Matrix, of: Csc): Float64Array {
+/** New values for the pattern of `of`, which is `origin`'s: values in its order, or a whole matrix with no entry elsewhere. */
+export function takeValues(
+  field: string,
+  given: ArrayLike<number> | Matrix,
+  of: Csc,
+  origin = "the set-up",
+): Float64Array {
   if (isArray(given) && !isDense(given)) {
-    return takeVector(`${field}.values`, given as ArrayLike<number>, of.values.length, "the set-up's entries");
+    return takeVector(`${field}.values`, given as ArrayLike<number>, of.values.length, `${origin}'s entries`);
   }
   const next = takeMatrix(field, given as Matrix, of.columns);
-  if (next.rows !== of.rows) throw invalid(`${field}.rows`, `must be ${of.rows} (the set-up)`, { value: next.rows });
+  if (next.rows !== of.rows) throw invalid(`${field}.rows`, `must be ${of.rows} (${origin})`, { value: next.rows });
   const values = new Float64Array(of.values.length);
   for (let column = 0; column < of.columns; ++column) {
     let to = of.columnPointers[column];
@@ -67,7 +72,7 @@ export function takeValues(field: string, given: ArrayLike<number> | Matrix, of:
       const row = next.rowIndices[k];
       while (to < of.columnPointers[column + 1] && of.rowIndices[to] < row) ++to;
       if (to === of.columnPointers[column + 1] || of.rowIndices[to] !== row) {
-        throw invalid(field, "must keep the pattern of the set-up", { value: `an entry at (${row}, ${column})` });
+        throw invalid(field, `must keep the pattern of ${origin}`, { value: `an entry at (${row}, ${column})` });
       }
       values[to] = next.values[k];
     }

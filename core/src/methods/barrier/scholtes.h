@@ -26,7 +26,6 @@ class ScholtesRelaxation final : public ReferenceMethod {
 
  private:
   void evaluate();
-  [[nodiscard]] bool factor(Run& run);
   void weigh();
   [[nodiscard]] bool direction();
   void move();

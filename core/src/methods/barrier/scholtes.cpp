@@ -1,8 +1,9 @@
-#include "methods/scholtes.h"
+#include "methods/barrier/scholtes.h"
 
 #include <algorithm>
 #include <cmath>
 
+#include "methods/barrier/newton_system.h"
 #include "path/keep_positive.h"
 #include "run/termination.h"
 #include "tuning.h"
@@ -74,34 +75,12 @@ void ScholtesRelaxation::weigh() {
                       (kappa_ * slack_.inequality().cwiseInverse() - nu_.inequality());
   for (Index i = 0; i < problem_.pairs(); ++i) {
     const double s = slack_.s()[i], t = slack_.t()[i], xi = xi_[i], ratio = xi / u_[i];
-    const double first = nu_.s()[i] / s + ratio * t * t, second = nu_.t()[i] / t + ratio * s * s;
-    const double coupling = xi + ratio * s * t;
-    // Eigenvectors (cos, sin) and (sin, −cos) of [first coupling; coupling second].
-    const double angle = 0.5 * std::atan2(2.0 * coupling, first - second);
-    const double cosine = weights_.cosine[i] = std::cos(angle), sine = weights_.sine[i] = std::sin(angle);
-    const double larger = first * cosine * cosine + 2.0 * coupling * cosine * sine + second * sine * sine;
-    // first·second − coupling², without what cancels in it.
-    const double determinant = nu_.s()[i] / s * (nu_.t()[i] / t) +
-                               ratio * (s * nu_.s()[i] + t * nu_.t()[i] - 2.0 * xi * s * t) - xi * xi;
-    weights_.rows.s()[i] = larger;
-    weights_.rows.t()[i] = determinant / larger;
+    const PairBlock block(s, t, nu_.s()[i] / s, nu_.t()[i] / t, xi, ratio);
+    block.put(i, weights_);
     const double pull = kappa_ / u_[i] - xi - ratio * product_residual_[i];
     const double e_s = rhs_.s()[i], e_t = rhs_.t()[i];
-    rhs_.s()[i] = first * e_s + coupling * e_t - (kappa_ / s - nu_.s()[i]) + t * pull;
-    rhs_.t()[i] = coupling * e_s + second * e_t - (kappa_ / t - nu_.t()[i]) + s * pull;
-  }
-}
-
-// With δ as small as the inertia allows.
-bool ScholtesRelaxation::factor(Run& run) {
-  delta_ = delta_ > options_.regularization_initial ? delta_ / tuning::delta_lower : 0.0;
-  while (true) {
-    weigh();
-    ++run.factorizations;
-    if (run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); })) return true;
-    if (run.interrupted()) return false;
-    delta_ = delta_ > 0.0 ? tuning::delta_raise * delta_ : options_.regularization_initial;
-    if (delta_ > tuning::runaway) return false;
+    rhs_.s()[i] = block.first * e_s + block.coupling * e_t - (kappa_ / s - nu_.s()[i]) + t * pull;
+    rhs_.t()[i] = block.coupling * e_s + block.second * e_t - (kappa_ / t - nu_.t()[i]) + s * pull;
   }
 }
 
@@ -145,7 +124,9 @@ void ScholtesRelaxation::move() {
 }
 
 ReferenceMethod::State ScholtesRelaxation::step(Run& run) {
-  if (!factor(run) || !direction()) return State::failed;
+  const double first_delta = options_.regularization_initial;
+  if (!factor_regularized(run, kkt_, weights_, first_delta, delta_, [this] { weigh(); }) || !direction())
+    return State::failed;
   move();
   ++run.iterations;
   evaluate();

@@ -1,0 +1,330 @@
+// ALADIN (Houska, Frasch and Diehl 2016) with exact Hessians and active sets: each block minimizes its own
+// cost with a price on its coupling rows, held by a proximal term; then one dense system makes them agree,
+//
+//   (Σ S_k + δI) λ⁺ = Σ (E_k y_k + S_k μ_k) − e + δλ,   E_k z_k = E_k y_k + S_k (μ_k − λ⁺),
+//
+// with μ_k = λ + ρE_k(y_k − z_k⁻), the price at which the block would have chosen y_k without the term.
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "data/linear_algebra.h"
+#include "marble/composite/coupled.h"
+#include "model/text_of.h"
+#include "tuning.h"
+
+namespace marble {
+namespace {
+
+class Coordinator {
+ public:
+  Coordinator(BlockTicks& blocks, std::span<const double> total, const CoupledOptions& options,
+              const CoupledControls& controls)
+      : blocks_(blocks),
+        options_(options),
+        controls_(controls),
+        total_(Eigen::Map<const Vector>(total.data(), static_cast<Eigen::Index>(total.size()))),
+        state_{.prices = Vector::Zero(total_.size()), .asks = {}, .answers = {}, .last = {}},
+        proximal_(options.proximal) {
+    if (controls.start != nullptr && !controls.start->prices.empty())
+      state_.prices = Eigen::Map<const Vector>(controls.start->prices.data(), total_.size());
+    for (std::size_t k = 0; k < blocks.rows().size(); ++k) {
+      BlockAsk& ask = state_.asks.emplace_back();
+      for (const Index row : blocks.rows()[k]) ask.price.push_back(state_.prices[row]);
+      ask.proximal = proximal_;
+      ask.centre = blocks.start(k);
+      ask.centre.resize(ask.price.size(), 0.0);
+    }
+  }
+
+  [[nodiscard]] Expected<Coordination> run();
+
+ private:
+  enum class End { agreed, not_yet, failed };
+  // What a flip that leads nowhere goes back to.
+  struct State {
+    Vector prices;
+    std::vector<BlockAsk> asks;
+    std::vector<BlockAnswer> answers;
+    CoupledIteration last;
+  };
+
+  [[nodiscard]] Expected<bool> tick();
+  [[nodiscard]] Expected<End> iterate(int most);
+  [[nodiscard]] bool may_hold_harder() const;
+  [[nodiscard]] Expected<bool> search();
+  [[nodiscard]] bool failed();
+  [[nodiscard]] bool measure();
+  void agree();
+  [[nodiscard]] Expected<void> try_flips();
+  [[nodiscard]] Coordination ended(Status status, std::string detail);
+
+  BlockTicks& blocks_;
+  const CoupledOptions& options_;
+  const CoupledControls& controls_;
+  Vector total_;
+  State state_;
+  Coordination result_;
+  double proximal_;
+  int raises_ = 0;
+  std::int32_t iterations_ = 0;
+  std::int64_t factorizations_ = 0;
+};
+
+// One solve of all blocks. False where one failed.
+Expected<bool> Coordinator::tick() {
+  auto answers = blocks_.tick(state_.asks);
+  if (!answers) return unexpected(answers.error());
+  state_.answers = *std::move(answers);
+  ++iterations_;
+  for (BlockAsk& ask : state_.asks) ask.flips.clear(), ask.search = false;
+  for (const BlockAnswer& answer : state_.answers) factorizations_ += answer.factorizations;
+  return !failed();
+}
+
+// All blocks, until they agree. Where they move apart, or a price drives one to where it has no answer, they
+// go on from the best iteration, held harder.
+Expected<Coordinator::End> Coordinator::iterate(int most) {
+  double best_apart = std::numeric_limits<double>::infinity();
+  Vector best_prices;
+  std::vector<BlockAsk> best_asks;
+  for (int i = 0; i < most; ++i) {
+    const auto solved = tick();
+    if (!solved) return unexpected(solved.error());
+    const bool agreed = *solved && measure();
+    if (*solved && controls_.progress) controls_.progress(state_.last);
+    if (agreed) return End::agreed;
+    const double apart = *solved ? std::max(state_.last.coupling_violation, state_.last.step / proximal_)
+                                 : std::numeric_limits<double>::infinity();
+    if (apart < best_apart) best_apart = apart, best_prices = state_.prices, best_asks = state_.asks;
+    if (!(apart <= tuning::coupled_apart * best_apart) && may_hold_harder()) {
+      result_.failed_block.reset();
+      state_.prices = best_prices, state_.asks = best_asks;
+      ++raises_;
+      proximal_ *= tuning::coupled_raise;
+      for (BlockAsk& ask : state_.asks) ask.proximal = proximal_;
+      continue;
+    }
+    if (!*solved) return End::failed;
+    agree();
+  }
+  return End::not_yet;
+}
+
+// A proof is one at any price, and a stop is a stop.
+bool Coordinator::may_hold_harder() const {
+  if (raises_ >= tuning::coupled_raises) return false;
+  if (!result_.failed_block) return true;
+  const Status status = state_.answers[*result_.failed_block].status;
+  return iterations_ > 1 && (status == Status::locally_infeasible || status == Status::numerical_failure);
+}
+
+// Each block looks for a better branch at the prices on which they agree. True if one moved.
+Expected<bool> Coordinator::search() {
+  const State agreed = state_;
+  const auto back = [&] {
+    result_.failed_block.reset();
+    state_ = agreed;
+    return false;
+  };
+  for (BlockAsk& ask : state_.asks) ask.search = true;
+  const auto solved = tick();
+  if (!solved) return unexpected(solved.error());
+  if (!*solved) return back();
+  const bool stayed = measure();
+  if (controls_.progress) controls_.progress(state_.last);
+  if (stayed) return false;
+  agree();
+  const auto end = iterate(options_.freeze_after);
+  if (!end) return unexpected(end.error());
+  const double gain = agreed.last.objective - state_.last.objective;
+  const double least = tuning::exactness * (1.0 + std::abs(agreed.last.objective));
+  if (*end != End::agreed || gain <= least) return back();
+  return true;
+}
+
+bool Coordinator::failed() {
+  for (std::size_t k = 0; k < state_.answers.size(); ++k) {
+    if (is_solved(state_.answers[k].status)) continue;
+    result_.failed_block = k;
+    return true;
+  }
+  return false;
+}
+
+// How far the blocks are from agreeing, and whether that is near enough.
+bool Coordinator::measure() {
+  Vector sum = -total_;
+  double step = 0.0, objective = 0.0, value = max_abs(total_);
+  for (std::size_t k = 0; k < state_.answers.size(); ++k) {
+    const BlockAnswer& answer = state_.answers[k];
+    const std::vector<Index>& rows = blocks_.rows()[k];
+    objective += answer.objective;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      sum[rows[i]] += answer.value[i];
+      value = std::max(value, std::abs(answer.value[i]));
+      step = std::max(step, proximal_ * std::abs(answer.value[i] - state_.asks[k].centre[i]));
+    }
+  }
+  state_.last = {iterations_,    max_abs(sum), step, objective, proximal_, state_.asks.front().frozen,
+                 factorizations_};
+  return state_.last.coupling_violation <= options_.tolerance * (1.0 + value) &&
+         step <= options_.tolerance * (1.0 + max_abs(state_.prices));
+}
+
+void Coordinator::agree() {
+  const Eigen::Index m = total_.size();
+  Eigen::MatrixXd responses = Eigen::MatrixXd::Zero(m, m);
+  Vector right = -total_;
+  std::vector<Vector> own_prices;
+  for (std::size_t k = 0; k < state_.answers.size(); ++k) {
+    const BlockAnswer& answer = state_.answers[k];
+    const BlockAsk& ask = state_.asks[k];
+    const std::vector<Index>& rows = blocks_.rows()[k];
+    const std::size_t m_k = rows.size();
+    Vector& mu = own_prices.emplace_back(static_cast<Eigen::Index>(m_k));
+    for (std::size_t i = 0; i < m_k; ++i)
+      mu[static_cast<Eigen::Index>(i)] = ask.price[i] + proximal_ * (answer.value[i] - ask.centre[i]);
+    for (std::size_t i = 0; i < m_k; ++i) {
+      right[rows[i]] += answer.value[i];
+      for (std::size_t j = 0; j < m_k; ++j) {
+        const double entry = answer.response[j * m_k + i];
+        responses(rows[i], rows[j]) += entry;
+        right[rows[i]] += entry * mu[static_cast<Eigen::Index>(j)];
+      }
+    }
+  }
+  const double least = tuning::rounding * std::max(tuning::zero, max_abs(responses.diagonal()));
+  responses.diagonal().array() += least;
+  right += least * state_.prices;
+  state_.prices = responses.ldlt().solve(right);
+  for (std::size_t k = 0; k < state_.answers.size(); ++k) {
+    const BlockAnswer& answer = state_.answers[k];
+    BlockAsk& ask = state_.asks[k];
+    const std::vector<Index>& rows = blocks_.rows()[k];
+    const std::size_t m_k = rows.size();
+    for (std::size_t i = 0; i < m_k; ++i) ask.price[i] = state_.prices[rows[i]];
+    for (std::size_t i = 0; i < m_k; ++i) {
+      ask.centre[i] = answer.value[i];
+      for (std::size_t j = 0; j < m_k; ++j)
+        ask.centre[i] +=
+            answer.response[j * m_k + i] * (own_prices[k][static_cast<Eigen::Index>(j)] - ask.price[j]);
+    }
+  }
+}
+
+// Pairs whose fixed side pulls, the hardest first: the first flip after which the blocks agree on less is
+// kept, and all are looked at again.
+Expected<void> Coordinator::try_flips() {
+  std::vector<std::pair<std::size_t, Index>> undo;
+  std::vector<std::pair<std::size_t, Index>> tried;
+  for (int left = options_.flips; left > 0; --left) {
+    std::optional<std::pair<std::size_t, Index>> hardest;
+    double pull = 0.0;
+    for (std::size_t k = 0; k < state_.answers.size(); ++k) {
+      for (const BlockPull& candidate : state_.answers[k].pulls) {
+        const std::pair pair(k, candidate.pair);
+        if (candidate.pull <= pull || std::ranges::find(tried, pair) != tried.end()) continue;
+        pull = candidate.pull, hardest = pair;
+      }
+    }
+    if (!hardest) break;
+    tried.push_back(*hardest);
+    State before = state_;
+    for (const auto& [block, pair] : undo) state_.asks[block].flips.push_back(pair);
+    undo.clear();
+    state_.asks[hardest->first].flips.push_back(hardest->second);
+    auto end = iterate(options_.freeze_after);
+    if (!end) return unexpected(end.error());
+    const double gain = before.last.objective - state_.last.objective;
+    if (*end == End::agreed && gain > tuning::exactness * (1.0 + std::abs(before.last.objective))) {
+      ++result_.flips;
+      tried.clear();
+      continue;
+    }
+    result_.failed_block.reset();
+    state_ = std::move(before);
+    undo.push_back(*hardest);
+  }
+  return {};
+}
+
+Coordination Coordinator::ended(Status status, std::string detail) {
+  result_.status = status;
+  result_.detail = std::move(detail);
+  result_.prices.assign(state_.prices.begin(), state_.prices.end());
+  result_.answers = std::move(state_.answers);
+  result_.last = state_.last;
+  result_.last.iteration = iterations_;
+  result_.last.factorizations = factorizations_;
+  return std::move(result_);
+}
+
+Expected<Coordination> Coordinator::run() {
+  Expected<End> end = End::not_yet;
+  if (options_.freeze_after > 0) end = iterate(std::min(options_.freeze_after, options_.max_iterations));
+  for (int i = 0; end && *end == End::agreed && i < options_.searches; ++i) {
+    const auto gained = search();
+    if (!gained) return unexpected(gained.error());
+    if (!*gained) break;
+  }
+  if (end && *end == End::not_yet && iterations_ < options_.max_iterations) {
+    for (BlockAsk& ask : state_.asks) ask.frozen = true;
+    result_.frozen_at = iterations_ + 1;
+    end = iterate(options_.max_iterations - iterations_);
+  }
+  if (!end) return unexpected(end.error());
+  if (*end == End::failed) {
+    const std::size_t block = *result_.failed_block;
+    const BlockAnswer& answer = state_.answers[block];
+    return ended(answer.status,
+                 blocks_.name(block) + " is " + to_string(answer.status) + " by itself: " + answer.detail);
+  }
+  if (*end == End::agreed && result_.frozen_at > 0) {
+    if (auto flipped = try_flips(); !flipped) return unexpected(flipped.error());
+  }
+  const std::string numbers = "coupling rows hold to " + scientific(state_.last.coupling_violation, 1) +
+                              " after " + std::to_string(iterations_) + " iterations";
+  return *end == End::agreed ? ended(Status::solved, "the blocks agree: " + numbers)
+                             : ended(Status::iteration_limit, "the blocks do not agree yet: " + numbers);
+}
+
+}  // namespace
+
+Expected<void> CoupledOptions::check() const {
+  if (auto valid = validate(options); !valid) return unexpected(inside("options", valid.error()));
+  if (!(proximal > 0.0) || !std::isfinite(proximal))
+    return unexpected(invalid("proximal", general(proximal, 6), "must be > 0 and finite"));
+  if (max_iterations < 1)
+    return unexpected(invalid("max_iterations", std::to_string(max_iterations), "must be >= 1"));
+  if (freeze_after < 0)
+    return unexpected(invalid("freeze_after", std::to_string(freeze_after), "must be >= 0"));
+  if (searches < 0) return unexpected(invalid("searches", std::to_string(searches), "must be >= 0"));
+  if (flips < 0) return unexpected(invalid("flips", std::to_string(flips), "must be >= 0"));
+  if (!(tolerance > 0.0 && tolerance < 1.0))
+    return unexpected(invalid("tolerance", general(tolerance, 6), "must be in (0, 1)"));
+  return {};
+}
+
+Expected<Coordination> coordinate(BlockTicks& blocks, std::span<const double> total,
+                                  const CoupledOptions& options, const CoupledControls& controls) {
+  if (auto valid = options.check(); !valid) return unexpected(valid.error());
+  if (total.size() > static_cast<std::size_t>(kMostCouplingRows)) {
+    return unexpected(invalid("total", std::to_string(total.size()),
+                              "rows tie the blocks; must be at most " + std::to_string(kMostCouplingRows)));
+  }
+  if (auto valid = check_numbers(total, total.size(), "total"); !valid) return unexpected(valid.error());
+  if (controls.start != nullptr && !controls.start->prices.empty()) {
+    if (auto valid = check_numbers(controls.start->prices, total.size(), "start.prices"); !valid)
+      return unexpected(valid.error());
+  }
+  const bool knows_sides = controls.start != nullptr && !controls.start->blocks.empty();
+  if (options.freeze_after == 0 && !knows_sides)
+    return unexpected(invalid("freeze_after", "0", "must be >= 1 without a start that knows the sides"));
+  return or_out_of_memory([&] { return Coordinator(blocks, total, options, controls).run(); });
+}
+
+}  // namespace marble

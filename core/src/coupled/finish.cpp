@@ -1,0 +1,196 @@
+#include "coupled/finish.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "coupled/joint_search.h"
+#include "coupled/local_blocks.h"
+
+namespace marble {
+namespace {
+
+std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+void append(std::span<const double> values, std::vector<double>& to) {
+  to.insert(to.end(), values.begin(), values.end());
+}
+
+// The vectors of all blocks one after the other, then the prices.
+Solution stacked(const Coordination& coordination) {
+  Solution joint;
+  for (const BlockAnswer& answer : coordination.answers) {
+    append(answer.solution.z, joint.z);
+    append(answer.solution.equality_multipliers, joint.equality_multipliers);
+    append(answer.solution.inequality_multipliers, joint.inequality_multipliers);
+    append(answer.solution.complementarity_multipliers_L, joint.complementarity_multipliers_L);
+    append(answer.solution.complementarity_multipliers_R, joint.complementarity_multipliers_R);
+  }
+  append(coordination.prices, joint.equality_multipliers);
+  return joint;
+}
+
+double most_of_a_column(const SparseMatrixView& m) {
+  double most = 0.0;
+  for (Index j = 0; j < m.columns; ++j) {
+    double sum = 0.0;
+    for (Index k = m.column_pointers[at(j)]; k < m.column_pointers[at(j) + 1]; ++k)
+      sum += std::abs(m.values[at(k)]);
+    most = std::max(most, sum);
+  }
+  return most;
+}
+
+// What the blocks' own words say of all of them together: bounds of what a fresh look would see.
+void tell_by_blocks(const CoupledView& view, const Coordination& coordination, Solution& joint) {
+  joint.stationarity = Stationarity::strong;
+  joint.b_stationary = true;
+  joint.second_order = SecondOrder::minimum;
+  for (std::size_t k = 0; k < coordination.answers.size(); ++k) {
+    const Solution& own = coordination.answers[k].solution;
+    joint.violations.equality = std::max(joint.violations.equality, own.violations.equality);
+    joint.violations.inequality = std::max(joint.violations.inequality, own.violations.inequality);
+    joint.violations.complementarity =
+        std::max(joint.violations.complementarity, own.violations.complementarity);
+    joint.kkt_residual =
+        std::max(joint.kkt_residual,
+                 own.kkt_residual + coordination.last.step * most_of_a_column(view.blocks[k].coupling));
+    joint.stationarity = std::min(joint.stationarity, own.stationarity);
+    joint.second_order = std::min(joint.second_order, own.second_order);
+    joint.iterations += own.iterations;
+  }
+  joint.violations.equality = std::max(joint.violations.equality, coordination.last.coupling_violation);
+  // Strongly stationary blocks leave no direction of descent together; of others nothing is known.
+  if (joint.stationarity != Stationarity::strong) {
+    joint.b_stationary.reset();
+    joint.second_order = std::min(joint.second_order, SecondOrder::necessary);
+  }
+}
+
+// A block's certificate is one of the joint problem, with zeros for all that the block does not know.
+std::vector<double> widened(const CoupledView& view, const std::vector<BlockPlace>& places, std::size_t k,
+                            const Solution& own) {
+  const BlockPlace &all = places.back(), &first = places[k], &end = places[k + 1];
+  if (own.certificate.empty()) return {};
+  std::vector<double> wide;
+  const auto put = [&](std::size_t from, Index count, Index where, std::size_t size) {
+    const std::size_t begin = wide.size();
+    wide.resize(begin + size, 0.0);
+    std::copy_n(own.certificate.begin() + static_cast<std::ptrdiff_t>(from), count,
+                wide.begin() + static_cast<std::ptrdiff_t>(begin) + where);
+  };
+  const Index n = end.variables - first.variables, n_e = end.equalities - first.equalities,
+              n_i = end.inequalities - first.inequalities, n_c = end.pairs - first.pairs;
+  if (own.status == Status::unbounded) {
+    put(0, n, first.variables, at(all.variables));
+    return wide;
+  }
+  // (y, ν, ξ, η); y ends with the rows that define v, whose multipliers are zero: v is free.
+  const std::size_t lifted_rows = own.certificate.size() - at(n_e + n_i + 2 * n_c);
+  put(0, n_e, first.equalities, at(all.equalities) + view.total.size());
+  put(at(n_e) + lifted_rows, n_i, first.inequalities, at(all.inequalities));
+  put(at(n_e + n_i) + lifted_rows, n_c, first.pairs, at(all.pairs));
+  put(at(n_e + n_i + n_c) + lifted_rows, n_c, first.pairs, at(all.pairs));
+  return wide;
+}
+
+Expected<void> check_start(const CoupledView& view, const CoupledStart& start) {
+  if (start.blocks.empty()) return {};
+  if (start.blocks.size() != view.blocks.size()) {
+    return unexpected(invalid("start.blocks", std::to_string(start.blocks.size()),
+                              "answers; must be " + std::to_string(view.blocks.size()) + ", one a block"));
+  }
+  for (std::size_t k = 0; k < start.blocks.size(); ++k) {
+    const auto problem = Problem::create(view.blocks[k].problem);
+    if (auto valid = check_warm_start(start.blocks[k], PartSizes::of(*problem)); !valid) {
+      const std::string& field = valid.error().field;
+      return unexpected(
+          of_field("start.blocks[" + std::to_string(k) + "]" + field.substr(field.find('.')), valid.error()));
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+bool stopped(const Coordination& coordination) {
+  return coordination.status == Status::cancelled || coordination.status == Status::time_limit;
+}
+
+double sum_of_objectives(const Coordination& coordination) {
+  double sum = 0.0;
+  for (const BlockAnswer& answer : coordination.answers) sum += answer.objective;
+  return sum;
+}
+
+Expected<Solution> solve_from(const Problem& problem, Solution start, const Coordination& coordination,
+                              const CoupledOptions& options, const CoupledControls& controls) {
+  // Blocks that do not agree have an objective that means nothing.
+  start.cold_objective = coordination.status == Status::solved ? sum_of_objectives(coordination)
+                                                               : std::numeric_limits<double>::max();
+  start.factorizations = 0;
+  if (options.joint_search) start = search_near(problem, std::move(start), options.options, controls);
+  const int searched = start.factorizations;
+  auto solution = solve_once(
+      problem, options.options,
+      {.stop = controls.stop, .warm_start = &start, .runner = controls.runner, .begun = controls.begun});
+  if (!solution) return solution;
+  solution->factorizations += searched;
+  if (solution->status == Status::infeasible) {
+    solution->detail =
+        "each block has an answer by itself, but not with the coupling rows: " + std::move(solution->detail);
+  }
+  solution->detail += "; " + coordination.detail;
+  return solution;
+}
+
+Expected<CoupledSolution> finish_coupled(const CoupledView& view, Coordination coordination,
+                                         const CoupledOptions& options, const CoupledControls& controls) {
+  CoupledSolution result;
+  result.places = joint_places(view);
+  result.blocks_objective = sum_of_objectives(coordination);
+  Solution start = stacked(coordination);
+  if (coordination.failed_block || stopped(coordination) || !options.joint) {
+    result.joint = std::move(start);
+    result.joint.status = coordination.status;
+    result.joint.detail = coordination.detail;
+    result.joint.objective = result.joint.cold_objective = result.blocks_objective;
+    if (coordination.status == Status::solved) tell_by_blocks(view, coordination, result.joint);
+    if (coordination.failed_block) {
+      const std::size_t k = *coordination.failed_block;
+      result.joint.certificate = widened(view, result.places, k, coordination.answers[k].solution);
+      result.joint.proved = coordination.status == Status::infeasible;
+      if (result.joint.proved) result.joint.bound = std::numeric_limits<double>::infinity();
+    }
+  } else {
+    const OwnedProblem joint = joint_problem(view);
+    const auto problem = Problem::create(joint.view());
+    if (!problem) return unexpected(problem.error());
+    auto solution = solve_from(*problem, std::move(start), coordination, options, controls);
+    if (!solution) return unexpected(solution.error());
+    result.joint = *std::move(solution);
+  }
+  result.coordination = std::move(coordination);
+  return result;
+}
+
+Expected<CoupledSolution> solve_coupled(const CoupledView& view, const CoupledOptions& options,
+                                        const CoupledControls& controls) {
+  if (auto valid = check(view); !valid) return unexpected(valid.error());
+  if (auto valid = options.check(); !valid) return unexpected(valid.error());
+  if (controls.start != nullptr) {
+    if (auto valid = check_start(view, *controls.start); !valid) return unexpected(valid.error());
+  }
+  CoupledControls own = controls;
+  if (!own.begun) own.begun = std::chrono::steady_clock::now();
+  return or_out_of_memory([&]() -> Expected<CoupledSolution> {
+    LocalBlocks blocks(view, options, own);
+    auto coordination = coordinate(blocks, view.total, options, own);
+    if (!coordination) return unexpected(coordination.error());
+    return finish_coupled(view, *std::move(coordination), options, own);
+  });
+}
+
+}  // namespace marble

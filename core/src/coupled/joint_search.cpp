@@ -1,0 +1,55 @@
+#include "coupled/joint_search.h"
+
+#include <limits>
+#include <utility>
+
+#include "model/printed.h"
+#include "path/path.h"
+#include "search/branch_search.h"
+#include "tuning.h"
+
+namespace marble {
+namespace {
+
+void unscale(ConstVectorRef values, ConstVectorRef scale, double factor, std::vector<double>& out) {
+  for (Eigen::Index i = 0; i < values.size(); ++i)
+    out[static_cast<std::size_t>(i)] = factor * values[i] * scale[i];
+}
+
+}  // namespace
+
+Solution search_near(const Problem& user_problem, Solution start, const Options& user_options,
+                     const CoupledControls& controls) {
+  const Options options = in_force(user_options);
+  const SolveControls how{.stop = controls.stop, .runner = controls.runner, .begun = controls.begun};
+  Run run(options, how);  // which refers to them
+  const ScaledProblem problem = scale(user_problem, options.scaling_passes, run.interrupt());
+  const std::unique_ptr<Kkt> kkt = make_kkt(problem, run.interrupt());
+  if (kkt == nullptr) return start;
+  kkt->attend(run.interrupt());
+  PathEngine path(problem, *kkt, options);
+  BranchEngines branch(problem, *kkt);
+  Incumbent incumbent(problem, options, branch.exact);
+  BranchSearch search(problem, *kkt, options, path, branch, incumbent);
+  Iterate x(problem);
+  take(problem, start, x);
+  if (search.resume(run, x, std::numeric_limits<double>::max())) {
+    static_cast<void>(search.improve(run, x.z()));
+    for (int round = 0; round < tuning::coupled_further && !run.interrupted(); ++round)
+      if (!search.start_round(run, tuning::further_round, {})) break;
+  }
+  start.factorizations = run.factorizations;
+  if (!incumbent.exists()) return start;
+  const Iterate& best = incumbent.best().x;
+  const double cost = 1.0 / problem.cost_scale;
+  const RowLayout& rows = problem.layout;
+  unscale(best.z(), problem.variable_scale, 1.0, start.z);
+  unscale(best.y(), problem.equality_scale, cost, start.equality_multipliers);
+  unscale(best.lambda_w(), rows.inequality_part(problem.row_scale), -cost, start.inequality_multipliers);
+  unscale(best.lambda_L(), rows.s_part(problem.row_scale), -cost, start.complementarity_multipliers_L);
+  unscale(best.lambda_R(), rows.t_part(problem.row_scale), -cost, start.complementarity_multipliers_R);
+  start.cold_objective = problem.user_objective(incumbent.best().objective);
+  return start;
+}
+
+}  // namespace marble

@@ -1,0 +1,45 @@
+// The blocks of a coupled problem in this process: a Solver each, on a TaskRunner's threads.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "marble/composite/coupled.h"
+#include "marble/composite/lifted_block.h"
+#include "marble/solver.h"
+
+namespace marble {
+
+class LocalBlocks final : public BlockTicks {
+ public:
+  /// Of a view that check() has passed, which must outlive this. Solvers are made in the first tick.
+  LocalBlocks(const CoupledView& view, const CoupledOptions& options, const CoupledControls& controls);
+
+  [[nodiscard]] std::span<const std::vector<Index>> rows() const override { return rows_; }
+  [[nodiscard]] std::vector<double> start(std::size_t block) const override;
+  [[nodiscard]] std::string name(std::size_t block) const override;
+  [[nodiscard]] Expected<std::vector<BlockAnswer>> tick(std::span<const BlockAsk> asks) override;
+
+ private:
+  struct Block {
+    explicit Block(const CoupledBlock& block) : lifted(block) {}
+    LiftedBlock lifted;
+    std::optional<Solver> solver;
+    LiftedResponse response;
+    std::optional<Solution> newest;  // that was solved, of the problem in force
+  };
+  [[nodiscard]] Expected<BlockAnswer> solve(Block& block, const BlockAsk& ask) const;
+
+  const CoupledView& view_;
+  const CoupledOptions& options_;
+  const CoupledControls& controls_;
+  std::vector<std::unique_ptr<Block>> blocks_;
+  std::vector<std::vector<Index>> rows_;
+};
+
+/// "block 3 (arm)".
+[[nodiscard]] std::string block_name(const CoupledView& view, std::size_t block);
+
+}  // namespace marble

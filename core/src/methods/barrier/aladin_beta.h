@@ -1,0 +1,70 @@
+// ALADIN-β (Wang, Wu, Yang, Chu, Rikos and Du: "ALADIN-β: A Distributed Optimization Algorithm for Solving
+// MPCC Problems"): the ℓ₁ penalty-barrier split into three that are solved apart, and brought together by a
+// QP.
+//
+// With rows x = Jz + c, of which s and t are the pairs' sides, and s∘t = q − m, λ keeps x = β and (q, m) = γ:
+//   α = (z, q, m):  min f + ½P|(q, m) − γ⁻|² + λᵀ(x, q, m) + ½Σ|(x, q, m) − (x, q, m)⁻|²
+//                   over Az + b = 0 and s∘t − q + m = 0 | κ,
+//   β:              min −μ Σ ln(r + β) − λᵀβ + ½Σ|β − β⁻|²,  and of γ the same with ρ Σ γ: softpluses (4).
+// The coordination QP (17) of their gradients and curvatures gives the next α, and λ; z carries x in both.
+//
+// Not copied from the printed text: x ≤ 0 in (1c), against x ⪰ 0 in (18), with its r − β; the sum and the
+// signs in (16c), where p and n have a curvature each; (18)'s one scalar product, which no setting tried
+// brings below 1e-8. It does not print r, Σ, P and M. It has no globalization: here a merit test ends it
+// where it does not converge, and the ℓ₁ penalty-barrier itself goes on, from the best point on the way.
+#pragma once
+
+#include <vector>
+
+#include "methods/barrier/l1_barrier.h"
+#include "methods/barrier/split_step.h"
+
+namespace marble {
+
+class AladinBeta final : public ReferenceMethod {
+ public:
+  AladinBeta(const ScaledProblem& problem, Kkt& kkt, const Options& options);
+
+  void start(ConstVectorRef initial_z) override;
+  [[nodiscard]] State step(Run& run) override;
+  [[nodiscard]] const Iterate& iterate() const override { return fell_back() ? fallback_.iterate() : x_; }
+  [[nodiscard]] double penalty() const override { return fell_back() ? fallback_.penalty() : rho_; }
+  [[nodiscard]] double relaxation() const override { return fell_back() ? fallback_.relaxation() : mu_; }
+  [[nodiscard]] std::string remark() const override;
+
+  /// Of (x, q, m) − (β, γ), the largest entry where the three were solved apart.
+  [[nodiscard]] double coupling_gap() const { return coupling_gap_; }
+
+  /// The copy of one number x that has its barrier, min −μ ln(r + β) + cost·β − λβ + ½Σ(β − x)².
+  struct Copy {
+    Copy(double x, double lambda, double cost, double mu, double r);
+    double value;      ///< β
+    double slope;      ///< the barrier's and the cost's derivative there
+    double curvature;  ///< the barrier's second one, but no more than rounding lets λ be told from
+  };
+
+ private:
+  [[nodiscard]] bool fell_back() const { return why_back_ != nullptr; }
+  [[nodiscard]] const char* iterate_once(Run& run);
+  [[nodiscard]] bool solve_local(Run& run);
+  [[nodiscard]] bool coordinate(Run& run);
+  [[nodiscard]] double merit() const;
+  [[nodiscard]] bool converged() const;
+
+  const ScaledProblem& problem_;
+  const Options& options_;
+  SplitStep qp_;
+  L1Barrier fallback_;
+  Iterate x_, local_;  // z and y of α⁻ and of α̂; of x_ also the rows' multipliers, for a judge
+  Images images_, local_images_;              // theirs, without those multipliers
+  Vector alpha_, local_alpha_;                // (x, q, m), as all that follows has an entry for each
+  Vector lambda_, copy_, slope_, curvature_;  // λ; (β̂, γ̂) with their gradients and curvatures
+  Vector kappa_;                              // n_c
+  Vector best_z_;
+  std::vector<double> merits_;  // of the last iterations
+  double best_merit_ = 0.0, mu_ = 0.0, rho_ = 0.0, coupling_gap_ = 0.0, stationarity_ = 0.0;
+  int iterations_ = 0;
+  const char* why_back_ = nullptr;
+};
+
+}  // namespace marble

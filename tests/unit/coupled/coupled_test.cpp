@@ -1,0 +1,249 @@
+// Coupled problems: what the blocks agree on, against the joint problem and dense algebra.
+#include "marble/composite/coupled.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <atomic>
+#include <limits>
+#include <thread>
+
+#include "support/judges/dense_algebra.h"
+#include "support/judges/dense_matrix.h"
+#include "support/judges/independent_check.h"
+#include "support/judges/same_solution.h"
+#include "support/problems/coupled_problems.h"
+
+namespace marble {
+namespace {
+
+using testing::random_coupled;
+
+class ThreeThreads final : public TaskRunner {
+ public:
+  void run(std::span<const std::function<void()>> tasks) override {
+    std::atomic<std::size_t> next{0};
+    const auto work = [&] {
+      for (std::size_t i = next++; i < tasks.size(); i = next++) tasks[i]();
+    };
+    std::jthread second(work), third(work);
+    work();
+  }
+};
+
+Eigen::MatrixXd dense(const SparseMatrix& m) {
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(m.rows, m.columns);
+  for (Index j = 0; j < m.columns; ++j) {
+    for (Index k = m.column_pointers[j]; k < m.column_pointers[j + 1]; ++k)
+      result(m.row_indices[k], j) = m.values[k];
+  }
+  return result;
+}
+
+Eigen::VectorXd vector(std::span<const double> values) {
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
+/// min ½x² + g x of one variable.
+OwnedProblem one_variable(double curvature, double g) {
+  OwnedProblem p;
+  if (curvature != 0.0) p.Q = testing::sparse(Eigen::MatrixXd::Constant(1, 1, curvature));
+  p.g = {g};
+  return p;
+}
+
+struct TwoBlocks {
+  OwnedProblem left = one_variable(1.0, 0.0), right = one_variable(1.0, 1.0);
+  SparseMatrix left_rows = testing::sparse(Eigen::MatrixXd::Ones(1, 1)), right_rows = left_rows;
+  std::vector<double> total = {1.0};
+
+  [[nodiscard]] CoupledView view() const {
+    return {{{"body", left.view(), left_rows.view()}, {"arm", right.view(), right_rows.view()}}, total};
+  }
+};
+
+std::string field_of_fault(const CoupledView& view) {
+  const auto checked = check(view);
+  return checked ? "" : checked.error().field;
+}
+
+TEST(Coupled, OneStepOfConvexBlocksWithoutPairsIsTheSolutionOfTheJointKkt) {
+  for (std::uint64_t seed = 0; seed < 5; ++seed) {
+    const testing::OwnedCoupled coupled =
+        random_coupled({.blocks = 4, .variables = 5, .pairs = 0, .rows = 3}, seed);
+    CoupledOptions options;
+    options.joint = false, options.searches = 0;
+    const CoupledSolution answer = solve_coupled(coupled.view(), options).value();
+    ASSERT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
+    EXPECT_EQ(answer.coordination.last.iteration, 2);
+
+    Eigen::MatrixXd kkt = Eigen::MatrixXd::Zero(23, 23);
+    Eigen::VectorXd right(23);
+    for (Eigen::Index k = 0; k < 4; ++k) {
+      const auto block = static_cast<std::size_t>(k);
+      kkt.block(5 * k, 5 * k, 5, 5) = dense(coupled.blocks[block].Q);
+      kkt.block(20, 5 * k, 3, 5) = dense(coupled.coupling[block]);
+      right.segment(5 * k, 5) = -vector(coupled.blocks[block].g);
+    }
+    kkt.topRightCorner(20, 3) = kkt.bottomLeftCorner(3, 20).transpose();
+    right.tail(3) = vector(coupled.total);
+    const Eigen::VectorXd exact = testing::dense_solve(kkt, right);
+    EXPECT_LE((vector(answer.joint.z) - exact.head(20)).cwiseAbs().maxCoeff(), 1e-8);
+    EXPECT_LE((vector(answer.prices()) - exact.tail(3)).cwiseAbs().maxCoeff(), 1e-8);
+  }
+}
+
+TEST(Coupled, RandomFamiliesEndAtTheJointOptimumOrBetterAndAreJudgedSolved) {
+  for (std::uint64_t seed = 0; seed < 12; ++seed) {
+    const testing::OwnedCoupled coupled = random_coupled({}, seed);
+    const OwnedProblem joint = joint_problem(coupled.view());
+    const Solution whole = solve_in_process(joint.view()).value();
+    const CoupledSolution answer = solve_coupled(coupled.view()).value();
+    ASSERT_TRUE(is_solved(answer.joint.status)) << seed << ": " << answer.joint.detail;
+    EXPECT_LE(answer.joint.objective, whole.objective + 1e-6 * (1.0 + std::abs(whole.objective))) << seed;
+    const testing::Verdict verdict = testing::judge(joint.view(), answer.joint);
+    EXPECT_LE(verdict.infeasibility(), 1e-6) << seed;
+    EXPECT_LE(verdict.stationarity, 1e-6) << seed;
+    EXPECT_LE(verdict.slackness, 1e-6) << seed;
+    EXPECT_NEAR(verdict.objective, answer.joint.objective, 1e-9 * (1.0 + std::abs(verdict.objective)));
+  }
+}
+
+TEST(Coupled, ThreadsChangeNoBit) {
+  const testing::OwnedCoupled coupled =
+      random_coupled({.blocks = 5, .variables = 8, .pairs = 3, .rows = 4}, 7);
+  ThreeThreads threads;
+  const CoupledSolution many = solve_coupled(coupled.view(), {}, {.runner = &threads}).value();
+  const CoupledSolution one = solve_coupled(coupled.view()).value();
+  testing::expect_same_bits(many.joint, one.joint);
+  EXPECT_EQ(many.coordination.prices, one.coordination.prices);
+  EXPECT_EQ(many.coordination.last.factorizations, one.coordination.last.factorizations);
+  EXPECT_EQ(many.blocks_objective, one.blocks_objective);
+}
+
+TEST(Coupled, AStartAtTheAnswerAgreesAtOnce) {
+  const testing::OwnedCoupled coupled = random_coupled({}, 3);
+  CoupledOptions options;
+  options.searches = 0;
+  const CoupledSolution first = solve_coupled(coupled.view(), options).value();
+  ASSERT_EQ(first.coordination.status, Status::solved);
+  CoupledStart start{first.coordination.prices, {}};
+  for (const BlockAnswer& answer : first.coordination.answers) start.blocks.push_back(answer.solution);
+  const CoupledSolution again = solve_coupled(coupled.view(), options, {.start = &start}).value();
+  EXPECT_EQ(again.coordination.status, Status::solved);
+  EXPECT_LE(again.coordination.last.iteration, 2);
+  EXPECT_NEAR(again.joint.objective, first.joint.objective, 1e-8);
+}
+
+TEST(Coupled, AnInfeasibleBlockIsNamedWithItsProof) {
+  TwoBlocks blocks;
+  blocks.right.C = testing::sparse(Eigen::MatrixXd{{1.0}, {-1.0}});
+  blocks.right.d = {-1.0, 0.0};  // x >= 1 and x <= 0
+  const CoupledSolution answer = solve_coupled(blocks.view()).value();
+  EXPECT_EQ(answer.joint.status, Status::infeasible);
+  EXPECT_EQ(answer.coordination.failed_block, 1U);
+  EXPECT_TRUE(answer.joint.detail.starts_with("block 1 (arm) is infeasible by itself"))
+      << answer.joint.detail;
+  // (y, ν): of the coupling row, then of the inequalities: νᵀC = 0 and νᵀd < 0.
+  const std::vector<double>& proof = answer.joint.certificate;
+  ASSERT_EQ(proof.size(), 3U);
+  EXPECT_EQ(proof[0], 0.0);
+  EXPECT_NEAR(proof[1], proof[2], 1e-9 * proof[1]);
+  EXPECT_GT(proof[1], 0.0);
+}
+
+TEST(Coupled, AnUnboundedBlockThatNoRowHoldsIsNamed) {
+  TwoBlocks blocks;
+  blocks.right = one_variable(0.0, -1.0);
+  blocks.right_rows = {};
+  const CoupledSolution answer = solve_coupled(blocks.view()).value();
+  EXPECT_EQ(answer.joint.status, Status::unbounded);
+  EXPECT_EQ(answer.coordination.failed_block, 1U);
+  EXPECT_TRUE(answer.joint.detail.starts_with("block 1 (arm) is unbounded by itself")) << answer.joint.detail;
+}
+
+TEST(Coupled, ABlockThatOnlyTheRowsHoldIsSolved) {
+  TwoBlocks blocks;
+  blocks.right = one_variable(0.0, -1.0);  // ½x² − y with x + y = 1: x = −1, y = 2
+  const CoupledSolution answer = solve_coupled(blocks.view()).value();
+  ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
+  EXPECT_NEAR(answer.joint.z[0], -1.0, 1e-8);
+  EXPECT_NEAR(answer.joint.z[1], 2.0, 1e-8);
+}
+
+TEST(Coupled, RowsThatContradictEachOtherAreInfeasibleAndNoBlockIsBlamed) {
+  TwoBlocks blocks;
+  blocks.left_rows = blocks.right_rows = testing::sparse(Eigen::MatrixXd::Ones(2, 1));
+  blocks.total = {1.0, 2.0};
+  const CoupledSolution answer = solve_coupled(blocks.view()).value();
+  EXPECT_EQ(answer.joint.status, Status::infeasible) << answer.joint.detail;
+  EXPECT_FALSE(answer.coordination.failed_block.has_value());
+  EXPECT_TRUE(
+      answer.joint.detail.starts_with("each block has an answer by itself, but not with the coupling"))
+      << answer.joint.detail;
+}
+
+TEST(Coupled, AStopEndsItInTheNextIteration) {
+  const testing::OwnedCoupled coupled = random_coupled({}, 1);
+  std::stop_source stop;
+  CoupledControls controls{.progress = [&](const CoupledIteration&) { stop.request_stop(); },
+                           .stop = stop.get_token()};
+  const CoupledSolution answer = solve_coupled(coupled.view(), {}, controls).value();
+  EXPECT_EQ(answer.joint.status, Status::cancelled);
+  EXPECT_LE(answer.coordination.last.iteration, 2);
+}
+
+TEST(Coupled, AFaultOfTheProblemIsNamed) {
+  const TwoBlocks good;
+  EXPECT_EQ(field_of_fault(good.view()), "");
+  EXPECT_EQ(field_of_fault({}), "blocks");
+  TwoBlocks bad = good;
+  bad.total = {std::numeric_limits<double>::quiet_NaN()};
+  EXPECT_EQ(field_of_fault(bad.view()), "total");
+  bad = good;
+  bad.total.assign(static_cast<std::size_t>(kMostCouplingRows) + 1, 0.0);
+  EXPECT_EQ(field_of_fault(bad.view()), "total");
+  EXPECT_NE(check(bad.view()).error().message().find("2000"), std::string::npos);
+  bad = good;
+  bad.right_rows.values[0] = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(field_of_fault(bad.view()), "blocks[1].coupling.values");
+  bad = good;
+  bad.right_rows = testing::sparse(Eigen::MatrixXd::Ones(3, 1));
+  EXPECT_EQ(field_of_fault(bad.view()), "blocks[1].coupling.rows");
+  bad = good;
+  bad.left.Q.values[0] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(field_of_fault(bad.view()), "blocks[0].problem.Q.values");
+}
+
+TEST(Coupled, AFaultOfTheOptionsIsNamed) {
+  const auto fault = [](auto change) {
+    CoupledOptions options;
+    change(options);
+    const auto answer = solve_coupled(TwoBlocks().view(), options);
+    return answer ? "" : answer.error().field;
+  };
+  EXPECT_EQ(fault([](CoupledOptions& o) { o.proximal = 0.0; }), "proximal");
+  EXPECT_EQ(fault([](CoupledOptions& o) { o.max_iterations = 0; }), "max_iterations");
+  EXPECT_EQ(fault([](CoupledOptions& o) { o.freeze_after = -1; }), "freeze_after");
+  EXPECT_EQ(fault([](CoupledOptions& o) { o.freeze_after = 0; }), "freeze_after");
+  EXPECT_EQ(fault([](CoupledOptions& o) { o.searches = -1; }), "searches");
+  EXPECT_EQ(fault([](CoupledOptions& o) { o.flips = -1; }), "flips");
+  EXPECT_EQ(fault([](CoupledOptions& o) { o.tolerance = 1.0; }), "tolerance");
+}
+
+TEST(Coupled, AFaultOfTheStartIsNamed) {
+  const TwoBlocks blocks;
+  const auto fault = [&blocks](const CoupledStart& start) {
+    const auto answer = solve_coupled(blocks.view(), {}, {.start = &start});
+    return answer ? "" : answer.error().field;
+  };
+  Solution one;
+  one.z = {0.0};
+  EXPECT_EQ(fault({{0.0}, {one, one}}), "");
+  EXPECT_EQ(fault({{0.0, 0.0}, {}}), "start.prices");
+  EXPECT_EQ(fault({{}, {one}}), "start.blocks");
+  EXPECT_EQ(fault({{}, {one, {}}}), "start.blocks[1].z");
+}
+
+}  // namespace
+}  // namespace marble

@@ -1,0 +1,112 @@
+// Long horizons in pieces: what is cut adds up to the whole, and is solved as the whole.
+#include "marble/composite/pieces.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+
+#include "marble/examples.h"
+#include "support/judges/dense_matrix.h"
+#include "support/judges/independent_check.h"
+
+namespace marble {
+namespace {
+
+OwnedProblem hopper(int steps) {
+  examples::HopperParameters parameters;
+  parameters.steps = steps;
+  return examples::hopper(parameters);
+}
+
+std::vector<Index> stages(int steps) {
+  std::vector<Index> result;
+  for (int k = 0; k < steps; ++k) result.insert(result.end(), examples::kHopperVariables, k);
+  return result;
+}
+
+TEST(Pieces, AnAnswerOfTheWholeIsOneOfThePiecesTogether) {
+  const OwnedProblem p = hopper(20);
+  const Solution whole = solve_in_process(p.view()).value();
+  ASSERT_TRUE(is_solved(whole.status));
+  const Pieces pieces =
+      cut(Problem::create(p.view()).value(), pieces_by_stage(stages(20), 3).value()).value();
+  ASSERT_TRUE(check(pieces.view()).has_value());
+  const CoupledStart start = pieces.start(whole);
+  Solution joint;
+  for (const Solution& block : start.blocks) {
+    const auto append = [&](std::vector<double> Solution::*values) {
+      (joint.*values).insert((joint.*values).end(), (block.*values).begin(), (block.*values).end());
+    };
+    append(&Solution::z), append(&Solution::equality_multipliers), append(&Solution::inequality_multipliers);
+    append(&Solution::complementarity_multipliers_L), append(&Solution::complementarity_multipliers_R);
+  }
+  joint.equality_multipliers.insert(joint.equality_multipliers.end(), start.prices.begin(),
+                                    start.prices.end());
+  const OwnedProblem together = joint_problem(pieces.view());
+  const testing::Verdict verdict = testing::judge(together.view(), joint);
+  EXPECT_NEAR(verdict.objective, whole.objective, 1e-9 * (1.0 + std::abs(whole.objective)));
+  EXPECT_LE(verdict.infeasibility(), 1e-6);
+  EXPECT_LE(verdict.stationarity, 1e-6);
+}
+
+TEST(Pieces, TheyAgreeOnTheObjectiveOfTheirJointBranch) {
+  const OwnedProblem p = hopper(120);
+  const PiecesSolution answer =
+      solve_in_pieces(Problem::create(p.view()).value(), stages(120), {.pieces = 2}).value();
+  ASSERT_TRUE(is_solved(answer.whole.status)) << answer.whole.detail;
+  EXPECT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
+  EXPECT_NEAR(answer.blocks_objective, answer.whole.objective,
+              1e-8 * (1.0 + std::abs(answer.whole.objective)));
+  EXPECT_LE(answer.whole.objective, answer.sweep_objective);
+  const testing::Verdict verdict = testing::judge(p.view(), answer.whole);
+  EXPECT_LE(verdict.infeasibility(), 1e-6);
+  EXPECT_LE(verdict.stationarity, 1e-6);
+}
+
+TEST(Pieces, WhereOneFailsTheWholeIsSolvedFromTheirSweep) {
+  // The first piece is left with −½x², which ρ = ½ does not hold and ρ = 100 does.
+  OwnedProblem p;
+  p.Q = testing::sparse(Eigen::MatrixXd{{1.0, 2.0}, {2.0, 5.0}});
+  p.g = {1.0, -1.0};
+  const Problem problem = Problem::create(p.view()).value();
+  const std::vector<Index> stages = {0, 1};
+  const PiecesSolution held = solve_in_pieces(problem, stages).value();
+  EXPECT_EQ(held.coordination.status, Status::solved) << held.coordination.detail;
+
+  PiecesOptions options;
+  options.coupled.proximal = 0.5;
+  const PiecesSolution failed = solve_in_pieces(problem, stages, options).value();
+  EXPECT_EQ(failed.coordination.failed_block, 0U) << failed.coordination.detail;
+  EXPECT_NE(failed.whole.detail.find("so the whole was solved from the pieces one after the other"),
+            std::string::npos)
+      << failed.whole.detail;
+  for (const PiecesSolution* answer : {&held, &failed}) {
+    ASSERT_TRUE(is_solved(answer->whole.status)) << answer->whole.detail;
+    EXPECT_NEAR(answer->whole.z[0], -7.0, 1e-8);
+    EXPECT_NEAR(answer->whole.z[1], 3.0, 1e-8);
+  }
+}
+
+TEST(Pieces, StagesAndPiecesOutOfRangeAreNamed) {
+  EXPECT_EQ(pieces_by_stage({}, 1).error().field, "stages");
+  EXPECT_EQ(pieces_by_stage(std::vector<Index>{0, -1}, 1).error().field, "stages");
+  EXPECT_EQ(pieces_by_stage(std::vector<Index>{0, 1}, 3).error().field, "pieces");
+  EXPECT_EQ(pieces_by_stage(std::vector<Index>{0, 1, 2, 3}, 2).value(), (std::vector<Index>{0, 0, 1, 1}));
+
+  const OwnedProblem p = hopper(3);
+  const Problem problem = Problem::create(p.view()).value();
+  EXPECT_EQ(cut(problem, std::vector<Index>{0}).error().field, "pieces");
+  std::vector<Index> none_in_1(p.g.size(), 0);
+  none_in_1.back() = 2;
+  EXPECT_FALSE(cut(problem, none_in_1).has_value());
+  none_in_1.back() = -1;
+  EXPECT_EQ(cut(problem, none_in_1).error().index, static_cast<std::int64_t>(p.g.size()) - 1);
+  EXPECT_EQ(solve_in_pieces(problem, stages(3), {.look_ahead = -2}).error().field, "look_ahead");
+  EXPECT_EQ(
+      solve_in_pieces(problem, stages(3), {.coupled = {.freeze_after = 5, .joint = false}}).error().field,
+      "joint");
+}
+
+}  // namespace
+}  // namespace marble
