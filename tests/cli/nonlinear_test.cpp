@@ -95,14 +95,16 @@ TEST_F(NonlinearFile, SettingsAndOptionsOfEachLcqpAreTaken) {
   EXPECT_EQ(answer("--local --option curvature=bfgs --option step_tolerance=1e-6 " + model)["status"],
             "solved");
   EXPECT_EQ(answer("--local --option path=paper " + model)["status"], "solved");
+  EXPECT_EQ(answer("--local --option nonlinear_method=alag " + model)["status"], "solved");
   EXPECT_EQ(answer("--local --time-limit 0 " + model, 1)["status"], "time_limit");
-  for (const char* const wrong : {"curvature=flat", "step_tolerance=0", "iteration_limit=many"}) {
+  for (const char* const wrong :
+       {"curvature=flat", "step_tolerance=0", "iteration_limit=many", "nonlinear_method=newton"}) {
     const Result result = run(std::string("solve --local --option ") + wrong + " " + model);
     EXPECT_EQ(result.exit_code, 2) << wrong;
     EXPECT_NE(result.err.find("must be"), std::string::npos) << result.err;
   }
   const Result options = run("-=");
-  for (const char* const name : {"step_tolerance", "iteration_limit", "curvature"})
+  for (const char* const name : {"step_tolerance", "iteration_limit", "curvature", "nonlinear_method"})
     EXPECT_NE(options.out.find(name), std::string::npos) << name;
 }
 

@@ -37,6 +37,7 @@ std::span<const NonlinearWord> nonlinear_words() {
       {"largest_radius", "of a nonlinear file: that the trust region may have", "1e+06"},
       {"iteration_limit", "of a nonlinear file: linearisations before it ends", "200"},
       {"curvature", "of a nonlinear file: exact, bfgs or none", "exact"},
+      {"nonlinear_method", "of a nonlinear file: sqpcc, slp, penalty, alag or barrier", "sqpcc"},
   };
   return kWords;
 }
@@ -54,6 +55,11 @@ Expected<void> set_nonlinear_text(Settings& settings, const std::string& name, c
   if (name == "iteration_limit") {
     if (read_number(value, settings.iteration_limit) && settings.iteration_limit >= 0) return {};
     return unexpected(invalid(name, value, "must be an integer >= 0"));
+  }
+  if (name == "nonlinear_method") {
+    const auto method = nonlinear::method_of(value);
+    if (!method) return unexpected(method.error());
+    return settings.method = *method, Expected<void>{};
   }
   if (name == "curvature") {
     for (const auto& [word, curvature] : kCurvatures) {

@@ -249,6 +249,9 @@ class Warm {
 /// Settings by their names; tell: None, or told of each iteration.
 nonlinear::Settings settings_of(const py::dict& given, const py::dict& lcqp, const py::object& tell) {
   nonlinear::Settings settings;
+  const auto method = nonlinear::method_of(given["nonlinear_method"].cast<std::string>());
+  if (!method) raise(method.error());
+  settings.method = *method;
   settings.curvature = curvature_of(given["curvature"].cast<std::string>());
   settings.step_tolerance = given["step_tolerance"].cast<double>();
   settings.feasibility_tolerance = given["feasibility_tolerance"].cast<double>();

@@ -38,6 +38,26 @@ def test_the_lectures_example_ends_at_its_solution(x0, hessian):
     assert rows[0].objective == x0[0] ** 3 + x0[1] ** 2
 
 
+@pytest.mark.parametrize("method", ["slp", "penalty", "alag", "barrier"])
+def test_other_methods_end_there_too(method):
+    rows = []
+    answer = marble.nlp.solve(circle, slopes, [2, 2], hessian=curvature, nonlinear_method=method, progress=rows.append)
+    assert answer.solved and np.allclose(answer.x, [1, 3], atol=1e-5), answer.detail
+    assert answer.b_stationary is (True if method == "slp" else None)
+    assert rows[0].objective == 12 and [row.iteration for row in rows] == sorted({row.iteration for row in rows})
+
+
+def test_methods_that_do_not_fit_say_so():
+    def refused(**settings):
+        with pytest.raises(marble.InvalidArgument) as caught:
+            marble.nlp.solve(circle, slopes, **settings)
+        return caught.value.field
+
+    assert refused(x0=[2, 2], nonlinear_method="newton") == "nonlinear_method"
+    assert refused(x0=[2, 2], nonlinear_method="slp", curvature="bfgs") == "settings.curvature"
+    assert refused(x0=[1, 1], nonlinear_method="barrier") == "values.inequalities"  # it begins inside
+
+
 def gate(x):
     """A pair that keeps the point off (1, 2), where its residuals are zero."""
     return {"objective": 0, "residuals": x - [1, 2], "G": [np.sin(x[0])], "H": [x[1]]}

@@ -14,6 +14,7 @@
 #include <span>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "marble/error.h"
@@ -69,6 +70,21 @@ enum class Curvature {
   none,          ///< B = 0: sequential linear programs with pairs
 };
 
+/// How a problem is solved. The last three are references, to compare with: they know no pairs and no rows
+/// but put all into one smooth function, whose minimum within the bounds the loop of sqpcc finds again and
+/// again (K. Murty, "Algorithms for NLP with nonlinear constraints", lectures). client/cpp/NONLINEAR.md has
+/// what becomes of them.
+enum class Method {
+  sqpcc,  ///< a sequence of LCQPs that keep the pairs
+  slp,    ///< the same with Curvature::none
+  penalty,  ///< exterior: θ + μ (Σ c_E² + Σ max(0, −c_I)² + …), G and H as c_I, G·H as c_E; μ grows tenfold
+  alag,  ///< augmented Lagrangian of the same terms, by the method of multipliers
+  barrier,  ///< θ − μ Σ log of c_I, G and H; c_E and G·H by penalties 1/μ. Begins where the former are > 0
+};
+
+/// By its name. The error's field is "nonlinear_method".
+[[nodiscard]] Expected<Method> method_of(std::string_view name);
+
 /// A problem by its functions. What they throw goes through solve(). x has n entries within the bounds.
 struct Problem {
   std::function<Values(std::span<const double> x)> values;            ///< wanted
@@ -108,7 +124,8 @@ struct Iteration {
 
 /// All of it optional.
 struct Settings {
-  Curvature curvature = Curvature::automatic;  ///< of the subproblems
+  Method method = Method::sqpcc;
+  Curvature curvature = Curvature::automatic;  ///< of the subproblems; of slp none, of references not none
   double step_tolerance = 1e-8;                ///< max |d_j| / scale_j of a solution, > 0
   double feasibility_tolerance = 1e-6;         ///< violation of a solution, user units, > 0
   double radius = 1.0;                         ///< first one of the trust region, > 0

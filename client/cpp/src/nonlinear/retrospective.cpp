@@ -29,6 +29,7 @@ Expected<void> valid(const SampledProblem& sampled, const RetrospectiveSettings&
     return refuse("settings.reduction", *s.reduction, "must be > 0 and < 1");
   if (!(s.tolerance >= 0.0 && std::isfinite(s.tolerance)))
     return refuse("settings.tolerance", s.tolerance, "must be finite and >= 0");
+  if (is_reference(s.loop.method)) return unexpected(invalid("settings.loop.method", "must be sqpcc or slp"));
   if (s.fresh_samples < 2) return refuse("settings.fresh_samples", s.fresh_samples, "must be >= 2");
   return check(s.loop);
 }

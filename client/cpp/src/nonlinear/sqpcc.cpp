@@ -26,7 +26,6 @@ constexpr double kRestored = 0.1;         // of the violation at which the resto
 constexpr double kFirstShift = 1e-2;      // of B's largest entry
 constexpr double kShiftFactor = 10.0;
 constexpr int kMostShifts = 12;
-constexpr double kReducedKkt = 1e-4;  // of an answer whose steps stay long
 
 }  // namespace
 
@@ -114,7 +113,8 @@ Expected<void> Loop::begin_again() {
 }
 
 Expected<void> Loop::make_curvature() {
-  const Curvature kind = chosen(settings_.curvature, problem_, point_);
+  const Curvature kind =
+      settings_.method == Method::slp ? Curvature::none : chosen(settings_.curvature, problem_, point_);
   if (kind == Curvature::exact && !problem_.hessian)
     return unexpected(invalid("hessian", "must be a function: the settings ask for the exact curvature"));
   auto model = Model::create(kind, functions_, point_, at_, step_.multipliers);
@@ -305,14 +305,15 @@ Expected<void> Loop::correct() {
 }
 
 // A step may be short because B is large, far from where the slopes balance.
-bool Loop::is_stationary() {
-  const Multipliers& m = step_.multipliers;
-  return kkt_residual() <= kReducedKkt * std::max({1.0, largest(at_.gradient), largest(m.equalities),
-                                                   largest(m.inequalities), largest(m.G), largest(m.H)});
+bool Loop::is_stationary() { return kkt_residual() <= kReducedKkt * largest_slope(at_, step_.multipliers); }
+
+double largest_slope(const Linearisation& at, const Multipliers& m) {
+  return std::max({1.0, largest(at.gradient), largest(m.equalities), largest(m.inequalities), largest(m.G),
+                   largest(m.H)});
 }
 
 double Loop::kkt_residual() {
-  lagrangian_gradient(step_.multipliers, gradient_);
+  lagrangian_gradient(at_, step_.multipliers, gradient_);
   for (std::size_t j = 0; j < gradient_.size(); ++j) gradient_[j] -= step_.multipliers.bounds[j];
   return largest(gradient_);
 }
@@ -338,9 +339,9 @@ Expected<bool> Loop::linearised() {
 // To the trial point, with the step's multipliers.
 Expected<void> Loop::move() {
   const Multipliers& m = step_.multipliers;
-  lagrangian_gradient(m, change_);
+  lagrangian_gradient(at_, m, change_);
   std::swap(point_, trial_), std::swap(at_, next_);
-  lagrangian_gradient(m, gradient_);
+  lagrangian_gradient(at_, m, gradient_);
   for (std::size_t j = 0; j < change_.size(); ++j) change_[j] = gradient_[j] - change_[j];
   const double sigma = B_->shift() / kShiftFactor;
   if (auto moved = B_->move(functions_, point_, at_, m, step_.d, change_); !moved) return moved;
@@ -350,11 +351,11 @@ Expected<void> Loop::move() {
   return {};
 }
 
-void Loop::lagrangian_gradient(const Multipliers& m, std::vector<double>& gradient) const {
-  gradient = at_.gradient;
-  add_transposed(at_.equalities, m.equalities, 1.0, gradient);
-  add_transposed(at_.inequalities, m.inequalities, -1.0, gradient);
-  add_transposed(at_.G, m.G, -1.0, gradient), add_transposed(at_.H, m.H, -1.0, gradient);
+void lagrangian_gradient(const Linearisation& at, const Multipliers& m, std::vector<double>& gradient) {
+  gradient = at.gradient;
+  add_transposed(at.equalities, m.equalities, 1.0, gradient);
+  add_transposed(at.inequalities, m.inequalities, -1.0, gradient);
+  add_transposed(at.G, m.G, -1.0, gradient), add_transposed(at.H, m.H, -1.0, gradient);
 }
 
 void Loop::tell() {
@@ -385,6 +386,7 @@ Answer Loop::end(Status status, const std::string& why) {
     answer_.b_stationary = step_.b_stationary, answer_.stationarity = step_.stationarity;
   answer_.iterations = row_.iteration, answer_.ticks = row_.ticks,
   answer_.evaluations = functions_.evaluations();
+  answer_.reopened = 0;
   for (const auto& ticks : ticks_) answer_.reopened += ticks != nullptr ? ticks->reopened() : 0;
   char text[200];
   std::snprintf(text, sizeof text,
@@ -411,6 +413,11 @@ Expected<void> check(const Settings& s) {
   if (!(s.largest_radius >= s.radius))
     return unexpected(
         invalid("settings.largest_radius", std::to_string(s.largest_radius), "must be >= radius"));
+  const bool none = s.curvature == Curvature::none;
+  if (s.method == Method::slp ? !none && s.curvature != Curvature::automatic : none && is_reference(s.method))
+    return unexpected(
+        invalid("settings.curvature", none ? "must not be none of a reference method"
+                                           : "must be automatic or none where the method is slp"));
   if (s.iteration_limit < 0)
     return unexpected(invalid("settings.iteration_limit", std::to_string(s.iteration_limit), "must be >= 0"));
   return {};
@@ -425,13 +432,6 @@ Options Settings::subproblem_options() {
   options.equality_tolerance = options.inequality_tolerance = options.complementarity_tolerance = 1e-9;
   options.stationarity_tolerance = 1e-8;
   return options;
-}
-
-Expected<Answer> solve(const Problem& problem, const OpenTicks& open, const Settings& settings) {
-  if (auto valid = check(settings); !valid) return unexpected(valid.error());
-  auto functions = Functions::create(problem);
-  if (!functions) return unexpected(functions.error());
-  return or_out_of_memory([&] { return Loop(problem, std::move(*functions), open, settings).run(); });
 }
 
 }  // namespace marble::nonlinear

@@ -22,6 +22,17 @@ struct LevelTolerance {
   double floor = 0.0;
 };
 
+inline constexpr double kReducedKkt = 1e-4;  // of the largest slope, in an answer that is stationary
+
+/// Of what balances at a stationary point: max{1, |∇θ|, |multipliers|}.
+[[nodiscard]] double largest_slope(const Linearisation& at, const Multipliers& m);
+/// ∇θ + ∇c_Eᵀy − ∇c_Iᵀν − ∇Gᵀξ − ∇Hᵀη
+void lagrangian_gradient(const Linearisation& at, const Multipliers& m, std::vector<double>& gradient);
+
+[[nodiscard]] inline bool is_reference(Method method) {
+  return method != Method::sqpcc && method != Method::slp;
+}
+
 /// Errors of nonlinear::solve's settings.
 [[nodiscard]] Expected<void> check(const Settings& settings);
 
@@ -82,7 +93,6 @@ class Loop {
   [[nodiscard]] double kkt_residual();
   [[nodiscard]] double violation() const { return largest_violation(rows_of(point_)); }
   [[nodiscard]] bool meets(const std::optional<LevelTolerance>& tolerance);
-  void lagrangian_gradient(const Multipliers& m, std::vector<double>& gradient) const;
 
   const Problem& problem_;
   Functions functions_;

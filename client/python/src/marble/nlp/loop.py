@@ -64,6 +64,10 @@ class Answer:
 class Settings:
     """What the loop is told beside its problem, each by its name; further names are options of each LCQP.
 
+    nonlinear_method: "sqpcc", the sequence of LCQPs; "slp", the same without curvature, for answers at a vertex; and to
+    compare with, smooth methods that know no pairs: "penalty", "alag" (augmented Lagrangian) and "barrier", which begins
+    where every inequality and every side of a pair is positive. `method` is an option of each LCQP.
+
     curvature: "exact", "gauss_newton", "bfgs" or "none"; "automatic" takes the first of the three for which there is
     what it needs. step_tolerance: longest step of a solved point, in units of scale. feasibility_tolerance: its largest
     violation. radius: the first one of the trust region. progress: told of each iteration.
@@ -73,6 +77,7 @@ class Settings:
     set up again, on another one where the client knows several, and asked again; the answer counts it as reopened.
     """
 
+    nonlinear_method: str = "sqpcc"
     curvature: str = "automatic"
     step_tolerance: float = 1e-8
     feasibility_tolerance: float = 1e-6

@@ -1,0 +1,106 @@
+// The smooth function of a reference method: θ and a term of each row, with no rows but bounds. K. Murty,
+// "Algorithms for NLP with nonlinear constraints" (lectures). With a row's value v, its weight μ and its
+// multiplier π:
+//
+//   equality, and G·H of a pair    πv + μv²
+//   inequality, and G and H        (max(0, π − 2μv)² − π²) / 4μ      penalty (π = 0) and alag
+//                                  −μ log v                          barrier; its equalities have the weight
+//                                  1/μ
+#pragma once
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "nonlinear/curvature.h"
+#include "nonlinear/functions.h"
+#include "nonlinear/merit.h"
+#include "nonlinear/methods/outer_products.h"
+
+namespace marble::nonlinear {
+
+/// An error of a caller's function, on its way through the loop.
+struct Refused {
+  Error error;
+};
+
+class Auxiliary {
+ public:
+  enum Part : std::size_t { equalities, inequalities, sides_G, sides_H, products, kParts };
+  struct Row {
+    double weight, multiplier;  // μ and π
+  };
+  struct Seen {
+    std::vector<double> x;
+    double objective = 0.0, violation = 0.0;
+  };
+
+  /// Of a problem that is there at functions.start(), at least in its sizes. All must outlive it, and it must
+  /// stay.
+  Auxiliary(const Problem& problem, Functions& functions, const Settings& settings, Point first);
+  Auxiliary(const Auxiliary&) = delete;
+  Auxiliary& operator=(const Auxiliary&) = delete;
+
+  /// θ and all terms, for the loop. Its functions throw Refused.
+  [[nodiscard]] const Problem& problem() const { return made_; }
+
+  [[nodiscard]] std::array<std::vector<Row>, kParts>& rows() { return rows_; }
+  /// Of a penalty, or of the barrier, to all rows.
+  void set_weight(double mu);
+
+  /// The functions at x.
+  const Point& at(std::span<const double> x);
+  /// What the terms' slopes at x say of all multipliers but the bounds'; 0 of a row that is further than
+  /// `tolerance` from its bound.
+  void multipliers(std::span<const double> x, double tolerance, Multipliers& multipliers);
+  [[nodiscard]] const Linearisation& linearisation() const { return at_; }
+  /// What is meant to be zero: |v| of what is penalised on both sides, |min(v, π/2μ)| of an inequality.
+  [[nodiscard]] double residual(Part part, std::size_t i) const;
+  /// π as the minimum over x says: the slope of the row's term.
+  [[nodiscard]] double estimate(Part part, std::size_t i) const { return term(part, i).estimate; }
+  /// Σ log of the rows that have to be positive.
+  [[nodiscard]] double barrier() const;
+  [[nodiscard]] double violation() const;
+  /// The newest numbers of the caller's that were not finite, or not inside.
+  [[nodiscard]] const std::optional<Error>& fault() const { return fault_; }
+  /// What was linearised at x, which was one of the last two points.
+  [[nodiscard]] const Seen& seen(std::span<const double> x) const {
+    return seen_[same(seen_[0].x, x) ? 0 : 1];
+  }
+
+ private:
+  struct Term {
+    double value = 0.0, estimate = 0.0, curvature = 0.0;
+  };
+  [[nodiscard]] static bool same(std::span<const double> a, std::span<const double> b);
+  [[nodiscard]] bool is_two_sided(Part part) const { return part == equalities || part == products; }
+  [[nodiscard]] double value(Part part, std::size_t i) const;
+  [[nodiscard]] Term term(Part part, std::size_t i) const;
+  void find_fault();
+  Values values(std::span<const double> x);
+  Derivatives derivatives(std::span<const double> x);
+  SparseMatrixView hessian(std::span<const double> x);
+  void linearise(std::span<const double> x);
+  void move_curvature();
+  void estimate_multipliers(Multipliers& m) const;
+
+  Problem made_;
+  Functions& functions_;
+  const bool barrier_;
+  const Curvature kind_;  // of the caller's Lagrangian; the terms' own curvature is exact
+  std::array<std::vector<Row>, kParts> rows_;
+  Point point_;
+  Linearisation at_;
+  std::vector<double> linearised_;  // x of at_
+  bool there_ = false;              // point_ has the values of its x
+  std::vector<double> gradient_;
+  Multipliers multipliers_;
+  std::optional<Model> B_;
+  std::vector<double> last_x_, step_, change_, slope_;
+  Linearisation last_;  // where B_ is
+  std::optional<OuterProducts> hessian_;
+  std::optional<Error> fault_;
+  std::array<Seen, 2> seen_;
+};
+
+}  // namespace marble::nonlinear
