@@ -13,7 +13,6 @@
 #include "calls/jobs_service.h"
 #include "calls/solver_service.h"
 #include "config/config.h"
-#include "fleet/fleet_submissions.h"
 #include "http/http_server.h"
 #include "log/library_log.h"
 #include "marble/version.h"
@@ -24,7 +23,7 @@
 #include "process/signals.h"
 #include "process/supervisor.h"
 #include "service/info_service.h"
-#include "submissions/local_submissions.h"
+#include "submissions/recovery.h"
 
 namespace {
 
@@ -100,15 +99,10 @@ int print_new_token(const std::string& name_and_roles) {
   return 0;
 }
 
-marble::Expected<std::unique_ptr<Submissions>> begin_submissions(const ServiceParts& parts, JobStore* store) {
-  if (parts.config.state.empty()) return LocalSubmissions::begin(parts, store);
-  return FleetSubmissions::begin(parts);
-}
-
 int check_state(const Config& config) {
-  if (config.state_dir.empty() && config.state.empty())
-    return tell({{"flag --check-state", marble::invalid("state_dir", "must be set, or state")}});
-  const auto checked = config.state.empty() ? JobStore::check(config.state_dir) : check_fleet(config.state);
+  if (config.state_dir.empty())
+    return tell({{"flag --check-state", marble::invalid("state_dir", "must be set")}});
+  const auto checked = JobStore::check(config.state_dir);
   if (!checked) return tell({{"state", checked.error()}});
   std::cout << *checked << '\n';
   return 0;
@@ -179,10 +173,9 @@ int main(int argc, char** argv) {
       return kBadConfiguration;
     }
     store = std::move(*opened);
-  } else if (config->state.empty()) {
+  } else {
     log.info(Component::server, "jobs_in_memory",
-             {{"reason",
-               "neither state_dir nor state is set: submitted jobs and their answers end with the server"}});
+             {{"reason", "no state_dir is set: submitted jobs and their answers end with the server"}});
   }
   ResultStore results(result_limits(*config), [&store](const std::string& id) {
     if (store != nullptr) store->forget(id);
@@ -197,15 +190,18 @@ int main(int argc, char** argv) {
   pulse.add(shared_scheduler);
   pulse.add(expiry);
   pulse.add(suppressed_lines);
-  ServiceParts parts{*config, access,  log,       metrics,  pulse,       board,
-                     feeds,   results, scheduler, sessions, connections, calls};
-  const auto submissions = begin_submissions(parts, store.get());
-  if (!submissions) {
-    log.error(Component::server, "cannot_use_state",
-              {{"state", submissions.error().value}, {"reason", submissions.error().bound}});
-    return kBadConfiguration;
+  const ServiceParts parts{*config, access,      log,       metrics,  pulse,       board, feeds,
+                           results, store.get(), scheduler, sessions, connections, calls};
+  std::shared_ptr<Recovery> recovery;
+  if (store != nullptr) {
+    auto begun = Recovery::begin(parts);
+    if (!begun) {
+      log.error(Component::server, "cannot_use_state",
+                {{"state_dir", begun.error().value}, {"reason", begun.error().bound}});
+      return kBadConfiguration;
+    }
+    recovery = std::move(*begun);
   }
-  parts.submissions = submissions->get();
   SolverService solver_service(parts);
   JobsService jobs_service(parts);
   InfoService info_service(parts);
@@ -266,7 +262,7 @@ int main(int argc, char** argv) {
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
-  parts.submissions->close();
+  if (store != nullptr) store->close();
   hang_up(*listening, connections, calls);
   http.reset();
   log.tell_all_suppressed();
