@@ -93,7 +93,11 @@ Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveCon
   auto solution = solver_.solve(own);
   if (!solution) return solution;
   solution->times.setup_s = 0.0;
-  if (is_solved(solution->status)) newest_ = *solution;
+  if (is_solved(solution->status)) {
+    auto sensitivity = std::exchange(solution->sensitivity, std::nullopt);  // not kept
+    newest_ = *solution;
+    solution->sensitivity = std::move(sensitivity);
+  }
   return solution;
 }
 
