@@ -86,6 +86,10 @@ Expected<void> WarmSolver::prepare(const CheckedUpdate& update, const SolveContr
 }
 
 Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveControls& controls) {
+  if (controls.sensitivity != nullptr) {
+    if (auto valid = check(*controls.sensitivity, sizes_); !valid)
+      return unexpected(inside("sensitivity", valid.error()));
+  }
   if (auto taken = take(update); !taken) return unexpected(taken.error());
   SolveControls own = controls;
   own.initial_z = initial_z_;

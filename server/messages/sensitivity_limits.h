@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "config/config.h"
-#include "marble/derivatives.h"
+#include "marble/sensitivity.h"
 #include "marble/v1/sensitivity.pb.h"
 
 namespace marble::server {

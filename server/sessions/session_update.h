@@ -61,7 +61,7 @@ class Update {
   Shift shift_;
   Clock::time_point arrival_ = Clock::now();
   std::int64_t sensitivity_bytes_ = 0;
-  std::unique_ptr<Scheduler::Held> sensitivity_room_;
+  std::shared_ptr<Scheduler::Held> sensitivity_room_;
   bool lacks_sensitivity_room_ = false;
 };
 

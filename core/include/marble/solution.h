@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "marble/derivatives.h"
 #include "marble/progress.h"
+#include "marble/sensitivity.h"
 
 namespace marble {
 

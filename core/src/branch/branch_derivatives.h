@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "branch/branch_point.h"
-#include "marble/derivatives.h"
+#include "marble/sensitivity.h"
 
 namespace marble {
 

@@ -3,11 +3,11 @@
 
 #include <limits>
 
-#include "marble/derivatives.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
 #include "marble/progress.h"
+#include "marble/sensitivity.h"
 #include "marble/solution.h"
 #include "marble/v1/options.pb.h"
 #include "marble/v1/problem.pb.h"

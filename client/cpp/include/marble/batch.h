@@ -9,10 +9,10 @@
 #include <string>
 
 #include "marble/call_controls.h"
-#include "marble/derivatives.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
+#include "marble/sensitivity.h"
 
 namespace marble {
 
@@ -22,10 +22,10 @@ struct BatchProblem {
   ProblemView problem;                     ///< as Client::solve has it
   Options options = {};                    ///< of this problem
   std::span<const double> initial_z = {};  ///< n or empty
+  std::string problem_name = {};           ///< shortened to 256 bytes
+  std::string request_id = {};             ///< at most 128 bytes of printable ASCII
   /// Derivatives of its answer that are wanted with it, or none.
   const SensitivityRequest* sensitivity = nullptr;
-  std::string problem_name = {};  ///< shortened to 256 bytes
-  std::string request_id = {};    ///< at most 128 bytes of printable ASCII
 };
 
 /// Gives one problem after the other, then nothing. Called on a thread of the batch's own; the arrays must

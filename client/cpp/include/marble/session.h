@@ -14,12 +14,12 @@
 #include <variant>
 
 #include "marble/call_controls.h"
-#include "marble/derivatives.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
 #include "marble/progress.h"
 #include "marble/restart.h"
+#include "marble/sensitivity.h"
 
 namespace marble {
 

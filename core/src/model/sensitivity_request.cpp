@@ -1,8 +1,7 @@
-#include "marble/derivatives.h"
-
 #include <string>
 #include <tuple>
 
+#include "marble/sensitivity.h"
 #include "model/check_matrix.h"
 
 namespace marble {
