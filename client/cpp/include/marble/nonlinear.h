@@ -124,7 +124,7 @@ struct Iteration {
 
 /// All of it optional.
 struct Settings {
-  Method method = Method::sqpcc;
+  Method method = Method::sqpcc;               ///< the loop, or a reference beside it
   Curvature curvature = Curvature::automatic;  ///< of the subproblems; of slp none, of references not none
   double step_tolerance = 1e-8;                ///< max |d_j| / scale_j of a solution, > 0
   double feasibility_tolerance = 1e-6;         ///< violation of a solution, user units, > 0
