@@ -65,7 +65,7 @@ class Settings:
     """What the loop is told beside its problem, each by its name; further names are options of each LCQP.
 
     nonlinear_method: "sqpcc", the sequence of LCQPs; "slp", the same without curvature, for answers at a vertex; and to
-    compare with, smooth methods that know no pairs: "penalty", "alag" (augmented Lagrangian) and "barrier", which begins
+    compare with, smooth methods that know no pairs: "penalty", "alag" (augmented Lagrangian) and "barrier", begun
     where every inequality and every side of a pair is positive. `method` is an option of each LCQP.
 
     curvature: "exact", "gauss_newton", "bfgs" or "none"; "automatic" takes the first of the three for which there is
