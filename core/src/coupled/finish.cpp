@@ -6,13 +6,12 @@
 #include <string>
 #include <utility>
 
+#include "coupled/entries.h"
 #include "coupled/joint_search.h"
 #include "coupled/local_blocks.h"
 
 namespace marble {
 namespace {
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 void append(std::span<const double> values, std::vector<double>& to) {
   to.insert(to.end(), values.begin(), values.end());

@@ -3,12 +3,11 @@
 #include <string>
 #include <utility>
 
+#include "coupled/entries.h"
 #include "marble/composite/coupled.h"
 
 namespace marble {
 namespace {
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 // A matrix of blocks along the diagonal, its columns one after the other.
 class Diagonal {

@@ -5,12 +5,11 @@
 #include <cmath>
 #include <utility>
 
+#include "coupled/entries.h"
 #include "tuning.h"
 
 namespace marble {
 namespace {
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 // A view's columns one after the other, with more rows below each and empty columns after the last.
 class Columns {

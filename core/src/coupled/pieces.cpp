@@ -8,22 +8,13 @@
 #include <unordered_map>
 #include <utility>
 
+#include "coupled/entries.h"
 #include "coupled/finish.h"
 #include "coupled/local_blocks.h"
 #include "coupled/sweep.h"
 
 namespace marble {
 namespace {
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
-template <class Visit>
-void for_entries(const SparseMatrixView& m, const Visit& visit) {
-  for (Index j = 0; j < m.columns; ++j) {
-    for (Index k = m.column_pointers[at(j)]; k < m.column_pointers[at(j) + 1]; ++k)
-      visit(m.row_indices[at(k)], j, m.values[at(k)]);
-  }
-}
 
 class Cutter {
  public:

@@ -5,18 +5,10 @@
 #include <tuple>
 #include <utility>
 
+#include "coupled/entries.h"
+
 namespace marble {
 namespace {
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
-template <class Visit>
-void for_entries(const SparseMatrixView& m, const Visit& visit) {
-  for (Index j = 0; j < m.columns; ++j) {
-    for (Index k = m.column_pointers[at(j)]; k < m.column_pointers[at(j) + 1]; ++k)
-      visit(m.row_indices[at(k)], j, m.values[at(k)]);
-  }
-}
 
 std::vector<Index> last_stages(std::initializer_list<const SparseMatrixView*> matrices, std::size_t rows,
                                std::span<const Index> stage) {

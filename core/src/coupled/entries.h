@@ -1,0 +1,21 @@
+// Places in vectors and entries of matrices, as the user gives them.
+#pragma once
+
+#include <cstddef>
+
+#include "marble/problem.h"
+
+namespace marble {
+
+inline std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+/// Calls visit(row, column, value) of every stored entry, column by column.
+template <class Visit>
+void for_entries(const SparseMatrixView& m, const Visit& visit) {
+  for (Index j = 0; j < m.columns; ++j) {
+    for (Index k = m.column_pointers[at(j)]; k < m.column_pointers[at(j) + 1]; ++k)
+      visit(m.row_indices[at(k)], j, m.values[at(k)]);
+  }
+}
+
+}  // namespace marble
