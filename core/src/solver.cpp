@@ -15,13 +15,6 @@
 namespace marble {
 namespace {
 
-std::vector<double> unscaled(ConstVectorRef values, ConstVectorRef scale, double factor) {
-  std::vector<double> result(static_cast<std::size_t>(values.size()));
-  for (Eigen::Index i = 0; i < values.size(); ++i)
-    result[static_cast<std::size_t>(i)] = factor * values[i] * scale[i];
-  return result;
-}
-
 const char* nonconvex_remark(SecondOrder second_order) {
   switch (second_order) {
     case SecondOrder::minimum:
@@ -88,13 +81,7 @@ Solution answer(const ScaledProblem& problem, const Ending& ending, const Iterat
   solution.status = ending.status;
   solution.detail = ending.detail;
   solution.certificate = ending.certificate;
-  solution.z = unscaled(x.z(), problem.variable_scale, 1.0);
-  solution.equality_multipliers = unscaled(x.y(), problem.equality_scale, cost);
-  const RowLayout& rows = problem.layout;
-  const Vector& scale = problem.row_scale;
-  solution.inequality_multipliers = unscaled(x.lambda_w(), rows.inequality_part(scale), -cost);
-  solution.complementarity_multipliers_L = unscaled(x.lambda_L(), rows.s_part(scale), -cost);
-  solution.complementarity_multipliers_R = unscaled(x.lambda_R(), rows.t_part(scale), -cost);
+  tell(problem, x, solution);
   if (is_solved(ending.status)) solution.stationarity = classify(images, x);
   solution.objective = cost * images.objective + problem.c0;
   solution.violations = violations(problem, images);

@@ -9,14 +9,6 @@
 #include "tuning.h"
 
 namespace marble {
-namespace {
-
-void unscale(ConstVectorRef values, ConstVectorRef scale, double factor, std::vector<double>& out) {
-  for (Eigen::Index i = 0; i < values.size(); ++i)
-    out[static_cast<std::size_t>(i)] = factor * values[i] * scale[i];
-}
-
-}  // namespace
 
 Solution search_near(const Problem& user_problem, Solution start, const Options& user_options,
                      const CoupledControls& controls) {
@@ -40,14 +32,7 @@ Solution search_near(const Problem& user_problem, Solution start, const Options&
   }
   start.factorizations = run.factorizations;
   if (!incumbent.exists()) return start;
-  const Iterate& best = incumbent.best().x;
-  const double cost = 1.0 / problem.cost_scale;
-  const RowLayout& rows = problem.layout;
-  unscale(best.z(), problem.variable_scale, 1.0, start.z);
-  unscale(best.y(), problem.equality_scale, cost, start.equality_multipliers);
-  unscale(best.lambda_w(), rows.inequality_part(problem.row_scale), -cost, start.inequality_multipliers);
-  unscale(best.lambda_L(), rows.s_part(problem.row_scale), -cost, start.complementarity_multipliers_L);
-  unscale(best.lambda_R(), rows.t_part(problem.row_scale), -cost, start.complementarity_multipliers_R);
+  tell(problem, incumbent.best().x, start);
   start.cold_objective = problem.user_objective(incumbent.best().objective);
   return start;
 }

@@ -57,4 +57,22 @@ inline void take(const ScaledProblem& problem, const Solution& answer, Iterate& 
   scaled(answer.complementarity_multipliers_R, rows.t_part(scale), -cost, x.lambda_R());
 }
 
+/// The other way: z and the multipliers of an iterate, in the user's units, into an answer.
+inline void tell(const ScaledProblem& problem, const Iterate& x, Solution& answer) {
+  const auto unscale = [](ConstVectorRef values, ConstVectorRef scale, double factor,
+                          std::vector<double>& out) {
+    out.resize(static_cast<std::size_t>(values.size()));
+    for (Eigen::Index i = 0; i < values.size(); ++i)
+      out[static_cast<std::size_t>(i)] = factor * values[i] * scale[i];
+  };
+  const double cost = 1.0 / problem.cost_scale;
+  const RowLayout& rows = problem.layout;
+  const Vector& scale = problem.row_scale;
+  unscale(x.z(), problem.variable_scale, 1.0, answer.z);
+  unscale(x.y(), problem.equality_scale, cost, answer.equality_multipliers);
+  unscale(x.lambda_w(), rows.inequality_part(scale), -cost, answer.inequality_multipliers);
+  unscale(x.lambda_L(), rows.s_part(scale), -cost, answer.complementarity_multipliers_L);
+  unscale(x.lambda_R(), rows.t_part(scale), -cost, answer.complementarity_multipliers_R);
+}
+
 }  // namespace marble
