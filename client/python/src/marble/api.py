@@ -39,6 +39,14 @@ from marble.message.job import (
 )
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem
+from marble.model.scenarios import (
+    OutOfSample,
+    Quantity,
+    ScenarioAnswer,
+    ScenarioEnd,
+    ScenarioLevel,
+    Scenarios,
+)
 from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
 
 __all__ = [
@@ -64,12 +72,18 @@ __all__ = [
     "Jobs",
     "NotFound",
     "Option",
+    "OutOfSample",
     "PairSides",
     "PermissionDenied",
     "Priority",
     "Problem",
     "Progress",
+    "Quantity",
     "Refused",
+    "ScenarioAnswer",
+    "ScenarioEnd",
+    "ScenarioLevel",
+    "Scenarios",
     "Sensitivity",
     "ServerError",
     "ServerInfo",

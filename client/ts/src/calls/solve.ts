@@ -94,6 +94,7 @@ export function solveRequest(problem: Problem, controls: RequestControls): Solve
     warmStart: controls.warmStart && warmStartOf(controls.warmStart),
     requestId: controls.requestId ?? "",
     priority: priorityOf(controls.priority),
+    scenarios: undefined,
   };
 }
 
