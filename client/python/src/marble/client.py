@@ -140,7 +140,7 @@ class Client:
                   request_id: str = "", progress_interval: float = 0.0, **wishes: Any) -> ScenarioAnswer:
         """One plan x for many worlds: min Σ π q(x, y_s) over x and a recourse y_s in every sampled world.
 
-        problem: the base, over x and y. scenarios, or its parts by their names: first_stage=…, sampler=…, seed=0, …; see
+        problem: the base over x and y. scenarios, or its parts by their names: first_stage=…, sampler=…, seed=0, …; see
         Scenarios. level: is given each ScenarioLevel as it is there, on this thread. All else as in solve. Needs a
         server: Unavailable of "local".
         """

@@ -117,9 +117,9 @@ class OutOfSample:
 class ScenarioLevel:
     """What a level came to.
 
-    level: from 0. scenarios: N, worlds 0 … N − 1. status, detail, objective: of its LCQP, the objective is the mean over
-    the N. variables, pairs, factorizations, seconds, memory_bytes: of its LCQP. warm: it kept the branch of the level
-    before. searched: it was solved cold too. fresh: its plan in other worlds; None where none were tried.
+    level: from 0. scenarios: N, worlds 0 … N − 1. status, detail, objective: of its LCQP; the objective is the mean
+    over the N. variables, pairs, factorizations, seconds, memory_bytes: of its LCQP. warm: it kept the branch of the
+    level before. searched: it was solved cold too. fresh: its plan in other worlds; None where none were tried.
     """
 
     level: int
@@ -165,9 +165,8 @@ class ScenarioAnswer:
 def numbers(problem: LCQP, part: str) -> Vector:
     """The numbers of a part."""
     value = getattr(problem, part)
-    if part == "c0":
-        return np.array([value])
-    return value.data if part in MATRICES else value
+    found: Vector = np.array([value]) if part == "c0" else value.data if part in MATRICES else value
+    return found
 
 
 def _checked(problem: LCQP, part: str, values: ArrayLike, place: str) -> Vector:
