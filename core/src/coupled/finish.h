@@ -5,7 +5,8 @@
 
 namespace marble {
 
-/// Whether a set-up was ended by a caller's stop or the time limit: the solve then has an answer that says so.
+/// Whether a set-up was ended by a caller's stop or the time limit: the solve then has an answer that says
+/// so.
 [[nodiscard]] inline bool ends_early(const Error& error) {
   return error.code == ErrorCode::cancelled || error.code == ErrorCode::deadline_exceeded;
 }

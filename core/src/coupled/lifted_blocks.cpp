@@ -15,6 +15,8 @@ namespace {
 
 // What all solvers of one coupled problem share.
 struct Here {
+  Here(const Options& solver_options, const CoupledControls& coupled)
+      : options(solver_options), controls(coupled) {}
   const Options& options;
   const CoupledControls& controls;
   std::atomic<std::int64_t> bytes{0};  // of all of them
