@@ -116,7 +116,9 @@ Expected<void> check_entries(ScenarioProblem& problem,
   problem.sample = [](std::int64_t) { return Expected<ScenarioNumbers>(); };
   const auto stages = Stages::create(problem);
   if (!stages) return unexpected(stages.error());
-  for (const auto& [entries, name] : named) {
+  for (const auto& one : named) {
+    const ScenarioEntries& entries = one.first;
+    const std::string& name = one.second;
     const std::span<const double> part = base_of(problem.base, entries.part);
     if (part.empty()) return unexpected(invalid(name + ".part", "must be a part that the base has"));
     for (std::size_t k = 0; k < entries.positions.size(); ++k) {
@@ -196,9 +198,9 @@ Expected<void> set_worlds(ScenarioProblem& problem, const ScenarioSampler& sampl
     for (std::size_t q = 0; q < sampler.quantities.size(); ++q) {
       const ScenarioQuantity& quantity = sampler.quantities[q];
       const double number = scenario_draw(quantity, sampler.seed, i, static_cast<std::uint32_t>(q));
-      for (const auto& [entries, gains] : quantity.effects)
-        each_number(base, entries, world, [&](std::size_t k, double& value) {
-          value += number * gains[gains.size() == 1 ? 0 : k];
+      for (const ScenarioQuantity::Effect& effect : quantity.effects)
+        each_number(base, effect.entries, world, [&](std::size_t k, double& value) {
+          value += number * effect.gains[effect.gains.size() == 1 ? 0 : k];
         });
     }
     return world;

@@ -37,6 +37,8 @@ class Scenarios : public JobsServiceTest {
     return request(altitudes(1999), {.growth = 1.1, .most_scenarios = 1999, .fresh_scenarios = 0});
   }
 
+  const TemporaryDirectory directory_;
+
   struct Told {
     std::vector<v1::ScenarioLevel> levels;
     v1::SolveResponse result;
@@ -207,12 +209,13 @@ TEST_F(Scenarios, MayBeSubmitted) {
 }
 
 TEST_F(Scenarios, OutliveTheServerWhereItHasAStateDirectory) {
-  const TemporaryDirectory directory;
-  start({"--state-dir", directory.file("state")});
+  start({"--state-dir", directory_.file("state")});
   const std::string id = submit(request(altitudes(4), {}));
   v1::SolveResponse before, after;
   ASSERT_TRUE(result(id, true, &before).ok());
-  start({"--state-dir", directory.file("state")});
+  server().terminate();
+  EXPECT_EQ(server().wait(), 0);
+  start({"--state-dir", directory_.file("state")});
   ASSERT_TRUE(result(id, true, &after).ok());
   EXPECT_EQ(after.SerializeAsString(), before.SerializeAsString());
   EXPECT_EQ(get(id).job().scenario_levels_size(), 3);
