@@ -71,6 +71,8 @@ Expected<void> set_scenario_work(const Config& config, std::shared_ptr<const v1:
   const std::string alone = "must be absent: scenarios have their own starts";
   if (request->initial_point().z_size() > 0) return unexpected(invalid("initial_point.z", alone));
   if (request->has_warm_start()) return unexpected(invalid("warm_start", alone));
+  if (request->has_sensitivity())
+    return unexpected(invalid("sensitivity", "must be absent: a plan for many worlds has none"));
   ScenarioProblem problem;
   problem.base = view_of(request->problem());
   if (auto taken = take_worlds(message, problem); !taken) return unexpected(named(taken.error()));

@@ -12,6 +12,7 @@ from marble.message import answers, requests
 from marble.message import scenarios as worlds
 from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
 from marble.message.requests import Call
+from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.scenarios import ScenarioAnswer, Scenarios
@@ -27,15 +28,16 @@ class Jobs:
         self._rpc = rpc
 
     def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
-               priority: Priority | str | None = None, request_id: str = "",
-               deadline: float | None = None, scenarios: Scenarios | None = None) -> Submitted:
+               priority: Priority | str | None = None, request_id: str = "", deadline: float | None = None,
+               scenarios: Scenarios | None = None, sensitivity: SensitivityRequest | None = None) -> Submitted:
         """Queues a job that outlives this process. deadline: of the submission alone, seconds.
 
         scenarios: makes it one plan for many worlds, of which `problem` is the base; scenarios() has its answer.
         request_id: one of the caller's, by which the same submission made again is the same job; a random one without.
+        sensitivity: as in Client.solve.
         """
-        return answers.submitted(self._rpc.call(
-            "Jobs/Submit", submission(problem, Call(options, priority, request_id), scenarios), deadline))
+        call = Call(options, priority, request_id, sensitivity=sensitivity)
+        return answers.submitted(self._rpc.call("Jobs/Submit", submission(problem, call, scenarios), deadline))
 
     def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
                problem: LCQP | Problem | None = None) -> Solution:
