@@ -11,7 +11,7 @@ namespace marble::client {
 Expected<v1::SolveStreamRequest> make_request(const ScenarioProblem& problem, const ScenarioSampler* sampler,
                                               const ScenarioSettings& settings, const CallControls& call) {
   v1::SolveStreamRequest request;
-  const RequestParts parts{problem.base,    settings.options,  {},           nullptr,
+  const RequestParts parts{problem.base,    settings.options,  {},           nullptr, nullptr,
                            call.request_id, call.problem_name, call.priority};
   if (auto filled = fill_request(parts, request.mutable_solve()); !filled) return unexpected(filled.error());
   v1::Scenarios* scenarios = request.mutable_solve()->mutable_scenarios();
