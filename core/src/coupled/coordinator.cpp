@@ -134,10 +134,11 @@ Expected<Coordinator::End> Coordinator::iterate(int most) {
 // To the best iteration. Frozen blocks are convex: the step from there is taken nearer to averaging. Where that
 // does not help either, or blocks whose pairs are free leap, they are held harder.
 void Coordinator::go_back(const State& best) {
+  const bool failed = result_.failed_block.has_value();
   result_.failed_block.reset();
   state_ = best;
   gains_ = 0;
-  if (frozen() && newton_ > tuning::coupled_least_step) {
+  if ((frozen() || !failed) && newton_ > tuning::coupled_least_step) {
     newton_ *= tuning::coupled_shorter;
     agree();
     return;
