@@ -3,9 +3,10 @@
 //
 //   (Σ S_k + δI) λ⁺ = Σ (E_k y_k + S_k μ_k) − e + δλ,   E_k z_k = E_k y_k + S_k (μ_k − λ⁺),
 //
-// with μ_k = λ + ρE_k(y_k − z_k⁻), the price at which the block would have chosen y_k without the term. That is
-// Newton's step, and too long where another active set begins; the step of the alternating direction method of
-// multipliers (Boyd et al. 2011, section 5), v the violation of a row shared by the blocks that see it,
+// with μ_k = λ + ρE_k(y_k − z_k⁻), the price at which the block would have chosen y_k without the term. That
+// is Newton's step, and too long where another active set begins; the step of the alternating direction
+// method of multipliers (Boyd et al. 2011, section 5), v the violation of a row shared by the blocks that see
+// it,
 //
 //   λ⁺ = λ + ρv,   E_k z_k = E_k y_k − v,
 //
@@ -131,8 +132,8 @@ Expected<Coordinator::End> Coordinator::iterate(int most) {
   return End::not_yet;
 }
 
-// To the best iteration. Frozen blocks are convex: the step from there is taken nearer to averaging. Where that
-// does not help either, or blocks whose pairs are free leap, they are held harder.
+// To the best iteration. Frozen blocks are convex: the step from there is taken nearer to averaging. Where
+// that does not help either, or blocks whose pairs are free leap, they are held harder.
 void Coordinator::go_back(const State& best) {
   const bool failed = result_.failed_block.has_value();
   result_.failed_block.reset();
@@ -204,8 +205,7 @@ bool Coordinator::measure() {
       step = std::max(step, proximal_ * std::abs(answer.value[i] - state_.asks[k].centre[i]));
     }
   }
-  state_.last = {iterations_,    max_abs(sum), step, objective, proximal_, frozen(),
-                 factorizations_};
+  state_.last = {iterations_, max_abs(sum), step, objective, proximal_, frozen(), factorizations_};
   return state_.last.coupling_violation <= options_.tolerance * (1.0 + value) &&
          step <= options_.tolerance * (1.0 + max_abs(state_.prices));
 }
@@ -249,7 +249,8 @@ void Coordinator::agree() {
     for (std::size_t i = 0; i < m_k; ++i) {
       double change = 0.0;
       for (std::size_t j = 0; j < m_k; ++j)
-        change += answer.response[j * m_k + i] * (own_prices[k][static_cast<Eigen::Index>(j)] - newton[rows[j]]);
+        change +=
+            answer.response[j * m_k + i] * (own_prices[k][static_cast<Eigen::Index>(j)] - newton[rows[j]]);
       ask.centre[i] = answer.value[i] - (1.0 - newton_) * share[rows[i]] + newton_ * change;
     }
   }

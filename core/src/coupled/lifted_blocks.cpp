@@ -102,8 +102,8 @@ LiftedBlocks::LiftedBlocks(const CoupledView& view, const CoupledOptions& option
     blocks_[k]->newest = blocks_[k]->lifted.lifted(controls.start->blocks[k], prices);
 }
 
-// Where nothing is known a block begins at its own answer, not held anywhere: zero may be far from all that it
-// can reach. One that has none begins there all the same.
+// Where nothing is known a block begins at its own answer, not held anywhere: zero may be far from all that
+// it can reach. One that has none begins there all the same.
 void LiftedBlocks::begin_alone(const std::vector<double>& prices) {
   each([&](std::size_t k) {
     Block& block = *blocks_[k];
