@@ -9,6 +9,7 @@ from typing import Any
 
 from marble.base.tables import Status
 from marble.model.lcqp import Vector
+from marble.model.scenarios import ScenarioLevel
 from marble.model.solution import Progress, Times, Violations
 
 
@@ -27,6 +28,7 @@ class JobKind(enum.Enum):
     BATCH = "batch"
     SUBMITTED = "submitted"
     SESSION = "session"
+    SCENARIOS = "scenarios"
 
 
 class JobState(enum.Enum):
@@ -46,6 +48,7 @@ class Job:
     while it has not finished. queue_position, estimated_wait_s: only while queued. status: how the solve ended, None
     while it has not, or where error (a google.rpc.Status) says why there is no answer. updates: a session's, answered.
     memory_bytes: of the solver. result_bytes: of the answer that is kept. trace_id: of the W3C traceparent that came.
+    levels: of a scenario solve, so far.
     proved, incumbent, bound, gap, nodes, open_nodes: of option global, as in Solution and Progress, so far.
     """
 
@@ -79,6 +82,7 @@ class Job:
     memory_bytes: int
     result_bytes: int
     trace_id: str
+    levels: tuple[ScenarioLevel, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
