@@ -51,7 +51,7 @@ class SessionMemory : public ServiceTest {
 };
 
 TEST_F(SessionMemory, AnUpdateLargerThanItsProblemIsRefusedBeforeItIsParsed) {
-  start();
+  start({"--sensitivity-bytes", "0"});  // which an update may have beyond its problem
   const auto call = set_up(2);
   v1::SessionRequest bomb = update(1);
   for (int i = 0; i < 1'000'000; ++i) bomb.mutable_update()->mutable_shift()->add_variables();
