@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <iostream>
+#include <limits>
 #include <memory>
 
 #include "arguments/server_arguments.h"
@@ -150,8 +151,8 @@ void add_coupled(CLI::App& program, int& exit_code) {
   auto* pieces = command->add_option("--pieces", arguments->pieces, "cut the problem into so many");
   auto* width = command->add_option("--stage-variables", arguments->stage_variables,
                                     "variables of a stage, which follow each other");
-  pieces->needs(width)->check(CLI::PositiveNumber);
-  width->needs(pieces)->check(CLI::PositiveNumber);
+  pieces->needs(width)->check(CLI::Range(Index{1}, static_cast<Index>(kMostBlocks)));
+  width->needs(pieces)->check(CLI::Range(Index{1}, std::numeric_limits<Index>::max()));
   command
       ->add_option("--look-ahead", arguments->look_ahead,
                    "stages that a piece looks ahead at first; -1: a third of a piece")
