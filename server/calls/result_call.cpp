@@ -3,6 +3,7 @@
 #include "marble/v1/service.pb.h"
 #include "messages/job_access.h"
 #include "service/admission.h"
+#include "store/submissions.h"
 #include "wire/status.h"
 #include "wire/wire.h"
 
@@ -64,7 +65,7 @@ void ResultCall::OnDone() { const auto last = std::move(self_); }
 // Answers of the jobs that a drain still finishes are given; then there is nothing to wait for.
 void ResultCall::pulse(Clock::time_point /*now*/) {
   if (!parts_.scheduler.is_drained() || finished_) return;
-  if (parts_.store != nullptr && !parts_.store->is_settled()) return;
+  if (!parts_.submissions->is_settled()) return;
   parts_.results.stop_waiting(id_, this);
   finish(end_of_stream(parts_, draining()));
 }

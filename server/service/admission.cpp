@@ -82,21 +82,26 @@ Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, 
         return unexpected(of_field(message_field(valid.error().field), valid.error()));
     }
   }
-  auto record = parts.board.make(
-      {.id = caller.earlier ? caller.earlier->id : random_id(),
-       .kind = kind,
-       .priority = *priority,
-       .client = caller.identity.client,
-       .request_id = message.request_id(),
-       .name = message.problem().name(),
-       .peer = caller.origin.peer,
-       .variables = problem->variables(),
-       .equalities = problem->equalities(),
-       .inequalities = problem->inequalities(),
-       .pairs = problem->pairs(),
-       .trace = caller.origin.trace,
-       .accepted = caller.earlier ? caller.earlier->accepted : std::chrono::system_clock::now()},
-      *options);
+  std::shared_ptr<JobRecord> record = caller.earlier ? caller.earlier->record : nullptr;
+  if (record != nullptr) {
+    record->set_options(*options);
+  } else {
+    record = parts.board.make(
+        {.id = caller.earlier ? caller.earlier->id : random_id(),
+         .kind = kind,
+         .priority = *priority,
+         .client = caller.identity.client,
+         .request_id = message.request_id(),
+         .name = message.problem().name(),
+         .peer = caller.origin.peer,
+         .variables = problem->variables(),
+         .equalities = problem->equalities(),
+         .inequalities = problem->inequalities(),
+         .pairs = problem->pairs(),
+         .trace = caller.origin.trace,
+         .accepted = caller.earlier ? caller.earlier->accepted : std::chrono::system_clock::now()},
+        *options);
+  }
   return CheckedRequest{*problem, *options, *priority, initial_z, std::move(warm_start), std::move(record)};
 }
 
