@@ -82,6 +82,7 @@ struct JobInfo {
   std::int64_t result_bytes = 0;                            ///< of its answer, where that is kept
   std::string detail;                                       ///< the numbers that justify the status
   std::string trace_id;          ///< of the W3C traceparent that came with it; may be empty
+  std::string server;            ///< of servers that share a store: that runs it, or ran it last; else empty
   double finished_unix_s = 0.0;  ///< seconds since 1970, UTC; 0 while it has not
 };
 

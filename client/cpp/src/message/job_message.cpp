@@ -59,6 +59,7 @@ JobInfo job_info(const v1::JobInfo& m) {
   job.result_bytes = m.result_bytes();
   job.detail = m.detail();
   job.trace_id = m.trace_id();
+  job.server = m.server();
   job.finished_unix_s = m.finished_unix_s();
   return job;
 }

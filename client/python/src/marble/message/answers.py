@@ -159,7 +159,7 @@ def job(message: Any) -> Job:
         updates=message.updates,
         memory_bytes=message.memory_bytes,
         result_bytes=message.result_bytes,
-        trace_id=message.trace_id,
+        trace_id=message.trace_id, server=message.server,
     )
 
 
