@@ -8,7 +8,7 @@
 
 #include "coupled/entries.h"
 #include "coupled/joint_search.h"
-#include "coupled/local_blocks.h"
+#include "coupled/lifted_blocks.h"
 
 namespace marble {
 namespace {
@@ -185,7 +185,7 @@ Expected<CoupledSolution> solve_coupled(const CoupledView& view, const CoupledOp
   CoupledControls own = controls;
   if (!own.begun) own.begun = std::chrono::steady_clock::now();
   return or_out_of_memory([&]() -> Expected<CoupledSolution> {
-    LocalBlocks blocks(view, options, own);
+    LiftedBlocks blocks(view, options, own);
     auto coordination = coordinate(blocks, view.total, options, own);
     if (!coordination) return unexpected(coordination.error());
     return finish_coupled(view, *std::move(coordination), options, own);

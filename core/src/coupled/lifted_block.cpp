@@ -55,7 +55,8 @@ std::vector<double> copied(std::span<const double> values) { return {values.begi
 }  // namespace
 
 LiftedBlock::LiftedBlock(const CoupledBlock& block)
-    : block_(block.problem),
+    : name_(block.name),
+      block_(block.problem),
       coupling_(block.coupling),
       n_(static_cast<Index>(block.problem.g.size())),
       n_e_(static_cast<Index>(block.problem.b.size())),

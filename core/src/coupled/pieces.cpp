@@ -10,7 +10,7 @@
 
 #include "coupled/entries.h"
 #include "coupled/finish.h"
-#include "coupled/local_blocks.h"
+#include "coupled/lifted_blocks.h"
 #include "coupled/sweep.h"
 
 namespace marble {
@@ -296,7 +296,7 @@ Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const
     const CoupledStart start = pieces->start(*swept);
     own.start = &start;
     const CoupledView view = pieces->view();
-    LocalBlocks blocks(view, options.coupled, own);
+    LiftedBlocks blocks(view, options.coupled, own);
     auto coordination = coordinate(blocks, view.total, options.coupled, own);
     if (!coordination) return unexpected(coordination.error());
     result.blocks_objective = sum_of_objectives(*coordination);

@@ -10,10 +10,12 @@
 #include <span>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "marble/batch.h"
 #include "marble/call_controls.h"
 #include "marble/connect_options.h"
+#include "marble/coupled.h"
 #include "marble/error.h"
 #include "marble/jobs.h"
 #include "marble/options.h"
@@ -83,6 +85,22 @@ class Client {
   [[nodiscard]] Expected<Session> open_session(const ProblemView& problem, const Options& options = {},
                                                const SessionOptions& session = {}) const;
 
+  /// Solves a coupled problem with a session for each block, dealt to the servers that the address lists;
+  /// this process coordinates, and solves the joint problem at the end. A server sees its own blocks with
+  /// their E_k, and the prices of those rows, of no other block anything. A step whose server or session is
+  /// lost is asked for again elsewhere; where a server has no room for a session, each step is a solve of its
+  /// own. `controls` as marble::solve_coupled has them; without a runner up to 64 threads wait for the
+  /// servers. In process it is marble::solve_coupled. Errors: as that has them, and what the servers say
+  /// of a block that none of them takes; cancelled.
+  [[nodiscard]] Expected<RemoteCoupledSolution> solve_coupled_by_sessions(
+      const CoupledView& view, const CoupledOptions& options = {}, const CoupledControls& controls = {},
+      const BlockSessions& sessions = {}) const;
+  /// The same of a long horizon: marble::solve_in_pieces, whose pieces agree in sessions. Their first sweep,
+  /// one after the other, is done in this process.
+  [[nodiscard]] Expected<RemotePiecesSolution> solve_in_pieces_by_sessions(
+      const Problem& problem, std::span<const Index> stage_of_variable, const PiecesOptions& options = {},
+      const CoupledControls& controls = {}, const BlockSessions& sessions = {}) const;
+
   /// Jobs by their ids.
   [[nodiscard]] Jobs jobs() const;
 
@@ -98,6 +116,7 @@ class Client {
 
  private:
   explicit Client(std::shared_ptr<const client::Connection> connection);
+  [[nodiscard]] Expected<std::vector<Client>> each() const;
   std::shared_ptr<const client::Connection> connection_;
 };
 

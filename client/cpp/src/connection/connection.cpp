@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "connection/channel.h"
-#include "connection/target.h"
+#include "connection/credentials.h"
 #include "connection/traceparent.h"
 #include "marble/contract.h"
 #include "text/printable.h"
@@ -42,17 +42,31 @@ Expected<std::shared_ptr<const Connection>> Connection::open(const std::string& 
   if (!target) return unexpected(target.error());
   const auto channel = open_channel(*target, options);
   if (!channel) return unexpected(channel.error());
-  return std::shared_ptr<const Connection>(new Connection(address, target->several, *channel, options));
+  return std::shared_ptr<const Connection>(new Connection(address, *target, *channel, options));
 }
 
-Connection::Connection(std::string address, bool several, const std::shared_ptr<grpc::Channel>& channel,
+Expected<std::vector<std::shared_ptr<const Connection>>> Connection::each(
+    const std::shared_ptr<const Connection>& all) {
+  const std::vector<std::string> addresses = each_address(all->address_);
+  if (addresses.size() == 1) return std::vector{all};
+  ConnectOptions options = all->options_;
+  options.retries = false;
+  if (wants_tls(options) && options.tls_server_name.empty()) options.tls_server_name = all->target_.authority;
+  std::vector<std::shared_ptr<const Connection>> result;
+  for (const std::string& address : addresses) {
+    auto one = open(address, options);
+    if (!one) return unexpected(one.error());
+    result.push_back(*std::move(one));
+  }
+  return result;
+}
+
+Connection::Connection(std::string address, Target target, const std::shared_ptr<grpc::Channel>& channel,
                        const ConnectOptions& options)
     : address_(std::move(address)),
-      several_(several),
+      target_(std::move(target)),
       authorization_(options.token.empty() ? "" : "Bearer " + options.token),
-      name_(options.name),
-      traceparent_(options.traceparent),
-      deadline_(options.deadline),
+      options_(options),
       solver_(v1::Solver::NewStub(channel)),
       jobs_(v1::Jobs::NewStub(channel)),
       server_(v1::Server::NewStub(channel)),
@@ -60,20 +74,20 @@ Connection::Connection(std::string address, bool several, const std::shared_ptr<
 
 void Connection::prepare(grpc::ClientContext& context,
                          std::optional<std::chrono::duration<double>> deadline) const {
-  add(context, traceparent_, deadline);
+  add(context, options_.traceparent, deadline);
 }
 
 Expected<void> Connection::prepare(grpc::ClientContext& context, const std::string& traceparent,
                                    std::optional<std::chrono::duration<double>> deadline) const {
   if (auto valid = check_traceparent(traceparent); !valid) return valid;
-  add(context, traceparent.empty() ? traceparent_ : traceparent, deadline);
+  add(context, traceparent.empty() ? options_.traceparent : traceparent, deadline);
   return {};
 }
 
 void Connection::add(grpc::ClientContext& context, const std::string& traceparent,
                      std::optional<std::chrono::duration<double>> deadline) const {
   if (!authorization_.empty()) context.AddMetadata("authorization", authorization_);
-  if (!name_.empty()) context.AddMetadata("marble-client", name_);
+  if (!options_.name.empty()) context.AddMetadata("marble-client", options_.name);
   if (!traceparent.empty()) context.AddMetadata("traceparent", traceparent);
   if (deadline) set_deadline(*deadline, context);
 }

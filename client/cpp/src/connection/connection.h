@@ -8,7 +8,9 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "connection/target.h"
 #include "grpc/health/v1/health.grpc.pb.h"
 #include "marble/connect_options.h"
 #include "marble/error.h"
@@ -23,6 +25,10 @@ class Connection {
   /// Errors: a bad address, name or token, TLS files that cannot be read.
   [[nodiscard]] static Expected<std::shared_ptr<const Connection>> open(const std::string& address,
                                                                         const ConnectOptions& options);
+  /// One connection to each of the servers that the address lists, that repeats nothing by itself; where it
+  /// is one, or a name, the connection itself.
+  [[nodiscard]] static Expected<std::vector<std::shared_ptr<const Connection>>> each(
+      const std::shared_ptr<const Connection>& all);
 
   /// Says on a call who it comes from, and by when it is of use.
   void prepare(grpc::ClientContext& context,
@@ -34,12 +40,12 @@ class Connection {
   /// The call's own deadline, else the connection's.
   [[nodiscard]] std::optional<std::chrono::duration<double>> deadline_of(
       const std::optional<std::chrono::duration<double>>& call) const {
-    return call ? call : deadline_;
+    return call ? call : options_.deadline;
   }
 
   [[nodiscard]] const std::string& address() const { return address_; }
   /// Whether two calls may go to two servers.
-  [[nodiscard]] bool several() const { return several_; }
+  [[nodiscard]] bool several() const { return target_.several; }
   [[nodiscard]] v1::Solver::Stub& solver() const { return *solver_; }
   [[nodiscard]] v1::Jobs::Stub& jobs() const { return *jobs_; }
   [[nodiscard]] v1::Server::Stub& server() const { return *server_; }
@@ -48,15 +54,13 @@ class Connection {
  private:
   void add(grpc::ClientContext& context, const std::string& traceparent,
            std::optional<std::chrono::duration<double>> deadline) const;
-  Connection(std::string address, bool several, const std::shared_ptr<grpc::Channel>& channel,
+  Connection(std::string address, Target target, const std::shared_ptr<grpc::Channel>& channel,
              const ConnectOptions& options);
 
   std::string address_;
-  bool several_;
+  Target target_;
   std::string authorization_;  // empty without a token
-  std::string name_;
-  std::string traceparent_;
-  std::optional<std::chrono::duration<double>> deadline_;  // of calls without one
+  ConnectOptions options_;
   std::unique_ptr<v1::Solver::Stub> solver_;
   std::unique_ptr<v1::Jobs::Stub> jobs_;
   std::unique_ptr<v1::Server::Stub> server_;

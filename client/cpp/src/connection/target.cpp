@@ -81,6 +81,11 @@ std::optional<Endpoint> look_up(const std::string& address) {
 
 }  // namespace
 
+std::vector<std::string> each_address(const std::string& address) {
+  if (address.rfind(kDnsPrefix, 0) == 0 || address.rfind(kUnixPrefix, 0) == 0) return {address};
+  return split(address);
+}
+
 Expected<Target> target_of(const std::string& address) {
   if (address.rfind(kDnsPrefix, 0) == 0) {
     if (auto valid = check(address.substr(kDnsPrefix.size())); !valid) return unexpected(valid.error());

@@ -19,4 +19,7 @@ struct Target {
 /// "address": invalid_argument; unavailable (a name is not known).
 [[nodiscard]] Expected<Target> target_of(const std::string& address);
 
+/// Of an address that has passed target_of(): several host:port one by one, anything else as it is.
+[[nodiscard]] std::vector<std::string> each_address(const std::string& address);
+
 }  // namespace marble::client

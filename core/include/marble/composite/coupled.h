@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <stop_token>
@@ -85,6 +86,21 @@ struct CoupledStart {
       blocks;  ///< z and multipliers of each block, in its own sizes; empty: nothing is known
 };
 
+class LiftedBlock;
+
+/// Solves a LiftedBlock's problem() again and again: a Solver in this process, or a session of a server.
+class BlockSolver {
+ public:
+  virtual ~BlockSolver() = default;
+  /// Takes what has changed in problem(), and solves it from an answer to what it was; cold where there is
+  /// none. An error only where it cannot be asked: any outcome of the solve is an answer.
+  [[nodiscard]] virtual Expected<Solution> solve(const ProblemUpdate& update, const Solution* start) = 0;
+};
+
+/// Sets one up for problem() as it is then: the block's first solver, or another one as it was frozen. The
+/// block outlives it. Called by any thread, by several at once.
+using OpenBlockSolver = std::function<Expected<std::unique_ptr<BlockSolver>>(const LiftedBlock& block)>;
+
 /// What may accompany a coupled solve; all of it optional.
 struct CoupledControls {
   std::function<void(const CoupledIteration&)> progress = {};  ///< told after every iteration
@@ -92,6 +108,8 @@ struct CoupledControls {
   /// Blocks run on it, all of an iteration at once. Without one they run one after the other; the answer is
   /// the same to the last bit.
   TaskRunner* runner = nullptr;
+  /// Where blocks are solved; unless it is said, here, by a Solver each.
+  OpenBlockSolver open = {};
   const CoupledStart* start = nullptr;  ///< must outlive the call
   /// When the time limit began to run; else as the solve begins.
   std::optional<std::chrono::steady_clock::time_point> begun = {};

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "marble/composite/coupled.h"
@@ -25,6 +26,8 @@ class LiftedBlock {
   /// Of a block that check() has passed. Its arrays must outlive this.
   explicit LiftedBlock(const CoupledBlock& block);
 
+  /// The block's; may be empty.
+  [[nodiscard]] const std::string& name() const { return name_; }
   /// Coupling rows that see the block, ascending.
   [[nodiscard]] const std::vector<Index>& rows() const { return rows_; }
   /// n, without v, which are the variables from n on.
@@ -57,6 +60,7 @@ class LiftedBlock {
   [[nodiscard]] Solution own(Solution lifted) const;
   [[nodiscard]] double objective(std::span<const double> z) const;
 
+  std::string name_;
   ProblemView block_;
   SparseMatrixView coupling_;
   double proximal_ = 1.0;

@@ -1,20 +1,51 @@
-#include "coupled/local_blocks.h"
+#include "coupled/lifted_blocks.h"
 
 #include <cmath>
 #include <utility>
 
+#include "marble/solver.h"
 #include "tuning.h"
 
 namespace marble {
+namespace {
+
+class SolverHere final : public BlockSolver {
+ public:
+  SolverHere(Solver solver, const CoupledControls& controls)
+      : solver_(std::move(solver)), controls_(controls) {}
+
+  Expected<Solution> solve(const ProblemUpdate& update, const Solution* start) override {
+    if (auto taken = solver_.update(update); !taken) return unexpected(taken.error());
+    return solver_.solve({.stop = controls_.stop, .warm_start = start, .begun = controls_.begun});
+  }
+
+ private:
+  Solver solver_;
+  const CoupledControls& controls_;
+};
+
+OpenBlockSolver solvers_here(const CoupledOptions& options, const CoupledControls& controls) {
+  return [&](const LiftedBlock& block) -> Expected<std::unique_ptr<BlockSolver>> {
+    const auto problem = Problem::create(block.problem().view());
+    if (!problem) return unexpected(problem.error());
+    auto made = Solver::create(*problem, options.options, {.stop = controls.stop});
+    if (!made) return unexpected(made.error());
+    return std::make_unique<SolverHere>(*std::move(made), controls);
+  };
+}
+
+}  // namespace
 
 std::string block_name(const CoupledView& view, std::size_t block) {
   const std::string& name = view.blocks[block].name;
   return "block " + std::to_string(block) + (name.empty() ? "" : " (" + name + ")");
 }
 
-LocalBlocks::LocalBlocks(const CoupledView& view, const CoupledOptions& options,
-                         const CoupledControls& controls)
-    : view_(view), options_(options), controls_(controls) {
+LiftedBlocks::LiftedBlocks(const CoupledView& view, const CoupledOptions& options,
+                           const CoupledControls& controls)
+    : view_(view),
+      controls_(controls),
+      open_(controls.open ? controls.open : solvers_here(options, controls)) {
   for (const CoupledBlock& block : view.blocks) {
     blocks_.push_back(std::make_unique<Block>(block));
     rows_.push_back(blocks_.back()->lifted.rows());
@@ -26,15 +57,15 @@ LocalBlocks::LocalBlocks(const CoupledView& view, const CoupledOptions& options,
     blocks_[k]->newest = blocks_[k]->lifted.lifted(controls.start->blocks[k], prices);
 }
 
-std::vector<double> LocalBlocks::start(std::size_t block) const {
+std::vector<double> LiftedBlocks::start(std::size_t block) const {
   const Block& b = *blocks_[block];
   if (!b.newest) return {};
   return {b.newest->z.begin() + b.lifted.variables(), b.newest->z.end()};
 }
 
-std::string LocalBlocks::name(std::size_t block) const { return block_name(view_, block); }
+std::string LiftedBlocks::name(std::size_t block) const { return block_name(view_, block); }
 
-Expected<BlockAnswer> LocalBlocks::solve(Block& block, const BlockAsk& ask) const {
+Expected<BlockAnswer> LiftedBlocks::solve(Block& block, const BlockAsk& ask) const {
   if (ask.frozen && !block.lifted.frozen()) {
     block.newest = block.lifted.freeze(*block.newest);
     block.solver.reset(), block.response.forget();
@@ -42,22 +73,16 @@ Expected<BlockAnswer> LocalBlocks::solve(Block& block, const BlockAsk& ask) cons
   for (const Index pair : ask.flips) block.lifted.flip(pair);
   block.lifted.ask(ask);
   const ProblemUpdate update = block.lifted.update();
-  if (!block.solver) {
-    const auto problem = Problem::create(block.lifted.problem().view());
-    if (!problem) return unexpected(problem.error());
-    auto made = Solver::create(*problem, options_.options, {.stop = controls_.stop});
-    if (!made) return unexpected(made.error());
-    block.solver.emplace(*std::move(made));
-  } else if (auto taken = block.solver->update(update); !taken) {
-    return unexpected(taken.error());
+  const bool fresh = block.solver == nullptr;
+  if (fresh) {
+    auto opened = open_(block.lifted);
+    if (!opened) return unexpected(opened.error());
+    block.solver = *std::move(opened);
   }
-  SolveControls how{.stop = controls_.stop, .begun = controls_.begun};
-  const bool search = ask.search && block.newest;
-  if (block.newest) how.warm_start = &*block.newest;
-  auto solution = block.solver->solve(how);
-  if (solution && search) {
-    how.warm_start = nullptr;
-    auto cold = block.solver->solve(how);
+  const Solution* const start = block.newest ? &*block.newest : nullptr;
+  auto solution = block.solver->solve(fresh ? ProblemUpdate{} : update, start);
+  if (solution && ask.search && start != nullptr) {
+    auto cold = block.solver->solve({}, nullptr);
     if (!cold) return unexpected(cold.error());
     const int factorizations = solution->factorizations + cold->factorizations;
     const double least = tuning::near * (1.0 + std::abs(solution->objective));
@@ -74,7 +99,7 @@ Expected<BlockAnswer> LocalBlocks::solve(Block& block, const BlockAsk& ask) cons
   return block.lifted.answer(*std::move(solution), std::move(along));
 }
 
-Expected<std::vector<BlockAnswer>> LocalBlocks::tick(std::span<const BlockAsk> asks) {
+Expected<std::vector<BlockAnswer>> LiftedBlocks::tick(std::span<const BlockAsk> asks) {
   std::vector<Expected<BlockAnswer>> answers(blocks_.size());
   std::vector<std::function<void()>> tasks;
   for (std::size_t k = 0; k < blocks_.size(); ++k)

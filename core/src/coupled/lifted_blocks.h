@@ -1,4 +1,4 @@
-// The blocks of a coupled problem in this process: a Solver each, on a TaskRunner's threads.
+// The blocks of a coupled problem by a BlockSolver each, on a TaskRunner's threads.
 #pragma once
 
 #include <functional>
@@ -8,14 +8,13 @@
 
 #include "marble/composite/coupled.h"
 #include "marble/composite/lifted_block.h"
-#include "marble/solver.h"
 
 namespace marble {
 
-class LocalBlocks final : public BlockTicks {
+class LiftedBlocks final : public BlockTicks {
  public:
-  /// Of a view that check() has passed, which must outlive this. Solvers are made in the first tick.
-  LocalBlocks(const CoupledView& view, const CoupledOptions& options, const CoupledControls& controls);
+  /// Of a view that check() has passed, which must outlive this. Solvers are opened in the first tick.
+  LiftedBlocks(const CoupledView& view, const CoupledOptions& options, const CoupledControls& controls);
 
   [[nodiscard]] std::span<const std::vector<Index>> rows() const override { return rows_; }
   [[nodiscard]] std::vector<double> start(std::size_t block) const override;
@@ -26,15 +25,15 @@ class LocalBlocks final : public BlockTicks {
   struct Block {
     explicit Block(const CoupledBlock& block) : lifted(block) {}
     LiftedBlock lifted;
-    std::optional<Solver> solver;
+    std::unique_ptr<BlockSolver> solver;
     LiftedResponse response;
     std::optional<Solution> newest;  // that was solved, of the problem in force
   };
   [[nodiscard]] Expected<BlockAnswer> solve(Block& block, const BlockAsk& ask) const;
 
   const CoupledView& view_;
-  const CoupledOptions& options_;
   const CoupledControls& controls_;
+  OpenBlockSolver open_;
   std::vector<std::unique_ptr<Block>> blocks_;
   std::vector<std::vector<Index>> rows_;
 };

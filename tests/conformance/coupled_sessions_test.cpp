@@ -1,0 +1,154 @@
+// Coupled problems whose blocks are sessions of several servers, with this process as their coordinator.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+#include <set>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "marble/client.h"
+#include "marble/examples.h"
+#include "support/problems/coupled_problems.h"
+#include "support/processes/server_process.h"
+
+namespace marble::testing {
+namespace {
+
+class CoupledSessions : public ::testing::Test {
+ protected:
+  static constexpr int kServers = 3;
+
+  void SetUp() override {
+    for (std::size_t k = 0; k < cell_.blocks.size(); ++k) cell_.blocks[k].name = "arm" + std::to_string(k);
+  }
+
+  void start(const std::vector<std::string>& flags = {}) {
+    for (int i = 0; i < kServers; ++i) {
+      servers_.push_back(std::make_unique<ServerProcess>(MARBLE_SERVER_BINARY, flags));
+      address_ += (i == 0 ? "" : ",") + servers_.back()->address();
+      single_.push_back(Client::connect(servers_.back()->address()).value());
+    }
+  }
+
+  void expect_the_answer_of_this_process(const CoupledSolution& answer) const {
+    const CoupledSolution here = solve_coupled(cell_.view()).value();
+    ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
+    EXPECT_EQ(answer.coordination.status, here.coordination.status);
+    EXPECT_NEAR(answer.joint.objective, here.joint.objective, 1e-9 * (1.0 + std::abs(here.joint.objective)));
+    ASSERT_EQ(answer.joint.z.size(), here.joint.z.size());
+    for (std::size_t i = 0; i < here.joint.z.size(); ++i)
+      EXPECT_NEAR(answer.joint.z[i], here.joint.z[i], 1e-7) << i;
+  }
+
+  OwnedCoupled cell_ = random_coupled({.blocks = 6, .variables = 8, .pairs = 3, .rows = 4}, 7);
+  std::vector<std::unique_ptr<ServerProcess>> servers_;
+  std::vector<Client> single_;
+  std::string address_;
+};
+
+TEST_F(CoupledSessions, AreDealtToAllServersAndNoServerSeesABlockOfAnother) {
+  start();
+  const Client client = Client::connect(address_).value();
+  const RemoteCoupledSolution answer =
+      client.solve_coupled_by_sessions(cell_.view(), {}, {}, {.problem_name = "cell"}).value();
+  expect_the_answer_of_this_process(answer);
+  EXPECT_EQ(answer.repeated, 0);
+  std::multiset<std::string> all;
+  for (const Client& server : single_) {
+    std::set<std::string> seen;
+    const JobPage page = server.jobs().list().value();
+    for (const JobInfo& job : page.jobs) seen.insert(job.problem_name);
+    EXPECT_EQ(seen.size(), 2U);
+    all.insert(seen.begin(), seen.end());
+  }
+  EXPECT_EQ(all, (std::multiset<std::string>{"cell arm0", "cell arm1", "cell arm2", "cell arm3", "cell arm4",
+                                             "cell arm5"}));
+}
+
+TEST_F(CoupledSessions, AKilledServerCostsRepeatedBlocksAndNoError) {
+  start();
+  const Client client = Client::connect(address_).value();
+  const CoupledControls controls{.progress = [&](const CoupledIteration& now) {
+    if (now.iteration == 2) servers_[1]->send(SIGKILL), servers_[1]->wait();
+  }};
+  const auto answer = client.solve_coupled_by_sessions(cell_.view(), {}, controls);
+  ASSERT_TRUE(answer.has_value()) << answer.error().message();
+  EXPECT_GE(answer->repeated, 1);
+  EXPECT_GT(answer->coordination.last.iteration, 2);
+  expect_the_answer_of_this_process(*answer);
+}
+
+TEST_F(CoupledSessions, AServerThatIsAwayFromTheBeginningIsPassedOver) {
+  start();
+  servers_[0]->send(SIGKILL), servers_[0]->wait();
+  const Client client = Client::connect(address_).value();
+  const auto answer = client.solve_coupled_by_sessions(cell_.view());
+  ASSERT_TRUE(answer.has_value()) << answer.error().message();
+  expect_the_answer_of_this_process(*answer);
+}
+
+TEST_F(CoupledSessions, WhereThereIsNoRoomForSessionsEachStepIsASolve) {
+  start({"--sessions", "0"});
+  const Client client = Client::connect(address_).value();
+  const auto answer = client.solve_coupled_by_sessions(cell_.view());
+  ASSERT_TRUE(answer.has_value()) << answer.error().message();
+  expect_the_answer_of_this_process(*answer);
+  EXPECT_EQ(single_[0].info()->sessions_opened, 0);
+}
+
+TEST_F(CoupledSessions, WithoutAnyServerTheyAreUnavailable) {
+  start();
+  for (const auto& server : servers_) server->send(SIGKILL), server->wait();
+  const Client client = Client::connect(address_).value();
+  const auto answer = client.solve_coupled_by_sessions(cell_.view());
+  ASSERT_FALSE(answer.has_value());
+  EXPECT_EQ(answer.error().code, ErrorCode::unavailable);
+}
+
+TEST_F(CoupledSessions, AStopIsTheErrorCancelledAndNoSessionStays) {
+  start();
+  const Client client = Client::connect(address_).value();
+  std::stop_source stop;
+  const CoupledControls controls{.progress = [&](const CoupledIteration&) { stop.request_stop(); },
+                                 .stop = stop.get_token()};
+  EXPECT_EQ(client.solve_coupled_by_sessions(cell_.view(), {}, controls).error().code, ErrorCode::cancelled);
+  EXPECT_EQ(Client::in_process().solve_coupled_by_sessions(cell_.view(), {}, controls).error().code,
+            ErrorCode::cancelled);
+  for (const Client& server : single_) EXPECT_TRUE(eventually([&] { return server.info()->sessions == 0; }));
+}
+
+TEST_F(CoupledSessions, TheTimeLimitIsAnAnswer) {
+  start();
+  const Client client = Client::connect(address_).value();
+  CoupledOptions options;
+  options.options.time_limit_s = 0.0;
+  const auto answer = client.solve_coupled_by_sessions(cell_.view(), options);
+  ASSERT_TRUE(answer.has_value()) << answer.error().message();
+  EXPECT_EQ(answer->joint.status, Status::time_limit);
+}
+
+TEST_F(CoupledSessions, ALongHorizonsPiecesAgreeThoughAServerIsKilled) {
+  start();
+  const Client client = Client::connect(address_).value();
+  const examples::HopperParameters parameters{.steps = 24};
+  const OwnedProblem hopper = examples::hopper(parameters);
+  const Problem problem = Problem::create(hopper.view()).value();
+  std::vector<Index> stages;
+  for (Index step = 0; step < parameters.steps; ++step)
+    stages.insert(stages.end(), examples::kHopperVariables, step);
+  const PiecesOptions options{.pieces = 4};
+  const PiecesSolution here = solve_in_pieces(problem, stages, options).value();
+  const CoupledControls controls{.progress = [&](const CoupledIteration& now) {
+    if (now.iteration == 2) servers_[2]->send(SIGKILL), servers_[2]->wait();
+  }};
+  const auto answer = client.solve_in_pieces_by_sessions(problem, stages, options, controls);
+  ASSERT_TRUE(answer.has_value()) << answer.error().message();
+  EXPECT_EQ(answer->coordination.status, here.coordination.status) << answer->coordination.detail;
+  EXPECT_GE(answer->repeated, 1);
+  EXPECT_NEAR(answer->whole.objective, here.whole.objective, 1e-7 * (1.0 + std::abs(here.whole.objective)));
+}
+
+}  // namespace
+}  // namespace marble::testing
