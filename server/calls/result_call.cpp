@@ -2,6 +2,7 @@
 
 #include "marble/v1/service.pb.h"
 #include "messages/job_access.h"
+#include "process/fault_point.h"
 #include "service/admission.h"
 #include "store/submissions.h"
 #include "wire/status.h"
@@ -49,6 +50,7 @@ void ResultCall::answer(const ResultStore::Shared& result) {
   if (finished_.exchange(true)) return;
   *response_ = *result->answer;
   Finish(grpc::Status::OK);
+  fault_point("within_answer");
 }
 
 void ResultCall::finish(const grpc::Status& status) {

@@ -5,6 +5,7 @@
 #include <map>
 
 #include "base/random_id.h"
+#include "process/fault_point.h"
 #include "queue/scheduler.h"
 
 namespace marble::server {
@@ -240,7 +241,9 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
   std::vector<PgStatement> last;
   if (tells) last.emplace_back(kFleetNotify);
   last.emplace_back("COMMIT");
+  if (tells) fault_point("before_commit");
   if (auto ended = database_->run(last); !ended) return unexpected(ended.error());
+  if (tells) fault_point("after_commit");
   if (!taken.empty()) taker_.took(std::move(taken));
   return {};
 }

@@ -11,6 +11,7 @@
 #include "messages/job_access.h"
 #include "messages/job_message.h"
 #include "messages/job_requests.h"
+#include "process/fault_point.h"
 #include "service/admission.h"
 #include "store/digest.h"
 #include "submissions/result_keeper.h"
@@ -345,6 +346,7 @@ void FleetSubmissions::ended(JobRecord& record, Outcome outcome) {
                            "the answer is larger than all that is kept, " + std::to_string(most) + " bytes"));
     kept = result_of(record, outcome);
   }
+  fault_point("before_answer");
   store_.finish(std::move(kept.stored), job.token, [this, id](const Expected<void>& made) {
     if (!made) return;  // it is tried again
     erase(id);

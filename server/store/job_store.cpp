@@ -8,6 +8,8 @@
 #include <cstring>
 #include <utility>
 
+#include "process/fault_point.h"
+
 namespace marble::server {
 namespace {
 
@@ -207,9 +209,11 @@ Expected<void> JobStore::write(std::vector<Change>& changes) {
     if (changes.empty()) {  // anything that is written
       if (auto set = writer_.run(std::string("PRAGMA user_version = ") + kVersion); !set) return set;
     }
+    fault_point("before_commit");
     return writer_.run("COMMIT");
   };
   auto made = all();
+  if (made) fault_point("after_commit");
   if (!made) (void)writer_.run("ROLLBACK");  // fails where SQLite has done so by itself
   return made;
 }

@@ -2,6 +2,7 @@
 
 #include "messages/job_message.h"
 #include "messages/reply.h"
+#include "process/fault_point.h"
 #include "wire/status.h"
 #include "wire/wire.h"
 
@@ -79,6 +80,7 @@ void ResultKeeper::added() {
 
 // Whoever waits for it has it when it is on disk; where that fails, from memory.
 void ResultKeeper::keep(KeptResult answer) const {
+  fault_point("before_answer");
   store_->finish(std::move(answer.stored),
                  [&results = parts_.results, record = record_, result = std::move(answer.result)](
                      const Expected<void>&) { put(results, *record, result); });

@@ -1,64 +1,15 @@
 // --state: several servers share a store. Submitted anywhere, run anywhere, answered for everywhere, once.
-#include <httplib.h>
-
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
 #include <random>
 #include <set>
 
-#include "jobs_client.h"
+#include "fleet_node.h"
 #include "support/processes/postgres_process.h"
 
 namespace marble::testing {
 namespace {
-
-class Node : public JobsClient {
- public:
-  Node(const PostgresProcess& database, std::vector<std::string> flags)
-      : process_(MARBLE_SERVER_BINARY, [&] {
-          flags.insert(flags.end(), {"--state", database.uri()});
-          return flags;
-        }()) {
-    channel_ = connect(process_.address());
-    static_cast<JobsClient&>(*this) = JobsClient(channel_);
-    solver_ = v1::Solver::NewStub(channel_);
-  }
-
-  [[nodiscard]] ServerProcess& server() { return process_; }
-  [[nodiscard]] bool solves() {
-    grpc::ClientContext context;
-    v1::SolveResponse response;
-    return solver_->Solve(&context, example_request(), &response).ok() &&
-           response.solution().status() == v1::STATUS_SOLVED;
-  }
-  [[nodiscard]] v1::JobInfo job(const std::string& id) { return get(id).job(); }
-  [[nodiscard]] std::set<std::string> list() {
-    grpc::ClientContext context;
-    v1::ListJobsResponse response;
-    EXPECT_TRUE(jobs().List(&context, {}, &response).ok());
-    std::set<std::string> ids;
-    for (const v1::JobInfo& one : response.jobs()) ids.insert(one.job_id());
-    return ids;
-  }
-  [[nodiscard]] std::string ready() {
-    const auto answer = httplib::Client(process_.http()).Get("/readyz");
-    return answer ? std::to_string(answer->status) + " " + answer->body : "";
-  }
-  void kill() {
-    process_.send(SIGKILL);
-    process_.wait();
-  }
-  void stop() {
-    process_.terminate();
-    EXPECT_EQ(process_.wait(), 0);
-  }
-
- private:
-  ServerProcess process_;
-  std::shared_ptr<grpc::Channel> channel_;
-  std::unique_ptr<v1::Solver::Stub> solver_;
-};
 
 class Fleet : public ::testing::Test {
  protected:
@@ -66,7 +17,8 @@ class Fleet : public ::testing::Test {
     for (const char* flag : {"--workers", "--state-lease-s"}) {
       if (std::ranges::find(flags, flag) == flags.end()) flags.insert(flags.end(), {flag, "1"});
     }
-    return std::make_unique<Node>(database_, flags);
+    flags.insert(flags.end(), {"--state", database_.uri()});
+    return std::make_unique<Node>(flags);
   }
   static bool eventually_is(Node& node, const std::string& id, v1::JobState state) {
     return eventually([&] { return node.job(id).state() == state; });
@@ -91,23 +43,6 @@ class Fleet : public ::testing::Test {
 
   PostgresProcess database_{MARBLE_POSTGRES_DIR};
 };
-
-v1::SolveRequest numbered(int number, const std::string& prefix = "r") {
-  v1::SolveRequest request = example_request();
-  request.mutable_problem()->set_constant(number);
-  request.set_request_id(prefix + std::to_string(number));
-  return request;
-}
-
-// The optimum of example_request() is 3, by the independent reckoning of problems.h.
-void expect_answer(Node& node, const std::string& id, int number) {
-  v1::SolveResponse response;
-  const grpc::Status status = node.result(id, true, &response);
-  ASSERT_TRUE(status.ok()) << id << ": " << status.error_message();
-  EXPECT_EQ(response.job_id(), id);
-  EXPECT_EQ(response.solution().status(), v1::STATUS_SOLVED);
-  EXPECT_NEAR(response.solution().objective(), 3.0 + number, 1e-9);
-}
 
 TEST_F(Fleet, AnyServerAnswersForAnyJob) {
   const auto a = start(), b = start();
