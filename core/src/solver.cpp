@@ -260,6 +260,10 @@ Expected<Solution> solve_once(const Problem& problem, const Options& options, co
                               const SetupControls& setup, const std::function<void(const Solver&)>& ready) {
   if (auto valid = Problem::check_initial_point(controls.initial_z, problem.variables()); !valid)
     return unexpected(valid.error());
+  if (controls.warm_start != nullptr) {
+    if (auto valid = check_warm_start(*controls.warm_start, PartSizes::of(problem)); !valid)
+      return unexpected(valid.error());
+  }
   SolveControls own = controls;
   if (!own.begun) own.begun = Run::Clock::now();
   SetupControls limits = setup;
@@ -276,6 +280,7 @@ Expected<Solution> solve_once(const Problem& problem, const Options& options, co
   Iterate x(unscaled);
   x.all.setZero();
   if (!controls.initial_z.empty()) x.z() = Eigen::Map<const Vector>(controls.initial_z.data(), x.z().size());
+  if (controls.warm_start != nullptr) take(unscaled, *controls.warm_start, x);
   Solution solution =
       answer(unscaled, {stopped ? Status::cancelled : Status::time_limit, solver.error().bound, {}}, x,
              Run(options, own));

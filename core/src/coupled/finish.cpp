@@ -9,6 +9,7 @@
 #include "coupled/entries.h"
 #include "coupled/joint_search.h"
 #include "coupled/lifted_blocks.h"
+#include "data/interrupt.h"
 
 namespace marble {
 namespace {
@@ -42,11 +43,27 @@ double most_of_a_column(const SparseMatrixView& m) {
   return most;
 }
 
+// max |Σ E_k z_k − e|
+double rows_violation(const CoupledView& view, const Coordination& coordination) {
+  std::vector<double> sum(view.total.size());
+  for (std::size_t row = 0; row < sum.size(); ++row) sum[row] = -view.total[row];
+  for (std::size_t k = 0; k < coordination.answers.size(); ++k)
+    for_entries(view.blocks[k].coupling, [&](Index row, Index j, double value) {
+      sum[at(row)] += value * coordination.answers[k].solution.z[at(j)];
+    });
+  double most = 0.0;
+  for (const double value : sum) most = std::max(most, std::abs(value));
+  return most;
+}
+
 // What the blocks' own words say of all of them together: bounds of what a fresh look would see.
 void tell_by_blocks(const CoupledView& view, const Coordination& coordination, Solution& joint) {
-  joint.stationarity = Stationarity::strong;
-  joint.b_stationary = true;
-  joint.second_order = SecondOrder::minimum;
+  const bool solved = coordination.status == Status::solved;
+  if (solved) {
+    joint.stationarity = Stationarity::strong;
+    joint.b_stationary = true;
+    joint.second_order = SecondOrder::minimum;
+  }
   for (std::size_t k = 0; k < coordination.answers.size(); ++k) {
     const Solution& own = coordination.answers[k].solution;
     joint.violations.equality = std::max(joint.violations.equality, own.violations.equality);
@@ -60,9 +77,9 @@ void tell_by_blocks(const CoupledView& view, const Coordination& coordination, S
     joint.second_order = std::min(joint.second_order, own.second_order);
     joint.iterations += own.iterations;
   }
-  joint.violations.equality = std::max(joint.violations.equality, coordination.last.coupling_violation);
+  joint.violations.equality = std::max(joint.violations.equality, rows_violation(view, coordination));
   // Strongly stationary blocks leave no direction of descent together; of others nothing is known.
-  if (joint.stationarity != Stationarity::strong) {
+  if (solved && joint.stationarity != Stationarity::strong) {
     joint.b_stationary.reset();
     joint.second_order = std::min(joint.second_order, SecondOrder::necessary);
   }
@@ -130,11 +147,17 @@ Expected<Solution> solve_from(const Problem& problem, Solution start, const Coor
   start.cold_objective = coordination.status == Status::solved ? sum_of_objectives(coordination)
                                                                : std::numeric_limits<double>::max();
   start.factorizations = 0;
-  if (options.joint_search) start = search_near(problem, std::move(start), options.options, controls);
+  SetupControls setup = controls.setup;
+  setup.stop = controls.stop;
+  if (controls.begun) setup.until = after(*controls.begun, options.options.time_limit_s);
+  auto solver = Solver::create(problem, options.options, setup);
+  if (!solver && !ends_early(solver.error())) return unexpected(solver.error());
+  if (solver && options.joint_search && !stopped(coordination))
+    start = search_near(problem, std::move(start), options.options, controls);
   const int searched = start.factorizations;
-  auto solution = solve_once(
-      problem, options.options,
-      {.stop = controls.stop, .warm_start = &start, .runner = controls.runner, .begun = controls.begun});
+  const SolveControls how{
+      .stop = controls.stop, .warm_start = &start, .runner = controls.runner, .begun = controls.begun};
+  auto solution = solver ? solver->solve(how) : solve_once(problem, options.options, how);
   if (!solution) return solution;
   solution->factorizations += searched;
   if (solution->status == Status::infeasible) {
@@ -151,12 +174,12 @@ Expected<CoupledSolution> finish_coupled(const CoupledView& view, Coordination c
   result.places = joint_places(view);
   result.blocks_objective = sum_of_objectives(coordination);
   Solution start = stacked(coordination);
-  if (coordination.failed_block || stopped(coordination) || !options.joint) {
+  if (!stopped(coordination) && (coordination.failed_block || !options.joint)) {
     result.joint = std::move(start);
     result.joint.status = coordination.status;
     result.joint.detail = coordination.detail;
     result.joint.objective = result.joint.cold_objective = result.blocks_objective;
-    if (coordination.status == Status::solved) tell_by_blocks(view, coordination, result.joint);
+    tell_by_blocks(view, coordination, result.joint);
     if (coordination.failed_block) {
       const std::size_t k = *coordination.failed_block;
       result.joint.certificate = widened(view, result.places, k, coordination.answers[k].solution);
@@ -185,8 +208,11 @@ Expected<CoupledSolution> solve_coupled(const CoupledView& view, const CoupledOp
   CoupledControls own = controls;
   if (!own.begun) own.begun = std::chrono::steady_clock::now();
   return or_out_of_memory([&]() -> Expected<CoupledSolution> {
-    LiftedBlocks blocks(view, options, own);
-    auto coordination = coordinate(blocks, view.total, options, own);
+    // The blocks' solvers are gone before the joint one comes.
+    auto coordination = [&] {
+      LiftedBlocks blocks(view, options, own);
+      return coordinate(blocks, view.total, options, own);
+    }();
     if (!coordination) return unexpected(coordination.error());
     return finish_coupled(view, *std::move(coordination), options, own);
   });

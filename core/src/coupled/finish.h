@@ -5,6 +5,11 @@
 
 namespace marble {
 
+/// Whether a set-up was ended by a caller's stop or the time limit: the solve then has an answer that says
+/// so.
+[[nodiscard]] inline bool ends_early(const Error& error) {
+  return error.code == ErrorCode::cancelled || error.code == ErrorCode::deadline_exceeded;
+}
 /// Whether a caller's stop or the time limit ended it.
 [[nodiscard]] bool stopped(const Coordination& coordination);
 /// Σ f_k(y_k)

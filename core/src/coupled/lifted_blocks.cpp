@@ -1,36 +1,78 @@
 #include "coupled/lifted_blocks.h"
 
+#include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <utility>
 
+#include "coupled/finish.h"
+#include "data/interrupt.h"
 #include "marble/solver.h"
 #include "tuning.h"
 
 namespace marble {
 namespace {
 
+// What all solvers of one coupled problem share.
+struct Here {
+  Here(const Options& solver_options, const CoupledControls& coupled)
+      : options(solver_options), controls(coupled) {}
+  const Options& options;
+  const CoupledControls& controls;
+  std::atomic<std::int64_t> bytes{0};  // of all of them
+};
+
 class SolverHere final : public BlockSolver {
  public:
-  SolverHere(Solver solver, const CoupledControls& controls)
-      : solver_(std::move(solver)), controls_(controls) {}
+  SolverHere(std::shared_ptr<Here> here, const LiftedBlock& block) : here_(std::move(here)), block_(block) {}
+  SolverHere(const SolverHere&) = delete;
+  SolverHere& operator=(const SolverHere&) = delete;
+  ~SolverHere() override { here_->bytes -= bytes_; }
 
   Expected<Solution> solve(const ProblemUpdate& update, const Solution* start) override {
-    if (auto taken = solver_.update(update); !taken) return unexpected(taken.error());
-    return solver_.solve({.stop = controls_.stop, .warm_start = start, .begun = controls_.begun});
+    const CoupledControls& controls = here_->controls;
+    const SolveControls how{.stop = controls.stop, .warm_start = start, .begun = controls.begun};
+    if (solver_) {
+      if (auto taken = solver_->update(update); !taken) return unexpected(taken.error());
+      return solver_->solve(how);
+    }
+    const auto problem = Problem::create(block_.problem().view());
+    if (!problem) return unexpected(problem.error());
+    const auto made = set_up(*problem);
+    if (made) return solver_->solve(how);
+    if (!ends_early(made.error())) return unexpected(made.error());
+    return solve_once(*problem, here_->options, how);  // which ends the same way, with an answer
   }
 
  private:
-  Solver solver_;
-  const CoupledControls& controls_;
+  [[nodiscard]] Expected<void> set_up(const Problem& problem) {
+    const CoupledControls& controls = here_->controls;
+    SetupControls setup = controls.setup;
+    setup.stop = controls.stop;
+    setup.most_bytes = std::max<std::int64_t>(0, setup.most_bytes - here_->bytes);
+    if (controls.begun) setup.until = after(*controls.begun, here_->options.time_limit_s);
+    auto made = Solver::create(problem, here_->options, setup);
+    if (!made) return unexpected(made.error());
+    bytes_ = made->memory_bytes();
+    if ((here_->bytes += bytes_) > controls.setup.most_bytes) {
+      return unexpected(failure(ErrorCode::resource_exhausted, "problem",
+                                "needs more memory with the other blocks than the " +
+                                    std::to_string(controls.setup.most_bytes) + " bytes allowed"));
+    }
+    solver_.emplace(*std::move(made));
+    return {};
+  }
+
+  std::shared_ptr<Here> here_;
+  const LiftedBlock& block_;
+  std::optional<Solver> solver_;
+  std::int64_t bytes_ = 0;
 };
 
 OpenBlockSolver solvers_here(const CoupledOptions& options, const CoupledControls& controls) {
-  return [&](const LiftedBlock& block) -> Expected<std::unique_ptr<BlockSolver>> {
-    const auto problem = Problem::create(block.problem().view());
-    if (!problem) return unexpected(problem.error());
-    auto made = Solver::create(*problem, options.options, {.stop = controls.stop});
-    if (!made) return unexpected(made.error());
-    return std::make_unique<SolverHere>(*std::move(made), controls);
+  return [here = std::make_shared<Here>(options.options, controls)](
+             const LiftedBlock& block) -> Expected<std::unique_ptr<BlockSolver>> {
+    return std::make_unique<SolverHere>(here, block);
   };
 }
 

@@ -290,14 +290,25 @@ Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const
     result.sweep_factorizations = swept->factorizations;
     result.sweep_objective = swept->objective;
     if (!is_solved(swept->status)) {
-      result.whole = *std::move(swept);
+      result.coordination.status = swept->status;
+      result.coordination.detail = "the pieces were not solved one after the other: " + swept->detail;
+      auto whole = stopped(result.coordination)
+                       ? solve_from(problem, *std::move(swept), result.coordination, options.coupled, own)
+                       : solve_once(problem, options.coupled.options,
+                                    {.stop = own.stop, .runner = own.runner, .begun = own.begun}, own.setup);
+      if (!whole) return unexpected(whole.error());
+      result.whole = *std::move(whole);
+      if (!stopped(result.coordination)) result.whole.detail += "; " + result.coordination.detail;
       return result;
     }
     const CoupledStart start = pieces->start(*swept);
     own.start = &start;
     const CoupledView view = pieces->view();
-    LiftedBlocks blocks(view, options.coupled, own);
-    auto coordination = coordinate(blocks, view.total, options.coupled, own);
+    // The pieces' solvers are gone before that of the whole comes.
+    auto coordination = [&] {
+      LiftedBlocks blocks(view, options.coupled, own);
+      return coordinate(blocks, view.total, options.coupled, own);
+    }();
     if (!coordination) return unexpected(coordination.error());
     result.blocks_objective = sum_of_objectives(*coordination);
     Solution found;
@@ -307,16 +318,9 @@ Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const
     } else {
       found = pieces->joined(coordination->answers);
     }
-    if (stopped(*coordination)) {
-      result.whole = std::move(found);
-      result.whole.status = coordination->status;
-      result.whole.detail = coordination->detail;
-      result.whole.objective = result.blocks_objective;
-    } else {
-      auto whole = solve_from(problem, std::move(found), *coordination, options.coupled, own);
-      if (!whole) return unexpected(whole.error());
-      result.whole = *std::move(whole);
-    }
+    auto whole = solve_from(problem, std::move(found), *coordination, options.coupled, own);
+    if (!whole) return unexpected(whole.error());
+    result.whole = *std::move(whole);
     result.coordination = *std::move(coordination);
     return result;
   });

@@ -162,9 +162,9 @@ Expected<Solution> sweep(const Problem& problem, std::span<const Index> stage_of
     if (!part) return unexpected(part.error());
     const auto checked = Problem::create(part->view());
     if (!checked) return unexpected(checked.error());
-    const auto answer =
-        solve_once(*checked, options.coupled.options,
-                   {.stop = controls.stop, .runner = controls.runner, .begun = controls.begun});
+    const auto answer = solve_once(
+        *checked, options.coupled.options,
+        {.stop = controls.stop, .runner = controls.runner, .begun = controls.begun}, controls.setup);
     if (!answer) return unexpected(answer.error());
     whole.factorizations += answer->factorizations;
     if (!is_solved(answer->status)) {

@@ -193,6 +193,45 @@ TEST(Coupled, AStopEndsItInTheNextIteration) {
   EXPECT_LE(answer.coordination.last.iteration, 2);
 }
 
+TEST(Coupled, TheTimeLimitIsAnAnswerThatTellsHowFarItIs) {
+  const testing::OwnedCoupled coupled = random_coupled({}, 1);
+  CoupledOptions options;
+  options.options.time_limit_s = 0.0;
+  for (const bool joint : {true, false}) {
+    options.joint = joint;
+    const CoupledSolution answer = solve_coupled(coupled.view(), options).value();
+    EXPECT_EQ(answer.joint.status, Status::time_limit);
+    const OwnedProblem whole = joint_problem(coupled.view());
+    const testing::Verdict verdict = testing::judge(whole.view(), answer.joint);
+    EXPECT_GT(verdict.infeasibility(), 0.1);
+    EXPECT_NEAR(answer.joint.violations.equality, verdict.equality, 1e-12);
+  }
+}
+
+TEST(Coupled, BlocksThatDoNotAgreeTellByHowMuch) {
+  const testing::OwnedCoupled coupled = random_coupled({}, 1);
+  CoupledOptions options;
+  options.joint = false, options.max_iterations = 1;
+  const CoupledSolution answer = solve_coupled(coupled.view(), options).value();
+  EXPECT_EQ(answer.joint.status, Status::iteration_limit);
+  const OwnedProblem whole = joint_problem(coupled.view());
+  const testing::Verdict verdict = testing::judge(whole.view(), answer.joint);
+  EXPECT_GT(verdict.equality, 1e-3);
+  EXPECT_NEAR(answer.joint.violations.equality, verdict.equality, 1e-12);
+}
+
+TEST(Coupled, MemoryIsThatOfAllBlocksTogetherAndOfTheJointProblem) {
+  const testing::OwnedCoupled coupled = random_coupled({.blocks = 8}, 1);
+  const auto refusal = [&](std::int64_t bytes) {
+    const auto answer = solve_coupled(coupled.view(), {}, {.setup = {.most_bytes = bytes}});
+    return answer ? std::string() : answer.error().message();
+  };
+  const Problem one = Problem::create(coupled.view().blocks[0].problem).value();
+  const std::int64_t bytes = Solver::create(one).value().memory_bytes();
+  EXPECT_NE(refusal(4 * bytes).find("blocks["), std::string::npos) << refusal(4 * bytes);
+  EXPECT_EQ(refusal(1000 * bytes), "");
+}
+
 TEST(Coupled, AFaultOfTheProblemIsNamed) {
   const TwoBlocks good;
   EXPECT_EQ(field_of_fault(good.view()), "");

@@ -110,6 +110,9 @@ struct CoupledControls {
   TaskRunner* runner = nullptr;
   /// Where blocks are solved; unless it is said, here, by a Solver each.
   OpenBlockSolver open = {};
+  /// most_bytes is of all blocks' solvers together, where they are here, and then of the joint one;
+  /// most_factorization_s of each. Its own ends are not looked at.
+  SetupControls setup = {};
   const CoupledStart* start = nullptr;  ///< must outlive the call
   /// When the time limit began to run; else as the solve begins.
   std::optional<std::chrono::steady_clock::time_point> begun = {};
@@ -218,7 +221,7 @@ struct CoupledSolution {
                                                       const CoupledControls& controls = {});
 
 /// What solve_coupled does after the blocks: the joint problem, exactly, from what they have found; or, as
-/// the options say, their own answer.
+/// the options say, their own answer. Where a stop or the time limit ended them it is where they were.
 [[nodiscard]] Expected<CoupledSolution> finish_coupled(const CoupledView& view, Coordination coordination,
                                                        const CoupledOptions& options,
                                                        const CoupledControls& controls);

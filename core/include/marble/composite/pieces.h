@@ -69,8 +69,8 @@ struct PiecesSolution {
 /// Solves the pieces one after the other, each from where the last one ends and with a look ahead; lets them
 /// agree, all at once; and solves the branch that they have found as one. Where a piece has no answer at some
 /// price, the whole is solved from the pieces as they came one after the other; `coordination` and the detail
-/// of `whole` say so. Errors: invalid_argument of "look_ahead", and as pieces_by_stage(), cut(), coordinate()
-/// and Solver::create name them.
+/// of `whole` say so. Where that sweep fails it is solved whole, from nothing. Errors: invalid_argument of
+/// "look_ahead", and as pieces_by_stage(), cut(), coordinate() and Solver::create name them.
 [[nodiscard]] Expected<PiecesSolution> solve_in_pieces(const Problem& problem,
                                                        std::span<const Index> stage_of_variable,
                                                        const PiecesOptions& options = {},
