@@ -4,6 +4,7 @@
 
 #include <cstdlib>
 #include <map>
+#include <ostream>
 
 #include "fleet_node.h"
 #include "support/processes/postgres_process.h"
@@ -15,6 +16,7 @@ struct Moment {
   const char* point;
   const char* store;
 };
+void PrintTo(const Moment& moment, std::ostream* out) { *out << moment.point << ", " << moment.store; }
 
 class Crash : public ::testing::TestWithParam<Moment> {
  protected:
