@@ -5,6 +5,7 @@
 #include <limits>
 #include <tuple>
 
+#include "branch/branch_derivatives.h"
 #include "branch/parametric.h"
 #include "model/printed.h"
 #include "model/text_of.h"
@@ -104,6 +105,16 @@ void take_proof(const Strategy::Answer& found, Solution& solution) {
   solution.warm_nodes = found.tree.warm_nodes;
 }
 
+// By the factor that the solve has ended with, where that is the branch's. Further starts may leave another
+// one behind, as threads have it: then one is made, so that the counters are the same.
+Expected<SensitivityAnswer> sensitivity_of(const Strategy::Answer& found, const SensitivityRequest& request,
+                                           BranchDerivatives& derivatives, bool may_reuse_factor, Run& run) {
+  if (auto solved = must_be_solved(found.ending.status); !solved) return unexpected(solved.error());
+  if (auto begun = derivatives.begin(run, *found.x, may_reuse_factor); !begun)
+    return unexpected(begun.error());
+  return derivatives.answer(run, request);
+}
+
 }  // namespace
 
 struct Solver::State {
@@ -117,6 +128,9 @@ struct Solver::State {
         initial_z(problem.variables()),
         warm_start(problem) {}
 
+  void add_sensitivity(const Strategy::Answer& found, const SensitivityRequest& request, Run& run,
+                       Solution& solution);
+
   Options options;
   PartSizes sizes;
   ScaledProblem problem;
@@ -127,6 +141,21 @@ struct Solver::State {
   double setup_s = 0.0;
   std::int64_t memory_bytes = 0;
 };
+
+void Solver::State::add_sensitivity(const Strategy::Answer& found, const SensitivityRequest& request,
+                                    Run& run, Solution& solution) {
+  BranchPoint& point = strategy.point();
+  const std::int32_t before = point.back_substitutions();
+  BranchDerivatives derivatives(problem, sizes, point);
+  solution.sensitivity = sensitivity_of(found, request, derivatives, options.starts == 1, run);
+  if (*solution.sensitivity) {
+    (*solution.sensitivity)->factorizations = run.factorizations - solution.factorizations;
+    (*solution.sensitivity)->back_substitutions = point.back_substitutions() - before;
+  }
+  solution.factorizations = run.factorizations;
+  solution.times = run.times;
+  solution.times.solve_s = run.elapsed_s();
+}
 
 Expected<void> check_warm_start(const Solution& start, const PartSizes& sizes) {
   for (const auto& [values, size, field] :
@@ -219,6 +248,10 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
     if (auto valid = check_warm_start(*controls.warm_start, state_->sizes); !valid)
       return unexpected(valid.error());
   }
+  if (controls.sensitivity != nullptr) {
+    if (auto valid = check(*controls.sensitivity, state_->sizes); !valid)
+      return unexpected(inside("sensitivity", valid.error()));
+  }
   Run run(state_->options, controls);
   state_->kkt->attend(run.interrupt());
   state_->initial_z.setZero();
@@ -243,6 +276,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
       solution.second_order = SecondOrder::necessary;
     if (run.nonconvex) solution.detail += nonconvex_remark(solution.second_order);
   }
+  if (controls.sensitivity != nullptr) state_->add_sensitivity(found, *controls.sensitivity, run, solution);
   solution.times.setup_s = state_->setup_s;
   solution.cold_objective = found.stayed_warm ? controls.warm_start->cold_objective : solution.objective;
   return solution;
@@ -287,6 +321,8 @@ Expected<Solution> solve_once(const Problem& problem, const Options& options, co
   solution.times.setup_s = std::chrono::duration<double>(Run::Clock::now() - *own.begun).count();
   solution.times.solve_s = 0.0;
   solution.cold_objective = solution.objective;
+  if (controls.sensitivity != nullptr)
+    solution.sensitivity = unexpected(must_be_solved(solution.status).error());
   return solution;
 }
 

@@ -49,6 +49,9 @@ class Strategy {
   void prepare(Run& run, const WarmStart& warm_start) {
     if (options_.method == Method::marble) search_.prepare(run, *warm_start.solution);
   }
+  /// Lent until the next run, which begins anew; with the factor that this one has ended with, if it is the
+  /// last.
+  [[nodiscard]] BranchPoint& point() { return branch_.point; }
   /// Memory that a tree may take, with option global, and what it may keep of that for the next one.
   void allow_tree(double bytes, double kept_bytes) {
     tree_bytes_ = bytes;

@@ -86,6 +86,10 @@ Expected<void> WarmSolver::prepare(const CheckedUpdate& update, const SolveContr
 }
 
 Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveControls& controls) {
+  if (controls.sensitivity != nullptr) {
+    if (auto valid = check(*controls.sensitivity, sizes_); !valid)
+      return unexpected(inside("sensitivity", valid.error()));
+  }
   if (auto taken = take(update); !taken) return unexpected(taken.error());
   SolveControls own = controls;
   own.initial_z = initial_z_;
@@ -93,7 +97,11 @@ Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveCon
   auto solution = solver_.solve(own);
   if (!solution) return solution;
   solution->times.setup_s = 0.0;
-  if (is_solved(solution->status)) newest_ = *solution;
+  if (is_solved(solution->status)) {
+    auto sensitivity = std::exchange(solution->sensitivity, std::nullopt);  // not kept
+    newest_ = *solution;
+    solution->sensitivity = std::move(sensitivity);
+  }
   return solution;
 }
 

@@ -1,5 +1,6 @@
 #include "marble/convert.h"
 
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -36,18 +37,6 @@ void take_vectors(const Message& message, Solution& solution) {
   solution.inequality_multipliers = vector_of(message.inequality_multipliers());
   solution.complementarity_multipliers_L = vector_of(message.complementarity_multipliers_l());
   solution.complementarity_multipliers_R = vector_of(message.complementarity_multipliers_r());
-}
-
-SparseMatrixView view_of(const v1::SparseMatrix& m) {
-  return {m.rows(), m.columns(), span_of(m.column_pointers()), span_of(m.row_indices()), span_of(m.values())};
-}
-
-void to_message(const SparseMatrixView& matrix, v1::SparseMatrix* message) {
-  message->set_rows(matrix.rows);
-  message->set_columns(matrix.columns);
-  assign(message->mutable_column_pointers(), matrix.column_pointers);
-  assign(message->mutable_row_indices(), matrix.row_indices);
-  assign(message->mutable_values(), matrix.values);
 }
 
 // The core speaks the letters of the equation, the message the field's terms.
@@ -93,6 +82,18 @@ const std::vector<OptionField>& option_fields() {
 }
 
 }  // namespace
+
+SparseMatrixView view_of(const v1::SparseMatrix& m) {
+  return {m.rows(), m.columns(), span_of(m.column_pointers()), span_of(m.row_indices()), span_of(m.values())};
+}
+
+void to_message(const SparseMatrixView& matrix, v1::SparseMatrix* message) {
+  message->set_rows(matrix.rows);
+  message->set_columns(matrix.columns);
+  assign(message->mutable_column_pointers(), matrix.column_pointers);
+  assign(message->mutable_row_indices(), matrix.row_indices);
+  assign(message->mutable_values(), matrix.values);
+}
 
 ProblemView view_of(const v1::Problem& m) {
   ProblemView view;
@@ -151,6 +152,9 @@ std::string update_field(const std::string& field) {
 }
 
 std::string core_field(const std::string& field) {
+  constexpr std::string_view kSensitivity = "sensitivity.";
+  if (field.starts_with(kSensitivity))
+    return std::string(kSensitivity) + core_sensitivity_field(field.substr(kSensitivity.size()));
   const std::size_t dot = field.find('.');
   const std::string head = field.substr(0, dot);
   for (const auto& [core, message] : kUpdateNames) {
@@ -341,6 +345,7 @@ void to_message(const Solution& solution, v1::Solution* message) {
   times->set_line_search_s(solution.times.line_search_s);
   times->set_solve_s(solution.times.solve_s);
   times->set_polish_s(solution.times.polish_s);
+  if (solution.sensitivity) to_message(*solution.sensitivity, message->mutable_sensitivity());
 }
 
 Solution solution_of(const v1::Solution& message) {
@@ -364,6 +369,7 @@ Solution solution_of(const v1::Solution& message) {
   solution.factorizations = message.factorizations();
   solution.times = {message.times().setup_s(), message.times().factorization_s(),
                     message.times().line_search_s(), message.times().solve_s(), message.times().polish_s()};
+  if (message.has_sensitivity()) solution.sensitivity = sensitivity_of(message.sensitivity());
   return solution;
 }
 

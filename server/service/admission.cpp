@@ -82,6 +82,15 @@ Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, 
         return unexpected(of_field(message_field(valid.error().field), valid.error()));
     }
   }
+  std::optional<CheckedSensitivity> sensitivity;
+  if constexpr (requires { message.sensitivity(); }) {
+    if (message.has_sensitivity()) {
+      auto checked = checked_sensitivity(message.sensitivity(), PartSizes::of(*problem),
+                                         SensitivityLimits::of(parts.config));
+      if (!checked) return unexpected(checked.error());
+      sensitivity = std::move(*checked);
+    }
+  }
   std::shared_ptr<JobRecord> record = caller.earlier ? caller.earlier->record : nullptr;
   if (record != nullptr) {
     record->set_options(*options);
@@ -102,7 +111,9 @@ Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, 
          .accepted = caller.earlier ? caller.earlier->accepted : std::chrono::system_clock::now()},
         *options);
   }
-  return CheckedRequest{*problem, *options, *priority, initial_z, std::move(warm_start), std::move(record)};
+  return CheckedRequest{
+      *problem,         *options, *priority, initial_z, std::move(warm_start), std::move(sensitivity),
+      std::move(record)};
 }
 
 }  // namespace
@@ -156,7 +167,8 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
                  .priority = checked->priority,
                  .deadline = caller.deadline,
                  .arrival = Clock::now(),
-                 .bytes = static_cast<std::int64_t>(message->ByteSizeLong())};
+                 .bytes = static_cast<std::int64_t>(message->ByteSizeLong()) +
+                          (checked->sensitivity ? checked->sensitivity->bytes : 0)};
   job->quota = quota;
   job->time_limit_s = checked->options.time_limit_s;
   // The problem borrows the message's arrays.
@@ -167,6 +179,7 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
     SolveControls controls = given;
     controls.initial_z = checked.initial_z;
     controls.warm_start = checked.warm_start ? &*checked.warm_start : nullptr;
+    controls.sensitivity = checked.sensitivity ? &checked.sensitivity->request : nullptr;
     const auto tell_memory = [&](const Solver& solver) { checked.record->set_memory(solver.memory_bytes()); };
     return solve_once(checked.problem, checked.options, controls, limits, tell_memory);
   };

@@ -9,6 +9,7 @@
 #include "access/origin.h"
 #include "marble/v1/service.pb.h"
 #include "marble/v1/session.pb.h"
+#include "messages/sensitivity_limits.h"
 #include "queue/job.h"
 #include "service/service_parts.h"
 
@@ -45,11 +46,12 @@ struct CheckedRequest {
   Priority priority;
   std::span<const double> initial_z;
   std::optional<Solution> warm_start;
+  std::optional<CheckedSensitivity> sensitivity;
   std::shared_ptr<JobRecord> record;
 };
 
 /// Error fields are paths from the message's root. Errors: invalid_argument, permission_denied (a priority
-/// above the quota's).
+/// above the quota's), resource_exhausted (too much is asked of the answer's derivatives).
 [[nodiscard]] Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller,
                                                      const Quota& quota, JobKind kind,
                                                      const v1::SessionSetup& message);

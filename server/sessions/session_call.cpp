@@ -79,7 +79,9 @@ bool SessionCall::take_unread(grpc::ByteBuffer* bytes, std::unique_ptr<Scheduler
 // One message at a time, by whichever thread found that there was room.
 void SessionCall::take_message(grpc::ByteBuffer& bytes, std::unique_ptr<Scheduler::Held> room) {
   v1::SessionRequest request;
-  const auto parsed = record_ == nullptr ? parse(&bytes, &request) : parse_update(bytes, sizes_, &request);
+  const auto parsed = record_ == nullptr
+                          ? parse(&bytes, &request)
+                          : parse_update(bytes, sizes_, &request, SensitivityLimits::of(parts_.config).bytes);
   if (parsed && request.has_setup()) {
     Origin origin = caller_.origin;
     origin.request_id = request.setup().request_id();
@@ -198,8 +200,10 @@ void SessionCall::take_update(v1::SessionUpdate& message, std::unique_ptr<Schedu
   if (parts_.scheduler.is_closed()) {
     return refuse(sequence, draining(), parts_.scheduler.retry_delay_s());
   }
-  auto update = Update::check(message, sizes_, options_);
+  auto update = Update::check(message, sizes_, options_, SensitivityLimits::of(parts_.config));
   if (!update) return refuse(sequence, update.error());
+  if (const std::int64_t bytes = update->sensitivity_bytes(); bytes > 0)
+    update->give_sensitivity_room(parts_.scheduler.hold(caller_.identity.client, bytes, quota_));
   options_ = update->options();
   const auto older = waiting_->push(std::make_shared<Update>(std::move(*update)), std::move(room));
   if (!older) return;
@@ -246,7 +250,14 @@ std::shared_ptr<Job> SessionCall::next_job() {
       ready.detail = "prepared";
       return ready;
     }
-    auto solution = solver_->solve(update->checked(), controls);
+    const auto derivatives = update->sensitivity();
+    SolveControls own = controls;
+    own.sensitivity = derivatives ? &*derivatives : nullptr;
+    auto solution = solver_->solve(update->checked(), own);
+    if (solution && update->lacks_sensitivity_room()) {
+      solution->sensitivity = unexpected(failure(ErrorCode::failed_precondition, "sensitivity_bytes",
+                                                 "the server has no room for derivatives now"));
+    }
     if (solution && solution->status == Status::time_limit && Clock::now() >= deadline) {
       return unexpected(
           failure(ErrorCode::deadline_exceeded, "the deadline passed while the update was solved"));

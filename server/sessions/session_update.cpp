@@ -46,18 +46,20 @@ std::int64_t most_update_bytes(const PartSizes& sizes) {
   return kRest + static_cast<std::int64_t>(kBlockBytes * entries_of(sizes) + sizeof(double) * numbers);
 }
 
-Expected<void> parse_update(grpc::ByteBuffer& bytes, const PartSizes& sizes, v1::SessionRequest* request) {
-  const std::int64_t most = most_update_bytes(sizes);
+Expected<void> parse_update(grpc::ByteBuffer& bytes, const PartSizes& sizes, v1::SessionRequest* request,
+                            std::int64_t sensitivity_bytes) {
+  const std::int64_t most = most_update_bytes(sizes) + sensitivity_bytes;
   if (static_cast<std::int64_t>(bytes.Length()) > most) {
-    return unexpected(
-        invalid("update", std::to_string(bytes.Length()) + " bytes",
-                "must have at most " + std::to_string(most) +
-                    " bytes, all numbers of the problem and a block of a shift for each entry"));
+    return unexpected(invalid("update", std::to_string(bytes.Length()) + " bytes",
+                              "must have at most " + std::to_string(most) +
+                                  " bytes, all numbers of the problem and a block of a shift for each entry" +
+                                  (sensitivity_bytes > 0 ? ", and what may be asked of derivatives" : "")));
   }
   return parse(&bytes, request, kMostFields + static_cast<std::int64_t>(kBlockFields * entries_of(sizes)));
 }
 
-Expected<Update> Update::check(v1::SessionUpdate& message, const PartSizes& sizes, const Options& in_force) {
+Expected<Update> Update::check(v1::SessionUpdate& message, const PartSizes& sizes, const Options& in_force,
+                               const SensitivityLimits& derivatives) {
   if (auto valid = sizes.check(update_of(message.problem())); !valid)
     return unexpected(of_field("update.problem." + update_field(valid.error().field), valid.error()));
   Update update(std::move(message), sizes, in_force);
@@ -70,6 +72,13 @@ Expected<Update> Update::check(v1::SessionUpdate& message, const PartSizes& size
   const double deadline_s = update.message_.deadline_s();
   if (!(deadline_s >= 0.0))
     return unexpected(invalid("update.deadline_s", std::to_string(deadline_s), "must be >= 0"));
+  if (update.message_.has_sensitivity()) {
+    if (update.prepares())
+      return unexpected(invalid("update.sensitivity", "must come with the second part of an update"));
+    const auto asked = checked_sensitivity(update.message_.sensitivity(), sizes, derivatives);
+    if (!asked) return unexpected(inside("update", asked.error()));
+    update.sensitivity_bytes_ = asked->bytes;
+  }
   if (update.message_.has_options()) {
     const auto options = options_of(update.message_.options(), in_force);
     if (!options) return unexpected(inside("update.options", options.error()));
@@ -87,7 +96,26 @@ Clock::time_point Update::deadline() const {
 std::int64_t Update::bytes() const {
   const std::size_t blocks =
       shift_.variables.size() + shift_.equalities.size() + shift_.inequalities.size() + shift_.pairs.size();
-  return static_cast<std::int64_t>(message_.ByteSizeLong() + blocks * sizeof(ShiftBlock));
+  return static_cast<std::int64_t>(message_.ByteSizeLong() - message_.sensitivity().ByteSizeLong() +
+                                   blocks * sizeof(ShiftBlock));
+}
+
+std::optional<SensitivityRequest> Update::sensitivity() const {
+  if (!message_.has_sensitivity()) return std::nullopt;
+  return request_of(message_.sensitivity());
+}
+
+void Update::give_sensitivity_room(std::unique_ptr<Scheduler::Held> room) {
+  sensitivity_room_ = std::move(room);
+  if (sensitivity_room_ != nullptr) return;
+  forget_sensitivity();
+  lacks_sensitivity_room_ = true;
+}
+
+void Update::forget_sensitivity() {
+  message_.clear_sensitivity();
+  sensitivity_bytes_ = 0;
+  sensitivity_room_ = nullptr;
 }
 
 void Update::take_along(Update older) {

@@ -68,8 +68,8 @@ class BatchWriter {
   bool send(const BatchProblem& p) {
     v1::SolveBatchRequest request;
     request.set_tag(p.tag);
-    const client::RequestParts parts{p.problem,    p.options,      p.initial_z,       nullptr,
-                                     p.request_id, p.problem_name, controls_.priority};
+    const client::RequestParts parts{p.problem,     p.options,    p.initial_z,    nullptr,
+                                     p.sensitivity, p.request_id, p.problem_name, controls_.priority};
     auto filled = client::fill_request(parts, request.mutable_solve());
     if (filled) filled = client::check_size(request);
     if (!filled) {

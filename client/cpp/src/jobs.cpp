@@ -29,7 +29,7 @@ Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& o
   if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
   v1::SolveRequest request;
   const client::RequestParts parts{
-      problem,         options,           controls.initial_z, controls.warm_start,
+      problem,         options,           controls.initial_z, controls.warm_start, controls.sensitivity,
       call.request_id, call.problem_name, call.priority};
   if (auto filled = client::fill_request(parts, &request); !filled) return unexpected(filled.error());
   if (request.request_id().empty()) request.set_request_id(client::random_request_id());

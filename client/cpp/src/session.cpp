@@ -32,6 +32,8 @@ Expected<std::int64_t> Session::send(const ProblemUpdate& update, const UpdateCo
 }
 
 Expected<std::int64_t> Session::prepare(const ProblemUpdate& update, const UpdateControls& controls) {
+  if (controls.sensitivity != nullptr)
+    return unexpected(invalid("sensitivity", "must come with the second part of an update"));
   return or_out_of_memory([&] { return state_->prepare(update, controls); });
 }
 

@@ -16,10 +16,13 @@ void make_fault(py::module_& module) {
   module.attr("Fault") = py::reinterpret_borrow<py::object>(fault_type);
 }
 
+py::tuple fault_arguments(const Error& error) {
+  return py::make_tuple(to_string(error.code), error.field, error.index, error.value, error.bound,
+                        error.message());
+}
+
 void raise(const Error& error) {
-  const py::tuple arguments = py::make_tuple(to_string(error.code), error.field, error.index, error.value,
-                                             error.bound, error.message());
-  PyErr_SetObject(fault_type, arguments.ptr());
+  PyErr_SetObject(fault_type, fault_arguments(error).ptr());
   throw py::error_already_set();
 }
 

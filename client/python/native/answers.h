@@ -15,6 +15,9 @@ namespace marble::python {
 /// sentence.
 void make_fault(pybind11::module_& module);
 
+/// What its args are of this error.
+[[nodiscard]] pybind11::tuple fault_arguments(const Error& error);
+
 [[noreturn]] void raise(const Error& error);
 
 template <class T>

@@ -95,6 +95,7 @@ struct Call {
   std::shared_ptr<Stop> stop;  // null where only Ctrl-C may ask for it
   bool main_thread;
   std::optional<Solution> warm_start;
+  std::shared_ptr<const AskedDerivatives> derivatives;  // null where none are wanted
 };
 
 /// Runs `solve(options, controls)` without the GIL; the answer as Python has it, but for a time limit that a
@@ -110,7 +111,8 @@ py::dict run(const Options& options, const Call& call, const Solve& solve) {
   Teller teller(call.tell, call.interval_s, call.iterate_every, source);
   const SolveControls controls{.progress = teller.sink(),
                                .stop = source.get_token(),
-                               .warm_start = call.warm_start ? &*call.warm_start : nullptr};
+                               .warm_start = call.warm_start ? &*call.warm_start : nullptr,
+                               .sensitivity = call.derivatives ? &call.derivatives->request : nullptr};
   std::optional<Expected<Solution>> outcome;
   {
     std::optional<CtrlC> ctrl_c;
@@ -148,6 +150,7 @@ py::dict run(const Options& options, const Call& call, const Solve& solve) {
   answer["factorizations"] = s.factorizations;
   answer["cold_objective"] = s.cold_objective;
   answer["options"] = dict_of(options);
+  answer["sensitivity"] = derivatives_told(std::move(s.sensitivity));
   const Times& t = s.times;
   answer["times"] =
       py::make_tuple(0.0, t.setup_s, t.factorization_s, t.line_search_s, t.polish_s, t.solve_s, elapsed_s());
@@ -369,11 +372,18 @@ PYBIND11_MODULE(_core, m) {
   py::class_<Stop, std::shared_ptr<Stop>>(m, "Stop").def(py::init<>()).def("request", [](Stop& stop) {
     stop.source.request_stop();
   });
-  py::class_<Call>(m, "Call").def(py::init(
-      [](std::optional<double> deadline_s, py::object tell, double interval_s, std::int32_t iterate_every,
-         std::shared_ptr<Stop> stop, bool main_thread, const py::object& warm_start) {
-        return Call{deadline_s,      std::move(tell), interval_s,           iterate_every,
-                    std::move(stop), main_thread,     answer_of(warm_start)};
+  py::class_<Call>(m, "Call").def(
+      py::init([](std::optional<double> deadline_s, py::object tell, double interval_s,
+                  std::int32_t iterate_every, std::shared_ptr<Stop> stop, bool main_thread,
+                  const py::object& warm_start, const py::object& derivatives) {
+        return Call{deadline_s,
+                    std::move(tell),
+                    interval_s,
+                    iterate_every,
+                    std::move(stop),
+                    main_thread,
+                    answer_of(warm_start),
+                    asked_derivatives(derivatives)};
       }));
   m.def("solve", &solve);
   m.def("solve_nonlinear", &solve_nonlinear_problem);

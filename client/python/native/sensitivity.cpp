@@ -13,50 +13,77 @@
 namespace marble::python {
 namespace {
 
-/// Derivatives of an answer. Keeps the problem, whose arrays it borrows.
+AnswerWeights weights_of(Borrowed& arrays, const py::dict& weights) {
+  AnswerWeights given;
+  const std::pair<const char*, std::span<const double>*> kinds[] = {
+      {"z", &given.z},
+      {"y", &given.equality_multipliers},
+      {"nu", &given.inequality_multipliers},
+      {"xi", &given.complementarity_multipliers_L},
+      {"eta", &given.complementarity_multipliers_R}};
+  for (const auto& [name, span] : kinds) {
+    if (weights.contains(name)) *span = arrays.doubles(weights[name]);
+  }
+  return given;
+}
+
+template <class Vectors>
+py::dict vectors_told(Vectors& vectors) {
+  py::dict told;
+  told["z"] = Numbers{std::move(vectors.z)};
+  told["y"] = Numbers{std::move(vectors.equality_multipliers)};
+  told["nu"] = Numbers{std::move(vectors.inequality_multipliers)};
+  told["xi"] = Numbers{std::move(vectors.complementarity_multipliers_L)};
+  told["eta"] = Numbers{std::move(vectors.complementarity_multipliers_R)};
+  return told;
+}
+
+template <class Gradient>
+py::dict numbers_told(Gradient& gradient) {
+  py::dict told;
+#define MARBLE_VECTOR(letter, field) told[#letter] = Numbers{std::move(gradient.letter)};
+#define MARBLE_MATRIX(letter, field, values, rows) told[#letter] = Numbers{std::move(gradient.letter)};
+#include "marble/contract.def"
+  return told;
+}
+
+py::tuple response_told(RowResponse response) {
+  return py::make_tuple(Numbers{std::move(response.values)}, Numbers{std::move(response.free)},
+                        Numbers{std::move(response.response)}, Numbers{std::move(response.z)},
+                        Numbers{std::move(response.columns)});
+}
+
+/// Derivatives of an answer.
 class Derivatives {
  public:
-  Derivatives(const py::object& lcqp, const py::object& answer)
-      : sensitivity_(value_or_raise(
-            Sensitivity::create(value_or_raise(Problem::create(arrays_.problem(lcqp))), solved(answer)))) {}
+  Derivatives(const py::object& lcqp, const py::object& answer) : Derivatives(Borrowed(), lcqp, answer) {}
 
   py::dict along(const py::dict& direction) {
     Borrowed arrays;
     AnswerChange change = value_or_raise(sensitivity_.along(arrays.update(direction)));
-    py::dict told;
-    told["z"] = Numbers{std::move(change.z)};
-    told["y"] = Numbers{std::move(change.equality_multipliers)};
-    told["nu"] = Numbers{std::move(change.inequality_multipliers)};
-    told["xi"] = Numbers{std::move(change.complementarity_multipliers_L)};
-    told["eta"] = Numbers{std::move(change.complementarity_multipliers_R)};
+    py::dict told = vectors_told(change);
     told["holds"] = change.holds;
     return told;
   }
 
   py::dict gradient(const py::dict& weights) {
     Borrowed arrays;
-    AnswerWeights given;
-    const std::pair<const char*, std::span<const double>*> kinds[] = {
-        {"z", &given.z},
-        {"y", &given.equality_multipliers},
-        {"nu", &given.inequality_multipliers},
-        {"xi", &given.complementarity_multipliers_L},
-        {"eta", &given.complementarity_multipliers_R}};
-    for (const auto& [name, span] : kinds) {
-      if (weights.contains(name)) *span = arrays.doubles(weights[name]);
-    }
-    ProblemGradient gradient = value_or_raise(sensitivity_.gradient(given));
-    py::dict told;
-#define MARBLE_VECTOR(letter, field) told[#letter] = Numbers{std::move(gradient.letter)};
-#define MARBLE_MATRIX(letter, field, values, rows) told[#letter] = Numbers{std::move(gradient.letter)};
-#include "marble/contract.def"
-    return told;
+    ProblemGradient gradient = value_or_raise(sensitivity_.gradient(weights_of(arrays, weights)));
+    return numbers_told(gradient);
+  }
+
+  py::tuple rows(const py::object& asked) {
+    return response_told(value_or_raise(sensitivity_.rows(*asked_derivatives(asked)->request.rows)));
   }
 
   [[nodiscard]] std::vector<Index> weak_inequalities() const { return sensitivity_.weak_inequalities(); }
   [[nodiscard]] std::vector<Index> biactive_pairs() const { return sensitivity_.biactive_pairs(); }
 
  private:
+  Derivatives(Borrowed arrays, const py::object& lcqp, const py::object& answer)
+      : sensitivity_(value_or_raise(
+            Sensitivity::create(value_or_raise(Problem::create(arrays.problem(lcqp))), solved(answer)))) {}
+
   // The package has looked whether it is.
   static Solution solved(const py::object& answer) {
     Solution solution = *answer_of(answer);
@@ -64,17 +91,56 @@ class Derivatives {
     return solution;
   }
 
-  Borrowed arrays_;  // before what borrows of it
   Sensitivity sensitivity_;
 };
 
 }  // namespace
+
+std::shared_ptr<const AskedDerivatives> asked_derivatives(const py::object& asked) {
+  if (asked.is_none()) return nullptr;
+  auto made = std::make_shared<AskedDerivatives>();
+  Borrowed& arrays = made->arrays;
+  SensitivityRequest& request = made->request;
+  if (const py::object E = asked.attr("rows"); !E.is_none()) {
+    const auto shape = E.attr("shape").cast<std::pair<std::size_t, std::size_t>>();
+    request.rows = RowsRequest{.E = arrays.matrix(E, shape.first, shape.second),
+                               .proximal = arrays.doubles(asked.attr("proximal")),
+                               .g = arrays.doubles(asked.attr("g")),
+                               .columns = asked.attr("columns").cast<bool>()};
+  }
+  request.directions = {asked.attr("directions").cast<Index>(), arrays.update(asked.attr("numbers"))};
+  request.losses = {asked.attr("losses").cast<Index>(), weights_of(arrays, asked.attr("weights"))};
+  return made;
+}
+
+py::object derivatives_told(std::optional<Expected<SensitivityAnswer>> sensitivity) {
+  if (!sensitivity) return py::none();
+  py::dict told;
+  if (!*sensitivity) {
+    told["error"] = fault_arguments(sensitivity->error());
+    return told;
+  }
+  SensitivityAnswer& answer = **sensitivity;
+  told["weak_inequalities"] = answer.weak_inequalities;
+  told["biactive_pairs"] = answer.biactive_pairs;
+  if (answer.rows && *answer.rows) told["rows"] = response_told(std::move(**answer.rows));
+  if (answer.rows && !*answer.rows) told["rows_error"] = fault_arguments(answer.rows->error());
+  told["holds"] = answer.changes.holds;
+  told["missing_changes"] = answer.changes.missing;
+  told["changes"] = vectors_told(answer.changes);
+  told["missing_gradients"] = answer.gradients.missing;
+  told["gradients"] = numbers_told(answer.gradients);
+  told["factorizations"] = answer.factorizations;
+  told["back_substitutions"] = answer.back_substitutions;
+  return told;
+}
 
 void bind_sensitivity(py::module_& module) {
   py::class_<Derivatives>(module, "Sensitivity")
       .def(py::init<const py::object&, const py::object&>())
       .def("along", &Derivatives::along)
       .def("gradient", &Derivatives::gradient)
+      .def("rows", &Derivatives::rows)
       .def_property_readonly("weak_inequalities", &Derivatives::weak_inequalities)
       .def_property_readonly("biactive_pairs", &Derivatives::biactive_pairs);
 }

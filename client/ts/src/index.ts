@@ -47,6 +47,17 @@ export type { CompressedColumns, DenseRows, Matrix, Triplets } from "./model/mat
 export type { SolveOptions } from "./model/options.js";
 export type { Problem, ProblemUpdate } from "./model/problem.js";
 export type { Progress, Tree, Violations } from "./model/progress.js";
+export type {
+  AnswerChange,
+  AnswerPart,
+  AnswerWeights,
+  Direction,
+  ProblemGradient,
+  RowResponse,
+  RowsRequest,
+  SensitivityAnswer,
+  SensitivityRequest,
+} from "./model/sensitivity.js";
 export { Solution } from "./model/solution.js";
 export type { SecondOrder, Stationarity, Status, Times } from "./model/solution.js";
 export type { CurvatureKind } from "./nonlinear/curvature.js";

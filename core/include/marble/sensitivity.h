@@ -1,19 +1,30 @@
-// How an answer changes with its problem: derivatives of z and of the multipliers by every number of it.
+// How an answer changes with its problem: derivatives of z and of the multipliers by every number of it. All
+// of it is of the branch of the answer: the rows that are zero stay so, the others do not count. With a
+// solve, by its last factor:
+//
+//   marble::SensitivityRequest request{.directions = {1, {.b = measured}}, .losses = {1, {.z = loss_by_z}}};
+//   auto answer = solver.solve({.sensitivity = &request});
+//   const marble::SensitivityAnswer& told = **answer->sensitivity;      // told.changes.z, told.gradients.b
+//
+// or later, of an answer from anywhere:
 //
 //   auto sensitivity = marble::Sensitivity::create(problem, answer);
 //   auto change = sensitivity->along({.b = measured});            // forward: of the answer, by these numbers
 //   auto gradient = sensitivity->gradient({.z = loss_by_z});      // adjoint: of a loss, by all numbers
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "marble/error.h"
 #include "marble/problem.h"
-#include "marble/solution.h"
 
 namespace marble {
+
+struct Solution;
 
 /// Changes of an answer, by one unit of a direction.
 struct AnswerChange {
@@ -22,8 +33,8 @@ struct AnswerChange {
   std::vector<double> inequality_multipliers;         ///< n_i
   std::vector<double> complementarity_multipliers_L;  ///< n_c
   std::vector<double> complementarity_multipliers_R;  ///< n_c
-  /// Whether the answer goes this way for small positive steps: the rows of weak_inequalities() and
-  /// biactive_pairs() keep the right signs. Always true where there are none.
+  /// Whether the answer goes this way for small positive steps: the rows of weak_inequalities and
+  /// biactive_pairs keep the right signs. Always true where there are none.
   bool holds = true;
 };
 
@@ -51,17 +62,121 @@ struct ProblemGradient {
   std::vector<double> R;  ///< one per stored entry
 };
 
+/// How m combinations E z of the variables follow a price μ on them: what solves that are coupled by such
+/// rows tell each other. With the cost μᵀE z added, the branch's answer is z(μ) = z(0) − P Eᵀμ and
+///
+///   E z(μ) = r − S μ,   r = E z(0),   S = E P Eᵀ ⪰ 0,   P = [K⁻¹]_zz of the branch's system K
+///
+/// (P = Z (ZᵀQZ)⁻¹ Zᵀ for a basis Z of the directions that keep the branch's rows at zero). Borrows its
+/// arrays.
+struct RowsRequest {
+  SparseMatrixView E;  ///< m × n, m ≥ 1
+  /// n ≥ 0 numbers or empty: a diagonal that was added to Q, such as a proximal term's. Here Q is without it,
+  /// in K and in z(0); it must then still be convex on the branch. Costs one more factorization.
+  std::span<const double> proximal = {};
+  std::span<const double> g = {};  ///< n or empty: the linear cost of z(0), in place of the problem's own
+  bool columns = false;            ///< z(0) and P Eᵀ are wanted too
+};
+
+/// The answer to a RowsRequest.
+struct RowResponse {
+  std::vector<double> values;    ///< E z at the answer, m
+  std::vector<double> free;      ///< r, m; the same where neither proximal nor g was given
+  std::vector<double> response;  ///< S: its upper triangle by columns, S_ij at i + j (j + 1) / 2 for i ≤ j
+  std::vector<double> z;         ///< z(0), n; empty unless columns are wanted
+  std::vector<double> columns;   ///< P Eᵀ by columns, n m; empty unless they are wanted
+};
+
+/// Directions to go along: of each part of `numbers` that is there `count` times its size, one direction
+/// after the other. What is absent is zero.
+struct DirectionsRequest {
+  Index count = 0;        ///< >= 0
+  ProblemUpdate numbers;  ///< new numbers less the old ones
+};
+
+/// Losses: of each vector that is there `count` times its size, one loss after the other.
+struct LossesRequest {
+  Index count = 0;        ///< >= 0
+  AnswerWeights weights;  ///< of each loss, by the vectors of the answer
+};
+
+/// What is asked of an answer's derivatives. Borrows its arrays.
+struct SensitivityRequest {
+  std::optional<RowsRequest> rows = {};  ///< the response of rows
+  DirectionsRequest directions = {};     ///< forward
+  LossesRequest losses = {};             ///< adjoint
+};
+
+/// Whether they are of a problem of these sizes, or absent. Errors: invalid_argument of the fields "z" and
+/// such.
+[[nodiscard]] Expected<void> check(const AnswerWeights& weights, const PartSizes& sizes);
+/// Whether it can be asked of a problem of these sizes. Errors: invalid_argument of the fields
+/// "rows.E.values", "rows.proximal", "directions.count", "directions.A.values", "losses.z" and such.
+[[nodiscard]] Expected<void> check(const SensitivityRequest& request, const PartSizes& sizes);
+/// Memory of the answer to it, with what is needed to find it beside the solver, in bytes.
+[[nodiscard]] double bytes_of(const SensitivityRequest& request, const PartSizes& sizes);
+
+/// Changes of an answer along directions, as AnswerChange has them, one after the other.
+struct AnswerChanges {
+  std::vector<double> z;                              ///< count n
+  std::vector<double> equality_multipliers;           ///< count n_e
+  std::vector<double> inequality_multipliers;         ///< count n_i
+  std::vector<double> complementarity_multipliers_L;  ///< count n_c
+  std::vector<double> complementarity_multipliers_R;  ///< count n_c
+  std::vector<std::uint8_t> holds;                    ///< count: 1 where AnswerChange::holds
+  /// Directions without a change, whose numbers are NaN: the branch is flat along them, or its rows depend on
+  /// each other and contradict.
+  std::vector<Index> missing;
+};
+
+/// Gradients of losses, as ProblemGradient has them, one after the other.
+struct ProblemGradients {
+  std::vector<double> g;  ///< count n
+  std::vector<double> b;  ///< count n_e
+  std::vector<double> d;  ///< count n_i
+  std::vector<double> l;  ///< count n_c
+  std::vector<double> r;  ///< count n_c
+  std::vector<double> Q;  ///< count times one per stored entry
+  std::vector<double> A;  ///< count times one per stored entry
+  std::vector<double> C;  ///< count times one per stored entry
+  std::vector<double> L;  ///< count times one per stored entry
+  std::vector<double> R;  ///< count times one per stored entry
+  /// Losses without a gradient, whose numbers are NaN: the multipliers they weigh are not unique, or the
+  /// branch is flat.
+  std::vector<Index> missing;
+};
+
+/// The derivatives that were asked for.
+struct SensitivityAnswer {
+  /// Inequalities at zero whose multiplier is zero too, to 1e-6 scaled: a small change may go either way.
+  std::vector<Index> weak_inequalities;
+  /// Pairs with both sides at zero that may leave by either side: not both multipliers are positive.
+  std::vector<Index> biactive_pairs;
+  /// If they were asked for; failed_precondition where the branch is flat along one, or not convex without
+  /// the proximal diagonal.
+  std::optional<Expected<RowResponse>> rows;
+  AnswerChanges changes;                ///< one per direction
+  ProblemGradients gradients;           ///< one per loss
+  std::int32_t factorizations = 0;      ///< 0 where the solve's last factor was the branch's
+  std::int32_t back_substitutions = 0;  ///< with one factor, two or three for each row, direction and loss
+
+  /// Whether derivatives hold in all directions, both ways. Else they are the branch's, one of several, and
+  /// AnswerChange::holds tells of which directions they are true.
+  [[nodiscard]] bool is_smooth() const { return weak_inequalities.empty() && biactive_pairs.empty(); }
+};
+
 /// The branch of an answer and its factor. On the branch the answer solves
 ///
 ///   [ Q   Aᵀ  J₀ᵀ ] [ z ]   [ −g ]
 ///   [ A            ] [ y ] = [ −b ]        J₀: the rows of [C; L; R] that are zero, c₀ their offsets, λ =
 ///   −(ν, ξ, η) [ J₀           ] [ λ ]   [−c₀ ]
 ///
-/// whose derivative is one more solution of it a direction: a few back-substitutions, no factorization.
-/// One thread at a time.
+/// whose derivative is one more solution of it a direction: two or three back-substitutions, no
+/// factorization. SolveControls::sensitivity asks the same of a solver, which has the factor already. One
+/// thread at a time.
 class Sensitivity {
  public:
-  /// Scales, analyses and factorizes the branch of `answer` once. The problem's arrays must outlive it.
+  /// Scales, analyses and factorizes the branch of `answer` once. Keeps nothing of the problem's arrays.
   /// Errors: invalid_argument of field "solution.z" and such (other sizes, not finite); failed_precondition
   /// of field "solution" where it is not solved, or no isolated exact solution of its branch.
   [[nodiscard]] static Expected<Sensitivity> create(const Problem& problem, const Solution& answer);
@@ -85,10 +200,18 @@ class Sensitivity {
   /// is the branch's, one of several. Errors: as along(), fields "weights.z" and such.
   [[nodiscard]] Expected<ProblemGradient> gradient(const AnswerWeights& weights);
 
-  /// Inequalities at zero whose multiplier is zero too, to 1e-6 scaled: a small change may go either way.
+  /// How rows E z follow a price on them. Errors: invalid_argument, fields "rows.E.values" and such;
+  /// failed_precondition of field "rows" where the branch is flat along one, or not convex without proximal.
+  [[nodiscard]] Expected<RowResponse> rows(const RowsRequest& request);
+
+  /// As SensitivityAnswer has them.
   [[nodiscard]] const std::vector<Index>& weak_inequalities() const;
-  /// Pairs with both sides at zero that may leave by either side: not both multipliers are positive.
+  /// As SensitivityAnswer has them.
   [[nodiscard]] const std::vector<Index>& biactive_pairs() const;
+  /// By all that was asked so far.
+  [[nodiscard]] std::int32_t factorizations() const;
+  /// By all that was asked so far.
+  [[nodiscard]] std::int32_t back_substitutions() const;
   /// Whether there are none of both: derivatives hold in all directions, both ways.
   [[nodiscard]] bool is_smooth() const { return weak_inequalities().empty() && biactive_pairs().empty(); }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "marble/progress.h"
+#include "marble/sensitivity.h"
 
 namespace marble {
 
@@ -107,6 +108,10 @@ struct Solution {
   /// for some problems; nothing else depends on who helps.
   std::int32_t factorizations = 0;
   Times times;  ///< where the time went
+  /// The derivatives that SolveControls::sensitivity asked for, or why there are none: failed_precondition of
+  /// field "solution" where it is not solved, or no isolated exact solution of its branch. Absent where none
+  /// were asked for.
+  std::optional<Expected<SensitivityAnswer>> sensitivity;
 };
 
 }  // namespace marble

@@ -36,6 +36,8 @@ struct SolveControls {
   /// An answer to this problem or one like it, of the same sizes, z and multipliers: its branch is tried
   /// first.
   const Solution* warm_start = nullptr;
+  /// Derivatives of the answer by the problem's numbers, by the factor that the solve ends with.
+  const SensitivityRequest* sensitivity = nullptr;
   /// For option starts > 1: further starts run on it, four at a time. Without one they run one after the
   /// other; the answer is the same to the last bit.
   TaskRunner* runner = nullptr;
@@ -84,8 +86,8 @@ class Solver {
   /// What it takes, in bytes, by the estimate of create().
   [[nodiscard]] std::int64_t memory_bytes() const;
 
-  /// Runs to an end and says which. An error only if `initial_z` or `warm_start` have other sizes than the
-  /// problem or are not finite.
+  /// Runs to an end and says which. An error only if `initial_z`, `warm_start` or `sensitivity` have other
+  /// sizes than the problem or are not finite; of the last one fields begin with "sensitivity.".
   [[nodiscard]] Expected<Solution> solve(const SolveControls& controls = {});
 
  private:

@@ -77,9 +77,9 @@ bool BranchPoint::factor(Run& run, double rho, double delta) {
   for (Index row = 0; row < problem_.layout.size(); ++row) weights_.rows.all[row] = set.held[row] ? rho : 0.0;
   factored_set_ = set;
   ++run.factorizations;
-  const bool factored = run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); });
+  convex_ = run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); });
   factor_ = kkt_.factors();
-  return factored;
+  return convex_;
 }
 
 void BranchPoint::factor_ahead(Run& run, double rho, double delta) {
@@ -89,6 +89,11 @@ void BranchPoint::factor_ahead(Run& run, double rho, double delta) {
 
 bool BranchPoint::is_factored(double rho, double delta) const {
   return kkt_.factors() == factor_ && weights_.rho == rho && weights_.delta == delta && factored_set_ == set;
+}
+
+bool BranchPoint::has_factor(double rho, double delta) const {
+  return kkt_.factors() == factor_ && convex_ && weights_.rho == rho && weights_.delta == delta &&
+         factored_set_.held == set.held;
 }
 
 // With the active rows as equalities: Newton on (Qz + g + Jᵀλ, J_active z + c) with the regularized factor,
@@ -145,7 +150,8 @@ bool BranchPoint::solve(const Iterate& right_hand_side, Iterate& solution) {
     gradient = step.z();
     add_transposed(problem_.rows, step.lambda(), gradient);
     step.z() = gradient;
-    if (!kkt_.solve(step.z(), step.y())) return false;
+    ++back_substitutions_;
+    if (!kkt_.solve_once(step.z(), step.y())) return false;
     step_images.evaluate_rows(problem_, step.z());
     step.lambda() = weights_.rows.all.cwiseProduct(step_images.rows.all) - step.lambda();
     solution.all += step.all;

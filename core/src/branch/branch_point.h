@@ -38,6 +38,11 @@ class BranchPoint {
   void forget_ahead() { ahead_ = false; }
   /// Whether the factor at hand is that, of these rows.
   [[nodiscard]] bool is_factored(double rho, double delta) const;
+  /// Whether the factor at hand is of the rows held now, whichever side of a pair is the fixed one, and told
+  /// no negative curvature.
+  [[nodiscard]] bool has_factor(double rho, double delta) const;
+  /// The factor at hand is of other matrices than the problem has.
+  void forget_factor() { factor_ = -1; }
   [[nodiscard]] double rho() const { return weights_.rho; }  ///< of the last factorization
 
   /// With the factor at hand, of tuning::exact_rho and tuning::exact_delta: the stationary point on the rows
@@ -47,6 +52,8 @@ class BranchPoint {
   /// that are held at zero, for a right-hand side in the segments z, y and λ (what it has of other rows is
   /// left out). False where it has none to half of the digits.
   [[nodiscard]] bool solve(const Iterate& right_hand_side, Iterate& solution);
+  /// Of solve(), all together.
+  [[nodiscard]] std::int32_t back_substitutions() const { return back_substitutions_; }
   /// With the factor at hand: takes out of a direction what changes the rows held at zero.
   [[nodiscard]] bool project(VectorRef direction);
 
@@ -73,7 +80,9 @@ class BranchPoint {
   RowWeights weights_;
   WorkingSet factored_set_;
   std::int64_t factor_ = -1;  // of kkt_, which others use too
+  bool convex_ = false;       // it had the right inertia
   bool ahead_ = false;        // it was made for a factor() to come
+  std::int32_t back_substitutions_ = 0;
 };
 
 }  // namespace marble

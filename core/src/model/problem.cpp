@@ -7,6 +7,7 @@
 #include <string>
 
 #include "marble/contract.h"
+#include "model/check_matrix.h"
 #include "model/text_of.h"
 
 namespace marble {
@@ -23,60 +24,6 @@ Expected<void> check_finite(std::span<const double> values, const std::string& f
 
 bool absent(const SparseMatrixView& m) {
   return m.rows == 0 && m.column_pointers.empty() && m.row_indices.empty() && m.values.empty();
-}
-
-Expected<void> check_matrix(const SparseMatrixView& m, const std::string& name, std::size_t rows,
-                            std::size_t n, const char* rows_rule) {
-  if (absent(m) && (rows == 0 || name == "Q")) return {};
-  const auto number = [](auto value) { return std::to_string(value); };
-  if (m.rows < 0 || static_cast<std::size_t>(m.rows) != rows) {
-    return unexpected(
-        invalid(name + ".rows", number(m.rows), "must be " + number(rows) + " (" + rows_rule + ")"));
-  }
-  if (m.columns < 0 || static_cast<std::size_t>(m.columns) != n) {
-    return unexpected(invalid(name + ".columns", number(m.columns), "must be " + number(n) + " (variables)"));
-  }
-  if (m.column_pointers.size() != n + 1) {
-    return unexpected(invalid(name + ".column_pointers", number(m.column_pointers.size()) + " entries",
-                              "must have " + number(n + 1) + " entries (columns + 1)"));
-  }
-  if (m.row_indices.size() != m.values.size()) {
-    return unexpected(
-        invalid(name + ".values", number(m.values.size()) + " entries",
-                "must have " + number(m.row_indices.size()) + " entries, as many as row_indices"));
-  }
-  if (m.values.size() > static_cast<std::size_t>(std::numeric_limits<Index>::max())) {
-    return unexpected(
-        invalid(name + ".values", number(m.values.size()) + " entries", "must have less than 2^31"));
-  }
-  const auto entries = static_cast<Index>(m.values.size());
-  if (m.column_pointers[0] != 0) {
-    return unexpected(invalid(name + ".column_pointers", 0, number(m.column_pointers[0]), "must be 0"));
-  }
-  for (std::size_t j = 0; j < n; ++j) {
-    const Index begin = m.column_pointers[j];
-    const Index end = m.column_pointers[j + 1];
-    if (end < begin || end > entries) {
-      return unexpected(invalid(name + ".column_pointers", static_cast<std::int64_t>(j) + 1, number(end),
-                                "must be in [" + number(begin) + ", " + number(entries) + "]"));
-    }
-    for (Index k = begin; k < end; ++k) {
-      const Index row = m.row_indices[k];
-      if (row < 0 || row >= m.rows) {
-        return unexpected(
-            invalid(name + ".row_indices", k, number(row), "must be in [0, " + number(rows) + ")"));
-      }
-      if (k > begin && row <= m.row_indices[k - 1]) {
-        return unexpected(invalid(name + ".row_indices", k, number(row),
-                                  "must be greater than the entry before it in column " + number(j)));
-      }
-    }
-  }
-  if (m.column_pointers[n] != entries) {
-    return unexpected(invalid(name + ".column_pointers", static_cast<std::int64_t>(n),
-                              number(m.column_pointers[n]), "must be " + number(entries) + " (entries)"));
-  }
-  return check_finite(m.values, name + ".values");
 }
 
 // One sweep over the columns: as rows ascend, the mirror image of the next entry below the diagonal of column
@@ -131,6 +78,60 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
 }
 
 }  // namespace
+
+Expected<void> check_matrix(const SparseMatrixView& m, const std::string& name, std::size_t rows,
+                            std::size_t n, const char* rows_rule) {
+  if (absent(m) && (rows == 0 || name == "Q")) return {};
+  const auto number = [](auto value) { return std::to_string(value); };
+  if (m.rows < 0 || static_cast<std::size_t>(m.rows) != rows) {
+    return unexpected(
+        invalid(name + ".rows", number(m.rows), "must be " + number(rows) + " (" + rows_rule + ")"));
+  }
+  if (m.columns < 0 || static_cast<std::size_t>(m.columns) != n) {
+    return unexpected(invalid(name + ".columns", number(m.columns), "must be " + number(n) + " (variables)"));
+  }
+  if (m.column_pointers.size() != n + 1) {
+    return unexpected(invalid(name + ".column_pointers", number(m.column_pointers.size()) + " entries",
+                              "must have " + number(n + 1) + " entries (columns + 1)"));
+  }
+  if (m.row_indices.size() != m.values.size()) {
+    return unexpected(
+        invalid(name + ".values", number(m.values.size()) + " entries",
+                "must have " + number(m.row_indices.size()) + " entries, as many as row_indices"));
+  }
+  if (m.values.size() > static_cast<std::size_t>(std::numeric_limits<Index>::max())) {
+    return unexpected(
+        invalid(name + ".values", number(m.values.size()) + " entries", "must have less than 2^31"));
+  }
+  const auto entries = static_cast<Index>(m.values.size());
+  if (m.column_pointers[0] != 0) {
+    return unexpected(invalid(name + ".column_pointers", 0, number(m.column_pointers[0]), "must be 0"));
+  }
+  for (std::size_t j = 0; j < n; ++j) {
+    const Index begin = m.column_pointers[j];
+    const Index end = m.column_pointers[j + 1];
+    if (end < begin || end > entries) {
+      return unexpected(invalid(name + ".column_pointers", static_cast<std::int64_t>(j) + 1, number(end),
+                                "must be in [" + number(begin) + ", " + number(entries) + "]"));
+    }
+    for (Index k = begin; k < end; ++k) {
+      const Index row = m.row_indices[k];
+      if (row < 0 || row >= m.rows) {
+        return unexpected(
+            invalid(name + ".row_indices", k, number(row), "must be in [0, " + number(rows) + ")"));
+      }
+      if (k > begin && row <= m.row_indices[k - 1]) {
+        return unexpected(invalid(name + ".row_indices", k, number(row),
+                                  "must be greater than the entry before it in column " + number(j)));
+      }
+    }
+  }
+  if (m.column_pointers[n] != entries) {
+    return unexpected(invalid(name + ".column_pointers", static_cast<std::int64_t>(n),
+                              number(m.column_pointers[n]), "must be " + number(entries) + " (entries)"));
+  }
+  return check_finite(m.values, name + ".values");
+}
 
 Expected<Problem> Problem::create(const ProblemView& view) {
   const std::size_t n = view.g.size();

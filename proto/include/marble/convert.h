@@ -7,10 +7,12 @@
 #include "marble/options.h"
 #include "marble/problem.h"
 #include "marble/progress.h"
+#include "marble/sensitivity.h"
 #include "marble/solution.h"
 #include "marble/v1/options.pb.h"
 #include "marble/v1/problem.pb.h"
 #include "marble/v1/progress.pb.h"
+#include "marble/v1/sensitivity.pb.h"
 #include "marble/v1/session.pb.h"
 #include "marble/v1/solution.pb.h"
 
@@ -28,12 +30,30 @@ void to_message(const ProblemUpdate& update, v1::ProblemUpdate* message);
 /// Copies a problem into a message.
 void to_message(const ProblemView& problem, v1::Problem* message);
 
+/// Views of a matrix's arrays; the message must outlive them.
+[[nodiscard]] SparseMatrixView view_of(const v1::SparseMatrix& message);
+/// Copies a matrix into a message.
+void to_message(const SparseMatrixView& matrix, v1::SparseMatrix* message);
+
+/// Views of a request's arrays; the message must outlive them. Checks nothing: check() does.
+[[nodiscard]] SensitivityRequest request_of(const v1::SensitivityRequest& message);
+/// Copies what is asked of an answer's derivatives into a message.
+void to_message(const SensitivityRequest& request, v1::SensitivityRequest* message);
+/// All of it: derivatives, or why there are none.
+void to_message(const Expected<SensitivityAnswer>& answer, v1::Sensitivity* message);
+[[nodiscard]] Expected<SensitivityAnswer> sensitivity_of(const v1::Sensitivity& message);
+/// Path in SensitivityRequest of a field named by check(): "directions.A.values" →
+/// "directions.numbers.equality_values"; and back.
+[[nodiscard]] std::string sensitivity_field(const std::string& core_field);
+[[nodiscard]] std::string core_sensitivity_field(const std::string& message_field);
+
 /// Path in the request of a field named by the core: "A.row_indices" → "equality_matrix.row_indices",
 /// "initial_z" → "initial_point.z".
 [[nodiscard]] std::string message_field(const std::string& core_field);
 /// The same in an update, where a matrix has its values alone: "A.values" → "equality_values".
 [[nodiscard]] std::string update_field(const std::string& core_field);
-/// The way back of both; a path that is none of a problem's comes back as it is.
+/// The way back of both, and of "sensitivity." with a path of a SensitivityRequest; a path that is none of a
+/// problem's comes back as it is.
 [[nodiscard]] std::string core_field(const std::string& message_field);
 
 /// Of google.rpc.Code.

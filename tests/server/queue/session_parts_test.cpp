@@ -117,6 +117,42 @@ TEST(SessionUpdate, ShiftsOfAnUpdateThatIsTakenAlongComeFirst) {
   EXPECT_EQ(moved, expected);
 }
 
+v1::SessionUpdate asking_for_derivatives(int directions) {
+  v1::SessionUpdate message = numbered(1);
+  message.mutable_sensitivity()->mutable_directions()->set_count(directions);
+  return message;
+}
+
+TEST(SessionUpdate, DerivativesAreItsOwnAndAreNotTakenAlong) {
+  const SensitivityLimits limits{.rows = 1, .directions = 4, .bytes = 1 << 20};
+  const auto made = [&](int directions) {
+    v1::SessionUpdate message = asking_for_derivatives(directions);
+    return Update::check(message, kSizes, {}, limits);
+  };
+  const Update asks = made(4).value();
+  EXPECT_EQ(asks.sensitivity()->directions.count, 4);
+  EXPECT_GE(asks.sensitivity_bytes(), 4 * 23 * 8) << "room for four changes";
+  EXPECT_LE(asks.bytes(), 16) << "which is counted by itself";
+  Update newer = checked(numbered(2));
+  newer.take_along(asks);
+  EXPECT_FALSE(newer.sensitivity().has_value());
+  EXPECT_EQ(made(5).error().message(),
+            "update.sensitivity.directions.count = 5: must be at most 4 (sensitivity_directions)");
+  v1::SessionUpdate first_part = asking_for_derivatives(1);
+  first_part.set_prepare(true);
+  EXPECT_EQ(Update::check(first_part, kSizes, {}, limits).error().field, "update.sensitivity");
+}
+
+TEST(SessionUpdate, WithoutRoomForDerivativesItIsSolvedWithoutThem) {
+  v1::SessionUpdate message = asking_for_derivatives(1);
+  Update update = Update::check(message, kSizes, {}, {.rows = 1, .directions = 1, .bytes = 1 << 20}).value();
+  EXPECT_FALSE(update.lacks_sensitivity_room());
+  update.give_sensitivity_room(nullptr);
+  EXPECT_TRUE(update.lacks_sensitivity_room());
+  EXPECT_FALSE(update.sensitivity().has_value());
+  EXPECT_EQ(update.sensitivity_bytes(), 0);
+}
+
 TEST(WaitingUpdates, GoInTheirOrder) {
   WaitingUpdates waiting(false);
   EXPECT_TRUE(waiting.has_room());

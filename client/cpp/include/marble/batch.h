@@ -12,6 +12,7 @@
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
+#include "marble/sensitivity.h"
 
 namespace marble {
 
@@ -23,6 +24,8 @@ struct BatchProblem {
   std::span<const double> initial_z = {};  ///< n or empty
   std::string problem_name = {};           ///< shortened to 256 bytes
   std::string request_id = {};             ///< at most 128 bytes of printable ASCII
+  /// Derivatives of its answer that are wanted with it, or none.
+  const SensitivityRequest* sensitivity = nullptr;
 };
 
 /// Gives one problem after the other, then nothing. Called on a thread of the batch's own; the arrays must

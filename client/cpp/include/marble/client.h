@@ -67,7 +67,7 @@ class Client {
 
   /// The same without waiting: returns once the problem is copied. `controls.progress` and the functions of
   /// `call` are called on other threads, one at a time, until the handle's end; they must not block or throw.
-  /// Of the controls count progress, stop, initial_z and warm_start.
+  /// Of the controls count progress, stop, initial_z, warm_start and sensitivity.
   [[nodiscard]] Expected<PendingSolution> solve_async(const ProblemView& problem, const Options& options = {},
                                                       const SolveControls& controls = {},
                                                       const CallControls& call = {}) const;

@@ -148,10 +148,10 @@ struct WatchControls {
 /// servers, and jobs stay with the one that took them.
 class Jobs {
  public:
-  /// Queues a job that outlives this process. Of the controls count initial_z, warm_start and stop; of the
-  /// call the deadline (of the submission alone), request_id, problem_name, priority and traceparent. The
-  /// same submission made again with its request_id is the same job, on a server that still keeps it; without
-  /// one it has a random one, since what got unavailable is sent again as a solve is.
+  /// Queues a job that outlives this process. Of the controls count initial_z, warm_start, sensitivity and
+  /// stop; of the call the deadline (of the submission alone), request_id, problem_name, priority and
+  /// traceparent. The same submission made again with its request_id is the same job, on a server that still
+  /// keeps it; without one it has a random one, since what got unavailable is sent again as a solve is.
   [[nodiscard]] Expected<SubmittedJob> submit(const ProblemView& problem, const Options& options = {},
                                               const SolveControls& controls = {},
                                               const CallControls& call = {}) const;

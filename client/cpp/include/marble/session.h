@@ -19,6 +19,7 @@
 #include "marble/problem.h"
 #include "marble/progress.h"
 #include "marble/restart.h"
+#include "marble/sensitivity.h"
 
 namespace marble {
 
@@ -52,6 +53,8 @@ struct UpdateControls {
   std::span<const double> initial_z = {};  ///< n or empty: start here instead of at the last answer's z
   bool cold = false;                       ///< forget the last answer
   Shift shift = {};                        ///< the last answer moves on before it is started from
+  /// Derivatives of this answer that are wanted with it, or none; not of a first part.
+  const SensitivityRequest* sensitivity = nullptr;
   /// No answer is wanted later than this after the update's arrival: a solve that has not begun by then never
   /// does, one that runs is stopped, and the update ends with `deadline_exceeded`.
   std::optional<std::chrono::duration<double>> deadline = {};

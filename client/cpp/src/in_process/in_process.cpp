@@ -63,7 +63,8 @@ Expected<void> solve_batch_here(const BatchSource& source, const BatchSink& sink
     CallControls call;
     call.problem_name = p->problem_name;
     sink(p->tag,
-         solve_here(p->problem, p->options, {.stop = controls.stop, .initial_z = p->initial_z}, call));
+         solve_here(p->problem, p->options,
+                    {.stop = controls.stop, .initial_z = p->initial_z, .sensitivity = p->sensitivity}, call));
   }
   return unexpected(given_up());
 }

@@ -7,6 +7,7 @@
 
 #include "handle/pending_solve.h"
 #include "in_process/in_process.h"
+#include "marble/convert.h"
 #include "message/status.h"
 
 namespace marble::client {
@@ -30,6 +31,12 @@ class InProcessPending final : public PendingSolution::State {
     if (controls_.warm_start != nullptr) {
       if (auto valid = check_warm_start(*controls_.warm_start, PartSizes::of(*problem)); !valid) return valid;
       controls_.warm_start = &warm_start_.emplace(*controls_.warm_start);
+    }
+    if (controls_.sensitivity != nullptr) {
+      if (auto valid = check(*controls_.sensitivity, PartSizes::of(*problem)); !valid)
+        return unexpected(inside("sensitivity", valid.error()));
+      marble::to_message(*controls_.sensitivity, &sensitivity_copy_);
+      controls_.sensitivity = &sensitivity_.emplace(request_of(sensitivity_copy_));
     }
     auto solver = Solver::create(*problem, deadline_.limit(options));
     if (!solver) return unexpected(solver.error());
@@ -61,6 +68,8 @@ class InProcessPending final : public PendingSolution::State {
   std::optional<Solver> solver_;
   std::vector<double> initial_z_;
   std::optional<Solution> warm_start_;
+  v1::SensitivityRequest sensitivity_copy_;
+  std::optional<SensitivityRequest> sensitivity_;  // views it
   Expected<RemoteSolution> answer_;
   std::jthread thread_;  // the last member: it uses the others
 };

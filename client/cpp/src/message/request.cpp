@@ -34,6 +34,7 @@ Expected<void> fill_request(const RequestParts& parts, v1::SolveRequest* request
   marble::to_message(parts.options, request->mutable_options());
   request->mutable_initial_point()->mutable_z()->Assign(parts.initial_z.begin(), parts.initial_z.end());
   if (parts.warm_start != nullptr) marble::to_message(*parts.warm_start, request->mutable_warm_start());
+  if (parts.sensitivity != nullptr) marble::to_message(*parts.sensitivity, request->mutable_sensitivity());
   request->set_request_id(parts.request_id);
   request->set_priority(to_message(parts.priority));
   return check_size(*request);
@@ -42,8 +43,9 @@ Expected<void> fill_request(const RequestParts& parts, v1::SolveRequest* request
 Expected<v1::SolveStreamRequest> make_request(const ProblemView& problem, const Options& options,
                                               const SolveControls& controls, const CallControls& call) {
   v1::SolveStreamRequest request;
-  const RequestParts parts{problem,         options,           controls.initial_z, controls.warm_start,
-                           call.request_id, call.problem_name, call.priority};
+  const RequestParts parts{
+      problem,         options,           controls.initial_z, controls.warm_start, controls.sensitivity,
+      call.request_id, call.problem_name, call.priority};
   if (auto filled = fill_request(parts, request.mutable_solve()); !filled) return unexpected(filled.error());
   request.set_progress_interval_s(call.progress_interval_s);
   request.set_iterate_every(call.iterate_every);

@@ -15,7 +15,8 @@ struct RequestParts {
   const ProblemView& problem;
   const Options& options;
   std::span<const double> initial_z;
-  const Solution* warm_start;  // or none
+  const Solution* warm_start;             // or none
+  const SensitivityRequest* sensitivity;  // or none
   const std::string& request_id;
   const std::string& problem_name;
   Priority priority;

@@ -63,6 +63,8 @@ Expected<v1::SessionRequest> make_update(std::int64_t sequence, const ProblemUpd
   message->set_cold(controls.cold);
   message->set_prepare(first_part);
   fill(controls.shift, message->mutable_shift());
+  if (controls.sensitivity != nullptr)
+    marble::to_message(*controls.sensitivity, message->mutable_sensitivity());
   if (controls.deadline) message->set_deadline_s(std::max(controls.deadline->count(), kPassed));
   if (auto fits = check_size(request); !fits) return unexpected(fits.error());
   return request;

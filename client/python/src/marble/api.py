@@ -23,7 +23,7 @@ from marble.errors import (
     Unavailable,
     Unsolved,
 )
-from marble.in_process.sensitivity import AnswerChange, Sensitivity
+from marble.in_process.sensitivity import Sensitivity
 from marble.message.info import Option, ServerInfo
 from marble.message.job import (
     Job,
@@ -37,6 +37,7 @@ from marble.message.job import (
     Submitted,
     Trace,
 )
+from marble.model.derivatives import AnswerChange, RowResponse, SensitivityAnswer, SensitivityRequest
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem
 from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
@@ -70,7 +71,10 @@ __all__ = [
     "Problem",
     "Progress",
     "Refused",
+    "RowResponse",
     "Sensitivity",
+    "SensitivityAnswer",
+    "SensitivityRequest",
     "ServerError",
     "ServerInfo",
     "Session",

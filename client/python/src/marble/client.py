@@ -25,6 +25,7 @@ from marble.message import answers, requests
 from marble.message.info import ServerInfo, server_info
 from marble.message.job import Job, JobEvent, Priority
 from marble.message.requests import Call, ProgressWish
+from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, compiled, in_terms_of, problem_of
 from marble.model.solution import Progress, Solution
@@ -94,16 +95,17 @@ class Client:
     def solve(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
               priority: Priority | str | None = None, progress: ProgressWish = None, deadline: float | None = None,
               request_id: str = "", progress_interval: float = 0.0, iterate_every: int = 0,
-              warm_start: Solution | None = None) -> Solution:
+              warm_start: Solution | None = None, sensitivity: SensitivityRequest | None = None) -> Solution:
         """Solves, and waits for the answer; solved or not, its status says.
 
         options: solver options by name (info().options tells them). priority: None is interactive. progress: True
         shows a bar, a callable is given each Progress on this thread. deadline: seconds after which the call is given
         up (DeadlineExceeded); the option time_limit_s returns the best iterate instead. warm_start: an answer to this
-        problem or one like it, of the same sizes, whose branch is tried before anything else. request_id,
+        problem or one like it, of the same sizes, whose branch is tried before anything else. sensitivity: derivatives
+        of the answer that are wanted with it, in Solution.sensitivity. request_id,
         progress_interval, iterate_every: as in requests.Call. Ctrl-C gives the solve up.
         """
-        call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start)
+        call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start, sensitivity)
         if self._here:
             return _solve_here(problem, call, progress, self._limit(deadline))
         lcqp = compiled(problem)
@@ -121,10 +123,10 @@ class Client:
     def solve_async(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                     priority: Priority | str | None = None, progress: Callable[[Progress], object] | None = None,
                     deadline: float | None = None, request_id: str = "", progress_interval: float = 0.0,
-                    iterate_every: int = 0,
-                    warm_start: Solution | None = None) -> SolveHandle:
+                    iterate_every: int = 0, warm_start: Solution | None = None,
+                    sensitivity: SensitivityRequest | None = None) -> SolveHandle:
         """Begins to solve; the handle waits, cancels or stops. As solve, but progress is told on another thread."""
-        call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start)
+        call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start, sensitivity)
         lcqp = compiled(problem)
         given: LCQP | Problem = problem.copy() if isinstance(problem, Problem) else problem
         if self._here:
@@ -197,7 +199,7 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
           options: Mapping[str, Any] | None = None, server: str | Sequence[str] | Client | None = None,
           name: str = "", priority: Priority | str | None = None, progress: ProgressWish = None,
           deadline: float | None = None, request_id: str = "", warm_start: Solution | None = None,
-          **more_options: Any) -> Solution:
+          sensitivity: SensitivityRequest | None = None, **more_options: Any) -> Solution:
     """Solves min ½ zᵀQz + gᵀz + c0  s.t.  A z + b = 0,  C z + d ≥ 0,  0 ≤ L z + l ⊥ R z + r ≥ 0.
 
     Q … r, c0, z0, name: as in LCQP: dense (a vector is one row), lists or any scipy.sparse. Instead of Q and all
@@ -205,7 +207,7 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
     server: an address, several, or a Client; None is the server that MARBLE_SERVER names, and this process where it
     names none or is "local": the environment decides, not the program.
     options, or any option by its name: solve(Q, g, max_iterations=50); global, a word of Python's own, is global_.
-    priority, progress, deadline, request_id, warm_start: as in Client.solve.
+    priority, progress, deadline, request_id, warm_start, sensitivity: as in Client.solve.
 
     Returns a Solution, solved or not: see its status, or call raise_if_unsolved(). Raises InvalidProblem and the other
     exceptions of marble.errors. With a server each call makes a connection of its own; a loop is faster with a Client.
@@ -214,13 +216,14 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
     wishes = {**(options or {}), **more_options}
     if isinstance(server, Client):
         return server.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
-                            request_id=request_id, warm_start=warm_start)
+                            request_id=request_id, warm_start=warm_start, sensitivity=sensitivity)
     server = connect.server_of(server)
     if server == LOCAL_ADDRESS:
-        return _solve_here(problem, Call(wishes, priority, request_id, warm_start=warm_start), progress, deadline)
+        return _solve_here(problem, Call(wishes, priority, request_id, warm_start=warm_start, sensitivity=sensitivity),
+                           progress, deadline)
     with Client(server) as client:
         return client.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
-                            request_id=request_id, warm_start=warm_start)
+                            request_id=request_id, warm_start=warm_start, sensitivity=sensitivity)
 
 
 __all__ = ["Client", "Error", "Job", "SolveHandle", "solve"]

@@ -28,6 +28,9 @@ _LETTERS = {"constant": "c0", "initial_point.z": "z0",
             **{field.replace("_L", "_l").replace("_R", "_r"): name for field, name in _OF_CORE.items()},
             **{field: letter for letter, field in {**tables.VECTORS, **tables.MATRICES}.items()},
             **{field: letter + ".values" for letter, field in tables.VALUES.items()}}
+# The same of what is asked of derivatives, after "sensitivity.".
+_OF_SENSITIVITY = {"rows.matrix": "rows", "rows.E": "rows", "rows.proximal": "proximal", "rows.gradient": "g",
+                   "rows.g": "g", "directions.numbers": "directions", "losses.weights": "losses"}
 _PARTS = ("c0", "z0", *tables.VECTORS, *tables.MATRICES)
 
 
@@ -147,6 +150,19 @@ def _in_letters(path: str) -> str:
         path = tail
 
 
+def _in_sensitivity(path: str) -> str:
+    """"sensitivity.directions.A.values" of "sensitivity.directions.numbers.equality_values"."""
+    start, _, rest = path.partition(".")
+    if start != "sensitivity":
+        return path
+    place = next((name for name in _OF_SENSITIVITY if rest == name or rest.startswith(name + ".")), "")
+    rest = _OF_SENSITIVITY.get(place, "") + rest[len(place):] if place else rest
+    head, dot, tail = rest.partition(".")
+    names = {name.partition(".")[2]: letter.partition(".")[2] for name, letter in _OF_CORE.items() if "." in name}
+    names |= {name.lower(): letter for name, letter in names.items()}
+    return f"sensitivity.{head}{dot}{names.get(tail, _LETTERS.get(tail, tail))}"
+
+
 def _unpack(details: Any, name: str) -> Any:
     for packed in details:
         if packed.type_url.rpartition("/")[2] == name:
@@ -167,7 +183,8 @@ def _invalid(status: Any) -> InvalidArgument:
         value, bound = "", broken.field_violations[0].description
     else:
         return InvalidArgument("", status.message)
-    return _of_field(_in_letters(path), index, value, bound)
+    path = path.removeprefix("solve.").removeprefix("update.")
+    return _of_field(_in_sensitivity(_in_letters(path)), index, value, bound)
 
 
 def _of_field(field: str, index: Index, value: str, bound: str) -> InvalidArgument:
@@ -178,7 +195,7 @@ def _of_field(field: str, index: Index, value: str, bound: str) -> InvalidArgume
 def from_core(code: str, field: str, index: int, value: str, bound: str, sentence: str) -> Error:
     """The exception of an error of the solver in this process, by the name of its code."""
     if code == "invalid_argument":
-        return _of_field(_OF_CORE.get(field, field), None if index < 0 else index, value, bound)
+        return _of_field(_in_sensitivity(_OF_CORE.get(field, field)), None if index < 0 else index, value, bound)
     return _KINDS[code](sentence)
 
 

@@ -33,6 +33,19 @@ export function packIntegers(values: Int32Array): Uint8Array {
   return bytes.subarray(0, end);
 }
 
+/** The inverse of packIntegers. */
+export function unpackIntegers(bytes: Uint8Array): Int32Array {
+  const values: number[] = [];
+  for (let k = 0, value = 0, shift = 0; k < bytes.length; ++k) {
+    value |= (bytes[k] & 0x7f) << shift;
+    shift += 7;
+    if (bytes[k] > 0x7f) continue;
+    values.push(value);
+    value = shift = 0;
+  }
+  return Int32Array.from(values);
+}
+
 // A message's bytes start anywhere, a typed array's must not.
 function aligned(bytes: Uint8Array, size: number): ArrayBuffer {
   const copy = new Uint8Array(bytes); // slice() of a Buffer would be a view

@@ -14,13 +14,15 @@ import type {
 import { type SolveOptions, optionsMessage } from "../model/options.js";
 import { type Problem, type ProblemUpdate, type Shape, checkProblem, updateMessage } from "../model/problem.js";
 import { type Progress, progressOf } from "../model/progress.js";
+import { type SensitivityRequest, sensitivityMessage } from "../model/sensitivity.js";
 import { Solution } from "../model/solution.js";
 import { duplex, received } from "./calls.js";
 import { type RequestControls, type StreamControls, expect, initialPoint, priorityOf } from "./solve.js";
 import { errorOfCall, errorOfStatus } from "./status.js";
 
 /** What holds for a session as a whole; all of it optional. */
-export interface SessionControls extends RequestControls, Pick<StreamControls, "progressIntervalS" | "iterateEvery"> {
+export interface SessionControls
+  extends Omit<RequestControls, "sensitivity">, Pick<StreamControls, "progressIntervalS" | "iterateEvery"> {
   /** An update that still waits when the next one comes is not solved: it ends with a SupersededError. */
   latestOnly?: boolean;
   /** Called for every iteration of every solve, with the number of its update. */
@@ -41,6 +43,8 @@ export interface UpdateControls {
   shift?: Shift;
   /** No answer is wanted later than this after the update's arrival, in milliseconds > 0: it then ends with a DeadlineError. */
   deadlineMs?: number;
+  /** Derivatives of this answer that are wanted with it: `solution.sensitivity`. */
+  sensitivity?: SensitivityRequest;
 }
 
 /** A stretch of a vector that moves on: of `count` entries from `first`, each takes the value `by` further on. */
@@ -150,7 +154,7 @@ export class Session implements AsyncDisposable {
    * solve will begin on; nothing is answered. What it refuses of a first part rejects the update that follows.
    * @throws InvalidProblemError of a part that does not fit.
    */
-  prepare(update: ProblemUpdate = {}, controls: Omit<UpdateControls, "deadlineMs"> = {}): void {
+  prepare(update: ProblemUpdate = {}, controls: Omit<UpdateControls, "deadlineMs" | "sensitivity"> = {}): void {
     const message = { ...updateOf(this.sequence + 1, update, controls, this.shape), prepare: true };
     if (this.end !== undefined) throw this.end;
     this.firstParts.add(++this.sequence);
@@ -247,6 +251,7 @@ function updateOf(sequence: number, update: ProblemUpdate, controls: UpdateContr
     shift: controls.shift && shiftMessage(controls.shift),
     deadlineS: (controls.deadlineMs ?? 0) / 1000,
     prepare: false,
+    sensitivity: controls.sensitivity && sensitivityMessage(controls.sensitivity, shape),
   };
 }
 

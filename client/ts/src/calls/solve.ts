@@ -10,6 +10,7 @@ import { takeVector } from "../model/matrix.js";
 import { type SolveOptions, optionsMessage } from "../model/options.js";
 import { type Problem, checkProblem } from "../model/problem.js";
 import { type Progress, progressOf } from "../model/progress.js";
+import { type SensitivityRequest, sensitivityMessage } from "../model/sensitivity.js";
 import { Solution } from "../model/solution.js";
 import { type CallControls, serverStream, unary } from "./calls.js";
 
@@ -23,6 +24,8 @@ export interface RequestControls {
   initialPoint?: ArrayLike<number>;
   /** An answer to this problem or one like it, of the same sizes: its branch is tried before anything else. */
   warmStart?: Solution;
+  /** Derivatives of the solution that are wanted with it: `solution.sensitivity`. */
+  sensitivity?: SensitivityRequest;
   /** Default: "realtime" of sessions, "batch" of batches, else "interactive". */
   priority?: Priority;
   /** The client's own id of the request, for the server's log; at most 128 bytes of printable ASCII. */
@@ -94,6 +97,7 @@ export function solveRequest(problem: Problem, controls: RequestControls): Solve
     warmStart: controls.warmStart && warmStartOf(controls.warmStart),
     requestId: controls.requestId ?? "",
     priority: priorityOf(controls.priority),
+    sensitivity: controls.sensitivity && sensitivityMessage(controls.sensitivity, shape),
   };
 }
 

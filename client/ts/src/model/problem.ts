@@ -163,7 +163,8 @@ function takeConstant(c0: number | undefined): number {
   return c0 ?? 0;
 }
 
-function sparse(matrix: Csc | undefined): SparseMatrix | undefined {
+/** A checked matrix as it travels. */
+export function sparse(matrix: Csc | undefined): SparseMatrix | undefined {
   return (
     matrix && {
       rows: matrix.rows,

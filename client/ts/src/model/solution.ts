@@ -12,6 +12,7 @@ import {
 } from "../generated/marble/v1/solution.js";
 import { type SolveOptions, optionsOf } from "./options.js";
 import { type Violations, treeOf, violationsOf } from "./progress.js";
+import { type SensitivityAnswer, sensitivityOf } from "./sensitivity.js";
 
 /** Why a solve ended. */
 export type Status = Words<typeof StatusNumber, "STATUS_">;
@@ -93,6 +94,8 @@ export class Solution {
   readonly warmNodes: number;
   /** What a cold start last reached: the objective itself, or of a chain of warm starts that of its first. */
   readonly coldObjective: number;
+  /** The derivatives that were asked for; absent where none were. */
+  readonly sensitivity?: SensitivityAnswer;
   /** Rows of progress that were dropped because they were not taken fast enough. */
   readonly progressSkipped: number;
 
@@ -125,6 +128,7 @@ export class Solution {
     this.openNodes = tree.openNodes;
     this.warmNodes = message.warmNodes;
     this.coldObjective = message.coldObjective;
+    this.sensitivity = message.sensitivity && sensitivityOf(message.sensitivity, this.z.length);
     this.progressSkipped = progressSkipped;
   }
 

@@ -25,6 +25,7 @@ from marble.message import answers, requests
 from marble.message.info import ServerInfo, server_info
 from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
 from marble.message.requests import Call, ProgressWish
+from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, compiled, in_terms_of, problem_of
 from marble.model.solution import Progress, Solution
@@ -51,10 +52,11 @@ class Jobs:
         self._rpc = rpc
 
     async def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
-                     priority: Priority | str | None = None, request_id: str = "",
-                     deadline: float | None = None) -> Submitted:
+                     priority: Priority | str | None = None, request_id: str = "", deadline: float | None = None,
+                     sensitivity: SensitivityRequest | None = None) -> Submitted:
         """Queues a job that outlives this process."""
-        request = requests.submission(compiled(problem), Call(options, priority, request_id))
+        request = requests.submission(compiled(problem),
+                                      Call(options, priority, request_id, sensitivity=sensitivity))
         return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
 
     async def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
@@ -129,10 +131,10 @@ class Client:
     async def solve(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                     priority: Priority | str | None = None, progress: ProgressWish = None,
                     deadline: float | None = None, request_id: str = "", progress_interval: float = 0.0,
-                    iterate_every: int = 0,
-                    warm_start: Solution | None = None) -> Solution:
+                    iterate_every: int = 0, warm_start: Solution | None = None,
+                    sensitivity: SensitivityRequest | None = None) -> Solution:
         """Solves; see marble.Client.solve."""
-        call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start)
+        call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start, sensitivity)
         lcqp = compiled(problem)
         tell, close = teller(progress)
         if self._here:
@@ -226,18 +228,18 @@ async def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = Non
                 server: str | Sequence[str] | Client | None = None, name: str = "",
                 priority: Priority | str | None = None, progress: ProgressWish = None, deadline: float | None = None,
                 request_id: str = "", warm_start: Solution | None = None,
-                **more_options: Any) -> Solution:
+                sensitivity: SensitivityRequest | None = None, **more_options: Any) -> Solution:
     """As marble.solve, awaited; `server` may be a marble.aio.Client."""
     problem = problem_of(Q, g, A, b, C, d, L, l, R, r, c0, z0, name)
     wishes = {**(options or {}), **more_options}
     if isinstance(server, Client):
         return await server.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
-                                  request_id=request_id, warm_start=warm_start)
+                                  request_id=request_id, warm_start=warm_start, sensitivity=sensitivity)
     if server is None:
         server = os.environ.get("MARBLE_SERVER") or LOCAL_ADDRESS
     async with Client(server) as client:
         return await client.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
-                                  request_id=request_id, warm_start=warm_start)
+                                  request_id=request_id, warm_start=warm_start, sensitivity=sensitivity)
 
 
 __all__ = ["Client", "Jobs", "Session", "solve"]

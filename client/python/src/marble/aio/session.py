@@ -13,6 +13,7 @@ from marble.base.lazy import lazy
 from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of, first_refused
 from marble.errors import Cancelled, FailedPrecondition
 from marble.message.requests import Call
+from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem
 from marble.model.solution import Progress, Solution
@@ -112,10 +113,11 @@ class Session(SessionFacts):
                      A: MatrixLike | None = None, C: MatrixLike | None = None, L: MatrixLike | None = None,
                      R: MatrixLike | None = None, options: Mapping[str, Any] | None = None,
                      z0: ArrayLike | None = None, cold: bool = False, shift: Shift | int | None = None,
-                     deadline: float | None = None) -> Solution:
+                     deadline: float | None = None,
+                     sensitivity: SensitivityRequest | None = None) -> Solution:
         """Sends what has changed, and waits for the answer; see marble.Session.update."""
         sequence = await self.send(problem, g=g, b=b, d=d, l=l, r=r, c0=c0, Q=Q, A=A, C=C, L=L, R=R, options=options,
-                                   z0=z0, cold=cold, shift=shift, deadline=deadline)
+                                   z0=z0, cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity)
         async with self._reading:
             while sequence not in self._unread:
                 event = await self._read()

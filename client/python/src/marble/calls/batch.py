@@ -10,6 +10,7 @@ from typing import Any
 from marble import errors
 from marble.message import answers, requests, wire
 from marble.message.requests import Call
+from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Solution
@@ -20,12 +21,14 @@ class BatchItem:
     """One problem of many.
 
     tag: anything; comes back with the answer. options: in place of the batch's. request_id: for the server's log.
+    sensitivity: derivatives of its answer that are wanted with it.
     """
 
     problem: LCQP | Problem
     tag: Any = None
     options: Mapping[str, Any] | None = None
     request_id: str = ""
+    sensitivity: SensitivityRequest | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +63,7 @@ class BatchCore:
         """The message of the next problem."""
         if not isinstance(item, BatchItem):
             item = BatchItem(item)
-        call = dataclasses.replace(self._call, request_id=item.request_id)
+        call = dataclasses.replace(self._call, request_id=item.request_id, sensitivity=item.sensitivity)
         if item.options is not None:
             call = dataclasses.replace(call, options=item.options)
         lcqp = compiled(item.problem)

@@ -11,6 +11,7 @@ from marble.connection.rpc import Rpc
 from marble.message import answers, requests
 from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
 from marble.message.requests import Call
+from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Solution
@@ -25,13 +26,15 @@ class Jobs:
         self._rpc = rpc
 
     def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
-               priority: Priority | str | None = None, request_id: str = "",
-               deadline: float | None = None) -> Submitted:
+               priority: Priority | str | None = None, request_id: str = "", deadline: float | None = None,
+               sensitivity: SensitivityRequest | None = None) -> Submitted:
         """Queues a job that outlives this process. deadline: of the submission alone, seconds.
 
         request_id: one of the caller's, by which the same submission made again is the same job; a random one without.
+        sensitivity: as in Client.solve.
         """
-        request = requests.submission(compiled(problem), Call(options, priority, request_id))
+        request = requests.submission(compiled(problem),
+                                      Call(options, priority, request_id, sensitivity=sensitivity))
         return answers.submitted(self._rpc.call("Jobs/Submit", request, deadline))
 
     def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,

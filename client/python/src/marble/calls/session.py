@@ -15,6 +15,7 @@ from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, S
 from marble.connection.rpc import Rpc
 from marble.errors import Cancelled, Error, FailedPrecondition
 from marble.message.requests import Call
+from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem
 from marble.model.solution import Progress, Solution
@@ -128,7 +129,8 @@ class Session(SessionFacts):
                c0: float | None = None, Q: MatrixLike | None = None, A: MatrixLike | None = None,
                C: MatrixLike | None = None, L: MatrixLike | None = None, R: MatrixLike | None = None,
                options: Mapping[str, Any] | None = None, z0: ArrayLike | None = None, cold: bool = False,
-               shift: Shift | int | None = None, deadline: float | None = None) -> Solution:
+               shift: Shift | int | None = None, deadline: float | None = None,
+               sensitivity: SensitivityRequest | None = None) -> Solution:
         """Sends what has changed, and waits for the answer; the solve starts from the last one.
 
         Without arguments it solves what is there. problem: a whole new one of the same sizes and patterns; what differs
@@ -136,10 +138,11 @@ class Session(SessionFacts):
         vector, the values alone in its order.
         options: change from here on; scaling_passes is fixed. z0: start here instead. cold: forget the last answer.
         shift: the last answer moves on first; a number of stages is Shift.by_stage. deadline: seconds after the
-        update's arrival from which on no answer is wanted (DeadlineExceeded; its numbers are kept).
+        update's arrival from which on no answer is wanted (DeadlineExceeded; its numbers are kept). sensitivity:
+        derivatives of this answer that are wanted with it, in Solution.sensitivity.
         """
         sequence = self.send(problem, g=g, b=b, d=d, l=l, r=r, c0=c0, Q=Q, A=A, C=C, L=L, R=R, options=options, z0=z0,
-                             cold=cold, shift=shift, deadline=deadline)
+                             cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity)
         with self._reading:
             while sequence not in self._unread:
                 event = self._read()

@@ -19,6 +19,7 @@ from marble.errors import Cancelled, FailedPrecondition, InvalidArgument, Invali
 from marble.message import answers, requests, wire
 from marble.message.wire import Encoder
 from marble.model import lcqp
+from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, Vector
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Progress, Solution
@@ -143,8 +144,10 @@ class SessionCore:
 
     def update(self, problem: LCQP | Problem | None = None, *, options: Mapping[str, Any] | None = None,
                z0: ArrayLike | None = None, cold: bool = False, shift: Shift | int | None = None,
-               deadline: float | None = None, first_part: bool = False, **parts: Any) -> bytes:
+               deadline: float | None = None, first_part: bool = False,
+               sensitivity: SensitivityRequest | None = None, **parts: Any) -> bytes:
         """The next update; self.sequence is its number then."""
+        check_sensitivity_of_part(sensitivity, first_part)
         changes, shift = self.prepared(problem, parts, shift, deadline)
         message = contract.message("SessionUpdate")(
             sequence=self.sequence + 1, cold=cold, deadline_s=deadline or 0.0,
@@ -155,6 +158,8 @@ class SessionCore:
         update.message("problem", _changed(changes))
         if z0 is not None:
             update.message("initial_point", requests.initial_point(lcqp.vector(z0, "z0", self.current.n, " (n)")))
+        if sensitivity is not None:
+            update.message("sensitivity", requests.sensitivity_encoder(sensitivity, self.current))
         data = _request("update", update)
         # Nothing is remembered of an update that could not be made.
         self.remember(problem, changes, first_part)
@@ -261,6 +266,13 @@ class SessionCore:
         self.memory_bytes = message.memory_bytes
         self.setup_s = message.setup_s
         self.idle_timeout_s = message.idle_timeout_s
+
+
+def check_sensitivity_of_part(sensitivity: object, first_part: bool) -> None:
+    """Derivatives are of an answer, which a first part has none of."""
+    requests.check_sensitivity(sensitivity)
+    if first_part and sensitivity is not None:
+        raise InvalidArgument("sensitivity", "must come with the second part of an update")
 
 
 def first_refused(unread: dict[int, SessionEvent], first_parts: list[int], sequence: int) -> SessionEvent | None:

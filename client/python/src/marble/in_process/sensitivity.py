@@ -2,32 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from marble.base.tables import MATRICES, VECTORS
-from marble.errors import InvalidArgument
 from marble.in_process import solver
-from marble.model.lcqp import Vector
+from marble.model import derivatives
+from marble.model.derivatives import ANSWER, LETTERS, AnswerChange, RowResponse, SensitivityRequest
+from marble.model.lcqp import LCQP, MatrixLike, Vector
 from marble.model.solution import Solution
-
-
-@dataclass(frozen=True, eq=False)
-class AnswerChange:
-    """Changes of an answer's z and multipliers by one unit of a direction, with the names and sizes of Solution.
-
-    holds: whether the answer goes this way for small positive steps; always true where the sensitivity is smooth.
-    """
-
-    z: Vector
-    y: Vector
-    nu: Vector
-    xi: Vector
-    eta: Vector
-    holds: bool
 
 
 def _told(told: dict[str, Any]) -> dict[str, Any]:
@@ -44,21 +28,30 @@ class Sensitivity:
     """
 
     def __init__(self, answer: Solution) -> None:
-        parts = (answer.raise_if_unsolved().z, answer.y, answer.nu, answer.xi, answer.eta, answer.cold_objective)
+        s = answer.raise_if_unsolved()
+        self._take(s.problem, (s.z, s.y, s.nu, s.xi, s.eta, s.cold_objective))
+
+    def _take(self, problem: LCQP, parts: tuple[Any, ...]) -> None:
+        self._problem = problem
         with solver.faults():
-            self._core = solver.core().Sensitivity(answer.problem, parts)
+            self._core = solver.core().Sensitivity(problem, parts)
         self.weak_inequalities = np.array(self._core.weak_inequalities, dtype=np.int32)
         self.biactive_pairs = np.array(self._core.biactive_pairs, dtype=np.int32)
         self.smooth = not (self.weak_inequalities.size or self.biactive_pairs.size)
+
+    @classmethod
+    def at(cls, problem: LCQP, z: Vector, y: Vector, nu: Vector, xi: Vector, eta: Vector) -> Sensitivity:
+        """Of an answer that is known by its vectors alone, near one that is exact."""
+        made = cls.__new__(cls)
+        made._take(problem, (z, y, nu, xi, eta, 0.0))
+        return made
 
     def along(self, **direction: ArrayLike) -> AnswerChange:
         """The change of the answer by a direction: new numbers less the old ones, by the letters of the equation.
 
         A matrix's are those of its stored entries, as LCQP has it (of Q the upper triangle); what is absent stays.
         """
-        others = sorted(set(direction) - {*VECTORS, *MATRICES})
-        if others:
-            raise InvalidArgument("direction", f"must be of {', '.join((*VECTORS, *MATRICES))}", value=others[0])
+        derivatives.of_letters(direction, LETTERS, "direction")
         with solver.faults():
             return AnswerChange(**_told(self._core.along({name: _numbers(v) for name, v in direction.items()})))
 
@@ -67,12 +60,17 @@ class Sensitivity:
 
         By the letters of the equation; a matrix's is one per stored entry, as LCQP has it.
         """
-        others = sorted(set(weights) - {"z", "y", "nu", "xi", "eta"})
-        if others:
-            raise InvalidArgument("weights", "must be of z, y, nu, xi, eta", value=others[0])
+        derivatives.of_letters(weights, ANSWER, "weights")
         with solver.faults():
             return _told(self._core.gradient({name: _numbers(v) for name, v in weights.items()}))
 
+    def rows(self, rows: MatrixLike, *, proximal: ArrayLike | None = None, g: ArrayLike | None = None,
+             columns: bool = False) -> RowResponse:
+        """How rows E z follow a price on them; all as in SensitivityRequest."""
+        asked = derivatives.asked(SensitivityRequest(rows, proximal, g, columns), self._problem)
+        with solver.faults():
+            return derivatives.response(*(np.asarray(part, np.float64) for part in self._core.rows(asked)))
+
 
 def _numbers(values: Any) -> Vector:
-    return np.ascontiguousarray(values.data if hasattr(values, "nnz") else values, dtype=np.float64)
+    return np.ascontiguousarray(derivatives.numbers_of(values), dtype=np.float64)

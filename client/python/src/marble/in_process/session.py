@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from marble import errors
 from marble.calls.session import Session
-from marble.calls.session_core import SessionCore, SessionEvent
+from marble.calls.session_core import SessionCore, SessionEvent, check_sensitivity_of_part
 from marble.errors import Error
 from marble.in_process import solver
 from marble.message import requests
@@ -57,7 +58,8 @@ class SessionHere(Session):
             return self._core.sequence
 
     def _take_first_part(self, problem: LCQP | Problem | None, *, options: Any = None, z0: Any = None,
-                         cold: bool = False, shift: Any = None, **parts: Any) -> None:
+                         cold: bool = False, shift: Any = None, sensitivity: Any = None, **parts: Any) -> None:
+        check_sensitivity_of_part(sensitivity, True)
         changes, shift = self._core.prepared(problem, parts, shift, None)
         start = None if z0 is None else lcqp.vector(z0, "z0", self._core.current.n, " (n)")
         with solver.faults():
@@ -66,19 +68,21 @@ class SessionHere(Session):
         self._core.remember(problem, changes, first_part=True)
 
     def _outcome(self, problem: LCQP | Problem | None, *, options: Any = None, z0: Any = None, cold: bool = False,
-                 shift: Any = None, deadline: float | None = None, **parts: Any) -> Any:
+                 shift: Any = None, deadline: float | None = None, sensitivity: Any = None, **parts: Any) -> Any:
         changes, shift = self._core.prepared(problem, parts, shift, deadline)
         start = None if z0 is None else lcqp.vector(z0, "z0", self._core.current.n, " (n)")
         values = solver.option_values(options)
         numbers = _numbers(changes)
-        self._core.remember(problem, changes)
-        sequence, tell = self._core.sequence, self._tell
+        sequence, tell = self._core.sequence + 1, self._tell
         own = None if tell is None else lambda row: tell(sequence, row)
-        self._running = solver.core().Stop()
+        stop = solver.core().Stop()
+        wishes = dataclasses.replace(self._call, sensitivity=sensitivity)
+        call = solver.core_call(self._core.current, wishes, own, deadline, stop)
+        self._core.remember(problem, changes)
+        self._running = stop
         kept = True
         try:
-            told = self._solver.solve(values, numbers, start, cold, None if shift is None else shift.blocks(),
-                                      solver.core_call(self._call, own, deadline, self._running))
+            told = self._solver.solve(values, numbers, start, cold, None if shift is None else shift.blocks(), call)
             answer = solver.unless_cancelled(solver.solution(told, self._core.current))
             return in_terms_of(self._core.given, answer)
         except solver.core().Fault as fault:

@@ -18,6 +18,8 @@ from marble.connection.rpc import check_deadline
 from marble.errors import Cancelled, Error, Unavailable
 from marble.message import answers, requests
 from marble.message.requests import Call
+from marble.model import derivatives
+from marble.model.derivatives import SensitivityAnswer
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
@@ -74,7 +76,8 @@ def _row(tell: Callable[[Progress], object]) -> Callable[..., None]:
     return told
 
 
-def core_call(call: Call, tell: Callable[[Progress], object] | None, deadline: float | None, stop: Any) -> Any:
+def core_call(problem: LCQP, call: Call, tell: Callable[[Progress], object] | None, deadline: float | None,
+              stop: Any) -> Any:
     """What accompanies one solve, checked. stop: a Stop of core, or None."""
     if call.request_id:
         requests.check_request_id(call.request_id)
@@ -85,7 +88,26 @@ def core_call(call: Call, tell: Callable[[Progress], object] | None, deadline: f
     s = call.warm_start
     start = None if s is None else (s.z, s.y, s.nu, s.xi, s.eta, s.cold_objective)
     return core().Call(check_deadline(deadline), None if tell is None else _row(tell), call.progress_interval,
-                       call.iterate_every, stop, main_thread, start)
+                       call.iterate_every, stop, main_thread, start,
+                       None if call.sensitivity is None else derivatives.asked(call.sensitivity, problem))
+
+
+def _sensitivity(told: dict[str, Any] | None, n: int) -> SensitivityAnswer | None:
+    if told is None:
+        return None
+    for name in ("error", "rows_error"):
+        if (fault := told.get(name)) is not None:
+            told[name] = errors.from_core(*fault)
+    if told.get("rows") is not None:
+        told["rows"] = derivatives.response(*(np.asarray(part, np.float64) for part in told["rows"]))
+    parts = {name: {part: np.asarray(values) for part, values in told.get(name, {}).items()}
+             for name in ("changes", "gradients")}
+    told["changes"] = derivatives.by_part(parts["changes"], len(told.get("holds", ())))
+    told["gradients"] = derivatives.by_part(parts["gradients"], parts["gradients"].get("g", np.zeros(0)).size // n)
+    for name in ("weak_inequalities", "biactive_pairs", "missing_changes", "missing_gradients"):
+        told[name] = np.array(told.get(name, ()), np.int32)
+    told["holds"] = np.array(told.get("holds", ()), np.bool_)
+    return SensitivityAnswer(**told)
 
 
 def solution(told: dict[str, Any], problem: LCQP) -> Solution:
@@ -97,6 +119,7 @@ def solution(told: dict[str, Any], problem: LCQP) -> Solution:
     told["second_order"] = _SECOND_ORDERS.get(told["second_order"])
     told["violations"] = Violations(*told["violations"])
     told["times"] = Times(*told["times"])
+    told["sensitivity"] = _sensitivity(told["sensitivity"], problem.n)
     return Solution(**told, problem=problem, job_id="")
 
 
@@ -112,7 +135,7 @@ def stoppable(problem: LCQP, call: Call, tell: Callable[[Progress], object] | No
     """Solves on this thread. Whoever has `stop` ends it, with the status CANCELLED."""
     solver = core()
     try:
-        told = solver.solve(problem, option_values(call.options), core_call(call, tell, deadline, stop))
+        told = solver.solve(problem, option_values(call.options), core_call(problem, call, tell, deadline, stop))
     except solver.Fault as fault:
         raise errors.from_core(*fault.args) from None
     return solution(told, problem)
@@ -129,7 +152,8 @@ def batch(problems: Iterable[LCQP | Problem | BatchItem], call: Call) -> Iterato
     for index, item in enumerate(problems):
         one = item if isinstance(item, BatchItem) else BatchItem(item)
         problem = compiled(one.problem)
-        wishes = Call(call.options if one.options is None else one.options, call.priority, one.request_id)
+        wishes = Call(call.options if one.options is None else one.options, call.priority, one.request_id,
+                      sensitivity=one.sensitivity)
         try:
             answer, error = in_terms_of(one.problem, solve(problem, wishes)), None
         except Error as caught:

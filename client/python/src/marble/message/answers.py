@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from marble.base import contract
 from marble.base.tables import Status
-from marble.message import wire
+from marble.message import sensitivity, wire
 from marble.message.job import (
     Job,
     JobDetails,
@@ -99,6 +99,8 @@ def solution(message: Any, arrays: Arrays, path: str, problem: LCQP, job_id: str
         cold_objective=message.cold_objective,
         job_id=job_id,
         problem=problem,
+        sensitivity=(sensitivity.answer(message.sensitivity, arrays, path + "sensitivity.")
+                     if message.HasField("sensitivity") else None),
     )
 
 

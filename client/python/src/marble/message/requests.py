@@ -13,8 +13,11 @@ from typing import Any
 from marble.base import contract
 from marble.base.tables import LARGEST_PAGE, LONGEST_REQUEST_ID, MATRICES, VECTORS
 from marble.errors import InvalidArgument
+from marble.message import sensitivity
 from marble.message.job import JobState, Priority
 from marble.message.wire import Encoder
+from marble.model import derivatives
+from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP
 from marble.model.solution import Progress, Solution
 
@@ -99,6 +102,17 @@ def initial_point(z0: Any) -> Encoder:
     return part
 
 
+def check_sensitivity(request: object) -> None:
+    """A SensitivityRequest or None."""
+    if not (request is None or isinstance(request, SensitivityRequest)):
+        raise InvalidArgument("sensitivity", "must be a SensitivityRequest", value=type(request).__name__)
+
+
+def sensitivity_encoder(request: SensitivityRequest, problem: LCQP) -> Encoder:
+    """A SensitivityRequest of this problem."""
+    return sensitivity.encoder(derivatives.asked(request, problem), _matrix)
+
+
 @dataclass(frozen=True)
 class Call:
     """What accompanies one solve.
@@ -107,6 +121,7 @@ class Call:
     bytes of printable ASCII. progress_interval: least time between two reports, seconds, ≥ 0; 0 reports every
     iteration. iterate_every: Progress.z is there in every k-th report, if it is the newest when it is sent; 0 never.
     warm_start: an answer to this problem or one like it, of the same sizes: its branch is tried before anything else.
+    sensitivity: derivatives of the answer that are wanted with it.
     """
 
     options: Mapping[str, Any] | None = None
@@ -115,8 +130,10 @@ class Call:
     progress_interval: float = 0.0
     iterate_every: int = 0
     warm_start: Solution | None = None
+    sensitivity: SensitivityRequest | None = None
 
     def __post_init__(self) -> None:
+        check_sensitivity(self.sensitivity)
         if not (self.warm_start is None or isinstance(self.warm_start, Solution)):
             raise InvalidArgument("warm_start", "must be a Solution", value=type(self.warm_start).__name__)
 
@@ -140,6 +157,8 @@ def _solve(problem: LCQP, call: Call) -> Encoder:
         part.message("initial_point", initial_point(problem.z0))
     if call.warm_start is not None:
         part.message("warm_start", _warm_start(call.warm_start))
+    if call.sensitivity is not None:
+        part.message("sensitivity", sensitivity_encoder(call.sensitivity, problem))
     return part
 
 

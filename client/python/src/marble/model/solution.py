@@ -14,6 +14,7 @@ import numpy as np
 
 from marble.base.tables import Status
 from marble.errors import Unsolved
+from marble.model.derivatives import SensitivityAnswer
 from marble.model.lcqp import LCQP, Vector, twin
 
 
@@ -88,7 +89,7 @@ class Solution:
     with instead of the root.
     iterations, factorizations: counts. times: seconds. options: every option as it was used. cold_objective: what a
     cold start last reached on the way here. job_id: the server's.
-    problem: what was solved.
+    problem: what was solved. sensitivity: the derivatives that were asked for with the solve; None where none were.
 
     Of a marble.Problem also, in its own terms, both empty otherwise:
     row_duals: one multiplier a two-sided row lb ≤ a z ≤ ub, in the order of adding. bound_duals: one a variable, n.
@@ -126,6 +127,7 @@ class Solution:
     row_duals: Vector = field(default_factory=lambda: np.zeros(0))
     bound_duals: Vector = field(default_factory=lambda: np.zeros(0))
     variables: Mapping[str, int] = field(default_factory=dict)
+    sensitivity: SensitivityAnswer | None = None
 
     def replaced(self, **parts: Any) -> Solution:
         """The same answer with some attributes replaced."""

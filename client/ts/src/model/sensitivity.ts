@@ -1,0 +1,230 @@
+import { type MarbleError, errorOf, invalid } from "../base/errors.js";
+import { packDoubles, unpackDoubles, unpackIntegers } from "../base/packed.js";
+import { matrixValues, vectors } from "../base/tables.js";
+import type { Fault } from "../generated/marble/v1/fault.js";
+import type {
+  AnswerVectors,
+  ProblemNumbers,
+  SensitivityRequest as RequestMessage,
+  RowResponse as RowsMessage,
+  Sensitivity as Message,
+} from "../generated/marble/v1/sensitivity.js";
+import { type Matrix, takeMatrix, takeValues, takeVector } from "./matrix.js";
+import { type ProblemUpdate, type Shape, sparse } from "./problem.js";
+
+/** New numbers less the old ones, in the forms of an update; what is left out is zero. Of Q the upper triangle counts. */
+export type Direction = Omit<ProblemUpdate, "c0">;
+
+/** Of a loss, its derivatives by the vectors of a solution, of their sizes; what is left out is zero. */
+export type AnswerWeights = Partial<Record<AnswerPart, ArrayLike<number>>>;
+
+/** Rows E z whose response to a price is wanted: what solves that are coupled by such rows tell each other. */
+export interface RowsRequest {
+  /** m × n, m ≥ 1. */
+  E: Matrix;
+  /** n numbers ≥ 0: a diagonal that was added to Q, without which the response is wanted. One factorization more. */
+  proximal?: ArrayLike<number>;
+  /** n entries: the linear cost of `free` and `z`, in place of the problem's own. */
+  g?: ArrayLike<number>;
+  /** `z` and `columns` are wanted too; default false. */
+  columns?: boolean;
+}
+
+/** What is asked of a solution's derivatives. All are of its branch: rows at zero stay there. */
+export interface SensitivityRequest {
+  /** Forward: how the solution changes along each. */
+  directions?: readonly Direction[];
+  /** Adjoint: the gradient of each by all numbers of the problem. */
+  losses?: readonly AnswerWeights[];
+  rows?: RowsRequest;
+}
+
+/** The change of a solution's vectors by one unit of a direction. */
+export interface AnswerChange extends Record<AnswerPart, Float64Array> {
+  /** The solution goes this way for small positive steps; always true where the sensitivity is smooth. */
+  holds: boolean;
+}
+
+/** The derivatives of a loss by the numbers of a problem; of a matrix by its entries in the order of compressed columns. */
+export type ProblemGradient = Record<keyof typeof vectors | keyof typeof matrixValues, Float64Array>;
+
+/** With the cost μᵀE z added, the branch has E z = free − response μ and the point z − columns μ. */
+export interface RowResponse {
+  /** E z at the solution, m entries. */
+  values: Float64Array;
+  /** At μ = 0, without the proximal term and with the cost that was asked for, m entries. */
+  free: Float64Array;
+  /** m rows of m entries; symmetric, positive semidefinite. */
+  response: Float64Array[];
+  /** n entries, if columns were asked for; else empty. */
+  z: Float64Array;
+  /** m columns of n entries, if they were asked for; else none. */
+  columns: Float64Array[];
+}
+
+/** The derivatives that were asked for. Its numbers are those of `sensitivity` in every other client, to the last bit. */
+export interface SensitivityAnswer {
+  /** Why there is nothing else here: the problem is not solved, or the solution is no isolated exact one of a branch. */
+  error?: MarbleError;
+  /** Rows of C at zero whose multiplier is zero too, to 1e-6 scaled: a small change may go either way. */
+  weakInequalities: Int32Array;
+  /** Pairs with both sides at zero that may leave by either side. */
+  biactivePairs: Int32Array;
+  /** Whether there are none of both. Else derivatives are the branch's, and `holds` says of which directions they are true. */
+  smooth: boolean;
+  /** One a direction; undefined where the branch is flat along it, or its rows depend on each other and contradict. */
+  changes: (AnswerChange | undefined)[];
+  /** One a loss; undefined where the multipliers it weighs are not unique, or the branch is flat. */
+  gradients: (ProblemGradient | undefined)[];
+  /** If they were asked for. */
+  rows?: RowResponse;
+  /** Why there are none: the branch is flat along one, or not convex without the proximal diagonal. */
+  rowsError?: MarbleError;
+  /** 0 where the solve's last factor was the branch's; counted in the solution's too. */
+  factorizations: number;
+  /** Solves with a factor. */
+  backSubstitutions: number;
+}
+
+const answerParts = {
+  z: "z",
+  equalityMultipliers: "equalityMultipliers",
+  inequalityMultipliers: "inequalityMultipliers",
+  leftMultipliers: "complementarityMultipliersL",
+  rightMultipliers: "complementarityMultipliersR",
+} as const;
+
+/** The vectors of a solution, by its names. */
+export type AnswerPart = keyof typeof answerParts;
+
+/** Throws an InvalidProblemError where something does not fit the problem. */
+export function sensitivityMessage(request: SensitivityRequest, shape: Shape): RequestMessage {
+  const { directions = [], losses = [], rows } = request;
+  const { variables: n, equalities, inequalities, pairs } = shape;
+  const sizes = { g: n, b: equalities, d: inequalities, l: pairs, r: pairs };
+  const numbers = {} as ProblemNumbers;
+  for (const letter of keys(vectors)) {
+    const take = (values: ArrayLike<number>, field: string) => takeVector(field, values, sizes[letter], "the problem");
+    numbers[vectors[letter]] = packed("directions", directions, letter, sizes[letter], take);
+  }
+  for (const letter of keys(matrixValues)) {
+    const pattern = shape.matrices[letter];
+    const take = (values: Matrix | ArrayLike<number>, field: string) => {
+      if (pattern === undefined) throw invalid(field, "is not part of the problem");
+      return takeValues(field, values, pattern, "the problem");
+    };
+    numbers[matrixValues[letter]] = packed("directions", directions, letter, pattern?.values.length ?? 0, take);
+  }
+  const weights = {} as AnswerVectors;
+  const ofAnswer = { z: n, equalityMultipliers: equalities, inequalityMultipliers: inequalities };
+  for (const part of keys(answerParts)) {
+    const size = { ...ofAnswer, leftMultipliers: pairs, rightMultipliers: pairs }[part];
+    const take = (values: ArrayLike<number>, field: string) => takeVector(field, values, size, "the problem");
+    weights[answerParts[part]] = packed("losses", losses, part, size, take);
+  }
+  const vector = (name: "proximal" | "g"): Uint8Array => {
+    const values = rows?.[name];
+    return values ? packDoubles(takeVector(`sensitivity.rows.${name}`, values, n, "variables")) : new Uint8Array(0);
+  };
+  return {
+    directions: directions.length > 0 ? { count: directions.length, numbers } : undefined,
+    losses: losses.length > 0 ? { count: losses.length, weights } : undefined,
+    rows: rows && {
+      matrix: sparse(takeMatrix("sensitivity.rows.E", rows.E, n)),
+      proximal: vector("proximal"),
+      gradient: vector("g"),
+      columns: rows.columns ?? false,
+    },
+  };
+}
+
+/** Of a problem with `n` variables. */
+export function sensitivityOf(message: Message, n: number): SensitivityAnswer {
+  const weakInequalities = unpackIntegers(message.weakInequalities);
+  const biactivePairs = unpackIntegers(message.biactivePairs);
+  const rowsFault = message.rows?.error;
+  return {
+    error: message.error && errorOfFault(message.error),
+    weakInequalities,
+    biactivePairs,
+    smooth: message.error === undefined && weakInequalities.length + biactivePairs.length === 0,
+    changes: changesOf(message),
+    gradients: gradientsOf(message, n),
+    rows: message.rows && !rowsFault ? rowsOf(message.rows) : undefined,
+    rowsError: rowsFault && errorOfFault(rowsFault),
+    factorizations: message.factorizations,
+    backSubstitutions: message.backSubstitutions,
+  };
+}
+
+// Of each direction or loss that has such a part, one after the other, with zeros of the others; nothing if none has.
+function packed<Name extends string, Values>(
+  kind: string,
+  given: readonly Partial<Record<Name, Values>>[],
+  name: Name,
+  size: number,
+  take: (values: Values, field: string) => Float64Array,
+): Uint8Array {
+  if (given.every((one) => one[name] === undefined)) return new Uint8Array(0);
+  const all = new Float64Array(given.length * size);
+  given.forEach((one, k) => {
+    const values = one[name];
+    if (values !== undefined) all.set(take(values, `sensitivity.${kind}[${k}].${name}`), k * size);
+  });
+  return packDoubles(all);
+}
+
+function changesOf({ changes }: Message): (AnswerChange | undefined)[] {
+  if (changes?.vectors === undefined) return [];
+  const { vectors: all, holds } = changes;
+  const missing = new Set(unpackIntegers(changes.missing));
+  const parts = split(answerParts, all, holds.length);
+  return parts.map((part, k) => (missing.has(k) ? undefined : { ...part, holds: holds[k] }));
+}
+
+function gradientsOf({ gradients }: Message, n: number): (ProblemGradient | undefined)[] {
+  if (gradients?.numbers === undefined) return [];
+  const missing = new Set(unpackIntegers(gradients.missing));
+  const count = unpackDoubles(gradients.numbers.gradient).length / n;
+  const parts = split({ ...vectors, ...matrixValues }, gradients.numbers, count);
+  return parts.map((part, k) => (missing.has(k) ? undefined : part));
+}
+
+// Each of `count` has an equal share of every field, by the name that the table gives it.
+function split<Name extends string, Field extends string>(
+  table: Record<Name, Field>,
+  message: Record<Field, Uint8Array>,
+  count: number,
+): Record<Name, Float64Array>[] {
+  const shares = Array.from({ length: count }, () => ({}) as Record<Name, Float64Array>);
+  for (const name of keys(table)) {
+    const all = unpackDoubles(message[table[name]]);
+    const size = all.length / count;
+    shares.forEach((share, k) => (share[name] = all.subarray(k * size, (k + 1) * size)));
+  }
+  return shares;
+}
+
+function rowsOf(message: RowsMessage): RowResponse {
+  const values = unpackDoubles(message.values);
+  const upper = unpackDoubles(message.response); // by columns: S_ij at i + j (j + 1) / 2 for i ≤ j
+  const [z, columns, m] = [unpackDoubles(message.z), unpackDoubles(message.columns), values.length];
+  const entry = (i: number, j: number): number => upper[Math.min(i, j) + (Math.max(i, j) * (Math.max(i, j) + 1)) / 2];
+  return {
+    values,
+    free: unpackDoubles(message.free),
+    response: Array.from({ length: m }, (_, i) => Float64Array.from({ length: m }, (_, j) => entry(i, j))),
+    z,
+    columns: z.length > 0 ? Array.from({ length: m }, (_, j) => columns.subarray(j * z.length, (j + 1) * z.length)) : [],
+  };
+}
+
+function errorOfFault({ field, index, value, bound }: Fault): MarbleError {
+  const place = index === undefined ? field : `${field}[${index}]`;
+  const message = value === "" ? `${place}: ${bound}` : `${place} = ${value}: ${bound}`;
+  return errorOf("failed_precondition", message, { field, index, value: value === "" ? undefined : value, bound });
+}
+
+function keys<Key extends string>(table: Record<Key, unknown>): Key[] {
+  return Object.keys(table) as Key[];
+}

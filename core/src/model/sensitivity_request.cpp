@@ -1,0 +1,93 @@
+#include <string>
+#include <tuple>
+
+#include "marble/sensitivity.h"
+#include "model/check_matrix.h"
+
+namespace marble {
+namespace {
+
+Expected<void> check_part(std::span<const double> values, std::size_t size, const char* field) {
+  return values.empty() ? Expected<void>() : check_numbers(values, size, field);
+}
+
+Expected<void> check_rows(const RowsRequest& rows, std::size_t n) {
+  if (rows.E.rows < 1) return unexpected(invalid("rows.E.rows", std::to_string(rows.E.rows), "must be >= 1"));
+  if (auto valid = check_matrix(rows.E, "rows.E", static_cast<std::size_t>(rows.E.rows), n, ""); !valid)
+    return valid;
+  if (auto valid = check_part(rows.proximal, n, "rows.proximal"); !valid) return valid;
+  for (std::size_t j = 0; j < rows.proximal.size(); ++j) {
+    if (rows.proximal[j] < 0.0) {
+      return unexpected(invalid("rows.proximal", static_cast<std::int64_t>(j),
+                                std::to_string(rows.proximal[j]), "must be >= 0"));
+    }
+  }
+  return check_part(rows.g, n, "rows.g");
+}
+
+Expected<void> check_count(Index count, const char* field) {
+  if (count >= 0) return {};
+  return unexpected(invalid(field, std::to_string(count), "must be >= 0"));
+}
+
+PartSizes times(Index count, PartSizes sizes) {
+  const auto factor = static_cast<std::size_t>(count);
+#define MARBLE_VECTOR(letter, field) sizes.letter *= factor;
+#define MARBLE_MATRIX(letter, field, values, vector) sizes.letter *= factor;
+#include "marble/contract.def"
+  return sizes;
+}
+
+double numbers_of(const PartSizes& sizes) {
+  double numbers = 0.0;
+#define MARBLE_VECTOR(letter, field) numbers += static_cast<double>(sizes.letter);
+#define MARBLE_MATRIX(letter, field, values, vector) numbers += static_cast<double>(sizes.letter);
+#include "marble/contract.def"
+  return numbers;
+}
+
+}  // namespace
+
+Expected<void> check(const SensitivityRequest& request, const PartSizes& sizes) {
+  if (request.rows) {
+    if (auto valid = check_rows(*request.rows, sizes.g); !valid) return valid;
+  }
+  const auto& [directions, numbers] = request.directions;
+  if (auto valid = check_count(directions, "directions.count"); !valid) return valid;
+  if (auto valid = times(directions, sizes).check(numbers); !valid)
+    return unexpected(inside("directions", valid.error()));
+  const auto& [losses, weights] = request.losses;
+  if (auto valid = check_count(losses, "losses.count"); !valid) return valid;
+  if (auto valid = check(weights, times(losses, sizes)); !valid)
+    return unexpected(inside("losses", valid.error()));
+  return {};
+}
+
+Expected<void> check(const AnswerWeights& w, const PartSizes& sizes) {
+  for (const auto& [values, size, field] :
+       {std::tuple{w.z, sizes.g, "z"}, std::tuple{w.equality_multipliers, sizes.b, "equality_multipliers"},
+        std::tuple{w.inequality_multipliers, sizes.d, "inequality_multipliers"},
+        std::tuple{w.complementarity_multipliers_L, sizes.l, "complementarity_multipliers_L"},
+        std::tuple{w.complementarity_multipliers_R, sizes.r, "complementarity_multipliers_R"}}) {
+    if (auto valid = check_part(values, size, field); !valid) return valid;
+  }
+  return {};
+}
+
+double bytes_of(const SensitivityRequest& request, const PartSizes& sizes) {
+  const auto n = static_cast<double>(sizes.g);
+  const double answer = n + static_cast<double>(sizes.b + sizes.d + 2 * sizes.l);
+  const double all = numbers_of(sizes);
+  double numbers = 8.0 * answer;  // points, steps and residuals
+  if (request.rows) {
+    const double m = request.rows->E.rows;
+    numbers += 2.0 * static_cast<double>(request.rows->E.values.size()) + m * (2.0 + 0.5 * (m + 1.0));
+    if (request.rows->columns) numbers += n * (1.0 + m);
+  }
+  numbers += answer * request.directions.count;
+  if (request.directions.count > 0) numbers += 2.0 * all;  // a problem made of one
+  numbers += all * request.losses.count;
+  return numbers * sizeof(double);
+}
+
+}  // namespace marble

@@ -1,0 +1,31 @@
+// How much may be asked of an answer's derivatives.
+#pragma once
+
+#include <cstdint>
+
+#include "config/config.h"
+#include "marble/sensitivity.h"
+#include "marble/v1/sensitivity.pb.h"
+
+namespace marble::server {
+
+struct SensitivityLimits {
+  int rows = 0;
+  int directions = 0;      ///< and losses
+  std::int64_t bytes = 0;  ///< of request and answer
+
+  [[nodiscard]] static SensitivityLimits of(const Config& config);
+};
+
+/// A request that fits its problem and the limits; views its message.
+struct CheckedSensitivity {
+  SensitivityRequest request;
+  std::int64_t bytes = 0;  ///< of request and answer
+};
+
+/// Error fields begin with "sensitivity.". Errors: invalid_argument, resource_exhausted (a limit).
+[[nodiscard]] Expected<CheckedSensitivity> checked_sensitivity(const v1::SensitivityRequest& message,
+                                                               const PartSizes& sizes,
+                                                               const SensitivityLimits& limits);
+
+}  // namespace marble::server

@@ -1,0 +1,315 @@
+// Derivatives that are asked for with a solve: the same numbers as of marble::Sensitivity, by the factor that
+// the solve ends with, and the response of rows against the branch's own matrix written out.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <random>
+
+#include "dense_system.h"
+#include "marble/sensitivity.h"
+#include "marble/warm_solver.h"
+#include "support/problems/random_problem.h"
+
+namespace marble {
+namespace {
+
+using Values = std::vector<double>;
+using Matrix = Eigen::MatrixXd;
+
+constexpr int kSeeds = 16;
+
+Values drawn(std::size_t size, std::mt19937_64& engine) {
+  Values values(size);
+  for (double& value : values) value = static_cast<double>(engine() >> 11) * 0x1p-52 - 1.0;
+  return values;
+}
+
+Matrix dense_of(const SparseMatrix& m, Index rows, Index columns) {
+  Matrix result = Matrix::Zero(rows, columns);
+  if (m.values.empty()) return result;
+  for (Index j = 0; j < columns; ++j) {
+    for (Index k = m.column_pointers[j]; k < m.column_pointers[j + 1]; ++k)
+      result(m.row_indices[k], j) = m.values[k];
+  }
+  return result;
+}
+
+/// m rows of three entries each.
+SparseMatrix some_rows(Index m, Index n, std::uint64_t seed) {
+  std::mt19937_64 engine(seed);
+  Triplets entries;
+  for (Index i = 0; i < m; ++i) {
+    for (int k = 0; k < 3; ++k)
+      entries.add(i, static_cast<Index>(engine() % static_cast<std::uint64_t>(n)),
+                  1.0 + static_cast<double>(engine() % 8));
+  }
+  return compress(m, n, entries, "E").value();
+}
+
+/// P of a branch: the upper left block of its matrix's inverse, by a basis of the null space of its rows.
+struct Branch {
+  Branch(const OwnedProblem& p, const Solution& answer, const Vector& less) {
+    const auto n = static_cast<Index>(p.g.size());
+    Q = dense_of(p.Q, n, n);
+    Q.diagonal() -= less;
+    const Matrix A = dense_of(p.A, static_cast<Index>(p.b.size()), n);
+    const Matrix C = dense_of(p.C, static_cast<Index>(p.d.size()), n);
+    const Matrix L = dense_of(p.L, static_cast<Index>(p.l.size()), n);
+    const Matrix R = dense_of(p.R, static_cast<Index>(p.r.size()), n);
+    z = Eigen::Map<const Vector>(answer.z.data(), n);
+    Matrix rows = A;
+    const auto take = [&](const Matrix& from, const Values& offset) {
+      for (Index i = 0; i < from.rows(); ++i) {
+        if (from.row(i).dot(z) + offset[static_cast<std::size_t>(i)] > 1e-7) continue;
+        rows.conservativeResize(rows.rows() + 1, n);
+        rows.row(rows.rows() - 1) = from.row(i);
+      }
+    };
+    take(C, p.d), take(L, p.l), take(R, p.r);
+    Matrix basis = Matrix::Identity(n, n);
+    if (rows.rows() > 0) basis = Eigen::FullPivLU<Matrix>(rows).kernel();
+    P = basis.isZero() ? Matrix::Zero(n, n)
+                       : Matrix(basis * (basis.transpose() * Q * basis).inverse() * basis.transpose());
+  }
+  Matrix Q, P;
+  Vector z;
+};
+
+Solution asked(const OwnedProblem& p, const SensitivityRequest& request) {
+  Solver solver = Solver::create(Problem::create(p.view()).value()).value();
+  return solver.solve({.sensitivity = &request}).value();
+}
+
+const SensitivityAnswer& told(const Solution& answer) {
+  EXPECT_TRUE(answer.sensitivity.has_value() && answer.sensitivity->has_value())
+      << (answer.sensitivity ? answer.sensitivity->error().message() : "nothing was told");
+  return answer.sensitivity->value();
+}
+
+void expect_alike(std::span<const double> a, std::span<const double> b, const char* what) {
+  ASSERT_EQ(a.size(), b.size()) << what;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    EXPECT_NEAR(a[i], b[i], 1e-8 * (1.0 + std::abs(b[i]))) << what << '[' << i << ']';
+}
+
+TEST(SensitivityRequest, WithASolveTellsWhatTheAnswersOwnSensitivityDoes) {
+  int looked_at = 0;
+  for (int seed = 0; seed < kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    const OwnedProblem p = testing::random_problem({}, static_cast<std::uint64_t>(seed));
+    std::mt19937_64 engine(seed);
+    const Values b = drawn(2 * p.b.size(), engine), Q = drawn(2 * p.Q.values.size(), engine),
+                 R = drawn(2 * p.R.values.size(), engine), z = drawn(2 * p.g.size(), engine);
+    const SensitivityRequest request{.directions = {2, {.b = b, .Q = Q, .R = R}}, .losses = {2, {.z = z}}};
+    const Solution answer = asked(p, request);
+    ASSERT_TRUE(is_solved(answer.status)) << answer.detail;
+    const SensitivityAnswer& sensitivity = told(answer);
+    auto own = Sensitivity::create(Problem::create(p.view()).value(), answer).value();
+    EXPECT_EQ(sensitivity.weak_inequalities, own.weak_inequalities());
+    EXPECT_EQ(sensitivity.biactive_pairs, own.biactive_pairs());
+    if (!own.is_smooth()) continue;
+    ++looked_at;
+    EXPECT_TRUE(sensitivity.changes.missing.empty() && sensitivity.gradients.missing.empty());
+    for (std::size_t k = 0; k < 2; ++k) {
+      const auto part = [k](const Values& values) {
+        return std::span(values).subspan(k * values.size() / 2, values.size() / 2);
+      };
+      const AnswerChange change = own.along({.b = part(b), .Q = part(Q), .R = part(R)}).value();
+      expect_alike(part(sensitivity.changes.z), change.z, "z");
+      expect_alike(part(sensitivity.changes.equality_multipliers), change.equality_multipliers, "y");
+      expect_alike(part(sensitivity.changes.complementarity_multipliers_L),
+                   change.complementarity_multipliers_L, "xi");
+      EXPECT_EQ(sensitivity.changes.holds[k] != 0, change.holds);
+      const ProblemGradient gradient = own.gradient({.z = part(z)}).value();
+      expect_alike(part(sensitivity.gradients.g), gradient.g, "g");
+      expect_alike(part(sensitivity.gradients.l), gradient.l, "l");
+      expect_alike(part(sensitivity.gradients.Q), gradient.Q, "Q");
+      expect_alike(part(sensitivity.gradients.A), gradient.A, "A");
+    }
+  }
+  EXPECT_GE(looked_at, kSeeds / 2);
+}
+
+TEST(SensitivityRequest, RowsRespondAsTheBranchsOwnMatrixHasIt) {
+  constexpr Index kRows = 4;
+  int looked_at = 0;
+  for (int seed = 0; seed < kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    const OwnedProblem p = testing::random_problem({}, 300U + static_cast<std::uint64_t>(seed));
+    const auto n = static_cast<Index>(p.g.size());
+    const SparseMatrix rows = some_rows(kRows, n, static_cast<std::uint64_t>(seed));
+    const SensitivityRequest request{.rows = RowsRequest{.E = rows.view(), .columns = true}};
+    const Solution answer = asked(p, request);
+    ASSERT_TRUE(is_solved(answer.status)) << answer.detail;
+    if (!told(answer).is_smooth()) continue;
+    ++looked_at;
+    const RowResponse& response = told(answer).rows->value();
+    const Branch branch(p, answer, Vector::Zero(n));
+    const Matrix E = dense_of(rows, kRows, n), S = E * branch.P * E.transpose();
+    const Vector values = E * branch.z;
+    expect_alike(response.values, {values.data(), kRows}, "values");
+    expect_alike(response.free, {values.data(), kRows}, "free");
+    expect_alike(response.z, answer.z, "z(0)");
+    const Matrix columns = branch.P * E.transpose();
+    expect_alike(response.columns, {columns.data(), static_cast<std::size_t>(columns.size())}, "columns");
+    ASSERT_EQ(response.response.size(), kRows * (kRows + 1) / 2U);
+    for (Index j = 0; j < kRows; ++j) {
+      for (Index i = 0; i <= j; ++i)
+        EXPECT_NEAR(response.response[static_cast<std::size_t>(i + j * (j + 1) / 2)], S(i, j),
+                    1e-8 * (1.0 + std::abs(S(i, j))));
+    }
+  }
+  EXPECT_GE(looked_at, kSeeds / 2);
+}
+
+TEST(SensitivityRequest, AProximalTermIsLeftOutOfTheResponseAndOfNothingElse) {
+  constexpr Index kRows = 3;
+  int looked_at = 0;
+  for (int seed = 0; seed < kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    OwnedProblem p = testing::random_problem({}, 500U + static_cast<std::uint64_t>(seed));
+    const auto n = static_cast<Index>(p.g.size());
+    std::mt19937_64 engine(seed);
+    Values proximal(p.g.size()), g = p.g, z = drawn(p.g.size(), engine), d = drawn(p.d.size(), engine);
+    for (std::size_t j = 0; j < proximal.size(); ++j) proximal[j] = 0.25 + 0.5 * static_cast<double>(j % 2);
+    // Q + Σ with the cost g − Σ z⁻, as a coupled solve has it.
+    for (Index j = 0; j < n; ++j) {
+      for (Index k = p.Q.column_pointers[j]; k < p.Q.column_pointers[j + 1]; ++k) {
+        if (p.Q.row_indices[k] == j) p.Q.values[k] += proximal[j];
+      }
+      p.g[j] -= proximal[j] * z[j];
+    }
+    const SparseMatrix rows = some_rows(kRows, n, static_cast<std::uint64_t>(seed));
+    const SensitivityRequest request{
+        .rows = RowsRequest{.E = rows.view(), .proximal = proximal, .g = g, .columns = true},
+        .directions = {1, {.d = d}}};
+    const Solution answer = asked(p, request);
+    ASSERT_TRUE(is_solved(answer.status)) << answer.detail;
+    if (!told(answer).is_smooth()) continue;
+    ++looked_at;
+    const RowResponse& response = told(answer).rows->value();
+    const Branch branch(p, answer, Eigen::Map<const Vector>(proximal.data(), n));
+    const Matrix E = dense_of(rows, kRows, n), S = E * branch.P * E.transpose();
+    const Vector at_zero =
+        branch.z - branch.P * (branch.Q * branch.z + Eigen::Map<const Vector>(g.data(), n));
+    expect_alike(response.z, {at_zero.data(), g.size()}, "z(0)");
+    const Vector free = E * at_zero;
+    expect_alike(response.free, {free.data(), kRows}, "free");
+    EXPECT_NEAR(response.response[1], S(0, 1), 1e-8 * (1.0 + std::abs(S(0, 1))));
+    EXPECT_GE(told(answer).factorizations, 1);
+    auto own = Sensitivity::create(Problem::create(p.view()).value(), answer).value();
+    ASSERT_TRUE(own.rows(*request.rows).has_value());
+    expect_alike(told(answer).changes.z, own.along({.d = d}).value().z, "a change, asked for after the rows");
+  }
+  EXPECT_GE(looked_at, kSeeds / 2);
+}
+
+TEST(SensitivityRequest, ATicksAnswersAreTheSameWhetherItIsAskedOrNotAndItsFactorIsUsedAgain) {
+  const OwnedProblem p = testing::random_problem({.variables = 40, .pairs = 10}, 3);
+  const auto n = static_cast<Index>(p.g.size());
+  const SparseMatrix rows = some_rows(5, n, 1);
+  const SensitivityRequest request{.rows = RowsRequest{.E = rows.view()}};
+  const Problem problem = Problem::create(p.view()).value();
+  WarmSolver asks = WarmSolver::create(problem).value(), does_not = WarmSolver::create(problem).value();
+  int factorizations = 0;
+  for (int tick = 0; tick < 8; ++tick) {
+    SCOPED_TRACE(tick);
+    Values g = p.g;
+    g[0] += 1e-3 * tick;
+    const Solution with = asks.solve({.g = g}, {}, {.sensitivity = &request}).value();
+    const Solution without = does_not.solve({.g = g}).value();
+    EXPECT_EQ(with.z, without.z);
+    EXPECT_EQ(with.complementarity_multipliers_L, without.complementarity_multipliers_L);
+    const SensitivityAnswer& sensitivity = told(with);
+    EXPECT_EQ(with.factorizations, without.factorizations + sensitivity.factorizations);
+    EXPECT_LE(sensitivity.back_substitutions, 3 * 5);
+    if (tick > 0) factorizations += sensitivity.factorizations;
+    EXPECT_FALSE(without.sensitivity.has_value());
+  }
+  EXPECT_EQ(factorizations, 0) << "of a warm tick the last factor is the branch's";
+}
+
+TEST(SensitivityRequest, ProximalRowsLeaveTheNextTicksAsTheyWere) {
+  const OwnedProblem p = testing::random_problem({}, 7);
+  const auto n = static_cast<Index>(p.g.size());
+  const SparseMatrix rows = some_rows(2, n, 1);
+  const Values proximal(p.g.size(), 1e-3);
+  const SensitivityRequest request{.rows = RowsRequest{.E = rows.view(), .proximal = proximal}};
+  const Problem problem = Problem::create(p.view()).value();
+  WarmSolver asks = WarmSolver::create(problem).value(), does_not = WarmSolver::create(problem).value();
+  for (int tick = 0; tick < 4; ++tick) {
+    Values b = p.b;
+    b[0] += 1e-3 * tick;
+    const Solution with = asks.solve({.b = b}, {}, {.sensitivity = &request}).value();
+    EXPECT_TRUE(told(with).rows->has_value());
+    EXPECT_EQ(with.z, does_not.solve({.b = b}).value().z);
+  }
+}
+
+TEST(SensitivityRequest, AnAnswerThatIsNotSolvedSaysSoInsteadOfDerivatives) {
+  const OwnedProblem p = testing::random_problem({}, 2);
+  const SensitivityRequest request{.losses = {1, {}}};
+  Options options;
+  options.max_iterations = 0;
+  Solver solver = Solver::create(Problem::create(p.view()).value(), options).value();
+  const Solution answer = solver.solve({.sensitivity = &request}).value();
+  ASSERT_TRUE(answer.sensitivity.has_value());
+  EXPECT_EQ(answer.sensitivity->error().message(), "solution: must be solved: it is iteration_limit");
+}
+
+TEST(SensitivityRequest, WhatDoesNotFitIsAnErrorOfTheSolve) {
+  const OwnedProblem p = testing::random_problem({}, 2);
+  const Problem problem = Problem::create(p.view()).value();
+  const auto refused = [&](const SensitivityRequest& request) {
+    return Solver::create(problem).value().solve({.sensitivity = &request}).error().message();
+  };
+  const auto n = static_cast<Index>(p.g.size());
+  SparseMatrix rows = some_rows(2, n, 1);
+  EXPECT_EQ(refused({.rows = RowsRequest{}}), "sensitivity.rows.E.rows = 0: must be >= 1");
+  const Values minus(p.g.size(), -1.0), short_one(2, 1.0);
+  EXPECT_EQ(refused({.rows = RowsRequest{.E = rows.view(), .proximal = minus}}),
+            "sensitivity.rows.proximal[0] = -1.000000: must be >= 0");
+  rows.values[1] = std::nan("");
+  EXPECT_EQ(refused({.rows = RowsRequest{.E = rows.view()}}),
+            "sensitivity.rows.E.values[1] = nan: must be finite");
+  EXPECT_EQ(refused({.directions = {2, {.g = short_one}}}),
+            "sensitivity.directions.g = 2 entries: must have 24 entries");
+  EXPECT_EQ(refused({.losses = {-1, {}}}), "sensitivity.losses.count = -1: must be >= 0");
+  EXPECT_EQ(refused({.losses = {1, {.z = short_one}}}),
+            "sensitivity.losses.z = 2 entries: must have 12 entries");
+}
+
+TEST(SensitivityRequest, DirectionsThatHaveNoChangeAreNamedAndTheOthersHaveTheirs) {
+  OwnedProblem p;  // min z0^2, z1 free
+  p.Q = {2, 2, {0, 1, 1}, {0}, {2.0}};
+  p.g = {0.0, 0.0};
+  const Values g = {0.0, 1.0, 1.0, 0.0};  // the second one alone is borne
+  const SensitivityRequest request{.directions = {2, {.g = g}}, .losses = {2, {.z = g}}};
+  const Solution answer = asked(p, request);
+  const SensitivityAnswer& sensitivity = told(answer);
+  EXPECT_EQ(sensitivity.changes.missing, (std::vector<Index>{0}));
+  EXPECT_TRUE(std::isnan(sensitivity.changes.z[0]));
+  EXPECT_NEAR(sensitivity.changes.z[2], -0.5, 1e-9);
+  EXPECT_EQ(sensitivity.gradients.missing, (std::vector<Index>{0}));
+  EXPECT_NEAR(sensitivity.gradients.g[2], -0.5, 1e-9);
+}
+
+TEST(SensitivityRequest, OfABiactivePairEachDirectionTellsWhetherItHolds) {
+  OwnedProblem p;  // min z0^2 + z1^2, 0 <= z0 ⊥ z1 >= 0
+  p.Q = {2, 2, {0, 1, 2}, {0, 1}, {2.0, 2.0}};
+  p.g = {0.0, 0.0};
+  p.L = {1, 2, {0, 1, 1}, {0}, {1.0}};
+  p.R = {1, 2, {0, 0, 1}, {0}, {1.0}};
+  p.l = p.r = {0.0};
+  const Values g = {-1.0, 1.0, 1.0, -1.0};  // towards one side, and towards the other
+  const SensitivityRequest request{.directions = {2, {.g = g}}};
+  const Solution answer = asked(p, request);
+  EXPECT_EQ(told(answer).biactive_pairs, (std::vector<Index>{0}));
+  EXPECT_FALSE(told(answer).is_smooth());
+  EXPECT_NE(told(answer).changes.holds[0], told(answer).changes.holds[1])
+      << "each way is of one branch alone";
+}
+
+}  // namespace
+}  // namespace marble
