@@ -176,6 +176,9 @@ Expected<void> FleetMirror::answer(const Asked& asked) {
   wanted_.insert(wanted_.end(), asked.fetches.begin(), asked.fetches.end());
   for (const std::string& id : asked.anew) known_.erase(id);
   if (auto read = asked.anew.empty() ? read_changes() : read_all(); !read) return read;
+  for (const std::string& id : asked.anew) {
+    if (!known_.contains(id)) forget(id);
+  }
   for (const Look& look : asked.looks) {
     if (look.id.empty()) continue;
     if (auto read = read_whole(look.id); !read) return read;

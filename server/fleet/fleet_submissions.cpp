@@ -260,6 +260,7 @@ void FleetSubmissions::take_in(TakenJob taken) {
     record = parts_.board.make(std::move(what), Options());
   }
   record->set_server(server_);
+  (void)parts_.results.expect(stored.id, stored.client);  // the mirror may not have seen it yet
   const std::int64_t begin = record->trace().cursor;
   {
     const MutexLock lock(mutex_);
