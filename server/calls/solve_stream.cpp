@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "marble/convert.h"
+#include "marble/convert_scenarios.h"
 #include "messages/reply.h"
 #include "service/admission.h"
 #include "wire/status.h"
@@ -11,11 +12,12 @@
 namespace marble::server {
 grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const ServiceParts& parts,
                                                                    grpc::CallbackServerContext& context,
-                                                                   const grpc::ByteBuffer* request) {
+                                                                   const grpc::ByteBuffer* request,
+                                                                   Made made) {
   const std::shared_ptr<SolveStreamCall> call(new SolveStreamCall(parts));
   call->self_ = call;
   Origin origin = origin_of(context);
-  if (const auto admitted = call->admit(request, context, origin); !admitted) {
+  if (const auto admitted = call->admit(request, context, origin, made); !admitted) {
     call->end_at_once(refused(parts, origin, admitted.error()));
   } else {
     parts.pulse.add(call);
@@ -25,7 +27,7 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* SolveStreamCall::begin(const Service
 }
 
 Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
-                                      const grpc::CallbackServerContext& context, Origin& origin) {
+                                      const grpc::CallbackServerContext& context, Origin& origin, Made made) {
   const auto caller = caller_of(parts_, context, origin, Role::solve);
   if (!caller) return unexpected(caller.error());
   v1::SolveStreamRequest request;
@@ -36,6 +38,8 @@ Expected<void> SolveStreamCall::admit(const grpc::ByteBuffer* bytes,
   progress_interval_s_ = request.progress_interval_s();
   iterate_every_ = request.iterate_every();
   (void)request.mutable_solve();  // an absent one is an empty one, and refused as such
+  if (made.has != nullptr && !(request.solve().*made.has)())
+    return unexpected(invalid(std::string("solve.") + made.of, "must be there"));
   auto job = make_job(parts_, *caller, JobKind::solve,
                       std::shared_ptr<const v1::SolveRequest>(request.release_solve()));
   if (!job) return unexpected(inside("solve", job.error()));
@@ -112,6 +116,16 @@ bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
   }
   if (queue_s_) {
     event->mutable_started()->set_queue_s(*std::exchange(queue_s_, std::nullopt));
+    return true;
+  }
+  if (levels_.empty()) {
+    const auto levels = job_->record->levels_from(told_levels_);
+    levels_.assign(levels.begin(), levels.end());
+    told_levels_ += levels.size();
+  }
+  if (!levels_.empty()) {
+    to_message(levels_.front(), event->mutable_level());
+    levels_.pop_front();
     return true;
   }
   if (const auto taken = over_ || slot_.due() ? slot_.take() : ProgressSlot::Rows{}; !taken.rows.empty()) {

@@ -4,6 +4,8 @@
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
+#include <cstddef>
+#include <deque>
 #include <optional>
 
 #include "access/origin.h"
@@ -21,10 +23,15 @@ class SolveStreamCall final
       public ProgressSink,
       public Pulsed {
  public:
+  /// What makes a request one of many problems, for a method that is for these alone.
+  struct Made {
+    const char* of = nullptr;  ///< the field of SolveRequest
+    bool (v1::SolveRequest::*has)() const = nullptr;
+  };
   /// Parses, checks and admits the request, or refuses it.
   static grpc::ServerWriteReactor<grpc::ByteBuffer>* begin(const ServiceParts& parts,
                                                            grpc::CallbackServerContext& context,
-                                                           const grpc::ByteBuffer* request);
+                                                           const grpc::ByteBuffer* request, Made made);
 
   // From the scheduler.
   [[nodiscard]] bool wants_place() const override { return true; }
@@ -39,7 +46,7 @@ class SolveStreamCall final
  private:
   explicit SolveStreamCall(const ServiceParts& parts) : parts_(parts) {}
   [[nodiscard]] Expected<void> admit(const grpc::ByteBuffer* bytes,
-                                     const grpc::CallbackServerContext& context, Origin& origin)
+                                     const grpc::CallbackServerContext& context, Origin& origin, Made made)
       ABSL_LOCKS_EXCLUDED(mutex_);
   // The pump's.
   [[nodiscard]] bool next_event(v1::SolveStreamResponse* event) override
@@ -54,15 +61,17 @@ class SolveStreamCall final
   ProgressSlot slot_;
   double last_progress_s_ = -1.0;  // worker only
 
-  bool admitted_ ABSL_GUARDED_BY(mutex_) = false;            // its place is known
-  bool accepted_ ABSL_GUARDED_BY(mutex_) = false;            // was told
-  bool started_ ABSL_GUARDED_BY(mutex_) = false;             // a worker has it: places are old
-  QueuePlace told_place_ ABSL_GUARDED_BY(mutex_);            // the newest that was told
-  std::optional<QueuePlace> place_ ABSL_GUARDED_BY(mutex_);  // accepted or moved, to be told
-  std::optional<double> queue_s_ ABSL_GUARDED_BY(mutex_);    // started, to be told
-  std::optional<Outcome> outcome_ ABSL_GUARDED_BY(mutex_);   // finished, to be told
-  grpc::Status status_ ABSL_GUARDED_BY(mutex_);              // of a job that has finished
-  bool over_ ABSL_GUARDED_BY(mutex_) = false;                // it has
+  std::size_t told_levels_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::deque<ScenarioLevel> levels_ ABSL_GUARDED_BY(mutex_);  // to be told
+  bool admitted_ ABSL_GUARDED_BY(mutex_) = false;             // its place is known
+  bool accepted_ ABSL_GUARDED_BY(mutex_) = false;             // was told
+  bool started_ ABSL_GUARDED_BY(mutex_) = false;              // a worker has it: places are old
+  QueuePlace told_place_ ABSL_GUARDED_BY(mutex_);             // the newest that was told
+  std::optional<QueuePlace> place_ ABSL_GUARDED_BY(mutex_);   // accepted or moved, to be told
+  std::optional<double> queue_s_ ABSL_GUARDED_BY(mutex_);     // started, to be told
+  std::optional<Outcome> outcome_ ABSL_GUARDED_BY(mutex_);    // finished, to be told
+  grpc::Status status_ ABSL_GUARDED_BY(mutex_);               // of a job that has finished
+  bool over_ ABSL_GUARDED_BY(mutex_) = false;                 // it has
 };
 
 }  // namespace marble::server

@@ -15,7 +15,12 @@ SolverService::SolverService(const ServiceParts& parts) : parts_(parts) {
                      }));
   MarkMethodStreamed(method_number("Solver", "SolveStream"),
                      stream_read_first(parts, [&parts](auto* context, const auto* request) {
-                       return SolveStreamCall::begin(parts, *context, request);
+                       return SolveStreamCall::begin(parts, *context, request, {});
+                     }));
+  MarkMethodStreamed(method_number("Solver", "SolveScenarios"),
+                     stream_read_first(parts, [&parts](auto* context, const auto* request) {
+                       return SolveStreamCall::begin(parts, *context, request,
+                                                     {"scenarios", &v1::SolveRequest::has_scenarios});
                      }));
 }
 

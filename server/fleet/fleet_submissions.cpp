@@ -289,7 +289,7 @@ void FleetSubmissions::take_in(TakenJob taken) {
                  .bytes = static_cast<std::int64_t>(stored.request.size())};
   job->observer = std::make_shared<Keeper>(*this, record);
   // The worker reads the request: the store's thread has others to serve.
-  job->work = [this, record, quota = job->quota,
+  job->work = [this, record, quota = job->quota, taken_in = std::weak_ptr(job),
                shared = std::make_shared<StoredJob>(std::move(taken.stored))](
                   const SolveControls& controls) -> Expected<Solution> {
     StoredJob& own = *shared;
@@ -304,7 +304,9 @@ void FleetSubmissions::take_in(TakenJob taken) {
                         .earlier = Caller::Earlier{own.id, time_of(own.accepted_unix_s), record}};
     const auto made = make_job(parts_, caller, JobKind::submitted, request);
     if (!made) return unexpected(made.error());
-    return (*made)->work(controls);
+    auto solved = (*made)->work(controls);
+    if (const auto job = taken_in.lock()) job->also = std::move((*made)->also);
+    return solved;
   };
   const auto place = parts_.scheduler.admit(job);
   if (place) return;

@@ -1,5 +1,6 @@
 #include "jobs/job_record.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -59,6 +60,19 @@ void JobRecord::report(const Progress& progress) {
   snapshot_.incumbent = progress.incumbent;
   take_tree(progress);
   changes_.fetch_add(1, std::memory_order_release);
+}
+
+void JobRecord::add_level(const ScenarioLevel& level) {
+  const MutexLock lock(mutex_);
+  snapshot_.levels.push_back(level);
+  snapshot_.levels.back().x = {};  // lent
+  changed();
+}
+
+std::vector<ScenarioLevel> JobRecord::levels_from(std::size_t first) const {
+  const MutexLock lock(mutex_);
+  const std::vector<ScenarioLevel>& levels = snapshot_.levels;
+  return {levels.begin() + static_cast<std::ptrdiff_t>(std::min(first, levels.size())), levels.end()};
 }
 
 template <class Told>

@@ -9,11 +9,13 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/priority.h"
 #include "base/trace_context.h"
 #include "jobs/pair_history.h"
 #include "jobs/progress_history.h"
+#include "marble/composite/scenarios.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
@@ -24,7 +26,7 @@ namespace marble::server {
 
 using Clock = std::chrono::steady_clock;
 
-enum class JobKind { solve, batch, submitted, session };
+enum class JobKind { solve, batch, submitted, session, scenarios };
 enum class JobState { queued, running, idle, finished };
 
 /// What does not change during a job's life.
@@ -62,8 +64,9 @@ struct JobSnapshot {
   double queue_s = 0.0, total_s = 0.0;
   std::int64_t updates = 0;
   std::int64_t memory_bytes = 0, result_bytes = 0;
-  std::string detail = {};  ///< the numbers that justify the status
-  std::string server = {};  ///< of several with one store: which has it, or had it last
+  std::vector<ScenarioLevel> levels = {};  ///< of a scenario solve, without x
+  std::string detail = {};                 ///< the numbers that justify the status
+  std::string server = {};                 ///< of several with one store: which has it, or had it last
   std::optional<std::chrono::system_clock::time_point> finished = {};  ///< when, once it has
   std::int64_t version = 0;  ///< grows with every change but progress
 };
@@ -85,6 +88,10 @@ class JobRecord final : public ProgressSink {
   void set_options(const Options& options) ABSL_LOCKS_EXCLUDED(mutex_);
   void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool wants_pairs() const override { return wants_pairs_; }
+  /// A level of a scenario solve is done.
+  void add_level(const ScenarioLevel& level) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Those from number `first` on.
+  [[nodiscard]] std::vector<ScenarioLevel> levels_from(std::size_t first) const ABSL_LOCKS_EXCLUDED(mutex_);
   /// One solve of a session has ended.
   void answered(const Expected<Solution>& solution, double total_s) ABSL_LOCKS_EXCLUDED(mutex_);
   /// The last word.

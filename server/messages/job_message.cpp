@@ -4,6 +4,7 @@
 
 #include "jobs/unix_time.h"
 #include "marble/convert.h"
+#include "marble/convert_scenarios.h"
 #include "wire/status.h"
 
 namespace marble::server {
@@ -43,6 +44,7 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   to_message(now.violations, message->mutable_violations());
   tree_to_message(now, message);
   message->set_proved(now.proved);
+  for (const ScenarioLevel& level : now.levels) to_message(level, message->add_scenario_levels());
   const bool under_way = now.state == JobState::queued || now.state == JobState::running;
   const double age_s =
       std::chrono::duration<double>(std::chrono::system_clock::now() - what.accepted).count();
@@ -110,6 +112,8 @@ JobSnapshot snapshot_of(const v1::JobInfo& message) {
   now.violations = violations_of(message.violations());
   take_tree(message, now);
   now.proved = message.proved();
+  for (const v1::ScenarioLevel& level : message.scenario_levels())
+    now.levels.push_back(scenario_level_of(level));
   const v1::Times& times = message.times();
   now.times.setup_s = times.setup_s();
   now.times.factorization_s = times.factorization_s();

@@ -10,6 +10,7 @@ constexpr std::size_t kLargestMessage = std::numeric_limits<std::int32_t>::max()
 
 void fill_solution(const Outcome& outcome, const Options& options, v1::Solution* message) {
   to_message(*outcome.solution, message);
+  if (outcome.also) outcome.also(message);
   to_message(options, message->mutable_options());
   message->mutable_times()->set_queue_s(outcome.queue_s);
   message->mutable_times()->set_total_s(outcome.total_s);

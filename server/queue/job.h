@@ -11,7 +11,14 @@
 #include "marble/solver.h"
 #include "queue/job_queue.h"
 
+namespace marble::v1 {
+class Solution;
+}  // namespace marble::v1
+
 namespace marble::server {
+
+/// What an answer says besides its solution, where the request is made of many problems.
+using AlsoSaid = std::function<void(v1::Solution*)>;
 
 /// How a job ended: an answer, whatever its status, or why there is none.
 struct Outcome {
@@ -19,6 +26,7 @@ struct Outcome {
   double queue_s = 0.0;
   double total_s = 0.0;
   double retry_delay_s = 0.0;  ///< for errors that say "try again"
+  AlsoSaid also = nullptr;     ///< of an answer; null if there is nothing more
   bool interrupted = false;    ///< it did not come to its end: the server stops
 };
 
@@ -48,6 +56,7 @@ struct Job {
   Quota quota;  ///< of its client
   /// What a worker does. It owns what it needs, and is freed before the observer hears of the end.
   std::function<Expected<Solution>(const SolveControls&)> work;
+  AlsoSaid also = nullptr;                          ///< once its work is done
   std::shared_ptr<JobObserver> observer = nullptr;  ///< let go after finished()
   double time_limit_s = 1e9;                        ///< after which its work ends by itself
   bool is_interrupted = false;                      ///< the scheduler's own: its stop is the server's

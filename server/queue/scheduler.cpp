@@ -260,6 +260,7 @@ void Scheduler::run_job(const std::shared_ptr<Job>& job) {
     job->record->started(outcome.queue_s);
     job->observer->started(outcome.queue_s);
     outcome.solution = solve(*job, *this);
+    outcome.also = std::move(job->also);
   }
   job->work = nullptr;  // before its bytes are counted free: an answer may wait long for its reader
   bool others_ready = false;

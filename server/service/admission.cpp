@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/random_id.h"
+#include "composite/scenario_work.h"
 #include "marble/contract.h"
 #include "marble/convert.h"
 #include "queue/job_log.h"
@@ -155,6 +156,7 @@ Expected<void> check_progress(double interval_s, std::int32_t iterate_every) {
 Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller& caller, JobKind kind,
                                         std::shared_ptr<const v1::SolveRequest> message) {
   const Quota quota = parts.access.quota_of(caller.identity.client);
+  if (kind == JobKind::solve && message->has_scenarios()) kind = JobKind::scenarios;
   auto checked = check(parts, caller, quota, kind, *message);
   if (!checked) return unexpected(checked.error());
   auto job = std::make_shared<Job>();
@@ -171,6 +173,10 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
                           (checked->sensitivity ? checked->sensitivity->bytes : 0)};
   job->quota = quota;
   job->time_limit_s = checked->options.time_limit_s;
+  if (message->has_scenarios()) {
+    auto set = set_scenario_work(parts.config, std::move(message), checked->options, *job);
+    return set ? Expected<std::shared_ptr<Job>>(std::move(job)) : unexpected(set.error());
+  }
   // The problem borrows the message's arrays.
   job->work = [message = std::move(message), checked = std::move(*checked),
                limits = SetupControls{.most_bytes = parts.config.solve_bytes,

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "formula.h"
-#include "marble/counter_random.h"
+#include "marble/composite/counter_random.h"
 #include "marble/retrospective.h"
 
 namespace marble::testing {

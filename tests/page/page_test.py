@@ -6,6 +6,7 @@ BINARIES holds marble-server and marble; SCREENSHOTS is where pictures go; AXE i
 
 import csv
 import io
+import json
 import os
 import re
 import subprocess
@@ -195,6 +196,36 @@ class Page(unittest.TestCase):
         self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
         self.browser.wait(DRAWN, "#convergence")
         self.assertFalse(self.browser.find("#proof-plot").is_displayed())
+        self.assertEqual(self.browser.complaints(), [])
+
+    def test_a_plan_for_many_worlds_shows_its_levels_and_the_interval_closing(self):
+        server = self.start()
+        shop, demand = server.folder / "shop.json", server.folder / "demand.json"
+        shop.write_text(json.dumps({"name": "shop", "n": 2, "g": [1, -3],
+                                    "Q": {"rows": 2, "cols": 2, "i": [0], "j": [0], "v": [0.1]},
+                                    "L": {"rows": 1, "cols": 2, "i": [0], "j": [1], "v": [-1]}, "l": [5],
+                                    "R": {"rows": 1, "cols": 2, "i": [0, 0], "j": [0, 1], "v": [1, -1]}, "r": [0]}))
+        demand.write_text(json.dumps({"seed": 7, "first_stage": [0], "quantities": [
+            {"location": -5, "scale": 10, "effects": [{"part": "l"}]}]}))
+        told = server.run("scenarios", "--output", "json", "--first", "8", "--most", "256", "--sampler", demand, shop)
+        levels = [json.loads(line) for line in told.splitlines()][:-1]
+        [job] = server.jobs()
+        self.open(server, f"/#/jobs/{job['job_id']}")
+        self.browser.wait_text("#job-status", "solved")
+        self.browser.wait(f"return document.querySelectorAll('#levels tbody tr').length === {len(levels)}")
+        rows = self.browser.driver.execute_script(
+            "return [...document.querySelectorAll('#levels tbody tr')].map((row) => [...row.children].map((c) => c.textContent))")
+        self.assertEqual([row[0] for row in rows], [str(level["scenarios"]) for level in levels])
+        for row, level in zip(rows, levels):
+            self.assertAlmostEqual(float(row[2].replace("\u2212", "-")), level["objective"], delta=1e-3)
+        widths = self.browser.driver.execute_script(
+            "return [...document.querySelectorAll('.interval-bar')].map((bar) => parseFloat(bar.style.width))")
+        self.assertEqual(len(widths), len(levels))
+        self.assertLess(widths[-1], 0.5 * widths[0], "the interval closes")
+        server.run("solve", "--quiet", server.tiny())
+        self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
+        self.browser.wait(DRAWN, "#convergence")
+        self.assertFalse(self.browser.find("#levels").is_displayed())
         self.assertEqual(self.browser.complaints(), [])
 
     def test_a_running_job_grows_before_the_eyes(self):

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "marble/counter_random.h"
+#include "marble/composite/counter_random.h"
 #include "marble/solver.h"
 
 namespace marble::cli {

@@ -2,7 +2,7 @@
 // Problems Using Sequential Quadratic Programming": F = f + ξ‖x − x₀ − 1‖², ξ ~ U[−1, 1].
 #pragma once
 
-#include "marble/counter_random.h"
+#include "marble/composite/counter_random.h"
 #include "marble/retrospective.h"
 
 namespace marble::cli {

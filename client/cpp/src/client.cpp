@@ -9,6 +9,7 @@
 #include "marble/contract.h"
 #include "message/status.h"
 #include "mutex.h"
+#include "remote/scenarios.h"
 #include "remote/solve.h"
 
 namespace marble {
@@ -40,6 +41,40 @@ Expected<PendingSolution> Client::solve_async(const ProblemView& problem, const 
     if (connection_ == nullptr) return client::begin_solve_here(problem, options, controls, call);
     return client::begin_solve(connection_, problem, options, controls, call);
   });
+}
+
+namespace {
+
+Expected<RemoteScenarios> scenarios_by(const client::Connection* connection, const ScenarioProblem& problem,
+                                       const ScenarioSampler* sampler, const ScenarioSettings& settings,
+                                       const SolveControls& controls, const CallControls& call) {
+  return or_out_of_memory([&]() -> Expected<RemoteScenarios> {
+    if (connection != nullptr)
+      return client::solve_scenarios_there(*connection, problem, sampler, settings, controls, call);
+    auto answer = marble::solve_scenarios(problem, settings, controls);
+    if (!answer) return unexpected(answer.error());
+    if (answer->end == ScenarioEnd::cancelled) return unexpected(client::given_up());
+    RemoteScenarios result;
+    static_cast<ScenarioAnswer&>(result) = *std::move(answer);
+    return result;
+  });
+}
+
+}  // namespace
+
+Expected<RemoteScenarios> Client::solve_scenarios(const ScenarioProblem& problem,
+                                                  const ScenarioSettings& settings,
+                                                  const SolveControls& controls,
+                                                  const CallControls& call) const {
+  return scenarios_by(connection_.get(), problem, nullptr, settings, controls, call);
+}
+
+Expected<RemoteScenarios> Client::solve_scenarios(ScenarioProblem problem, const ScenarioSampler& sampler,
+                                                  const ScenarioSettings& settings,
+                                                  const SolveControls& controls,
+                                                  const CallControls& call) const {
+  if (auto set = set_worlds(problem, sampler); !set) return unexpected(set.error());
+  return scenarios_by(connection_.get(), problem, &sampler, settings, controls, call);
 }
 
 Expected<Session> Client::open_session(const ProblemView& problem, const Options& options,

@@ -10,6 +10,7 @@
 #include "message/request.h"
 #include "message/request_id.h"
 #include "message/status.h"
+#include "remote/scenario_request.h"
 
 namespace marble {
 namespace {
@@ -24,6 +25,40 @@ Expected<void> one_server(const client::Connection* connection) {
 
 }  // namespace
 
+namespace {
+
+Expected<SubmittedJob> send(const client::Connection& connection, v1::SolveRequest request,
+                            const std::stop_token& stop, const CallControls& call) {
+  if (request.request_id().empty()) request.set_request_id(client::random_request_id());
+  grpc::ClientContext context;
+  if (auto ready = connection.prepare(context, call.traceparent, connection.deadline_of(call.deadline));
+      !ready)
+    return unexpected(ready.error());
+  const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
+  v1::SubmitResponse response;
+  const grpc::Status status = connection.jobs().Submit(&context, request, &response);
+  if (!status.ok()) return unexpected(client::to_error(status, stop));
+  return SubmittedJob{response.job_id(), response.queue_position(), response.estimated_wait_s(),
+                      client::returned_traceparent(context)};
+}
+
+Expected<v1::SolveResponse> response_of(const client::Connection* connection, const std::string& job_id,
+                                        const ResultControls& controls) {
+  if (auto one = one_server(connection); !one) return unexpected(one.error());
+  grpc::ClientContext context;
+  connection->prepare(context, connection->deadline_of(controls.deadline));
+  const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
+  v1::JobResultRequest request;
+  request.set_job_id(job_id);
+  request.set_wait(controls.wait);
+  v1::SolveResponse response;
+  const grpc::Status status = connection->jobs().Result(&context, request, &response);
+  if (!status.ok()) return unexpected(client::to_error(status, controls.stop));
+  return response;
+}
+
+}  // namespace
+
 Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& options,
                                     const SolveControls& controls, const CallControls& call) const try {
   if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
@@ -32,33 +67,34 @@ Expected<SubmittedJob> Jobs::submit(const ProblemView& problem, const Options& o
       problem,         options,           controls.initial_z, controls.warm_start, controls.sensitivity,
       call.request_id, call.problem_name, call.priority};
   if (auto filled = client::fill_request(parts, &request); !filled) return unexpected(filled.error());
-  if (request.request_id().empty()) request.set_request_id(client::random_request_id());
-  grpc::ClientContext context;
-  if (auto ready = connection_->prepare(context, call.traceparent, connection_->deadline_of(call.deadline));
-      !ready)
-    return unexpected(ready.error());
-  const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
-  v1::SubmitResponse response;
-  const grpc::Status status = connection_->jobs().Submit(&context, request, &response);
-  if (!status.ok()) return unexpected(client::to_error(status, controls.stop));
-  return SubmittedJob{response.job_id(), response.queue_position(), response.estimated_wait_s(),
-                      client::returned_traceparent(context)};
+  return send(*connection_, std::move(request), controls.stop, call);
+} catch (const std::bad_alloc&) {
+  return unexpected(out_of_memory());
+}
+
+Expected<SubmittedJob> Jobs::submit(const ScenarioProblem& problem, const ScenarioSettings& settings,
+                                    const SolveControls& controls, const CallControls& call) const try {
+  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  auto request = client::make_request(problem, nullptr, settings, call);
+  if (!request) return unexpected(request.error());
+  return send(*connection_, std::move(*request->mutable_solve()), controls.stop, call);
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
 }
 
 Expected<RemoteSolution> Jobs::result(const std::string& job_id, const ResultControls& controls) const try {
-  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
-  grpc::ClientContext context;
-  connection_->prepare(context, connection_->deadline_of(controls.deadline));
-  const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
-  v1::JobResultRequest request;
-  request.set_job_id(job_id);
-  request.set_wait(controls.wait);
-  v1::SolveResponse response;
-  const grpc::Status status = connection_->jobs().Result(&context, request, &response);
-  if (!status.ok()) return unexpected(client::to_error(status, controls.stop));
-  return client::remote_solution(response);
+  const auto response = response_of(connection_.get(), job_id, controls);
+  if (!response) return unexpected(response.error());
+  return client::remote_solution(*response);
+} catch (const std::bad_alloc&) {
+  return unexpected(out_of_memory());
+}
+
+Expected<RemoteScenarios> Jobs::scenarios(const std::string& job_id, const ResultControls& controls) const
+    try {
+  const auto response = response_of(connection_.get(), job_id, controls);
+  if (!response) return unexpected(response.error());
+  return client::remote_scenarios(*response);
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
 }

@@ -35,6 +35,20 @@ class NpzReader {
     return table_of(name, **dense);
   }
 
+  Expected<std::map<std::string, NpyArray>> all() {
+    std::map<std::string, NpyArray> arrays;
+    for (zip_int64_t i = 0; i < zip_get_num_entries(archive_.get(), 0); ++i) {
+      const char* const entry = zip_get_name(archive_.get(), static_cast<zip_uint64_t>(i), 0);
+      std::string name = entry != nullptr ? entry : "";
+      if (!name.ends_with(".npy")) continue;
+      name.resize(name.size() - 4);
+      auto parsed = array(name, "");
+      if (!parsed) return unexpected(parsed.error());
+      if (*parsed) arrays.emplace(std::move(name), **std::move(parsed));
+    }
+    return arrays;
+  }
+
  private:
   Expected<std::optional<NpyArray>> array(const std::string& name, std::string suffix) {
     zip_int64_t at = zip_name_locate(archive_.get(), (name + suffix + ".npy").c_str(), 0);
@@ -173,7 +187,10 @@ class NpzWriter {
 
 }  // namespace
 
-Expected<ProblemFile> parse_npz(std::string_view bytes, const std::string& name) {
+namespace {
+
+// The bytes must outlive the reader.
+Expected<NpzReader> reader_of(std::string_view bytes) {
   const Error no_archive = failure(ErrorCode::invalid_argument, "cannot be read as an .npz file");
   zip_source_t* source = zip_source_buffer_create(bytes.data(), bytes.size(), 0, nullptr);
   if (source == nullptr) return unexpected(no_archive);
@@ -182,8 +199,22 @@ Expected<ProblemFile> parse_npz(std::string_view bytes, const std::string& name)
     zip_source_free(source);
     return unexpected(no_archive);
   }
-  NpzReader reader(std::move(archive), bytes.size());
-  return assemble_tables([&](const char* part) { return reader.read(part); }, name);
+  return NpzReader(std::move(archive), bytes.size());
+}
+
+}  // namespace
+
+Expected<ProblemFile> parse_npz(std::string_view bytes, const std::string& name) {
+  auto reader = reader_of(bytes);
+  if (!reader) return unexpected(reader.error());
+  return assemble_tables([&](const char* part) { return reader->read(part); }, name);
+}
+
+Expected<std::map<std::string, NpyArray>> read_npz_arrays(const std::string& path) {
+  const auto bytes = read_bytes(path);
+  if (!bytes) return unexpected(bytes.error());
+  auto reader = reader_of(*bytes);
+  return reader ? reader->all() : unexpected(reader.error());
 }
 
 Expected<ProblemFile> read_npz(const std::string& path, const std::string& name) {

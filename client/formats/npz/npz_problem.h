@@ -5,10 +5,12 @@
 // with "_" in place of "." are read too: keyword arguments of numpy.savez cannot have points.
 #pragma once
 
+#include <map>
 #include <string>
 #include <string_view>
 
 #include "marble/problem_file.h"
+#include "npz/npy.h"
 
 namespace marble::formats {
 
@@ -17,6 +19,8 @@ namespace marble::formats {
 [[nodiscard]] Expected<ProblemFile> read_npz(const std::string& path, const std::string& name);
 /// The same of a file's bytes.
 [[nodiscard]] Expected<ProblemFile> parse_npz(std::string_view bytes, const std::string& name);
+/// Every array of a file by its name, whatever it is.
+[[nodiscard]] Expected<std::map<std::string, NpyArray>> read_npz_arrays(const std::string& path);
 [[nodiscard]] Expected<void> write_npz(const ProblemFile& file, const std::string& path);
 
 }  // namespace marble::formats

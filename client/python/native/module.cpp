@@ -11,7 +11,7 @@
 #include "answers.h"
 #include "arrays.h"
 #include "ctrl_c.h"
-#include "marble/counter_random.h"
+#include "marble/composite/counter_random.h"
 #include "marble/options.h"
 #include "marble/solver.h"
 #include "marble/version.h"

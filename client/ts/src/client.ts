@@ -2,6 +2,7 @@ import { type BatchAnswer, type BatchControls, type BatchProblem, batch } from "
 import { type CallControls, unary } from "./calls/calls.js";
 import { type ServerInfo, infoOf } from "./calls/info.js";
 import { Jobs } from "./calls/jobs.js";
+import { type ScenarioAnswer, type ScenarioControls, scenarios } from "./calls/scenarios.js";
 import { Session, type SessionControls } from "./calls/session.js";
 import { type SolveControls, type SolveEvent, type StreamControls, solve, solveStream } from "./calls/solve.js";
 import { type ConnectOptions, defaultAddress } from "./connection/connect-options.js";
@@ -39,6 +40,11 @@ export class Client implements Disposable {
   /** The same as events. The call begins with the loop, and leaving the loop gives it up. */
   solveStream(problem: Problem, controls: StreamControls = {}): AsyncGenerator<SolveEvent, void, undefined> {
     return solveStream(this.connection, problem, controls);
+  }
+
+  /** One plan for many worlds: min Σ π q(x, y_s) over one x and a recourse y_s in every sampled world. */
+  async scenarios(problem: Problem, controls: ScenarioControls): Promise<ScenarioAnswer> {
+    return scenarios(this.connection, problem, controls);
   }
 
   /** Sets a session up, and waits until it is ready. */

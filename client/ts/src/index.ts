@@ -36,6 +36,15 @@ export type {
   Trace,
   WatchControls,
 } from "./calls/jobs.js";
+export type {
+  ProblemPart,
+  ScenarioAnswer,
+  ScenarioControls,
+  ScenarioEntries,
+  ScenarioLevel,
+  ScenarioQuantity,
+  ScenarioSamples,
+} from "./calls/scenarios.js";
 export { Session, shiftByStage } from "./calls/session.js";
 export type { SessionControls, Shift, ShiftBlock, UpdateControls } from "./calls/session.js";
 export type { Priority, RequestControls, SolveControls, SolveEvent, StreamControls } from "./calls/solve.js";

@@ -36,6 +36,8 @@ struct Progress {
   double gap = std::numeric_limits<double>::infinity();     ///< as Solution::gap, so far
   std::int64_t nodes = 0;                                   ///< bounded so far; 0 before a tree
   std::int64_t open_nodes = 0;                              ///< of the tree, still to be bounded or branched
+  std::int32_t level = 0;                                   ///< of a scenario solve, from 0
+  std::int64_t scenarios = 0;                               ///< of that level; 0 in other solves
   std::span<const double> z = {};  ///< the iterate (n, unscaled); valid only during the call
   std::span<const double> s = {};  ///< L z + l (n_c, unscaled), if the sink wants it; valid as z is
   std::span<const double> t = {};  ///< R z + r, the same

@@ -40,6 +40,8 @@ Expected<void> validate_settings(const ScenarioSettings& settings) {
                   "must be >= first_scenarios");
   if (!std::isfinite(settings.tolerance) || settings.tolerance < 0.0)
     return refuse("tolerance", settings.tolerance, "must be finite and >= 0");
+  if (settings.least_scenarios < 1)
+    return refuse("least_scenarios", static_cast<double>(settings.least_scenarios), "must be >= 1");
   if (!(settings.without_recourse >= 0.0 && settings.without_recourse <= 1.0))
     return refuse("without_recourse", settings.without_recourse, "must be in [0, 1]");
   if (settings.fresh_scenarios < 0)
@@ -77,6 +79,32 @@ OutOfSample judged(std::span<const ScenarioNumbers> worlds, std::span<const Reco
   return result;
 }
 
+// Rows of one level after the other, as of one solve.
+class LevelProgress final : public ProgressSink {
+ public:
+  explicit LevelProgress(ProgressSink* sink) : sink_(sink) {}
+  void begin(const ScenarioLevel& level, const Solution& before) {
+    level_ = level.level;
+    scenarios_ = level.scenarios;
+    iterations_ = before.iterations;
+    factorizations_ = before.factorizations;
+  }
+  void report(const Progress& progress) override {
+    Progress row = progress;
+    row.iteration += iterations_;
+    row.factorizations += factorizations_;
+    row.level = level_;
+    row.scenarios = scenarios_;
+    sink_->report(row);
+  }
+  [[nodiscard]] ProgressSink* sink() { return sink_ != nullptr ? this : nullptr; }
+
+ private:
+  ProgressSink* const sink_;
+  std::int32_t level_ = 0, iterations_ = 0, factorizations_ = 0;
+  std::int64_t scenarios_ = 0;
+};
+
 // The levels, one after the other.
 class Levels {
  public:
@@ -89,7 +117,8 @@ class Levels {
         stages_(std::move(stages)),
         begun_(controls.begun.value_or(Clock::now())),
         until_(after(begun_, settings.options.time_limit_s)),
-        most_(std::min(settings.most_scenarios, problem.scenarios)) {}
+        most_(std::min(settings.most_scenarios, problem.scenarios)),
+        progress_(controls.progress) {}
 
   Expected<ScenarioAnswer> run() {
     std::int64_t count = std::min(settings_.first_scenarios, most_);
@@ -177,14 +206,14 @@ class Levels {
 
   // Where a start kept no branch but was mended, a cold solve too, if more levels or starts are to come.
   Expected<Solution> solve_from(Solver& solver, Options options, const Solution* start,
-                                ScenarioLevel& level) const {
+                                ScenarioLevel& level) {
     if (auto set = solver.set_options(options); !set) return unexpected(set.error());
     SolveControls controls = controls_;
     controls.warm_start = start;
     controls.begun = begun_;
-    auto solution = solver.solve(controls);
+    controls.progress = progress_.sink();
+    auto solution = solve_and_count(solver, controls, level);
     if (!solution) return solution;
-    level.factorizations += solution->factorizations;
     const bool stayed_warm = start != nullptr && std::isinf(solution->cold_objective);
     level.warm = stayed_warm && solution->factorizations <= tuning::warm_small_change;
     const bool goes_on = level.scenarios < most_ || options.starts > 1;
@@ -193,10 +222,28 @@ class Levels {
     options.local_search_budget = 0;
     if (auto set = solver.set_options(options); !set) return unexpected(set.error());
     controls.warm_start = nullptr;
-    auto other = solver.solve(controls);
+    auto other = solve_and_count(solver, controls, level);
     if (!other) return other;
-    level.factorizations += other->factorizations;
     return is_solved(other->status) && other->objective < solution->objective ? other : solution;
+  }
+
+  Expected<Solution> solve_and_count(Solver& solver, const SolveControls& controls, ScenarioLevel& level) {
+    progress_.begin(level, total_);
+    auto solution = solver.solve(controls);
+    if (!solution) return solution;
+    level.factorizations += solution->factorizations;
+    count(*solution);
+    return solution;
+  }
+
+  void count(const Solution& solution) {
+    total_.iterations += solution.iterations;
+    total_.factorizations += solution.factorizations;
+    total_.times.setup_s += solution.times.setup_s;
+    total_.times.factorization_s += solution.times.factorization_s;
+    total_.times.line_search_s += solution.times.line_search_s;
+    total_.times.polish_s += solution.times.polish_s;
+    total_.times.solve_s += solution.times.solve_s;
   }
 
   // Worlds of the level that have no plan even by themselves. Those of a level that was solved have one.
@@ -271,6 +318,7 @@ class Levels {
     std::vector<const Solution*> starts;
     for (const ScenarioNumbers& world : fresh) starts.push_back(nearest_part(world));
     fresh_ = solve_recourse(stages_, answer_.x, fresh, starts, recourse_controls());
+    for (const Recourse& recourse : fresh_) count(recourse.solution);
     const bool all = std::ranges::none_of(fresh_, [](const Recourse& recourse) {
       return recourse.status == Status::time_limit || recourse.status == Status::cancelled;
     });
@@ -291,7 +339,8 @@ class Levels {
   [[nodiscard]] std::optional<ScenarioEnd> end_of(const ScenarioLevel& level) const {
     if (controls_.stop.stop_requested()) return ScenarioEnd::cancelled;
     if (Clock::now() >= until_) return ScenarioEnd::time_limit;
-    if (settings_.tolerance == 0.0 || !level.fresh) return std::nullopt;
+    if (settings_.tolerance == 0.0 || level.scenarios < settings_.least_scenarios || !level.fresh)
+      return std::nullopt;
     const OutOfSample& fresh = *level.fresh;
     const bool served = static_cast<double>(fresh.without_recourse) <=
                         settings_.without_recourse * static_cast<double>(fresh.scenarios);
@@ -314,7 +363,15 @@ class Levels {
   Expected<ScenarioAnswer> end(ScenarioEnd why, std::string detail) {
     answer_.end = why;
     answer_.detail = std::move(detail);
+    if (why == ScenarioEnd::cancelled) answer_.status = Status::cancelled;
+    if (why == ScenarioEnd::time_limit) answer_.status = Status::time_limit;
     for (const Solution& part : parts_) answer_.recourse.push_back(part.z);
+    Solution& solution = answer_.solution = std::move(solution_);
+    solution.status = answer_.status;
+    solution.detail = answer_.detail;
+    solution.iterations = total_.iterations;
+    solution.factorizations = total_.factorizations;
+    solution.times = total_.times;
     return std::move(answer_);
   }
 
@@ -325,6 +382,8 @@ class Levels {
   Stages stages_;
   Clock::time_point begun_, until_;
   std::int64_t most_;
+  LevelProgress progress_;
+  Solution total_;  // iterations, factorizations and times alone
   std::vector<ScenarioNumbers> worlds_;
   std::vector<double> weights_;  // of the level
   Solution solution_;            // of the newest level that was solved
@@ -351,6 +410,12 @@ const char* to_string(ScenarioEnd end) {
       return "cancelled";
   }
   return "?";
+}
+
+Expected<void> check_scenarios(const ScenarioProblem& problem, const ScenarioSettings& settings) {
+  if (auto valid = validate_settings(settings); !valid) return valid;
+  const auto stages = Stages::create(problem);
+  return stages ? Expected<void>() : unexpected(stages.error());
 }
 
 Expected<ScenarioAnswer> solve_scenarios(const ScenarioProblem& problem, const ScenarioSettings& settings,

@@ -161,6 +161,12 @@ void add_product(const Block& block, std::span<const double> values, std::span<c
     }
 }
 
+std::vector<Index> sorted(std::span<const Index> list) {
+  std::vector<Index> result(list.begin(), list.end());
+  std::ranges::sort(result);
+  return result;
+}
+
 Expected<void> check_same(std::span<const double> given, std::span<const double> base, Index position,
                           const std::string& field) {
   if (given.empty() || at(given, position) == at(base, position)) return {};
@@ -174,6 +180,7 @@ Expected<void> check_same(std::span<const double> given, std::span<const double>
 
 // What A, C, L and R are to what follows.
 struct Stages::Part {
+  ProblemPart matrix_part, offset_part;
   const char* matrix_name;
   const char* offset_name;
   const MatrixStages& stages;
@@ -191,10 +198,11 @@ void Stages::each_part(const Visit& visit) const {
   const ProblemView& view = base_.view();
   using N = ScenarioNumbers;
   using P = OwnedProblem;
-  visit(Part{"A.values", "b", A_, equalities, view.A, view.b, &N::A, &N::b, &P::A, &P::b});
-  visit(Part{"C.values", "d", C_, inequalities, view.C, view.d, &N::C, &N::d, &P::C, &P::d});
-  visit(Part{"L.values", "l", L_, pairs, view.L, view.l, &N::L, &N::l, &P::L, &P::l});
-  visit(Part{"R.values", "r", R_, pairs, view.R, view.r, &N::R, &N::r, &P::R, &P::r});
+  using enum ProblemPart;
+  visit(Part{A, b, "A.values", "b", A_, equalities, view.A, view.b, &N::A, &N::b, &P::A, &P::b});
+  visit(Part{C, d, "C.values", "d", C_, inequalities, view.C, view.d, &N::C, &N::d, &P::C, &P::d});
+  visit(Part{L, l, "L.values", "l", L_, pairs, view.L, view.l, &N::L, &N::l, &P::L, &P::l});
+  visit(Part{R, r, "R.values", "r", R_, pairs, view.R, view.r, &N::R, &N::r, &P::R, &P::r});
 }
 
 Expected<Stages> Stages::create(const ScenarioProblem& problem) {
@@ -246,6 +254,29 @@ Expected<void> Stages::check(const ScenarioNumbers& numbers) const {
       if (valid) valid = check_same(numbers.*part.values, part.matrix.values, position, part.matrix_name);
   });
   return valid;
+}
+
+std::optional<std::size_t> Stages::fixed_among(const ScenarioEntries& entries) const {
+  std::optional<std::size_t> result;
+  const auto look = [&](std::span<const Index> fixed) {
+    std::size_t k = 0;
+    for (const Index position : sorted(fixed)) {
+      if (entries.positions.empty()) {
+        result = static_cast<std::size_t>(position);
+        return;
+      }
+      while (k < entries.positions.size() && entries.positions[k] < position) ++k;
+      if (k == entries.positions.size()) return;
+      if (entries.positions[k] != position) continue;
+      result = k;
+      return;
+    }
+  };
+  each_part([&](const Part& part) {
+    if (entries.part == part.offset_part) look(part.rows.first);
+    if (entries.part == part.matrix_part) look(part.stages.first.positions);
+  });
+  return result;
 }
 
 Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,

@@ -4,10 +4,12 @@
 
 #include <array>
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "marble/composite/scenarios.h"
+#include "marble/composite/worlds.h"
 
 namespace marble {
 
@@ -40,6 +42,9 @@ class Stages {
 
   /// Whether numbers fit the base and leave the plan's own rows alone.
   [[nodiscard]] Expected<void> check(const ScenarioNumbers& numbers) const;
+
+  /// Of entries of a part, the first that no world may change: its number among them.
+  [[nodiscard]] std::optional<std::size_t> fixed_among(const ScenarioEntries& entries) const;
 
   /// The LCQP of these worlds with weights that sum to one. Fails where 32 bits do not count its entries.
   [[nodiscard]] Expected<OwnedProblem> assemble(std::span<const ScenarioNumbers> worlds,

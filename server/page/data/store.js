@@ -48,6 +48,7 @@ export function toJob(info) {
     complementarity: number(violations.complementarity),
     ...toTree(info),
     proved: info.proved === true,
+    levels: (info.scenario_levels ?? []).map(toLevel),
     times: toTimes(info.times ?? {}),
     updates: number(info.updates),
     memory: number(info.memory_bytes),
@@ -56,6 +57,18 @@ export function toJob(info) {
     traceId: info.trace_id ?? "",
     told: performance.now(),
     spark: null,
+  };
+}
+
+/** A level of a scenario solve. */
+function toLevel({ scenarios, status, objective, factorizations, seconds: took, fresh }) {
+  return {
+    scenarios: number(scenarios),
+    status: short(status, "STATUS_"),
+    objective: number(objective),
+    factorizations: number(factorizations),
+    seconds: number(took),
+    fresh: fresh ? { scenarios: number(fresh.scenarios), without: number(fresh.without_recourse), mean: number(fresh.mean), half: number(fresh.half_width) } : null,
   };
 }
 

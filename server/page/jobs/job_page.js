@@ -21,6 +21,7 @@ export function buildJobPage(place, id) {
     noPairs: make("p", { class: "empty", id: "no-pairs" }),
     timings: make("div", { id: "timings", hidden: true }),
     noTimings: make("p", { class: "empty" }, "The split is told with the answer."),
+    levels: make("div", { id: "levels", class: "scroll", hidden: true }),
     violations: make("div", { id: "violations" }),
     facts: make("dl", { class: "facts wide", id: "facts" }),
     options: make("div", { id: "options" }),
@@ -39,7 +40,7 @@ export function buildJobPage(place, id) {
     parts.download,
     parts.cancel,
   );
-  const convergence = panel("Convergence", "convergence-panel", parts.axis, parts.convergence, parts.noRows, parts.table);
+  const convergence = panel("Convergence", "convergence-panel", parts.axis, parts.levels, parts.convergence, parts.noRows, parts.table);
   parts.page = make(
     "article",
     { class: "job-page" },

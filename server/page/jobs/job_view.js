@@ -8,6 +8,7 @@ import { residual } from "../base/format.js";
 import { Feed } from "../data/feed.js";
 import { showFacts, showOptions, showRows, showViolations } from "./job_tables.js";
 import { buildJobPage } from "./job_page.js";
+import { showLevels } from "../plots/levels_plot.js";
 import { PairsPlot } from "../plots/pairs_plot.js";
 import { toJob } from "../data/store.js";
 import { showTimings } from "../plots/timings.js";
@@ -181,6 +182,8 @@ export class JobView {
     const { tone, title, lines } = explain(job, this.#options, this.#trace.rows);
     this.parts.why.dataset.tone = tone;
     this.parts.why.replaceChildren(make("strong", {}, title), ...lines.map((line) => make("p", {}, line)));
+    this.parts.levels.hidden = job.levels.length === 0;
+    if (job.levels.length > 0) showLevels(this.parts.levels, job.levels);
     showFacts(this.parts.facts, job, this.#trace);
     showViolations(this.parts.violations, job, this.#options);
     showOptions(this.parts.options, this.#options, this.context.info()?.options ?? []);

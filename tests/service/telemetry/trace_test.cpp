@@ -47,6 +47,17 @@ class Trace : public SecureServiceTest {
       *streamed.mutable_solve() = request;
       return read_all<v1::SolveStreamResponse>(*solver().SolveStream(context, streamed));
     };
+    all["SolveScenarios"] = [=, this](auto* context) {
+      v1::SolveStreamRequest streamed;
+      *streamed.mutable_solve() = request;
+      if (good) {
+        streamed.mutable_solve()->mutable_scenarios()->add_first_stage(0);
+        v1::ScenarioSamples* samples = streamed.mutable_solve()->mutable_scenarios()->mutable_samples();
+        samples->add_entries()->set_part(v1::PROBLEM_PART_CONSTANT);
+        samples->add_values(1.0);
+      }
+      return read_all<v1::SolveStreamResponse>(*solver().SolveScenarios(context, streamed));
+    };
     all["SolveBatch"] = [=, this](auto* context) {
       v1::SolveBatchRequest one;
       *one.mutable_solve() = request;

@@ -203,11 +203,14 @@ TEST(Scenarios, EndWhenTheIntervalIsSmallEnough) {
   const Target target;
   std::vector<double> numbers;
   for (int i = 0; i < 256; ++i) numbers.push_back(i % 2 == 0 ? 10.0 : -10.0);
-  const auto answer = solve_scenarios(target.problem(numbers),
-                                      {.first_scenarios = 2, .most_scenarios = 256, .tolerance = 0.01});
+  const auto answer =
+      solve_scenarios(target.problem(numbers),
+                      {.first_scenarios = 2, .most_scenarios = 256, .tolerance = 0.01, .least_scenarios = 2});
   ASSERT_TRUE(answer) << answer.error().message();
   EXPECT_EQ(answer->end, ScenarioEnd::interval);
   EXPECT_EQ(answer->scenarios, 2) << "every world costs the same";
+  const auto later = solve_scenarios(target.problem(numbers), {.most_scenarios = 256, .tolerance = 0.01});
+  EXPECT_EQ(later.value().scenarios, 8) << "few worlds may agree by chance";
   const auto never =
       solve_scenarios(target.problem(numbers), {.first_scenarios = 2, .most_scenarios = 8, .tolerance = 0.0});
   EXPECT_EQ(never.value().end, ScenarioEnd::samples);
@@ -218,8 +221,9 @@ TEST(Scenarios, CountWorldsWithoutRecourseAndDoNotEndOnThem) {
   Target target;
   target.base.C = {1, 2, {0, 0, 1}, {0}, {1.0}};
   target.base.d = {0.0};
-  const auto answer = solve_scenarios(target.problem({1.0, 0.5, 2.0, 0.0}),
-                                      {.first_scenarios = 1, .most_scenarios = 4, .tolerance = 1e9});
+  const auto answer =
+      solve_scenarios(target.problem({1.0, 0.5, 2.0, 0.0}),
+                      {.first_scenarios = 1, .most_scenarios = 4, .tolerance = 1e9, .least_scenarios = 1});
   ASSERT_TRUE(answer) << answer.error().message();
   ASSERT_EQ(answer->levels.size(), 3u);
   EXPECT_EQ(answer->levels[0].fresh.value().scenarios, 3);
@@ -283,6 +287,7 @@ TEST(Scenarios, RefuseSettingsOutOfRange) {
   EXPECT_EQ(field({.growth = 1.0}), "settings.growth");
   EXPECT_EQ(field({.first_scenarios = 3, .most_scenarios = 2}), "settings.most_scenarios");
   EXPECT_EQ(field({.tolerance = -1.0}), "settings.tolerance");
+  EXPECT_EQ(field({.least_scenarios = 0}), "settings.least_scenarios");
   EXPECT_EQ(field({.without_recourse = 2.0}), "settings.without_recourse");
   EXPECT_EQ(field({.fresh_scenarios = -1}), "settings.fresh_scenarios");
   ScenarioSettings bad;

@@ -22,6 +22,7 @@
 #include "marble/pending_solution.h"
 #include "marble/problem.h"
 #include "marble/progress.h"
+#include "marble/remote_scenarios.h"
 #include "marble/server_info.h"
 #include "marble/session.h"
 #include "marble/solution.h"
@@ -71,6 +72,21 @@ class Client {
   [[nodiscard]] Expected<PendingSolution> solve_async(const ProblemView& problem, const Options& options = {},
                                                       const SolveControls& controls = {},
                                                       const CallControls& call = {}) const;
+
+  /// One plan for many worlds, by a server: as marble::solve_scenarios, of the first most_scenarios +
+  /// fresh_scenarios worlds, whose numbers are sent. Each level is told on the calling thread, without its x.
+  /// Of the controls count progress and stop, which gives the call up: the error cancelled. (Option
+  /// time_limit_s ends with the newest plan.) In process the deadline is not looked at.
+  [[nodiscard]] Expected<RemoteScenarios> solve_scenarios(const ScenarioProblem& problem,
+                                                          const ScenarioSettings& settings = {},
+                                                          const SolveControls& controls = {},
+                                                          const CallControls& call = {}) const;
+  /// The same of worlds that the server draws; the problem needs no `sample`.
+  [[nodiscard]] Expected<RemoteScenarios> solve_scenarios(ScenarioProblem problem,
+                                                          const ScenarioSampler& sampler,
+                                                          const ScenarioSettings& settings = {},
+                                                          const SolveControls& controls = {},
+                                                          const CallControls& call = {}) const;
 
   /// Solves many problems on one stream. Every problem that the source gave is answered exactly once, with
   /// the stream's own error if it broke; that error is returned too. A source faster than the server is

@@ -16,6 +16,7 @@
 #include "marble/options.h"
 #include "marble/problem.h"
 #include "marble/progress.h"
+#include "marble/remote_scenarios.h"
 #include "marble/solution.h"
 #include "marble/solver.h"
 
@@ -31,8 +32,9 @@ enum class JobKind {
   batch,      ///< a stream of many
   submitted,  ///< Jobs::submit
   session,    ///< a session: one job for all its solves
+  scenarios,  ///< a call that waits for one plan for many worlds
 };
-/// "solve", "batch", "submitted", "session".
+/// "solve", "batch", "submitted", "session", "scenarios".
 [[nodiscard]] const char* to_string(JobKind kind);
 
 /// Where a job is in its life.
@@ -80,6 +82,7 @@ struct JobInfo {
   std::int64_t updates = 0;                                 ///< of a session, answered ones
   std::int64_t memory_bytes = 0;                            ///< of its solver, as counted against the limits
   std::int64_t result_bytes = 0;                            ///< of its answer, where that is kept
+  std::vector<ScenarioLevel> levels = {};                   ///< of a scenario solve so far, without x
   std::string detail;                                       ///< the numbers that justify the status
   std::string trace_id;          ///< of the W3C traceparent that came with it; may be empty
   std::string server;            ///< of servers that share a store: that runs it, or ran it last; else empty
@@ -156,9 +159,19 @@ class Jobs {
                                               const SolveControls& controls = {},
                                               const CallControls& call = {}) const;
 
+  /// The same of one plan for many worlds, whose numbers are sent.
+  [[nodiscard]] Expected<SubmittedJob> submit(const ScenarioProblem& problem,
+                                              const ScenarioSettings& settings = {},
+                                              const SolveControls& controls = {},
+                                              const CallControls& call = {}) const;
+
   /// The answer of a submitted job, or the error it ended with.
   [[nodiscard]] Expected<RemoteSolution> result(const std::string& job_id,
                                                 const ResultControls& controls = {}) const;
+
+  /// The same of a job that was submitted with worlds; failed_precondition of others.
+  [[nodiscard]] Expected<RemoteScenarios> scenarios(const std::string& job_id,
+                                                    const ResultControls& controls = {}) const;
 
   /// Lets a submitted job and its answer go; ends it if it has not finished.
   [[nodiscard]] Expected<void> remove(const std::string& job_id) const;

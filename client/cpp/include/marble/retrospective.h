@@ -20,8 +20,8 @@
 namespace marble::nonlinear {
 
 /// Functions that are averages over samples. They are nested: a level's samples are all of the last level's
-/// and further ones, so sample i must be the same whenever it is asked for; marble/counter_random.h has such
-/// numbers. Patterns and numbers of rows are those of the first level.
+/// and further ones, so sample i must be the same whenever it is asked for; marble/composite/counter_random.h
+/// has such numbers. Patterns and numbers of rows are those of the first level.
 struct SampledProblem {
   /// Its functions average over the samples 0 … N − 1 of the last call of use_samples.
   Problem problem;

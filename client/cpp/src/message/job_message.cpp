@@ -1,13 +1,14 @@
 #include "message/job_message.h"
 
 #include "marble/convert.h"
+#include "marble/convert_scenarios.h"
 #include "message/status.h"
 #include "text/names.h"
 
 namespace marble {
 
 const char* to_string(JobKind kind) {
-  return client::name_of(kind, {"solve", "batch", "submitted", "session"});
+  return client::name_of(kind, {"solve", "batch", "submitted", "session", "scenarios"});
 }
 
 const char* to_string(JobState state) {
@@ -16,7 +17,7 @@ const char* to_string(JobState state) {
 
 namespace client {
 
-static_assert(static_cast<int>(JobKind::session) + 1 == v1::JOB_KIND_SESSION &&
+static_assert(static_cast<int>(JobKind::scenarios) + 1 == v1::JOB_KIND_SCENARIOS &&
                   static_cast<int>(JobState::finished) + 1 == v1::JOB_STATE_FINISHED,
               "messages count from one, for the unspecified");
 
@@ -57,6 +58,7 @@ JobInfo job_info(const v1::JobInfo& m) {
   job.updates = m.updates();
   job.memory_bytes = m.memory_bytes();
   job.result_bytes = m.result_bytes();
+  for (const v1::ScenarioLevel& level : m.scenario_levels()) job.levels.push_back(scenario_level_of(level));
   job.detail = m.detail();
   job.trace_id = m.trace_id();
   job.server = m.server();

@@ -40,6 +40,14 @@ from marble.message.job import (
 from marble.model.derivatives import AnswerChange, RowResponse, SensitivityAnswer, SensitivityRequest
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem
+from marble.model.scenarios import (
+    OutOfSample,
+    Quantity,
+    ScenarioAnswer,
+    ScenarioEnd,
+    ScenarioLevel,
+    Scenarios,
+)
 from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
 
 __all__ = [
@@ -65,13 +73,19 @@ __all__ = [
     "Jobs",
     "NotFound",
     "Option",
+    "OutOfSample",
     "PairSides",
     "PermissionDenied",
     "Priority",
     "Problem",
     "Progress",
+    "Quantity",
     "Refused",
     "RowResponse",
+    "ScenarioAnswer",
+    "ScenarioEnd",
+    "ScenarioLevel",
+    "Scenarios",
     "Sensitivity",
     "SensitivityAnswer",
     "SensitivityRequest",

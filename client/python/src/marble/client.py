@@ -11,7 +11,7 @@ from marble import errors
 from marble.base.lazy import lazy
 from marble.base.tables import LOCAL_ADDRESS
 from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
-from marble.calls.handle import HandleThere, SolveHandle, read_stream
+from marble.calls.handle import HandleThere, SolveHandle, read_scenarios, read_stream
 from marble.calls.jobs import Jobs
 from marble.calls.progress import teller
 from marble.calls.session import Session
@@ -22,12 +22,14 @@ from marble.in_process import solver
 from marble.in_process.handle import HandleHere
 from marble.in_process.session import SessionHere
 from marble.message import answers, requests
+from marble.message import scenarios as worlds
 from marble.message.info import ServerInfo, server_info
 from marble.message.job import Job, JobEvent, Priority
 from marble.message.requests import Call, ProgressWish
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, compiled, in_terms_of, problem_of
+from marble.model.scenarios import ScenarioAnswer, ScenarioLevel, Scenarios
 from marble.model.solution import Progress, Solution
 
 grpc: Any = lazy("grpc")
@@ -133,6 +135,26 @@ class Client:
             return HandleHere(lcqp, given, call, progress, self._limit(deadline))
         stream = self._rpc.stream("Solver/SolveStream", requests.solve_stream(lcqp, call), deadline)
         return HandleThere(self._rpc, stream, lcqp, given, progress)
+
+    def scenarios(self, problem: LCQP | Problem, scenarios: Scenarios | None = None, *,
+                  level: Callable[[ScenarioLevel], object] | None = None, options: Mapping[str, Any] | None = None,
+                  priority: Priority | str | None = None, progress: ProgressWish = None, deadline: float | None = None,
+                  request_id: str = "", progress_interval: float = 0.0, **wishes: Any) -> ScenarioAnswer:
+        """One plan x for many worlds: min Σ π q(x, y_s) over x and a recourse y_s in every sampled world.
+
+        problem: the base over x and y. scenarios, or its parts by their names: first_stage=…, sampler=…, seed=0, …; see
+        Scenarios. level: is given each ScenarioLevel as it is there, on this thread. All else as in solve. Needs a
+        server: Unavailable of "local".
+        """
+        wish = worlds.wish(scenarios, wishes)
+        call = Call(options, priority, request_id, progress_interval)
+        tell, close = teller(progress)
+        stream = self._rpc.stream("Solver/SolveScenarios", worlds.solve_stream(problem, wish, call), deadline)
+        try:
+            return read_scenarios(stream, level, tell)
+        finally:
+            stream.cancel()
+            close()
 
     def batch(self, problems: Iterable[LCQP | Problem | BatchItem], *, options: Mapping[str, Any] | None = None,
               priority: Priority | str | None = None) -> Iterator[BatchAnswer]:

@@ -79,6 +79,8 @@ export const longestUnixPath = 107;
 export const largestPage = 10000;
 /** Jobs that one answer of Jobs.List has if nothing else is said. */
 export const defaultPage = 100;
+/** Levels of one request with scenarios. */
+export const mostLevels = 128;
 /** Entries of a vector, and rows of a matrix: below 2^28. */
 export const mostRows = 268435455;
 /** By which a mirror image in Q may differ, of the larger of the two; sums in another order leave that, relative. */

@@ -20,6 +20,14 @@ import type { Problem } from "../model/problem.js";
 import { type Progress, type Tree, type Violations, progressOf, treeOf, violationsOf } from "../model/progress.js";
 import { Solution, type Status, type Times, timesOf } from "../model/solution.js";
 import { type CallControls, serverStream, unary } from "./calls.js";
+import {
+  type ScenarioAnswer,
+  type ScenarioControls,
+  type ScenarioLevel,
+  levelOf,
+  messageOf,
+  scenarioAnswerOf,
+} from "./scenarios.js";
 import { type Priority, type RequestControls, expect, solveRequest } from "./solve.js";
 import { errorOfStatus } from "./status.js";
 
@@ -29,7 +37,7 @@ export type JobKind = Words<typeof KindNumber, "JOB_KIND_">;
 /** Where a job is in its life; "idle" is a session between updates. */
 export type JobState = Words<typeof StateNumber, "JOB_STATE_">;
 
-type WordFields = "kind" | "state" | "priority" | "status" | "error" | "violations" | "times";
+type WordFields = "scenarioLevels" | "kind" | "state" | "priority" | "status" | "error" | "violations" | "times";
 type TreeFields = "incumbent" | keyof Tree;
 
 /** What is known of one job, without its problem and its solution's vectors. */
@@ -45,6 +53,8 @@ export interface JobInfo extends Omit<JobInfoMessage, WordFields | TreeFields>, 
   /** Of option global: objective of the best point so far; Infinity while there is none. */
   incumbent: number;
   times: Times;
+  /** Of a scenario solve, so far. */
+  scenarioLevels: ScenarioLevel[];
 }
 
 /** The two sides of all pairs at one iteration. */
@@ -131,6 +141,19 @@ export class Jobs {
     return unary(this.connection, JobsService.submit, solveRequest(problem, { ...controls, requestId }), controls);
   }
 
+  /** The same of one plan for many worlds. */
+  async submitScenarios(problem: Problem, controls: ScenarioControls): Promise<SubmittedJob> {
+    const requestId = controls.requestId || `submit-${randomUUID()}`;
+    const request = { ...solveRequest(problem, { ...controls, requestId }), scenarios: messageOf(controls) };
+    return unary(this.connection, JobsService.submit, request, controls);
+  }
+
+  /** The answer of a job that was submitted so; a PreconditionError of others. */
+  async scenarios(jobId: string, controls: ResultControls = {}): Promise<ScenarioAnswer> {
+    const request = { jobId, wait: controls.wait ?? false };
+    return scenarioAnswerOf(await unary(this.connection, JobsService.result, request, controls));
+  }
+
   /** The answer of a submitted job, or the error it ended with. */
   async result(jobId: string, controls: ResultControls = {}): Promise<Solution> {
     const request = { jobId, wait: controls.wait ?? false };
@@ -190,6 +213,7 @@ function infoOf(message: JobInfoMessage): JobInfo {
     incumbent: message.incumbent ?? Infinity,
     ...treeOf(message),
     times: timesOf(message.times),
+    scenarioLevels: message.scenarioLevels.map(levelOf),
   };
 }
 

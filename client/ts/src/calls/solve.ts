@@ -97,6 +97,7 @@ export function solveRequest(problem: Problem, controls: RequestControls): Solve
     warmStart: controls.warmStart && warmStartOf(controls.warmStart),
     requestId: controls.requestId ?? "",
     priority: priorityOf(controls.priority),
+    scenarios: undefined,
     sensitivity: controls.sensitivity && sensitivityMessage(controls.sensitivity, shape),
   };
 }

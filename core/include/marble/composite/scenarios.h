@@ -111,7 +111,9 @@ struct ScenarioSettings {
   double growth = 2.0;               ///< ω > 1: N_k = ⌈N₀ ωᵏ⌉, one more than the last at least
   std::int64_t most_scenarios = 64;  ///< ≥ first_scenarios: the level that would have more has these
   double tolerance = 0.0;            ///< ≥ 0: ends when half_width ≤ tolerance · |mean|; 0: never
-  double without_recourse = 0.05;    ///< in [0, 1]: not while a larger share of the fresh worlds has none
+  std::int64_t least_scenarios =
+      8;  ///< ≥ 1: not before N is as large, for few worlds may agree on a poor plan
+  double without_recourse = 0.05;  ///< in [0, 1]: not while a larger share of the fresh worlds has none
   /// ≥ 0, of a level: at least these; those that the next level adds are tried anyway. 0: no level after the
   /// last is thought of, and the last one's plan is not tried.
   std::int64_t fresh_scenarios = 16;
@@ -122,7 +124,7 @@ struct ScenarioSettings {
 struct ScenarioAnswer {
   ScenarioEnd end = ScenarioEnd::not_solved;  ///< why it ended
   /// Of the last level: solved where the answer is of it. Otherwise what it ended with, while x is of the
-  /// level before, if there was one.
+  /// level before, if there was one. time_limit and cancelled where that is how it ended.
   Status status = Status::numerical_failure;
   std::string detail;                         ///< one sentence
   std::int64_t scenarios = 0;                 ///< that x was made for; 0: no level was solved, and x is empty
@@ -130,6 +132,9 @@ struct ScenarioAnswer {
   std::vector<std::vector<double>> recourse;  ///< y_s, in the order of the other variables
   double objective = 0.0;                     ///< Σ π_s q(x, y_s; ξ_s)
   Violations violations;                      ///< of the level's LCQP, user units
+  /// Of the level's LCQP, as assemble_scenarios has it: z is x, then each y_s. Its status and detail are the
+  /// answer's; iterations, factorizations and times are of all levels, recourses too.
+  Solution solution;
   /// Worlds that have no plan even by themselves, ascending: their own LCQPs ended infeasible or
   /// locally_infeasible. Looked for where a level has no solution.
   std::vector<std::int64_t> infeasible;
@@ -137,7 +142,8 @@ struct ScenarioAnswer {
 };
 
 /// Solves level after level. The answer is the same to the bit with a runner and without one, on any number
-/// of threads. `controls` may not have initial_z or warm_start; its progress is told of each level's LCQP.
+/// of threads. `controls` may not have initial_z or warm_start; its progress is told of each level's LCQP, by
+/// iterations and factorizations of all levels, without the sides of pairs.
 /// `setup`: most_bytes holds for each level's LCQP with its solver. Errors: invalid_argument: fields of
 /// "base", "first_stage", "own_pairs" and such, "settings.growth" and such, "scenario[7].b" of what `sample`
 /// gave; its own errors as they are; resource_exhausted where a level is too large and there is no answer.
@@ -145,6 +151,10 @@ struct ScenarioAnswer {
                                                        const ScenarioSettings& settings = {},
                                                        const SolveControls& controls = {},
                                                        const SetupControls& setup = {});
+
+/// All that solve_scenarios asks of its settings and of the problem without its worlds.
+[[nodiscard]] Expected<void> check_scenarios(const ScenarioProblem& problem,
+                                             const ScenarioSettings& settings);
 
 /// The LCQP of these worlds, as a level has it: variables [x, y_0, y_1, …], rows and pairs those of x alone,
 /// then those of each world. Errors: as solve_scenarios.

@@ -15,19 +15,21 @@ from marble.aio.session import Session
 from marble.base.lazy import lazy
 from marble.base.tables import LOCAL_ADDRESS
 from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
-from marble.calls.jobs import result_of
+from marble.calls.jobs import result_of, submission
 from marble.calls.progress import teller
 from marble.connection import connect
 from marble.connection.rpc import PACKAGE, Calls, check_deadline
 from marble.errors import Cancelled
 from marble.in_process import solver
 from marble.message import answers, requests
+from marble.message import scenarios as worlds
 from marble.message.info import ServerInfo, server_info
 from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
 from marble.message.requests import Call, ProgressWish
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, compiled, in_terms_of, problem_of
+from marble.model.scenarios import ScenarioAnswer, ScenarioLevel, Scenarios
 from marble.model.solution import Progress, Solution
 
 grpc: Any = lazy("grpc")
@@ -53,10 +55,10 @@ class Jobs:
 
     async def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                      priority: Priority | str | None = None, request_id: str = "", deadline: float | None = None,
-                     sensitivity: SensitivityRequest | None = None) -> Submitted:
+                     scenarios: Scenarios | None = None, sensitivity: SensitivityRequest | None = None) -> Submitted:
         """Queues a job that outlives this process."""
-        request = requests.submission(compiled(problem),
-                                      Call(options, priority, request_id, sensitivity=sensitivity))
+        call = Call(options, priority, request_id, sensitivity=sensitivity)
+        request = submission(problem, call, scenarios)
         return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
 
     async def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
@@ -64,6 +66,11 @@ class Jobs:
         """The answer of a submitted job; raises what it ended with if there is none."""
         request = requests.job("JobResultRequest", job_id, wait=wait)
         return result_of(await self._rpc.call("Jobs/Result", request, deadline), problem)
+
+    async def scenarios(self, job_id: str, *, wait: bool = False, deadline: float | None = None) -> ScenarioAnswer:
+        """The same of a job that was submitted with scenarios."""
+        request = requests.job("JobResultRequest", job_id, wait=wait)
+        return worlds.response(await self._rpc.call("Jobs/Result", request, deadline))
 
     async def list(self, *, states: Sequence[JobState | str] = (), client: str = "", limit: int = 0,
                    before: str = "") -> JobPage:
@@ -154,6 +161,30 @@ class Client:
                     tell(row)
                 if kind == "result":
                     return in_terms_of(problem, content)
+        except grpc.RpcError as error:
+            raise errors.from_rpc(error) from None
+        finally:
+            stream.cancel()
+            close()
+        raise Cancelled("the stream ended without an answer")
+
+    async def scenarios(self, problem: LCQP | Problem, scenarios: Scenarios | None = None, *,
+                        level: Callable[[ScenarioLevel], object] | None = None,
+                        options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
+                        progress: ProgressWish = None, deadline: float | None = None, request_id: str = "",
+                        progress_interval: float = 0.0, **wishes: Any) -> ScenarioAnswer:
+        """One plan for many worlds; see marble.Client.scenarios."""
+        wish = worlds.wish(scenarios, wishes)
+        call = Call(options, priority, request_id, progress_interval)
+        tell, close = teller(progress)
+        stream = self._rpc.stream("Solver/SolveScenarios", worlds.solve_stream(problem, wish, call), deadline)
+        try:
+            async for data in stream:
+                kind, content = worlds.stream_event(data)
+                worlds.tell(kind, content, level, tell)
+                if kind == "result":
+                    answer: ScenarioAnswer = content
+                    return answer
         except grpc.RpcError as error:
             raise errors.from_rpc(error) from None
         finally:

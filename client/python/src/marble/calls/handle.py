@@ -13,8 +13,10 @@ from marble.calls.jobs import Jobs
 from marble.connection.rpc import Rpc
 from marble.errors import Cancelled
 from marble.message import answers
+from marble.message import scenarios as worlds
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, in_terms_of
+from marble.model.scenarios import ScenarioAnswer, ScenarioLevel
 from marble.model.solution import Progress, Solution
 
 grpc: Any = lazy("grpc")
@@ -98,6 +100,21 @@ def read_stream(call: Any, problem: LCQP, tell: Callable[[Progress], object] | N
                     tell(row)
             elif kind == "result":
                 answer: Solution = content
+                return answer
+    except grpc.RpcError as error:
+        raise errors.from_rpc(error) from None
+    raise Cancelled("the stream ended without an answer")
+
+
+def read_scenarios(call: Any, level: Callable[[ScenarioLevel], object] | None,
+                   tell: Callable[[Progress], object] | None) -> ScenarioAnswer:
+    """The same of a scenario solve."""
+    try:
+        for data in call:
+            kind, content = worlds.stream_event(data)
+            worlds.tell(kind, content, level, tell)
+            if kind == "result":
+                answer: ScenarioAnswer = content
                 return answer
     except grpc.RpcError as error:
         raise errors.from_rpc(error) from None

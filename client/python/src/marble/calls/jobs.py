@@ -9,11 +9,13 @@ from marble import errors
 from marble.base.lazy import lazy
 from marble.connection.rpc import Rpc
 from marble.message import answers, requests
+from marble.message import scenarios as worlds
 from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
 from marble.message.requests import Call
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
+from marble.model.scenarios import ScenarioAnswer, Scenarios
 from marble.model.solution import Solution
 
 grpc: Any = lazy("grpc")
@@ -27,15 +29,15 @@ class Jobs:
 
     def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                priority: Priority | str | None = None, request_id: str = "", deadline: float | None = None,
-               sensitivity: SensitivityRequest | None = None) -> Submitted:
+               scenarios: Scenarios | None = None, sensitivity: SensitivityRequest | None = None) -> Submitted:
         """Queues a job that outlives this process. deadline: of the submission alone, seconds.
 
+        scenarios: makes it one plan for many worlds, of which `problem` is the base; scenarios() has its answer.
         request_id: one of the caller's, by which the same submission made again is the same job; a random one without.
         sensitivity: as in Client.solve.
         """
-        request = requests.submission(compiled(problem),
-                                      Call(options, priority, request_id, sensitivity=sensitivity))
-        return answers.submitted(self._rpc.call("Jobs/Submit", request, deadline))
+        call = Call(options, priority, request_id, sensitivity=sensitivity)
+        return answers.submitted(self._rpc.call("Jobs/Submit", submission(problem, call, scenarios), deadline))
 
     def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
                problem: LCQP | Problem | None = None) -> Solution:
@@ -46,6 +48,11 @@ class Jobs:
         """
         request = requests.job("JobResultRequest", job_id, wait=wait)
         return result_of(self._rpc.call("Jobs/Result", request, deadline), problem)
+
+    def scenarios(self, job_id: str, *, wait: bool = False, deadline: float | None = None) -> ScenarioAnswer:
+        """The same of a job that was submitted with scenarios."""
+        request = requests.job("JobResultRequest", job_id, wait=wait)
+        return worlds.response(self._rpc.call("Jobs/Result", request, deadline))
 
     def list(self, *, states: Sequence[JobState | str] = (), client: str = "", limit: int = 0,
              before: str = "") -> JobPage:
@@ -82,6 +89,13 @@ class Jobs:
             raise errors.from_rpc(error) from None
         finally:
             stream.cancel()
+
+
+def submission(problem: LCQP | Problem, call: Call, scenarios: Scenarios | None) -> bytes:
+    """What Submit is sent."""
+    if scenarios is None:
+        return requests.submission(compiled(problem), call)
+    return worlds.submission(problem, scenarios, call)
 
 
 def result_of(data: bytes, problem: LCQP | Problem | None) -> Solution:

@@ -25,6 +25,7 @@ from marble.message.job import (
     Trace,
 )
 from marble.model.lcqp import LCQP, Vector
+from marble.model.scenarios import OutOfSample, ScenarioLevel
 from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
 
 Arrays = dict[str, NDArray[np.float64]]
@@ -162,7 +163,19 @@ def job(message: Any) -> Job:
         memory_bytes=message.memory_bytes,
         result_bytes=message.result_bytes,
         trace_id=message.trace_id, server=message.server,
+        levels=tuple(scenario_level(level) for level in message.scenario_levels),
     )
+
+
+def scenario_level(message: Any) -> ScenarioLevel:
+    """A ScenarioLevel."""
+    fresh = message.fresh
+    return ScenarioLevel(
+        message.level, message.scenarios, _statuses()[message.status], message.detail, message.objective,
+        message.variables, message.pairs, message.factorizations, message.seconds, message.warm, message.searched,
+        message.memory_bytes,
+        OutOfSample(fresh.scenarios, fresh.without_recourse, fresh.mean, fresh.half_width, fresh.factorizations,
+                    fresh.seconds) if message.HasField("fresh") else None)
 
 
 def _pair_sides(message: Any) -> PairSides:

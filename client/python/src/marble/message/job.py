@@ -9,6 +9,7 @@ from typing import Any
 
 from marble.base.tables import Status
 from marble.model.lcqp import Vector
+from marble.model.scenarios import ScenarioLevel
 from marble.model.solution import Progress, Times, Violations
 
 
@@ -27,6 +28,7 @@ class JobKind(enum.Enum):
     BATCH = "batch"
     SUBMITTED = "submitted"
     SESSION = "session"
+    SCENARIOS = "scenarios"
 
 
 class JobState(enum.Enum):
@@ -47,6 +49,7 @@ class Job:
     while it has not, or where error (a google.rpc.Status) says why there is no answer. updates: a session's, answered.
     memory_bytes: of the solver. result_bytes: of the answer that is kept. trace_id: of the W3C traceparent that came.
     server: of servers that share a store, the one that runs it or ran it last; of submitted jobs, empty before one has.
+    levels: of a scenario solve, so far.
     proved, incumbent, bound, gap, nodes, open_nodes: of option global, as in Solution and Progress, so far.
     """
 
@@ -81,6 +84,7 @@ class Job:
     result_bytes: int
     trace_id: str
     server: str
+    levels: tuple[ScenarioLevel, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

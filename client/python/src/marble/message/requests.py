@@ -147,7 +147,7 @@ def _warm_start(start: Solution) -> Encoder:
     return part
 
 
-def _solve(problem: LCQP, call: Call) -> Encoder:
+def _solve(problem: LCQP, call: Call, scenarios: Encoder | None = None) -> Encoder:
     check_request_id(call.request_id)
     part = Encoder("SolveRequest")
     part.message("problem", problem_encoder(problem))
@@ -157,6 +157,8 @@ def _solve(problem: LCQP, call: Call) -> Encoder:
         part.message("initial_point", initial_point(problem.z0))
     if call.warm_start is not None:
         part.message("warm_start", _warm_start(call.warm_start))
+    if scenarios is not None:
+        part.message("scenarios", scenarios)
     if call.sensitivity is not None:
         part.message("sensitivity", sensitivity_encoder(call.sensitivity, problem))
     return part
@@ -167,9 +169,10 @@ def solve(problem: LCQP, call: Call) -> bytes:
     return _solve(problem, call).finish()
 
 
-def submission(problem: LCQP, call: Call) -> bytes:
+def submission(problem: LCQP, call: Call, scenarios: Encoder | None = None) -> bytes:
     """A SolveRequest by an id: one submission, however often it is sent."""
-    return solve(problem, call if call.request_id else dataclasses.replace(call, request_id=f"submit-{uuid.uuid4()}"))
+    named = call if call.request_id else dataclasses.replace(call, request_id=f"submit-{uuid.uuid4()}")
+    return _solve(problem, named, scenarios).finish()
 
 
 def check_progress(call: Call) -> None:
@@ -180,11 +183,11 @@ def check_progress(call: Call) -> None:
         raise InvalidArgument("iterate_every", "must be in [0, 2**31)", value=call.iterate_every)
 
 
-def solve_stream(problem: LCQP, call: Call) -> bytes:
+def solve_stream(problem: LCQP, call: Call, scenarios: Encoder | None = None) -> bytes:
     """A SolveStreamRequest."""
     check_progress(call)
     part = Encoder("SolveStreamRequest")
-    part.message("solve", _solve(problem, call))
+    part.message("solve", _solve(problem, call, scenarios))
     part.others(contract.message("SolveStreamRequest")(progress_interval_s=call.progress_interval,
                                                        iterate_every=call.iterate_every))
     return part.finish()

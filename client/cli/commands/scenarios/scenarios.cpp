@@ -1,0 +1,179 @@
+// One plan for many worlds, told level by level.
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+
+#include "arguments/server_arguments.h"
+#include "arguments/solver_arguments.h"
+#include "base/exit_code.h"
+#include "base/interrupt.h"
+#include "commands/commands.h"
+#include "commands/scenarios/scenario_files.h"
+#include "formats.h"
+#include "output/json.h"
+
+namespace marble::cli {
+namespace {
+
+struct ScenarioArguments {
+  std::string base, samples, sampler, first_stage;
+  ServerArguments server;
+  SolverArguments solver;
+  ScenarioSettings settings;
+  Priority priority = Priority::by_method;
+};
+
+int file_fails(const std::string& path, const Error& error) {
+  std::cerr << "marble: " << path << ": " << error.message() << '\n';
+  return exit_code_of_local(error);
+}
+
+Json fresh_json(const OutOfSample& fresh) {
+  return {{"scenarios", fresh.scenarios},
+          {"without_recourse", fresh.without_recourse},
+          {"mean", fresh.mean},
+          {"half_width", std::isfinite(fresh.half_width) ? Json(fresh.half_width) : Json()},
+          {"factorizations", fresh.factorizations}};
+}
+
+Json level_json(const ScenarioLevel& level) {
+  return {{"level", level.level},
+          {"scenarios", level.scenarios},
+          {"status", to_string(level.status)},
+          {"objective", level.objective},
+          {"factorizations", level.factorizations},
+          {"seconds", level.seconds},
+          {"warm", level.warm},
+          {"searched", level.searched},
+          {"fresh", level.fresh ? fresh_json(*level.fresh) : Json()}};
+}
+
+void tell_level(const ScenarioArguments& arguments, const ScenarioLevel& level) {
+  if (arguments.server.json()) {
+    std::cout << line(level_json(level)) << '\n' << std::flush;
+    return;
+  }
+  if (level.level == 0)
+    std::printf("%7s %-14s %15s %31s %9s %8s %8s\n", "worlds", "status", "value", "in other worlds, 95 %",
+                "no way", "fact", "s");
+  std::string others, no_way;
+  if (level.fresh) {
+    char text[64];
+    std::snprintf(text, sizeof text, "%.7g +- %.3g", level.fresh->mean, level.fresh->half_width);
+    others = text;
+    no_way = std::to_string(level.fresh->without_recourse) + "/" + std::to_string(level.fresh->scenarios);
+  }
+  std::printf("%7lld %-14s %15.7e %31s %9s %8lld %8.3f\n", static_cast<long long>(level.scenarios),
+              to_string(level.status), level.objective, others.c_str(), no_way.c_str(),
+              static_cast<long long>(level.factorizations), level.seconds);
+  std::fflush(stdout);
+}
+
+void tell_answer(const ScenarioArguments& arguments, const RemoteScenarios& answer) {
+  if (arguments.server.json()) {
+    std::cout << line({{"file", arguments.base},
+                       {"job_id", answer.job_id},
+                       {"end", to_string(answer.end)},
+                       {"status", to_string(answer.status)},
+                       {"detail", answer.detail},
+                       {"scenarios", answer.scenarios},
+                       {"objective", answer.scenarios > 0 ? Json(answer.objective) : Json()},
+                       {"infeasible", answer.infeasible},
+                       {"factorizations", answer.solution.factorizations},
+                       {"x", answer.x}})
+              << '\n'
+              << std::flush;
+    return;
+  }
+  std::printf(
+      "%s: %s; the plan is for %lld worlds, objective %.10g, largest violation %.1e\n%s\n",
+      to_string(answer.end), to_string(answer.status), static_cast<long long>(answer.scenarios),
+      answer.objective,
+      std::max({answer.violations.equality, answer.violations.inequality, answer.violations.complementarity}),
+      answer.detail.c_str());
+}
+
+int run(ScenarioArguments& arguments) {
+  const auto options = parse_options(arguments.solver);
+  if (!options) return option_fails(options.error());
+  arguments.settings.options = *options;
+  const auto base = formats::read_any_problem(arguments.base);
+  if (!base) return file_fails(arguments.base, base.error());
+  const bool sampled = !arguments.sampler.empty();
+  const std::string& worlds = sampled ? arguments.sampler : arguments.samples;
+  ScenarioFile file;
+  auto read = sampled ? read_sampler(worlds, file) : read_samples(worlds, file);
+  if (!read) return file_fails(worlds, read.error());
+  if (!arguments.first_stage.empty()) {
+    auto plan = parse_indices(arguments.first_stage);
+    if (!plan) return option_fails(plan.error());
+    file.first_stage = *std::move(plan);
+  }
+  ScenarioProblem problem;
+  problem.base = base->problem.view();
+  problem.first_stage = file.first_stage;
+  problem.own_equalities = file.own_equalities;
+  problem.own_inequalities = file.own_inequalities;
+  problem.own_pairs = file.own_pairs;
+  const auto set = sampled ? set_worlds(problem, file.sampler) : set_worlds(problem, file.table);
+  if (!set) return file_fails(worlds, set.error());
+  const auto client = connect(arguments.server);
+  if (!client) return server_fails(arguments.server, client.error());
+  const Interrupt interrupt;
+  arguments.settings.level = [&](const ScenarioLevel& level) { tell_level(arguments, level); };
+  CallControls call;
+  call.problem_name = base->problem.name;
+  call.priority = arguments.priority;
+  const SolveControls controls{.stop = interrupt.token()};
+  const auto answer = sampled
+                          ? client->solve_scenarios(problem, file.sampler, arguments.settings, controls, call)
+                          : client->solve_scenarios(problem, arguments.settings, controls, call);
+  if (!answer) return server_fails(arguments.server, answer.error());
+  tell_answer(arguments, *answer);
+  return is_solved(answer->status) ? kAllSolved : kNotSolved;
+}
+
+}  // namespace
+
+void add_scenarios(CLI::App& program, int& exit_code) {
+  auto arguments = std::make_shared<ScenarioArguments>();
+  CLI::App* command =
+      program.add_subcommand("scenarios", "Find one plan for many worlds, for more and more of them");
+  command->add_option("FILE", arguments->base, "the base problem, over the plan and one world's recourse")
+      ->required();
+  auto* samples = command->add_option(
+      "--samples", arguments->samples,
+      ".npz file: of each part that differs (c0, g, b, d, l, r, or values of Q, A, C, L, R) a row a world; "
+      "weights, first_stage");
+  command
+      ->add_option("--sampler", arguments->sampler,
+                   "JSON file of random numbers and what they move, drawn where the problem is solved")
+      ->excludes(samples);
+  command->add_option("--first-stage", arguments->first_stage,
+                      "the plan's variables, such as 0-3,7, where the file does not say");
+  add_server_arguments(*command, arguments->server);
+  add_priority_argument(*command, arguments->priority);
+  add_solver_arguments(*command, arguments->solver);
+  ScenarioSettings& settings = arguments->settings;
+  command->add_option("--first", settings.first_scenarios, "worlds of the first level")
+      ->capture_default_str();
+  command->add_option("--growth", settings.growth, "by which a level has more")->capture_default_str();
+  command->add_option("--most", settings.most_scenarios, "worlds of the last level")->capture_default_str();
+  command
+      ->add_option("--tolerance", settings.tolerance,
+                   "end when the 95 % interval of the cost in other worlds is this part of it; 0: never")
+      ->capture_default_str();
+  command->add_option("--least", settings.least_scenarios, "but not before a level has as many")
+      ->capture_default_str();
+  command->add_option("--fresh", settings.fresh_scenarios, "other worlds in which a plan is tried")
+      ->capture_default_str();
+  command->footer(kExitCodes);
+  command->callback([arguments, &exit_code] {
+    if (arguments->samples.empty() && arguments->sampler.empty())
+      throw CLI::RequiredError("--samples or --sampler");
+    exit_code = run(*arguments);
+  });
+}
+
+}  // namespace marble::cli

@@ -1,0 +1,21 @@
+// One plan for many worlds, solved by a server: Client::solve_scenarios.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "marble/composite/scenarios.h"
+#include "marble/composite/worlds.h"
+
+namespace marble {
+
+/// A plan with what the server adds to it.
+struct RemoteScenarios : ScenarioAnswer {
+  std::string job_id;                 ///< as in the server's log; empty if it was solved in process
+  double queue_s = 0.0;               ///< waiting for a worker
+  double total_s = 0.0;               ///< from acceptance to the answer, on the server
+  std::int64_t progress_skipped = 0;  ///< reports that were dropped, because the network was slower
+  std::string traceparent = {};       ///< the server's span in the caller's trace; empty if none was sent
+};
+
+}  // namespace marble

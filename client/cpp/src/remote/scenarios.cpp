@@ -1,0 +1,42 @@
+#include "remote/scenarios.h"
+
+#include "connection/traceparent.h"
+#include "marble/convert_scenarios.h"
+#include "message/solve_events.h"
+#include "message/status.h"
+#include "remote/scenario_request.h"
+
+namespace marble::client {
+
+Expected<RemoteScenarios> solve_scenarios_there(const Connection& connection, const ScenarioProblem& problem,
+                                                const ScenarioSampler* sampler,
+                                                const ScenarioSettings& settings,
+                                                const SolveControls& controls, const CallControls& call) {
+  const auto request = make_request(problem, sampler, settings, call);
+  if (!request) return unexpected(request.error());
+  grpc::ClientContext context;
+  if (auto ready = connection.prepare(context, call.traceparent, connection.deadline_of(call.deadline));
+      !ready)
+    return unexpected(ready.error());
+  const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
+  const auto reader = connection.solver().SolveScenarios(&context, *request);
+  v1::SolveStreamResponse event;
+  v1::SolveResponse result;
+  SolveEvents events(controls.progress, call);
+  while (reader->Read(&event)) {
+    if (event.has_level() && settings.level) settings.level(scenario_level_of(event.level()));
+    if (event.has_result()) result = event.result();
+    events.take(event);
+  }
+  const grpc::Status status = reader->Finish();
+  if (!status.ok()) return unexpected(to_error(status, controls.stop));
+  const auto last = events.answer();
+  if (!last) return unexpected(last.error());
+  auto answer = remote_scenarios(result);
+  if (!answer) return answer;
+  answer->progress_skipped = last->progress_skipped;
+  answer->traceparent = returned_traceparent(context);
+  return answer;
+}
+
+}  // namespace marble::client

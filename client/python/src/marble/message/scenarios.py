@@ -1,0 +1,156 @@
+"""Scenario solves as messages, there and back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marble.base import contract
+from marble.errors import FailedPrecondition, InvalidArgument
+from marble.message import answers, requests, wire
+from marble.message.requests import Call
+from marble.message.wire import Encoder
+from marble.model import scenarios as model
+from marble.model.lcqp import LCQP, Vector
+from marble.model.problem import Problem, compiled
+from marble.model.scenarios import Quantity, ScenarioAnswer, ScenarioEnd, ScenarioLevel, Scenarios
+from marble.model.solution import Progress
+
+_SETTINGS = ("first_scenarios", "growth", "most_scenarios", "tolerance", "least_scenarios", "without_recourse",
+             "fresh_scenarios")
+
+
+def wish(scenarios: Scenarios | None, parts: Mapping[str, Any]) -> Scenarios:
+    """What is asked for, whole or by parts."""
+    if scenarios is not None and parts:
+        raise InvalidArgument("scenarios", "must be alone or absent", value=", ".join(parts))
+    if scenarios is not None:
+        return scenarios
+    try:
+        return Scenarios(**parts)
+    except TypeError as error:
+        raise InvalidArgument("scenarios", f"lacks a part or has one too many ({error})") from None
+
+
+def tell(kind: str, content: Any, level: Callable[[ScenarioLevel], object] | None,
+         row: Callable[[Progress], object] | None) -> None:
+    """Hands an event to who wants to know."""
+    if kind == "level" and level is not None:
+        level(content)
+    elif kind == "progress" and row is not None:
+        for one in content:
+            row(one)
+
+
+def _entries(part: str, places: NDArray[np.intp]) -> Encoder:
+    named = Encoder("ScenarioEntries")
+    named.others(contract.message("ScenarioEntries")(part=model.PARTS.index(part) + 1))
+    named.integers("positions", places)
+    return named
+
+
+def _samples(table: model.Table) -> Encoder:
+    part = Encoder("ScenarioSamples")
+    for name, places in table.entries.items():
+        part.message("entries", _entries(name, places))
+    part.doubles("values", table.values.reshape(-1))
+    part.doubles("weights", table.weights)
+    return part
+
+
+def _sampler(seed: int, quantities: Sequence[Quantity], moves: Sequence[Mapping[str, Vector]]) -> Encoder:
+    kinds = contract.descriptor("ScenarioQuantity").enum_types_by_name["Distribution"].values_by_name
+    part = Encoder("ScenarioSampler")
+    part.others(contract.message("ScenarioSampler")(seed=seed))
+    for quantity, gains in zip(quantities, moves, strict=True):
+        kind = kinds.get(f"DISTRIBUTION_{quantity.distribution.upper()}")
+        if kind is None or not kind.number:
+            raise InvalidArgument("distribution", "must be uniform, normal or lognormal",
+                                  value=repr(quantity.distribution))
+        one = Encoder("ScenarioQuantity")
+        one.others(contract.message("ScenarioQuantity")(
+            distribution=kind.number, location=quantity.location, scale=quantity.scale, least=quantity.least,
+            most=quantity.most))
+        for name, values in gains.items():
+            places = np.flatnonzero(values)
+            if places.size:
+                effect = Encoder("ScenarioEffect")
+                effect.message("entries", _entries(name, places))
+                effect.doubles("gains", values[places])
+                one.message("effects", effect)
+        part.message("quantities", one)
+    return part
+
+
+def encoder(problem: LCQP | Problem, wish: Scenarios) -> Encoder:
+    """A Scenarios message."""
+    lcqp, plan = compiled(problem), model.plan_of(problem, wish)
+    part = Encoder("Scenarios")
+    try:
+        part.others(contract.message("Scenarios")(**{name: getattr(wish, name) for name in _SETTINGS}))
+    except (TypeError, ValueError) as error:
+        raise InvalidArgument("scenarios", f"has a setting of the wrong type ({error})") from None
+    part.integers("first_stage", plan)
+    drawn_there = isinstance(wish.sampler, Sequence) and all(isinstance(one, Quantity) for one in wish.sampler)
+    if drawn_there:
+        quantities: Sequence[Any] = wish.sampler  # type: ignore[assignment]
+        if not 0 <= wish.seed < 2**64:
+            raise InvalidArgument("seed", "must be in [0, 2**64)", value=wish.seed)
+        moves = model.moved(lcqp, quantities)
+        entries = [{name: np.flatnonzero(values) for name, values in gains.items()} for gains in moves]
+        part.message("sampler", _sampler(wish.seed, quantities, moves))
+    else:
+        table = model.table(lcqp, wish)
+        entries = [table.entries]
+        part.message("samples", _samples(table))
+    for field, rows in zip(("own_equalities", "own_inequalities", "own_pairs"), model.own_rows(lcqp, plan, entries),
+                           strict=True):
+        part.integers(field, rows)
+    return part
+
+
+def solve_stream(problem: LCQP | Problem, wish: Scenarios, call: Call) -> bytes:
+    """A SolveStreamRequest."""
+    return requests.solve_stream(compiled(problem), call, encoder(problem, wish))
+
+
+def submission(problem: LCQP | Problem, wish: Scenarios, call: Call) -> bytes:
+    """A SolveRequest by an id."""
+    return requests.submission(compiled(problem), call, encoder(problem, wish))
+
+
+def answer(message: Any, arrays: answers.Arrays, path: str, job_id: str) -> ScenarioAnswer:
+    """The answer in a Solution, whose arrays stand under `path` in `arrays`."""
+    if not message.HasField("scenarios"):
+        raise FailedPrecondition("scenarios", "are none in this answer: its problem was solved alone")
+    outcome = message.scenarios
+    z = arrays.get(path + "z", np.zeros(1))
+    solution = answers.solution(message, arrays, path, LCQP(None, np.zeros_like(z)), job_id)
+    x, rest = solution.z[:outcome.first_stage], solution.z[outcome.first_stage:]
+    return ScenarioAnswer(
+        ScenarioEnd(contract.enum_names("ScenarioEnd")[outcome.end]), solution.status, solution.detail,
+        outcome.scenarios, x, rest.reshape(outcome.scenarios, -1) if outcome.scenarios else np.zeros((0, 0)),
+        solution.objective, solution.violations, tuple(outcome.infeasible),
+        tuple(answers.scenario_level(one) for one in outcome.levels), solution, job_id)
+
+
+def response(data: bytes) -> ScenarioAnswer:
+    """The answer in a SolveResponse."""
+    message, arrays = wire.decode("SolveResponse", data)
+    return answer(message.solution, arrays, "solution.", message.job_id)
+
+
+def stream_event(data: bytes) -> tuple[str, Any]:
+    """("level", it), ("progress", its rows), ("result", the answer), or (another event, None)."""
+    message, arrays = wire.decode("SolveStreamResponse", data)
+    kind = message.WhichOneof("event") or ""
+    if kind == "level":
+        return kind, answers.scenario_level(message.level)
+    if kind == "progress":
+        return kind, [answers.progress(row) for row in message.progress.rows]
+    if kind == "result":
+        return kind, answer(message.result.solution, arrays, "result.solution.", message.result.job_id)
+    return kind, None

@@ -1,0 +1,260 @@
+"""One plan for many worlds: what differs by world, and what comes of it."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from marble.base.tables import MATRICES, Status
+from marble.errors import InvalidArgument, InvalidProblem
+from marble.model.lcqp import LCQP, Vector, vector
+from marble.model.problem import Problem, compiled
+from marble.model.solution import Solution, Violations
+
+PARTS: Final = ("c0", "g", "b", "d", "l", "r", "Q", "A", "C", "L", "R")
+"""Parts of a problem, in the order of marble.v1.ProblemPart."""
+
+World = LCQP | Problem | Mapping[str, ArrayLike]
+Entries = dict[str, NDArray[np.intp]]
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A random number that is drawn once for each world by the server, and what it moves.
+
+    moves: by part, of "c0", "g", "b", "d", "l", "r" or the values of "Q" (upper triangle), "A", "C", "L", "R" in the
+    order of LCQP's csc_matrix: what one unit of the number adds to each of its entries; 0 leaves an entry alone.
+    distribution: "uniform" in [location, location + scale), "normal" with that mean and deviation, or "lognormal", the
+    exponential of such. least, most: what is below or above becomes this.
+    """
+
+    moves: Mapping[str, ArrayLike]
+    distribution: str = "uniform"
+    location: float = 0.0
+    scale: float = 1.0
+    least: float = -math.inf
+    most: float = math.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Scenarios:
+    """Which variables are the plan, which worlds there are, and how many are looked at.
+
+    first_stage: the variables that are decided once, by number or, of a Problem, by name; all others are decided anew
+    in every world.
+    sampler: what worlds are, one of
+
+    - a callable, which is given a numpy Generator of this world alone and returns what differs: {"l": …, "A": …}, each
+      a part as Quantity names them, or a whole LCQP or Problem of the base's pattern;
+    - {"l": array of as many rows as there are worlds, …};
+    - a list of Quantity: the server draws them.
+
+    seed: of the generators; world i is a function of the seed and i alone. weights: of a mapping's worlds, > 0.
+    first_scenarios, growth, most_scenarios: levels have N = first_scenarios · growth^k worlds up to the most.
+    tolerance: ends when the 95 % interval of the cost in worlds not seen is this part of it; 0 never, and not before N
+    is least_scenarios, nor while a larger share than without_recourse of them has no way out. fresh_scenarios: in how
+    many of these a plan is tried at least.
+    """
+
+    first_stage: Sequence[int | str] | NDArray[np.integer[Any]]
+    sampler: Callable[[np.random.Generator], World] | Mapping[str, ArrayLike] | Sequence[Quantity]
+    seed: int = 0
+    weights: ArrayLike | None = None
+    first_scenarios: int = 1
+    growth: float = 2.0
+    most_scenarios: int = 64
+    tolerance: float = 0.0
+    least_scenarios: int = 8
+    without_recourse: float = 0.05
+    fresh_scenarios: int = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Worlds as rows of numbers of the same entries: by part which of its numbers, and one column for each of them."""
+
+    entries: Entries
+    values: NDArray[np.float64]
+    weights: Vector
+
+
+class ScenarioEnd(enum.Enum):
+    """Why the levels ended. NOT_SOLVED: the last one has another end than solved, see status. TOO_LARGE: the next one
+    needs more memory than allowed.
+    """
+
+    INTERVAL = "interval"
+    SAMPLES = "samples"
+    NOT_SOLVED = "not_solved"
+    TOO_LARGE = "too_large"
+    TIME_LIMIT = "time_limit"
+    CANCELLED = "cancelled"
+
+
+@dataclass(frozen=True)
+class OutOfSample:
+    """A plan in worlds that it has not seen, each with its best recourse.
+
+    scenarios, without_recourse: that were tried, and those of them where the plan left no way out. mean, half_width: of
+    the costs of the others, the 95 % interval is mean ± half_width. factorizations, seconds: of all of them.
+    """
+
+    scenarios: int
+    without_recourse: int
+    mean: float
+    half_width: float
+    factorizations: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class ScenarioLevel:
+    """What a level came to.
+
+    level: from 0. scenarios: N, worlds 0 … N − 1. status, detail, objective: of its LCQP; the objective is the mean
+    over the N. variables, pairs, factorizations, seconds, memory_bytes: of its LCQP. warm: it kept the branch of the
+    level before. searched: it was solved cold too. fresh: its plan in other worlds; None where none were tried.
+    """
+
+    level: int
+    scenarios: int
+    status: Status
+    detail: str
+    objective: float
+    variables: int
+    pairs: int
+    factorizations: int
+    seconds: float
+    warm: bool
+    searched: bool
+    memory_bytes: int
+    fresh: OutOfSample | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ScenarioAnswer:
+    """The newest plan that a level has proved good.
+
+    end: why it ended. status, detail: of the last level; TIME_LIMIT and CANCELLED where that ended it.
+    scenarios: N of the level that x is of; 0 where none was solved, and all is empty. x: the plan, in the order of
+    first_stage. recourse: N rows, the other variables of each world in their order. objective, violations: over the N.
+    infeasible: numbers of worlds that have no plan even by themselves. levels: all of them.
+    solution: of the level's LCQP, whose z is x and then each world's recourse, rows and pairs likewise.
+    """
+
+    end: ScenarioEnd
+    status: Status
+    detail: str
+    scenarios: int
+    x: Vector
+    recourse: NDArray[np.float64]
+    objective: float
+    violations: Violations
+    infeasible: tuple[int, ...]
+    levels: tuple[ScenarioLevel, ...]
+    solution: Solution = field(repr=False)
+    job_id: str = ""
+
+
+def numbers(problem: LCQP, part: str) -> Vector:
+    """The numbers of a part."""
+    value = getattr(problem, part)
+    found: Vector = np.array([value]) if part == "c0" else value.data if part in MATRICES else value
+    return found
+
+
+def _checked(problem: LCQP, part: str, values: ArrayLike, place: str) -> Vector:
+    if part not in PARTS:
+        raise InvalidArgument(place, f"has no part {part!r}: the parts are {', '.join(PARTS)}")
+    return vector(values, f"{place}[{part!r}]", numbers(problem, part).size)
+
+
+def _world(problem: LCQP, given: World, place: str) -> dict[str, Vector]:
+    if isinstance(given, Mapping):
+        return {part: _checked(problem, part, values, place) for part, values in given.items()}
+    world = compiled(given)
+    for part in PARTS:
+        mine, other = getattr(problem, part), getattr(world, part)
+        same = part == "c0" or (mine.shape == other.shape and (part not in MATRICES or (
+            np.array_equal(mine.indptr, other.indptr) and np.array_equal(mine.indices, other.indices))))
+        if not same:
+            raise InvalidProblem(f"{place}.{part}", "must have the base problem's pattern")
+    return {part: numbers(world, part) for part in PARTS}
+
+
+def _drawn(problem: LCQP, wish: Scenarios) -> tuple[list[dict[str, Vector]], Vector]:
+    """What differs, world by world, and the weights."""
+    sampler = wish.sampler
+    if callable(sampler):
+        if wish.weights is not None:
+            raise InvalidArgument("weights", "must be None: worlds of a callable weigh alike")
+        count = int(wish.most_scenarios) + max(int(wish.fresh_scenarios), 0)
+        return [_world(problem, sampler(np.random.Generator(np.random.Philox(key=wish.seed, counter=[0, 0, 0, i]))),
+                       f"scenario[{i}]") for i in range(count)], np.zeros(0)
+    if not isinstance(sampler, Mapping) or not sampler:
+        raise InvalidArgument("sampler", "must be a callable, arrays by part, or a list of Quantity")
+    arrays = {part: np.atleast_1d(np.asarray(rows, dtype=float)) for part, rows in sampler.items()}
+    counts = {rows.shape[0] for rows in arrays.values()}
+    if len(counts) != 1:
+        raise InvalidArgument("sampler", "must have as many rows in every array", value=sorted(counts))
+    count = counts.pop()
+    weights = np.zeros(0) if wish.weights is None else vector(wish.weights, "weights", count)
+    return [_world(problem, {part: rows[i] for part, rows in arrays.items()}, f"scenario[{i}]")
+            for i in range(count)], weights
+
+
+def table(problem: LCQP, wish: Scenarios) -> Table:
+    """The worlds of a callable or of arrays: the numbers that are not the base's in all of them."""
+    worlds, weights = _drawn(problem, wish)
+    entries: Entries = {}
+    columns = []
+    for part in PARTS:
+        base = numbers(problem, part)
+        if not base.size or all(part not in world for world in worlds):
+            continue
+        rows = np.stack([world.get(part, base) for world in worlds])
+        places = np.flatnonzero((rows != base).any(axis=0))
+        if places.size:
+            entries[part] = places
+            columns.append(rows[:, places])
+    if not entries:  # all worlds are the base
+        entries, columns = {"c0": np.zeros(1, dtype=np.intp)}, [np.full((len(worlds), 1), problem.c0)]
+    return Table(entries, np.concatenate(columns, axis=1), weights)
+
+
+def moved(problem: LCQP, quantities: Sequence[Quantity]) -> list[dict[str, Vector]]:
+    """The gains of each quantity by part, one for each entry."""
+    return [{part: _checked(problem, part, gains, f"sampler[{q}].moves") for part, gains in quantity.moves.items()}
+            for q, quantity in enumerate(quantities)]
+
+
+def plan_of(problem: LCQP | Problem, wish: Scenarios) -> NDArray[np.intp]:
+    """Numbers of the first stage's variables, ascending, as they were given."""
+    indices = [problem.index(v) if isinstance(problem, Problem) else int(v) for v in wish.first_stage]
+    plan = np.array(indices, dtype=np.intp)
+    n = compiled(problem).n
+    if not plan.size or (plan < 0).any() or (plan >= n).any() or (np.diff(plan) <= 0).any():
+        raise InvalidArgument("first_stage", f"must ascend within [0, {n}), one variable at least", value=indices)
+    return plan
+
+
+def own_rows(problem: LCQP, plan: NDArray[np.intp], entries: Sequence[Entries]) -> tuple[Any, Any, Any]:
+    """Equalities, inequalities and pairs of the plan alone that differ by world all the same."""
+    second = np.ones(problem.n, dtype=bool)
+    second[plan] = False
+    of_plan = {letter: np.asarray(abs(getattr(problem, letter)) @ second.astype(float)).reshape(-1) == 0
+               for letter in "ACLR"}
+    of_plan["L"] = of_plan["R"] = of_plan["L"] & of_plan["R"]
+    result = []
+    for letters in (("A", "b"), ("C", "d"), ("L", "l", "R", "r")):
+        rows = [places if part.islower() else getattr(problem, part).indices[places]
+                for named in entries for part, places in named.items() if part in letters]
+        changed = np.unique(np.concatenate(rows)) if rows else np.zeros(0, dtype=np.intp)
+        result.append(changed[of_plan[letters[0]][changed]])
+    return result[0], result[1], result[2]

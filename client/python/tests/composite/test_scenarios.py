@@ -1,0 +1,151 @@
+"""Client.scenarios: one plan for many worlds."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+
+import numpy as np
+import pytest
+from support import tiny
+
+import marble
+
+EVEN = [[float(demand)] for demand in (1, 9, 3, 7, 2, 8, 4, 6)]
+
+
+def shop() -> marble.LCQP:
+    """Bought for 1 each, x, and sold for 3, y: no more than demand or than was bought. Storing costs x² / 20.
+
+    Of demand uniform in [0, 10) the best is to buy 5, at a cost of -5.
+    """
+    return marble.LCQP([[0.1, 0], [0, 0]], [1.0, -3.0], L=[0, -1], l=[5.0], R=[1, -1], name="shop")
+
+
+def best(demands) -> float:
+    """Cost of the best purchase, by trying many."""
+    x = np.linspace(0, 10, 100_001)
+    sold = np.minimum(x[:, None], np.ravel(demands)[None, :])
+    return float((x + 0.05 * x**2 - 3 * sold.mean(axis=1)).min())
+
+
+def test_arrays_of_worlds_give_the_plan_that_is_best_in_the_mean(client):
+    told = []
+    answer = client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, most_scenarios=8, level=told.append)
+    assert answer.end is marble.ScenarioEnd.SAMPLES and answer.status is marble.Status.SOLVED
+    assert [level.scenarios for level in told] == [1, 2, 4, 8] and told == list(answer.levels)
+    assert answer.scenarios == 8 and answer.x.shape == (1,) and answer.recourse.shape == (8, 1)
+    assert np.isclose(answer.objective, best(EVEN), atol=1e-6)
+    assert np.all(answer.recourse[:, 0] <= np.minimum(answer.x[0], np.ravel(EVEN)) + 1e-9)
+    assert answer.solution.z.size == 9 and answer.violations.complementarity <= 1e-6
+    assert told[1].fresh is not None and told[1].fresh.scenarios == 6 and told[3].fresh is None
+    assert answer.job_id and client.jobs.get(answer.job_id).job.levels == answer.levels
+
+
+def test_a_callable_is_asked_for_nested_worlds_by_their_numbers(client):
+    def demand(random: np.random.Generator) -> dict[str, list[float]]:
+        return {"l": [random.uniform(0, 10)]}
+
+    few = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=3, most_scenarios=4)
+    more = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=3, most_scenarios=16)
+    assert few.objective == more.levels[2].objective and few.levels[2].scenarios == 4
+    again = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=3, most_scenarios=16)
+    np.testing.assert_array_equal(again.solution.z, more.solution.z)
+    other = client.scenarios(shop(), first_stage=[0], sampler=demand, seed=4, most_scenarios=4)
+    assert other.objective != few.objective
+
+
+def test_the_server_draws_quantities_and_ends_when_the_interval_is_small(client):
+    demand = marble.Quantity({"l": [1.0]}, "uniform", location=-5, scale=10)
+    answer = client.scenarios(shop(), first_stage=[0], sampler=[demand], seed=7, first_scenarios=16,
+                              most_scenarios=1024, tolerance=0.1)
+    assert answer.end is marble.ScenarioEnd.INTERVAL
+    fresh = answer.levels[-1].fresh
+    assert fresh is not None and fresh.half_width <= 0.1 * abs(fresh.mean)
+    assert abs(answer.x[0] - 5) < 2 and abs(fresh.mean + 5) < 1.5
+    normal = marble.Quantity({"l": [1.0]}, "normal", least=-5, most=5)
+    narrow = client.scenarios(shop(), first_stage=[0], sampler=[normal], most_scenarios=32)
+    assert narrow.objective < answer.objective, "who knows demand better earns more"
+
+
+def test_worlds_may_be_whole_problems_in_a_planner_s_own_terms(client):
+    def world(demand: float) -> marble.Problem:
+        problem = marble.Problem(["buy", "sell"])
+        problem.minimize([[0.1, 0], [0, 0]], [1.0, -3.0])
+        return problem.add_pairs([0, -1], [1, -1], l=[demand])
+
+    answer = client.scenarios(world(5.0), first_stage=["buy"], most_scenarios=4, fresh_scenarios=0,
+                              sampler=lambda random: world(random.uniform(0, 10)))
+    assert answer.status is marble.Status.SOLVED and answer.scenarios == 4
+
+
+def test_rows_of_the_plan_alone_that_differ_are_every_world_s_own(client):
+    bounded = marble.LCQP([[0.1, 0], [0, 0]], [1.0, -3.0], L=[0, -1], l=[5.0], R=[1, -1], C=[-1, 0], d=[9.0])
+    answer = client.scenarios(bounded, first_stage=[0], sampler={"d": [[3.0], [2.0]]}, most_scenarios=2)
+    assert answer.x[0] <= 2 + 1e-9
+
+
+def test_a_world_without_a_plan_is_named(client):
+    """x >= 0, y = x + b <= d."""
+    base = marble.LCQP(np.eye(2), [-1.0, 0.0], A=[1, -1], C=[[0, -1], [1, 0]], d=[1.0, 0.0])
+    answer = client.scenarios(base, first_stage=[0], sampler={"b": [[0.0], [0.5], [5.0], [0.0]]})
+    assert answer.end is marble.ScenarioEnd.NOT_SOLVED and not answer.solution.solved
+    assert answer.infeasible == (2,) and "scenario 2" in answer.detail
+    assert answer.scenarios == 2 and answer.x.size == 1, "the plan of the level before stays"
+
+
+def test_scenarios_may_be_submitted_and_asked_for_later(client):
+    wish = marble.Scenarios(first_stage=[0], sampler={"l": EVEN}, most_scenarios=8)
+    there = client.jobs.submit(shop(), scenarios=wish)
+    answer = client.jobs.scenarios(there.job_id, wait=True)
+    assert answer.scenarios == 8 and np.isclose(answer.objective, best(EVEN), atol=1e-6)
+    plain = client.jobs.submit(tiny())
+    with pytest.raises(marble.FailedPrecondition, match="solved alone"):
+        client.jobs.scenarios(plain.job_id, wait=True)
+
+
+def test_the_client_for_asyncio_has_the_same(server):
+    async def ask():
+        told = []
+        async with marble.aio.Client(server.address) as client:
+            answer = await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, level=told.append)
+            there = await client.jobs.submit(
+                shop(), scenarios=marble.Scenarios(first_stage=[0], sampler={"l": EVEN}))
+            return answer, told, await client.jobs.scenarios(there.job_id, wait=True)
+
+    answer, told, later = asyncio.run(ask())
+    assert told == list(answer.levels) and answer.scenarios == 8
+    np.testing.assert_array_equal(later.solution.z, answer.solution.z)
+
+
+@pytest.mark.parametrize(("field", "wish"), [
+    ("first_stage", {"first_stage": []}),
+    ("first_stage", {"first_stage": [1, 0]}),
+    ("sampler", {"sampler": {}}),
+    ("sampler", {"sampler": {"l": EVEN, "c0": [1.0]}}),
+    ("scenario[1]['l']", {"sampler": {"l": [[1.0], [math.nan]]}}),
+    ("weights", {"weights": [1.0]}),
+    ("sampler[0].moves['l']", {"sampler": [marble.Quantity({"l": [1.0, 2.0]})]}),
+    ("distribution", {"sampler": [marble.Quantity({"l": [1.0]}, "cauchy")]}),
+    ("seed", {"sampler": [marble.Quantity({"l": [1.0]})], "seed": -1}),
+    ("scenarios", {"levels": 7}),
+    ("scenarios.growth", {"growth": 1.0}),
+    ("scenarios.most_scenarios", {"most_scenarios": 0}),
+    ("scenarios.sampler.quantities[0].scale", {"sampler": [marble.Quantity({"l": [1.0]}, scale=-1.0)]}),
+])
+def test_wishes_that_break_a_rule_are_named(client, field, wish):
+    with pytest.raises(marble.InvalidArgument) as caught:
+        client.scenarios(shop(), **{"first_stage": [0], "sampler": {"l": EVEN}, **wish})
+    assert caught.value.field == field
+
+
+def test_more_worlds_than_the_server_allows_are_refused(start_server):
+    with marble.Client(start_server("--scenarios", "20").address) as client:
+        with pytest.raises(marble.Refused, match="at most 20"):
+            client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN})
+        assert client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, most_scenarios=4).scenarios == 4
+
+
+def test_a_client_without_a_server_says_so():
+    with pytest.raises(marble.Unavailable):
+        marble.Client("local").scenarios(shop(), first_stage=[0], sampler={"l": EVEN})

@@ -1,0 +1,282 @@
+#include "marble/convert_scenarios.h"
+
+#include <algorithm>
+#include <array>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "marble/convert.h"
+
+namespace marble {
+namespace {
+
+template <class Field>
+auto span_of(const Field& field) {
+  return std::span(field.data(), static_cast<std::size_t>(field.size()));
+}
+
+std::vector<Index> list_of(const google::protobuf::RepeatedField<std::int32_t>& field) {
+  return {field.begin(), field.end()};
+}
+
+static_assert(static_cast<int>(ProblemPart::R) + 1 == v1::PROBLEM_PART_RIGHT_VALUES &&
+                  static_cast<int>(ProblemPart::Q) + 1 == v1::PROBLEM_PART_HESSIAN_VALUES,
+              "both enumerations list the parts in the same order");
+static_assert(static_cast<int>(ScenarioDistribution::lognormal) + 1 ==
+                  v1::ScenarioQuantity::DISTRIBUTION_LOGNORMAL,
+              "the enums count alike");
+static_assert(static_cast<int>(ScenarioEnd::cancelled) + 1 == v1::SCENARIO_END_CANCELLED,
+              "the enums count alike");
+
+Expected<ScenarioEntries> entries_of(const v1::ScenarioEntries& message, const std::string& name) {
+  if (message.part() < v1::PROBLEM_PART_CONSTANT || message.part() > v1::PROBLEM_PART_RIGHT_VALUES)
+    return unexpected(invalid(name + ".part", std::to_string(message.part()), "must be in [1, 11]"));
+  return ScenarioEntries{static_cast<ProblemPart>(message.part() - v1::PROBLEM_PART_CONSTANT),
+                         span_of(message.positions())};
+}
+
+Expected<ScenarioTable> table_of(const v1::ScenarioSamples& message) {
+  ScenarioTable table{.values = span_of(message.values()), .weights = span_of(message.weights())};
+  for (int e = 0; e < message.entries_size(); ++e) {
+    auto entries = entries_of(message.entries(e), "samples.entries[" + std::to_string(e) + "]");
+    if (!entries) return unexpected(entries.error());
+    table.entries.push_back(*entries);
+  }
+  return table;
+}
+
+Expected<ScenarioSampler> sampler_of(const v1::ScenarioSampler& message) {
+  ScenarioSampler sampler{.seed = message.seed()};
+  for (int q = 0; q < message.quantities_size(); ++q) {
+    const v1::ScenarioQuantity& given = message.quantities(q);
+    const std::string name = "sampler.quantities[" + std::to_string(q) + "]";
+    if (given.distribution() < 0 || given.distribution() > v1::ScenarioQuantity::DISTRIBUTION_LOGNORMAL)
+      return unexpected(
+          invalid(name + ".distribution", std::to_string(given.distribution()), "must be in [0, 3]"));
+    ScenarioQuantity quantity{.location = given.location()};
+    if (given.distribution() != v1::ScenarioQuantity::DISTRIBUTION_UNSPECIFIED)
+      quantity.distribution = static_cast<ScenarioDistribution>(given.distribution() -
+                                                                v1::ScenarioQuantity::DISTRIBUTION_UNIFORM);
+    if (given.has_scale()) quantity.scale = given.scale();
+    if (given.has_least()) quantity.least = given.least();
+    if (given.has_most()) quantity.most = given.most();
+    for (int e = 0; e < given.effects_size(); ++e) {
+      const auto entries =
+          entries_of(given.effects(e).entries(), name + ".effects[" + std::to_string(e) + "].entries");
+      if (!entries) return unexpected(entries.error());
+      quantity.effects.push_back({*entries, span_of(given.effects(e).gains())});
+    }
+    sampler.quantities.push_back(std::move(quantity));
+  }
+  return sampler;
+}
+
+void entries_to_message(const ScenarioEntries& entries, v1::ScenarioEntries* message) {
+  message->set_part(static_cast<v1::ProblemPart>(static_cast<int>(entries.part) + v1::PROBLEM_PART_CONSTANT));
+  message->mutable_positions()->Assign(entries.positions.begin(), entries.positions.end());
+}
+
+// A part's numbers in each world; where a world has none, the base's.
+struct Column {
+  ProblemPart part;
+  std::span<const double> base;
+  std::vector<double> ScenarioNumbers::*numbers;
+};
+
+}  // namespace
+
+Expected<void> take_worlds(const v1::Scenarios& message, ScenarioProblem& problem) {
+  problem.first_stage = list_of(message.first_stage());
+  problem.own_equalities = list_of(message.own_equalities());
+  problem.own_inequalities = list_of(message.own_inequalities());
+  problem.own_pairs = list_of(message.own_pairs());
+  switch (message.worlds_case()) {
+    case v1::Scenarios::kSamples: {
+      const auto table = table_of(message.samples());
+      return table ? set_worlds(problem, *table) : unexpected(table.error());
+    }
+    case v1::Scenarios::kSampler: {
+      const auto sampler = sampler_of(message.sampler());
+      return sampler ? set_worlds(problem, *sampler) : unexpected(sampler.error());
+    }
+    case v1::Scenarios::WORLDS_NOT_SET:
+      break;
+  }
+  return unexpected(invalid("samples", "or a sampler must be there"));
+}
+
+void take_settings(const v1::Scenarios& message, ScenarioSettings& settings) {
+  if (message.has_first_scenarios()) settings.first_scenarios = message.first_scenarios();
+  if (message.has_growth()) settings.growth = message.growth();
+  if (message.has_most_scenarios()) settings.most_scenarios = message.most_scenarios();
+  if (message.has_tolerance()) settings.tolerance = message.tolerance();
+  if (message.has_least_scenarios()) settings.least_scenarios = message.least_scenarios();
+  if (message.has_without_recourse()) settings.without_recourse = message.without_recourse();
+  if (message.has_fresh_scenarios()) settings.fresh_scenarios = message.fresh_scenarios();
+}
+
+void to_message(const ScenarioSettings& settings, v1::Scenarios* message) {
+  message->set_first_scenarios(settings.first_scenarios);
+  message->set_growth(settings.growth);
+  message->set_most_scenarios(settings.most_scenarios);
+  message->set_tolerance(settings.tolerance);
+  message->set_least_scenarios(settings.least_scenarios);
+  message->set_without_recourse(settings.without_recourse);
+  message->set_fresh_scenarios(settings.fresh_scenarios);
+}
+
+Expected<void> to_message(const ScenarioProblem& problem, std::int64_t count, v1::Scenarios* message) {
+  message->mutable_first_stage()->Assign(problem.first_stage.begin(), problem.first_stage.end());
+  message->mutable_own_equalities()->Assign(problem.own_equalities.begin(), problem.own_equalities.end());
+  message->mutable_own_inequalities()->Assign(problem.own_inequalities.begin(),
+                                              problem.own_inequalities.end());
+  message->mutable_own_pairs()->Assign(problem.own_pairs.begin(), problem.own_pairs.end());
+  const auto base = Problem::create(problem.base);
+  if (!base) return unexpected(inside("base", base.error()));
+  if (!problem.sample) return unexpected(invalid("sample", "must be there"));
+  const PartSizes sizes = PartSizes::of(*base);
+  const ProblemView& view = problem.base;
+  std::vector<ScenarioNumbers> worlds;
+  bool constant = false, weights = false;
+  for (std::int64_t i = 0; i < std::min(count, problem.scenarios); ++i) {
+    auto world = problem.sample(i);
+    if (!world) return unexpected(world.error());
+    if (auto valid = sizes.check(world->update()); !valid)
+      return unexpected(inside("scenario[" + std::to_string(i) + "]", valid.error()));
+    constant = constant || world->c0.value_or(view.c0) != view.c0;
+    weights = weights || world->weight != 1.0;
+    worlds.push_back(*std::move(world));
+  }
+  using enum ProblemPart;
+  using N = ScenarioNumbers;
+  const std::array columns = {Column{g, view.g, &N::g},        Column{b, view.b, &N::b},
+                              Column{d, view.d, &N::d},        Column{l, view.l, &N::l},
+                              Column{r, view.r, &N::r},        Column{Q, view.Q.values, &N::Q},
+                              Column{A, view.A.values, &N::A}, Column{C, view.C.values, &N::C},
+                              Column{L, view.L.values, &N::L}, Column{R, view.R.values, &N::R}};
+  v1::ScenarioSamples* samples = message->mutable_samples();
+  std::vector<std::pair<const Column*, std::vector<Index>>> differing;
+  if (constant) entries_to_message({c0, {}}, samples->add_entries());
+  for (const Column& column : columns) {
+    std::vector<Index> positions;
+    for (std::size_t k = 0; k < column.base.size(); ++k)
+      if (std::ranges::any_of(worlds, [&](const ScenarioNumbers& world) {
+            const std::vector<double>& numbers = world.*column.numbers;
+            return !numbers.empty() && numbers[k] != column.base[k];
+          }))
+        positions.push_back(static_cast<Index>(k));
+    if (positions.empty()) continue;
+    entries_to_message({column.part, positions}, samples->add_entries());
+    differing.emplace_back(&column, std::move(positions));
+  }
+  for (const ScenarioNumbers& world : worlds) {
+    if (constant) samples->add_values(world.c0.value_or(view.c0));
+    if (weights) samples->add_weights(world.weight);
+    for (const auto& [column, positions] : differing) {
+      const std::vector<double>& numbers = world.*column->numbers;
+      for (const Index k : positions)
+        samples->add_values(numbers.empty() ? column->base[static_cast<std::size_t>(k)]
+                                            : numbers[static_cast<std::size_t>(k)]);
+    }
+  }
+  return {};
+}
+
+void to_message(const ScenarioSampler& sampler, v1::ScenarioSampler* message) {
+  message->set_seed(sampler.seed);
+  for (const ScenarioQuantity& quantity : sampler.quantities) {
+    v1::ScenarioQuantity* into = message->add_quantities();
+    into->set_distribution(static_cast<v1::ScenarioQuantity::Distribution>(
+        static_cast<int>(quantity.distribution) + v1::ScenarioQuantity::DISTRIBUTION_UNIFORM));
+    into->set_location(quantity.location);
+    into->set_scale(quantity.scale);
+    into->set_least(quantity.least);
+    into->set_most(quantity.most);
+    for (const auto& [entries, gains] : quantity.effects) {
+      v1::ScenarioEffect* effect = into->add_effects();
+      entries_to_message(entries, effect->mutable_entries());
+      effect->mutable_gains()->Assign(gains.begin(), gains.end());
+    }
+  }
+}
+
+void to_message(const ScenarioLevel& level, v1::ScenarioLevel* message) {
+  message->set_level(level.level);
+  message->set_scenarios(level.scenarios);
+  message->set_status(to_message(level.status));
+  message->set_detail(level.detail);
+  message->set_objective(level.objective);
+  message->set_variables(level.variables);
+  message->set_pairs(level.pairs);
+  message->set_factorizations(level.factorizations);
+  message->set_seconds(level.seconds);
+  message->set_warm(level.warm);
+  message->set_searched(level.searched);
+  message->set_memory_bytes(level.memory_bytes);
+  if (!level.fresh) return;
+  v1::OutOfSample* fresh = message->mutable_fresh();
+  fresh->set_scenarios(level.fresh->scenarios);
+  fresh->set_without_recourse(level.fresh->without_recourse);
+  fresh->set_mean(level.fresh->mean);
+  fresh->set_half_width(level.fresh->half_width);
+  fresh->set_factorizations(level.fresh->factorizations);
+  fresh->set_seconds(level.fresh->seconds);
+}
+
+ScenarioLevel scenario_level_of(const v1::ScenarioLevel& message) {
+  ScenarioLevel level{.level = message.level(),
+                      .scenarios = message.scenarios(),
+                      .status = status_of(message.status()),
+                      .detail = message.detail(),
+                      .objective = message.objective(),
+                      .variables = message.variables(),
+                      .pairs = message.pairs(),
+                      .factorizations = message.factorizations(),
+                      .seconds = message.seconds(),
+                      .warm = message.warm(),
+                      .searched = message.searched(),
+                      .memory_bytes = message.memory_bytes()};
+  if (!message.has_fresh()) return level;
+  const v1::OutOfSample& fresh = message.fresh();
+  level.fresh = {fresh.scenarios(),  fresh.without_recourse(), fresh.mean(),
+                 fresh.half_width(), fresh.factorizations(),   fresh.seconds()};
+  return level;
+}
+
+void to_message(const ScenarioAnswer& answer, v1::ScenarioOutcome* message) {
+  message->set_end(static_cast<v1::ScenarioEnd>(static_cast<int>(answer.end) + v1::SCENARIO_END_INTERVAL));
+  message->set_scenarios(answer.scenarios);
+  message->set_first_stage(static_cast<std::int32_t>(answer.x.size()));
+  message->mutable_infeasible()->Assign(answer.infeasible.begin(), answer.infeasible.end());
+  for (const ScenarioLevel& level : answer.levels) to_message(level, message->add_levels());
+}
+
+ScenarioAnswer scenario_answer_of(const v1::Solution& message) {
+  const v1::ScenarioOutcome& outcome = message.scenarios();
+  ScenarioAnswer answer;
+  const int end = outcome.end() - v1::SCENARIO_END_INTERVAL;
+  const bool known = end >= 0 && end <= static_cast<int>(ScenarioEnd::cancelled);
+  answer.end = known ? static_cast<ScenarioEnd>(end) : ScenarioEnd::not_solved;
+  answer.solution = solution_of(message);
+  answer.status = answer.solution.status;
+  answer.detail = answer.solution.detail;
+  answer.objective = answer.solution.objective;
+  answer.violations = answer.solution.violations;
+  answer.scenarios = outcome.scenarios();
+  answer.infeasible.assign(outcome.infeasible().begin(), outcome.infeasible().end());
+  for (const v1::ScenarioLevel& level : outcome.levels()) answer.levels.push_back(scenario_level_of(level));
+  const std::vector<double>& z = answer.solution.z;
+  const std::size_t plan = std::min(z.size(), static_cast<std::size_t>(std::max(outcome.first_stage(), 0)));
+  answer.x.assign(z.begin(), z.begin() + static_cast<std::ptrdiff_t>(plan));
+  const auto worlds = static_cast<std::size_t>(std::max<std::int64_t>(answer.scenarios, 0));
+  if (worlds == 0 || worlds > z.size()) return answer;
+  const std::size_t own = (z.size() - plan) / worlds;
+  for (std::size_t s = 0; s < worlds; ++s) {
+    const auto first = z.begin() + static_cast<std::ptrdiff_t>(plan + s * own);
+    answer.recourse.emplace_back(first, first + static_cast<std::ptrdiff_t>(own));
+  }
+  return answer;
+}
+
+}  // namespace marble

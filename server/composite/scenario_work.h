@@ -1,0 +1,20 @@
+// What a worker does for a request that is made of many problems: one plan for many worlds.
+#pragma once
+
+#include <memory>
+
+#include "config/config.h"
+#include "marble/v1/service.pb.h"
+#include "queue/job.h"
+
+namespace marble::server {
+
+/// Sets the job's work and what its answer says besides. Everything about `request.scenarios` is checked, and
+/// the work keeps the request, whose problem and options are good. Error fields are paths from the request's
+/// root. Errors: invalid_argument; resource_exhausted (more worlds than the server allows, or than fit into
+/// the memory of one solver).
+[[nodiscard]] Expected<void> set_scenario_work(const Config& config,
+                                               std::shared_ptr<const v1::SolveRequest> request,
+                                               const Options& options, Job& job);
+
+}  // namespace marble::server

@@ -1,0 +1,55 @@
+// Levels of a scenario solve: what the plan costs in its own worlds, and the interval of what it costs in others, closing.
+
+import { make } from "../base/dom.js";
+import { duration, real, whole } from "../base/format.js";
+
+/** A place in per cent for each value, with room at the ends; values that are not finite have none. */
+export function scaleOf(levels) {
+  const ends = levels.flatMap(({ objective, fresh }) => [objective, ...(fresh ? [fresh.mean - fresh.half, fresh.mean + fresh.half] : [])]);
+  const known = ends.filter(Number.isFinite);
+  const low = Math.min(...known);
+  const span = Math.max(...known) - low || Math.max(1, Math.abs(low));
+  return (value) => 4 + (92 * (value - low)) / span;
+}
+
+function interval({ objective, fresh, status }, place) {
+  const line = make("div", { class: "interval", "aria-hidden": "true" });
+  if (fresh && Number.isFinite(fresh.half)) {
+    const bar = make("span", { class: "interval-bar" });
+    bar.style.left = `${place(fresh.mean - fresh.half)}%`;
+    bar.style.width = `${place(fresh.mean + fresh.half) - place(fresh.mean - fresh.half)}%`;
+    line.append(bar);
+  }
+  if (status === "solved" || status === "solved_reduced") {
+    const dot = make("span", { class: "interval-value" });
+    dot.style.left = `${place(objective)}%`;
+    line.append(dot);
+  }
+  return line;
+}
+
+function freshCells(fresh) {
+  if (!fresh) return ["", ""];
+  const half = Number.isFinite(fresh.half) ? ` ± ${real(fresh.half)}` : "";
+  return [`${real(fresh.mean)}${half}`, fresh.without > 0 ? `${whole(fresh.without)} of ${whole(fresh.scenarios)}` : "none"];
+}
+
+/** One row a level, its interval as a bar and its own value as a mark. */
+export function showLevels(place, levels) {
+  const at = scaleOf(levels);
+  const head = ["worlds", "", "value", "in other worlds, 95 %", "without recourse", "factorizations", "time"];
+  const rows = levels.map((level) => {
+    const solved = level.status.startsWith("solved");
+    const cells = [solved ? real(level.objective) : level.status.replaceAll("_", " "), ...freshCells(level.fresh), whole(level.factorizations), duration(level.seconds)];
+    return make("tr", {}, make("th", { scope: "row" }, whole(level.scenarios)), make("td", { class: "interval-cell" }, interval(level, at)), ...cells.map((cell) => make("td", {}, cell)));
+  });
+  place.replaceChildren(
+    make(
+      "table",
+      { class: "numbers" },
+      make("caption", { class: "visually-hidden" }, "Levels of the scenario solve"),
+      make("thead", {}, make("tr", {}, ...head.map((text) => make("th", { scope: "col" }, text)))),
+      make("tbody", {}, ...rows),
+    ),
+  );
+}

@@ -1,0 +1,88 @@
+// marble scenarios: one plan for many worlds.
+#include <cstdlib>
+
+#include "cli_test.h"
+
+namespace marble::testing {
+namespace {
+
+// (x, y): bought for 1 each, sold for 3, no more than demand; storing costs x² / 20.
+constexpr const char* kShop = R"({"n":2,"g":[1,-3],"Q":{"rows":2,"cols":2,"i":[0],"j":[0],"v":[0.1]},)"
+                              R"("L":{"rows":1,"cols":2,"i":[0],"j":[1],"v":[-1]},"l":[5],)"
+                              R"("R":{"rows":1,"cols":2,"i":[0,0],"j":[0,1],"v":[1,-1]},"r":[0]})";
+
+constexpr const char* kDemand = R"({"seed": 7, "first_stage": [0], "quantities": [
+  {"distribution": "uniform", "location": -5, "scale": 10, "effects": [{"part": "l"}]}]})";
+
+class ScenarioCommand : public Cli {
+ protected:
+  Result marble(const std::string& arguments) {
+    return run("scenarios " + quoted(file("shop.json", kShop)) + " --server " + server_.address() + " " +
+               arguments);
+  }
+  std::string samples(const std::string& arrays) {
+    const std::string path = file("samples.npz", "");
+    const std::string command =
+        "/usr/bin/python3 -c 'import numpy; numpy.savez(\"" + path + "\", " + arrays + ")'";
+    EXPECT_EQ(std::system(command.c_str()), 0);
+    return quoted(path);
+  }
+
+  ServerProcess server_{MARBLE_SERVER_BINARY};
+};
+
+TEST_F(ScenarioCommand, TellsALineALevelAndThenThePlan) {
+  const std::string arrays =
+      samples("l=[[float(d)] for d in (1, 9, 3, 7, 2, 8, 4, 6)], first_stage=[0], weights=[1.0] * 8");
+  const Result text = marble("--samples " + arrays);
+  ASSERT_EQ(text.exit_code, 0) << text.err;
+  EXPECT_NE(text.out.find("in other worlds, 95 %"), std::string::npos) << text.out;
+  EXPECT_NE(text.out.find("samples: solved; the plan is for 8 worlds"), std::string::npos) << text.out;
+  const auto lines = marble("--output json --samples " + arrays).lines();
+  ASSERT_EQ(lines.size(), 5U);
+  EXPECT_EQ(lines[3]["scenarios"], 8);
+  EXPECT_TRUE(lines[3]["fresh"].is_null());
+  EXPECT_EQ(lines[2]["fresh"]["scenarios"], 4);
+  EXPECT_EQ(lines[4]["end"], "samples");
+  EXPECT_EQ(lines[4]["x"].size(), 1U);
+}
+
+TEST_F(ScenarioCommand, HasTheSameBitsInThisProcess) {
+  const std::string sampler = "--output json --most 16 --sampler " + quoted(file("demand.json", kDemand));
+  const auto there = marble(sampler).lines();
+  const auto here =
+      run("scenarios " + quoted(file("shop.json", kShop)) + " --server local " + sampler).lines();
+  ASSERT_EQ(there.size(), 6U);
+  ASSERT_EQ(here.size(), there.size());
+  for (std::size_t i = 0; i + 1 < there.size(); ++i) {
+    EXPECT_EQ(here[i]["objective"], there[i]["objective"]);
+    EXPECT_EQ(here[i]["fresh"], there[i]["fresh"]);
+  }
+  EXPECT_EQ(here[5]["x"], there[5]["x"]);
+}
+
+TEST_F(ScenarioCommand, EndsWhenTheIntervalIsSmall) {
+  const Result result = marble("--output json --first 16 --most 1024 --tolerance 0.1 --sampler " +
+                               quoted(file("demand.json", kDemand)));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(result.lines().back()["end"], "interval");
+}
+
+TEST_F(ScenarioCommand, NamesWhatIsWrongWithAFile) {
+  const auto refused = [&](const std::string& arguments, const std::string& words) {
+    const Result result = marble(arguments);
+    EXPECT_EQ(result.exit_code, 2) << arguments;
+    EXPECT_NE(result.err.find(words), std::string::npos) << result.err;
+  };
+  refused("", "--samples or --sampler");
+  refused("--samples nothing.npz", "nothing.npz");
+  refused("--samples " + samples("l=[[1.0], [2.0]], first_stage=[7]"), "first_stage[0] = 7");
+  refused("--samples " + samples("l=[[1.0], [2.0]], c0=[1.0], first_stage=[0]"), "a row for each world");
+  refused("--samples " + samples("height=[1.0]"), "is no array of samples");
+  refused("--samples " + samples("l=[[1.0]]") + " --first-stage 0,x", "--first-stage");
+  refused("--sampler " + quoted(file("bad.json", R"({"quantities": [{"distribution": "cauchy"}]})")),
+          "quantities[0].distribution = cauchy");
+}
+
+}  // namespace
+}  // namespace marble::testing

@@ -1,0 +1,108 @@
+// One plan for many worlds by the C++ client: on a server and in process the same bits.
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "marble/client.h"
+#include "marble/scenario_examples.h"
+#include "support/processes/server_process.h"
+
+namespace marble::testing {
+namespace {
+
+class ClientScenarios : public ::testing::Test {
+ protected:
+  [[nodiscard]] ScenarioProblem worlds() const { return rocket_.worlds({3.0, 4.5, 3.4, 4.1, 3.7, 4.3}); }
+
+  const examples::OneNumberWorlds rocket_ = examples::rocket_by_altitude();
+  ServerProcess server_{MARBLE_SERVER_BINARY};
+  const Client there_ = Client::connect(server_.address()).value();
+  const Client here_ = Client::in_process();
+};
+
+TEST_F(ClientScenarios, HaveTheSameBitsThereAndHere) {
+  std::vector<std::int64_t> told;
+  ScenarioSettings settings{.most_scenarios = 4};
+  settings.level = [&](const ScenarioLevel& level) { told.push_back(level.scenarios); };
+  const auto there = there_.solve_scenarios(worlds(), settings);
+  ASSERT_TRUE(there) << there.error().message();
+  EXPECT_EQ(told, (std::vector<std::int64_t>{1, 2, 4}));
+  EXPECT_FALSE(there->job_id.empty());
+  EXPECT_GT(there->total_s, 0.0);
+  const auto here = here_.solve_scenarios(worlds(), settings);
+  ASSERT_TRUE(here) << here.error().message();
+  EXPECT_EQ(there->end, here->end);
+  EXPECT_EQ(there->x, here->x);
+  EXPECT_EQ(there->recourse, here->recourse);
+  EXPECT_EQ(there->solution.complementarity_multipliers_L, here->solution.complementarity_multipliers_L);
+  ASSERT_EQ(there->levels.size(), here->levels.size());
+  for (std::size_t k = 0; k < here->levels.size(); ++k)
+    EXPECT_EQ(there->levels[k].fresh->mean, here->levels[k].fresh->mean);
+}
+
+TEST_F(ClientScenarios, MayBeDrawnThere) {
+  ScenarioProblem problem = worlds();
+  problem.sample = nullptr;
+  const std::vector<double> gain = {2.0};
+  const ScenarioSampler sampler{.seed = 3,
+                                .quantities = {{.distribution = ScenarioDistribution::normal,
+                                                .effects = {{{ProblemPart::c0, {}}, gain}}}}};
+  const ScenarioSettings settings{.most_scenarios = 2, .fresh_scenarios = 4};
+  const auto there = there_.solve_scenarios(problem, sampler, settings);
+  ASSERT_TRUE(there) << there.error().message();
+  const auto here = here_.solve_scenarios(problem, sampler, settings);
+  ASSERT_TRUE(here) << here.error().message();
+  EXPECT_EQ(there->x, here->x);
+  EXPECT_EQ(there->objective, here->objective);
+  EXPECT_EQ(there->levels.back().fresh->half_width, here->levels.back().fresh->half_width);
+}
+
+TEST_F(ClientScenarios, MayBeSubmittedAndWatched) {
+  const auto job = there_.jobs().submit(worlds(), ScenarioSettings{.most_scenarios = 4});
+  ASSERT_TRUE(job) << job.error().message();
+  std::vector<ScenarioLevel> levels;
+  const auto watched =
+      there_.jobs().watch(job->job_id, [&](const JobEvent& event) { levels = event.job.levels; });
+  ASSERT_TRUE(watched) << watched.error().message();
+  ASSERT_EQ(levels.size(), 3u);
+  const auto answer = there_.jobs().scenarios(job->job_id, {.wait = true});
+  ASSERT_TRUE(answer) << answer.error().message();
+  EXPECT_EQ(answer->scenarios, 4);
+  EXPECT_EQ(answer->objective, levels.back().objective);
+  const OwnedProblem base = rocket_.base;
+  const auto plain = there_.jobs().submit(base.view());
+  ASSERT_TRUE(plain);
+  const auto none = there_.jobs().scenarios(plain->job_id, {.wait = true});
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.error().code, ErrorCode::failed_precondition);
+}
+
+TEST_F(ClientScenarios, NameWhatIsWrongWithThem) {
+  ScenarioProblem problem = worlds();
+  problem.first_stage = {};
+  const auto refused = there_.solve_scenarios(problem);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::invalid_argument);
+  EXPECT_NE(refused.error().field.find("first_stage"), std::string::npos) << refused.error().field;
+  problem = worlds();
+  problem.sample = [](std::int64_t i) -> Expected<ScenarioNumbers> {
+    return ScenarioNumbers{.g = std::vector<double>(i == 1 ? 3 : 0)};
+  };
+  const auto bad = there_.solve_scenarios(problem);
+  ASSERT_FALSE(bad);
+  EXPECT_EQ(bad.error().field, "scenario[1].g");
+}
+
+TEST_F(ClientScenarios, AreGivenUpByTheStopToken) {
+  std::stop_source source;
+  source.request_stop();
+  for (const Client* client : {&there_, &here_}) {
+    const auto given_up = client->solve_scenarios(worlds(), {}, {.stop = source.get_token()});
+    ASSERT_FALSE(given_up);
+    EXPECT_EQ(given_up.error().code, ErrorCode::cancelled);
+  }
+}
+
+}  // namespace
+}  // namespace marble::testing
