@@ -305,7 +305,7 @@ void FleetSubmissions::take_in(TakenJob taken) {
     const auto made = make_job(parts_, caller, JobKind::submitted, request);
     if (!made) return unexpected(made.error());
     auto solved = (*made)->work(controls);
-    if (const auto job = taken_in.lock()) job->also = std::move((*made)->also);
+    if (const auto whole = taken_in.lock()) whole->also = std::move((*made)->also);
     return solved;
   };
   const auto place = parts_.scheduler.admit(job);
