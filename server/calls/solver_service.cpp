@@ -17,6 +17,11 @@ SolverService::SolverService(const ServiceParts& parts) : parts_(parts) {
                      stream_read_first(parts, [&parts](auto* context, const auto* request) {
                        return SolveStreamCall::begin(parts, *context, request, {});
                      }));
+  MarkMethodStreamed(
+      method_number("Solver", "SolveCoupled"),
+      stream_read_first(parts, [&parts](auto* context, const auto* request) {
+        return SolveStreamCall::begin(parts, *context, request, {"coupled", &v1::SolveRequest::has_coupled});
+      }));
   MarkMethodStreamed(method_number("Solver", "SolveScenarios"),
                      stream_read_first(parts, [&parts](auto* context, const auto* request) {
                        return SolveStreamCall::begin(parts, *context, request,

@@ -6,10 +6,10 @@
 
 namespace marble::server {
 
-using SolverRawService =
-    v1::Solver::WithRawCallbackMethod_Solve<v1::Solver::WithRawCallbackMethod_SolveStream<
-        v1::Solver::WithRawCallbackMethod_SolveScenarios<v1::Solver::WithRawCallbackMethod_SolveBatch<
-            v1::Solver::WithRawCallbackMethod_Session<v1::Solver::Service>>>>>;
+using SolverRawService = v1::Solver::WithRawCallbackMethod_Solve<
+    v1::Solver::WithRawCallbackMethod_SolveStream<v1::Solver::WithRawCallbackMethod_SolveScenarios<
+        v1::Solver::WithRawCallbackMethod_SolveCoupled<v1::Solver::WithRawCallbackMethod_SolveBatch<
+            v1::Solver::WithRawCallbackMethod_Session<v1::Solver::Service>>>>>>;
 
 /// The methods take and give bytes; see wire.h.
 class SolverService final : public SolverRawService {

@@ -26,7 +26,7 @@ namespace marble::server {
 
 using Clock = std::chrono::steady_clock;
 
-enum class JobKind { solve, batch, submitted, session, scenarios };
+enum class JobKind { solve, batch, submitted, session, scenarios, coupled };
 enum class JobState { queued, running, idle, finished };
 
 /// What does not change during a job's life.

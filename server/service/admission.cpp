@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/random_id.h"
+#include "composite/coupled_work.h"
 #include "composite/scenario_work.h"
 #include "marble/contract.h"
 #include "marble/convert.h"
@@ -57,15 +58,54 @@ Expected<void> check_labels(const std::string& request_id, const std::string& pr
   return {};
 }
 
+// What every request says, whatever it is made of.
+struct Common {
+  Options options;
+  Priority priority;
+};
+
 template <class Message>
-Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, const Quota& quota,
-                               JobKind kind, const Message& message) {
+Expected<Common> check_common(const ServiceParts& parts, const Quota& quota, JobKind kind,
+                              const Message& message) {
   if (auto valid = check_labels(message.request_id(), message.problem().name()); !valid)
     return unexpected(valid.error());
   const auto priority = priority_of(message.priority(), kind, quota);
   if (!priority) return unexpected(priority.error());
-  const auto options = options_of(message.options(), parts.config.solver_defaults);
+  auto options = options_of(message.options(), parts.config.solver_defaults);
   if (!options) return unexpected(inside("options", options.error()));
+  return Common{*std::move(options), *priority};
+}
+
+template <class Message>
+std::shared_ptr<JobRecord> make_record(const ServiceParts& parts, const Caller& caller, JobKind kind,
+                                       const Message& message, const Common& common,
+                                       const BlockPlace& sizes) {
+  if (caller.earlier && caller.earlier->record != nullptr) {
+    caller.earlier->record->set_options(common.options);
+    return caller.earlier->record;
+  }
+  return parts.board.make(
+      {.id = caller.earlier ? caller.earlier->id : random_id(),
+       .kind = kind,
+       .priority = common.priority,
+       .client = caller.identity.client,
+       .request_id = message.request_id(),
+       .name = message.problem().name(),
+       .peer = caller.origin.peer,
+       .variables = sizes.variables,
+       .equalities = sizes.equalities,
+       .inequalities = sizes.inequalities,
+       .pairs = sizes.pairs,
+       .trace = caller.origin.trace,
+       .accepted = caller.earlier ? caller.earlier->accepted : std::chrono::system_clock::now()},
+      common.options);
+}
+
+template <class Message>
+Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, const Quota& quota,
+                               JobKind kind, const Message& message) {
+  const auto common = check_common(parts, quota, kind, message);
+  if (!common) return unexpected(common.error());
   const auto problem = Problem::create(view_of(message.problem()));
   if (!problem) {
     const Error& error = problem.error();
@@ -92,29 +132,30 @@ Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, 
       sensitivity = std::move(*checked);
     }
   }
-  std::shared_ptr<JobRecord> record = caller.earlier ? caller.earlier->record : nullptr;
-  if (record != nullptr) {
-    record->set_options(*options);
-  } else {
-    record = parts.board.make(
-        {.id = caller.earlier ? caller.earlier->id : random_id(),
-         .kind = kind,
-         .priority = *priority,
-         .client = caller.identity.client,
-         .request_id = message.request_id(),
-         .name = message.problem().name(),
-         .peer = caller.origin.peer,
-         .variables = problem->variables(),
-         .equalities = problem->equalities(),
-         .inequalities = problem->inequalities(),
-         .pairs = problem->pairs(),
-         .trace = caller.origin.trace,
-         .accepted = caller.earlier ? caller.earlier->accepted : std::chrono::system_clock::now()},
-        *options);
+  auto record =
+      make_record(parts, caller, kind, message, *common,
+                  {problem->variables(), problem->equalities(), problem->inequalities(), problem->pairs()});
+  return CheckedRequest{*problem,         common->options,       common->priority,
+                        initial_z,        std::move(warm_start), std::move(sensitivity),
+                        std::move(record)};
+}
+
+// Without its record and its work.
+std::shared_ptr<Job> job_of(const Caller& caller, const Quota& quota, const v1::SolveRequest& message,
+                            const Common& common) {
+  auto job = std::make_shared<Job>();
+  if (caller.earlier) {
+    const auto age = std::chrono::system_clock::now() - caller.earlier->accepted;
+    job->accepted -= std::chrono::duration_cast<Clock::duration>(age);
   }
-  return CheckedRequest{
-      *problem,         *options, *priority, initial_z, std::move(warm_start), std::move(sensitivity),
-      std::move(record)};
+  job->ticket = {.client = caller.identity.client,
+                 .priority = common.priority,
+                 .deadline = caller.deadline,
+                 .arrival = Clock::now(),
+                 .bytes = static_cast<std::int64_t>(message.ByteSizeLong())};
+  job->quota = quota;
+  job->time_limit_s = common.options.time_limit_s;
+  return job;
 }
 
 }  // namespace
@@ -157,24 +198,25 @@ Expected<std::shared_ptr<Job>> make_job(const ServiceParts& parts, const Caller&
                                         std::shared_ptr<const v1::SolveRequest> message) {
   const Quota quota = parts.access.quota_of(caller.identity.client);
   if (kind == JobKind::solve && message->has_scenarios()) kind = JobKind::scenarios;
+  if (kind == JobKind::solve && message->has_coupled()) kind = JobKind::coupled;
+  if (has_blocks(*message)) {
+    const auto common = check_common(parts, quota, kind, *message);
+    if (!common) return unexpected(common.error());
+    const auto sizes = check_blocks(parts.config, *message);
+    if (!sizes) return unexpected(sizes.error());
+    auto job = job_of(caller, quota, *message, *common);
+    job->record = make_record(parts, caller, kind, *message, *common, *sizes);
+    auto set = set_coupled_work(parts.config, std::move(message), common->options, *job);
+    return set ? Expected<std::shared_ptr<Job>>(std::move(job)) : unexpected(set.error());
+  }
   auto checked = check(parts, caller, quota, kind, *message);
   if (!checked) return unexpected(checked.error());
-  auto job = std::make_shared<Job>();
+  auto job = job_of(caller, quota, *message, {checked->options, checked->priority});
   job->record = checked->record;
-  if (caller.earlier) {
-    const auto age = std::chrono::system_clock::now() - caller.earlier->accepted;
-    job->accepted -= std::chrono::duration_cast<Clock::duration>(age);
-  }
-  job->ticket = {.client = caller.identity.client,
-                 .priority = checked->priority,
-                 .deadline = caller.deadline,
-                 .arrival = Clock::now(),
-                 .bytes = static_cast<std::int64_t>(message->ByteSizeLong()) +
-                          (checked->sensitivity ? checked->sensitivity->bytes : 0)};
-  job->quota = quota;
-  job->time_limit_s = checked->options.time_limit_s;
-  if (message->has_scenarios()) {
-    auto set = set_scenario_work(parts.config, std::move(message), checked->options, *job);
+  if (checked->sensitivity) job->ticket.bytes += checked->sensitivity->bytes;
+  if (message->has_scenarios() || message->has_coupled()) {
+    const auto set_work = message->has_coupled() ? set_coupled_work : set_scenario_work;
+    auto set = set_work(parts.config, std::move(message), checked->options, *job);
     return set ? Expected<std::shared_ptr<Job>>(std::move(job)) : unexpected(set.error());
   }
   // The problem borrows the message's arrays.

@@ -6,11 +6,16 @@
 
 #include <string>
 
+#include "marble/composite/coupled.h"
+#include "marble/v1/coupled.pb.h"
+
 namespace marble::server {
 namespace {
 
 using google::protobuf::FieldDescriptor;
 using Wire = google::protobuf::internal::WireFormatLite;
+
+constexpr std::int64_t kBlockFields = 64;  // of a block, whose parts and coupling have 47
 
 class FieldCounter {
  public:
@@ -72,6 +77,7 @@ class FieldCounter {
   }
 
   bool enter(const google::protobuf::Descriptor& type, std::uint32_t size) {
+    if (&type == v1::CoupledBlock::descriptor() && blocks_++ < kMostBlocks) left_ += kBlockFields;
     const auto limit = input_.PushLimit(static_cast<int>(size));
     const bool done = count(type);
     input_.PopLimit(limit);
@@ -87,6 +93,7 @@ class FieldCounter {
 
   google::protobuf::io::CodedInputStream& input_;
   std::int64_t left_;
+  std::size_t blocks_ = 0;
   std::string path_;
 };
 

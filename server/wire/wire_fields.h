@@ -10,7 +10,8 @@
 namespace marble::server {
 
 /// Errors: invalid_argument if the bytes hold more than `most` fields of a message of this type, those of its
-/// parts and of groups among them and an array of numbers as one; the field says where. What cannot be parsed
+/// parts and of groups among them and an array of numbers as one, but for 64 that each block of a coupled
+/// problem may have of its own; the field says where. What cannot be parsed
 /// is left to the parser. The bytes stay.
 [[nodiscard]] Expected<void> check_fields(grpc::ByteBuffer& bytes, const google::protobuf::Descriptor& type,
                                           std::int64_t most);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 #include <set>
 #include <stop_token>
@@ -148,6 +149,56 @@ TEST_F(CoupledSessions, ALongHorizonsPiecesAgreeThoughAServerIsKilled) {
   EXPECT_EQ(answer->coordination.status, here.coordination.status) << answer->coordination.detail;
   EXPECT_GE(answer->repeated, 1);
   EXPECT_NEAR(answer->whole.objective, here.whole.objective, 1e-7 * (1.0 + std::abs(here.whole.objective)));
+}
+
+TEST_F(CoupledSessions, OnOneServerItIsOneCallWithTheBitsOfThisProcess) {
+  start();
+  std::vector<CoupledIteration> told;
+  const CoupledControls controls{.progress = [&](const CoupledIteration& now) { told.push_back(now); }};
+  const RemoteCoupledSolution there = single_[0].solve_coupled(cell_.view(), {}, controls).value();
+  const CoupledSolution here = solve_coupled(cell_.view()).value();
+  EXPECT_EQ(there.joint.z, here.joint.z);
+  EXPECT_EQ(there.joint.objective, here.joint.objective);
+  EXPECT_EQ(there.coordination.prices, here.coordination.prices);
+  EXPECT_EQ(there.coordination.status, here.coordination.status);
+  EXPECT_EQ(there.coordination.last.iteration, here.coordination.last.iteration);
+  EXPECT_EQ(there.coordination.last.factorizations, here.coordination.last.factorizations);
+  EXPECT_EQ(there.places.back().variables, here.places.back().variables);
+  ASSERT_FALSE(told.empty());
+  EXPECT_EQ(told.back().proximal, here.coordination.last.proximal);
+  EXPECT_EQ(single_[0].jobs().get(there.job_id)->job.kind, JobKind::coupled);
+  const RemoteCoupledSolution in_process = Client::in_process().solve_coupled(cell_.view()).value();
+  EXPECT_EQ(in_process.joint.z, here.joint.z);
+}
+
+TEST_F(CoupledSessions, PiecesOnOneServerHaveTheBitsOfThisProcess) {
+  start();
+  const OwnedProblem hopper = examples::hopper({.steps = 12});
+  const Problem problem = Problem::create(hopper.view()).value();
+  std::vector<Index> stages;
+  for (Index step = 0; step < 12; ++step) stages.insert(stages.end(), examples::kHopperVariables, step);
+  const PiecesSolution here = solve_in_pieces(problem, stages).value();
+  const RemotePiecesSolution there = single_[0].solve_in_pieces(problem, stages).value();
+  EXPECT_EQ(there.whole.z, here.whole.z);
+  EXPECT_EQ(there.sweep_objective, here.sweep_objective);
+  EXPECT_EQ(there.sweep_factorizations, here.sweep_factorizations);
+  EXPECT_EQ(single_[0].solve_in_pieces(problem, stages, {.pieces = 13}).error().field, "pieces");
+}
+
+TEST_F(CoupledSessions, AFaultHasTheFieldOfThisProcessWhereverItIsFound) {
+  start();
+  OwnedCoupled bad = cell_;
+  bad.blocks[1].g[3] = std::numeric_limits<double>::infinity();
+  for (const Client* client : {&single_[0], &single_[1]}) {
+    const Error error = client == &single_[0] ? client->solve_coupled(bad.view()).error()
+                                              : client->solve_coupled_by_sessions(bad.view()).error();
+    EXPECT_EQ(error.code, ErrorCode::invalid_argument);
+    EXPECT_EQ(error.field, "blocks[1].problem.g");
+    EXPECT_EQ(error.index, 3);
+  }
+  CoupledOptions options;
+  options.proximal = -1.0;
+  EXPECT_EQ(single_[0].solve_coupled(cell_.view(), options).error().field, "proximal");
 }
 
 }  // namespace

@@ -93,7 +93,7 @@ COMPATIBLE = {
     "a new optional field": ("options", "optional int32 starts = 19;",
                              "optional int32 starts = 19;\n  optional bool verbose = 99;"),
     "a new value of an enum": ("job", "PRIORITY_BATCH = 3;", "PRIORITY_BATCH = 3;\n  PRIORITY_IDLE = 4;"),
-    "a new member of a oneof": ("service", "    Queued queued = 5;", "    Queued queued = 5;\n    Limits limits = 6;"),
+    "a new member of a oneof": ("service", "    Queued queued = 5;", "    Queued queued = 5;\n    Limits limits = 60;"),
     "a new message, enum, rpc and service": (
         "service", "service Server {", "message New {\n  enum Kind {\n    KIND_UNSPECIFIED = 0;\n  }\n}\n"
         "service Newer {\n  rpc Do(New) returns (New);\n}\nservice Server {\n  rpc Do(New) returns (stream New);"),

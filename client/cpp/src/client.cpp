@@ -9,6 +9,7 @@
 #include "marble/contract.h"
 #include "message/status.h"
 #include "mutex.h"
+#include "remote/coupled.h"
 #include "remote/scenarios.h"
 #include "remote/solve.h"
 
@@ -80,6 +81,34 @@ Expected<RemoteScenarios> Client::solve_scenarios(ScenarioProblem problem, const
 Expected<Session> Client::open_session(const ProblemView& problem, const Options& options,
                                        const SessionOptions& session) const {
   return Session::open(connection_, problem, options, session);
+}
+
+Expected<RemoteCoupledSolution> Client::solve_coupled(const CoupledView& view, const CoupledOptions& options,
+                                                      const CoupledControls& controls,
+                                                      const CallControls& call) const {
+  return or_out_of_memory([&]() -> Expected<RemoteCoupledSolution> {
+    if (connection_ != nullptr)
+      return client::solve_coupled_there(*connection_, view, options, controls, call);
+    auto solved = marble::solve_coupled(view, options, controls);
+    if (!solved) return unexpected(solved.error());
+    if (solved->joint.status == Status::cancelled) return unexpected(client::given_up());
+    return RemoteCoupledSolution{*std::move(solved), {}};
+  });
+}
+
+Expected<RemotePiecesSolution> Client::solve_in_pieces(const Problem& problem,
+                                                       std::span<const Index> stage_of_variable,
+                                                       const PiecesOptions& options,
+                                                       const CoupledControls& controls,
+                                                       const CallControls& call) const {
+  return or_out_of_memory([&]() -> Expected<RemotePiecesSolution> {
+    if (connection_ != nullptr)
+      return client::solve_in_pieces_there(*connection_, problem, stage_of_variable, options, controls, call);
+    auto solved = marble::solve_in_pieces(problem, stage_of_variable, options, controls);
+    if (!solved) return unexpected(solved.error());
+    if (solved->whole.status == Status::cancelled) return unexpected(client::given_up());
+    return RemotePiecesSolution{*std::move(solved), {}};
+  });
 }
 
 Jobs Client::jobs() const { return Jobs(connection_); }

@@ -172,7 +172,7 @@ Expected<Answer> by_sessions(const std::shared_ptr<const Connection>& connection
   }
   auto solved = solve(own);
   if (!solved) return unexpected(std::move(solved.error()));
-  Answer answer{*std::move(solved), servers.repeated.load()};
+  Answer answer{*std::move(solved), {}, servers.repeated.load()};
   if ((answer.*end).status == Status::cancelled) return unexpected(given_up());
   return answer;
 }
@@ -198,7 +198,7 @@ Expected<RemoteCoupledSolution> Client::solve_coupled_by_sessions(const CoupledV
     if (!servers) return unexpected(servers.error());
     return client::by_sessions<RemoteCoupledSolution, &RemoteCoupledSolution::joint>(
         connection_, *this, *std::move(servers), options.options, controls, sessions,
-        [&](const CoupledControls& own) { return solve_coupled(view, options, own); });
+        [&](const CoupledControls& own) { return marble::solve_coupled(view, options, own); });
   });
 }
 
@@ -213,7 +213,7 @@ Expected<RemotePiecesSolution> Client::solve_in_pieces_by_sessions(const Problem
     return client::by_sessions<RemotePiecesSolution, &RemotePiecesSolution::whole>(
         connection_, *this, *std::move(servers), options.coupled.options, controls, sessions,
         [&](const CoupledControls& own) {
-          return solve_in_pieces(problem, stage_of_variable, options, own);
+          return marble::solve_in_pieces(problem, stage_of_variable, options, own);
         });
   });
 }

@@ -271,12 +271,16 @@ CoupledStart Pieces::start(const Solution& whole) const {
   return start;
 }
 
+Expected<void> PiecesOptions::check() const {
+  if (auto valid = coupled.check(); !valid) return valid;
+  if (!coupled.joint) return unexpected(invalid("joint", "must be true of a problem in pieces"));
+  if (look_ahead < -1) return unexpected(invalid("look_ahead", std::to_string(look_ahead), "must be >= -1"));
+  return {};
+}
+
 Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const Index> stage_of_variable,
                                          const PiecesOptions& options, const CoupledControls& controls) {
-  if (auto valid = options.coupled.check(); !valid) return unexpected(valid.error());
-  if (!options.coupled.joint) return unexpected(invalid("joint", "must be true of a problem in pieces"));
-  if (options.look_ahead < -1)
-    return unexpected(invalid("look_ahead", std::to_string(options.look_ahead), "must be >= -1"));
+  if (auto valid = options.check(); !valid) return unexpected(valid.error());
   CoupledControls own = controls;
   if (!own.begun) own.begun = std::chrono::steady_clock::now();
   return or_out_of_memory([&]() -> Expected<PiecesSolution> {

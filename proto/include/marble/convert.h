@@ -21,6 +21,9 @@ namespace marble {
 /// Views of a message's arrays; the message must outlive them. Checks nothing: Problem::create does.
 [[nodiscard]] ProblemView view_of(const v1::Problem& message);
 
+/// The same of one matrix.
+[[nodiscard]] SparseMatrixView view_of(const v1::SparseMatrix& message);
+
 /// Views of an update's arrays; the message must outlive them. Checks nothing: PartSizes::check does.
 [[nodiscard]] ProblemUpdate update_of(const v1::ProblemUpdate& message);
 
@@ -29,6 +32,8 @@ void to_message(const ProblemUpdate& update, v1::ProblemUpdate* message);
 
 /// Copies a problem into a message.
 void to_message(const ProblemView& problem, v1::Problem* message);
+/// The same of one matrix.
+void to_message(const SparseMatrixView& matrix, v1::SparseMatrix* message);
 
 /// Views of a matrix's arrays; the message must outlive them.
 [[nodiscard]] SparseMatrixView view_of(const v1::SparseMatrix& message);

@@ -101,6 +101,21 @@ class Client {
   [[nodiscard]] Expected<Session> open_session(const ProblemView& problem, const Options& options = {},
                                                const SessionOptions& session = {}) const;
 
+  /// Solves a coupled problem on one server, its blocks on idle workers: marble::solve_coupled, with the same
+  /// bits. Of the controls count progress, called on the calling thread and without `frozen`, stop, which
+  /// gives the call up: the error cancelled, and the prices of start. (Option time_limit_s ends with where
+  /// the blocks are.) In process the deadline is not looked at. Errors: as marble::solve_coupled names them.
+  [[nodiscard]] Expected<RemoteCoupledSolution> solve_coupled(const CoupledView& view,
+                                                              const CoupledOptions& options = {},
+                                                              const CoupledControls& controls = {},
+                                                              const CallControls& call = {}) const;
+  /// The same of a long horizon: marble::solve_in_pieces.
+  [[nodiscard]] Expected<RemotePiecesSolution> solve_in_pieces(const Problem& problem,
+                                                               std::span<const Index> stage_of_variable,
+                                                               const PiecesOptions& options = {},
+                                                               const CoupledControls& controls = {},
+                                                               const CallControls& call = {}) const;
+
   /// Solves a coupled problem with a session for each block, dealt to the servers that the address lists;
   /// this process coordinates, and solves the joint problem at the end. A server sees its own blocks with
   /// their E_k, and the prices of those rows, of no other block anything. A step whose server or session is

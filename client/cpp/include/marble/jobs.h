@@ -33,8 +33,9 @@ enum class JobKind {
   submitted,  ///< Jobs::submit
   session,    ///< a session: one job for all its solves
   scenarios,  ///< a call that waits for one plan for many worlds
+  coupled,    ///< a call that waits for problems tied by rows
 };
-/// "solve", "batch", "submitted", "session", "scenarios".
+/// "solve", "batch", "submitted", "session", "scenarios", "coupled".
 [[nodiscard]] const char* to_string(JobKind kind);
 
 /// Where a job is in its life.

@@ -8,7 +8,7 @@
 namespace marble {
 
 const char* to_string(JobKind kind) {
-  return client::name_of(kind, {"solve", "batch", "submitted", "session", "scenarios"});
+  return client::name_of(kind, {"solve", "batch", "submitted", "session", "scenarios", "coupled"});
 }
 
 const char* to_string(JobState state) {
@@ -17,7 +17,7 @@ const char* to_string(JobState state) {
 
 namespace client {
 
-static_assert(static_cast<int>(JobKind::scenarios) + 1 == v1::JOB_KIND_SCENARIOS &&
+static_assert(static_cast<int>(JobKind::coupled) + 1 == v1::JOB_KIND_COUPLED &&
                   static_cast<int>(JobState::finished) + 1 == v1::JOB_STATE_FINISHED,
               "messages count from one, for the unspecified");
 

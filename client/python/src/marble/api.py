@@ -37,6 +37,7 @@ from marble.message.job import (
     Submitted,
     Trace,
 )
+from marble.model.coupled import Coordination, CoupledAnswer, PiecesAnswer
 from marble.model.derivatives import AnswerChange, RowResponse, SensitivityAnswer, SensitivityRequest
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem
@@ -59,6 +60,8 @@ __all__ = [
     "Cancelled",
     "Client",
     "ConnectOptions",
+    "Coordination",
+    "CoupledAnswer",
     "DeadlineExceeded",
     "Error",
     "FailedPrecondition",
@@ -76,6 +79,7 @@ __all__ = [
     "OutOfSample",
     "PairSides",
     "PermissionDenied",
+    "PiecesAnswer",
     "Priority",
     "Problem",
     "Progress",

@@ -11,7 +11,7 @@ from marble import errors
 from marble.base.lazy import lazy
 from marble.base.tables import LOCAL_ADDRESS
 from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
-from marble.calls.handle import HandleThere, SolveHandle, read_scenarios, read_stream
+from marble.calls.handle import HandleThere, SolveHandle, read_coupled, read_scenarios, read_stream
 from marble.calls.jobs import Jobs
 from marble.calls.progress import teller
 from marble.calls.session import Session
@@ -22,10 +22,12 @@ from marble.in_process import solver
 from marble.in_process.handle import HandleHere
 from marble.in_process.session import SessionHere
 from marble.message import answers, requests
+from marble.message import coupled as tied
 from marble.message import scenarios as worlds
 from marble.message.info import ServerInfo, server_info
 from marble.message.job import Job, JobEvent, Priority
 from marble.message.requests import Call, ProgressWish
+from marble.model.coupled import Coupled, CoupledAnswer, Pieces, PiecesAnswer
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, compiled, in_terms_of, problem_of
@@ -152,6 +154,40 @@ class Client:
         stream = self._rpc.stream("Solver/SolveScenarios", worlds.solve_stream(problem, wish, call), deadline)
         try:
             return read_scenarios(stream, level, tell)
+        finally:
+            stream.cancel()
+            close()
+
+    def coupled(self, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None], total: ArrayLike, *,
+                prices: ArrayLike | None = None, options: Mapping[str, Any] | None = None,
+                priority: Priority | str | None = None, progress: ProgressWish = None, deadline: float | None = None,
+                request_id: str = "", problem_name: str = "", **settings: Any) -> CoupledAnswer:
+        """Problems that rows tie together: min Σ f_k(z_k), each z_k feasible for its own block, Σ E_k z_k = total.
+
+        blocks, coupling (E_k), total, prices: see Coupled. Solved on one server, blocks on idle workers, block by block
+        at prices on the rows; last the branch that was found as one problem. progress: a row an iteration, whose
+        violations.equality is of the rows and kkt_residual the largest step of a price. settings: proximal,
+        max_iterations, freeze_after, searches, flips, tolerance, joint, joint_search; what they do, and their defaults,
+        is in coupled.proto. All else as in solve. Needs a server: Unavailable of "local".
+        """
+        wish = Coupled(blocks, coupling, total, prices)
+        request = tied.blocks_request(wish, Call(options, priority, request_id), settings, problem_name)
+        return tied.blocks_answer(self._coupled(request, progress, deadline), wish)
+
+    def pieces(self, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
+               options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
+               progress: ProgressWish = None, deadline: float | None = None, request_id: str = "",
+               **settings: Any) -> PiecesAnswer:
+        """One long problem cut into pieces, solved as coupled() does; stages, pieces, look_ahead: see Pieces."""
+        wish = Pieces(stages, pieces, look_ahead)
+        request = tied.pieces_request(problem, wish, Call(options, priority, request_id), settings)
+        return tied.pieces_answer(self._coupled(request, progress, deadline), problem)
+
+    def _coupled(self, request: bytes, progress: ProgressWish, deadline: float | None) -> tied.Told:
+        tell, close = teller(progress)
+        stream = self._rpc.stream("Solver/SolveCoupled", request, deadline)
+        try:
+            return read_coupled(stream, tell)
         finally:
             stream.cancel()
             close()

@@ -55,6 +55,9 @@ struct PiecesOptions {
   /// Stages that each piece looks ahead while they are first solved one after the other, >= −1; −1: a third
   /// of a piece, but at least 2.
   Index look_ahead = -1;
+
+  /// Errors name the field: "look_ahead", "joint", and as CoupledOptions::check does.
+  [[nodiscard]] Expected<void> check() const;
 };
 
 /// The answer of a problem that was solved in pieces.

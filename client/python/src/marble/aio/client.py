@@ -22,10 +22,12 @@ from marble.connection.rpc import PACKAGE, Calls, check_deadline
 from marble.errors import Cancelled
 from marble.in_process import solver
 from marble.message import answers, requests
+from marble.message import coupled as tied
 from marble.message import scenarios as worlds
 from marble.message.info import ServerInfo, server_info
 from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
 from marble.message.requests import Call, ProgressWish
+from marble.model.coupled import Coupled, CoupledAnswer, Pieces, PiecesAnswer
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, compiled, in_terms_of, problem_of
@@ -185,6 +187,39 @@ class Client:
                 if kind == "result":
                     answer: ScenarioAnswer = content
                     return answer
+        except grpc.RpcError as error:
+            raise errors.from_rpc(error) from None
+        finally:
+            stream.cancel()
+            close()
+        raise Cancelled("the stream ended without an answer")
+
+    async def coupled(self, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None],
+                      total: ArrayLike, *, prices: ArrayLike | None = None, options: Mapping[str, Any] | None = None,
+                      priority: Priority | str | None = None, progress: ProgressWish = None,
+                      deadline: float | None = None, request_id: str = "", problem_name: str = "",
+                      **settings: Any) -> CoupledAnswer:
+        """Problems that rows tie together; see marble.Client.coupled."""
+        wish = Coupled(blocks, coupling, total, prices)
+        request = tied.blocks_request(wish, Call(options, priority, request_id), settings, problem_name)
+        return tied.blocks_answer(await self._coupled(request, progress, deadline), wish)
+
+    async def pieces(self, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
+                     options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
+                     progress: ProgressWish = None, deadline: float | None = None, request_id: str = "",
+                     **settings: Any) -> PiecesAnswer:
+        """One long problem in pieces; see marble.Client.pieces."""
+        wish = Pieces(stages, pieces, look_ahead)
+        request = tied.pieces_request(problem, wish, Call(options, priority, request_id), settings)
+        return tied.pieces_answer(await self._coupled(request, progress, deadline), problem)
+
+    async def _coupled(self, request: bytes, progress: ProgressWish, deadline: float | None) -> tied.Told:
+        tell, close = teller(progress)
+        stream = self._rpc.stream("Solver/SolveCoupled", request, deadline)
+        try:
+            async for data in stream:
+                if (told := tied.read(data, tell)) is not None:
+                    return told
         except grpc.RpcError as error:
             raise errors.from_rpc(error) from None
         finally:

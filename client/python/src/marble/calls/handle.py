@@ -12,7 +12,7 @@ from marble.base.lazy import lazy
 from marble.calls.jobs import Jobs
 from marble.connection.rpc import Rpc
 from marble.errors import Cancelled
-from marble.message import answers
+from marble.message import answers, coupled
 from marble.message import scenarios as worlds
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, in_terms_of
@@ -116,6 +116,17 @@ def read_scenarios(call: Any, level: Callable[[ScenarioLevel], object] | None,
             if kind == "result":
                 answer: ScenarioAnswer = content
                 return answer
+    except grpc.RpcError as error:
+        raise errors.from_rpc(error) from None
+    raise Cancelled("the stream ended without an answer")
+
+
+def read_coupled(call: Any, tell: Callable[[Progress], object] | None) -> coupled.Told:
+    """The same of a coupled solve."""
+    try:
+        for data in call:
+            if (told := coupled.read(data, tell)) is not None:
+                return told
     except grpc.RpcError as error:
         raise errors.from_rpc(error) from None
     raise Cancelled("the stream ended without an answer")

@@ -29,6 +29,7 @@ class JobKind(enum.Enum):
     SUBMITTED = "submitted"
     SESSION = "session"
     SCENARIOS = "scenarios"
+    COUPLED = "coupled"
 
 
 class JobState(enum.Enum):

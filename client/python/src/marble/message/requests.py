@@ -18,7 +18,7 @@ from marble.message.job import JobState, Priority
 from marble.message.wire import Encoder
 from marble.model import derivatives
 from marble.model.derivatives import SensitivityRequest
-from marble.model.lcqp import LCQP
+from marble.model.lcqp import LCQP, shortened
 from marble.model.solution import Progress, Solution
 
 ProgressWish = bool | Callable[[Progress], object] | None
@@ -73,7 +73,8 @@ def _choice(name: str, value: object, kind: Any) -> int:
     return choices[str(value)]
 
 
-def _matrix(values: Any) -> Encoder:
+def matrix_encoder(values: Any) -> Encoder:
+    """A SparseMatrix."""
     part = Encoder("SparseMatrix")
     part.others(contract.message("SparseMatrix")(rows=values.shape[0], columns=values.shape[1]))
     part.integers("column_pointers", values.indptr)
@@ -89,7 +90,7 @@ def problem_encoder(problem: LCQP) -> Encoder:
     for letter, field in MATRICES.items():
         values = getattr(problem, letter)
         if values.shape[0] and (letter != "Q" or values.nnz):
-            part.message(field, _matrix(values))
+            part.message(field, matrix_encoder(values))
     for letter, field in VECTORS.items():
         part.doubles(field, getattr(problem, letter))
     return part
@@ -110,7 +111,7 @@ def check_sensitivity(request: object) -> None:
 
 def sensitivity_encoder(request: SensitivityRequest, problem: LCQP) -> Encoder:
     """A SensitivityRequest of this problem."""
-    return sensitivity.encoder(derivatives.asked(request, problem), _matrix)
+    return sensitivity.encoder(derivatives.asked(request, problem), matrix_encoder)
 
 
 @dataclass(frozen=True)
@@ -191,6 +192,24 @@ def solve_stream(problem: LCQP, call: Call, scenarios: Encoder | None = None) ->
     part.others(contract.message("SolveStreamRequest")(progress_interval_s=call.progress_interval,
                                                        iterate_every=call.iterate_every))
     return part.finish()
+
+
+def made_stream(problem: LCQP | str, call: Call, coupled: Encoder) -> bytes:
+    """The same of problems that rows tie together, of which there is a name alone; or of one in pieces."""
+    check_progress(call)
+    if isinstance(problem, LCQP):
+        part = _solve(problem, call)
+    else:
+        part = Encoder("SolveRequest")
+        check_request_id(call.request_id)
+        part.others(contract.message("SolveRequest")(
+            problem={"name": shortened(problem)}, options=options_message(call.options), request_id=call.request_id,
+            priority=priority_number(call.priority)))
+    part.message("coupled", coupled)
+    whole = Encoder("SolveStreamRequest")
+    whole.message("solve", part)
+    whole.others(contract.message("SolveStreamRequest")(progress_interval_s=call.progress_interval))
+    return whole.finish()
 
 
 def batch(tag: int, problem: LCQP, call: Call) -> bytes:

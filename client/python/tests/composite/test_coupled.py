@@ -1,0 +1,107 @@
+"""Client.coupled and Client.pieces: problems that rows tie together, and a long one in pieces."""
+
+from __future__ import annotations
+
+import asyncio
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+import marble
+
+
+def arm(wanted: float, name: str = "") -> marble.LCQP:
+    """½(force − wanted)², force ≥ 0 ⊥ gap ≥ 0, of (force, gap), where the gap costs."""
+    return marble.LCQP(np.diag([1.0, 1.0]), [-wanted, 0.1], L=[[1, 0]], l=[0.0], R=[[0, 1]], r=[0.0], name=name)
+
+
+def chain(steps: int) -> tuple[marble.LCQP, list[int]]:
+    """x moves by u, which is pushed for at a price, towards 1; either the push or its brake is zero."""
+    n = 3 * steps  # x, push, brake of each step
+    A = sparse.lil_matrix((steps, n))
+    g, Q = np.zeros(n), np.zeros(n)
+    for k in range(steps):
+        A[k, 3 * k] = -1.0
+        if k:
+            A[k, 3 * k - 3] = 1.0
+        A[k, 3 * k + 1], A[k, 3 * k + 2] = 0.5, -0.5
+        g[3 * k], Q[3 * k], Q[3 * k + 1], Q[3 * k + 2] = -1.0, 1.0, 0.1, 0.1
+    push = sparse.csc_matrix((np.ones(steps), (range(steps), range(1, n, 3))), (steps, n))
+    brake = sparse.csc_matrix((np.ones(steps), (range(steps), range(2, n, 3))), (steps, n))
+    problem = marble.LCQP(sparse.diags(Q), g, A=A, b=np.zeros(steps), L=push, l=np.zeros(steps), R=brake,
+                          r=np.zeros(steps))
+    return problem, [j // 3 for j in range(n)]
+
+
+FORCE = [[1.0, 0.0]]
+
+
+def test_blocks_share_what_there_is_at_one_price(client):
+    rows: list[marble.Progress] = []
+    answer = client.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0], progress=rows.append)
+    assert answer.status is marble.Status.SOLVED and answer.coordination.status is marble.Status.SOLVED
+    np.testing.assert_allclose([z[0] for z in answer.z], [2.5, 1.5], atol=1e-7)
+    np.testing.assert_allclose(answer.prices, [0.5], atol=1e-7)
+    np.testing.assert_allclose(answer.solution.y[-1:], [0.5], atol=1e-7)
+    assert np.isclose(answer.objective, 2.5**2 / 2 - 3 * 2.5 + 1.5**2 / 2 - 2 * 1.5)
+    assert rows and rows[-1].violations.equality <= 1e-6 and rows[-1].rho > 0
+    assert client.jobs.get(answer.job_id).job.kind is marble.JobKind.COUPLED
+
+
+def test_a_block_that_no_row_sees_and_a_start_at_the_prices_are_taken(client):
+    answer = client.coupled([arm(3.0), arm(2.0)], [FORCE, None], [1.0], prices=[2.0], options={"max_iterations": 50})
+    np.testing.assert_allclose([z[0] for z in answer.z], [1.0, 2.0], atol=1e-7)
+    np.testing.assert_allclose(answer.prices, [2.0], atol=1e-7)
+
+
+def test_the_block_that_has_no_answer_is_named(client):
+    never = marble.LCQP(np.eye(2), [0.0, 0.0], C=[[1, 0], [-1, 0]], d=[-1.0, 0.0], name="elbow")
+    answer = client.coupled([arm(3.0), never], [FORCE, FORCE], [1.0])
+    assert answer.status is marble.Status.INFEASIBLE
+    assert answer.coordination.failed == 1 and "block 1 (elbow)" in answer.detail
+
+
+def test_a_long_problem_in_pieces_is_solved_as_the_whole(client):
+    problem, stages = chain(30)
+    whole = client.solve(problem)
+    answer = client.pieces(problem, stages, 3)
+    assert answer.solution.status is marble.Status.SOLVED and answer.solution.z.shape == whole.z.shape
+    assert np.isclose(answer.solution.objective, whole.objective, atol=1e-7)
+    assert answer.coordination.sweep_objective is not None
+    assert answer.coordination.sweep_objective >= answer.solution.objective - 1e-9
+
+
+def test_faults_are_named(client):
+    for field, call in (
+        ("coupling", lambda: client.coupled([arm(1.0)], [], [0.0])),
+        ("coupling[0]", lambda: client.coupled([arm(1.0)], [[[1.0]]], [0.0])),
+        ("prices", lambda: client.coupled([arm(1.0)], [FORCE], [0.0], prices=[1.0, 2.0])),
+        ("speed", lambda: client.coupled([arm(1.0)], [FORCE], [0.0], speed=3)),
+        ("coupled", lambda: client.coupled([arm(1.0)], [FORCE], [0.0], proximal="much")),
+        ("stages", lambda: client.pieces(arm(1.0), [0], 1)),
+    ):
+        with pytest.raises(marble.InvalidArgument) as caught:
+            call()
+        assert caught.value.field == field
+    with pytest.raises(marble.InvalidArgument, match="proximal"):
+        client.coupled([arm(1.0)], [FORCE], [0.0], proximal=-1.0)
+    with pytest.raises(marble.InvalidArgument, match="pieces"):
+        client.pieces(arm(1.0), [0, 0], 2)
+
+
+def test_they_are_there_for_asyncio_too(server):
+    async def both() -> None:
+        async with marble.aio.Client(server.address) as client:
+            answer = await client.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0])
+            np.testing.assert_allclose(answer.prices, [0.5], atol=1e-7)
+            problem, stages = chain(9)
+            pieces = await client.pieces(problem, stages, 2)
+            assert pieces.solution.status is marble.Status.SOLVED
+
+    asyncio.run(both())
+
+
+def test_without_a_server_they_are_unavailable():
+    with pytest.raises(marble.Unavailable):
+        marble.Client("local").coupled([arm(1.0)], [FORCE], [0.0])

@@ -1,0 +1,143 @@
+#include "marble/convert_coupled.h"
+
+#include <string_view>
+
+#include "marble/convert.h"
+
+namespace marble {
+namespace {
+
+constexpr std::string_view kCoupled = "coupled.", kPieces = "pieces.", kStart = "start.",
+                           kProblem = ".problem.";
+
+// "blocks[3].problem.A" with its last part by other names.
+template <class Rename>
+std::string renamed(const std::string& field, const Rename& rename) {
+  const std::size_t at = field.find(kProblem);
+  if (!field.starts_with("blocks[") || at == std::string::npos) return field;
+  const std::size_t end = at + kProblem.size();
+  return field.substr(0, end) + rename(field.substr(end));
+}
+
+bool of_pieces(const std::string& field) {
+  return field == "stages" || field == "pieces" || field == "look_ahead";
+}
+
+}  // namespace
+
+CoupledView coupled_of(const v1::Coupled& message) {
+  CoupledView view{{}, {message.total().data(), static_cast<std::size_t>(message.total_size())}};
+  view.blocks.reserve(static_cast<std::size_t>(message.blocks_size()));
+  for (const v1::CoupledBlock& block : message.blocks()) {
+    CoupledBlock& own = view.blocks.emplace_back();
+    own.name = block.problem().name();
+    own.problem = view_of(block.problem());
+    if (block.has_coupling()) own.coupling = view_of(block.coupling());
+  }
+  return view;
+}
+
+void to_message(const CoupledView& view, v1::Coupled* message) {
+  for (const CoupledBlock& block : view.blocks) {
+    v1::CoupledBlock* own = message->add_blocks();
+    to_message(block.problem, own->mutable_problem());
+    own->mutable_problem()->set_name(block.name);
+    if (!block.coupling.values.empty()) to_message(block.coupling, own->mutable_coupling());
+  }
+  message->mutable_total()->Assign(view.total.begin(), view.total.end());
+}
+
+void take_settings(const v1::Coupled& message, CoupledOptions& settings) {
+  if (message.has_proximal()) settings.proximal = message.proximal();
+  if (message.has_max_iterations()) settings.max_iterations = message.max_iterations();
+  if (message.has_freeze_after()) settings.freeze_after = message.freeze_after();
+  if (message.has_searches()) settings.searches = message.searches();
+  if (message.has_flips()) settings.flips = message.flips();
+  if (message.has_tolerance()) settings.tolerance = message.tolerance();
+  if (message.has_joint()) settings.joint = message.joint();
+  if (message.has_joint_search()) settings.joint_search = message.joint_search();
+}
+
+void to_message(const CoupledOptions& settings, v1::Coupled* message) {
+  message->set_proximal(settings.proximal);
+  message->set_max_iterations(settings.max_iterations);
+  message->set_freeze_after(settings.freeze_after);
+  message->set_searches(settings.searches);
+  message->set_flips(settings.flips);
+  message->set_tolerance(settings.tolerance);
+  message->set_joint(settings.joint);
+  message->set_joint_search(settings.joint_search);
+}
+
+Progress row_of(const CoupledIteration& iteration, double elapsed_s) {
+  Progress row;
+  row.iteration = row.outer_iteration = iteration.iteration;
+  row.objective = iteration.objective;
+  row.violations.equality = iteration.coupling_violation;
+  row.kkt_residual = iteration.step;
+  row.rho = iteration.proximal;
+  row.factorizations = static_cast<std::int32_t>(iteration.factorizations);
+  row.elapsed_s = elapsed_s;
+  return row;
+}
+
+CoupledIteration coupled_iteration_of(const Progress& row) {
+  return {.iteration = row.iteration,
+          .coupling_violation = row.violations.equality,
+          .step = row.kkt_residual,
+          .objective = row.objective,
+          .proximal = row.rho,
+          .factorizations = row.factorizations};
+}
+
+void to_message(const Coordination& coordination, double blocks_objective, v1::CoupledOutcome* message) {
+  message->set_status(to_message(coordination.status));
+  message->set_detail(coordination.detail);
+  message->set_iterations(coordination.last.iteration);
+  message->set_coupling_violation(coordination.last.coupling_violation);
+  message->set_step(coordination.last.step);
+  message->set_proximal(coordination.last.proximal);
+  message->set_frozen_at(coordination.frozen_at);
+  message->set_flips(coordination.flips);
+  message->set_factorizations(coordination.last.factorizations);
+  message->set_blocks_objective(blocks_objective);
+  if (coordination.failed_block)
+    message->set_failed_block(static_cast<std::int32_t>(*coordination.failed_block));
+  message->mutable_prices()->Assign(coordination.prices.begin(), coordination.prices.end());
+}
+
+Coordination coordination_of(const v1::CoupledOutcome& message) {
+  Coordination coordination;
+  coordination.status = status_of(message.status());
+  coordination.detail = message.detail();
+  coordination.last.iteration = message.iterations();
+  coordination.last.coupling_violation = message.coupling_violation();
+  coordination.last.step = message.step();
+  coordination.last.objective = message.blocks_objective();
+  coordination.last.proximal = message.proximal();
+  coordination.last.frozen = message.frozen_at() > 0;
+  coordination.last.factorizations = message.factorizations();
+  coordination.frozen_at = message.frozen_at();
+  coordination.flips = message.flips();
+  if (message.has_failed_block())
+    coordination.failed_block = static_cast<std::size_t>(message.failed_block());
+  coordination.prices.assign(message.prices().begin(), message.prices().end());
+  return coordination;
+}
+
+std::string coupled_message_field(const std::string& core_field) {
+  std::string field = renamed(core_field, [](const std::string& part) { return message_field(part); });
+  if (of_pieces(field)) field.insert(0, kPieces);
+  if (field.starts_with(kStart)) field.erase(0, kStart.size());
+  return std::string(kCoupled) + field;
+}
+
+std::string coupled_core_field(const std::string& message_field) {
+  if (!message_field.starts_with(kCoupled)) return message_field;
+  std::string field = message_field.substr(kCoupled.size());
+  if (field.starts_with(kPieces)) field.erase(0, kPieces.size());
+  if (field == "prices") field.insert(0, kStart);
+  return renamed(field, [](const std::string& part) { return core_field(part); });
+}
+
+}  // namespace marble
