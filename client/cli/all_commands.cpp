@@ -37,6 +37,7 @@ int main(int argc, char** argv) {
   add_cancel(program, exit_code);
   add_delete(program, exit_code);
   add_plot(program, exit_code);
+  add_coupled(program, exit_code);
   add_scenarios(program, exit_code);
   add_mpc(program, exit_code);
   add_compare(program, exit_code);

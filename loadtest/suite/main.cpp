@@ -29,7 +29,7 @@ constexpr const char* kUsage =
     "  --judge              hard and scenarios: on even seeds, the half that nothing is chosen on\n"
     "  --starts K           of the references where none is known, default 8\n"
     "  --time-limit S       of global, default 60\n"
-    "  --only NAME          of global and qp, that problem; of coupled small, large or pieces;\n"
+    "  --only NAME          of global and qp, that problem; of coupled small, large, hoppers or pieces;\n"
     "                       of scenarios optima, chains, many or hopper\n"
     "  --steps N            of coupled, the hopper of that horizon: 120, 240, 480, 960 or 1920\n"
     "  --option NAME=VALUE  of macmpec and robotics, a solver option; may be repeated\n"

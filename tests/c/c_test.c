@@ -263,6 +263,66 @@ static void an_answer_is_started_from(const marble_client* client) {
   marble_problem_destroy(problem);
 }
 
+/* Where the numbers lie is known once the call that lends them has been made. */
+static void check_number(int32_t code, const double* const* values, const int64_t* count, int64_t at, double expected) {
+  CHECK(code == MARBLE_OK && *values != NULL && at < *count);
+  CHECK(code != MARBLE_OK || at >= *count || fabs((*values)[at] - expected) < 1e-9);
+}
+
+/* At (0, 2) z0 is held at zero and z1 is free: 2 z1 = 4 - g1. */
+static void derivatives_come_with_answers(const marble_client* client) {
+  marble_problem* problem = first();
+  marble_solution* solution = NULL;
+  marble_call* call = NULL;
+  marble_session* session = NULL;
+  marble_error error;
+  const double *v = NULL, both[] = {0, 1, 1, 0}, l[] = {0, 3}, one[] = {1};
+  const int32_t columns[] = {0, 0, 1}, row[] = {0}, *indices = NULL;
+  int64_t count = 0;
+  CHECK(marble_call_create(&call, NULL) == MARBLE_OK);
+  CHECK(marble_solve(client, problem, NULL, call, &solution, NULL) == MARBLE_OK);
+  CHECK(marble_solution_change(solution, 0, "z", &v, &count, &error) == MARBLE_FAILED_PRECONDITION);
+  marble_solution_destroy(solution);
+  CHECK(marble_call_set_directions(call, 2, "g", both, 4, NULL) == MARBLE_OK);
+  CHECK(marble_call_set_directions(call, 2, "l", l, 2, NULL) == MARBLE_OK);
+  CHECK(marble_call_set_losses(call, 1, "z", both, 2, NULL) == MARBLE_OK);
+  CHECK(marble_call_set_rows(call, 1, 2, columns, 1, row, one, 1, NULL) == MARBLE_OK);
+  CHECK(marble_call_set_directions(call, 2, "x", both, 4, &error) == MARBLE_INVALID_ARGUMENT);
+  CHECK(strcmp(error.field, "name") == 0 && strcmp(error.value, "x") == 0);
+  CHECK(marble_session_open(client, problem, NULL, call, &session, NULL) == MARBLE_OK);
+  for (int solve = 0; solve < 2; solve++) {
+    CHECK((solve == 0 ? marble_solve(client, problem, NULL, call, &solution, &error)
+                      : marble_session_solve(session, &solution, &error)) == MARBLE_OK);
+    check_number(marble_solution_change(solution, 0, "z", &v, &count, NULL), &v, &count, 1, -0.5);
+    check_number(marble_solution_change(solution, 1, "z", &v, &count, NULL), &v, &count, 0, -3);
+    check_number(marble_solution_change(solution, 1, "xi", &v, &count, NULL), &v, &count, 0, -5);
+    CHECK(marble_solution_holds(solution, 1) == 1 && marble_solution_holds(solution, 2) == -1);
+    check_number(marble_solution_gradient(solution, 0, "g", &v, &count, NULL), &v, &count, 1, -0.5);
+    check_number(marble_solution_gradient(solution, 0, "Q", &v, &count, NULL), &v, &count, 1, -1);
+    check_number(marble_solution_response(solution, "response", &v, &count, NULL), &v, &count, 0, 0.5);
+    check_number(marble_solution_response(solution, "columns", &v, &count, NULL), &v, &count, 1, 0.5);
+    CHECK(marble_solution_weak(solution, "pairs", &indices, &count, NULL) == MARBLE_OK && count == 0);
+    CHECK(marble_solution_gradient(solution, 1, "g", &v, &count, &error) == MARBLE_INVALID_ARGUMENT);
+    CHECK(strcmp(error.field, "loss") == 0 && strcmp(error.bound, "must be in [0, 1)") == 0);
+    marble_solution_destroy(solution);
+  }
+  marble_session_destroy(session);
+  CHECK(marble_call_set_directions(call, 1, "b", both, 2, NULL) == MARBLE_OK);
+  CHECK(marble_solve(client, problem, NULL, call, &solution, &error) == MARBLE_INVALID_ARGUMENT);
+  CHECK(strstr(error.field, "directions") != NULL);
+  CHECK(marble_call_set_directions(call, 0, NULL, NULL, 0, NULL) == MARBLE_OK);
+  CHECK(marble_call_set_losses(call, 0, NULL, NULL, 0, NULL) == MARBLE_OK);
+  CHECK(marble_call_set_rows(call, 0, 0, NULL, 0, NULL, NULL, 0, NULL) == MARBLE_OK);
+  CHECK(marble_solve(client, problem, NULL, call, &solution, NULL) == MARBLE_OK);
+  CHECK(marble_solution_holds(solution, 0) == -1);
+  CHECK(marble_solution_weak(NULL, "pairs", &indices, &count, NULL) == MARBLE_INVALID_ARGUMENT);
+  CHECK(marble_call_set_losses(NULL, 1, "z", both, 2, NULL) == MARBLE_INVALID_ARGUMENT);
+  CHECK(marble_call_set_rows(NULL, 0, 0, NULL, 0, NULL, NULL, 0, NULL) == MARBLE_INVALID_ARGUMENT);
+  marble_solution_destroy(solution);
+  marble_call_destroy(call);
+  marble_problem_destroy(problem);
+}
+
 /* Only a server has jobs. */
 static void a_job_is_submitted_and_its_answer_fetched(const marble_client* client) {
   const int server = strcmp(marble_client_address(client), "in process") != 0;
@@ -374,6 +434,7 @@ int main(int argc, char** argv) {
     a_fault_names_field_index_value_and_bound(client);
     null_is_a_fault_and_never_a_crash();
     an_answer_is_started_from(client);
+    derivatives_come_with_answers(client);
     a_job_is_submitted_and_its_answer_fetched(client);
     a_session_takes_what_changed_and_starts_warm(client);
     two_threads_share_a_client(client);

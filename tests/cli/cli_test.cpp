@@ -161,6 +161,52 @@ TEST_F(Cli, TheBestKnownObjectiveIsPassedOn) {
   EXPECT_NE(run("solve --local --quiet " + good).out.find("(best known 0.5)"), std::string::npos);
 }
 
+TEST_F(Cli, TellsTheDerivativesThatAFileAsksForHereAndFromAServer) {
+  const std::string good = quoted(file("good.json", kGood));
+  const std::string ask = quoted(file("ask.json", R"({"directions":[{"g":[1,0]},{"r":[1],"Q":[1,0]}],
+      "losses":[{"z":[1,0]}],"rows":{"E":[[1,0]],"columns":true}})"));
+  const Result here = run("solve --local --quiet --output json --sensitivity " + ask + " " + good);
+  ASSERT_EQ(here.exit_code, 0) << here.err;
+  const Json told = here.lines().at(0)["sensitivity"];
+  EXPECT_EQ(told["smooth"], true);
+  EXPECT_NEAR(told["changes"][0]["z"][1].get<double>(), -0.25, 1e-9);
+  EXPECT_NEAR(told["changes"][1]["z"][0].get<double>(), 0.375, 1e-9)
+      << "z₁ = (2 + 2r) / (4 + q), r and q rise";
+  EXPECT_EQ(told["changes"][0]["holds"], true);
+  EXPECT_NEAR(told["gradients"][0]["g"][1].get<double>(), -0.25, 1e-9);
+  EXPECT_NEAR(told["rows"]["response"][0][0].get<double>(), 0.25, 1e-9);
+  EXPECT_EQ(told["rows"]["values"][0], here.lines().at(0)["z"][0]);
+
+  ServerProcess server(MARBLE_SERVER_BINARY);
+  const std::string there = "solve --quiet --server " + server.address() + " --sensitivity " + ask + " ";
+  EXPECT_EQ(run(there + "--output json " + good).lines().at(0)["sensitivity"], told);
+  EXPECT_NE(run(there + good).out.find("derivatives     2 directions, 1 loss, 1 row\n"), std::string::npos);
+  EXPECT_EQ(run(there + quoted(file("never.json", kUnsolvable))).exit_code, 2) << "of another size";
+}
+
+TEST_F(Cli, WhatAFileAsksOfDerivativesIsToldWhereItDoesNotFit) {
+  const std::string good = quoted(file("good.json", kGood));
+  const auto refused = [&](const std::string& ask) {
+    const Result result =
+        run("solve --local --quiet --sensitivity " + quoted(file("ask.json", ask)) + " " + good);
+    EXPECT_EQ(result.exit_code, 2) << result.out;
+    return result.err;
+  };
+  EXPECT_NE(refused("[").find("must be a file of JSON"), std::string::npos);
+  EXPECT_NE(refused("[]").find("sensitivity: must be an object"), std::string::npos);
+  EXPECT_NE(refused(R"({"direction":[]})").find("sensitivity.direction: must be directions, losses or rows"),
+            std::string::npos);
+  EXPECT_NE(refused(R"({"directions":[{},{"b":[1]}]})")
+                .find("sensitivity.directions[1].b = 1 entries: must have 0"),
+            std::string::npos);
+  EXPECT_NE(
+      refused(R"({"losses":[{"z":[1,"a"]}]})").find("sensitivity.losses[0].z[1] = \"a\": must be a number"),
+      std::string::npos);
+  EXPECT_NE(refused(R"({"rows":{}})").find("sensitivity.rows.E: must be a list"), std::string::npos);
+  EXPECT_NE(refused(R"({"rows":{"E":[[1,0]],"proximal":[1,-1]}})").find("must be >= 0"), std::string::npos);
+  EXPECT_EQ(run("solve --local --sensitivity nowhere.json " + good).exit_code, 2);
+}
+
 TEST_F(Cli, TheTimeLimitIsAnAnswer) {
   const Result result =
       run("solve --local --quiet --time-limit 0 --output json " + quoted(file("good.json", kGood)));

@@ -198,6 +198,14 @@ TEST_F(SensitivityThere, MoreThanTheServersLimitsIsRefusedByNameAndBound) {
             "sensitivity.directions.count = 5: must be at most 4 (sensitivity_directions)");
 }
 
+TEST_F(SensitivityThere, TheServerTellsItsLimits) {
+  const auto info = there_.info();
+  ASSERT_TRUE(info.has_value()) << info.error().message();
+  EXPECT_EQ(info->sensitivity_rows, 5);
+  EXPECT_EQ(info->sensitivity_directions, 4);
+  EXPECT_GT(info->sensitivity_bytes, 0);
+}
+
 TEST(SensitivityLimitsThere, BytesOfRequestAndAnswerAreBounded) {
   const ServerProcess server(MARBLE_SERVER_BINARY, {"--sensitivity-bytes", "4096"});
   const Client client = Client::connect(server.address()).value();

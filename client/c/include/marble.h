@@ -153,6 +153,28 @@ int32_t marble_call_set_priority(marble_call* call, const char* priority, marble
 /* The caller's own id of what it asks for, for the server's log: at most 128 bytes of printable ASCII, empty
  * for none. A job that is submitted twice with it is one job. */
 int32_t marble_call_set_request_id(marble_call* call, const char* request_id, marble_error* error);
+/* Derivatives that are wanted with each answer, of its branch: rows at zero stay there.
+ * marble_solution_change and those after it tell them. What is wrong with them the solve says.
+ *
+ * Directions: new numbers less the old ones. `part` is a letter of the equation, g, b, d, l, r, Q, A, C, L or
+ * R, whose values are in the order of marble_problem_set_matrix; `values` are those of all directions, one
+ * after the other, and what is not set is zero. Another number of directions forgets the parts; 0 asks for
+ * none, and `part` may be NULL. */
+int32_t marble_call_set_directions(marble_call* call, int32_t directions, const char* part,
+                                   const double* values, int64_t count, marble_error* error);
+/* Losses: their derivatives by `vector`, which is z, y, nu, xi or eta; else as directions. */
+int32_t marble_call_set_losses(marble_call* call, int32_t losses, const char* vector, const double* values,
+                               int64_t count, marble_error* error);
+/* Rows E z, m x n, whose response to a price is wanted: with the cost mu'E z added the branch has
+ * E z = free - response mu and the point z - columns mu. `tell_columns` other than 0 asks for the last two.
+ * The pattern is as in marble_problem_set_matrix; with rows = 0 none are wanted, and the rest may be NULL. */
+int32_t marble_call_set_rows(marble_call* call, int32_t rows, int32_t columns, const int32_t* column_pointers,
+                             int64_t entries, const int32_t* row_indices, const double* values,
+                             int32_t tell_columns, marble_error* error);
+/* Of the rows: "proximal", a diagonal >= 0 that was added to Q and is left out here, for one more
+ * factorization; "g", the linear cost of free and z in place of the problem's own. n numbers, or none. */
+int32_t marble_call_set_rows_vector(marble_call* call, const char* name, const double* values, int64_t count,
+                                    marble_error* error);
 /* What goes on with it and what comes ends with MARBLE_CANCELLED, until marble_call_reset. Any thread may
  * ask. */
 void marble_call_cancel(marble_call* call);
@@ -187,6 +209,29 @@ int32_t marble_solution_vector(const marble_solution* solution, const char* name
 int32_t marble_solution_number(const marble_solution* solution, const char* name, double* value,
                                marble_error* error);
 
+/* The derivatives that the call asked for. MARBLE_FAILED_PRECONDITION says why there are none: nothing was
+ * asked for, the answer is not solved or no isolated exact solution of a branch, or the branch is flat along
+ * what was asked. All is lent, as above. Directions, losses, rows and pairs count from 0.
+ *
+ * How z, y, nu, xi or eta change by one unit of a direction. */
+int32_t marble_solution_change(const marble_solution* solution, int32_t direction, const char* name,
+                               const double** values, int64_t* count, marble_error* error);
+/* 1 where the answer goes that way for small positive steps, as it always does without weak rows; 0 where it
+ * does not; -1 where there is no such change. */
+int32_t marble_solution_holds(const marble_solution* solution, int32_t direction);
+/* The derivatives of a loss by the numbers of a part: g, b, d, l, r, Q, A, C, L or R. Of Q upper entries
+ * stand for both. */
+int32_t marble_solution_gradient(const marble_solution* solution, int32_t loss, const char* part,
+                                 const double** values, int64_t* count, marble_error* error);
+/* Of the rows: "values", E z at the answer, and "free", m; "response", its upper triangle by columns,
+ * m (m + 1) / 2; "z", n, and "columns", n m by columns, or nothing. */
+int32_t marble_solution_response(const marble_solution* solution, const char* name, const double** values,
+                                 int64_t* count, marble_error* error);
+/* Where derivatives hold one way alone, by which rows: "inequalities" at zero with a multiplier of zero,
+ * "pairs" with both sides at zero that may leave by either. */
+int32_t marble_solution_weak(const marble_solution* solution, const char* name, const int32_t** indices,
+                             int64_t* count, marble_error* error);
+
 /* Jobs of one server outlive the program that submitted them. MARBLE_NOT_FOUND: never heard of it, no longer
  * kept, or not the caller's to see. `client` is as above. */
 #define MARBLE_JOB_ID_SIZE 64 /* with its zero byte */
@@ -211,7 +256,8 @@ int32_t marble_job_remove(const marble_client* client, const char* job_id, marbl
 /* One problem again and again: only what changed is set, each solve starts from the last answer. */
 typedef struct marble_session marble_session;
 /* As marble_solve. The call's initial_z is where the first solve starts; to cancel it ends the session. Its
- * function, if it has one, is told of every solve; it and the call must outlive the session. */
+ * function, if it has one, is told of every solve; it and the call must outlive the session. The derivatives
+ * that the call asks for come with every solve. */
 int32_t marble_session_open(const marble_client* client, const marble_problem* problem,
                             const marble_options* options, marble_call* call, marble_session** session,
                             marble_error* error);

@@ -35,6 +35,20 @@ class Teller final : public marble::ProgressSink {
   std::stop_source stop_;
 };
 
+/// What a call asks of an answer's derivatives.
+struct Derivatives {
+  std::int32_t directions = 0, losses = 0;
+  marble::OwnedProblem numbers;           // of the directions: its vectors, and the values of its matrices
+  std::vector<double> z, y, nu, xi, eta;  // of the losses
+  marble::SparseMatrix rows;              // none without rows
+  std::vector<double> proximal, g;
+  bool columns = false;
+
+  [[nodiscard]] bool are_wanted() const { return directions > 0 || losses > 0 || rows.rows > 0; }
+  /// It lends its arrays.
+  [[nodiscard]] marble::SensitivityRequest request() const;
+};
+
 struct marble_call {
   std::stop_source stop;
   marble_progress_function function = nullptr;
@@ -44,17 +58,21 @@ struct marble_call {
   double deadline_s = std::numeric_limits<double>::infinity();
   marble::Priority priority = marble::Priority::by_method;
   std::string request_id;
+  Derivatives derivatives;
 
   [[nodiscard]] std::optional<std::chrono::duration<double>> deadline() const {
     if (deadline_s == std::numeric_limits<double>::infinity()) return std::nullopt;
     return std::chrono::duration<double>(deadline_s);
   }
-  /// What it says of a solve; it lends its arrays.
-  [[nodiscard]] marble::SolveControls controls(marble::ProgressSink* progress) const {
+  /// What it says of a solve; it lends its arrays, and `wanted` becomes what it asks of derivatives.
+  [[nodiscard]] marble::SolveControls controls(marble::ProgressSink* progress,
+                                               marble::SensitivityRequest& wanted) const {
+    wanted = derivatives.request();
     return {.progress = function == nullptr ? nullptr : progress,
             .stop = stop.get_token(),
             .initial_z = initial_z,
-            .warm_start = warm_start ? &*warm_start : nullptr};
+            .warm_start = warm_start ? &*warm_start : nullptr,
+            .sensitivity = derivatives.are_wanted() ? &wanted : nullptr};
   }
   [[nodiscard]] marble::CallControls over(const std::string& problem_name) const {
     marble::CallControls over;
@@ -106,6 +124,12 @@ std::int32_t guarded(marble_error* error, const Work& work) {
 
 /// The numbers a caller lends; an error where they are not there.
 [[nodiscard]] Expected<std::span<const double>> numbers(const double* values, std::int64_t count);
+
+/// Takes a matrix that a caller lends. Errors: invalid_argument of fields like "Q.rows".
+[[nodiscard]] Expected<void> set_matrix(SparseMatrix& matrix, const std::string& part, std::int32_t rows,
+                                        std::int32_t columns, const std::int32_t* column_pointers,
+                                        std::int64_t entries, const std::int32_t* row_indices,
+                                        const double* values);
 
 /// Where an environment's MARBLE_SERVER says, and this process where it says nothing.
 [[nodiscard]] Expected<Client> connect(const char* address);

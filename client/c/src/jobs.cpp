@@ -29,9 +29,10 @@ std::int32_t marble_job_submit(const marble_client* client, const marble_problem
     if (problem == nullptr) return unexpected(null("problem"));
     const marble_call none;
     const marble_call& given = call == nullptr ? none : *call;
+    marble::SensitivityRequest wanted;
     const auto taken =
         jobs.submit(problem->problem.view(), options == nullptr ? marble::Options() : options->options,
-                    given.controls(nullptr), given.over(problem->problem.name));
+                    given.controls(nullptr, wanted), given.over(problem->problem.name));
     if (!taken) return unexpected(taken.error());
     if (taken->job_id.size() >= MARBLE_JOB_ID_SIZE) {
       return unexpected(failure(marble::ErrorCode::internal, "job_id", taken->job_id,

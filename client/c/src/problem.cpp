@@ -7,29 +7,30 @@ using marble::unexpected;
 using marble::c::guarded;
 using marble::c::null;
 
-namespace {
+namespace marble::c {
 
-Expected<void> set_matrix(marble::SparseMatrix& matrix, const std::string& part,
-                          marble::SparseMatrixView given, std::int64_t entries, const double* values) {
+Expected<void> set_matrix(SparseMatrix& matrix, const std::string& part, std::int32_t rows,
+                          std::int32_t columns, const std::int32_t* column_pointers, std::int64_t entries,
+                          const std::int32_t* row_indices, const double* values) {
   const auto at_least_zero = [&](const char* name, std::int64_t value) -> Expected<void> {
     if (value < 0) return unexpected(invalid(part + "." + name, std::to_string(value), "must be >= 0"));
     return {};
   };
-  if (auto valid = at_least_zero("rows", given.rows); !valid) return valid;
-  if (auto valid = at_least_zero("columns", given.columns); !valid) return valid;
+  if (auto valid = at_least_zero("rows", rows); !valid) return valid;
+  if (auto valid = at_least_zero("columns", columns); !valid) return valid;
   if (auto valid = at_least_zero("entries", entries); !valid) return valid;
-  if (given.column_pointers.data() == nullptr) return unexpected(null("column_pointers"));
-  if (entries > 0 && given.row_indices.data() == nullptr) return unexpected(null("row_indices"));
+  if (column_pointers == nullptr) return unexpected(null("column_pointers"));
+  if (entries > 0 && row_indices == nullptr) return unexpected(null("row_indices"));
   if (entries > 0 && values == nullptr) return unexpected(null("values"));
-  matrix = marble::SparseMatrix{given.rows,
-                                given.columns,
-                                {given.column_pointers.begin(), given.column_pointers.end()},
-                                {given.row_indices.begin(), given.row_indices.end()},
-                                {values, values + entries}};
+  matrix = SparseMatrix{rows,
+                        columns,
+                        {column_pointers, column_pointers + columns + 1},
+                        {row_indices, row_indices + entries},
+                        {values, values + entries}};
   return {};
 }
 
-}  // namespace
+}  // namespace marble::c
 
 std::int32_t marble_problem_create(std::int32_t variables, marble_problem** problem, marble_error* error) {
   if (problem != nullptr) *problem = nullptr;
@@ -96,15 +97,11 @@ std::int32_t marble_problem_set_matrix(marble_problem* problem, const char* part
     if (problem == nullptr) return unexpected(null("problem"));
     if (part == nullptr) return unexpected(null("part"));
     const std::string name = part;
-    const auto size = [](std::int64_t count) { return static_cast<std::size_t>(count < 0 ? 0 : count); };
-    const std::size_t pointers = column_pointers == nullptr ? 0 : size(columns) + 1;
-    const marble::SparseMatrixView given = {rows,
-                                            columns,
-                                            {column_pointers, pointers},
-                                            {row_indices, row_indices == nullptr ? 0 : size(entries)},
-                                            {}};
-#define MARBLE_MATRIX(letter, field, update, vector) \
-  if (name == #letter) return set_matrix(problem->problem.letter, name, given, entries, values);
+#define MARBLE_MATRIX(letter, field, update, vector)                                                     \
+  if (name == #letter) {                                                                                 \
+    return marble::c::set_matrix(problem->problem.letter, name, rows, columns, column_pointers, entries, \
+                                 row_indices, values);                                                   \
+  }
 #include "marble/contract.def"
     return unexpected(invalid("part", name, "must be Q, A, C, L or R"));
   });

@@ -44,7 +44,8 @@ std::int32_t marble_solve(const marble_client* client, const marble_problem* pro
     const marble_call none;
     const marble_call& given = call == nullptr ? none : *call;
     Teller teller(given.function, given.user, given.stop);
-    const marble::SolveControls controls = given.controls(&teller);
+    marble::SensitivityRequest wanted;
+    const marble::SolveControls controls = given.controls(&teller, wanted);
     const marble::CallControls over = given.over(problem->problem.name);
     const marble::Options chosen = options == nullptr ? marble::Options() : options->options;
     const auto view = problem->problem.view();

@@ -19,7 +19,8 @@ struct SolveArguments {
   Priority priority = Priority::by_method;
   bool local = false;
   bool quiet = false;
-  std::string trace;  // empty: none is written
+  std::string trace;        // empty: none is written
+  std::string sensitivity;  // empty: no derivatives are wanted
   [[nodiscard]] bool json() const { return server.json(); }
   /// Without a server.
   [[nodiscard]] bool here() const { return local || server.server == contract::local_address; }

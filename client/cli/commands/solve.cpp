@@ -94,6 +94,10 @@ std::optional<int> solve_nonlinear_file(const SolveArguments& arguments, nonline
     return tell_error(arguments, path, name,
                       invalid("--trace", "is the convergence of an LCQP: this problem is nonlinear"), false);
   }
+  if (!arguments.sensitivity.empty()) {
+    return tell_error(arguments, path, name,
+                      invalid("--sensitivity", "is of an LCQP's answer: this problem is nonlinear"), false);
+  }
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
   NonlinearTable table(nl->sign(), colours_wanted(), stderr);
   if (!arguments.quiet) settings.iteration = [&table](const nonlinear::Iteration& row) { table.report(row); };

@@ -4,6 +4,7 @@
 #include <iostream>
 #include <optional>
 
+#include "arguments/sensitivity_file.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "marble/solver.h"
@@ -30,7 +31,7 @@ class Listeners final : public ProgressSink {
 };
 
 int solve_file(const SolveArguments& arguments, const std::string& path, const Options& options,
-               const SolveMeans& means, TraceWriter* trace, std::stop_token stop) {
+               const SolveMeans& means, TraceWriter* trace, const Json& sensitivity, std::stop_token stop) {
   const auto file = means.read(path);
   if (!file) {
     if (means.otherwise) {
@@ -40,7 +41,15 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
   }
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
   Listeners listeners(!arguments.quiet, trace);
-  const SolveControls controls{listeners.sink(), std::move(stop), file->problem.initial_z};
+  SolveControls controls{listeners.sink(), std::move(stop), file->problem.initial_z};
+  Expected<OwnedSensitivityRequest> asked;
+  SensitivityRequest request;
+  if (!sensitivity.is_null()) {
+    asked = sensitivity_of(sensitivity, file->problem);
+    if (!asked) return tell_error(arguments, path, file->problem.name, asked.error(), false);
+    request = asked->view();
+    controls.sensitivity = &request;
+  }
   const auto answer = means.solve(file->problem, options, controls);
   if (!answer) return tell_error(arguments, path, file->problem.name, answer.error(), means.remote);
   const Subject subject = subject_of(path, *file);
@@ -49,7 +58,7 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
   return is_solved(answer->status) ? kAllSolved : kNotSolved;
 }
 
-int trace_fails(const Error& error) {
+int argument_fails(const Error& error) {
   std::cerr << "marble: " << error.message() << '\n';
   return kBadInput;
 }
@@ -88,7 +97,10 @@ Expected<Answer> solve_here(const OwnedProblem& problem, const Options& options,
 
 int solve_files(const SolveArguments& arguments, const Options& options, const SolveMeans& means) {
   auto trace = open_trace(arguments);
-  if (!trace) return trace_fails(trace.error());
+  if (!trace) return argument_fails(trace.error());
+  const auto sensitivity =
+      arguments.sensitivity.empty() ? Expected<Json>() : read_sensitivity(arguments.sensitivity);
+  if (!sensitivity) return argument_fails(sensitivity.error());
   const Interrupt interrupt;
   int exit_code = kAllSolved;
   for (const std::string& path : arguments.files) {
@@ -97,12 +109,13 @@ int solve_files(const SolveArguments& arguments, const Options& options, const S
         interrupt.token().stop_requested()
             ? tell_error(arguments, path, "", failure(ErrorCode::cancelled, "not solved: interrupted before"),
                          false)
-            : solve_file(arguments, path, options, means, *trace ? &**trace : nullptr, interrupt.token());
+            : solve_file(arguments, path, options, means, *trace ? &**trace : nullptr, *sensitivity,
+                         interrupt.token());
     exit_code = worse(exit_code, outcome);
   }
   if (*trace && (*trace)->rows() > 0) {  // else nothing was solved, as was told
     if (auto written = (*trace)->commit(); !written)
-      exit_code = worse(exit_code, trace_fails(written.error()));
+      exit_code = worse(exit_code, argument_fails(written.error()));
   }
   if (std::cout) return exit_code;
   std::cerr << "marble: standard output cannot be written\n";

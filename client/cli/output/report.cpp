@@ -5,6 +5,7 @@
 
 #include "output/json.h"
 #include "output/proof.h"
+#include "output/sensitivity_report.h"
 
 namespace marble::cli {
 namespace {
@@ -72,6 +73,8 @@ std::string summary(const Subject& p, const Answer& s) {
     text += std::string("  stationarity    ") + to_string(s.stationarity) +
             (s.b_stationary.value_or(false) ? ", no descent on any branch\n" : "\n");
     text += std::string("  second order    ") + to_string(s.second_order) + "\n";
+    if (const std::string told = sensitivity_text(s); !told.empty())
+      text += "  derivatives     " + told + "\n";
   } else {
     text += "  why             " + s.detail + "\n";
     text += std::string("  what to try     ") + advice(s.status) + "\n";
@@ -112,6 +115,7 @@ std::string json_line(const Subject& problem, const Answer& s) {
   json["queue_seconds"] = s.queue_s;
   if (!s.job_id.empty()) json["job_id"] = s.job_id;
   if (!s.traceparent.empty()) json["traceparent"] = s.traceparent;
+  if (s.sensitivity) json["sensitivity"] = sensitivity_json(s);
   return line(json);
 }
 

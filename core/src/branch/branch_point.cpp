@@ -135,11 +135,14 @@ bool BranchPoint::solve(const Iterate& right_hand_side, Iterate& solution) {
   solution.all.setZero();
   double last = std::numeric_limits<double>::infinity();
   for (int sweep = 0; sweep < tuning::exact_sweeps; ++sweep) {
-    step_images.evaluate_rows(problem_, solution.z());
-    step_images.evaluate_duals(problem_, solution);
-    step.z() = right_hand_side.z() - step_images.stationarity;
-    step.y() = right_hand_side.y() - step_images.equality;
-    step.lambda() = right_hand_side.lambda() - step_images.rows.all;
+    step.all = right_hand_side.all;
+    if (sweep > 0) {
+      step_images.evaluate_rows(problem_, solution.z());
+      step_images.evaluate_duals(problem_, solution);
+      step.z() -= step_images.stationarity;
+      step.y() -= step_images.equality;
+      step.lambda() -= step_images.rows.all;
+    }
     set.clear_others(step.lambda());
     const double error = std::max({max_abs(step.z()), max_abs(step.y()), max_abs(step.lambda())});
     if (!std::isfinite(error)) return false;

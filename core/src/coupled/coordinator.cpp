@@ -3,7 +3,15 @@
 //
 //   (Σ S_k + δI) λ⁺ = Σ (E_k y_k + S_k μ_k) − e + δλ,   E_k z_k = E_k y_k + S_k (μ_k − λ⁺),
 //
-// with μ_k = λ + ρE_k(y_k − z_k⁻), the price at which the block would have chosen y_k without the term.
+// with μ_k = λ + ρE_k(y_k − z_k⁻), the price at which the block would have chosen y_k without the term. That
+// is Newton's step, and too long where another active set begins; the step of the alternating direction
+// method of multipliers (Boyd et al. 2011, section 5), v the violation of a row shared by the blocks that see
+// it,
+//
+//   λ⁺ = λ + ρv,   E_k z_k = E_k y_k − v,
+//
+// comes to convex blocks' agreement from anywhere, but slowly: once the pairs are frozen a step that did not
+// help is taken again, nearer to this one.
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
@@ -54,10 +62,12 @@ class Coordinator {
 
   [[nodiscard]] Expected<bool> tick();
   [[nodiscard]] Expected<End> iterate(int most);
-  [[nodiscard]] bool may_hold_harder() const;
+  [[nodiscard]] bool frozen() const { return state_.asks.front().frozen; }
+  [[nodiscard]] bool may_go_back() const;
   [[nodiscard]] Expected<bool> search();
   [[nodiscard]] bool failed();
   [[nodiscard]] bool measure();
+  void go_back(const State& best);
   void agree();
   [[nodiscard]] Expected<void> try_flips();
   [[nodiscard]] Coordination ended(Status status, std::string detail);
@@ -70,6 +80,8 @@ class Coordinator {
   Coordination result_;
   double proximal_;
   int raises_ = 0;
+  double newton_ = 1.0;  // how much of the way from averaging to Newton's step
+  int gains_ = 0;        // best iterations since it last changed
   std::int32_t iterations_ = 0;
   std::int64_t factorizations_ = 0;
 };
@@ -86,11 +98,11 @@ Expected<bool> Coordinator::tick() {
 }
 
 // All blocks, until they agree. Where they move apart, or a price drives one to where it has no answer, they
-// go on from the best iteration, held harder.
+// go on from the best iteration more carefully.
 Expected<Coordinator::End> Coordinator::iterate(int most) {
   double best_apart = std::numeric_limits<double>::infinity();
-  Vector best_prices;
-  std::vector<BlockAsk> best_asks;
+  State best;
+  int since_best = 0;
   for (int i = 0; i < most; ++i) {
     const auto solved = tick();
     if (!solved) return unexpected(solved.error());
@@ -99,13 +111,19 @@ Expected<Coordinator::End> Coordinator::iterate(int most) {
     if (agreed) return End::agreed;
     const double apart = *solved ? std::max(state_.last.coupling_violation, state_.last.step / proximal_)
                                  : std::numeric_limits<double>::infinity();
-    if (apart < best_apart) best_apart = apart, best_prices = state_.prices, best_asks = state_.asks;
-    if (!(apart <= tuning::coupled_apart * best_apart) && may_hold_harder()) {
-      result_.failed_block.reset();
-      state_.prices = best_prices, state_.asks = best_asks;
-      ++raises_;
-      proximal_ *= tuning::coupled_raise;
-      for (BlockAsk& ask : state_.asks) ask.proximal = proximal_;
+    ++since_best;
+    if (apart < best_apart) {
+      best_apart = apart, best = state_, since_best = 0;
+      if (newton_ < 1.0 && ++gains_ >= tuning::coupled_gains) {
+        newton_ = std::min(1.0, newton_ / tuning::coupled_shorter);
+        gains_ = 0;
+      }
+    }
+    const bool idle = frozen() && since_best >= tuning::coupled_idle;
+    const bool apart_again = !(apart <= tuning::coupled_apart * best_apart);
+    if ((idle || apart_again) && !best.asks.empty() && may_go_back()) {
+      go_back(best);
+      since_best = 0;
       continue;
     }
     if (!*solved) return End::failed;
@@ -114,8 +132,26 @@ Expected<Coordinator::End> Coordinator::iterate(int most) {
   return End::not_yet;
 }
 
+// To the best iteration. Frozen blocks are convex: the step from there is taken nearer to averaging. Where
+// that does not help either, or blocks whose pairs are free leap, they are held harder.
+void Coordinator::go_back(const State& best) {
+  const bool failed = result_.failed_block.has_value();
+  result_.failed_block.reset();
+  state_ = best;
+  gains_ = 0;
+  if ((frozen() || !failed) && newton_ > tuning::coupled_least_step) {
+    newton_ *= tuning::coupled_shorter;
+    agree();
+    return;
+  }
+  ++raises_;
+  newton_ = 1.0;
+  proximal_ *= tuning::coupled_raise;
+  for (BlockAsk& ask : state_.asks) ask.proximal = proximal_;
+}
+
 // A proof is one at any price, and a stop is a stop.
-bool Coordinator::may_hold_harder() const {
+bool Coordinator::may_go_back() const {
   if (raises_ >= tuning::coupled_raises) return false;
   if (!result_.failed_block) return true;
   const Status status = state_.answers[*result_.failed_block].status;
@@ -169,8 +205,7 @@ bool Coordinator::measure() {
       step = std::max(step, proximal_ * std::abs(answer.value[i] - state_.asks[k].centre[i]));
     }
   }
-  state_.last = {iterations_,    max_abs(sum), step, objective, proximal_, state_.asks.front().frozen,
-                 factorizations_};
+  state_.last = {iterations_, max_abs(sum), step, objective, proximal_, frozen(), factorizations_};
   return state_.last.coupling_violation <= options_.tolerance * (1.0 + value) &&
          step <= options_.tolerance * (1.0 + max_abs(state_.prices));
 }
@@ -178,7 +213,7 @@ bool Coordinator::measure() {
 void Coordinator::agree() {
   const Eigen::Index m = total_.size();
   Eigen::MatrixXd responses = Eigen::MatrixXd::Zero(m, m);
-  Vector right = -total_;
+  Vector violation = -total_, right = -total_, seen_by = Vector::Zero(m);
   std::vector<Vector> own_prices;
   for (std::size_t k = 0; k < state_.answers.size(); ++k) {
     const BlockAnswer& answer = state_.answers[k];
@@ -189,6 +224,8 @@ void Coordinator::agree() {
     for (std::size_t i = 0; i < m_k; ++i)
       mu[static_cast<Eigen::Index>(i)] = ask.price[i] + proximal_ * (answer.value[i] - ask.centre[i]);
     for (std::size_t i = 0; i < m_k; ++i) {
+      seen_by[rows[i]] += 1.0;
+      violation[rows[i]] += answer.value[i];
       right[rows[i]] += answer.value[i];
       for (std::size_t j = 0; j < m_k; ++j) {
         const double entry = answer.response[j * m_k + i];
@@ -200,7 +237,9 @@ void Coordinator::agree() {
   const double least = tuning::rounding * std::max(tuning::zero, max_abs(responses.diagonal()));
   responses.diagonal().array() += least;
   right += least * state_.prices;
-  state_.prices = responses.ldlt().solve(right);
+  const Vector newton = responses.ldlt().solve(right);
+  const Vector share = violation.cwiseQuotient(seen_by.cwiseMax(1.0));
+  state_.prices = (1.0 - newton_) * (state_.prices + proximal_ * share) + newton_ * newton;
   for (std::size_t k = 0; k < state_.answers.size(); ++k) {
     const BlockAnswer& answer = state_.answers[k];
     BlockAsk& ask = state_.asks[k];
@@ -208,10 +247,11 @@ void Coordinator::agree() {
     const std::size_t m_k = rows.size();
     for (std::size_t i = 0; i < m_k; ++i) ask.price[i] = state_.prices[rows[i]];
     for (std::size_t i = 0; i < m_k; ++i) {
-      ask.centre[i] = answer.value[i];
+      double change = 0.0;
       for (std::size_t j = 0; j < m_k; ++j)
-        ask.centre[i] +=
-            answer.response[j * m_k + i] * (own_prices[k][static_cast<Eigen::Index>(j)] - ask.price[j]);
+        change +=
+            answer.response[j * m_k + i] * (own_prices[k][static_cast<Eigen::Index>(j)] - newton[rows[j]]);
+      ask.centre[i] = answer.value[i] - (1.0 - newton_) * share[rows[i]] + newton_ * change;
     }
   }
 }

@@ -92,11 +92,48 @@ LiftedBlocks::LiftedBlocks(const CoupledView& view, const CoupledOptions& option
     blocks_.push_back(std::make_unique<Block>(block));
     rows_.push_back(blocks_.back()->lifted.rows());
   }
-  if (controls.start == nullptr || controls.start->blocks.empty()) return;
-  std::vector<double> prices = controls.start->prices;
+  std::vector<double> prices = controls.start == nullptr ? std::vector<double>{} : controls.start->prices;
   prices.resize(view.total.size(), 0.0);
+  if (controls.start == nullptr || controls.start->blocks.empty()) {
+    begin_alone(prices);
+    return;
+  }
   for (std::size_t k = 0; k < blocks_.size(); ++k)
     blocks_[k]->newest = blocks_[k]->lifted.lifted(controls.start->blocks[k], prices);
+}
+
+// Where nothing is known a block begins at its own answer, not held anywhere: zero may be far from all that
+// it can reach. One that has none begins there all the same.
+void LiftedBlocks::begin_alone(const std::vector<double>& prices) {
+  each([&](std::size_t k) {
+    Block& block = *blocks_[k];
+    // An error of it comes again in the first iteration, which tells it.
+    (void)or_out_of_memory([&]() -> Expected<void> {
+      BlockAsk alone;
+      alone.proximal = 0.0;
+      for (const Index row : rows_[k]) alone.price.push_back(prices[static_cast<std::size_t>(row)]);
+      alone.centre.resize(rows_[k].size(), 0.0);
+      block.lifted.ask(alone);
+      auto solver = open_(block.lifted);
+      if (!solver) return unexpected(solver.error());
+      block.solver = *std::move(solver);
+      auto solution = block.solver->solve({}, nullptr);
+      if (!solution) return unexpected(solution.error());
+      block.factorizations = solution->factorizations;
+      if (is_solved(solution->status)) block.newest = *std::move(solution);
+      return {};
+    });
+  });
+}
+
+void LiftedBlocks::each(const std::function<void(std::size_t)>& work) const {
+  std::vector<std::function<void()>> tasks;
+  for (std::size_t k = 0; k < blocks_.size(); ++k) tasks.emplace_back([&work, k] { work(k); });
+  if (controls_.runner != nullptr) {
+    controls_.runner->run(tasks);
+  } else {
+    for (const auto& task : tasks) task();
+  }
 }
 
 std::vector<double> LiftedBlocks::start(std::size_t block) const {
@@ -133,6 +170,7 @@ Expected<BlockAnswer> LiftedBlocks::solve(Block& block, const BlockAsk& ask) con
     solution->factorizations = factorizations;
   }
   if (!solution) return unexpected(solution.error());
+  solution->factorizations += std::exchange(block.factorizations, 0);
   std::vector<double> along;
   if (is_solved(solution->status)) {
     block.newest = *solution;
@@ -143,16 +181,7 @@ Expected<BlockAnswer> LiftedBlocks::solve(Block& block, const BlockAsk& ask) con
 
 Expected<std::vector<BlockAnswer>> LiftedBlocks::tick(std::span<const BlockAsk> asks) {
   std::vector<Expected<BlockAnswer>> answers(blocks_.size());
-  std::vector<std::function<void()>> tasks;
-  for (std::size_t k = 0; k < blocks_.size(); ++k)
-    tasks.emplace_back([this, k, &asks, &answers] {
-      answers[k] = or_out_of_memory([&] { return solve(*blocks_[k], asks[k]); });
-    });
-  if (controls_.runner != nullptr) {
-    controls_.runner->run(tasks);
-  } else {
-    for (const auto& task : tasks) task();
-  }
+  each([&](std::size_t k) { answers[k] = or_out_of_memory([&] { return solve(*blocks_[k], asks[k]); }); });
   std::vector<BlockAnswer> result;
   for (std::size_t k = 0; k < answers.size(); ++k) {
     if (!answers[k]) return unexpected(inside("blocks[" + std::to_string(k) + "]", answers[k].error()));

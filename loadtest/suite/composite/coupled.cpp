@@ -123,6 +123,43 @@ void hoppers_in_pieces(int only_steps) {
   }
 }
 
+double seconds_since(Clock::time_point begin) { return 1e-3 * ms_since(begin); }
+
+/// Budgets that bind: a share of what the hoppers need at most, each by itself.
+void hoppers_on_a_budget() {
+  std::printf("%7s %5s %8s %22s %8s %7s %12s %8s %14s %14s %8s %22s %14s\n", "hoppers", "steps", "budget",
+              "ends", "iterat.", "frozen", "fact. blocks", "s", "objective", "of the blocks", "whole s",
+              "whole", "objective");
+  TwoThreads threads;
+  for (const double share : {0.95, 0.85}) {
+    constexpr int kSteps = 30;
+    testing::OwnedCoupled hoppers = testing::hoppers_on_a_budget(10, kSteps, 0.0);
+    std::vector<double> forces(kSteps, 0.0);
+    for (std::size_t k = 0; k + 1 < hoppers.blocks.size(); ++k) {
+      const Solution alone = solve_in_process(hoppers.blocks[k].view()).value();
+      for (int step = 0; step < kSteps; ++step)
+        forces[static_cast<std::size_t>(step)] +=
+            alone.z[static_cast<std::size_t>(examples::hopper_index(step, examples::kForceZ))];
+    }
+    const double budget = share * *std::ranges::max_element(forces);
+    hoppers.total.assign(kSteps, budget);
+    const CoupledView view = hoppers.view();
+    auto begin = Clock::now();
+    const CoupledSolution answer = solve_coupled(view, {.joint_search = false}, {.runner = &threads}).value();
+    const double seconds = seconds_since(begin);
+    const OwnedProblem joint = joint_problem(view);
+    begin = Clock::now();
+    const Solution whole = solve_in_process(joint.view()).value();
+    std::printf(
+        "%7d %5d %8.2f %22s %8d %7d %12lld %8.1f %14.6f %14.6f %8.1f %22s %14.6f\n", 10, kSteps, budget,
+        to_string(answer.joint.status), answer.coordination.last.iteration, answer.coordination.frozen_at,
+        static_cast<long long>(answer.coordination.last.factorizations), seconds, answer.joint.objective,
+        answer.blocks_objective, seconds_since(begin), to_string(whole.status), whole.objective);
+    std::printf("    %s\n", answer.joint.detail.c_str());
+    std::fflush(stdout);
+  }
+}
+
 }  // namespace
 
 void coupled(const Settings& settings) {
@@ -134,6 +171,7 @@ void coupled(const Settings& settings) {
   if (settings.only.empty() || settings.only == "large")
     random_family("10 x 40, 10 pairs", {.blocks = 10, .variables = 40, .pairs = 10, .rows = 10},
                   10 * settings.seeds);
+  if (settings.only.empty() || settings.only == "hoppers") hoppers_on_a_budget();
   if (settings.only.empty() || settings.only == "pieces") hoppers_in_pieces(settings.steps);
 }
 

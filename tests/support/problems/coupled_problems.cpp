@@ -4,7 +4,9 @@
 #include <cmath>
 #include <random>
 #include <string>
+#include <utility>
 
+#include "marble/examples.h"
 #include "support/judges/dense_matrix.h"
 
 namespace marble::testing {
@@ -63,6 +65,31 @@ OwnedCoupled random_coupled(const CoupledSizes& sizes, std::uint64_t seed) {
     coupled.blocks.push_back(std::move(p));
   }
   coupled.total = bell.vector(sizes.rows);
+  return coupled;
+}
+
+OwnedCoupled hoppers_on_a_budget(int hoppers, int steps, double budget) {
+  OwnedCoupled coupled;
+  Triplets diagonal;
+  for (int step = 0; step < steps; ++step) diagonal.add(step, step, 1.0);
+  for (int k = 0; k < hoppers; ++k) {
+    examples::HopperParameters parameters;
+    parameters.steps = steps;
+    coupled.blocks.push_back(examples::hopper(examples::vary(parameters, static_cast<std::uint64_t>(k))));
+    Triplets forces;
+    for (int step = 0; step < steps; ++step)
+      forces.add(step, examples::hopper_index(step, examples::kForceZ), 1.0);
+    coupled.coupling.push_back(
+        compress(steps, static_cast<Index>(coupled.blocks.back().g.size()), forces, "coupling").value());
+  }
+  OwnedProblem left;
+  left.name = "left of the budget";
+  left.g.assign(static_cast<std::size_t>(steps), 0.0);
+  left.d = left.g;
+  left.C = compress(steps, steps, diagonal, "C").value();
+  coupled.coupling.push_back(left.C);
+  coupled.blocks.push_back(std::move(left));
+  coupled.total.assign(static_cast<std::size_t>(steps), budget);
   return coupled;
 }
 

@@ -27,4 +27,8 @@ struct CoupledSizes {
 /// Dense blocks with Q = WWᵀ/n + ½I; sides, coupling rows and their total at random, of unit variance.
 [[nodiscard]] OwnedCoupled random_coupled(const CoupledSizes& sizes, std::uint64_t seed);
 
+/// Hoppers on one supply: in each step their legs' vertical forces, N, sum to at most the budget. Hopper k is
+/// that of seed k; a last block without cost has what is left of the budget.
+[[nodiscard]] OwnedCoupled hoppers_on_a_budget(int hoppers, int steps, double budget);
+
 }  // namespace marble::testing

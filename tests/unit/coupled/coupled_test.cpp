@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <atomic>
 #include <limits>
 #include <thread>
@@ -107,6 +108,19 @@ TEST(Coupled, RandomFamiliesEndAtTheJointOptimumOrBetterAndAreJudgedSolved) {
     EXPECT_LE(verdict.slackness, 1e-6) << seed;
     EXPECT_NEAR(verdict.objective, answer.joint.objective, 1e-9 * (1.0 + std::abs(verdict.objective)));
   }
+}
+
+TEST(Coupled, HoppersThatShareABudgetOfForceKeepIt) {
+  const double budget = 35.0;  // by themselves they need 44 N
+  const testing::OwnedCoupled hoppers = testing::hoppers_on_a_budget(3, 20, budget);
+  const CoupledSolution answer = solve_coupled(hoppers.view(), {.joint_search = false}).value();
+  ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
+  EXPECT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
+  const OwnedProblem joint = joint_problem(hoppers.view());
+  const testing::Verdict verdict = testing::judge(joint.view(), answer.joint);
+  EXPECT_LE(verdict.infeasibility(), 1e-6);
+  EXPECT_LE(verdict.stationarity, 1e-6);
+  EXPECT_GE(*std::ranges::max_element(answer.prices()), 1e-3) << "the budget binds";
 }
 
 TEST(Coupled, ThreadsChangeNoBit) {

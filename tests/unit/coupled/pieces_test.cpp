@@ -64,6 +64,15 @@ TEST(Pieces, TheyAgreeOnTheObjectiveOfTheirJointBranch) {
   EXPECT_LE(verdict.stationarity, 1e-6);
 }
 
+TEST(Pieces, ThatLookAheadTooLittleAgreeByShorterSteps) {
+  const OwnedProblem p = hopper(240);
+  const PiecesSolution answer =
+      solve_in_pieces(Problem::create(p.view()).value(), stages(240), {.pieces = 4, .look_ahead = 8}).value();
+  ASSERT_TRUE(is_solved(answer.whole.status)) << answer.whole.detail;
+  EXPECT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
+  EXPECT_EQ(answer.coordination.last.proximal, 100.0) << "not held harder";
+}
+
 TEST(Pieces, WhereOneFailsTheWholeIsSolvedFromTheirSweep) {
   // The first piece is left with −½x², which ρ = ½ does not hold and ρ = 100 does.
   OwnedProblem p;

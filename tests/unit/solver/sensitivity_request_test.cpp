@@ -311,5 +311,54 @@ TEST(SensitivityRequest, OfABiactivePairEachDirectionTellsWhetherItHolds) {
       << "each way is of one branch alone";
 }
 
+// Two pairs with both sides at zero and an inequality just active: each of the 32 ways to go out of that
+// corner is of another branch.
+TEST(SensitivityRequest, WhereAOneSidedChangeHoldsItIsTheDifferenceAndTheSignsSayWhere) {
+  constexpr int kPairs = 2, kVariables = 2 * kPairs + 1, kDirections = 1 << kVariables;
+  constexpr double kStep = 1e-3;
+  OwnedProblem p;  // min |z|²
+  Triplets twos, left, right, last;
+  for (Index j = 0; j < kVariables; ++j) twos.add(j, j, 2.0);
+  for (Index i = 0; i < kPairs; ++i) left.add(i, 2 * i, 1.0), right.add(i, 2 * i + 1, 1.0);
+  last.add(0, kVariables - 1, 1.0);
+  p.Q = compress(kVariables, kVariables, twos, "Q").value();
+  p.L = compress(kPairs, kVariables, left, "L").value();
+  p.R = compress(kPairs, kVariables, right, "R").value();
+  p.C = compress(1, kVariables, last, "C").value();
+  p.g.assign(kVariables, 0.0);
+  p.l.assign(kPairs, 0.0), p.r.assign(kPairs, 0.0), p.d = {0.0};
+  std::mt19937_64 engine(5);
+  Values g = drawn(std::size_t{kDirections} * kVariables, engine);
+  for (std::size_t k = 0; k < kDirections; ++k) {
+    for (std::size_t j = 0; j < kVariables; ++j)
+      g[k * kVariables + j] = std::copysign(g[k * kVariables + j], (k >> j) % 2 == 0 ? 1.0 : -1.0);
+  }
+  const SensitivityRequest request{.directions = {kDirections, {.g = g}}};
+  const Solution answer = asked(p, request);
+  const SensitivityAnswer& sensitivity = told(answer);
+  EXPECT_EQ(sensitivity.biactive_pairs, (std::vector<Index>{0, 1}));
+  EXPECT_EQ(sensitivity.weak_inequalities, (std::vector<Index>{0}));
+  int held = 0;
+  for (std::size_t k = 0; k < kDirections; ++k) {
+    const auto part = [&](const Values& all) { return std::span(all).subspan(k * kVariables, kVariables); };
+    const auto to = part(g), change = part(sensitivity.changes.z);
+    const auto stays = [&](std::size_t j) { return std::abs(change[j]) < 1e-9; };
+    // −g is where the cost wants z to go. What stays at zero must want to leave the feasible set, what moves
+    // must move into it.
+    bool expected = true;
+    for (std::size_t j = 0; j < kVariables; ++j)
+      expected = expected && (stays(j) ? to[j] >= 0.0 : to[j] <= 0.0);
+    EXPECT_EQ(sensitivity.changes.holds[k] != 0, expected) << "direction " << k;
+    if (!expected) continue;
+    ++held;
+    OwnedProblem moved = p;
+    for (std::size_t j = 0; j < kVariables; ++j) moved.g[j] = kStep * to[j];
+    const Solution there = Solver::create(Problem::create(moved.view()).value()).value().solve().value();
+    for (std::size_t j = 0; j < kVariables; ++j)
+      EXPECT_NEAR(there.z[j], kStep * change[j], 1e-9) << "direction " << k << ", z[" << j << "]";
+  }
+  EXPECT_EQ(held, 1) << "of all ways out of the corner one is the branch's";
+}
+
 }  // namespace
 }  // namespace marble

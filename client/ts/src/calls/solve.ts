@@ -98,6 +98,7 @@ export function solveRequest(problem: Problem, controls: RequestControls): Solve
     requestId: controls.requestId ?? "",
     priority: priorityOf(controls.priority),
     scenarios: undefined,
+    coupled: undefined,
     sensitivity: controls.sensitivity && sensitivityMessage(controls.sensitivity, shape),
   };
 }

@@ -49,8 +49,9 @@ struct Pieces {
 /// How a long horizon is solved in pieces.
 struct PiecesOptions {
   /// Of the pieces' agreement; `joint` must be true. By default ρ = 100, each pair keeps the side that it has
-  /// after the pieces were solved one after the other, and no better branch of the whole is looked for.
-  CoupledOptions coupled = {.proximal = 100.0, .freeze_after = 0, .joint_search = false};
+  /// after the pieces were solved one after the other, no better branch of the whole is looked for, and the
+  /// tolerance is 1e-8: the whole is solved exactly from there.
+  CoupledOptions coupled = {.proximal = 100.0, .freeze_after = 0, .tolerance = 1e-8, .joint_search = false};
   Index pieces = 2;  ///< >= 1, at most as many as there are stages
   /// Stages that each piece looks ahead while they are first solved one after the other, >= −1; −1: a third
   /// of a piece, but at least 2.

@@ -142,11 +142,11 @@ struct ScenarioAnswer {
 };
 
 /// Solves level after level. The answer is the same to the bit with a runner and without one, on any number
-/// of threads. `controls` may not have initial_z or warm_start; its progress is told of each level's LCQP, by
-/// iterations and factorizations of all levels, without the sides of pairs.
-/// `setup`: most_bytes holds for each level's LCQP with its solver. Errors: invalid_argument: fields of
-/// "base", "first_stage", "own_pairs" and such, "settings.growth" and such, "scenario[7].b" of what `sample`
-/// gave; its own errors as they are; resource_exhausted where a level is too large and there is no answer.
+/// of threads. `controls` may not have initial_z, warm_start or sensitivity; its progress is told of each
+/// level's LCQP, by iterations and factorizations of all levels, without the sides of pairs. `setup`:
+/// most_bytes holds for each level's LCQP with its solver. Errors: invalid_argument: fields of "base",
+/// "first_stage", "own_pairs" and such, "settings.growth" and such, "scenario[7].b" of what `sample` gave;
+/// its own errors as they are; resource_exhausted where a level is too large and there is no answer.
 [[nodiscard]] Expected<ScenarioAnswer> solve_scenarios(const ScenarioProblem& problem,
                                                        const ScenarioSettings& settings = {},
                                                        const SolveControls& controls = {},

@@ -1,0 +1,255 @@
+#include <algorithm>
+
+#include "handles.h"
+
+using marble::Expected;
+using marble::invalid;
+using marble::unexpected;
+using marble::c::guarded;
+using marble::c::null;
+
+namespace {
+
+using Numbers = std::vector<double>;
+
+// Parts by their names in this interface.
+Numbers* part_of(Derivatives& asked, std::string_view name) {
+#define MARBLE_VECTOR(letter, field) \
+  if (name == #letter) return &asked.numbers.letter;
+#define MARBLE_MATRIX(letter, field, update, vector) \
+  if (name == #letter) return &asked.numbers.letter.values;
+#include "marble/contract.def"
+  return nullptr;
+}
+Numbers* vector_of(Derivatives& asked, std::string_view name) {
+  if (name == "z") return &asked.z;
+  if (name == "y") return &asked.y;
+  if (name == "nu") return &asked.nu;
+  if (name == "xi") return &asked.xi;
+  return name == "eta" ? &asked.eta : nullptr;
+}
+const Numbers* part_of(const marble::ProblemGradients& gradients, std::string_view name) {
+#define MARBLE_VECTOR(letter, field) \
+  if (name == #letter) return &gradients.letter;
+#define MARBLE_MATRIX(letter, field, update, vector) \
+  if (name == #letter) return &gradients.letter;
+#include "marble/contract.def"
+  return nullptr;
+}
+const Numbers* vector_of(const marble::AnswerChanges& changes, std::string_view name) {
+  if (name == "z") return &changes.z;
+  if (name == "y") return &changes.equality_multipliers;
+  if (name == "nu") return &changes.inequality_multipliers;
+  if (name == "xi") return &changes.complementarity_multipliers_L;
+  return name == "eta" ? &changes.complementarity_multipliers_R : nullptr;
+}
+const Numbers* part_of(const marble::RowResponse& rows, std::string_view name) {
+  if (name == "values") return &rows.values;
+  if (name == "free") return &rows.free;
+  if (name == "response") return &rows.response;
+  if (name == "z") return &rows.z;
+  return name == "columns" ? &rows.columns : nullptr;
+}
+
+constexpr const char* kParts = "must be g, b, d, l, r, Q, A, C, L or R";
+constexpr const char* kVectors = "must be z, y, nu, xi or eta";
+
+marble::Error none(const char* field, const char* why) {
+  return marble::failure(marble::ErrorCode::failed_precondition, field, why);
+}
+
+Expected<const marble::SensitivityAnswer*> told(const marble_solution* solution) {
+  if (solution == nullptr) return unexpected(null("solution"));
+  const auto& sensitivity = solution->solution.sensitivity;
+  if (!sensitivity) return unexpected(none("solution", "has no derivatives: none were asked for"));
+  if (!*sensitivity) return unexpected(sensitivity->error());
+  return &**sensitivity;
+}
+
+// Lends the share that number `at` of `count` has of what `find` knows by the name.
+template <class All, class Find>
+Expected<void> lend(const All& all, std::int32_t at, std::size_t count, const char* what, const char* name,
+                    const char* names, const Find& find, const double** values, std::int64_t* size) {
+  if (name == nullptr) return unexpected(null("name"));
+  if (values == nullptr) return unexpected(null("values"));
+  if (size == nullptr) return unexpected(null("count"));
+  const Numbers* const numbers = find(all, name);
+  if (numbers == nullptr) return unexpected(invalid("name", name, names));
+  if (at < 0 || static_cast<std::size_t>(at) >= count) {
+    return unexpected(invalid(what, std::to_string(at), "must be in [0, " + std::to_string(count) + ")"));
+  }
+  const std::size_t each = numbers->size() / count;
+  *values = numbers->data() + static_cast<std::size_t>(at) * each;
+  *size = static_cast<std::int64_t>(each);
+  return {};
+}
+
+// Sets what `find` knows by the name for all of so many directions or losses.
+template <class Forget, class Find>
+std::int32_t set_list(marble_call* call, std::int32_t number, const char* what, const char* name,
+                      const char* names, const double* values, std::int64_t count, marble_error* error,
+                      std::int32_t Derivatives::*number_of, const Forget& forget, const Find& find) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (call == nullptr) return unexpected(null("call"));
+    if (number < 0) return unexpected(invalid(what, std::to_string(number), "must be >= 0"));
+    Derivatives& asked = call->derivatives;
+    if (number > 0) {
+      if (name == nullptr) return unexpected(null("name"));
+      if (find(asked, name) == nullptr) return unexpected(invalid("name", name, names));
+      const auto given = marble::c::numbers(values, count);
+      if (!given) return unexpected(given.error());
+      Numbers copy(given->begin(), given->end());
+      if (asked.*number_of != number) forget(asked);
+      *find(asked, name) = std::move(copy);
+    } else {
+      forget(asked);
+    }
+    asked.*number_of = number;
+    return {};
+  });
+}
+
+}  // namespace
+
+marble::SensitivityRequest Derivatives::request() const {
+  marble::SensitivityRequest request;
+  request.directions.count = directions;
+#define MARBLE_VECTOR(letter, field) request.directions.numbers.letter = numbers.letter;
+#define MARBLE_MATRIX(letter, field, update, vector) \
+  request.directions.numbers.letter = numbers.letter.values;
+#include "marble/contract.def"
+  request.losses = {losses,
+                    {.z = z,
+                     .equality_multipliers = y,
+                     .inequality_multipliers = nu,
+                     .complementarity_multipliers_L = xi,
+                     .complementarity_multipliers_R = eta}};
+  if (rows.rows > 0) request.rows = marble::RowsRequest{rows.view(), proximal, g, columns};
+  return request;
+}
+
+std::int32_t marble_call_set_directions(marble_call* call, std::int32_t directions, const char* part,
+                                        const double* values, std::int64_t count, marble_error* error) {
+  return set_list(
+      call, directions, "directions", part, kParts, values, count, error, &Derivatives::directions,
+      [](Derivatives& asked) { asked.numbers = {}; },
+      [](Derivatives& asked, std::string_view name) { return part_of(asked, name); });
+}
+
+std::int32_t marble_call_set_losses(marble_call* call, std::int32_t losses, const char* vector,
+                                    const double* values, std::int64_t count, marble_error* error) {
+  return set_list(
+      call, losses, "losses", vector, kVectors, values, count, error, &Derivatives::losses,
+      [](Derivatives& asked) {
+        for (Numbers* all : {&asked.z, &asked.y, &asked.nu, &asked.xi, &asked.eta}) all->clear();
+      },
+      [](Derivatives& asked, std::string_view name) { return vector_of(asked, name); });
+}
+
+std::int32_t marble_call_set_rows(marble_call* call, std::int32_t rows, std::int32_t columns,
+                                  const std::int32_t* column_pointers, std::int64_t entries,
+                                  const std::int32_t* row_indices, const double* values,
+                                  std::int32_t tell_columns, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (call == nullptr) return unexpected(null("call"));
+    Derivatives& asked = call->derivatives;
+    if (rows != 0) {
+      auto set = marble::c::set_matrix(asked.rows, "rows", rows, columns, column_pointers, entries,
+                                       row_indices, values);
+      if (!set) return set;
+    } else {
+      asked.rows = {};
+      asked.proximal.clear(), asked.g.clear();
+    }
+    asked.columns = tell_columns != 0;
+    return {};
+  });
+}
+
+std::int32_t marble_call_set_rows_vector(marble_call* call, const char* name, const double* values,
+                                         std::int64_t count, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (call == nullptr) return unexpected(null("call"));
+    if (name == nullptr) return unexpected(null("name"));
+    const std::string_view which = name;
+    if (which != "proximal" && which != "g")
+      return unexpected(invalid("name", name, "must be proximal or g"));
+    const auto given = marble::c::numbers(values, count);
+    if (!given) return unexpected(given.error());
+    (which == "g" ? call->derivatives.g : call->derivatives.proximal).assign(given->begin(), given->end());
+    return {};
+  });
+}
+
+std::int32_t marble_solution_change(const marble_solution* solution, std::int32_t direction, const char* name,
+                                    const double** values, std::int64_t* count, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    const auto sensitivity = told(solution);
+    if (!sensitivity) return unexpected(sensitivity.error());
+    const marble::AnswerChanges& changes = (*sensitivity)->changes;
+    if (std::ranges::count(changes.missing, direction) > 0)
+      return unexpected(
+          none("direction", "has no change: the branch is flat along it, or its rows contradict"));
+    return lend(
+        changes, direction, changes.holds.size(), "direction", name, kVectors,
+        [](const auto& all, std::string_view which) { return vector_of(all, which); }, values, count);
+  });
+}
+
+std::int32_t marble_solution_holds(const marble_solution* solution, std::int32_t direction) {
+  const auto sensitivity = told(solution);
+  if (!sensitivity || direction < 0) return -1;
+  const marble::AnswerChanges& changes = (*sensitivity)->changes;
+  const auto at = static_cast<std::size_t>(direction);
+  if (at >= changes.holds.size() || std::ranges::count(changes.missing, direction) > 0) return -1;
+  return changes.holds[at];
+}
+
+std::int32_t marble_solution_gradient(const marble_solution* solution, std::int32_t loss, const char* part,
+                                      const double** values, std::int64_t* count, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    const auto sensitivity = told(solution);
+    if (!sensitivity) return unexpected(sensitivity.error());
+    const marble::ProblemGradients& gradients = (*sensitivity)->gradients;
+    if (std::ranges::count(gradients.missing, loss) > 0) {
+      return unexpected(
+          none("loss", "has no gradient: multipliers that it weighs are not unique, or the branch is flat"));
+    }
+    const std::size_t losses = gradients.g.size() / std::max<std::size_t>(1, solution->solution.z.size());
+    return lend(
+        gradients, loss, losses, "loss", part, kParts,
+        [](const auto& all, std::string_view which) { return part_of(all, which); }, values, count);
+  });
+}
+
+std::int32_t marble_solution_response(const marble_solution* solution, const char* name,
+                                      const double** values, std::int64_t* count, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    const auto sensitivity = told(solution);
+    if (!sensitivity) return unexpected(sensitivity.error());
+    const auto& rows = (*sensitivity)->rows;
+    if (!rows) return unexpected(none("rows", "have no response: none was asked for"));
+    if (!*rows) return unexpected(rows->error());
+    return lend(
+        **rows, 0, 1, "rows", name, "must be values, free, response, z or columns",
+        [](const auto& all, std::string_view which) { return part_of(all, which); }, values, count);
+  });
+}
+
+std::int32_t marble_solution_weak(const marble_solution* solution, const char* name,
+                                  const std::int32_t** indices, std::int64_t* count, marble_error* error) {
+  return guarded(error, [&]() -> Expected<void> {
+    const auto sensitivity = told(solution);
+    if (!sensitivity) return unexpected(sensitivity.error());
+    if (name == nullptr) return unexpected(null("name"));
+    if (indices == nullptr) return unexpected(null("indices"));
+    if (count == nullptr) return unexpected(null("count"));
+    const std::string_view which = name;
+    if (which != "inequalities" && which != "pairs")
+      return unexpected(invalid("name", name, "must be inequalities or pairs"));
+    const auto& weak = which == "pairs" ? (*sensitivity)->biactive_pairs : (*sensitivity)->weak_inequalities;
+    *indices = weak.data();
+    *count = static_cast<std::int64_t>(weak.size());
+    return {};
+  });
+}
