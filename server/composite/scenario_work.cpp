@@ -22,9 +22,9 @@ Error named(Error error) {
 
 std::int64_t bytes_of(const ScenarioNumbers& world) {
   std::size_t numbers = 0;
-  for (const auto* part :
-       {&world.g, &world.b, &world.d, &world.l, &world.r, &world.Q, &world.A, &world.C, &world.L, &world.R})
-    numbers += part->size();
+#define MARBLE_VECTOR(letter, field) numbers += world.letter.size();
+#define MARBLE_MATRIX(letter, field, values, vector) numbers += world.letter.size();
+#include "marble/contract.def"
   return static_cast<std::int64_t>(sizeof(ScenarioNumbers) + numbers * sizeof(double));
 }
 

@@ -35,20 +35,6 @@ class Teller final : public marble::ProgressSink {
   std::stop_source stop_;
 };
 
-/// What a call asks of an answer's derivatives.
-struct Derivatives {
-  std::int32_t directions = 0, losses = 0;
-  marble::OwnedProblem numbers;           // of the directions: its vectors, and the values of its matrices
-  std::vector<double> z, y, nu, xi, eta;  // of the losses
-  marble::SparseMatrix rows;              // none without rows
-  std::vector<double> proximal, g;
-  bool columns = false;
-
-  [[nodiscard]] bool are_wanted() const { return directions > 0 || losses > 0 || rows.rows > 0; }
-  /// It lends its arrays.
-  [[nodiscard]] marble::SensitivityRequest request() const;
-};
-
 struct marble_call {
   std::stop_source stop;
   marble_progress_function function = nullptr;
@@ -58,21 +44,24 @@ struct marble_call {
   double deadline_s = std::numeric_limits<double>::infinity();
   marble::Priority priority = marble::Priority::by_method;
   std::string request_id;
-  Derivatives derivatives;
+  marble::OwnedSensitivityRequest derivatives;
 
   [[nodiscard]] std::optional<std::chrono::duration<double>> deadline() const {
     if (deadline_s == std::numeric_limits<double>::infinity()) return std::nullopt;
     return std::chrono::duration<double>(deadline_s);
   }
+  [[nodiscard]] bool wants_derivatives() const {
+    return derivatives.directions > 0 || derivatives.losses > 0 || derivatives.E.rows > 0;
+  }
   /// What it says of a solve; it lends its arrays, and `wanted` becomes what it asks of derivatives.
   [[nodiscard]] marble::SolveControls controls(marble::ProgressSink* progress,
                                                marble::SensitivityRequest& wanted) const {
-    wanted = derivatives.request();
+    wanted = derivatives.view();
     return {.progress = function == nullptr ? nullptr : progress,
             .stop = stop.get_token(),
             .initial_z = initial_z,
             .warm_start = warm_start ? &*warm_start : nullptr,
-            .sensitivity = derivatives.are_wanted() ? &wanted : nullptr};
+            .sensitivity = wants_derivatives() ? &wanted : nullptr};
   }
   [[nodiscard]] marble::CallControls over(const std::string& problem_name) const {
     marble::CallControls over;

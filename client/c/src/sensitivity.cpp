@@ -10,6 +10,7 @@ using marble::c::null;
 
 namespace {
 
+using Derivatives = marble::OwnedSensitivityRequest;
 using Numbers = std::vector<double>;
 
 // Parts by their names in this interface.
@@ -21,12 +22,13 @@ Numbers* part_of(Derivatives& asked, std::string_view name) {
 #include "marble/contract.def"
   return nullptr;
 }
-Numbers* vector_of(Derivatives& asked, std::string_view name) {
-  if (name == "z") return &asked.z;
-  if (name == "y") return &asked.y;
-  if (name == "nu") return &asked.nu;
-  if (name == "xi") return &asked.xi;
-  return name == "eta" ? &asked.eta : nullptr;
+template <class Vectors>
+auto vector_of(Vectors& all, std::string_view name) -> decltype(&all.z) {
+  if (name == "z") return &all.z;
+  if (name == "y") return &all.equality_multipliers;
+  if (name == "nu") return &all.inequality_multipliers;
+  if (name == "xi") return &all.complementarity_multipliers_L;
+  return name == "eta" ? &all.complementarity_multipliers_R : nullptr;
 }
 const Numbers* part_of(const marble::ProblemGradients& gradients, std::string_view name) {
 #define MARBLE_VECTOR(letter, field) \
@@ -35,13 +37,6 @@ const Numbers* part_of(const marble::ProblemGradients& gradients, std::string_vi
   if (name == #letter) return &gradients.letter;
 #include "marble/contract.def"
   return nullptr;
-}
-const Numbers* vector_of(const marble::AnswerChanges& changes, std::string_view name) {
-  if (name == "z") return &changes.z;
-  if (name == "y") return &changes.equality_multipliers;
-  if (name == "nu") return &changes.inequality_multipliers;
-  if (name == "xi") return &changes.complementarity_multipliers_L;
-  return name == "eta" ? &changes.complementarity_multipliers_R : nullptr;
 }
 const Numbers* part_of(const marble::RowResponse& rows, std::string_view name) {
   if (name == "values") return &rows.values;
@@ -111,23 +106,6 @@ std::int32_t set_list(marble_call* call, std::int32_t number, const char* what, 
 
 }  // namespace
 
-marble::SensitivityRequest Derivatives::request() const {
-  marble::SensitivityRequest request;
-  request.directions.count = directions;
-#define MARBLE_VECTOR(letter, field) request.directions.numbers.letter = numbers.letter;
-#define MARBLE_MATRIX(letter, field, update, vector) \
-  request.directions.numbers.letter = numbers.letter.values;
-#include "marble/contract.def"
-  request.losses = {losses,
-                    {.z = z,
-                     .equality_multipliers = y,
-                     .inequality_multipliers = nu,
-                     .complementarity_multipliers_L = xi,
-                     .complementarity_multipliers_R = eta}};
-  if (rows.rows > 0) request.rows = marble::RowsRequest{rows.view(), proximal, g, columns};
-  return request;
-}
-
 std::int32_t marble_call_set_directions(marble_call* call, std::int32_t directions, const char* part,
                                         const double* values, std::int64_t count, marble_error* error) {
   return set_list(
@@ -141,7 +119,7 @@ std::int32_t marble_call_set_losses(marble_call* call, std::int32_t losses, cons
   return set_list(
       call, losses, "losses", vector, kVectors, values, count, error, &Derivatives::losses,
       [](Derivatives& asked) {
-        for (Numbers* all : {&asked.z, &asked.y, &asked.nu, &asked.xi, &asked.eta}) all->clear();
+        for (const char* name : {"z", "y", "nu", "xi", "eta"}) vector_of(asked, name)->clear();
       },
       [](Derivatives& asked, std::string_view name) { return vector_of(asked, name); });
 }
@@ -154,11 +132,11 @@ std::int32_t marble_call_set_rows(marble_call* call, std::int32_t rows, std::int
     if (call == nullptr) return unexpected(null("call"));
     Derivatives& asked = call->derivatives;
     if (rows != 0) {
-      auto set = marble::c::set_matrix(asked.rows, "rows", rows, columns, column_pointers, entries,
-                                       row_indices, values);
+      auto set = marble::c::set_matrix(asked.E, "rows", rows, columns, column_pointers, entries, row_indices,
+                                       values);
       if (!set) return set;
     } else {
-      asked.rows = {};
+      asked.E = {};
       asked.proximal.clear(), asked.g.clear();
     }
     asked.columns = tell_columns != 0;

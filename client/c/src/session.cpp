@@ -167,8 +167,8 @@ std::int32_t marble_session_solve(marble_session* session, marble_solution** sol
     controls.shift = session->shift;
     controls.deadline = call.deadline();
     controls.progress = call.function == nullptr ? nullptr : &teller;
-    const marble::SensitivityRequest wanted = call.derivatives.request();
-    if (call.derivatives.are_wanted()) controls.sensitivity = &wanted;
+    const marble::SensitivityRequest wanted = call.derivatives.view();
+    if (call.wants_derivatives()) controls.sensitivity = &wanted;
     auto answer = session->session.solve(update, controls);
     session->forget();
     if (!answer) return unexpected(answer.error());

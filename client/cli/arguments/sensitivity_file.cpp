@@ -115,23 +115,6 @@ Expected<void> take(const Json& json, const OwnedProblem& problem, OwnedSensitiv
 
 }  // namespace
 
-SensitivityRequest OwnedSensitivityRequest::view() const {
-  SensitivityRequest request;
-  request.directions.count = directions;
-#define MARBLE_VECTOR(letter, field) request.directions.numbers.letter = numbers.letter;
-#define MARBLE_MATRIX(letter, field, update, vector) \
-  request.directions.numbers.letter = numbers.letter.values;
-#include "marble/contract.def"
-  request.losses = {losses,
-                    {.z = z,
-                     .equality_multipliers = equality_multipliers,
-                     .inequality_multipliers = inequality_multipliers,
-                     .complementarity_multipliers_L = complementarity_multipliers_L,
-                     .complementarity_multipliers_R = complementarity_multipliers_R}};
-  if (E.rows > 0) request.rows = RowsRequest{E.view(), proximal, g, columns};
-  return request;
-}
-
 Expected<Json> read_sensitivity(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file)

@@ -107,6 +107,25 @@ struct SensitivityRequest {
   LossesRequest losses = {};             ///< adjoint
 };
 
+/// The same with its arrays.
+struct OwnedSensitivityRequest {
+  Index directions = 0;                               ///< how many
+  OwnedProblem numbers;                               ///< of the directions; of its matrices the values
+  Index losses = 0;                                   ///< how many
+  std::vector<double> z;                              ///< of the losses, as AnswerWeights has them
+  std::vector<double> equality_multipliers;           ///< the same
+  std::vector<double> inequality_multipliers;         ///< the same
+  std::vector<double> complementarity_multipliers_L;  ///< the same
+  std::vector<double> complementarity_multipliers_R;  ///< the same
+  SparseMatrix E;                                     ///< as RowsRequest has it; no rows: none are asked for
+  std::vector<double> proximal;                       ///< the same
+  std::vector<double> g;                              ///< the same
+  bool columns = false;                               ///< the same
+
+  /// Borrows its arrays.
+  [[nodiscard]] SensitivityRequest view() const;
+};
+
 /// Whether they are of a problem of these sizes, or absent. Errors: invalid_argument of the fields "z" and
 /// such.
 [[nodiscard]] Expected<void> check(const AnswerWeights& weights, const PartSizes& sizes);
@@ -168,9 +187,10 @@ struct SensitivityAnswer {
 /// The branch of an answer and its factor. On the branch the answer solves
 ///
 ///   [ Q   Aᵀ  J₀ᵀ ] [ z ]   [ −g ]
-///   [ A            ] [ y ] = [ −b ]        J₀: the rows of [C; L; R] that are zero, c₀ their offsets, λ =
-///   −(ν, ξ, η) [ J₀           ] [ λ ]   [−c₀ ]
+///   [ A            ] [ y ] = [ −b ]
+///   [ J₀           ] [ λ ]   [−c₀ ]
 ///
+/// with J₀ the rows of [C; L; R] that are zero, c₀ their offsets and λ = −(ν, ξ, η),
 /// whose derivative is one more solution of it a direction: two or three back-substitutions, no
 /// factorization. SolveControls::sensitivity asks the same of a solver, which has the factor already. One
 /// thread at a time.

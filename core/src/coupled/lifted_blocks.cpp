@@ -5,9 +5,11 @@
 #include <cmath>
 #include <utility>
 
+#include "coupled/entries.h"
 #include "coupled/finish.h"
 #include "data/interrupt.h"
 #include "marble/solver.h"
+#include "run/run_tasks.h"
 #include "tuning.h"
 
 namespace marble {
@@ -111,12 +113,10 @@ void LiftedBlocks::begin_alone(const std::vector<double>& prices) {
     (void)or_out_of_memory([&]() -> Expected<void> {
       BlockAsk alone;
       alone.proximal = 0.0;
-      for (const Index row : rows_[k]) alone.price.push_back(prices[static_cast<std::size_t>(row)]);
+      for (const Index row : rows_[k]) alone.price.push_back(prices[at(row)]);
       alone.centre.resize(rows_[k].size(), 0.0);
       block.lifted.ask(alone);
-      auto solver = open_(block.lifted);
-      if (!solver) return unexpected(solver.error());
-      block.solver = *std::move(solver);
+      if (auto opened = open(block); !opened) return opened;
       auto solution = block.solver->solve({}, nullptr);
       if (!solution) return unexpected(solution.error());
       block.factorizations = solution->factorizations;
@@ -126,14 +126,17 @@ void LiftedBlocks::begin_alone(const std::vector<double>& prices) {
   });
 }
 
+Expected<void> LiftedBlocks::open(Block& block) const {
+  auto solver = open_(block.lifted);
+  if (!solver) return unexpected(solver.error());
+  block.solver = *std::move(solver);
+  return {};
+}
+
 void LiftedBlocks::each(const std::function<void(std::size_t)>& work) const {
   std::vector<std::function<void()>> tasks;
   for (std::size_t k = 0; k < blocks_.size(); ++k) tasks.emplace_back([&work, k] { work(k); });
-  if (controls_.runner != nullptr) {
-    controls_.runner->run(tasks);
-  } else {
-    for (const auto& task : tasks) task();
-  }
+  run_tasks(controls_.runner, tasks);
 }
 
 std::vector<double> LiftedBlocks::start(std::size_t block) const {
@@ -154,9 +157,7 @@ Expected<BlockAnswer> LiftedBlocks::solve(Block& block, const BlockAsk& ask) con
   const ProblemUpdate update = block.lifted.update();
   const bool fresh = block.solver == nullptr;
   if (fresh) {
-    auto opened = open_(block.lifted);
-    if (!opened) return unexpected(opened.error());
-    block.solver = *std::move(opened);
+    if (auto opened = open(block); !opened) return unexpected(opened.error());
   }
   const Solution* const start = block.newest ? &*block.newest : nullptr;
   auto solution = block.solver->solve(fresh ? ProblemUpdate{} : update, start);

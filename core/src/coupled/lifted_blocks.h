@@ -13,8 +13,8 @@ namespace marble {
 
 class LiftedBlocks final : public BlockTicks {
  public:
-  /// Of a view that check() has passed, which must outlive this. Where no start is
-  /// known each block is solved by itself first.
+  /// Of a view that check() has passed, which must outlive this. Where no start is known each
+  /// block is solved by itself first.
   LiftedBlocks(const CoupledView& view, const CoupledOptions& options, const CoupledControls& controls);
 
   [[nodiscard]] std::span<const std::vector<Index>> rows() const override { return rows_; }
@@ -31,6 +31,7 @@ class LiftedBlocks final : public BlockTicks {
     std::optional<Solution> newest;  // that was solved, of the problem in force
     int factorizations = 0;          // not told yet
   };
+  [[nodiscard]] Expected<void> open(Block& block) const;
   void begin_alone(const std::vector<double>& prices);
   void each(const std::function<void(std::size_t)>& work) const;
   [[nodiscard]] Expected<BlockAnswer> solve(Block& block, const BlockAsk& ask) const;

@@ -5,6 +5,7 @@
 #include <functional>
 #include <optional>
 
+#include "run/run_tasks.h"
 #include "tuning.h"
 
 namespace marble {
@@ -69,11 +70,7 @@ void in_batches(std::size_t count, const BatchControls& controls,
       }
     });
   }
-  if (controls.runner != nullptr) {
-    controls.runner->run(tasks);
-  } else {
-    for (const auto& task : tasks) task();
-  }
+  run_tasks(controls.runner, tasks);
   if (out_of_memory) throw std::bad_alloc();
 }
 

@@ -1,12 +1,10 @@
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <functional>
 #include <limits>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "families.h"
@@ -14,6 +12,7 @@
 #include "marble/examples.h"
 #include "support/judges/independent_check.h"
 #include "support/problems/coupled_problems.h"
+#include "support/processes/threads.h"
 
 namespace marble::suite {
 namespace {
@@ -24,18 +23,7 @@ double ms_since(Clock::time_point begin) {
   return 1e3 * std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-/// Two threads, as many as the machine of the measurements has.
-class TwoThreads final : public TaskRunner {
- public:
-  void run(std::span<const std::function<void()>> tasks) override {
-    std::atomic<std::size_t> next{0};
-    const auto work = [&] {
-      for (std::size_t i = next++; i < tasks.size(); i = next++) tasks[i]();
-    };
-    std::jthread other(work);
-    work();
-  }
-};
+constexpr int kThreads = 2;  // as many cores as the machine of the measurements has
 
 struct CoupledTally {
   int solved = 0, as_good = 0, better = 0, agreed = 0, frozen = 0, flips = 0, wrong = 0;
@@ -44,7 +32,7 @@ struct CoupledTally {
 
 void random_family(const char* name, const testing::CoupledSizes& sizes, int seeds) {
   CoupledTally tally;
-  TwoThreads threads;
+  testing::Threads threads(kThreads);
   for (int seed = 0; seed < seeds; ++seed) {
     const testing::OwnedCoupled coupled = testing::random_coupled(sizes, static_cast<std::uint64_t>(seed));
     const CoupledView view = coupled.view();
@@ -92,7 +80,7 @@ void hoppers_in_pieces(int only_steps) {
   std::printf("%6s %6s %22s %8s %6s %12s %9s %12s %16s %16s %10s %22s\n", "steps", "pieces", "pieces end",
               "iterat.", "flips", "fact. blocks", "joint", "ms", "objective", "of the blocks", "whole ms",
               "whole");
-  TwoThreads threads;
+  testing::Threads threads(kThreads);
   for (const auto& [steps, pieces] :
        {std::pair{120, 2}, std::pair{240, 4}, std::pair{480, 8}, std::pair{960, 16}, std::pair{1920, 32}}) {
     if (only_steps != 0 && steps != only_steps) continue;
@@ -123,14 +111,12 @@ void hoppers_in_pieces(int only_steps) {
   }
 }
 
-double seconds_since(Clock::time_point begin) { return 1e-3 * ms_since(begin); }
-
 /// Budgets that bind: a share of what the hoppers need at most, each by itself.
 void hoppers_on_a_budget() {
   std::printf("%7s %5s %8s %22s %8s %7s %12s %8s %14s %14s %8s %22s %14s\n", "hoppers", "steps", "budget",
               "ends", "iterat.", "frozen", "fact. blocks", "s", "objective", "of the blocks", "whole s",
               "whole", "objective");
-  TwoThreads threads;
+  testing::Threads threads(kThreads);
   for (const double share : {0.95, 0.85}) {
     constexpr int kSteps = 30;
     testing::OwnedCoupled hoppers = testing::hoppers_on_a_budget(10, kSteps, 0.0);
@@ -146,7 +132,7 @@ void hoppers_on_a_budget() {
     const CoupledView view = hoppers.view();
     auto begin = Clock::now();
     const CoupledSolution answer = solve_coupled(view, {.joint_search = false}, {.runner = &threads}).value();
-    const double seconds = seconds_since(begin);
+    const double seconds = 1e-3 * ms_since(begin);
     const OwnedProblem joint = joint_problem(view);
     begin = Clock::now();
     const Solution whole = solve_in_process(joint.view()).value();
@@ -154,7 +140,7 @@ void hoppers_on_a_budget() {
         "%7d %5d %8.2f %22s %8d %7d %12lld %8.1f %14.6f %14.6f %8.1f %22s %14.6f\n", 10, kSteps, budget,
         to_string(answer.joint.status), answer.coordination.last.iteration, answer.coordination.frozen_at,
         static_cast<long long>(answer.coordination.last.factorizations), seconds, answer.joint.objective,
-        answer.blocks_objective, seconds_since(begin), to_string(whole.status), whole.objective);
+        answer.blocks_objective, 1e-3 * ms_since(begin), to_string(whole.status), whole.objective);
     std::printf("    %s\n", answer.joint.detail.c_str());
     std::fflush(stdout);
   }

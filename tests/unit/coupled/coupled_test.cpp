@@ -5,32 +5,19 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <atomic>
 #include <limits>
-#include <thread>
 
 #include "support/judges/dense_algebra.h"
 #include "support/judges/dense_matrix.h"
 #include "support/judges/independent_check.h"
 #include "support/judges/same_solution.h"
 #include "support/problems/coupled_problems.h"
+#include "support/processes/threads.h"
 
 namespace marble {
 namespace {
 
 using testing::random_coupled;
-
-class ThreeThreads final : public TaskRunner {
- public:
-  void run(std::span<const std::function<void()>> tasks) override {
-    std::atomic<std::size_t> next{0};
-    const auto work = [&] {
-      for (std::size_t i = next++; i < tasks.size(); i = next++) tasks[i]();
-    };
-    std::jthread second(work), third(work);
-    work();
-  }
-};
 
 Eigen::MatrixXd dense(const SparseMatrix& m) {
   Eigen::MatrixXd result = Eigen::MatrixXd::Zero(m.rows, m.columns);
@@ -126,7 +113,7 @@ TEST(Coupled, HoppersThatShareABudgetOfForceKeepIt) {
 TEST(Coupled, ThreadsChangeNoBit) {
   const testing::OwnedCoupled coupled =
       random_coupled({.blocks = 5, .variables = 8, .pairs = 3, .rows = 4}, 7);
-  ThreeThreads threads;
+  testing::Threads threads(3);
   const CoupledSolution many = solve_coupled(coupled.view(), {}, {.runner = &threads}).value();
   const CoupledSolution one = solve_coupled(coupled.view()).value();
   testing::expect_same_bits(many.joint, one.joint);

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <optional>
+#include <stop_token>
 
 #include "marble/call_controls.h"
 #include "marble/error.h"
 #include "marble/progress.h"
 #include "marble/v1/service.pb.h"
+#include "message/status.h"
 
 namespace marble::client {
 
@@ -30,5 +32,19 @@ class SolveEvents {
   std::optional<RemoteSolution> answer_;
   std::int64_t skipped_ = 0;
 };
+
+/// Reads a stream to its end: each event goes to `also` first, then to whoever wants to be told.
+template <class Reader, class Also>
+Expected<RemoteSolution> read_events(Reader& reader, ProgressSink* progress, const CallControls& call,
+                                     const std::stop_token& stop, const Also& also) {
+  v1::SolveStreamResponse event;
+  SolveEvents events(progress, call);
+  while (reader.Read(&event)) {
+    also(event);
+    events.take(event);
+  }
+  if (const grpc::Status status = reader.Finish(); !status.ok()) return unexpected(to_error(status, stop));
+  return events.answer();
+}
 
 }  // namespace marble::client

@@ -7,7 +7,6 @@
 #include "marble/convert_coupled.h"
 #include "message/request.h"
 #include "message/solve_events.h"
-#include "message/status.h"
 
 namespace marble::client {
 namespace {
@@ -47,20 +46,12 @@ Expected<v1::Solution> solve_there(const Connection& connection, const v1::Solve
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   const auto reader = connection.solver().SolveCoupled(&context, request);
   ToldIterations told(controls);
-  SolveEvents events(&told, call);
-  v1::SolveStreamResponse event;
   v1::SolveResponse result;
-  while (reader->Read(&event)) {
-    if (event.has_result()) result = event.result();
-    events.take(event);
-  }
-  if (const grpc::Status status = reader->Finish(); !status.ok()) {
-    Error error = to_error(status, controls.stop);
-    error.field = coupled_core_field(error.field);
-    return unexpected(std::move(error));
-  }
-  const auto last = events.answer();
-  if (!last) return unexpected(last.error());
+  const auto last =
+      read_events(*reader, &told, call, controls.stop, [&](const v1::SolveStreamResponse& event) {
+        if (event.has_result()) result = event.result();
+      });
+  if (!last) return unexpected(of_field(coupled_core_field(last.error().field), last.error()));
   answer.job_id = last->job_id;
   answer.queue_s = last->queue_s;
   answer.total_s = last->total_s;

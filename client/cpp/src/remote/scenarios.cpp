@@ -3,7 +3,6 @@
 #include "connection/traceparent.h"
 #include "marble/convert_scenarios.h"
 #include "message/solve_events.h"
-#include "message/status.h"
 #include "remote/scenario_request.h"
 
 namespace marble::client {
@@ -20,17 +19,12 @@ Expected<RemoteScenarios> solve_scenarios_there(const Connection& connection, co
     return unexpected(ready.error());
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   const auto reader = connection.solver().SolveScenarios(&context, *request);
-  v1::SolveStreamResponse event;
   v1::SolveResponse result;
-  SolveEvents events(controls.progress, call);
-  while (reader->Read(&event)) {
-    if (event.has_level() && settings.level) settings.level(scenario_level_of(event.level()));
-    if (event.has_result()) result = event.result();
-    events.take(event);
-  }
-  const grpc::Status status = reader->Finish();
-  if (!status.ok()) return unexpected(to_error(status, controls.stop));
-  const auto last = events.answer();
+  const auto last =
+      read_events(*reader, controls.progress, call, controls.stop, [&](const v1::SolveStreamResponse& event) {
+        if (event.has_level() && settings.level) settings.level(scenario_level_of(event.level()));
+        if (event.has_result()) result = event.result();
+      });
   if (!last) return unexpected(last.error());
   auto answer = remote_scenarios(result);
   if (!answer) return answer;

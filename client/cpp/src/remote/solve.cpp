@@ -21,12 +21,7 @@ Expected<RemoteSolution> streamed(const Connection& connection, const v1::SolveS
                                   grpc::ClientContext& context, const SolveControls& controls,
                                   const CallControls& call) {
   const auto reader = connection.solver().SolveStream(&context, request);
-  v1::SolveStreamResponse event;
-  SolveEvents events(controls.progress, call);
-  while (reader->Read(&event)) events.take(event);
-  const grpc::Status status = reader->Finish();
-  if (!status.ok()) return unexpected(to_error(status, controls.stop));
-  return events.answer();
+  return read_events(*reader, controls.progress, call, controls.stop, [](const auto&) {});
 }
 
 }  // namespace

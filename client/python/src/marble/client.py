@@ -11,7 +11,7 @@ from marble import errors
 from marble.base.lazy import lazy
 from marble.base.tables import LOCAL_ADDRESS
 from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
-from marble.calls.handle import HandleThere, SolveHandle, read_coupled, read_scenarios, read_stream
+from marble.calls.handle import Answer, HandleThere, SolveHandle, read_answer
 from marble.calls.jobs import Jobs
 from marble.calls.progress import teller
 from marble.calls.session import Session
@@ -117,12 +117,9 @@ class Client:
         if tell is None:
             data = self._rpc.call("Solver/Solve", requests.solve(lcqp, call), deadline)
             return in_terms_of(problem, answers.solve_response(data, lcqp))
-        stream = self._rpc.stream("Solver/SolveStream", requests.solve_stream(lcqp, call), deadline)
-        try:
-            return in_terms_of(problem, read_stream(stream, lcqp, tell))
-        finally:
-            stream.cancel()
-            close()
+        answer = self._answer("Solver/SolveStream", requests.solve_stream(lcqp, call), deadline,
+                              lambda data: answers.read(data, lcqp, tell), close)
+        return in_terms_of(problem, answer)
 
     def solve_async(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                     priority: Priority | str | None = None, progress: Callable[[Progress], object] | None = None,
@@ -151,12 +148,8 @@ class Client:
         wish = worlds.wish(scenarios, wishes)
         call = Call(options, priority, request_id, progress_interval)
         tell, close = teller(progress)
-        stream = self._rpc.stream("Solver/SolveScenarios", worlds.solve_stream(problem, wish, call), deadline)
-        try:
-            return read_scenarios(stream, level, tell)
-        finally:
-            stream.cancel()
-            close()
+        return self._answer("Solver/SolveScenarios", worlds.solve_stream(problem, wish, call), deadline,
+                            lambda data: worlds.read(data, level, tell), close)
 
     def coupled(self, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None], total: ArrayLike, *,
                 prices: ArrayLike | None = None, options: Mapping[str, Any] | None = None,
@@ -185,9 +178,13 @@ class Client:
 
     def _coupled(self, request: bytes, progress: ProgressWish, deadline: float | None) -> tied.Told:
         tell, close = teller(progress)
-        stream = self._rpc.stream("Solver/SolveCoupled", request, deadline)
+        return self._answer("Solver/SolveCoupled", request, deadline, lambda data: tied.read(data, tell), close)
+
+    def _answer(self, method: str, request: bytes, deadline: float | None, read: Callable[[bytes], Answer | None],
+                close: Callable[[], object]) -> Answer:
+        stream = self._rpc.stream(method, request, deadline)
         try:
-            return read_coupled(stream, tell)
+            return read_answer(stream, read)
         finally:
             stream.cancel()
             close()

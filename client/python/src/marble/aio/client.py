@@ -15,6 +15,7 @@ from marble.aio.session import Session
 from marble.base.lazy import lazy
 from marble.base.tables import LOCAL_ADDRESS
 from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
+from marble.calls.handle import Answer
 from marble.calls.jobs import result_of, submission
 from marble.calls.progress import teller
 from marble.connection import connect
@@ -155,20 +156,9 @@ class Client:
         if tell is None:
             data = await self._rpc.call("Solver/Solve", requests.solve(lcqp, call), deadline)
             return in_terms_of(problem, answers.solve_response(data, lcqp))
-        stream = self._rpc.stream("Solver/SolveStream", requests.solve_stream(lcqp, call), deadline)
-        try:
-            async for data in stream:
-                kind, content = answers.stream_event(data, lcqp)
-                for row in content if kind == "progress" else ():
-                    tell(row)
-                if kind == "result":
-                    return in_terms_of(problem, content)
-        except grpc.RpcError as error:
-            raise errors.from_rpc(error) from None
-        finally:
-            stream.cancel()
-            close()
-        raise Cancelled("the stream ended without an answer")
+        answer = await self._answer("Solver/SolveStream", requests.solve_stream(lcqp, call), deadline,
+                                    lambda data: answers.read(data, lcqp, tell), close)
+        return in_terms_of(problem, answer)
 
     async def scenarios(self, problem: LCQP | Problem, scenarios: Scenarios | None = None, *,
                         level: Callable[[ScenarioLevel], object] | None = None,
@@ -179,20 +169,8 @@ class Client:
         wish = worlds.wish(scenarios, wishes)
         call = Call(options, priority, request_id, progress_interval)
         tell, close = teller(progress)
-        stream = self._rpc.stream("Solver/SolveScenarios", worlds.solve_stream(problem, wish, call), deadline)
-        try:
-            async for data in stream:
-                kind, content = worlds.stream_event(data)
-                worlds.tell(kind, content, level, tell)
-                if kind == "result":
-                    answer: ScenarioAnswer = content
-                    return answer
-        except grpc.RpcError as error:
-            raise errors.from_rpc(error) from None
-        finally:
-            stream.cancel()
-            close()
-        raise Cancelled("the stream ended without an answer")
+        return await self._answer("Solver/SolveScenarios", worlds.solve_stream(problem, wish, call), deadline,
+                                  lambda data: worlds.read(data, level, tell), close)
 
     async def coupled(self, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None],
                       total: ArrayLike, *, prices: ArrayLike | None = None, options: Mapping[str, Any] | None = None,
@@ -215,11 +193,15 @@ class Client:
 
     async def _coupled(self, request: bytes, progress: ProgressWish, deadline: float | None) -> tied.Told:
         tell, close = teller(progress)
-        stream = self._rpc.stream("Solver/SolveCoupled", request, deadline)
+        return await self._answer("Solver/SolveCoupled", request, deadline, lambda data: tied.read(data, tell), close)
+
+    async def _answer(self, method: str, request: bytes, deadline: float | None,
+                      read: Callable[[bytes], Answer | None], close: Callable[[], object]) -> Answer:
+        stream = self._rpc.stream(method, request, deadline)
         try:
             async for data in stream:
-                if (told := tied.read(data, tell)) is not None:
-                    return told
+                if (answer := read(data)) is not None:
+                    return answer
         except grpc.RpcError as error:
             raise errors.from_rpc(error) from None
         finally:

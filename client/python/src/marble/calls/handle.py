@@ -5,21 +5,20 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any
+from typing import Any, TypeVar
 
 from marble import errors
 from marble.base.lazy import lazy
 from marble.calls.jobs import Jobs
 from marble.connection.rpc import Rpc
 from marble.errors import Cancelled
-from marble.message import answers, coupled
-from marble.message import scenarios as worlds
+from marble.message import answers
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, in_terms_of
-from marble.model.scenarios import ScenarioAnswer, ScenarioLevel
 from marble.model.solution import Progress, Solution
 
 grpc: Any = lazy("grpc")
+Answer = TypeVar("Answer")
 
 
 class SolveHandle:
@@ -79,7 +78,8 @@ class HandleThere(SolveHandle):
 
     def _read(self, problem: LCQP, given: LCQP | Problem, tell: Callable[[Progress], object] | None) -> None:
         try:
-            self._answer.set_result(in_terms_of(given, read_stream(self._call, problem, tell, self._accept)))
+            answer = read_answer(self._call, lambda data: answers.read(data, problem, tell, self._accept))
+            self._answer.set_result(in_terms_of(given, answer))
         except BaseException as error:
             self._call.cancel()
             self._answer.set_exception(error)
@@ -87,46 +87,12 @@ class HandleThere(SolveHandle):
             self._accepted.set()
 
 
-def read_stream(call: Any, problem: LCQP, tell: Callable[[Progress], object] | None,
-                accept: Callable[[str], None] = lambda _: None) -> Solution:
-    """The answer at the stream's end; tells progress on the way."""
+def read_answer(call: Any, read: Callable[[bytes], Answer | None]) -> Answer:
+    """The answer at the stream's end: what `read` makes of its last event, and None of the others."""
     try:
         for data in call:
-            kind, content = answers.stream_event(data, problem)
-            if kind == "accepted":
-                accept(content)
-            elif kind == "progress" and tell is not None:
-                for row in content:
-                    tell(row)
-            elif kind == "result":
-                answer: Solution = content
+            if (answer := read(data)) is not None:
                 return answer
-    except grpc.RpcError as error:
-        raise errors.from_rpc(error) from None
-    raise Cancelled("the stream ended without an answer")
-
-
-def read_scenarios(call: Any, level: Callable[[ScenarioLevel], object] | None,
-                   tell: Callable[[Progress], object] | None) -> ScenarioAnswer:
-    """The same of a scenario solve."""
-    try:
-        for data in call:
-            kind, content = worlds.stream_event(data)
-            worlds.tell(kind, content, level, tell)
-            if kind == "result":
-                answer: ScenarioAnswer = content
-                return answer
-    except grpc.RpcError as error:
-        raise errors.from_rpc(error) from None
-    raise Cancelled("the stream ended without an answer")
-
-
-def read_coupled(call: Any, tell: Callable[[Progress], object] | None) -> coupled.Told:
-    """The same of a coupled solve."""
-    try:
-        for data in call:
-            if (told := coupled.read(data, tell)) is not None:
-                return told
     except grpc.RpcError as error:
         raise errors.from_rpc(error) from None
     raise Cancelled("the stream ended without an answer")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -113,18 +114,26 @@ def solve_response(data: bytes, problem: LCQP | None) -> Solution:
     return solution(message.solution, arrays, "solution.", problem, message.job_id)
 
 
-def stream_event(data: bytes, problem: LCQP) -> tuple[str, Any]:
-    """("accepted", job id), ("progress", its rows), ("result", the Solution), or (another event, None)."""
+def read(data: bytes, problem: LCQP, tell: Callable[[Progress], object] | None,
+         accept: Callable[[str], object] = lambda _: None) -> Solution | None:
+    """Tells what an event of a solve's stream says; its Solution, if it is the result."""
     message, arrays = wire.decode("SolveStreamResponse", data)
-    kind = message.WhichOneof("event") or ""
+    kind = message.WhichOneof("event")
     if kind == "accepted":
-        return kind, message.accepted.job_id
-    if kind == "progress":
-        return kind, [progress(row) for row in message.progress.rows]
-    if kind == "result":
+        accept(message.accepted.job_id)
+    elif kind == "progress":
+        tell_rows(message, tell)
+    elif kind == "result":
         result = message.result
-        return kind, solution(result.solution, arrays, "result.solution.", problem, result.job_id)
-    return kind, None
+        return solution(result.solution, arrays, "result.solution.", problem, result.job_id)
+    return None
+
+
+def tell_rows(event: Any, tell: Callable[[Progress], object] | None) -> None:
+    """The rows of an event of progress."""
+    if tell is not None:
+        for row in event.progress.rows:
+            tell(progress(row))
 
 
 def progress(row: Any) -> Progress:

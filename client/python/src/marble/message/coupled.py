@@ -94,9 +94,8 @@ def read(data: bytes, tell: Callable[[Progress], object] | None) -> Told | None:
     """An event of the stream: its SolveResponse with its arrays, if it is the result."""
     message, arrays = wire.decode("SolveStreamResponse", data)
     kind = message.WhichOneof("event")
-    if kind == "progress" and tell is not None:
-        for row in message.progress.rows:
-            tell(answers.progress(row))
+    if kind == "progress":
+        answers.tell_rows(message, tell)
     if kind != "result":
         return None
     if not message.result.solution.HasField("coupled"):

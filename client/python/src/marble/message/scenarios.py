@@ -35,16 +35,6 @@ def wish(scenarios: Scenarios | None, parts: Mapping[str, Any]) -> Scenarios:
         raise InvalidArgument("scenarios", f"lacks a part or has one too many ({error})") from None
 
 
-def tell(kind: str, content: Any, level: Callable[[ScenarioLevel], object] | None,
-         row: Callable[[Progress], object] | None) -> None:
-    """Hands an event to who wants to know."""
-    if kind == "level" and level is not None:
-        level(content)
-    elif kind == "progress" and row is not None:
-        for one in content:
-            row(one)
-
-
 def _entries(part: str, places: NDArray[np.intp]) -> Encoder:
     named = Encoder("ScenarioEntries")
     named.others(contract.message("ScenarioEntries")(part=model.PARTS.index(part) + 1))
@@ -143,14 +133,15 @@ def response(data: bytes) -> ScenarioAnswer:
     return answer(message.solution, arrays, "solution.", message.job_id)
 
 
-def stream_event(data: bytes) -> tuple[str, Any]:
-    """("level", it), ("progress", its rows), ("result", the answer), or (another event, None)."""
+def read(data: bytes, level: Callable[[ScenarioLevel], object] | None,
+         tell: Callable[[Progress], object] | None) -> ScenarioAnswer | None:
+    """Tells what an event of the stream says; its answer, if it is the result."""
     message, arrays = wire.decode("SolveStreamResponse", data)
-    kind = message.WhichOneof("event") or ""
-    if kind == "level":
-        return kind, answers.scenario_level(message.level)
-    if kind == "progress":
-        return kind, [answers.progress(row) for row in message.progress.rows]
-    if kind == "result":
-        return kind, answer(message.result.solution, arrays, "result.solution.", message.result.job_id)
-    return kind, None
+    kind = message.WhichOneof("event")
+    if kind == "level" and level is not None:
+        level(answers.scenario_level(message.level))
+    elif kind == "progress":
+        answers.tell_rows(message, tell)
+    elif kind == "result":
+        return answer(message.result.solution, arrays, "result.solution.", message.result.job_id)
+    return None
