@@ -11,6 +11,7 @@ JobBoard::Record JobBoard::make(JobDescription description, const Options& optio
 
 void JobBoard::add(const Record& record) {
   const MutexLock lock(mutex_);
+  if (numbers_.contains(record->id())) return;
   const std::int64_t number = next_number_++;
   records_.emplace(number, record);
   active_.emplace(number, record);

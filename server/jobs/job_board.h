@@ -29,7 +29,7 @@ class JobBoard {
 
   /// A record of a job that is about to be admitted; nobody sees it yet.
   [[nodiscard]] Record make(JobDescription description, const Options& options) const;
-  /// Now everybody does.
+  /// Now everybody does. Nothing, if it is there.
   void add(const Record& record) ABSL_LOCKS_EXCLUDED(mutex_);
   /// It has finished; the oldest finished ones beyond the limit are forgotten.
   void finish(const Record& record) ABSL_LOCKS_EXCLUDED(mutex_);
