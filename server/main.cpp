@@ -184,9 +184,14 @@ int main(int argc, char** argv) {
              {{"reason",
                "neither state_dir nor state is set: submitted jobs and their answers end with the server"}});
   }
-  ResultStore results(result_limits(*config), [&store](const std::string& id) {
-    if (store != nullptr) store->forget(id);
-  });
+  ResultStore results(
+      result_limits(*config),
+      [&store](const std::string& id) {
+        if (store != nullptr) store->forget(id);
+      },
+      [&store](const std::string& id) {
+        if (store != nullptr) store->forget_request(id);
+      });
   SessionTable sessions({config->sessions, config->session_bytes});
   ConnectionTable connections(connection_limits(*config), log);
   const auto shared_scheduler = std::make_shared<Scheduler>(queue_limits(*config), board, log, metrics);

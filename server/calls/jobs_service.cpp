@@ -1,5 +1,6 @@
 #include "calls/jobs_service.h"
 
+#include "calls/bundle_call.h"
 #include "calls/result_call.h"
 #include "calls/watch_call.h"
 #include "messages/job_requests.h"
@@ -47,6 +48,12 @@ JobsService::JobsService(const ServiceParts& parts) : parts_(parts) {
                                                            return WatchCall::begin(parts, *from, request);
                                                          },
                                                          look_at<v1::WatchJobsRequest>));
+  MarkMethodStreamed(method_number("Jobs", "Bundle"), stream_read_first(
+                                                          parts,
+                                                          [&parts](auto* from, const auto* request) {
+                                                            return BundleCall::begin(parts, *from, request);
+                                                          },
+                                                          look_at<v1::JobBundleRequest>));
 }
 
 grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* context,

@@ -7,10 +7,11 @@
 
 namespace marble::server {
 
-using JobsRawService = v1::Jobs::WithRawCallbackMethod_Submit<v1::Jobs::WithRawCallbackMethod_Result<
-    v1::Jobs::WithRawCallbackMethod_Delete<v1::Jobs::WithRawCallbackMethod_List<
-        v1::Jobs::WithRawCallbackMethod_Get<v1::Jobs::WithRawCallbackMethod_Cancel<
-            v1::Jobs::WithRawCallbackMethod_Watch<v1::Jobs::Service>>>>>>>;
+using JobsRawService = v1::Jobs::WithRawCallbackMethod_Submit<
+    v1::Jobs::WithRawCallbackMethod_Result<v1::Jobs::WithRawCallbackMethod_Delete<
+        v1::Jobs::WithRawCallbackMethod_List<v1::Jobs::WithRawCallbackMethod_Get<
+            v1::Jobs::WithRawCallbackMethod_Cancel<v1::Jobs::WithRawCallbackMethod_Watch<
+                v1::Jobs::WithRawCallbackMethod_Bundle<v1::Jobs::Service>>>>>>>>;
 
 /// The methods take and give bytes; see wire.h.
 class JobsService final : public JobsRawService {

@@ -46,6 +46,10 @@ constexpr const char* kLiveRows =
 constexpr const char* kAnswer =
     "SELECT answer, error FROM marble_jobs JOIN marble_answers USING (number) WHERE id = $1 AND state = 2";
 
+constexpr const char* kBoth =
+    "SELECT request, coalesce(answer, ''::bytea) FROM marble_jobs JOIN marble_requests USING (number)"
+    " LEFT JOIN marble_answers USING (number) WHERE id = $1 AND state < 3";
+
 JobSnapshot snapshot_in(const PgRows& rows, int row, int column, FleetState state) {
   v1::JobInfo info;
   const std::string_view bytes = rows.bytes(row, column);
@@ -101,6 +105,20 @@ void FleetMirror::fetch(const std::string& id) {
   ring();
 }
 
+void FleetMirror::recall(const std::string& id, std::function<void(Expected<AskedAndAnswered>)> then) {
+  Expected<void> well;
+  {
+    const MutexLock lock(mutex_);
+    well = closing_ ? unexpected(draining()) : well_;
+    if (well) {
+      asked_.recalls.push_back({id, std::move(then)});
+      ring();
+      return;
+    }
+  }
+  then(unexpected(well.error()));
+}
+
 void FleetMirror::read_anew(const std::string& id) {
   const MutexLock lock(mutex_);
   asked_.anew.push_back(id);
@@ -109,7 +127,7 @@ void FleetMirror::read_anew(const std::string& id) {
 
 bool FleetMirror::is_settled() const {
   const MutexLock lock(mutex_);
-  return !well_ || (!working_ && asked_.looks.empty() && asked_.fetches.empty());
+  return !well_ || (!working_ && asked_.looks.empty() && asked_.fetches.empty() && asked_.recalls.empty());
 }
 
 void FleetMirror::close() {
@@ -151,6 +169,10 @@ void FleetMirror::run() {
     if (done) done = answer(asked);
     set_well(done);
     for (const Look& look : asked.looks) tell(look, done);
+    for (const Recall& recall : asked.recalls) {
+      auto both = done ? read_both(recall.id) : unexpected(done.error());
+      recall.then(std::move(both));
+    }
     if (is_closing()) break;
     if (!done) {
       if (database_) database_->close();
@@ -159,7 +181,9 @@ void FleetMirror::run() {
     }
   }
   // What came between the last round and now.
-  for (const Look& look : take().looks) tell(look, {});
+  const Asked late = take();
+  for (const Look& look : late.looks) tell(look, {});
+  for (const Recall& recall : late.recalls) recall.then(unexpected(draining()));
 }
 
 Expected<void> FleetMirror::connect() {
@@ -354,6 +378,13 @@ Expected<void> FleetMirror::read_live() {
     seen = upto;
   }
   return {};
+}
+
+Expected<AskedAndAnswered> FleetMirror::read_both(const std::string& id) {
+  const auto rows = database_->run(PgStatement(kBoth).text(id));
+  if (!rows) return unexpected(rows.error());
+  if (rows->size() == 0) return unexpected(Submissions::no_request(id));
+  return AskedAndAnswered{std::string(rows->bytes(0, 0)), std::string(rows->bytes(0, 1))};
 }
 
 Expected<void> FleetMirror::read_answer(const std::string& id) {

@@ -18,6 +18,7 @@
 #include "fleet/fleet_schema.h"
 #include "service/service_parts.h"
 #include "store/group_writer.h"
+#include "store/submissions.h"
 
 namespace marble::server {
 
@@ -47,6 +48,9 @@ class FleetMirror {
   void look(const std::string& id, Settled then) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Gives the answer to the results, when it can.
   void fetch(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Submissions::recall().
+  void recall(const std::string& id, std::function<void(Expected<AskedAndAnswered>)> then)
+      ABSL_LOCKS_EXCLUDED(mutex_);
   /// What is known here of a job is not what the store knows.
   void read_anew(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Whether nobody waits for it.
@@ -59,8 +63,13 @@ class FleetMirror {
     std::string id;
     Settled then;
   };
+  struct Recall {
+    std::string id;
+    std::function<void(Expected<AskedAndAnswered>)> then;
+  };
   struct Asked {
     std::vector<Look> looks;
+    std::vector<Recall> recalls;
     std::vector<std::string> fetches;
     std::vector<std::string> anew;
   };
@@ -91,6 +100,7 @@ class FleetMirror {
   [[nodiscard]] Expected<void> read_whole(const std::string& id);
   [[nodiscard]] Expected<void> read_live();
   [[nodiscard]] Expected<void> read_answer(const std::string& id);
+  [[nodiscard]] Expected<AskedAndAnswered> read_both(const std::string& id);
   void apply(const PgRows& rows, int row);
   void show(const std::string& id, Known& known, const PgRows& rows, int row, bool is_new);
   void forget(const std::string& id);

@@ -29,7 +29,8 @@ constexpr std::array kMake = {
     "CREATE INDEX marble_jobs_line ON marble_jobs (client, priority, number) WHERE state = 0",
     "CREATE INDEX marble_jobs_load ON marble_jobs (client, priority) INCLUDE (state, bytes) WHERE state < 2",
     "CREATE INDEX marble_jobs_lease ON marble_jobs (lease) WHERE state = 1",
-    "CREATE INDEX marble_jobs_ended ON marble_jobs (ended, number) INCLUDE (answer_bytes) WHERE state >= 2",
+    "CREATE INDEX marble_jobs_ended ON marble_jobs (ended, number) INCLUDE (answer_bytes, bytes) WHERE state "
+    ">= 2",
     "CREATE INDEX marble_jobs_changed ON marble_jobs (changed)",
     "CREATE TABLE marble_requests ("
     " number bigint PRIMARY KEY REFERENCES marble_jobs ON DELETE CASCADE, request bytea NOT NULL)",

@@ -23,7 +23,6 @@ constexpr const char* kFinish =
     "WITH done AS (UPDATE marble_jobs SET state = 2, token = '', lease = NULL, ended = clock_timestamp(),"
     " answer_bytes = $3, info = $4, changed = pg_current_xact_id()"
     " WHERE id = $1 AND token = $2 AND state = 1 RETURNING number),"
-    " asked AS (DELETE FROM marble_requests r USING done WHERE r.number = done.number),"
     " live AS (DELETE FROM marble_live l USING done WHERE l.number = done.number)"
     " INSERT INTO marble_answers SELECT number, $5::bytea, $6::bytea, $7::bytea FROM done";
 constexpr const char* kRelease =
@@ -34,8 +33,7 @@ constexpr const char* kCancel =
     "WITH told AS (UPDATE marble_jobs SET cancelled = true, changed = pg_current_xact_id(),"
     " state = CASE state WHEN 0 THEN 2 ELSE state END,"
     " ended = CASE state WHEN 0 THEN clock_timestamp() ELSE ended END,"
-    " info = CASE state WHEN 0 THEN $2 ELSE info END WHERE id = $1 AND state < 2 RETURNING number, state),"
-    " asked AS (DELETE FROM marble_requests r USING told WHERE r.number = told.number AND told.state = 2)"
+    " info = CASE state WHEN 0 THEN $2 ELSE info END WHERE id = $1 AND state < 2 RETURNING number, state)"
     " INSERT INTO marble_answers SELECT number, ''::bytea, $3::bytea, $4::bytea FROM told WHERE state = 2";
 constexpr const char* kForget =
     "WITH gone AS (UPDATE marble_jobs SET state = 3, cancelled = true, ended = clock_timestamp(),"
@@ -470,6 +468,16 @@ Expected<void> FleetStore::clean() {
   all.emplace_back(
       "DELETE FROM marble_answers USING marble_jobs j WHERE j.state = 3"
       " AND marble_answers.number = j.number");
+  // Requests of answered jobs have the room that answers leave.
+  append(all,
+         PgStatement("DELETE FROM marble_requests USING (SELECT number,"
+                     " sum(bytes) OVER (ORDER BY ended DESC, number DESC) + sum(answer_bytes) OVER () AS upto"
+                     " FROM marble_jobs WHERE state = 2) kept"
+                     " WHERE marble_requests.number = kept.number AND upto > $1")
+             .number(limits_.keeps_requests ? limits_.answer_bytes : -1));
+  all.emplace_back(
+      "DELETE FROM marble_requests USING marble_jobs j WHERE j.state = 3 AND marble_requests.number = "
+      "j.number");
   all.emplace_back(
       "DELETE FROM marble_jobs WHERE state = 3 AND ended < clock_timestamp() - interval '10 min'");
   all.emplace_back(

@@ -65,6 +65,7 @@ struct FleetLimits {
   QueueLimits queue;    ///< of all servers together, but for workers
   double keep_s = 0.0;  ///< answers
   std::int64_t answer_bytes = 0;
+  bool keeps_requests = false;  ///< of answered jobs, where there is room
   double lease_s = 0.0;
 };
 

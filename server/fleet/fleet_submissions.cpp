@@ -38,6 +38,7 @@ FleetLimits limits_of(const ServiceParts& parts) {
   return {.queue = parts.scheduler.limits(),
           .keep_s = parts.config.result_keep_s,
           .answer_bytes = parts.config.result_bytes,
+          .keeps_requests = parts.config.bundles > 0,
           .lease_s = parts.config.state_lease_s};
 }
 

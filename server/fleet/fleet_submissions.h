@@ -28,6 +28,10 @@ class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
                                             v1::CancelJobResponse* response) override;
   [[nodiscard]] Expected<Afterwards> remove(const Identity& caller, const std::string& id) override;
   void look(const std::string& id, Settled then) override { mirror_.look(id, std::move(then)); }
+  void recall(const std::string& id, bool /*finished*/,
+              std::function<void(Expected<AskedAndAnswered>)> then) override {
+    mirror_.recall(id, std::move(then));
+  }
   [[nodiscard]] Expected<void> health() const override { return store_.health(); }
   [[nodiscard]] std::optional<StoreUsage> usage() const override { return store_.usage(); }
   [[nodiscard]] bool is_settled() const override { return store_.is_settled() && mirror_.is_settled(); }

@@ -10,6 +10,7 @@
 #include "marble/progress.h"
 #include "messages/job_access.h"
 #include "messages/job_requests.h"
+#include "service/job_bundle.h"
 #include "service/server_info.h"
 #include "store/submissions.h"
 
@@ -55,10 +56,10 @@ Expected<v1::ListJobsRequest> list_request(const httplib::Request& request) {
 }
 
 // Of the characters of an id nothing else can come; a header is no place to find out.
-std::string file_name(const std::string& id) {
+void set_file_name(httplib::Response& response, const std::string& id, const char* ending) {
   std::string name = "marble-";
   for (const char c : id) name += std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' ? c : '_';
-  return name + ".csv";
+  response.set_header("Content-Disposition", "attachment; filename=\"" + name + ending + "\"");
 }
 
 std::string trace_csv(const JobRecord::Trace& trace) {
@@ -83,6 +84,21 @@ Answer of_job(const ServiceParts& parts, Ask ask) {
     reply_json(response, message);
     return {};
   };
+}
+
+// On a thread that may wait.
+Expected<std::string> bundle_of(const ServiceParts& parts, const Identity& caller, const std::string& id) {
+  const auto gathered = std::make_shared<std::promise<Expected<GatheredBundle>>>();
+  gather_bundle(parts, caller, id,
+                [gathered](const Expected<GatheredBundle>& how) { gathered->set_value(how); });
+  const auto bundle = gathered->get_future().get();
+  if (!bundle) return unexpected(bundle.error());
+  std::string file;
+  const auto written = write_bundle(**bundle, [&](std::string_view bytes) -> Expected<void> {
+    file += bytes;
+    return {};
+  });
+  return written ? Expected<std::string>(std::move(file)) : unexpected(written.error());
 }
 
 // On a thread that may wait.
@@ -126,10 +142,21 @@ void add_job_routes(Router& router, const ServiceParts& parts) {
                         if (auto looked = look(parts, id); !looked) return looked;
                         const auto record = find_job(parts.board, caller, id);
                         if (!record) return unexpected(record.error());
-                        response.set_header("Content-Disposition",
-                                            "attachment; filename=\"" + file_name(id) + "\"");
+                        set_file_name(response, id, ".csv");
                         response.set_content(trace_csv((*record)->trace()),
                                              "text/csv; charset=utf-8; header=present");
+                        return {};
+                      }));
+  router.get("/api/jobs/([^/]+)/bundle",
+             endpoint(parts,
+                      [&parts](const httplib::Request& request, const Identity& caller,
+                               httplib::Response& response) -> Expected<void> {
+                        const std::string id = request.matches[1].str();
+                        if (auto looked = look(parts, id); !looked) return looked;
+                        const auto file = bundle_of(parts, caller, id);
+                        if (!file) return unexpected(file.error());
+                        set_file_name(response, id, ".tar.zst");
+                        response.set_content(*file, "application/zstd");
                         return {};
                       }));
   router.post("/api/jobs/([^/]+)/cancel",

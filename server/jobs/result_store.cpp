@@ -24,15 +24,28 @@ Expected<std::string> ResultStore::expect(const std::string& id, const std::stri
   return id;
 }
 
+void ResultStore::keep_request(const std::string& id, Request request) {
+  const MutexLock lock(mutex_);
+  const auto found = entries_.find(id);
+  if (found != entries_.end()) found->second.request = std::move(request);
+}
+
+std::optional<ResultStore::Request> ResultStore::request(const std::string& id) const {
+  const MutexLock lock(mutex_);
+  const auto found = entries_.find(id);
+  return found == entries_.end() ? std::nullopt : found->second.request;
+}
+
 bool ResultStore::put(const std::string& id, Result result, Clock::time_point now) {
   std::vector<std::pair<const void*, Callback>> waiters;
-  std::vector<std::string> erased;
+  std::vector<std::string> erased, without_request;
   Shared shared;
   bool kept = false;
   {
     const MutexLock lock(mutex_);
     const auto found = entries_.find(id);
     if (found == entries_.end()) return false;
+    const bool is_first = found->second.result == nullptr;
     std::int64_t bytes =
         kEntryBytes + (result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0);
     shared = std::make_shared<const Result>(std::move(result));
@@ -52,14 +65,36 @@ bool ResultStore::put(const std::string& id, Result result, Clock::time_point no
     found->second.bytes = bytes;
     bytes_ += bytes;
     found->second.age = ages_.insert(ages_.end(), {id, now + limits_.keep});
+    if (Entry& entry = found->second; entry.request && is_first) {
+      entry.request_age = requests_.insert(requests_.end(), id);
+      request_bytes_ += entry.request->bytes;
+    }
+    without_request = make_room_for_answers();
     while (bytes_ > limits_.bytes) {
       erased.push_back(ages_.front().id);
       erase(erased.back());
     }
   }
-  tell(erased);
+  tell(request_forgotten_, without_request);
+  tell(forgotten_, erased);
   for (const auto& [waiter, callback] : waiters) callback(shared);
   return kept;
+}
+
+void ResultStore::drop_request(Entry& entry) {
+  request_bytes_ -= entry.request->bytes;
+  requests_.erase(entry.request_age);
+  entry.request.reset();
+}
+
+// Ids of those whose requests have gone.
+std::vector<std::string> ResultStore::make_room_for_answers() {
+  std::vector<std::string> gone;
+  while (!requests_.empty() && bytes_ + request_bytes_ > limits_.bytes) {
+    gone.push_back(requests_.front());
+    drop_request(entries_.at(gone.back()));
+  }
+  return gone;
 }
 
 std::string ResultStore::owner(const std::string& id) const {
@@ -132,7 +167,7 @@ bool ResultStore::forget(const std::string& id) {
     waiters = std::exchange(found->second.waiters, {});
     erase(id);
   }
-  tell({id});
+  tell(forgotten_, {id});
   for (const auto& [waiter, callback] : waiters) callback(nullptr);
   return true;
 }
@@ -141,7 +176,10 @@ bool ResultStore::erase(const std::string& id) {
   const auto found = entries_.find(id);
   if (found == entries_.end()) return false;
   bytes_ -= found->second.bytes;
-  if (found->second.result != nullptr) ages_.erase(found->second.age);
+  if (found->second.result != nullptr) {
+    ages_.erase(found->second.age);
+    if (found->second.request) drop_request(found->second);
+  }
   if (!found->second.name.request_id.empty())
     ids_.erase({found->second.client, found->second.name.request_id});
   entries_.erase(found);
@@ -157,12 +195,12 @@ void ResultStore::expire(Clock::time_point now) {
       erase(erased.back());
     }
   }
-  tell(erased);
+  tell(forgotten_, erased);
 }
 
-void ResultStore::tell(const std::vector<std::string>& erased) const {
-  if (!forgotten_) return;
-  for (const std::string& id : erased) forgotten_(id);
+void ResultStore::tell(const Forgotten& forgotten, const std::vector<std::string>& ids) {
+  if (!forgotten) return;
+  for (const std::string& id : ids) forgotten(id);
 }
 
 std::int64_t ResultStore::bytes() const {

@@ -1,4 +1,5 @@
-// Answers of submitted jobs, kept for a bounded time and size until their clients come for them.
+// Answers of submitted jobs, kept for a bounded time and size until their clients come for them, and their
+// requests for as long as there is room beside.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
@@ -12,12 +13,13 @@
 #include <vector>
 
 #include "jobs/job_record.h"
+#include "marble/v1/service.pb.h"
 
 namespace marble::server {
 
 struct ResultLimits {
   Clock::duration keep = std::chrono::hours(1);
-  std::int64_t bytes = 0;  ///< of all answers; the oldest go first
+  std::int64_t bytes = 0;  ///< of all answers and requests; the oldest go first, requests before any answer
 };
 
 /// Thread-safe. Callbacks are called without a lock.
@@ -34,8 +36,9 @@ class ResultStore {
   /// Told of each that is let go, whyever.
   using Forgotten = std::function<void(const std::string& id)>;
 
-  explicit ResultStore(const ResultLimits& limits, Forgotten forgotten = {})
-      : limits_(limits), forgotten_(std::move(forgotten)) {}
+  /// `request_forgotten` is told of each request that is let go while its answer stays.
+  explicit ResultStore(const ResultLimits& limits, Forgotten forgotten = {}, Forgotten request_forgotten = {})
+      : limits_(limits), forgotten_(std::move(forgotten)), request_forgotten_(std::move(request_forgotten)) {}
 
   /// Gets an answer that another keeps: to be given to deliver().
   using Fetch = std::function<void(const std::string& id)>;
@@ -56,6 +59,16 @@ class ResultStore {
   /// another request).
   [[nodiscard]] Expected<std::string> expect(const std::string& id, const std::string& client,
                                              const RequestName& name = {}) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// What a job that is expected was asked.
+  struct Request {
+    std::shared_ptr<const v1::SolveRequest> message;  ///< null where a store has it
+    std::int64_t bytes = 0;
+  };
+  /// Keeps it for as long as the answer, and there is room.
+  void keep_request(const std::string& id, Request request) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Nothing if it is not kept, or not any more.
+  [[nodiscard]] std::optional<Request> request(const std::string& id) const ABSL_LOCKS_EXCLUDED(mutex_);
+
   /// Here it is. Dropped if nobody expects it any more; true if it is kept. One that alone is larger than
   /// all that may be kept is replaced by an error.
   bool put(const std::string& id, Result result, Clock::time_point now) ABSL_LOCKS_EXCLUDED(mutex_);
@@ -84,14 +97,18 @@ class ResultStore {
     Shared result;
     std::int64_t bytes = 0;
     std::list<Age>::iterator age;  // of one that has a result
+    std::optional<Request> request;
+    std::list<std::string>::iterator request_age;  // of one that has both
     std::vector<std::pair<const void*, Callback>> waiters;
     bool elsewhere = false;
   };
   bool erase(const std::string& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void tell(const std::vector<std::string>& erased) const;
+  void drop_request(Entry& entry) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] std::vector<std::string> make_room_for_answers() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  static void tell(const Forgotten& forgotten, const std::vector<std::string>& ids);
 
   const ResultLimits limits_;
-  const Forgotten forgotten_;
+  const Forgotten forgotten_, request_forgotten_;
   Fetch fetch_;
   mutable Mutex mutex_;
   std::unordered_map<std::string, Entry> entries_ ABSL_GUARDED_BY(mutex_);
@@ -99,6 +116,8 @@ class ResultStore {
       ABSL_GUARDED_BY(mutex_);                   // by client and request id
   std::list<Age> ages_ ABSL_GUARDED_BY(mutex_);  // of those that have a result, oldest first
   std::int64_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::list<std::string> requests_ ABSL_GUARDED_BY(mutex_);  // ids of those that have both, oldest first
+  std::int64_t request_bytes_ ABSL_GUARDED_BY(mutex_) = 0;   // of these
 };
 
 }  // namespace marble::server

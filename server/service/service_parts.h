@@ -1,6 +1,9 @@
 // What the calls of all services work with.
 #pragma once
 
+#include <atomic>
+#include <memory>
+
 #include "access/access.h"
 #include "config/config.h"
 #include "jobs/job_board.h"
@@ -31,6 +34,7 @@ struct ServiceParts {
   ConnectionTable& connections;
   LiveCalls& calls;
   Submissions* submissions = nullptr;  ///< set before anybody calls
+  std::shared_ptr<std::atomic<int>> bundles = std::make_shared<std::atomic<int>>(0);  ///< being made
   Clock::time_point started = Clock::now();
 };
 

@@ -120,8 +120,8 @@ Expected<std::string> JobStore::check(const std::string& directory) {
 Expected<std::vector<StoredJob>> JobStore::unanswered() {
   const MutexLock lock(read_mutex_);
   auto rows = reader_.prepare(
-      "SELECT id, client, request_id, digest, peer, traceparent, priority, accepted_unix_s, cancelled "
-      "FROM jobs WHERE id NOT IN (SELECT id FROM answers) ORDER BY number");
+      "SELECT id, client, request_id, digest, peer, traceparent, priority, accepted_unix_s, cancelled, "
+      "length(request) FROM jobs WHERE id NOT IN (SELECT id FROM answers) ORDER BY number");
   if (!rows) return unexpected(rows.error());
   std::vector<StoredJob> jobs;
   while (true) {
@@ -137,23 +137,26 @@ Expected<std::vector<StoredJob>> JobStore::unanswered() {
                     .priority = rows->integer(6),
                     .accepted_unix_s = rows->real(7),
                     .cancelled = rows->integer(8) != 0,
-                    .request = {}});
+                    .request = {},
+                    .request_bytes = rows->integer(9)});
   }
 }
 
 Expected<std::string> JobStore::request_of(const std::string& id) {
   const MutexLock lock(read_mutex_);
-  auto rows = reader_.prepare("SELECT request FROM jobs WHERE id = ?");
+  auto rows = reader_.prepare("SELECT request FROM jobs WHERE id = ? AND request IS NOT NULL");
   if (!rows) return unexpected(rows.error());
   const auto row = rows->bind(1, id).step();
   if (!row) return unexpected(row.error());
+  if (!*row) return unexpected(failure(ErrorCode::not_found, "job_id", id, "has no request that is kept"));
   return rows->bytes(0);
 }
 
 Expected<void> JobStore::each_result(const std::function<void(StoredResult)>& tell) {
   const MutexLock lock(read_mutex_);
   auto rows = reader_.prepare(
-      "SELECT id, client, request_id, digest, job, answer, error, finished_unix_s "
+      "SELECT id, client, request_id, digest, job, answer, error, finished_unix_s, ifnull(length(request), "
+      "-1) "
       "FROM answers JOIN jobs USING (id) ORDER BY ended");
   if (!rows) return unexpected(rows.error());
   while (true) {
@@ -167,7 +170,8 @@ Expected<void> JobStore::each_result(const std::function<void(StoredResult)>& te
           .job = rows->bytes(4),
           .answer = rows->bytes(5),
           .error = rows->bytes(6),
-          .finished_unix_s = rows->real(7)});
+          .finished_unix_s = rows->real(7),
+          .request_bytes = rows->integer(8)});
   }
 }
 
@@ -182,6 +186,10 @@ void JobStore::finish(StoredResult result, Settled settled) {
 void JobStore::cancel(const std::string& id) { changes_.ask({.kind = Kind::cancel, .job = {.id = id}}); }
 
 void JobStore::forget(const std::string& id) { changes_.ask({.kind = Kind::forget, .job = {.id = id}}); }
+
+void JobStore::forget_request(const std::string& id) {
+  changes_.ask({.kind = Kind::forget_request, .job = {.id = id}});
+}
 
 void JobStore::when_settled(Settled settled) { changes_.ask({.settled = std::move(settled)}); }
 
@@ -257,10 +265,13 @@ Expected<void> JobStore::make(const Change& change) {
                     .bind_blob(5, result.error)
                     .bound();
               });
-      if (!answered) return answered;
+      if (!answered || result.keeps_request) return answered;
       return run("UPDATE jobs SET request = NULL WHERE id = ?",
                  [&](Statement& statement) { return statement.bind(1, result.id).bound(); });
     }
+    case Kind::forget_request:
+      return run("UPDATE jobs SET request = NULL WHERE id = ?",
+                 [&](Statement& statement) { return statement.bind(1, job.id).bound(); });
     case Kind::cancel:
       return run("UPDATE jobs SET cancelled = 1 WHERE id = ?",
                  [&](Statement& statement) { return statement.bind(1, job.id).bound(); });

@@ -20,8 +20,9 @@ struct StoredJob {
   std::string peer = {}, traceparent = {};
   std::int64_t priority = 0;
   double accepted_unix_s = 0.0;
-  bool cancelled = false;    ///< it is to end, and not to run again
-  std::string request = {};  ///< a marble.v1.SolveRequest; left out where jobs are listed
+  bool cancelled = false;          ///< it is to end, and not to run again
+  std::string request = {};        ///< a marble.v1.SolveRequest; left out where jobs are listed
+  std::int64_t request_bytes = 0;  ///< of it, where jobs are listed
 };
 
 /// How one ended.
@@ -33,6 +34,8 @@ struct StoredResult {
   std::string error = {};   ///< a google.rpc.Status where there is no answer
   double finished_unix_s = 0.0;
   std::string info = {};  ///< a marble.v1.JobInfo: the job's without its trace, where several servers list it
+  bool keeps_request = false;       ///< the request stays with the answer
+  std::int64_t request_bytes = -1;  ///< read, not written: of the request, if it is there
 };
 
 /// Thread-safe. Every change is made in the order in which it was asked for.
@@ -51,6 +54,7 @@ class JobStore {
 
   /// Jobs without an answer, in the order in which they were accepted, without their requests.
   [[nodiscard]] Expected<std::vector<StoredJob>> unanswered() ABSL_LOCKS_EXCLUDED(read_mutex_);
+  /// Errors: not_found (it is not there, or not any more).
   [[nodiscard]] Expected<std::string> request_of(const std::string& id) ABSL_LOCKS_EXCLUDED(read_mutex_);
   /// Tells all answers, in the order in which they came.
   [[nodiscard]] Expected<void> each_result(const std::function<void(StoredResult)>& tell)
@@ -62,6 +66,8 @@ class JobStore {
   /// It shall not run again.
   void cancel(const std::string& id);
   void forget(const std::string& id);
+  /// The answer stays.
+  void forget_request(const std::string& id);
   /// When all that was asked for until now is made.
   void when_settled(Settled settled);
 
@@ -73,7 +79,7 @@ class JobStore {
   [[nodiscard]] bool is_settled() const { return changes_.is_settled(); }
 
  private:
-  enum class Kind { add, finish, cancel, forget, nothing };
+  enum class Kind { add, finish, cancel, forget, forget_request, nothing };
   struct Change {
     Kind kind = Kind::nothing;
     StoredJob job = {};

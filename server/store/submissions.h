@@ -18,6 +18,12 @@ struct Caller;
 /// be filled until then.
 using Afterwards = std::function<void(Settled)>;
 
+/// What a job was asked and answered, as bytes of marble.v1.SolveRequest and SolveResponse.
+struct AskedAndAnswered {
+  std::string request;
+  std::string answer;  ///< empty if there is none, or not yet
+};
+
 /// Thread-safe.
 class Submissions {
  public:
@@ -39,6 +45,11 @@ class Submissions {
   /// where that cannot be found out soon, with what is known. Errors: unavailable (nothing is known of it).
   virtual void look(const std::string& id, Settled then) = 0;
 
+  /// Tells both, of a submitted job that has `finished`, or one that has not: then without an answer. Errors:
+  /// not_found (the request is not kept any more, or the job was deleted), unavailable.
+  virtual void recall(const std::string& id, bool finished,
+                      std::function<void(Expected<AskedAndAnswered>)> then) = 0;
+
   /// Why nothing can be written, if so.
   [[nodiscard]] virtual Expected<void> health() const = 0;
   /// Nothing where there is no store.
@@ -48,6 +59,12 @@ class Submissions {
   /// The error of a submission while nothing can be written.
   [[nodiscard]] static Error not_kept(const Error& why) {
     return failure(ErrorCode::unavailable, "the server cannot keep a job now: " + why.bound);
+  }
+  /// The error where a job is known, and its request is not.
+  [[nodiscard]] static Error no_request(const std::string& id) {
+    return failure(
+        ErrorCode::failed_precondition, "job_id", id,
+        "is a job whose request is not kept any more: the oldest are let go where there is no room");
   }
   /// Whether the store has all that it was given, and everybody has heard of it.
   [[nodiscard]] virtual bool is_settled() const = 0;

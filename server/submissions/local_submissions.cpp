@@ -6,6 +6,7 @@
 #include "service/admission.h"
 #include "store/digest.h"
 #include "submissions/result_keeper.h"
+#include "wire/wire.h"
 
 namespace marble::server {
 namespace {
@@ -50,6 +51,7 @@ Expected<Afterwards> LocalSubmissions::submit(const Caller& caller, std::shared_
   StoredJob stored{.request_id = request->request_id()};
   if (store_ != nullptr || !stored.request_id.empty()) stored.request = request->SerializeAsString();
   if (!stored.request_id.empty()) stored.digest = digest_of(stored.request);
+  ResultStore::Request asked{store_ == nullptr ? request : nullptr, (*job)->ticket.bytes};
   request = nullptr;  // the job's
   const std::shared_ptr<JobRecord> record = (*job)->record;
   const std::string& client = caller.identity.client;
@@ -60,6 +62,7 @@ Expected<Afterwards> LocalSubmissions::submit(const Caller& caller, std::shared_
     fill(*id, earlier != nullptr ? earlier->place() : QueuePlace{}, response);
     return when_settled();
   }
+  if (parts_.config.bundles > 0) parts_.results.keep_request(record->id(), std::move(asked));
   const auto keeper = std::make_shared<ResultKeeper>(parts_, store_, record);
   (*job)->observer = keeper;
   const auto place = parts_.scheduler.admit(*job);
@@ -97,6 +100,28 @@ Expected<Afterwards> LocalSubmissions::remove(const Identity& caller, const std:
   if (const auto record = parts_.board.find(id); record != nullptr) record->cancel();
   parts_.board.forget(id);
   return when_settled();
+}
+
+void LocalSubmissions::recall(const std::string& id, bool finished,
+                              std::function<void(Expected<AskedAndAnswered>)> then) {
+  const auto asked = parts_.results.request(id);
+  if (!asked) return then(unexpected(no_request(id)));
+  AskedAndAnswered both;
+  if (asked->message != nullptr) {
+    both.request = asked->message->SerializeAsString();
+  } else {
+    auto request = store_->request_of(id);
+    if (!request) return then(unexpected(request.error()));
+    both.request = std::move(*request);
+  }
+  if (!finished) return then(std::move(both));
+  // One that has just finished has its answer in a moment.
+  const auto shared = std::make_shared<AskedAndAnswered>(std::move(both));
+  parts_.results.wait(id, shared.get(), [id, shared, then](const ResultStore::Shared& result) {
+    if (result == nullptr) return then(unexpected(no_such_job(id)));
+    if (result->answer) shared->answer = bytes_of(*result->answer);
+    then(std::move(*shared));
+  });
 }
 
 Expected<void> LocalSubmissions::health() const {

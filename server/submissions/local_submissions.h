@@ -21,6 +21,8 @@ class LocalSubmissions final : public Submissions {
                                             v1::CancelJobResponse* response) override;
   [[nodiscard]] Expected<Afterwards> remove(const Identity& caller, const std::string& id) override;
   void look(const std::string& /*id*/, Settled then) override { then({}); }
+  void recall(const std::string& id, bool finished,
+              std::function<void(Expected<AskedAndAnswered>)> then) override;
   [[nodiscard]] Expected<void> health() const override;
   [[nodiscard]] std::optional<StoreUsage> usage() const override;
   void close() override {

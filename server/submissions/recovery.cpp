@@ -40,6 +40,8 @@ Expected<void> Recovery::take_up_answers() {
       parts_.board.add(record);
       parts_.board.finish(record);
     }
+    if (stored.request_bytes >= 0 && parts_.config.bundles > 0)
+      parts_.results.keep_request(stored.id, {nullptr, stored.request_bytes});
     ResultStore::Result result{buffer_of(stored.answer), 0.0};
     if (google::rpc::Status error; !stored.error.empty() && error.ParseFromString(stored.error))
       result.answer = unexpected(error_of(error));
@@ -55,6 +57,7 @@ Expected<void> Recovery::take_up_jobs() {
   const MutexLock lock(mutex_);
   for (StoredJob& job : *jobs) {
     if (!parts_.results.expect(job.id, job.client, {job.request_id, job.digest})) continue;
+    if (parts_.config.bundles > 0) parts_.results.keep_request(job.id, {nullptr, job.request_bytes});
     if (job.cancelled) {
       end(job, failure(ErrorCode::cancelled, "given up before the server was started again"));
     } else {

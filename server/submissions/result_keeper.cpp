@@ -9,16 +9,6 @@
 namespace marble::server {
 namespace {
 
-std::string bytes_of(const grpc::ByteBuffer& buffer) {
-  std::vector<grpc::Slice> slices;
-  std::string bytes;
-  if (!buffer.Dump(&slices).ok()) return bytes;
-  bytes.reserve(buffer.Length());
-  for (const grpc::Slice& slice : slices)
-    bytes.append(reinterpret_cast<const char*>(slice.begin()), slice.size());
-  return bytes;
-}
-
 void put(ResultStore& results, JobRecord& record, ResultStore::Result result) {
   if (!results.put(record.id(), std::move(result), Clock::now())) record.set_result_bytes(0);
 }
@@ -57,6 +47,7 @@ void ResultKeeper::finished(Outcome outcome) {
   const bool interrupted = outcome.interrupted && store_ != nullptr;
   if (interrupted) outcome.solution = unexpected(draining("the job begins again when it is back"));
   KeptResult answer = result_of(*record_, outcome);
+  answer.stored.keeps_request = parts_.config.bundles > 0;
   if (store_ == nullptr || interrupted) return put(parts_.results, *record_, std::move(answer.result));
   {
     const MutexLock lock(mutex_);

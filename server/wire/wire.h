@@ -7,6 +7,7 @@
 #include <grpcpp/support/proto_buffer_reader.h>
 
 #include <string>
+#include <vector>
 
 #include "marble/error.h"
 #include "wire/wire_fields.h"
@@ -35,6 +36,16 @@ template <class Message>
   if (status.ok()) return {};
   return unexpected(failure(ErrorCode::invalid_argument,
                             "the request is not a " + Message::descriptor()->full_name() + " message"));
+}
+
+[[nodiscard]] inline std::string bytes_of(const grpc::ByteBuffer& buffer) {
+  std::vector<grpc::Slice> slices;
+  std::string bytes;
+  if (!buffer.Dump(&slices).ok()) return bytes;
+  bytes.reserve(buffer.Length());
+  for (const grpc::Slice& slice : slices)
+    bytes.append(reinterpret_cast<const char*>(slice.begin()), slice.size());
+  return bytes;
 }
 
 template <class Message>

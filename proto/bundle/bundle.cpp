@@ -1,0 +1,197 @@
+#include "bundle.h"
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+#include <google/protobuf/util/json_util.h>
+#include <google/protobuf/wire_format_lite.h>
+
+#include <fstream>
+#include <map>
+
+#include "marble/convert.h"
+#include "marble/v1/service.pb.h"
+#include "marble/version.h"
+#include "problem_json.h"
+#include "tar_zst.h"
+
+extern "C" char* openblas_get_corename() __attribute__((weak));  // only OpenBLAS has it
+
+namespace marble {
+namespace {
+
+constexpr const char* kFactsFile = "job.pb";
+constexpr const char* kRequestFile = "request.pb";
+constexpr const char* kAnswerFile = "answer.pb";
+constexpr std::size_t kMostText = 16 << 20;       // bytes of an answer that is told as text too
+constexpr std::uint64_t kLeastBound = 256 << 20;  // bytes that any file may unpack to
+constexpr std::uint64_t kMostRatio = 100;         // and this many times its own
+
+constexpr const char* kReadMe =
+    "A solve by Marble, to be solved again: marble replay FILE tells what differs.\n"
+    "\n"
+    "bundle.json   version, processor, options and end\n"
+    "problem.json  the problem, for marble solve (blocks of coupled problems are in request.pb alone)\n"
+    "answer.json   the answer, where it is not too large\n"
+    "trace.csv     the convergence, for marble plot\n"
+    "job.pb, request.pb, answer.pb  what marble replay reads: marble.v1.JobBundle, SolveRequest, "
+    "SolveResponse\n"
+    "\n"
+    "There is no token, name or address of who asked in it. The problem and its name are.\n";
+
+Error damaged(const std::string& how) { return failure(ErrorCode::invalid_argument, "is no bundle: " + how); }
+
+std::string json_of(const google::protobuf::Message& message) {
+  google::protobuf::util::JsonPrintOptions options;
+  options.add_whitespace = true;
+  options.preserve_proto_field_names = true;
+  std::string json;
+  (void)google::protobuf::util::MessageToJsonString(message, &json, options);
+  return json;
+}
+
+std::string trace_csv(const v1::Trace& trace) {
+  std::string text = progress_csv_header() + "\n";
+  for (const v1::Progress& row : trace.rows()) {
+    append_progress_csv(progress_of(row), text);
+    text += '\n';
+  }
+  return text;
+}
+
+// The facts as text. A sampler's seed is told here too; all else in Marble that is random is fixed.
+std::string facts_json(const v1::JobBundle& facts) {
+  v1::JobBundle told = facts;
+  told.mutable_job()->clear_trace();
+  return json_of(told);
+}
+
+std::string last_part(std::string_view path) { return std::string(path.substr(path.find_last_of('/') + 1)); }
+
+template <class Message>
+Expected<void> parse(const std::string& bytes, const char* file, Message* message) {
+  if (message->ParseFromString(bytes)) return {};
+  return unexpected(damaged(std::string(file) + " is no " + Message::descriptor()->full_name()));
+}
+
+}  // namespace
+
+void tell_build(v1::JobBundle* facts) {
+  facts->set_version(kVersion);
+#if defined(__clang__)
+  std::string build = __VERSION__;
+#else
+  std::string build = std::string("g++ ") + __VERSION__;
+#endif
+#if defined(__x86_64__)
+  build += ", x86-64";
+#elif defined(__aarch64__)
+  build += ", arm64";
+#endif
+#ifndef NDEBUG
+  build += ", assertions";
+#endif
+  facts->set_build(build);
+  std::string cpu;
+  std::ifstream file("/proc/cpuinfo");
+  for (std::string line; cpu.empty() && std::getline(file, line);) {
+    const std::size_t colon = line.find(": ");
+    if (line.starts_with("model name") && colon != std::string::npos) cpu = line.substr(colon + 2);
+  }
+  if (cpu.empty()) cpu = "unknown";
+  if (openblas_get_corename != nullptr) cpu += std::string(", OpenBLAS for ") + openblas_get_corename();
+  facts->set_cpu(cpu);
+}
+
+void make_anonymous(v1::JobBundle* facts) {
+  v1::JobInfo* job = facts->mutable_job()->mutable_job();
+  job->clear_client();
+  job->clear_request_id();
+  job->clear_trace_id();
+  job->clear_server();
+}
+
+void make_anonymous(std::string* request) {
+  using google::protobuf::internal::WireFormatLite;
+  std::string kept;
+  bool found = false;
+  {
+    google::protobuf::io::ArrayInputStream bytes(request->data(), static_cast<int>(request->size()));
+    google::protobuf::io::CodedInputStream input(&bytes);
+    int copied = 0;
+    while (true) {
+      const int begin = input.CurrentPosition();
+      const std::uint32_t tag = input.ReadTag();
+      if (tag == 0 || !WireFormatLite::SkipField(&input, tag)) break;
+      if (WireFormatLite::GetTagFieldNumber(tag) != v1::SolveRequest::kRequestIdFieldNumber) continue;
+      found = true;
+      kept.append(*request, static_cast<std::size_t>(copied), static_cast<std::size_t>(begin - copied));
+      copied = input.CurrentPosition();
+    }
+    if (found) kept.append(*request, static_cast<std::size_t>(copied));
+  }
+  if (found) request->swap(kept);
+}
+
+Expected<void> write_bundle(const Bundle& bundle, const BundleSink& sink) {
+  v1::SolveRequest request;
+  if (auto read = parse(bundle.request, kRequestFile, &request); !read) return read;
+  v1::SolveResponse answer;
+  if (auto read = parse(bundle.answer, kAnswerFile, &answer); !read) return read;
+  TarZstWriter archive(sink);
+  const auto when = static_cast<std::int64_t>(bundle.facts.job().job().accepted_unix_s());
+  Expected<void> written;
+  const auto add = [&](const char* name, const std::string& content) {
+    if (written)
+      written = archive.add(name, content.size(), when,
+                            [&](const TarZstWriter::Tell& tell) { return tell(content); });
+  };
+  add("README.txt", kReadMe);
+  add("bundle.json", facts_json(bundle.facts));
+  add(kFactsFile, bundle.facts.SerializeAsString());
+  add(kRequestFile, bundle.request);
+  if (written && has_problem(request)) {
+    std::uint64_t size = 0;
+    (void)write_problem_json(request, [&](std::string_view text) -> Expected<void> {
+      size += text.size();
+      return {};
+    });
+    written = archive.add("problem.json", size, when,
+                          [&](const TarZstWriter::Tell& tell) { return write_problem_json(request, tell); });
+  }
+  add("trace.csv", trace_csv(bundle.facts.job().trace()));
+  if (!bundle.answer.empty()) add(kAnswerFile, bundle.answer);
+  if (!bundle.answer.empty() && bundle.answer.size() <= kMostText) add("answer.json", json_of(answer));
+  return written ? archive.finish() : written;
+}
+
+Expected<Bundle> read_bundle(std::string_view file) {
+  std::map<std::string, std::string> parts;
+  const auto ask = [&](std::string_view path) -> Expected<TarTake> {
+    const std::string name = last_part(path);
+    if (name != kFactsFile && name != kRequestFile && name != kAnswerFile) return TarTake::skip;
+    if (!parts.try_emplace(name).second) return unexpected(damaged(name + " is in it twice"));
+    return TarTake::keep;
+  };
+  const auto take = [&](std::string_view path, std::string content) {
+    parts[last_part(path)] = std::move(content);
+  };
+  if (auto read = read_tar_zst(file, kLeastBound + kMostRatio * file.size(), ask, take); !read)
+    return unexpected(read.error());
+  for (const char* name : {kFactsFile, kRequestFile}) {
+    if (!parts.contains(name)) return unexpected(damaged(std::string(name) + " is not in it"));
+  }
+  Bundle bundle{{}, std::move(parts[kRequestFile]), std::move(parts[kAnswerFile])};
+  if (auto read = parse(parts[kFactsFile], kFactsFile, &bundle.facts); !read) return unexpected(read.error());
+  const auto check = [](std::int64_t told, const std::string& there, const char* name) -> Expected<void> {
+    if (told == static_cast<std::int64_t>(there.size())) return {};
+    return unexpected(damaged(std::string(name) + " has " + std::to_string(there.size()) + " bytes, not " +
+                              std::to_string(told)));
+  };
+  if (auto whole = check(bundle.facts.request_bytes(), bundle.request, kRequestFile); !whole)
+    return unexpected(whole.error());
+  if (auto whole = check(bundle.facts.answer_bytes(), bundle.answer, kAnswerFile); !whole)
+    return unexpected(whole.error());
+  return bundle;
+}
+
+}  // namespace marble

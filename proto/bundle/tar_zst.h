@@ -1,0 +1,49 @@
+// Tar archives (POSIX.1-1988, ustar) compressed by zstd: regular files, one after the other.
+#pragma once
+
+#include <zstd.h>
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "marble/error.h"
+
+namespace marble {
+
+class TarZstWriter {
+ public:
+  using Sink = std::function<Expected<void>(std::string_view)>;
+  explicit TarZstWriter(Sink sink);
+
+  /// Told pieces of a file's content.
+  using Tell = std::function<Expected<void>(std::string_view)>;
+  /// A name of less than 100 bytes; `content` tells exactly `size` bytes.
+  [[nodiscard]] Expected<void> add(const std::string& name, std::uint64_t size, std::int64_t unix_s,
+                                   const std::function<Expected<void>(const Tell&)>& content);
+  /// The end of the archive.
+  [[nodiscard]] Expected<void> finish();
+
+ private:
+  [[nodiscard]] Expected<void> put(std::string_view bytes, ZSTD_EndDirective end = ZSTD_e_continue);
+
+  struct Free {
+    void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
+  };
+  const Sink sink_;
+  const std::unique_ptr<ZSTD_CCtx, Free> context_;
+};
+
+/// What to do with a file of an archive.
+enum class TarTake { skip, keep };
+
+/// Asks about each regular file, and gives the content of those to keep. It may unpack to `most_bytes` in
+/// all. Errors: invalid_argument, with what is wrong; what `ask` returns.
+[[nodiscard]] Expected<void> read_tar_zst(
+    std::string_view file, std::uint64_t most_bytes,
+    const std::function<Expected<TarTake>(std::string_view name)>& ask,
+    const std::function<void(std::string_view name, std::string content)>& take);
+
+}  // namespace marble

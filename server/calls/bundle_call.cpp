@@ -1,0 +1,81 @@
+#include "calls/bundle_call.h"
+
+#include <algorithm>
+
+#include "service/admission.h"
+#include "wire/status.h"
+#include "wire/wire.h"
+
+namespace marble::server {
+namespace {
+
+constexpr std::size_t kPiece = 1 << 20;  // bytes; as the contract has it
+
+// The next piece of `all`, of which `told` bytes were.
+std::string next_piece(const std::string& all, std::size_t& told, std::size_t most) {
+  std::string piece = all.substr(told, most);
+  told += piece.size();
+  return piece;
+}
+
+}  // namespace
+
+grpc::ServerWriteReactor<grpc::ByteBuffer>* BundleCall::begin(const ServiceParts& parts,
+                                                              grpc::CallbackServerContext& context,
+                                                              const grpc::ByteBuffer* request) {
+  const std::shared_ptr<BundleCall> call(new BundleCall(parts));
+  call->self_ = call;
+  if (const auto started = call->start(context, request); !started)
+    call->end_at_once(to_status(started.error(), parts.scheduler.retry_delay_s()));
+  return call.get();
+}
+
+Expected<void> BundleCall::start(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request) {
+  Origin origin = origin_of(context);
+  const auto caller = identify(parts_, context, origin);
+  if (!caller) return unexpected(caller.error());
+  v1::JobBundleRequest message;
+  if (auto parsed = parse(request, &message); !parsed) return parsed;
+  const auto self = self_;  // gRPC may be done with the call before this returns
+  parts_.pulse.add(self);
+  gather_bundle(parts_, *caller, message.job_id(),
+                [self](const Expected<GatheredBundle>& bundle) { self->gathered(bundle); });
+  return {};
+}
+
+void BundleCall::gathered(const Expected<GatheredBundle>& bundle) {
+  {
+    const MutexLock lock(mutex_);
+    if (bundle) {
+      bundle_ = *bundle;
+    } else {
+      fault_ = bundle.error();
+    }
+  }
+  go_on();
+}
+
+bool BundleCall::next_event(v1::JobBundleResponse* event) {
+  if (bundle_ == nullptr) return false;
+  const std::size_t most = std::min(kPiece, static_cast<std::size_t>(parts_.config.message_bytes) / 2);
+  if (!std::exchange(began_, true)) {
+    *event->mutable_bundle() = bundle_->facts;
+  } else if (requested_ < bundle_->request.size()) {
+    event->set_request(next_piece(bundle_->request, requested_, most));
+  } else if (answered_ < bundle_->answer.size()) {
+    event->set_answer(next_piece(bundle_->answer, answered_, most));
+  } else {
+    return false;
+  }
+  return true;
+}
+
+std::optional<grpc::Status> BundleCall::ending() {
+  if (broken()) return to_status(failure(ErrorCode::cancelled, "the client gave up"));
+  if (fault_) return end_of_stream(parts_, *fault_);
+  if (bundle_ != nullptr) return grpc::Status::OK;
+  if (parts_.scheduler.is_drained()) return end_of_stream(parts_, draining());
+  return std::nullopt;
+}
+
+}  // namespace marble::server

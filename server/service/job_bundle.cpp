@@ -1,0 +1,70 @@
+#include "service/job_bundle.h"
+
+#include "messages/job_access.h"
+#include "messages/job_message.h"
+#include "store/submissions.h"
+
+namespace marble::server {
+namespace {
+
+Expected<void> check_access(const ServiceParts& parts, const Identity& caller, const std::string& id) {
+  const std::string owner = parts.results.owner(id);
+  if (owner.empty()) {
+    const auto record = find_job(parts.board, caller, id);
+    if (!record) return unexpected(record.error());
+    return unexpected(failure(ErrorCode::failed_precondition, "job_id", id,
+                              "has no bundle: only submitted jobs have, for as long as they are kept"));
+  }
+  if (!may_see(caller, owner)) return unexpected(no_such_job(id));
+  if (may_end(caller, owner)) return {};
+  return unexpected(failure(ErrorCode::permission_denied, "job_id", id,
+                            "is another client's job; its problem is for that client and the role admin"));
+}
+
+// A place among those that are made at once, given back with the bundle.
+std::shared_ptr<Bundle> place_for_one(const ServiceParts& parts) {
+  const auto count = parts.bundles;
+  if (count->fetch_add(1) >= parts.config.bundles) {
+    count->fetch_sub(1);
+    return nullptr;
+  }
+  return {new Bundle, [count](Bundle* bundle) {
+            delete bundle;
+            count->fetch_sub(1);
+          }};
+}
+
+}  // namespace
+
+void gather_bundle(const ServiceParts& parts, const Identity& caller, const std::string& id,
+                   const std::function<void(Expected<GatheredBundle>)>& then) {
+  if (auto allowed = check_access(parts, caller, id); !allowed) return then(unexpected(allowed.error()));
+  const auto bundle = place_for_one(parts);
+  if (bundle == nullptr) {
+    return then(
+        unexpected(failure(ErrorCode::resource_exhausted, "bundles", std::to_string(parts.config.bundles),
+                           "is how many the server makes at once (its setting bundles); try again")));
+  }
+  tell_build(&bundle->facts);
+  const auto record = parts.board.find(id);
+  v1::GetJobResponse* job = bundle->facts.mutable_job();
+  if (record != nullptr) {
+    to_message(*record, job);
+  } else {  // the board has forgotten it, its answer is there
+    job->mutable_job()->set_job_id(id);
+    job->mutable_job()->set_state(v1::JOB_STATE_FINISHED);
+  }
+  make_anonymous(&bundle->facts);
+  const bool finished = job->job().state() == v1::JOB_STATE_FINISHED;
+  parts.submissions->recall(id, finished, [bundle, then](Expected<AskedAndAnswered> both) {
+    if (!both) return then(unexpected(both.error()));
+    bundle->request = std::move(both->request);
+    bundle->answer = std::move(both->answer);
+    make_anonymous(&bundle->request);
+    bundle->facts.set_request_bytes(static_cast<std::int64_t>(bundle->request.size()));
+    bundle->facts.set_answer_bytes(static_cast<std::int64_t>(bundle->answer.size()));
+    then(GatheredBundle(bundle));
+  });
+}
+
+}  // namespace marble::server
