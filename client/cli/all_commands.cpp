@@ -39,6 +39,7 @@ int main(int argc, char** argv) {
   add_plot(program, exit_code);
   add_coupled(program, exit_code);
   add_scenarios(program, exit_code);
+  add_replay(program, exit_code);
   add_mpc(program, exit_code);
   add_compare(program, exit_code);
   add_reproduce(program, exit_code);

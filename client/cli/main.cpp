@@ -37,7 +37,9 @@ std::optional<int> solve_json_here(int argc, char** argv) {
   } catch (const CLI::ParseError&) {
     return std::nullopt;
   }
-  if (!arguments->here() || !std::ranges::all_of(arguments->files, is_json_file)) return std::nullopt;
+  if (!arguments->here() || !arguments->bundle.empty() ||
+      !std::ranges::all_of(arguments->files, is_json_file))
+    return std::nullopt;
   const auto options = parse_options(arguments->solver);
   if (!options) return option_fails(options.error());
   return solve_files(*arguments, *options, {read_json_problem, solve_here});

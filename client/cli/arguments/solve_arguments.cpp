@@ -16,6 +16,10 @@ CLI::App* add_solve_command(CLI::App& program, const std::shared_ptr<SolveArgume
                       "write every iteration to this file, as CSV; for one FILE (see: marble plot)");
   command->add_option("--sensitivity", arguments->sensitivity,
                       "derivatives to tell with each answer: a JSON file of directions, losses and rows");
+  command->add_option(
+      "--bundle", arguments->bundle,
+      "write problem, options, convergence and answer to this .tar.zst file, for a bug report; for "
+      "one FILE (see: marble replay)");
   command->add_flag("--quiet", arguments->quiet, "no iteration table");
   command->footer(
       std::string("The iteration table goes to standard error, answers to standard output.\n"

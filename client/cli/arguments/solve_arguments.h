@@ -21,6 +21,7 @@ struct SolveArguments {
   bool quiet = false;
   std::string trace;        // empty: none is written
   std::string sensitivity;  // empty: no derivatives are wanted
+  std::string bundle;       // empty: none is written
   [[nodiscard]] bool json() const { return server.json(); }
   /// Without a server.
   [[nodiscard]] bool here() const { return local || server.server == contract::local_address; }

@@ -17,6 +17,7 @@ void add_batch(CLI::App& program, int& exit_code);
 void add_compare(CLI::App& program, int& exit_code);
 void add_reproduce(CLI::App& program, int& exit_code);
 void add_coupled(CLI::App& program, int& exit_code);
+void add_replay(CLI::App& program, int& exit_code);
 void add_scenarios(CLI::App& program, int& exit_code);
 void add_plot(CLI::App& program, int& exit_code);
 void add_mpc(CLI::App& program, int& exit_code);

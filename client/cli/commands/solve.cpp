@@ -10,12 +10,15 @@
 #include "commands/solve_files.h"
 #include "formats.h"
 #include "marble/client.h"
+#include "marble/convert.h"
 #include "marble/solver.h"
+#include "marble/v1/service.pb.h"
 #include "nonlinear/nonlinear_report.h"
 #include "nonlinear/nonlinear_settings.h"
 #include "nonlinear/nonlinear_solve.h"
 #include "output/iteration_table.h"
 #include "parts/file_bytes.h"
+#include "replay/bundle_file.h"
 
 namespace marble::cli {
 namespace {
@@ -60,6 +63,66 @@ Expected<Answer> solve_there(const SolveArguments& arguments, const Client& clie
   return answer;
 }
 
+// Tells another, and keeps the rows.
+class KeptRows final : public ProgressSink {
+ public:
+  KeptRows(ProgressSink* next, v1::Trace* trace) : next_(next), trace_(trace) { trace_->set_stride(1); }
+  void report(const Progress& row) override {
+    to_message(without_vectors(row), trace_->add_rows());
+    if (next_ != nullptr) next_->report(row);
+  }
+
+ private:
+  ProgressSink* const next_;
+  v1::Trace* const trace_;
+};
+
+using Solve = std::function<Expected<Answer>(const OwnedProblem&, const Options&, const SolveControls&)>;
+
+// Solves, and writes a bundle of it, whatever came of it.
+Solve with_bundle(const SolveArguments& arguments, const Client* server, Solve solve) {
+  return [&arguments, server, solve = std::move(solve)](const OwnedProblem& problem, const Options& options,
+                                                        const SolveControls& given) -> Expected<Answer> {
+    Bundle bundle;
+    tell_build(&bundle.facts);
+    if (server != nullptr) {  // another process's, perhaps another machine's
+      const auto info = server->info();
+      bundle.facts.set_version(info ? info->version : "unknown");
+      bundle.facts.set_build("a server's build");
+      bundle.facts.set_cpu("a server's processor");
+    }
+    v1::SolveRequest request;
+    to_message(problem.view(), request.mutable_problem());
+    request.mutable_problem()->set_name(problem.name);
+    to_message(options, request.mutable_options());
+    request.mutable_initial_point()->mutable_z()->Assign(given.initial_z.begin(), given.initial_z.end());
+    if (given.sensitivity != nullptr) to_message(*given.sensitivity, request.mutable_sensitivity());
+    v1::GetJobResponse* job = bundle.facts.mutable_job();
+    to_message(options, job->mutable_options());
+    KeptRows rows(given.progress, job->mutable_trace());
+    SolveControls controls = given;
+    controls.progress = &rows;
+    auto answer = solve(problem, options, controls);
+    v1::SolveResponse response;
+    if (answer) {
+      if (answer->progress_skipped > 0) job->clear_trace();  // with gaps nobody can tell where
+      to_message(*answer, response.mutable_solution());
+      to_message(options, response.mutable_solution()->mutable_options());
+      response.SerializeToString(&bundle.answer);
+    } else {
+      job->mutable_job()->mutable_error()->set_code(to_message(answer.error().code));
+      job->mutable_job()->mutable_error()->set_message(answer.error().message());
+    }
+    job->mutable_job()->set_state(v1::JOB_STATE_FINISHED);
+    request.SerializeToString(&bundle.request);
+    bundle.facts.set_request_bytes(static_cast<std::int64_t>(bundle.request.size()));
+    bundle.facts.set_answer_bytes(static_cast<std::int64_t>(bundle.answer.size()));
+    if (const auto saved = save_bundle(bundle, arguments.bundle); !saved && answer)
+      return unexpected(saved.error());
+    return answer;
+  };
+}
+
 // The words that are of nonlinear files alone are no solver's options.
 Expected<Options> options_of_lcqps(SolverArguments arguments) {
   std::erase_if(arguments.options, [](const std::string& word) {
@@ -94,6 +157,10 @@ std::optional<int> solve_nonlinear_file(const SolveArguments& arguments, nonline
     return tell_error(arguments, path, name,
                       invalid("--trace", "is the convergence of an LCQP: this problem is nonlinear"), false);
   }
+  if (!arguments.bundle.empty()) {
+    return tell_error(arguments, path, name, invalid("--bundle", "is of an LCQP: this problem is nonlinear"),
+                      false);
+  }
   if (!arguments.sensitivity.empty()) {
     return tell_error(arguments, path, name,
                       invalid("--sensitivity", "is of an LCQP's answer: this problem is nonlinear"), false);
@@ -118,7 +185,14 @@ int run(const SolveArguments& arguments) {
   if (!options) return option_fails(options.error());
   const auto nonlinear = nonlinear_settings(arguments.solver);
   if (!nonlinear) return option_fails(nonlinear.error());
-  SolveMeans means{formats::read_any_problem, solve_here};
+  if (!arguments.bundle.empty() && arguments.files.size() > 1) {
+    return option_fails(invalid("--bundle", "is one problem's: must go with one FILE, not " +
+                                                std::to_string(arguments.files.size())));
+  }
+  const auto solve = [&](const Client* server, Solve how) {
+    return arguments.bundle.empty() ? how : with_bundle(arguments, server, std::move(how));
+  };
+  SolveMeans means{formats::read_any_problem, solve(nullptr, solve_here)};
   means.otherwise = [&](const std::string& path, std::stop_token stop) {
     return solve_nonlinear_file(arguments, *nonlinear, path, std::move(stop));
   };
@@ -128,9 +202,10 @@ int run(const SolveArguments& arguments) {
     std::cerr << "marble: " << client.error().message() << '\n';
     return kBadInput;
   }
-  means.solve = [&](const OwnedProblem& problem, const Options& own, const SolveControls& controls) {
-    return solve_there(arguments, *client, problem, own, controls);
-  };
+  means.solve =
+      solve(&*client, [&](const OwnedProblem& problem, const Options& own, const SolveControls& controls) {
+        return solve_there(arguments, *client, problem, own, controls);
+      });
   means.remote = true;
   return solve_files(arguments, *options, means);
 }

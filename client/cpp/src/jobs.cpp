@@ -147,6 +147,28 @@ Expected<RemotePiecesSolution> Jobs::pieces(const std::string& job_id, const Res
   return unexpected(out_of_memory());
 }
 
+Expected<JobBundle> Jobs::bundle(const std::string& job_id, const std::stop_token& stop) const try {
+  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  grpc::ClientContext context;
+  connection_->prepare(context);
+  const std::stop_callback cancel_on_stop(stop, [&context] { context.TryCancel(); });
+  v1::JobBundleRequest request;
+  request.set_job_id(job_id);
+  const auto reader = connection_->jobs().Bundle(&context, request);
+  JobBundle bundle;
+  v1::JobBundleResponse piece;
+  while (reader->Read(&piece)) {
+    if (piece.has_bundle()) bundle.facts = piece.bundle().SerializeAsString();
+    bundle.request += piece.request();
+    bundle.answer += piece.answer();
+  }
+  const grpc::Status status = reader->Finish();
+  if (!status.ok()) return unexpected(client::to_error(status, stop));
+  return bundle;
+} catch (const std::bad_alloc&) {
+  return unexpected(out_of_memory());
+}
+
 Expected<void> Jobs::remove(const std::string& job_id) const {
   if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
   grpc::ClientContext context;

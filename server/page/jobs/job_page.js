@@ -12,6 +12,7 @@ export function buildJobPage(place, id) {
     status: make("span", { class: "badge", id: "job-status" }),
     message: make("p", { class: "note", role: "status", id: "job-message" }),
     download: make("button", { type: "button", id: "download" }, "Trace as CSV"),
+    bundle: make("button", { type: "button", id: "bundle", hidden: true, title: "Problem, options, convergence and answer as one file: marble replay solves it again" }, "For a bug report"),
     cancel: make("button", { type: "button", class: "danger", id: "cancel", hidden: true }, "End job"),
     why: make("div", { class: "why", id: "why", role: "status" }),
     axis: make("select", { id: "axis", "aria-label": "Horizontal axis" }, make("option", { value: "iteration" }, "by iteration"), make("option", { value: "time" }, "by time")),
@@ -38,6 +39,7 @@ export function buildJobPage(place, id) {
     parts.message,
     make("span", { class: "grow" }),
     parts.download,
+    parts.bundle,
     parts.cancel,
   );
   const convergence = panel("Convergence", "convergence-panel", parts.axis, parts.levels, parts.convergence, parts.noRows, parts.table);

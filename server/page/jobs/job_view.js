@@ -33,7 +33,8 @@ export class JobView {
     this.context = context;
     this.parts = buildJobPage(place, id);
     this.update = onceAFrame(() => this.#draw());
-    this.parts.download.addEventListener("click", () => this.#download());
+    this.parts.download.addEventListener("click", () => this.#download("trace.csv", "csv"));
+    this.parts.bundle.addEventListener("click", () => this.#download("bundle", "tar.zst"));
     this.parts.cancel.addEventListener("click", () => this.#cancel());
     this.parts.axis.addEventListener("change", () => this.convergence?.alongTime(this.parts.axis.value === "time"));
     this.parts.table.addEventListener("toggle", () => this.#drawTables());
@@ -194,11 +195,12 @@ export class JobView {
     this.#allowCancel();
   }
 
-  // Its own client may end a job, and admin any.
+  // Its own client may end a job and have its problem, and admin any.
   #allowCancel() {
     const info = this.context.info();
     const may = info !== null && (info.client === this.#job.client || (info.roles ?? []).includes("admin"));
     this.parts.cancel.hidden = !may || this.#job.state === "finished";
+    this.parts.bundle.hidden = !may || this.#job.kind !== "submitted";
   }
 
   async #cancel() {
@@ -217,11 +219,11 @@ export class JobView {
     this.parts.cancel.disabled = false;
   }
 
-  async #download() {
+  async #download(what, ending) {
     try {
-      const blob = await this.context.api.blob(`/api/jobs/${this.id}/trace.csv`);
+      const blob = await this.context.api.blob(`/api/jobs/${this.id}/${what}`);
       const url = URL.createObjectURL(blob);
-      make("a", { href: url, download: `${this.#job?.name || "job"}-${this.id}.csv` }).click();
+      make("a", { href: url, download: `${this.#job?.name || "job"}-${this.id}.${ending}` }).click();
       setTimeout(() => URL.revokeObjectURL(url), 10000);
     } catch (error) {
       this.#say(`no download: ${error.message}`);

@@ -12,6 +12,7 @@
 #include "output/job_report.h"
 #include "output/proof.h"
 #include "output/text_table.h"
+#include "replay/bundle_file.h"
 #include "trace/trace_file.h"
 
 namespace marble::cli {
@@ -20,7 +21,7 @@ namespace {
 struct JobArguments {
   ServerArguments server;
   std::string job;
-  std::string trace;
+  std::string trace, bundle;
 };
 
 void field(const char* name, const std::string& text) { std::printf("%-14s %s\n", name, text.c_str()); }
@@ -127,9 +128,19 @@ Expected<void> write_trace(const JobTrace& trace, const std::string& path) {
   return writer->commit();
 }
 
+int write_job_bundle(const JobArguments& arguments, const Jobs& jobs) {
+  const auto parts = jobs.bundle(arguments.job);
+  if (!parts) return job_fails(arguments.server, arguments.job, parts.error());
+  const auto written = save_bundle(*parts, arguments.bundle);
+  if (written) return kAllSolved;
+  std::cerr << "marble: " << written.error().message() << '\n';
+  return kBadInput;
+}
+
 int run(const JobArguments& arguments) {
   const auto client = connect(arguments.server);
   if (!client) return server_fails(arguments.server, client.error());
+  if (!arguments.bundle.empty()) return write_job_bundle(arguments, client->jobs());
   const auto details = client->jobs().get(arguments.job);
   if (!details) return job_fails(arguments.server, arguments.job, details.error());
   if (arguments.server.json()) {
@@ -153,6 +164,12 @@ void add_job(CLI::App& program, int& exit_code) {
   command->add_option("JOB", arguments->job, "its id")->required();
   add_server_arguments(*command, arguments->server);
   command->add_option("--trace", arguments->trace, "write the convergence to this file too, as CSV");
+  command
+      ->add_option(
+          "--bundle", arguments->bundle,
+          "write the submitted job with its problem and its answer to this .tar.zst file instead, for a bug "
+          "report (see: marble replay)")
+      ->excludes(command->get_option("--trace"));
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }
 

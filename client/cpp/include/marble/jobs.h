@@ -135,6 +135,14 @@ struct JobEvent {
   std::int64_t skipped = 0;            ///< told so far of what was not told, because this reader was slow
 };
 
+/// All that a job's solve depends on, and what came of it: `marble job --bundle` makes a file of it.
+/// Serialized messages of marble.v1, none of which says who asked.
+struct JobBundle {
+  std::string facts;    ///< a JobBundle: version, processor, options, trace
+  std::string request;  ///< a SolveRequest
+  std::string answer;   ///< a SolveResponse; empty if there is none, or not yet
+};
+
 /// How to wait for an answer.
 struct ResultControls {
   bool wait = false;  ///< for the answer; else an unfinished job is the error failed_precondition
@@ -196,6 +204,10 @@ class Jobs {
   /// The same of pieces.
   [[nodiscard]] Expected<RemotePiecesSolution> pieces(const std::string& job_id,
                                                       const ResultControls& controls = {}) const;
+
+  /// A submitted job to be solved again elsewhere, finished or not; its own client's and the role admin's.
+  /// Errors: failed_precondition (it was not submitted, or its request is not kept any more).
+  [[nodiscard]] Expected<JobBundle> bundle(const std::string& job_id, const std::stop_token& stop = {}) const;
 
   /// Lets a submitted job and its answer go; ends it if it has not finished.
   [[nodiscard]] Expected<void> remove(const std::string& job_id) const;

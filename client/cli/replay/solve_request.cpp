@@ -1,0 +1,110 @@
+#include "replay/solve_request.h"
+
+#include "marble/convert.h"
+#include "marble/convert_coupled.h"
+#include "marble/convert_scenarios.h"
+
+namespace marble::cli {
+namespace {
+
+class Rows final : public ProgressSink {
+ public:
+  explicit Rows(std::vector<Progress>& rows) : rows_(rows) {}
+  void report(const Progress& row) override { rows_.push_back(without_vectors(row)); }
+
+ private:
+  std::vector<Progress>& rows_;
+};
+
+Expected<Solved> solve_plain(const Client& client, const v1::SolveRequest& request, const Options& options,
+                             const std::stop_token& stop, const CallControls& call) {
+  Solved solved;
+  Rows rows(solved.rows);
+  const auto& z = request.initial_point().z();
+  SolveControls controls{&rows, stop, {z.data(), static_cast<std::size_t>(z.size())}};
+  Solution warm_start;
+  if (request.has_warm_start()) {
+    warm_start = solution_of(request.warm_start());
+    controls.warm_start = &warm_start;
+  }
+  SensitivityRequest sensitivity;
+  if (request.has_sensitivity()) {
+    sensitivity = request_of(request.sensitivity());
+    controls.sensitivity = &sensitivity;
+  }
+  const auto answer = client.solve(view_of(request.problem()), options, controls, call);
+  if (!answer) return unexpected(answer.error());
+  to_message(*answer, &solved.solution);
+  solved.all_rows = answer->progress_skipped == 0;
+  return solved;
+}
+
+Expected<Solved> solve_worlds(const Client& client, const v1::SolveRequest& request, const Options& options,
+                              const std::stop_token& stop, const CallControls& call) {
+  Solved solved;
+  Rows rows(solved.rows);
+  ScenarioProblem problem;
+  problem.base = view_of(request.problem());
+  if (auto taken = take_worlds(request.scenarios(), problem); !taken) return unexpected(taken.error());
+  ScenarioSettings settings{.options = options};
+  take_settings(request.scenarios(), settings);
+  const auto answer = client.solve_scenarios(problem, settings, {&rows, stop}, call);
+  if (!answer) return unexpected(answer.error());
+  to_message(answer->solution, &solved.solution);
+  to_message(*answer, solved.solution.mutable_scenarios());
+  solved.all_rows = answer->progress_skipped == 0;
+  return solved;
+}
+
+Expected<Solved> solve_coupled(const Client& client, const v1::SolveRequest& request, const Options& options,
+                               const std::stop_token& stop, const CallControls& call) {
+  Solved solved;
+  const v1::Coupled& coupled = request.coupled();
+  CoupledControls controls{.stop = stop};
+  controls.progress = [&](const CoupledIteration& iteration) {
+    solved.rows.push_back(row_of(iteration, 0.0));
+  };
+  v1::CoupledOutcome* outcome = solved.solution.mutable_coupled();
+  if (!coupled.has_pieces()) {
+    CoupledOptions settings;
+    settings.options = options;
+    take_settings(coupled, settings);
+    const CoupledStart start{{coupled.prices().begin(), coupled.prices().end()}, {}};
+    if (!start.prices.empty()) controls.start = &start;
+    const auto answer = client.solve_coupled(coupled_of(coupled), settings, controls, call);
+    if (!answer) return unexpected(answer.error());
+    to_message(answer->joint, &solved.solution);
+    to_message(answer->coordination, answer->blocks_objective, outcome);
+    solved.all_rows = answer->progress_skipped == 0;
+    return solved;
+  }
+  const v1::Pieces& pieces = coupled.pieces();
+  PiecesOptions settings{.pieces = pieces.pieces()};
+  settings.coupled.options = options;
+  take_settings(coupled, settings.coupled);
+  if (pieces.has_look_ahead()) settings.look_ahead = pieces.look_ahead();
+  const auto problem = Problem::create(view_of(request.problem()));
+  if (!problem) return unexpected(problem.error());
+  const std::span stages(pieces.stages().data(), static_cast<std::size_t>(pieces.stages_size()));
+  const auto answer = client.solve_in_pieces(*problem, stages, settings, controls, call);
+  if (!answer) return unexpected(answer.error());
+  to_message(answer->whole, &solved.solution);
+  to_message(answer->coordination, answer->blocks_objective, outcome);
+  outcome->set_sweep_objective(answer->sweep_objective);
+  outcome->set_sweep_factorizations(answer->sweep_factorizations);
+  solved.all_rows = answer->progress_skipped == 0;
+  return solved;
+}
+
+}  // namespace
+
+Expected<Solved> solve_request(const Client& client, const v1::SolveRequest& request, const Options& options,
+                               const std::stop_token& stop) {
+  CallControls call;
+  call.problem_name = request.problem().name();
+  if (request.has_coupled()) return solve_coupled(client, request, options, stop, call);
+  if (request.has_scenarios()) return solve_worlds(client, request, options, stop, call);
+  return solve_plain(client, request, options, stop, call);
+}
+
+}  // namespace marble::cli
