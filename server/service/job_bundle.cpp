@@ -13,7 +13,9 @@ Expected<void> check_access(const ServiceParts& parts, const Identity& caller, c
     const auto record = find_job(parts.board, caller, id);
     if (!record) return unexpected(record.error());
     return unexpected(failure(ErrorCode::failed_precondition, "job_id", id,
-                              "has no bundle: only submitted jobs have, for as long as they are kept"));
+                              "has no bundle: only submitted jobs have one, while they are kept (marble "
+                              "solve --bundle makes one of any "
+                              "solve)"));
   }
   if (!may_see(caller, owner)) return unexpected(no_such_job(id));
   if (may_end(caller, owner)) return {};

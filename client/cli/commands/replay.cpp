@@ -99,7 +99,7 @@ Expected<Outcome> compare(const Recorded& recorded, const Expected<Solved>& solv
   if (!solved) return outcome;
   const v1::Trace& trace = recorded.bundle.facts.job().trace();
   const bool whole = recorded.has_answer() && !recorded.was_cut_off();
-  if (trace.rows_size() == 0) {
+  if (trace.rows_size() == 0 && !solved->rows.empty()) {
     outcome.left_out.push_back("the convergence: none was kept");
   } else if (!solved->all_rows) {
     outcome.left_out.push_back("the convergence: the server told it faster than it could be read");

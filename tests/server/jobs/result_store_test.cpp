@@ -55,6 +55,48 @@ TEST(ResultStore, AnAnswerLargerThanEverythingIsAnErrorInWords) {
   EXPECT_EQ(store.get("job")->answer.error().field, "result_bytes");
 }
 
+TEST(ResultStore, RequestsHaveTheRoomThatAnswersLeaveAndGoBeforeAnyOfThese) {
+  std::vector<std::string> gone, without_request;
+  ResultStore store(
+      {seconds(10), 6000}, [&](const std::string& id) { gone.push_back(id); },
+      [&](const std::string& id) { without_request.push_back(id); });
+  const auto request = std::make_shared<const v1::SolveRequest>();
+  const auto finish = [&](const std::string& id, std::int64_t request_bytes, std::size_t answer_bytes) {
+    expect(store, id, "client");
+    store.keep_request(id, {request, request_bytes});
+    EXPECT_EQ(store.request(id)->message, request) << "while it runs, too";
+    EXPECT_TRUE(store.put(id, text(answer_bytes), kStart));
+  };
+  finish("a", 2000, 1000);
+  finish("b", 1000, 0);
+  EXPECT_TRUE(store.request("a") && store.request("b"));
+  finish("c", 1000, 1000);
+  EXPECT_FALSE(store.request("a")) << "7024 bytes were too many";
+  EXPECT_TRUE(store.request("b") && store.request("c"));
+  finish("d", 100'000, 10);
+  EXPECT_FALSE(store.request("b") || store.request("c") || store.request("d"));
+  EXPECT_EQ(without_request, (std::vector<std::string>{"a", "b", "c", "d"}));
+  EXPECT_TRUE(gone.empty()) << "no answer made room for a request";
+  for (const char* id : {"a", "b", "c", "d"}) EXPECT_NE(store.get(id), nullptr) << id;
+}
+
+TEST(ResultStore, ARequestGoesWithItsAnswer) {
+  ResultStore store({seconds(10), 10'000});
+  for (const char* id : {"deleted", "old"}) {
+    expect(store, id, "client");
+    store.keep_request(id, {std::make_shared<const v1::SolveRequest>(), 4000});
+    store.put(id, text(1), kStart);
+  }
+  EXPECT_TRUE(store.forget("deleted"));
+  EXPECT_FALSE(store.request("deleted"));
+  store.expire(kStart + seconds(10));
+  EXPECT_FALSE(store.request("old"));
+  expect(store, "new", "client");
+  store.keep_request("new", {std::make_shared<const v1::SolveRequest>(), 9000});
+  store.put("new", text(1), kStart);
+  EXPECT_TRUE(store.request("new")) << "the bytes of the others are free again";
+}
+
 TEST(ResultStore, LetsGoOfWhatIsTooOld) {
   ResultStore store({seconds(10), 10'000});
   expect(store, "old", "client");

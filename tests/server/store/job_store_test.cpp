@@ -70,6 +70,24 @@ TEST_F(StoreTest, GivesBackWhatItWasGiven) {
   EXPECT_EQ(store->request_of("b").value(), std::string("a\0b", 3));
 }
 
+TEST_F(StoreTest, ARequestThatIsToBeKeptStaysWithItsAnswerUntilItIsForgotten) {
+  const auto store = open();
+  store->add(job("a"), {});
+  store->finish({.id = "a", .job = "told", .keeps_request = true}, {});
+  ASSERT_TRUE(settled(*store).has_value());
+  EXPECT_EQ(store->request_of("a").value(), job("a").request);
+  const auto bytes = [&] {
+    std::int64_t told = 0;
+    EXPECT_TRUE(store->each_result([&](const StoredResult& one) { told = one.request_bytes; }).has_value());
+    return told;
+  };
+  EXPECT_EQ(bytes(), static_cast<std::int64_t>(job("a").request.size()));
+  store->forget_request("a");
+  ASSERT_TRUE(settled(*store).has_value());
+  EXPECT_EQ(store->request_of("a").error().code, ErrorCode::not_found);
+  EXPECT_EQ(bytes(), -1) << "the answer is there still";
+}
+
 TEST_F(StoreTest, AnAnswerTakesTheRequestsPlace) {
   const auto store = open();
   store->add(job("a"), {});
@@ -89,7 +107,8 @@ TEST_F(StoreTest, AnAnswerTakesTheRequestsPlace) {
   EXPECT_EQ(results[0].job, "told") << "the first answer stays";
   EXPECT_EQ(results[0].answer, std::string("x\0y", 3));
   EXPECT_EQ(results[0].finished_unix_s, 3.0);
-  EXPECT_EQ(store->request_of("a").value(), "");
+  EXPECT_EQ(store->request_of("a").error().code, ErrorCode::not_found);
+  EXPECT_EQ(results[0].request_bytes, -1);
   store->forget("a");
   store->forget("b");
   ASSERT_TRUE(settled(*store).has_value());
