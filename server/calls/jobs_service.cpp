@@ -1,6 +1,6 @@
 #include "calls/jobs_service.h"
 
-#include "calls/bundle_call.h"
+#include "bundles/bundle_call.h"
 #include "calls/result_call.h"
 #include "calls/watch_call.h"
 #include "messages/job_requests.h"

@@ -108,8 +108,8 @@ class MalformedClient final : public Client {
 
   // Bytes that are no message, or half of one.
   void send_noise() {
-    const std::array methods = {"Solver/Solve",   "Solver/SolveStream", "Solver/SolveBatch",
-                                "Solver/Session", "Jobs/Submit",        "Jobs/Watch"};
+    const std::array methods = {"Solver/Solve", "Solver/SolveStream", "Solver/SolveBatch", "Solver/Session",
+                                "Jobs/Submit",  "Jobs/Watch",         "Jobs/Bundle"};
     std::string bytes = example_request().SerializeAsString();
     bytes.resize(static_cast<std::size_t>(pick(1, static_cast<int>(bytes.size()) - 1)));
     for (int i = pick(1, 20); i > 0; --i)

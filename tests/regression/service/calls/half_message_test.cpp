@@ -7,9 +7,9 @@
 namespace marble::testing {
 namespace {
 
-const std::vector<std::string> kOneMessageMethods = {"Solver/Solve", "Solver/SolveStream", "Jobs/Submit",
-                                                     "Jobs/Result",  "Jobs/Delete",        "Jobs/List",
-                                                     "Jobs/Get",     "Jobs/Cancel",        "Jobs/Watch"};
+const std::vector<std::string> kOneMessageMethods = {
+    "Solver/Solve", "Solver/SolveStream", "Jobs/Submit", "Jobs/Result", "Jobs/Delete",
+    "Jobs/List",    "Jobs/Get",           "Jobs/Cancel", "Jobs/Watch",  "Jobs/Bundle"};
 
 class HalfMessage : public SecureServiceTest {};
 

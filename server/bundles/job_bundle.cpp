@@ -1,4 +1,4 @@
-#include "service/job_bundle.h"
+#include "bundles/job_bundle.h"
 
 #include "messages/job_access.h"
 #include "messages/job_message.h"

@@ -1,4 +1,4 @@
-#include "calls/bundle_call.h"
+#include "bundles/bundle_call.h"
 
 #include <algorithm>
 
