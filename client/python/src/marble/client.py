@@ -164,8 +164,9 @@ class Client:
         is in coupled.proto. All else as in solve. Needs a server: Unavailable of "local".
         """
         wish = Coupled(blocks, coupling, total, prices)
-        request = tied.blocks_request(wish, Call(options, priority, request_id), settings, problem_name)
-        return tied.blocks_answer(self._coupled(request, progress, deadline), wish)
+        request = requests.coupled_stream(problem_name, Call(options, priority, request_id),
+                                          tied.blocks(wish, settings))
+        return tied.blocks_answer(self._coupled(request, progress, deadline), blocks)
 
     def pieces(self, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
                options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
@@ -173,7 +174,8 @@ class Client:
                **settings: Any) -> PiecesAnswer:
         """One long problem cut into pieces, solved as coupled() does; stages, pieces, look_ahead: see Pieces."""
         wish = Pieces(stages, pieces, look_ahead)
-        request = tied.pieces_request(problem, wish, Call(options, priority, request_id), settings)
+        request = requests.coupled_stream(compiled(problem), Call(options, priority, request_id),
+                                          tied.pieces(problem, wish, settings))
         return tied.pieces_answer(self._coupled(request, progress, deadline), problem)
 
     def _coupled(self, request: bytes, progress: ProgressWish, deadline: float | None) -> tied.Told:

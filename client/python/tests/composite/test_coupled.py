@@ -74,6 +74,7 @@ def test_a_long_problem_in_pieces_is_solved_as_the_whole(client):
 
 def test_faults_are_named(client):
     for field, call in (
+        ("blocks", lambda: client.coupled([], [], [0.0])),
         ("coupling", lambda: client.coupled([arm(1.0)], [], [0.0])),
         ("coupling[0]", lambda: client.coupled([arm(1.0)], [[[1.0]]], [0.0])),
         ("prices", lambda: client.coupled([arm(1.0)], [FORCE], [0.0], prices=[1.0, 2.0])),
@@ -90,6 +91,28 @@ def test_faults_are_named(client):
         client.pieces(arm(1.0), [0, 0], 2)
 
 
+def test_submitted_they_answer_later_with_the_bits_of_the_call(client):
+    blocks = [arm(3.0), arm(2.0)]
+    there = client.jobs.submit_coupled(blocks, [FORCE, FORCE], [4.0], prices=[0.4], problem_name="cell")
+    later = client.jobs.coupled(there.job_id, blocks, wait=True)
+    now = client.coupled(blocks, [FORCE, FORCE], [4.0], prices=[0.4])
+    assert later.coordination == now.coordination and later.job_id == there.job_id
+    np.testing.assert_array_equal(later.solution.z, now.solution.z)
+    np.testing.assert_array_equal(later.prices, now.prices)
+    assert client.jobs.get(there.job_id).job.problem_name == "cell"
+    with pytest.raises(marble.InvalidArgument) as caught:
+        client.jobs.coupled(there.job_id, blocks[1:])
+    assert caught.value.field == "blocks"
+    problem, stages = chain(9)
+    cut = client.jobs.submit_pieces(problem, stages, 2, look_ahead=2)
+    whole = client.pieces(problem, stages, 2, look_ahead=2).solution
+    np.testing.assert_array_equal(client.jobs.pieces(cut.job_id, wait=True).solution.z, whole.z)
+    np.testing.assert_array_equal(client.jobs.pieces(cut.job_id, problem=problem).solution.s, whole.s)
+    plain = client.jobs.submit(arm(1.0))
+    with pytest.raises(marble.FailedPrecondition, match="solved alone"):
+        client.jobs.pieces(plain.job_id, wait=True)
+
+
 def test_they_are_there_for_asyncio_too(server):
     async def both() -> None:
         async with marble.aio.Client(server.address) as client:
@@ -98,6 +121,12 @@ def test_they_are_there_for_asyncio_too(server):
             problem, stages = chain(9)
             pieces = await client.pieces(problem, stages, 2)
             assert pieces.solution.status is marble.Status.SOLVED
+            there = await client.jobs.submit_coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0])
+            later = await client.jobs.coupled(there.job_id, [arm(3.0), arm(2.0)], wait=True)
+            np.testing.assert_array_equal(later.solution.z, answer.solution.z)
+            cut = await client.jobs.submit_pieces(problem, stages, 2)
+            later_pieces = await client.jobs.pieces(cut.job_id, wait=True, problem=problem)
+            np.testing.assert_array_equal(later_pieces.solution.z, pieces.solution.z)
 
     asyncio.run(both())
 

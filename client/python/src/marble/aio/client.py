@@ -64,6 +64,24 @@ class Jobs:
         request = submission(problem, call, scenarios)
         return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
 
+    async def submit_coupled(self, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None],
+                             total: ArrayLike, *, prices: ArrayLike | None = None,
+                             options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
+                             request_id: str = "", deadline: float | None = None, problem_name: str = "",
+                             **settings: Any) -> Submitted:
+        """Queues problems that rows tie together: all as in Client.coupled and submit. coupled() has the answer."""
+        part = tied.blocks(Coupled(blocks, coupling, total, prices), settings)
+        request = requests.coupled_submission(problem_name, Call(options, priority, request_id), part)
+        return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
+
+    async def submit_pieces(self, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
+                            options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
+                            request_id: str = "", deadline: float | None = None, **settings: Any) -> Submitted:
+        """The same of one long problem in pieces; all as in Client.pieces. pieces() has the answer."""
+        part = tied.pieces(problem, Pieces(stages, pieces, look_ahead), settings)
+        request = requests.coupled_submission(compiled(problem), Call(options, priority, request_id), part)
+        return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
+
     async def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
                      problem: LCQP | Problem | None = None) -> Solution:
         """The answer of a submitted job; raises what it ended with if there is none."""
@@ -74,6 +92,18 @@ class Jobs:
         """The same of a job that was submitted with scenarios."""
         request = requests.job("JobResultRequest", job_id, wait=wait)
         return worlds.response(await self._rpc.call("Jobs/Result", request, deadline))
+
+    async def coupled(self, job_id: str, blocks: Sequence[LCQP | Problem], *, wait: bool = False,
+                      deadline: float | None = None) -> CoupledAnswer:
+        """The same of a job that was submitted with submit_coupled; `blocks` as they were, for their sizes."""
+        request = requests.job("JobResultRequest", job_id, wait=wait)
+        return tied.blocks_answer(tied.response(await self._rpc.call("Jobs/Result", request, deadline)), blocks)
+
+    async def pieces(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
+                     problem: LCQP | Problem | None = None) -> PiecesAnswer:
+        """The same of submit_pieces. problem: what was submitted, for the answer's s and t and its own terms."""
+        request = requests.job("JobResultRequest", job_id, wait=wait)
+        return tied.pieces_answer(tied.response(await self._rpc.call("Jobs/Result", request, deadline)), problem)
 
     async def list(self, *, states: Sequence[JobState | str] = (), client: str = "", limit: int = 0,
                    before: str = "") -> JobPage:
@@ -179,8 +209,9 @@ class Client:
                       **settings: Any) -> CoupledAnswer:
         """Problems that rows tie together; see marble.Client.coupled."""
         wish = Coupled(blocks, coupling, total, prices)
-        request = tied.blocks_request(wish, Call(options, priority, request_id), settings, problem_name)
-        return tied.blocks_answer(await self._coupled(request, progress, deadline), wish)
+        request = requests.coupled_stream(problem_name, Call(options, priority, request_id),
+                                          tied.blocks(wish, settings))
+        return tied.blocks_answer(await self._coupled(request, progress, deadline), blocks)
 
     async def pieces(self, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
                      options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
@@ -188,7 +219,8 @@ class Client:
                      **settings: Any) -> PiecesAnswer:
         """One long problem in pieces; see marble.Client.pieces."""
         wish = Pieces(stages, pieces, look_ahead)
-        request = tied.pieces_request(problem, wish, Call(options, priority, request_id), settings)
+        request = requests.coupled_stream(compiled(problem), Call(options, priority, request_id),
+                                          tied.pieces(problem, wish, settings))
         return tied.pieces_answer(await self._coupled(request, progress, deadline), problem)
 
     async def _coupled(self, request: bytes, progress: ProgressWish, deadline: float | None) -> tied.Told:
