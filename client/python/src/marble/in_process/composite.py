@@ -35,9 +35,9 @@ def _without_start(problem: LCQP, whose: str) -> LCQP:
     return problem
 
 
-def _solution(told: dict[str, Any], problem: LCQP | None) -> Solution:
-    answer = solver.solution(told, LCQP(None, np.zeros(np.asarray(told["z"]).size or 1)) if problem is None else problem)
-    return solver.unless_cancelled(answer)
+def _solution(told: dict[str, Any], problem: LCQP | None = None) -> Solution:
+    known = problem or LCQP(None, np.zeros(np.asarray(told["z"]).size or 1))
+    return solver.unless_cancelled(solver.solution(told, known))
 
 
 def solve_scenarios(problem: LCQP | Problem, wish: Scenarios, call: Call,
@@ -64,7 +64,7 @@ def solve_scenarios(problem: LCQP | Problem, wish: Scenarios, call: Call,
         told = solver.core().solve_scenarios(lcqp, solver.option_values(call.options), asked, tell_level,
                                              solver.core_call(lcqp, call, tell, deadline, stop))
     outcome = told.pop("scenarios")
-    return scenarios.answer_of(_solution(told, None), ScenarioEnd(outcome["end"]), outcome["scenarios"],
+    return scenarios.answer_of(_solution(told), ScenarioEnd(outcome["end"]), outcome["scenarios"],
                                drawn.plan.size, outcome["infeasible"], [_level(one) for one in outcome["levels"]])
 
 
@@ -81,7 +81,7 @@ def solve_coupled(wish: Coupled, settings: Mapping[str, Any], call: Call, tell: 
         told = solver.core().solve_coupled(list(checked.blocks), checked.total, checked.prices,
                                            solver.option_values(call.options), chosen, accompanied)
     coordination, prices = _coordination(told.pop("coupled")), np.asarray(told.pop("prices"))
-    return coupled.answer_of(_solution(told, None), wish.blocks, prices, coordination)
+    return coupled.answer_of(_solution(told), wish.blocks, prices, coordination)
 
 
 def solve_in_pieces(problem: LCQP | Problem, wish: Pieces, settings: Mapping[str, Any], call: Call, tell: Tell,
