@@ -1,6 +1,7 @@
 #include "remote/coupled.h"
 
 #include "connection/traceparent.h"
+#include "marble/composite/coupled_progress.h"
 #include "marble/convert_coupled.h"
 #include "message/solve_events.h"
 #include "remote/coupled_request.h"

@@ -12,8 +12,9 @@ from marble.base.tables import Status
 from marble.errors import FailedPrecondition, InvalidArgument
 from marble.message import answers, requests, wire
 from marble.message.wire import Encoder
+from marble.model import coupled as model
 from marble.model.coupled import Coordination, Coupled, CoupledAnswer, Pieces, PiecesAnswer
-from marble.model.lcqp import LCQP, Vector, matrix, vector
+from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Progress
 
@@ -21,53 +22,49 @@ SETTINGS: Final = ("proximal", "max_iterations", "freeze_after", "searches", "fl
                    "joint_search")
 
 
-def _encoder(settings: Mapping[str, Any]) -> Encoder:
+def message(settings: Mapping[str, Any]) -> Any:
+    """A Coupled message with its settings alone."""
     for name in settings:
         if name not in SETTINGS:
             raise InvalidArgument(name, f"is no setting; they are {', '.join(SETTINGS)}")
-    part = Encoder("Coupled")
     try:
-        part.others(contract.message("Coupled")(**settings))
+        return contract.message("Coupled")(**settings)
     except (TypeError, ValueError) as error:
         raise InvalidArgument("coupled", f"has a setting of the wrong type ({error})") from None
-    return part
 
 
 def blocks(wish: Coupled, settings: Mapping[str, Any]) -> Encoder:
     """A Coupled message of blocks."""
-    part = _encoder(settings)
-    total = vector(wish.total, "total")
-    if not wish.blocks:
-        raise InvalidArgument("blocks", "must be at least one")
-    if len(wish.coupling) != len(wish.blocks):
-        raise InvalidArgument("coupling", f"must be {len(wish.blocks)}, one a block", value=len(wish.coupling))
-    for k, (block, coupling) in enumerate(zip(wish.blocks, wish.coupling, strict=True)):
-        lcqp = compiled(block)
+    part = Encoder("Coupled")
+    part.others(message(settings))
+    tied = model.checked(wish)
+    for lcqp, coupling in tied.blocks:
         one = Encoder("CoupledBlock")
         one.message("problem", requests.problem_encoder(lcqp))
         if coupling is not None:
-            rows = matrix(coupling, f"coupling[{k}]", lcqp.g.size, total.size)
-            one.message("coupling", requests.matrix_encoder(rows))
+            one.message("coupling", requests.matrix_encoder(coupling))
         part.message("blocks", one)
-    part.doubles("total", total)
-    if wish.prices is not None:
-        part.doubles("prices", vector(wish.prices, "prices", total.size))
+    part.doubles("total", tied.total)
+    if tied.prices is not None:
+        part.doubles("prices", tied.prices)
     return part
+
+
+def cut(wish: Pieces) -> Any:
+    """A Pieces message without its stages."""
+    try:
+        return contract.message("Pieces")(pieces=wish.pieces, look_ahead=wish.look_ahead)
+    except (TypeError, ValueError) as error:
+        raise InvalidArgument("pieces", f"has a number of the wrong type ({error})") from None
 
 
 def pieces(problem: LCQP | Problem, wish: Pieces, settings: Mapping[str, Any]) -> Encoder:
     """A Coupled message of a problem in pieces."""
-    part, lcqp = _encoder(settings), compiled(problem)
-    stages = np.asarray(wish.stages)
-    if stages.shape != lcqp.g.shape or not np.issubdtype(stages.dtype, np.integer) or stages.min(initial=0) < 0:
-        raise InvalidArgument("stages", f"must be {lcqp.g.size} whole numbers >= 0, one a variable")
-    cut = Encoder("Pieces")
-    cut.integers("stages", stages)
-    try:
-        cut.others(contract.message("Pieces")(pieces=wish.pieces, look_ahead=wish.look_ahead))
-    except (TypeError, ValueError) as error:
-        raise InvalidArgument("pieces", f"has a number of the wrong type ({error})") from None
-    part.message("pieces", cut)
+    part, own = Encoder("Coupled"), Encoder("Pieces")
+    part.others(message(settings))
+    own.integers("stages", model.stages_of(compiled(problem), wish))
+    own.others(cut(wish))
+    part.message("pieces", own)
     return part
 
 
@@ -117,22 +114,13 @@ def response(data: bytes) -> Told:
     return _told(message, arrays, "solution.")
 
 
-def split(blocks: Sequence[LCQP | Problem], z: Vector) -> tuple[Vector, ...]:
-    """The vectors of the blocks."""
-    sizes = [compiled(block).g.size for block in blocks]
-    if sum(sizes) != z.size:
-        raise InvalidArgument("blocks", f"must have {z.size} variables, as the answer has", value=sum(sizes))
-    return tuple(np.split(z, np.cumsum(sizes)[:-1]))
-
-
 def blocks_answer(told: Told, blocks: Sequence[LCQP | Problem]) -> CoupledAnswer:
     """The answer of blocks."""
     result, arrays, path = told
     whole = LCQP(None, np.zeros_like(arrays.get(path + "z", np.zeros(1))))
     solution = answers.solution(result.solution, arrays, path, whole, result.job_id)
-    return CoupledAnswer(solution.status, solution.detail, solution.objective, split(blocks, solution.z),
-                         arrays.get(path + "coupled.prices", np.zeros(0)), solution,
-                         _coordination(result.solution.coupled), result.job_id)
+    prices = arrays.get(path + "coupled.prices", np.zeros(0))
+    return model.answer_of(solution, blocks, prices, _coordination(result.solution.coupled))
 
 
 def pieces_answer(told: Told, problem: LCQP | Problem | None) -> PiecesAnswer:
