@@ -99,6 +99,8 @@ Solve with_bundle(const SolveArguments& arguments, const Client* server, Solve s
     if (given.sensitivity != nullptr) to_message(*given.sensitivity, request.mutable_sensitivity());
     v1::GetJobResponse* job = bundle.facts.mutable_job();
     to_message(options, job->mutable_options());
+    const std::chrono::duration<double> now = std::chrono::system_clock::now().time_since_epoch();
+    job->mutable_job()->set_accepted_unix_s(now.count());
     KeptRows rows(given.progress, job->mutable_trace());
     SolveControls controls = given;
     controls.progress = &rows;
