@@ -12,14 +12,16 @@
 namespace marble::server {
 namespace {
 
-// What is known here of the job that a request names, or of all, is brought up to date first.
+// What is known here of the job that a request names, or of all, is brought up to date first. A request that
+// cannot be read ends here: whoever reads it once more has protobuf tell so once more.
 template <class Request>
 void look_at(const ServiceParts& parts, const grpc::ByteBuffer& bytes, Settled then) {
   std::string id;
   if constexpr (requires(Request request) { request.job_id(); }) {
     Request request;
     const grpc::ByteBuffer copy(bytes);  // reading takes a buffer's bytes out of it
-    if (parse(&copy, &request)) id = request.job_id();
+    if (auto parsed = parse(&copy, &request); !parsed) return then(parsed);
+    id = request.job_id();
   }
   parts.submissions->look(id, std::move(then));
 }

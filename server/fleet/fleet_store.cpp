@@ -43,7 +43,7 @@ constexpr const char* kForget =
     " DELETE FROM marble_answers a USING gone WHERE a.number = gone.number";
 constexpr const char* kRenew =
     "UPDATE marble_jobs SET lease = clock_timestamp() + make_interval(secs => $2)"
-    " WHERE state = 1 AND token = ANY ($1::text[]) RETURNING id";
+    " WHERE state = 1 AND token = ANY ($1::text[]) RETURNING id, cancelled";
 constexpr const char* kLive =
     "INSERT INTO marble_live SELECT number, $3::bigint, $4::bigint, $5::bytea, $6::bytea, $7::bytea FROM "
     "marble_jobs"
@@ -267,6 +267,9 @@ Expected<void> FleetStore::renew() {
   const auto renewed = database_->run(all);
   if (!renewed) return unexpected(renewed.error());
   const PgRows& ours = (*renewed)[2];
+  for (int row = 0; row < ours.size(); ++row) {
+    if (ours.truth(row, 1)) taker_.cancelled(std::string(ours.bytes(row, 0)));
+  }
   if (static_cast<std::size_t>(ours.size()) == held.size()) return {};
   std::vector<std::string> lost;
   for (const auto& [id, token] : held) {

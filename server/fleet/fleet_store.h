@@ -57,6 +57,8 @@ class FleetTaker {
   [[nodiscard]] virtual std::vector<std::pair<std::string, std::string>> held() = 0;
   /// Others have them now.
   virtual void lost(const std::vector<std::string>& ids) = 0;
+  /// It is to end; told again until it has.
+  virtual void cancelled(const std::string& id) = 0;
   /// What there is to tell of those that run.
   [[nodiscard]] virtual std::vector<LiveJob> live() = 0;
 };

@@ -60,13 +60,14 @@ class FleetSubmissions::Room final : public RoomWaiter {
 
 class FleetSubmissions::Keeper final : public JobObserver {
  public:
-  Keeper(FleetSubmissions& submissions, std::shared_ptr<JobRecord> record)
-      : submissions_(submissions), record_(std::move(record)) {}
-  void finished(Outcome outcome) override { submissions_.ended(*record_, std::move(outcome)); }
+  Keeper(FleetSubmissions& submissions, std::shared_ptr<JobRecord> record, std::string token)
+      : submissions_(submissions), record_(std::move(record)), token_(std::move(token)) {}
+  void finished(Outcome outcome) override { submissions_.ended(*record_, token_, std::move(outcome)); }
 
  private:
   FleetSubmissions& submissions_;
   const std::shared_ptr<JobRecord> record_;
+  const std::string token_;
 };
 
 FleetSubmissions::FleetSubmissions(const ServiceParts& parts)
@@ -220,6 +221,15 @@ void FleetSubmissions::lost(const std::vector<std::string>& ids) {
   for (const auto& record : records) record->cancel();
 }
 
+void FleetSubmissions::cancelled(const std::string& id) {
+  std::shared_ptr<JobRecord> record;
+  {
+    const MutexLock lock(mutex_);
+    if (const auto job = held_.find(id); job != held_.end()) record = job->second.record;
+  }
+  if (record != nullptr) record->cancel();
+}
+
 std::vector<LiveJob> FleetSubmissions::live() {
   const MutexLock lock(mutex_);
   std::vector<LiveJob> all;
@@ -251,14 +261,16 @@ void FleetSubmissions::took(std::vector<TakenJob> jobs) {
 void FleetSubmissions::take_in(TakenJob taken) {
   const StoredJob& stored = taken.stored;
   auto record = parts_.board.find(stored.id);
-  if (record == nullptr || record->is_finished()) {
+  // A run of it that was lost here, and may not have ended yet, keeps its own record.
+  if (record == nullptr || record->is_finished() || has(stored.id)) {
+    parts_.board.forget(stored.id);
     v1::JobInfo info;
     info.ParseFromString(taken.info);
     JobDescription what = description_of(info);
     what.peer = stored.peer;
     what.trace = parse_traceparent(stored.traceparent, random_id());
     what.accepted = time_of(stored.accepted_unix_s);
-    record = parts_.board.make(std::move(what), Options());
+    record = parts_.board.add(parts_.board.make(std::move(what), Options()));  // or the mirror's, from now
   }
   record->set_server(server_);
   (void)parts_.results.expect(stored.id, stored.client);  // the mirror may not have seen it yet
@@ -270,9 +282,8 @@ void FleetSubmissions::take_in(TakenJob taken) {
   }
   const auto end = [&](const Error& error) {
     record->finished(unexpected(error), taken.age_s, taken.age_s);
-    parts_.board.add(record);
     parts_.board.finish(record);
-    ended(*record, {.solution = unexpected(error)});
+    ended(*record, taken.token, {.solution = unexpected(error)});
   };
   if (stored.cancelled) return end(failure(ErrorCode::cancelled, "given up before it had an answer"));
   if (taken.lost >= kMostLost)
@@ -288,7 +299,7 @@ void FleetSubmissions::take_in(TakenJob taken) {
                  .priority = static_cast<Priority>(stored.priority),
                  .arrival = now,
                  .bytes = static_cast<std::int64_t>(stored.request.size())};
-  job->observer = std::make_shared<Keeper>(*this, record);
+  job->observer = std::make_shared<Keeper>(*this, record, taken.token);
   // The worker reads the request: the store's thread has others to serve.
   job->work = [this, record, quota = job->quota, taken_in = std::weak_ptr(job),
                shared = std::make_shared<StoredJob>(std::move(taken.stored))](
@@ -314,32 +325,32 @@ void FleetSubmissions::take_in(TakenJob taken) {
   job->observer = nullptr;
   if (!parts_.scheduler.is_closed() && !parts_.scheduler.fits_alone(*job)) return end(place.error());
   store_.release(record->id(), taken.token);
-  erase(record->id());
+  erase(record->id(), taken.token);
 }
 
-void FleetSubmissions::erase(const std::string& id) {
+void FleetSubmissions::erase(const std::string& id, const std::string& token) {
   const MutexLock lock(mutex_);
-  held_.erase(id);
+  if (const auto job = held_.find(id); job != held_.end() && job->second.token == token) held_.erase(job);
 }
 
-// An answer that the store has not taken as another server has the job is dropped: that one gives it.
-void FleetSubmissions::ended(JobRecord& record, Outcome outcome) {
+// What a run makes of a job that it does not hold any more is dropped: whoever holds it gives the answer.
+void FleetSubmissions::ended(JobRecord& record, const std::string& token, Outcome outcome) {
   const std::string& id = record.id();
   Held job;
   {
     const MutexLock lock(mutex_);
     const auto found = held_.find(id);
-    if (found == held_.end()) return;
+    if (found == held_.end() || found->second.token != token) return;
     job = found->second;
   }
   if (job.is_lost) {
-    erase(id);
+    erase(id, token);
     parts_.board.forget(id);
     return mirror_.read_anew(id);
   }
   if (outcome.interrupted) {
-    store_.release(id, job.token);
-    return erase(id);
+    store_.release(id, token);
+    return erase(id, token);
   }
   KeptResult kept = result_of(record, outcome);
   const auto size = static_cast<std::int64_t>(kept.stored.answer.size());
@@ -351,9 +362,9 @@ void FleetSubmissions::ended(JobRecord& record, Outcome outcome) {
     kept = result_of(record, outcome);
   }
   fault_point("before_answer");
-  store_.finish(std::move(kept.stored), job.token, [this, id](const Expected<void>& made) {
+  store_.finish(std::move(kept.stored), token, [this, id, token](const Expected<void>& made) {
     if (!made) return;  // it is tried again
-    erase(id);
+    erase(id, token);
     look("", [](const Expected<void>& /*looked*/) {});
   });
 }

@@ -58,14 +58,15 @@ class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
   void took(std::vector<TakenJob> jobs) override ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::vector<std::pair<std::string, std::string>> held() override ABSL_LOCKS_EXCLUDED(mutex_);
   void lost(const std::vector<std::string>& ids) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void cancelled(const std::string& id) override ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::vector<LiveJob> live() override ABSL_LOCKS_EXCLUDED(mutex_);
   // FleetOwner
   [[nodiscard]] bool has(const std::string& id) override ABSL_LOCKS_EXCLUDED(mutex_);
   void jobs_wait() override;
 
   void take_in(TakenJob taken) ABSL_LOCKS_EXCLUDED(mutex_);
-  void ended(JobRecord& record, Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
-  void erase(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
+  void ended(JobRecord& record, const std::string& token, Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
+  void erase(const std::string& id, const std::string& token) ABSL_LOCKS_EXCLUDED(mutex_);
 
   const ServiceParts& parts_;
   const std::string server_;

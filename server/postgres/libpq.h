@@ -32,6 +32,7 @@ namespace marble::server {
   FUNCTION(PQresultErrorMessage) \
   FUNCTION(PQresultStatus)       \
   FUNCTION(PQsendQueryParams)    \
+  FUNCTION(PQsetNoticeProcessor) \
   FUNCTION(PQsetnonblocking)     \
   FUNCTION(PQsocket)             \
   FUNCTION(PQstatus)

@@ -86,6 +86,9 @@ Expected<Postgres> Postgres::open(const std::string& uri) {
   opened.connection_.reset(libpq().PQconnectStartParams(names.data(), values.data(), 1));
   PGconn* const connection = opened.connection_.get();
   if (connection == nullptr) return unexpected(opened.fault("no memory"));
+  // What it says to nobody in particular would go to our standard error.
+  libpq().PQsetNoticeProcessor(
+      connection, [](void*, const char*) {}, nullptr);
   const auto end = std::chrono::steady_clock::now() + kPatience;
   for (auto step = PGRES_POLLING_WRITING; step != PGRES_POLLING_OK;
        step = libpq().PQconnectPoll(connection)) {

@@ -26,6 +26,12 @@ class Node : public JobsClient {
     return solver_->Solve(&context, example_request(), &response).ok() &&
            response.solution().status() == v1::STATUS_SOLVED;
   }
+  [[nodiscard]] v1::Counters counters() {
+    grpc::ClientContext context;
+    v1::GetInfoResponse info;
+    EXPECT_TRUE(v1::Server::NewStub(channel_)->GetInfo(&context, {}, &info).ok());
+    return info.counters();
+  }
   [[nodiscard]] v1::JobInfo job(const std::string& id) { return get(id).job(); }
   [[nodiscard]] std::set<std::string> list() {
     grpc::ClientContext context;

@@ -2,10 +2,16 @@
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <random>
 #include <set>
 
 #include "fleet_node.h"
+#include "marble/convert.h"
+#include "marble/convert_coupled.h"
+#include "marble/convert_scenarios.h"
+#include "marble/scenario_examples.h"
+#include "support/problems/coupled_problems.h"
 #include "support/processes/postgres_process.h"
 
 namespace marble::testing {
@@ -225,6 +231,24 @@ TEST_F(Fleet, OnlyWhoHoldsTheJobMayAnswerIt) {
   EXPECT_EQ(here.SerializeAsString(), there.SerializeAsString());
 }
 
+// As if another had taken it over, and had gone away with it too.
+TEST_F(Fleet, AJobThatComesBackToWhoLostItBeginsAnew) {
+  const auto a = start({"--state-lease-s", "3600"});
+  const std::string id = occupy(*a);
+  (void)database_.ask(
+      "UPDATE marble_jobs SET state = 0, token = '', lease = NULL, lost = lost + 1,"
+      " changed = pg_current_xact_id(); NOTIFY marble_jobs");
+  ASSERT_TRUE(eventually([&] { return a->counters().cancelled_total() == 1; })) << "the run that was lost";
+  ASSERT_TRUE(eventually_is(*a, id, v1::JOB_STATE_RUNNING));
+  EXPECT_EQ(database_.ask("SELECT count(*) FROM marble_answers"), "0") << "nobody has cancelled it";
+  EXPECT_TRUE(a->list().contains(id));
+  EXPECT_TRUE(a->cancel(id).ok());
+  v1::SolveResponse response;
+  EXPECT_TRUE(a->result(id, true, &response).ok());
+  EXPECT_EQ(response.solution().status(), v1::STATUS_CANCELLED);
+  EXPECT_EQ(a->job(id).state(), v1::JOB_STATE_FINISHED);
+}
+
 TEST_F(Fleet, WithoutTheStoreEverythingElseGoesOn) {
   const auto a = start({"--http", "127.0.0.1:0"});
   expect_answer(*a, a->submit(numbered(1)), 1);
@@ -283,6 +307,37 @@ TEST_F(Fleet, JobsAndAnswersOutliveAllServers) {
   EXPECT_EQ(after.SerializeAsString(), before.SerializeAsString());
   EXPECT_GT(b->get(done).trace().rows_size(), 0);
   expect_answer(*b, waiting, 2);
+}
+
+TEST_F(Fleet, WhatAnAnswerSaysBesidesItsPlanIsThereOnEveryServerToTheLastByte) {
+  const OwnedCoupled cell = random_coupled({.blocks = 3}, 7);
+  v1::SolveRequest tied, worlds;
+  to_message(cell.view(), tied.mutable_coupled());
+  const examples::OneNumberWorlds rocket = examples::rocket_by_altitude();
+  const ScenarioProblem problem = rocket.worlds(std::vector<double>{3.0, 3.5, 4.0});
+  to_message(problem.base, worlds.mutable_problem());
+  ASSERT_TRUE(to_message(problem, problem.scenarios, worlds.mutable_scenarios()));
+  auto a = start(), b = start();
+  const std::string of_blocks = a->submit(tied), of_worlds = b->submit(worlds);
+  std::map<std::string, std::string> told;
+  for (const std::string& id : {of_blocks, of_worlds}) {
+    v1::SolveResponse here, there;
+    ASSERT_TRUE(a->result(id, true, &here).ok());
+    ASSERT_TRUE(b->result(id, true, &there).ok());
+    EXPECT_EQ(here.solution().has_coupled(), id == of_blocks);
+    EXPECT_EQ(here.solution().has_scenarios(), id == of_worlds);
+    EXPECT_EQ(here.SerializeAsString(), there.SerializeAsString());
+    told[id] = here.SerializeAsString();
+    EXPECT_EQ(a->get(id).DebugString(), b->get(id).DebugString());
+  }
+  a->kill();
+  b->stop();
+  const auto later = start();
+  for (const auto& [id, bytes] : told) {
+    v1::SolveResponse response;
+    ASSERT_TRUE(later->result(id, true, &response).ok());
+    EXPECT_EQ(response.SerializeAsString(), bytes);
+  }
 }
 
 TEST_F(Fleet, AnswersGoAfterTheirTimeOnAllServers) {
