@@ -1,5 +1,6 @@
 #include "replay/solve_request.h"
 
+#include "marble/composite/coupled_progress.h"
 #include "marble/convert.h"
 #include "marble/convert_coupled.h"
 #include "marble/convert_scenarios.h"
