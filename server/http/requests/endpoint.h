@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "service/service_parts.h"
+#include "service/unary_call.h"
 
 namespace marble::server::http {
 
@@ -14,6 +15,9 @@ namespace marble::server::http {
 using Answer = std::function<Expected<void>(const httplib::Request&, const Identity&, httplib::Response&)>;
 
 [[nodiscard]] httplib::Server::Handler endpoint(const ServiceParts& parts, Answer answer);
+
+/// On a thread that may wait.
+[[nodiscard]] Expected<void> wait_for(const Afterwards& afterwards);
 
 /// Tells the client and the log.
 void refuse(const Log& log, const httplib::Request& request, const Error& error, httplib::Response& response);
