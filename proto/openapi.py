@@ -247,7 +247,7 @@ def paths(schemas):
             "get": operation("getJob", ("Tells of a job", "Its state, its options and its convergence."),
                              {"200": answer("The job.", schemas.add("GetJobResponse"))}, "401 403 404 503", job),
             "delete": operation("deleteJob", ("Lets a job go", "With its answer. One that has not finished is cancelled."),
-                                {"204": answer("It is gone.")}, "401 403 404 503", job),
+                                {"200": answer("It is gone.", schemas.add("DeleteJobResponse"))}, "401 403 404 503", job),
         },
         "/api/jobs/{job_id}/result": {"get": operation(
             "getResult", ("Tells the answer", "The answer of a submitted job, for its owner and the role admin."),

@@ -142,6 +142,11 @@ class Waiting {
   std::optional<Places::Place> place_;
 };
 
+Error no_answer(const std::string& id) {
+  return failure(ErrorCode::not_found, "job_id", id,
+                 "is no submitted job, or its answer is not kept any more");
+}
+
 Error deleted(const std::string& id) {
   return failure(ErrorCode::not_found, "job_id", id, "was deleted, and its answer with it");
 }
@@ -173,10 +178,7 @@ Answer answering(const ServiceParts& parts, Places& places) {
     const auto wait_s = wait_of(parts, request);
     if (!wait_s) return unexpected(wait_s.error());
     const std::string owner = parts.results.owner(id);
-    if (owner.empty() || !may_end(caller, owner)) {
-      return unexpected(failure(ErrorCode::not_found, "job_id", id,
-                                "is no submitted job, or its answer is not kept any more"));
-    }
+    if (owner.empty() || !may_end(caller, owner)) return unexpected(no_answer(id));
     auto result = parts.results.get(id);
     if (result == nullptr) {
       const auto record = parts.board.find(id);
@@ -193,6 +195,9 @@ Answer answering(const ServiceParts& parts, Places& places) {
           parts, id, Clock::now() + (over ? std::max<Clock::duration>(patience, kMoment) : patience));
       if (!waited) return unexpected(waited.error());
       result = std::move(*waited);
+      const auto still = parts.access.identify(credentials_of(request));  // tokens and roles can be reloaded
+      if (!still) return unexpected(still.error());
+      if (!may_end(*still, owner)) return unexpected(no_answer(id));
     }
     if (result == nullptr) {
       response.set_header("Retry-After", "1");
@@ -236,7 +241,7 @@ void add_submission_routes(Router& router, const ServiceParts& parts, Places& pl
                                                  remove(parts, caller, request.matches[1].str());
                                              if (!removed) return unexpected(removed.error());
                                              if (auto kept = wait_for(*removed); !kept) return kept;
-                                             response.status = 204;
+                                             reply_json(response, v1::DeleteJobResponse());
                                              return {};
                                            }));
 }

@@ -34,7 +34,8 @@ int status_of(ErrorCode code) {
   }
 }
 
-nlohmann::json json_of(const Error& error) {
+nlohmann::json json_of(const Error& whole) {
+  const Error error = abridged(whole);
   return {{"code", to_string(error.code)}, {"field", error.field}, {"index", error.index},
           {"value", error.value},          {"bound", error.bound}, {"message", error.message()}};
 }

@@ -12,6 +12,7 @@
 namespace marble::server::http {
 namespace {
 
+constexpr std::size_t kMostShown = 200;  // characters of a client's text
 const std::string kTypes = "type.googleapis.com/";
 
 // What stands beside the problem.
@@ -42,7 +43,8 @@ Error fault_of(std::string text) {
     field += (field.empty() ? "" : ".") + cut(0, end);
   for (std::size_t at = text.find(kTypes); at != std::string::npos; at = text.find(kTypes, at))
     text.erase(at, kTypes.size());
-  return invalid(std::move(field), "is not as the API describes it: " + text);
+  return invalid(field.substr(0, kMostShown),
+                 "is not as the API describes it: " + text.substr(0, kMostShown));
 }
 
 // By way of bytes: there a bound on the number of fields holds before any of them is made.

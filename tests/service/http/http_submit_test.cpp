@@ -199,6 +199,17 @@ TEST_F(HttpSubmit, WhatIsWrongIsNamedByFieldAndIndex) {
   EXPECT_EQ(counters().refused_total(), 18) << "they are counted as gRPC's are";
 }
 
+TEST_F(HttpSubmit, AnErrorRepeatsOnlySoMuchOfWhatWasSent) {
+  start();
+  const std::string x(60000, 'x'), text = R"({"problem":{"n":1,"g":[1]},"options":)";
+  for (const std::string& rest :
+       {R"({"starts":")" + x + "\"}}", "{\"" + x + "\":1}}", "\"" + x + "\"}", "1,\"" + x + "\":1}"}) {
+    const auto refused = post(text + rest);
+    EXPECT_EQ(refused->status, 400);
+    EXPECT_LT(refused->body.size(), 2000U) << rest.substr(0, 20);
+  }
+}
+
 TEST_F(HttpSubmit, HoweverDeepATextIsItIsReadInOnePass) {
   start();
   for (const char* key : {"a", "options", "problem"}) {
@@ -246,7 +257,7 @@ TEST_F(HttpSubmit, ADeletedJobIsGoneForThoseWhoWaitToo) {
   const std::string id = posted(as_json(long_request()));
   auto waiting = std::async(std::launch::async, [&] { return result_of(id); });
   ASSERT_TRUE(eventually([&] { return job(id).job().state() == v1::JOB_STATE_RUNNING; }));
-  EXPECT_EQ(client().Delete("/api/jobs/" + id)->status, 204);
+  EXPECT_EQ(client().Delete("/api/jobs/" + id)->status, 200);
   EXPECT_EQ(waiting.get()->status, 404);
   EXPECT_EQ(client().Delete("/api/jobs/" + id)->status, 404);
   EXPECT_EQ(get("/api/jobs/" + id)->status, 404);
@@ -271,7 +282,7 @@ TEST_F(HttpSubmit, RolesAreThoseOfGrpc) {
   EXPECT_EQ(client().Delete(path)->status, 401);
   EXPECT_EQ(client().Delete(path, bearer_header(other.secret))->status, 404);
   EXPECT_EQ(client().Delete(path, bearer_header(viewer.secret))->status, 403);
-  EXPECT_EQ(client().Delete(path, bearer_header(owner.secret))->status, 204);
+  EXPECT_EQ(client().Delete(path, bearer_header(owner.secret))->status, 200);
 }
 
 TEST_F(HttpSubmit, QuotasAndTheQueueAreThoseOfGrpc) {
