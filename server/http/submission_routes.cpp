@@ -14,8 +14,8 @@
 #include "http/requests/solve_request.h"
 #include "http/transport/bounded_server.h"
 #include "messages/job_access.h"
-#include "queue/job_log.h"
-#include "submissions/submission.h"
+#include "service/admission.h"
+#include "store/submissions.h"
 #include "wire/wire.h"
 
 namespace marble::server::http {
@@ -81,7 +81,7 @@ Expected<void> submit_body(const ServiceParts& parts, Places& places, const http
   }
   origin.request_id = message->request_id();
   v1::SubmitResponse answer;
-  const auto submitted = submit(parts, {*identity, origin}, std::move(message), &answer);
+  const auto submitted = parts.submissions->submit({*identity, origin}, std::move(message), &answer);
   if (!submitted) return unexpected(submitted.error());
   if (auto kept = wait_for(*submitted); !kept) return kept;
   response.status = 202;
@@ -160,7 +160,7 @@ Expected<ResultStore::Shared> wait_for_answer(const ServiceParts& parts, const s
   parts.results.wait(id, told.get(), [told](const ResultStore::Shared& result) { told->set_value(result); });
   while (answer.wait_for(std::min<Clock::duration>(kLook, until - Clock::now())) !=
          std::future_status::ready) {
-    const bool ends = parts.scheduler.is_drained() && (parts.store == nullptr || parts.store->is_settled());
+    const bool ends = parts.scheduler.is_drained() && parts.submissions->is_settled();
     if (!ends && Clock::now() < until) continue;
     parts.results.stop_waiting(id, told.get());
     if (answer.wait_for(std::chrono::seconds(0)) == std::future_status::ready) break;
@@ -177,6 +177,7 @@ Answer answering(const ServiceParts& parts, Places& places) {
     const std::string id = request.matches[1].str();
     const auto wait_s = wait_of(parts, request);
     if (!wait_s) return unexpected(wait_s.error());
+    if (auto looked = look(parts, id); !looked) return looked;
     const std::string owner = parts.results.owner(id);
     if (owner.empty() || !may_end(caller, owner)) return unexpected(no_answer(id));
     auto result = parts.results.get(id);
@@ -219,16 +220,6 @@ Answer answering(const ServiceParts& parts, Places& places) {
   };
 }
 
-Expected<Afterwards> remove(const ServiceParts& parts, const Identity& caller, const std::string& id) {
-  const std::string owner = parts.results.owner(id);
-  if (owner.empty() || !may_see(caller, owner)) return unexpected(no_such_job(id));
-  if (!may_end(caller, owner)) return unexpected(not_to_end(id));
-  if (!parts.results.forget(id)) return unexpected(no_such_job(id));
-  if (const auto record = parts.board.find(id); record != nullptr) record->cancel();
-  parts.board.forget(id);
-  return when_settled(parts);
-}
-
 }  // namespace
 
 void add_submission_routes(Router& router, const ServiceParts& parts, Places& places) {
@@ -237,8 +228,9 @@ void add_submission_routes(Router& router, const ServiceParts& parts, Places& pl
   router.del("/api/jobs/([^/]+)", endpoint(parts,
                                            [&parts](const httplib::Request& request, const Identity& caller,
                                                     httplib::Response& response) -> Expected<void> {
-                                             const auto removed =
-                                                 remove(parts, caller, request.matches[1].str());
+                                             const std::string id = request.matches[1].str();
+                                             if (auto looked = look(parts, id); !looked) return looked;
+                                             const auto removed = parts.submissions->remove(caller, id);
                                              if (!removed) return unexpected(removed.error());
                                              if (auto kept = wait_for(*removed); !kept) return kept;
                                              reply_json(response, v1::DeleteJobResponse());

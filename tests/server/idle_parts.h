@@ -1,11 +1,16 @@
 // A server without a port and without room for a job: all that calls share.
 #pragma once
 
+#include <memory>
+
 #include "service/service_parts.h"
+#include "submissions/local_submissions.h"
 
 namespace marble::server {
 
 struct IdleParts {
+  IdleParts() { all.submissions = submissions.get(); }
+
   Config config;
   Log log{"text", "off", 1 << 20};
   Access access{config};
@@ -18,8 +23,9 @@ struct IdleParts {
   ConnectionTable connections{{}, log};
   Scheduler scheduler{{1, 10, 0, 10}, board, log, metrics};
   Pulse pulse;
-  const ServiceParts all{config,  access,  log,       metrics,  pulse,       board, feeds,
-                         results, nullptr, scheduler, sessions, connections, calls};
+  ServiceParts all{config, access,  log,       metrics,  pulse,       board,
+                   feeds,  results, scheduler, sessions, connections, calls};
+  const std::unique_ptr<Submissions> submissions = LocalSubmissions::begin(all, nullptr).value();
 };
 
 }  // namespace marble::server

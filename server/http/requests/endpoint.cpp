@@ -33,6 +33,10 @@ Expected<void> wait_for(const Afterwards& afterwards) {
   return ended->get_future().get();
 }
 
+Expected<void> look(const ServiceParts& parts, const std::string& id) {
+  return wait_for([&](Settled settled) { parts.submissions->look(id, std::move(settled)); });
+}
+
 Expected<void> check_parameters(const httplib::Request& request, std::initializer_list<const char*> known) {
   for (const auto& [name, value] : request.params) {
     const auto same = [&name = name](const char* one) { return name == one; };

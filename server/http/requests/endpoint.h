@@ -7,7 +7,7 @@
 #include <functional>
 
 #include "service/service_parts.h"
-#include "service/unary_call.h"
+#include "store/submissions.h"
 
 namespace marble::server::http {
 
@@ -16,6 +16,8 @@ using Answer = std::function<Expected<void>(const httplib::Request&, const Ident
 
 [[nodiscard]] httplib::Server::Handler endpoint(const ServiceParts& parts, Answer answer);
 
+/// Submissions::look(), on a thread that may wait.
+[[nodiscard]] Expected<void> look(const ServiceParts& parts, const std::string& id = "");
 /// On a thread that may wait.
 [[nodiscard]] Expected<void> wait_for(const Afterwards& afterwards);
 
