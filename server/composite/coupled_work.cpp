@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "marble/composite/coupled_progress.h"
 #include "marble/convert.h"
 #include "marble/convert_coupled.h"
 

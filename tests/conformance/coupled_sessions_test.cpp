@@ -185,6 +185,38 @@ TEST_F(CoupledSessions, PiecesOnOneServerHaveTheBitsOfThisProcess) {
   EXPECT_EQ(single_[0].solve_in_pieces(problem, stages, {.pieces = 13}).error().field, "pieces");
 }
 
+TEST_F(CoupledSessions, SubmittedTheyAnswerLaterWithTheBitsOfTheCall) {
+  start();
+  const Jobs jobs = single_[0].jobs();
+  const SubmittedJob job = jobs.submit(cell_.view(), {}, {}, {.problem_name = "cell"}).value();
+  const RemoteCoupledSolution later = jobs.coupled(job.job_id, cell_.view(), {.wait = true}).value();
+  const RemoteCoupledSolution now = single_[0].solve_coupled(cell_.view()).value();
+  EXPECT_EQ(later.joint.z, now.joint.z);
+  EXPECT_EQ(later.coordination.prices, now.coordination.prices);
+  EXPECT_EQ(later.coordination.last.iteration, now.coordination.last.iteration);
+  EXPECT_EQ(later.blocks_objective, now.blocks_objective);
+  EXPECT_EQ(later.places.size(), now.places.size());
+  EXPECT_EQ(later.job_id, job.job_id);
+  EXPECT_GT(later.total_s, 0.0);
+  EXPECT_EQ(jobs.get(job.job_id)->job.problem_name, "cell");
+  OwnedCoupled other = cell_;
+  other.blocks.pop_back();
+  EXPECT_EQ(jobs.coupled(job.job_id, other.view()).error().field, "blocks");
+
+  const OwnedProblem hopper = examples::hopper({.steps = 12});
+  const Problem problem = Problem::create(hopper.view()).value();
+  std::vector<Index> stages;
+  for (Index step = 0; step < 12; ++step) stages.insert(stages.end(), examples::kHopperVariables, step);
+  const SubmittedJob cut = jobs.submit_in_pieces(problem, stages).value();
+  const RemotePiecesSolution pieces = jobs.pieces(cut.job_id, {.wait = true}).value();
+  const RemotePiecesSolution at_once = single_[0].solve_in_pieces(problem, stages).value();
+  EXPECT_EQ(pieces.whole.z, at_once.whole.z);
+  EXPECT_EQ(pieces.sweep_objective, at_once.sweep_objective);
+
+  const SubmittedJob plain = jobs.submit(hopper.view()).value();
+  EXPECT_EQ(jobs.pieces(plain.job_id, {.wait = true}).error().code, ErrorCode::failed_precondition);
+}
+
 TEST_F(CoupledSessions, AFaultHasTheFieldOfThisProcessWhereverItIsFound) {
   start();
   OwnedCoupled bad = cell_;
@@ -199,6 +231,7 @@ TEST_F(CoupledSessions, AFaultHasTheFieldOfThisProcessWhereverItIsFound) {
   CoupledOptions options;
   options.proximal = -1.0;
   EXPECT_EQ(single_[0].solve_coupled(cell_.view(), options).error().field, "proximal");
+  EXPECT_EQ(single_[0].jobs().submit(cell_.view(), options).error().field, "proximal");
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 // A closed loop as a controller would run it: the plan's first step is followed, the next plan starts from
 // it.
-#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <iostream>
@@ -10,6 +9,7 @@
 #include "arguments/solver_arguments.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
+#include "base/median.h"
 #include "commands/commands.h"
 #include "marble/examples.h"
 #include "output/json.h"
@@ -67,13 +67,6 @@ Expected<void> prepare(Session& session, ProblemUpdate& update, UpdateControls& 
   update = {.b = update.b};
   controls.shift = {};
   return {};
-}
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  std::sort(values.begin(), values.end());
-  const std::size_t half = values.size() / 2;
-  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
 }
 
 void tell_tick(const MpcArguments& arguments, int number, const Tick& tick) {

@@ -13,8 +13,6 @@
 namespace marble::cli {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr double kGrace = 5.0;  // seconds: a peer needs time to start and to write
 
 struct Named {
@@ -60,7 +58,7 @@ std::string last_line(const std::string& text) {
 
 // What a peer printed; whatever is not as it should be is a fault of the peer's.
 Attempt read_answer(const std::string& out, std::size_t variables, double wall_s) {
-  const Json answer = Json::parse(last_line(out), nullptr, false);
+  const nlohmann::json answer = nlohmann::json::parse(last_line(out), nullptr, false);
   if (!answer.is_object())
     return failed("its last line is no JSON object: " + terminal_text(last_line(out), 100));
   Attempt attempt;
@@ -68,7 +66,7 @@ Attempt read_answer(const std::string& out, std::size_t variables, double wall_s
     attempt.status = terminal_text(answer.value("status", "answered"), 40);
     attempt.seconds = answer.value("seconds", wall_s);
     if (answer.contains("z") && !answer["z"].is_null()) attempt.z = answer["z"].get<std::vector<double>>();
-  } catch (const Json::exception&) {
+  } catch (const nlohmann::json::exception&) {
     return failed("status must be text, seconds a number, z a list of numbers");
   }
   const auto finite = [](double value) { return std::isfinite(value); };

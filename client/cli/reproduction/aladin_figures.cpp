@@ -10,15 +10,15 @@
 namespace marble::cli {
 namespace {
 
-struct Named {
+struct Contender {
   Method method;
   const char* name;    // as option method has it
   const char* stands;  // for what in the paper
 };
-constexpr std::array kMethods = {Named{Method::aladin_beta, "aladin_beta", "ALADIN-beta"},
-                                 Named{Method::l1_barrier_stepwise, "l1_barrier_stepwise", "IPOPT1"},
-                                 Named{Method::l1_barrier, "l1_barrier", "IPOPT2"},
-                                 Named{Method::plain_barrier, "plain_barrier", "IPOPT-vanilla"}};
+constexpr std::array kMethods = {Contender{Method::aladin_beta, "aladin_beta", "ALADIN-beta"},
+                                 Contender{Method::l1_barrier_stepwise, "l1_barrier_stepwise", "IPOPT1"},
+                                 Contender{Method::l1_barrier, "l1_barrier", "IPOPT2"},
+                                 Contender{Method::plain_barrier, "plain_barrier", "IPOPT-vanilla"}};
 constexpr int kIterations = 100, kPairs = 10;
 constexpr double kError = 1e-10, kProduct = 1e-16;  // what the paper tells of figure 2
 
@@ -168,7 +168,7 @@ TextTable aladin_table(const std::vector<AladinRun>& runs) {
 std::string aladin_csv(const std::vector<AladinRun>& runs) {
   std::string text = "start,method,seed,fell_back,iteration,s,t,error,complementarity\n";
   for (const AladinRun& run : runs) {
-    const char* method = std::ranges::find(kMethods, run.method, &Named::method)->name;
+    const char* method = std::ranges::find(kMethods, run.method, &Contender::method)->name;
     const char* start = run.start == AladinStart::path   ? "path"
                         : run.start == AladinStart::near ? "near"
                                                          : "far";

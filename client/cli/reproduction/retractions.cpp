@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/median.h"
 #include "output/text_table.h"
 
 namespace marble::cli {
@@ -12,11 +13,6 @@ namespace {
 double condition_at(const PathConditions& path, double kappa) {
   const auto at = std::ranges::find_if(path.at, [&](const PathCondition& c) { return c.kappa <= kappa; });
   return at == path.at.end() ? std::numeric_limits<double>::infinity() : at->condition;
-}
-
-double median(std::vector<double> values) {
-  std::ranges::sort(values);
-  return values[values.size() / 2];
 }
 
 std::string number(const char* form, double value) {

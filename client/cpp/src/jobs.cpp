@@ -5,11 +5,13 @@
 #include "connection/connection.h"
 #include "connection/traceparent.h"
 #include "in_process/in_process.h"
+#include "marble/convert_coupled.h"
 #include "message/answer.h"
 #include "message/job_message.h"
 #include "message/request.h"
 #include "message/request_id.h"
 #include "message/status.h"
+#include "remote/coupled_request.h"
 #include "remote/scenario_request.h"
 
 namespace marble {
@@ -40,6 +42,15 @@ Expected<SubmittedJob> send(const client::Connection& connection, v1::SolveReque
   if (!status.ok()) return unexpected(client::to_error(status, stop));
   return SubmittedJob{response.job_id(), response.queue_position(), response.estimated_wait_s(),
                       client::returned_traceparent(context)};
+}
+
+Expected<SubmittedJob> send_coupled(const client::Connection& connection,
+                                    Expected<v1::SolveStreamRequest> request, const std::stop_token& stop,
+                                    const CallControls& call) {
+  if (!request) return unexpected(request.error());
+  auto job = send(connection, std::move(*request->mutable_solve()), stop, call);
+  if (!job) return unexpected(of_field(coupled_core_field(job.error().field), job.error()));
+  return job;
 }
 
 Expected<v1::SolveResponse> response_of(const client::Connection* connection, const std::string& job_id,
@@ -82,6 +93,25 @@ Expected<SubmittedJob> Jobs::submit(const ScenarioProblem& problem, const Scenar
   return unexpected(out_of_memory());
 }
 
+Expected<SubmittedJob> Jobs::submit(const CoupledView& view, const CoupledOptions& options,
+                                    const CoupledControls& controls, const CallControls& call) const try {
+  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  return send_coupled(*connection_, client::make_request(view, options, controls, call), controls.stop, call);
+} catch (const std::bad_alloc&) {
+  return unexpected(out_of_memory());
+}
+
+Expected<SubmittedJob> Jobs::submit_in_pieces(const Problem& problem,
+                                              std::span<const Index> stage_of_variable,
+                                              const PiecesOptions& options, const CoupledControls& controls,
+                                              const CallControls& call) const try {
+  if (auto one = one_server(connection_.get()); !one) return unexpected(one.error());
+  return send_coupled(*connection_, client::make_request(problem, stage_of_variable, options, call),
+                      controls.stop, call);
+} catch (const std::bad_alloc&) {
+  return unexpected(out_of_memory());
+}
+
 Expected<RemoteSolution> Jobs::result(const std::string& job_id, const ResultControls& controls) const try {
   const auto response = response_of(connection_.get(), job_id, controls);
   if (!response) return unexpected(response.error());
@@ -95,6 +125,24 @@ Expected<RemoteScenarios> Jobs::scenarios(const std::string& job_id, const Resul
   const auto response = response_of(connection_.get(), job_id, controls);
   if (!response) return unexpected(response.error());
   return client::remote_scenarios(*response);
+} catch (const std::bad_alloc&) {
+  return unexpected(out_of_memory());
+}
+
+Expected<RemoteCoupledSolution> Jobs::coupled(const std::string& job_id, const CoupledView& view,
+                                              const ResultControls& controls) const try {
+  const auto response = response_of(connection_.get(), job_id, controls);
+  if (!response) return unexpected(response.error());
+  return client::remote_coupled(*response, view);
+} catch (const std::bad_alloc&) {
+  return unexpected(out_of_memory());
+}
+
+Expected<RemotePiecesSolution> Jobs::pieces(const std::string& job_id, const ResultControls& controls) const
+    try {
+  const auto response = response_of(connection_.get(), job_id, controls);
+  if (!response) return unexpected(response.error());
+  return client::remote_pieces(*response);
 } catch (const std::bad_alloc&) {
   return unexpected(out_of_memory());
 }

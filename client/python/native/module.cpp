@@ -2,15 +2,14 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
-#include <chrono>
-#include <limits>
-#include <memory>
 #include <optional>
 #include <string>
 
 #include "answers.h"
 #include "arrays.h"
-#include "ctrl_c.h"
+#include "calls/call.h"
+#include "calls/ctrl_c.h"
+#include "composite/composite.h"
 #include "marble/composite/counter_random.h"
 #include "marble/options.h"
 #include "marble/solver.h"
@@ -24,146 +23,6 @@
 namespace marble::python {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-py::tuple tuple_of(const Violations& v) {
-  return py::make_tuple(v.equality, v.inequality, v.complementarity);
-}
-
-/// Whether a solve under way shall end; anybody may ask for it.
-struct Stop {
-  std::stop_source source;
-};
-
-/// Tells a Python function of the rows, thinned out as a server does it. What the function raises ends the
-/// solve.
-class Teller final : public ProgressSink {
- public:
-  Teller(py::object tell, double interval_s, std::int32_t iterate_every, std::stop_source source)
-      : tell_(std::move(tell)),
-        interval_s_(interval_s),
-        iterate_every_(iterate_every),
-        source_(std::move(source)) {}
-
-  void report(const Progress& row) override {
-    if (last_s_ >= 0.0 && row.elapsed_s - last_s_ < interval_s_) return;
-    last_s_ = row.elapsed_s;
-    const py::gil_scoped_acquire gil;
-    if (raised_) return;
-    try {
-      const bool whole = iterate_every_ > 0 && row.iteration % iterate_every_ == 0;
-      const Numbers z{whole ? std::vector<double>(row.z.begin(), row.z.end()) : std::vector<double>()};
-      tell_(row.iteration, row.outer_iteration, row.objective, tuple_of(row.violations), row.kkt_residual,
-            row.kappa, row.rho, row.step_length, row.regularization, row.factorizations, row.elapsed_s, z,
-            row.incumbent, row.bound, row.gap, row.nodes, row.open_nodes);
-    } catch (py::error_already_set& error) {
-      raised_ = std::move(error);
-      source_.request_stop();
-    }
-  }
-
-  [[nodiscard]] ProgressSink* sink() { return tell_.is_none() ? nullptr : this; }
-
-  void raise_if_raised() {
-    if (raised_) throw std::move(*raised_);
-  }
-
- private:
-  py::object tell_;
-  double interval_s_;
-  std::int32_t iterate_every_;
-  std::stop_source source_;
-  double last_s_ = -1.0;
-  std::optional<py::error_already_set> raised_;
-};
-
-/// Whether Ctrl-C is to raise KeyboardInterrupt, and no handler of the program's own.
-bool raises_keyboard_interrupt() {
-  static PyObject* const module = PyImport_ImportModule("_signal");
-  static PyObject* const usual =
-      module == nullptr ? nullptr : PyObject_GetAttrString(module, "default_int_handler");
-  if (usual == nullptr) throw py::error_already_set();
-  return py::handle(module).attr("getsignal")(SIGINT).is(py::handle(usual));
-}
-
-/// What accompanies one solve, from Python.
-struct Call {
-  std::optional<double> deadline_s;
-  py::object tell;
-  double interval_s;
-  std::int32_t iterate_every;
-  std::shared_ptr<Stop> stop;  // null where only Ctrl-C may ask for it
-  bool main_thread;
-  std::optional<Solution> warm_start;
-  std::shared_ptr<const AskedDerivatives> derivatives;  // null where none are wanted
-};
-
-/// Runs `solve(options, controls)` without the GIL; the answer as Python has it, but for a time limit that a
-/// deadline has set.
-template <class Solve>
-py::dict run(const Options& options, const Call& call, const Solve& solve) {
-  const auto begin = Clock::now();
-  const auto elapsed_s = [begin] { return std::chrono::duration<double>(Clock::now() - begin).count(); };
-  const double deadline_s = call.deadline_s.value_or(std::numeric_limits<double>::infinity());
-  Options limited = options;
-  limited.time_limit_s = std::min(options.time_limit_s, deadline_s);
-  std::stop_source source = call.stop ? call.stop->source : std::stop_source();
-  Teller teller(call.tell, call.interval_s, call.iterate_every, source);
-  const SolveControls controls{.progress = teller.sink(),
-                               .stop = source.get_token(),
-                               .warm_start = call.warm_start ? &*call.warm_start : nullptr,
-                               .sensitivity = call.derivatives ? &call.derivatives->request : nullptr};
-  std::optional<Expected<Solution>> outcome;
-  {
-    std::optional<CtrlC> ctrl_c;
-    if (call.main_thread && raises_keyboard_interrupt()) ctrl_c.emplace(source);
-    const py::gil_scoped_release no_gil;
-    outcome = or_out_of_memory([&] { return solve(limited, controls); });
-  }
-  teller.raise_if_raised();
-  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-  Solution s = value_or_raise(std::move(*outcome));
-  if (s.status != Status::cancelled && elapsed_s() >= deadline_s)
-    raise(failure(ErrorCode::deadline_exceeded, "the deadline passed while the problem was solved"));
-  py::dict answer;
-  answer["status"] = to_string(s.status);
-  answer["detail"] = s.detail;
-  answer["z"] = Numbers{std::move(s.z)};
-  answer["y"] = Numbers{std::move(s.equality_multipliers)};
-  answer["nu"] = Numbers{std::move(s.inequality_multipliers)};
-  answer["xi"] = Numbers{std::move(s.complementarity_multipliers_L)};
-  answer["eta"] = Numbers{std::move(s.complementarity_multipliers_R)};
-  answer["certificate"] = Numbers{std::move(s.certificate)};
-  answer["objective"] = s.objective;
-  answer["violations"] = tuple_of(s.violations);
-  answer["kkt_residual"] = s.kkt_residual;
-  answer["stationarity"] = to_string(s.stationarity);
-  answer["b_stationary"] = s.b_stationary ? py::object(py::bool_(*s.b_stationary)) : py::object(py::none());
-  answer["second_order"] = to_string(s.second_order);
-  answer["proved"] = s.proved;
-  answer["bound"] = s.bound;
-  answer["gap"] = s.gap;
-  answer["nodes"] = s.nodes;
-  answer["open_nodes"] = s.open_nodes;
-  answer["warm_nodes"] = s.warm_nodes;
-  answer["iterations"] = s.iterations;
-  answer["factorizations"] = s.factorizations;
-  answer["cold_objective"] = s.cold_objective;
-  answer["options"] = dict_of(options);
-  answer["sensitivity"] = derivatives_told(std::move(s.sensitivity));
-  const Times& t = s.times;
-  answer["times"] =
-      py::make_tuple(0.0, t.setup_s, t.factorization_s, t.line_search_s, t.polish_s, t.solve_s, elapsed_s());
-  return answer;
-}
-
-Options options_of(const py::dict& given) {
-  Options options;
-  set_options(options, given);
-  if (auto valid = validate(options); !valid) raise(valid.error());
-  return options;
-}
-
 /// A marble.LCQP once, from set-up to answer.
 py::dict solve(const py::object& lcqp, const py::dict& given, const Call& call) {
   const Options options = options_of(given);
@@ -171,7 +30,7 @@ py::dict solve(const py::object& lcqp, const py::dict& given, const Call& call) 
   const ProblemView view = arrays.problem(lcqp);
   const py::object z0 = lcqp.attr("z0");
   const std::span<const double> initial_z = z0.is_none() ? std::span<const double>() : arrays.doubles(z0);
-  return run(options, call, [&](const Options& limited, SolveControls controls) {
+  return run(options, call, [&](const Options& limited, SolveControls controls, Teller&) {
     controls.initial_z = initial_z;
     return solve_in_process(view, limited, controls);
   });
@@ -198,11 +57,12 @@ class Warm {
   py::dict solve(const py::dict& given, const py::dict& changes, const py::object& z0, bool cold,
                  const py::object& shift, const Call& call) {
     const Wanted wanted(options_, given, changes, z0, cold, shift);
-    auto answer = run(wanted.options, call,
-                      [&](const Options& limited, const SolveControls& controls) -> Expected<Solution> {
-                        if (auto set = solver_->set_options(limited); !set) return unexpected(set.error());
-                        return solver_->solve(wanted.update, wanted.restart, controls);
-                      });
+    auto answer =
+        run(wanted.options, call,
+            [&](const Options& limited, const SolveControls& controls, Teller&) -> Expected<Solution> {
+              if (auto set = solver_->set_options(limited); !set) return unexpected(set.error());
+              return solver_->solve(wanted.update, wanted.restart, controls);
+            });
     options_ = wanted.options;
     return answer;
   }
@@ -369,22 +229,7 @@ PYBIND11_MODULE(_core, m) {
   py::class_<Numbers>(m, "Numbers", py::buffer_protocol()).def_buffer([](Numbers& numbers) {
     return py::buffer_info(numbers.values.data(), static_cast<py::ssize_t>(numbers.values.size()));
   });
-  py::class_<Stop, std::shared_ptr<Stop>>(m, "Stop").def(py::init<>()).def("request", [](Stop& stop) {
-    stop.source.request_stop();
-  });
-  py::class_<Call>(m, "Call").def(
-      py::init([](std::optional<double> deadline_s, py::object tell, double interval_s,
-                  std::int32_t iterate_every, std::shared_ptr<Stop> stop, bool main_thread,
-                  const py::object& warm_start, const py::object& derivatives) {
-        return Call{deadline_s,
-                    std::move(tell),
-                    interval_s,
-                    iterate_every,
-                    std::move(stop),
-                    main_thread,
-                    answer_of(warm_start),
-                    asked_derivatives(derivatives)};
-      }));
+  bind_calls(m);
   m.def("solve", &solve);
   m.def("solve_nonlinear", &solve_nonlinear_problem);
   m.def("solve_retrospective", &solve_retrospective_problem);
@@ -397,6 +242,8 @@ PYBIND11_MODULE(_core, m) {
       .def_property_readonly("setup_s", &Warm::setup_s);
   bind_real_time(m);
   bind_sensitivity(m);
+  bind_scenarios(m);
+  bind_coupled(m);
 }
 
 }  // namespace marble::python

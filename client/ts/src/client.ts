@@ -1,5 +1,15 @@
 import { type BatchAnswer, type BatchControls, type BatchProblem, batch } from "./calls/batch.js";
 import { type CallControls, unary } from "./calls/calls.js";
+import {
+  type CoupledAnswer,
+  type CoupledControls,
+  type CoupledProblem,
+  type Pieces,
+  type PiecesAnswer,
+  type PiecesControls,
+  coupled,
+  pieces,
+} from "./calls/coupled.js";
 import { type ServerInfo, infoOf } from "./calls/info.js";
 import { Jobs } from "./calls/jobs.js";
 import { type ScenarioAnswer, type ScenarioControls, scenarios } from "./calls/scenarios.js";
@@ -45,6 +55,16 @@ export class Client implements Disposable {
   /** One plan for many worlds: min Σ π q(x, y_s) over one x and a recourse y_s in every sampled world. */
   async scenarios(problem: Problem, controls: ScenarioControls): Promise<ScenarioAnswer> {
     return scenarios(this.connection, problem, controls);
+  }
+
+  /** Problems that rows tie together: solved block by block at prices on the rows, last as one on the branch found. */
+  async coupled(problem: CoupledProblem, controls: CoupledControls = {}): Promise<CoupledAnswer> {
+    return coupled(this.connection, problem, controls);
+  }
+
+  /** One long problem cut into pieces, solved as `coupled` does. */
+  async pieces(problem: Problem, cut: Pieces, controls: PiecesControls = {}): Promise<PiecesAnswer> {
+    return pieces(this.connection, problem, cut, controls);
   }
 
   /** Sets a session up, and waits until it is ready. */

@@ -20,6 +20,16 @@ export {
 export type { ErrorCode, ErrorDetails } from "./base/errors.js";
 export type { BatchAnswer, BatchControls, BatchProblem } from "./calls/batch.js";
 export type { CallControls } from "./calls/calls.js";
+export type {
+  Coordination,
+  CoupledAnswer,
+  CoupledBlock,
+  CoupledControls,
+  CoupledProblem,
+  Pieces,
+  PiecesAnswer,
+  PiecesControls,
+} from "./calls/coupled.js";
 export type { Counters, Limits, OptionSchema, Quota, ServerInfo } from "./calls/info.js";
 export { Jobs } from "./calls/jobs.js";
 export type {
@@ -47,7 +57,7 @@ export type {
 } from "./calls/scenarios.js";
 export { Session, shiftByStage } from "./calls/session.js";
 export type { SessionControls, Shift, ShiftBlock, UpdateControls } from "./calls/session.js";
-export type { Priority, RequestControls, SolveControls, SolveEvent, StreamControls } from "./calls/solve.js";
+export type { CommonControls, Priority, RequestControls, SolveControls, SolveEvent, StreamControls } from "./calls/solve.js";
 export { Client, connect } from "./client.js";
 export type { ConnectOptions, TlsOptions } from "./connection/connect-options.js";
 export { BuiltProblem, ProblemBuilder } from "./model/builder.js";

@@ -251,6 +251,8 @@ const places: [path: string, field: string, index?: number][] = [
   ["setup.options.max_iterations", "options.maxIterations"],
   ["initial_point.z[1]", "initialPoint", 1],
   ["update.shift.pairs[2].by", "shift.pairs[2].by"],
+  ["solve.coupled.blocks[12].problem.left_matrix.row_indices[3]", "coupled.blocks[12].problem.L.rowIndices", 3],
+  ["coupled.blocks[1].coupling.rows", "coupled.blocks[1].coupling.rows"],
 ];
 
 for (const [path, field, index] of places) {

@@ -19,12 +19,6 @@ void take_settings(const v1::Coupled& message, CoupledOptions& settings);
 /// All of them but the solver options.
 void to_message(const CoupledOptions& settings, v1::Coupled* message);
 
-/// What an iteration's row of progress says, at a time in seconds since the solve began; `frozen` is not in
-/// it.
-[[nodiscard]] Progress row_of(const CoupledIteration& iteration, double elapsed_s);
-/// The way back.
-[[nodiscard]] CoupledIteration coupled_iteration_of(const Progress& row);
-
 /// Everything but the blocks' own answers.
 void to_message(const Coordination& coordination, double blocks_objective, v1::CoupledOutcome* message);
 /// The way back.

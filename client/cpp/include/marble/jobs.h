@@ -7,11 +7,13 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <vector>
 
 #include "marble/call_controls.h"
+#include "marble/coupled.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
@@ -165,6 +167,18 @@ class Jobs {
                                               const SolveControls& controls = {},
                                               const CallControls& call = {}) const;
 
+  /// The same of a coupled problem; of the controls count the prices to start with and stop.
+  [[nodiscard]] Expected<SubmittedJob> submit(const CoupledView& view, const CoupledOptions& options = {},
+                                              const CoupledControls& controls = {},
+                                              const CallControls& call = {}) const;
+
+  /// The same of a long horizon in pieces, as marble::solve_in_pieces takes it; of the controls counts stop.
+  [[nodiscard]] Expected<SubmittedJob> submit_in_pieces(const Problem& problem,
+                                                        std::span<const Index> stage_of_variable,
+                                                        const PiecesOptions& options = {},
+                                                        const CoupledControls& controls = {},
+                                                        const CallControls& call = {}) const;
+
   /// The answer of a submitted job, or the error it ended with.
   [[nodiscard]] Expected<RemoteSolution> result(const std::string& job_id,
                                                 const ResultControls& controls = {}) const;
@@ -172,6 +186,15 @@ class Jobs {
   /// The same of a job that was submitted with worlds; failed_precondition of others.
   [[nodiscard]] Expected<RemoteScenarios> scenarios(const std::string& job_id,
                                                     const ResultControls& controls = {}) const;
+
+  /// The same of a coupled problem; `view` as it was submitted, for the sizes of its blocks and rows: error
+  /// invalid_argument, field "blocks", of another's.
+  [[nodiscard]] Expected<RemoteCoupledSolution> coupled(const std::string& job_id, const CoupledView& view,
+                                                        const ResultControls& controls = {}) const;
+
+  /// The same of pieces.
+  [[nodiscard]] Expected<RemotePiecesSolution> pieces(const std::string& job_id,
+                                                      const ResultControls& controls = {}) const;
 
   /// Lets a submitted job and its answer go; ends it if it has not finished.
   [[nodiscard]] Expected<void> remove(const std::string& job_id) const;

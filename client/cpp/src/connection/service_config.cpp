@@ -10,7 +10,7 @@ std::string service_config(bool several) {
     for (const char* method : methods)
       names.push_back({{"service", std::string("marble.v1.") + service}, {"method", method}});
   };
-  add("Solver", {"Solve", "SolveStream"});
+  add("Solver", {"Solve", "SolveStream", "SolveScenarios", "SolveCoupled"});
   add("Jobs", {"Submit", "Result", "List", "Get", "Watch"});
   add("Server", {"GetInfo"});
   nlohmann::json config = {{"methodConfig",

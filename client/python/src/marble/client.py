@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from marble import errors
 from marble.base.lazy import lazy
-from marble.base.tables import LOCAL_ADDRESS
 from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
 from marble.calls.handle import Answer, HandleThere, SolveHandle, read_answer
 from marble.calls.jobs import Jobs
@@ -18,7 +17,7 @@ from marble.calls.session import Session
 from marble.connection import connect
 from marble.connection.rpc import Rpc, check_deadline
 from marble.errors import Error
-from marble.in_process import solver
+from marble.in_process import composite, solver
 from marble.in_process.handle import HandleHere
 from marble.in_process.session import SessionHere
 from marble.message import answers, requests
@@ -37,11 +36,9 @@ from marble.model.solution import Progress, Solution
 grpc: Any = lazy("grpc")
 
 
-def _solve_here(problem: LCQP | Problem, call: Call, progress: ProgressWish, deadline: float | None) -> Solution:
-    lcqp = compiled(problem)
-    tell, close = teller(progress)
+def _closed(close: Callable[[], object], solve: Callable[[], Answer]) -> Answer:
     try:
-        return in_terms_of(problem, solver.solve(lcqp, call, tell, deadline))
+        return solve()
     finally:
         close()
 
@@ -110,10 +107,11 @@ class Client:
         progress_interval, iterate_every: as in requests.Call. Ctrl-C gives the solve up.
         """
         call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start, sensitivity)
-        if self._here:
-            return _solve_here(problem, call, progress, self._limit(deadline))
         lcqp = compiled(problem)
         tell, close = teller(progress)
+        if self._here:
+            limit = self._limit(deadline)
+            return in_terms_of(problem, _closed(close, lambda: solver.solve(lcqp, call, tell, limit)))
         if tell is None:
             data = self._rpc.call("Solver/Solve", requests.solve(lcqp, call), deadline)
             return in_terms_of(problem, answers.solve_response(data, lcqp))
@@ -142,12 +140,14 @@ class Client:
         """One plan x for many worlds: min Σ π q(x, y_s) over x and a recourse y_s in every sampled world.
 
         problem: the base over x and y. scenarios, or its parts by their names: first_stage=…, sampler=…, seed=0, …; see
-        Scenarios. level: is given each ScenarioLevel as it is there, on this thread. All else as in solve. Needs a
-        server: Unavailable of "local".
+        Scenarios. level: is given each ScenarioLevel as it is there, on this thread. All else as in solve.
         """
         wish = worlds.wish(scenarios, wishes)
         call = Call(options, priority, request_id, progress_interval)
         tell, close = teller(progress)
+        if self._here:
+            return _closed(close, lambda: composite.solve_scenarios(problem, wish, call, level, tell,
+                                                                    self._limit(deadline)))
         return self._answer("Solver/SolveScenarios", worlds.solve_stream(problem, wish, call), deadline,
                             lambda data: worlds.read(data, level, tell), close)
 
@@ -161,23 +161,30 @@ class Client:
         at prices on the rows; last the branch that was found as one problem. progress: a row an iteration, whose
         violations.equality is of the rows and kkt_residual the largest step of a price. settings: proximal,
         max_iterations, freeze_after, searches, flips, tolerance, joint, joint_search; what they do, and their defaults,
-        is in coupled.proto. All else as in solve. Needs a server: Unavailable of "local".
+        is in coupled.proto. All else as in solve.
         """
-        wish = Coupled(blocks, coupling, total, prices)
-        request = tied.blocks_request(wish, Call(options, priority, request_id), settings, problem_name)
-        return tied.blocks_answer(self._coupled(request, progress, deadline), wish)
+        wish, call = Coupled(blocks, coupling, total, prices), Call(options, priority, request_id)
+        tell, close = teller(progress)
+        if self._here:
+            return _closed(close, lambda: composite.solve_coupled(wish, settings, call, tell, self._limit(deadline)))
+        request = requests.coupled_stream(problem_name, call, tied.blocks(wish, settings))
+        return tied.blocks_answer(self._coupled(request, tell, close, deadline), blocks)
 
     def pieces(self, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
                options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
                progress: ProgressWish = None, deadline: float | None = None, request_id: str = "",
                **settings: Any) -> PiecesAnswer:
         """One long problem cut into pieces, solved as coupled() does; stages, pieces, look_ahead: see Pieces."""
-        wish = Pieces(stages, pieces, look_ahead)
-        request = tied.pieces_request(problem, wish, Call(options, priority, request_id), settings)
-        return tied.pieces_answer(self._coupled(request, progress, deadline), problem)
-
-    def _coupled(self, request: bytes, progress: ProgressWish, deadline: float | None) -> tied.Told:
+        wish, call = Pieces(stages, pieces, look_ahead), Call(options, priority, request_id)
         tell, close = teller(progress)
+        if self._here:
+            return _closed(close, lambda: composite.solve_in_pieces(problem, wish, settings, call, tell,
+                                                                    self._limit(deadline)))
+        request = requests.coupled_stream(compiled(problem), call, tied.pieces(problem, wish, settings))
+        return tied.pieces_answer(self._coupled(request, tell, close, deadline), problem)
+
+    def _coupled(self, request: bytes, tell: Callable[[Progress], object] | None, close: Callable[[], object],
+                 deadline: float | None) -> tied.Told:
         return self._answer("Solver/SolveCoupled", request, deadline, lambda data: tied.read(data, tell), close)
 
     def _answer(self, method: str, request: bytes, deadline: float | None, read: Callable[[bytes], Answer | None],
@@ -272,11 +279,7 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
     if isinstance(server, Client):
         return server.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
                             request_id=request_id, warm_start=warm_start, sensitivity=sensitivity)
-    server = connect.server_of(server)
-    if server == LOCAL_ADDRESS:
-        return _solve_here(problem, Call(wishes, priority, request_id, warm_start=warm_start, sensitivity=sensitivity),
-                           progress, deadline)
-    with Client(server) as client:
+    with Client(connect.server_of(server)) as client:
         return client.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
                             request_id=request_id, warm_start=warm_start, sensitivity=sensitivity)
 

@@ -74,6 +74,7 @@ def test_a_long_problem_in_pieces_is_solved_as_the_whole(client):
 
 def test_faults_are_named(client):
     for field, call in (
+        ("blocks", lambda: client.coupled([], [], [0.0])),
         ("coupling", lambda: client.coupled([arm(1.0)], [], [0.0])),
         ("coupling[0]", lambda: client.coupled([arm(1.0)], [[[1.0]]], [0.0])),
         ("prices", lambda: client.coupled([arm(1.0)], [FORCE], [0.0], prices=[1.0, 2.0])),
@@ -90,6 +91,28 @@ def test_faults_are_named(client):
         client.pieces(arm(1.0), [0, 0], 2)
 
 
+def test_submitted_they_answer_later_with_the_bits_of_the_call(client):
+    blocks = [arm(3.0), arm(2.0)]
+    there = client.jobs.submit_coupled(blocks, [FORCE, FORCE], [4.0], prices=[0.4], problem_name="cell")
+    later = client.jobs.coupled(there.job_id, blocks, wait=True)
+    now = client.coupled(blocks, [FORCE, FORCE], [4.0], prices=[0.4])
+    assert later.coordination == now.coordination and later.job_id == there.job_id
+    np.testing.assert_array_equal(later.solution.z, now.solution.z)
+    np.testing.assert_array_equal(later.prices, now.prices)
+    assert client.jobs.get(there.job_id).job.problem_name == "cell"
+    with pytest.raises(marble.InvalidArgument) as caught:
+        client.jobs.coupled(there.job_id, blocks[1:])
+    assert caught.value.field == "blocks"
+    problem, stages = chain(9)
+    cut = client.jobs.submit_pieces(problem, stages, 2, look_ahead=2)
+    whole = client.pieces(problem, stages, 2, look_ahead=2).solution
+    np.testing.assert_array_equal(client.jobs.pieces(cut.job_id, wait=True).solution.z, whole.z)
+    np.testing.assert_array_equal(client.jobs.pieces(cut.job_id, problem=problem).solution.s, whole.s)
+    plain = client.jobs.submit(arm(1.0))
+    with pytest.raises(marble.FailedPrecondition, match="solved alone"):
+        client.jobs.pieces(plain.job_id, wait=True)
+
+
 def test_they_are_there_for_asyncio_too(server):
     async def both() -> None:
         async with marble.aio.Client(server.address) as client:
@@ -98,10 +121,65 @@ def test_they_are_there_for_asyncio_too(server):
             problem, stages = chain(9)
             pieces = await client.pieces(problem, stages, 2)
             assert pieces.solution.status is marble.Status.SOLVED
+            there = await client.jobs.submit_coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0])
+            later = await client.jobs.coupled(there.job_id, [arm(3.0), arm(2.0)], wait=True)
+            np.testing.assert_array_equal(later.solution.z, answer.solution.z)
+            cut = await client.jobs.submit_pieces(problem, stages, 2)
+            later_pieces = await client.jobs.pieces(cut.job_id, wait=True, problem=problem)
+            np.testing.assert_array_equal(later_pieces.solution.z, pieces.solution.z)
 
     asyncio.run(both())
 
 
-def test_without_a_server_they_are_unavailable():
-    with pytest.raises(marble.Unavailable):
-        marble.Client("local").coupled([arm(1.0)], [FORCE], [0.0])
+def test_without_a_server_they_have_the_same_bits(client):
+    local = marble.Client("local")
+    rows: list[marble.Progress] = []
+    blocks = [arm(3.0), arm(2.0, "elbow")]
+    here = local.coupled(blocks, [FORCE, None], [1.0], prices=[1.9], searches=1, progress=rows.append)
+    there = client.coupled(blocks, [FORCE, None], [1.0], prices=[1.9], searches=1)
+    assert here.coordination == there.coordination and here.job_id == ""
+    np.testing.assert_array_equal(here.solution.z, there.solution.z)
+    np.testing.assert_array_equal(here.prices, there.prices)
+    assert len(rows) == here.coordination.iterations and rows[-1].rho == here.coordination.proximal
+    problem, stages = chain(30)
+    cut = local.pieces(problem, stages, 3, look_ahead=4)
+    assert cut.coordination == client.pieces(problem, stages, 3, look_ahead=4).coordination
+    np.testing.assert_array_equal(cut.solution.z, client.pieces(problem, stages, 3, look_ahead=4).solution.z)
+    np.testing.assert_array_equal(cut.solution.s, client.pieces(problem, stages, 3, look_ahead=4).solution.s)
+
+
+def test_faults_are_named_without_a_server_as_with_one(client):
+    for call in (
+        lambda client: client.coupled([arm(1.0)], [FORCE], [0.0], proximal=-1.0),
+        lambda client: client.coupled([arm(1.0)], [FORCE], [0.0], freeze_after=0),
+        lambda client: client.pieces(arm(1.0), [0, 0], 2),
+        lambda client: client.pieces(arm(1.0), [0, 1], 2, joint=False),
+        lambda client: client.pieces(arm(1.0), [0, 1], 2, look_ahead=-2),
+        lambda client: client.pieces(arm(1.0).replaced(z0=np.zeros(2)), [0, 1], 2),
+        lambda client: client.coupled([arm(1.0)], [FORCE], [0.0], options={"max_iterations": -1}),
+    ):
+        faults = []
+        for one in (client, marble.Client("local")):
+            with pytest.raises(marble.InvalidArgument) as caught:
+                call(one)
+            faults.append((type(caught.value), caught.value.field))
+        assert faults[0] == faults[1]
+
+
+def test_what_a_callback_raises_ends_them_without_a_server_too():
+    def stop(_: marble.Progress) -> None:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        marble.Client("local").coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0], progress=stop)
+
+    async def both() -> None:
+        async with marble.aio.Client("local") as client:
+            answer = await client.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0])
+            np.testing.assert_allclose(answer.prices, [0.5], atol=1e-7)
+            problem, stages = chain(9)
+            assert (await client.pieces(problem, stages, 2)).solution.solved
+            with pytest.raises(ZeroDivisionError):
+                await client.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0], progress=stop)
+
+    asyncio.run(both())

@@ -134,9 +134,10 @@ def test_the_client_for_asyncio_has_the_same(server):
     ("scenarios.sampler.quantities[0].scale", {"sampler": [marble.Quantity({"l": [1.0]}, scale=-1.0)]}),
 ])
 def test_wishes_that_break_a_rule_are_named(client, field, wish):
-    with pytest.raises(marble.InvalidArgument) as caught:
-        client.scenarios(shop(), **{"first_stage": [0], "sampler": {"l": EVEN}, **wish})
-    assert caught.value.field == field
+    for one in (client, marble.Client("local")):
+        with pytest.raises(marble.InvalidArgument) as caught:
+            one.scenarios(shop(), **{"first_stage": [0], "sampler": {"l": EVEN}, **wish})
+        assert caught.value.field == field
 
 
 def test_more_worlds_than_the_server_allows_are_refused(start_server):
@@ -146,6 +147,50 @@ def test_more_worlds_than_the_server_allows_are_refused(start_server):
         assert client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, most_scenarios=4).scenarios == 4
 
 
-def test_a_client_without_a_server_says_so():
-    with pytest.raises(marble.Unavailable):
-        marble.Client("local").scenarios(shop(), first_stage=[0], sampler={"l": EVEN})
+@pytest.mark.parametrize("wish", [
+    {"sampler": {"l": EVEN}, "weights": np.arange(1.0, 9.0)},
+    {"sampler": lambda random: {"l": [random.uniform(0, 10)]}, "seed": 3, "most_scenarios": 8},
+    {"sampler": [marble.Quantity({"l": [1.0], "g": [0.0, 0.1]}, "lognormal", location=1.0, most=9.0)], "seed": 2**63,
+     "most_scenarios": 8},
+    {"sampler": {"d": [[3.0], [2.0]]}},
+])
+def test_without_a_server_they_have_the_same_bits(client, wish):
+    base = marble.LCQP([[0.1, 0], [0, 0]], [1.0, -3.0], L=[0, -1], l=[5.0], R=[1, -1], C=[-1, 0], d=[9.0])
+    there = client.scenarios(base, first_stage=[0], **wish)
+    told: list[marble.ScenarioLevel] = []
+    rows: list[marble.Progress] = []
+    here = marble.Client("local").scenarios(base, first_stage=[0], level=told.append, progress=rows.append, **wish)
+    np.testing.assert_array_equal(here.solution.z, there.solution.z)
+    np.testing.assert_array_equal(here.recourse, there.recourse)
+    np.testing.assert_array_equal(here.solution.nu, there.solution.nu)
+    assert (here.end, here.status, here.objective) == (there.end, there.status, there.objective)
+    assert told == list(here.levels) and rows
+    assert [one.fresh and one.fresh.mean for one in told] == [one.fresh and one.fresh.mean for one in there.levels]
+
+
+def test_without_a_server_a_world_without_a_plan_is_named_and_what_is_wrong_too():
+    local = marble.Client("local")
+    base = marble.LCQP(np.eye(2), [-1.0, 0.0], A=[1, -1], C=[[0, -1], [1, 0]], d=[1.0, 0.0])
+    answer = local.scenarios(base, first_stage=[0], sampler={"b": [[0.0], [0.5], [5.0], [0.0]]})
+    assert answer.end is marble.ScenarioEnd.NOT_SOLVED and answer.infeasible == (2,) and answer.scenarios == 2
+
+    def stop(_: object) -> None:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        local.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, level=stop)
+    with pytest.raises(marble.DeadlineExceeded):
+        local.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, deadline=1e-9)
+    late = local.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, options={"time_limit_s": 0.0})
+    assert late.end is marble.ScenarioEnd.TIME_LIMIT and late.scenarios == 0 and late.x.size == 0
+
+    async def ask() -> marble.ScenarioAnswer:
+        told: list[marble.ScenarioLevel] = []
+        async with marble.aio.Client("local") as client:
+            answer = await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, level=told.append)
+            assert told == list(answer.levels)
+            with pytest.raises(ZeroDivisionError):
+                await client.scenarios(shop(), first_stage=[0], sampler={"l": EVEN}, progress=stop)
+            return answer
+
+    assert asyncio.run(ask()).scenarios == 8

@@ -103,6 +103,16 @@ export function invalid(field: string, bound: string, at: { index?: number; valu
   return errorOf("invalid_argument", message, { field, index: at.index, value, bound });
 }
 
+/** Does what may throw an InvalidProblemError of a part, whose field then is below `path`. */
+export function within<Result>(path: string, check: () => Result): Result {
+  try {
+    return check();
+  } catch (error) {
+    if (!(error instanceof InvalidProblemError) || error.field === undefined) throw error;
+    throw invalid(`${path}.${error.field}`, error.bound ?? error.message, error);
+  }
+}
+
 function withoutGaps(details: object): object {
   return Object.fromEntries(Object.entries(details).filter(([, value]) => value !== undefined));
 }

@@ -13,13 +13,26 @@ import {
   JobState as StateNumber,
   type Trace as TraceMessage,
 } from "../generated/marble/v1/job.js";
-import { JobsService, type SubmitResponse } from "../generated/marble/v1/service.js";
+import { JobsService, type SolveRequest, type SolveResponse, type SubmitResponse } from "../generated/marble/v1/service.js";
 import { Status as StatusNumber } from "../generated/marble/v1/solution.js";
 import { type SolveOptions, optionsOf } from "../model/options.js";
 import type { Problem } from "../model/problem.js";
 import { type Progress, type Tree, type Violations, progressOf, treeOf, violationsOf } from "../model/progress.js";
 import { Solution, type Status, type Times, timesOf } from "../model/solution.js";
 import { type CallControls, serverStream, unary } from "./calls.js";
+import {
+  type CoupledAnswer,
+  type CoupledBlock,
+  type CoupledControls,
+  type CoupledProblem,
+  type Pieces,
+  type PiecesAnswer,
+  type PiecesControls,
+  coupledAnswerOf,
+  coupledRequest,
+  piecesAnswerOf,
+  piecesRequest,
+} from "./coupled.js";
 import {
   type ScenarioAnswer,
   type ScenarioControls,
@@ -137,28 +150,52 @@ export class Jobs {
    * with its requestId is the same job; without one it has a random one.
    */
   async submit(problem: Problem, controls: RequestControls & CallControls = {}): Promise<SubmittedJob> {
-    const requestId = controls.requestId || `submit-${randomUUID()}`;
-    return unary(this.connection, JobsService.submit, solveRequest(problem, { ...controls, requestId }), controls);
+    return this.send(solveRequest(problem, controls), controls);
   }
 
   /** The same of one plan for many worlds. */
   async submitScenarios(problem: Problem, controls: ScenarioControls): Promise<SubmittedJob> {
-    const requestId = controls.requestId || `submit-${randomUUID()}`;
-    const request = { ...solveRequest(problem, { ...controls, requestId }), scenarios: messageOf(controls) };
-    return unary(this.connection, JobsService.submit, request, controls);
+    return this.send({ ...solveRequest(problem, controls), scenarios: messageOf(controls) }, controls);
   }
 
-  /** The answer of a job that was submitted so; a PreconditionError of others. */
-  async scenarios(jobId: string, controls: ResultControls = {}): Promise<ScenarioAnswer> {
-    const request = { jobId, wait: controls.wait ?? false };
-    return scenarioAnswerOf(await unary(this.connection, JobsService.result, request, controls));
+  /** The same of problems that rows tie together. */
+  async submitCoupled(problem: CoupledProblem, controls: CoupledControls = {}): Promise<SubmittedJob> {
+    return this.send(coupledRequest(problem, controls), controls);
+  }
+
+  /** The same of a long problem in pieces. */
+  async submitPieces(problem: Problem, cut: Pieces, controls: PiecesControls = {}): Promise<SubmittedJob> {
+    return this.send(piecesRequest(problem, cut, controls), controls);
   }
 
   /** The answer of a submitted job, or the error it ended with. */
   async result(jobId: string, controls: ResultControls = {}): Promise<Solution> {
-    const request = { jobId, wait: controls.wait ?? false };
-    const answer = await unary(this.connection, JobsService.result, request, controls);
+    const answer = await this.answer(jobId, controls);
     return new Solution(answer.jobId, expect(answer.solution));
+  }
+
+  /** The answer of a job that was submitted with scenarios; a PreconditionError of others. */
+  async scenarios(jobId: string, controls: ResultControls = {}): Promise<ScenarioAnswer> {
+    return scenarioAnswerOf(await this.answer(jobId, controls));
+  }
+
+  /** The same of coupled problems, whose blocks' sizes say whose numbers are whose. */
+  async coupled(jobId: string, blocks: CoupledBlock[], controls: ResultControls = {}): Promise<CoupledAnswer> {
+    return coupledAnswerOf(await this.answer(jobId, controls), blocks);
+  }
+
+  /** The same of a problem in pieces. */
+  async pieces(jobId: string, controls: ResultControls = {}): Promise<PiecesAnswer> {
+    return piecesAnswerOf(await this.answer(jobId, controls));
+  }
+
+  private async send(request: SolveRequest, controls: CallControls): Promise<SubmittedJob> {
+    const requestId = request.requestId || `submit-${randomUUID()}`;
+    return unary(this.connection, JobsService.submit, { ...request, requestId }, controls);
+  }
+
+  private async answer(jobId: string, controls: ResultControls): Promise<SolveResponse> {
+    return unary(this.connection, JobsService.result, { jobId, wait: controls.wait ?? false }, controls);
   }
 
   /** Lets a submitted job and its answer go; ends it if it has not finished. */

@@ -4,6 +4,7 @@ import { packDoubles } from "../base/packed.js";
 import { type Words, valueOf, words } from "../base/words.js";
 import type { Connection } from "../connection/connection.js";
 import { Priority as PriorityNumber } from "../generated/marble/v1/job.js";
+import type { Problem as ProblemMessage } from "../generated/marble/v1/problem.js";
 import { SolverService, type SolveRequest, type SolveStreamResponse } from "../generated/marble/v1/service.js";
 import type { WarmStart } from "../generated/marble/v1/solution.js";
 import { takeVector } from "../model/matrix.js";
@@ -17,19 +18,23 @@ import { type CallControls, serverStream, unary } from "./calls.js";
 /** Whose turn it is when workers are busy: a control loop's, before one that somebody waits for, before all others. */
 export type Priority = Words<typeof PriorityNumber, "PRIORITY_">;
 
-/** What a request may say beyond its problem; all of it optional. */
-export interface RequestControls {
+/** What any request may say. */
+export interface CommonControls {
   options?: SolveOptions;
+  /** Default: "realtime" of sessions, "batch" of batches, else "interactive". */
+  priority?: Priority;
+  /** The client's own id of the request, for the server's log; at most 128 bytes of printable ASCII. */
+  requestId?: string;
+}
+
+/** What a request may say beyond its problem; all of it optional. */
+export interface RequestControls extends CommonControls {
   /** n entries. Default: the problem's x0, else the solver's own choice. */
   initialPoint?: ArrayLike<number>;
   /** An answer to this problem or one like it, of the same sizes: its branch is tried before anything else. */
   warmStart?: Solution;
   /** Derivatives of the solution that are wanted with it: `solution.sensitivity`. */
   sensitivity?: SensitivityRequest;
-  /** Default: "realtime" of sessions, "batch" of batches, else "interactive". */
-  priority?: Priority;
-  /** The client's own id of the request, for the server's log; at most 128 bytes of printable ASCII. */
-  requestId?: string;
 }
 
 /** What may accompany a streamed solve. */
@@ -91,15 +96,25 @@ export async function* solveStream(
 export function solveRequest(problem: Problem, controls: RequestControls): SolveRequest {
   const { message, shape } = checkProblem(problem);
   return {
-    problem: message,
-    options: optionsMessage(controls.options),
+    ...requestOf(message, controls),
     initialPoint: initialPoint(controls.initialPoint ?? problem.x0 ?? undefined, shape.variables),
     warmStart: controls.warmStart && warmStartOf(controls.warmStart),
+    sensitivity: controls.sensitivity && sensitivityMessage(controls.sensitivity, shape),
+  };
+}
+
+/** The same without what depends on the problem's sizes. */
+export function requestOf(problem: ProblemMessage, controls: CommonControls): SolveRequest {
+  return {
+    problem,
+    options: optionsMessage(controls.options),
+    initialPoint: undefined,
+    warmStart: undefined,
     requestId: controls.requestId ?? "",
     priority: priorityOf(controls.priority),
     scenarios: undefined,
     coupled: undefined,
-    sensitivity: controls.sensitivity && sensitivityMessage(controls.sensitivity, shape),
+    sensitivity: undefined,
   };
 }
 

@@ -89,6 +89,8 @@ const starts: Record<string, string> = {
 
 function callersName(path: string): string {
   const name = path.replace(/^(?:solve\.|setup\.|update\.)*(?:problem\.)?/, "");
+  const [, block, part] = /^(coupled\.blocks\[\d+\]\.problem\.)(.+)$/.exec(name) ?? [];
+  if (block !== undefined) return block + callersName(part);
   if (name in starts) return starts[name];
   const [head, ...rest] = name.replace(/_(\w)/g, (_, letter: string) => letter.toUpperCase()).split(".");
   return [parts[head] ?? head, ...rest].join(".");

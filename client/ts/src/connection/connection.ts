@@ -45,8 +45,7 @@ function credentialsOf(pems: Pems | undefined): ReturnType<typeof credentials.cr
 // Only what is the same when it is asked twice: a solve is repeated at no harm, a stream of one only until its first
 // event, and a submission is one job by its request id. A session or a batch would lose what it was sent.
 const repeatable = [
-  { service: "marble.v1.Solver", method: "Solve" },
-  { service: "marble.v1.Solver", method: "SolveStream" },
+  ...["Solve", "SolveStream", "SolveScenarios", "SolveCoupled"].map((method) => ({ service: "marble.v1.Solver", method })),
   ...["Submit", "Result", "List", "Get", "Watch"].map((method) => ({ service: "marble.v1.Jobs", method })),
   { service: "marble.v1.Server" },
 ];

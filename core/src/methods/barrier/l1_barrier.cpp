@@ -51,7 +51,7 @@ void L1Barrier::start(ConstVectorRef initial_z) {
   mu_ = tuning::barrier_first;
   rho_ = tuning::barrier_rho_first;
   delta_ = 0.0;
-  short_steps_ = steps_here_ = 0;
+  steps_here_ = 0;
   x_.all.setZero();
   x_.z() = initial_z;
   images_.evaluate(problem_, x_);
@@ -166,7 +166,6 @@ void L1Barrier::move() {
   x_.y() += dual * d_.y();
   nu_.all += dual * nu_step_.all;
   kappa_ += dual * kappa_step_;
-  step_length_ = std::min(primal, dual);
 }
 
 // ρ − κ and ρ + κ rise with ρ.
@@ -187,8 +186,6 @@ ReferenceMethod::State L1Barrier::step(Run& run) {
   ++run.iterations;
   evaluate();
   if (!std::isfinite(residual_) || max_abs(x_.z()) > tuning::runaway) return State::failed;
-  short_steps_ = step_length_ < tuning::path_least_step ? short_steps_ + 1 : 0;
-  if (short_steps_ > tuning::patience) return State::failed;
   ++steps_here_;
   const bool feasible = within_tolerances(violations(problem_, images_), options_);
   if (feasible && std::max(mu_, residual_) <= options_.stationarity_tolerance) return State::ended;

@@ -66,8 +66,8 @@ class L1Barrier final : public ReferenceMethod {
   Vector kappa_, kappa_step_;           // multipliers of the products
   Vector product_residual_, pull_, w_;  // s∘t − p + n; what a step makes of it, by the weight W
   Vector gradient_;
-  double mu_ = 0.0, rho_ = 0.0, residual_ = 0.0, delta_ = 0.0, step_length_ = 0.0;
-  int short_steps_ = 0, steps_here_ = 0;
+  double mu_ = 0.0, rho_ = 0.0, residual_ = 0.0, delta_ = 0.0;
+  int steps_here_ = 0;
 };
 
 }  // namespace marble

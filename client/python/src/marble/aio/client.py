@@ -21,7 +21,7 @@ from marble.calls.progress import teller
 from marble.connection import connect
 from marble.connection.rpc import PACKAGE, Calls, check_deadline
 from marble.errors import Cancelled
-from marble.in_process import solver
+from marble.in_process import composite, solver
 from marble.message import answers, requests
 from marble.message import coupled as tied
 from marble.message import scenarios as worlds
@@ -64,6 +64,24 @@ class Jobs:
         request = submission(problem, call, scenarios)
         return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
 
+    async def submit_coupled(self, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None],
+                             total: ArrayLike, *, prices: ArrayLike | None = None,
+                             options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
+                             request_id: str = "", deadline: float | None = None, problem_name: str = "",
+                             **settings: Any) -> Submitted:
+        """Queues problems that rows tie together: all as in Client.coupled and submit. coupled() has the answer."""
+        part = tied.blocks(Coupled(blocks, coupling, total, prices), settings)
+        request = requests.coupled_submission(problem_name, Call(options, priority, request_id), part)
+        return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
+
+    async def submit_pieces(self, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
+                            options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
+                            request_id: str = "", deadline: float | None = None, **settings: Any) -> Submitted:
+        """The same of one long problem in pieces; all as in Client.pieces. pieces() has the answer."""
+        part = tied.pieces(problem, Pieces(stages, pieces, look_ahead), settings)
+        request = requests.coupled_submission(compiled(problem), Call(options, priority, request_id), part)
+        return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
+
     async def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
                      problem: LCQP | Problem | None = None) -> Solution:
         """The answer of a submitted job; raises what it ended with if there is none."""
@@ -74,6 +92,18 @@ class Jobs:
         """The same of a job that was submitted with scenarios."""
         request = requests.job("JobResultRequest", job_id, wait=wait)
         return worlds.response(await self._rpc.call("Jobs/Result", request, deadline))
+
+    async def coupled(self, job_id: str, blocks: Sequence[LCQP | Problem], *, wait: bool = False,
+                      deadline: float | None = None) -> CoupledAnswer:
+        """The same of a job that was submitted with submit_coupled; `blocks` as they were, for their sizes."""
+        request = requests.job("JobResultRequest", job_id, wait=wait)
+        return tied.blocks_answer(tied.response(await self._rpc.call("Jobs/Result", request, deadline)), blocks)
+
+    async def pieces(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
+                     problem: LCQP | Problem | None = None) -> PiecesAnswer:
+        """The same of submit_pieces. problem: what was submitted, for the answer's s and t and its own terms."""
+        request = requests.job("JobResultRequest", job_id, wait=wait)
+        return tied.pieces_answer(tied.response(await self._rpc.call("Jobs/Result", request, deadline)), problem)
 
     async def list(self, *, states: Sequence[JobState | str] = (), client: str = "", limit: int = 0,
                    before: str = "") -> JobPage:
@@ -148,11 +178,8 @@ class Client:
         lcqp = compiled(problem)
         tell, close = teller(progress)
         if self._here:
-            try:
-                limit = self._timeout if deadline is None else deadline
-                return in_terms_of(problem, await here.solve(lcqp, call, tell, limit))
-            finally:
-                close()
+            return in_terms_of(problem, await self._solved(
+                close, lambda told, stop: solver.solve(lcqp, call, told, self._limit(deadline), stop), tell))
         if tell is None:
             data = await self._rpc.call("Solver/Solve", requests.solve(lcqp, call), deadline)
             return in_terms_of(problem, answers.solve_response(data, lcqp))
@@ -169,6 +196,9 @@ class Client:
         wish = worlds.wish(scenarios, wishes)
         call = Call(options, priority, request_id, progress_interval)
         tell, close = teller(progress)
+        if self._here:
+            return await self._solved(close, lambda level_told, told, stop: composite.solve_scenarios(
+                problem, wish, call, level_told, told, self._limit(deadline), stop), level, tell)
         return await self._answer("Solver/SolveScenarios", worlds.solve_stream(problem, wish, call), deadline,
                                   lambda data: worlds.read(data, level, tell), close)
 
@@ -178,21 +208,39 @@ class Client:
                       deadline: float | None = None, request_id: str = "", problem_name: str = "",
                       **settings: Any) -> CoupledAnswer:
         """Problems that rows tie together; see marble.Client.coupled."""
-        wish = Coupled(blocks, coupling, total, prices)
-        request = tied.blocks_request(wish, Call(options, priority, request_id), settings, problem_name)
-        return tied.blocks_answer(await self._coupled(request, progress, deadline), wish)
+        wish, call = Coupled(blocks, coupling, total, prices), Call(options, priority, request_id)
+        tell, close = teller(progress)
+        if self._here:
+            return await self._solved(close, lambda told, stop: composite.solve_coupled(
+                wish, settings, call, told, self._limit(deadline), stop), tell)
+        request = requests.coupled_stream(problem_name, call, tied.blocks(wish, settings))
+        return tied.blocks_answer(await self._coupled(request, tell, close, deadline), blocks)
 
     async def pieces(self, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
                      options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
                      progress: ProgressWish = None, deadline: float | None = None, request_id: str = "",
                      **settings: Any) -> PiecesAnswer:
         """One long problem in pieces; see marble.Client.pieces."""
-        wish = Pieces(stages, pieces, look_ahead)
-        request = tied.pieces_request(problem, wish, Call(options, priority, request_id), settings)
-        return tied.pieces_answer(await self._coupled(request, progress, deadline), problem)
-
-    async def _coupled(self, request: bytes, progress: ProgressWish, deadline: float | None) -> tied.Told:
+        wish, call = Pieces(stages, pieces, look_ahead), Call(options, priority, request_id)
         tell, close = teller(progress)
+        if self._here:
+            return await self._solved(close, lambda told, stop: composite.solve_in_pieces(
+                problem, wish, settings, call, told, self._limit(deadline), stop), tell)
+        request = requests.coupled_stream(compiled(problem), call, tied.pieces(problem, wish, settings))
+        return tied.pieces_answer(await self._coupled(request, tell, close, deadline), problem)
+
+    def _limit(self, deadline: float | None) -> float | None:
+        return self._timeout if deadline is None else deadline
+
+    async def _solved(self, close: Callable[[], object], solve: Callable[..., Answer],
+                      *tell: Callable[..., object] | None) -> Answer:
+        try:
+            return await here.on_thread(solve, *tell)
+        finally:
+            close()
+
+    async def _coupled(self, request: bytes, tell: Callable[[Progress], object] | None, close: Callable[[], object],
+                       deadline: float | None) -> tied.Told:
         return await self._answer("Solver/SolveCoupled", request, deadline, lambda data: tied.read(data, tell), close)
 
     async def _answer(self, method: str, request: bytes, deadline: float | None,

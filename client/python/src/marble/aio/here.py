@@ -8,8 +8,9 @@ from typing import Any
 
 from marble.aio.session import Session
 from marble.calls.batch import BatchAnswer, BatchItem
+from marble.calls.handle import Answer
 from marble.calls.session_core import SessionEvent
-from marble.errors import FailedPrecondition
+from marble.errors import Cancelled, FailedPrecondition
 from marble.in_process import session, solver
 from marble.message.requests import Call
 from marble.model.lcqp import LCQP
@@ -37,20 +38,26 @@ class _Told:
             self._stop()
 
 
-async def solve(problem: LCQP, call: Call, tell: Callable[[Progress], object] | None,
-                deadline: float | None) -> Solution:
-    """Solves; to cancel the task stops it within an iteration."""
+async def on_thread(solve: Callable[..., Answer], *tell: Callable[..., object] | None) -> Answer:
+    """solve(*told, stop) on another thread, where `told` tell on the loop's; to cancel the task stops it."""
     stop = solver.core().Stop()
-    told = _Told(tell, stop.request)
+    told = [None if one is None else _Told(one, stop.request) for one in tell]
     try:
-        answer = await asyncio.to_thread(solver.stoppable, problem, call, None if tell is None else told, deadline,
-                                         stop)
+        answer = await asyncio.to_thread(solve, *told, stop)
     except asyncio.CancelledError:
         stop.request()
         raise
-    if told.failure is not None:
-        raise told.failure
-    return solver.unless_cancelled(answer)
+    except Cancelled:
+        _raise_failure(told)
+        raise
+    _raise_failure(told)
+    return answer
+
+
+def _raise_failure(told: Iterable[_Told | None]) -> None:
+    for one in told:
+        if one is not None and one.failure is not None:
+            raise one.failure
 
 
 async def batch(problems: Iterable[LCQP | Problem | BatchItem] | AsyncIterable[LCQP | Problem | BatchItem],

@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from marble import errors
 from marble.base.lazy import lazy
 from marble.connection.rpc import Rpc
 from marble.message import answers, requests
+from marble.message import coupled as tied
 from marble.message import scenarios as worlds
 from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
 from marble.message.requests import Call
+from marble.model.coupled import Coupled, CoupledAnswer, Pieces, PiecesAnswer
 from marble.model.derivatives import SensitivityRequest
-from marble.model.lcqp import LCQP
+from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.scenarios import ScenarioAnswer, Scenarios
 from marble.model.solution import Solution
@@ -39,6 +43,24 @@ class Jobs:
         call = Call(options, priority, request_id, sensitivity=sensitivity)
         return answers.submitted(self._rpc.call("Jobs/Submit", submission(problem, call, scenarios), deadline))
 
+    def submit_coupled(self, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None],
+                       total: ArrayLike, *, prices: ArrayLike | None = None,
+                       options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
+                       request_id: str = "", deadline: float | None = None, problem_name: str = "",
+                       **settings: Any) -> Submitted:
+        """Queues problems that rows tie together: all as in Client.coupled and submit. coupled() has the answer."""
+        part = tied.blocks(Coupled(blocks, coupling, total, prices), settings)
+        request = requests.coupled_submission(problem_name, Call(options, priority, request_id), part)
+        return answers.submitted(self._rpc.call("Jobs/Submit", request, deadline))
+
+    def submit_pieces(self, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
+                      options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
+                      request_id: str = "", deadline: float | None = None, **settings: Any) -> Submitted:
+        """The same of one long problem in pieces; all as in Client.pieces. pieces() has the answer."""
+        part = tied.pieces(problem, Pieces(stages, pieces, look_ahead), settings)
+        request = requests.coupled_submission(compiled(problem), Call(options, priority, request_id), part)
+        return answers.submitted(self._rpc.call("Jobs/Submit", request, deadline))
+
     def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
                problem: LCQP | Problem | None = None) -> Solution:
         """The answer of a submitted job; raises what it ended with if there is none.
@@ -53,6 +75,18 @@ class Jobs:
         """The same of a job that was submitted with scenarios."""
         request = requests.job("JobResultRequest", job_id, wait=wait)
         return worlds.response(self._rpc.call("Jobs/Result", request, deadline))
+
+    def coupled(self, job_id: str, blocks: Sequence[LCQP | Problem], *, wait: bool = False,
+                deadline: float | None = None) -> CoupledAnswer:
+        """The same of a job that was submitted with submit_coupled; `blocks` as they were, for their sizes."""
+        request = requests.job("JobResultRequest", job_id, wait=wait)
+        return tied.blocks_answer(tied.response(self._rpc.call("Jobs/Result", request, deadline)), blocks)
+
+    def pieces(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
+               problem: LCQP | Problem | None = None) -> PiecesAnswer:
+        """The same of submit_pieces. problem: what was submitted, for the answer's s and t and its own terms."""
+        request = requests.job("JobResultRequest", job_id, wait=wait)
+        return tied.pieces_answer(tied.response(self._rpc.call("Jobs/Result", request, deadline)), problem)
 
     def list(self, *, states: Sequence[JobState | str] = (), client: str = "", limit: int = 0,
              before: str = "") -> JobPage:

@@ -27,7 +27,8 @@ _MESSAGE_BYTES: Final = 256 << 20  # the server's default limit
 _DNS: Final = "dns:///"
 # A call that changes nothing on a server may be made again, and Jobs.Submit, whose request id makes two of it one job.
 # Not so streams that the client writes, whose first half may have been served.
-_REPEATABLE: Final = {"Solver": ("Solve", "SolveStream"), "Jobs": ("Submit", "Result", "List", "Get", "Watch"),
+_REPEATABLE: Final = {"Solver": ("Solve", "SolveStream", "SolveScenarios", "SolveCoupled"),
+                      "Jobs": ("Submit", "Result", "List", "Get", "Watch"),
                       "Server": ("GetInfo",)}
 
 

@@ -142,9 +142,9 @@ def stoppable(problem: LCQP, call: Call, tell: Callable[[Progress], object] | No
 
 
 def solve(problem: LCQP, call: Call, tell: Callable[[Progress], object] | None = None,
-          deadline: float | None = None) -> Solution:
-    """Solves on this thread; on the main one Ctrl-C gives the solve up."""
-    return unless_cancelled(stoppable(problem, call, tell, deadline, None))
+          deadline: float | None = None, stop: Any = None) -> Solution:
+    """Solves on this thread; on the main one Ctrl-C gives the solve up, elsewhere whoever has `stop`."""
+    return unless_cancelled(stoppable(problem, call, tell, deadline, stop))
 
 
 def batch(problems: Iterable[LCQP | Problem | BatchItem], call: Call) -> Iterator[BatchAnswer]:

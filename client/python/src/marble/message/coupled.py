@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -11,10 +11,10 @@ from marble.base import contract
 from marble.base.tables import Status
 from marble.errors import FailedPrecondition, InvalidArgument
 from marble.message import answers, requests, wire
-from marble.message.requests import Call
 from marble.message.wire import Encoder
+from marble.model import coupled as model
 from marble.model.coupled import Coordination, Coupled, CoupledAnswer, Pieces, PiecesAnswer
-from marble.model.lcqp import LCQP, matrix, vector
+from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import Progress
 
@@ -22,52 +22,50 @@ SETTINGS: Final = ("proximal", "max_iterations", "freeze_after", "searches", "fl
                    "joint_search")
 
 
-def _encoder(settings: Mapping[str, Any]) -> Encoder:
+def message(settings: Mapping[str, Any]) -> Any:
+    """A Coupled message with its settings alone."""
     for name in settings:
         if name not in SETTINGS:
             raise InvalidArgument(name, f"is no setting; they are {', '.join(SETTINGS)}")
-    part = Encoder("Coupled")
     try:
-        part.others(contract.message("Coupled")(**settings))
+        return contract.message("Coupled")(**settings)
     except (TypeError, ValueError) as error:
         raise InvalidArgument("coupled", f"has a setting of the wrong type ({error})") from None
-    return part
 
 
-def blocks_request(wish: Coupled, call: Call, settings: Mapping[str, Any], name: str) -> bytes:
-    """A SolveStreamRequest of blocks."""
-    part = _encoder(settings)
-    total = vector(wish.total, "total")
-    if len(wish.coupling) != len(wish.blocks):
-        raise InvalidArgument("coupling", f"must be {len(wish.blocks)}, one a block", value=len(wish.coupling))
-    for k, (block, coupling) in enumerate(zip(wish.blocks, wish.coupling, strict=True)):
-        lcqp = compiled(block)
+def blocks(wish: Coupled, settings: Mapping[str, Any]) -> Encoder:
+    """A Coupled message of blocks."""
+    part = Encoder("Coupled")
+    part.others(message(settings))
+    tied = model.checked(wish)
+    for lcqp, coupling in tied.blocks:
         one = Encoder("CoupledBlock")
         one.message("problem", requests.problem_encoder(lcqp))
         if coupling is not None:
-            rows = matrix(coupling, f"coupling[{k}]", lcqp.g.size, total.size)
-            one.message("coupling", requests.matrix_encoder(rows))
+            one.message("coupling", requests.matrix_encoder(coupling))
         part.message("blocks", one)
-    part.doubles("total", total)
-    if wish.prices is not None:
-        part.doubles("prices", vector(wish.prices, "prices", total.size))
-    return requests.made_stream(name, call, part)
+    part.doubles("total", tied.total)
+    if tied.prices is not None:
+        part.doubles("prices", tied.prices)
+    return part
 
 
-def pieces_request(problem: LCQP | Problem, wish: Pieces, call: Call, settings: Mapping[str, Any]) -> bytes:
-    """A SolveStreamRequest of pieces."""
-    part, lcqp = _encoder(settings), compiled(problem)
-    stages = np.asarray(wish.stages)
-    if stages.shape != lcqp.g.shape or not np.issubdtype(stages.dtype, np.integer) or stages.min(initial=0) < 0:
-        raise InvalidArgument("stages", f"must be {lcqp.g.size} whole numbers >= 0, one a variable")
-    pieces = Encoder("Pieces")
-    pieces.integers("stages", stages)
+def cut(wish: Pieces) -> Any:
+    """A Pieces message without its stages."""
     try:
-        pieces.others(contract.message("Pieces")(pieces=wish.pieces, look_ahead=wish.look_ahead))
+        return contract.message("Pieces")(pieces=wish.pieces, look_ahead=wish.look_ahead)
     except (TypeError, ValueError) as error:
         raise InvalidArgument("pieces", f"has a number of the wrong type ({error})") from None
-    part.message("pieces", pieces)
-    return requests.made_stream(lcqp, call, part)
+
+
+def pieces(problem: LCQP | Problem, wish: Pieces, settings: Mapping[str, Any]) -> Encoder:
+    """A Coupled message of a problem in pieces."""
+    part, own = Encoder("Coupled"), Encoder("Pieces")
+    part.others(message(settings))
+    own.integers("stages", model.stages_of(compiled(problem), wish))
+    own.others(cut(wish))
+    part.message("pieces", own)
+    return part
 
 
 def _coordination(outcome: Any) -> Coordination:
@@ -87,36 +85,48 @@ def _coordination(outcome: Any) -> Coordination:
         sweep_factorizations=outcome.sweep_factorizations)
 
 
-Told = tuple[Any, answers.Arrays]
+class Told(NamedTuple):
+    """A SolveResponse of a coupled problem, and its solution's arrays, which stand under `path`."""
+
+    response: Any
+    arrays: answers.Arrays
+    path: str
+
+
+def _told(response: Any, arrays: answers.Arrays, path: str) -> Told:
+    if not response.solution.HasField("coupled"):
+        raise FailedPrecondition("coupled", "is not in this answer: its problem was solved alone")
+    return Told(response, arrays, path)
 
 
 def read(data: bytes, tell: Callable[[Progress], object] | None) -> Told | None:
-    """An event of the stream: its SolveResponse with its arrays, if it is the result."""
+    """Tells what an event of the stream says; what there is to the answer, if it is the result."""
     message, arrays = wire.decode("SolveStreamResponse", data)
     kind = message.WhichOneof("event")
     if kind == "progress":
         answers.tell_rows(message, tell)
-    if kind != "result":
-        return None
-    if not message.result.solution.HasField("coupled"):
-        raise FailedPrecondition("coupled", "is not in this answer")
-    return message.result, arrays
+    return _told(message.result, arrays, "result.solution.") if kind == "result" else None
 
 
-def blocks_answer(told: Told, wish: Coupled) -> CoupledAnswer:
+def response(data: bytes) -> Told:
+    """The same of a SolveResponse."""
+    message, arrays = wire.decode("SolveResponse", data)
+    return _told(message, arrays, "solution.")
+
+
+def blocks_answer(told: Told, blocks: Sequence[LCQP | Problem]) -> CoupledAnswer:
     """The answer of blocks."""
-    result, arrays = told
-    sizes = [compiled(block).g.size for block in wish.blocks]
-    solution = answers.solution(result.solution, arrays, "result.solution.", LCQP(None, np.zeros(sum(sizes))),
-                                result.job_id)
-    z = tuple(np.split(solution.z, np.cumsum(sizes)[:-1]))
-    prices = arrays.get("result.solution.coupled.prices", np.zeros(0))
-    return CoupledAnswer(solution.status, solution.detail, solution.objective, z, prices, solution,
-                         _coordination(result.solution.coupled), result.job_id)
+    result, arrays, path = told
+    whole = LCQP(None, np.zeros_like(arrays.get(path + "z", np.zeros(1))))
+    solution = answers.solution(result.solution, arrays, path, whole, result.job_id)
+    prices = arrays.get(path + "coupled.prices", np.zeros(0))
+    return model.answer_of(solution, blocks, prices, _coordination(result.solution.coupled))
 
 
-def pieces_answer(told: Told, problem: LCQP | Problem) -> PiecesAnswer:
-    """The answer of pieces."""
-    result, arrays = told
-    solution = answers.solution(result.solution, arrays, "result.solution.", compiled(problem), result.job_id)
-    return PiecesAnswer(in_terms_of(problem, solution), _coordination(result.solution.coupled), result.job_id)
+def pieces_answer(told: Told, problem: LCQP | Problem | None) -> PiecesAnswer:
+    """The answer of pieces, to the problem if that is known."""
+    result, arrays, path = told
+    known = LCQP(None, np.zeros_like(arrays.get(path + "z", np.zeros(1)))) if problem is None else compiled(problem)
+    solution = answers.solution(result.solution, arrays, path, known, result.job_id)
+    return PiecesAnswer(solution if problem is None else in_terms_of(problem, solution),
+                        _coordination(result.solution.coupled), result.job_id)

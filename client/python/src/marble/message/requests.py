@@ -170,10 +170,13 @@ def solve(problem: LCQP, call: Call) -> bytes:
     return _solve(problem, call).finish()
 
 
+def _named(call: Call) -> Call:
+    return call if call.request_id else dataclasses.replace(call, request_id=f"submit-{uuid.uuid4()}")
+
+
 def submission(problem: LCQP, call: Call, scenarios: Encoder | None = None) -> bytes:
     """A SolveRequest by an id: one submission, however often it is sent."""
-    named = call if call.request_id else dataclasses.replace(call, request_id=f"submit-{uuid.uuid4()}")
-    return _solve(problem, named, scenarios).finish()
+    return _solve(problem, _named(call), scenarios).finish()
 
 
 def check_progress(call: Call) -> None:
@@ -194,9 +197,8 @@ def solve_stream(problem: LCQP, call: Call, scenarios: Encoder | None = None) ->
     return part.finish()
 
 
-def made_stream(problem: LCQP | str, call: Call, coupled: Encoder) -> bytes:
-    """The same of problems that rows tie together, of which there is a name alone; or of one in pieces."""
-    check_progress(call)
+def _coupled(problem: LCQP | str, call: Call, coupled: Encoder) -> Encoder:
+    """Of problems that rows tie together, of which there is a name alone; or of one in pieces."""
     if isinstance(problem, LCQP):
         part = _solve(problem, call)
     else:
@@ -206,10 +208,21 @@ def made_stream(problem: LCQP | str, call: Call, coupled: Encoder) -> bytes:
             problem={"name": shortened(problem)}, options=options_message(call.options), request_id=call.request_id,
             priority=priority_number(call.priority)))
     part.message("coupled", coupled)
+    return part
+
+
+def coupled_stream(problem: LCQP | str, call: Call, coupled: Encoder) -> bytes:
+    """A SolveStreamRequest of blocks, or of a problem in pieces."""
+    check_progress(call)
     whole = Encoder("SolveStreamRequest")
-    whole.message("solve", part)
+    whole.message("solve", _coupled(problem, call, coupled))
     whole.others(contract.message("SolveStreamRequest")(progress_interval_s=call.progress_interval))
     return whole.finish()
+
+
+def coupled_submission(problem: LCQP | str, call: Call, coupled: Encoder) -> bytes:
+    """A SolveRequest of the same by an id."""
+    return _coupled(problem, _named(call), coupled).finish()
 
 
 def batch(tag: int, problem: LCQP, call: Call) -> bytes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,8 @@ from marble.model.problem import Problem, compiled
 from marble.model.scenarios import Quantity, ScenarioAnswer, ScenarioEnd, ScenarioLevel, Scenarios
 from marble.model.solution import Progress
 
-_SETTINGS = ("first_scenarios", "growth", "most_scenarios", "tolerance", "least_scenarios", "without_recourse",
-             "fresh_scenarios")
+SETTINGS: Final = ("first_scenarios", "growth", "most_scenarios", "tolerance", "least_scenarios", "without_recourse",
+                   "fresh_scenarios")
 
 
 def wish(scenarios: Scenarios | None, parts: Mapping[str, Any]) -> Scenarios:
@@ -51,19 +51,15 @@ def _samples(table: model.Table) -> Encoder:
     return part
 
 
-def _sampler(seed: int, quantities: Sequence[Quantity], moves: Sequence[Mapping[str, Vector]]) -> Encoder:
+def _sampler(seed: int, quantities: Sequence[tuple[Quantity, Mapping[str, Vector]]]) -> Encoder:
     kinds = contract.descriptor("ScenarioQuantity").enum_types_by_name["Distribution"].values_by_name
     part = Encoder("ScenarioSampler")
     part.others(contract.message("ScenarioSampler")(seed=seed))
-    for quantity, gains in zip(quantities, moves, strict=True):
-        kind = kinds.get(f"DISTRIBUTION_{quantity.distribution.upper()}")
-        if kind is None or not kind.number:
-            raise InvalidArgument("distribution", "must be uniform, normal or lognormal",
-                                  value=repr(quantity.distribution))
+    for quantity, gains in quantities:
         one = Encoder("ScenarioQuantity")
         one.others(contract.message("ScenarioQuantity")(
-            distribution=kind.number, location=quantity.location, scale=quantity.scale, least=quantity.least,
-            most=quantity.most))
+            distribution=kinds[f"DISTRIBUTION_{quantity.distribution.upper()}"].number, location=quantity.location,
+            scale=quantity.scale, least=quantity.least, most=quantity.most))
         for name, values in gains.items():
             places = np.flatnonzero(values)
             if places.size:
@@ -75,30 +71,26 @@ def _sampler(seed: int, quantities: Sequence[Quantity], moves: Sequence[Mapping[
     return part
 
 
-def encoder(problem: LCQP | Problem, wish: Scenarios) -> Encoder:
-    """A Scenarios message."""
-    lcqp, plan = compiled(problem), model.plan_of(problem, wish)
-    part = Encoder("Scenarios")
+def settings(wish: Scenarios) -> Any:
+    """A Scenarios message with its settings alone."""
     try:
-        part.others(contract.message("Scenarios")(**{name: getattr(wish, name) for name in _SETTINGS}))
+        return contract.message("Scenarios")(**{name: getattr(wish, name) for name in SETTINGS})
     except (TypeError, ValueError) as error:
         raise InvalidArgument("scenarios", f"has a setting of the wrong type ({error})") from None
-    part.integers("first_stage", plan)
-    drawn_there = isinstance(wish.sampler, Sequence) and all(isinstance(one, Quantity) for one in wish.sampler)
-    if drawn_there:
-        quantities: Sequence[Any] = wish.sampler  # type: ignore[assignment]
-        if not 0 <= wish.seed < 2**64:
-            raise InvalidArgument("seed", "must be in [0, 2**64)", value=wish.seed)
-        moves = model.moved(lcqp, quantities)
-        entries = [{name: np.flatnonzero(values) for name, values in gains.items()} for gains in moves]
-        part.message("sampler", _sampler(wish.seed, quantities, moves))
+
+
+def encoder(problem: LCQP | Problem, wish: Scenarios) -> Encoder:
+    """A Scenarios message."""
+    part = Encoder("Scenarios")
+    part.others(settings(wish))
+    drawn = model.drawn(problem, wish)
+    part.integers("first_stage", drawn.plan)
+    if drawn.table is None:
+        part.message("sampler", _sampler(wish.seed, drawn.quantities))
     else:
-        table = model.table(lcqp, wish)
-        entries = [table.entries]
-        part.message("samples", _samples(table))
-    for field, rows in zip(("own_equalities", "own_inequalities", "own_pairs"), model.own_rows(lcqp, plan, entries),
-                           strict=True):
-        part.integers(field, rows)
+        part.message("samples", _samples(drawn.table))
+    for field in ("own_equalities", "own_inequalities", "own_pairs"):
+        part.integers(field, getattr(drawn, field))
     return part
 
 
@@ -119,12 +111,9 @@ def answer(message: Any, arrays: answers.Arrays, path: str, job_id: str) -> Scen
     outcome = message.scenarios
     z = arrays.get(path + "z", np.zeros(1))
     solution = answers.solution(message, arrays, path, LCQP(None, np.zeros_like(z)), job_id)
-    x, rest = solution.z[:outcome.first_stage], solution.z[outcome.first_stage:]
-    return ScenarioAnswer(
-        ScenarioEnd(contract.enum_names("ScenarioEnd")[outcome.end]), solution.status, solution.detail,
-        outcome.scenarios, x, rest.reshape(outcome.scenarios, -1) if outcome.scenarios else np.zeros((0, 0)),
-        solution.objective, solution.violations, tuple(outcome.infeasible),
-        tuple(answers.scenario_level(one) for one in outcome.levels), solution, job_id)
+    return model.answer_of(solution, ScenarioEnd(contract.enum_names("ScenarioEnd")[outcome.end]), outcome.scenarios,
+                           outcome.first_stage, outcome.infeasible,
+                           [answers.scenario_level(one) for one in outcome.levels])
 
 
 def response(data: bytes) -> ScenarioAnswer:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from marble.base.tables import Status
-from marble.model.lcqp import LCQP, MatrixLike, Vector
-from marble.model.problem import Problem
+from marble.errors import InvalidArgument
+from marble.model.lcqp import LCQP, MatrixLike, Vector, matrix, vector
+from marble.model.problem import Problem, compiled
 from marble.model.solution import Solution
 
 
@@ -38,6 +41,15 @@ class Pieces:
     stages: ArrayLike
     pieces: int
     look_ahead: int = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Tied:
+    """A Coupled, checked: E_k as csc matrices."""
+
+    blocks: Sequence[tuple[LCQP, Any]]
+    total: Vector
+    prices: Vector | None
 
 
 @dataclass(frozen=True)
@@ -91,3 +103,37 @@ class PiecesAnswer:
     solution: Solution
     coordination: Coordination
     job_id: str
+
+
+def checked(wish: Coupled) -> Tied:
+    """InvalidArgument of what does not fit together."""
+    total = vector(wish.total, "total")
+    if not wish.blocks:
+        raise InvalidArgument("blocks", "must be at least one")
+    if len(wish.coupling) != len(wish.blocks):
+        raise InvalidArgument("coupling", f"must be {len(wish.blocks)}, one a block", value=len(wish.coupling))
+    blocks: list[tuple[LCQP, Any]] = []
+    for k, (block, coupling) in enumerate(zip(wish.blocks, wish.coupling, strict=True)):
+        lcqp = compiled(block)
+        rows = None if coupling is None else matrix(coupling, f"coupling[{k}]", lcqp.g.size, total.size)
+        blocks.append((lcqp, rows))
+    return Tied(blocks, total, None if wish.prices is None else vector(wish.prices, "prices", total.size))
+
+
+def stages_of(problem: LCQP, wish: Pieces) -> NDArray[np.integer[Any]]:
+    """Of each variable its stage."""
+    stages = np.asarray(wish.stages)
+    if stages.shape != problem.g.shape or not np.issubdtype(stages.dtype, np.integer) or stages.min(initial=0) < 0:
+        raise InvalidArgument("stages", f"must be {problem.g.size} whole numbers >= 0, one a variable")
+    return stages
+
+
+def answer_of(solution: Solution, blocks: Sequence[LCQP | Problem], prices: Vector,
+              coordination: Coordination) -> CoupledAnswer:
+    """What the solution of the joint problem says, block by block."""
+    sizes = [compiled(block).g.size for block in blocks]
+    if sum(sizes) != solution.z.size:
+        raise InvalidArgument("blocks", f"must have {solution.z.size} variables, as the answer has", value=sum(sizes))
+    z = tuple(np.split(solution.z, np.cumsum(sizes)[:-1]))
+    return CoupledAnswer(solution.status, solution.detail, solution.objective, z, prices, solution, coordination,
+                         solution.job_id)

@@ -20,13 +20,15 @@ from marble.model.solution import Solution, Violations
 PARTS: Final = ("c0", "g", "b", "d", "l", "r", "Q", "A", "C", "L", "R")
 """Parts of a problem, in the order of marble.v1.ProblemPart."""
 
+DISTRIBUTIONS: Final = ("uniform", "normal", "lognormal")
+
 World = LCQP | Problem | Mapping[str, ArrayLike]
 Entries = dict[str, NDArray[np.intp]]
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """A random number that is drawn once for each world by the server, and what it moves.
+    """A random number that is drawn once for each world where it is solved, and what it moves.
 
     moves: by part, of "c0", "g", "b", "d", "l", "r" or the values of "Q" (upper triangle), "A", "C", "L", "R" in the
     order of LCQP's csc_matrix: what one unit of the number adds to each of its entries; 0 leaves an entry alone.
@@ -53,7 +55,7 @@ class Scenarios:
     - a callable, which is given a numpy Generator of this world alone and returns what differs: {"l": …, "A": …}, each
       a part as Quantity names them, or a whole LCQP or Problem of the base's pattern;
     - {"l": array of as many rows as there are worlds, …};
-    - a list of Quantity: the server draws them.
+    - a list of Quantity: they are drawn where the worlds are solved.
 
     seed: of the generators; world i is a function of the seed and i alone. weights: of a mapping's worlds, > 0.
     first_scenarios, growth, most_scenarios: levels have N = first_scenarios · growth^k worlds up to the most.
@@ -82,6 +84,20 @@ class Table:
     entries: Entries
     values: NDArray[np.float64]
     weights: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """What is asked for, checked: the plan's variables, which rows of the plan alone differ by world all the same, and
+    worlds as a table or, where that is None, as quantities with the gains of each by part.
+    """
+
+    plan: NDArray[np.intp]
+    own_equalities: NDArray[np.integer[Any]]
+    own_inequalities: NDArray[np.integer[Any]]
+    own_pairs: NDArray[np.integer[Any]]
+    table: Table | None
+    quantities: Sequence[tuple[Quantity, Mapping[str, Vector]]]
 
 
 class ScenarioEnd(enum.Enum):
@@ -258,3 +274,30 @@ def own_rows(problem: LCQP, plan: NDArray[np.intp], entries: Sequence[Entries]) 
         changed = np.unique(np.concatenate(rows)) if rows else np.zeros(0, dtype=np.intp)
         result.append(changed[of_plan[letters[0]][changed]])
     return result[0], result[1], result[2]
+
+
+def drawn(problem: LCQP | Problem, wish: Scenarios) -> Drawn:
+    """What differs by world, as it is sent or solved here."""
+    lcqp, plan = compiled(problem), plan_of(problem, wish)
+    if not (isinstance(wish.sampler, Sequence) and all(isinstance(one, Quantity) for one in wish.sampler)):
+        worlds = table(lcqp, wish)
+        return Drawn(plan, *own_rows(lcqp, plan, [worlds.entries]), worlds, ())
+    quantities: Sequence[Any] = wish.sampler
+    if not 0 <= wish.seed < 2**64:
+        raise InvalidArgument("seed", "must be in [0, 2**64)", value=wish.seed)
+    for quantity in quantities:
+        if quantity.distribution not in DISTRIBUTIONS:
+            raise InvalidArgument("distribution", "must be uniform, normal or lognormal",
+                                  value=repr(quantity.distribution))
+    moves = moved(lcqp, quantities)
+    entries = [{part: np.flatnonzero(values) for part, values in gains.items()} for gains in moves]
+    return Drawn(plan, *own_rows(lcqp, plan, entries), None, list(zip(quantities, moves, strict=True)))
+
+
+def answer_of(solution: Solution, end: ScenarioEnd, count: int, first_stage: int, infeasible: Sequence[int],
+              levels: Sequence[ScenarioLevel]) -> ScenarioAnswer:
+    """What the solution of a level's LCQP says: the plan, and `count` recourses."""
+    x, rest = solution.z[:first_stage], solution.z[first_stage:]
+    return ScenarioAnswer(end, solution.status, solution.detail, count, x,
+                          rest.reshape(count, -1) if count else np.zeros((0, 0)), solution.objective,
+                          solution.violations, tuple(infeasible), tuple(levels), solution, solution.job_id)

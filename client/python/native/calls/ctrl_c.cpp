@@ -1,4 +1,4 @@
-#include "ctrl_c.h"
+#include "calls/ctrl_c.h"
 
 #include <atomic>
 

@@ -1,0 +1,98 @@
+#include "remote/coupled_request.h"
+
+#include <string>
+
+#include "marble/convert.h"
+#include "marble/convert_coupled.h"
+#include "message/request.h"
+
+namespace marble::client {
+namespace {
+
+Expected<v1::SolveStreamRequest> request_of(const ProblemView& problem, const CoupledOptions& options,
+                                            const CallControls& call) {
+  v1::SolveStreamRequest request;
+  const RequestParts parts{problem,         options.options,   {},           nullptr, nullptr,
+                           call.request_id, call.problem_name, call.priority};
+  if (auto filled = fill_request(parts, request.mutable_solve()); !filled) return unexpected(filled.error());
+  to_message(options, request.mutable_solve()->mutable_coupled());
+  request.set_progress_interval_s(call.progress_interval_s);
+  return request;
+}
+
+// Fills what every answer has.
+template <class Answer>
+Expected<Answer> answer_of(const v1::SolveResponse& response) {
+  const v1::Solution& solution = response.solution();
+  if (!solution.has_coupled()) {
+    return unexpected(failure(ErrorCode::failed_precondition, "coupled",
+                              "is not in this answer: its problem was solved alone"));
+  }
+  Answer answer;
+  answer.job_id = response.job_id();
+  answer.queue_s = solution.times().queue_s();
+  answer.total_s = solution.times().total_s();
+  answer.coordination = coordination_of(solution.coupled());
+  answer.blocks_objective = solution.coupled().blocks_objective();
+  return answer;
+}
+
+}  // namespace
+
+Expected<v1::SolveStreamRequest> make_request(const CoupledView& view, const CoupledOptions& options,
+                                              const CoupledControls& controls, const CallControls& call) {
+  if (controls.start != nullptr && !controls.start->blocks.empty())
+    return unexpected(invalid("start.blocks", "must be empty: a server takes prices alone"));
+  auto request = request_of({}, options, call);
+  if (!request) return request;
+  v1::SolveRequest& solve = *request->mutable_solve();
+  const std::string name = solve.problem().name();
+  solve.clear_problem();
+  solve.mutable_problem()->set_name(name);
+  to_message(view, solve.mutable_coupled());
+  if (controls.start != nullptr)
+    solve.mutable_coupled()->mutable_prices()->Assign(controls.start->prices.begin(),
+                                                      controls.start->prices.end());
+  if (auto fits = check_size(*request); !fits) return unexpected(fits.error());
+  return request;
+}
+
+Expected<v1::SolveStreamRequest> make_request(const Problem& problem,
+                                              std::span<const Index> stage_of_variable,
+                                              const PiecesOptions& options, const CallControls& call) {
+  auto request = request_of(problem.view(), options.coupled, call);
+  if (!request) return request;
+  v1::Pieces* pieces = request->mutable_solve()->mutable_coupled()->mutable_pieces();
+  pieces->mutable_stages()->Assign(stage_of_variable.begin(), stage_of_variable.end());
+  pieces->set_pieces(options.pieces);
+  pieces->set_look_ahead(options.look_ahead);
+  if (auto fits = check_size(*request); !fits) return unexpected(fits.error());
+  return request;
+}
+
+Expected<RemoteCoupledSolution> remote_coupled(const v1::SolveResponse& response, const CoupledView& view) {
+  auto answer = answer_of<RemoteCoupledSolution>(response);
+  if (!answer) return answer;
+  answer->joint = solution_of(response.solution());
+  answer->places = joint_places(view);
+  const BlockPlace& ends = answer->places.back();
+  const std::size_t equalities = static_cast<std::size_t>(ends.equalities) + view.total.size();
+  if (answer->joint.z.size() != static_cast<std::size_t>(ends.variables) ||
+      answer->joint.equality_multipliers.size() != equalities) {
+    return unexpected(
+        invalid("blocks", std::to_string(ends.variables) + " variables",
+                "must be those that were sent: the answer has " + std::to_string(answer->joint.z.size())));
+  }
+  return answer;
+}
+
+Expected<RemotePiecesSolution> remote_pieces(const v1::SolveResponse& response) {
+  auto answer = answer_of<RemotePiecesSolution>(response);
+  if (!answer) return answer;
+  answer->whole = solution_of(response.solution());
+  answer->sweep_objective = response.solution().coupled().sweep_objective();
+  answer->sweep_factorizations = response.solution().coupled().sweep_factorizations();
+  return answer;
+}
+
+}  // namespace marble::client

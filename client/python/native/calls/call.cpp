@@ -1,0 +1,147 @@
+#include "calls/call.h"
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "answers.h"
+#include "calls/ctrl_c.h"
+#include "settings.h"
+
+namespace marble::python {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+py::tuple tuple_of(const Violations& v) {
+  return py::make_tuple(v.equality, v.inequality, v.complementarity);
+}
+
+}  // namespace
+
+Teller::Teller(py::object tell, double interval_s, std::int32_t iterate_every, std::stop_source source)
+    : tell_(std::move(tell)),
+      interval_s_(interval_s),
+      iterate_every_(iterate_every),
+      source_(std::move(source)) {}
+
+void Teller::report(const Progress& row) {
+  if (last_s_ >= 0.0 && row.elapsed_s - last_s_ < interval_s_) return;
+  last_s_ = row.elapsed_s;
+  call([&] {
+    const bool whole = iterate_every_ > 0 && row.iteration % iterate_every_ == 0;
+    const Numbers z{whole ? std::vector<double>(row.z.begin(), row.z.end()) : std::vector<double>()};
+    tell_(row.iteration, row.outer_iteration, row.objective, tuple_of(row.violations), row.kkt_residual,
+          row.kappa, row.rho, row.step_length, row.regularization, row.factorizations, row.elapsed_s, z,
+          row.incumbent, row.bound, row.gap, row.nodes, row.open_nodes);
+  });
+}
+
+void Teller::call(const std::function<void()>& function) {
+  const py::gil_scoped_acquire gil;
+  if (raised_) return;
+  try {
+    function();
+  } catch (py::error_already_set& error) {
+    raised_ = std::move(error);
+    source_.request_stop();
+  }
+}
+
+void Teller::raise_if_raised() {
+  if (raised_) throw std::move(*raised_);
+}
+
+bool raises_keyboard_interrupt() {
+  static PyObject* const module = PyImport_ImportModule("_signal");
+  static PyObject* const usual =
+      module == nullptr ? nullptr : PyObject_GetAttrString(module, "default_int_handler");
+  if (usual == nullptr) throw py::error_already_set();
+  return py::handle(module).attr("getsignal")(SIGINT).is(py::handle(usual));
+}
+
+Options options_of(const py::dict& given) {
+  Options options;
+  set_options(options, given);
+  if (auto valid = validate(options); !valid) raise(valid.error());
+  return options;
+}
+
+py::dict run(const Options& options, const Call& call, const Solve& solve) {
+  const auto begin = Clock::now();
+  const auto elapsed_s = [begin] { return std::chrono::duration<double>(Clock::now() - begin).count(); };
+  const double deadline_s = call.deadline_s.value_or(std::numeric_limits<double>::infinity());
+  Options limited = options;
+  limited.time_limit_s = std::min(options.time_limit_s, deadline_s);
+  std::stop_source source = call.stop ? call.stop->source : std::stop_source();
+  Teller teller(call.tell, call.interval_s, call.iterate_every, source);
+  const SolveControls controls{.progress = teller.sink(),
+                               .stop = source.get_token(),
+                               .warm_start = call.warm_start ? &*call.warm_start : nullptr,
+                               .sensitivity = call.derivatives ? &call.derivatives->request : nullptr};
+  std::optional<Expected<Solution>> outcome;
+  {
+    std::optional<CtrlC> ctrl_c;
+    if (call.main_thread && raises_keyboard_interrupt()) ctrl_c.emplace(source);
+    const py::gil_scoped_release no_gil;
+    outcome = or_out_of_memory([&] { return solve(limited, controls, teller); });
+  }
+  teller.raise_if_raised();
+  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+  Solution s = value_or_raise(std::move(*outcome));
+  if (s.status != Status::cancelled && elapsed_s() >= deadline_s)
+    raise(failure(ErrorCode::deadline_exceeded, "the deadline passed while the problem was solved"));
+  py::dict answer;
+  answer["status"] = to_string(s.status);
+  answer["detail"] = s.detail;
+  answer["z"] = Numbers{std::move(s.z)};
+  answer["y"] = Numbers{std::move(s.equality_multipliers)};
+  answer["nu"] = Numbers{std::move(s.inequality_multipliers)};
+  answer["xi"] = Numbers{std::move(s.complementarity_multipliers_L)};
+  answer["eta"] = Numbers{std::move(s.complementarity_multipliers_R)};
+  answer["certificate"] = Numbers{std::move(s.certificate)};
+  answer["objective"] = s.objective;
+  answer["violations"] = tuple_of(s.violations);
+  answer["kkt_residual"] = s.kkt_residual;
+  answer["stationarity"] = to_string(s.stationarity);
+  answer["b_stationary"] = s.b_stationary ? py::object(py::bool_(*s.b_stationary)) : py::object(py::none());
+  answer["second_order"] = to_string(s.second_order);
+  answer["proved"] = s.proved;
+  answer["bound"] = s.bound;
+  answer["gap"] = s.gap;
+  answer["nodes"] = s.nodes;
+  answer["open_nodes"] = s.open_nodes;
+  answer["warm_nodes"] = s.warm_nodes;
+  answer["iterations"] = s.iterations;
+  answer["factorizations"] = s.factorizations;
+  answer["cold_objective"] = s.cold_objective;
+  answer["options"] = dict_of(options);
+  answer["sensitivity"] = derivatives_told(std::move(s.sensitivity));
+  const Times& t = s.times;
+  answer["times"] =
+      py::make_tuple(0.0, t.setup_s, t.factorization_s, t.line_search_s, t.polish_s, t.solve_s, elapsed_s());
+  return answer;
+}
+
+void bind_calls(py::module_& m) {
+  py::class_<Stop, std::shared_ptr<Stop>>(m, "Stop").def(py::init<>()).def("request", [](Stop& stop) {
+    stop.source.request_stop();
+  });
+  py::class_<Call>(m, "Call").def(
+      py::init([](std::optional<double> deadline_s, py::object tell, double interval_s,
+                  std::int32_t iterate_every, std::shared_ptr<Stop> stop, bool main_thread,
+                  const py::object& warm_start, const py::object& derivatives) {
+        return Call{deadline_s,
+                    std::move(tell),
+                    interval_s,
+                    iterate_every,
+                    std::move(stop),
+                    main_thread,
+                    answer_of(warm_start),
+                    asked_derivatives(derivatives)};
+      }));
+}
+
+}  // namespace marble::python

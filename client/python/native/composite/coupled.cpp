@@ -1,0 +1,137 @@
+#include <chrono>
+#include <span>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "answers.h"
+#include "arrays.h"
+#include "calls/call.h"
+#include "composite/composite.h"
+#include "marble/composite/coupled_progress.h"
+#include "marble/composite/pieces.h"
+
+namespace marble::python {
+namespace {
+
+// As a request's message has it.
+Error named(Error error) {
+  const bool of_pieces = error.field == "stages" || error.field == "pieces" || error.field == "look_ahead";
+  return inside(of_pieces ? "coupled.pieces" : "coupled", std::move(error));
+}
+
+void take(const py::dict& given, CoupledOptions& settings) {
+  const auto set = [&given](const char* name, auto& value) {
+    if (given.contains(name)) value = given[name].cast<std::decay_t<decltype(value)>>();
+  };
+  set("proximal", settings.proximal);
+  set("max_iterations", settings.max_iterations);
+  set("freeze_after", settings.freeze_after);
+  set("searches", settings.searches);
+  set("flips", settings.flips);
+  set("tolerance", settings.tolerance);
+  set("joint", settings.joint);
+  set("joint_search", settings.joint_search);
+}
+
+py::dict dict_of(const Coordination& c, double blocks_objective) {
+  py::dict told;
+  told["status"] = to_string(c.status);
+  told["detail"] = c.detail;
+  told["iterations"] = c.last.iteration;
+  told["violation"] = c.last.coupling_violation;
+  told["step"] = c.last.step;
+  told["proximal"] = c.last.proximal;
+  told["frozen_at"] = c.frozen_at;
+  told["flips"] = c.flips;
+  told["factorizations"] = c.last.factorizations;
+  told["objective"] = blocks_objective;
+  told["failed"] = c.failed_block ? py::object(py::int_(*c.failed_block)) : py::object(py::none());
+  told["sweep_objective"] = py::none();
+  told["sweep_factorizations"] = 0;
+  return told;
+}
+
+CoupledControls controls_of(const SolveControls& given) {
+  CoupledControls controls{.stop = given.stop};
+  if (given.progress != nullptr) {
+    controls.progress = [sink = given.progress,
+                         begun = std::chrono::steady_clock::now()](const CoupledIteration& iteration) {
+      const std::chrono::duration<double> past = std::chrono::steady_clock::now() - begun;
+      sink->report(row_of(iteration, past.count()));
+    };
+  }
+  return controls;
+}
+
+py::dict solve(const py::list& blocks, const py::object& total, const py::object& prices,
+               const py::dict& given, const py::dict& wishes, const Call& call) {
+  CoupledOptions settings{.options = options_of(given)};
+  take(wishes, settings);
+  Borrowed arrays;
+  CoupledView view{{}, arrays.doubles(total)};
+  for (const py::handle block : blocks) {
+    const auto parts = block.cast<py::tuple>();
+    CoupledBlock& own = view.blocks.emplace_back();
+    own.name = parts[0].attr("name").cast<std::string>();
+    own.problem = arrays.problem(parts[0]);
+    if (!parts[1].is_none()) own.coupling = arrays.matrix(parts[1], view.total.size(), own.problem.g.size());
+  }
+  CoupledStart start;
+  if (!prices.is_none()) {
+    const auto numbers = arrays.doubles(prices);
+    start.prices.assign(numbers.begin(), numbers.end());
+  }
+  CoupledSolution answer;
+  const Options options = settings.options;
+  py::dict told = run(options, call,
+                      [&](const Options& limited, const SolveControls& sent, Teller&) -> Expected<Solution> {
+                        settings.options = limited;
+                        CoupledControls controls = controls_of(sent);
+                        if (!start.prices.empty()) controls.start = &start;
+                        auto solved = solve_coupled(view, settings, controls);
+                        if (!solved) return unexpected(named(solved.error()));
+                        Solution joint = std::exchange(solved->joint, {});
+                        answer = *std::move(solved);
+                        return joint;
+                      });
+  told["coupled"] = dict_of(answer.coordination, answer.blocks_objective);
+  told["prices"] = Numbers{std::move(answer.coordination.prices)};
+  return told;
+}
+
+py::dict solve_pieces(const py::object& lcqp, const py::object& stages, Index pieces, Index look_ahead,
+                      const py::dict& given, const py::dict& wishes, const Call& call) {
+  PiecesOptions settings{.pieces = pieces, .look_ahead = look_ahead};
+  settings.coupled.options = options_of(given);
+  take(wishes, settings.coupled);
+  Borrowed arrays;
+  const Problem problem = value_or_raise(Problem::create(arrays.problem(lcqp)));
+  const std::span<const Index> stage_of_variable = arrays.indices(stages);
+  PiecesSolution answer;
+  const Options options = settings.coupled.options;
+  py::dict told = run(
+      options, call, [&](const Options& limited, const SolveControls& sent, Teller&) -> Expected<Solution> {
+        settings.coupled.options = limited;
+        auto solved = solve_in_pieces(problem, stage_of_variable, settings, controls_of(sent));
+        if (!solved) return unexpected(named(solved.error()));
+        Solution whole = std::exchange(solved->whole, {});
+        answer = *std::move(solved);
+        return whole;
+      });
+  py::dict coordination = dict_of(answer.coordination, answer.blocks_objective);
+  coordination["sweep_objective"] = answer.sweep_objective;
+  coordination["sweep_factorizations"] = answer.sweep_factorizations;
+  told["coupled"] = coordination;
+  return told;
+}
+
+}  // namespace
+
+void bind_coupled(py::module_& m) {
+  m.def("solve_coupled", &solve);
+  m.def("solve_in_pieces", &solve_pieces);
+}
+
+}  // namespace marble::python

@@ -1,0 +1,144 @@
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "answers.h"
+#include "arrays.h"
+#include "calls/call.h"
+#include "composite/composite.h"
+#include "marble/composite/worlds.h"
+
+namespace marble::python {
+namespace {
+
+// As a request's message has it: "settings.growth" is "scenarios.growth".
+Error named(Error error) {
+  constexpr std::string_view kSettings = "settings.";
+  if (error.field.starts_with(kSettings)) error.field.erase(0, kSettings.size());
+  return inside("scenarios", std::move(error));
+}
+
+ScenarioEntries entries_of(Borrowed& arrays, const py::handle& part, const py::handle& positions) {
+  return {static_cast<ProblemPart>(part.cast<int>()), arrays.indices(positions)};
+}
+
+ScenarioDistribution distribution_of(const std::string& name) {
+  if (name == "uniform") return ScenarioDistribution::uniform;
+  if (name == "normal") return ScenarioDistribution::normal;
+  if (name == "lognormal") return ScenarioDistribution::lognormal;
+  raise(invalid("distribution", name, "must be uniform, normal or lognormal"));
+}
+
+// Both borrow arrays.
+ScenarioTable table_of(Borrowed& arrays, const py::tuple& given) {
+  ScenarioTable table{.values = arrays.doubles(given[1]), .weights = arrays.doubles(given[2])};
+  for (const py::handle entry : given[0]) {
+    const auto named_entry = entry.cast<py::tuple>();
+    table.entries.push_back(entries_of(arrays, named_entry[0], named_entry[1]));
+  }
+  return table;
+}
+
+ScenarioSampler sampler_of(Borrowed& arrays, const py::tuple& given) {
+  ScenarioSampler sampler{.seed = given[0].cast<std::uint64_t>()};
+  for (const py::handle one : given[1]) {
+    const auto parts = one.cast<py::tuple>();
+    ScenarioQuantity& quantity = sampler.quantities.emplace_back();
+    quantity.distribution = distribution_of(parts[0].cast<std::string>());
+    quantity.location = parts[1].cast<double>();
+    quantity.scale = parts[2].cast<double>();
+    quantity.least = parts[3].cast<double>();
+    quantity.most = parts[4].cast<double>();
+    for (const py::handle effect : parts[5]) {
+      const auto moved = effect.cast<py::tuple>();
+      quantity.effects.push_back({entries_of(arrays, moved[0], moved[1]), arrays.doubles(moved[2])});
+    }
+  }
+  return sampler;
+}
+
+ScenarioSettings settings_of(const py::dict& given) {
+  ScenarioSettings settings;
+  settings.first_scenarios = given["first_scenarios"].cast<std::int64_t>();
+  settings.growth = given["growth"].cast<double>();
+  settings.most_scenarios = given["most_scenarios"].cast<std::int64_t>();
+  settings.tolerance = given["tolerance"].cast<double>();
+  settings.least_scenarios = given["least_scenarios"].cast<std::int64_t>();
+  settings.without_recourse = given["without_recourse"].cast<double>();
+  settings.fresh_scenarios = given["fresh_scenarios"].cast<std::int64_t>();
+  return settings;
+}
+
+py::dict dict_of(const ScenarioLevel& l) {
+  py::dict level;
+  level["level"] = l.level, level["scenarios"] = l.scenarios;
+  level["status"] = to_string(l.status), level["detail"] = l.detail;
+  level["objective"] = l.objective;
+  level["variables"] = l.variables, level["pairs"] = l.pairs;
+  level["factorizations"] = l.factorizations, level["seconds"] = l.seconds;
+  level["warm"] = l.warm, level["searched"] = l.searched;
+  level["memory_bytes"] = l.memory_bytes;
+  level["fresh"] = py::none();
+  if (const auto& f = l.fresh) {
+    level["fresh"] = py::make_tuple(f->scenarios, f->without_recourse, f->mean, f->half_width,
+                                    f->factorizations, f->seconds);
+  }
+  return level;
+}
+
+py::dict dict_of(const ScenarioAnswer& answer) {
+  py::dict told;
+  told["end"] = to_string(answer.end);
+  told["scenarios"] = answer.scenarios;
+  told["infeasible"] = answer.infeasible;
+  py::list levels;
+  for (const ScenarioLevel& level : answer.levels) levels.append(dict_of(level));
+  told["levels"] = levels;
+  return told;
+}
+
+py::dict solve(const py::object& lcqp, const py::dict& given, const py::dict& wish,
+               const py::object& tell_level, const Call& call) {
+  const Options options = options_of(given);
+  Borrowed arrays;
+  ScenarioProblem problem;
+  problem.base = arrays.problem(lcqp);
+  const auto numbers = [&](const char* name) {
+    const auto view = arrays.indices(wish[name]);
+    return std::vector<Index>(view.begin(), view.end());
+  };
+  problem.first_stage = numbers("first_stage");
+  problem.own_equalities = numbers("own_equalities");
+  problem.own_inequalities = numbers("own_inequalities");
+  problem.own_pairs = numbers("own_pairs");
+  const auto set = wish.contains("table") ? set_worlds(problem, table_of(arrays, wish["table"]))
+                                          : set_worlds(problem, sampler_of(arrays, wish["sampler"]));
+  if (!set) raise(named(set.error()));
+  ScenarioSettings settings = settings_of(wish["settings"]);
+  ScenarioAnswer answer;
+  py::dict told =
+      run(options, call,
+          [&](const Options& limited, const SolveControls& controls, Teller& teller) -> Expected<Solution> {
+            settings.options = limited;
+            if (!tell_level.is_none()) {
+              settings.level = [&](const ScenarioLevel& level) {
+                teller.call([&] { tell_level(dict_of(level)); });
+              };
+            }
+            auto solved = solve_scenarios(problem, settings, controls);
+            if (!solved) return unexpected(named(solved.error()));
+            Solution solution = std::exchange(solved->solution, {});
+            answer = *std::move(solved);
+            return solution;
+          });
+  told["scenarios"] = dict_of(answer);
+  return told;
+}
+
+}  // namespace
+
+void bind_scenarios(py::module_& m) { m.def("solve_scenarios", &solve); }
+
+}  // namespace marble::python

@@ -1,0 +1,163 @@
+import assert from "node:assert/strict";
+import { after, before } from "node:test";
+
+import {
+  type Client,
+  type CoupledProblem,
+  InvalidProblemError,
+  PreconditionError,
+  type Problem,
+  type Progress,
+  connect,
+} from "@marble/client";
+
+import { chain, corner } from "./support/problems.js";
+import { Server } from "./support/server.js";
+import { test } from "./support/test.js";
+
+let server: Server;
+let client: Client;
+
+before(async () => {
+  server = await Server.start(["--workers", "2"]);
+  client = connect(server.address);
+});
+
+after(async () => {
+  client.close();
+  await server[Symbol.asyncDispose]();
+});
+
+/** ½(force − wanted)², 0 ≤ force ⊥ gap ≥ 0, of (force, gap), where the gap costs. */
+const arm = (wanted: number, name = ""): Problem => ({
+  name,
+  Q: [
+    [1, 0],
+    [0, 1],
+  ],
+  g: [-wanted, 0.1],
+  L: [[1, 0]],
+  R: [[0, 1]],
+});
+const coupling = [[1, 0]];
+const cell: CoupledProblem = {
+  name: "cell",
+  blocks: [
+    { problem: arm(3), coupling },
+    { problem: arm(2), coupling },
+  ],
+  total: [4],
+};
+
+// Stage by stage three variables.
+const long = chain(30);
+const stages = long.g.map((_, j) => Math.floor(j / 3));
+
+const near = (actual: ArrayLike<number>, expected: number[]): void => {
+  assert.equal(actual.length, expected.length);
+  expected.forEach((value, j) => assert.ok(Math.abs(actual[j]! - value) < 1e-7, `${actual[j]} is not ${value}`));
+};
+
+test("blocks share what there is at one price", async () => {
+  const rows: Progress[] = [];
+  const answer = await client.coupled(cell, { onProgress: (row) => rows.push(row) });
+  assert.equal(answer.solution.status, "solved");
+  assert.equal(answer.coordination.status, "solved");
+  near(
+    answer.z.map((z) => z[0]!),
+    [2.5, 1.5],
+  );
+  near(answer.prices, [0.5]);
+  near(answer.solution.equalityMultipliers.slice(-1), [0.5]);
+  assert.equal(rows.length, answer.coordination.iterations);
+  assert.ok(rows.at(-1)!.violations.equality <= 1e-6 && rows.at(-1)!.rho > 0);
+  const { job } = await client.jobs.get(answer.solution.jobId);
+  assert.equal(job.kind, "coupled");
+  assert.equal(job.problemName, "cell");
+});
+
+test("a block that no row sees and a start at the prices are taken", async () => {
+  const apart = { blocks: [cell.blocks[0]!, { problem: arm(2) }], total: [1] };
+  const answer = await client.coupled(apart, { prices: [2], options: { maxIterations: 50 } });
+  near(
+    answer.z.map((z) => z[0]!),
+    [1, 2],
+  );
+  near(answer.prices, [2]);
+});
+
+test("without a joint solve the answer is the blocks' own", async () => {
+  const { coordination, solution } = await client.coupled(cell, { joint: false, tolerance: 1e-6 });
+  assert.equal(coordination.status, "solved");
+  assert.equal(solution.objective, coordination.blocksObjective);
+});
+
+test("the block that has no answer is named", async () => {
+  const never = { ...arm(3, "elbow"), C: [[1, 0], [-1, 0]], d: [-1, 0] };
+  const { solution, coordination } = await client.coupled({
+    ...cell,
+    blocks: [cell.blocks[0]!, { problem: never, coupling }],
+  });
+  assert.equal(solution.status, "infeasible");
+  assert.equal(coordination.failedBlock, 1);
+  assert.match(coordination.detail, /block 1 \(elbow\)/);
+});
+
+test("a long problem in pieces is solved as the whole", async () => {
+  const whole = await client.solve(long);
+  const { solution, coordination } = await client.pieces(long, { stages, pieces: 3, lookAhead: 2 });
+  assert.equal(solution.status, "solved");
+  assert.equal(solution.z.length, long.g.length);
+  near([solution.objective], [whole.objective]);
+  assert.ok(coordination.sweepObjective! >= solution.objective - 1e-9);
+});
+
+test("submitted ones answer later with the same bits, and another job has no such answer", async () => {
+  const blocks = await client.jobs.submitCoupled(cell);
+  const later = await client.jobs.coupled(blocks.jobId, cell.blocks, { wait: true });
+  const now = await client.coupled(cell);
+  assert.deepEqual(later.z, now.z);
+  assert.deepEqual(later.prices, now.prices);
+  const cut = { stages, pieces: 3 };
+  const pieces = await client.jobs.submitPieces(long, cut);
+  const [one, other] = await Promise.all([
+    client.jobs.pieces(pieces.jobId, { wait: true }),
+    client.pieces(long, cut),
+  ]);
+  assert.deepEqual(one.solution.z, other.solution.z);
+  await assert.rejects(
+    client.jobs.coupled(blocks.jobId, cell.blocks.slice(1)),
+    (error) => error instanceof InvalidProblemError && error.field === "blocks",
+  );
+  const plain = await client.jobs.submit(corner);
+  await assert.rejects(client.jobs.pieces(plain.jobId, { wait: true }), PreconditionError);
+});
+
+test("what breaks a rule is named, here and there", async () => {
+  const rejects = async (call: Promise<unknown>, field: string, index?: number): Promise<void> =>
+    assert.rejects(call, (error) => {
+      assert.ok(error instanceof InvalidProblemError, String(error));
+      assert.equal(error.field, field);
+      assert.equal(error.index, index);
+      return true;
+    });
+  const [left] = cell.blocks;
+  const second = (problem: Problem, own = coupling): CoupledProblem => ({
+    ...cell,
+    blocks: [left!, { problem, coupling: own }],
+  });
+  await rejects(client.coupled({ ...cell, blocks: 3 as never }), "coupled.blocks");
+  await rejects(client.coupled({ ...cell, blocks: [] }), "coupled.blocks");
+  await rejects(client.coupled({ ...cell, total: [NaN] }), "coupled.total", 0);
+  await rejects(client.coupled(second({ ...arm(2), g: [0, Infinity] })), "coupled.blocks[1].problem.g", 1);
+  await rejects(client.coupled(second({ ...arm(2), R: [] })), "coupled.blocks[1].problem.R.rows");
+  await rejects(client.coupled(second(arm(2), [...coupling, ...coupling])), "coupled.blocks[1].coupling.rows");
+  await rejects(client.coupled(cell, { prices: [1, 2] }), "coupled.prices");
+  await rejects(client.coupled(cell, { proximal: "much" as never }), "coupled.proximal");
+  await rejects(client.coupled(cell, { proximal: -1 }), "coupled.proximal");
+  await rejects(client.coupled(cell, { flips: 0.5 }), "coupled.flips");
+  await rejects(client.pieces(long, { stages: [0], pieces: 2 }), "coupled.pieces.stages");
+  await rejects(client.pieces(long, { stages: stages.map((s) => s - 1), pieces: 2 }), "coupled.pieces.stages", 0);
+  await rejects(client.pieces(long, { stages, pieces: 0 }), "coupled.pieces.pieces");
+  await rejects(client.pieces(long, { stages, pieces: 2, lookAhead: -2 }), "coupled.pieces.lookAhead");
+});
