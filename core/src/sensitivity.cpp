@@ -74,8 +74,7 @@ Expected<void> Sensitivity::renew(const ProblemUpdate& update, const Solution& a
 Expected<AnswerChange> Sensitivity::along(const ProblemUpdate& direction) {
   if (auto valid = state_->sizes.check(direction); !valid)
     return unexpected(inside("direction", valid.error()));
-  auto changes =
-      state_->counted([&](Run& run) { return state_->derivatives.along(run, {1, direction}); });
+  auto changes = state_->counted([&](Run& run) { return state_->derivatives.along(run, {1, direction}); });
   if (!changes) return unexpected(changes.error());
   if (!changes->missing.empty()) {
     return unexpected(
@@ -92,7 +91,9 @@ Expected<AnswerChange> Sensitivity::along(const ProblemUpdate& direction) {
 
 Expected<ProblemGradient> Sensitivity::gradient(const AnswerWeights& weights) {
   if (auto valid = check(weights, state_->sizes); !valid) return unexpected(inside("weights", valid.error()));
-  auto gradients = state_->counted([&](Run& run) { return state_->derivatives.gradients(run, {1, weights}); });
+  auto gradients = state_->counted([&](Run& run) {
+    return state_->derivatives.gradients(run, {1, weights});
+  });
   if (!gradients) return unexpected(gradients.error());
   if (!gradients->missing.empty()) {
     return unexpected(failure(ErrorCode::failed_precondition, "weights",

@@ -174,9 +174,9 @@ struct SensitivityAnswer {
   /// If they were asked for; failed_precondition where the branch is flat along one, or not convex without
   /// the proximal diagonal.
   std::optional<Expected<RowResponse>> rows;
-  AnswerChanges changes;                ///< one per direction
-  ProblemGradients gradients;           ///< one per loss
-  std::int32_t factorizations = 0;      ///< 0 where the solve's last factor was the branch's
+  AnswerChanges changes;            ///< one per direction
+  ProblemGradients gradients;       ///< one per loss
+  std::int32_t factorizations = 0;  ///< 0 where the solve's last factor was the branch's
   /// With one factor, two or three for each row, direction and loss; up to eight of a kind share one's time.
   std::int32_t back_substitutions = 0;
 

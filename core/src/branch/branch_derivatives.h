@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "branch/batch.h"
 #include "branch/branch_system.h"
+#include "lanes/batch.h"
 #include "marble/sensitivity.h"
 
 namespace marble {

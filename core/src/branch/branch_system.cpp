@@ -7,11 +7,7 @@
 #include "tuning.h"
 
 namespace marble {
-namespace {
-
-constexpr int kOfVariables = 4, kOfEqualities = 3, kOfRows = 2;  // vectors of a system
-
-}  // namespace
+namespace {}  // namespace
 
 template <class T>
 BranchSystem<T>::BranchSystem(const ScaledProblem& problem, BranchPoint& point, BranchSystemMemory& memory)
@@ -19,7 +15,7 @@ BranchSystem<T>::BranchSystem(const ScaledProblem& problem, BranchPoint& point, 
   const auto n = static_cast<std::size_t>(problem.variables());
   const auto n_e = static_cast<std::size_t>(problem.equalities());
   const auto rows = static_cast<std::size_t>(problem.layout.size());
-  const std::size_t numbers = kOfVariables * n + kOfEqualities * n_e + kOfRows * rows;
+  const std::size_t numbers = 4 * n + 3 * n_e + 2 * rows;
   if (memory.size() < numbers * kLanes) memory.resize(numbers * kLanes);
   T* next = reinterpret_cast<T*>(memory.data());
   for (T** part : {&right_z, &z, &step_z_, &pull_}) *part = next, next += n;
@@ -44,8 +40,9 @@ T BranchSystem<T>::largest() const {
 }
 
 // By the regularized factor, of [H Aᵀ; A −1/ρ] with H = Q + δI + ρJ₀ᵀJ₀, as often as it takes: the residuals
-// carry no regularization. With dλ = ρ(J₀dz − r_λ) what is left of r_λ is −dλ/ρ, and what stands for it in the
-// next right-hand side f = r_z + ρJ₀ᵀr_λ is −J₀ᵀdλ, which r_z needs too: each matrix is read once a sweep.
+// carry no regularization. With dλ = ρ(J₀dz − r_λ) what is left of r_λ is −dλ/ρ, and what stands for it in
+// the next right-hand side f = r_z + ρJ₀ᵀr_λ is −J₀ᵀdλ, which r_z needs too: each matrix is read once a
+// sweep.
 template <class T>
 std::array<bool, BranchSystem<T>::kLanes> BranchSystem<T>::solve(int count) {
   std::array<bool, kLanes> solved{}, over{};

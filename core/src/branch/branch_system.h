@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "branch/branch_point.h"
-#include "data/lanes.h"
+#include "lanes/lanes.h"
 
 namespace marble {
 

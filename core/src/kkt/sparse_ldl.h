@@ -5,10 +5,10 @@
 #include <optional>
 #include <vector>
 
-#include "data/lanes.h"
 #include "data/large_array.h"
 #include "kkt/elimination.h"
 #include "kkt/supernodal_ldl.h"
+#include "lanes/lanes.h"
 
 namespace marble {
 

@@ -97,8 +97,8 @@ double bytes_of(const SensitivityRequest& request, const PartSizes& sizes) {
   const double answer = n + static_cast<double>(sizes.b + sizes.d + 2 * sizes.l);
   const double all = numbers_of(sizes);
   // At most four vectors for each of up to eight that are solved at once, and the answer in the user's units.
-  const Index most = std::max({request.directions.count, request.losses.count,
-                               request.rows ? request.rows->E.rows : Index{0}});
+  const Index most = std::max(
+      {request.directions.count, request.losses.count, request.rows ? request.rows->E.rows : Index{0}});
   double numbers = (4.0 * std::min(8.0, 2.0 * most) + 1.0) * answer;
   if (request.rows) {
     const double m = request.rows->E.rows;

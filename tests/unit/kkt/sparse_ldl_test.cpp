@@ -8,8 +8,8 @@
 #include <cmath>
 #include <random>
 
-#include "data/lanes.h"
 #include "data/linear_algebra.h"
+#include "lanes/lanes.h"
 
 namespace marble {
 namespace {

@@ -141,9 +141,9 @@ void expect_many_as_one_by_one(const OwnedProblem& p, Index count, bool offsets,
   const auto n = static_cast<Index>(p.g.size());
   const auto times = static_cast<std::size_t>(count);
   const Values g = drawn(times * p.g.size(), engine), b = drawn(times * p.b.size(), engine),
-               l = drawn(offsets ? times * p.l.size() : 0, engine), A = drawn(times * p.A.values.size(), engine),
-               Q = drawn(times * p.Q.values.size(), engine), z = drawn(times * p.g.size(), engine),
-               xi = drawn(l.size(), engine);
+               l = drawn(offsets ? times * p.l.size() : 0, engine),
+               A = drawn(times * p.A.values.size(), engine), Q = drawn(times * p.Q.values.size(), engine),
+               z = drawn(times * p.g.size(), engine), xi = drawn(l.size(), engine);
   const SparseMatrix rows = some_rows(count, n, 1);
   const SensitivityRequest request{.rows = RowsRequest{.E = rows.view(), .columns = true},
                                    .directions = {count, {.g = g, .b = b, .l = l, .Q = Q, .A = A}},
@@ -216,7 +216,8 @@ TEST(SensitivityRequest, ManyAtOnceAreToTheBitWhatEachIsByItselfWithASparseFacto
 TEST(SensitivityRequest, ManyAtOnceAreWhatEachIsByItselfWithADenseFactorOrOneInBlocks) {
   for (const Index count : {2, 5, 9}) {
     expect_many_as_one_by_one(testing::random_problem({}, 1), count, true, 1e-10);
-    expect_many_as_one_by_one(testing::random_problem({.variables = 120, .pairs = 20}, 2), count, true, 1e-10);
+    expect_many_as_one_by_one(testing::random_problem({.variables = 120, .pairs = 20}, 2), count, true,
+                              1e-10);
   }
 }
 

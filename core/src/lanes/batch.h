@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "data/lanes.h"
+#include "lanes/lanes.h"
 #include "marble/problem.h"
 
 namespace marble {
@@ -24,7 +24,8 @@ class Batch {
     const double* const first = values.data() + static_cast<std::size_t>(first_) * size + i;
     if (count_ == lanes_of<T>)
       return made_of<T>([&](int lane) { return first[static_cast<std::size_t>(lane) * size]; });
-    return made_of<T>([&](int lane) { return first[lane < count_ ? static_cast<std::size_t>(lane) * size : 0]; });
+    return made_of<T>(
+        [&](int lane) { return first[lane < count_ ? static_cast<std::size_t>(lane) * size : 0]; });
   }
   void write(const T& value, std::vector<double>& to, std::size_t size, Index i) const {
     double* const first = to.data() + static_cast<std::size_t>(first_) * size + i;
@@ -33,9 +34,8 @@ class Batch {
   /// Calls work(lane) of those that are wanted; by name, as Lanes does.
   template <class Work>
   void for_each(const Work& work) const {
-    [&]<int... I>(std::integer_sequence<int, I...>) {
-      (void)((I < count_ && (work(I), true)) && ...);
-    }(std::make_integer_sequence<int, lanes_of<T>>());
+    [&]<int... I>(std::integer_sequence<int, I...>) { (void)((I < count_ && (work(I), true)) && ...); }
+    (std::make_integer_sequence<int, lanes_of<T>>());
   }
 
  private:

@@ -1,5 +1,5 @@
-// Several numbers that go the same way through the same loop: an algorithm that is written for a number T runs
-// with T = double for one vector, with T = Lanes<8> for eight, whose indices are then read once for all.
+// Several numbers that go the same way through the same loop: an algorithm that is written for a number T
+// runs with T = double for one vector, with T = Lanes<8> for eight, whose indices are then read once for all.
 #pragma once
 
 #include <utility>
@@ -27,8 +27,12 @@ struct Lanes {
   static_assert(N % 2 == 0);
   LanePair pairs[N / 2];
 
-  Lanes& operator+=(const Lanes& other) { return each(other, [](auto& a, auto b) { a += b; }); }
-  Lanes& operator-=(const Lanes& other) { return each(other, [](auto& a, auto b) { a -= b; }); }
+  Lanes& operator+=(const Lanes& other) {
+    return each(other, [](auto& a, auto b) { a += b; });
+  }
+  Lanes& operator-=(const Lanes& other) {
+    return each(other, [](auto& a, auto b) { a -= b; });
+  }
   Lanes& operator*=(double factor) {
     return each(*this, [factor](auto& a, auto) { a *= factor; });
   }
@@ -48,9 +52,8 @@ struct Lanes {
   // By name: a loop would stay one, and take the numbers out of their registers.
   template <class Work>
   Lanes& each(const Lanes& other, const Work& work) {
-    [&]<int... I>(std::integer_sequence<int, I...>) {
-      (work(pairs[I], other.pairs[I]), ...);
-    }(std::make_integer_sequence<int, N / 2>());
+    [&]<int... I>(std::integer_sequence<int, I...>) { (work(pairs[I], other.pairs[I]), ...); }
+    (std::make_integer_sequence<int, N / 2>());
     return *this;
   }
 };
@@ -84,7 +87,8 @@ T made_of(const ValueOf& value_of) {
   } else {
     return [&]<int... I>(std::integer_sequence<int, I...>) {
       return T{{LanePair{value_of(2 * I), value_of(2 * I + 1)}...}};
-    }(std::make_integer_sequence<int, lanes_of<T> / 2>());
+    }
+    (std::make_integer_sequence<int, lanes_of<T> / 2>());
   }
 }
 /// Whether each lane is 0.
