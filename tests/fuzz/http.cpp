@@ -13,6 +13,7 @@
 #include "http/page_routes.h"
 #include "http/requests/browser_guard.h"
 #include "http/transport/connection.h"
+#include "submissions/local_submissions.h"
 
 namespace {
 
@@ -32,6 +33,7 @@ class Answering final : public httplib::Server {
 // What the routes answer from: a server that has no jobs.
 struct Parts {
   Parts() {
+    all.submissions = submissions.get();
     server.set_payload_max_length(1 << 16);
     server.set_pre_routing_handler([](const httplib::Request& request, httplib::Response& response) {
       if (http::check_browser(request, true)) return httplib::Server::HandlerResponse::Unhandled;
@@ -55,8 +57,9 @@ struct Parts {
   ConnectionTable connections{{}, log};
   Scheduler scheduler{{1, 10, 1000, 10}, board, log, metrics};
   Pulse pulse;
-  const ServiceParts all{config,  access,  log,       metrics,  pulse,       board, feeds,
-                         results, nullptr, scheduler, sessions, connections, calls};
+  ServiceParts all{config, access,  log,       metrics,  pulse,       board,
+                   feeds,  results, scheduler, sessions, connections, calls};
+  const std::unique_ptr<Submissions> submissions = LocalSubmissions::begin(all, nullptr).value();
   Answering server;
   http::Router router{server};
 };

@@ -2,8 +2,6 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <system_error>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -11,30 +9,13 @@
 #include "in_process/in_process.h"
 #include "marble/client.h"
 #include "marble/composite/lifted_block.h"
+#include "marble/composite/waiting_threads.h"
 
 namespace marble {
 namespace client {
 namespace {
 
-constexpr std::size_t kMostThreads = 64;
 constexpr double kForever_s = 1e8;  // no limit is sent
-
-// Threads that wait for servers: a block each, as far as that goes.
-class WaitingThreads final : public TaskRunner {
- public:
-  void run(std::span<const std::function<void()>> tasks) override {
-    std::atomic<std::size_t> next{0};
-    const auto work = [&] {
-      for (std::size_t i = next++; i < tasks.size(); i = next++) tasks[i]();
-    };
-    std::vector<std::jthread> others;
-    try {
-      for (std::size_t i = 1; i < std::min(tasks.size(), kMostThreads); ++i) others.emplace_back(work);
-    } catch (const std::system_error&) {  // those that there are do it
-    }
-    work();
-  }
-};
 
 // What all blocks of one solve share.
 struct Servers {

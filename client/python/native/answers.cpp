@@ -1,13 +1,40 @@
 #include "answers.h"
 
+#include <cmath>
+#include <initializer_list>
 #include <vector>
 
 #include "arrays.h"
+#include "sensitivity.h"
+#include "settings.h"
 
 namespace marble::python {
 namespace {
 
 PyObject* fault_type = nullptr;
+
+template <class Enum>
+Enum named(const py::handle& name, std::initializer_list<Enum> all) {
+  const auto text = name.cast<std::string>();
+  for (const Enum value : all) {
+    if (text == to_string(value)) return value;
+  }
+  throw py::value_error("no such status: " + text);
+}
+
+py::tuple tuple_of(const Violations& v) {
+  return py::make_tuple(v.equality, v.inequality, v.complementarity);
+}
+
+py::tuple tuple_of(const SparseMatrixView& matrix) {
+  const auto integers = [](std::span<const Index> values) {
+    py::list list;
+    for (const Index value : values) list.append(value);
+    return list;
+  };
+  return py::make_tuple(copied(matrix.values), integers(matrix.row_indices), integers(matrix.column_pointers),
+                        matrix.rows);
+}
 
 }  // namespace
 
@@ -41,6 +68,102 @@ std::optional<Solution> answer_of(const py::object& given) {
   }
   start.cold_objective = parts[place].cast<double>();
   return start;
+}
+
+std::vector<double> owned(const py::handle& values) {
+  Borrowed arrays;
+  const auto view = arrays.doubles(values);
+  return {view.begin(), view.end()};
+}
+
+Numbers copied(std::span<const double> values) { return {{values.begin(), values.end()}}; }
+
+py::dict dict_of(const ProblemView& view) {
+  py::dict problem;
+  problem["c0"] = view.c0;
+#define MARBLE_VECTOR(letter, field) problem[#letter] = copied(view.letter);
+#define MARBLE_MATRIX(letter, field, values, rows) problem[#letter] = tuple_of(view.letter);
+#include "marble/contract.def"
+  return problem;
+}
+
+py::dict dict_of(Solution s, const Options& options, double total_s) {
+  py::dict answer;
+  answer["status"] = to_string(s.status);
+  answer["detail"] = s.detail;
+  answer["z"] = Numbers{std::move(s.z)};
+  answer["y"] = Numbers{std::move(s.equality_multipliers)};
+  answer["nu"] = Numbers{std::move(s.inequality_multipliers)};
+  answer["xi"] = Numbers{std::move(s.complementarity_multipliers_L)};
+  answer["eta"] = Numbers{std::move(s.complementarity_multipliers_R)};
+  answer["certificate"] = Numbers{std::move(s.certificate)};
+  answer["objective"] = s.objective;
+  answer["violations"] = tuple_of(s.violations);
+  answer["kkt_residual"] = s.kkt_residual;
+  answer["stationarity"] = to_string(s.stationarity);
+  answer["b_stationary"] = s.b_stationary ? py::object(py::bool_(*s.b_stationary)) : py::object(py::none());
+  answer["second_order"] = to_string(s.second_order);
+  answer["proved"] = s.proved;
+  answer["bound"] = s.bound;
+  answer["gap"] = s.gap;
+  answer["nodes"] = s.nodes;
+  answer["open_nodes"] = s.open_nodes;
+  answer["warm_nodes"] = s.warm_nodes;
+  answer["iterations"] = s.iterations;
+  answer["factorizations"] = s.factorizations;
+  answer["cold_objective"] = s.cold_objective;
+  answer["options"] = dict_of(options);
+  answer["sensitivity"] = derivatives_told(std::move(s.sensitivity));
+  const Times& t = s.times;
+  answer["times"] =
+      py::make_tuple(0.0, t.setup_s, t.factorization_s, t.line_search_s, t.polish_s, t.solve_s, total_s);
+  return answer;
+}
+
+py::dict dict_of(const ProblemUpdate& update) {
+  py::dict changes;
+  if (update.c0) changes["c0"] = *update.c0;
+#define MARBLE_VECTOR(letter, field) \
+  if (!update.letter.empty()) changes[#letter] = copied(update.letter);
+#define MARBLE_MATRIX(letter, field, values, rows) \
+  if (!update.letter.empty()) changes[#letter] = copied(update.letter);
+#include "marble/contract.def"
+  return changes;
+}
+
+Solution solution_of(const py::object& answer) {
+  const auto word = [&answer](const char* name) {
+    const py::object kind = answer.attr(name);
+    return kind.is_none() ? py::object(py::str("unknown")) : py::object(kind.attr("value"));
+  };
+  Solution s;
+  s.status = named<Status>(word("status"), {
+#define MARBLE_STATUS(name, ...) Status::name,
+#include "marble/contract.def"
+                                           });
+  s.detail = answer.attr("detail").cast<std::string>();
+  s.z = owned(answer.attr("z")), s.equality_multipliers = owned(answer.attr("y"));
+  s.inequality_multipliers = owned(answer.attr("nu"));
+  s.complementarity_multipliers_L = owned(answer.attr("xi"));
+  s.complementarity_multipliers_R = owned(answer.attr("eta"));
+  s.certificate = owned(answer.attr("certificate"));
+  s.objective = answer.attr("objective").cast<double>();
+  const py::object violations = answer.attr("violations");
+  s.violations = {violations.attr("equality").cast<double>(), violations.attr("inequality").cast<double>(),
+                  violations.attr("complementarity").cast<double>()};
+  s.kkt_residual = answer.attr("kkt_residual").cast<double>();
+  if (const py::object b = answer.attr("b_stationary"); !b.is_none()) s.b_stationary = b.cast<bool>();
+  s.stationarity = named<Stationarity>(word("stationarity"),
+                                       {Stationarity::unknown, Stationarity::weak, Stationarity::clarke,
+                                        Stationarity::mordukhovich, Stationarity::strong});
+  s.second_order = named<SecondOrder>(word("second_order"), {SecondOrder::unknown, SecondOrder::saddle,
+                                                             SecondOrder::necessary, SecondOrder::minimum});
+  s.proved = answer.attr("proved").cast<bool>();
+  s.bound = answer.attr("bound").cast<double>();
+  s.iterations = answer.attr("iterations").cast<decltype(s.iterations)>();
+  s.factorizations = answer.attr("factorizations").cast<decltype(s.factorizations)>();
+  s.cold_objective = answer.attr("cold_objective").cast<double>();
+  return s;
 }
 
 }  // namespace marble::python

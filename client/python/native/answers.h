@@ -1,12 +1,17 @@
-// Errors of core as exceptions of Python, and answers that Python gives back.
+// Errors of core as exceptions of Python; problems and answers there and back.
 #pragma once
 
 #include <pybind11/pybind11.h>
 
 #include <optional>
+#include <span>
 #include <utility>
+#include <vector>
 
+#include "arrays.h"
 #include "marble/error.h"
+#include "marble/options.h"
+#include "marble/problem.h"
 #include "marble/solution.h"
 
 namespace marble::python {
@@ -28,5 +33,20 @@ T value_or_raise(Expected<T> expected) {
 
 /// Of (z, y, nu, xi, eta, cold objective), or None.
 [[nodiscard]] std::optional<Solution> answer_of(const pybind11::object& given);
+
+/// Of a marble.Solution, without its times, options and tree.
+[[nodiscard]] Solution solution_of(const pybind11::object& answer);
+/// The way there, by the names of its fields but `problem` and `job_id`; `options` as they were used,
+/// total_s: from the call to the answer.
+[[nodiscard]] pybind11::dict dict_of(Solution solution, const Options& options, double total_s);
+
+/// c0, and vectors and matrices (data, indices, indptr, rows) by their letters.
+[[nodiscard]] pybind11::dict dict_of(const ProblemView& problem);
+/// c0, vectors and values of matrices by their letters, those that there are.
+[[nodiscard]] pybind11::dict dict_of(const ProblemUpdate& update);
+
+/// Of an array.
+[[nodiscard]] std::vector<double> owned(const pybind11::handle& values);
+[[nodiscard]] Numbers copied(std::span<const double> values);
 
 }  // namespace marble::python

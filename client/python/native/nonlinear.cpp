@@ -6,12 +6,11 @@
 #include <utility>
 #include <vector>
 
+#include "answers.h"
 #include "arrays.h"
 
 namespace marble::python {
 namespace {
-
-Numbers copied(std::span<const double> values) { return {{values.begin(), values.end()}}; }
 
 /// The views of what one function gave last, and the arrays they borrow.
 struct Given {
@@ -46,21 +45,6 @@ class ReleasedTicks final : public nonlinear::Ticks {
   std::unique_ptr<nonlinear::Ticks> ticks_;
 };
 
-template <class Enum>
-Enum named(const py::handle& name, std::initializer_list<Enum> all) {
-  const auto text = name.cast<std::string>();
-  for (const Enum value : all) {
-    if (text == to_string(value)) return value;
-  }
-  throw py::value_error("no such status: " + text);
-}
-
-std::vector<double> owned(const py::handle& values) {
-  Borrowed arrays;
-  const auto view = arrays.doubles(values);
-  return {view.begin(), view.end()};
-}
-
 /// Of a session of the Python client's.
 class CalledTicks final : public nonlinear::Ticks {
  public:
@@ -75,24 +59,8 @@ class CalledTicks final : public nonlinear::Ticks {
     const py::object answer = ask(update, controls, false);
     if (answer.is_none()) return unexpected(failure(ErrorCode::deadline_exceeded, "the deadline has passed"));
     const auto parts = py::tuple(answer);
-    Solution s;
-    s.status = named<Status>(parts[0], {
-#define MARBLE_STATUS(name, ...) Status::name,
-#include "marble/contract.def"
-                                       });
-    s.detail = parts[1].cast<std::string>();
-    s.z = owned(parts[2]), s.equality_multipliers = owned(parts[3]);
-    s.inequality_multipliers = owned(parts[4]);
-    s.complementarity_multipliers_L = owned(parts[5]), s.complementarity_multipliers_R = owned(parts[6]);
-    if (!parts[7].is_none()) s.b_stationary = parts[7].cast<bool>();
-    s.stationarity =
-        named<Stationarity>(parts[8], {Stationarity::unknown, Stationarity::weak, Stationarity::clarke,
-                                       Stationarity::mordukhovich, Stationarity::strong});
-    s.second_order = named<SecondOrder>(
-        parts[9], {SecondOrder::unknown, SecondOrder::saddle, SecondOrder::necessary, SecondOrder::minimum});
-    s.factorizations = parts[10].cast<decltype(s.factorizations)>();
-    reopened_ += parts[11].cast<bool>() ? 1 : 0;
-    return s;
+    reopened_ += parts[1].cast<bool>() ? 1 : 0;
+    return solution_of(parts[0]);
   }
 
   [[nodiscard]] std::int32_t reopened() const override { return reopened_; }
@@ -101,17 +69,10 @@ class CalledTicks final : public nonlinear::Ticks {
   static constexpr double kForever = 1e8;  // seconds: no deadline is sent
 
   py::object ask(const ProblemUpdate& update, const nonlinear::TickControls& controls, bool first_part) {
-    py::dict changes;
-    if (update.c0) changes["c0"] = *update.c0;
-#define MARBLE_VECTOR(letter, field) \
-  if (!update.letter.empty()) changes[#letter] = copied(update.letter);
-#define MARBLE_MATRIX(letter, field, values, rows) \
-  if (!update.letter.empty()) changes[#letter] = copied(update.letter);
-#include "marble/contract.def"
     const bool limited = controls.deadline_s < kForever;
     const Shift& shift = controls.shift;
     const py::object z0 = controls.initial_z.empty() ? py::none() : py::cast(copied(controls.initial_z));
-    return tick_(changes, controls.cold,
+    return tick_(dict_of(update), controls.cold,
                  limited ? py::object(py::float_(controls.deadline_s)) : py::object(py::none()),
                  py::make_tuple(tuples_of(shift.variables), tuples_of(shift.equalities),
                                 tuples_of(shift.inequalities), tuples_of(shift.pairs)),
@@ -126,25 +87,6 @@ class CalledTicks final : public nonlinear::Ticks {
   py::object tick_;
   std::int32_t reopened_ = 0;
 };
-
-py::tuple tuple_of(const SparseMatrixView& matrix) {
-  const auto integers = [](std::span<const Index> values) {
-    py::list list;
-    for (const Index value : values) list.append(value);
-    return list;
-  };
-  return py::make_tuple(copied(matrix.values), integers(matrix.row_indices), integers(matrix.column_pointers),
-                        matrix.rows);
-}
-
-py::dict dict_of(const ProblemView& view) {
-  py::dict problem;
-  problem["c0"] = view.c0;
-#define MARBLE_VECTOR(letter, field) problem[#letter] = copied(view.letter);
-#define MARBLE_MATRIX(letter, field, values, rows) problem[#letter] = tuple_of(view.letter);
-#include "marble/contract.def"
-  return problem;
-}
 
 Expected<std::unique_ptr<nonlinear::Ticks>> open_here(const ProblemView& view,
                                                       const nonlinear::Settings& settings) {

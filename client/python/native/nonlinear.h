@@ -11,12 +11,11 @@ namespace marble::python {
 /// `lower`, `upper`, `scale` and `blocks`. What a function raises goes through.
 [[nodiscard]] nonlinear::Problem problem_of(const pybind11::dict& problem);
 
-/// open: None, for ticks in process, without the GIL; or what opens a session for a problem, given as a dict
-/// of n, c0, vectors and matrices (data, indices, indptr, rows) by their letters, and returns its tick: a
-/// function of changes by letter, cold, the seconds left (None: for ever), the shift's blocks of the four
-/// kinds of vectors (first, count, by), z0 or None, and whether it is an update's first part, to (status,
-/// detail, z, y, ν, ξ, η, b_stationary, stationarity, second_order, factorizations, whether it was reopened);
-/// None where the time was up, and of a first part.
+/// open: None, for ticks in process, without the GIL; or what opens a session for a problem, given as dict_of
+/// has it, and returns its tick: a function of changes by letter, cold, the seconds left (None: for ever),
+/// the shift's blocks of the four kinds of vectors (first, count, by), z0 or None, and whether it is an
+/// update's first part, to (a marble.Solution, whether it was reopened); None where the time was up, and of a
+/// first part.
 [[nodiscard]] nonlinear::OpenTicks ticks_of(const pybind11::object& open);
 
 /// A problem, where open says.

@@ -1,11 +1,14 @@
 #include "http/requests/endpoint.h"
 
 #include <algorithm>
+#include <future>
+#include <memory>
 #include <utility>
 
 #include "http/requests/caller.h"
 #include "http/requests/reply.h"
 #include "queue/job_log.h"
+#include "store/submissions.h"
 
 namespace marble::server::http {
 
@@ -22,6 +25,12 @@ httplib::Server::Handler endpoint(const ServiceParts& parts, Answer answer) {
         caller ? answer(request, *caller, response) : Expected<void>(unexpected(caller.error()));
     if (!done) refuse(parts.log, request, done.error(), response);
   };
+}
+
+Expected<void> look(const ServiceParts& parts, const std::string& id) {
+  const auto looked = std::make_shared<std::promise<Expected<void>>>();
+  parts.submissions->look(id, [looked](const Expected<void>& how) { looked->set_value(how); });
+  return looked->get_future().get();
 }
 
 Expected<void> check_parameters(const httplib::Request& request, std::initializer_list<const char*> known) {

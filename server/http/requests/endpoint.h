@@ -15,6 +15,9 @@ using Answer = std::function<Expected<void>(const httplib::Request&, const Ident
 
 [[nodiscard]] httplib::Server::Handler endpoint(const ServiceParts& parts, Answer answer);
 
+/// Submissions::look(), on a thread that may wait.
+[[nodiscard]] Expected<void> look(const ServiceParts& parts, const std::string& id = "");
+
 /// Tells the client and the log.
 void refuse(const Log& log, const httplib::Request& request, const Error& error, httplib::Response& response);
 

@@ -93,36 +93,7 @@ py::dict run(const Options& options, const Call& call, const Solve& solve) {
   Solution s = value_or_raise(std::move(*outcome));
   if (s.status != Status::cancelled && elapsed_s() >= deadline_s)
     raise(failure(ErrorCode::deadline_exceeded, "the deadline passed while the problem was solved"));
-  py::dict answer;
-  answer["status"] = to_string(s.status);
-  answer["detail"] = s.detail;
-  answer["z"] = Numbers{std::move(s.z)};
-  answer["y"] = Numbers{std::move(s.equality_multipliers)};
-  answer["nu"] = Numbers{std::move(s.inequality_multipliers)};
-  answer["xi"] = Numbers{std::move(s.complementarity_multipliers_L)};
-  answer["eta"] = Numbers{std::move(s.complementarity_multipliers_R)};
-  answer["certificate"] = Numbers{std::move(s.certificate)};
-  answer["objective"] = s.objective;
-  answer["violations"] = tuple_of(s.violations);
-  answer["kkt_residual"] = s.kkt_residual;
-  answer["stationarity"] = to_string(s.stationarity);
-  answer["b_stationary"] = s.b_stationary ? py::object(py::bool_(*s.b_stationary)) : py::object(py::none());
-  answer["second_order"] = to_string(s.second_order);
-  answer["proved"] = s.proved;
-  answer["bound"] = s.bound;
-  answer["gap"] = s.gap;
-  answer["nodes"] = s.nodes;
-  answer["open_nodes"] = s.open_nodes;
-  answer["warm_nodes"] = s.warm_nodes;
-  answer["iterations"] = s.iterations;
-  answer["factorizations"] = s.factorizations;
-  answer["cold_objective"] = s.cold_objective;
-  answer["options"] = dict_of(options);
-  answer["sensitivity"] = derivatives_told(std::move(s.sensitivity));
-  const Times& t = s.times;
-  answer["times"] =
-      py::make_tuple(0.0, t.setup_s, t.factorization_s, t.line_search_s, t.polish_s, t.solve_s, elapsed_s());
-  return answer;
+  return dict_of(std::move(s), options, elapsed_s());
 }
 
 void bind_calls(py::module_& m) {

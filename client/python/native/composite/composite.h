@@ -11,9 +11,12 @@ namespace marble::python {
 /// quantities), where entries are (number of the part, positions).
 void bind_scenarios(pybind11::module_& module);
 
-/// marble._core.solve_coupled(blocks, total, prices, options, settings, call), blocks as (problem, E or
-/// None), and solve_in_pieces(problem, stages, pieces, look_ahead, options, settings, call): what run()
-/// answers, and "coupled", the fields of Coordination; of blocks also "prices".
+/// marble._core.solve_coupled(blocks, total, prices, options, settings, open, call), blocks as (problem, E or
+/// None), and solve_in_pieces(problem, stages, pieces, look_ahead, options, settings, open, call): what run()
+/// answers, and "coupled", the fields of Coordination; of blocks also "prices". open: None, for blocks in
+/// this process; or what opens a block's solver, given its problem as dict_of has it and its name: a function
+/// of changes, as dict_of has them, and of the answer to begin at, or None, to a marble.Solution. All blocks
+/// are asked at once, each on a thread that waits.
 void bind_coupled(pybind11::module_& module);
 
 }  // namespace marble::python

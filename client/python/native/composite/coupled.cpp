@@ -1,4 +1,5 @@
 #include <chrono>
+#include <memory>
 #include <span>
 #include <string>
 #include <type_traits>
@@ -10,7 +11,9 @@
 #include "calls/call.h"
 #include "composite/composite.h"
 #include "marble/composite/coupled_progress.h"
+#include "marble/composite/lifted_block.h"
 #include "marble/composite/pieces.h"
+#include "marble/composite/waiting_threads.h"
 
 namespace marble::python {
 namespace {
@@ -35,7 +38,7 @@ void take(const py::dict& given, CoupledOptions& settings) {
   set("joint_search", settings.joint_search);
 }
 
-py::dict dict_of(const Coordination& c, double blocks_objective) {
+py::dict told_of(const Coordination& c, double blocks_objective) {
   py::dict told;
   told["status"] = to_string(c.status);
   told["detail"] = c.detail;
@@ -53,6 +56,52 @@ py::dict dict_of(const Coordination& c, double blocks_objective) {
   return told;
 }
 
+// A block that is solved where Python has it.
+class CalledBlock final : public BlockSolver {
+ public:
+  CalledBlock(py::object solve, const Options& options, Teller& teller)
+      : solve_(std::move(solve)), options_(options), teller_(teller) {}
+  CalledBlock(const CalledBlock&) = delete;
+  CalledBlock& operator=(const CalledBlock&) = delete;
+  ~CalledBlock() override {
+    const py::gil_scoped_acquire gil;
+    solve_.release().dec_ref();
+  }
+
+  Expected<Solution> solve(const ProblemUpdate& update, const Solution* start) override {
+    Expected<Solution> answer = unexpected(raised());
+    teller_.call([&] {
+      const py::object from = start == nullptr ? py::none() : py::object(dict_of(*start, options_, 0.0));
+      answer = solution_of(solve_(dict_of(update), from));
+    });
+    return answer;
+  }
+
+  // What is told where Python has raised, which is raised at the end.
+  [[nodiscard]] static Error raised() {
+    return failure(ErrorCode::cancelled, "a function of Python's has raised");
+  }
+
+ private:
+  py::object solve_;
+  const Options& options_;
+  Teller& teller_;
+};
+
+void solve_by(const py::object& open, const Options& options, Teller& teller, TaskRunner& threads,
+              CoupledControls& controls) {
+  if (open.is_none()) return;
+  controls.runner = &threads;
+  controls.open = [&](const LiftedBlock& block) -> Expected<std::unique_ptr<BlockSolver>> {
+    Expected<std::unique_ptr<BlockSolver>> opened = unexpected(CalledBlock::raised());
+    teller.call([&] {
+      opened =
+          std::make_unique<CalledBlock>(open(dict_of(block.problem().view()), block.name()), options, teller);
+    });
+    return opened;
+  };
+}
+
 CoupledControls controls_of(const SolveControls& given) {
   CoupledControls controls{.stop = given.stop};
   if (given.progress != nullptr) {
@@ -66,7 +115,7 @@ CoupledControls controls_of(const SolveControls& given) {
 }
 
 py::dict solve(const py::list& blocks, const py::object& total, const py::object& prices,
-               const py::dict& given, const py::dict& wishes, const Call& call) {
+               const py::dict& given, const py::dict& wishes, const py::object& open, const Call& call) {
   CoupledOptions settings{.options = options_of(given)};
   take(wishes, settings);
   Borrowed arrays;
@@ -85,24 +134,28 @@ py::dict solve(const py::list& blocks, const py::object& total, const py::object
   }
   CoupledSolution answer;
   const Options options = settings.options;
-  py::dict told = run(options, call,
-                      [&](const Options& limited, const SolveControls& sent, Teller&) -> Expected<Solution> {
-                        settings.options = limited;
-                        CoupledControls controls = controls_of(sent);
-                        if (!start.prices.empty()) controls.start = &start;
-                        auto solved = solve_coupled(view, settings, controls);
-                        if (!solved) return unexpected(named(solved.error()));
-                        Solution joint = std::exchange(solved->joint, {});
-                        answer = *std::move(solved);
-                        return joint;
-                      });
-  told["coupled"] = dict_of(answer.coordination, answer.blocks_objective);
+  py::dict told =
+      run(options, call,
+          [&](const Options& limited, const SolveControls& sent, Teller& teller) -> Expected<Solution> {
+            settings.options = limited;
+            CoupledControls controls = controls_of(sent);
+            WaitingThreads threads;
+            solve_by(open, settings.options, teller, threads, controls);
+            if (!start.prices.empty()) controls.start = &start;
+            auto solved = solve_coupled(view, settings, controls);
+            if (!solved) return unexpected(named(solved.error()));
+            Solution joint = std::exchange(solved->joint, {});
+            answer = *std::move(solved);
+            return joint;
+          });
+  told["coupled"] = told_of(answer.coordination, answer.blocks_objective);
   told["prices"] = Numbers{std::move(answer.coordination.prices)};
   return told;
 }
 
 py::dict solve_pieces(const py::object& lcqp, const py::object& stages, Index pieces, Index look_ahead,
-                      const py::dict& given, const py::dict& wishes, const Call& call) {
+                      const py::dict& given, const py::dict& wishes, const py::object& open,
+                      const Call& call) {
   PiecesOptions settings{.pieces = pieces, .look_ahead = look_ahead};
   settings.coupled.options = options_of(given);
   take(wishes, settings.coupled);
@@ -111,16 +164,20 @@ py::dict solve_pieces(const py::object& lcqp, const py::object& stages, Index pi
   const std::span<const Index> stage_of_variable = arrays.indices(stages);
   PiecesSolution answer;
   const Options options = settings.coupled.options;
-  py::dict told = run(
-      options, call, [&](const Options& limited, const SolveControls& sent, Teller&) -> Expected<Solution> {
-        settings.coupled.options = limited;
-        auto solved = solve_in_pieces(problem, stage_of_variable, settings, controls_of(sent));
-        if (!solved) return unexpected(named(solved.error()));
-        Solution whole = std::exchange(solved->whole, {});
-        answer = *std::move(solved);
-        return whole;
-      });
-  py::dict coordination = dict_of(answer.coordination, answer.blocks_objective);
+  py::dict told =
+      run(options, call,
+          [&](const Options& limited, const SolveControls& sent, Teller& teller) -> Expected<Solution> {
+            settings.coupled.options = limited;
+            CoupledControls controls = controls_of(sent);
+            WaitingThreads threads;
+            solve_by(open, settings.coupled.options, teller, threads, controls);
+            auto solved = solve_in_pieces(problem, stage_of_variable, settings, controls);
+            if (!solved) return unexpected(named(solved.error()));
+            Solution whole = std::exchange(solved->whole, {});
+            answer = *std::move(solved);
+            return whole;
+          });
+  py::dict coordination = told_of(answer.coordination, answer.blocks_objective);
   coordination["sweep_objective"] = answer.sweep_objective;
   coordination["sweep_factorizations"] = answer.sweep_factorizations;
   told["coupled"] = coordination;

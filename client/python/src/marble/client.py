@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -18,6 +20,7 @@ from marble.connection import connect
 from marble.connection.rpc import Rpc, check_deadline
 from marble.errors import Error
 from marble.in_process import composite, solver
+from marble.in_process.block_sessions import BlockSessions
 from marble.in_process.handle import HandleHere
 from marble.in_process.session import SessionHere
 from marble.message import answers, requests
@@ -34,6 +37,7 @@ from marble.model.scenarios import ScenarioAnswer, ScenarioLevel, Scenarios
 from marble.model.solution import Progress, Solution
 
 grpc: Any = lazy("grpc")
+Ended = TypeVar("Ended", CoupledAnswer, PiecesAnswer)
 
 
 def _closed(close: Callable[[], object], solve: Callable[[], Answer]) -> Answer:
@@ -72,6 +76,7 @@ class Client:
             who = connect.ConnectOptions.from_environment(
                 token=token, name=name, tls=tls, tls_ca=tls_ca, tls_certificate=tls_certificate, tls_key=tls_key,
                 tls_server_name=tls_server_name)
+            self._addresses, self._who = connect.each(address), who
             self.address, channel = connect.channel(grpc, address, who)
             self._rpc = Rpc(channel, who.metadata(), timeout)
         self.jobs = Jobs(self._rpc)
@@ -154,7 +159,8 @@ class Client:
     def coupled(self, blocks: Sequence[LCQP | Problem], coupling: Sequence[MatrixLike | None], total: ArrayLike, *,
                 prices: ArrayLike | None = None, options: Mapping[str, Any] | None = None,
                 priority: Priority | str | None = None, progress: ProgressWish = None, deadline: float | None = None,
-                request_id: str = "", problem_name: str = "", **settings: Any) -> CoupledAnswer:
+                request_id: str = "", problem_name: str = "", sessions: bool = False,
+                **settings: Any) -> CoupledAnswer:
         """Problems that rows tie together: min Σ f_k(z_k), each z_k feasible for its own block, Σ E_k z_k = total.
 
         blocks, coupling (E_k), total, prices: see Coupled. Solved on one server, blocks on idle workers, block by block
@@ -162,26 +168,58 @@ class Client:
         violations.equality is of the rows and kkt_residual the largest step of a price. settings: proximal,
         max_iterations, freeze_after, searches, flips, tolerance, joint, joint_search; what they do, and their defaults,
         is in coupled.proto. All else as in solve.
+
+        sessions: this process coordinates instead, and blocks are sessions that are dealt to the servers of the
+        client's address, which see no other's blocks; needs marble._core. A step whose server or session is lost is
+        asked for again elsewhere (`repeated`). Ctrl-C ends it once the blocks that are under way have answered.
         """
         wish, call = Coupled(blocks, coupling, total, prices), Call(options, priority, request_id)
         tell, close = teller(progress)
         if self._here:
             return _closed(close, lambda: composite.solve_coupled(wish, settings, call, tell, self._limit(deadline)))
+        if sessions:
+            return self._by_sessions(call, problem_name, deadline, close, lambda limit, opens: composite.solve_coupled(
+                wish, settings, call, tell, limit, open_block=opens))
         request = requests.coupled_stream(problem_name, call, tied.blocks(wish, settings))
         return tied.blocks_answer(self._coupled(request, tell, close, deadline), blocks)
 
     def pieces(self, problem: LCQP | Problem, stages: ArrayLike, pieces: int, *, look_ahead: int = -1,
                options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
                progress: ProgressWish = None, deadline: float | None = None, request_id: str = "",
-               **settings: Any) -> PiecesAnswer:
-        """One long problem cut into pieces, solved as coupled() does; stages, pieces, look_ahead: see Pieces."""
+               sessions: bool = False, **settings: Any) -> PiecesAnswer:
+        """One long problem cut into pieces, solved as coupled() does; stages, pieces, look_ahead: see Pieces.
+
+        sessions: as in coupled; the pieces are first solved one after the other, and last as one, in this process.
+        """
         wish, call = Pieces(stages, pieces, look_ahead), Call(options, priority, request_id)
         tell, close = teller(progress)
         if self._here:
             return _closed(close, lambda: composite.solve_in_pieces(problem, wish, settings, call, tell,
                                                                     self._limit(deadline)))
+        if sessions:
+            return self._by_sessions(call, compiled(problem).name, deadline, close, lambda limit, opens:
+                                     composite.solve_in_pieces(problem, wish, settings, call, tell, limit,
+                                                               open_block=opens))
         request = requests.coupled_stream(compiled(problem), call, tied.pieces(problem, wish, settings))
         return tied.pieces_answer(self._coupled(request, tell, close, deadline), problem)
+
+    def _by_sessions(self, call: Call, name: str, deadline: float | None, close: Callable[[], object],
+                     solve: Callable[[float | None, composite.OpenBlock], Ended]) -> Ended:
+        limit = self._limit(deadline)
+        with contextlib.ExitStack() as ends:
+            ends.callback(close)
+            each = [ends.enter_context(client) for client in self._each()]
+            blocks = BlockSessions(self, each, call.options, call.priority, name, limit)
+            ends.callback(blocks.close)
+            answer = solve(limit, blocks.open)
+        return dataclasses.replace(answer, repeated=blocks.repeated)
+
+    def _each(self) -> list[Client]:
+        """A client of each server alone; of TLS the first name counts, as for all of them."""
+        who = self._who
+        if len(self._addresses) > 1 and who.credentials() is not None and not who.tls_server_name:
+            who = dataclasses.replace(who, tls_server_name=connect.host(self._addresses[0]))
+        return [Client(address, **dataclasses.asdict(who), timeout=self._timeout) for address in self._addresses]
 
     def _coupled(self, request: bytes, tell: Callable[[Progress], object] | None, close: Callable[[], object],
                  deadline: float | None) -> tied.Told:

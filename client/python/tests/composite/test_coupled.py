@@ -148,6 +148,57 @@ def test_without_a_server_they_have_the_same_bits(client):
     np.testing.assert_array_equal(cut.solution.s, client.pieces(problem, stages, 3, look_ahead=4).solution.s)
 
 
+def test_blocks_in_sessions_of_several_servers_agree_as_on_one(start_server):
+    servers = [start_server() for _ in range(3)]
+    blocks = [arm(wanted, f"arm{k}") for k, wanted in enumerate((3.0, 2.0, 1.5, 1.0))]
+    with marble.Client([server.address for server in servers]) as client:
+        rows: list[marble.Progress] = []
+        answer = client.coupled(blocks, [FORCE] * 4, [4.0], sessions=True, problem_name="cell", progress=rows.append)
+        one = marble.Client("local").coupled(blocks, [FORCE] * 4, [4.0])
+        assert answer.coordination.status is marble.Status.SOLVED and answer.repeated == 0
+        np.testing.assert_allclose(answer.solution.z, one.solution.z, atol=1e-7)
+        np.testing.assert_allclose(answer.prices, one.prices, atol=1e-7)
+        assert len(rows) == answer.coordination.iterations
+        seen = []
+        for server in servers:
+            with marble.Client(server.address) as single:
+                seen.append({job.problem_name for job in single.jobs.list().jobs})
+        assert sorted(set().union(*seen)) == [f"cell arm{k}" for k in range(4)]
+        assert all(not a & b for k, a in enumerate(seen) for b in seen[:k]), "each block is on one server"
+        problem, stages = chain(30)
+        pieces = client.pieces(problem, stages, 3, sessions=True)
+        assert np.isclose(pieces.solution.objective, client.solve(problem).objective, atol=1e-7)
+
+
+def test_a_server_that_is_killed_meanwhile_costs_repeated_blocks_and_no_error(start_server):
+    servers = [start_server() for _ in range(3)]
+
+    def kill(row: marble.Progress) -> None:
+        if row.iteration == 1:
+            servers[1].process.kill()
+            servers[1].process.wait()
+
+    blocks = [arm(wanted) for wanted in (3.0, 2.0, 1.5, 1.0)]
+    with marble.Client([server.address for server in servers]) as client:
+        answer = client.coupled(blocks, [FORCE] * 4, [4.0], sessions=True, progress=kill)
+    assert answer.coordination.status is marble.Status.SOLVED and answer.repeated >= 1
+    one = marble.Client("local").coupled(blocks, [FORCE] * 4, [4.0])
+    np.testing.assert_allclose(answer.solution.z, one.solution.z, atol=1e-7)
+
+
+def test_blocks_in_sessions_end_by_what_a_callback_raises_and_by_the_time_limit(start_server):
+    def stop(_: marble.Progress) -> None:
+        raise ZeroDivisionError
+
+    with marble.Client(start_server().address) as client:
+        with pytest.raises(ZeroDivisionError):
+            client.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0], sessions=True, progress=stop)
+        late = client.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0], sessions=True, options={"time_limit_s": 0.0})
+        assert late.status is marble.Status.TIME_LIMIT
+    with marble.Client("127.0.0.1:1") as nobody, pytest.raises(marble.Unavailable):
+        nobody.coupled([arm(3.0), arm(2.0)], [FORCE, FORCE], [4.0], sessions=True)
+
+
 def test_faults_are_named_without_a_server_as_with_one(client):
     for call in (
         lambda client: client.coupled([arm(1.0)], [FORCE], [0.0], proximal=-1.0),

@@ -54,7 +54,7 @@ export interface PiecesControls extends CommonControls, CallControls {
   searches?: number;
   /** Pairs of frozen blocks that may be tried on their other side, ≥ 0; default 20. */
   flips?: number;
-  /** Of the rows and of the last step, relative, in (0, 1); default 1e-9. */
+  /** Of the rows and of the last step, relative, in (0, 1); default 1e-9, of pieces 1e-8. */
   tolerance?: number;
   /** Whether the branch is solved as one problem at the end, exactly; default true, and of pieces it must be. */
   joint?: boolean;

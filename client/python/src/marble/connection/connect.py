@@ -119,6 +119,11 @@ def _host_and_port(address: str) -> tuple[str, int]:
     return host.strip("[]"), int(port)
 
 
+def host(address: str) -> str:
+    """Of host:port."""
+    return _host_and_port(address)[0]
+
+
 def _resolved(addresses: Sequence[str]) -> str:
     """One gRPC target of several addresses; names are looked up now."""
     found: list[tuple[int, str]] = []
@@ -176,12 +181,17 @@ def is_local(address: str | Sequence[str] | None) -> bool:
     return named(address) == tables.LOCAL_ADDRESS
 
 
+def each(address: str | Sequence[str] | None) -> list[str]:
+    """The addresses one by one; all that a name has (dns:///) are one."""
+    address = named(address)
+    return [part.strip() for part in address.split(",")] if isinstance(address, str) else list(address)
+
+
 def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Target:
     """`address`: host:port or unix:PATH; or several host:port, in a list or with commas; or dns:///host:port, which is
     every address of the name. None is MARBLE_SERVER, else 127.0.0.1:50051.
     """
-    address = named(address)
-    addresses = [part.strip() for part in address.split(",")] if isinstance(address, str) else list(address)
+    addresses = each(address)
     if not addresses:
         raise InvalidArgument("address", "must be at least one")
     by_name = len(addresses) == 1 and addresses[0].startswith(_DNS)

@@ -21,6 +21,7 @@ from marble.model.scenarios import OutOfSample, ScenarioAnswer, ScenarioEnd, Sce
 from marble.model.solution import Progress, Solution
 
 Tell = Callable[[Progress], object] | None
+OpenBlock = Callable[[Mapping[str, Any], str], Callable[[Mapping[str, Any], Any], Solution]]
 
 
 def _level(told: dict[str, Any]) -> ScenarioLevel:
@@ -73,25 +74,25 @@ def _coordination(told: dict[str, Any]) -> Coordination:
 
 
 def solve_coupled(wish: Coupled, settings: Mapping[str, Any], call: Call, tell: Tell, deadline: float | None,
-                  stop: Any = None) -> CoupledAnswer:
-    """As Client.coupled; whoever has `stop` gives it up."""
+                  stop: Any = None, open_block: OpenBlock | None = None) -> CoupledAnswer:
+    """As Client.coupled; whoever has `stop` gives it up. open_block: None, or who solves the blocks."""
     chosen, checked = _settings(settings), coupled.checked(wish)
     accompanied = solver.core_call(checked.blocks[0][0], call, tell, deadline, stop)
     with solver.faults():
         told = solver.core().solve_coupled(list(checked.blocks), checked.total, checked.prices,
-                                           solver.option_values(call.options), chosen, accompanied)
+                                           solver.option_values(call.options), chosen, open_block, accompanied)
     coordination, prices = _coordination(told.pop("coupled")), np.asarray(told.pop("prices"))
     return coupled.answer_of(_solution(told), wish.blocks, prices, coordination)
 
 
 def solve_in_pieces(problem: LCQP | Problem, wish: Pieces, settings: Mapping[str, Any], call: Call, tell: Tell,
-                    deadline: float | None, stop: Any = None) -> PiecesAnswer:
-    """As Client.pieces; whoever has `stop` gives it up."""
+                    deadline: float | None, stop: Any = None, open_block: OpenBlock | None = None) -> PiecesAnswer:
+    """As Client.pieces; whoever has `stop` gives it up. open_block: None, or who solves the pieces as they agree."""
     lcqp = _without_start(compiled(problem), "coupled problems")
     chosen, stages, cut = _settings(settings), coupled.stages_of(lcqp, wish), tied.cut(wish)
     with solver.faults():
         told = solver.core().solve_in_pieces(lcqp, stages, cut.pieces, cut.look_ahead,
-                                             solver.option_values(call.options), chosen,
+                                             solver.option_values(call.options), chosen, open_block,
                                              solver.core_call(lcqp, call, tell, deadline, stop))
     coordination = _coordination(told.pop("coupled"))
     return PiecesAnswer(in_terms_of(problem, _solution(told, lcqp)), coordination, "")

@@ -83,7 +83,8 @@ class CoupledAnswer:
     """The answer to blocks.
 
     status, detail, objective: of the joint problem. z: of each block. prices: of the rows, m. solution: the whole, all
-    blocks' vectors one after the other, the prices the last of y. coordination: how they came to it.
+    blocks' vectors one after the other, the prices the last of y. coordination: how they came to it. repeated: of
+    blocks in sessions, steps that were asked for again, since the session or its server was lost.
     """
 
     status: Status
@@ -94,15 +95,20 @@ class CoupledAnswer:
     solution: Solution
     coordination: Coordination
     job_id: str
+    repeated: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class PiecesAnswer:
-    """The answer to a problem in pieces. solution: of the problem itself. coordination: how the pieces came to it."""
+    """The answer to a problem in pieces.
+
+    solution: of the problem itself. coordination: how the pieces came to it. repeated: as in CoupledAnswer, of pieces.
+    """
 
     solution: Solution
     coordination: Coordination
     job_id: str
+    repeated: int = 0
 
 
 def checked(wish: Coupled) -> Tied:

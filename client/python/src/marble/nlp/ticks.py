@@ -14,14 +14,15 @@ from marble.calls.session import Session
 from marble.calls.session_core import Shift, ShiftBlock
 from marble.connection import connect
 from marble.errors import DeadlineExceeded, Error, Unavailable
-from marble.model.lcqp import LCQP, csc
+from marble.model.lcqp import LCQP
+from marble.model.parts import changed, problem_of
 from marble.model.solution import Solution
 
 _PASSED: Final = 1e-9  # to a session no time left is none at all
 _PAUSES: Final = (0.0, 0.1, 0.3, 0.6)  # seconds before each try to reopen; a server that is found is found by the first
 
 Blocks = Sequence[Sequence[tuple[int, int, int]]]
-Tick = Callable[[Mapping[str, Any], bool, float | None, Blocks, Any, bool], tuple[Any, ...] | None]
+Tick = Callable[[Mapping[str, Any], bool, float | None, Blocks, Any, bool], tuple[Solution, bool] | None]
 
 
 def ticks_of(server: str | Sequence[str] | marble.Client | None, opened: contextlib.ExitStack,
@@ -36,7 +37,7 @@ def ticks_of(server: str | Sequence[str] | marble.Client | None, opened: context
             return None
         server = opened.enter_context(marble.Client(server))
     client = server
-    return lambda options, parts: _Ticks(client, opened, options, _problem(parts), reopen).tick
+    return lambda options, parts: _Ticks(client, opened, options, problem_of(parts), reopen).tick
 
 
 class _Ticks:
@@ -58,9 +59,9 @@ class _Ticks:
         return session
 
     def tick(self, changes: Mapping[str, Any], cold: bool, seconds: float | None, blocks: Blocks, z0: Any,
-             first_part: bool) -> tuple[Any, ...] | None:
+             first_part: bool) -> tuple[Solution, bool] | None:
         """One update; None where the time was up, and of a first part."""
-        self._problem = _changed(self._problem, changes)
+        self._problem = changed(self._problem, changes)
         shift = Shift(*([ShiftBlock(*block) for block in part] for part in blocks)) if any(blocks) else None
         controls: dict[str, Any] = {"cold": cold, "shift": shift, "z0": None if z0 is None else np.asarray(z0)}
         end = None if seconds is None else time.monotonic() + seconds
@@ -75,10 +76,7 @@ class _Ticks:
         except DeadlineExceeded:
             return None
         self._z = answer.z
-        stationarity, second_order = answer.stationarity, answer.second_order
-        return (answer.status.value, answer.detail, answer.z, answer.y, answer.nu, answer.xi, answer.eta,
-                answer.b_stationary, "unknown" if stationarity is None else stationarity.value,
-                "unknown" if second_order is None else second_order.value, answer.factorizations, reopened)
+        return answer, reopened
 
     def _answer(self, controls: Mapping[str, Any], end: float | None) -> tuple[Solution, bool]:
         if self._session is not None:
@@ -125,26 +123,3 @@ class _Ticks:
 
 def _left(end: float | None) -> float | None:
     return None if end is None else max(end - time.monotonic(), _PASSED)
-
-
-def _changed(problem: LCQP, changes: Mapping[str, Any]) -> LCQP:
-    parts: dict[str, Any] = {}
-    for name, value in changes.items():
-        if name in "QACLR":
-            old = getattr(problem, name)
-            parts[name] = csc(np.asarray(value), old.indices, old.indptr, old.shape)
-        else:
-            parts[name] = value if name == "c0" else np.asarray(value)
-    return problem.replaced(**parts)
-
-
-def _problem(parts: Mapping[str, Any]) -> LCQP:
-    vectors = {name: np.array(parts[name]) for name in "gbdlr"}
-    n = vectors["g"].size
-    matrices = {}
-    for name in "QACLR":
-        data, indices, indptr, rows = parts[name]
-        if rows:
-            matrices[name] = csc(np.array(data), np.array(indices, dtype=np.int32), np.array(indptr, dtype=np.int32),
-                                 (rows, n))
-    return LCQP(None, vectors["g"], c0=parts["c0"]).replaced(**vectors, **matrices)
