@@ -101,14 +101,6 @@ Expected<std::string> bundle_of(const ServiceParts& parts, const Identity& calle
   return written ? Expected<std::string>(std::move(file)) : unexpected(written.error());
 }
 
-// On a thread that may wait.
-Expected<void> wait_for(const Afterwards& afterwards) {
-  if (!afterwards) return {};
-  const auto ended = std::make_shared<std::promise<Expected<void>>>();
-  afterwards([ended](const Expected<void>& how) { ended->set_value(how); });
-  return ended->get_future().get();
-}
-
 }  // namespace
 
 void add_job_routes(Router& router, const ServiceParts& parts) {
