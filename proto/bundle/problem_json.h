@@ -1,5 +1,5 @@
-// A problem message as a problem file, piece by piece: write_json() of marble/json_problem.h makes it in memory, where
-// it takes ten times the message, and a server has others to serve.
+// A problem message as a problem file, piece by piece: write_json() of marble/json_problem.h makes it in
+// memory, where it takes many times the message, and a server has others to serve.
 #pragma once
 
 #include <functional>
