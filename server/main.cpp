@@ -13,6 +13,7 @@
 #include "calls/jobs_service.h"
 #include "calls/solver_service.h"
 #include "config/config.h"
+#include "fleet/fleet_submissions.h"
 #include "http/http_server.h"
 #include "log/library_log.h"
 #include "marble/version.h"
@@ -23,7 +24,7 @@
 #include "process/signals.h"
 #include "process/supervisor.h"
 #include "service/info_service.h"
-#include "submissions/recovery.h"
+#include "submissions/local_submissions.h"
 
 namespace {
 
@@ -99,10 +100,15 @@ int print_new_token(const std::string& name_and_roles) {
   return 0;
 }
 
+marble::Expected<std::unique_ptr<Submissions>> begin_submissions(const ServiceParts& parts, JobStore* store) {
+  if (parts.config.state.empty()) return LocalSubmissions::begin(parts, store);
+  return FleetSubmissions::begin(parts);
+}
+
 int check_state(const Config& config) {
-  if (config.state_dir.empty())
-    return tell({{"flag --check-state", marble::invalid("state_dir", "must be set")}});
-  const auto checked = JobStore::check(config.state_dir);
+  if (config.state_dir.empty() && config.state.empty())
+    return tell({{"flag --check-state", marble::invalid("state_dir", "must be set, or state")}});
+  const auto checked = config.state.empty() ? JobStore::check(config.state_dir) : check_fleet(config.state);
   if (!checked) return tell({{"state", checked.error()}});
   std::cout << *checked << '\n';
   return 0;
@@ -173,9 +179,10 @@ int main(int argc, char** argv) {
       return kBadConfiguration;
     }
     store = std::move(*opened);
-  } else {
+  } else if (config->state.empty()) {
     log.info(Component::server, "jobs_in_memory",
-             {{"reason", "no state_dir is set: submitted jobs and their answers end with the server"}});
+             {{"reason",
+               "neither state_dir nor state is set: submitted jobs and their answers end with the server"}});
   }
   ResultStore results(result_limits(*config), [&store](const std::string& id) {
     if (store != nullptr) store->forget(id);
@@ -190,18 +197,15 @@ int main(int argc, char** argv) {
   pulse.add(shared_scheduler);
   pulse.add(expiry);
   pulse.add(suppressed_lines);
-  const ServiceParts parts{*config, access,      log,       metrics,  pulse,       board, feeds,
-                           results, store.get(), scheduler, sessions, connections, calls};
-  std::shared_ptr<Recovery> recovery;
-  if (store != nullptr) {
-    auto begun = Recovery::begin(parts);
-    if (!begun) {
-      log.error(Component::server, "cannot_use_state",
-                {{"state_dir", begun.error().value}, {"reason", begun.error().bound}});
-      return kBadConfiguration;
-    }
-    recovery = std::move(*begun);
+  ServiceParts parts{*config, access,  log,       metrics,  pulse,       board,
+                     feeds,   results, scheduler, sessions, connections, calls};
+  const auto submissions = begin_submissions(parts, store.get());
+  if (!submissions) {
+    log.error(Component::server, "cannot_use_state",
+              {{"state", submissions.error().value}, {"reason", submissions.error().bound}});
+    return kBadConfiguration;
   }
+  parts.submissions = submissions->get();
   SolverService solver_service(parts);
   JobsService jobs_service(parts);
   InfoService info_service(parts);
@@ -262,7 +266,7 @@ int main(int argc, char** argv) {
   scheduler.close();  // before health says so: whoever has seen it is sure to be refused
   set_serving(*listening->server, false);
   drain(scheduler, signals, config->drain_grace_s);
-  if (store != nullptr) store->close();
+  parts.submissions->close();
   hang_up(*listening, connections, calls);
   http.reset();
   log.tell_all_suppressed();

@@ -74,17 +74,51 @@ Expected<void> Sensitivity::renew(const ProblemUpdate& update, const Solution& a
 Expected<AnswerChange> Sensitivity::along(const ProblemUpdate& direction) {
   if (auto valid = state_->sizes.check(direction); !valid)
     return unexpected(inside("direction", valid.error()));
-  return state_->counted([&](Run& run) { return state_->derivatives.along(run, direction); });
+  auto changes = state_->counted([&](Run& run) { return state_->derivatives.along(run, {1, direction}); });
+  if (!changes) return unexpected(changes.error());
+  if (!changes->missing.empty()) {
+    return unexpected(
+        failure(ErrorCode::failed_precondition, "direction",
+                "the rows of the answer's branch contradict each other along it, or it is flat"));
+  }
+  return AnswerChange{std::move(changes->z),
+                      std::move(changes->equality_multipliers),
+                      std::move(changes->inequality_multipliers),
+                      std::move(changes->complementarity_multipliers_L),
+                      std::move(changes->complementarity_multipliers_R),
+                      changes->holds[0] != 0};
 }
 
 Expected<ProblemGradient> Sensitivity::gradient(const AnswerWeights& weights) {
   if (auto valid = check(weights, state_->sizes); !valid) return unexpected(inside("weights", valid.error()));
-  return state_->counted([&](Run& run) { return state_->derivatives.gradient(run, weights); });
+  auto gradients = state_->counted([&](Run& run) {
+    return state_->derivatives.gradients(run, {1, weights});
+  });
+  if (!gradients) return unexpected(gradients.error());
+  if (!gradients->missing.empty()) {
+    return unexpected(failure(ErrorCode::failed_precondition, "weights",
+                              "the multipliers of the answer's branch are not unique, or it is flat"));
+  }
+  ProblemGradient gradient;
+#define MARBLE_VECTOR(letter, field) gradient.letter = std::move(gradients->letter);
+#define MARBLE_MATRIX(letter, field, values, vector) gradient.letter = std::move(gradients->letter);
+#include "marble/contract.def"
+  return gradient;
 }
 
 Expected<RowResponse> Sensitivity::rows(const RowsRequest& request) {
   if (auto valid = check({.rows = request}, state_->sizes); !valid) return unexpected(valid.error());
   return state_->counted([&](Run& run) { return state_->derivatives.rows(run, request); });
+}
+
+Expected<SensitivityAnswer> Sensitivity::answer(const SensitivityRequest& request) {
+  if (auto valid = check(request, state_->sizes); !valid) return unexpected(valid.error());
+  const std::int32_t factors = factorizations(), solves = back_substitutions();
+  auto answer = state_->counted([&](Run& run) { return state_->derivatives.answer(run, request); });
+  if (!answer) return answer;
+  answer->factorizations = factorizations() - factors;
+  answer->back_substitutions = back_substitutions() - solves;
+  return answer;
 }
 
 const std::vector<Index>& Sensitivity::weak_inequalities() const {

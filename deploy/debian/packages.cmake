@@ -40,7 +40,7 @@ threads and streams every iteration.
 
 This package holds the server, its systemd unit and its configuration.")
 set(CPACK_DEBIAN_SERVER_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers | systemd-sysusers")
-set(CPACK_DEBIAN_SERVER_PACKAGE_SUGGESTS "marble-cli, prometheus")
+set(CPACK_DEBIAN_SERVER_PACKAGE_SUGGESTS "marble-cli, prometheus, libpq5 (>= 14), postgresql")
 set(CPACK_DEBIAN_SERVER_PACKAGE_CONTROL_EXTRA
     ${debian}/conffiles ${debian}/postinst ${debian}/prerm ${debian}/postrm)
 

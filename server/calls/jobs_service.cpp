@@ -2,34 +2,53 @@
 
 #include "calls/result_call.h"
 #include "calls/watch_call.h"
-#include "messages/job_access.h"
 #include "messages/job_requests.h"
 #include "queue/job_log.h"
 #include "service/read_first.h"
 #include "service/unary_call.h"
-#include "submissions/submission.h"
+#include "store/submissions.h"
 
 namespace marble::server {
+namespace {
+
+// What is known here of the job that a request names, or of all, is brought up to date first. A request that
+// cannot be read ends here: whoever reads it once more has protobuf tell so once more.
+template <class Request>
+void look_at(const ServiceParts& parts, const grpc::ByteBuffer& bytes, Settled then) {
+  std::string id;
+  if constexpr (requires(Request request) { request.job_id(); }) {
+    Request request;
+    const grpc::ByteBuffer copy(bytes);  // reading takes a buffer's bytes out of it
+    if (auto parsed = parse(&copy, &request); !parsed) return then(parsed);
+    id = request.job_id();
+  }
+  parts.submissions->look(id, std::move(then));
+}
+
+}  // namespace
 
 JobsService::JobsService(const ServiceParts& parts) : parts_(parts) {
-  const auto unary = [&](const char* name, auto method) {
-    MarkMethodStreamed(method_number("Jobs", name), unary_read_first(parts, [this, method](auto... given) {
-                         return (this->*method)(given...);
-                       }));
+  const auto unary = [&](const char* name, auto method, ReadFirstLook look) {
+    MarkMethodStreamed(method_number("Jobs", name),
+                       unary_read_first(
+                           parts, [this, method](auto... given) { return (this->*method)(given...); }, look));
   };
-  unary("Submit", &JobsService::Submit);
-  unary("Delete", &JobsService::Delete);
-  unary("List", &JobsService::List);
-  unary("Get", &JobsService::Get);
-  unary("Cancel", &JobsService::Cancel);
-  MarkMethodStreamed(method_number("Jobs", "Result"),
-                     unary_read_first(parts, [&parts](auto* from, auto... bytes) {
-                       return ResultCall::begin(parts, *from, bytes...);
-                     }));
-  MarkMethodStreamed(method_number("Jobs", "Watch"),
-                     stream_read_first(parts, [&parts](auto* from, const auto* request) {
-                       return WatchCall::begin(parts, *from, request);
-                     }));
+  unary("Submit", &JobsService::Submit, nullptr);
+  unary("Delete", &JobsService::Delete, look_at<v1::DeleteJobRequest>);
+  unary("List", &JobsService::List, look_at<v1::ListJobsRequest>);
+  unary("Get", &JobsService::Get, look_at<v1::GetJobRequest>);
+  unary("Cancel", &JobsService::Cancel, look_at<v1::CancelJobRequest>);
+  MarkMethodStreamed(
+      method_number("Jobs", "Result"),
+      unary_read_first(
+          parts, [&parts](auto* from, auto... bytes) { return ResultCall::begin(parts, *from, bytes...); },
+          look_at<v1::JobResultRequest>));
+  MarkMethodStreamed(method_number("Jobs", "Watch"), stream_read_first(
+                                                         parts,
+                                                         [&parts](auto* from, const auto* request) {
+                                                           return WatchCall::begin(parts, *from, request);
+                                                         },
+                                                         look_at<v1::WatchJobsRequest>));
 }
 
 grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* context,
@@ -49,9 +68,15 @@ grpc::ServerUnaryReactor* JobsService::Submit(grpc::CallbackServerContext* conte
     const auto message = std::make_shared<v1::SolveRequest>();
     message->Swap(&parsed);
     origin.request_id = message->request_id();
-    auto submitted = submit(parts_, caller, message, out);
+    auto submitted = parts_.submissions->submit(caller, message, out);
     if (!submitted) return told(origin, submitted.error());
-    return submitted;
+    if (!*submitted) return submitted;
+    return [this, origin, wait = std::move(*submitted)](const Settled& settled) {
+      wait([this, origin, settled](const Expected<void>& ended) {
+        if (!ended) note_refusal(parts_, origin, ended.error());
+        settled(ended);
+      });
+    };
   };
   return answer<v1::SolveRequest, v1::SubmitResponse>(parts_, context, request, response, who, handle,
                                                       parts_.scheduler.retry_delay_s());
@@ -61,17 +86,11 @@ grpc::ServerUnaryReactor* JobsService::Delete(grpc::CallbackServerContext* conte
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
   const auto handle = [&](const Identity& caller, const v1::DeleteJobRequest& message, v1::DeleteJobResponse*,
                           const Origin&) -> Expected<Afterwards> {
-    const std::string& id = message.job_id();
-    const std::string owner = parts_.results.owner(id);
-    if (owner.empty() || !may_see(caller, owner)) return unexpected(no_such_job(id));
-    if (!may_end(caller, owner)) return unexpected(not_to_end(id));
-    if (!parts_.results.forget(id)) return unexpected(no_such_job(id));
-    if (const auto record = parts_.board.find(id); record != nullptr) record->cancel();
-    parts_.board.forget(id);
-    return when_settled(parts_);
+    return parts_.submissions->remove(caller, message.job_id());
   };
   return answer<v1::DeleteJobRequest, v1::DeleteJobResponse>(parts_, context, request, response,
-                                                             of_any_role(parts_, *context), handle);
+                                                             of_any_role(parts_, *context), handle,
+                                                             parts_.scheduler.retry_delay_s());
 }
 
 grpc::ServerUnaryReactor* JobsService::List(grpc::CallbackServerContext* context,
@@ -98,10 +117,11 @@ grpc::ServerUnaryReactor* JobsService::Cancel(grpc::CallbackServerContext* conte
                                               const grpc::ByteBuffer* request, grpc::ByteBuffer* response) {
   const auto handle = [&](const Identity& caller, const v1::CancelJobRequest& message,
                           v1::CancelJobResponse* out, const Origin&) -> Expected<Afterwards> {
-    return cancel_job(parts_, caller, message.job_id(), out);
+    return parts_.submissions->cancel(caller, message.job_id(), out);
   };
   return answer<v1::CancelJobRequest, v1::CancelJobResponse>(parts_, context, request, response,
-                                                             of_any_role(parts_, *context), handle);
+                                                             of_any_role(parts_, *context), handle,
+                                                             parts_.scheduler.retry_delay_s());
 }
 
 }  // namespace marble::server

@@ -2,7 +2,9 @@
 
 #include "marble/v1/service.pb.h"
 #include "messages/job_access.h"
+#include "process/fault_point.h"
 #include "service/admission.h"
+#include "store/submissions.h"
 #include "wire/status.h"
 #include "wire/wire.h"
 
@@ -48,6 +50,7 @@ void ResultCall::answer(const ResultStore::Shared& result) {
   if (finished_.exchange(true)) return;
   *response_ = *result->answer;
   Finish(grpc::Status::OK);
+  fault_point("within_answer");
 }
 
 void ResultCall::finish(const grpc::Status& status) {
@@ -64,7 +67,7 @@ void ResultCall::OnDone() { const auto last = std::move(self_); }
 // Answers of the jobs that a drain still finishes are given; then there is nothing to wait for.
 void ResultCall::pulse(Clock::time_point /*now*/) {
   if (!parts_.scheduler.is_drained() || finished_) return;
-  if (parts_.store != nullptr && !parts_.store->is_settled()) return;
+  if (!parts_.submissions->is_settled()) return;
   parts_.results.stop_waiting(id_, this);
   finish(end_of_stream(parts_, draining()));
 }

@@ -46,8 +46,8 @@ std::optional<CommandLine> parse_command_line(int argc, const char* const* argv,
                "check the configuration, the token file and the certificates, and end");
   app.add_flag(
       "--check-state", result.check_state,
-      "look through the whole file of state_dir, tell how many jobs it holds, and end; while a server "
-      "uses it too");
+      "look through the whole file of state_dir or the tables of state, tell how many jobs they hold, "
+      "and end; while a server uses them too");
   app.add_flag("--print-metrics", result.print_metrics,
                "print every metric of /metrics, as a table in Markdown, and end");
   app.add_option("--new-token", result.new_token,

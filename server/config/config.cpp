@@ -9,6 +9,7 @@
 #include "config/certificates.h"
 #include "config/config_file.h"
 #include "log/log_levels.h"
+#include "postgres/state_uri.h"
 
 namespace marble::server {
 namespace {
@@ -117,6 +118,14 @@ void check_log_levels(const Config& config, Faults& faults) {
     faults.push_back({source_of(config, "log_levels"), levels.error()});
 }
 
+void check_state(const Config& config, Faults& faults) {
+  if (config.state.empty()) return;
+  if (auto valid = check_state_uri(config.state); !valid)
+    faults.push_back({source_of(config, "state"), valid.error()});
+  if (!config.state_dir.empty())
+    faults.push_back({source_of(config, "state"), invalid("state", "must not be set beside state_dir")});
+}
+
 }  // namespace
 
 tl::expected<Config, std::vector<ConfigFault>> load_config(const CommandLine& command_line) {
@@ -129,6 +138,7 @@ tl::expected<Config, std::vector<ConfigFault>> load_config(const CommandLine& co
   read_tokens(config, faults);
   check_certificates(config, faults);
   check_log_levels(config, faults);
+  check_state(config, faults);
   if (!faults.empty()) return unexpected(std::move(faults));
   return config;
 }

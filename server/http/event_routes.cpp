@@ -90,8 +90,9 @@ void add_event_routes(Router& router, const ServiceParts& parts, EventHub& hub) 
   router.get("/api/jobs/([^/]+)/events", endpoint(parts,
                                                   [&](const httplib::Request& request, const Identity& caller,
                                                       httplib::Response& response) -> Expected<void> {
-                                                    auto viewer =
-                                                        hub.watch_job(caller, request.matches[1].str());
+                                                    const std::string id = request.matches[1].str();
+                                                    if (auto looked = look(parts, id); !looked) return looked;
+                                                    auto viewer = hub.watch_job(caller, id);
                                                     if (!viewer) return unexpected(viewer.error());
                                                     stream(parts, request, std::move(*viewer), "", response);
                                                     return {};

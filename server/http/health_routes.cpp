@@ -1,6 +1,7 @@
 #include "http/health_routes.h"
 
 #include "net/port_probe.h"
+#include "store/submissions.h"
 
 namespace marble::server::http {
 
@@ -15,10 +16,12 @@ void add_health_routes(Router& router, const ServiceParts& parts, const std::vec
     const bool leaving = parts.scheduler.is_leaving();
     const bool ready = !leaving && ports_answer(listeners, !parts.config.tls_certificate.empty(), kPatience);
     response.status = ready ? 200 : 503;
-    response.set_content(ready     ? "ready\n"
-                         : leaving ? "draining\n"
-                                   : "the gRPC port does not answer\n",
-                         kText);
+    // Not one server is better off without the store than another: to send no calls to any would only end
+    // what goes on without it.
+    const auto well = parts.submissions->health();
+    const std::string told =
+        well ? "ready\n" : "ready, but no job can be submitted: " + well.error().bound + "\n";
+    response.set_content(ready ? told : leaving ? "draining\n" : "the gRPC port does not answer\n", kText);
   });
 }
 

@@ -2,8 +2,6 @@
 
 #include <array>
 #include <charconv>
-#include <future>
-#include <memory>
 
 #include "http/requests/endpoint.h"
 #include "http/requests/reply.h"
@@ -11,7 +9,7 @@
 #include "messages/job_access.h"
 #include "messages/job_requests.h"
 #include "service/server_info.h"
-#include "submissions/submission.h"
+#include "store/submissions.h"
 
 namespace marble::server::http {
 namespace {
@@ -73,28 +71,21 @@ std::string trace_csv(const JobRecord::Trace& trace) {
 
 /// Answers with what `ask` fills, for the job that the path names.
 template <class Response, class Ask>
-Answer of_job(const JobBoard& board, Ask ask) {
-  return [&board, ask](const httplib::Request& request, const Identity& caller,
+Answer of_job(const ServiceParts& parts, Ask ask) {
+  return [&parts, ask](const httplib::Request& request, const Identity& caller,
                        httplib::Response& response) -> Expected<void> {
+    const std::string id = request.matches[1].str();
+    if (auto looked = look(parts, id); !looked) return looked;
     Response message;
-    if (auto asked = ask(board, caller, request.matches[1].str(), &message); !asked) return asked;
+    if (auto asked = ask(parts.board, caller, id, &message); !asked) return asked;
     reply_json(response, message);
     return {};
   };
 }
 
-// On a thread that may wait.
-Expected<void> wait_for(const Afterwards& afterwards) {
-  if (!afterwards) return {};
-  const auto ended = std::make_shared<std::promise<Expected<void>>>();
-  afterwards([ended](const Expected<void>& how) { ended->set_value(how); });
-  return ended->get_future().get();
-}
-
 }  // namespace
 
 void add_job_routes(Router& router, const ServiceParts& parts) {
-  const JobBoard& board = parts.board;
   router.get("/api/info", endpoint(parts,
                                    [&parts](const httplib::Request&, const Identity& caller,
                                             httplib::Response& response) -> Expected<void> {
@@ -104,23 +95,26 @@ void add_job_routes(Router& router, const ServiceParts& parts) {
                                      return {};
                                    }));
   router.get("/api/jobs", endpoint(parts,
-                                   [&board](const httplib::Request& request, const Identity& caller,
+                                   [&parts](const httplib::Request& request, const Identity& caller,
                                             httplib::Response& response) -> Expected<void> {
                                      const auto asked = list_request(request);
                                      if (!asked) return unexpected(asked.error());
+                                     if (auto looked = look(parts); !looked) return looked;
                                      v1::ListJobsResponse message;
-                                     if (auto listed = list_jobs(board, caller, *asked, &message); !listed)
+                                     if (auto listed = list_jobs(parts.board, caller, *asked, &message);
+                                         !listed)
                                        return listed;
                                      reply_json(response, message);
                                      return {};
                                    }));
-  router.get("/api/jobs/([^/]+)", endpoint(parts, of_job<v1::GetJobResponse>(board, get_job)));
+  router.get("/api/jobs/([^/]+)", endpoint(parts, of_job<v1::GetJobResponse>(parts, get_job)));
   router.get("/api/jobs/([^/]+)/trace\\.csv",
              endpoint(parts,
-                      [&board](const httplib::Request& request, const Identity& caller,
+                      [&parts](const httplib::Request& request, const Identity& caller,
                                httplib::Response& response) -> Expected<void> {
                         const std::string id = request.matches[1].str();
-                        const auto record = find_job(board, caller, id);
+                        if (auto looked = look(parts, id); !looked) return looked;
+                        const auto record = find_job(parts.board, caller, id);
                         if (!record) return unexpected(record.error());
                         response.set_header("Content-Disposition",
                                             "attachment; filename=\"" + file_name(id) + "\"");
@@ -132,8 +126,10 @@ void add_job_routes(Router& router, const ServiceParts& parts) {
               endpoint(parts,
                        [&parts](const httplib::Request& request, const Identity& caller,
                                 httplib::Response& response) -> Expected<void> {
+                         const std::string id = request.matches[1].str();
+                         if (auto looked = look(parts, id); !looked) return looked;
                          v1::CancelJobResponse message;
-                         auto asked = cancel_job(parts, caller, request.matches[1].str(), &message);
+                         auto asked = parts.submissions->cancel(caller, id, &message);
                          if (!asked) return unexpected(asked.error());
                          if (auto kept = wait_for(*asked); !kept) return kept;
                          reply_json(response, message);

@@ -9,22 +9,25 @@ JobBoard::Record JobBoard::make(JobDescription description, const Options& optio
                                      limits_.trace_pairs);
 }
 
-void JobBoard::add(const Record& record) {
+JobBoard::Record JobBoard::add(const Record& record) {
   const MutexLock lock(mutex_);
+  if (const auto there = numbers_.find(record->id()); there != numbers_.end())
+    return records_.at(there->second);
   const std::int64_t number = next_number_++;
   records_.emplace(number, record);
   active_.emplace(number, record);
   active_list_ = nullptr;
   numbers_.emplace(record->id(), number);
+  return record;
 }
 
 void JobBoard::finish(const Record& record) {
   const MutexLock lock(mutex_);
   const auto number = numbers_.find(record->id());
-  const auto active = number != numbers_.end()
-                          ? active_.find(number->second)
-                          : std::find_if(active_.begin(), active_.end(),
-                                         [&](const auto& one) { return one.second == record; });
+  const bool is_known = number != numbers_.end() && records_.at(number->second) == record;
+  const auto active = is_known ? active_.find(number->second)
+                               : std::find_if(active_.begin(), active_.end(),
+                                              [&](const auto& one) { return one.second == record; });
   if (active == active_.end()) return;
   active_.erase(active);
   active_list_ = nullptr;

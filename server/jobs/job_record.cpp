@@ -116,7 +116,12 @@ void JobRecord::answered(const Expected<Solution>& solution, double total_s) {
 
 void JobRecord::end() {
   snapshot_.state = JobState::finished;
-  snapshot_.finished = std::chrono::system_clock::now();
+  // The clock that accepted it may be another server's, or the store's.
+  snapshot_.finished =
+      snapshot_.server.empty()
+          ? std::chrono::system_clock::now()
+          : description_.accepted + std::chrono::duration_cast<std::chrono::system_clock::duration>(
+                                        std::chrono::duration<double>(snapshot_.total_s));
   if (watchers_ == 0) history_.end();
   cancel_ = nullptr;
   place_ = nullptr;
@@ -151,7 +156,26 @@ void JobRecord::restore(JobSnapshot snapshot, Trace trace) {
   const MutexLock lock(mutex_);
   history_.restore(std::move(trace.rows), trace.stride);
   pairs_.restore(std::move(trace.pairs));
+  const std::int64_t version = snapshot_.version;
   snapshot_ = std::move(snapshot);
+  snapshot_.version = version;
+  if (snapshot_.state == JobState::finished) {
+    if (watchers_ == 0) history_.end();
+    place_ = nullptr;
+  }
+  changed();
+}
+
+void JobRecord::follow(std::int64_t skipped, const std::vector<Progress>& rows) {
+  const MutexLock lock(mutex_);
+  if (skipped > 0) history_.skip(skipped);
+  for (const Progress& row : rows) history_.put(row);
+  changes_.fetch_add(1, std::memory_order_release);
+}
+
+void JobRecord::set_server(const std::string& server) {
+  const MutexLock lock(mutex_);
+  snapshot_.server = server;
   changed();
 }
 
@@ -195,6 +219,11 @@ void JobRecord::watch(bool begin) {
   const MutexLock lock(mutex_);
   watchers_ += begin ? 1 : -1;
   if (watchers_ == 0 && snapshot_.state == JobState::finished) history_.end();
+}
+
+bool JobRecord::is_watched() const {
+  const MutexLock lock(mutex_);
+  return watchers_ > 0;
 }
 
 void JobRecord::set_cancel(std::function<void()> cancel) {

@@ -66,6 +66,7 @@ struct JobSnapshot {
   std::int64_t memory_bytes = 0, result_bytes = 0;
   std::vector<ScenarioLevel> levels = {};  ///< of a scenario solve, without x
   std::string detail = {};                 ///< the numbers that justify the status
+  std::string server = {};                 ///< of several with one store: which has it, or had it last
   std::optional<std::chrono::system_clock::time_point> finished = {};  ///< when, once it has
   std::int64_t version = 0;  ///< grows with every change but progress
 };
@@ -105,8 +106,12 @@ class JobRecord final : public ProgressSink {
     std::int64_t cursor = 0;  ///< to read on from
     std::vector<PairHistory::Frame> pairs = {};
   };
-  /// What it was when it had finished, before the server was started anew.
+  /// What it was when it had finished, before the server was started anew, or what it is on another server.
+  /// Without rows or pairs those that are there stay.
   void restore(JobSnapshot snapshot, Trace trace) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Rows of another server, after `skipped` that are not told.
+  void follow(std::int64_t skipped, const std::vector<Progress>& rows) ABSL_LOCKS_EXCLUDED(mutex_);
+  void set_server(const std::string& server) ABSL_LOCKS_EXCLUDED(mutex_);
 
   [[nodiscard]] JobSnapshot snapshot() const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool is_finished() const ABSL_LOCKS_EXCLUDED(mutex_);
@@ -120,6 +125,7 @@ class JobRecord final : public ProgressSink {
   [[nodiscard]] std::optional<PairHistory::Frame> newest_pairs() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// While somebody watches, its newest rows are kept even when it has finished.
   void watch(bool begin) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool is_watched() const ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// How its end and its place can be asked for; set by who runs it, empty once it has finished.
   void set_cancel(std::function<void()> cancel) ABSL_LOCKS_EXCLUDED(mutex_);

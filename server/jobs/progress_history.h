@@ -36,10 +36,17 @@ class ProgressHistory {
     ++count_;
   }
 
+  /// So many rows were put in that nobody can tell any more.
+  void skip(std::int64_t rows) {
+    count_ += rows;
+    recent_.assign(kRecent, newest_);
+    known_from_ = count_;
+  }
+
   /// Rows since the cursor, which moves on to the newest.
   [[nodiscard]] Rows read(std::int64_t& cursor) const {
     Rows result;
-    const std::int64_t oldest = count_ - static_cast<std::int64_t>(recent_.size());
+    const std::int64_t oldest = std::max(known_from_, count_ - static_cast<std::int64_t>(recent_.size()));
     result.skipped = std::max<std::int64_t>(0, oldest - cursor);
     for (std::int64_t at = std::max(cursor, oldest); at < count_; ++at)
       result.rows.push_back(recent_[static_cast<std::size_t>(at) % kRecent]);
@@ -65,7 +72,7 @@ class ProgressHistory {
     newest_ = trace_.back();
     stride_ = stride;
     while (trace_.size() > most_rows_) thin();
-    count_ = first_ = 0;  // nobody reads on: what is told is the trace
+    count_ = first_ = known_from_ = 0;  // nobody reads on: what is told is the trace
   }
 
   /// Another solve begins: a trace of its own. Cursors go on.
@@ -94,6 +101,7 @@ class ProgressHistory {
   Progress newest_;
   int stride_ = 1;
   std::int64_t count_ = 0, first_ = 0;  // rows of all solves; of those before this one
+  std::int64_t known_from_ = 0;         // those before were skipped
 };
 
 }  // namespace marble::server

@@ -81,11 +81,36 @@ void ResultStore::wait(const std::string& id, const void* waiter, Callback callb
     const auto found = entries_.find(id);
     if (found != entries_.end() && found->second.result == nullptr) {
       found->second.waiters.emplace_back(waiter, std::move(callback));
-      return;
+      if (!found->second.elsewhere) return;
+      callback = nullptr;
+    } else if (found != entries_.end()) {
+      there = found->second.result;
     }
-    if (found != entries_.end()) there = found->second.result;
   }
+  if (!callback) return fetch_(id);
   callback(there);
+}
+
+void ResultStore::kept_elsewhere(const std::string& id) {
+  {
+    const MutexLock lock(mutex_);
+    const auto found = entries_.find(id);
+    if (found == entries_.end()) return;
+    found->second.elsewhere = true;
+    if (found->second.waiters.empty()) return;
+  }
+  fetch_(id);
+}
+
+void ResultStore::deliver(const std::string& id, Result result) {
+  std::vector<std::pair<const void*, Callback>> waiters;
+  {
+    const MutexLock lock(mutex_);
+    const auto found = entries_.find(id);
+    if (found != entries_.end()) waiters = std::exchange(found->second.waiters, {});
+  }
+  const auto shared = std::make_shared<const Result>(std::move(result));
+  for (const auto& [waiter, callback] : waiters) callback(shared);
 }
 
 void ResultStore::stop_waiting(const std::string& id, const void* waiter) {

@@ -37,6 +37,15 @@ class ResultStore {
   explicit ResultStore(const ResultLimits& limits, Forgotten forgotten = {})
       : limits_(limits), forgotten_(std::move(forgotten)) {}
 
+  /// Gets an answer that another keeps: to be given to deliver().
+  using Fetch = std::function<void(const std::string& id)>;
+  /// Before anybody waits.
+  void set_fetch(Fetch fetch) { fetch_ = std::move(fetch); }
+  /// Another keeps its answer: whoever waits for it, now or later, makes that it is fetched.
+  void kept_elsewhere(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// To those who wait; nothing is kept.
+  void deliver(const std::string& id, Result result) ABSL_LOCKS_EXCLUDED(mutex_);
+
   /// What a client calls a request, so that it may send it again; the digest tells whether it is the same.
   struct RequestName {
     std::string request_id;  ///< empty: it has none
@@ -76,12 +85,14 @@ class ResultStore {
     std::int64_t bytes = 0;
     std::list<Age>::iterator age;  // of one that has a result
     std::vector<std::pair<const void*, Callback>> waiters;
+    bool elsewhere = false;
   };
   bool erase(const std::string& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void tell(const std::vector<std::string>& erased) const;
 
   const ResultLimits limits_;
   const Forgotten forgotten_;
+  Fetch fetch_;
   mutable Mutex mutex_;
   std::unordered_map<std::string, Entry> entries_ ABSL_GUARDED_BY(mutex_);
   std::map<std::pair<std::string, std::string>, std::string> ids_

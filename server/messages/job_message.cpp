@@ -63,6 +63,7 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   message->set_detail(now.detail);
   if (what.trace) message->set_trace_id(what.trace->trace_id);
   if (now.finished) message->set_finished_unix_s(unix_s(*now.finished));
+  message->set_server(now.server);
 }
 
 void to_message(const JobRecord::Trace& trace, v1::Trace* message) {
@@ -125,6 +126,7 @@ JobSnapshot snapshot_of(const v1::JobInfo& message) {
   now.memory_bytes = message.memory_bytes();
   now.result_bytes = message.result_bytes();
   now.detail = message.detail();
+  now.server = message.server();
   if (message.finished_unix_s() > 0.0) now.finished = time_of(message.finished_unix_s());
   return now;
 }

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "base/quota.h"
+#include "queue/passed_over.h"
 
 namespace marble::server {
 
@@ -58,7 +59,8 @@ class JobQueue {
   using Time = std::chrono::steady_clock::time_point;
   using Ahead = std::array<std::size_t, kPriorities>;
 
-  explicit JobQueue(const QueueLimits& limits) : limits_(limits) {}
+  explicit JobQueue(const QueueLimits& limits)
+      : limits_(limits), passed_over_(limits.passed_over, limits.passed_over_time) {}
 
   /// Takes the item, or says why not; then the caller keeps it. The newest quota of a client counts.
   [[nodiscard]] QueueRefusal push(std::shared_ptr<Item> item, const Ticket& ticket, const Quota& quota) {
@@ -217,11 +219,6 @@ class JobQueue {
     bool running;
   };
   using Tickets = std::map<const Item*, Known>;
-  struct PassedOver {
-    int turns = 0;  // in a row
-    Time since;
-  };
-
   [[nodiscard]] auto find_turn(std::size_t at) const {
     return std::find_if(turns_[at].begin(), turns_[at].end(), [this](const std::string& name) {
       const Client& client = clients_.at(name);
@@ -232,30 +229,8 @@ class JobQueue {
   // Counts who was passed over, too.
   [[nodiscard]] std::size_t choose_priority(Time now) {
     std::array<bool, kPriorities> able = {};
-    std::size_t chosen = kPriorities;
-    for (std::size_t at = kPriorities; at-- > 0;) {
-      able[at] = find_turn(at) != turns_[at].end();
-      if (able[at]) chosen = at;
-    }
-    if (chosen == kPriorities) return chosen;
-    int longest = 0;
-    for (std::size_t at = 0; at < kPriorities; ++at) {
-      const PassedOver& past = passed_over_[at];
-      const bool starved = past.turns >= limits_.passed_over ||
-                           (past.turns > 0 && now - past.since >= limits_.passed_over_time);
-      if (!able[at] || !starved || past.turns <= longest) continue;
-      longest = past.turns;
-      chosen = at;
-    }
-    for (std::size_t at = 0; at < kPriorities; ++at) {
-      PassedOver& past = passed_over_[at];
-      if (!able[at] || at == chosen) {
-        past.turns = 0;
-      } else if (past.turns++ == 0) {
-        past.since = now;
-      }
-    }
-    return chosen;
+    for (std::size_t at = 0; at < kPriorities; ++at) able[at] = find_turn(at) != turns_[at].end();
+    return passed_over_.choose(able, now);
   }
 
   void leave_line(const Ticket& ticket, Client& client) {
@@ -308,7 +283,7 @@ class JobQueue {
   std::array<std::list<std::string>, kPriorities> turns_;  // clients with something waiting, next one first
   Tickets tickets_;
   Ahead waiting_ = {};
-  std::array<PassedOver, kPriorities> passed_over_ = {};
+  PassedOver passed_over_;
   int running_ = 0, unreserved_ = 0;
   std::int64_t bytes_ = 0, held_ = 0, next_number_ = 0;  // bytes: with those held
 };

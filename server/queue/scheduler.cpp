@@ -54,32 +54,32 @@ std::string full_queue(const QueueLimits& limits, Priority priority) {
          (kept > 0 ? ", and " + std::to_string(kept) + " more if they are realtime" : "");
 }
 
-Error refusal(QueueRefusal why, const QueueLimits& limits, const Job& job) {
+bool solves(const Job& job) { return !job.is_setup && !job.is_preparation; }
+
+}  // namespace
+
+Error refusal_of(QueueRefusal why, const QueueLimits& limits, const Ticket& ticket, const Quota& quota) {
   constexpr ErrorCode kFull = ErrorCode::resource_exhausted;
-  const std::string bytes = std::to_string(job.ticket.bytes) + " more";
+  const std::string bytes = std::to_string(ticket.bytes) + " more";
   switch (why) {
     case QueueRefusal::jobs:
-      return failure(kFull, "queue_jobs", full_queue(limits, job.ticket.priority));
+      return failure(kFull, "queue_jobs", full_queue(limits, ticket.priority));
     case QueueRefusal::bytes:
       return failure(kFull, "queue_bytes", bytes,
                      "requests may take at most " + std::to_string(limits.bytes) + " bytes together");
     case QueueRefusal::client_jobs:
       return failure(kFull, "client_queued",
-                     "the client \"" + job.ticket.client + "\" may have at most " +
-                         std::to_string(job.quota.queued) + " waiting jobs");
+                     "the client \"" + ticket.client + "\" may have at most " + std::to_string(quota.queued) +
+                         " waiting jobs");
     case QueueRefusal::client_bytes:
       return failure(kFull, "client_bytes", bytes,
-                     "requests of the client \"" + job.ticket.client + "\" may take at most " +
-                         std::to_string(job.quota.bytes) + " bytes together");
+                     "requests of the client \"" + ticket.client + "\" may take at most " +
+                         std::to_string(quota.bytes) + " bytes together");
     case QueueRefusal::none:
       break;
   }
   return {};
 }
-
-bool solves(const Job& job) { return !job.is_setup && !job.is_preparation; }
-
-}  // namespace
 
 EndedJob counted_of(const Job& job, const Outcome& outcome) {
   EndedJob ended{.client = job.ticket.client, .priority = job.ticket.priority, .queue_s = outcome.queue_s};
@@ -120,7 +120,7 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
   }
   if (const auto why = queue_.push(job, job->ticket, job->quota); why != QueueRefusal::none) {
     if (fits_alone(*job) && !waiter.expired()) room_waiters_.push_back(waiter);
-    return unexpected(refusal(why, limits_, *job));
+    return unexpected(refusal_of(why, limits_, job->ticket, job->quota));
   }
   if (!job->ticket.reserved) {
     ++counters_.accepted;
@@ -170,6 +170,16 @@ void Scheduler::count_refused(const Error& error) {
   const MutexLock lock(mutex_);
   ++counters_.refused;
   ++counters_.refused_by_reason[refusal_reason(error)];
+}
+
+int Scheduler::free_workers() const {
+  const MutexLock lock(mutex_);
+  return limits_.workers - queue_.running() - static_cast<int>(queue_.waiting());
+}
+
+void Scheduler::set_room_listener(const std::weak_ptr<RoomWaiter>& listener) {
+  const MutexLock lock(mutex_);
+  room_listener_ = listener;
 }
 
 bool Scheduler::is_closed() const {
@@ -291,6 +301,7 @@ void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
     const MutexLock lock(mutex_);
     count(job, outcome);
     waiters.swap(room_waiters_);
+    waiters.push_back(room_listener_);
   }
   job.observer->finished(std::move(outcome));
   job.observer = nullptr;

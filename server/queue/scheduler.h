@@ -38,6 +38,10 @@ class RoomWaiter {
   virtual void room() = 0;
 };
 
+/// What a queue's refusal is told as. `none` is no error.
+[[nodiscard]] Error refusal_of(QueueRefusal why, const QueueLimits& limits, const Ticket& ticket,
+                               const Quota& quota);
+
 /// What is counted of a job that has ended; views both. A set-up of a session solves nothing, and its updates
 /// set up nothing.
 [[nodiscard]] EndedJob counted_of(const Job& job, const Outcome& outcome);
@@ -56,6 +60,11 @@ class Scheduler final : public Pulsed, public TaskRunner {
   [[nodiscard]] Expected<QueuePlace> admit(const std::shared_ptr<Job>& job,
                                            const std::weak_ptr<RoomWaiter>& waiter = {})
       ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Jobs that would begin at once, if they came now; below 0 if there are some that wait.
+  [[nodiscard]] int free_workers() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Is told whenever a job has ended.
+  void set_room_listener(const std::weak_ptr<RoomWaiter>& listener) ABSL_LOCKS_EXCLUDED(mutex_);
 
   /// Whether the job would be taken if there were no other.
   [[nodiscard]] bool fits_alone(const Job& job) const {
@@ -168,6 +177,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
   };
   std::vector<PlaceListener> place_listeners_ ABSL_GUARDED_BY(mutex_);
   std::vector<std::weak_ptr<RoomWaiter>> room_waiters_ ABSL_GUARDED_BY(mutex_);
+  std::weak_ptr<RoomWaiter> room_listener_ ABSL_GUARDED_BY(mutex_);
   std::vector<SharedTasks*> shared_tasks_ ABSL_GUARDED_BY(mutex_);
   Condition helped_;                           // a helper has ended its task
   int finishing_ ABSL_GUARDED_BY(mutex_) = 0;  // left queue or worker, observer not yet told

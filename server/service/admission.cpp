@@ -80,6 +80,10 @@ template <class Message>
 std::shared_ptr<JobRecord> make_record(const ServiceParts& parts, const Caller& caller, JobKind kind,
                                        const Message& message, const Common& common,
                                        const BlockPlace& sizes) {
+  if (caller.earlier && caller.earlier->record != nullptr) {
+    caller.earlier->record->set_options(common.options);
+    return caller.earlier->record;
+  }
   return parts.board.make(
       {.id = caller.earlier ? caller.earlier->id : random_id(),
        .kind = kind,

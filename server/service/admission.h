@@ -20,10 +20,11 @@ struct Caller {
   Identity identity;
   Origin origin;
   Clock::time_point deadline = Clock::time_point::max();
-  /// Of a job that was accepted before the server was started anew.
+  /// Of a job that was accepted before the server was started anew, or by another.
   struct Earlier {
     std::string id;
     std::chrono::system_clock::time_point accepted;
+    std::shared_ptr<JobRecord> record = nullptr;  ///< if it has one already
   };
   std::optional<Earlier> earlier = {};
 };

@@ -14,9 +14,13 @@
 #include "marble/v1/service.grpc.pb.h"
 #include "service/admission.h"
 #include "service/service_parts.h"
+#include "store/submissions.h"
 #include "wire/status.h"
 
 namespace marble::server {
+
+/// What is done with a request before its method is begun, whoever calls then.
+using ReadFirstLook = void (*)(const ServiceParts& parts, const grpc::ByteBuffer& request, Settled then);
 
 /// gRPC's side of a call is a stream; `Inner`, a reactor of a method with one message, is begun with that
 /// message, or with none if the caller is not known: it refuses such a caller first thing. Owns itself.
@@ -27,8 +31,9 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
   /// `method` is called with the context, the request and the response, of which it uses what it knows.
   template <class Method>
   static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
-      const ServiceParts& parts, grpc::CallbackServerContext* context, const Method& method) {
-    auto* const call = new ReadFirst(parts, *context);
+      const ServiceParts& parts, grpc::CallbackServerContext* context, const Method& method,
+      ReadFirstLook look) {
+    auto* const call = new ReadFirst(parts, *context, look);
     call->method_ = [method, context, call] { return method(context, &call->request_, &call->response_); };
     if (parts.access.is_known(*context)) {
       parts.connections.known(context->peer());
@@ -44,22 +49,32 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
 
   void OnReadDone(bool ok) override {
     if (!parts_.calls.has_come(*this)) return;
-    if (ok) return begin_inner();
+    if (ok && look_ == nullptr) return begin_inner();
+    if (ok) {
+      ++until_done_;
+      return look_(parts_, request_, [this](const Expected<void>& how) { this->begin_if(how); });
+    }
     this->Finish(to_status(failure(ErrorCode::invalid_argument, "the request has no message")));
   }
   void OnWriteDone(bool ok) override { call_.write_done(inner_, ok); }
   void OnCancel() override { cancel_when_both(); }
-  void OnDone() override {
-    if (inner_ != nullptr) inner_->OnDone();
-    delete this;
-  }
+  void OnDone() override { done(); }
 
  private:
   friend InnerCall;
-  ReadFirst(const ServiceParts& parts, grpc::CallbackServerContext& context)
-      : token_(parts.calls), parts_(parts), context_(context), call_(*this) {}
+  ReadFirst(const ServiceParts& parts, grpc::CallbackServerContext& context, ReadFirstLook look)
+      : token_(parts.calls), parts_(parts), context_(context), look_(look), call_(*this) {}
 
   void refuse() override { this->Finish(refused(parts_, origin_of(context_), draining())); }
+  // On a thread that gRPC knows nothing of: it may be done with the call before this returns.
+  void begin_if(const Expected<void>& looked) {
+    if (looked) {
+      begin_inner();
+    } else {
+      this->Finish(to_status(looked.error(), parts_.scheduler.retry_delay_s()));
+    }
+    done();
+  }
   void begin_inner() {
     inner_ = method_();
     call_.bind(inner_);
@@ -70,13 +85,21 @@ class ReadFirst final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::B
     if (--until_cancel_ == 0) inner_->OnCancel();
   }
 
+  void done() {
+    if (--until_done_ > 0) return;
+    if (inner_ != nullptr) inner_->OnDone();
+    delete this;
+  }
+
   const LiveCalls::Token token_;
   const ServiceParts& parts_;
   grpc::CallbackServerContext& context_;
+  const ReadFirstLook look_;
   InnerCall call_;
   std::function<Inner*()> method_;
   Inner* inner_ = nullptr;
   std::atomic<int> until_cancel_ = 2;
+  std::atomic<int> until_done_ = 1;
   grpc::ByteBuffer request_, response_;
 };
 
@@ -122,19 +145,22 @@ class StreamReadFirst final : public grpc::ServerCallbackWriter<grpc::ByteBuffer
 
 /// For MarkMethodStreamed(): `method` has the arguments of a raw callback method.
 template <class Method>
-[[nodiscard]] grpc::internal::MethodHandler* unary_read_first(const ServiceParts& parts, Method method) {
+[[nodiscard]] grpc::internal::MethodHandler* unary_read_first(const ServiceParts& parts, Method method,
+                                                              ReadFirstLook look = nullptr) {
   return new grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>(
-      [&parts, method](grpc::CallbackServerContext* context) {
-        return UnaryReadFirst::Outer::begin(parts, context, method);
+      [&parts, method, look](grpc::CallbackServerContext* context) {
+        return UnaryReadFirst::Outer::begin(parts, context, method, look);
       });
 }
 template <class Method>
-[[nodiscard]] grpc::internal::MethodHandler* stream_read_first(const ServiceParts& parts, Method method) {
+[[nodiscard]] grpc::internal::MethodHandler* stream_read_first(const ServiceParts& parts, Method method,
+                                                               ReadFirstLook look = nullptr) {
   return new grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>(
-      [&parts, method](grpc::CallbackServerContext* context) {
+      [&parts, method, look](grpc::CallbackServerContext* context) {
         return StreamReadFirst::Outer::begin(
             parts, context,
-            [method](auto* of_call, const auto* request, const auto*) { return method(of_call, request); });
+            [method](auto* of_call, const auto* request, const auto*) { return method(of_call, request); },
+            look);
       });
 }
 

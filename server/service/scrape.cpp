@@ -10,6 +10,7 @@
 #include "marble/version.h"
 #include "process/process.h"
 #include "service/service_parts.h"
+#include "store/submissions.h"
 
 namespace marble::server {
 namespace {
@@ -100,19 +101,18 @@ void read_bounded(const ServiceParts& parts, Reading& reading) {
   reading.one(Metric::log_lines_dropped, number(parts.log.dropped()));
 }
 
-void read_store(const JobStore* store, Reading& reading) {
-  if (store == nullptr) {
+void read_store(const std::optional<StoreUsage>& usage, Reading& reading) {
+  if (!usage) {
     for (const Metric metric : {Metric::state_written, Metric::state_bytes, Metric::state_commits,
                                 Metric::state_changes, Metric::state_commit_seconds})
       reading.none(metric);
     return;
   }
-  const JobStore::Usage usage = store->usage();
-  reading.one(Metric::state_written, usage.written ? 1.0 : 0.0);
-  reading.one(Metric::state_bytes, static_cast<double>(usage.bytes));
-  reading.one(Metric::state_commits, static_cast<double>(usage.commits));
-  reading.one(Metric::state_changes, static_cast<double>(usage.changes));
-  reading.one(Metric::state_commit_seconds, usage.commit_s);
+  reading.one(Metric::state_written, usage->written ? 1.0 : 0.0);
+  reading.one(Metric::state_bytes, static_cast<double>(usage->bytes));
+  reading.one(Metric::state_commits, static_cast<double>(usage->commits));
+  reading.one(Metric::state_changes, static_cast<double>(usage->changes));
+  reading.one(Metric::state_commit_seconds, usage->commit_s);
 }
 
 void read_certificate(const Config& config, Reading& reading) {
@@ -140,7 +140,7 @@ std::string scrape(const ServiceParts& parts) {
   Reading reading(parts.metrics.registry().collect());
   read_scheduler(parts.scheduler, reading);
   read_bounded(parts, reading);
-  read_store(parts.store, reading);
+  read_store(parts.submissions->usage(), reading);
   read_certificate(parts.config, reading);
   read_process(reading);
   std::ostringstream text;

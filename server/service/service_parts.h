@@ -12,9 +12,10 @@
 #include "queue/scheduler.h"
 #include "queue/session_table.h"
 #include "service/job_feed.h"
-#include "store/job_store.h"
 
 namespace marble::server {
+
+class Submissions;
 
 struct ServiceParts {
   const Config& config;
@@ -25,11 +26,11 @@ struct ServiceParts {
   JobBoard& board;
   FeedLimit& feeds;
   ResultStore& results;
-  JobStore* store;  ///< null: submitted jobs live in memory
   Scheduler& scheduler;
   SessionTable& sessions;
   ConnectionTable& connections;
   LiveCalls& calls;
+  Submissions* submissions = nullptr;  ///< set before anybody calls
   Clock::time_point started = Clock::now();
 };
 

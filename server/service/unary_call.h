@@ -4,11 +4,12 @@
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
-#include <functional>
+#include <memory>
 #include <type_traits>
 
 #include "access/origin.h"
 #include "service/admission.h"
+#include "store/submissions.h"
 #include "wire/status.h"
 #include "wire/wire.h"
 
@@ -29,10 +30,6 @@ class QuickCall final : public grpc::ServerUnaryReactor {
   const LiveCalls::Token token_;
 };
 
-/// What a call's answer waits for, where it is not to go out at once: told how that ended.
-using Settled = std::function<void(const Expected<void>&)>;
-using Afterwards = std::function<void(Settled)>;
-
 /// `who` tells the caller, whom the origin then knows, or why it is refused: before a byte of the request is
 /// looked at. `handle` takes the caller and the request and fills the response, or says why not; it may
 /// return what the answer then waits for (Expected<Afterwards>; an empty one is nothing).
@@ -42,21 +39,21 @@ grpc::ServerUnaryReactor* answer(const ServiceParts& parts, grpc::CallbackServer
                                  const Who& who, const Handle& handle, double retry_delay_s = 0.0) {
   auto* const call = new QuickCall(parts.calls);
   Origin origin = origin_of(*context);
+  const auto response = std::make_shared<Response>();
   const auto respond = [&]() -> Expected<Afterwards> {
     const auto caller = who(origin);
     if (!caller) return unexpected(caller.error());
     Request request;
     if (auto parsed = parse(request_bytes, &request); !parsed) return unexpected(parsed.error());
-    Response response;
-    auto handled = handle(*caller, request, &response, origin);
+    auto handled = handle(*caller, request, response.get(), origin);
     if (!handled) return unexpected(handled.error());
-    *response_bytes = serialize(response);
     if constexpr (std::is_same_v<decltype(handled), Expected<Afterwards>>) return handled;
     return Afterwards();
   };
   const Expected<Afterwards> responded = or_out_of_memory(
       respond, [] { return failure(ErrorCode::resource_exhausted, "the server is out of memory"); });
-  const auto finish = [call, retry_delay_s](const Expected<void>& ended) {
+  const auto finish = [call, response, response_bytes, retry_delay_s](const Expected<void>& ended) {
+    if (ended) *response_bytes = serialize(*response);
     call->Finish(ended ? grpc::Status::OK : to_status(ended.error(), retry_delay_s));
   };
   if (!responded) {

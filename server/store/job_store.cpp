@@ -4,18 +4,15 @@
 #include <sys/file.h>
 #include <sys/stat.h>
 
-#include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <utility>
 
-#include "base/refusal.h"
+#include "process/fault_point.h"
 
 namespace marble::server {
 namespace {
 
-constexpr std::chrono::seconds kAgain{1};  // after this long what could not be written is tried again
 constexpr const char* kFile = "/jobs.sqlite";
 constexpr const char* kLock = "/lock";
 constexpr const char* kApplication = "1298297459";  // "Mbrs", SQLite's application_id
@@ -85,21 +82,11 @@ Expected<void> prepare(Database& database, const std::string& file) {
 }  // namespace
 
 JobStore::JobStore(std::string file, Descriptor lock, Database writer, Database reader, const Log& log)
-    : log_(log),
-      file_(std::move(file)),
+    : file_(std::move(file)),
       lock_(std::move(lock)),
       writer_(std::move(writer)),
       reader_(std::move(reader)),
-      thread_([this] { work(); }) {}
-
-void JobStore::close() {
-  {
-    const MutexLock lock(mutex_);
-    closing_ = true;
-  }
-  wake_.notify_all();
-  if (thread_.joinable()) thread_.join();
-}
+      changes_(log, [this](std::vector<Change>& changes) { return write(changes); }) {}
 
 Expected<std::unique_ptr<JobStore>> JobStore::open(const std::string& directory, const Log& log) {
   auto lock = locked(directory);
@@ -185,116 +172,26 @@ Expected<void> JobStore::each_result(const std::function<void(StoredResult)>& te
 }
 
 void JobStore::add(StoredJob job, Settled settled) {
-  ask({.kind = Kind::add, .job = std::move(job), .settled = std::move(settled)});
+  changes_.ask({.kind = Kind::add, .job = std::move(job), .settled = std::move(settled)});
 }
 
 void JobStore::finish(StoredResult result, Settled settled) {
-  ask({.kind = Kind::finish, .result = std::move(result), .settled = std::move(settled)});
+  changes_.ask({.kind = Kind::finish, .result = std::move(result), .settled = std::move(settled)});
 }
 
-void JobStore::cancel(const std::string& id) { ask({.kind = Kind::cancel, .job = {.id = id}}); }
+void JobStore::cancel(const std::string& id) { changes_.ask({.kind = Kind::cancel, .job = {.id = id}}); }
 
-void JobStore::forget(const std::string& id) { ask({.kind = Kind::forget, .job = {.id = id}}); }
+void JobStore::forget(const std::string& id) { changes_.ask({.kind = Kind::forget, .job = {.id = id}}); }
 
-void JobStore::when_settled(Settled settled) { ask({.settled = std::move(settled)}); }
+void JobStore::when_settled(Settled settled) { changes_.ask({.settled = std::move(settled)}); }
 
-void JobStore::ask(Change change) {
-  {
-    const MutexLock lock(mutex_);
-    if (!closed_) {
-      changes_.push_back(std::move(change));
-      wake_.notify_all();
-      return;
-    }
-  }
-  if (change.settled) change.settled(unexpected(draining()));
-}
-
-Expected<void> JobStore::health() const {
-  const MutexLock lock(mutex_);
-  return health_;
-}
-
-JobStore::Usage JobStore::usage() const {
-  Usage usage;
-  {
-    const MutexLock lock(mutex_);
-    usage = usage_;
-    usage.written = health_.has_value();
-  }
+StoreUsage JobStore::usage() const {
+  StoreUsage usage = changes_.usage();
   for (const char* part : {"", "-wal"}) {
     struct stat facts = {};
     if (stat((file_ + part).c_str(), &facts) == 0) usage.bytes += facts.st_size;
   }
   return usage;
-}
-
-bool JobStore::is_settled() const {
-  const MutexLock lock(mutex_);
-  return changes_.empty() && !writing_;
-}
-
-// What is to be written next, after a while if the last time failed: then nothing new will do too, to see
-// whether it still fails. False at the end.
-bool JobStore::take(std::vector<Change>& changes) {
-  const MutexLock lock(mutex_);
-  const auto again = std::chrono::steady_clock::now() + kAgain;
-  if (health_) {
-    while (changes_.empty() && !closing_) wake_.wait(mutex_);
-  } else {
-    while (!closing_ && wake_.wait_until(mutex_, again) == std::cv_status::no_timeout) {
-    }
-  }
-  closed_ = changes_.empty() && closing_;
-  if (closed_) return false;
-  changes.swap(changes_);
-  writing_ = true;
-  return true;
-}
-
-void JobStore::work() {
-  std::vector<Change> changes;
-  while (take(changes)) {
-    const auto begin = std::chrono::steady_clock::now();
-    const Expected<void> made = write(changes);
-    if (made) count(changes, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
-    settle(changes, made);
-    changes.clear();
-  }
-}
-
-void JobStore::count(const std::vector<Change>& changes, double seconds) {
-  const MutexLock lock(mutex_);
-  ++usage_.commits;
-  usage_.changes += std::ranges::count_if(changes, [](const Change& c) { return c.kind != Kind::nothing; });
-  usage_.commit_s += seconds;
-}
-
-// Who asked is told, once. What failed is asked for again by itself; but a job that was not added is gone,
-// and nothing is tried again at the end.
-void JobStore::settle(std::vector<Change>& changes, const Expected<void>& made) {
-  bool was_well = true;
-  {
-    const MutexLock lock(mutex_);
-    was_well = health_.has_value();
-    health_ = made;
-  }
-  if (!made && was_well)
-    log_.error(Component::server, "state_not_written",
-               {{"state", made.error().value}, {"reason", made.error().bound}});
-  if (made && !was_well) log_.info(Component::server, "state_written_again", {});
-  for (Change& change : changes) {
-    if (const Settled settled = std::exchange(change.settled, nullptr)) settled(made);
-  }
-  const MutexLock lock(mutex_);
-  if (!made && !closing_) {
-    std::erase_if(changes, [](const Change& change) {
-      return change.kind == Kind::add || change.kind == Kind::nothing;
-    });
-    changes_.insert(changes_.begin(), std::make_move_iterator(changes.begin()),
-                    std::make_move_iterator(changes.end()));
-  }
-  writing_ = false;
 }
 
 // One transaction. A change that alone cannot be made, as it is too large for SQLite, is told so and left
@@ -312,9 +209,11 @@ Expected<void> JobStore::write(std::vector<Change>& changes) {
     if (changes.empty()) {  // anything that is written
       if (auto set = writer_.run(std::string("PRAGMA user_version = ") + kVersion); !set) return set;
     }
+    fault_point("before_commit");
     return writer_.run("COMMIT");
   };
   auto made = all();
+  if (made) fault_point("after_commit");
   if (!made) (void)writer_.run("ROLLBACK");  // fails where SQLite has done so by itself
   return made;
 }

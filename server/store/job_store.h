@@ -1,18 +1,13 @@
 // Submitted jobs on disk: what was accepted is there after a crash, and its answer too.
-//
-// One thread writes. What has come while it wrote the last time goes together into one transaction, so that
-// many share one fsync (group commit).
 #pragma once
 
 #include <functional>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "base/descriptor.h"
-#include "log/log.h"
-#include "mutex.h"
+#include "store/group_writer.h"
 #include "store/sqlite.h"
 
 namespace marble::server {
@@ -37,14 +32,12 @@ struct StoredResult {
   std::string answer = {};  ///< a marble.v1.SolveResponse; empty if there is none
   std::string error = {};   ///< a google.rpc.Status where there is no answer
   double finished_unix_s = 0.0;
+  std::string info = {};  ///< a marble.v1.JobInfo: the job's without its trace, where several servers list it
 };
 
 /// Thread-safe. Every change is made in the order in which it was asked for.
 class JobStore {
  public:
-  /// Told once the change is on disk, or why it is not. On the store's thread, without a lock.
-  using Settled = std::function<void(const Expected<void>&)>;
-
   /// Opens the directory's file, or makes both. Errors: unavailable (no such directory, not ours to write,
   /// another server has it, not a file of this kind, damaged, or of a later version).
   [[nodiscard]] static Expected<std::unique_ptr<JobStore>> open(const std::string& directory, const Log& log);
@@ -52,8 +45,7 @@ class JobStore {
   /// the whole file; while a server uses it too.
   [[nodiscard]] static Expected<std::string> check(const std::string& directory);
   /// Does what it was asked for, or as much of it as can be done now, and nothing from then on.
-  void close() ABSL_LOCKS_EXCLUDED(mutex_);
-  ~JobStore() { close(); }
+  void close() { changes_.close(); }
   JobStore(const JobStore&) = delete;
   JobStore& operator=(const JobStore&) = delete;
 
@@ -65,26 +57,20 @@ class JobStore {
       ABSL_LOCKS_EXCLUDED(read_mutex_);
 
   /// If this fails the job is not there. The others are tried again, once a second, until they are made.
-  void add(StoredJob job, Settled settled) ABSL_LOCKS_EXCLUDED(mutex_);
-  void finish(StoredResult result, Settled settled) ABSL_LOCKS_EXCLUDED(mutex_);
+  void add(StoredJob job, Settled settled);
+  void finish(StoredResult result, Settled settled);
   /// It shall not run again.
-  void cancel(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
-  void forget(const std::string& id) ABSL_LOCKS_EXCLUDED(mutex_);
+  void cancel(const std::string& id);
+  void forget(const std::string& id);
   /// When all that was asked for until now is made.
-  void when_settled(Settled settled) ABSL_LOCKS_EXCLUDED(mutex_);
+  void when_settled(Settled settled);
 
   /// Why nothing could be written the last time, if so.
-  [[nodiscard]] Expected<void> health() const ABSL_LOCKS_EXCLUDED(mutex_);
-  struct Usage {
-    bool written = true;  ///< what was tried last
-    /// Transactions, what was asked for in them, and seconds they took; of those that were made.
-    std::int64_t commits = 0, changes = 0;
-    double commit_s = 0.0;
-    std::int64_t bytes = 0;  ///< of the file, and of the log beside it that is not in it yet
-  };
-  [[nodiscard]] Usage usage() const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Expected<void> health() const { return changes_.health(); }
+  /// Its bytes are those of the file, and of the log beside it that is not in it yet.
+  [[nodiscard]] StoreUsage usage() const;
   /// Whether nothing is under way.
-  [[nodiscard]] bool is_settled() const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool is_settled() const { return changes_.is_settled(); }
 
  private:
   enum class Kind { add, finish, cancel, forget, nothing };
@@ -93,31 +79,20 @@ class JobStore {
     StoredJob job = {};
     StoredResult result = {};
     Settled settled = {};
+    [[nodiscard]] bool is_change() const { return kind != Kind::nothing; }
+    [[nodiscard]] static bool is_patient() { return false; }
+    [[nodiscard]] bool is_lasting() const { return kind != Kind::nothing && kind != Kind::add; }
   };
   JobStore(std::string file, Descriptor lock, Database writer, Database reader, const Log& log);
-  void ask(Change change) ABSL_LOCKS_EXCLUDED(mutex_);
-  void work() ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] bool take(std::vector<Change>& changes) ABSL_LOCKS_EXCLUDED(mutex_);
-  void count(const std::vector<Change>& changes, double seconds) ABSL_LOCKS_EXCLUDED(mutex_);
-  void settle(std::vector<Change>& changes, const Expected<void>& made) ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Expected<void> write(std::vector<Change>& changes);
   [[nodiscard]] Expected<void> make(const Change& change);
 
-  const Log& log_;
   const std::string file_;
   const Descriptor lock_;  // of the directory, for as long as this lives
-  Database writer_;        // the thread's
+  Database writer_;        // the writer's thread's
   Mutex read_mutex_;
   Database reader_ ABSL_GUARDED_BY(read_mutex_);
-  mutable Mutex mutex_;
-  Condition wake_;
-  std::vector<Change> changes_ ABSL_GUARDED_BY(mutex_);
-  bool writing_ ABSL_GUARDED_BY(mutex_) = false;
-  bool closing_ ABSL_GUARDED_BY(mutex_) = false;
-  bool closed_ ABSL_GUARDED_BY(mutex_) = false;
-  Expected<void> health_ ABSL_GUARDED_BY(mutex_);
-  Usage usage_ ABSL_GUARDED_BY(mutex_);  // its counts
-  std::thread thread_;
+  GroupWriter<Change> changes_;
 };
 
 }  // namespace marble::server

@@ -21,8 +21,8 @@ grpc::ByteBuffer buffer_of(const std::string& bytes) {
 
 }  // namespace
 
-Expected<std::shared_ptr<Recovery>> Recovery::begin(const ServiceParts& parts) {
-  const std::shared_ptr<Recovery> recovery(new Recovery(parts));
+Expected<std::shared_ptr<Recovery>> Recovery::begin(const ServiceParts& parts, JobStore& store) {
+  const std::shared_ptr<Recovery> recovery(new Recovery(parts, store));
   if (auto taken = recovery->take_up_answers(); !taken) return unexpected(taken.error());
   if (auto taken = recovery->take_up_jobs(); !taken) return unexpected(taken.error());
   recovery->room();
@@ -30,7 +30,7 @@ Expected<std::shared_ptr<Recovery>> Recovery::begin(const ServiceParts& parts) {
 }
 
 Expected<void> Recovery::take_up_answers() {
-  return parts_.store->each_result([&](const StoredResult& stored) {
+  return store_.each_result([&](const StoredResult& stored) {
     if (!parts_.results.expect(stored.id, stored.client, {stored.request_id, stored.digest})) return;
     v1::GetJobResponse message;
     if (message.ParseFromString(stored.job)) {
@@ -50,7 +50,7 @@ Expected<void> Recovery::take_up_answers() {
 }
 
 Expected<void> Recovery::take_up_jobs() {
-  auto jobs = parts_.store->unanswered();
+  auto jobs = store_.unanswered();
   if (!jobs) return unexpected(jobs.error());
   const MutexLock lock(mutex_);
   for (StoredJob& job : *jobs) {
@@ -95,7 +95,7 @@ void Recovery::room() {
 
 // As it was when it came, but by what its client may have and what the server's defaults are now.
 Expected<std::shared_ptr<Job>> Recovery::remade(const StoredJob& stored) const {
-  const auto bytes = parts_.store->request_of(stored.id);
+  const auto bytes = store_.request_of(stored.id);
   if (!bytes) return unexpected(bytes.error());
   const auto request = std::make_shared<v1::SolveRequest>();
   if (!request->ParseFromString(*bytes))
@@ -110,7 +110,7 @@ Expected<std::shared_ptr<Job>> Recovery::remade(const StoredJob& stored) const {
                       .earlier = Caller::Earlier{stored.id, time_of(stored.accepted_unix_s)}};
   auto job = make_job(parts_, caller, JobKind::submitted, request);
   if (!job) return job;
-  const auto keeper = std::make_shared<ResultKeeper>(parts_, (*job)->record);
+  const auto keeper = std::make_shared<ResultKeeper>(parts_, &store_, (*job)->record);
   keeper->added();
   (*job)->observer = keeper;
   return job;
@@ -129,7 +129,7 @@ void Recovery::end(const StoredJob& stored, const Error& error) const {
   record->finished(unexpected(error), 0.0, 0.0);
   parts_.board.add(record);
   parts_.board.finish(record);
-  ResultKeeper keeper(parts_, record);
+  ResultKeeper keeper(parts_, &store_, record);
   keeper.added();
   keeper.finished({.solution = unexpected(error)});
 }

@@ -2,6 +2,7 @@
 
 #include "messages/job_message.h"
 #include "messages/reply.h"
+#include "process/fault_point.h"
 #include "wire/status.h"
 #include "wire/wire.h"
 
@@ -22,32 +23,41 @@ void put(ResultStore& results, JobRecord& record, ResultStore::Result result) {
   if (!results.put(record.id(), std::move(result), Clock::now())) record.set_result_bytes(0);
 }
 
-}  // namespace
-
-void ResultKeeper::finished(Outcome outcome) {
-  const bool interrupted = outcome.interrupted && parts_.store != nullptr;
-  if (interrupted) outcome.solution = unexpected(draining("the job begins again when it is back"));
-  v1::SolveResponse response;
-  ResultStore::Result result{unexpected(Error{}), outcome.retry_delay_s};
-  if (const auto filled = fill_response(*record_, outcome, &response); filled) {
-    result.answer = serialize(response);
-  } else {
-    result.answer = unexpected(filled.error());
-  }
-  const auto bytes = result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0;
-  record_->set_result_bytes(bytes);  // before who waits for it hears of it
-  if (parts_.store == nullptr || interrupted) return put(parts_.results, *record_, std::move(result));
-  StoredResult stored{.id = record_->id()};
+StoredResult stored(const JobRecord& record, const ResultStore::Result& result) {
+  StoredResult stored{.id = record.id()};
   v1::GetJobResponse job;
-  to_message(*record_, &job);
+  to_message(record, &job);
   stored.job = job.SerializeAsString();
+  stored.info = job.job().SerializeAsString();
   stored.finished_unix_s = job.job().finished_unix_s();
   if (result.answer) {
     stored.answer = bytes_of(*result.answer);
   } else {
     stored.error = to_message(result.answer.error(), result.retry_delay_s).SerializeAsString();
   }
-  Answer answer{std::move(stored), std::move(result)};
+  return stored;
+}
+
+}  // namespace
+
+KeptResult result_of(JobRecord& record, const Outcome& outcome) {
+  v1::SolveResponse response;
+  ResultStore::Result result{unexpected(Error{}), outcome.retry_delay_s};
+  if (const auto filled = fill_response(record, outcome, &response); filled) {
+    result.answer = serialize(response);
+  } else {
+    result.answer = unexpected(filled.error());
+  }
+  const auto bytes = result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0;
+  record.set_result_bytes(bytes);  // before who waits for it hears of it
+  return {stored(record, result), std::move(result)};
+}
+
+void ResultKeeper::finished(Outcome outcome) {
+  const bool interrupted = outcome.interrupted && store_ != nullptr;
+  if (interrupted) outcome.solution = unexpected(draining("the job begins again when it is back"));
+  KeptResult answer = result_of(*record_, outcome);
+  if (store_ == nullptr || interrupted) return put(parts_.results, *record_, std::move(answer.result));
   {
     const MutexLock lock(mutex_);
     if (!added_) {
@@ -59,7 +69,7 @@ void ResultKeeper::finished(Outcome outcome) {
 }
 
 void ResultKeeper::added() {
-  std::optional<Answer> early;
+  std::optional<KeptResult> early;
   {
     const MutexLock lock(mutex_);
     added_ = true;
@@ -69,10 +79,11 @@ void ResultKeeper::added() {
 }
 
 // Whoever waits for it has it when it is on disk; where that fails, from memory.
-void ResultKeeper::keep(Answer answer) const {
-  parts_.store->finish(std::move(answer.stored),
-                       [&results = parts_.results, record = record_, result = std::move(answer.result)](
-                           const Expected<void>&) { put(results, *record, result); });
+void ResultKeeper::keep(KeptResult answer) const {
+  fault_point("before_answer");
+  store_->finish(std::move(answer.stored),
+                 [&results = parts_.results, record = record_, result = std::move(answer.result)](
+                     const Expected<void>&) { put(results, *record, result); });
 }
 
 }  // namespace marble::server

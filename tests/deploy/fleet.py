@@ -187,9 +187,10 @@ class Nginx(Proxy):
         """The workers that have been told to end."""
         return self.workers("worker process is shutting down")
 
-    def open_files(self):
-        """Of its workers: each connection is one."""
-        return sum(len(os.listdir(f"/proc/{worker}/fd")) for worker in self.workers())
+    def has_accepted(self, connection):
+        """Whether a worker has this connection of a client's, which is the kernel's until then."""
+        peer = "%s:%d" % connection.getsockname()
+        return self.program in subprocess.run(["ss", "-Htnp", "dst", peer], check=True, capture_output=True, text=True).stdout
 
     def reload(self, text):
         self.file.write_text(text)

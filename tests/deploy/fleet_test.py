@@ -86,10 +86,9 @@ def test_an_old_worker_of_nginx_ends_though_a_connection_was_silent_when_it_was_
             return words
 
     engine = Impatient()
-    files = engine.open_files()
     quiet = QuietConnection()
     try:
-        eventually(lambda: engine.open_files() > files, "the connection with a worker")
+        eventually(lambda: engine.has_accepted(quiet.upstream[0]), "the connection with a worker")
         old = engine.workers()
         engine.process.send_signal(signal.SIGHUP)
         eventually(lambda: engine.workers() - old and engine.workers() & old == engine.leaving(), "the word to the old workers")

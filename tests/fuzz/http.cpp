@@ -7,11 +7,13 @@
 #include <cstdint>
 #include <string>
 
+#include "../server/idle_parts.h"
 #include "expect.h"
 #include "http/job_routes.h"
 #include "http/metrics_route.h"
 #include "http/page_routes.h"
 #include "http/requests/browser_guard.h"
+#include "http/submission_routes.h"
 #include "http/transport/connection.h"
 
 namespace {
@@ -29,9 +31,10 @@ class Answering final : public httplib::Server {
   }
 };
 
-// What the routes answer from: a server that has no jobs.
-struct Parts {
+// What the routes answer from: a server that has no jobs but those that are sent here.
+struct Parts : IdleParts {
   Parts() {
+    config.http_wait_s = 0.0;
     server.set_payload_max_length(1 << 16);
     server.set_pre_routing_handler([](const httplib::Request& request, httplib::Response& response) {
       if (http::check_browser(request, true)) return httplib::Server::HandlerResponse::Unhandled;
@@ -39,25 +42,13 @@ struct Parts {
       return httplib::Server::HandlerResponse::Handled;
     });
     http::add_job_routes(router, all);
+    http::add_submission_routes(router, all, places);
     http::add_metrics_route(router, all);
     http::add_page_routes(router);
   }
 
-  Config config;
-  Log log{"text", "off", 1 << 20};
-  Access access{config};
-  Metrics metrics{true, 10};
-  LiveCalls calls;
-  JobBoard board{{10, 10, 10}};
-  FeedLimit feeds{10};
-  ResultStore results{{std::chrono::seconds(10), 1000}};
-  SessionTable sessions{{10, 1000}};
-  ConnectionTable connections{{}, log};
-  Scheduler scheduler{{1, 10, 1000, 10}, board, log, metrics};
-  Pulse pulse;
-  const ServiceParts all{config,  access,  log,       metrics,  pulse,       board, feeds,
-                         results, nullptr, scheduler, sessions, connections, calls};
   Answering server;
+  http::Places places{8, 1 << 20};
   http::Router router{server};
 };
 

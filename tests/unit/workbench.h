@@ -40,7 +40,9 @@ class WrappedKkt : public Kkt {
   [[nodiscard]] bool allocate(const ScaledProblem&) override { return true; }
   void load(const ScaledProblem& problem) override { inner_.load(problem); }
   [[nodiscard]] bool solve(VectorRef x, VectorRef y) override { return inner_.solve(x, y); }
-  [[nodiscard]] bool solve_once(VectorRef x, VectorRef y) override { return inner_.solve_once(x, y); }
+  [[nodiscard]] bool solve_many(double* x, double* y, int count) override {
+    return inner_.solve_many(x, y, count);
+  }
   [[nodiscard]] bool solve_sparse(std::span<const Index> indices, std::span<const double> values,
                                   VectorRef x) override {
     return inner_.solve_sparse(indices, values, x);

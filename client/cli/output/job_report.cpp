@@ -74,6 +74,7 @@ Json to_json(const JobInfo& job) {
   json["result_bytes"] = job.result_bytes;
   if (!job.detail.empty()) json["detail"] = job.detail;
   if (!job.trace_id.empty()) json["trace_id"] = job.trace_id;
+  if (!job.server.empty()) json["server"] = job.server;
   if (job.finished_unix_s > 0.0) json["finished_unix_seconds"] = job.finished_unix_s;
   return json;
 }

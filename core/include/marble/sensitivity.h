@@ -174,10 +174,11 @@ struct SensitivityAnswer {
   /// If they were asked for; failed_precondition where the branch is flat along one, or not convex without
   /// the proximal diagonal.
   std::optional<Expected<RowResponse>> rows;
-  AnswerChanges changes;                ///< one per direction
-  ProblemGradients gradients;           ///< one per loss
-  std::int32_t factorizations = 0;      ///< 0 where the solve's last factor was the branch's
-  std::int32_t back_substitutions = 0;  ///< with one factor, two or three for each row, direction and loss
+  AnswerChanges changes;            ///< one per direction
+  ProblemGradients gradients;       ///< one per loss
+  std::int32_t factorizations = 0;  ///< 0 where the solve's last factor was the branch's
+  /// With one factor, two or three for each row, direction and loss; up to eight of a kind share one's time.
+  std::int32_t back_substitutions = 0;
 
   /// Whether derivatives hold in all directions, both ways. Else they are the branch's, one of several, and
   /// AnswerChange::holds tells of which directions they are true.
@@ -192,8 +193,8 @@ struct SensitivityAnswer {
 ///
 /// with J₀ the rows of [C; L; R] that are zero, c₀ their offsets and λ = −(ν, ξ, η),
 /// whose derivative is one more solution of it a direction: two or three back-substitutions, no
-/// factorization. SolveControls::sensitivity asks the same of a solver, which has the factor already. One
-/// thread at a time.
+/// factorization. SolveControls::sensitivity asks the same of a solver, which has the factor already. Where
+/// there are many, answer() takes a third of the time. One thread at a time.
 class Sensitivity {
  public:
   /// Scales, analyses and factorizes the branch of `answer` once. Keeps nothing of the problem's arrays.
@@ -223,6 +224,10 @@ class Sensitivity {
   /// How rows E z follow a price on them. Errors: invalid_argument, fields "rows.E.values" and such;
   /// failed_precondition of field "rows" where the branch is flat along one, or not convex without proximal.
   [[nodiscard]] Expected<RowResponse> rows(const RowsRequest& request);
+
+  /// All of a request, up to eight directions, losses and rows at once. Errors: as check() of the request and
+  /// rows(); what has no derivative is `missing` or an error in the answer.
+  [[nodiscard]] Expected<SensitivityAnswer> answer(const SensitivityRequest& request);
 
   /// As SensitivityAnswer has them.
   [[nodiscard]] const std::vector<Index>& weak_inequalities() const;

@@ -13,6 +13,8 @@ namespace {
 
 using Numbers = std::vector<double>;
 
+std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
 Error no_branch(std::string why) {
   return failure(ErrorCode::failed_precondition, "solution", std::move(why));
 }
@@ -24,74 +26,11 @@ Expected<void> unless_over(const Run& run) {
                                   : "was there, but no time for its derivatives"));
 }
 
-Numbers numbers(ConstVectorRef values, double factor = 1.0) {
-  Numbers result(static_cast<std::size_t>(values.size()));
-  for (Eigen::Index i = 0; i < values.size(); ++i) result[static_cast<std::size_t>(i)] = factor * values[i];
-  return result;
-}
+Numbers numbers(ConstVectorRef values) { return {values.data(), values.data() + values.size()}; }
 
-// Zeros, but for the numbers of a direction.
-void take_direction(const ProblemUpdate& direction, ScaledProblem& p) {
-  for (auto* values : {&p.Q.values, &p.A.values, &p.rows.values})
-    std::fill(values->begin(), values->end(), 0.0);
-  for (auto* values : {&p.g, &p.b, &p.offset}) values->setZero();
-  static_cast<void>(rescale(direction, p));
-}
-
-// By each stored entry of `count` rows from `first` on, whose product with z enters the rows and whose
-// transpose's with λ the stationarity: K is symmetric, so wᵀK⁻¹(−∂F/∂p) = −aᵀ∂F/∂p with K a = w.
-Numbers by_entry(const RowMatrix& m, std::size_t entries, const Vector& z, const Vector& lambda,
-                 const Vector& a_z, const Vector& a_lambda, Index first, Index count) {
-  Numbers gradient(entries);
-  for (Index row = first; row < first + count; ++row) {
-    for (Index k = m.row_pointers[row]; k < m.row_pointers[row + 1]; ++k) {
-      const Index j = m.column_indices[k];
-      gradient[static_cast<std::size_t>(m.source[k])] = -(a_lambda[row] * z[j] + lambda[row] * a_z[j]);
-    }
-  }
-  return gradient;
-}
-
-Numbers by_upper_entry(const SymmetricMatrix& m, std::size_t entries, const Vector& z, const Vector& a) {
-  Numbers gradient(entries);
-  for (Index j = 0; j < m.size; ++j) {
-    for (Index k = m.column_pointers[j]; k < m.column_pointers[j + 1]; ++k) {
-      const Index i = m.row_indices[k];
-      gradient[static_cast<std::size_t>(m.source[k])] = i == j ? -a[i] * z[i] : -(a[i] * z[j] + a[j] * z[i]);
-    }
-  }
-  return gradient;
-}
-
-// Number k of parts that stand one after the other.
-std::span<const double> part_of(std::span<const double> values, Index k, std::size_t size) {
-  return values.empty() ? values : values.subspan(static_cast<std::size_t>(k) * size, size);
-}
-ProblemUpdate part_of(const ProblemUpdate& numbers, Index k, const PartSizes& sizes) {
-  ProblemUpdate part;
-#define MARBLE_VECTOR(letter, field) part.letter = part_of(numbers.letter, k, sizes.letter);
-#define MARBLE_MATRIX(letter, field, values, vector) part.letter = part_of(numbers.letter, k, sizes.letter);
-#include "marble/contract.def"
-  return part;
-}
-AnswerWeights part_of(const AnswerWeights& w, Index k, const PartSizes& sizes) {
-  return {part_of(w.z, k, sizes.g), part_of(w.equality_multipliers, k, sizes.b),
-          part_of(w.inequality_multipliers, k, sizes.d), part_of(w.complementarity_multipliers_L, k, sizes.l),
-          part_of(w.complementarity_multipliers_R, k, sizes.r)};
-}
-
-void append(const Numbers& part, Numbers& all) { all.insert(all.end(), part.begin(), part.end()); }
-void append(const AnswerChange& part, AnswerChanges& all) {
-  append(part.z, all.z);
-  append(part.equality_multipliers, all.equality_multipliers);
-  append(part.inequality_multipliers, all.inequality_multipliers);
-  append(part.complementarity_multipliers_L, all.complementarity_multipliers_L);
-  append(part.complementarity_multipliers_R, all.complementarity_multipliers_R);
-}
-void append(const ProblemGradient& part, ProblemGradients& all) {
-#define MARBLE_VECTOR(letter, field) append(part.letter, all.letter);
-#define MARBLE_MATRIX(letter, field, values, vector) append(part.letter, all.letter);
-#include "marble/contract.def"
+void forget(std::size_t number, std::size_t size, Numbers& of) {
+  std::fill_n(of.begin() + static_cast<std::ptrdiff_t>(number * size), size,
+              std::numeric_limits<double>::quiet_NaN());
 }
 
 // Q without a diagonal, in the problem and in the Kkt, as long as this lives.
@@ -137,13 +76,7 @@ Expected<void> must_be_solved(Status status) {
 }
 
 BranchDerivatives::BranchDerivatives(ScaledProblem& problem, const PartSizes& sizes, BranchPoint& point)
-    : problem_(problem), sizes_(sizes), point_(point), right_(problem), found_(problem), moved_(problem) {}
-
-BranchDerivatives::Unscaled BranchDerivatives::unscaled(const Iterate& x) const {
-  return {x.z().cwiseProduct(problem_.variable_scale),
-          x.y().cwiseProduct(problem_.equality_scale) / problem_.cost_scale,
-          x.lambda().cwiseProduct(problem_.row_scale) / problem_.cost_scale};
-}
+    : problem_(problem), sizes_(sizes), point_(point) {}
 
 Expected<void> BranchDerivatives::factor(Run& run) {
   if (point_.factor(run, tuning::exact_rho, tuning::exact_delta)) return {};
@@ -167,6 +100,10 @@ Expected<void> BranchDerivatives::begin(Run& run, const Iterate& solution, bool 
     if (auto over = unless_over(run); !over) return over;
     return unexpected(no_branch("is no exact solution of a branch"));
   }
+  const Iterate& x = point_.x;
+  x_z_ = x.z().cwiseProduct(problem_.variable_scale);
+  x_y_ = x.y().cwiseProduct(problem_.equality_scale) / problem_.cost_scale;
+  x_lambda_ = x.lambda().cwiseProduct(problem_.row_scale) / problem_.cost_scale;
   find_weak_rows();
   return {};
 }
@@ -193,79 +130,215 @@ void BranchDerivatives::find_weak_rows() {
   }
 }
 
-// Of the change that was found last: a row that is held may only be pulled on more, one that is not may only
-// open. Of a biactive pair the fixed side too.
-bool BranchDerivatives::holds(const Images& by_direction) {
-  const double noise = tuning::near * (1.0 + max_abs(found_.all));
-  return std::ranges::all_of(weak_rows_, [&](Index row) {
-    if (point_.set.held[row]) return found_.lambda()[row] <= noise;
-    return moved_.rows.all[row] + by_direction.rows.all[row] >= -noise;
+// A row that is held may only be pulled on more, one that is not may only open. Of a biactive pair the fixed
+// side too. `by_direction` has what the direction itself does to the weak rows.
+template <class T>
+void BranchDerivatives::tell_holds(const BranchSystem<T>& system, const std::vector<T>& by_direction,
+                                   const Batch<T>& batch, std::vector<std::uint8_t>& holds) const {
+  if (weak_rows_.empty()) return;
+  const T largest = system.largest();
+  for (std::size_t k = 0; k < weak_rows_.size(); ++k) {
+    const Index row = weak_rows_[k];
+    const bool held = point_.set.held[row] != 0;
+    const T room = held ? -system.lambda[row] : by_direction[k] + row_product(problem_.rows, row, system.z);
+    batch.for_each([&](int i) {
+      if (lane(room, i) < -tuning::near * (1.0 + lane(largest, i))) holds[at(batch.number(i))] = 0;
+    });
+  }
+}
+
+// F is linear in the numbers: its derivative along a direction is F itself with the direction's numbers, at
+// the answer. In the user's units, then scaled as F is.
+template <class T>
+void BranchDerivatives::take_directions(const ProblemUpdate& by, const Batch<T>& batch,
+                                        BranchSystem<T>& system) const {
+  system.clear();
+  const auto vector = [&](std::span<const double> values, std::size_t size, T* out) {
+    if (values.empty()) return;
+    for (Index i = 0; i < static_cast<Index>(size); ++i) out[i] = batch.read(values, size, i);
+  };
+  const auto rows = [&](const RowMatrix& m, std::span<const double> values, std::size_t size, Index first,
+                        Index count, const Vector& multipliers, T* out) {
+    if (values.empty()) return;
+    for (Index row = first; row < first + count; ++row) {
+      for (Index k = m.row_pointers[row]; k < m.row_pointers[row + 1]; ++k) {
+        const Index j = m.column_indices[k];
+        const T value = batch.read(values, size, m.source[k]);
+        out[row] += x_z_[j] * value;
+        system.right_z[j] += multipliers[row] * value;
+      }
+    }
+  };
+  const RowLayout& layout = problem_.layout;
+  vector(by.g, sizes_.g, system.right_z);
+  vector(by.b, sizes_.b, system.right_y);
+  vector(by.d, sizes_.d, system.right_lambda);
+  vector(by.l, sizes_.l, system.right_lambda + layout.s(0));
+  vector(by.r, sizes_.r, system.right_lambda + layout.t(0));
+  rows(problem_.A, by.A, sizes_.A, 0, problem_.equalities(), x_y_, system.right_y);
+  rows(problem_.rows, by.C, sizes_.C, 0, layout.inequalities, x_lambda_, system.right_lambda);
+  rows(problem_.rows, by.L, sizes_.L, layout.s(0), layout.pairs, x_lambda_, system.right_lambda);
+  rows(problem_.rows, by.R, sizes_.R, layout.t(0), layout.pairs, x_lambda_, system.right_lambda);
+  if (!by.Q.empty()) {
+    const SymmetricMatrix& Q = problem_.Q;
+    for (Index j = 0; j < Q.size; ++j) {
+      for (Index k = Q.column_pointers[j]; k < Q.column_pointers[j + 1]; ++k) {
+        const Index i = Q.row_indices[k];
+        const T value = batch.read(by.Q, sizes_.Q, Q.source[k]);
+        system.right_z[i] += x_z_[j] * value;
+        if (i != j) system.right_z[j] += x_z_[i] * value;
+      }
+    }
+  }
+  const auto scale = [](T* out, double factor, const Vector& factors) {
+    for (Eigen::Index i = 0; i < factors.size(); ++i) out[i] *= factor * factors[i];
+  };
+  scale(system.right_z, -problem_.cost_scale, problem_.variable_scale);
+  scale(system.right_y, -1.0, problem_.equality_scale);
+  scale(system.right_lambda, -1.0, problem_.row_scale);
+}
+
+template <class T>
+void BranchDerivatives::find_changes(const ProblemUpdate& by, const Batch<T>& batch, AnswerChanges& changes) {
+  BranchSystem<T> system(problem_, point_, memory_);
+  take_directions(by, batch, system);
+  std::vector<T> by_direction;
+  for (const Index row : weak_rows_) by_direction.push_back(-system.right_lambda[row]);
+  const auto solved = system.solve(batch.count());
+  tell_holds(system, by_direction, batch, changes.holds);
+  const auto tell = [&](const T* values, double factor, const auto& scale, Numbers& to, std::size_t size) {
+    for (Index i = 0; i < static_cast<Index>(size); ++i)
+      batch.write((factor * scale[i]) * values[i], to, size, i);
+  };
+  const RowLayout& rows = problem_.layout;
+  const Vector& row_scale = problem_.row_scale;
+  const double cost = 1.0 / problem_.cost_scale;
+  tell(system.z, 1.0, problem_.variable_scale, changes.z, sizes_.g);
+  tell(system.y, cost, problem_.equality_scale, changes.equality_multipliers, sizes_.b);
+  tell(system.lambda, -cost, row_scale, changes.inequality_multipliers, sizes_.d);
+  tell(system.lambda + rows.s(0), -cost, rows.s_part(row_scale), changes.complementarity_multipliers_L,
+       sizes_.l);
+  tell(system.lambda + rows.t(0), -cost, rows.t_part(row_scale), changes.complementarity_multipliers_R,
+       sizes_.r);
+  batch.for_each([&](int i) {
+    if (solved[at(i)]) return;
+    const std::size_t number = at(batch.number(i));
+    changes.missing.push_back(batch.number(i));
+    changes.holds[number] = 0;
+    forget(number, sizes_.g, changes.z);
+    forget(number, sizes_.b, changes.equality_multipliers);
+    forget(number, sizes_.d, changes.inequality_multipliers);
+    forget(number, sizes_.l, changes.complementarity_multipliers_L);
+    forget(number, sizes_.r, changes.complementarity_multipliers_R);
   });
 }
 
-// F is linear in the numbers: its derivative along a direction is F itself of a problem made of its numbers.
-Expected<AnswerChange> BranchDerivatives::along(Run& run, const ProblemUpdate& direction) {
+Expected<AnswerChanges> BranchDerivatives::along(Run& run, const DirectionsRequest& directions) {
   if (auto ready = make_ready(run); !ready) return unexpected(ready.error());
-  if (!direction_) direction_ = problem_;
-  take_direction(direction, *direction_);
-  Images change(problem_);
-  change.evaluate(*direction_, point_.x);
-  right_.all.setZero();
-  right_.z() = -change.stationarity;
-  right_.y() = -change.equality;
-  right_.lambda() = -change.rows.all;
-  if (!point_.solve(right_, found_)) {
-    return unexpected(
-        failure(ErrorCode::failed_precondition, "direction",
-                "the rows of the answer's branch contradict each other along it, or it is flat"));
-  }
-  moved_.evaluate_rows(problem_, found_.z());
-  const Unscaled at = unscaled(found_);
-  const RowLayout& rows = problem_.layout;
-  return AnswerChange{.z = numbers(at.z),
-                      .equality_multipliers = numbers(at.y),
-                      .inequality_multipliers = numbers(rows.inequality_part(at.lambda), -1.0),
-                      .complementarity_multipliers_L = numbers(rows.s_part(at.lambda), -1.0),
-                      .complementarity_multipliers_R = numbers(rows.t_part(at.lambda), -1.0),
-                      .holds = holds(change)};
+  const std::size_t count = at(directions.count);
+  AnswerChanges changes{Numbers(count * sizes_.g),
+                        Numbers(count * sizes_.b),
+                        Numbers(count * sizes_.d),
+                        Numbers(count * sizes_.l),
+                        Numbers(count * sizes_.r),
+                        std::vector<std::uint8_t>(count, 1),
+                        {}};
+  const bool ended = !in_batches(directions.count, [&](const auto& batch) {
+    find_changes(directions.numbers, batch, changes);
+    return unless_over(run).has_value();
+  });
+  if (ended) return unexpected(unless_over(run).error());
+  return changes;
 }
 
-Expected<ProblemGradient> BranchDerivatives::gradient(Run& run, const AnswerWeights& weights) {
-  if (auto ready = make_ready(run); !ready) return unexpected(ready.error());
+template <class T>
+void BranchDerivatives::take_losses(const AnswerWeights& weights, const Batch<T>& batch,
+                                    BranchSystem<T>& system) const {
+  system.clear();
+  const auto take = [&](std::span<const double> values, double factor, const auto& scale, T* out) {
+    if (values.empty()) return;
+    for (Index i = 0; i < static_cast<Index>(scale.size()); ++i)
+      out[i] = (factor * scale[i]) * batch.read(values, at(static_cast<Index>(scale.size())), i);
+  };
   const RowLayout& rows = problem_.layout;
-  const double cost = problem_.cost_scale;
-  right_.all.setZero();
-  const auto take = [](std::span<const double> values, double factor, const auto& scale, auto out) {
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      const auto at = static_cast<Eigen::Index>(i);
-      out[at] = factor * values[i] * scale[at];
+  const Vector& scale = problem_.row_scale;
+  take(weights.z, problem_.cost_scale, problem_.variable_scale, system.right_z);
+  take(weights.equality_multipliers, 1.0, problem_.equality_scale, system.right_y);
+  take(weights.inequality_multipliers, -1.0, rows.inequality_part(scale), system.right_lambda);
+  take(weights.complementarity_multipliers_L, -1.0, rows.s_part(scale), system.right_lambda + rows.s(0));
+  take(weights.complementarity_multipliers_R, -1.0, rows.t_part(scale), system.right_lambda + rows.t(0));
+}
+
+// K is symmetric: with K a = w the loss changes by wᵀK⁻¹(−∂F/∂p) = −aᵀ∂F/∂p. By each stored entry of a row,
+// whose product with z enters the rows and whose transpose's with λ the stationarity.
+template <class T>
+void BranchDerivatives::find_gradients(const AnswerWeights& weights, const Batch<T>& batch,
+                                       ProblemGradients& gradients) {
+  BranchSystem<T> system(problem_, point_, memory_);
+  take_losses(weights, batch, system);
+  const auto solved = system.solve(batch.count());
+  const auto unscale = [](T* values, double factor, const Vector& factors) {
+    for (Eigen::Index i = 0; i < factors.size(); ++i) values[i] *= factor * factors[i];
+  };
+  const double cost = 1.0 / problem_.cost_scale;
+  unscale(system.z, -1.0, problem_.variable_scale);
+  unscale(system.y, -cost, problem_.equality_scale);
+  unscale(system.lambda, -cost, problem_.row_scale);
+  const auto tell = [&](const T* values, Numbers& to, std::size_t size) {
+    for (Index i = 0; i < static_cast<Index>(size); ++i) batch.write(values[i], to, size, i);
+  };
+  const auto tell_rows = [&](const RowMatrix& m, Index first, Index count, const Vector& multipliers,
+                             const T* a, Numbers& to, std::size_t size) {
+    for (Index row = first; row < first + count; ++row) {
+      if (&m == &problem_.rows && point_.set.held[row] == 0) continue;  // its multiplier stays zero
+      for (Index k = m.row_pointers[row]; k < m.row_pointers[row + 1]; ++k) {
+        const Index j = m.column_indices[k];
+        batch.write(x_z_[j] * a[row] + multipliers[row] * system.z[j], to, size, m.source[k]);
+      }
     }
   };
-  take(weights.z, cost, problem_.variable_scale, right_.z());
-  take(weights.equality_multipliers, 1.0, problem_.equality_scale, right_.y());
-  const Vector& scale = problem_.row_scale;
-  take(weights.inequality_multipliers, -1.0, rows.inequality_part(scale), right_.lambda_w());
-  take(weights.complementarity_multipliers_L, -1.0, rows.s_part(scale), right_.lambda_L());
-  take(weights.complementarity_multipliers_R, -1.0, rows.t_part(scale), right_.lambda_R());
-  point_.set.clear_others(right_.lambda());  // their multipliers stay zero
-  if (!point_.solve(right_, found_)) {
-    return unexpected(failure(ErrorCode::failed_precondition, "weights",
-                              "the multipliers of the answer's branch are not unique, or it is flat"));
+  const RowLayout& rows = problem_.layout;
+  tell(system.z, gradients.g, sizes_.g);
+  tell(system.y, gradients.b, sizes_.b);
+  tell(system.lambda, gradients.d, sizes_.d);
+  tell(system.lambda + rows.s(0), gradients.l, sizes_.l);
+  tell(system.lambda + rows.t(0), gradients.r, sizes_.r);
+  tell_rows(problem_.A, 0, problem_.equalities(), x_y_, system.y, gradients.A, sizes_.A);
+  tell_rows(problem_.rows, 0, rows.inequalities, x_lambda_, system.lambda, gradients.C, sizes_.C);
+  tell_rows(problem_.rows, rows.s(0), rows.pairs, x_lambda_, system.lambda, gradients.L, sizes_.L);
+  tell_rows(problem_.rows, rows.t(0), rows.pairs, x_lambda_, system.lambda, gradients.R, sizes_.R);
+  const SymmetricMatrix& Q = problem_.Q;
+  for (Index j = 0; j < Q.size; ++j) {
+    for (Index k = Q.column_pointers[j]; k < Q.column_pointers[j + 1]; ++k) {
+      const Index i = Q.row_indices[k];
+      T value = x_z_[j] * system.z[i];
+      if (i != j) value += x_z_[i] * system.z[j];
+      batch.write(value, gradients.Q, sizes_.Q, Q.source[k]);
+    }
   }
-  const Unscaled x = unscaled(point_.x), a = unscaled(found_);
-  const auto of_rows = [&](std::size_t entries, Index first, Index count) {
-    return by_entry(problem_.rows, entries, x.z, x.lambda, a.z, a.lambda, first, count);
-  };
-  return ProblemGradient{.g = numbers(a.z, -1.0),
-                         .b = numbers(a.y, -1.0),
-                         .d = numbers(rows.inequality_part(a.lambda), -1.0),
-                         .l = numbers(rows.s_part(a.lambda), -1.0),
-                         .r = numbers(rows.t_part(a.lambda), -1.0),
-                         .Q = by_upper_entry(problem_.Q, sizes_.Q, x.z, a.z),
-                         .A = by_entry(problem_.A, sizes_.A, x.z, x.y, a.z, a.y, 0, problem_.A.rows),
-                         .C = of_rows(sizes_.C, 0, rows.inequalities),
-                         .L = of_rows(sizes_.L, rows.s(0), rows.pairs),
-                         .R = of_rows(sizes_.R, rows.t(0), rows.pairs)};
+  batch.for_each([&](int i) {
+    if (solved[at(i)]) return;
+    gradients.missing.push_back(batch.number(i));
+#define MARBLE_VECTOR(letter, field) forget(at(batch.number(i)), sizes_.letter, gradients.letter);
+#define MARBLE_MATRIX(letter, field, values, vector) \
+  forget(at(batch.number(i)), sizes_.letter, gradients.letter);
+#include "marble/contract.def"
+  });
+}
+
+Expected<ProblemGradients> BranchDerivatives::gradients(Run& run, const LossesRequest& losses) {
+  if (auto ready = make_ready(run); !ready) return unexpected(ready.error());
+  ProblemGradients gradients;
+#define MARBLE_VECTOR(letter, field) gradients.letter.resize(at(losses.count) * sizes_.letter);
+#define MARBLE_MATRIX(letter, field, values, vector) \
+  gradients.letter.resize(at(losses.count) * sizes_.letter);
+#include "marble/contract.def"
+  const bool ended = !in_batches(losses.count, [&](const auto& batch) {
+    find_gradients(losses.weights, batch, gradients);
+    return unless_over(run).has_value();
+  });
+  if (ended) return unexpected(unless_over(run).error());
+  return gradients;
 }
 
 Expected<RowResponse> BranchDerivatives::rows(Run& run, const RowsRequest& request) {
@@ -279,6 +352,37 @@ Expected<RowResponse> BranchDerivatives::rows(Run& run, const RowsRequest& reque
   return respond(run, request);
 }
 
+// Columns P Eᵀ of a batch of rows, and what E makes of them.
+template <class T>
+bool BranchDerivatives::find_response(const RowMatrix& e, const Batch<T>& batch, RowResponse& response) {
+  BranchSystem<T> system(problem_, point_, memory_);
+  const Vector& scale = problem_.variable_scale;
+  system.clear();
+  for (int i = 0; i < lanes_of<T>; ++i) {
+    const Index row = batch.number(i);
+    for (Index k = e.row_pointers[row]; k < e.row_pointers[row + 1]; ++k) {
+      const Index j = e.column_indices[k];
+      set_lane(system.right_z[j], i, problem_.cost_scale * scale[j] * e.values[k]);
+    }
+  }
+  const auto solved = system.solve(batch.count());
+  if (!std::all_of(solved.begin(), solved.begin() + batch.count(), [](bool there) { return there; }))
+    return false;
+  for (Index j = 0; j < problem_.variables(); ++j) system.z[j] *= scale[j];
+  for (Index i = 0; i < batch.number(0) + batch.count(); ++i) {
+    const T sum = row_product(e, i, system.z);
+    batch.for_each([&](int k) {
+      const auto column = at(batch.number(k));
+      if (at(i) <= column) response.response[at(i) + column * (column + 1) / 2] = lane(sum, k);
+    });
+  }
+  if (!response.columns.empty()) {
+    for (Index j = 0; j < problem_.variables(); ++j)
+      batch.write(system.z[j], response.columns, at(problem_.variables()), j);
+  }
+  return true;
+}
+
 Expected<RowResponse> BranchDerivatives::respond(Run& run, const RowsRequest& request) {
   const Error flat = failure(ErrorCode::failed_precondition, "rows", "the answer's branch is flat along one");
   const Vector& scale = problem_.variable_scale;
@@ -286,41 +390,34 @@ Expected<RowResponse> BranchDerivatives::respond(Run& run, const RowsRequest& re
   RowMatrix e;
   e.columns = n;
   append_rows(request.E, m, e);
-  Vector z = point_.x.z().cwiseProduct(scale), of_rows(m);
+  Vector z = x_z_, of_rows(m);
   multiply(e, z, of_rows);
   RowResponse response{.values = numbers(of_rows), .free = {}, .response = {}, .z = {}, .columns = {}};
   if (!request.g.empty() || !request.proximal.empty()) {
-    right_.all.setZero();
+    BranchSystem<double> system(problem_, point_, memory_);
+    system.clear();
     Vector gradient(n);
     multiply(problem_.Q, point_.x.z(), gradient);
     for (Index j = 0; j < n; ++j) {
-      const double own = request.g.empty()
-                             ? problem_.g[j]
-                             : problem_.cost_scale * scale[j] * request.g[static_cast<std::size_t>(j)];
-      right_.z()[j] = gradient[j] + own;
+      const double own =
+          request.g.empty() ? problem_.g[j] : problem_.cost_scale * scale[j] * request.g[at(j)];
+      system.right_z[j] = gradient[j] + own;
     }
-    if (!point_.solve(right_, found_)) return unexpected(flat);
-    z -= found_.z().cwiseProduct(scale);
+    if (!system.solve(1)[0]) return unexpected(flat);
+    for (Index j = 0; j < n; ++j) z[j] -= system.z[j] * scale[j];
     multiply(e, z, of_rows);
   }
   response.free = numbers(of_rows);
-  response.response.reserve(static_cast<std::size_t>(m) * (static_cast<std::size_t>(m) + 1) / 2);
+  response.response.resize(at(m) * (at(m) + 1) / 2);
   if (request.columns) {
     response.z = numbers(z);
-    response.columns.reserve(static_cast<std::size_t>(n) * static_cast<std::size_t>(m));
+    response.columns.resize(at(n) * at(m));
   }
-  Vector column(n);
-  for (Index j = 0; j < m; ++j) {
-    if (auto over = unless_over(run); !over) return unexpected(over.error());
-    right_.all.setZero();
-    for (Index k = e.row_pointers[j]; k < e.row_pointers[j + 1]; ++k)
-      right_.z()[e.column_indices[k]] = problem_.cost_scale * scale[e.column_indices[k]] * e.values[k];
-    if (!point_.solve(right_, found_)) return unexpected(flat);
-    column = found_.z().cwiseProduct(scale);
-    multiply(e, column, of_rows);
-    response.response.insert(response.response.end(), of_rows.begin(), of_rows.begin() + j + 1);
-    if (request.columns) response.columns.insert(response.columns.end(), column.begin(), column.end());
-  }
+  const bool found = in_batches(m, [&](const auto& batch) {
+    return unless_over(run).has_value() && find_response(e, batch, response);
+  });
+  if (auto over = unless_over(run); !over) return unexpected(over.error());
+  if (!found) return unexpected(flat);
   return response;
 }
 
@@ -330,42 +427,15 @@ Expected<SensitivityAnswer> BranchDerivatives::answer(Run& run, const Sensitivit
   SensitivityAnswer answer;
   answer.weak_inequalities = weak_inequalities_;
   answer.biactive_pairs = biactive_pairs_;
-  for (Index k = 0; k < request.directions.count; ++k) {
-    auto change = along(run, part_of(request.directions.numbers, k, sizes_));
-    if (auto over = unless_over(run); !over) return unexpected(over.error());
-    answer.changes.holds.push_back(change && change->holds);
-    if (!change) {
-      answer.changes.missing.push_back(k);
-      change = no_change();
-    }
-    append(*change, answer.changes);
-  }
-  for (Index k = 0; k < request.losses.count; ++k) {
-    auto gradient = this->gradient(run, part_of(request.losses.weights, k, sizes_));
-    if (auto over = unless_over(run); !over) return unexpected(over.error());
-    if (!gradient) {
-      answer.gradients.missing.push_back(k);
-      gradient = no_gradient();
-    }
-    append(*gradient, answer.gradients);
-  }
+  auto changes = along(run, request.directions);
+  if (!changes) return unexpected(changes.error());
+  answer.changes = *std::move(changes);
+  auto gradients = this->gradients(run, request.losses);
+  if (!gradients) return unexpected(gradients.error());
+  answer.gradients = *std::move(gradients);
   if (request.rows) answer.rows = rows(run, *request.rows);
   if (auto over = unless_over(run); !over) return unexpected(over.error());
   return answer;
-}
-
-AnswerChange BranchDerivatives::no_change() const {
-  const auto none = [](std::size_t size) { return Numbers(size, std::numeric_limits<double>::quiet_NaN()); };
-  return {none(sizes_.g), none(sizes_.b), none(sizes_.d), none(sizes_.l), none(sizes_.r), false};
-}
-
-ProblemGradient BranchDerivatives::no_gradient() const {
-  ProblemGradient gradient;
-  const auto none = [](std::size_t size) { return Numbers(size, std::numeric_limits<double>::quiet_NaN()); };
-#define MARBLE_VECTOR(letter, field) gradient.letter = none(sizes_.letter);
-#define MARBLE_MATRIX(letter, field, values, vector) gradient.letter = none(sizes_.letter);
-#include "marble/contract.def"
-  return gradient;
 }
 
 }  // namespace marble

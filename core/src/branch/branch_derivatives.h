@@ -1,9 +1,11 @@
 // How a solution changes with its problem's numbers, by the factor of the branch it is on.
 #pragma once
 
-#include <optional>
+#include <cstdint>
+#include <vector>
 
-#include "branch/branch_point.h"
+#include "branch/branch_system.h"
+#include "lanes/batch.h"
 #include "marble/sensitivity.h"
 
 namespace marble {
@@ -22,8 +24,8 @@ class BranchDerivatives {
   /// solution of a branch, or the run is over.
   [[nodiscard]] Expected<void> begin(Run& run, const Iterate& solution, bool may_reuse_factor);
 
-  [[nodiscard]] Expected<AnswerChange> along(Run& run, const ProblemUpdate& direction);
-  [[nodiscard]] Expected<ProblemGradient> gradient(Run& run, const AnswerWeights& weights);
+  [[nodiscard]] Expected<AnswerChanges> along(Run& run, const DirectionsRequest& directions);
+  [[nodiscard]] Expected<ProblemGradients> gradients(Run& run, const LossesRequest& losses);
   [[nodiscard]] Expected<RowResponse> rows(Run& run, const RowsRequest& request);
   /// All of a request, but for its counters.
   [[nodiscard]] Expected<SensitivityAnswer> answer(Run& run, const SensitivityRequest& request);
@@ -32,25 +34,29 @@ class BranchDerivatives {
   [[nodiscard]] const std::vector<Index>& biactive_pairs() const { return biactive_pairs_; }
 
  private:
-  // A vector of the system in the user's units.
-  struct Unscaled {
-    Vector z, y, lambda;
-  };
-  [[nodiscard]] Unscaled unscaled(const Iterate& x) const;
   [[nodiscard]] Expected<void> factor(Run& run);
   [[nodiscard]] Expected<void> make_ready(Run& run);
   void find_weak_rows();
-  [[nodiscard]] AnswerChange no_change() const;
-  [[nodiscard]] ProblemGradient no_gradient() const;
-  [[nodiscard]] bool holds(const Images& by_direction);
   [[nodiscard]] Expected<RowResponse> respond(Run& run, const RowsRequest& request);
+  template <class T>
+  void take_directions(const ProblemUpdate& by, const Batch<T>& batch, BranchSystem<T>& system) const;
+  template <class T>
+  void take_losses(const AnswerWeights& weights, const Batch<T>& batch, BranchSystem<T>& system) const;
+  template <class T>
+  void find_changes(const ProblemUpdate& by, const Batch<T>& batch, AnswerChanges& changes);
+  template <class T>
+  void find_gradients(const AnswerWeights& weights, const Batch<T>& batch, ProblemGradients& gradients);
+  template <class T>
+  [[nodiscard]] bool find_response(const RowMatrix& e, const Batch<T>& batch, RowResponse& response);
+  template <class T>
+  void tell_holds(const BranchSystem<T>& system, const std::vector<T>& by_direction, const Batch<T>& batch,
+                  std::vector<std::uint8_t>& holds) const;
 
   ScaledProblem& problem_;
   const PartSizes sizes_;
   BranchPoint& point_;
-  Iterate right_, found_;  // of the scaled system
-  Images moved_;
-  std::optional<ScaledProblem> direction_;  // a problem of the same pattern, made of a direction's numbers
+  BranchSystemMemory memory_;
+  Vector x_z_, x_y_, x_lambda_;  // the answer, in the user's units
   std::vector<Index> weak_inequalities_, biactive_pairs_;
   std::vector<Index> weak_rows_;  // of both, by their number in [C; L; R]
 };

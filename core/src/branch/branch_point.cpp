@@ -128,40 +128,6 @@ bool BranchPoint::sharpen(double tolerance) {
   return true;
 }
 
-// As sharpen, of a linear system.
-bool BranchPoint::solve(const Iterate& right_hand_side, Iterate& solution) {
-  auto& [step, step_images, gradient] = workspace;
-  const double size = max_abs(right_hand_side.all);
-  solution.all.setZero();
-  double last = std::numeric_limits<double>::infinity();
-  for (int sweep = 0; sweep < tuning::exact_sweeps; ++sweep) {
-    step.all = right_hand_side.all;
-    if (sweep > 0) {
-      step_images.evaluate_rows(problem_, solution.z());
-      step_images.evaluate_duals(problem_, solution);
-      step.z() -= step_images.stationarity;
-      step.y() -= step_images.equality;
-      step.lambda() -= step_images.rows.all;
-    }
-    set.clear_others(step.lambda());
-    const double error = std::max({max_abs(step.z()), max_abs(step.y()), max_abs(step.lambda())});
-    if (!std::isfinite(error)) return false;
-    if (error <= tuning::rounding * size) return true;
-    if (error > tuning::exact_slowest * last) return error <= tuning::near * size;
-    last = error;
-    step.lambda() = weights_.rows.all.cwiseProduct(step.lambda()).eval();
-    gradient = step.z();
-    add_transposed(problem_.rows, step.lambda(), gradient);
-    step.z() = gradient;
-    ++back_substitutions_;
-    if (!kkt_.solve_once(step.z(), step.y())) return false;
-    step_images.evaluate_rows(problem_, step.z());
-    step.lambda() = weights_.rows.all.cwiseProduct(step_images.rows.all) - step.lambda();
-    solution.all += step.all;
-  }
-  return last <= tuning::near * size;
-}
-
 // The residual of rows that are held at zero, by the factor at hand: all but 1/ρ of it.
 bool BranchPoint::project(VectorRef direction) {
   auto& [step, step_images, gradient] = workspace;

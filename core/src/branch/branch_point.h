@@ -48,12 +48,9 @@ class BranchPoint {
   /// With the factor at hand, of tuning::exact_rho and tuning::exact_delta: the stationary point on the rows
   /// held at zero, to this residual or as exact as rounding lets it be. False if there is none.
   [[nodiscard]] bool sharpen(double tolerance = 0.0);
-  /// With the factor at hand: the solution of the branch's own system, [Q Aᵀ J₀ᵀ; A; J₀] with the rows J₀
-  /// that are held at zero, for a right-hand side in the segments z, y and λ (what it has of other rows is
-  /// left out). False where it has none to half of the digits.
-  [[nodiscard]] bool solve(const Iterate& right_hand_side, Iterate& solution);
-  /// Of solve(), all together.
+  /// Of the branch's own system with the factor at hand, all together.
   [[nodiscard]] std::int32_t back_substitutions() const { return back_substitutions_; }
+  void count_back_substitutions(std::int32_t more) { back_substitutions_ += more; }
   /// With the factor at hand: takes out of a direction what changes the rows held at zero.
   [[nodiscard]] bool project(VectorRef direction);
 

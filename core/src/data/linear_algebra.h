@@ -30,6 +30,19 @@ void append_rows(const SparseMatrixView& matrix, Index rows, RowMatrix& to);
 
 /// out = M x, of the rows from `first` on.
 void multiply(const RowMatrix& matrix, ConstVectorRef x, VectorRef out, Index first = 0);
+/// Row i of M times x, and to += a times row i: of Lanes too.
+template <class T>
+T row_product(const RowMatrix& matrix, Index row, const T* x) {
+  T sum{};
+  for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k)
+    sum += matrix.values[k] * x[matrix.column_indices[k]];
+  return sum;
+}
+template <class T>
+void add_row(const RowMatrix& matrix, Index row, const T& a, T* to) {
+  for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k)
+    to[matrix.column_indices[k]] += matrix.values[k] * a;
+}
 /// out += Mᵀ y
 void add_transposed(const RowMatrix& matrix, ConstVectorRef y, VectorRef out);
 

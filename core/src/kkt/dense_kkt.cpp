@@ -240,7 +240,24 @@ bool DenseKkt::factorize(const RowWeights& weights) {
 
 bool DenseKkt::solve(VectorRef x, VectorRef y) { return solve(x, y, true); }
 
-bool DenseKkt::solve_once(VectorRef x, VectorRef y) { return solve(x, y, false); }
+// Of the transpose: what belongs to a variable is a column. Row 2 as in solve().
+bool DenseKkt::solve_many(double* x, double* y, int count) {
+  Eigen::Map<Matrix> values(x, count, variables_), multipliers(y, count, equalities_);
+  if (count == 1) {
+    Eigen::Map<Vector> one(x, variables_), its_multipliers(y, equalities_);
+    return solve(one, its_multipliers, false);
+  }
+  const auto A = rows_.topRows(equalities_);
+  values.noalias() += rho_ * (multipliers * A);
+  const auto n = static_cast<int>(variables_);
+  const double one = 1.0;
+  dtrsm_("R", "U", "N", "N", &count, &n, &one, factor_.data(), &n, x, &count);
+  dtrsm_("R", "U", "T", "N", &count, &n, &one, factor_.data(), &n, x, &count);
+  if (Checkpoint(interrupt()).reached(factor_.size() * count)) return false;
+  multipliers *= -rho_;
+  multipliers.noalias() += rho_ * (values * A.transpose());
+  return true;
+}
 
 bool DenseKkt::solve(VectorRef x, VectorRef y, bool refined) {
   // Row 2 gives y = ρ(Ax − h); put into row 1: (H + ρAᵀA) x = f + ρAᵀh.

@@ -19,7 +19,7 @@ class DenseKkt final : public Kkt {
   [[nodiscard]] bool allocate(const ScaledProblem& problem) override;
   void load(const ScaledProblem& problem) override;
   [[nodiscard]] bool solve(VectorRef x, VectorRef y) override;
-  [[nodiscard]] bool solve_once(VectorRef x, VectorRef y) override;
+  [[nodiscard]] bool solve_many(double* x, double* y, int count) override;
   [[nodiscard]] bool solve_sparse(std::span<const Index> indices, std::span<const double> values,
                                   VectorRef x) override;
   [[nodiscard]] std::string_view name() const override { return "dense"; }

@@ -56,7 +56,10 @@ class Kkt {
   /// Solves for (x, y) in place of (f, h), with one step of iterative refinement.
   [[nodiscard]] virtual bool solve(VectorRef x, VectorRef y) = 0;
   /// The same without the refinement: for whoever refines by a system of his own.
-  [[nodiscard]] virtual bool solve_once(VectorRef x, VectorRef y) = 0;
+  [[nodiscard]] bool solve_once(VectorRef x, VectorRef y) { return solve_many(x.data(), y.data(), 1); }
+  /// The same of 1, 2, 4 or 8 right-hand sides at once: number k of row i at [i · count + k], both aligned as
+  /// a LanePair. For more than one it takes memory, which bytes() counts, when it is first asked.
+  [[nodiscard]] virtual bool solve_many(double* x, double* y, int count) = 0;
   /// x for a right-hand side f with few entries and h = 0, without the refinement: for the many solves of a
   /// local search.
   [[nodiscard]] virtual bool solve_sparse(std::span<const Index> indices, std::span<const double> values,

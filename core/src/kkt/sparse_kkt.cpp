@@ -331,19 +331,43 @@ bool SparseKkt::refine() {
   return true;
 }
 
-bool SparseKkt::solve(VectorRef x, VectorRef y) { return solve(x, y, true); }
+template <class T>
+bool SparseKkt::solve_lanes(T* x, T* y, T* work) {
+  const std::vector<Index>& position = ldl_.position();
+  for (Index i = variables_ + equalities_; i < size_; ++i) work[position[i]] = T{};
+  for (Index i = 0; i < variables_; ++i) work[position[i]] = x[i];
+  for (Index i = 0; i < equalities_; ++i) work[position[variables_ + i]] = y[i];
+  if (!ldl_.solve(work, 0, interrupt())) return false;
+  for (Index i = 0; i < variables_; ++i) x[i] = work[position[i]];
+  for (Index i = 0; i < equalities_; ++i) y[i] = work[position[variables_ + i]];
+  return true;
+}
 
-bool SparseKkt::solve_once(VectorRef x, VectorRef y) { return solve(x, y, false); }
+bool SparseKkt::solve_many(double* x, double* y, int count) {
+  if (count == 1) return solve_lanes(x, y, solution_.data());
+  if (many_.size() < static_cast<Eigen::Index>(size_) * count)
+    many_.resize(static_cast<Eigen::Index>(size_) * count);
+  const auto solve = [&]<int N>(std::integral_constant<int, N>) {
+    return solve_lanes(reinterpret_cast<Lanes<N>*>(x), reinterpret_cast<Lanes<N>*>(y),
+                       reinterpret_cast<Lanes<N>*>(many_.data()));
+  };
+  switch (count) {
+    case 2:
+      return solve(std::integral_constant<int, 2>());
+    case 4:
+      return solve(std::integral_constant<int, 4>());
+    default:
+      return solve(std::integral_constant<int, 8>());
+  }
+}
 
-bool SparseKkt::solve(VectorRef x, VectorRef y, bool refined) {
+bool SparseKkt::solve(VectorRef x, VectorRef y) {
   const std::vector<Index>& position = ldl_.position();
   right_side_.setZero();
   for (Index i = 0; i < variables_; ++i) right_side_[position[i]] = x[i];
   for (Index i = 0; i < equalities_; ++i) right_side_[position[variables_ + i]] = y[i];
   solution_ = right_side_;
-  if (!ldl_.solve(solution_.data(), 0, interrupt())) return false;
-
-  if (refined && !refine()) return false;
+  if (!ldl_.solve(solution_.data(), 0, interrupt()) || !refine()) return false;
   for (Index i = 0; i < variables_; ++i) x[i] = solution_[position[i]];
   for (Index i = 0; i < equalities_; ++i) y[i] = solution_[position[variables_ + i]];
   return true;
@@ -374,7 +398,7 @@ double SparseKkt::bytes() const {
   return ldl_.bytes() + pattern_entries * 2.0 * sizeof(double) + slots * sizeof(Index) +
          row_entries * (2.0 * sizeof(double) + sizeof(Index)) +
          static_cast<double>(inequality_rows_.size() + pair_rows_.size()) * sizeof(Row) +
-         size_ * (3.0 * sizeof(double) + 2.0 * sizeof(Index));
+         size_ * ((3.0 + 8.0) * sizeof(double) + 2.0 * sizeof(Index));
 }
 
 }  // namespace marble

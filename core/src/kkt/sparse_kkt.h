@@ -31,7 +31,7 @@ class SparseKkt final : public Kkt {
   [[nodiscard]] bool allocate(const ScaledProblem& problem) override;
   void load(const ScaledProblem& problem) override;
   [[nodiscard]] bool solve(VectorRef x, VectorRef y) override;
-  [[nodiscard]] bool solve_once(VectorRef x, VectorRef y) override;
+  [[nodiscard]] bool solve_many(double* x, double* y, int count) override;
   [[nodiscard]] bool solve_sparse(std::span<const Index> indices, std::span<const double> values,
                                   VectorRef x) override;
   [[nodiscard]] std::string_view name() const override;
@@ -39,7 +39,8 @@ class SparseKkt final : public Kkt {
   [[nodiscard]] double bytes() const override;
 
  private:
-  [[nodiscard]] bool solve(VectorRef x, VectorRef y, bool refined);
+  template <class T>
+  [[nodiscard]] bool solve_lanes(T* x, T* y, T* work);
   [[nodiscard]] bool refine();
   [[nodiscard]] bool factorize(const RowWeights& weights) override;
   // A constraint's columns, its values (two rows for a pair), and where its terms go in the factorized
@@ -71,6 +72,7 @@ class SparseKkt final : public Kkt {
   std::vector<Index> constant_slots_;      // of the entries of Q and A, in their order
   std::vector<Index> diagonal_slots_;      // of x and y
   Vector right_side_, solution_, residual_;
+  Vector many_;  // of solve_many()
 };
 
 }  // namespace marble

@@ -171,8 +171,15 @@ Index SparseLdl::positive_pivots() const {
   return static_cast<Index>(std::count_if(pivots_.begin(), pivots_.end(), [](double d) { return d > 0.0; }));
 }
 
-bool SparseLdl::solve(double* x, Index first, const Interrupt& interrupt) const {
-  if (blocks_) return blocks_->solve(x, first, inverse_pivots_, interrupt);
+template <class T>
+bool SparseLdl::solve(T* x, Index first, const Interrupt& interrupt) const {
+  if (blocks_) {
+    if constexpr (lanes_of<T> == 1) {
+      return blocks_->solve(x, first, inverse_pivots_, interrupt);
+    } else {
+      return blocks_->solve_many(reinterpret_cast<double*>(x), lanes_of<T>, inverse_pivots_, interrupt);
+    }
+  }
   Checkpoint checkpoint(interrupt);
   const std::int64_t* const pointers = pointers_.data();
   const Index* const rows = rows_.data();
@@ -180,18 +187,18 @@ bool SparseLdl::solve(double* x, Index first, const Interrupt& interrupt) const 
   for (Index begin = first; begin < size(); begin += tuning::block_columns) {
     const Index end = std::min(begin + tuning::block_columns, size());
     for (Index j = begin; j < end; ++j) {
-      const double entry = x[j];
-      if (entry == 0.0) continue;
+      const T entry = x[j];
+      if (is_zero(entry)) continue;
       for (std::int64_t k = pointers[j]; k < pointers[j + 1]; ++k) x[rows[k]] -= values[k] * entry;
-      x[j] = entry * inverse_pivots_[j];
+      x[j] = inverse_pivots_[j] * entry;
     }
     if (checkpoint.reached(entries_of(begin, end))) return false;
   }
   for (Index end = size(); end > 0; end -= tuning::block_columns) {
     const Index begin = std::max<Index>(0, end - tuning::block_columns);
     for (Index j = end - 1; j >= begin; --j) {
-      double even = x[j];  // two sums: one would wait for itself
-      double odd = 0.0;
+      T even = x[j];  // two sums: one would wait for itself
+      T odd{};
       std::int64_t k = pointers[j];
       const std::int64_t last = pointers[j + 1];
       for (; k + 1 < last; k += 2) {
@@ -205,5 +212,10 @@ bool SparseLdl::solve(double* x, Index first, const Interrupt& interrupt) const 
   }
   return true;
 }
+
+template bool SparseLdl::solve(double*, Index, const Interrupt&) const;
+template bool SparseLdl::solve(Lanes<2>*, Index, const Interrupt&) const;
+template bool SparseLdl::solve(Lanes<4>*, Index, const Interrupt&) const;
+template bool SparseLdl::solve(Lanes<8>*, Index, const Interrupt&) const;
 
 }  // namespace marble

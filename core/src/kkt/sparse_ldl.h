@@ -8,6 +8,7 @@
 #include "data/large_array.h"
 #include "kkt/elimination.h"
 #include "kkt/supernodal_ldl.h"
+#include "lanes/lanes.h"
 
 namespace marble {
 
@@ -36,8 +37,10 @@ class SparseLdl {
   /// Also false at a pivot that is 0.
   [[nodiscard]] bool factorize(const std::vector<double>& values, const Interrupt& interrupt);
   [[nodiscard]] Index positive_pivots() const;
-  /// Solves in place, for a right-hand side that is 0 before `first`.
-  [[nodiscard]] bool solve(double* x, Index first, const Interrupt& interrupt) const;
+  /// Solves in place, for a right-hand side that is 0 before `first`; for several, with T = Lanes<2>, <4> or
+  /// <8>.
+  template <class T>
+  [[nodiscard]] bool solve(T* x, Index first, const Interrupt& interrupt) const;
 
  private:
   [[nodiscard]] Index size() const { return matrix_.size(); }

@@ -270,4 +270,45 @@ bool SupernodalLdl::solve(double* x, Index first, const std::vector<double>& inv
   return true;
 }
 
+// As solve(), of the transpose: what belongs to a row of L is a column.
+bool SupernodalLdl::solve_many(double* x, int count, const std::vector<double>& inverse_pivots,
+                               const Interrupt& interrupt) const {
+  Checkpoint checkpoint(interrupt);
+  double* const below = product_.data();
+  const auto at = [x, count](Index row) { return x + static_cast<std::ptrdiff_t>(row) * count; };
+  for (const Block& block : blocks_) {
+    const double* const L = values_.data() + block.values;
+    const int rest = block.rows - block.columns;
+    double* const own = at(block.first);
+    dtrsm_("R", "L", "T", "U", &count, &block.columns, &kOne, L, &block.rows, own, &count);
+    if (rest > 0) {
+      dgemm_("N", "T", &count, &rest, &block.columns, &kOne, own, &count, L + block.columns, &block.rows,
+             &kNothing, below, &count);
+      const Index* const rows = rows_.data() + block.row_list + block.columns;
+      for (Index i = 0; i < rest; ++i) {
+        double* const to = at(rows[i]);
+        for (Index k = 0; k < count; ++k) to[k] -= below[i * count + k];
+      }
+    }
+    for (Index j = 0; j < block.columns; ++j) {
+      for (Index k = 0; k < count; ++k) own[j * count + k] *= inverse_pivots[block.first + j];
+    }
+    if (checkpoint.reached(block.size() * count)) return false;
+  }
+  for (auto block = blocks_.rbegin(); block != blocks_.rend(); ++block) {
+    const double* const L = values_.data() + block->values;
+    const int rest = block->rows - block->columns;
+    double* const own = at(block->first);
+    if (rest > 0) {
+      const Index* const rows = rows_.data() + block->row_list + block->columns;
+      for (Index i = 0; i < rest; ++i) std::copy_n(at(rows[i]), count, below + i * count);
+      dgemm_("N", "N", &count, &block->columns, &rest, &kMinusOne, below, &count, L + block->columns,
+             &block->rows, &kOne, own, &count);
+    }
+    dtrsm_("R", "L", "N", "U", &count, &block->columns, &kOne, L, &block->rows, own, &count);
+    if (checkpoint.reached(block->size() * count)) return false;
+  }
+  return true;
+}
+
 }  // namespace marble

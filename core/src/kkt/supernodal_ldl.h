@@ -27,6 +27,9 @@ class SupernodalLdl {
   /// Solves in place, for a right-hand side that is 0 before `first`.
   [[nodiscard]] bool solve(double* x, Index first, const std::vector<double>& inverse_pivots,
                            const Interrupt& interrupt) const;
+  /// The same of several right-hand sides: number k of row i at x[i · count + k].
+  [[nodiscard]] bool solve_many(double* x, int count, const std::vector<double>& inverse_pivots,
+                                const Interrupt& interrupt) const;
 
  private:
   // Columns first … first + columns − 1 of L, all of them with the same rows: their own and those below.
@@ -60,7 +63,7 @@ class SupernodalLdl {
   Index most_rows_ = 0;
   // While factorizing: each block waits for the next that it has rows in, in a list of that one's.
   std::vector<Index> first_waiting_, next_waiting_, rows_done_, row_in_target_;
-  LargeArray<double> scaled_, product_;  // D Lᵀ of an update, and what it adds up to; of a solve: rows
+  LargeArray<double> scaled_, product_;  // D Lᵀ of an update, and what it adds up to; of solves: rows
 };
 
 }  // namespace marble

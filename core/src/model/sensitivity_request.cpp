@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <string>
 #include <tuple>
 
@@ -95,14 +96,16 @@ double bytes_of(const SensitivityRequest& request, const PartSizes& sizes) {
   const auto n = static_cast<double>(sizes.g);
   const double answer = n + static_cast<double>(sizes.b + sizes.d + 2 * sizes.l);
   const double all = numbers_of(sizes);
-  double numbers = 8.0 * answer;  // points, steps and residuals
+  // At most four vectors for each of up to eight that are solved at once, and the answer in the user's units.
+  const Index most = std::max(
+      {request.directions.count, request.losses.count, request.rows ? request.rows->E.rows : Index{0}});
+  double numbers = (4.0 * std::min(8.0, 2.0 * most) + 1.0) * answer;
   if (request.rows) {
     const double m = request.rows->E.rows;
     numbers += 2.0 * static_cast<double>(request.rows->E.values.size()) + m * (2.0 + 0.5 * (m + 1.0));
     if (request.rows->columns) numbers += n * (1.0 + m);
   }
   numbers += answer * request.directions.count;
-  if (request.directions.count > 0) numbers += 2.0 * all;  // a problem made of one
   numbers += all * request.losses.count;
   return numbers * sizeof(double);
 }

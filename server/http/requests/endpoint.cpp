@@ -1,6 +1,8 @@
 #include "http/requests/endpoint.h"
 
 #include <algorithm>
+#include <future>
+#include <memory>
 #include <utility>
 
 #include "http/requests/caller.h"
@@ -22,6 +24,17 @@ httplib::Server::Handler endpoint(const ServiceParts& parts, Answer answer) {
         caller ? answer(request, *caller, response) : Expected<void>(unexpected(caller.error()));
     if (!done) refuse(parts.log, request, done.error(), response);
   };
+}
+
+Expected<void> wait_for(const Afterwards& afterwards) {
+  if (!afterwards) return {};
+  const auto ended = std::make_shared<std::promise<Expected<void>>>();
+  afterwards([ended](const Expected<void>& how) { ended->set_value(how); });
+  return ended->get_future().get();
+}
+
+Expected<void> look(const ServiceParts& parts, const std::string& id) {
+  return wait_for([&](Settled settled) { parts.submissions->look(id, std::move(settled)); });
 }
 
 Expected<void> check_parameters(const httplib::Request& request, std::initializer_list<const char*> known) {

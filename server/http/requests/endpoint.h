@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "service/service_parts.h"
+#include "store/submissions.h"
 
 namespace marble::server::http {
 
@@ -14,6 +15,11 @@ namespace marble::server::http {
 using Answer = std::function<Expected<void>(const httplib::Request&, const Identity&, httplib::Response&)>;
 
 [[nodiscard]] httplib::Server::Handler endpoint(const ServiceParts& parts, Answer answer);
+
+/// Submissions::look(), on a thread that may wait.
+[[nodiscard]] Expected<void> look(const ServiceParts& parts, const std::string& id = "");
+/// On a thread that may wait.
+[[nodiscard]] Expected<void> wait_for(const Afterwards& afterwards);
 
 /// Tells the client and the log.
 void refuse(const Log& log, const httplib::Request& request, const Error& error, httplib::Response& response);

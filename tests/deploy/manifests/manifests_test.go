@@ -58,6 +58,15 @@ func manifests(t *testing.T) string {
 			t.Fatal(err)
 		}
 	}
+	store := filepath.Join(folder, "components/store/credentials")
+	os.RemoveAll(store)
+	if err := os.Mkdir(store, 0o700); err != nil {
+		t.Fatal(err)
+	}
+	text := []byte("MARBLE_STATE=postgresql://marble@db:5432/marble\nPGPASSWORD=secret\n")
+	if err := os.WriteFile(filepath.Join(store, "store.env"), text, 0o600); err != nil {
+		t.Fatal(err)
+	}
 	return folder
 }
 
@@ -254,6 +263,30 @@ func TestAPodCanDoLittleElse(t *testing.T) {
 			len(own.Capabilities.Drop) != 1 || own.Capabilities.Drop[0] != "ALL" {
 			t.Errorf("%s: %+v", overlay, own)
 		}
+	}
+}
+
+func TestAFleetHasItsStoreFromASecretAndMayReachIt(t *testing.T) {
+	found := build(t, "fleet")
+	whole, container := deployment(t, found)
+	if whole.Spec.Replicas == nil || *whole.Spec.Replicas != 3 {
+		t.Error("it has not three servers")
+	}
+	if len(container.EnvFrom) != 1 || container.EnvFrom[0].SecretRef == nil {
+		t.Fatalf("its environment is from %+v", container.EnvFrom)
+	}
+	name, known := container.EnvFrom[0].SecretRef.Name, false
+	for _, object := range found {
+		if secret, ok := object.(*core.Secret); ok && secret.Name == name {
+			known = bytes.HasPrefix(secret.Data["MARBLE_STATE"], []byte("postgresql://")) && len(secret.Data["PGPASSWORD"]) > 0
+		}
+	}
+	if !known {
+		t.Errorf("there is no Secret %s with the store", name)
+	}
+	policy := found["NetworkPolicy marble"].(*networking.NetworkPolicy)
+	if len(policy.Spec.Egress) == 0 || policy.Spec.Egress[0].Ports[0].Port.IntValue() != 5432 {
+		t.Errorf("it may reach %+v", policy.Spec.Egress)
 	}
 }
 

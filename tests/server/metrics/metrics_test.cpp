@@ -12,6 +12,7 @@
 #include "process/process.h"
 #include "service/scrape.h"
 #include "service/service_parts.h"
+#include "submissions/local_submissions.h"
 
 namespace marble::server {
 namespace {
@@ -37,6 +38,7 @@ Outcome solved(double solve_s = 0.25, int iterations = 7) {
 
 class MetricsTest : public ::testing::Test {
  protected:
+  MetricsTest() { parts_.submissions = submissions_.get(); }
   [[nodiscard]] std::string text() const { return scrape(parts_); }
   /// The value in the line that begins with `series`; NaN if there is none.
   [[nodiscard]] double value_of(const std::string& series) const {
@@ -65,8 +67,9 @@ class MetricsTest : public ::testing::Test {
   SessionTable sessions_{{}};
   ConnectionTable connections_{{}, log_};
   LiveCalls calls_;
-  const ServiceParts parts_{config_,  access_, log_,       metrics_,  pulse_,       board_, feeds_,
-                            results_, nullptr, scheduler_, sessions_, connections_, calls_};
+  ServiceParts parts_{config_, access_,  log_,       metrics_,  pulse_,       board_,
+                      feeds_,  results_, scheduler_, sessions_, connections_, calls_};
+  const std::unique_ptr<Submissions> submissions_ = LocalSubmissions::begin(parts_, nullptr).value();
 };
 
 TEST_F(MetricsTest, EveryMetricOfTheTableIsToldWithHelpAndType) {

@@ -99,7 +99,7 @@ TEST_F(StoreTest, AnAnswerTakesTheRequestsPlace) {
 
 TEST_F(StoreTest, CountsWhatItWrote) {
   const auto store = open();
-  const JobStore::Usage before = store->usage();
+  const StoreUsage before = store->usage();
   EXPECT_TRUE(before.written);
   EXPECT_EQ(before.changes, 0);
   EXPECT_GT(before.bytes, 0);
@@ -107,7 +107,7 @@ TEST_F(StoreTest, CountsWhatItWrote) {
   for (int i = 0; i < kJobs; ++i) store->add(job(std::to_string(i)), {});
   store->cancel("1");
   ASSERT_TRUE(settled(*store).has_value());
-  const JobStore::Usage after = store->usage();
+  const StoreUsage after = store->usage();
   EXPECT_EQ(after.changes, kJobs + 1);
   EXPECT_GE(after.commits, 1);
   EXPECT_LE(after.commits, kJobs + 2);

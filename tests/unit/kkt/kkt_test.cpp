@@ -54,6 +54,30 @@ void expect_solves(Kkt& kkt, const ScaledProblem& p, const RowWeights& weights) 
   EXPECT_LT(max_abs(found - expected), 1e-8 * (1.0 + max_abs(expected))) << kkt.name();
 }
 
+// Each of them another multiple of one right-hand side.
+void expect_solves_many(Kkt& kkt, const ScaledProblem& p, const RowWeights& weights) {
+  ASSERT_TRUE(kkt.factor(weights)) << kkt.name();
+  RandomVectors random(12);
+  Vector x = random.next(p.variables()), y = random.next(p.equalities());
+  const auto repeated = [](const Vector& one, Index count) {
+    Vector all(one.size() * count);
+    for (Eigen::Index i = 0; i < one.size(); ++i) {
+      for (Index k = 0; k < count; ++k) all[i * count + k] = (k + 1.0) * one[i];
+    }
+    return all;
+  };
+  for (const Index count : {1, 2, 4, 8}) {
+    SCOPED_TRACE(count);
+    Vector many_x = repeated(x, count), many_y = repeated(y, count);
+    ASSERT_TRUE(kkt.solve_many(many_x.data(), many_y.data(), count));
+    Vector once_x = x, once_y = y;
+    ASSERT_TRUE(kkt.solve_once(once_x, once_y));
+    const double size = count * (1.0 + max_abs(once_x) + max_abs(once_y));
+    EXPECT_LT(max_abs(many_x - repeated(once_x, count)), 1e-11 * size) << kkt.name();
+    EXPECT_LT(max_abs(many_y - repeated(once_y, count)), 1e-11 * size) << kkt.name();
+  }
+}
+
 // Memory that others had is not zero: what an engine does not set must not weigh.
 TEST(RowWeights, WeighNothingAsMade) {
   const ScaledProblem p = scale(Problem::create(random_problem({}, 1).view()).value(), 0);
@@ -71,6 +95,7 @@ TEST(Kkt, EveryBackendSolvesTheSystemAndTheNextWithTheSamePattern) {
       expect_solves(*kkt, p, random_weights(p, 1, false));
       expect_solves(*kkt, p, random_weights(p, 2, true));
       expect_solves(*kkt, p, random_weights(p, 3, false));
+      expect_solves_many(*kkt, p, random_weights(p, 4, true));
     }
   }
 }

@@ -5,9 +5,11 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <cmath>
 #include <random>
 
 #include "data/linear_algebra.h"
+#include "lanes/lanes.h"
 
 namespace marble {
 namespace {
@@ -68,6 +70,22 @@ void expect_solves(const Quasidefinite& matrix, SparseLdl& ldl, double scale, In
   EXPECT_LT(max_abs(found - expected), kTolerance * max_abs(expected));
 }
 
+// With the factor at hand: lane k has k + 1 times the right-hand side.
+void expect_solves_in_lanes(const SparseLdl& ldl, Index size) {
+  using Eight = Lanes<8>;
+  Vector one(size), many(8 * size);
+  for (Index i = 0; i < size; ++i) {
+    one[i] = std::sin(1.0 + i);
+    for (int k = 0; k < 8; ++k) many[8 * i + k] = (k + 1.0) * one[i];
+  }
+  ASSERT_TRUE(ldl.solve(one.data(), 0, {}));
+  ASSERT_TRUE(ldl.solve(reinterpret_cast<Eight*>(many.data()), 0, {}));
+  for (Index i = 0; i < size; ++i) {
+    for (int k = 0; k < 8; ++k)
+      EXPECT_NEAR(many[8 * i + k], (k + 1.0) * one[i], 8.0 * kTolerance * max_abs(one));
+  }
+}
+
 TEST(SparseLdl, SolvesInBlocksWhereTheFactorFillsInAndElseEntryByEntry) {
   int in_blocks = 0;
   for (const Index size : {1, 2, 7, 60, 150, 300, 400}) {
@@ -79,6 +97,7 @@ TEST(SparseLdl, SolvesInBlocksWhereTheFactorFillsInAndElseEntryByEntry) {
       expect_solves(matrix, ldl, 1.0, -1);
       expect_solves(matrix, ldl, 3.0, -1);
       expect_solves(matrix, ldl, 1.0, size / 2);
+      expect_solves_in_lanes(ldl, size);
       in_blocks += ldl.has_blocks() ? 1 : 0;
     }
   }

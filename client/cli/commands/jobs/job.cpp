@@ -58,6 +58,7 @@ void print(const JobDetails& details) {
   field("client", terminal_text(job.client));
   if (!job.request_id.empty()) field("request", terminal_text(job.request_id));
   if (!job.trace_id.empty()) field("trace", job.trace_id);
+  if (!job.server.empty()) field("server", job.server);
   field("problem", terminal_text(job.problem_name) + "  " + sizes_text(job) + " (n/n_e/n_i/n_c)");
   field("accepted", time_text(job.accepted_unix_s) + ", age " + age_text(job));
   field("state", to_string(job.state));

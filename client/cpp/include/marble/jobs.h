@@ -88,6 +88,7 @@ struct JobInfo {
   std::vector<ScenarioLevel> levels = {};                   ///< of a scenario solve so far, without x
   std::string detail;                                       ///< the numbers that justify the status
   std::string trace_id;          ///< of the W3C traceparent that came with it; may be empty
+  std::string server;            ///< of servers that share a store: that runs it, or ran it last; else empty
   double finished_unix_s = 0.0;  ///< seconds since 1970, UTC; 0 while it has not
 };
 

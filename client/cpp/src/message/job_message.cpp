@@ -61,6 +61,7 @@ JobInfo job_info(const v1::JobInfo& m) {
   for (const v1::ScenarioLevel& level : m.scenario_levels()) job.levels.push_back(scenario_level_of(level));
   job.detail = m.detail();
   job.trace_id = m.trace_id();
+  job.server = m.server();
   job.finished_unix_s = m.finished_unix_s();
   return job;
 }

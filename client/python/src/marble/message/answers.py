@@ -171,7 +171,7 @@ def job(message: Any) -> Job:
         updates=message.updates,
         memory_bytes=message.memory_bytes,
         result_bytes=message.result_bytes,
-        trace_id=message.trace_id,
+        trace_id=message.trace_id, server=message.server,
         levels=tuple(scenario_level(level) for level in message.scenario_levels),
     )
 

@@ -49,6 +49,7 @@ class Job:
     while it has not finished. queue_position, estimated_wait_s: only while queued. status: how the solve ended, None
     while it has not, or where error (a google.rpc.Status) says why there is no answer. updates: a session's, answered.
     memory_bytes: of the solver. result_bytes: of the answer that is kept. trace_id: of the W3C traceparent that came.
+    server: of servers that share a store, the one that runs it or ran it last; of submitted jobs, empty before one has.
     levels: of a scenario solve, so far.
     proved, incumbent, bound, gap, nodes, open_nodes: of option global, as in Solution and Progress, so far.
     """
@@ -83,6 +84,7 @@ class Job:
     memory_bytes: int
     result_bytes: int
     trace_id: str
+    server: str
     levels: tuple[ScenarioLevel, ...] = ()
 
 

@@ -1,0 +1,162 @@
+#include "branch/branch_system.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "tuning.h"
+
+namespace marble {
+namespace {}  // namespace
+
+template <class T>
+BranchSystem<T>::BranchSystem(const ScaledProblem& problem, BranchPoint& point, BranchSystemMemory& memory)
+    : problem_(problem), point_(point) {
+  const auto n = static_cast<std::size_t>(problem.variables());
+  const auto n_e = static_cast<std::size_t>(problem.equalities());
+  const auto rows = static_cast<std::size_t>(problem.layout.size());
+  const std::size_t numbers = 4 * n + 3 * n_e + 2 * rows;
+  if (memory.size() < numbers * kLanes) memory.resize(numbers * kLanes);
+  T* next = reinterpret_cast<T*>(memory.data());
+  for (T** part : {&right_z, &z, &step_z_, &pull_}) *part = next, next += n;
+  for (T** part : {&right_y, &y, &step_y_}) *part = next, next += n_e;
+  for (T** part : {&right_lambda, &lambda}) *part = next, next += rows;
+}
+
+template <class T>
+void BranchSystem<T>::clear() {
+  std::fill_n(right_z, problem_.variables(), T{});
+  std::fill_n(right_y, problem_.equalities(), T{});
+  std::fill_n(right_lambda, problem_.layout.size(), T{});
+}
+
+template <class T>
+T BranchSystem<T>::largest() const {
+  T most{};
+  for (Index i = 0; i < problem_.variables(); ++i) most = larger(most, z[i]);
+  for (Index i = 0; i < problem_.equalities(); ++i) most = larger(most, y[i]);
+  for (Index i = 0; i < problem_.layout.size(); ++i) most = larger(most, lambda[i]);
+  return most;
+}
+
+// By the regularized factor, of [H Aᵀ; A −1/ρ] with H = Q + δI + ρJ₀ᵀJ₀, as often as it takes: the residuals
+// carry no regularization. With dλ = ρ(J₀dz − r_λ) what is left of r_λ is −dλ/ρ, and what stands for it in
+// the next right-hand side f = r_z + ρJ₀ᵀr_λ is −J₀ᵀdλ, which r_z needs too: each matrix is read once a
+// sweep.
+template <class T>
+std::array<bool, BranchSystem<T>::kLanes> BranchSystem<T>::solve(int count) {
+  std::array<bool, kLanes> solved{}, over{};
+  for (int i = count; i < kLanes; ++i) over[i] = true;
+  std::array<double, kLanes> size{}, last{};
+  last.fill(std::numeric_limits<double>::infinity());
+  take_first_step();
+  T error{};
+  for (Index i = 0; i < problem_.variables(); ++i) error = larger(error, right_z[i]);
+  for (Index i = 0; i < problem_.equalities(); ++i) error = larger(error, right_y[i]);
+  for (Index i = 0; i < problem_.layout.size(); ++i) error = larger(error, right_lambda[i]);
+  for (int i = 0; i < kLanes; ++i) size[i] = lane(error, i);
+  for (int sweep = 0;; ++sweep) {
+    int left = 0;
+    std::array<bool, kLanes> ends{};
+    for (int i = 0; i < kLanes; ++i) {
+      if (over[i]) continue;
+      const double now = lane(error, i);
+      const bool is_exact = now <= tuning::rounding * size[i];
+      ends[i] = is_exact || !(now <= tuning::exact_slowest * last[i]) || sweep == tuning::exact_sweeps;
+      solved[i] = is_exact || now <= tuning::near * size[i];
+      last[i] = now;
+      if (!ends[i]) ++left;
+    }
+    if (left == 0) break;
+    for (int i = 0; i < kLanes; ++i) {
+      if (ends[i]) drop(i);
+      over[i] = over[i] || ends[i];
+    }
+    point_.count_back_substitutions(left);
+    if (!point_.kkt().solve_many(reinterpret_cast<double*>(step_z_), reinterpret_cast<double*>(step_y_),
+                                 kLanes))
+      return {};
+    error = advance();
+  }
+  T sum{};  // what is not finite stays in it
+  for (Index i = 0; i < problem_.variables(); ++i) sum += z[i];
+  for (Index i = 0; i < problem_.equalities(); ++i) sum += y[i];
+  for (int i = 0; i < kLanes; ++i) solved[i] = solved[i] && std::isfinite(lane(sum, i));
+  return solved;
+}
+
+// The right-hand side of the first step, and the solution 0.
+template <class T>
+void BranchSystem<T>::take_first_step() {
+  std::fill_n(z, problem_.variables(), T{});
+  std::fill_n(y, problem_.equalities(), T{});
+  std::fill_n(lambda, problem_.layout.size(), T{});
+  std::copy_n(right_z, problem_.variables(), step_z_);
+  std::copy_n(right_y, problem_.equalities(), step_y_);
+  for (Index row = 0; row < problem_.layout.size(); ++row) {
+    if (point_.set.held[row] == 0) {
+      right_lambda[row] = T{};
+    } else if (!is_zero(right_lambda[row])) {
+      add_row(problem_.rows, row, point_.rho() * right_lambda[row], step_z_);
+    }
+  }
+}
+
+// By the step, to the next one's right-hand side. Returns the largest of what is left of the residual.
+template <class T>
+T BranchSystem<T>::advance() {
+  const Index n = problem_.variables();
+  const SymmetricMatrix& Q = problem_.Q;
+  T error{};
+  std::fill_n(pull_, n, T{});
+  for (Index row = 0; row < problem_.layout.size(); ++row) {
+    if (point_.set.held[row] == 0) continue;
+    right_lambda[row] -= row_product(problem_.rows, row, step_z_);
+    error = larger(error, right_lambda[row]);
+    const T change = -point_.rho() * right_lambda[row];
+    lambda[row] += change;
+    add_row(problem_.rows, row, change, pull_);
+  }
+  for (Index row = 0; row < problem_.equalities(); ++row) {
+    const T change = step_y_[row];
+    y[row] += change;
+    add_row(problem_.A, row, -change, right_z);
+    step_y_[row] = right_y[row] -= row_product(problem_.A, row, step_z_);
+    error = larger(error, right_y[row]);
+  }
+  for (Index column = 0; column < n; ++column) {
+    T sum{};
+    const T change = step_z_[column];
+    for (Index k = Q.column_pointers[column]; k < Q.column_pointers[column + 1]; ++k) {
+      const Index row = Q.row_indices[k];
+      sum += Q.values[k] * step_z_[row];
+      if (row != column) right_z[row] -= Q.values[k] * change;
+    }
+    right_z[column] -= sum;
+    z[column] += change;
+  }
+  for (Index i = 0; i < n; ++i) {
+    right_z[i] -= pull_[i];
+    error = larger(error, right_z[i]);
+    step_z_[i] = right_z[i] - pull_[i];
+  }
+  return error;
+}
+
+// From now on that lane is a system whose right-hand side is 0.
+template <class T>
+void BranchSystem<T>::drop(int dropped_lane) {
+  const auto drop_from = [dropped_lane](T* values, Index count) {
+    for (Index i = 0; i < count; ++i) set_lane(values[i], dropped_lane, 0.0);
+  };
+  drop_from(right_z, problem_.variables()), drop_from(step_z_, problem_.variables());
+  drop_from(right_y, problem_.equalities()), drop_from(step_y_, problem_.equalities());
+  drop_from(right_lambda, problem_.layout.size());
+}
+
+template class BranchSystem<double>;
+template class BranchSystem<Lanes<2>>;
+template class BranchSystem<Lanes<4>>;
+template class BranchSystem<Lanes<8>>;
+
+}  // namespace marble

@@ -1,0 +1,373 @@
+#include "fleet/fleet_mirror.h"
+
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+
+#include "google/rpc/status.pb.h"
+#include "jobs/unix_time.h"
+#include "marble/convert.h"
+#include "messages/job_message.h"
+#include "wire/status.h"
+#include "wire/wire.h"
+
+namespace marble::server {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr milliseconds kQuiet{1000};   // between two looks that nobody asked for
+constexpr milliseconds kWatched{250};  // between two looks at what running jobs tell
+
+// Of answered jobs only the newest are told in full: as many as the board remembers.
+constexpr const char* kAll =
+    "WITH recent AS (SELECT number FROM marble_jobs WHERE state = 2 ORDER BY ended DESC, number DESC LIMIT "
+    "$1)"
+    " SELECT id, j.number, client, peer, priority, state, cancelled, server,"
+    " CASE WHEN state < 2 OR recent.number IS NOT NULL THEN info ELSE ''::bytea END,"
+    " pg_snapshot_xmin(pg_current_snapshot())::text, extract(epoch FROM accepted)::float8"
+    " FROM marble_jobs j LEFT JOIN recent ON recent.number = j.number WHERE state < 3"
+    " ORDER BY state = 2 DESC, CASE WHEN state = 2 THEN ended END, j.number";
+constexpr const char* kChanges =
+    "SELECT id, number, client, peer, priority, state, cancelled, server, info,"
+    " pg_snapshot_xmin(pg_current_snapshot())::text, extract(epoch FROM accepted)::float8"
+    " FROM marble_jobs WHERE changed >= $1::xid8 ORDER BY number";
+constexpr const char* kHorizon = "SELECT pg_snapshot_xmin(pg_current_snapshot())::text";
+constexpr const char* kWhole =
+    "SELECT coalesce(a.job, l.job), coalesce(l.upto, 0) FROM marble_jobs j"
+    " LEFT JOIN marble_answers a USING (number) LEFT JOIN marble_live l USING (number)"
+    " WHERE j.id = $1 AND (a.job IS NOT NULL OR l.job IS NOT NULL)";
+constexpr const char* kLiveRows =
+    "SELECT j.id, l.first, l.upto, l.info, CASE WHEN j.id = ANY ($1::text[]) THEN l.rows ELSE ''::bytea END"
+    " FROM marble_live l JOIN marble_jobs j USING (number) WHERE j.state = 1";
+constexpr const char* kAnswer =
+    "SELECT answer, error FROM marble_jobs JOIN marble_answers USING (number) WHERE id = $1 AND state = 2";
+
+JobSnapshot snapshot_in(const PgRows& rows, int row, int column, FleetState state) {
+  v1::JobInfo info;
+  const std::string_view bytes = rows.bytes(row, column);
+  info.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
+  JobSnapshot snapshot = snapshot_of(info);
+  snapshot.state = state == FleetState::waiting   ? JobState::queued
+                   : state == FleetState::running ? JobState::running
+                                                  : JobState::finished;
+  return snapshot;
+}
+
+}  // namespace
+
+FleetMirror::FleetMirror(const ServiceParts& parts, FleetOwner& owner)
+    : parts_(parts), owner_(owner), bell_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
+
+void FleetMirror::ring() const {
+  const std::uint64_t one = 1;
+  [[maybe_unused]] const auto written = write(bell_.get(), &one, sizeof one);
+}
+
+void FleetMirror::wait(milliseconds patience) {
+  const auto end = std::chrono::steady_clock::now() + patience;
+  const MutexLock lock(mutex_);
+  while (!well_ && well_again_.wait_until(mutex_, end) == std::cv_status::no_timeout) {
+  }
+}
+
+void FleetMirror::look(const std::string& id, Settled then) {
+  Expected<void> well;
+  {
+    const MutexLock lock(mutex_);
+    well = well_;
+    if (well && !closing_) {
+      asked_.looks.push_back({id, std::move(then)});
+      ring();
+      return;
+    }
+  }
+  tell({id, std::move(then)}, well);
+}
+
+// What is known is told, however old; of what is not, nobody may think that it is gone.
+void FleetMirror::tell(const Look& look, const Expected<void>& looked) const {
+  const bool known =
+      look.id.empty() || !parts_.results.owner(look.id).empty() || parts_.board.find(look.id) != nullptr;
+  look.then(known ? Expected<void>() : looked);
+}
+
+void FleetMirror::fetch(const std::string& id) {
+  const MutexLock lock(mutex_);
+  asked_.fetches.push_back(id);
+  ring();
+}
+
+void FleetMirror::read_anew(const std::string& id) {
+  const MutexLock lock(mutex_);
+  asked_.anew.push_back(id);
+  ring();
+}
+
+bool FleetMirror::is_settled() const {
+  const MutexLock lock(mutex_);
+  return !well_ || (!working_ && asked_.looks.empty() && asked_.fetches.empty());
+}
+
+void FleetMirror::close() {
+  {
+    const MutexLock lock(mutex_);
+    closing_ = true;
+    ring();
+  }
+  if (thread_.joinable()) thread_.join();
+}
+
+FleetMirror::Asked FleetMirror::take() {
+  std::uint64_t rings = 0;
+  [[maybe_unused]] const auto taken = read(bell_.get(), &rings, sizeof rings);
+  const MutexLock lock(mutex_);
+  working_ = true;
+  return std::exchange(asked_, {});
+}
+
+void FleetMirror::set_well(const Expected<void>& done) {
+  const MutexLock lock(mutex_);
+  well_ = done;
+  working_ = false;
+  well_again_.notify_all();
+}
+
+void FleetMirror::run() {
+  const auto is_closing = [this] {
+    const MutexLock lock(mutex_);
+    return closing_;
+  };
+  while (true) {
+    Expected<bool> told = false;
+    if (database_ && database_->is_open()) {
+      told = database_->wait(bell_.get(), parts_.feeds.open() > 0 ? kWatched : kQuiet);
+    }
+    const Asked asked = take();
+    Expected<void> done = told ? connect() : unexpected(told.error());
+    if (done) done = answer(asked);
+    set_well(done);
+    for (const Look& look : asked.looks) tell(look, done);
+    if (is_closing()) break;
+    if (!done) {
+      if (database_) database_->close();
+      std::array ends = {pollfd{bell_.get(), POLLIN, 0}};
+      poll(ends.data(), ends.size(), static_cast<int>(kQuiet.count()));
+    }
+  }
+  // What came between the last round and now.
+  for (const Look& look : take().looks) tell(look, {});
+}
+
+Expected<void> FleetMirror::connect() {
+  if (database_ && database_->is_open()) return {};
+  auto opened = Postgres::open(parts_.config.state);
+  if (!opened) return unexpected(opened.error());
+  if (auto ready = prepare_fleet(*opened); !ready) return ready;
+  if (auto listening = opened->run(kFleetListen); !listening) return unexpected(listening.error());
+  database_ = std::move(*opened);
+  return read_all();
+}
+
+Expected<void> FleetMirror::answer(const Asked& asked) {
+  wanted_.insert(wanted_.end(), asked.fetches.begin(), asked.fetches.end());
+  for (const std::string& id : asked.anew) known_.erase(id);
+  if (auto read = asked.anew.empty() ? read_changes() : read_all(); !read) return read;
+  for (const std::string& id : asked.anew) {
+    if (!known_.contains(id)) forget(id);
+  }
+  for (const Look& look : asked.looks) {
+    if (look.id.empty()) continue;
+    if (auto read = read_whole(look.id); !read) return read;
+  }
+  const bool lists = std::ranges::any_of(asked.looks, [](const Look& look) { return look.id.empty(); });
+  if (lists || parts_.feeds.open() > 0) {
+    if (auto read = read_live(); !read) return read;
+  }
+  {
+    const MutexLock lock(mutex_);  // results that were found wanted meanwhile
+    const auto more = std::exchange(asked_.fetches, {});
+    wanted_.insert(wanted_.end(), more.begin(), more.end());
+  }
+  while (!wanted_.empty()) {
+    if (auto read = read_answer(wanted_.back()); !read) return read;
+    wanted_.pop_back();
+  }
+  return {};
+}
+
+Expected<void> FleetMirror::read_all() {
+  const auto horizon = database_->run(kHorizon);  // before: what changes meanwhile is read again
+  if (!horizon) return unexpected(horizon.error());
+  const auto rows = database_->run(PgStatement(kAll).number(parts_.config.history_jobs));
+  if (!rows) return unexpected(rows.error());
+  horizon_ = std::string(horizon->bytes(0, 0));
+  std::set<std::string> there;
+  for (int row = 0; row < rows->size(); ++row) {
+    apply(*rows, row);
+    there.insert(std::string(rows->bytes(row, 0)));
+  }
+  std::vector<std::string> gone;
+  for (const auto& [id, known] : known_) {
+    if (!there.contains(id)) gone.push_back(id);
+  }
+  for (const std::string& id : gone) forget(id);
+  wait_in_line();
+  return {};
+}
+
+Expected<void> FleetMirror::read_changes() {
+  const auto rows = database_->run(PgStatement(kChanges).text(horizon_));
+  if (!rows) return unexpected(rows.error());
+  if (rows->size() == 0) return {};
+  horizon_ = std::string(rows->bytes(0, 9));
+  for (int row = 0; row < rows->size(); ++row) apply(*rows, row);
+  wait_in_line();
+  return {};
+}
+
+void FleetMirror::forget(const std::string& id) {
+  known_.erase(id);
+  const auto record = parts_.board.find(id);
+  if (record != nullptr && owner_.has(id)) record->cancel();
+  parts_.results.forget(id);
+  parts_.board.forget(id);
+}
+
+void FleetMirror::apply(const PgRows& rows, int row) {
+  const std::string id(rows.bytes(row, 0));
+  const auto state = static_cast<FleetState>(rows.integer(row, 5));
+  if (state == FleetState::gone) return forget(id);
+  const auto [entry, is_new] = known_.try_emplace(id);
+  Known& known = entry->second;
+  known.number = rows.integer(row, 1);
+  known.priority = static_cast<std::size_t>(rows.integer(row, 4));
+  if (state != known.state || rows.bytes(row, 7) != known.server) known.upto = -1;
+  known.state = state;
+  known.server = rows.bytes(row, 7);
+  if (is_new) (void)parts_.results.expect(id, std::string(rows.bytes(row, 2)));
+  if (!owner_.has(id)) {
+    show(id, known, rows, row, is_new);
+  } else if (const auto record = parts_.board.find(id); record != nullptr && rows.truth(row, 6)) {
+    record->cancel();
+  }
+  if (state == FleetState::answered) parts_.results.kept_elsewhere(id);
+}
+
+// A job that does not run here, on the board.
+void FleetMirror::show(const std::string& id, Known& known, const PgRows& rows, int row, bool is_new) {
+  const std::string_view told = rows.bytes(row, 8);
+  auto record = parts_.board.find(id);
+  if (record != nullptr && record->is_finished()) {
+    if (known.state != FleetState::answered) return;  // here it has, and the store does not know yet
+    known.is_whole = known.is_whole || is_new || !record->trace().rows.empty();
+  }
+  if (told.empty() || known.is_whole) return;
+  if (record == nullptr) {
+    if (!is_new && known.state == FleetState::answered) return;  // the board has forgotten it
+    v1::JobInfo info;
+    info.ParseFromArray(told.data(), static_cast<int>(told.size()));
+    JobDescription what = description_of(info);
+    what.peer = rows.bytes(row, 3);
+    what.accepted = time_of(rows.real(row, 10));
+    record = parts_.board.make(std::move(what), Options());
+    parts_.board.add(record);
+  }
+  JobSnapshot snapshot = snapshot_in(rows, row, 8, known.state);
+  snapshot.server = known.server;
+  record->restore(std::move(snapshot), {});
+  if (known.state == FleetState::answered) parts_.board.finish(record);
+  if (known.state != FleetState::waiting) return;
+  record->set_place([waiting = waiting_, place = std::pair(known.priority, known.number)] {
+    const MutexLock lock(waiting->mutex);
+    const auto at = std::ranges::lower_bound(waiting->line, place);
+    return QueuePlace{static_cast<int>(at - waiting->line.begin()), 0.0};
+  });
+}
+
+void FleetMirror::wait_in_line() {
+  std::vector<std::pair<std::size_t, std::int64_t>> line;
+  for (const auto& [id, known] : known_) {
+    if (known.state == FleetState::waiting) line.emplace_back(known.priority, known.number);
+  }
+  std::ranges::sort(line);
+  const bool some = !line.empty();
+  {
+    const MutexLock lock(waiting_->mutex);
+    waiting_->line.swap(line);
+  }
+  if (some) owner_.jobs_wait();
+}
+
+// Its trace, and its options: nobody needs them but who asks for this job.
+Expected<void> FleetMirror::read_whole(const std::string& id) {
+  const auto found = known_.find(id);
+  if (found == known_.end() || found->second.is_whole || owner_.has(id)) return {};
+  const auto record = parts_.board.find(id);
+  if (record == nullptr || record->is_watched()) return {};
+  const auto rows = database_->run(PgStatement(kWhole).text(id));
+  if (!rows) return unexpected(rows.error());
+  if (rows->size() == 0) return {};
+  v1::GetJobResponse job;
+  const std::string_view bytes = rows->bytes(0, 0);
+  if (!job.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return {};
+  JobSnapshot snapshot = snapshot_of(job.job());
+  snapshot.server = record->snapshot().server;
+  found->second.is_whole = snapshot.state == JobState::finished;
+  found->second.upto = rows->integer(0, 1);
+  record->set_options(options_of(job.options()).value_or(Options()));
+  record->restore(std::move(snapshot), trace_of(job.trace()));
+  return {};
+}
+
+Expected<void> FleetMirror::read_live() {
+  std::string watched = "{";
+  for (const auto& record : *parts_.board.active()) {
+    if (record->is_watched() && known_.contains(record->id()))
+      watched += (watched.size() > 1 ? "," : "") + record->id();
+  }
+  const auto rows = database_->run(PgStatement(kLiveRows).text(watched + "}"));
+  if (!rows) return unexpected(rows.error());
+  for (int row = 0; row < rows->size(); ++row) {
+    const std::string id(rows->bytes(row, 0));
+    const auto found = known_.find(id);
+    const auto record = parts_.board.find(id);
+    if (found == known_.end() || found->second.state != FleetState::running) continue;
+    const std::int64_t first = rows->integer(row, 1), upto = rows->integer(row, 2);
+    std::int64_t& seen = found->second.upto;
+    if (record == nullptr || owner_.has(id) || upto == seen) continue;
+    v1::JobEvent event;
+    const std::string_view bytes = rows->bytes(row, 4);
+    event.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
+    std::vector<Progress> told;
+    for (std::int64_t at = first; const v1::Progress& progress : event.rows()) {
+      if (at++ >= seen) told.push_back(progress_of(progress));
+    }
+    if (record->is_watched())
+      record->follow(seen < 0 ? first : std::max<std::int64_t>(0, first - seen), told);
+    JobSnapshot snapshot = snapshot_in(*rows, row, 3, FleetState::running);
+    snapshot.server = record->snapshot().server;
+    record->restore(std::move(snapshot), {});
+    seen = upto;
+  }
+  return {};
+}
+
+Expected<void> FleetMirror::read_answer(const std::string& id) {
+  const auto rows = database_->run(PgStatement(kAnswer).text(id));
+  if (!rows) return unexpected(rows.error());
+  if (rows->size() == 0) return {};  // gone, which the next changes tell
+  const std::string_view answer = rows->bytes(0, 0), error = rows->bytes(0, 1);
+  const grpc::Slice slice(answer.data(), answer.size());
+  ResultStore::Result result{grpc::ByteBuffer(&slice, 1), 0.0};
+  if (google::rpc::Status status;
+      !error.empty() && status.ParseFromArray(error.data(), static_cast<int>(error.size())))
+    result.answer = unexpected(error_of(status));
+  parts_.results.deliver(id, std::move(result));
+  return {};
+}
+
+}  // namespace marble::server

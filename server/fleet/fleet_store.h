@@ -1,0 +1,143 @@
+// What one server writes to the store that several share: one transaction for all that has come meanwhile.
+//
+// Jobs are given out under row locks that others skip; bounds and request ids hold under one lock of all
+// servers, for as long as that transaction. All times are the database's: the clocks of the servers may
+// differ.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "fleet/fleet_schema.h"
+#include "queue/job_queue.h"
+#include "store/group_writer.h"
+#include "store/job_store.h"
+
+namespace marble::server {
+
+/// A job that is to be taken in.
+struct FleetJob {
+  StoredJob stored;
+  Quota quota;       ///< of its client
+  std::string info;  ///< a marble.v1.JobInfo
+  /// Told when it was settled well: the id, of an earlier job if it was there already, or why it is refused.
+  Expected<std::string> id = unexpected(Error{});
+  int position = 0;
+};
+
+/// One that this server has taken.
+struct TakenJob {
+  StoredJob stored;
+  std::int64_t number = 0;
+  double age_s = 0.0;
+  int lost = 0;       ///< servers that went away with it
+  std::string token;  ///< whoever holds it may answer
+  std::string info;   ///< a marble.v1.JobInfo
+};
+
+/// What is told of one that runs.
+struct LiveJob {
+  std::int64_t number = 0;
+  std::string token;
+  std::int64_t first = 0, upto = 0;  ///< of its rows: those from here to before there
+  std::string rows, info, job;       ///< JobEvent, JobInfo, GetJobResponse of marble.v1
+};
+
+/// Who takes jobs. Called by the store's thread.
+class FleetTaker {
+ public:
+  virtual ~FleetTaker() = default;
+  /// How many it takes now.
+  [[nodiscard]] virtual int room() = 0;
+  [[nodiscard]] virtual Quota quota_of(const std::string& client) = 0;
+  virtual void took(std::vector<TakenJob> jobs) = 0;
+  /// Ids and tokens of those it has.
+  [[nodiscard]] virtual std::vector<std::pair<std::string, std::string>> held() = 0;
+  /// Others have them now.
+  virtual void lost(const std::vector<std::string>& ids) = 0;
+  /// It is to end; told again until it has.
+  virtual void cancelled(const std::string& id) = 0;
+  /// What there is to tell of those that run.
+  [[nodiscard]] virtual std::vector<LiveJob> live() = 0;
+};
+
+struct FleetLimits {
+  QueueLimits queue;    ///< of all servers together, but for workers
+  double keep_s = 0.0;  ///< answers
+  std::int64_t answer_bytes = 0;
+  double lease_s = 0.0;
+};
+
+/// Thread-safe.
+class FleetStore {
+ public:
+  /// Connects by itself, again and again. `server` is this server's name for people.
+  FleetStore(std::string uri, std::string server, const FleetLimits& limits, const Log& log,
+             FleetTaker& taker);
+
+  void add(std::shared_ptr<FleetJob> job, Settled settled);
+  /// Nothing, if the token is not in force any more. Tried again until it is written: then told.
+  void finish(StoredResult result, const std::string& token, Settled settled);
+  /// It waits again, for any server.
+  void release(const std::string& id, const std::string& token);
+  /// One that waits has this answer, one that runs is told to end.
+  void cancel(StoredResult if_waiting, Settled settled);
+  void forget(const std::string& id, Settled settled);
+
+  /// There may be jobs to take.
+  void look_for_jobs();
+  /// Gives nothing out any more, and writes what is asked for: to the end.
+  void close() { changes_.close(); }
+  [[nodiscard]] Expected<void> health() const { return changes_.health(); }
+  [[nodiscard]] StoreUsage usage() const;
+  [[nodiscard]] bool is_settled() const { return changes_.is_settled(); }
+
+ private:
+  enum class Kind { add, finish, release, cancel, forget };
+  struct Change {
+    Kind kind = Kind::add;
+    std::shared_ptr<FleetJob> job = {};
+    StoredResult result = {};
+    std::string token = {};
+    Settled settled = {};
+    [[nodiscard]] static bool is_change() { return true; }
+    [[nodiscard]] bool is_patient() const { return is_lasting(); }
+    [[nodiscard]] bool is_lasting() const { return kind == Kind::finish || kind == Kind::release; }
+  };
+  // Of a client's jobs of one priority.
+  struct Line {
+    std::string client;
+    std::size_t priority = 0;
+    std::int64_t waiting = 0, running = 0, bytes = 0, turn = 0;
+  };
+  using Lines = std::vector<Line>;
+  struct Due {
+    bool second = false, janitor = false;
+  };
+
+  [[nodiscard]] Expected<void> write(std::vector<Change>& changes);
+  [[nodiscard]] Expected<void> write_once(std::vector<Change>& changes, const Due& due);
+  [[nodiscard]] Expected<void> connect();
+  [[nodiscard]] Expected<void> renew();
+  [[nodiscard]] Expected<Lines> lines();
+  [[nodiscard]] Expected<void> add_all(std::vector<Change>& changes, Lines& lines);
+  [[nodiscard]] Expected<std::vector<TakenJob>> take(const Lines& lines, int room);
+  [[nodiscard]] Expected<void> clean();
+  [[nodiscard]] QueueRefusal refusal(const FleetJob& job, const Lines& lines, int& position) const;
+
+  const std::string uri_, server_, instance_;
+  const FleetLimits limits_;
+  const Log& log_;
+  FleetTaker& taker_;
+  std::optional<Postgres> database_;  // the writer's thread's, as all down to bytes_
+  std::chrono::steady_clock::time_point connected_ = {}, second_ = {}, janitor_ = {};
+  PassedOver passed_over_;
+  std::int64_t takes_ = 0;
+  std::atomic<std::int64_t> bytes_ = 0;
+  std::atomic<bool> looks_ = true;
+  GroupWriter<Change> changes_;
+};
+
+}  // namespace marble::server

@@ -1,0 +1,371 @@
+#include "fleet/fleet_submissions.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+
+#include "base/random_id.h"
+#include "jobs/unix_time.h"
+#include "marble/convert.h"
+#include "messages/job_access.h"
+#include "messages/job_message.h"
+#include "messages/job_requests.h"
+#include "process/fault_point.h"
+#include "service/admission.h"
+#include "store/digest.h"
+#include "submissions/result_keeper.h"
+
+namespace marble::server {
+namespace {
+
+constexpr std::int64_t kLargestValue = 1'000'000'000;  // PostgreSQL's, of a bytea: 1 GB less a header
+constexpr int kMostLost = 5;                           // servers that may go away with a job
+
+// "HOST:PORT", or with a number of its own where the port is any.
+std::string name_of(const Config& config) {
+  std::array<char, 256> host = {};
+  (void)gethostname(host.data(), host.size() - 1);
+  const std::string& address = config.listen.front();
+  const std::size_t colon = address.rfind(':');
+  const std::string port = colon == std::string::npos ? "" : address.substr(colon + 1);
+  const bool has_port =
+      !port.empty() && port != "0" && port.find_first_not_of("0123456789") == std::string::npos;
+  return std::string(host.data()) + ":" + (has_port ? port : random_id().substr(0, 6));
+}
+
+FleetLimits limits_of(const ServiceParts& parts) {
+  return {.queue = parts.scheduler.limits(),
+          .keep_s = parts.config.result_keep_s,
+          .answer_bytes = parts.config.result_bytes,
+          .lease_s = parts.config.state_lease_s};
+}
+
+Error too_large(const char* what) {
+  return failure(ErrorCode::resource_exhausted, what, "is larger than the store takes, 1 GB");
+}
+
+}  // namespace
+
+// Whoever has a worker free looks for the next job.
+class FleetSubmissions::Room final : public RoomWaiter {
+ public:
+  explicit Room(std::function<void()> look) : look_(std::move(look)) {}
+  void room() override { look_(); }
+
+ private:
+  const std::function<void()> look_;
+};
+
+class FleetSubmissions::Keeper final : public JobObserver {
+ public:
+  Keeper(FleetSubmissions& submissions, std::shared_ptr<JobRecord> record, std::string token)
+      : submissions_(submissions), record_(std::move(record)), token_(std::move(token)) {}
+  void finished(Outcome outcome) override { submissions_.ended(*record_, token_, std::move(outcome)); }
+
+ private:
+  FleetSubmissions& submissions_;
+  const std::shared_ptr<JobRecord> record_;
+  const std::string token_;
+};
+
+FleetSubmissions::FleetSubmissions(const ServiceParts& parts)
+    : parts_(parts),
+      server_(name_of(parts.config)),
+      room_(std::make_shared<Room>([this] { store_.look_for_jobs(); })),
+      mirror_(parts, *this),
+      store_(parts.config.state, server_, limits_of(parts), parts.log, *this) {
+  parts.scheduler.set_room_listener(room_);
+  parts.results.set_fetch([this](const std::string& id) { mirror_.fetch(id); });
+  mirror_.start();
+}
+
+// Those that still run tell it their end.
+FleetSubmissions::~FleetSubmissions() {
+  parts_.scheduler.drain(std::chrono::duration<double>(0.0));
+  close();
+}
+
+Expected<std::unique_ptr<Submissions>> FleetSubmissions::begin(const ServiceParts& parts) {
+  auto database = Postgres::open(parts.config.state);
+  if (database) {
+    if (auto ready = prepare_fleet(*database); !ready) return unexpected(ready.error());
+  }
+  std::unique_ptr<FleetSubmissions> begun(new FleetSubmissions(parts));
+  if (database) begun->mirror_.wait(Postgres::kPatience);  // so that it answers for the jobs that are there
+  return begun;
+}
+
+void FleetSubmissions::close() {
+  store_.close();
+  mirror_.close();
+}
+
+Expected<Afterwards> FleetSubmissions::submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
+                                              v1::SubmitResponse* response) {
+  if (parts_.scheduler.is_closed()) return unexpected(draining());
+  if (auto well = health(); !well) return unexpected(not_kept(well.error()));
+  const auto job = std::make_shared<FleetJob>();
+  job->stored.request = request->SerializeAsString();
+  if (job->stored.request.size() > kLargestValue) return unexpected(too_large("problem"));
+  job->stored.request_id = request->request_id();
+  const auto checked = make_job(parts_, caller, JobKind::submitted, std::move(request));
+  if (!checked) return unexpected(checked.error());
+  const JobRecord& record = *(*checked)->record;
+  const JobDescription& what = record.description();
+  if (!job->stored.request_id.empty()) job->stored.digest = digest_of(job->stored.request);
+  job->stored.id = what.id;
+  job->stored.client = what.client;
+  job->stored.peer = what.peer;
+  if (what.trace) job->stored.traceparent = to_traceparent(*what.trace);
+  job->stored.priority = static_cast<std::int64_t>(what.priority);
+  job->quota = (*checked)->quota;
+  v1::JobInfo info;
+  to_message(record, &info);
+  job->info = info.SerializeAsString();
+  // A name in a certificate may hold anything. The store would refuse it again and again.
+  if (what.client.find('\0') != std::string::npos || !v1::JobInfo().ParseFromString(job->info))
+    return unexpected(
+        invalid("client", "must be named in UTF-8, without a zero byte, where others share its jobs"));
+  return [this, job, response](const Settled& settled) {
+    store_.add(job, [job, response, settled](const Expected<void>& made) {
+      if (!made) return settled(unexpected(not_kept(made.error())));
+      if (!job->id) return settled(unexpected(job->id.error()));
+      response->set_job_id(*job->id);
+      response->set_queue_position(job->position);
+      settled({});
+    });
+  };
+}
+
+Expected<Afterwards> FleetSubmissions::cancel(const Identity& caller, const std::string& id,
+                                              v1::CancelJobResponse* response) {
+  const auto record = find_job(parts_.board, caller, id);
+  if (!record) return unexpected(record.error());
+  if (!may_end(caller, (*record)->description().client)) return unexpected(not_to_end(id));
+  if ((*record)->description().kind != JobKind::submitted || (*record)->is_finished()) {
+    if (auto told = cancel_job(parts_.board, caller, id, response); !told) return unexpected(told.error());
+    return Afterwards();
+  }
+  // What it is if it waits: nobody else makes its answer.
+  const auto ended = parts_.board.make((*record)->description(), (*record)->options());
+  Outcome outcome{.solution = unexpected(failure(ErrorCode::cancelled, "given up while the job waited"))};
+  ended->finished(outcome.solution, 0.0, 0.0);
+  StoredResult stored = result_of(*ended, outcome).stored;
+  return [this, record = *record, response, stored = std::move(stored)](const Settled& settled) {
+    store_.cancel(stored, [this, record, response, settled](const Expected<void>& made) {
+      if (!made) return settled(unexpected(made.error()));
+      if (has(record->id())) record->cancel();
+      look(record->id(), [record, response, settled](const Expected<void>& /*looked*/) {
+        to_message(*record, response->mutable_job());
+        settled({});
+      });
+    });
+  };
+}
+
+Expected<Afterwards> FleetSubmissions::remove(const Identity& caller, const std::string& id) {
+  const std::string owner = parts_.results.owner(id);
+  if (owner.empty() || !may_see(caller, owner)) return unexpected(no_such_job(id));
+  if (!may_end(caller, owner)) return unexpected(not_to_end(id));
+  return [this, id](const Settled& settled) {
+    store_.forget(id, [this, settled](const Expected<void>& made) {
+      if (!made) return settled(made);
+      look("", settled);
+    });
+  };
+}
+
+// As many as begin at once. Where others' jobs keep the workers busy, one more, which then waits with them
+// for its turn.
+int FleetSubmissions::room() {
+  if (parts_.scheduler.is_leaving()) return 0;
+  const int free = parts_.scheduler.free_workers();
+  if (free >= 0) return free;
+  const MutexLock lock(mutex_);
+  const bool waits = std::ranges::any_of(
+      held_, [](const auto& one) { return one.second.record->snapshot().state == JobState::queued; });
+  return waits ? 0 : 1;
+}
+
+Quota FleetSubmissions::quota_of(const std::string& client) { return parts_.access.quota_of(client); }
+
+void FleetSubmissions::jobs_wait() { store_.look_for_jobs(); }
+
+bool FleetSubmissions::has(const std::string& id) {
+  const MutexLock lock(mutex_);
+  return held_.contains(id);
+}
+
+std::vector<std::pair<std::string, std::string>> FleetSubmissions::held() {
+  const MutexLock lock(mutex_);
+  std::vector<std::pair<std::string, std::string>> all;
+  for (const auto& [id, job] : held_) {
+    if (!job.is_lost) all.emplace_back(id, job.token);
+  }
+  return all;
+}
+
+void FleetSubmissions::lost(const std::vector<std::string>& ids) {
+  std::vector<std::shared_ptr<JobRecord>> records;
+  {
+    const MutexLock lock(mutex_);
+    for (const std::string& id : ids) {
+      const auto job = held_.find(id);
+      if (job == held_.end()) continue;
+      job->second.is_lost = true;
+      records.push_back(job->second.record);
+    }
+  }
+  for (const auto& record : records) record->cancel();
+}
+
+void FleetSubmissions::cancelled(const std::string& id) {
+  std::shared_ptr<JobRecord> record;
+  {
+    const MutexLock lock(mutex_);
+    if (const auto job = held_.find(id); job != held_.end()) record = job->second.record;
+  }
+  if (record != nullptr) record->cancel();
+}
+
+std::vector<LiveJob> FleetSubmissions::live() {
+  const MutexLock lock(mutex_);
+  std::vector<LiveJob> all;
+  for (auto& [id, job] : held_) {
+    const std::int64_t changes = job.record->changes();
+    if (changes == job.changes || job.record->snapshot().state != JobState::running) continue;
+    job.changes = changes;
+    v1::JobEvent event;
+    const ProgressHistory::Rows rows = job.record->read(job.cursor);
+    for (const Progress& row : rows.rows) marble::to_message(row, event.add_rows());
+    v1::GetJobResponse whole;
+    to_message(*job.record, &whole);
+    const std::int64_t upto = job.cursor - job.begin;
+    all.push_back({.number = job.number,
+                   .token = job.token,
+                   .first = upto - static_cast<std::int64_t>(rows.rows.size()),
+                   .upto = upto,
+                   .rows = event.SerializeAsString(),
+                   .info = whole.job().SerializeAsString(),
+                   .job = whole.SerializeAsString()});
+  }
+  return all;
+}
+
+void FleetSubmissions::took(std::vector<TakenJob> jobs) {
+  for (TakenJob& job : jobs) take_in(std::move(job));
+}
+
+void FleetSubmissions::take_in(TakenJob taken) {
+  const StoredJob& stored = taken.stored;
+  auto record = parts_.board.find(stored.id);
+  // A run of it that was lost here, and may not have ended yet, keeps its own record.
+  if (record == nullptr || record->is_finished() || has(stored.id)) {
+    parts_.board.forget(stored.id);
+    v1::JobInfo info;
+    info.ParseFromString(taken.info);
+    JobDescription what = description_of(info);
+    what.peer = stored.peer;
+    what.trace = parse_traceparent(stored.traceparent, random_id());
+    what.accepted = time_of(stored.accepted_unix_s);
+    record = parts_.board.add(parts_.board.make(std::move(what), Options()));  // or the mirror's, from now
+  }
+  record->set_server(server_);
+  (void)parts_.results.expect(stored.id, stored.client);  // the mirror may not have seen it yet
+  const std::int64_t begin = record->trace().cursor;
+  {
+    const MutexLock lock(mutex_);
+    held_[stored.id] = {
+        .number = taken.number, .token = taken.token, .record = record, .begin = begin, .cursor = begin};
+  }
+  const auto end = [&](const Error& error) {
+    record->finished(unexpected(error), taken.age_s, taken.age_s);
+    parts_.board.finish(record);
+    ended(*record, taken.token, {.solution = unexpected(error)});
+  };
+  if (stored.cancelled) return end(failure(ErrorCode::cancelled, "given up before it had an answer"));
+  if (taken.lost >= kMostLost)
+    return end(
+        failure(ErrorCode::internal, std::to_string(taken.lost) + " servers went away while they ran it"));
+  const auto job = std::make_shared<Job>();
+  job->record = record;
+  job->quota = quota_of(stored.client);
+  const Clock::time_point now = Clock::now();
+  job->accepted =
+      now - std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(taken.age_s));
+  job->ticket = {.client = stored.client,
+                 .priority = static_cast<Priority>(stored.priority),
+                 .arrival = now,
+                 .bytes = static_cast<std::int64_t>(stored.request.size())};
+  job->observer = std::make_shared<Keeper>(*this, record, taken.token);
+  // The worker reads the request: the store's thread has others to serve.
+  job->work = [this, record, quota = job->quota, taken_in = std::weak_ptr(job),
+               shared = std::make_shared<StoredJob>(std::move(taken.stored))](
+                  const SolveControls& controls) -> Expected<Solution> {
+    StoredJob& own = *shared;
+    const auto request = std::make_shared<v1::SolveRequest>();
+    if (!request->ParseFromString(own.request))
+      return unexpected(failure(ErrorCode::internal, "the stored request cannot be read"));
+    own.request = {};
+    const auto highest = static_cast<std::int64_t>(quota.priority);
+    request->set_priority(to_message(static_cast<Priority>(std::max(own.priority, highest))));
+    const Caller caller{.identity = {.client = own.client, .roles = {}},
+                        .origin = {.peer = own.peer, .client = own.client, .request_id = own.request_id},
+                        .earlier = Caller::Earlier{own.id, time_of(own.accepted_unix_s), record}};
+    const auto made = make_job(parts_, caller, JobKind::submitted, request);
+    if (!made) return unexpected(made.error());
+    auto solved = (*made)->work(controls);
+    if (const auto whole = taken_in.lock()) whole->also = std::move((*made)->also);
+    return solved;
+  };
+  const auto place = parts_.scheduler.admit(job);
+  if (place) return;
+  job->observer = nullptr;
+  if (!parts_.scheduler.is_closed() && !parts_.scheduler.fits_alone(*job)) return end(place.error());
+  store_.release(record->id(), taken.token);
+  erase(record->id(), taken.token);
+}
+
+void FleetSubmissions::erase(const std::string& id, const std::string& token) {
+  const MutexLock lock(mutex_);
+  if (const auto job = held_.find(id); job != held_.end() && job->second.token == token) held_.erase(job);
+}
+
+// What a run makes of a job that it does not hold any more is dropped: whoever holds it gives the answer.
+void FleetSubmissions::ended(JobRecord& record, const std::string& token, Outcome outcome) {
+  const std::string& id = record.id();
+  Held job;
+  {
+    const MutexLock lock(mutex_);
+    const auto found = held_.find(id);
+    if (found == held_.end() || found->second.token != token) return;
+    job = found->second;
+  }
+  if (job.is_lost) {
+    erase(id, token);
+    parts_.board.forget(id);
+    return mirror_.read_anew(id);
+  }
+  if (outcome.interrupted) {
+    store_.release(id, token);
+    return erase(id, token);
+  }
+  KeptResult kept = result_of(record, outcome);
+  const auto size = static_cast<std::int64_t>(kept.stored.answer.size());
+  const std::int64_t most = std::min(kLargestValue, parts_.config.result_bytes);
+  if (size > most) {
+    outcome.solution =
+        unexpected(failure(ErrorCode::resource_exhausted, "result_bytes", std::to_string(size),
+                           "the answer is larger than all that is kept, " + std::to_string(most) + " bytes"));
+    kept = result_of(record, outcome);
+  }
+  fault_point("before_answer");
+  store_.finish(std::move(kept.stored), token, [this, id, token](const Expected<void>& made) {
+    if (!made) return;  // it is tried again
+    erase(id, token);
+    look("", [](const Expected<void>& /*looked*/) {});
+  });
+}
+
+}  // namespace marble::server

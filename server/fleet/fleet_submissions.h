@@ -1,0 +1,76 @@
+// Submitted jobs in a store that several servers share: each takes what it has workers for, and answers for
+// all.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "fleet/fleet_mirror.h"
+#include "fleet/fleet_store.h"
+#include "store/submissions.h"
+
+namespace marble::server {
+
+class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
+ public:
+  /// Before anybody calls. Errors: failed_precondition (tables of another version). A store that cannot be
+  /// reached is none.
+  [[nodiscard]] static Expected<std::unique_ptr<Submissions>> begin(const ServiceParts& parts);
+  ~FleetSubmissions() override;
+  FleetSubmissions(const FleetSubmissions&) = delete;
+  FleetSubmissions& operator=(const FleetSubmissions&) = delete;
+
+  [[nodiscard]] Expected<Afterwards> submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
+                                            v1::SubmitResponse* response) override;
+  [[nodiscard]] Expected<Afterwards> cancel(const Identity& caller, const std::string& id,
+                                            v1::CancelJobResponse* response) override;
+  [[nodiscard]] Expected<Afterwards> remove(const Identity& caller, const std::string& id) override;
+  void look(const std::string& id, Settled then) override { mirror_.look(id, std::move(then)); }
+  [[nodiscard]] Expected<void> health() const override { return store_.health(); }
+  [[nodiscard]] std::optional<StoreUsage> usage() const override { return store_.usage(); }
+  [[nodiscard]] bool is_settled() const override { return store_.is_settled() && mirror_.is_settled(); }
+  /// After the drain.
+  void close() override;
+
+ private:
+  // One that this server has taken and the store has no answer of yet.
+  struct Held {
+    std::int64_t number = 0;
+    std::string token;
+    std::shared_ptr<JobRecord> record;
+    std::int64_t begin = 0, cursor = 0;  // of its rows: before the first; told
+    std::int64_t changes = 0;
+    bool is_lost = false;  // another server has it
+  };
+  class Keeper;
+  class Room;
+
+  explicit FleetSubmissions(const ServiceParts& parts);
+  // FleetTaker
+  [[nodiscard]] int room() override ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Quota quota_of(const std::string& client) override;
+  void took(std::vector<TakenJob> jobs) override ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] std::vector<std::pair<std::string, std::string>> held() override ABSL_LOCKS_EXCLUDED(mutex_);
+  void lost(const std::vector<std::string>& ids) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void cancelled(const std::string& id) override ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] std::vector<LiveJob> live() override ABSL_LOCKS_EXCLUDED(mutex_);
+  // FleetOwner
+  [[nodiscard]] bool has(const std::string& id) override ABSL_LOCKS_EXCLUDED(mutex_);
+  void jobs_wait() override;
+
+  void take_in(TakenJob taken) ABSL_LOCKS_EXCLUDED(mutex_);
+  void ended(JobRecord& record, const std::string& token, Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
+  void erase(const std::string& id, const std::string& token) ABSL_LOCKS_EXCLUDED(mutex_);
+
+  const ServiceParts& parts_;
+  const std::string server_;
+  const std::shared_ptr<Room> room_;
+  Mutex mutex_;
+  std::map<std::string, Held> held_ ABSL_GUARDED_BY(mutex_);
+  FleetMirror mirror_;
+  FleetStore store_;
+};
+
+}  // namespace marble::server

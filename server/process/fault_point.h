@@ -1,0 +1,18 @@
+// Moments at which tests have the server killed, as a crash or a power cut would: those where a promise could
+// break.
+#pragma once
+
+#include <string_view>
+
+namespace marble::server {
+
+/// Kills this process, as kill -9 does, if the environment says so: MARBLE_FAULT_POINT=NAME:N, the Nth time
+/// that it comes by the point of that name. Thread-safe.
+///
+/// - before_commit: a transaction of the store is whole, and not on disk
+/// - after_commit: it is on disk, and nobody was told
+/// - before_answer: a submitted job has its answer, which the store has not been given
+/// - within_answer: an answer is on its way to its client
+void fault_point(std::string_view name);
+
+}  // namespace marble::server

@@ -1,0 +1,116 @@
+#include "submissions/local_submissions.h"
+
+#include "jobs/unix_time.h"
+#include "messages/job_access.h"
+#include "messages/job_requests.h"
+#include "service/admission.h"
+#include "store/digest.h"
+#include "submissions/result_keeper.h"
+
+namespace marble::server {
+namespace {
+
+void fill(const std::string& id, const QueuePlace& place, v1::SubmitResponse* response) {
+  response->set_job_id(id);
+  response->set_queue_position(place.position);
+  response->set_estimated_wait_s(place.estimated_wait_s);
+}
+
+// The job on disk. One that cannot be put there ends, and nobody has heard of it.
+Afterwards kept(const ServiceParts& parts, JobStore& store, const std::shared_ptr<ResultKeeper>& keeper,
+                const std::shared_ptr<JobRecord>& record, StoredJob job) {
+  return [&parts, &store, keeper, record, job = std::move(job)](const Settled& settled) mutable {
+    store.add(std::move(job), [&parts, record, settled](const Expected<void>& added) {
+      if (added) return settled(added);
+      record->cancel();
+      parts.results.forget(record->id());
+      parts.board.forget(record->id());
+      settled(unexpected(Submissions::not_kept(added.error())));
+    });
+    keeper->added();
+  };
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<Submissions>> LocalSubmissions::begin(const ServiceParts& parts, JobStore* store) {
+  std::unique_ptr<LocalSubmissions> submissions(new LocalSubmissions(parts, store));
+  if (store == nullptr) return submissions;
+  auto recovery = Recovery::begin(parts, *store);
+  if (!recovery) return unexpected(recovery.error());
+  submissions->recovery_ = std::move(*recovery);
+  return submissions;
+}
+
+Expected<Afterwards> LocalSubmissions::submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
+                                              v1::SubmitResponse* response) {
+  if (auto well = health(); !well) return unexpected(not_kept(well.error()));
+  const auto job = make_job(parts_, caller, JobKind::submitted, request);
+  if (!job) return unexpected(job.error());
+  StoredJob stored{.request_id = request->request_id()};
+  if (store_ != nullptr || !stored.request_id.empty()) stored.request = request->SerializeAsString();
+  if (!stored.request_id.empty()) stored.digest = digest_of(stored.request);
+  request = nullptr;  // the job's
+  const std::shared_ptr<JobRecord> record = (*job)->record;
+  const std::string& client = caller.identity.client;
+  const auto id = parts_.results.expect(record->id(), client, {stored.request_id, stored.digest});
+  if (!id) return unexpected(id.error());
+  if (*id != record->id()) {
+    const auto earlier = parts_.board.find(*id);
+    fill(*id, earlier != nullptr ? earlier->place() : QueuePlace{}, response);
+    return when_settled();
+  }
+  const auto keeper = std::make_shared<ResultKeeper>(parts_, store_, record);
+  (*job)->observer = keeper;
+  const auto place = parts_.scheduler.admit(*job);
+  if (!place) {
+    parts_.results.forget(record->id());
+    return unexpected(place.error());
+  }
+  fill(record->id(), *place, response);
+  if (store_ == nullptr) return Afterwards();
+  const JobDescription& what = record->description();
+  stored.id = what.id;
+  stored.client = client;
+  stored.peer = what.peer;
+  if (what.trace) stored.traceparent = to_traceparent(*what.trace);
+  stored.priority = static_cast<std::int64_t>(what.priority);
+  stored.accepted_unix_s = unix_s(what.accepted);
+  return kept(parts_, *store_, keeper, record, std::move(stored));
+}
+
+Expected<Afterwards> LocalSubmissions::cancel(const Identity& caller, const std::string& id,
+                                              v1::CancelJobResponse* response) {
+  if (auto asked = cancel_job(parts_.board, caller, id, response); !asked) return unexpected(asked.error());
+  const auto record = parts_.board.find(id);
+  if (store_ == nullptr || record == nullptr || record->description().kind != JobKind::submitted)
+    return Afterwards();
+  store_->cancel(id);
+  return when_settled();
+}
+
+Expected<Afterwards> LocalSubmissions::remove(const Identity& caller, const std::string& id) {
+  const std::string owner = parts_.results.owner(id);
+  if (owner.empty() || !may_see(caller, owner)) return unexpected(no_such_job(id));
+  if (!may_end(caller, owner)) return unexpected(not_to_end(id));
+  if (!parts_.results.forget(id)) return unexpected(no_such_job(id));
+  if (const auto record = parts_.board.find(id); record != nullptr) record->cancel();
+  parts_.board.forget(id);
+  return when_settled();
+}
+
+Expected<void> LocalSubmissions::health() const {
+  return store_ != nullptr ? store_->health() : Expected<void>();
+}
+
+std::optional<StoreUsage> LocalSubmissions::usage() const {
+  if (store_ == nullptr) return std::nullopt;
+  return store_->usage();
+}
+
+Afterwards LocalSubmissions::when_settled() const {
+  if (store_ == nullptr) return {};
+  return [store = store_](Settled settled) { store->when_settled(std::move(settled)); };
+}
+
+}  // namespace marble::server

@@ -1,0 +1,107 @@
+// A real PostgreSQL of Debian's on a free loopback port, for one test: killed, stopped and started again on
+// the same files.
+#pragma once
+
+#include <arpa/inet.h>
+#include <pwd.h>
+#include <sys/socket.h>
+
+#include <memory>
+#include <optional>
+
+#include "child_process.h"
+
+namespace marble::testing {
+
+class PostgresProcess {
+ public:
+  /// `programs`: the folder of initdb and postgres. A new database, where everybody on this machine may come.
+  explicit PostgresProcess(std::string programs) : programs_(std::move(programs)), port_(free_port()) {
+    if (const passwd* const user = getpwnam("nobody"); geteuid() == 0 && user != nullptr) {
+      // PostgreSQL refuses to run as root.
+      const std::string folder = std::filesystem::path(directory_.file("data")).parent_path();
+      if (chown(folder.c_str(), user->pw_uid, user->pw_gid) != 0) throw std::runtime_error("cannot chown");
+      as_user_ = {"/usr/bin/setpriv", "--reuid=nobody", "--regid=" + std::to_string(user->pw_gid),
+                  "--clear-groups"};
+    }
+    ChildProcess made(as_user({programs_ + "/initdb", "-D", directory_.file("data"), "-A", "trust", "-U",
+                               "marble", "--no-sync", "-E", "UTF8", "--locale=C"}),
+                      directory_.file("initdb.log"));
+    if (made.wait() != 0) throw std::runtime_error("initdb failed: " + made.output());
+    start();
+  }
+  ~PostgresProcess() { stop(); }
+  PostgresProcess(const PostgresProcess&) = delete;
+  PostgresProcess& operator=(const PostgresProcess&) = delete;
+
+  [[nodiscard]] std::string uri() const {
+    return "postgresql://marble@127.0.0.1:" + std::to_string(port_) + "/postgres";
+  }
+
+  /// Ready when it returns. After a kill its own processes take a moment to end: it is tried until they have.
+  void start() {
+    const bool ready = eventually([&] {
+      const std::string log = directory_.file("log." + std::to_string(++starts_));
+      process_ = std::make_unique<ChildProcess>(
+          as_user({programs_ + "/postgres", "-D", directory_.file("data"), "-c", "listen_addresses=127.0.0.1",
+                   "-c", "port=" + std::to_string(port_), "-c", "unix_socket_directories=", "-c",
+                   "fsync=off"}),
+          log);
+      const bool up = eventually([&] {
+        return !process_->running() ||
+               process_->output().find("ready to accept connections") != std::string::npos;
+      });
+      return up && process_->running();
+    });
+    if (!ready) throw std::runtime_error("PostgreSQL did not start: " + process_->output());
+  }
+  /// kill -9.
+  void kill() { end(SIGKILL); }
+  /// As pg_ctl stop -m immediate.
+  void stop() { end(SIGQUIT); }
+  /// Neither answers nor closes its connections: what a machine that hangs looks like.
+  void pause() { process_->send(SIGSTOP); }
+
+  /// One statement, by psql.
+  [[nodiscard]] std::string ask(const std::string& statement) const {
+    const std::string file = directory_.file("psql.log");
+    std::filesystem::remove(file);
+    ChildProcess psql({programs_ + "/psql", uri(), "-qAtc", statement}, file);
+    if (psql.wait() != 0) throw std::runtime_error(psql.output());
+    std::string text = psql.output();
+    if (!text.empty()) text.pop_back();
+    return text;
+  }
+
+ private:
+  void end(int signal) {
+    if (process_ == nullptr || !process_->running()) return;
+    process_->send(signal);
+    process_->wait();
+  }
+  [[nodiscard]] std::vector<std::string> as_user(std::vector<std::string> command) const {
+    command.insert(command.begin(), as_user_.begin(), as_user_.end());
+    return command;
+  }
+  static int free_port() {
+    const int listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in name = {};
+    name.sin_family = AF_INET;
+    name.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof name;
+    const bool bound = bind(listener, reinterpret_cast<const sockaddr*>(&name), size) == 0 &&
+                       getsockname(listener, reinterpret_cast<sockaddr*>(&name), &size) == 0;
+    close(listener);
+    if (!bound) throw std::runtime_error("no free port");
+    return ntohs(name.sin_port);
+  }
+
+  const std::string programs_;
+  const int port_;
+  std::vector<std::string> as_user_;
+  TemporaryDirectory directory_;
+  int starts_ = 0;
+  std::unique_ptr<ChildProcess> process_;
+};
+
+}  // namespace marble::testing
