@@ -9,13 +9,13 @@
 #include "http/page_routes.h"
 #include "http/requests/browser_guard.h"
 #include "http/requests/endpoint.h"
+#include "http/requests/places.h"
 #include "http/requests/reply.h"
+#include "http/submission_routes.h"
 #include "http/transport/bounded_server.h"
 
 namespace marble::server {
 namespace {
-
-constexpr std::size_t kLongestBody = 1 << 16;  // bytes; nothing that is asked here is longer
 
 // A second server on the port must fail, not share it: httplib's default allows it.
 void set_socket_options(int socket) {
@@ -24,7 +24,20 @@ void set_socket_options(int socket) {
 }
 
 // Each holds a thread: some are left for requests.
-int most_streams(const Config& config) { return config.http_connections / 4 * 3; }
+int most_lasting(const Config& config) { return config.http_connections / 4 * 3; }
+
+// But for a problem nothing that is asked here is long.
+std::size_t longest_body(const Config& config, const httplib::Request& request) {
+  const bool submits = request.method == "POST" && request.path == http::kJobsPath;
+  return submits ? static_cast<std::size_t>(config.http_body_bytes) : http::BoundedServer::kOrdinaryBody;
+}
+
+void tell_too_long(const Config& config, const httplib::Request& request, httplib::Response& response) {
+  http::reply_error(response,
+                    invalid("body", request.get_header_value("Content-Length") + " bytes",
+                            "must have at most " + std::to_string(longest_body(config, request)) + " bytes"));
+  response.status = 413;
+}
 
 Clock::duration line_time_of(const Config& config) {
   return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(config.http_line_s));
@@ -50,9 +63,6 @@ void tell_fault(const http::Router& router, const httplib::Request& request, htt
     tell(ErrorCode::invalid_argument, "method", request.method, "must be one of " + methods);
   } else if (response.status == 404) {
     tell(ErrorCode::not_found, "path", request.path, "is nothing that is here");
-  } else if (response.status == 413) {
-    tell(ErrorCode::invalid_argument, "body", "",
-         "must have at most " + std::to_string(kLongestBody) + " bytes");
   } else if (response.status == 414) {
     tell(ErrorCode::invalid_argument, "path", "",
          "must have at most " + std::to_string(CPPHTTPLIB_REQUEST_URI_MAX_LENGTH) + " bytes");
@@ -66,17 +76,23 @@ void tell_fault(const http::Router& router, const httplib::Request& request, htt
 HttpServer::HttpServer(const ServiceParts& parts, const std::string& address,
                        const std::vector<int>& listeners)
     : parts_(parts),
-      events_(std::make_unique<http::EventHub>(parts, most_streams(parts.config))),
+      places_(std::make_unique<http::Places>(most_lasting(parts.config), parts.config.transport_bytes)),
+      events_(std::make_unique<http::EventHub>(parts, *places_)),
       server_(std::make_unique<http::BoundedServer>(tls_of(parts, address), parts.config.http_connections,
                                                     line_time_of(parts.config))),
       router_(std::make_unique<http::Router>(*server_)) {
   server_->set_socket_options(set_socket_options);
   server_->set_tcp_nodelay(true);
-  server_->set_payload_max_length(kLongestBody);
+  server_->set_payload_max_length(
+      std::max<std::size_t>(parts.config.http_body_bytes, http::BoundedServer::kOrdinaryBody));
+  server_->set_bodies(
+      {[&config = parts.config](const httplib::Request& request) { return longest_body(config, request); },
+       parts.config.http_body_rate});
   server_->set_default_headers(http::safety_headers());
   set_handlers(http::is_loopback(address));
   http::add_health_routes(*router_, parts, listeners);
   http::add_job_routes(*router_, parts);
+  http::add_submission_routes(*router_, parts, *places_);
   http::add_event_routes(*router_, parts, *events_);
   http::add_metrics_route(*router_, parts);
   http::add_page_routes(*router_);
@@ -89,7 +105,10 @@ void HttpServer::set_handlers(bool on_loopback) {
         const bool is_local = on_loopback && !parts_.access.knows_callers();
         const auto allowed = http::check_browser(request, is_local);
         if (!allowed) http::refuse(parts_.log, request, allowed.error(), response);
-        return allowed ? Handled::Unhandled : Handled::Handled;
+        if (!allowed) return Handled::Handled;
+        if (!server_->is_too_long(request)) return Handled::Unhandled;
+        tell_too_long(parts_.config, request, response);
+        return Handled::Handled;
       });
   server_->set_post_routing_handler([](const httplib::Request&, httplib::Response& response) {
     if (!response.has_header("Cache-Control")) response.set_header("Cache-Control", "no-store");

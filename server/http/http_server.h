@@ -12,6 +12,7 @@ namespace marble::server {
 namespace http {
 class BoundedServer;
 class EventHub;
+class Places;
 class Router;
 }  // namespace http
 
@@ -35,6 +36,7 @@ class HttpServer {
   [[nodiscard]] bool bind(const std::string& address);
 
   const ServiceParts& parts_;
+  std::unique_ptr<http::Places> places_;
   std::unique_ptr<http::EventHub> events_;
   std::unique_ptr<http::BoundedServer> server_;
   std::unique_ptr<http::Router> router_;

@@ -2,8 +2,6 @@
 
 #include <array>
 #include <charconv>
-#include <future>
-#include <memory>
 
 #include "http/requests/endpoint.h"
 #include "http/requests/reply.h"
@@ -83,14 +81,6 @@ Answer of_job(const ServiceParts& parts, Ask ask) {
     reply_json(response, message);
     return {};
   };
-}
-
-// On a thread that may wait.
-Expected<void> wait_for(const Afterwards& afterwards) {
-  if (!afterwards) return {};
-  const auto ended = std::make_shared<std::promise<Expected<void>>>();
-  afterwards([ended](const Expected<void>& how) { ended->set_value(how); });
-  return ended->get_future().get();
 }
 
 }  // namespace

@@ -44,11 +44,15 @@ std::string literal(std::string_view name) {
   return pattern;
 }
 
+std::string path_of(std::string_view name) {
+  if (name == "index.html") return "/";
+  return (name == "openapi.json" ? "/api/" : "/assets/") + literal(name);
+}
+
 }  // namespace
 
 void add_page_routes(Router& router) {
-  for (const PageAsset& asset : page_assets())
-    router.get(asset.name == "index.html" ? "/" : "/assets/" + literal(asset.name), send(asset));
+  for (const PageAsset& asset : page_assets()) router.get(path_of(asset.name), send(asset));
 }
 
 }  // namespace marble::server::http

@@ -9,6 +9,10 @@
 namespace marble::server {
 namespace {
 
+constexpr std::size_t kLongestValue = 64;  // bytes of an error's value that are told
+
+}  // namespace
+
 bool retry_may_help(ErrorCode code) {
   switch (code) {
 #define MARBLE_ERROR(name, code, exit, retry, ...) \
@@ -18,10 +22,6 @@ bool retry_may_help(ErrorCode code) {
   }
   return false;
 }
-
-constexpr std::size_t kLongestValue = 64;  // bytes of an error's value that are told
-
-}  // namespace
 
 Error abridged(Error error) {
   if (error.value.size() <= kLongestValue) return error;

@@ -7,13 +7,14 @@
 #include <cstdint>
 #include <string>
 
+#include "../server/idle_parts.h"
 #include "expect.h"
 #include "http/job_routes.h"
 #include "http/metrics_route.h"
 #include "http/page_routes.h"
 #include "http/requests/browser_guard.h"
+#include "http/submission_routes.h"
 #include "http/transport/connection.h"
-#include "submissions/local_submissions.h"
 
 namespace {
 
@@ -30,10 +31,10 @@ class Answering final : public httplib::Server {
   }
 };
 
-// What the routes answer from: a server that has no jobs.
-struct Parts {
+// What the routes answer from: a server that has no jobs but those that are sent here.
+struct Parts : IdleParts {
   Parts() {
-    all.submissions = submissions.get();
+    config.http_wait_s = 0.0;
     server.set_payload_max_length(1 << 16);
     server.set_pre_routing_handler([](const httplib::Request& request, httplib::Response& response) {
       if (http::check_browser(request, true)) return httplib::Server::HandlerResponse::Unhandled;
@@ -41,26 +42,13 @@ struct Parts {
       return httplib::Server::HandlerResponse::Handled;
     });
     http::add_job_routes(router, all);
+    http::add_submission_routes(router, all, places);
     http::add_metrics_route(router, all);
     http::add_page_routes(router);
   }
 
-  Config config;
-  Log log{"text", "off", 1 << 20};
-  Access access{config};
-  Metrics metrics{true, 10};
-  LiveCalls calls;
-  JobBoard board{{10, 10, 10}};
-  FeedLimit feeds{10};
-  ResultStore results{{std::chrono::seconds(10), 1000}};
-  SessionTable sessions{{10, 1000}};
-  ConnectionTable connections{{}, log};
-  Scheduler scheduler{{1, 10, 1000, 10}, board, log, metrics};
-  Pulse pulse;
-  ServiceParts all{config, access,  log,       metrics,  pulse,       board,
-                   feeds,  results, scheduler, sessions, connections, calls};
-  const std::unique_ptr<Submissions> submissions = LocalSubmissions::begin(all, nullptr).value();
   Answering server;
+  http::Places places{8, 1 << 20};
   http::Router router{server};
 };
 

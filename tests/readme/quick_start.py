@@ -76,6 +76,8 @@ def main():
     assert len(shown) == 1 and blocks[-1][0] == "text", "a quick start ends in what it prints"
     if any("npm " in text for kind, text in blocks if kind == "sh"):
         node_is_there()
+    if any("curl " in text for kind, text in blocks if kind == "sh") and shutil.which("curl") is None:
+        skip("curl is not installed")
     with tempfile.TemporaryDirectory(prefix="marble readme ") as work:
         work = pathlib.Path(work)
         make_checkout(work / "checkout")
@@ -86,7 +88,7 @@ def main():
         server = Server(BUILD / "bin")
         try:
             printed = done_in(work, blocks, {**os.environ, "PATH": path, "HOME": str(work / "home"),
-                                             "MARBLE_SERVER": server.address, "npm_config_cache": cache})
+                                             "MARBLE_SERVER": server.address, "MARBLE_HTTP": server.http, "npm_config_cache": cache})
         finally:
             server.stop()
     # Builds talk before their program does.

@@ -100,6 +100,16 @@ class HttpServiceTest : public SecureServiceTest {
     headers.emplace("Marble-Request", "1");
     return client().Post("/api/jobs/" + id + "/cancel", headers, "", "application/json");
   }
+  /// POST of this text as JSON to /api/jobs.
+  [[nodiscard]] httplib::Result post(const std::string& text, const httplib::Headers& headers = {}) {
+    return client().Post("/api/jobs", headers, text, "application/json");
+  }
+  /// The id of the job that this becomes.
+  [[nodiscard]] std::string posted(const Json& request, const httplib::Headers& headers = {}) {
+    const auto answer = post(request.dump(), headers);
+    EXPECT_EQ(answer->status, 202) << answer->body;
+    return answer->status == 202 ? Json::parse(answer->body).at("job_id").get<std::string>() : "";
+  }
   [[nodiscard]] static Json error_of(const httplib::Result& result) {
     return Json::parse(result->body).at("error");
   }

@@ -1,5 +1,6 @@
 #include "http/requests/caller.h"
 
+#include "base/random_id.h"
 #include "http/transport/tls_session.h"
 
 namespace marble::server::http {
@@ -14,6 +15,13 @@ Credentials credentials_of(const httplib::Request& request) {
   given.certificate = certificate_name(request.ssl);
   if (request.has_header("Marble-Client")) given.name = request.get_header_value("Marble-Client");
   return given;
+}
+
+Origin origin_of(const httplib::Request& request) {
+  Origin origin{credentials_of(request).peer};
+  if (request.get_header_value_count("traceparent") == 1)
+    origin.trace = parse_traceparent(request.get_header_value("traceparent"), random_id());
+  return origin;
 }
 
 }  // namespace marble::server::http

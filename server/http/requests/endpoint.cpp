@@ -8,7 +8,6 @@
 #include "http/requests/caller.h"
 #include "http/requests/reply.h"
 #include "queue/job_log.h"
-#include "store/submissions.h"
 
 namespace marble::server::http {
 
@@ -27,10 +26,15 @@ httplib::Server::Handler endpoint(const ServiceParts& parts, Answer answer) {
   };
 }
 
+Expected<void> wait_for(const Afterwards& afterwards) {
+  if (!afterwards) return {};
+  const auto ended = std::make_shared<std::promise<Expected<void>>>();
+  afterwards([ended](const Expected<void>& how) { ended->set_value(how); });
+  return ended->get_future().get();
+}
+
 Expected<void> look(const ServiceParts& parts, const std::string& id) {
-  const auto looked = std::make_shared<std::promise<Expected<void>>>();
-  parts.submissions->look(id, [looked](const Expected<void>& how) { looked->set_value(how); });
-  return looked->get_future().get();
+  return wait_for([&](Settled settled) { parts.submissions->look(id, std::move(settled)); });
 }
 
 Expected<void> check_parameters(const httplib::Request& request, std::initializer_list<const char*> known) {

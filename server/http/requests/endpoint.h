@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "service/service_parts.h"
+#include "store/submissions.h"
 
 namespace marble::server::http {
 
@@ -17,6 +18,8 @@ using Answer = std::function<Expected<void>(const httplib::Request&, const Ident
 
 /// Submissions::look(), on a thread that may wait.
 [[nodiscard]] Expected<void> look(const ServiceParts& parts, const std::string& id = "");
+/// On a thread that may wait.
+[[nodiscard]] Expected<void> wait_for(const Afterwards& afterwards);
 
 /// Tells the client and the log.
 void refuse(const Log& log, const httplib::Request& request, const Error& error, httplib::Response& response);

@@ -55,11 +55,8 @@ struct EventHub::Topic {
   bool starts = false;                      // tell from the beginning; the thread's too
 };
 
-EventHub::EventHub(const ServiceParts& parts, int most_viewers)
-    : parts_(parts),
-      most_viewers_(most_viewers),
-      feeds_(std::numeric_limits<int>::max()),
-      thread_([this] { run(); }) {}
+EventHub::EventHub(const ServiceParts& parts, Places& places)
+    : parts_(parts), places_(places), feeds_(std::numeric_limits<int>::max()), thread_([this] { run(); }) {}
 
 EventHub::~EventHub() {
   stop();
@@ -89,25 +86,23 @@ Expected<std::unique_ptr<EventHub::Viewer>> EventHub::join(const Identity& calle
   const Quota quota = parts_.access.quota_of(caller.client);
   if (auto entered = parts_.feeds.enter(caller.client, quota.watchers); !entered)
     return unexpected(entered.error());
-  const MutexLock lock(mutex_);
-  if (viewers_ >= most_viewers_) {
+  auto place = places_.stay();
+  if (!place) {
     parts_.feeds.leave(caller.client);
-    return unexpected(failure(ErrorCode::resource_exhausted, "http_connections",
-                              "leaves room for " + std::to_string(most_viewers_) + " event streams"));
+    return unexpected(place.error());
   }
-  ++viewers_;
+  const MutexLock lock(mutex_);
   std::shared_ptr<Topic>& shared = topics_[topic.key];
   if (shared == nullptr || shared->over) shared = std::make_shared<Topic>(std::move(topic));
   ++shared->viewers;
   shared->has_newcomer = true;
   wake_.notify_all();
-  return std::unique_ptr<Viewer>(new Viewer(*this, caller.client, shared, shared->end));
+  return std::unique_ptr<Viewer>(new Viewer(*this, *std::move(place), caller.client, shared, shared->end));
 }
 
 void EventHub::leave(const std::string& client, const std::shared_ptr<Topic>& topic) {
   parts_.feeds.leave(client);
   const MutexLock lock(mutex_);
-  --viewers_;
   if (--topic->viewers > 0) return;
   const auto found = topics_.find(topic->key);
   if (found != topics_.end() && found->second == topic) topics_.erase(found);

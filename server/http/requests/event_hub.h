@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "http/requests/places.h"
 #include "mutex.h"
 #include "service/service_parts.h"
 
@@ -25,8 +26,8 @@ class EventHub {
   static constexpr std::chrono::milliseconds kTick{
       125};  ///< of one job's events; all jobs' come every second tick
 
-  /// At most `most_viewers` at a time, and as many as parts.feeds allows.
-  EventHub(const ServiceParts& parts, int most_viewers);
+  /// Each viewer has a place, and one of parts.feeds.
+  EventHub(const ServiceParts& parts, Places& places);
   ~EventHub();
   EventHub(const EventHub&) = delete;
   EventHub& operator=(const EventHub&) = delete;
@@ -50,9 +51,15 @@ class EventHub {
 
    private:
     friend class EventHub;
-    Viewer(EventHub& hub, std::string client, std::shared_ptr<Topic> topic, std::int64_t at)
-        : hub_(hub), client_(std::move(client)), topic_(std::move(topic)), at_(at) {}
+    Viewer(EventHub& hub, Places::Place place, std::string client, std::shared_ptr<Topic> topic,
+           std::int64_t at)
+        : hub_(hub),
+          place_(std::move(place)),
+          client_(std::move(client)),
+          topic_(std::move(topic)),
+          at_(at) {}
     EventHub& hub_;
+    const Places::Place place_;
     const std::string client_;
     const std::shared_ptr<Topic> topic_;
     std::int64_t at_;  // number of the frame to read next
@@ -78,13 +85,12 @@ class EventHub {
   [[nodiscard]] Frame server_frame() const;
 
   const ServiceParts& parts_;
-  const int most_viewers_;
+  Places& places_;
   FeedLimit feeds_;  // of the topics: viewers are what is limited
   std::int64_t tick_ = 0;
   Mutex mutex_;
   Condition wake_;
   std::map<std::string, std::shared_ptr<Topic>> topics_ ABSL_GUARDED_BY(mutex_);
-  int viewers_ ABSL_GUARDED_BY(mutex_) = 0;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   std::thread thread_;
 };

@@ -13,7 +13,14 @@ namespace marble::server::http {
 
 void reply_json(httplib::Response& response, const google::protobuf::Message& message);
 
-/// {"error": {"code", "field", "index", "value", "bound", "message"}} and the HTTP status that fits.
-void reply_error(httplib::Response& response, const Error& error);
+/// JSON that was made already.
+void reply_text(httplib::Response& response, std::string json);
+
+/// {"error": {"code", "field", "index", "value", "bound", "message"}} and the HTTP status that fits. Where
+/// the same may be taken later, after how many seconds.
+void reply_error(httplib::Response& response, const Error& error, double retry_delay_s = 1.0);
+
+/// What became of a job without a solution: {"job_id", "error"}.
+void reply_failed_job(httplib::Response& response, const std::string& id, const Error& error);
 
 }  // namespace marble::server::http

@@ -18,11 +18,19 @@ class Router {
   /// `pattern` is a regular expression of the whole path; HEAD comes with GET.
   void get(const std::string& pattern, Handler handler);
   void post(const std::string& pattern, Handler handler);
+  /// The handler reads the body itself, once it knows whose it is.
+  void post_unread(const std::string& pattern, httplib::Server::HandlerWithContentReader handler);
+  void del(const std::string& pattern, Handler handler);
   /// What a path takes, as in "GET, HEAD"; empty if it is none that is here.
   [[nodiscard]] std::string methods_of(const std::string& path) const;
+  /// All of them, as in "GET, HEAD /api/jobs/([^/]+)".
+  [[nodiscard]] std::vector<std::string> routes() const;
 
  private:
+  void add(const std::string& pattern, const char* methods);
+
   struct Route {
+    std::string text;
     std::regex pattern;
     const char* methods;
   };

@@ -72,6 +72,10 @@ bool BoundedServer::process_and_close_socket(socket_t socket) {
   return usable;
 }
 
+bool BoundedServer::is_too_long(const httplib::Request& request) const {
+  return request.get_header_value<std::uint64_t>("Content-Length") > bodies_.longest(request);
+}
+
 TaskQueue& BoundedServer::queue_for(std::string_view request) {
   if (asks_for(request, "/healthz")) return healthz_;
   if (asks_for(request, "/readyz")) return readyz_;
@@ -81,14 +85,24 @@ TaskQueue& BoundedServer::queue_for(std::string_view request) {
 void BoundedServer::serve(const Lobby::Guest& connection) {
   const bool is_final = connection->begin_request() == kMostRequests;
   bool closes = false, is_last = true;  // unless it can be read
+  std::size_t length = 0, left = 0;     // of the body, of what may be read from there
+  bool in_pieces = false;
   const auto set_up = [&](httplib::Request& request) {
     request.ssl = connection->session();
     is_last = prepare(request);
-    // Else httplib would wait for all of it before it answers 413.
-    if (request.get_header_value<std::uint64_t>("Content-Length") > payload_max_length_)
-      connection->end_request();
+    in_pieces = request.has_header("Transfer-Encoding");
+    length = request.get_header_value<std::uint64_t>("Content-Length");
+    if (is_too_long(request)) {
+      connection->end_request();  // else httplib would wait for all of it before it answers
+    } else if (length > kOrdinaryBody) {
+      const std::chrono::duration<double> time(static_cast<double>(length) / bodies_.bytes_per_s);
+      connection->expect_body(length, line_time_ + std::chrono::duration_cast<Clock::duration>(time));
+    }
+    left = connection->left();
   };
-  if (!process_request(*connection, is_final, closes, set_up) || closes || is_last || is_final) return;
+  const bool done = process_request(*connection, is_final, closes, set_up);
+  if (in_pieces || left - connection->left() < length) connection->end_request();  // perhaps nobody wanted it
+  if (!done || closes || is_last || is_final) return;
   connection->await_next();
   lobby_.enter(connection);
 }

@@ -5,7 +5,9 @@
 #include <httplib.h>
 
 #include <atomic>
+#include <functional>
 #include <memory>
+#include <utility>
 
 #include "http/transport/lobby.h"
 #include "http/transport/task_queue.h"
@@ -18,6 +20,16 @@ class BoundedServer final : public httplib::Server {
   /// `tls` is null in the clear. At most `connections` are served at once, each by a thread, and as many wait
   /// for their request to arrive; its first line has `line_time`.
   BoundedServer(std::unique_ptr<TlsSessions> tls, int connections, Clock::duration line_time);
+
+  static constexpr std::size_t kOrdinaryBody = 1 << 16;  ///< bytes
+  /// How long the body of a request may be, and how fast one must come at least that is no ordinary one.
+  struct Bodies {
+    std::function<std::size_t(const httplib::Request&)> longest;
+    double bytes_per_s = 1.0;
+  };
+  void set_bodies(Bodies bodies) { bodies_ = std::move(bodies); }
+  /// Whether a request announces a body that is too long: it is not read.
+  [[nodiscard]] bool is_too_long(const httplib::Request& request) const;
 
   /// After a port was bound: many may come at once. httplib's five are soon more, and the sixth waits a
   /// second until its kernel asks again.
@@ -34,6 +46,7 @@ class BoundedServer final : public httplib::Server {
 
   const std::unique_ptr<TlsSessions> tls_;
   const Clock::duration line_time_;
+  Bodies bodies_;
   std::atomic<bool> stopping_ = false;
   TaskQueue requests_;
   TaskQueue healthz_{1}, readyz_{1};  // a probe waits for no request and for no other probe

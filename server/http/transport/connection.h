@@ -4,6 +4,7 @@
 #include <httplib.h>
 #include <poll.h>
 
+#include <algorithm>
 #include <atomic>
 #include <string_view>
 #include <vector>
@@ -40,6 +41,13 @@ class Connection final : public httplib::Stream {
   [[nodiscard]] std::string_view received() const { return {buffer_.data() + begin_, end_ - begin_}; }
   /// The request is read from here on; measured from its first byte. How many there have been, with it.
   int begin_request();
+  /// The request has a body of so many bytes yet, beyond what requests have, and so much time for it.
+  void expect_body(std::size_t bytes, Clock::duration time) {
+    left_ = std::max(left_, bytes);
+    until_ = std::max(until_, Clock::now() + time);
+  }
+  /// Bytes that may yet be read of the request.
+  [[nodiscard]] std::size_t left() const { return left_; }
   /// It is answered, and the connection waits for the next.
   void await_next();
   /// Reads no more of the request: what is still to come is too much.

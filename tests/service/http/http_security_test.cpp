@@ -208,5 +208,20 @@ TEST_F(HttpSecurity, EventsComeOverTlsAndTheServerEndsThem) {
   EXPECT_EQ(server().wait(), 0);
 }
 
+TEST_F(HttpSecurity, ALongProblemComesOverTlsToo) {
+  start(tls_flags(authority_.issue_for_server()));
+  const std::string url = server().http();
+  httplib::SSLClient http("127.0.0.1", std::stoi(url.substr(url.rfind(':') + 1)));
+  http.enable_server_certificate_verification(false);
+  const Json problem = {{"n", 1},
+                        {"g", {1}},
+                        {"C", {{"rows", 1}, {"cols", 1}, {"i", {0}}, {"j", {0}}, {"v", {1}}}},
+                        {"d", {0}},
+                        {"pad", std::string(1 << 20, 'x')}};
+  const auto answer = http.Post("/api/jobs", problem.dump(), "application/json");
+  ASSERT_TRUE(answer) << httplib::to_string(answer.error());
+  EXPECT_EQ(answer->status, 202) << answer->body;
+}
+
 }  // namespace
 }  // namespace marble::testing

@@ -70,6 +70,24 @@ TEST_F(Fleet, AnyServerAnswersForAnyJob) {
   EXPECT_EQ(a->result(quick, true, &response).error_code(), grpc::StatusCode::NOT_FOUND);
 }
 
+TEST_F(Fleet, AnyServerAnswersOverPlainHttpToo) {
+  const auto a = start({"--http", "127.0.0.1:0"}), b = start({"--http", "127.0.0.1:0"});
+  httplib::Client here(a->server().http()), there(b->server().http());
+  there.set_read_timeout(120);
+  const auto taken =
+      here.Post("/api/jobs", R"({"problem": {"n": 1, "g": [1], "d": [2], "C": {"rows": 1, "cols": 1,
+    "i": [0], "j": [0], "v": [1]}}, "request_id": "one"})",
+                "application/json");
+  ASSERT_EQ(taken->status, 202) << taken->body;
+  const std::string path = taken->get_header_value("Location");
+  const auto answer = there.Get(path + "/result?wait=60");
+  ASSERT_EQ(answer->status, 200) << answer->body;
+  EXPECT_NE(answer->body.find("\"objective\":-2"), std::string::npos) << answer->body;
+  EXPECT_EQ(here.Get(path + "/result")->body, answer->body);
+  EXPECT_EQ(there.Delete(path)->status, 200);
+  EXPECT_EQ(here.Get(path + "/result")->status, 404);
+}
+
 TEST_F(Fleet, AJobIsEndedFromAnotherServerWhetherItRunsOrWaits) {
   const auto a = start(), b = start();
   const std::string first = occupy(*a), second = occupy(*b);

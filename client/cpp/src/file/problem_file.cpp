@@ -4,7 +4,8 @@
 
 #include "file/binary_problem.h"
 #include "file/content.h"
-#include "file/json_problem.h"
+#include "file/json_file.h"
+#include "marble/json_problem.h"
 
 namespace marble {
 Expected<FileFormat> format_of_path(const std::string& path) {
@@ -22,7 +23,7 @@ FileFormat format_of_content(std::string_view content) {
 }
 
 Expected<ProblemFile> parse_problem(std::string_view content, FileFormat format, const std::string& name) {
-  const auto parse = format == FileFormat::json ? client::parse_json : client::parse_binary;
+  const auto parse = format == FileFormat::json ? client::parse_json_file : client::parse_binary;
   return or_out_of_memory([&] { return parse(content, name); }, client::too_large_file);
 }
 
@@ -42,7 +43,8 @@ Expected<ProblemFile> read_problem(const std::string& path) {
 }
 
 std::string write_problem(const ProblemFile& file, FileFormat format) {
-  return format == FileFormat::json ? client::write_json(file) : client::write_binary(file);
+  return format == FileFormat::json ? write_json(file.problem, file.best_known_objective)
+                                    : client::write_binary(file);
 }
 
 }  // namespace marble

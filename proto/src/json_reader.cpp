@@ -1,4 +1,4 @@
-#include "file/json_reader.h"
+#include "json_reader.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 
 #include "marble/contract.h"
 
-namespace marble::client {
+namespace marble::json {
 namespace {
 
 using Json = nlohmann::json;
@@ -71,6 +71,13 @@ bool is_nan_or_infinity(std::string_view word) {
                       [](char a, char b) { return std::tolower(static_cast<unsigned char>(a)) == b; });
   };
   return is("nan") || is("inf") || is("infinity");
+}
+
+// The exception tells line, column and what was expected there.
+std::string not_json(const Json::exception& exception) {
+  std::string what = exception.what();
+  if (const std::size_t start = what.find("] "); start != std::string::npos) what.erase(0, start + 2);
+  return "is not JSON: " + shown(what);
 }
 
 // Receives nlohmann's events. Where it is: the key of the problem, in a matrix the key of the matrix, in an
@@ -159,10 +166,7 @@ class Reader {
     const std::string_view word = word_at(text_, position);
     if (exception.id == 406) return wrong(shown(token));  // a number beyond the doubles: 1e999
     if (is_nan_or_infinity(word)) return wrong(shown(std::string(word)));
-    // The exception tells line, column and what was expected there.
-    std::string what = exception.what();
-    if (const std::size_t start = what.find("] "); start != std::string::npos) what.erase(0, start + 2);
-    error = invalid(field(), in_array() ? index_ : -1, "", "is not JSON: " + shown(what));
+    error = invalid(field(), in_array() ? index_ : -1, "", not_json(exception));
     return false;
   }
   // NOLINTEND
@@ -270,10 +274,126 @@ class Reader {
   std::size_t ignored_ = 0;  // containers that are open inside a value nobody asked for
 };
 
+// The same of a request: the events of its problem go to that one's reader, all else is written down again.
+class RequestReader {
+ public:
+  RequestReader(std::string_view text, std::span<const std::string_view> members)
+      : problem_(text), members_(members) {}
+
+  [[nodiscard]] Expected<JsonRequestParts> result() && {
+    if (error_) return unexpected(std::move(*error_));
+    if (problem_.error) {
+      Error& error = *problem_.error;
+      if (!bare_) error = error.field.empty() ? of_field("problem", error) : inside("problem", error);
+      return unexpected(std::move(error));
+    }
+    JsonRequestParts parts{std::nullopt, bare_, std::move(rest_)};
+    if (bare_ || keys_.contains("problem")) parts.problem = std::move(problem_.parts);
+    return parts;
+  }
+
+  // NOLINTBEGIN(readability-identifier-naming): the names nlohmann calls
+  bool null() {
+    return scalar("null", [&] { return problem_.null(); });
+  }
+  bool boolean(bool value) {
+    return scalar(value ? "true" : "false", [&] { return problem_.boolean(value); });
+  }
+  bool string(std::string& value) {
+    return scalar(Json(value).dump(), [&] { return problem_.string(value); });
+  }
+  bool binary(Json::binary_t&) { return false; }  // JSON has none
+  bool number_integer(std::int64_t value) {
+    return scalar(std::to_string(value), [&] { return problem_.number_integer(value); });
+  }
+  bool number_unsigned(std::uint64_t value) {
+    return scalar(std::to_string(value), [&] { return problem_.number_unsigned(value); });
+  }
+  bool number_float(double value, const std::string& text) {
+    return scalar(text, [&] { return problem_.number_float(value, text); });
+  }
+  bool start_object(std::size_t size) {
+    if (depth_++ == 0) return true;  // its first key tells what it is
+    return open("{", [&] { return problem_.start_object(size); });
+  }
+  bool start_array(std::size_t size) {
+    if (depth_++ == 0) return not_an_object();
+    return open("[", [&] { return problem_.start_array(size); });
+  }
+  bool end_object() {
+    if (--depth_ > 0) return close("}", [&] { return problem_.end_object(); });
+    if (keys_.empty()) bare_ = problem_.start_object(0);
+    rest_ += '}';
+    return !bare_ || problem_.end_object();
+  }
+  bool end_array() {
+    --depth_;
+    return close("]", [&] { return problem_.end_array(); });
+  }
+  bool key(std::string& name) {
+    if (depth_ > 1) return in_problem_ ? problem_.key(name) : write(Json(name).dump() + ":");
+    const bool member = name == "problem" || contains(members_, name);
+    if (keys_.empty() && !member) bare_ = in_problem_ = problem_.start_object(0);
+    const std::string shown_name = shown(name);
+    if (bare_ && member) return wrong(shown_name, "stands beside a problem, which is then in \"problem\"");
+    if (!bare_ && !member)
+      return wrong(shown_name, "is no member of a request; a problem's are in \"problem\"");
+    if (bare_) {
+      keys_.insert("");
+      return problem_.key(name);
+    }
+    if (!keys_.insert(name).second) return wrong(shown_name, "is there twice");
+    in_problem_ = name == "problem";
+    return in_problem_ || write(Json(name).dump() + ":");
+  }
+  bool parse_error(std::size_t position, const std::string& token, const Json::exception& exception) {
+    if (in_problem_) return problem_.parse_error(position, token, exception);
+    return wrong("", not_json(exception));
+  }
+  // NOLINTEND
+
+ private:
+  bool wrong(std::string field, std::string rule) {
+    error_ = invalid(std::move(field), -1, "", std::move(rule));
+    return false;
+  }
+  bool not_an_object() { return wrong("", "a request must be a JSON object"); }
+  bool write(const std::string& text) {
+    if (const char last = rest_.back(); last != '{' && last != '[' && last != ':') rest_ += ',';
+    rest_ += text;
+    return true;
+  }
+  template <class Forward>
+  bool open(const char* text, const Forward& forward) {
+    return in_problem_ ? forward() : write(text);
+  }
+  template <class Forward>
+  bool close(const char* text, const Forward& forward) {
+    if (in_problem_) return forward();
+    rest_ += text;
+    return true;
+  }
+  template <class Forward>
+  bool scalar(const std::string& text, const Forward& forward) {
+    if (depth_ == 0) return not_an_object();
+    return in_problem_ ? forward() : write(text);
+  }
+
+  Reader problem_;
+  const std::span<const std::string_view> members_;
+  std::optional<Error> error_;
+  std::set<std::string> keys_;
+  std::string rest_ = "{";
+  std::size_t depth_ = 0;
+  bool bare_ = false, in_problem_ = false;
+};
+
+constexpr std::string_view kSpace = " \t\r\n";
+
 }  // namespace
 
 Expected<JsonParts> read_json_parts(std::string_view text) {
-  if (text.find_first_not_of(" \t\r\n") == std::string_view::npos) {
+  if (text.find_first_not_of(kSpace) == std::string_view::npos) {
     return unexpected(failure(ErrorCode::invalid_argument, "is empty"));
   }
   Reader reader(text);
@@ -283,4 +403,14 @@ Expected<JsonParts> read_json_parts(std::string_view text) {
   return std::move(reader.parts);
 }
 
-}  // namespace marble::client
+Expected<JsonRequestParts> read_json_request(std::string_view text,
+                                             std::span<const std::string_view> members) {
+  if (text.find_first_not_of(kSpace) == std::string_view::npos) {
+    return unexpected(failure(ErrorCode::invalid_argument, "is empty"));
+  }
+  RequestReader reader(text, members);
+  static_cast<void>(Json::sax_parse(text.begin(), text.end(), &reader));  // the reader knows of any fault
+  return std::move(reader).result();
+}
+
+}  // namespace marble::json

@@ -1,13 +1,14 @@
-#include "file/json_problem.h"
+#include "marble/json_problem.h"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "file/content.h"
-#include "file/json_reader.h"
+#include "json_reader.h"
 
-namespace marble::client {
+namespace marble {
 namespace {
+
+using json::JsonMatrix, json::JsonParts;
 
 Expected<void> check_entries(const std::vector<double>& values, const char* key, Index size) {
   if (values.size() == static_cast<std::size_t>(size)) return {};
@@ -85,15 +86,10 @@ OrderedJson triplets(const SparseMatrix& m, std::size_t rows, std::size_t column
   return {{"rows", rows}, {"cols", columns}, {"i", i}, {"j", j}, {"v", v}};
 }
 
-}  // namespace
-
-Expected<ProblemFile> parse_json(std::string_view content, const std::string& name) {
-  auto read = read_json_parts(content);
-  if (!read) return unexpected(read.error());
-  JsonParts& parts = *read;
+Expected<JsonProblem> problem_of(JsonParts parts, const std::string& name) {
   if (!parts.n) return unexpected(invalid("n", "is missing"));
   if (!parts.g.present) return unexpected(invalid("g", "is missing"));
-  ProblemFile file;
+  JsonProblem file;
   file.best_known_objective = parts.best_known_objective;
   OwnedProblem& p = file.problem;
   p.name = parts.name.empty() ? name : parts.name;
@@ -133,12 +129,28 @@ Expected<ProblemFile> parse_json(std::string_view content, const std::string& na
   return file;
 }
 
-std::string write_json(const ProblemFile& file) {
-  const OwnedProblem& p = file.problem;
+}  // namespace
+
+Expected<JsonProblem> parse_json(std::string_view text, const std::string& name) {
+  auto parts = json::read_json_parts(text);
+  if (!parts) return unexpected(parts.error());
+  return problem_of(std::move(*parts), name);
+}
+
+Expected<JsonRequest> parse_json_request(std::string_view text, std::span<const std::string_view> members) {
+  auto read = json::read_json_request(text, members);
+  if (!read) return unexpected(read.error());
+  if (!read->problem) return JsonRequest{std::nullopt, std::move(read->rest)};
+  auto problem = problem_of(std::move(*read->problem), "");
+  if (!problem) return unexpected(read->bare ? problem.error() : inside("problem", problem.error()));
+  return JsonRequest{std::move(*problem), std::move(read->rest)};
+}
+
+std::string write_json(const OwnedProblem& p, std::optional<double> best_known_objective) {
   const std::size_t n = p.g.size();
   OrderedJson json;
   json["name"] = p.name;
-  if (file.best_known_objective) json["best_known_objective"] = *file.best_known_objective;
+  if (best_known_objective) json["best_known_objective"] = *best_known_objective;
   json["n"] = n;
   json["c0"] = p.c0;
   const bool upper = p.hessian_form == HessianForm::upper_triangle;
@@ -148,17 +160,6 @@ std::string write_json(const ProblemFile& file) {
 #include "marble/contract.def"
   json["x0"] = p.initial_z.empty() ? OrderedJson(nullptr) : OrderedJson(p.initial_z);
   return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace) + "\n";
-}
-
-}  // namespace marble::client
-
-namespace marble {
-
-Expected<ProblemFile> read_json_problem(const std::string& path) {
-  const auto content = client::read_content(path);
-  if (!content) return unexpected(content.error());
-  const std::string name = client::name_of_file(path);
-  return or_out_of_memory([&] { return client::parse_json(*content, name); }, client::too_large_file);
 }
 
 }  // namespace marble

@@ -1,8 +1,9 @@
-// The text of a JSON problem file, as parts whose sizes nobody has compared yet.
+// The text of a problem or a request, as parts whose sizes nobody has compared yet.
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -10,7 +11,7 @@
 #include "marble/error.h"
 #include "marble/problem.h"
 
-namespace marble::client {
+namespace marble::json {
 
 struct JsonMatrix {
   bool present = false;  ///< null counts as absent
@@ -38,4 +39,14 @@ struct JsonParts {
 /// Checks types and that numbers are finite and sizes are sizes; errors name field and index.
 [[nodiscard]] Expected<JsonParts> read_json_parts(std::string_view text);
 
-}  // namespace marble::client
+struct JsonRequestParts {
+  std::optional<JsonParts> problem;
+  bool bare = false;       ///< the whole text is the problem
+  std::string rest = "{";  ///< the other members, as one object
+};
+
+/// As parse_json_request() says; likewise in one pass.
+[[nodiscard]] Expected<JsonRequestParts> read_json_request(std::string_view text,
+                                                           std::span<const std::string_view> members);
+
+}  // namespace marble::json

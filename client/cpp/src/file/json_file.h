@@ -8,7 +8,6 @@
 
 namespace marble::client {
 
-[[nodiscard]] Expected<ProblemFile> parse_json(std::string_view content, const std::string& name);
-[[nodiscard]] std::string write_json(const ProblemFile& file);
+[[nodiscard]] Expected<ProblemFile> parse_json_file(std::string_view content, const std::string& name);
 
 }  // namespace marble::client

@@ -1,0 +1,241 @@
+#include "http/submission_routes.h"
+
+#include <cstdlib>
+#include <future>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <sstream>
+
+#include "http/requests/browser_guard.h"
+#include "http/requests/caller.h"
+#include "http/requests/endpoint.h"
+#include "http/requests/reply.h"
+#include "http/requests/solve_request.h"
+#include "http/transport/bounded_server.h"
+#include "messages/job_access.h"
+#include "service/admission.h"
+#include "store/submissions.h"
+#include "wire/wire.h"
+
+namespace marble::server::http {
+namespace {
+
+// Of a text and what is made of it, to a byte of the text, or of the message that a text is made of: numbers
+// in vectors and in a message, or two copies of a text of 20 digits a number.
+constexpr std::int64_t kBytesOfByte = 8;
+
+constexpr std::int64_t kAllFields = std::numeric_limits<std::int64_t>::max() / 4;  // of what is ours
+
+constexpr std::chrono::milliseconds kLook{100};  // at whether there is still something to wait for
+constexpr std::chrono::seconds kMoment{5};       // in which a job that has ended has its answer
+
+// The text of a body, of a caller who is known.
+Expected<std::string> read_body(const httplib::ContentReader& read, Places& places, std::size_t length,
+                                int* status) {
+  std::optional<Places::Place> stays;
+  if (length > BoundedServer::kOrdinaryBody) {
+    auto place = places.stay();
+    if (!place) return unexpected(place.error());
+    stays.emplace(*std::move(place));
+  }
+  std::string text;
+  text.reserve(length);
+  read([&](const char* bytes, std::size_t size) {
+    if (size > length - text.size()) return false;
+    text.append(bytes, size);
+    return true;
+  });
+  if (text.size() == length) return text;
+  *status = 408;
+  return unexpected(invalid("body", std::to_string(text.size()) + " bytes",
+                            "must have the " + std::to_string(length) + " of Content-Length, in time"));
+}
+
+// Its response, or why not, and the status if that is none of the error's.
+Expected<void> submit_body(const ServiceParts& parts, Places& places, const httplib::Request& request,
+                           const httplib::ContentReader& read, Origin& origin, httplib::Response& response,
+                           int* status) {
+  auto identity = parts.access.require(credentials_of(request), Role::solve);
+  if (!identity) return unexpected(identity.error());
+  origin.client = identity->client;
+  if (!is_json(request) || request.has_header("Content-Encoding")) {
+    *status = 415;
+    return unexpected(invalid("Content-Type", request.get_header_value("Content-Type"),
+                              "must be application/json, without a Content-Encoding"));
+  }
+  if (!request.has_header("Content-Length") || request.has_header("Transfer-Encoding")) {
+    *status = 411;
+    return unexpected(invalid("Content-Length", "must be there: a body has no pieces here"));
+  }
+  const auto length = request.get_header_value<std::uint64_t>("Content-Length");
+  const auto memory = places.hold(kBytesOfByte * static_cast<std::int64_t>(length));
+  if (!memory) return unexpected(memory.error());
+  std::shared_ptr<v1::SolveRequest> message;
+  {
+    const auto text = read_body(read, places, length, status);
+    if (!text) return unexpected(text.error());
+    auto parsed = solve_request_of(*text, parts.config.message_bytes);
+    if (!parsed) return unexpected(parsed.error());
+    message = std::move(*parsed);
+  }
+  origin.request_id = message->request_id();
+  v1::SubmitResponse answer;
+  const auto submitted = parts.submissions->submit({*identity, origin}, std::move(message), &answer);
+  if (!submitted) return unexpected(submitted.error());
+  if (auto kept = wait_for(*submitted); !kept) return kept;
+  response.status = 202;
+  response.set_header("Location", std::string(kJobsPath) + "/" + answer.job_id());
+  reply_json(response, answer);
+  return {};
+}
+
+httplib::Server::HandlerWithContentReader submitting(const ServiceParts& parts, Places& places) {
+  return [&parts, &places](const httplib::Request& request, httplib::Response& response,
+                           const httplib::ContentReader& read) {
+    Origin origin = origin_of(request);
+    if (origin.trace) response.set_header("traceparent", to_traceparent(*origin.trace));
+    int status = 0;
+    const auto done = or_out_of_memory(
+        [&] { return submit_body(parts, places, request, read, origin, response, &status); });
+    if (done) return;
+    note_refusal(parts, origin, done.error());
+    reply_error(response, done.error(), parts.scheduler.retry_delay_s());
+    if (status != 0) response.status = status;
+  };
+}
+
+Expected<double> wait_of(const ServiceParts& parts, const httplib::Request& request) {
+  if (auto known = check_parameters(request, {"wait"}); !known) return unexpected(known.error());
+  if (!request.has_param("wait")) return 0.0;
+  const std::string text = request.get_param_value("wait");
+  const double most = parts.config.http_wait_s;
+  char* end = nullptr;
+  const double wait_s = std::strtod(text.c_str(), &end);
+  if (!text.empty() && *end == '\0' && wait_s >= 0.0 && wait_s <= most) return wait_s;
+  std::ostringstream rule;
+  rule << "must be a number in [0, " << most << "], of seconds";
+  return unexpected(invalid("wait", text, rule.str()));
+}
+
+/// One that waits for an answer counts as one that watches.
+class Waiting {
+ public:
+  [[nodiscard]] static Expected<std::unique_ptr<Waiting>> begin(const ServiceParts& parts, Places& places,
+                                                                const std::string& client) {
+    if (auto entered = parts.feeds.enter(client, parts.access.quota_of(client).watchers); !entered)
+      return unexpected(entered.error());
+    auto waiting = std::unique_ptr<Waiting>(new Waiting(parts.feeds, client));
+    auto place = places.stay();
+    if (!place) return unexpected(place.error());
+    waiting->place_.emplace(*std::move(place));
+    return waiting;
+  }
+  ~Waiting() { feeds_.leave(client_); }
+  Waiting(const Waiting&) = delete;
+  Waiting& operator=(const Waiting&) = delete;
+
+ private:
+  Waiting(FeedLimit& feeds, const std::string& client) : feeds_(feeds), client_(client) {}
+  FeedLimit& feeds_;
+  const std::string client_;
+  std::optional<Places::Place> place_;
+};
+
+Error no_answer(const std::string& id) {
+  return failure(ErrorCode::not_found, "job_id", id,
+                 "is no submitted job, or its answer is not kept any more");
+}
+
+Error deleted(const std::string& id) {
+  return failure(ErrorCode::not_found, "job_id", id, "was deleted, and its answer with it");
+}
+
+// The answer, once it is there; null where it is not in time. Errors: not_found (let go meanwhile),
+// unavailable (the server ends).
+Expected<ResultStore::Shared> wait_for_answer(const ServiceParts& parts, const std::string& id,
+                                              Clock::time_point until) {
+  const auto told = std::make_shared<std::promise<ResultStore::Shared>>();
+  auto answer = told->get_future();
+  parts.results.wait(id, told.get(), [told](const ResultStore::Shared& result) { told->set_value(result); });
+  while (answer.wait_for(std::min<Clock::duration>(kLook, until - Clock::now())) !=
+         std::future_status::ready) {
+    const bool ends = parts.scheduler.is_drained() && parts.submissions->is_settled();
+    if (!ends && Clock::now() < until) continue;
+    parts.results.stop_waiting(id, told.get());
+    if (answer.wait_for(std::chrono::seconds(0)) == std::future_status::ready) break;
+    return ends ? Expected<ResultStore::Shared>(unexpected(draining())) : ResultStore::Shared();
+  }
+  auto result = answer.get();
+  if (result == nullptr) return unexpected(deleted(id));
+  return result;
+}
+
+Answer answering(const ServiceParts& parts, Places& places) {
+  return [&parts, &places](const httplib::Request& request, const Identity& caller,
+                           httplib::Response& response) -> Expected<void> {
+    const std::string id = request.matches[1].str();
+    const auto wait_s = wait_of(parts, request);
+    if (!wait_s) return unexpected(wait_s.error());
+    if (auto looked = look(parts, id); !looked) return looked;
+    const std::string owner = parts.results.owner(id);
+    if (owner.empty() || !may_end(caller, owner)) return unexpected(no_answer(id));
+    auto result = parts.results.get(id);
+    if (result == nullptr) {
+      const auto record = parts.board.find(id);
+      const bool over = record == nullptr || record->is_finished();
+      std::unique_ptr<Waiting> waiting;
+      if (!over && *wait_s > 0.0) {
+        auto begun = Waiting::begin(parts, places, caller.client);
+        if (!begun) return unexpected(begun.error());
+        waiting = std::move(*begun);
+      }
+      const auto patience =
+          std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(*wait_s));
+      auto waited = wait_for_answer(
+          parts, id, Clock::now() + (over ? std::max<Clock::duration>(patience, kMoment) : patience));
+      if (!waited) return unexpected(waited.error());
+      result = std::move(*waited);
+      const auto still = parts.access.identify(credentials_of(request));  // tokens and roles can be reloaded
+      if (!still) return unexpected(still.error());
+      if (!may_end(*still, owner)) return unexpected(no_answer(id));
+    }
+    if (result == nullptr) {
+      response.set_header("Retry-After", "1");
+      return unexpected(
+          failure(ErrorCode::failed_precondition, "job_id", id, "has not finished; wait, or come back"));
+    }
+    if (!result->answer) {
+      reply_failed_job(response, id, result->answer.error());
+      return {};
+    }
+    grpc::ByteBuffer bytes(*result->answer);  // reading takes a buffer's bytes out of it
+    const auto memory = places.hold(kBytesOfByte * static_cast<std::int64_t>(bytes.Length()));
+    if (!memory) return unexpected(memory.error());
+    v1::SolveResponse message;
+    if (auto parsed = parse(&bytes, &message, kAllFields); !parsed)
+      return unexpected(failure(ErrorCode::internal, "the answer that is kept cannot be read"));
+    reply_json(response, message);
+    return {};
+  };
+}
+
+}  // namespace
+
+void add_submission_routes(Router& router, const ServiceParts& parts, Places& places) {
+  router.post_unread(kJobsPath, submitting(parts, places));
+  router.get("/api/jobs/([^/]+)/result", endpoint(parts, answering(parts, places)));
+  router.del("/api/jobs/([^/]+)", endpoint(parts,
+                                           [&parts](const httplib::Request& request, const Identity& caller,
+                                                    httplib::Response& response) -> Expected<void> {
+                                             const std::string id = request.matches[1].str();
+                                             if (auto looked = look(parts, id); !looked) return looked;
+                                             const auto removed = parts.submissions->remove(caller, id);
+                                             if (!removed) return unexpected(removed.error());
+                                             if (auto kept = wait_for(*removed); !kept) return kept;
+                                             reply_json(response, v1::DeleteJobResponse());
+                                             return {};
+                                           }));
+}
+
+}  // namespace marble::server::http

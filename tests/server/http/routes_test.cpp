@@ -1,0 +1,88 @@
+// The routes are those of the description that is served, server/http/openapi.json.
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+#include <regex>
+#include <set>
+
+#include "http/event_routes.h"
+#include "http/health_routes.h"
+#include "http/job_routes.h"
+#include "http/metrics_route.h"
+#include "http/page_assets.h"
+#include "http/page_routes.h"
+#include "http/requests/event_hub.h"
+#include "http/submission_routes.h"
+#include "server/idle_parts.h"
+
+namespace marble::server::http {
+namespace {
+
+std::set<std::string> described() {
+  std::set<std::string> routes;
+  for (const PageAsset& asset : page_assets()) {
+    if (asset.name != "openapi.json") continue;
+    const auto description = nlohmann::json::parse(asset.bytes);
+    for (const auto& [path, operations] : description.at("paths").items()) {
+      for (const auto& [method, operation] : operations.items()) {
+        std::string name = method == "get" ? "GET, HEAD" : method;
+        std::transform(name.begin(), name.end(), name.begin(),
+                       [](unsigned char c) { return std::toupper(c); });
+        routes.insert(name + " " + path);
+      }
+    }
+  }
+  return routes;
+}
+
+TEST(Routes, AreThoseOfTheDescription) {
+  IdleParts parts;
+  httplib::Server server;
+  Router router(server);
+  Places places(1, 1);
+  EventHub hub(parts.all, places);
+  add_health_routes(router, parts.all, {});
+  add_job_routes(router, parts.all);
+  add_submission_routes(router, parts.all, places);
+  add_event_routes(router, parts.all, hub);
+  add_metrics_route(router, parts.all);
+  add_page_routes(router);
+  std::set<std::string> routes;
+  for (std::string route : router.routes()) {
+    route = std::regex_replace(route, std::regex(R"(\(\[\^/\]\+\))"), "{job_id}");
+    route = std::regex_replace(route, std::regex(R"(\\)"), "");
+    const bool page = route == "GET, HEAD /" || route.starts_with("GET, HEAD /assets/");
+    if (!page) routes.insert(route);
+  }
+  EXPECT_EQ(routes, described());
+}
+
+TEST(Places, AreGivenBackAndNeverMoreThanThereAre) {
+  Places places(1, 100);
+  {
+    const auto first = places.stay();
+    ASSERT_TRUE(first);
+    const auto second = places.stay();
+    ASSERT_FALSE(second);
+    EXPECT_EQ(second.error().code, ErrorCode::resource_exhausted);
+    EXPECT_TRUE(places.hold(100)) << "memory is counted by itself";
+  }
+  EXPECT_TRUE(places.stay());
+}
+
+TEST(Places, MemoryIsSharedAndOneAloneMayHaveMore) {
+  Places places(1, 100);
+  {
+    const auto some = places.hold(60);
+    ASSERT_TRUE(some);
+    EXPECT_TRUE(places.hold(40));
+    EXPECT_FALSE(places.hold(41));
+    EXPECT_FALSE(places.hold(1000));
+  }
+  const auto alone = places.hold(1000);
+  ASSERT_TRUE(alone);
+  EXPECT_FALSE(places.hold(1));
+}
+
+}  // namespace
+}  // namespace marble::server::http
