@@ -36,13 +36,15 @@ void forget(std::size_t number, std::size_t size, Numbers& of) {
 // Q without a diagonal, in the problem and in the Kkt, as long as this lives.
 class WithoutDiagonal {
  public:
-  WithoutDiagonal(ScaledProblem& problem, BranchPoint& point) : problem_(problem), point_(point) {}
+  WithoutDiagonal(ScaledProblem& problem, BranchPoint& point, BranchSystemMemory& memory)
+      : problem_(problem), point_(point), memory_(memory) {}
   WithoutDiagonal(const WithoutDiagonal&) = delete;
   WithoutDiagonal& operator=(const WithoutDiagonal&) = delete;
   ~WithoutDiagonal() {
     problem_.Q.values.swap(values_);
     point_.kkt().load(problem_);
     point_.forget_factor();
+    memory_.forget_branch();
   }
 
   [[nodiscard]] Expected<void> take(std::span<const double> diagonal) {
@@ -59,12 +61,14 @@ class WithoutDiagonal {
       problem_.Q.values[static_cast<std::size_t>(last)] -= problem_.cost_scale * scale * scale * value;
     }
     point_.kkt().load(problem_);
+    memory_.forget_branch();
     return {};
   }
 
  private:
   ScaledProblem& problem_;
   BranchPoint& point_;
+  BranchSystemMemory& memory_;
   std::vector<double> values_;  // of Q, as it was
 };
 
@@ -100,6 +104,7 @@ Expected<void> BranchDerivatives::begin(Run& run, const Iterate& solution, bool 
     if (auto over = unless_over(run); !over) return over;
     return unexpected(no_branch("is no exact solution of a branch"));
   }
+  memory_.forget_branch();
   const Iterate& x = point_.x;
   x_z_ = x.z().cwiseProduct(problem_.variable_scale);
   x_y_ = x.y().cwiseProduct(problem_.equality_scale) / problem_.cost_scale;
@@ -346,7 +351,7 @@ Expected<RowResponse> BranchDerivatives::rows(Run& run, const RowsRequest& reque
     if (auto ready = make_ready(run); !ready) return unexpected(ready.error());
     return respond(run, request);
   }
-  WithoutDiagonal without(problem_, point_);
+  WithoutDiagonal without(problem_, point_, memory_);
   if (auto taken = without.take(request.proximal); !taken) return unexpected(taken.error());
   if (auto factored = factor(run); !factored) return unexpected(factored.error());
   return respond(run, request);

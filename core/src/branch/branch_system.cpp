@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "kkt/blas.h"
 #include "tuning.h"
 
 namespace marble {
@@ -11,13 +12,13 @@ namespace {}  // namespace
 
 template <class T>
 BranchSystem<T>::BranchSystem(const ScaledProblem& problem, BranchPoint& point, BranchSystemMemory& memory)
-    : problem_(problem), point_(point) {
+    : problem_(problem), point_(point), memory_(memory) {
   const auto n = static_cast<std::size_t>(problem.variables());
   const auto n_e = static_cast<std::size_t>(problem.equalities());
   const auto rows = static_cast<std::size_t>(problem.layout.size());
   const std::size_t numbers = 4 * n + 3 * n_e + 2 * rows;
-  if (memory.size() < numbers * kLanes) memory.resize(numbers * kLanes);
-  T* next = reinterpret_cast<T*>(memory.data());
+  if (memory.vectors.size() < numbers * kLanes) memory.vectors.resize(numbers * kLanes);
+  T* next = reinterpret_cast<T*>(memory.vectors.data());
   for (T** part : {&right_z, &z, &step_z_, &pull_}) *part = next, next += n;
   for (T** part : {&right_y, &y, &step_y_}) *part = next, next += n_e;
   for (T** part : {&right_lambda, &lambda}) *part = next, next += rows;
@@ -105,14 +106,33 @@ void BranchSystem<T>::take_first_step() {
 // By the step, to the next one's right-hand side. Returns the largest of what is left of the residual.
 template <class T>
 T BranchSystem<T>::advance() {
+  may_take_by_blas() ? take_by_blas() : take_by_rows();
+  T error{};
+  for (Index row = 0; row < problem_.layout.size(); ++row) {
+    if (point_.set.held[row] != 0) error = larger(error, right_lambda[row]);
+  }
+  for (Index row = 0; row < problem_.equalities(); ++row) {
+    error = larger(error, right_y[row]);
+    step_y_[row] = right_y[row];
+  }
+  for (Index i = 0; i < problem_.variables(); ++i) {
+    z[i] += step_z_[i];
+    right_z[i] -= pull_[i];
+    error = larger(error, right_z[i]);
+    step_z_[i] = right_z[i] - pull_[i];
+  }
+  return error;
+}
+
+// K's product with the step, off the residual; of J₀ᵀdλ into pull_.
+template <class T>
+void BranchSystem<T>::take_by_rows() {
   const Index n = problem_.variables();
   const SymmetricMatrix& Q = problem_.Q;
-  T error{};
   std::fill_n(pull_, n, T{});
   for (Index row = 0; row < problem_.layout.size(); ++row) {
     if (point_.set.held[row] == 0) continue;
     right_lambda[row] -= row_product(problem_.rows, row, step_z_);
-    error = larger(error, right_lambda[row]);
     const T change = -point_.rho() * right_lambda[row];
     lambda[row] += change;
     add_row(problem_.rows, row, change, pull_);
@@ -121,8 +141,7 @@ T BranchSystem<T>::advance() {
     const T change = step_y_[row];
     y[row] += change;
     add_row(problem_.A, row, -change, right_z);
-    step_y_[row] = right_y[row] -= row_product(problem_.A, row, step_z_);
-    error = larger(error, right_y[row]);
+    right_y[row] -= row_product(problem_.A, row, step_z_);
   }
   for (Index column = 0; column < n; ++column) {
     T sum{};
@@ -133,14 +152,73 @@ T BranchSystem<T>::advance() {
       if (row != column) right_z[row] -= Q.values[k] * change;
     }
     right_z[column] -= sum;
-    z[column] += change;
   }
-  for (Index i = 0; i < n; ++i) {
-    right_z[i] -= pull_[i];
-    error = larger(error, right_z[i]);
-    step_z_[i] = right_z[i] - pull_[i];
+}
+
+template <class T>
+bool BranchSystem<T>::may_take_by_blas() {
+  if (kLanes < 4) return false;
+  if (memory_.hessian.size() > 0) return true;
+  const Index n = problem_.variables(), equalities = problem_.equalities(), rows = problem_.layout.size();
+  const auto entries =
+      static_cast<double>(problem_.Q.values.size() + problem_.A.values.size() + problem_.rows.values.size());
+  if (entries <= tuning::nearly_full * n * (0.5 * n + equalities + rows)) return false;
+  const auto held =
+      std::count_if(point_.set.held.begin(), point_.set.held.end(), [](auto h) { return h != 0; });
+  memory_.hessian.setZero(n, n);
+  memory_.rows.setZero(equalities + held, n);
+  memory_.of_rows.resize(8, equalities + held);
+  for (Index j = 0; j < n; ++j) {
+    for (Index k = problem_.Q.column_pointers[j]; k < problem_.Q.column_pointers[j + 1]; ++k) {
+      const Index i = problem_.Q.row_indices[k];
+      memory_.hessian(i, j) = memory_.hessian(j, i) = problem_.Q.values[k];
+    }
   }
-  return error;
+  Index next = 0;
+  const auto copy = [&](const RowMatrix& m, Index row) {
+    for (Index k = m.row_pointers[row]; k < m.row_pointers[row + 1]; ++k)
+      memory_.rows(next, m.column_indices[k]) = m.values[k];
+    ++next;
+  };
+  for (Index row = 0; row < equalities; ++row) copy(problem_.A, row);
+  for (Index row = 0; row < rows; ++row) {
+    if (point_.set.held[row] != 0) copy(problem_.rows, row);
+  }
+  return true;
+}
+
+// The same of the transpose: what belongs to a variable or a row is a column.
+template <class T>
+void BranchSystem<T>::take_by_blas() {
+  const int n = problem_.variables(), equalities = problem_.equalities(), lanes = kLanes;
+  const auto all = static_cast<int>(memory_.rows.rows()), held = all - equalities;
+  const double one = 1.0, minus = -1.0, nothing = 0.0;
+  const double* const rows = memory_.rows.data();
+  T* const of_rows = reinterpret_cast<T*>(memory_.of_rows.data());
+  double* const numbers = memory_.of_rows.data();
+  double* const to = reinterpret_cast<double*>(right_z);
+  double* const pull = reinterpret_cast<double*>(pull_);
+  const double* const step = reinterpret_cast<double*>(step_z_);
+  std::fill_n(pull_, n, T{});
+  dgemm_("N", "N", &lanes, &n, &n, &minus, step, &lanes, memory_.hessian.data(), &n, &one, to, &lanes);
+  if (all == 0) return;
+  dgemm_("N", "T", &lanes, &all, &n, &one, step, &lanes, rows, &all, &nothing, numbers, &lanes);
+  for (Index row = 0; row < equalities; ++row) {
+    right_y[row] -= of_rows[row];
+    y[row] += of_rows[row] = step_y_[row];
+  }
+  T* next = of_rows + equalities;
+  for (Index row = 0; row < problem_.layout.size(); ++row) {
+    if (point_.set.held[row] == 0) continue;
+    right_lambda[row] -= *next;
+    *next = -point_.rho() * right_lambda[row];
+    lambda[row] += *next++;
+  }
+  if (equalities > 0)
+    dgemm_("N", "N", &lanes, &n, &equalities, &minus, numbers, &lanes, rows, &all, &one, to, &lanes);
+  if (held > 0)
+    dgemm_("N", "N", &lanes, &n, &held, &one, numbers + static_cast<std::ptrdiff_t>(equalities) * lanes,
+           &lanes, rows + equalities, &all, &one, pull, &lanes);
 }
 
 // From now on that lane is a system whose right-hand side is 0.

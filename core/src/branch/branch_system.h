@@ -13,8 +13,15 @@
 
 namespace marble {
 
-/// Memory for a BranchSystem of one problem: taken once, used by all.
-using BranchSystemMemory = std::vector<double>;
+/// Memory for the systems of one branch: taken once, used by all.
+struct BranchSystemMemory {
+  std::vector<double> vectors;
+  /// Where the data are nearly full and there are many right-hand sides, for BLAS: Q, [A; J₀], and a number
+  /// of each lane for each of these rows.
+  Eigen::MatrixXd hessian, rows, of_rows;
+  /// Another branch: others of the rows are held, or they have other numbers.
+  void forget_branch() { hessian.resize(0, 0); }
+};
 
 template <class T>
 class BranchSystem {
@@ -40,10 +47,14 @@ class BranchSystem {
  private:
   void take_first_step();
   [[nodiscard]] T advance();
+  void take_by_rows();
+  [[nodiscard]] bool may_take_by_blas();
+  void take_by_blas();
   void drop(int dropped_lane);
 
   const ScaledProblem& problem_;
   BranchPoint& point_;
+  BranchSystemMemory& memory_;
   T *step_z_, *step_y_, *pull_;  // the step; J₀ᵀdλ of it
 };
 

@@ -11,11 +11,13 @@
 //   λ⁺ = λ + ρv,   E_k z_k = E_k y_k − v,
 //
 // comes to convex blocks' agreement from anywhere, but slowly: once the pairs are frozen a step that did not
-// help is taken again, nearer to this one.
+// help is taken again, nearer to this one. Where frozen sides leave rows that nothing moves, ΣS_k is singular
+// and no price helps: pairs that pull take their other sides, one by one.
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -61,12 +63,15 @@ class Coordinator {
   };
 
   [[nodiscard]] Expected<bool> tick();
-  [[nodiscard]] Expected<End> iterate(int most);
+  [[nodiscard]] Expected<End> iterate(int most, bool may_unblock = false);
   [[nodiscard]] bool frozen() const { return state_.asks.front().frozen; }
   [[nodiscard]] bool may_go_back() const;
   [[nodiscard]] Expected<bool> search();
   [[nodiscard]] bool failed();
   [[nodiscard]] bool measure();
+  using Pair = std::pair<std::size_t, Index>;  // of a block, its pair
+  [[nodiscard]] bool unblock();
+  void block_again();
   void go_back(const State& best);
   void agree();
   [[nodiscard]] Expected<void> try_flips();
@@ -82,6 +87,10 @@ class Coordinator {
   int raises_ = 0;
   double newton_ = 1.0;  // how much of the way from averaging to Newton's step
   int gains_ = 0;        // best iterations since it last changed
+  bool rows_hold_ = false;
+  bool blocked_ = false;                        // no price moves what the rows are short of
+  std::vector<Pair> unblocked_;                 // pairs that were flipped for that
+  std::optional<State> before_, first_before_;  // the last of these flips, and the first
   std::int32_t iterations_ = 0;
   std::int64_t factorizations_ = 0;
 };
@@ -99,7 +108,7 @@ Expected<bool> Coordinator::tick() {
 
 // All blocks, until they agree. Where they move apart, or a price drives one to where it has no answer, they
 // go on from the best iteration more carefully.
-Expected<Coordinator::End> Coordinator::iterate(int most) {
+Expected<Coordinator::End> Coordinator::iterate(int most, bool may_unblock) {
   double best_apart = std::numeric_limits<double>::infinity();
   State best;
   int since_best = 0;
@@ -111,6 +120,11 @@ Expected<Coordinator::End> Coordinator::iterate(int most) {
     if (agreed) return End::agreed;
     const double apart = *solved ? std::max(state_.last.coupling_violation, state_.last.step / proximal_)
                                  : std::numeric_limits<double>::infinity();
+    if (!*solved && before_) {
+      block_again();
+      continue;
+    }
+    before_.reset();
     ++since_best;
     if (apart < best_apart) {
       best_apart = apart, best = state_, since_best = 0;
@@ -128,6 +142,10 @@ Expected<Coordinator::End> Coordinator::iterate(int most) {
     }
     if (!*solved) return End::failed;
     agree();
+    if (blocked_ && may_unblock && unblock()) {
+      best = {}, best_apart = std::numeric_limits<double>::infinity();
+      since_best = 0;
+    }
   }
   return End::not_yet;
 }
@@ -206,8 +224,8 @@ bool Coordinator::measure() {
     }
   }
   state_.last = {iterations_, max_abs(sum), step, objective, proximal_, frozen(), factorizations_};
-  return state_.last.coupling_violation <= options_.tolerance * (1.0 + value) &&
-         step <= options_.tolerance * (1.0 + max_abs(state_.prices));
+  rows_hold_ = state_.last.coupling_violation <= options_.tolerance * (1.0 + value);
+  return rows_hold_ && step <= options_.tolerance * (1.0 + max_abs(state_.prices));
 }
 
 void Coordinator::agree() {
@@ -239,7 +257,10 @@ void Coordinator::agree() {
   right += least * state_.prices;
   const Vector newton = responses.ldlt().solve(right);
   const Vector share = violation.cwiseQuotient(seen_by.cwiseMax(1.0));
-  state_.prices = (1.0 - newton_) * (state_.prices + proximal_ * share) + newton_ * newton;
+  const double left = least * max_abs(newton - state_.prices);  // of the violation after Newton's step
+  blocked_ = !rows_hold_ && left > tuning::coupled_blocked * max_abs(violation);
+  const double way = blocked_ ? 0.0 : newton_;
+  state_.prices = (1.0 - way) * (state_.prices + proximal_ * share) + way * newton;
   for (std::size_t k = 0; k < state_.answers.size(); ++k) {
     const BlockAnswer& answer = state_.answers[k];
     BlockAsk& ask = state_.asks[k];
@@ -251,22 +272,56 @@ void Coordinator::agree() {
       for (std::size_t j = 0; j < m_k; ++j)
         change +=
             answer.response[j * m_k + i] * (own_prices[k][static_cast<Eigen::Index>(j)] - newton[rows[j]]);
-      ask.centre[i] = answer.value[i] - (1.0 - newton_) * share[rows[i]] + newton_ * change;
+      ask.centre[i] = answer.value[i] - (1.0 - way) * share[rows[i]] + way * change;
     }
   }
+}
+
+// The pair whose fixed side the prices pull hardest takes its other side, in its block alone: equal blocks
+// all took the same. False where none pulls yet, or blocks keep their answers.
+bool Coordinator::unblock() {
+  if (std::ssize(unblocked_) >= options_.flips) return false;
+  std::optional<Pair> hardest;
+  double pull = tuning::near;
+  for (std::size_t k = 0; k < state_.answers.size(); ++k) {
+    const Solution& own = state_.answers[k].solution;
+    for (std::size_t i = 0; i < own.complementarity_multipliers_L.size(); ++i) {
+      const double here =
+          -std::min(own.complementarity_multipliers_L[i], own.complementarity_multipliers_R[i]);
+      const Pair pair(k, static_cast<Index>(i));
+      if (here <= pull || std::ranges::find(unblocked_, pair) != unblocked_.end()) continue;
+      pull = here, hardest = pair;
+    }
+  }
+  if (!hardest) return false;
+  before_ = state_;
+  if (!first_before_) first_before_ = state_;
+  unblocked_.push_back(*hardest);
+  state_.asks[hardest->first].flips.push_back(hardest->second);
+  ++result_.flips;
+  return true;
+}
+
+// Its block has no answer with the last one on its other side.
+void Coordinator::block_again() {
+  const auto [block, pair] = unblocked_.back();
+  state_ = *std::exchange(before_, std::nullopt);
+  state_.asks[block].flips.push_back(pair);
+  result_.failed_block.reset();
+  --result_.flips;
 }
 
 // Pairs whose fixed side pulls, the hardest first: the first flip after which the blocks agree on less is
 // kept, and all are looked at again.
 Expected<void> Coordinator::try_flips() {
-  std::vector<std::pair<std::size_t, Index>> undo;
-  std::vector<std::pair<std::size_t, Index>> tried;
+  std::vector<Pair> undo;
+  std::vector<Pair> tried;
   for (int left = options_.flips; left > 0; --left) {
-    std::optional<std::pair<std::size_t, Index>> hardest;
+    std::optional<Pair> hardest;
     double pull = 0.0;
     for (std::size_t k = 0; k < state_.answers.size(); ++k) {
       for (const BlockPull& candidate : state_.answers[k].pulls) {
-        const std::pair pair(k, candidate.pair);
+        const Pair pair(k, candidate.pair);
         if (candidate.pull <= pull || std::ranges::find(tried, pair) != tried.end()) continue;
         pull = candidate.pull, hardest = pair;
       }
@@ -314,7 +369,11 @@ Expected<Coordination> Coordinator::run() {
   if (end && *end == End::not_yet && iterations_ < options_.max_iterations) {
     for (BlockAsk& ask : state_.asks) ask.frozen = true;
     result_.frozen_at = iterations_ + 1;
-    end = iterate(options_.max_iterations - iterations_);
+    end = iterate(options_.max_iterations - iterations_, true);
+    if (end && *end == End::not_yet && first_before_) {  // what was flipped led nowhere
+      state_ = *std::move(first_before_);
+      result_.flips = 0;
+    }
   }
   if (!end) return unexpected(end.error());
   if (*end == End::failed) {

@@ -4,6 +4,7 @@
 
 #include "marble/sensitivity.h"
 #include "model/check_matrix.h"
+#include "tuning.h"
 
 namespace marble {
 namespace {
@@ -106,6 +107,7 @@ double bytes_of(const SensitivityRequest& request, const PartSizes& sizes) {
     if (request.rows->columns) numbers += n * (1.0 + m);
   }
   numbers += answer * request.directions.count;
+  if (most > 2) numbers += 2.0 / tuning::nearly_full * all;  // nearly full matrices, with their gaps
   numbers += all * request.losses.count;
   return numbers * sizeof(double);
 }

@@ -110,6 +110,50 @@ TEST(Coupled, HoppersThatShareABudgetOfForceKeepIt) {
   EXPECT_GE(*std::ranges::max_element(answer.prices()), 1e-3) << "the budget binds";
 }
 
+/// ½ force² − force + gap / 10 of (force, gap), 0 ≤ force ⊥ gap ≥ 0: no curvature of the gap.
+OwnedProblem pusher() {
+  OwnedProblem p;
+  p.Q = {2, 2, {0, 1, 1}, {0}, {1.0}};
+  p.g = {-1.0, 0.1};
+  p.L = {1, 2, {0, 1, 1}, {0}, {1.0}}, p.l = {0.0};
+  p.R = {1, 2, {0, 0, 1}, {0}, {1.0}}, p.r = {0.0};
+  return p;
+}
+
+TEST(Coupled, OfEqualBlocksOneTakesTheOtherSideWhereTheRowsAskForBoth) {
+  const OwnedProblem arm = pusher();
+  const SparseMatrix both = testing::sparse(Eigen::MatrixXd::Identity(2, 2));
+  const std::vector<double> total = {1.0, 1.0};  // one pushes, and the other leaves its gap
+  const CoupledView view{{{"left", arm.view(), both.view()}, {"right", arm.view(), both.view()}}, total};
+  for (const bool joint : {false, true}) {
+    CoupledOptions options;
+    options.joint = joint;
+    const CoupledSolution answer = solve_coupled(view, options).value();
+    EXPECT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
+    EXPECT_EQ(answer.coordination.flips, 1);
+    ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
+    EXPECT_NEAR(answer.joint.objective, -0.4, 1e-8);
+  }
+}
+
+TEST(Coupled, ASideOnWhichABlockHasNoAnswerIsNotTaken) {
+  OwnedProblem stuck = pusher();  // whose gap is at most a half: the other one's must be 1
+  stuck.C = {1, 2, {0, 0, 1}, {0}, {-1.0}}, stuck.d = {0.5};
+  OwnedProblem held = pusher();  // whose force is at least a tenth: its gap is zero
+  held.C = {1, 2, {0, 1, 1}, {0}, {1.0}}, held.d = {-0.1};
+  const OwnedProblem free = pusher();
+  const SparseMatrix both = testing::sparse(Eigen::MatrixXd::Identity(2, 2));
+  const std::vector<double> total = {1.0, 1.0};
+  const CoupledView view{{{"held", held.view(), both.view()},
+                          {"stuck", stuck.view(), both.view()},
+                          {"free", free.view(), both.view()}},
+                         total};
+  const CoupledSolution answer = solve_coupled(view).value();
+  EXPECT_EQ(answer.coordination.status, Status::solved) << answer.coordination.detail;
+  ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
+  EXPECT_LE(testing::judge(joint_problem(view).view(), answer.joint).infeasibility(), 1e-6);
+}
+
 TEST(Coupled, ThreadsChangeNoBit) {
   const testing::OwnedCoupled coupled =
       random_coupled({.blocks = 5, .variables = 8, .pairs = 3, .rows = 4}, 7);
