@@ -273,11 +273,9 @@ void FleetMirror::apply(const PgRows& rows, int row) {
   known.state = state;
   known.server = rows.bytes(row, 7);
   if (is_new) (void)parts_.results.expect(id, std::string(rows.bytes(row, 2)));
-  if (!owner_.has(id)) {
-    show(id, known, rows, row, is_new);
-  } else if (const auto record = parts_.board.find(id); record != nullptr && rows.truth(row, 6)) {
+  const bool is_here = !owner_.unless_here(id, [&, is_new = is_new] { show(id, known, rows, row, is_new); });
+  if (const auto record = parts_.board.find(id); is_here && record != nullptr && rows.truth(row, 6))
     record->cancel();
-  }
   if (state == FleetState::answered) parts_.results.kept_elsewhere(id);
 }
 
@@ -329,7 +327,7 @@ void FleetMirror::wait_in_line() {
 // Its trace, and its options: nobody needs them but who asks for this job.
 Expected<void> FleetMirror::read_whole(const std::string& id) {
   const auto found = known_.find(id);
-  if (found == known_.end() || found->second.is_whole || owner_.has(id)) return {};
+  if (found == known_.end() || found->second.is_whole) return {};
   const auto record = parts_.board.find(id);
   if (record == nullptr || record->is_watched()) return {};
   const auto rows = database_->run(PgStatement(kWhole).text(id));
@@ -340,16 +338,19 @@ Expected<void> FleetMirror::read_whole(const std::string& id) {
   if (!job.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return {};
   JobSnapshot snapshot = snapshot_of(job.job());
   snapshot.server = record->snapshot().server;
-  found->second.is_whole = snapshot.state == JobState::finished;
-  found->second.upto = rows->integer(0, 1);
-  record->set_options(options_of(job.options()).value_or(Options()));
-  record->restore(std::move(snapshot), trace_of(job.trace()));
+  owner_.unless_here(id, [&] {
+    found->second.is_whole = snapshot.state == JobState::finished;
+    found->second.upto = rows->integer(0, 1);
+    record->set_options(options_of(job.options()).value_or(Options()));
+    record->restore(std::move(snapshot), trace_of(job.trace()));
+  });
   return {};
 }
 
 Expected<void> FleetMirror::read_live() {
   std::string watched = "{";
-  for (const auto& record : *parts_.board.active()) {
+  const JobBoard::Records active = parts_.board.active();
+  for (const auto& record : *active) {
     if (record->is_watched() && known_.contains(record->id()))
       watched += (watched.size() > 1 ? "," : "") + record->id();
   }
@@ -362,7 +363,7 @@ Expected<void> FleetMirror::read_live() {
     if (found == known_.end() || found->second.state != FleetState::running) continue;
     const std::int64_t first = rows->integer(row, 1), upto = rows->integer(row, 2);
     std::int64_t& seen = found->second.upto;
-    if (record == nullptr || owner_.has(id) || upto == seen) continue;
+    if (record == nullptr || upto == seen) continue;
     v1::JobEvent event;
     const std::string_view bytes = rows->bytes(row, 4);
     event.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
@@ -370,12 +371,14 @@ Expected<void> FleetMirror::read_live() {
     for (std::int64_t at = first; const v1::Progress& progress : event.rows()) {
       if (at++ >= seen) told.push_back(progress_of(progress));
     }
-    if (record->is_watched())
-      record->follow(seen < 0 ? first : std::max<std::int64_t>(0, first - seen), told);
-    JobSnapshot snapshot = snapshot_in(*rows, row, 3, FleetState::running);
-    snapshot.server = record->snapshot().server;
-    record->restore(std::move(snapshot), {});
-    seen = upto;
+    owner_.unless_here(id, [&] {
+      if (record->is_watched())
+        record->follow(seen < 0 ? first : std::max<std::int64_t>(0, first - seen), told);
+      JobSnapshot snapshot = snapshot_in(*rows, row, 3, FleetState::running);
+      snapshot.server = record->snapshot().server;
+      record->restore(std::move(snapshot), {});
+      seen = upto;
+    });
   }
   return {};
 }

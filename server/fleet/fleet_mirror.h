@@ -27,6 +27,8 @@ class FleetOwner {
  public:
   virtual ~FleetOwner() = default;
   [[nodiscard]] virtual bool has(const std::string& id) = 0;
+  /// Calls it while the job does not run here and does not begin to; whether it was so.
+  virtual bool unless_here(const std::string& id, const std::function<void()>& then) = 0;
   /// Some job waits.
   virtual void jobs_wait() = 0;
 };

@@ -198,6 +198,13 @@ bool FleetSubmissions::has(const std::string& id) {
   return held_.contains(id);
 }
 
+bool FleetSubmissions::unless_here(const std::string& id, const std::function<void()>& then) {
+  const MutexLock lock(mutex_);
+  if (held_.contains(id)) return false;
+  then();
+  return true;
+}
+
 std::vector<std::pair<std::string, std::string>> FleetSubmissions::held() {
   const MutexLock lock(mutex_);
   std::vector<std::pair<std::string, std::string>> all;
@@ -258,11 +265,13 @@ void FleetSubmissions::took(std::vector<TakenJob> jobs) {
   for (TakenJob& job : jobs) take_in(std::move(job));
 }
 
-void FleetSubmissions::take_in(TakenJob taken) {
+// The record that runs is the one on the board, whether the mirror has put it there before or not.
+std::shared_ptr<JobRecord> FleetSubmissions::hold(const TakenJob& taken) {
   const StoredJob& stored = taken.stored;
+  const MutexLock lock(mutex_);
   auto record = parts_.board.find(stored.id);
   // A run of it that was lost here, and may not have ended yet, keeps its own record.
-  if (record == nullptr || record->is_finished() || has(stored.id)) {
+  if (record == nullptr || record->is_finished() || held_.contains(stored.id)) {
     parts_.board.forget(stored.id);
     v1::JobInfo info;
     info.ParseFromString(taken.info);
@@ -270,16 +279,20 @@ void FleetSubmissions::take_in(TakenJob taken) {
     what.peer = stored.peer;
     what.trace = parse_traceparent(stored.traceparent, random_id());
     what.accepted = time_of(stored.accepted_unix_s);
-    record = parts_.board.add(parts_.board.make(std::move(what), Options()));  // or the mirror's, from now
+    record = parts_.board.make(std::move(what), Options());
+    parts_.board.add(record);
   }
   record->set_server(server_);
-  (void)parts_.results.expect(stored.id, stored.client);  // the mirror may not have seen it yet
   const std::int64_t begin = record->trace().cursor;
-  {
-    const MutexLock lock(mutex_);
-    held_[stored.id] = {
-        .number = taken.number, .token = taken.token, .record = record, .begin = begin, .cursor = begin};
-  }
+  held_[stored.id] = {
+      .number = taken.number, .token = taken.token, .record = record, .begin = begin, .cursor = begin};
+  return record;
+}
+
+void FleetSubmissions::take_in(TakenJob taken) {
+  const StoredJob& stored = taken.stored;
+  (void)parts_.results.expect(stored.id, stored.client);  // the mirror may not have seen it yet
+  const std::shared_ptr<JobRecord> record = hold(taken);
   const auto end = [&](const Error& error) {
     record->finished(unexpected(error), taken.age_s, taken.age_s);
     parts_.board.finish(record);

@@ -62,16 +62,19 @@ class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
   [[nodiscard]] std::vector<LiveJob> live() override ABSL_LOCKS_EXCLUDED(mutex_);
   // FleetOwner
   [[nodiscard]] bool has(const std::string& id) override ABSL_LOCKS_EXCLUDED(mutex_);
+  bool unless_here(const std::string& id, const std::function<void()>& then) override
+      ABSL_LOCKS_EXCLUDED(mutex_);
   void jobs_wait() override;
 
   void take_in(TakenJob taken) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] std::shared_ptr<JobRecord> hold(const TakenJob& taken) ABSL_LOCKS_EXCLUDED(mutex_);
   void ended(JobRecord& record, const std::string& token, Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
   void erase(const std::string& id, const std::string& token) ABSL_LOCKS_EXCLUDED(mutex_);
 
   const ServiceParts& parts_;
   const std::string server_;
   const std::shared_ptr<Room> room_;
-  Mutex mutex_;
+  Mutex mutex_;  // before the board's and the records'
   std::map<std::string, Held> held_ ABSL_GUARDED_BY(mutex_);
   FleetMirror mirror_;
   FleetStore store_;

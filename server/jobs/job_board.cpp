@@ -9,16 +9,14 @@ JobBoard::Record JobBoard::make(JobDescription description, const Options& optio
                                      limits_.trace_pairs);
 }
 
-JobBoard::Record JobBoard::add(const Record& record) {
+void JobBoard::add(const Record& record) {
   const MutexLock lock(mutex_);
-  if (const auto there = numbers_.find(record->id()); there != numbers_.end())
-    return records_.at(there->second);
+  if (numbers_.contains(record->id())) return;
   const std::int64_t number = next_number_++;
   records_.emplace(number, record);
   active_.emplace(number, record);
   active_list_ = nullptr;
   numbers_.emplace(record->id(), number);
-  return record;
 }
 
 void JobBoard::finish(const Record& record) {

@@ -29,8 +29,8 @@ class JobBoard {
 
   /// A record of a job that is about to be admitted; nobody sees it yet.
   [[nodiscard]] Record make(JobDescription description, const Options& options) const;
-  /// Now everybody does. If there is one of this id already, that one stays; which it is then.
-  Record add(const Record& record) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Now everybody does. Nothing, if it is there.
+  void add(const Record& record) ABSL_LOCKS_EXCLUDED(mutex_);
   /// It has finished; the oldest finished ones beyond the limit are forgotten.
   void finish(const Record& record) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Nobody finds it any more. One that has not finished stays active until it has, for those who watch.

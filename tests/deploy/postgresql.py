@@ -14,10 +14,10 @@ PROGRAMS = Path("/usr/lib/postgresql/15/bin")
 
 
 class PostgreSQL:
-    """A database of its own, on loopback."""
+    """A database of its own, on loopback; its files in a folder of their own below `where`, which others may look into."""
 
-    def __init__(self):
-        self.folder = tempfile.TemporaryDirectory()
+    def __init__(self, where=None):
+        self.folder = tempfile.TemporaryDirectory(dir=where)
         self.data = Path(self.folder.name) / "data"
         nobody = pwd.getpwnam("nobody")  # PostgreSQL refuses to run as root
         shutil.chown(self.folder.name, nobody.pw_uid, nobody.pw_gid)

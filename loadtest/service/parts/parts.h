@@ -17,6 +17,8 @@ void remote();
 void throughput();
 /// Full load beside idle sessions and dashboards.
 void crowd();
+/// Submitted jobs kept in memory, by SQLite, by PostgreSQL.
+void durable();
 /// What telling every iteration costs the solve.
 void streaming();
 

@@ -16,7 +16,9 @@ namespace marble::testing {
 class PostgresProcess {
  public:
   /// `programs`: the folder of initdb and postgres. A new database, where everybody on this machine may come.
-  explicit PostgresProcess(std::string programs) : programs_(std::move(programs)), port_(free_port()) {
+  /// `synced`: it waits for the disk; without, it survives what kills it, not what kills the machine.
+  explicit PostgresProcess(std::string programs, bool synced = false)
+      : programs_(std::move(programs)), fsync_(synced ? "fsync=on" : "fsync=off"), port_(free_port()) {
     if (const passwd* const user = getpwnam("nobody"); geteuid() == 0 && user != nullptr) {
       // PostgreSQL refuses to run as root.
       const std::string folder = std::filesystem::path(directory_.file("data")).parent_path();
@@ -44,8 +46,7 @@ class PostgresProcess {
       const std::string log = directory_.file("log." + std::to_string(++starts_));
       process_ = std::make_unique<ChildProcess>(
           as_user({programs_ + "/postgres", "-D", directory_.file("data"), "-c", "listen_addresses=127.0.0.1",
-                   "-c", "port=" + std::to_string(port_), "-c", "unix_socket_directories=", "-c",
-                   "fsync=off"}),
+                   "-c", "port=" + std::to_string(port_), "-c", "unix_socket_directories=", "-c", fsync_}),
           log);
       const bool up = eventually([&] {
         return !process_->running() ||
@@ -96,7 +97,7 @@ class PostgresProcess {
     return ntohs(name.sin_port);
   }
 
-  const std::string programs_;
+  const std::string programs_, fsync_;
   const int port_;
   std::vector<std::string> as_user_;
   TemporaryDirectory directory_;
