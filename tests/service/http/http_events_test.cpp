@@ -1,5 +1,4 @@
 // Event streams of the HTTP port: live, shared, bounded, and ended when they must be.
-#include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -111,11 +110,7 @@ TEST_F(HttpEvents, AReaderThatStallsDisturbsNobody) {
   const int stalled = socket(AF_INET, SOCK_STREAM, 0);
   const int little = 4096;
   setsockopt(stalled, SOL_SOCKET, SO_RCVBUF, &little, sizeof little);
-  sockaddr_in address = {};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1))));
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  ASSERT_EQ(connect(stalled, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  connect_to(url, stalled);
   const std::string request = "GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n";
   ASSERT_EQ(send(stalled, request.data(), request.size(), 0), static_cast<ssize_t>(request.size()));
   const EventReader reader(url, "/api/events");

@@ -1,5 +1,4 @@
 // The HTTP port against other sites' pages, broken requests, and in TLS.
-#include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -12,15 +11,9 @@ namespace {
 class HttpSecurity : public HttpServiceTest {
  protected:
   [[nodiscard]] int connected() {
-    const std::string url = server().http();
-    const int one = socket(AF_INET, SOCK_STREAM, 0);
+    const int one = connected_to(server().http());
     const timeval patience = {30, 0};
     setsockopt(one, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-    sockaddr_in address = {};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1))));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    EXPECT_EQ(connect(one, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
     return one;
   }
   /// Sends bytes as they are and returns all that comes back until the server closes.

@@ -1,5 +1,4 @@
 // Jobs over plain HTTP: problems as JSON in, answers as JSON out, under the rules that gRPC has.
-#include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <google/protobuf/util/json_util.h>
 #include <sys/socket.h>
@@ -73,13 +72,7 @@ class HttpSubmit : public HttpServiceTest {
   }
   /// What comes back on a POST of which no more is sent.
   [[nodiscard]] std::string answer_to_head(const std::string& rest) {
-    const int one = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    const std::string& url = server().http();
-    sockaddr_in address = {};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1))));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    EXPECT_EQ(::connect(one, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+    const int one = connected_to(server().http());
     const std::string head =
         "POST /api/jobs HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n" + rest;
     EXPECT_EQ(send(one, head.data(), head.size(), MSG_NOSIGNAL), static_cast<ssize_t>(head.size()));

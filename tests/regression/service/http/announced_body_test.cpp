@@ -1,7 +1,6 @@
 // Symptom: an HTTP request that announced a body of more than 64 KiB was answered with 413 only after 10 s,
 // and held a thread so long, if the body did not come. Cause: httplib reads such a body to its end, or to the
 // end of the request's time, before it refuses it.
-#include <arpa/inet.h>
 #include <poll.h>
 #include <sys/socket.h>
 
@@ -12,17 +11,6 @@ namespace {
 
 class AnnouncedBody : public HttpServiceTest {
  protected:
-  /// A connection to the HTTP port.
-  [[nodiscard]] int connected() {
-    const int one = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    const std::string& url = server().http();
-    sockaddr_in address = {};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1))));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    EXPECT_EQ(::connect(one, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
-    return one;
-  }
   static void send_text(int connection, const std::string& text) {
     EXPECT_EQ(send(connection, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
   }
@@ -36,7 +24,7 @@ class AnnouncedBody : public HttpServiceTest {
 TEST_F(AnnouncedBody, IsRefusedBeforeItComes) {
   start();
   // The other connection is closed for being idle long before a request's time is over.
-  const int idle = connected(), announced = connected();
+  const int idle = connected_to(server().http()), announced = connected_to(server().http());
   send_text(idle, "HEAD /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n");
   EXPECT_NE(receive(idle).find(" 200 "), std::string::npos);
   send_text(announced,

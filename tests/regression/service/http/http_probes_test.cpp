@@ -3,8 +3,6 @@
 //
 // Each connection held a thread from its first moment until its request was there, ten seconds long, and
 // probes waited for a thread like everything else.
-#include <arpa/inet.h>
-#include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -18,12 +16,7 @@ class HttpProbes : public HttpServiceTest {
   /// A connection that has sent this and then nothing.
   class Half {
    public:
-    Half(const std::string& url, const std::string& begin) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
-      sockaddr_in address = {};
-      address.sin_family = AF_INET;
-      address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1))));
-      address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-      EXPECT_EQ(connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+    Half(const std::string& url, const std::string& begin) : socket_(connected_to(url)) {
       EXPECT_EQ(send(socket_, begin.data(), begin.size(), MSG_NOSIGNAL), static_cast<ssize_t>(begin.size()));
     }
     ~Half() { close(socket_); }
