@@ -16,10 +16,10 @@ namespace marble {
 using Index = std::int32_t;
 
 /// A sparse matrix in compressed column form; borrows its arrays.
-/// Row indices ascend strictly within a column. An absent matrix is all zeros and empty spans.
+/// Row indices ascend strictly within a column. Empty: no rows, no columns, empty spans; else complete.
 struct SparseMatrixView {
   Index rows = 0;                          ///< >= 0
-  Index columns = 0;                       ///< n, but for a matrix that is absent
+  Index columns = 0;                       ///< n; 0 of an empty matrix
   std::span<const Index> column_pointers;  ///< columns + 1 entries, from 0 to the number of entries
   std::span<const Index> row_indices;      ///< one per entry, in [0, rows)
   std::span<const double> values;          ///< one per entry, finite

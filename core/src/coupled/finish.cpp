@@ -36,8 +36,7 @@ double most_of_a_column(const SparseMatrixView& m) {
   double most = 0.0;
   for (Index j = 0; j < m.columns; ++j) {
     double sum = 0.0;
-    for (Index k = m.column_pointers[at(j)]; k < m.column_pointers[at(j) + 1]; ++k)
-      sum += std::abs(m.values[at(k)]);
+    for_column(m, j, [&](Index, double value) { sum += std::abs(value); });
     most = std::max(most, sum);
   }
   return most;

@@ -5,6 +5,7 @@
 
 #include "coupled/entries.h"
 #include "marble/composite/coupled.h"
+#include "model/check_matrix.h"
 
 namespace marble {
 namespace {
@@ -14,16 +15,16 @@ class Diagonal {
  public:
   void add(const SparseMatrixView& m, Index rows, Index columns) {
     for (Index j = 0; j < columns; ++j) {
-      if (m.columns > 0) append(m, j, matrix_.rows);
+      append(m, j, matrix_.rows);
       end();
     }
     matrix_.rows += rows;
   }
   void append(const SparseMatrixView& m, Index j, Index first) {
-    for (Index k = m.column_pointers[at(j)]; k < m.column_pointers[at(j) + 1]; ++k) {
-      matrix_.row_indices.push_back(first + m.row_indices[at(k)]);
-      matrix_.values.push_back(m.values[at(k)]);
-    }
+    for_column(m, j, [&](Index row, double value) {
+      matrix_.row_indices.push_back(first + row);
+      matrix_.values.push_back(value);
+    });
   }
   void end() {
     ++matrix_.columns;
@@ -66,18 +67,17 @@ OwnedProblem joint_problem(const CoupledView& view) {
     const ProblemView& own = block.problem;
     const auto n = static_cast<Index>(own.g.size());
     for (Index j = 0; j < n; ++j) {
-      if (own.A.columns > 0) A.append(own.A, j, equalities);
-      if (block.coupling.columns > 0) A.append(block.coupling, j, coupling_begins);
+      A.append(own.A, j, equalities);
+      A.append(block.coupling, j, coupling_begins);
       A.end();
     }
     SparseMatrix upper{n, n, {0}, {}, {}};
     for (Index j = 0; j < n; ++j) {
-      for (Index k = own.Q.columns > 0 ? own.Q.column_pointers[at(j)] : 0;
-           own.Q.columns > 0 && k < own.Q.column_pointers[at(j) + 1]; ++k) {
-        if (own.Q.row_indices[at(k)] > j) continue;
-        upper.row_indices.push_back(own.Q.row_indices[at(k)]);
-        upper.values.push_back(own.Q.values[at(k)]);
-      }
+      for_column(own.Q, j, [&](Index row, double value) {
+        if (row > j) return;
+        upper.row_indices.push_back(row);
+        upper.values.push_back(value);
+      });
       upper.column_pointers.push_back(static_cast<Index>(upper.values.size()));
     }
     Q.add(upper.view(), n, n);
@@ -113,17 +113,10 @@ Expected<void> check(const CoupledView& view) {
     if (auto valid = Problem::create(block.problem); !valid)
       return unexpected(inside(prefix + ".problem", valid.error()));
     variables += static_cast<std::int64_t>(block.problem.g.size());
-    if (block.coupling.rows == 0 && block.coupling.columns == 0) continue;
-    // As a block's equalities it is checked as they are.
-    const std::vector<double> zeros(m, 0.0);
-    ProblemView rows;
-    rows.g = block.problem.g, rows.A = block.coupling, rows.b = zeros;
-    if (auto valid = Problem::create(rows); !valid) {
-      Error error = valid.error();
-      if (error.field.starts_with("A")) error.field.replace(0, 1, "coupling");
-      if (error.field == "b") error.field = "coupling.rows";
-      return unexpected(inside(prefix, std::move(error)));
-    }
+    if (auto valid = check_matrix(block.coupling, "coupling", m, block.problem.g.size(), "entries of total",
+                                  MayBeEmpty::always);
+        !valid)
+      return unexpected(inside(prefix, valid.error()));
   }
   if (variables > std::numeric_limits<Index>::max()) {
     return unexpected(

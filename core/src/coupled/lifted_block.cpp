@@ -32,13 +32,6 @@ class Columns {
   SparseMatrix matrix_;
 };
 
-template <class Visit>
-void for_column(const SparseMatrixView& m, Index j, const Visit& visit) {
-  if (m.columns == 0) return;
-  for (Index k = m.column_pointers[at(j)]; k < m.column_pointers[at(j) + 1]; ++k)
-    visit(m.row_indices[at(k)], m.values[at(k)]);
-}
-
 SparseMatrix widened(const SparseMatrixView& m, Index columns) {
   if (m.rows == 0) return {};
   SparseMatrix wide{m.rows,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <tuple>
 #include <unordered_map>
@@ -15,6 +16,8 @@
 
 namespace marble {
 namespace {
+
+constexpr Index kLastStage = std::numeric_limits<Index>::max() - 1;  // the number of stages is an Index too
 
 class Cutter {
  public:
@@ -180,9 +183,9 @@ Solution Pieces::joined(std::span<const BlockAnswer> answers) const {
 Expected<std::vector<Index>> pieces_by_stage(std::span<const Index> stage_of_variable, Index pieces) {
   if (stage_of_variable.empty()) return unexpected(invalid("stages", "must be one for each variable"));
   for (std::size_t j = 0; j < stage_of_variable.size(); ++j) {
-    if (stage_of_variable[j] < 0) {
+    if (stage_of_variable[j] < 0 || stage_of_variable[j] > kLastStage) {
       return unexpected(invalid("stages", static_cast<std::int64_t>(j), std::to_string(stage_of_variable[j]),
-                                "must be >= 0"));
+                                "must be in [0, " + std::to_string(kLastStage) + "]"));
     }
   }
   const std::int64_t stages = std::int64_t{*std::ranges::max_element(stage_of_variable)} + 1;

@@ -158,7 +158,8 @@ Expected<Solution> sweep(const Problem& problem, std::span<const Index> stage_of
   Index first = 0;
   for (std::size_t k = 0; k < ends.size(); ++k) {
     const Index ahead = options.look_ahead >= 0 ? options.look_ahead : std::max(2, (ends[k] - first) / 3);
-    const auto part = window.problem(first, std::min(stages, ends[k] + ahead), whole.z);
+    const Index end = ends[k] + std::min(ahead, stages - ends[k]);
+    const auto part = window.problem(first, end, whole.z);
     if (!part) return unexpected(part.error());
     const auto checked = Problem::create(part->view());
     if (!checked) return unexpected(checked.error());

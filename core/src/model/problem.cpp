@@ -22,8 +22,8 @@ Expected<void> check_finite(std::span<const double> values, const std::string& f
   return {};
 }
 
-bool absent(const SparseMatrixView& m) {
-  return m.rows == 0 && m.column_pointers.empty() && m.row_indices.empty() && m.values.empty();
+bool is_empty(const SparseMatrixView& m) {
+  return m.rows == 0 && m.columns == 0 && m.column_pointers.empty() && m.row_indices.empty() && m.values.empty();
 }
 
 // One sweep over the columns: as rows ascend, the mirror image of the next entry below the diagonal of column
@@ -80,8 +80,8 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
 }  // namespace
 
 Expected<void> check_matrix(const SparseMatrixView& m, const std::string& name, std::size_t rows,
-                            std::size_t n, const char* rows_rule) {
-  if (absent(m) && (rows == 0 || name == "Q")) return {};
+                            std::size_t n, const char* rows_rule, MayBeEmpty may_be_empty) {
+  if (is_empty(m) && (rows == 0 || may_be_empty == MayBeEmpty::always)) return {};
   const auto number = [](auto value) { return std::to_string(value); };
   if (m.rows < 0 || static_cast<std::size_t>(m.rows) != rows) {
     return unexpected(
@@ -165,7 +165,9 @@ Expected<Problem> Problem::create(const ProblemView& view) {
 #include "marble/contract.def"
   };
   for (const auto& m : matrices) {
-    if (auto valid = check_matrix(m.matrix, m.name, m.rows, n, &m.matrix == &view.Q ? "variables" : m.rule);
+    const bool is_q = &m.matrix == &view.Q;
+    if (auto valid = check_matrix(m.matrix, m.name, m.rows, n, is_q ? "variables" : m.rule,
+                                  is_q ? MayBeEmpty::always : MayBeEmpty::without_rows);
         !valid)
       return unexpected(valid.error());
   }

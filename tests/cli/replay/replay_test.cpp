@@ -72,6 +72,20 @@ TEST_F(Replay, WhateverIsAskedForIsAskedForAgain) {
   expect_same(bundle_of(node, plan->job_id), "scenarios");
 }
 
+TEST_F(Replay, RefusesAMatrixThatIsNeitherEmptyNorComplete) {
+  v1::SolveRequest request;
+  v1::CoupledBlock* block = request.mutable_coupled()->add_blocks();
+  block->mutable_problem()->add_gradient(1.0);
+  block->mutable_coupling()->set_columns(9);
+  Bundle bundle;
+  tell_build(&bundle.facts);
+  bundle.request = request.SerializeAsString();
+  bundle.facts.set_request_bytes(static_cast<std::int64_t>(bundle.request.size()));
+  const Result refused = replay(write(bundle));
+  EXPECT_EQ(refused.exit_code, 2) << refused.out;
+  EXPECT_NE(refused.err.find("coupling.columns"), std::string::npos) << refused.err;
+}
+
 TEST_F(Replay, AServerSolvesItAgainToo) {
   Node node({});
   const std::string id = node.submit(request_of_random(2));

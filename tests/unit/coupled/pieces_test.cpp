@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <limits>
 
 #include "marble/examples.h"
 #include "support/judges/dense_matrix.h"
@@ -115,6 +116,36 @@ TEST(Pieces, StagesAndPiecesOutOfRangeAreNamed) {
   EXPECT_EQ(
       solve_in_pieces(problem, stages(3), {.coupled = {.freeze_after = 5, .joint = false}}).error().field,
       "joint");
+}
+
+// As under UndefinedBehaviorSanitizer: the largest numbers that a request may have overflow nothing.
+TEST(Pieces, TheLargestLookAheadReachesTheEnd) {
+  const OwnedProblem p = hopper(6);
+  const Problem problem = Problem::create(p.view()).value();
+  std::vector<double> objectives;
+  for (const Index look_ahead : {5, 1 << 30, std::numeric_limits<Index>::max()}) {
+    const auto answer = solve_in_pieces(problem, stages(6), {.pieces = 2, .look_ahead = look_ahead});
+    ASSERT_TRUE(answer) << answer.error().message();
+    ASSERT_TRUE(is_solved(answer->whole.status)) << answer->whole.detail;
+    objectives.push_back(answer->sweep_objective);
+  }
+  EXPECT_EQ(objectives[0], objectives[1]);
+  EXPECT_EQ(objectives[0], objectives[2]);
+}
+
+TEST(Pieces, TheLargestStageIsOneLessThanAnIndex) {
+  std::vector<Index> far = {0, std::numeric_limits<Index>::max() - 1};
+  EXPECT_EQ(pieces_by_stage(far, 2).value(), (std::vector<Index>{0, 1}));
+  OwnedProblem p;
+  p.Q = testing::sparse(Eigen::MatrixXd::Identity(2, 2));
+  p.g = {-1.0, 1.0};
+  const auto answer = solve_in_pieces(Problem::create(p.view()).value(), far, {.pieces = 2});
+  ASSERT_TRUE(answer) << answer.error().message();
+  EXPECT_NEAR(answer->whole.objective, -1.0, 1e-9);
+  ++far[1];
+  const auto refused = pieces_by_stage(far, 2);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().message(), "stages[1] = 2147483647: must be in [0, 2147483646]");
 }
 
 }  // namespace

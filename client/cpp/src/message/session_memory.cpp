@@ -18,6 +18,7 @@ void take_numbers(std::span<const double> from, Numbers* to) {
 void mirror(v1::SparseMatrix* matrix) {
   const auto& columns = matrix->column_pointers();
   const auto& rows = matrix->row_indices();
+  if (matrix->values_size() != rows.size()) return;  // an update that the server refuses
   for (int column = 0; column < matrix->columns(); ++column) {
     for (int entry = columns[column]; entry < columns[column + 1]; ++entry) {
       const int row = rows[entry];

@@ -37,7 +37,7 @@ struct Pieces {
 };
 
 /// Stages 0, 1, … dealt to as many pieces of equal length, one after the other. Errors: invalid_argument of
-/// "stages" (negative ones, none) or "pieces" (not in [1, stages]).
+/// "stages" (negative ones, 2147483647, none) or "pieces" (not in [1, stages]).
 [[nodiscard]] Expected<std::vector<Index>> pieces_by_stage(std::span<const Index> stage_of_variable,
                                                            Index pieces);
 
