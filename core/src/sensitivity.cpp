@@ -5,6 +5,7 @@
 
 #include "branch/branch_derivatives.h"
 #include "marble/solver.h"
+#include "tuning.h"
 
 namespace marble {
 namespace {
@@ -20,19 +21,32 @@ Expected<void> check_answer(const Solution& answer, const PartSizes& sizes) {
   return must_be_solved(answer.status);
 }
 
+// The scaled copy, and vectors of the branch and of a few directions.
+double bytes_without_factor(const Problem& problem) {
+  const PartSizes sizes = PartSizes::of(problem);
+  const auto entries = static_cast<double>(sizes.Q + sizes.A + sizes.C + sizes.L + sizes.R);
+  const auto vectors = static_cast<double>(sizes.g + sizes.b + sizes.d + sizes.l + sizes.r);
+  return entries * (sizeof(double) + 2.0 * sizeof(Index)) +
+         tuning::memory_iterates * vectors * sizeof(double);
+}
+
 }  // namespace
 
 struct Sensitivity::State {
-  State(const Problem& problem, ScaledProblem scaled_problem)
+  State(const Problem& problem, ScaledProblem scaled_problem, std::unique_ptr<Kkt> made,
+        const Interrupt& until)
       : sizes(PartSizes::of(problem)),
         scaled(std::move(scaled_problem)),
-        kkt(make_kkt(scaled)),
+        kkt(std::move(made)),
+        interrupt(until),
         point(scaled, *kkt),
-        derivatives(scaled, sizes, point) {}
+        derivatives(scaled, sizes, point) {
+    kkt->attend(interrupt);
+  }
 
   template <class Work>
   auto counted(const Work& work) {
-    Run run(kOptions, kNoControls);
+    Run run(kOptions, kNoControls, interrupt);
     auto result = work(run);
     factorizations += run.factorizations;
     return result;
@@ -47,8 +61,10 @@ struct Sensitivity::State {
   PartSizes sizes;
   ScaledProblem scaled;
   std::unique_ptr<Kkt> kkt;
+  Interrupt interrupt;
   BranchPoint point;
   BranchDerivatives derivatives;
+  std::int64_t memory_bytes = 0;
   std::int32_t factorizations = 0;
 };
 
@@ -58,8 +74,30 @@ Sensitivity& Sensitivity::operator=(Sensitivity&&) noexcept = default;
 Sensitivity::~Sensitivity() = default;
 
 Expected<Sensitivity> Sensitivity::create(const Problem& problem, const Solution& answer) {
+  return create(problem, answer, {});
+}
+
+Expected<Sensitivity> Sensitivity::create(const Problem& problem, const Solution& answer,
+                                          const SetupControls& controls) {
   if (auto valid = check_answer(answer, PartSizes::of(problem)); !valid) return unexpected(valid.error());
-  auto state = std::make_unique<State>(problem, scale(problem, kOptions.scaling_passes));
+  const Interrupt interrupt(controls.stop, controls.until);
+  const double own = bytes_without_factor(problem), limit = static_cast<double>(controls.most_bytes);
+  const auto refuse = [&](double bytes) {
+    return unexpected(failure(ErrorCode::resource_exhausted, "problem",
+                              std::to_string(static_cast<std::int64_t>(bytes)) + " bytes of memory",
+                              "derivatives may take at most " + std::to_string(controls.most_bytes)));
+  };
+  if (own > limit) return refuse(own);
+  ScaledProblem scaled = scale(problem, kOptions.scaling_passes, interrupt);
+  KktCost least;
+  auto kkt = make_kkt(scaled, {limit - own, KktCost{}.flops}, interrupt, least);
+  if (kkt == nullptr) {
+    return interrupt.requested()
+               ? unexpected(failure(ErrorCode::failed_precondition, "solution", "the run is over"))
+               : refuse(own + least.bytes);
+  }
+  auto state = std::make_unique<State>(problem, std::move(scaled), std::move(kkt), interrupt);
+  state->memory_bytes = static_cast<std::int64_t>(own + state->kkt->bytes());
   if (auto begun = state->begin(answer); !begun) return unexpected(begun.error());
   return Sensitivity(std::move(state));
 }
@@ -121,6 +159,7 @@ Expected<SensitivityAnswer> Sensitivity::answer(const SensitivityRequest& reques
   return answer;
 }
 
+std::int64_t Sensitivity::memory_bytes() const { return state_->memory_bytes; }
 const std::vector<Index>& Sensitivity::weak_inequalities() const {
   return state_->derivatives.weak_inequalities();
 }

@@ -16,7 +16,7 @@ namespace {
 
 using std::chrono::steady_clock;
 
-// No stop is looked at in the dense algebra of an iteration: it must be short.
+// Dense algebra of an iteration takes the cube of these.
 constexpr std::int64_t kMostRows = 1000;      // that tie the blocks
 constexpr std::int64_t kMostBlockRows = 250;  // that see one of them
 
@@ -37,28 +37,24 @@ std::int64_t rows_of(const SparseMatrixView& coupling) {
   return std::ranges::count(seen, true);
 }
 
-// The coordinator's matrix and the blocks' responses are dense.
 Expected<void> check_rows(const Config& config, const CoupledView& view) {
   const auto m = static_cast<std::int64_t>(view.total.size());
   if (m > kMostRows) {
     return unexpected(invalid("coupled.total", std::to_string(m),
                               "rows tie the blocks; must be at most " + std::to_string(kMostRows)));
   }
-  constexpr std::int64_t kMatrices = 4;  // of a block: its response, what it is made of, and its inverse
-  std::int64_t numbers = 2 * m * m;
   for (std::size_t k = 0; k < view.blocks.size(); ++k) {
     const std::int64_t own = rows_of(view.blocks[k].coupling);
-    numbers += kMatrices * own * own;
     if (own > kMostBlockRows) {
       return unexpected(invalid("coupled.blocks[" + std::to_string(k) + "].coupling", std::to_string(own),
                                 "rows see the block; must be at most " + std::to_string(kMostBlockRows)));
     }
   }
-  const std::int64_t bytes = numbers * static_cast<std::int64_t>(sizeof(double));
+  const std::int64_t bytes = working_bytes(view);
   if (bytes <= config.solve_bytes) return {};
   return unexpected(failure(ErrorCode::resource_exhausted, "coupled.blocks",
-                            std::to_string(bytes) + " bytes of dense matrices",
-                            "must fit into " + std::to_string(config.solve_bytes) + " bytes"));
+                            std::to_string(bytes) + " bytes of dense matrices and copies",
+                            "must fit into " + std::to_string(config.solve_bytes) + " bytes (solve_bytes)"));
 }
 
 // What differs between blocks and pieces: the solve, and what is told of it.

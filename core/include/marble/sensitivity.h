@@ -24,6 +24,8 @@
 
 namespace marble {
 
+struct SetupControls;
+
 struct Solution;
 
 /// Changes of an answer, by one unit of a direction.
@@ -201,6 +203,10 @@ class Sensitivity {
   /// Errors: invalid_argument of field "solution.z" and such (other sizes, not finite); failed_precondition
   /// of field "solution" where it is not solved, or no isolated exact solution of its branch.
   [[nodiscard]] static Expected<Sensitivity> create(const Problem& problem, const Solution& answer);
+  /// Within limits: what needs more memory is refused with resource_exhausted, field "problem", before it is
+  /// allocated; the stop and the moment end this and all that is asked later, with failed_precondition.
+  [[nodiscard]] static Expected<Sensitivity> create(const Problem& problem, const Solution& answer,
+                                                    const SetupControls& controls);
 
   /// The same problem with new numbers, and an answer to it: scaling and analysis stay. Errors: as create(),
   /// and as PartSizes::check names them; this may then only be renewed or destroyed.
@@ -233,6 +239,8 @@ class Sensitivity {
   [[nodiscard]] const std::vector<Index>& weak_inequalities() const;
   /// As SensitivityAnswer has them.
   [[nodiscard]] const std::vector<Index>& biactive_pairs() const;
+  /// What it takes, in bytes, by the estimate of create().
+  [[nodiscard]] std::int64_t memory_bytes() const;
   /// By all that was asked so far.
   [[nodiscard]] std::int32_t factorizations() const;
   /// By all that was asked so far.

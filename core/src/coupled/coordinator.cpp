@@ -13,14 +13,16 @@
 // comes to convex blocks' agreement from anywhere, but slowly: once the pairs are frozen a step that did not
 // help is taken again, nearer to this one. Where frozen sides leave rows that nothing moves, ΣS_k is singular
 // and no price helps: pairs that pull take their other sides, one by one.
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include "coupled/dense.h"
+#include "coupled/finish.h"
 #include "data/linear_algebra.h"
 #include "marble/composite/coupled.h"
 #include "model/text_of.h"
@@ -37,6 +39,7 @@ class Coordinator {
         options_(options),
         controls_(controls),
         total_(Eigen::Map<const Vector>(total.data(), static_cast<Eigen::Index>(total.size()))),
+        interrupt_(interrupt_of(controls, options.options)),
         state_{.prices = Vector::Zero(total_.size()), .asks = {}, .answers = {}, .last = {}},
         proximal_(options.proximal) {
     if (controls.start != nullptr && !controls.start->prices.empty())
@@ -53,13 +56,15 @@ class Coordinator {
   [[nodiscard]] Expected<Coordination> run();
 
  private:
-  enum class End { agreed, not_yet, failed };
+  enum class End { agreed, not_yet, failed, stopped };
   // What a flip that leads nowhere goes back to.
   struct State {
     Vector prices;
     std::vector<BlockAsk> asks;
-    std::vector<BlockAnswer> answers;
+    std::vector<BlockAnswer> answers;  // without their responses
     CoupledIteration last;
+    std::shared_ptr<const std::vector<std::vector<double>>> responses =
+        {};  // of the answers; dense, so shared
   };
 
   [[nodiscard]] Expected<bool> tick();
@@ -72,8 +77,9 @@ class Coordinator {
   using Pair = std::pair<std::size_t, Index>;  // of a block, its pair
   [[nodiscard]] bool unblock();
   void block_again();
-  void go_back(const State& best);
-  void agree();
+  [[nodiscard]] State without_responses() const;
+  [[nodiscard]] bool go_back(const State& best);
+  [[nodiscard]] bool agree();
   [[nodiscard]] Expected<void> try_flips();
   [[nodiscard]] Coordination ended(Status status, std::string detail);
 
@@ -81,6 +87,7 @@ class Coordinator {
   const CoupledOptions& options_;
   const CoupledControls& controls_;
   Vector total_;
+  Interrupt interrupt_;
   State state_;
   Coordination result_;
   double proximal_;
@@ -97,9 +104,13 @@ class Coordinator {
 
 // One solve of all blocks. False where one failed.
 Expected<bool> Coordinator::tick() {
+  state_.responses.reset();
   auto answers = blocks_.tick(state_.asks);
   if (!answers) return unexpected(answers.error());
   state_.answers = *std::move(answers);
+  std::vector<std::vector<double>> responses;
+  for (BlockAnswer& answer : state_.answers) responses.push_back(std::move(answer.response));
+  state_.responses = std::make_shared<const std::vector<std::vector<double>>>(std::move(responses));
   ++iterations_;
   for (BlockAsk& ask : state_.asks) ask.flips.clear(), ask.search = false;
   for (const BlockAnswer& answer : state_.answers) factorizations_ += answer.factorizations;
@@ -136,12 +147,12 @@ Expected<Coordinator::End> Coordinator::iterate(int most, bool may_unblock) {
     const bool idle = frozen() && since_best >= tuning::coupled_idle;
     const bool apart_again = !(apart <= tuning::coupled_apart * best_apart);
     if ((idle || apart_again) && !best.asks.empty() && may_go_back()) {
-      go_back(best);
+      if (!go_back(best)) return End::stopped;
       since_best = 0;
       continue;
     }
     if (!*solved) return End::failed;
-    agree();
+    if (!agree()) return End::stopped;
     if (blocked_ && may_unblock && unblock()) {
       best = {}, best_apart = std::numeric_limits<double>::infinity();
       since_best = 0;
@@ -152,20 +163,25 @@ Expected<Coordinator::End> Coordinator::iterate(int most, bool may_unblock) {
 
 // To the best iteration. Frozen blocks are convex: the step from there is taken nearer to averaging. Where
 // that does not help either, or blocks whose pairs are free leap, they are held harder.
-void Coordinator::go_back(const State& best) {
+bool Coordinator::go_back(const State& best) {
   const bool failed = result_.failed_block.has_value();
   result_.failed_block.reset();
   state_ = best;
   gains_ = 0;
   if ((frozen() || !failed) && newton_ > tuning::coupled_least_step) {
     newton_ *= tuning::coupled_shorter;
-    agree();
-    return;
+    return agree();
   }
   ++raises_;
   newton_ = 1.0;
   proximal_ *= tuning::coupled_raise;
   for (BlockAsk& ask : state_.asks) ask.proximal = proximal_;
+  return true;
+}
+
+// What is gone back to in order to solve the blocks once more needs none.
+Coordinator::State Coordinator::without_responses() const {
+  return {.prices = state_.prices, .asks = state_.asks, .answers = state_.answers, .last = state_.last};
 }
 
 // A proof is one at any price, and a stop is a stop.
@@ -178,7 +194,7 @@ bool Coordinator::may_go_back() const {
 
 // Each block looks for a better branch at the prices on which they agree. True if one moved.
 Expected<bool> Coordinator::search() {
-  const State agreed = state_;
+  const State agreed = without_responses();
   const auto back = [&] {
     result_.failed_block.reset();
     state_ = agreed;
@@ -191,7 +207,7 @@ Expected<bool> Coordinator::search() {
   const bool stayed = measure();
   if (controls_.progress) controls_.progress(state_.last);
   if (stayed) return false;
-  agree();
+  if (!agree()) return back();
   const auto end = iterate(options_.freeze_after);
   if (!end) return unexpected(end.error());
   const double gain = agreed.last.objective - state_.last.objective;
@@ -228,8 +244,10 @@ bool Coordinator::measure() {
   return rows_hold_ && step <= options_.tolerance * (1.0 + max_abs(state_.prices));
 }
 
-void Coordinator::agree() {
+// False if interrupted: nothing has changed then.
+bool Coordinator::agree() {
   const Eigen::Index m = total_.size();
+  Checkpoint checkpoint(interrupt_);
   Eigen::MatrixXd responses = Eigen::MatrixXd::Zero(m, m);
   Vector violation = -total_, right = -total_, seen_by = Vector::Zero(m);
   std::vector<Vector> own_prices;
@@ -238,6 +256,8 @@ void Coordinator::agree() {
     const BlockAsk& ask = state_.asks[k];
     const std::vector<Index>& rows = blocks_.rows()[k];
     const std::size_t m_k = rows.size();
+    const std::vector<double>& response = (*state_.responses)[k];
+    if (checkpoint.reached(static_cast<std::int64_t>(m_k * m_k))) return false;
     Vector& mu = own_prices.emplace_back(static_cast<Eigen::Index>(m_k));
     for (std::size_t i = 0; i < m_k; ++i)
       mu[static_cast<Eigen::Index>(i)] = ask.price[i] + proximal_ * (answer.value[i] - ask.centre[i]);
@@ -246,7 +266,7 @@ void Coordinator::agree() {
       violation[rows[i]] += answer.value[i];
       right[rows[i]] += answer.value[i];
       for (std::size_t j = 0; j < m_k; ++j) {
-        const double entry = answer.response[j * m_k + i];
+        const double entry = response[j * m_k + i];
         responses(rows[i], rows[j]) += entry;
         right[rows[i]] += entry * mu[static_cast<Eigen::Index>(j)];
       }
@@ -255,7 +275,8 @@ void Coordinator::agree() {
   const double least = tuning::rounding * std::max(tuning::zero, max_abs(responses.diagonal()));
   responses.diagonal().array() += least;
   right += least * state_.prices;
-  const Vector newton = responses.ldlt().solve(right);
+  Vector newton = right;
+  if (!solve_semidefinite(responses, newton, interrupt_)) return false;
   const Vector share = violation.cwiseQuotient(seen_by.cwiseMax(1.0));
   const double left = least * max_abs(newton - state_.prices);  // of the violation after Newton's step
   blocked_ = !rows_hold_ && left > tuning::coupled_blocked * max_abs(violation);
@@ -266,15 +287,16 @@ void Coordinator::agree() {
     BlockAsk& ask = state_.asks[k];
     const std::vector<Index>& rows = blocks_.rows()[k];
     const std::size_t m_k = rows.size();
+    const std::vector<double>& response = (*state_.responses)[k];
     for (std::size_t i = 0; i < m_k; ++i) ask.price[i] = state_.prices[rows[i]];
     for (std::size_t i = 0; i < m_k; ++i) {
       double change = 0.0;
       for (std::size_t j = 0; j < m_k; ++j)
-        change +=
-            answer.response[j * m_k + i] * (own_prices[k][static_cast<Eigen::Index>(j)] - newton[rows[j]]);
+        change += response[j * m_k + i] * (own_prices[k][static_cast<Eigen::Index>(j)] - newton[rows[j]]);
       ask.centre[i] = answer.value[i] - (1.0 - way) * share[rows[i]] + way * change;
     }
   }
+  return true;
 }
 
 // The pair whose fixed side the prices pull hardest takes its other side, in its block alone: equal blocks
@@ -294,8 +316,8 @@ bool Coordinator::unblock() {
     }
   }
   if (!hardest) return false;
-  before_ = state_;
-  if (!first_before_) first_before_ = state_;
+  before_ = without_responses();
+  if (!first_before_) first_before_ = before_;
   unblocked_.push_back(*hardest);
   state_.asks[hardest->first].flips.push_back(hardest->second);
   ++result_.flips;
@@ -328,7 +350,7 @@ Expected<void> Coordinator::try_flips() {
     }
     if (!hardest) break;
     tried.push_back(*hardest);
-    State before = state_;
+    State before = without_responses();
     for (const auto& [block, pair] : undo) state_.asks[block].flips.push_back(pair);
     undo.clear();
     state_.asks[hardest->first].flips.push_back(hardest->second);
@@ -376,6 +398,10 @@ Expected<Coordination> Coordinator::run() {
     }
   }
   if (!end) return unexpected(end.error());
+  if (*end == End::stopped) {
+    return ended(interrupt_.stop_requested() ? Status::cancelled : Status::time_limit,
+                 "ended after " + std::to_string(iterations_) + " iterations of the blocks");
+  }
   if (*end == End::failed) {
     const std::size_t block = *result_.failed_block;
     const BlockAnswer& answer = state_.answers[block];

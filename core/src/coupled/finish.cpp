@@ -130,6 +130,50 @@ Expected<void> check_start(const CoupledView& view, const CoupledStart& start) {
 
 }  // namespace
 
+Expected<void> charge(CoupledControls& controls, std::int64_t bytes, const char* field) {
+  std::int64_t& left = controls.setup.most_bytes;
+  if (bytes > left) {
+    return unexpected(failure(ErrorCode::resource_exhausted, field,
+                              std::to_string(bytes) + " bytes of dense matrices and copies",
+                              "must be at most " + std::to_string(left)));
+  }
+  left -= bytes;
+  return {};
+}
+
+std::int64_t copy_bytes(const ProblemView& p) {
+  constexpr std::int64_t kEntry = sizeof(double) + sizeof(Index);
+  std::int64_t entries = 0, numbers = 0;
+#define MARBLE_VECTOR(letter, field) numbers += std::ssize(p.letter);
+#define MARBLE_MATRIX(letter, field, update, vector) entries += std::ssize(p.letter.values);
+#include "marble/contract.def"
+  const std::int64_t pointers = 5 * (std::ssize(p.g) + 1);
+  return kEntry * entries + static_cast<std::int64_t>(sizeof(Index)) * pointers +
+         static_cast<std::int64_t>(sizeof(double)) * numbers;
+}
+
+// Of the rows: the coordinator's matrix and its sum, and of each block the response of the best iteration and
+// of the current one, with what one is made of. Of the problems: lifted blocks, then the joint one; and
+// answers, of the blocks' newest solves and of states that the coordinator may go back to.
+std::int64_t working_bytes(const CoupledView& view) {
+  constexpr std::int64_t kOfBlock = 4, kCopies = 2, kAnswers = 8;
+  const auto m = std::ssize(view.total);
+  std::int64_t dense = 2 * m * m, copies = 0;
+  std::vector<std::size_t> seen(view.total.size(), 0);  // the last block, from 1, that a row sees
+  for (std::size_t k = 0; k < view.blocks.size(); ++k) {
+    const CoupledBlock& block = view.blocks[k];
+    std::int64_t own = 0;
+    for (const Index row : block.coupling.row_indices)
+      if (std::exchange(seen[at(row)], k + 1) != k + 1) ++own;
+    dense += kOfBlock * own * own;
+    const ProblemView& p = block.problem;
+    const std::int64_t numbers = std::ssize(p.g) + std::ssize(p.b) + std::ssize(p.d) + 2 * std::ssize(p.l);
+    copies += kCopies * (copy_bytes(p) + 12 * std::ssize(block.coupling.values)) +
+              kAnswers * static_cast<std::int64_t>(sizeof(double)) * (numbers + own);
+  }
+  return dense * static_cast<std::int64_t>(sizeof(double)) + copies;
+}
+
 bool stopped(const Coordination& coordination) {
   return coordination.status == Status::cancelled || coordination.status == Status::time_limit;
 }
@@ -146,13 +190,13 @@ Expected<Solution> solve_from(const Problem& problem, Solution start, const Coor
   start.cold_objective = coordination.status == Status::solved ? sum_of_objectives(coordination)
                                                                : std::numeric_limits<double>::max();
   start.factorizations = 0;
-  SetupControls setup = controls.setup;
-  setup.stop = controls.stop;
-  if (controls.begun) setup.until = after(*controls.begun, options.options.time_limit_s);
-  auto solver = Solver::create(problem, options.options, setup);
+  auto solver = Solver::create(problem, options.options, setup_of(controls, options.options));
   if (!solver && !ends_early(solver.error())) return unexpected(solver.error());
-  if (solver && options.joint_search && !stopped(coordination))
-    start = search_near(problem, std::move(start), options.options, controls);
+  if (solver && options.joint_search && !stopped(coordination)) {
+    CoupledControls beside = controls;
+    beside.setup.most_bytes -= std::min(beside.setup.most_bytes, solver->memory_bytes());
+    start = search_near(problem, std::move(start), options.options, beside);
+  }
   const int searched = start.factorizations;
   const SolveControls how{
       .stop = controls.stop, .warm_start = &start, .runner = controls.runner, .begun = controls.begun};
@@ -207,6 +251,7 @@ Expected<CoupledSolution> solve_coupled(const CoupledView& view, const CoupledOp
   CoupledControls own = controls;
   if (!own.begun) own.begun = std::chrono::steady_clock::now();
   return or_out_of_memory([&]() -> Expected<CoupledSolution> {
+    if (auto fits = charge(own, working_bytes(view), "blocks"); !fits) return unexpected(fits.error());
     // The blocks' solvers are gone before the joint one comes.
     auto coordination = [&] {
       LiftedBlocks blocks(view, options, own);

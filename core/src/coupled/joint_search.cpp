@@ -16,7 +16,9 @@ Solution search_near(const Problem& user_problem, Solution start, const Options&
   const SolveControls how{.stop = controls.stop, .runner = controls.runner, .begun = controls.begun};
   Run run(options, how);  // which refers to them
   const ScaledProblem problem = scale(user_problem, options.scaling_passes, run.interrupt());
-  const std::unique_ptr<Kkt> kkt = make_kkt(problem, run.interrupt());
+  KktCost least;
+  const KktCost most{static_cast<double>(controls.setup.most_bytes), KktCost{}.flops};
+  const std::unique_ptr<Kkt> kkt = make_kkt(problem, most, run.interrupt(), least);
   if (kkt == nullptr) return start;
   kkt->attend(run.interrupt());
   PathEngine path(problem, *kkt, options);

@@ -1,11 +1,13 @@
 #include "marble/composite/lifted_block.h"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "coupled/dense.h"
 #include "coupled/entries.h"
+#include "data/interrupt.h"
 #include "tuning.h"
 
 namespace marble {
@@ -54,14 +56,15 @@ LiftedBlock::LiftedBlock(const CoupledBlock& block)
       n_(static_cast<Index>(block.problem.g.size())),
       n_e_(static_cast<Index>(block.problem.b.size())),
       n_i_(static_cast<Index>(block.problem.d.size())),
-      local_(at(block.coupling.rows), -1) {
-  for (const Index row : coupling_.row_indices) local_[at(row)] = 0;
-  for (Index row = 0; row < coupling_.rows; ++row) {
-    if (local_[at(row)] < 0) continue;
-    local_[at(row)] = static_cast<Index>(rows_.size());
-    rows_.push_back(row);
-  }
+      rows_(coupling_.row_indices.begin(), coupling_.row_indices.end()) {
+  std::ranges::sort(rows_);
+  rows_.erase(std::ranges::unique(rows_).begin(), rows_.end());
+  rows_.shrink_to_fit();
   lift();
+}
+
+Index LiftedBlock::local(Index row) const {
+  return static_cast<Index>(std::ranges::lower_bound(rows_, row) - rows_.begin());
 }
 
 void LiftedBlock::lift() {
@@ -75,7 +78,7 @@ void LiftedBlock::lift() {
   for (Index j = 0; j < n_; ++j) {
     for_column(block_.Q, j, [&](Index row, double value) { Q.add(row, value); });
     for_column(block_.A, j, [&](Index row, double value) { A.add(row, value); });
-    for_column(coupling_, j, [&](Index row, double value) { A.add(n_e_ + local_[at(row)], value); });
+    for_column(coupling_, j, [&](Index row, double value) { A.add(n_e_ + local(row), value); });
     for_column(block_.C, j, [&](Index row, double value) { C.add(row, value); });
     if (frozen_pairs > 0) {
       std::vector<std::pair<Index, std::pair<double, double>>> both;
@@ -131,9 +134,8 @@ Solution LiftedBlock::lifted(const Solution& own, std::span<const double> prices
   Solution solution = own;
   solution.z.resize(at(n_) + rows_.size(), 0.0);
   for (Index j = 0; j < n_; ++j)
-    for_column(coupling_, j, [&](Index row, double value) {
-      solution.z[at(n_ + local_[at(row)])] += value * own.z[at(j)];
-    });
+    for_column(coupling_, j,
+               [&](Index row, double value) { solution.z[at(n_ + local(row))] += value * own.z[at(j)]; });
   for (const Index row : rows_) solution.equality_multipliers.push_back(prices[at(row)]);
   return solution;
 }
@@ -221,18 +223,22 @@ Solution LiftedBlock::own(Solution lifted) const {
   return solution;
 }
 
-BlockAnswer LiftedBlock::answer(Solution lifted, std::vector<double> proximal_response) const {
+BlockAnswer LiftedBlock::answer(Solution lifted, std::vector<double> proximal_response,
+                                const SetupControls& ends) const {
   BlockAnswer answer;
   answer.status = lifted.status;
   answer.detail = lifted.detail;
   answer.factorizations = lifted.factorizations;
   answer.value.assign(lifted.z.begin() + n_, lifted.z.end());
   const std::size_t m = rows_.size();
-  if (proximal_response.empty()) {
-    proximal_response.assign(m * m, 0.0);
-    for (std::size_t i = 0; i < m; ++i) proximal_response[i * m + i] = 1.0 / (2.0 * proximal_);
+  if (is_solved(lifted.status)) {
+    if (!proximal_response.empty())
+      answer.response = without_proximal(std::move(proximal_response), m, proximal_, ends);
+    if (answer.response.empty()) {  // T = ½/ρ, so that S = 1/ρ
+      answer.response.assign(m * m, 0.0);
+      for (std::size_t i = 0; i < m; ++i) answer.response[i * m + i] = 1.0 / proximal_;
+    }
   }
-  answer.response = without_proximal(proximal_response, m, proximal_);
   answer.solution = own(std::move(lifted));
   answer.objective = answer.solution.objective;
   for (std::size_t pair = 0; pair < side_.size(); ++pair) {
@@ -246,14 +252,19 @@ BlockAnswer LiftedBlock::answer(Solution lifted, std::vector<double> proximal_re
   return answer;
 }
 
-std::vector<double> LiftedResponse::at(const LiftedBlock& block, const ProblemUpdate& update,
-                                       const Solution& answer) {
+Expected<std::vector<double>> LiftedResponse::at(const LiftedBlock& block, const ProblemUpdate& update,
+                                                 const Solution& answer, const Create& create,
+                                                 const SetupControls& ends) {
+  using Response = std::vector<double>;
+  const Interrupt interrupt(ends.stop, ends.until);
   if (sensitivity_) {
-    if (!sensitivity_->renew(update, answer)) return {};
+    if (!sensitivity_->renew(update, answer)) return Response();
   } else {
     const auto problem = Problem::create(block.problem().view());
-    auto made = problem ? Sensitivity::create(*problem, answer) : unexpected(problem.error());
-    if (!made) return {};
+    if (!problem) return Response();
+    auto made = create ? create(*problem, answer) : Sensitivity::create(*problem, answer);
+    if (!made && made.error().code == ErrorCode::resource_exhausted) return unexpected(made.error());
+    if (!made) return Response();
     sensitivity_.emplace(*std::move(made));
   }
   const std::size_t m = block.rows().size(), n = marble::at(block.variables());
@@ -263,26 +274,28 @@ std::vector<double> LiftedResponse::at(const LiftedBlock& block, const ProblemUp
     unit[n + i] = -1.0;
     const auto change = sensitivity_->along({.g = unit});
     unit[n + i] = 0.0;
-    if (!change) return {};
+    if (!change || interrupt.requested()) return Response();
     result.insert(result.end(), change->z.begin() + static_cast<std::ptrdiff_t>(n), change->z.end());
   }
   return result;
 }
 
-std::vector<double> without_proximal(const std::vector<double>& with, std::size_t m, double proximal) {
+std::vector<double> without_proximal(std::vector<double> with, std::size_t m, double proximal,
+                                     const SetupControls& ends) {
   if (m == 0) return {};
   const auto size = static_cast<Eigen::Index>(m);
-  const Eigen::Map<const Eigen::MatrixXd> given(with.data(), size, size);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(0.5 * proximal * (given + given.transpose()));
+  const Interrupt interrupt(ends.stop, ends.until);
+  Eigen::Map<Eigen::MatrixXd> response(with.data(), size, size);
+  Eigen::MatrixXd vectors = 0.5 * proximal * (response + response.transpose());
+  Eigen::VectorXd values;
+  if (!eigen_decomposition(vectors, values, interrupt)) return {};
   // T's eigenvalue τ = 1 / (1 + μ) belongs to the curvature ρμ.
-  const Eigen::VectorXd responses = solver.eigenvalues().unaryExpr([&](double tau) {
+  for (double& tau : values) {
     const double curvature = std::abs(1.0 - tau);
-    return std::max(0.0, tau) / std::max(curvature, tuning::near) / proximal;
-  });
-  std::vector<double> result(m * m);
-  Eigen::Map<Eigen::MatrixXd>(result.data(), size, size) =
-      solver.eigenvectors() * responses.asDiagonal() * solver.eigenvectors().transpose();
-  return result;
+    tau = std::max(0.0, tau) / std::max(curvature, tuning::near) / proximal;
+  }
+  if (!spectral_product(vectors, values, response, interrupt)) return {};
+  return with;
 }
 
 }  // namespace marble

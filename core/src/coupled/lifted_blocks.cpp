@@ -1,13 +1,12 @@
 #include "coupled/lifted_blocks.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <utility>
 
 #include "coupled/entries.h"
 #include "coupled/finish.h"
-#include "data/interrupt.h"
+#include "marble/sensitivity.h"
 #include "marble/solver.h"
 #include "run/run_tasks.h"
 #include "tuning.h"
@@ -15,67 +14,53 @@
 namespace marble {
 namespace {
 
-// What all solvers of one coupled problem share.
-struct Here {
-  Here(const Options& solver_options, const CoupledControls& coupled)
-      : options(solver_options), controls(coupled) {}
-  const Options& options;
-  const CoupledControls& controls;
-  std::atomic<std::int64_t> bytes{0};  // of all of them
-};
-
 class SolverHere final : public BlockSolver {
  public:
-  SolverHere(std::shared_ptr<Here> here, const LiftedBlock& block) : here_(std::move(here)), block_(block) {}
+  SolverHere(const Options& options, const CoupledControls& controls, MemoryBudget& memory,
+             const LiftedBlock& block)
+      : options_(options), controls_(controls), memory_(memory), block_(block) {}
   SolverHere(const SolverHere&) = delete;
   SolverHere& operator=(const SolverHere&) = delete;
-  ~SolverHere() override { here_->bytes -= bytes_; }
+  ~SolverHere() override {
+    if (solver_) memory_.give_back(solver_->memory_bytes());
+  }
 
   Expected<Solution> solve(const ProblemUpdate& update, const Solution* start) override {
-    const CoupledControls& controls = here_->controls;
-    const SolveControls how{.stop = controls.stop, .warm_start = start, .begun = controls.begun};
     if (solver_) {
       if (auto taken = solver_->update(update); !taken) return unexpected(taken.error());
-      return solver_->solve(how);
+    } else {
+      const auto problem = Problem::create(block_.problem().view());
+      if (!problem) return unexpected(problem.error());
+      auto made = memory_.make([&](std::int64_t bytes) {
+        SetupControls setup = setup_of(controls_, options_);
+        setup.most_bytes = bytes;
+        return Solver::create(*problem, options_, setup);
+      });
+      if (!made) return unexpected(made.error());
+      solver_.emplace(*std::move(made));
     }
-    const auto problem = Problem::create(block_.problem().view());
-    if (!problem) return unexpected(problem.error());
-    const auto made = set_up(*problem);
-    if (made) return solver_->solve(how);
-    if (!ends_early(made.error())) return unexpected(made.error());
-    return solve_once(*problem, here_->options, how);  // which ends the same way, with an answer
+    return solver_->solve({.stop = controls_.stop, .warm_start = start, .begun = controls_.begun});
   }
 
  private:
-  [[nodiscard]] Expected<void> set_up(const Problem& problem) {
-    const CoupledControls& controls = here_->controls;
-    SetupControls setup = controls.setup;
-    setup.stop = controls.stop;
-    setup.most_bytes = std::max<std::int64_t>(0, setup.most_bytes - here_->bytes);
-    if (controls.begun) setup.until = after(*controls.begun, here_->options.time_limit_s);
-    auto made = Solver::create(problem, here_->options, setup);
-    if (!made) return unexpected(made.error());
-    bytes_ = made->memory_bytes();
-    if ((here_->bytes += bytes_) > controls.setup.most_bytes) {
-      return unexpected(failure(ErrorCode::resource_exhausted, "problem",
-                                "needs more memory with the other blocks than the " +
-                                    std::to_string(controls.setup.most_bytes) + " bytes allowed"));
-    }
-    solver_.emplace(*std::move(made));
-    return {};
-  }
-
-  std::shared_ptr<Here> here_;
+  const Options& options_;
+  const CoupledControls& controls_;
+  MemoryBudget& memory_;
   const LiftedBlock& block_;
   std::optional<Solver> solver_;
-  std::int64_t bytes_ = 0;
 };
 
-OpenBlockSolver solvers_here(const CoupledOptions& options, const CoupledControls& controls) {
-  return [here = std::make_shared<Here>(options.options, controls)](
-             const LiftedBlock& block) -> Expected<std::unique_ptr<BlockSolver>> {
-    return std::make_unique<SolverHere>(here, block);
-  };
+// Where a block is: what its last solve has found, else zeros.
+Solution unchanged(const LiftedBlock& block, const std::optional<Solution>& newest) {
+  if (newest) return *newest;
+  const OwnedProblem& p = block.problem();
+  Solution zeros;
+  zeros.z.assign(p.g.size(), 0.0);
+  zeros.equality_multipliers.assign(p.b.size(), 0.0);
+  zeros.inequality_multipliers.assign(p.d.size(), 0.0);
+  zeros.complementarity_multipliers_L.assign(p.l.size(), 0.0);
+  zeros.complementarity_multipliers_R.assign(p.l.size(), 0.0);
+  return zeros;
 }
 
 }  // namespace
@@ -89,7 +74,14 @@ LiftedBlocks::LiftedBlocks(const CoupledView& view, const CoupledOptions& option
                            const CoupledControls& controls)
     : view_(view),
       controls_(controls),
-      open_(controls.open ? controls.open : solvers_here(options, controls)) {
+      options_(options.options),
+      memory_(controls.setup.most_bytes),
+      open_(controls.open) {
+  if (!open_) {
+    open_ = [this](const LiftedBlock& block) -> Expected<std::unique_ptr<BlockSolver>> {
+      return std::make_unique<SolverHere>(options_, controls_, memory_, block);
+    };
+  }
   for (const CoupledBlock& block : view.blocks) {
     blocks_.push_back(std::make_unique<Block>(block));
     rows_.push_back(blocks_.back()->lifted.rows());
@@ -107,7 +99,9 @@ LiftedBlocks::LiftedBlocks(const CoupledView& view, const CoupledOptions& option
 // Where nothing is known a block begins at its own answer, not held anywhere: zero may be far from all that
 // it can reach. One that has none begins there all the same.
 void LiftedBlocks::begin_alone(const std::vector<double>& prices) {
+  const Interrupt interrupt = interrupt_of(controls_, options_);
   each([&](std::size_t k) {
+    if (interrupt.requested()) return;
     Block& block = *blocks_[k];
     // An error of it comes again in the first iteration, which tells it.
     (void)or_out_of_memory([&]() -> Expected<void> {
@@ -147,9 +141,18 @@ std::vector<double> LiftedBlocks::start(std::size_t block) const {
 
 std::string LiftedBlocks::name(std::size_t block) const { return block_name(view_, block); }
 
-Expected<BlockAnswer> LiftedBlocks::solve(Block& block, const BlockAsk& ask) const {
+Expected<BlockAnswer> LiftedBlocks::solve(Block& block, const BlockAsk& ask) {
+  const Interrupt interrupt = interrupt_of(controls_, options_);
+  const auto ended = [&](Solution where) {
+    where.status = interrupt.stop_requested() ? Status::cancelled : Status::time_limit;
+    where.detail = "ended before its solve";
+    where.factorizations = std::exchange(block.factorizations, 0);
+    return block.lifted.answer(std::move(where), {});
+  };
+  if (interrupt.requested()) return ended(unchanged(block.lifted, block.newest));
   if (ask.frozen && !block.lifted.frozen()) {
     block.newest = block.lifted.freeze(*block.newest);
+    memory_.give_back(block.response.memory_bytes());
     block.solver.reset(), block.response.forget();
   }
   for (const Index pair : ask.flips) block.lifted.flip(pair);
@@ -161,6 +164,8 @@ Expected<BlockAnswer> LiftedBlocks::solve(Block& block, const BlockAsk& ask) con
   }
   const Solution* const start = block.newest ? &*block.newest : nullptr;
   auto solution = block.solver->solve(fresh ? ProblemUpdate{} : update, start);
+  if (!solution && ends_early(solution.error()) && interrupt.requested())
+    return ended(unchanged(block.lifted, block.newest));
   if (solution && ask.search && start != nullptr) {
     auto cold = block.solver->solve({}, nullptr);
     if (!cold) return unexpected(cold.error());
@@ -172,12 +177,22 @@ Expected<BlockAnswer> LiftedBlocks::solve(Block& block, const BlockAsk& ask) con
   }
   if (!solution) return unexpected(solution.error());
   solution->factorizations += std::exchange(block.factorizations, 0);
-  std::vector<double> along;
-  if (is_solved(solution->status)) {
-    block.newest = *solution;
-    along = block.response.at(block.lifted, update, *solution);
-  }
-  return block.lifted.answer(*std::move(solution), std::move(along));
+  if (!is_solved(solution->status)) return block.lifted.answer(*std::move(solution), {});
+  block.newest = *solution;
+  const SetupControls ends = setup_of(controls_, options_);
+  const auto create = [&](const Problem& problem, const Solution& of) {
+    return memory_.make([&](std::int64_t bytes) {
+      SetupControls setup = ends;
+      setup.most_bytes = bytes;
+      return Sensitivity::create(problem, of, setup);
+    });
+  };
+  auto along = block.response.at(block.lifted, update, *solution, create, ends);
+  if (!along) return unexpected(along.error());
+  BlockAnswer answer = block.lifted.answer(*solution, *std::move(along), ends);
+  if (!interrupt.requested()) return answer;
+  block.factorizations = solution->factorizations;
+  return ended(*std::move(solution));
 }
 
 Expected<std::vector<BlockAnswer>> LiftedBlocks::tick(std::span<const BlockAsk> asks) {

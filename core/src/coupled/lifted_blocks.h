@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "coupled/memory_budget.h"
 #include "marble/composite/coupled.h"
 #include "marble/composite/lifted_block.h"
 
@@ -34,10 +35,12 @@ class LiftedBlocks final : public BlockTicks {
   [[nodiscard]] Expected<void> open(Block& block) const;
   void begin_alone(const std::vector<double>& prices);
   void each(const std::function<void(std::size_t)>& work) const;
-  [[nodiscard]] Expected<BlockAnswer> solve(Block& block, const BlockAsk& ask) const;
+  [[nodiscard]] Expected<BlockAnswer> solve(Block& block, const BlockAsk& ask);
 
   const CoupledView& view_;
   const CoupledControls& controls_;
+  const Options& options_;
+  MemoryBudget memory_;
   OpenBlockSolver open_;
   std::vector<std::unique_ptr<Block>> blocks_;
   std::vector<std::vector<Index>> rows_;

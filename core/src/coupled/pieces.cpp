@@ -21,8 +21,13 @@ constexpr Index kLastStage = std::numeric_limits<Index>::max() - 1;  // the numb
 
 class Cutter {
  public:
-  Cutter(const ProblemView& problem, std::span<const Index> piece_of_variable, Index pieces)
-      : p_(problem), piece_of_(piece_of_variable), parts_(at(pieces)), copies_(at(pieces)) {}
+  Cutter(const ProblemView& problem, std::span<const Index> piece_of_variable, Index pieces,
+         const SetupControls& ends)
+      : p_(problem),
+        piece_of_(piece_of_variable),
+        interrupt_(ends.stop, ends.until),
+        parts_(at(pieces)),
+        copies_(at(pieces)) {}
 
   [[nodiscard]] Expected<Pieces> cut();
 
@@ -39,13 +44,30 @@ class Cutter {
                 Triplets Part::*entries, std::vector<double> Part::*constants);
   void cut_cost();
 
+  [[nodiscard]] Expected<void> may_go_on() const;
+
   ProblemView p_;
   std::span<const Index> piece_of_;
+  Interrupt interrupt_;
   std::vector<Part> parts_;
   std::vector<std::unordered_map<Index, Index>> copies_;  // by piece: variable, its copy there
   std::vector<std::pair<Pieces::Place, Pieces::Place>> ties_;
   Pieces result_;
 };
+
+// Asked after each matrix: one is read in milliseconds a million entries.
+Expected<void> Cutter::may_go_on() const {
+  if (interrupt_.requested()) {
+    return unexpected(
+        failure(interrupt_.stop_requested() ? ErrorCode::cancelled : ErrorCode::deadline_exceeded, "pieces",
+                "must be cut before the solve is stopped, or its time is over"));
+  }
+  if (std::ssize(ties_) > kMostCouplingRows) {
+    return unexpected(invalid("total", std::to_string(ties_.size()),
+                              "copies tie the pieces; must be at most " + std::to_string(kMostCouplingRows)));
+  }
+  return {};
+}
 
 // Where a variable stands in a piece; a copy of it, made at need.
 Index Cutter::local(Index piece, Index variable) {
@@ -110,16 +132,18 @@ Expected<Pieces> Cutter::cut() {
   result_.equalities = place_rows(A, p_.b.size());
   result_.inequalities = place_rows(C, p_.d.size());
   result_.pairs = place_rows(pair_rows, p_.l.size());
-  cut_rows(p_.A, p_.b, result_.equalities, &Part::A, &Part::b);
-  cut_rows(p_.C, p_.d, result_.inequalities, &Part::C, &Part::d);
-  cut_rows(p_.L, p_.l, result_.pairs, &Part::L, &Part::l);
-  cut_rows(p_.R, p_.r, result_.pairs, &Part::R, &Part::r);
-  cut_cost();
-  const auto m = static_cast<Index>(ties_.size());
-  if (m > kMostCouplingRows) {
-    return unexpected(invalid("total", std::to_string(m),
-                              "copies tie the pieces; must be at most " + std::to_string(kMostCouplingRows)));
+  for (const auto& [m, offsets, places, entries, constants] :
+       {std::tuple{&p_.A, p_.b, &result_.equalities, &Part::A, &Part::b},
+        std::tuple{&p_.C, p_.d, &result_.inequalities, &Part::C, &Part::d},
+        std::tuple{&p_.L, p_.l, &result_.pairs, &Part::L, &Part::l},
+        std::tuple{&p_.R, p_.r, &result_.pairs, &Part::R, &Part::r}}) {
+    if (auto on = may_go_on(); !on) return unexpected(on.error());
+    cut_rows(*m, offsets, *places, entries, constants);
   }
+  if (auto on = may_go_on(); !on) return unexpected(on.error());
+  cut_cost();
+  if (auto on = may_go_on(); !on) return unexpected(on.error());
+  const auto m = static_cast<Index>(ties_.size());
   std::vector<Triplets> coupling(parts_.size());
   for (Index row = 0; row < m; ++row) {
     const auto& [copy, home] = ties_[at(row)];
@@ -128,6 +152,7 @@ Expected<Pieces> Cutter::cut() {
   }
   result_.total.assign(at(m), 0.0);
   for (std::size_t k = 0; k < parts_.size(); ++k) {
+    if (auto on = may_go_on(); !on) return unexpected(on.error());
     Part& part = parts_[k];
     const auto n = static_cast<Index>(part.g.size());
     OwnedProblem block;
@@ -145,6 +170,7 @@ Expected<Pieces> Cutter::cut() {
       auto matrix = made(*entries, rows, name);
       if (!matrix) return unexpected(matrix.error());
       *into = *std::move(matrix);
+      *entries = {};
     }
     block.g = std::move(part.g), block.b = std::move(part.b), block.d = std::move(part.d);
     block.l = std::move(part.l), block.r = std::move(part.r);
@@ -200,7 +226,8 @@ Expected<std::vector<Index>> pieces_by_stage(std::span<const Index> stage_of_var
   return result;
 }
 
-Expected<Pieces> cut(const Problem& problem, std::span<const Index> piece_of_variable) {
+Expected<Pieces> cut(const Problem& problem, std::span<const Index> piece_of_variable,
+                     const SetupControls& ends) {
   const auto n = at(problem.variables());
   if (piece_of_variable.size() != n) {
     return unexpected(invalid("pieces", std::to_string(piece_of_variable.size()),
@@ -221,7 +248,7 @@ Expected<Pieces> cut(const Problem& problem, std::span<const Index> piece_of_var
     return unexpected(
         invalid("pieces", "must give piece " + std::to_string(none - seen.begin()) + " a variable"));
   }
-  return Cutter(problem.view(), piece_of_variable, last + 1).cut();
+  return Cutter(problem.view(), piece_of_variable, last + 1, ends).cut();
 }
 
 // Of a copy the price is what is left of its piece's stationarity there.
@@ -281,6 +308,26 @@ Expected<void> PiecesOptions::check() const {
   return {};
 }
 
+namespace {
+
+// Of the problem, while it is cut: triplets, which vectors may have room for twice over, windows, and pieces.
+constexpr std::int64_t kCutCopies = 6;
+
+// As any solve that ends in its set-up.
+Expected<PiecesSolution> ended_before(const Problem& problem, const PiecesOptions& options,
+                                      const CoupledControls& controls) {
+  PiecesSolution result;
+  auto whole = solve_once(problem, options.coupled.options, {.stop = controls.stop, .begun = controls.begun},
+                          controls.setup);
+  if (!whole) return unexpected(whole.error());
+  result.whole = *std::move(whole);
+  result.coordination.status = result.whole.status;
+  result.coordination.detail = "ended before the pieces were cut";
+  return result;
+}
+
+}  // namespace
+
 Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const Index> stage_of_variable,
                                          const PiecesOptions& options, const CoupledControls& controls) {
   if (auto valid = options.check(); !valid) return unexpected(valid.error());
@@ -289,8 +336,15 @@ Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const
   return or_out_of_memory([&]() -> Expected<PiecesSolution> {
     const auto piece_of_variable = pieces_by_stage(stage_of_variable, options.pieces);
     if (!piece_of_variable) return unexpected(piece_of_variable.error());
-    const auto pieces = cut(problem, *piece_of_variable);
-    if (!pieces) return unexpected(pieces.error());
+    if (auto fits = charge(own, kCutCopies * copy_bytes(problem.view()), "pieces"); !fits)
+      return unexpected(fits.error());
+    const auto pieces = cut(problem, *piece_of_variable, setup_of(own, options.coupled.options));
+    if (!pieces) {
+      if (!ends_early(pieces.error())) return unexpected(pieces.error());
+      return ended_before(problem, options, own);
+    }
+    if (auto fits = charge(own, working_bytes(pieces->view()), "pieces"); !fits)
+      return unexpected(fits.error());
     auto swept = sweep(problem, stage_of_variable, *piece_of_variable, options, own);
     if (!swept) return unexpected(swept.error());
     PiecesSolution result;

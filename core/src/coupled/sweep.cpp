@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "coupled/entries.h"
+#include "coupled/finish.h"
 
 namespace marble {
 namespace {
@@ -28,8 +29,9 @@ class Window {
         inequality_stage_(last_stages({&p_.C}, p_.d.size(), stage)),
         pair_stage_(last_stages({&p_.L, &p_.R}, p_.l.size(), stage)) {}
 
-  /// The variables and rows of the stages [first, end); those before are known.
-  [[nodiscard]] Expected<OwnedProblem> problem(Index first, Index end, const std::vector<double>& z);
+  /// The variables and rows of the stages [first, end); those before are known. Not whole if interrupted.
+  [[nodiscard]] Expected<OwnedProblem> problem(Index first, Index end, const std::vector<double>& z,
+                                               const Interrupt& interrupt);
   /// Takes the stages [first, end) of an answer to it over.
   void take(const Solution& answer, Index first, Index end, Solution& whole) const;
 
@@ -38,7 +40,7 @@ class Window {
     std::vector<Index> kept;   // their numbers in the whole
     std::vector<Index> local;  // −1: none of the window's
   };
-  [[nodiscard]] static Rows rows_of(const std::vector<Index>& stage, Index first, Index end);
+  [[nodiscard]] static Rows rows_of(std::span<const Index> stage, Index first, Index end);
   [[nodiscard]] Expected<SparseMatrix> part(const SparseMatrixView& m, const Rows& rows,
                                             const std::vector<double>& z, std::span<const double> offsets,
                                             std::vector<double>& own, const char* name) const;
@@ -49,7 +51,7 @@ class Window {
   Rows variables_, equalities_, inequalities_, pairs_;
 };
 
-Window::Rows Window::rows_of(const std::vector<Index>& stage, Index first, Index end) {
+Window::Rows Window::rows_of(std::span<const Index> stage, Index first, Index end) {
   Rows rows;
   rows.local.assign(stage.size(), -1);
   for (std::size_t row = 0; row < stage.size(); ++row) {
@@ -78,8 +80,9 @@ Expected<SparseMatrix> Window::part(const SparseMatrixView& m, const Rows& rows,
                   name);
 }
 
-Expected<OwnedProblem> Window::problem(Index first, Index end, const std::vector<double>& z) {
-  variables_ = rows_of({stage_.begin(), stage_.end()}, first, end);
+Expected<OwnedProblem> Window::problem(Index first, Index end, const std::vector<double>& z,
+                                       const Interrupt& interrupt) {
+  variables_ = rows_of(stage_, first, end);
   equalities_ = rows_of(equality_stage_, first, end);
   inequalities_ = rows_of(inequality_stage_, first, end);
   pairs_ = rows_of(pair_stage_, first, end);
@@ -103,6 +106,7 @@ Expected<OwnedProblem> Window::problem(Index first, Index end, const std::vector
         std::tuple{&window.C, &p_.C, &inequalities_, p_.d, &window.d, "C"},
         std::tuple{&window.L, &p_.L, &pairs_, p_.l, &window.l, "L"},
         std::tuple{&window.R, &p_.R, &pairs_, p_.r, &window.r, "R"}}) {
+    if (interrupt.requested()) return window;  // which is not solved
     auto matrix = part(*m, *rows, z, offsets, *own, name);
     if (!matrix) return unexpected(matrix.error());
     *into = *std::move(matrix);
@@ -155,11 +159,20 @@ Expected<Solution> sweep(const Problem& problem, std::span<const Index> stage_of
   whole.complementarity_multipliers_L.assign(p.l.size(), 0.0);
   whole.complementarity_multipliers_R.assign(p.l.size(), 0.0);
   Window window(p, stage_of_variable);
+  const Interrupt interrupt = interrupt_of(controls, options.coupled.options);
   Index first = 0;
   for (std::size_t k = 0; k < ends.size(); ++k) {
     const Index ahead = options.look_ahead >= 0 ? options.look_ahead : std::max(2, (ends[k] - first) / 3);
     const Index end = ends[k] + std::min(ahead, stages - ends[k]);
-    const auto part = window.problem(first, end, whole.z);
+    const auto ended = [&]() -> bool {
+      if (!interrupt.requested()) return false;
+      whole.status = interrupt.stop_requested() ? Status::cancelled : Status::time_limit;
+      whole.detail = "ended at piece " + std::to_string(k);
+      return true;
+    };
+    if (ended()) return whole;
+    const auto part = window.problem(first, end, whole.z, interrupt);
+    if (ended()) return whole;
     if (!part) return unexpected(part.error());
     const auto checked = Problem::create(part->view());
     if (!checked) return unexpected(checked.error());

@@ -23,7 +23,8 @@ Expected<void> check_finite(std::span<const double> values, const std::string& f
 }
 
 bool is_empty(const SparseMatrixView& m) {
-  return m.rows == 0 && m.columns == 0 && m.column_pointers.empty() && m.row_indices.empty() && m.values.empty();
+  return m.rows == 0 && m.columns == 0 && m.column_pointers.empty() && m.row_indices.empty() &&
+         m.values.empty();
 }
 
 // One sweep over the columns: as rows ascend, the mirror image of the next entry below the diagonal of column
@@ -223,23 +224,31 @@ Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entri
     return unexpected(valid.error());
   if (auto valid = check_finite(entries.values, prefix + ".v"); !valid) return unexpected(valid.error());
 
-  std::vector<std::size_t> order(count);
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return entries.columns[a] != entries.columns[b] ? entries.columns[a] < entries.columns[b]
-                                                    : entries.rows[a] < entries.rows[b];
-  });
+  // By columns in one pass, then each by rows; duplicates stay in their order.
+  std::vector<Index> ends(static_cast<std::size_t>(columns) + 1, 0), order(count);
+  for (const Index column : entries.columns) ++ends[static_cast<std::size_t>(column) + 1];
+  std::partial_sum(ends.begin(), ends.end(), ends.begin());
+  for (std::size_t k = 0; k < count; ++k)
+    order[static_cast<std::size_t>(ends[static_cast<std::size_t>(entries.columns[k])]++)] =
+        static_cast<Index>(k);
+  const auto by_rows = [&](Index a, Index b) { return entries.rows[a] < entries.rows[b]; };
+  for (Index column = 0, begin = 0; column < columns; ++column) {  // each begins where the last one ends
+    const Index end = ends[static_cast<std::size_t>(column)];
+    if (!std::is_sorted(order.begin() + begin, order.begin() + end, by_rows))
+      std::stable_sort(order.begin() + begin, order.begin() + end, by_rows);
+    begin = end;
+  }
   SparseMatrix result;
   result.rows = rows;
   result.columns = columns;
   result.column_pointers.assign(static_cast<std::size_t>(columns) + 1, 0);
   Index last_row = -1;
   Index last_column = -1;
-  for (const std::size_t k : order) {
+  for (const Index k : order) {
     if (entries.rows[k] == last_row && entries.columns[k] == last_column) {
       result.values.back() += entries.values[k];
       if (!std::isfinite(result.values.back())) {
-        return unexpected(invalid(prefix + ".v", static_cast<std::int64_t>(k), text_of(entries.values[k]),
+        return unexpected(invalid(prefix + ".v", k, text_of(entries.values[k]),
                                   "must leave the sum of the entries at its place finite"));
       }
       continue;

@@ -20,6 +20,9 @@ class Run {
         controls_(controls),
         start_(Clock::now()),
         interrupt_(controls.stop, after(controls.begun.value_or(start_), options.time_limit_s)) {}
+  /// What ends it is an interrupt of another run.
+  Run(const Options& options, const SolveControls& controls, Interrupt interrupt)
+      : options_(options), controls_(controls), start_(Clock::now()), interrupt_(std::move(interrupt)) {}
 
   std::int32_t iterations = 0;
   std::int32_t outer_iterations = 0;

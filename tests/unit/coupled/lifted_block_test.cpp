@@ -38,7 +38,7 @@ TEST(LiftedBlock, ItsResponseToPricesIsThatOfItsAnswersNearby) {
     block.ask(at_price({0.5, -0.5, 0.2}));
     const Solution answer = near(block, nullptr);
     ASSERT_TRUE(is_solved(answer.status));
-    const std::vector<double> response = LiftedResponse().at(block, block.update(), answer);
+    const std::vector<double> response = LiftedResponse().at(block, block.update(), answer).value();
     ASSERT_EQ(response.size(), 9U);
     for (std::size_t j = 0; j < 3; ++j) {
       std::vector<double> price = {0.5, -0.5, 0.2};

@@ -110,8 +110,8 @@ struct CoupledControls {
   TaskRunner* runner = nullptr;
   /// Where blocks are solved; unless it is said, here, by a Solver each.
   OpenBlockSolver open = {};
-  /// most_bytes is of all blocks' solvers together, where they are here, and then of the joint one;
-  /// most_factorization_s of each. Its own ends are not looked at.
+  /// most_bytes is of working_bytes() with all blocks' solvers, where they are here, and then with the joint
+  /// one; most_factorization_s of each. Its own ends are not looked at.
   SetupControls setup = {};
   const CoupledStart* start = nullptr;  ///< must outlive the call
   /// When the time limit began to run; else as the solve begins.
@@ -141,7 +141,7 @@ struct BlockAnswer {
   std::string detail;                         ///< as of any solve
   std::vector<double> value;                  ///< E_k y_k, of the rows that see it: m_k
   std::vector<double> response;  ///< S_k = E_k P_k E_kᵀ by columns, m_k × m_k: −d(E_k y_k)/dλ on its branch,
-                                 ///< without the proximal term
+                                 ///< without the proximal term; empty where it is not solved
   double objective = 0.0;  ///< f_k(y_k); NaN if it is kept
   std::int32_t factorizations = 0;
   std::vector<BlockPull> pulls;  ///< of a frozen block
@@ -204,6 +204,10 @@ struct CoupledSolution {
     return std::span(joint.equality_multipliers).subspan(static_cast<std::size_t>(places.back().equalities));
   }
 };
+
+/// What a coupled solve takes beside its solvers, in bytes: dense matrices of the rows, copies of the
+/// problems.
+[[nodiscard]] std::int64_t working_bytes(const CoupledView& view);
 
 /// Checks everything and names the first fault: "blocks[3].problem.A.values", "blocks[0].coupling.rows",
 /// "total".

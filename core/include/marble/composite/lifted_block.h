@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -51,11 +52,14 @@ class LiftedBlock {
   [[nodiscard]] ProblemUpdate update();
 
   /// An answer of problem() in the words of the coordinator. `proximal_response`: −dv/dλ of that answer,
-  /// m_k × m_k by columns; empty where it is not known, and taken as ½/ρ.
-  [[nodiscard]] BlockAnswer answer(Solution lifted, std::vector<double> proximal_response) const;
+  /// m_k × m_k by columns; empty where it is not known, and taken as ½/ρ; so where
+  /// `ends` ended it. Without a response where the answer is not solved.
+  [[nodiscard]] BlockAnswer answer(Solution lifted, std::vector<double> proximal_response,
+                                   const SetupControls& ends = {}) const;
 
  private:
   void lift();
+  [[nodiscard]] Index local(Index row) const;  // the place of a coupling row in rows_
   void write_sides();
   [[nodiscard]] Solution own(Solution lifted) const;
   [[nodiscard]] double objective(std::span<const double> z) const;
@@ -65,8 +69,8 @@ class LiftedBlock {
   SparseMatrixView coupling_;
   double proximal_ = 1.0;
   Index n_, n_e_, n_i_;
-  std::vector<Index> rows_, local_;  // local_: of a coupling row, its place in rows_
-  std::vector<std::uint8_t> side_;   // of a frozen pair: 1 where s is fixed
+  std::vector<Index> rows_;
+  std::vector<std::uint8_t> side_;  // of a frozen pair: 1 where s is fixed
   struct Entry {
     Index row;  // pair
     std::size_t in_A, in_C;
@@ -81,9 +85,14 @@ class LiftedBlock {
 class LiftedResponse {
  public:
   /// Of an answer to block.problem(), after `update` of it: m_k × m_k by columns, m_k back-substitutions.
-  /// Empty where the answer is no isolated one of its branch. The block's arrays must outlive this.
-  [[nodiscard]] std::vector<double> at(const LiftedBlock& block, const ProblemUpdate& update,
-                                       const Solution& answer);
+  /// Empty where the answer is no isolated one of its branch, or `ends` ended it. The block's arrays must
+  /// outlive this. `create` replaces Sensitivity::create. Errors: its resource_exhausted.
+  using Create = std::function<Expected<Sensitivity>(const Problem&, const Solution&)>;
+  [[nodiscard]] Expected<std::vector<double>> at(const LiftedBlock& block, const ProblemUpdate& update,
+                                                 const Solution& answer, const Create& create = {},
+                                                 const SetupControls& ends = {});
+  /// What is kept, in bytes.
+  [[nodiscard]] std::int64_t memory_bytes() const { return sensitivity_ ? sensitivity_->memory_bytes() : 0; }
   /// The block has another pattern.
   void forget() { sensitivity_.reset(); }
 
@@ -93,7 +102,8 @@ class LiftedResponse {
 
 /// The response S of a block without its proximal term, from that with it, T = (S⁻¹ + ρI)⁻¹: both m × m by
 /// columns. Where the block is flat the curvature is taken as 1e-6 ρ; where it is negative, as its amount.
-[[nodiscard]] std::vector<double> without_proximal(const std::vector<double>& with, std::size_t m,
-                                                   double proximal);
+/// Empty where `ends` ended it.
+[[nodiscard]] std::vector<double> without_proximal(std::vector<double> with, std::size_t m, double proximal,
+                                                   const SetupControls& ends = {});
 
 }  // namespace marble

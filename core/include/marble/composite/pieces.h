@@ -43,8 +43,9 @@ struct Pieces {
 
 /// Cuts a problem: `piece_of_variable` (n) has entries from 0 to the last piece, each piece with a variable.
 /// Errors: invalid_argument of "pieces", or of "total" where there would be more than kMostCouplingRows
-/// copies.
-[[nodiscard]] Expected<Pieces> cut(const Problem& problem, std::span<const Index> piece_of_variable);
+/// copies; cancelled or deadline_exceeded where `ends` ended it.
+[[nodiscard]] Expected<Pieces> cut(const Problem& problem, std::span<const Index> piece_of_variable,
+                                   const SetupControls& ends = {});
 
 /// How a long horizon is solved in pieces.
 struct PiecesOptions {

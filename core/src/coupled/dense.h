@@ -1,0 +1,23 @@
+// Dense algebra of coupled problems, which an interrupt ends: LAPACK's calls take seconds at 2000 rows.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "data/interrupt.h"
+
+namespace marble {
+
+/// A = V diag(values) Vᵀ by Householder's reductions and implicit QR steps (Golub and Van Loan, 8.3). Reads
+/// the lower triangle of `a` and leaves V there. False if interrupted, or where it does not converge.
+[[nodiscard]] bool eigen_decomposition(Eigen::MatrixXd& a, Eigen::VectorXd& values,
+                                       const Interrupt& interrupt);
+
+/// out = V diag(values) Vᵀ. False if interrupted.
+[[nodiscard]] bool spectral_product(const Eigen::MatrixXd& vectors, const Eigen::VectorXd& values,
+                                    Eigen::Ref<Eigen::MatrixXd> out, const Interrupt& interrupt);
+
+/// x ← A⁻¹x of a symmetric semidefinite A, by LDLᵀ with diagonal pivoting. Reads the lower triangle of `a`
+/// and leaves its factor there. False if interrupted.
+[[nodiscard]] bool solve_semidefinite(Eigen::MatrixXd& a, Eigen::VectorXd& x, const Interrupt& interrupt);
+
+}  // namespace marble

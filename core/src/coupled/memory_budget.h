@@ -1,0 +1,44 @@
+// The memory that the solvers of one coupled problem may take together.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <mutex>
+#include <shared_mutex>
+
+#include "marble/error.h"
+
+namespace marble {
+
+class MemoryBudget {
+ public:
+  explicit MemoryBudget(std::int64_t bytes) : left_(bytes) {}
+
+  /// What make(bytes) returns, an Expected of something with memory_bytes(), which stay taken. Threads that
+  /// make at once have a part of what is left each; what does not fit into its part is made once more, alone,
+  /// with all that is left.
+  template <class Make>
+  auto make(const Make& make) -> decltype(make(std::int64_t{})) {
+    {
+      const std::shared_lock lock(alone_);
+      std::int64_t left = left_, part = left / kParts;
+      while (!left_.compare_exchange_weak(left, left - part)) part = left / kParts;
+      auto made = make(part);
+      left_ += part;
+      if (made) left_ -= made->memory_bytes();
+      if (made || made.error().code != ErrorCode::resource_exhausted) return made;
+    }
+    const std::unique_lock lock(alone_);
+    auto made = make(left_);
+    if (made) left_ -= made->memory_bytes();
+    return made;
+  }
+  void give_back(std::int64_t bytes) { left_ += bytes; }
+
+ private:
+  static constexpr std::int64_t kParts = 16;
+  std::shared_mutex alone_;
+  std::atomic<std::int64_t> left_;
+};
+
+}  // namespace marble
