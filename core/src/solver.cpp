@@ -190,7 +190,9 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& user_opti
   own_bytes += FurtherStarts::extra_bytes(options, own_bytes);
   const auto limit = static_cast<double>(controls.most_bytes);
   if (own_bytes > limit) return refuse(own_bytes);
+  if (interrupt.requested()) return unexpected(ended(interrupt.stop_requested()));
   ScaledProblem scaled = scale(problem, options.scaling_passes, interrupt);
+  if (interrupt.requested()) return unexpected(ended(interrupt.stop_requested()));
   const MostFlops most(options, controls);
   KktCost least;
   std::unique_ptr<Kkt> kkt = make_kkt(scaled, {limit - own_bytes, most.flops()}, interrupt, least);

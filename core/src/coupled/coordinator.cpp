@@ -364,6 +364,7 @@ Expected<void> Coordinator::try_flips() {
     }
     result_.failed_block.reset();
     state_ = std::move(before);
+    if (interrupt_.requested()) break;
     undo.push_back(*hardest);
   }
   return {};

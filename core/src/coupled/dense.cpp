@@ -97,7 +97,6 @@ void step(VectorXd& diagonal, VectorXd& subdiagonal, Size first, Size last, Matr
 }
 
 bool iterate(VectorXd& diagonal, VectorXd& subdiagonal, MatrixXd& vectors, Checkpoint& checkpoint) {
-  constexpr Size kMostSteps = 30;  // an eigenvalue; two are usual
   constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
   const Size n = diagonal.size();
   Size last = n - 1;
@@ -110,7 +109,7 @@ bool iterate(VectorXd& diagonal, VectorXd& subdiagonal, MatrixXd& vectors, Check
     }
     while (last > 0 && subdiagonal[last - 1] == 0.0) --last;
     if (last == 0) break;
-    if (steps >= kMostSteps * n) return false;
+    if (steps >= tuning::eigen_steps * n) return false;
     Size first = last - 1;
     while (first > 0 && subdiagonal[first - 1] != 0.0) --first;
     step(diagonal, subdiagonal, first, last, vectors);

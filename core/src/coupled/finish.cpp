@@ -6,10 +6,11 @@
 #include <string>
 #include <utility>
 
-#include "coupled/entries.h"
 #include "coupled/joint_search.h"
 #include "coupled/lifted_blocks.h"
 #include "data/interrupt.h"
+#include "model/entries.h"
+#include "tuning.h"
 
 namespace marble {
 namespace {
@@ -156,7 +157,6 @@ std::int64_t copy_bytes(const ProblemView& p) {
 // of the current one, with what one is made of. Of the problems: lifted blocks, then the joint one; and
 // answers, of the blocks' newest solves and of states that the coordinator may go back to.
 std::int64_t working_bytes(const CoupledView& view) {
-  constexpr std::int64_t kOfBlock = 4, kCopies = 2, kAnswers = 8;
   const auto m = std::ssize(view.total);
   std::int64_t dense = 2 * m * m, copies = 0;
   std::vector<std::size_t> seen(view.total.size(), 0);  // the last block, from 1, that a row sees
@@ -165,11 +165,11 @@ std::int64_t working_bytes(const CoupledView& view) {
     std::int64_t own = 0;
     for (const Index row : block.coupling.row_indices)
       if (std::exchange(seen[at(row)], k + 1) != k + 1) ++own;
-    dense += kOfBlock * own * own;
+    dense += tuning::coupled_of_block * own * own;
     const ProblemView& p = block.problem;
     const std::int64_t numbers = std::ssize(p.g) + std::ssize(p.b) + std::ssize(p.d) + 2 * std::ssize(p.l);
-    copies += kCopies * (copy_bytes(p) + 12 * std::ssize(block.coupling.values)) +
-              kAnswers * static_cast<std::int64_t>(sizeof(double)) * (numbers + own);
+    copies += tuning::coupled_copies * (copy_bytes(p) + 12 * std::ssize(block.coupling.values)) +
+              tuning::coupled_answers * static_cast<std::int64_t>(sizeof(double)) * (numbers + own);
   }
   return dense * static_cast<std::int64_t>(sizeof(double)) + copies;
 }

@@ -3,9 +3,9 @@
 #include <string>
 #include <utility>
 
-#include "coupled/entries.h"
 #include "marble/composite/coupled.h"
 #include "model/check_matrix.h"
+#include "model/entries.h"
 
 namespace marble {
 namespace {

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "coupled/dense.h"
-#include "coupled/entries.h"
 #include "data/interrupt.h"
+#include "model/entries.h"
 #include "tuning.h"
 
 namespace marble {

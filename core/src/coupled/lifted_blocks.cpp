@@ -4,10 +4,10 @@
 #include <cmath>
 #include <utility>
 
-#include "coupled/entries.h"
 #include "coupled/finish.h"
 #include "marble/sensitivity.h"
 #include "marble/solver.h"
+#include "model/entries.h"
 #include "run/run_tasks.h"
 #include "tuning.h"
 

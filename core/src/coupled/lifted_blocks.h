@@ -6,9 +6,9 @@
 #include <optional>
 #include <vector>
 
-#include "coupled/memory_budget.h"
 #include "marble/composite/coupled.h"
 #include "marble/composite/lifted_block.h"
+#include "run/memory_budget.h"
 
 namespace marble {
 

@@ -9,10 +9,11 @@
 #include <unordered_map>
 #include <utility>
 
-#include "coupled/entries.h"
 #include "coupled/finish.h"
 #include "coupled/lifted_blocks.h"
 #include "coupled/sweep.h"
+#include "model/entries.h"
+#include "tuning.h"
 
 namespace marble {
 namespace {
@@ -310,9 +311,6 @@ Expected<void> PiecesOptions::check() const {
 
 namespace {
 
-// Of the problem, while it is cut: triplets, which vectors may have room for twice over, windows, and pieces.
-constexpr std::int64_t kCutCopies = 6;
-
 // As any solve that ends in its set-up.
 Expected<PiecesSolution> ended_before(const Problem& problem, const PiecesOptions& options,
                                       const CoupledControls& controls) {
@@ -336,7 +334,7 @@ Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const
   return or_out_of_memory([&]() -> Expected<PiecesSolution> {
     const auto piece_of_variable = pieces_by_stage(stage_of_variable, options.pieces);
     if (!piece_of_variable) return unexpected(piece_of_variable.error());
-    if (auto fits = charge(own, kCutCopies * copy_bytes(problem.view()), "pieces"); !fits)
+    if (auto fits = charge(own, tuning::coupled_cut_copies * copy_bytes(problem.view()), "pieces"); !fits)
       return unexpected(fits.error());
     const auto pieces = cut(problem, *piece_of_variable, setup_of(own, options.coupled.options));
     if (!pieces) {

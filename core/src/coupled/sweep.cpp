@@ -5,8 +5,8 @@
 #include <tuple>
 #include <utility>
 
-#include "coupled/entries.h"
 #include "coupled/finish.h"
+#include "model/entries.h"
 
 namespace marble {
 namespace {

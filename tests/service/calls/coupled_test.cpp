@@ -165,6 +165,40 @@ TEST_F(CoupledCalls, FreeTheirWorkersWhenTheirClientGoes) {
   EXPECT_TRUE(lives());
 }
 
+// 200 blocks, each seen by 200 of 600 rows: one iteration has seconds of dense algebra.
+TEST_F(CoupledCalls, EndInsideTheirDenseAlgebra) {
+  start({"--workers", "1"});
+  constexpr int kBlocks = 200, kVariables = 200, kRows = 600;
+  v1::SolveRequest request;
+  for (int k = 0; k < kBlocks; ++k) {
+    v1::CoupledBlock* block = request.mutable_coupled()->add_blocks();
+    SparseMatrix Q{kVariables, kVariables, {0}, {}, {}}, rows{kRows, kVariables, {0}, {}, {}};
+    for (Index j = 0; j < kVariables; ++j) {
+      Q.row_indices.push_back(j), Q.values.push_back(1.0 + 0.01 * j);
+      rows.row_indices.push_back((j + 7 * k) % kRows), rows.values.push_back(1.0 + 0.01 * k);
+      Q.column_pointers.push_back(j + 1), rows.column_pointers.push_back(j + 1);
+      block->mutable_problem()->add_gradient(k - j);
+    }
+    to_message(Q.view(), block->mutable_problem()->mutable_hessian());
+    to_message(rows.view(), block->mutable_coupling());
+  }
+  for (int row = 0; row < kRows; ++row) request.mutable_coupled()->add_total(1.0);
+  request.mutable_coupled()->set_tolerance(1e-300);  // it goes on and on
+  request.mutable_coupled()->set_freeze_after(1'000'000'000);
+  request.mutable_coupled()->set_max_iterations(1'000'000'000);
+  v1::SolveRequest limited = request;
+  limited.mutable_options()->set_time_limit_s(0.2);
+  const Told told = solve_coupled(limited);
+  ASSERT_TRUE(told.status.ok()) << told.status.error_message();
+  EXPECT_EQ(told.result.solution().status(), v1::STATUS_TIME_LIMIT);
+  EXPECT_EQ(told.result.solution().z_size(), kBlocks * kVariables);
+  const std::string id = submit(request);
+  ASSERT_TRUE(eventually([&] { return get(id).job().state() == v1::JOB_STATE_RUNNING; }));
+  ASSERT_TRUE(cancel(id).ok());
+  EXPECT_TRUE(eventually_idle());
+  EXPECT_TRUE(lives());
+}
+
 TEST_F(CoupledCalls, MayBeSubmitted) {
   start();
   const std::string id = submit(blocks());
@@ -233,15 +267,30 @@ TEST_F(CoupledCalls, AreRefusedWithThePlaceOfTheFault) {
   EXPECT_TRUE(lives());
 }
 
-TEST_F(CoupledCalls, KeepTheirMemoryTogetherToThatOfOneSolver) {
-  start({"--solve-bytes", "1048576"});
-  const OwnedCoupled large = random_coupled({.blocks = 30, .variables = 40, .pairs = 10, .rows = 4}, 1);
-  v1::SolveRequest request;
-  to_message(large.view(), request.mutable_coupled());
-  const grpc::Status refused = solve_coupled(request).status;
-  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED) << refused.error_message();
-  EXPECT_NE(refused.error_message().find("blocks["), std::string::npos) << refused.error_message();
-  EXPECT_TRUE(lives());
+class CoupledMemory : public CoupledCalls {
+ protected:
+  /// Why a server with so much memory for a solve refuses 30 blocks.
+  std::string refusal(const char* solve_bytes) {
+    start({"--solve-bytes", solve_bytes});
+    const OwnedCoupled large = random_coupled({.blocks = 30, .variables = 40, .pairs = 10, .rows = 4}, 1);
+    v1::SolveRequest request;
+    to_message(large.view(), request.mutable_coupled());
+    const grpc::Status refused = solve_coupled(request).status;
+    EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED) << refused.error_message();
+    EXPECT_TRUE(lives());
+    return refused.error_message();
+  }
+};
+
+TEST_F(CoupledMemory, OfMatricesAndCopiesIsRefusedBeforeTheyAreBuilt) {
+  const std::string message = refusal("1048576");
+  EXPECT_NE(message.find("coupled.blocks = "), std::string::npos) << message;
+  EXPECT_NE(message.find("1048576 bytes (solve_bytes)"), std::string::npos) << message;
+}
+
+TEST_F(CoupledMemory, OfAllSolversTogetherIsThatOfOne) {
+  const std::string message = refusal("3145728");
+  EXPECT_NE(message.find("blocks["), std::string::npos) << message;
 }
 
 }  // namespace

@@ -9,10 +9,10 @@
 #include <stop_token>
 
 #include "coupled/dense.h"
-#include "coupled/memory_budget.h"
 #include "marble/composite/coupled.h"
 #include "marble/composite/lifted_block.h"
 #include "marble/composite/pieces.h"
+#include "run/memory_budget.h"
 #include "support/judges/dense_matrix.h"
 #include "support/problems/coupled_problems.h"
 

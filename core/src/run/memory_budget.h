@@ -7,6 +7,7 @@
 #include <shared_mutex>
 
 #include "marble/error.h"
+#include "tuning.h"
 
 namespace marble {
 
@@ -21,8 +22,8 @@ class MemoryBudget {
   auto make(const Make& make) -> decltype(make(std::int64_t{})) {
     {
       const std::shared_lock lock(alone_);
-      std::int64_t left = left_, part = left / kParts;
-      while (!left_.compare_exchange_weak(left, left - part)) part = left / kParts;
+      std::int64_t left = left_, part = left / tuning::coupled_parts;
+      while (!left_.compare_exchange_weak(left, left - part)) part = left / tuning::coupled_parts;
       auto made = make(part);
       left_ += part;
       if (made) left_ -= made->memory_bytes();
@@ -36,7 +37,6 @@ class MemoryBudget {
   void give_back(std::int64_t bytes) { left_ += bytes; }
 
  private:
-  static constexpr std::int64_t kParts = 16;
   std::shared_mutex alone_;
   std::atomic<std::int64_t> left_;
 };
