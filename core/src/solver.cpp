@@ -9,7 +9,9 @@
 #include "branch/parametric.h"
 #include "model/printed.h"
 #include "model/text_of.h"
+#include "proof/balance.h"
 #include "proof/stationarity.h"
+#include "solver_bytes.h"
 #include "strategy.h"
 #include "tuning.h"
 
@@ -27,22 +29,15 @@ const char* nonconvex_remark(SecondOrder second_order) {
   }
 }
 
-// All that does not depend on the factorization: the scaled copy, the engines' vectors, and the responses
-// that a local search keeps.
-double bytes_without_factor(const Problem& problem, const Options& options) {
+SolverSizes sizes_of(const Problem& problem) {
   const ProblemView& view = problem.view();
-  double entries = 0.0;
+  SolverSizes sizes{.variables = static_cast<double>(problem.variables()),
+                    .equalities = static_cast<double>(problem.equalities()),
+                    .inequalities = static_cast<double>(problem.inequalities()),
+                    .pairs = static_cast<double>(problem.pairs())};
   for (const SparseMatrixView* matrix : {&view.Q, &view.A, &view.C, &view.L, &view.R})
-    entries += static_cast<double>(matrix->values.size());
-  const double n = problem.variables();
-  const double rows = static_cast<double>(problem.inequalities()) + 2.0 * problem.pairs();
-  const double iterate = n + problem.equalities() + 2.0 * problem.inequalities() + 3.0 * problem.pairs();
-  return entries * (sizeof(double) + 2.0 * sizeof(Index)) +
-         tuning::memory_iterates * iterate * sizeof(double) +
-         Parametric::response_bytes(problem.pairs(), rows) +
-         (options.method != Method::marble ? Reference::bytes(entries, iterate) : 0.0) +
-         (PenaltyHomotopy::applies(problem.pairs()) ? PenaltyHomotopy::bytes(entries, iterate) : 0.0) +
-         tuning::memory_fixed_bytes;
+    sizes.entries += static_cast<double>(matrix->values.size());
+  return sizes;
 }
 
 // Flops that one factorization may have. No machine does more than tuning::flops_per_second of them on one
@@ -74,19 +69,65 @@ Error ended(bool stopped) {
                  : failure(ErrorCode::deadline_exceeded, std::string("the time was up ") + when);
 }
 
-Solution answer(const ScaledProblem& problem, const Ending& ending, const Iterate& x, const Run& run) {
-  Images images(problem);
+bool bears(const Vector& start) { return max_abs(start) <= tuning::farthest_start; }
+
+bool all_finite(const std::vector<double>& values) {
+  return std::ranges::all_of(values, [](double value) { return std::isfinite(value); });
+}
+
+bool is_finite(const Solution& s) {
+  return all_finite(s.z) && all_finite(s.equality_multipliers) && all_finite(s.inequality_multipliers) &&
+         all_finite(s.complementarity_multipliers_L) && all_finite(s.complementarity_multipliers_R) &&
+         all_finite(s.certificate) && std::isfinite(s.objective) && std::isfinite(s.violations.equality) &&
+         std::isfinite(s.violations.inequality) && std::isfinite(s.violations.complementarity) &&
+         std::isfinite(s.kkt_residual);
+}
+
+// Of data near the largest double even z = 0 may have a residual that overflows.
+void clamp(double& value) {
+  constexpr double kLargest = std::numeric_limits<double>::max();
+  value = std::isnan(value) ? kLargest : std::clamp(value, -kLargest, kLargest);
+}
+
+void take_point(const ScaledProblem& problem, const Iterate& x, Images& images, Solution& solution) {
   images.evaluate(problem, x);
   const double cost = 1.0 / problem.cost_scale;
+  tell(problem, x, solution);
+  solution.objective = cost * images.objective + problem.c0;
+  solution.violations = violations(problem, images);
+  solution.kkt_residual = cost * max_abs(images.stationarity.cwiseQuotient(problem.variable_scale));
+}
+
+// In place of a point that has overflowed: z = 0, whatever the run has ended with.
+void take_zero(const ScaledProblem& problem, Images& images, Solution& solution) {
+  Iterate zero(problem);
+  take_point(problem, zero, images, solution);
+  solution.certificate.clear();
+  for (double* value : {&solution.objective, &solution.violations.equality, &solution.violations.inequality,
+                        &solution.violations.complementarity, &solution.kkt_residual})
+    clamp(*value);
+  const bool by_force = solution.status == Status::cancelled || solution.status == Status::time_limit ||
+                        solution.status == Status::iteration_limit;
+  if (!by_force) solution.status = Status::numerical_failure;
+  solution.detail += "; its numbers overflowed: z is 0";
+}
+
+// Every number of it is finite. Not solved where the run calls solved what is not.
+Solution answer(const ScaledProblem& problem, const Options& options, const Ending& ending, const Iterate& x,
+                const Run& run) {
+  Images images(problem);
   Solution solution;
   solution.status = ending.status;
   solution.detail = ending.detail;
   solution.certificate = ending.certificate;
-  tell(problem, x, solution);
-  if (is_solved(ending.status)) solution.stationarity = classify(images, x);
-  solution.objective = cost * images.objective + problem.c0;
-  solution.violations = violations(problem, images);
-  solution.kkt_residual = cost * max_abs(images.stationarity.cwiseQuotient(problem.variable_scale));
+  take_point(problem, x, images, solution);
+  if (!is_finite(solution)) {
+    take_zero(problem, images, solution);
+  } else if (is_solved(ending.status) && !is_balanced(problem, options, images, x)) {
+    solution.status = Status::numerical_failure;
+    solution.detail += "; no solution: stationarity is violated by " + scientific(solution.kkt_residual, 2);
+  }
+  if (is_solved(solution.status)) solution.stationarity = classify(images, x);
   solution.iterations = run.iterations;
   solution.factorizations = run.factorizations;
   solution.times = run.times;
@@ -186,8 +227,7 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& user_opti
                               std::to_string(static_cast<std::int64_t>(bytes)) + " bytes of memory",
                               "a solver may take at most " + std::to_string(controls.most_bytes)));
   };
-  double own_bytes = bytes_without_factor(problem, options);
-  own_bytes += FurtherStarts::extra_bytes(options, own_bytes);
+  const double own_bytes = least_solver_bytes(sizes_of(problem), options);
   const auto limit = static_cast<double>(controls.most_bytes);
   if (own_bytes > limit) return refuse(own_bytes);
   if (interrupt.requested()) return unexpected(ended(interrupt.stop_requested()));
@@ -203,6 +243,7 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& user_opti
   }
   const double factor_bytes = kkt->bytes() + FurtherStarts::extra_bytes(options, kkt->bytes());
   if (own_bytes + factor_bytes > limit) return refuse(own_bytes + factor_bytes);
+  if (interrupt.requested()) return unexpected(ended(interrupt.stop_requested()));
   auto state = std::make_unique<State>(problem, options, std::move(scaled), std::move(kkt));
   state->setup_s = std::chrono::duration<double>(Run::Clock::now() - begin).count();
   const double tree_bytes = std::min(limit - own_bytes - factor_bytes, tuning::tree_most_bytes);
@@ -266,8 +307,23 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
     marble::take(state_->problem, *controls.warm_start, state_->warm_start);
     warm_start = Strategy::WarmStart{&state_->warm_start, controls.warm_start->cold_objective};
   }
-  const Strategy::Answer found = state_->strategy.run(run, state_->initial_z, warm_start);
-  Solution solution = answer(state_->problem, found.ending, *found.x, run);
+  const bool too_far = !bears(state_->initial_z) || (warm_start && !bears(state_->warm_start.all));
+  if (too_far) {
+    state_->initial_z.setZero();
+    warm_start.reset();
+  }
+  Strategy::Answer found = state_->strategy.run(run, state_->initial_z, warm_start);
+  Solution solution = answer(state_->problem, state_->options, found.ending, *found.x, run);
+  const auto is_refused = [&] { return solution.status != found.ending.status; };
+  const bool started = warm_start || max_abs(state_->initial_z) > 0.0;
+  const bool again = is_refused() && started && !run.interrupted();
+  if (again) {
+    state_->initial_z.setZero();
+    found = state_->strategy.run(run, state_->initial_z, std::nullopt);
+    solution = answer(state_->problem, state_->options, found.ending, *found.x, run);
+  }
+  if (again || too_far) solution.detail += "; the start was too far away: it began at 0";
+  if (is_refused()) found = {{solution.status, solution.detail, {}}, found.x};
   solution.b_stationary = found.b_stationary;
   take_proof(found, solution);
   if (is_solved(solution.status)) {
@@ -318,8 +374,8 @@ Expected<Solution> solve_once(const Problem& problem, const Options& options, co
   if (!controls.initial_z.empty()) x.z() = Eigen::Map<const Vector>(controls.initial_z.data(), x.z().size());
   if (controls.warm_start != nullptr) take(unscaled, *controls.warm_start, x);
   Solution solution =
-      answer(unscaled, {stopped ? Status::cancelled : Status::time_limit, solver.error().bound, {}}, x,
-             Run(options, own));
+      answer(unscaled, options, {stopped ? Status::cancelled : Status::time_limit, solver.error().bound, {}},
+             x, Run(options, own));
   solution.times.setup_s = std::chrono::duration<double>(Run::Clock::now() - *own.begun).count();
   solution.times.solve_s = 0.0;
   solution.cold_objective = solution.objective;

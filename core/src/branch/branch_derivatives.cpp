@@ -1,6 +1,7 @@
 #include "branch/branch_derivatives.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <limits>
 #include <string>
@@ -31,6 +32,12 @@ Numbers numbers(ConstVectorRef values) { return {values.data(), values.data() + 
 void forget(std::size_t number, std::size_t size, Numbers& of) {
   std::fill_n(of.begin() + static_cast<std::ptrdiff_t>(number * size), size,
               std::numeric_limits<double>::quiet_NaN());
+}
+
+bool is_finite(std::size_t number, std::size_t size, const Numbers& of) {
+  const auto first = of.begin() + static_cast<std::ptrdiff_t>(number * size);
+  return std::all_of(first, first + static_cast<std::ptrdiff_t>(size),
+                     [](double value) { return std::isfinite(value); });
 }
 
 // Q without a diagonal, in the problem and in the Kkt, as long as this lives.
@@ -226,8 +233,13 @@ void BranchDerivatives::find_changes(const ProblemUpdate& by, const Batch<T>& ba
   tell(system.lambda + rows.t(0), -cost, rows.t_part(row_scale), changes.complementarity_multipliers_R,
        sizes_.r);
   batch.for_each([&](int i) {
-    if (solved[at(i)]) return;
     const std::size_t number = at(batch.number(i));
+    if (solved[at(i)] && is_finite(number, sizes_.g, changes.z) &&
+        is_finite(number, sizes_.b, changes.equality_multipliers) &&
+        is_finite(number, sizes_.d, changes.inequality_multipliers) &&
+        is_finite(number, sizes_.l, changes.complementarity_multipliers_L) &&
+        is_finite(number, sizes_.r, changes.complementarity_multipliers_R))
+      return;
     changes.missing.push_back(batch.number(i));
     changes.holds[number] = 0;
     forget(number, sizes_.g, changes.z);
@@ -322,7 +334,13 @@ void BranchDerivatives::find_gradients(const AnswerWeights& weights, const Batch
     }
   }
   batch.for_each([&](int i) {
-    if (solved[at(i)]) return;
+    bool found = solved[at(i)];
+#define MARBLE_VECTOR(letter, field) \
+  found = found && is_finite(at(batch.number(i)), sizes_.letter, gradients.letter);
+#define MARBLE_MATRIX(letter, field, values, vector) \
+  found = found && is_finite(at(batch.number(i)), sizes_.letter, gradients.letter);
+#include "marble/contract.def"
+    if (found) return;
     gradients.missing.push_back(batch.number(i));
 #define MARBLE_VECTOR(letter, field) forget(at(batch.number(i)), sizes_.letter, gradients.letter);
 #define MARBLE_MATRIX(letter, field, values, vector) \
