@@ -89,9 +89,10 @@ std::optional<TreeResult> Tree::prepare(Run& run, bool known_convex, const Room&
   const double node = Node::bytes(
       problem_.layout,
       room.kept_bytes > 0.0 ? std::min<double>(problem_.variables(), problem_.layout.size()) : 0.0);
-  most_nodes_ = (room.most_bytes - room.kept_bytes - Gram::most_bytes(problem_)) / node;
-  if (!(most_nodes_ >= tuning::tree_least_nodes))
-    return none("not proved: a tree needs more memory than there is");
+  const auto too_large = [&] { return none("not proved: a tree needs more memory than there is"); };
+  const double bytes = room.most_bytes - room.kept_bytes - Gram::most_bytes(problem_);
+  most_nodes_ = bytes / node;
+  if (!(most_nodes_ >= tuning::tree_least_nodes)) return too_large();
   if (gram_ == nullptr) gram_ = std::make_unique<Gram>(problem_);
   for (const auto& expander : expanders_) expander->relaxation().attend(run.interrupt());
   const auto not_convex = [&] {
@@ -103,9 +104,11 @@ std::optional<TreeResult> Tree::prepare(Run& run, bool known_convex, const Room&
     }
     return none("not proved: Q is not convex");
   };
-  if (!make_expanders(run, 1)) return not_convex();
   const double engines = run.runner() != nullptr ? tuning::tree_round : 1;
+  if (!make_expanders(run, 1, bytes / engines))
+    return run.interrupted() || engine_fits_ ? not_convex() : too_large();
   most_nodes_ -= engines * expanders_[0]->relaxation().bytes() / node;
+  if (!(most_nodes_ >= tuning::tree_least_nodes)) return too_large();
   if (!convex_ && !known_convex) {
     if (!expanders_[0]->relaxation().is_convex(run)) return not_convex();
     convex_ = true;
@@ -115,9 +118,11 @@ std::optional<TreeResult> Tree::prepare(Run& run, bool known_convex, const Room&
 
 // Those there are have the problem's values and K's factor. Those for helpers do what the first has done:
 // counted once, as without helpers.
-bool Tree::make_expanders(Run& run, std::size_t count) {
+bool Tree::make_expanders(Run& run, std::size_t count, double most_bytes) {
   while (expanders_.size() < count) {
-    std::unique_ptr<Kkt> kkt = make_kkt(problem_, run.interrupt());
+    KktCost least;
+    std::unique_ptr<Kkt> kkt = make_kkt(problem_, {most_bytes, kInfinity}, run.interrupt(), least);
+    engine_fits_ = kkt != nullptr;
     if (kkt == nullptr) return false;
     auto expander = std::make_unique<Expander>(problem_, std::move(kkt), *gram_);
     Run for_helper = run.part(true);

@@ -67,7 +67,8 @@ class Tree {
  private:
   [[nodiscard]] TreeResult explore(Run& run, ConstVectorRef z, bool known_convex, const Room& room);
   [[nodiscard]] std::optional<TreeResult> prepare(Run& run, bool known_convex, const Room& room);
-  [[nodiscard]] bool make_expanders(Run& run, std::size_t count);
+  [[nodiscard]] bool make_expanders(Run& run, std::size_t count,
+                                    double most_bytes = std::numeric_limits<double>::infinity());
   [[nodiscard]] Node make_root(ConstVectorRef z);
   [[nodiscard]] std::optional<TreeResult::End> begin(Run& run, Node root, std::vector<Node> leaves,
                                                      const Room& room);
@@ -113,6 +114,7 @@ class Tree {
   Improve improve_;
   std::int64_t until_improving_ = 0, between_improving_ = 0;  // rounds
   double most_nodes_ = 0.0;
+  bool engine_fits_ = true;  // the last one that was to be made: within its memory
   KeptTree kept_;
   bool keeps_ = false;
   std::optional<bool> convex_;
