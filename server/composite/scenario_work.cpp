@@ -20,14 +20,6 @@ Error named(Error error) {
   return inside(kField, std::move(error));
 }
 
-std::int64_t bytes_of(const ScenarioNumbers& world) {
-  std::size_t numbers = 0;
-#define MARBLE_VECTOR(letter, field) numbers += world.letter.size();
-#define MARBLE_MATRIX(letter, field, values, vector) numbers += world.letter.size();
-#include "marble/contract.def"
-  return static_cast<std::int64_t>(sizeof(ScenarioNumbers) + numbers * sizeof(double));
-}
-
 // Levels up to `most` worlds, or one more than a job may have.
 int levels_of(const ScenarioSettings& settings, std::int64_t most) {
   int levels = 1;
@@ -53,14 +45,7 @@ Expected<void> check_size(const Config& config, const ScenarioProblem& problem,
     return unexpected(invalid(
         "growth", std::to_string(settings.growth),
         "must be so large that there are at most " + std::to_string(contract::most_levels) + " levels"));
-  const auto first = problem.sample(0);
-  if (!first) return unexpected(first.error());
-  const std::int64_t drawn = std::min(settings.most_scenarios + settings.fresh_scenarios, problem.scenarios);
-  if (bytes_of(*first) > config.solve_bytes / drawn)
-    return unexpected(failure(ErrorCode::resource_exhausted, "most_scenarios",
-                              std::to_string(drawn) + " worlds",
-                              "must fit into " + std::to_string(config.solve_bytes) + " bytes"));
-  return {};
+  return check_first_level(problem, settings, config.solve_bytes);
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #include "scenarios/lift.h"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace marble {
@@ -39,8 +41,8 @@ Solution world_part(const Stages& stages, const Solution& answer, std::size_t wo
                        static_cast<std::ptrdiff_t>(vector.split.first.size() + world * size);
     std::vector<double>& values = part.*vector.values;
     values.assign(first, first + static_cast<std::ptrdiff_t>(size));
-    if (vector.multipliers)
-      for (double& value : values) value /= weight;
+    if (vector.multipliers)  // a weight may underflow, and a quotient overflow
+      for (double& value : values) value = std::isfinite(value / weight) ? value / weight : 0.0;
   });
   part.cold_objective = std::numeric_limits<double>::infinity();
   return part;
@@ -63,16 +65,21 @@ Solution lifted(const Stages& stages, const Solution& answer, std::span<const So
 }
 
 std::size_t nearest(const Stages& stages, const ScenarioNumbers& world,
-                    std::span<const ScenarioNumbers> known) {
+                    std::span<const ScenarioNumbers> known, Checkpoint& checkpoint) {
   const ProblemView& base = stages.base().view();
   std::size_t best = 0;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t s = 0; s < known.size(); ++s) {
     double sum = 0.0;
-#define MARBLE_VECTOR(letter, field) sum += distance_squared(world.letter, known[s].letter, base.letter);
-#define MARBLE_MATRIX(letter, field, update, vector) \
-  sum += distance_squared(world.letter, known[s].letter, base.letter.values);
+    std::size_t numbers = 1;
+#define MARBLE_VECTOR(letter, field)                                   \
+  sum += distance_squared(world.letter, known[s].letter, base.letter); \
+  numbers += std::max(world.letter.size(), known[s].letter.size());
+#define MARBLE_MATRIX(letter, field, update, vector)                          \
+  sum += distance_squared(world.letter, known[s].letter, base.letter.values); \
+  numbers += std::max(world.letter.size(), known[s].letter.size());
 #include "marble/contract.def"
+    if (checkpoint.reached(static_cast<std::int64_t>(numbers))) break;
     if (sum < least) {
       least = sum;
       best = s;
@@ -84,9 +91,15 @@ std::size_t nearest(const Stages& stages, const ScenarioNumbers& world,
 std::vector<double> normalized_weights(std::span<const ScenarioNumbers> worlds) {
   double sum = 0.0;
   for (const ScenarioNumbers& world : worlds) sum += world.weight;
+  double unit = 1.0;  // unless the sum overflows
+  if (!std::isfinite(sum)) {
+    for (const ScenarioNumbers& world : worlds) unit = std::max(unit, world.weight);
+    sum = 0.0;
+    for (const ScenarioNumbers& world : worlds) sum += world.weight / unit;
+  }
   std::vector<double> weights;
   weights.reserve(worlds.size());
-  for (const ScenarioNumbers& world : worlds) weights.push_back(world.weight / sum);
+  for (const ScenarioNumbers& world : worlds) weights.push_back(world.weight / unit / sum);
   return weights;
 }
 

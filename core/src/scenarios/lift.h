@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "data/interrupt.h"
 #include "scenarios/stages.h"
 
 namespace marble {
@@ -17,9 +18,10 @@ namespace marble {
 [[nodiscard]] Solution lifted(const Stages& stages, const Solution& answer,
                               std::span<const Solution* const> parts, std::span<const double> weights);
 
-/// Of `known`, the world whose numbers are nearest: the first of those that are as near.
+/// Of `known`, the world whose numbers are nearest: the first of those that are as near. Of those that it has
+/// looked at where the checkpoint ends it.
 [[nodiscard]] std::size_t nearest(const Stages& stages, const ScenarioNumbers& world,
-                                  std::span<const ScenarioNumbers> known);
+                                  std::span<const ScenarioNumbers> known, Checkpoint& checkpoint);
 
 /// Each world's weight over their sum.
 [[nodiscard]] std::vector<double> normalized_weights(std::span<const ScenarioNumbers> worlds);

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <functional>
+#include <limits>
 #include <optional>
 
 #include "run/run_tasks.h"
@@ -26,7 +28,9 @@ class Batch {
     if (!solver_) {
       const auto problem = Problem::create(world.view());
       if (!problem) return {};
-      auto made = Solver::create(*problem, options_, {.stop = controls_.stop, .until = controls_.until});
+      auto made = Solver::create(
+          *problem, options_,
+          {.most_bytes = controls_.most_bytes, .stop = controls_.stop, .until = controls_.until});
       if (!made) return {interrupted().value_or(Status::numerical_failure), {}};
       solver_.emplace(*std::move(made));
     } else if (!solver_->update(numbers_of(world))) {
@@ -83,6 +87,42 @@ std::vector<Recourse> solve_recourse(const Stages& stages, std::span<const doubl
   in_batches(worlds.size(), controls, [&](Batch& batch, std::size_t s) {
     result[s] = batch.solve(stages.recourse(worlds[s], x), starts.empty() ? nullptr : starts[s]);
   });
+  return result;
+}
+
+// 1.96 standard deviations of a weighted mean; unbiased where the weights are equal.
+OutOfSample judged(std::span<const ScenarioNumbers> worlds, std::span<const Recourse> recourse) {
+  OutOfSample result;
+  result.scenarios = static_cast<std::int64_t>(worlds.size());
+  double unit = 0.0;  // the largest weight, where squares of weights overflow or vanish
+  for (std::size_t s = 0; s < worlds.size(); ++s)
+    if (recourse[s].found()) unit = std::max(unit, worlds[s].weight);
+  if (std::isnormal(unit * unit * static_cast<double>(worlds.size()))) unit = 1.0;
+  double weight = 0.0, squares = 0.0, sum = 0.0;
+  for (std::size_t s = 0; s < worlds.size(); ++s) {
+    result.factorizations += recourse[s].solution.factorizations;
+    if (!recourse[s].found()) {
+      ++result.without_recourse;
+      continue;
+    }
+    const double own = worlds[s].weight / unit;
+    weight += own;
+    squares += own * own;
+    sum += own * recourse[s].solution.objective;
+  }
+  const auto found = static_cast<double>(result.scenarios - result.without_recourse);
+  if (found == 0.0) return result;
+  constexpr double kLargest = std::numeric_limits<double>::max();
+  result.mean = std::isnan(sum) ? 0.0 : std::clamp(sum / weight, -kLargest, kLargest);
+  double variance = 0.0;
+  for (std::size_t s = 0; s < worlds.size(); ++s) {
+    if (!recourse[s].found()) continue;
+    const double difference = recourse[s].solution.objective - result.mean;
+    variance += worlds[s].weight / unit / weight * difference * difference;
+  }
+  if (found > 1.0 && std::isfinite(variance))
+    result.half_width =
+        tuning::scenario_normal_quantile * std::sqrt(variance * found / (found - 1.0) * squares) / weight;
   return result;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -25,6 +26,7 @@ struct BatchControls {
   std::chrono::steady_clock::time_point until;
   std::stop_token stop;
   TaskRunner* runner = nullptr;
+  std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max();  ///< of a solver of one world
 };
 
 /// The best recourse of each world at x, from `starts[s]` where there is one; starts may be empty. A world
@@ -33,6 +35,9 @@ struct BatchControls {
                                                    std::span<const ScenarioNumbers> worlds,
                                                    std::span<const Solution* const> starts,
                                                    const BatchControls& controls);
+
+/// What the recourses come to, of the same worlds: the mean of their costs and its interval.
+[[nodiscard]] OutOfSample judged(std::span<const ScenarioNumbers> worlds, std::span<const Recourse> recourse);
 
 /// How each world's own LCQP ends, plan and all.
 [[nodiscard]] std::vector<Status> solve_alone(const Stages& stages, std::span<const ScenarioNumbers> worlds,

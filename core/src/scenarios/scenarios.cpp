@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
 #include "data/interrupt.h"
 #include "model/text_of.h"
+#include "scenarios/level_bytes.h"
 #include "scenarios/lift.h"
 #include "scenarios/recourse.h"
 #include "scenarios/stages.h"
@@ -49,36 +51,6 @@ Expected<void> validate_settings(const ScenarioSettings& settings) {
   return {};
 }
 
-// 1.96 standard deviations of a weighted mean; unbiased where the weights are equal.
-OutOfSample judged(std::span<const ScenarioNumbers> worlds, std::span<const Recourse> recourse) {
-  OutOfSample result;
-  result.scenarios = static_cast<std::int64_t>(worlds.size());
-  double weight = 0.0, squares = 0.0, sum = 0.0;
-  for (std::size_t s = 0; s < worlds.size(); ++s) {
-    result.factorizations += recourse[s].solution.factorizations;
-    if (!recourse[s].found()) {
-      ++result.without_recourse;
-      continue;
-    }
-    weight += worlds[s].weight;
-    squares += worlds[s].weight * worlds[s].weight;
-    sum += worlds[s].weight * recourse[s].solution.objective;
-  }
-  const auto found = static_cast<double>(result.scenarios - result.without_recourse);
-  if (found == 0.0) return result;
-  result.mean = sum / weight;
-  double variance = 0.0;
-  for (std::size_t s = 0; s < worlds.size(); ++s) {
-    if (!recourse[s].found()) continue;
-    const double difference = recourse[s].solution.objective - result.mean;
-    variance += worlds[s].weight / weight * difference * difference;
-  }
-  if (found > 1.0)
-    result.half_width =
-        tuning::scenario_normal_quantile * std::sqrt(variance * found / (found - 1.0) * squares) / weight;
-  return result;
-}
-
 // Rows of one level after the other, as of one solve.
 class LevelProgress final : public ProgressSink {
  public:
@@ -105,6 +77,13 @@ class LevelProgress final : public ProgressSink {
   std::int64_t scenarios_ = 0;
 };
 
+Error too_large(double scenarios, double bytes, std::int64_t most_bytes) {
+  return failure(
+      ErrorCode::resource_exhausted, "scenarios",
+      std::to_string(static_cast<std::int64_t>(scenarios)) + " scenarios: " + general(bytes, 6) + " bytes",
+      "a level, with what it needs at least, must fit into " + std::to_string(most_bytes) + " bytes");
+}
+
 // The levels, one after the other.
 class Levels {
  public:
@@ -117,13 +96,22 @@ class Levels {
         stages_(std::move(stages)),
         begun_(controls.begun.value_or(Clock::now())),
         until_(after(begun_, settings.options.time_limit_s)),
+        interrupt_(controls.stop, until_),
         most_(std::min(settings.most_scenarios, problem.scenarios)),
         progress_(controls.progress) {}
 
   Expected<ScenarioAnswer> run() {
     std::int64_t count = std::min(settings_.first_scenarios, most_);
     for (double size = static_cast<double>(settings_.first_scenarios);;) {
+      if (auto drawn = draw(1); !drawn) return unexpected(drawn.error());
+      if (const double bytes = bytes_of_level(count); bytes > most_bytes()) {
+        Error error = too_large(static_cast<double>(count), bytes, setup_.most_bytes);
+        if (answer_.scenarios == 0) return unexpected(std::move(error));
+        return end(ScenarioEnd::too_large, error.message());
+      }
       if (auto drawn = draw(count); !drawn) return unexpected(drawn.error());
+      if (const auto ended = interrupted())
+        return end(*ended, "ended while the numbers of scenarios were drawn");
       ScenarioLevel level;
       level.level = static_cast<std::int32_t>(answer_.levels.size());
       level.scenarios = count;
@@ -149,14 +137,43 @@ class Levels {
   }
 
  private:
-  // Worlds up to number `count`, where there are as many.
+  [[nodiscard]] double most_bytes() const { return static_cast<double>(setup_.most_bytes); }
+
+  // By the largest numbers so far, what is drawn already included.
+  [[nodiscard]] double bytes_of_level(std::int64_t count) const {
+    const auto drawn = static_cast<double>(worlds_.size());
+    const double average = worlds_bytes_ / drawn;
+    const double more = std::max(0.0, drawn - static_cast<double>(count));
+    return level_bytes(stages_, static_cast<double>(count), average, settings_.options) + more * average;
+  }
+
+  // What is held between levels.
+  [[nodiscard]] double bytes_held() const {
+    return worlds_bytes_ + 2.0 * static_cast<double>(parts_.size()) * stages_.part_bytes() +
+           stages_.answer_bytes(static_cast<double>(answer_.scenarios));
+  }
+
+  [[nodiscard]] std::int64_t bytes_left(double taken) const {
+    return setup_.most_bytes - static_cast<std::int64_t>(std::clamp(taken, 0.0, most_bytes()));
+  }
+
+  [[nodiscard]] std::optional<ScenarioEnd> interrupted() const {
+    if (!interrupt_.requested()) return std::nullopt;
+    return interrupt_.stop_requested() ? ScenarioEnd::cancelled : ScenarioEnd::time_limit;
+  }
+
+  // Worlds up to number `count`, where there are as many. Fewer where it is interrupted.
   Expected<void> draw(std::int64_t count) {
     while (static_cast<std::int64_t>(worlds_.size()) < std::min(count, problem_.scenarios)) {
+      if (!worlds_.empty() && interrupt_.requested()) return {};
       const auto number = static_cast<std::int64_t>(worlds_.size());
       auto world = problem_.sample(number);
       if (!world) return unexpected(world.error());
       if (auto valid = stages_.check(*world); !valid)
         return unexpected(inside("scenario[" + std::to_string(number) + "]", valid.error()));
+      worlds_bytes_ += bytes_of(*world);
+      if (worlds_bytes_ > most_bytes())
+        return unexpected(too_large(static_cast<double>(number + 1), worlds_bytes_, setup_.most_bytes));
       worlds_.push_back(*std::move(world));
     }
     return {};
@@ -175,7 +192,7 @@ class Levels {
     weights_ = normalized_weights(sample);
     std::optional<Solution> start;
     if (answer_.scenarios > 0) start = lift(level.scenarios);
-    auto assembled = stages_.assemble(sample, weights_);
+    auto assembled = stages_.assemble(sample, weights_, interrupt_);
     if (!assembled) return unexpected(assembled.error());
     const auto problem = Problem::create(assembled->view());
     if (!problem) return unexpected(problem.error());
@@ -185,9 +202,17 @@ class Levels {
     if (start)
       options.local_search_budget = std::min(options.local_search_budget, tuning::scenario_search_budget);
     if (level.scenarios > 1) options.feasibility_budget = 0;
-    auto solver = Solver::create(*problem, options, limits());
+    const auto count = static_cast<double>(level.scenarios);
+    const double beside = bytes_held() + stages_.assembled_bytes(count) + 2.0 * stages_.answer_bytes(count) +
+                          2.0 * count * stages_.part_bytes();
+    SetupControls limits = setup_;
+    limits.stop = controls_.stop;
+    limits.until = until_;
+    limits.most_bytes = bytes_left(beside);
+    auto solver = Solver::create(*problem, options, limits);
     if (!solver) return unexpected(solver.error());
-    level.memory_bytes = solver->memory_bytes();
+    level.memory_bytes = solver->memory_bytes() + static_cast<std::int64_t>(beside);
+    batch_bytes_ = bytes_left(static_cast<double>(level.memory_bytes));
     auto solution = solve_from(*solver, options, start ? &*start : nullptr, level);
     if (solution && is_without_plan(solution->status)) {
       find_infeasible(level);
@@ -255,25 +280,27 @@ class Levels {
     const std::int64_t first = answer_.scenarios;
     const std::vector<Status> alone =
         solve_alone(stages_, worlds(first, level.scenarios),
-                    {settings_.options, until_, controls_.stop, controls_.runner});
+                    {settings_.options, until_, controls_.stop, controls_.runner, batch_bytes_});
     for (std::size_t s = 0; s < alone.size(); ++s)
       if (is_without_plan(alone[s])) answer_.infeasible.push_back(first + static_cast<std::int64_t>(s));
   }
 
   // New worlds begin with their recourse, and without one with what the nearest old world does.
   Solution lift(std::int64_t count) const {
+    Checkpoint checkpoint(interrupt_);
     std::vector<const Solution*> parts;
     for (const Solution& part : parts_) parts.push_back(&part);
     for (std::int64_t s = answer_.scenarios; s < count; ++s) {
       const auto fresh = static_cast<std::size_t>(s - answer_.scenarios);
       const bool found = fresh < fresh_.size() && fresh_[fresh].found();
-      parts.push_back(found ? &fresh_[fresh].solution : nearest_part(worlds_[static_cast<std::size_t>(s)]));
+      parts.push_back(found ? &fresh_[fresh].solution
+                            : nearest_part(worlds_[static_cast<std::size_t>(s)], checkpoint));
     }
     return lifted(stages_, solution_, parts, weights_);
   }
 
-  [[nodiscard]] const Solution* nearest_part(const ScenarioNumbers& world) const {
-    return &parts_[nearest(stages_, world, worlds(0, answer_.scenarios))];
+  [[nodiscard]] const Solution* nearest_part(const ScenarioNumbers& world, Checkpoint& checkpoint) const {
+    return &parts_[nearest(stages_, world, worlds(0, answer_.scenarios), checkpoint)];
   }
 
   void keep(const ScenarioLevel& level, Solution solution) {
@@ -289,16 +316,10 @@ class Levels {
     answer_.violations = solution_.violations;
   }
 
-  [[nodiscard]] SetupControls limits() const {
-    SetupControls result = setup_;
-    result.stop = controls_.stop;
-    result.until = until_;
-    return result;
-  }
-
   // A recourse is looked for near the plan's, and nowhere else.
-  [[nodiscard]] BatchControls recourse_controls() const {
-    BatchControls result{settings_.options, until_, controls_.stop, controls_.runner};
+  [[nodiscard]] BatchControls recourse_controls(std::size_t fresh) const {
+    BatchControls result{settings_.options, until_, controls_.stop, controls_.runner,
+                         bytes_left(bytes_held() + static_cast<double>(fresh) * stages_.part_bytes())};
     result.options.starts = 1;
     result.options.global = false;
     result.options.local_search_budget = result.options.feasibility_budget = 0;
@@ -306,18 +327,32 @@ class Levels {
         std::min(result.options.max_iterations, tuning::scenario_recourse_iterations);
     return result;
   }
+  // Beside what is held, each with its numbers, its recourse and a place among the starts. The solver of one
+  // scenario needs the rest: where it does not fit, its batch says so.
+  [[nodiscard]] std::int64_t fresh_that_fit() const {
+    const double each = worlds_bytes_ / static_cast<double>(worlds_.size()) + stages_.part_bytes() +
+                        sizeof(Recourse) + sizeof(const Solution*);
+    const double drawn = static_cast<double>(worlds_.size()) - static_cast<double>(answer_.scenarios);
+    const double room = std::max(0.0, most_bytes() - bytes_held()) / each + drawn;
+    return static_cast<std::int64_t>(std::min(room, static_cast<double>(std::numeric_limits<Index>::max())));
+  }
+
   Expected<void> try_fresh(ScenarioLevel& level, std::int64_t next) {
     fresh_.clear();
     if (settings_.fresh_scenarios == 0 && level.scenarios == most_) return {};
-    const std::int64_t last =
-        std::min(problem_.scenarios, std::max(level.scenarios + settings_.fresh_scenarios, next));
+    const bool next_fits = bytes_of_level(next) <= most_bytes();
+    const std::int64_t wanted = level.scenarios + settings_.fresh_scenarios;
+    const std::int64_t last = std::min({problem_.scenarios, next_fits ? std::max(wanted, next) : wanted,
+                                        level.scenarios + fresh_that_fit()});
     if (auto drawn = draw(last); !drawn) return drawn;
-    const auto fresh = worlds(level.scenarios, last);
+    if (interrupted()) return {};
+    const auto fresh = worlds(level.scenarios, std::max(level.scenarios, last));
     if (fresh.empty()) return {};
     const auto begun = Clock::now();
     std::vector<const Solution*> starts;
-    for (const ScenarioNumbers& world : fresh) starts.push_back(nearest_part(world));
-    fresh_ = solve_recourse(stages_, answer_.x, fresh, starts, recourse_controls());
+    Checkpoint checkpoint(interrupt_);
+    for (const ScenarioNumbers& world : fresh) starts.push_back(nearest_part(world, checkpoint));
+    fresh_ = solve_recourse(stages_, answer_.x, fresh, starts, recourse_controls(fresh.size()));
     for (const Recourse& recourse : fresh_) count(recourse.solution);
     const bool all = std::ranges::none_of(fresh_, [](const Recourse& recourse) {
       return recourse.status == Status::time_limit || recourse.status == Status::cancelled;
@@ -372,6 +407,7 @@ class Levels {
     solution.iterations = total_.iterations;
     solution.factorizations = total_.factorizations;
     solution.times = total_.times;
+    if (!std::isfinite(solution.cold_objective)) solution.cold_objective = solution.objective;  // as lifted
     return std::move(answer_);
   }
 
@@ -381,14 +417,17 @@ class Levels {
   const SetupControls& setup_;
   Stages stages_;
   Clock::time_point begun_, until_;
+  Interrupt interrupt_;
   std::int64_t most_;
   LevelProgress progress_;
   Solution total_;  // iterations, factorizations and times alone
   std::vector<ScenarioNumbers> worlds_;
-  std::vector<double> weights_;  // of the level
-  Solution solution_;            // of the newest level that was solved
-  std::vector<Solution> parts_;  // of it, by world
-  std::vector<Recourse> fresh_;  // of the worlds after it
+  double worlds_bytes_ = 0.0;
+  std::vector<double> weights_;   // of the level
+  Solution solution_;             // of the newest level that was solved
+  std::vector<Solution> parts_;   // of it, by world
+  std::vector<Recourse> fresh_;   // of the worlds after it
+  std::int64_t batch_bytes_ = 0;  // that a solver of one scenario may take beside the level's
   ScenarioAnswer answer_;
 };
 
@@ -424,6 +463,18 @@ Expected<ScenarioAnswer> solve_scenarios(const ScenarioProblem& problem, const S
   auto stages = Stages::create(problem);
   if (!stages) return unexpected(stages.error());
   return Levels(problem, settings, controls, setup, *std::move(stages)).run();
+}
+
+Expected<void> check_first_level(const ScenarioProblem& problem, const ScenarioSettings& settings,
+                                 std::int64_t most_bytes) {
+  const auto stages = Stages::create(problem);
+  if (!stages) return unexpected(stages.error());
+  const auto first = problem.sample(0);
+  if (!first) return unexpected(first.error());
+  const auto count = static_cast<double>(std::min(settings.first_scenarios, problem.scenarios));
+  const double bytes = level_bytes(*stages, count, bytes_of(*first), settings.options);
+  if (bytes <= static_cast<double>(most_bytes)) return {};
+  return unexpected(of_field("settings.first_scenarios", too_large(count, bytes, most_bytes)));
 }
 
 Expected<OwnedProblem> assemble_scenarios(const ScenarioProblem& problem, std::int64_t scenarios) {

@@ -279,8 +279,41 @@ std::optional<std::size_t> Stages::fixed_among(const ScenarioEntries& entries) c
   return result;
 }
 
+SolverSizes Stages::assembled_sizes(double scenarios) const {
+  const auto rows = [scenarios](const Split& split) {
+    return static_cast<double>(split.first.size()) + scenarios * static_cast<double>(split.second.size());
+  };
+  SolverSizes sizes{.variables = rows(variables),
+                    .equalities = rows(equalities),
+                    .inequalities = rows(inequalities),
+                    .pairs = rows(pairs)};
+  for (const MatrixStages* matrix : {&Q_, &A_, &C_, &L_, &R_})
+    sizes.entries += static_cast<double>(entries(matrix->first)) +
+                     scenarios * static_cast<double>(entries(matrix->linking) + entries(matrix->recourse));
+  return sizes;
+}
+
+double Stages::assembled_bytes(double scenarios) const {
+  const SolverSizes sizes = assembled_sizes(scenarios);
+  const double vectors = sizes.variables + sizes.equalities + sizes.inequalities + 2.0 * sizes.pairs;
+  const double mean = static_cast<double>(base_.view().Q.values.size());
+  return sizes.entries * (sizeof(double) + sizeof(Index)) + 5.0 * (sizes.variables + 1.0) * sizeof(Index) +
+         (vectors + mean) * sizeof(double) + sizeof(OwnedProblem);
+}
+
+double Stages::answer_bytes(double scenarios) const {
+  const SolverSizes sizes = assembled_sizes(scenarios);
+  return (sizes.variables + sizes.equalities + sizes.inequalities + 2.0 * sizes.pairs) * sizeof(double);
+}
+
+double Stages::part_bytes() const {
+  const std::size_t numbers = variables.second.size() + equalities.second.size() +
+                              inequalities.second.size() + 2 * pairs.second.size();
+  return static_cast<double>(sizeof(Solution) + numbers * sizeof(double));
+}
+
 Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,
-                                        std::span<const double> weights) const {
+                                        std::span<const double> weights, const Interrupt& interrupt) const {
   const ProblemView& view = base_.view();
   const std::size_t count = worlds.size();
   const std::size_t plan = variables.first.size();
@@ -291,7 +324,13 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,
   std::ranges::fill(result.g, 0.0);
   result.g.reserve(variables.assembled(count));
   bool too_many = variables.assembled(count) > static_cast<std::size_t>(std::numeric_limits<Index>::max());
-  for (std::size_t s = 0; s < count; ++s) {
+  Checkpoint checkpoint(interrupt);
+  bool stopped = false;
+  const auto stops_after = [&](std::size_t numbers) {
+    return stopped = stopped || checkpoint.reached(static_cast<std::int64_t>(numbers) + 1);
+  };
+  const std::size_t base_entries = view.Q.values.size();
+  for (std::size_t s = 0; s < count && !stops_after(plan + own); ++s) {
     const auto g = given_or(worlds[s].g, view.g);
     for (std::size_t i = 0; i < plan; ++i) result.g[i] += weights[s] * at(g, variables.first[i]);
     for (const Index j : variables.second) result.g.push_back(weights[s] * at(g, j));
@@ -307,8 +346,8 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,
 
   if (fits(size_of(Q_))) {
     SparseMatrix& Q = result.Q = begin_matrix(result.g.size(), result.g.size(), size_of(Q_));
-    std::vector<double> mean(view.Q.values.size(), 0.0);
-    for (std::size_t s = 0; s < count; ++s) {
+    std::vector<double> mean(base_entries, 0.0);
+    for (std::size_t s = 0; s < count && !stops_after(entries(Q_.first)); ++s) {
       const auto values = given_or(worlds[s].Q, view.Q.values);
       for (const Index position : Q_.first.positions)
         mean[static_cast<std::size_t>(position)] += weights[s] * at(values, position);
@@ -317,7 +356,7 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,
       append_column(Q_.first, j, 0, mean, 1.0, Q);
       end_column(Q);
     }
-    for (std::size_t s = 0; s < count; ++s) {
+    for (std::size_t s = 0; s < count && !stops_after(own + base_entries); ++s) {
       const auto values = given_or(worlds[s].Q, view.Q.values);
       for (std::size_t j = 0; j < own; ++j) {
         append_column(Q_.linking, j, 0, values, weights[s], Q);
@@ -329,30 +368,36 @@ Expected<OwnedProblem> Stages::assemble(std::span<const ScenarioNumbers> worlds,
 
   each_part([&](const Part& part) {
     const std::size_t rows = part.rows.assembled(count);
-    if (!fits(size_of(part.stages)) || !fits(rows)) return;
+    if (stopped || !fits(size_of(part.stages)) || !fits(rows)) return;
     SparseMatrix& matrix = result.*part.into = begin_matrix(rows, result.g.size(), size_of(part.stages));
     const auto first_row = [&](std::size_t s) {
       return static_cast<Index>(part.rows.first.size() + s * part.rows.second.size());
     };
     const auto values = [&](std::size_t s) { return given_or(worlds[s].*part.values, part.matrix.values); };
-    for (std::size_t j = 0; j < plan; ++j) {
+    for (std::size_t j = 0; j < plan && !stopped; ++j) {
       append_column(part.stages.first, j, 0, part.matrix.values, 1.0, matrix);
-      for (std::size_t s = 0; s < count; ++s)
+      const auto linked =
+          static_cast<std::size_t>(part.stages.linking.pointers[j + 1] - part.stages.linking.pointers[j]);
+      for (std::size_t s = 0; s < count && !stops_after(linked); ++s)
         append_column(part.stages.linking, j, first_row(s), values(s), 1.0, matrix);
       end_column(matrix);
     }
-    for (std::size_t s = 0; s < count; ++s)
+    for (std::size_t s = 0; s < count && !stops_after(own + entries(part.stages.recourse)); ++s)
       for (std::size_t j = 0; j < own; ++j) {
         append_column(part.stages.recourse, j, first_row(s), values(s), 1.0, matrix);
         end_column(matrix);
       }
     std::vector<double>& offset = result.*part.offset_into = gather(part.offset, part.rows.first);
     offset.reserve(rows);
-    for (std::size_t s = 0; s < count; ++s) {
+    for (std::size_t s = 0; s < count && !stops_after(part.rows.second.size()); ++s) {
       const auto given = given_or(worlds[s].*part.offsets, part.offset);
       for (const Index row : part.rows.second) offset.push_back(at(given, row));
     }
   });
+  if (stopped)
+    return unexpected(failure(
+        interrupt.stop_requested() ? ErrorCode::cancelled : ErrorCode::deadline_exceeded,
+        "the problem of " + std::to_string(count) + " scenarios was being assembled when the solve ended"));
   if (too_many)
     return unexpected(failure(ErrorCode::resource_exhausted, "scenarios", std::to_string(count),
                               "their problem must have less than 2^31 entries in each matrix"));

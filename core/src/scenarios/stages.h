@@ -8,8 +8,10 @@
 #include <span>
 #include <vector>
 
+#include "data/interrupt.h"
 #include "marble/composite/scenarios.h"
 #include "marble/composite/worlds.h"
+#include "solver_bytes.h"
 
 namespace marble {
 
@@ -46,9 +48,20 @@ class Stages {
   /// Of entries of a part, the first that no world may change: its number among them.
   [[nodiscard]] std::optional<std::size_t> fixed_among(const ScenarioEntries& entries) const;
 
-  /// The LCQP of these worlds with weights that sum to one. Fails where 32 bits do not count its entries.
+  /// The LCQP of these worlds with weights that sum to one. Fails where 32 bits do not count its entries, and
+  /// with cancelled or deadline_exceeded where it is interrupted.
   [[nodiscard]] Expected<OwnedProblem> assemble(std::span<const ScenarioNumbers> worlds,
-                                                std::span<const double> weights) const;
+                                                std::span<const double> weights,
+                                                const Interrupt& interrupt = {}) const;
+
+  /// Of the LCQP of so many scenarios, before it is there.
+  [[nodiscard]] SolverSizes assembled_sizes(double scenarios) const;
+  /// Bytes of that LCQP's arrays, with what assembling it takes besides.
+  [[nodiscard]] double assembled_bytes(double scenarios) const;
+  /// Bytes of an answer's vectors to it: z and the multipliers.
+  [[nodiscard]] double answer_bytes(double scenarios) const;
+  /// Bytes of one scenario's part of an answer, as it is kept: a Solution of its own.
+  [[nodiscard]] double part_bytes() const;
 
   /// The LCQP in y of one world for a plan; that of others has the same pattern and other numbers.
   [[nodiscard]] OwnedProblem recourse(const ScenarioNumbers& world, std::span<const double> x) const;

@@ -9,6 +9,7 @@
 #include "marble/convert.h"
 #include "marble/convert_scenarios.h"
 #include "marble/scenario_examples.h"
+#include "support/processes/raw_http2.h"
 
 namespace marble::testing {
 namespace {
@@ -284,6 +285,56 @@ TEST_F(Scenarios, LeaveThePlansOwnRowsAlone) {
   EXPECT_EQ(bad_field(told.status).field(), "solve.scenarios.samples.entries[0].positions[0]");
   bad.mutable_scenarios()->add_own_equalities(0);
   EXPECT_TRUE(solve_scenarios(bad).status.ok());
+}
+
+// A diagonal Q of n entries, and one number that moves all of g: about 33 bytes a variable.
+v1::SolveRequest large_scenarios(int n, std::int64_t first) {
+  v1::SolveRequest request;
+  v1::SparseMatrix& hessian = *request.mutable_problem()->mutable_hessian();
+  hessian.set_rows(n);
+  hessian.set_columns(n);
+  for (int j = 0; j < n; ++j) {
+    request.mutable_problem()->add_gradient(1.0 + j % 7);
+    hessian.add_column_pointers(j);
+    hessian.add_row_indices(j);
+    hessian.add_values(2.0);
+  }
+  hessian.add_column_pointers(n);
+  v1::Scenarios& scenarios = *request.mutable_scenarios();
+  scenarios.add_first_stage(0);
+  v1::ScenarioQuantity& quantity = *scenarios.mutable_sampler()->add_quantities();
+  quantity.set_distribution(v1::ScenarioQuantity::DISTRIBUTION_NORMAL);
+  auto& effect = *quantity.add_effects();
+  effect.mutable_entries()->set_part(v1::PROBLEM_PART_GRADIENT);
+  effect.add_gains(1.0);
+  scenarios.set_first_scenarios(first);
+  scenarios.set_most_scenarios(4000);
+  scenarios.set_growth(4000.0);
+  scenarios.set_fresh_scenarios(16);
+  return request;
+}
+
+TEST_F(Scenarios, FirstLevelThatDoesNotFitIsRefusedWithItsSize) {
+  start();
+  const Told told = solve_scenarios(large_scenarios(30'000, 4000));
+  EXPECT_EQ(told.status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  for (const char* part : {"solve.scenarios.first_scenarios", "4000 scenarios", "4294967296 bytes"})
+    EXPECT_NE(told.status.error_message().find(part), std::string::npos) << told.status.error_message();
+  EXPECT_LE(resident_bytes(server().pid()), std::int64_t{400} << 20) << "nothing of it was built";
+  EXPECT_TRUE(lives());
+}
+
+TEST_F(Scenarios, LaterLevelThatDoesNotFitEndsWithTheAnswerSoFar) {
+  start({"--workers", "1", "--solve-bytes", "300000000"});
+  ASSERT_TRUE(lives());
+  const std::int64_t before = resident_bytes(server().pid());
+  const Told told = solve_scenarios(large_scenarios(20'000, 1));
+  ASSERT_TRUE(told.status.ok()) << told.status.error_message();
+  const ScenarioAnswer answer = scenario_answer_of(told.result.solution());
+  EXPECT_EQ(answer.end, ScenarioEnd::too_large);
+  EXPECT_EQ(answer.status, Status::solved);
+  EXPECT_EQ(answer.scenarios, 1);
+  EXPECT_LE(resident_bytes(server().pid()) - before, 300'000'000 + (std::int64_t{100} << 20));
 }
 
 }  // namespace

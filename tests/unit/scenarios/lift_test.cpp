@@ -32,9 +32,12 @@ TEST(ScenarioLift, SolvesTheLargerProblemWhereItsWorldsAreTheOldOnesAgain) {
     worlds = {worlds[0], worlds[1], worlds[0], worlds[1]};
     const std::vector<double> halves = normalized_weights(worlds);
     std::vector<Solution> parts;
+    const Interrupt never;
+    Checkpoint checkpoint(never);
     for (std::size_t s = 0; s < 4; ++s)
-      parts.push_back(
-          world_part(stages, answer, nearest(stages, worlds[s], std::span(worlds).first(2)), weights[s % 2]));
+      parts.push_back(world_part(stages, answer,
+                                 nearest(stages, worlds[s], std::span(worlds).first(2), checkpoint),
+                                 weights[s % 2]));
     std::vector<const Solution*> pointers;
     for (const Solution& part : parts) pointers.push_back(&part);
     const Solution start = lifted(stages, answer, pointers, halves);
@@ -58,12 +61,37 @@ TEST(ScenarioLift, TakesTheFirstOfTheNearestWorlds) {
   const RandomWorlds random(1);
   const Stages stages = Stages::create(random.problem()).value();
   const std::vector<ScenarioNumbers> worlds = {random.world(4), random.world(7), random.world(7)};
-  EXPECT_EQ(nearest(stages, random.world(7), worlds), 1u);
-  EXPECT_EQ(nearest(stages, random.world(4), worlds), 0u);
+  const Interrupt never;
+  Checkpoint checkpoint(never);
+  EXPECT_EQ(nearest(stages, random.world(7), worlds, checkpoint), 1u);
+  EXPECT_EQ(nearest(stages, random.world(4), worlds, checkpoint), 0u);
   ScenarioNumbers base;
   base.g = random.base.g;
   const std::vector<ScenarioNumbers> with_base = {random.world(1), ScenarioNumbers{}};
-  EXPECT_EQ(nearest(stages, base, with_base), 1u) << "what is absent is the base's";
+  EXPECT_EQ(nearest(stages, base, with_base, checkpoint), 1u) << "what is absent is the base's";
+}
+
+TEST(ScenarioLift, NearestScenarioEndsWithItsCheckpoint) {
+  const RandomWorlds random(1);
+  const Stages stages = Stages::create(random.problem()).value();
+  std::vector<ScenarioNumbers> known(20'000, random.world(1));
+  known.back() = random.world(7);
+  std::stop_source stop;
+  stop.request_stop();
+  const Interrupt stopped(stop.get_token());
+  Checkpoint checkpoint(stopped);
+  EXPECT_EQ(nearest(stages, random.world(7), known, checkpoint), 0u);
+  EXPECT_TRUE(checkpoint.reached(1)) << "the next search ends at once";
+}
+
+TEST(ScenarioLift, WeightsNearTheEndsOfTheDoublesStayFinite) {
+  std::vector<ScenarioNumbers> known(3);
+  known[0].weight = known[1].weight = 1e308;
+  known[2].weight = 5e-324;
+  const std::vector<double> weights = normalized_weights(known);
+  EXPECT_EQ(weights[0], 0.5);
+  EXPECT_EQ(weights[1], 0.5);
+  EXPECT_EQ(weights[2], 0.0);
 }
 
 }  // namespace

@@ -265,6 +265,62 @@ TEST(Scenarios, EndWhereTheNextLevelIsTooLarge) {
   EXPECT_EQ(none.error().code, ErrorCode::resource_exhausted);
 }
 
+TEST(Scenarios, FirstLevelThatDoesNotFitIsRefusedBeforeItsScenariosAreDrawn) {
+  const OneNumberWorlds rocket = examples::rocket_by_altitude();
+  ScenarioProblem problem = rocket.worlds(spread(64, 3.0, 4.8));
+  problem.scenarios = 1'000'000;
+  std::int64_t drawn = 0;
+  problem.sample = [sample = problem.sample, &drawn](std::int64_t i) {
+    ++drawn;
+    return sample(i % 64);
+  };
+  const ScenarioSettings settings{.first_scenarios = 1'000'000, .most_scenarios = 1'000'000};
+  const auto none = solve_scenarios(problem, settings, {}, {.most_bytes = 100'000'000});
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.error().code, ErrorCode::resource_exhausted);
+  EXPECT_EQ(none.error().field, "scenarios");
+  EXPECT_EQ(drawn, 1);
+  const auto refused = check_first_level(problem, settings, 100'000'000);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().field, "settings.first_scenarios");
+  EXPECT_TRUE(check_first_level(problem, {}, 100'000'000));
+}
+
+TEST(Scenarios, LevelThatDoesNotFitLeavesTheAnswerOfTheLevelBefore) {
+  const OneNumberWorlds rocket = examples::rocket_by_altitude();
+  ScenarioProblem problem = rocket.worlds(spread(64, 3.0, 4.8));
+  problem.scenarios = 1'000'000;
+  std::int64_t drawn = 0;
+  problem.sample = [sample = problem.sample, &drawn](std::int64_t i) {
+    ++drawn;
+    return sample(i % 64);
+  };
+  const auto answer =
+      solve_scenarios(problem, {.growth = 1e6, .most_scenarios = 1'000'000}, {}, {.most_bytes = 100'000'000});
+  ASSERT_TRUE(answer) << answer.error().message();
+  EXPECT_EQ(answer->end, ScenarioEnd::too_large);
+  EXPECT_EQ(answer->status, Status::solved);
+  EXPECT_EQ(answer->scenarios, 1);
+  EXPECT_LE(drawn, 100) << "none for a level that is not built";
+}
+
+TEST(Scenarios, DrawingEndsWithTheStopToken) {
+  const OneNumberWorlds rocket = examples::rocket_by_altitude();
+  ScenarioProblem problem = rocket.worlds(spread(64, 3.0, 4.8));
+  problem.scenarios = 10'000;
+  std::stop_source stop;
+  problem.sample = [sample = problem.sample, &stop](std::int64_t i) {
+    if (i == 5) stop.request_stop();
+    EXPECT_LE(i, 5);
+    return sample(i % 64);
+  };
+  const auto answer = solve_scenarios(problem, {.first_scenarios = 10'000, .most_scenarios = 10'000},
+                                      {.stop = stop.get_token()});
+  ASSERT_TRUE(answer) << answer.error().message();
+  EXPECT_EQ(answer->end, ScenarioEnd::cancelled);
+  EXPECT_EQ(answer->scenarios, 0);
+}
+
 TEST(Scenarios, TakeMemoryInProportionToTheirNumber) {
   const OneNumberWorlds rocket = examples::rocket_by_altitude();
   const ScenarioProblem problem = rocket.worlds(spread(256, 3.0, 4.8));

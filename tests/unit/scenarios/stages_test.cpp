@@ -158,5 +158,46 @@ TEST(ScenarioStages, NameWhatIsWrong) {
             "scenario[1].R.values");
 }
 
+double bytes_of(const OwnedProblem& p) {
+  std::size_t bytes = sizeof(OwnedProblem);
+  for (const auto* vector : {&p.g, &p.b, &p.d, &p.l, &p.r}) bytes += vector->capacity() * sizeof(double);
+  for (const SparseMatrix* matrix : {&p.Q, &p.A, &p.C, &p.L, &p.R})
+    bytes += (matrix->column_pointers.capacity() + matrix->row_indices.capacity()) * sizeof(Index) +
+             matrix->values.capacity() * sizeof(double);
+  return static_cast<double>(bytes);
+}
+
+TEST(ScenarioStages, EstimateTheBytesOfAnAssembledProblem) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const auto form = seed % 2 == 0 ? HessianForm::full : HessianForm::upper_triangle;
+    const RandomWorlds random(seed, form);
+    const Stages stages = Stages::create(random.problem()).value();
+    for (const std::int64_t count : {1, 2, 7, 40}) {
+      const OwnedProblem assembled = assemble_scenarios(random.problem(), count).value();
+      const double estimate = stages.assembled_bytes(static_cast<double>(count));
+      EXPECT_GE(estimate, bytes_of(assembled)) << seed << " " << count;
+      EXPECT_LE(estimate, 1.2 * bytes_of(assembled) + 1000.0) << seed << " " << count;
+      const SolverSizes sizes = stages.assembled_sizes(static_cast<double>(count));
+      EXPECT_EQ(sizes.variables, static_cast<double>(assembled.g.size()));
+      EXPECT_EQ(sizes.pairs, static_cast<double>(assembled.l.size()));
+    }
+  }
+}
+
+TEST(ScenarioStages, StopDuringAssembly) {
+  const RandomWorlds random(1);
+  const Stages stages = Stages::create(random.problem()).value();
+  const std::vector<ScenarioNumbers> scenarios(50'000, random.world(1));
+  const std::vector<double> weights(scenarios.size(), 1.0 / static_cast<double>(scenarios.size()));
+  std::stop_source stop;
+  stop.request_stop();
+  const auto stopped = stages.assemble(scenarios, weights, Interrupt(stop.get_token()));
+  ASSERT_FALSE(stopped);
+  EXPECT_EQ(stopped.error().code, ErrorCode::cancelled);
+  const auto late = stages.assemble(scenarios, weights, Interrupt({}, Interrupt::Clock::now()));
+  ASSERT_FALSE(late);
+  EXPECT_EQ(late.error().code, ErrorCode::deadline_exceeded);
+}
+
 }  // namespace
 }  // namespace marble

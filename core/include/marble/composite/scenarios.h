@@ -96,9 +96,9 @@ struct ScenarioLevel {
   double seconds = 0.0;                       ///< set-up and solve, by the clock
   bool warm = false;                          ///< it kept the branch of the level before, lifted
   bool searched = false;                      ///< it was solved cold too, as its start was mended
-  std::int64_t memory_bytes = 0;              ///< of its LCQP and its solver, by the estimate of Solver
-  std::optional<OutOfSample> fresh = {};      ///< absent where no worlds are left or none are asked for
-  std::span<const double> x = {};             ///< its plan; valid only during the call
+  std::int64_t memory_bytes = 0;  ///< of its numbers, its LCQP, its solver and answers, by their estimates
+  std::optional<OutOfSample> fresh = {};  ///< absent where no worlds are left or none are asked for
+  std::span<const double> x = {};         ///< its plan; valid only during the call
 };
 
 /// All of it optional.
@@ -144,9 +144,11 @@ struct ScenarioAnswer {
 /// Solves level after level. The answer is the same to the bit with a runner and without one, on any number
 /// of threads. `controls` may not have initial_z, warm_start or sensitivity; its progress is told of each
 /// level's LCQP, by iterations and factorizations of all levels, without the sides of pairs. `setup`:
-/// most_bytes holds for each level's LCQP with its solver. Errors: invalid_argument: fields of "base",
-/// "first_stage", "own_pairs" and such, "settings.growth" and such, "scenario[7].b" of what `sample` gave;
-/// its own errors as they are; resource_exhausted where a level is too large and there is no answer.
+/// most_bytes holds for all that the solve keeps at once: the numbers of scenarios, a level's LCQP, its
+/// solver, starts, recourses and answers. A level that needs more is not built. Errors: invalid_argument:
+/// fields of "base", "first_stage", "own_pairs" and such, "settings.growth" and such, "scenario[7].b" of what
+/// `sample` gave; its own errors as they are; resource_exhausted where a level is too large and there is no
+/// answer.
 [[nodiscard]] Expected<ScenarioAnswer> solve_scenarios(const ScenarioProblem& problem,
                                                        const ScenarioSettings& settings = {},
                                                        const SolveControls& controls = {},
@@ -155,6 +157,12 @@ struct ScenarioAnswer {
 /// All that solve_scenarios asks of its settings and of the problem without its worlds.
 [[nodiscard]] Expected<void> check_scenarios(const ScenarioProblem& problem,
                                              const ScenarioSettings& settings);
+
+/// Whether the first level may fit into memory: its numbers, its LCQP and the least that a solver of it
+/// needs, by sizes alone. Asks `sample` for scenario 0 only. Errors: resource_exhausted of the field
+/// "settings.first_scenarios"; those of `sample`.
+[[nodiscard]] Expected<void> check_first_level(const ScenarioProblem& problem,
+                                               const ScenarioSettings& settings, std::int64_t most_bytes);
 
 /// The LCQP of these worlds, as a level has it: variables [x, y_0, y_1, …], rows and pairs those of x alone,
 /// then those of each world. Errors: as solve_scenarios.
