@@ -160,7 +160,7 @@ bool ServiceTest::eventually_idle() {
   return eventually([&] {
     const v1::Counters now = counters();
     return now.queued() == 0 && now.running() == 0 &&
-           now.accepted_total() == now.answered_total() + now.cancelled_total();
+           now.accepted_total() == now.answered_total() + now.cancelled_total() + now.failed_total();
   });
 }
 
