@@ -210,6 +210,8 @@ Expected<void> check_warm_start(const Solution& start, const PartSizes& sizes) {
                    "warm_start.complementarity_multipliers_R"}}) {
     if (auto valid = check_numbers(*values, size, field); !valid) return valid;
   }
+  if (std::isnan(start.cold_objective))
+    return unexpected(invalid("warm_start.cold_objective", "nan", "must be a number"));
   return {};
 }
 

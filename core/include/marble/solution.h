@@ -99,7 +99,7 @@ struct Solution {
   /// they were closed with, not solved again. `detail` says how many of them are closed still.
   std::int64_t warm_nodes = 0;
   /// What a cold start last reached on the way to this answer: the objective itself, or, of a chain of warm
-  /// starts, that of its first. A warm start that ends clearly above it starts cold too.
+  /// starts, that of its first. A warm start that ends clearly above it starts cold too; with infinity, none.
   double cold_objective = 0.0;
   Violations violations;        ///< of z, user units
   double kkt_residual = 0.0;    ///< max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|, unscaled

@@ -187,6 +187,10 @@ TEST(WarmStart, OfOtherSizesIsAnErrorThatNamesTheField) {
   s = solver.solve().value();
   s.z[2] = std::numeric_limits<double>::infinity();
   EXPECT_EQ(solver.solve({.warm_start = &s}).error().message(), "warm_start.z[2] = inf: must be finite");
+  s = solver.solve().value();
+  s.cold_objective = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(solver.solve({.warm_start = &s}).error().message(),
+            "warm_start.cold_objective = nan: must be a number");
 }
 
 TEST(WarmStart, HearsAStopAndKeepsLimits) {
