@@ -138,10 +138,10 @@ class Rounds:
 
 def run(name, rounds, jobs, database, folder):
     if database:
-        servers = [Server(["--state", database.uri, "--state-lease-s", "1", "--result-keep-s", "86400"]) for _ in range(3)]
+        servers = [Server(["--state", database.uri, "--state-lease-s", "1", "--result-keep-s", "86400", "--job-starts", "1000"]) for _ in range(3)]
         points = POINTS + OF_THE_DATABASE
     else:
-        servers = [Server(["--state-dir", folder, "--result-keep-s", "86400"])]
+        servers = [Server(["--state-dir", folder, "--result-keep-s", "86400", "--job-starts", "1000"])]
         points = POINTS
     table = collections.Counter()
     all_rounds = Rounds(servers, database, 24)

@@ -7,12 +7,10 @@
 #include <algorithm>
 #include <array>
 
-#include "google/rpc/status.pb.h"
 #include "jobs/unix_time.h"
 #include "marble/convert.h"
 #include "messages/job_message.h"
-#include "wire/status.h"
-#include "wire/wire.h"
+#include "messages/stored_job.h"
 
 namespace marble::server {
 namespace {
@@ -21,6 +19,9 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kQuiet{1000};   // between two looks that nobody asked for
 constexpr milliseconds kWatched{250};  // between two looks at what running jobs tell
+
+// Of one job: their number never overflows.
+constexpr std::int64_t kMostRows = std::int64_t{1} << 40;
 
 // Of answered jobs only the newest are told in full: as many as the board remembers.
 constexpr const char* kAll =
@@ -51,10 +52,7 @@ constexpr const char* kBoth =
     " LEFT JOIN marble_answers USING (number) WHERE id = $1 AND state < 3";
 
 JobSnapshot snapshot_in(const PgRows& rows, int row, int column, FleetState state) {
-  v1::JobInfo info;
-  const std::string_view bytes = rows.bytes(row, column);
-  info.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
-  JobSnapshot snapshot = snapshot_of(info);
+  JobSnapshot snapshot = stored_snapshot(rows.bytes(row, column));
   snapshot.state = state == FleetState::waiting   ? JobState::queued
                    : state == FleetState::running ? JobState::running
                                                   : JobState::finished;
@@ -165,8 +163,7 @@ void FleetMirror::run() {
       told = database_->wait(bell_.get(), parts_.feeds.open() > 0 ? kWatched : kQuiet);
     }
     const Asked asked = take();
-    Expected<void> done = told ? connect() : unexpected(told.error());
-    if (done) done = answer(asked);
+    Expected<void> done = told ? attempt(asked) : unexpected(told.error());
     set_well(done);
     for (const Look& look : asked.looks) tell(look, done);
     for (const Recall& recall : asked.recalls) {
@@ -184,6 +181,16 @@ void FleetMirror::run() {
   const Asked late = take();
   for (const Look& look : late.looks) tell(look, {});
   for (const Recall& recall : late.recalls) recall.then(unexpected(draining()));
+}
+
+// No exception ends the thread, and with it the server.
+Expected<void> FleetMirror::attempt(const Asked& asked) {
+  try {
+    if (auto connected = connect(); !connected) return connected;
+    return answer(asked);
+  } catch (const std::exception& error) {
+    return unexpected(failure(ErrorCode::unavailable, "state", "", error.what()));
+  }
 }
 
 Expected<void> FleetMirror::connect() {
@@ -264,11 +271,11 @@ void FleetMirror::forget(const std::string& id) {
 void FleetMirror::apply(const PgRows& rows, int row) {
   const std::string id(rows.bytes(row, 0));
   const auto state = static_cast<FleetState>(rows.integer(row, 5));
-  if (state == FleetState::gone) return forget(id);
+  if (state >= FleetState::gone) return forget(id);
   const auto [entry, is_new] = known_.try_emplace(id);
   Known& known = entry->second;
   known.number = rows.integer(row, 1);
-  known.priority = static_cast<std::size_t>(rows.integer(row, 4));
+  known.priority = static_cast<std::size_t>(priority_of(rows.integer(row, 4)));
   if (state != known.state || rows.bytes(row, 7) != known.server) known.upto = -1;
   known.state = state;
   known.server = rows.bytes(row, 7);
@@ -287,15 +294,16 @@ void FleetMirror::show(const std::string& id, Known& known, const PgRows& rows, 
     if (known.state != FleetState::answered) return;  // here it has, and the store does not know yet
     known.is_whole = known.is_whole || is_new || !record->trace().rows.empty();
   }
-  if (told.empty() || known.is_whole) return;
+  // Answered jobs other than the newest come without it.
+  if ((told.empty() && known.state == FleetState::answered) || known.is_whole) return;
   if (record == nullptr) {
     if (!is_new && known.state == FleetState::answered) return;  // the board has forgotten it
-    v1::JobInfo info;
-    info.ParseFromArray(told.data(), static_cast<int>(told.size()));
-    JobDescription what = description_of(info);
-    what.peer = rows.bytes(row, 3);
-    what.accepted = time_of(rows.real(row, 10));
-    record = parts_.board.make(std::move(what), Options());
+    const StoredJob stored{.id = id,
+                           .client = std::string(rows.bytes(row, 2)),
+                           .peer = std::string(rows.bytes(row, 3)),
+                           .priority = rows.integer(row, 4),
+                           .accepted_unix_s = rows.real(row, 10)};
+    record = parts_.board.make(description_of(stored, told), Options());
     parts_.board.add(record);
   }
   JobSnapshot snapshot = snapshot_in(rows, row, 8, known.state);
@@ -348,20 +356,20 @@ Expected<void> FleetMirror::read_whole(const std::string& id) {
 }
 
 Expected<void> FleetMirror::read_live() {
-  std::string watched = "{";
+  std::vector<std::string> watched;
   const JobBoard::Records active = parts_.board.active();
   for (const auto& record : *active) {
-    if (record->is_watched() && known_.contains(record->id()))
-      watched += (watched.size() > 1 ? "," : "") + record->id();
+    if (record->is_watched() && known_.contains(record->id())) watched.push_back(record->id());
   }
-  const auto rows = database_->run(PgStatement(kLiveRows).text(watched + "}"));
+  const auto rows = database_->run(PgStatement(kLiveRows).text(text_array(watched)));
   if (!rows) return unexpected(rows.error());
   for (int row = 0; row < rows->size(); ++row) {
     const std::string id(rows->bytes(row, 0));
     const auto found = known_.find(id);
     const auto record = parts_.board.find(id);
     if (found == known_.end() || found->second.state != FleetState::running) continue;
-    const std::int64_t first = rows->integer(row, 1), upto = rows->integer(row, 2);
+    const std::int64_t first = std::clamp<std::int64_t>(rows->integer(row, 1), 0, kMostRows);
+    const std::int64_t upto = std::clamp<std::int64_t>(rows->integer(row, 2), 0, kMostRows);
     std::int64_t& seen = found->second.upto;
     if (record == nullptr || upto == seen) continue;
     v1::JobEvent event;
@@ -394,13 +402,7 @@ Expected<void> FleetMirror::read_answer(const std::string& id) {
   const auto rows = database_->run(PgStatement(kAnswer).text(id));
   if (!rows) return unexpected(rows.error());
   if (rows->size() == 0) return {};  // gone, which the next changes tell
-  const std::string_view answer = rows->bytes(0, 0), error = rows->bytes(0, 1);
-  const grpc::Slice slice(answer.data(), answer.size());
-  ResultStore::Result result{grpc::ByteBuffer(&slice, 1), 0.0};
-  if (google::rpc::Status status;
-      !error.empty() && status.ParseFromArray(error.data(), static_cast<int>(error.size())))
-    result.answer = unexpected(error_of(status));
-  parts_.results.deliver(id, std::move(result));
+  parts_.results.deliver(id, stored_answer(rows->bytes(0, 0), rows->bytes(0, 1)));
   return {};
 }
 

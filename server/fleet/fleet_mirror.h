@@ -95,6 +95,7 @@ class FleetMirror {
   [[nodiscard]] Asked take() ABSL_LOCKS_EXCLUDED(mutex_);
   void tell(const Look& look, const Expected<void>& looked) const;
   void set_well(const Expected<void>& done) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Expected<void> attempt(const Asked& asked);
   [[nodiscard]] Expected<void> connect();
   [[nodiscard]] Expected<void> answer(const Asked& asked);
   [[nodiscard]] Expected<void> read_all();

@@ -27,7 +27,8 @@ constexpr std::array kMake = {
     "CREATE UNIQUE INDEX marble_jobs_request ON marble_jobs (client, request_id)"
     " WHERE request_id <> '' AND state < 3",
     "CREATE INDEX marble_jobs_line ON marble_jobs (client, priority, number) WHERE state = 0",
-    "CREATE INDEX marble_jobs_load ON marble_jobs (client, priority) INCLUDE (state, bytes) WHERE state < 2",
+    "CREATE INDEX marble_jobs_load ON marble_jobs (client, priority) INCLUDE (state, bytes, lost) WHERE "
+    "state < 2",
     "CREATE INDEX marble_jobs_lease ON marble_jobs (lease) WHERE state = 1",
     "CREATE INDEX marble_jobs_ended ON marble_jobs (ended, number) INCLUDE (answer_bytes, bytes) WHERE state "
     ">= 2",

@@ -3,8 +3,10 @@
 #include <array>
 #include <iterator>
 #include <map>
+#include <tuple>
 
 #include "base/random_id.h"
+#include "fleet/fleet_statements.h"
 #include "process/fault_point.h"
 #include "queue/scheduler.h"
 
@@ -17,81 +19,39 @@ constexpr std::chrono::milliseconds kTick{250};
 constexpr Seconds kJanitor{2};
 constexpr int kTries = 5;                   // of a transaction that collided with another
 constexpr std::int64_t kAnswerBytes = 512;  // that an answer takes besides its own
-constexpr std::int64_t kMostOfALine = 64;   // jobs of one client and priority in one take
-
-constexpr const char* kFinish =
-    "WITH done AS (UPDATE marble_jobs SET state = 2, token = '', lease = NULL, ended = clock_timestamp(),"
-    " answer_bytes = $3, info = $4, changed = pg_current_xact_id()"
-    " WHERE id = $1 AND token = $2 AND state = 1 RETURNING number),"
-    " live AS (DELETE FROM marble_live l USING done WHERE l.number = done.number)"
-    " INSERT INTO marble_answers SELECT number, $5::bytea, $6::bytea, $7::bytea FROM done";
-constexpr const char* kRelease =
-    "WITH back AS (UPDATE marble_jobs SET state = 0, token = '', lease = NULL, server = '',"
-    " changed = pg_current_xact_id() WHERE id = $1 AND token = $2 AND state = 1 RETURNING number)"
-    " DELETE FROM marble_live l USING back WHERE l.number = back.number";
-constexpr const char* kCancel =
-    "WITH told AS (UPDATE marble_jobs SET cancelled = true, changed = pg_current_xact_id(),"
-    " state = CASE state WHEN 0 THEN 2 ELSE state END,"
-    " ended = CASE state WHEN 0 THEN clock_timestamp() ELSE ended END,"
-    " info = CASE state WHEN 0 THEN $2 ELSE info END WHERE id = $1 AND state < 2 RETURNING number, state)"
-    " INSERT INTO marble_answers SELECT number, ''::bytea, $3::bytea, $4::bytea FROM told WHERE state = 2";
-constexpr const char* kForget =
-    "WITH gone AS (UPDATE marble_jobs SET state = 3, cancelled = true, ended = clock_timestamp(),"
-    " changed = pg_current_xact_id() WHERE id = $1 AND state < 3 RETURNING number),"
-    " asked AS (DELETE FROM marble_requests r USING gone WHERE r.number = gone.number),"
-    " live AS (DELETE FROM marble_live l USING gone WHERE l.number = gone.number)"
-    " DELETE FROM marble_answers a USING gone WHERE a.number = gone.number";
-constexpr const char* kRenew =
-    "UPDATE marble_jobs SET lease = clock_timestamp() + make_interval(secs => $2)"
-    " WHERE state = 1 AND token = ANY ($1::text[]) RETURNING id, cancelled";
-constexpr const char* kLive =
-    "INSERT INTO marble_live SELECT number, $3::bigint, $4::bigint, $5::bytea, $6::bytea, $7::bytea FROM "
-    "marble_jobs"
-    " WHERE number = $1 AND token = $2 AND state = 1"
-    " ON CONFLICT (number) DO UPDATE SET first = excluded.first, upto = excluded.upto, rows = excluded.rows,"
-    " info = excluded.info, job = excluded.job";
-constexpr const char* kTakeOver =
-    "WITH late AS (SELECT number FROM marble_jobs WHERE state = 1 AND lease < clock_timestamp()"
-    " ORDER BY number FOR UPDATE SKIP LOCKED),"
-    " back AS (UPDATE marble_jobs j SET state = 0, token = '', lease = NULL, lost = lost + 1,"
-    " changed = pg_current_xact_id() FROM late WHERE j.number = late.number RETURNING j.number, id, server),"
-    " live AS (DELETE FROM marble_live l USING back WHERE l.number = back.number)"
-    " SELECT id, server FROM back";
-constexpr const char* kLines =
-    "SELECT l.client, l.priority, waiting, running, bytes, coalesce(turn, 0) FROM ("
-    "SELECT client, priority, count(*) FILTER (WHERE state = 0) AS waiting,"
-    " count(*) FILTER (WHERE state = 1) AS running, sum(bytes)::bigint AS bytes"
-    " FROM marble_jobs WHERE state < 2 GROUP BY client, priority) l"
-    " LEFT JOIN marble_turns t ON t.client = l.client AND t.priority = l.priority";
-constexpr const char* kAdd =
-    "WITH job AS (INSERT INTO marble_jobs"
-    " (id, client, request_id, digest, peer, traceparent, priority, bytes, info)"
-    " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9) RETURNING number)"
-    " INSERT INTO marble_requests SELECT number, $10::bytea FROM job";
-constexpr const char* kTake =
-    "WITH chosen AS (SELECT number FROM marble_jobs WHERE state = 0 AND client = $1 AND priority = $2"
-    " ORDER BY number LIMIT $3 FOR UPDATE SKIP LOCKED),"
-    " took AS (UPDATE marble_jobs j SET state = 1, server = $4, token = $5::text || j.number::text,"
-    " lease = clock_timestamp() + make_interval(secs => $6), changed = pg_current_xact_id()"
-    " FROM chosen WHERE j.number = chosen.number RETURNING j.*)"
-    " SELECT took.number, id, client, request_id, peer, traceparent, priority,"
-    " extract(epoch FROM accepted)::float8, extract(epoch FROM clock_timestamp() - accepted)::float8,"
-    " cancelled, lost, token, info, request FROM took JOIN marble_requests USING (number) ORDER BY number";
-constexpr const char* kTurn =
-    "INSERT INTO marble_turns VALUES ($1, $2, nextval('marble_turn'))"
-    " ON CONFLICT (client, priority) DO UPDATE SET turn = excluded.turn";
+constexpr double kOldest = 4e9;             // seconds that a job may have waited: clocks count no further
+constexpr std::int64_t kMostLost = 1'000'000;
+constexpr std::int64_t kMostOfALine = 64;  // jobs of one client and priority in one take
 
 bool collided(const std::string& state) { return state.starts_with("40"); }
 
-std::string array_of(const std::vector<std::pair<std::string, std::string>>& held) {
-  std::string text = "{";
-  for (const auto& [id, token] : held) text += (text.size() > 1 ? "," : "") + token;
-  return text + "}";
+std::string tokens_of(const std::vector<std::pair<std::string, std::string>>& held) {
+  std::vector<std::string> tokens;
+  for (const auto& [id, token] : held) tokens.push_back(token);
+  return text_array(tokens);
 }
 
 void append(std::vector<PgStatement>& all, PgStatement&& one) { all.push_back(std::move(one)); }
 
 }  // namespace
+
+TakenJob taken_in(const PgRows& rows, int row) {
+  const auto text = [&](int column) { return std::string(rows.bytes(row, column)); };
+  return {.stored = {.id = text(1),
+                     .client = text(2),
+                     .request_id = text(3),
+                     .peer = text(4),
+                     .traceparent = text(5),
+                     .priority = static_cast<std::int64_t>(priority_of(rows.integer(row, 6))),
+                     .accepted_unix_s = rows.real(row, 7),
+                     .cancelled = rows.truth(row, 9),
+                     .request = text(13)},
+          .number = rows.integer(row, 0),
+          .age_s = rows.real(row, 8) > 0.0 ? std::min(rows.real(row, 8), kOldest) : 0.0,
+          .lost = static_cast<int>(std::clamp<std::int64_t>(rows.integer(row, 10), 0, kMostLost)),
+          .token = text(11),
+          .info = text(12)};
+}
 
 FleetStore::FleetStore(std::string uri, std::string server, const FleetLimits& limits, const Log& log,
                        FleetTaker& taker)
@@ -156,7 +116,12 @@ Expected<void> FleetStore::write(std::vector<Change>& changes) {
   const Due due{.second = now - second_ >= Seconds(1), .janitor = now - janitor_ >= kJanitor};
   Expected<void> written;
   for (int i = 0; i < kTries; ++i) {
-    written = write_once(changes, due);
+    try {
+      written = write_once(changes, due);
+    } catch (...) {
+      database_->close();  // and what it had begun is undone
+      throw;
+    }
     if (written) break;
     if (database_->is_open()) (void)database_->run("ROLLBACK");
     if (!collided(database_->state())) break;
@@ -169,8 +134,8 @@ Expected<void> FleetStore::write(std::vector<Change>& changes) {
 Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& due) {
   if (auto renewed = renew(); !renewed) return renewed;
   const bool looks = looks_.exchange(false) || due.second;
-  const int room = looks ? taker_.room() : 0;
-  if (changes.empty() && room <= 0 && !due.second) return {};
+  const FleetTaker::Room room = looks ? taker_.room() : FleetTaker::Room{};
+  if (changes.empty() && room.jobs <= 0 && !due.second) return {};
   std::vector<PgStatement> first;
   first.emplace_back("BEGIN");
   bool adds = false;
@@ -220,13 +185,13 @@ Expected<void> FleetStore::write_once(std::vector<Change>& changes, const Due& d
     }
   }
   std::vector<TakenJob> taken;
-  if (adds || room > 0) {
+  if (adds || room.jobs > 0) {
     auto now = lines();
     if (!now) return unexpected(now.error());
     if (adds) {
       if (auto added = add_all(changes, *now); !added) return added;
     }
-    if (room > 0) {
+    if (room.jobs > 0) {
       auto took = take(*now, room);
       if (!took) return unexpected(took.error());
       taken = std::move(*took);
@@ -253,7 +218,7 @@ Expected<void> FleetStore::renew() {
   std::vector<PgStatement> all;
   all.emplace_back("BEGIN");
   all.emplace_back("SET LOCAL synchronous_commit = off");
-  append(all, PgStatement(kRenew).text(array_of(held)).real(limits_.lease_s));
+  append(all, PgStatement(kRenew).text(tokens_of(held)).real(limits_.lease_s));
   for (const LiveJob& job : taker_.live())
     append(all, PgStatement(kLive)
                     .number(job.number)
@@ -282,12 +247,13 @@ Expected<void> FleetStore::renew() {
 }
 
 Expected<FleetStore::Lines> FleetStore::lines() {
-  const auto rows = database_->run(kLines);
+  const auto rows = database_->run(PgStatement(kLines).number(limits_.job_starts));
   if (!rows) return unexpected(rows.error());
   Lines lines;
   for (int row = 0; row < rows->size(); ++row) {
     lines.push_back({.client = std::string(rows->bytes(row, 0)),
                      .priority = static_cast<std::size_t>(rows->integer(row, 1)),
+                     .suspect = rows->truth(row, 6),
                      .waiting = rows->integer(row, 2),
                      .running = rows->integer(row, 3),
                      .bytes = rows->integer(row, 4),
@@ -364,8 +330,9 @@ Expected<void> FleetStore::add_all(std::vector<Change>& changes, Lines& lines) {
     of_group[name] = {stored.id, stored.digest};
     const auto bytes = static_cast<std::int64_t>(stored.request.size());
     const auto priority = static_cast<std::size_t>(stored.priority);
-    auto line = std::ranges::find_if(
-        lines, [&](const Line& one) { return one.client == stored.client && one.priority == priority; });
+    auto line = std::ranges::find_if(lines, [&](const Line& one) {
+      return one.client == stored.client && one.priority == priority && !one.suspect;
+    });
     if (line == lines.end()) line = lines.insert(line, {.client = stored.client, .priority = priority});
     ++line->waiting;
     line->bytes += bytes;
@@ -388,7 +355,7 @@ Expected<void> FleetStore::add_all(std::vector<Change>& changes, Lines& lines) {
 
 // The rules of JobQueue::pop(): priorities with those that were passed over, then clients in turns, within
 // their quotas.
-Expected<std::vector<TakenJob>> FleetStore::take(const Lines& lines, int room) {
+Expected<std::vector<TakenJob>> FleetStore::take(const Lines& lines, FleetTaker::Room room) {
   std::map<std::string, std::int64_t> running;
   for (const Line& line : lines) running[line.client] += line.running;
   std::array<std::vector<Line>, kPriorities> able;
@@ -396,14 +363,16 @@ Expected<std::vector<TakenJob>> FleetStore::take(const Lines& lines, int room) {
     if (line.waiting > 0 && line.priority < kPriorities) able[line.priority].push_back(line);
   }
   for (auto& turns : able) std::ranges::stable_sort(turns, {}, &Line::turn);
-  std::map<std::pair<std::string, std::size_t>, std::int64_t> counts;  // in the order of its locks
+  using Place = std::tuple<std::string, std::size_t, bool>;
+  std::map<Place, std::int64_t> counts;  // in the order of its locks
   const auto now = std::chrono::steady_clock::now();
-  for (int i = 0; i < room; ++i) {
+  for (int i = 0; i < room.jobs; ++i) {
     std::array<std::vector<Line>::iterator, kPriorities> next;
     std::array<bool, kPriorities> has = {};
     for (std::size_t at = 0; at < kPriorities; ++at) {
       next[at] = std::ranges::find_if(able[at], [&](const Line& line) {
-        return line.waiting > 0 && running[line.client] < taker_.quota_of(line.client).running;
+        return line.waiting > 0 && (!line.suspect || room.suspect) &&
+               running[line.client] < taker_.quota_of(line.client).running;
       });
       has[at] = next[at] != able[at].end();
     }
@@ -411,7 +380,8 @@ Expected<std::vector<TakenJob>> FleetStore::take(const Lines& lines, int room) {
     if (at == kPriorities) break;
     --next[at]->waiting;
     ++running[next[at]->client];
-    ++counts[{next[at]->client, at}];
+    ++counts[{next[at]->client, at, next[at]->suspect}];
+    if (next[at]->suspect) room.suspect = false;
     std::rotate(next[at], next[at] + 1, able[at].end());
   }
   std::vector<TakenJob> taken;
@@ -420,35 +390,22 @@ Expected<std::vector<TakenJob>> FleetStore::take(const Lines& lines, int room) {
   std::vector<PgStatement> all;
   for (const auto& [line, count] : counts)
     append(all, PgStatement(kTake)
-                    .text(line.first)
-                    .number(static_cast<std::int64_t>(line.second))
+                    .text(std::get<0>(line))
+                    .number(static_cast<std::int64_t>(std::get<1>(line)))
                     .number(std::min(count, kMostOfALine))
                     .text(server_)
                     .text(token)
-                    .real(limits_.lease_s));
+                    .real(limits_.lease_s)
+                    .number(limits_.job_starts)
+                    .text(std::get<2>(line) ? "true" : "false"));
   for (const auto& [line, count] : counts)
-    append(all, PgStatement(kTurn).text(line.first).number(static_cast<std::int64_t>(line.second)));
+    append(all,
+           PgStatement(kTurn).text(std::get<0>(line)).number(static_cast<std::int64_t>(std::get<1>(line))));
   const auto took = database_->run(all);
   if (!took) return unexpected(took.error());
   for (std::size_t i = 0; i < counts.size(); ++i) {
     const PgRows& rows = (*took)[i];
-    const auto text = [&](int row, int column) { return std::string(rows.bytes(row, column)); };
-    for (int row = 0; row < rows.size(); ++row) {
-      taken.push_back({.stored = {.id = text(row, 1),
-                                  .client = text(row, 2),
-                                  .request_id = text(row, 3),
-                                  .peer = text(row, 4),
-                                  .traceparent = text(row, 5),
-                                  .priority = rows.integer(row, 6),
-                                  .accepted_unix_s = rows.real(row, 7),
-                                  .cancelled = rows.truth(row, 9),
-                                  .request = text(row, 13)},
-                       .number = rows.integer(row, 0),
-                       .age_s = rows.real(row, 8),
-                       .lost = static_cast<int>(rows.integer(row, 10)),
-                       .token = text(row, 11),
-                       .info = text(row, 12)});
-    }
+    for (int row = 0; row < rows.size(); ++row) taken.push_back(taken_in(rows, row));
   }
   return taken;
 }
@@ -459,10 +416,17 @@ Expected<void> FleetStore::clean() {
   if (!first) return unexpected(first.error());
   if (!first->truth(0, 0)) return {};
   std::vector<PgStatement> all;
-  append(all, PgStatement("UPDATE marble_jobs SET state = 3, ended = clock_timestamp(),"
-                          " changed = pg_current_xact_id()"
-                          " WHERE state = 2 AND ended < clock_timestamp() - make_interval(secs => $1)")
-                  .real(limits_.keep_s));
+  // What no server writes, and no server would take.
+  all.emplace_back(
+      "UPDATE marble_jobs SET priority = least(greatest(priority, 0), 2), state = greatest(state, 0),"
+      " changed = pg_current_xact_id() WHERE state < 2 AND (state < 0 OR priority NOT BETWEEN 0 AND 2)");
+  append(all,
+         PgStatement(
+             "UPDATE marble_jobs SET state = 3, ended = clock_timestamp(),"
+             " changed = pg_current_xact_id()"
+             " WHERE state = 2 AND (ended IS NULL OR ended < clock_timestamp() - make_interval(secs => $1)"
+             " OR ended > clock_timestamp() + interval '1 day')")
+             .real(limits_.keep_s));
   append(all, PgStatement("UPDATE marble_jobs SET state = 3, ended = clock_timestamp(),"
                           " changed = pg_current_xact_id() WHERE number IN (SELECT number FROM ("
                           "SELECT number, sum(answer_bytes) OVER (ORDER BY ended DESC, number DESC) AS upto"
@@ -482,7 +446,7 @@ Expected<void> FleetStore::clean() {
       "DELETE FROM marble_requests USING marble_jobs j WHERE j.state = 3 AND marble_requests.number = "
       "j.number");
   all.emplace_back(
-      "DELETE FROM marble_jobs WHERE state = 3 AND ended < clock_timestamp() - interval '10 min'");
+      "DELETE FROM marble_jobs WHERE state >= 3 AND ended < clock_timestamp() - interval '10 min'");
   all.emplace_back(
       "SELECT sum(pg_total_relation_size(c.oid))::bigint FROM pg_class c"
       " WHERE c.relkind = 'r' AND c.relname LIKE 'marble\\_%'"

@@ -37,6 +37,9 @@ struct TakenJob {
   std::string info;   ///< a marble.v1.JobInfo
 };
 
+/// The job in a row that was taken. A column may hold any value of its type.
+[[nodiscard]] TakenJob taken_in(const PgRows& rows, int row);
+
 /// What is told of one that runs.
 struct LiveJob {
   std::int64_t number = 0;
@@ -49,8 +52,12 @@ struct LiveJob {
 class FleetTaker {
  public:
   virtual ~FleetTaker() = default;
+  struct Room {
+    int jobs = 0;
+    bool suspect = false;  ///< one of them may be a job that a server was lost with
+  };
   /// How many it takes now.
-  [[nodiscard]] virtual int room() = 0;
+  [[nodiscard]] virtual Room room() = 0;
   [[nodiscard]] virtual Quota quota_of(const std::string& client) = 0;
   virtual void took(std::vector<TakenJob> jobs) = 0;
   /// Ids and tokens of those it has.
@@ -69,6 +76,7 @@ struct FleetLimits {
   std::int64_t answer_bytes = 0;
   bool keeps_requests = false;  ///< of answered jobs, where there is room
   double lease_s = 0.0;
+  int job_starts = 2;
 };
 
 /// Thread-safe.
@@ -107,10 +115,12 @@ class FleetStore {
     [[nodiscard]] bool is_patient() const { return is_lasting(); }
     [[nodiscard]] bool is_lasting() const { return kind == Kind::finish || kind == Kind::release; }
   };
-  // Of a client's jobs of one priority.
+  // A client's jobs of one priority. Suspects have lines of their own: jobs that a server was lost with, and
+  // that may start again. A server runs one suspect at a time, so that the next loss counts for one only.
   struct Line {
     std::string client;
     std::size_t priority = 0;
+    bool suspect = false;
     std::int64_t waiting = 0, running = 0, bytes = 0, turn = 0;
   };
   using Lines = std::vector<Line>;
@@ -124,7 +134,7 @@ class FleetStore {
   [[nodiscard]] Expected<void> renew();
   [[nodiscard]] Expected<Lines> lines();
   [[nodiscard]] Expected<void> add_all(std::vector<Change>& changes, Lines& lines);
-  [[nodiscard]] Expected<std::vector<TakenJob>> take(const Lines& lines, int room);
+  [[nodiscard]] Expected<std::vector<TakenJob>> take(const Lines& lines, FleetTaker::Room room);
   [[nodiscard]] Expected<void> clean();
   [[nodiscard]] QueueRefusal refusal(const FleetJob& job, const Lines& lines, int& position) const;
 

@@ -11,16 +11,17 @@
 #include "messages/job_access.h"
 #include "messages/job_message.h"
 #include "messages/job_requests.h"
+#include "messages/stored_job.h"
 #include "process/fault_point.h"
 #include "service/admission.h"
 #include "store/digest.h"
 #include "submissions/result_keeper.h"
+#include "wire/status.h"
 
 namespace marble::server {
 namespace {
 
 constexpr std::int64_t kLargestValue = 1'000'000'000;  // PostgreSQL's, of a bytea: 1 GB less a header
-constexpr int kMostLost = 5;                           // servers that may go away with a job
 
 // "HOST:PORT", or with a number of its own where the port is any.
 std::string name_of(const Config& config) {
@@ -39,7 +40,8 @@ FleetLimits limits_of(const ServiceParts& parts) {
           .keep_s = parts.config.result_keep_s,
           .answer_bytes = parts.config.result_bytes,
           .keeps_requests = parts.config.bundles > 0,
-          .lease_s = parts.config.state_lease_s};
+          .lease_s = parts.config.state_lease_s,
+          .job_starts = parts.config.job_starts};
 }
 
 Error too_large(const char* what) {
@@ -49,9 +51,9 @@ Error too_large(const char* what) {
 }  // namespace
 
 // Whoever has a worker free looks for the next job.
-class FleetSubmissions::Room final : public RoomWaiter {
+class FleetSubmissions::Waiter final : public RoomWaiter {
  public:
-  explicit Room(std::function<void()> look) : look_(std::move(look)) {}
+  explicit Waiter(std::function<void()> look) : look_(std::move(look)) {}
   void room() override { look_(); }
 
  private:
@@ -73,7 +75,7 @@ class FleetSubmissions::Keeper final : public JobObserver {
 FleetSubmissions::FleetSubmissions(const ServiceParts& parts)
     : parts_(parts),
       server_(name_of(parts.config)),
-      room_(std::make_shared<Room>([this] { store_.look_for_jobs(); })),
+      room_(std::make_shared<Waiter>([this] { store_.look_for_jobs(); })),
       mirror_(parts, *this),
       store_(parts.config.state, server_, limits_of(parts), parts.log, *this) {
   parts.scheduler.set_room_listener(room_);
@@ -125,14 +127,14 @@ Expected<Afterwards> FleetSubmissions::submit(const Caller& caller, std::shared_
   to_message(record, &info);
   job->info = info.SerializeAsString();
   // A name in a certificate may hold anything. The store would refuse it again and again.
-  if (what.client.find('\0') != std::string::npos || !v1::JobInfo().ParseFromString(job->info))
+  if (what.client.find('\0') != std::string::npos || utf8(what.client) != what.client)
     return unexpected(
         invalid("client", "must be named in UTF-8, without a zero byte, where others share its jobs"));
   return [this, job, response](const Settled& settled) {
     store_.add(job, [job, response, settled](const Expected<void>& made) {
       if (!made) return settled(unexpected(not_kept(made.error())));
       if (!job->id) return settled(unexpected(job->id.error()));
-      response->set_job_id(*job->id);
+      response->set_job_id(utf8(*job->id));
       response->set_queue_position(job->position);
       settled({});
     });
@@ -179,14 +181,15 @@ Expected<Afterwards> FleetSubmissions::remove(const Identity& caller, const std:
 
 // As many as begin at once. Where others' jobs keep the workers busy, one more, which then waits with them
 // for its turn.
-int FleetSubmissions::room() {
-  if (parts_.scheduler.is_leaving()) return 0;
+FleetTaker::Room FleetSubmissions::room() {
+  if (parts_.scheduler.is_leaving()) return {};
   const int free = parts_.scheduler.free_workers();
-  if (free >= 0) return free;
   const MutexLock lock(mutex_);
+  if (free >= 0)
+    return {free, std::ranges::none_of(held_, [](const auto& one) { return one.second.is_suspect; })};
   const bool waits = std::ranges::any_of(
       held_, [](const auto& one) { return one.second.record->snapshot().state == JobState::queued; });
-  return waits ? 0 : 1;
+  return {waits ? 0 : 1, false};
 }
 
 Quota FleetSubmissions::quota_of(const std::string& client) { return parts_.access.quota_of(client); }
@@ -261,47 +264,63 @@ std::vector<LiveJob> FleetSubmissions::live() {
   return all;
 }
 
+// An exception ends the job that it is of, and no other. One that is not even held goes back when its lease
+// ends.
 void FleetSubmissions::took(std::vector<TakenJob> jobs) {
-  for (TakenJob& job : jobs) take_in(std::move(job));
+  for (TakenJob& job : jobs) {
+    const std::string token = job.token;
+    const double age_s = job.age_s;
+    std::shared_ptr<JobRecord> record;
+    try {
+      record = hold(job);
+      take_in(std::move(job), record);
+    } catch (const std::exception& error) {
+      if (record != nullptr) end(record, token, age_s, failure(ErrorCode::internal, error.what()));
+    }
+  }
 }
 
 // The record that runs is the one on the board, whether the mirror has put it there before or not.
 std::shared_ptr<JobRecord> FleetSubmissions::hold(const TakenJob& taken) {
   const StoredJob& stored = taken.stored;
+  (void)parts_.results.expect(stored.id, stored.client);  // the mirror may not have seen it yet
   const MutexLock lock(mutex_);
   auto record = parts_.board.find(stored.id);
   // A run of it that was lost here, and may not have ended yet, keeps its own record.
   if (record == nullptr || record->is_finished() || held_.contains(stored.id)) {
     parts_.board.forget(stored.id);
-    v1::JobInfo info;
-    info.ParseFromString(taken.info);
-    JobDescription what = description_of(info);
-    what.peer = stored.peer;
+    JobDescription what = description_of(stored, taken.info);
     what.trace = parse_traceparent(stored.traceparent, random_id());
-    what.accepted = time_of(stored.accepted_unix_s);
     record = parts_.board.make(std::move(what), Options());
     parts_.board.add(record);
   }
   record->set_server(server_);
   const std::int64_t begin = record->trace().cursor;
-  held_[stored.id] = {
-      .number = taken.number, .token = taken.token, .record = record, .begin = begin, .cursor = begin};
+  held_[stored.id] = {.number = taken.number,
+                      .token = taken.token,
+                      .record = record,
+                      .begin = begin,
+                      .cursor = begin,
+                      .is_suspect = taken.lost > 0};
   return record;
 }
 
-void FleetSubmissions::take_in(TakenJob taken) {
+void FleetSubmissions::end(const std::shared_ptr<JobRecord>& record, const std::string& token, double age_s,
+                           const Error& error) {
+  record->finished(unexpected(error), age_s, age_s);
+  parts_.board.finish(record);
+  ended(*record, token, {.solution = unexpected(error)});
+}
+
+void FleetSubmissions::take_in(TakenJob taken, const std::shared_ptr<JobRecord>& record) {
   const StoredJob& stored = taken.stored;
-  (void)parts_.results.expect(stored.id, stored.client);  // the mirror may not have seen it yet
-  const std::shared_ptr<JobRecord> record = hold(taken);
-  const auto end = [&](const Error& error) {
-    record->finished(unexpected(error), taken.age_s, taken.age_s);
-    parts_.board.finish(record);
-    ended(*record, taken.token, {.solution = unexpected(error)});
-  };
-  if (stored.cancelled) return end(failure(ErrorCode::cancelled, "given up before it had an answer"));
-  if (taken.lost >= kMostLost)
-    return end(
-        failure(ErrorCode::internal, std::to_string(taken.lost) + " servers went away while they ran it"));
+  const auto end_it = [&](const Error& error) { end(record, taken.token, taken.age_s, error); };
+  fault_point("take", stored.request_id);
+  if (stored.cancelled) return end_it(failure(ErrorCode::cancelled, "given up before it had an answer"));
+  if (taken.lost >= parts_.config.job_starts) {
+    log_set_aside(parts_.log, stored, taken.lost);
+    return end_it(set_aside(taken.lost));
+  }
   const auto job = std::make_shared<Job>();
   job->record = record;
   job->quota = quota_of(stored.client);
@@ -318,17 +337,18 @@ void FleetSubmissions::take_in(TakenJob taken) {
                shared = std::make_shared<StoredJob>(std::move(taken.stored))](
                   const SolveControls& controls) -> Expected<Solution> {
     StoredJob& own = *shared;
-    const auto request = std::make_shared<v1::SolveRequest>();
-    if (!request->ParseFromString(own.request))
-      return unexpected(failure(ErrorCode::internal, "the stored request cannot be read"));
+    const auto read = stored_request(own.request);
+    if (!read) return unexpected(read.error());
+    const std::shared_ptr<v1::SolveRequest>& request = *read;
     own.request = {};
     const auto highest = static_cast<std::int64_t>(quota.priority);
-    request->set_priority(to_message(static_cast<Priority>(std::max(own.priority, highest))));
+    request->set_priority(to_message(priority_of(std::max(own.priority, highest))));
     const Caller caller{.identity = {.client = own.client, .roles = {}},
                         .origin = {.peer = own.peer, .client = own.client, .request_id = own.request_id},
                         .earlier = Caller::Earlier{own.id, time_of(own.accepted_unix_s), record}};
     const auto made = make_job(parts_, caller, JobKind::submitted, request);
     if (!made) return unexpected(made.error());
+    fault_point("job", own.request_id);
     auto solved = (*made)->work(controls);
     if (const auto whole = taken_in.lock()) whole->also = std::move((*made)->also);
     return solved;
@@ -336,7 +356,7 @@ void FleetSubmissions::take_in(TakenJob taken) {
   const auto place = parts_.scheduler.admit(job);
   if (place) return;
   job->observer = nullptr;
-  if (!parts_.scheduler.is_closed() && !parts_.scheduler.fits_alone(*job)) return end(place.error());
+  if (!parts_.scheduler.is_closed() && !parts_.scheduler.fits_alone(*job)) return end_it(place.error());
   store_.release(record->id(), taken.token);
   erase(record->id(), taken.token);
 }

@@ -46,14 +46,15 @@ class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
     std::shared_ptr<JobRecord> record;
     std::int64_t begin = 0, cursor = 0;  // of its rows: before the first; told
     std::int64_t changes = 0;
-    bool is_lost = false;  // another server has it
+    bool is_lost = false;     // another server has it
+    bool is_suspect = false;  // a server was lost with it
   };
   class Keeper;
-  class Room;
+  class Waiter;
 
   explicit FleetSubmissions(const ServiceParts& parts);
   // FleetTaker
-  [[nodiscard]] int room() override ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] FleetTaker::Room room() override ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Quota quota_of(const std::string& client) override;
   void took(std::vector<TakenJob> jobs) override ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::vector<std::pair<std::string, std::string>> held() override ABSL_LOCKS_EXCLUDED(mutex_);
@@ -66,14 +67,16 @@ class FleetSubmissions final : public Submissions, FleetTaker, FleetOwner {
       ABSL_LOCKS_EXCLUDED(mutex_);
   void jobs_wait() override;
 
-  void take_in(TakenJob taken) ABSL_LOCKS_EXCLUDED(mutex_);
+  void take_in(TakenJob taken, const std::shared_ptr<JobRecord>& record) ABSL_LOCKS_EXCLUDED(mutex_);
+  void end(const std::shared_ptr<JobRecord>& record, const std::string& token, double age_s,
+           const Error& error) ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] std::shared_ptr<JobRecord> hold(const TakenJob& taken) ABSL_LOCKS_EXCLUDED(mutex_);
   void ended(JobRecord& record, const std::string& token, Outcome outcome) ABSL_LOCKS_EXCLUDED(mutex_);
   void erase(const std::string& id, const std::string& token) ABSL_LOCKS_EXCLUDED(mutex_);
 
   const ServiceParts& parts_;
   const std::string server_;
-  const std::shared_ptr<Room> room_;
+  const std::shared_ptr<Waiter> room_;
   Mutex mutex_;  // before the board's and the records'
   std::map<std::string, Held> held_ ABSL_GUARDED_BY(mutex_);
   FleetMirror mirror_;

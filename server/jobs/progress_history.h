@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "marble/progress.h"
@@ -93,7 +94,7 @@ class ProgressHistory {
     std::size_t kept = 0;
     for (std::size_t at = 0; at < trace_.size(); at += 2) trace_[kept++] = trace_[at];
     trace_.resize(kept);
-    stride_ *= 2;
+    stride_ = std::min(stride_, std::numeric_limits<int>::max() / 2) * 2;
   }
 
   std::size_t most_rows_;

@@ -8,6 +8,17 @@
 #include "wire/status.h"
 
 namespace marble::server {
+namespace {
+
+// The number of an enumeration that counts from 0 where the message's counts from `first`; its own first if
+// unknown.
+template <class Enum>
+Enum enum_of(int number, int first, Enum last) {
+  const std::int64_t at = std::int64_t{number} - first;
+  return at >= 0 && at <= static_cast<int>(last) ? static_cast<Enum>(at) : Enum{};
+}
+
+}  // namespace
 
 v1::Priority to_message(Priority priority) {
   return static_cast<v1::Priority>(static_cast<int>(priority) + v1::PRIORITY_REALTIME);
@@ -16,13 +27,13 @@ v1::Priority to_message(Priority priority) {
 void to_message(const JobRecord& record, v1::JobInfo* message) {
   const JobDescription& what = record.description();
   const JobSnapshot now = record.snapshot();
-  message->set_job_id(what.id);
+  message->set_job_id(utf8(what.id));
   message->set_kind(static_cast<v1::JobKind>(static_cast<int>(what.kind) + v1::JOB_KIND_SOLVE));
   message->set_state(static_cast<v1::JobState>(static_cast<int>(now.state) + v1::JOB_STATE_QUEUED));
   message->set_priority(to_message(what.priority));
-  message->set_client(what.client);
-  message->set_request_id(what.request_id);
-  message->set_problem_name(what.name);
+  message->set_client(utf8(what.client));
+  message->set_request_id(utf8(what.request_id));
+  message->set_problem_name(utf8(what.name));
   message->set_variables(what.variables);
   message->set_equalities(what.equalities);
   message->set_inequalities(what.inequalities);
@@ -60,10 +71,10 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   message->set_memory_bytes(now.memory_bytes);
   times->set_polish_s(now.times.polish_s);
   message->set_result_bytes(now.result_bytes);
-  message->set_detail(now.detail);
-  if (what.trace) message->set_trace_id(what.trace->trace_id);
+  message->set_detail(utf8(now.detail));
+  if (what.trace) message->set_trace_id(utf8(what.trace->trace_id));
   if (now.finished) message->set_finished_unix_s(unix_s(*now.finished));
-  message->set_server(now.server);
+  message->set_server(utf8(now.server));
 }
 
 void to_message(const JobRecord::Trace& trace, v1::Trace* message) {
@@ -87,8 +98,8 @@ void to_message(const JobRecord& record, v1::GetJobResponse* message) {
 
 JobDescription description_of(const v1::JobInfo& message) {
   JobDescription what = {.id = message.job_id(),
-                         .kind = static_cast<JobKind>(message.kind() - v1::JOB_KIND_SOLVE),
-                         .priority = static_cast<Priority>(message.priority() - v1::PRIORITY_REALTIME),
+                         .kind = enum_of(message.kind(), v1::JOB_KIND_SOLVE, JobKind::coupled),
+                         .priority = priority_of(std::int64_t{message.priority()} - v1::PRIORITY_REALTIME),
                          .client = message.client(),
                          .request_id = message.request_id(),
                          .name = message.problem_name(),
@@ -103,7 +114,7 @@ JobDescription description_of(const v1::JobInfo& message) {
 
 JobSnapshot snapshot_of(const v1::JobInfo& message) {
   JobSnapshot now;
-  now.state = static_cast<JobState>(message.state() - v1::JOB_STATE_QUEUED);
+  now.state = enum_of(message.state(), v1::JOB_STATE_QUEUED, JobState::finished);
   if (message.status() != v1::STATUS_UNSPECIFIED) now.status = status_of(message.status());
   if (message.has_error()) now.error = error_of(message.error());
   now.iterations = message.iterations();
@@ -134,7 +145,9 @@ JobSnapshot snapshot_of(const v1::JobInfo& message) {
 JobRecord::Trace trace_of(const v1::Trace& message) {
   JobRecord::Trace trace;
   trace.stride = std::max(message.stride(), 1);
-  for (const v1::Progress& row : message.rows()) trace.rows.push_back(progress_of(row));
+  for (const v1::Progress& row : message.rows()) {
+    trace.rows.push_back(without_vectors(progress_of(row)));  // they are the message's
+  }
   for (const v1::PairSides& sides : message.pairs()) {
     trace.pairs.push_back({.iteration = sides.iteration(),
                            .kappa = sides.kappa(),

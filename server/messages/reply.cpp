@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "marble/convert.h"
+#include "wire/status.h"
 
 namespace marble::server {
 
@@ -23,7 +24,7 @@ Expected<void> fill_response(const JobRecord& job, const Outcome& outcome, v1::S
     return unexpected(std::move(error));
   }
   const auto fill = [&]() -> Expected<void> {
-    response->set_job_id(job.id());
+    response->set_job_id(utf8(job.id()));
     fill_solution(outcome, job.options(), response->mutable_solution());
     if (response->ByteSizeLong() <= kLargestMessage) return {};
     return unexpected(

@@ -35,6 +35,19 @@ std::int64_t PgRows::changed() const {
   return count;
 }
 
+std::string text_array(const std::vector<std::string>& texts) {
+  std::string array = "{";
+  for (const std::string& text : texts) {
+    array += array.size() > 1 ? ",\"" : "\"";
+    for (const char c : text) {
+      if (c == '"' || c == '\\') array += '\\';
+      array += c;
+    }
+    array += '"';
+  }
+  return array + "}";
+}
+
 std::string_view PgRows::bytes(int row, int column) const {
   return {libpq().PQgetvalue(result_.get(), row, column),
           static_cast<std::size_t>(libpq().PQgetlength(result_.get(), row, column))};
@@ -43,6 +56,7 @@ std::string_view PgRows::bytes(int row, int column) const {
 std::int64_t PgRows::integer(int row, int column) const {
   std::int64_t value = 0;
   const std::string_view big_endian = bytes(row, column);
+  if (big_endian.size() > sizeof value) return 0;
   for (std::size_t i = 0; i < big_endian.size(); ++i) {
     const auto byte = static_cast<std::uint8_t>(big_endian[i]);
     value = i == 0 ? static_cast<std::int8_t>(byte) : value * 256 + byte;
@@ -99,7 +113,10 @@ Expected<Postgres> Postgres::open(const std::string& uri) {
   }
   if (libpq().PQsetnonblocking(connection, 1) != 0 || libpq().PQenterPipelineMode(connection) != 1)
     return unexpected(opened.lost(first_line(libpq().PQerrorMessage(connection))));
-  const std::array settings = {PgStatement("SET statement_timeout = '60s'"),
+  // A database without an encoding holds any bytes, and takes them back only from a client without one.
+  const std::array settings = {PgStatement("SELECT set_config('client_encoding', 'SQL_ASCII', false)"
+                                           " WHERE getdatabaseencoding() = 'SQL_ASCII'"),
+                               PgStatement("SET statement_timeout = '60s'"),
                                PgStatement("SET lock_timeout = '5s'"),
                                PgStatement("SET idle_in_transaction_session_timeout = '10s'")};
   if (auto set = opened.run(settings); !set) return unexpected(set.error());

@@ -38,6 +38,9 @@ class PgRows {
   std::unique_ptr<PGresult, Clear> result_;
 };
 
+/// Texts as a value of the type text[].
+[[nodiscard]] std::string text_array(const std::vector<std::string>& texts);
+
 /// One statement with the values of its parameters $1, $2 …
 class PgStatement {
  public:

@@ -13,6 +13,12 @@ namespace marble::server {
 /// - after_commit: it is on disk, and nobody was told
 /// - before_answer: a submitted job has its answer, which the store has not been given
 /// - within_answer: an answer is on its way to its client
-void fault_point(std::string_view name);
+///
+/// With MARBLE_FAULT_POINT=NAME=SUBJECT the server is killed each time it passes the point with this subject;
+/// with NAME!SUBJECT an exception is thrown there. The subject is the request id of a submitted job:
+///
+/// - take: the server takes the job from the store
+/// - job: a worker begins the job
+void fault_point(std::string_view name, std::string_view subject = {});
 
 }  // namespace marble::server

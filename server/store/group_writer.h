@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <functional>
 #include <optional>
 #include <thread>
@@ -121,11 +122,20 @@ class GroupWriter {
     return true;
   }
 
+  // No exception ends the thread, and with it the server.
+  [[nodiscard]] Expected<void> attempt(std::vector<Change>& changes) const {
+    try {
+      return write_(changes);
+    } catch (const std::exception& error) {
+      return unexpected(failure(ErrorCode::unavailable, "state", "", error.what()));
+    }
+  }
+
   void work() ABSL_LOCKS_EXCLUDED(mutex_) {
     std::vector<Change> changes;
     while (take(changes)) {
       const auto begin = std::chrono::steady_clock::now();
-      const Expected<void> made = write_(changes);
+      const Expected<void> made = attempt(changes);
       if (made && !changes.empty())
         count(changes, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
       settle(changes, made);

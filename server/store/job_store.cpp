@@ -15,8 +15,10 @@ namespace {
 
 constexpr const char* kFile = "/jobs.sqlite";
 constexpr const char* kLock = "/lock";
+constexpr const char* kRunning = "/running";
 constexpr const char* kApplication = "1298297459";  // "Mbrs", SQLite's application_id
-constexpr const char* kVersion = "1";               // of the tables, SQLite's user_version
+constexpr const char* kVersion = "2";               // of the tables, SQLite's user_version
+constexpr const char* kEarlier = "1";               // without jobs.lost
 
 // `number` is the order of acceptance, `ended` that of the answers.
 constexpr const char* kTables = R"(
@@ -26,13 +28,16 @@ CREATE TABLE jobs (
   client TEXT NOT NULL, request_id TEXT NOT NULL, digest BLOB NOT NULL,
   peer TEXT NOT NULL, traceparent TEXT NOT NULL,
   priority INTEGER NOT NULL, accepted_unix_s REAL NOT NULL, cancelled INTEGER NOT NULL,
-  request BLOB);
+  request BLOB, lost INTEGER NOT NULL DEFAULT 0);
 CREATE TABLE answers (
   ended INTEGER PRIMARY KEY,
   id TEXT NOT NULL UNIQUE REFERENCES jobs (id) ON DELETE CASCADE,
   finished_unix_s REAL NOT NULL,
   job BLOB NOT NULL, answer BLOB NOT NULL, error BLOB NOT NULL);
 )";
+
+// A job without a client would count as one that is not kept.
+std::string owner_of(std::string client) { return client.empty() ? "?" : client; }
 
 Error fault(const std::string& where, std::string why) {
   return failure(ErrorCode::unavailable, "state_dir", where, std::move(why));
@@ -59,7 +64,7 @@ Expected<std::string> version_of(Database& database, const std::string& file) {
   if (!tables) return unexpected(tables.error());
   if (*application != kApplication && (*application != "0" || *tables != "0"))
     return unexpected(fault(file, "is a file of another program"));
-  if (*version != "0" && *version != kVersion)
+  if (*version != "0" && *version != kEarlier && *version != kVersion)
     return unexpected(fault(file, "is of version " + *version + ", this server knows " + kVersion));
   const auto check = database.ask("PRAGMA quick_check(1)");
   if (!check) return unexpected(check.error());
@@ -73,17 +78,83 @@ Expected<void> prepare(Database& database, const std::string& file) {
   const auto mode = database.ask("PRAGMA journal_mode = WAL");
   if (!mode) return unexpected(mode.error());
   if (*mode != "wal") return unexpected(fault(file, "cannot be in SQLite's mode WAL, but in " + *mode));
-  if (auto set = database.run("PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON"); !set) return set;
-  if (*version != "0") return {};
+  if (auto set = database.run("PRAGMA synchronous = FULL"); !set) return set;
+  if (*version == kVersion) return {};
+  if (*version == kEarlier)
+    return database.run(std::string("BEGIN; ALTER TABLE jobs ADD COLUMN lost INTEGER NOT NULL DEFAULT 0;") +
+                        "PRAGMA user_version = " + kVersion + "; COMMIT");
   return database.run(std::string("BEGIN;") + kTables + "PRAGMA application_id = " + kApplication +
                       "; PRAGMA user_version = " + kVersion + "; COMMIT");
 }
 
+// Texts that were written as something else would equal none that is asked for. Ids change in both tables, so
+// that foreign keys hold again afterwards.
+Expected<void> set_types(Database& database) {
+  return database.run(
+      "PRAGMA foreign_keys = OFF; BEGIN;"
+      "UPDATE OR IGNORE jobs SET id = CAST(id AS TEXT), client = CAST(client AS TEXT),"
+      " request_id = CAST(request_id AS TEXT), peer = CAST(peer AS TEXT), traceparent = CAST(traceparent AS "
+      "TEXT)"
+      " WHERE typeof(id) <> 'text' OR typeof(client) <> 'text' OR typeof(request_id) <> 'text'"
+      " OR typeof(peer) <> 'text' OR typeof(traceparent) <> 'text';"
+      "UPDATE OR IGNORE answers SET id = CAST(id AS TEXT) WHERE typeof(id) <> 'text';"
+      "COMMIT; PRAGMA foreign_keys = ON");
+}
+
+// What ran when the last server was killed has one start more that its server did not survive.
+Expected<void> count_starts(Database& database, RunningJobs& running) {
+  auto statement = database.prepare("UPDATE jobs SET lost = max(lost, ?2) WHERE id = ?1");
+  if (!statement) return unexpected(statement.error());
+  for (const JobStart& start : running.left()) {
+    if (auto counted = statement->bind(1, start.id).bind(2, std::int64_t{start.number}).run(); !counted)
+      return counted;
+  }
+  return running.clear();
+}
+
+// What the server writes is for its user alone, whatever the umask was when it was written.
+void narrow(const std::string& file, const Log& log) {
+  struct stat facts = {};
+  constexpr mode_t kOthers = S_IRWXG | S_IRWXO;
+  if (lstat(file.c_str(), &facts) != 0 || !S_ISREG(facts.st_mode) || (facts.st_mode & kOthers) == 0) return;
+  const bool done = chmod(file.c_str(), facts.st_mode & ~kOthers & ALLPERMS) == 0;
+  log.warn(Component::server, done ? "state_mode_narrowed" : "state_mode_is_wide", {{"file", file}});
+}
+
 }  // namespace
 
-JobStore::JobStore(std::string file, Descriptor lock, Database writer, Database reader, const Log& log)
+StoredJob job_in(const Statement& row) {
+  return {.id = row.bytes(0),
+          .client = owner_of(row.bytes(1)),
+          .request_id = row.bytes(2),
+          .digest = row.bytes(3),
+          .peer = row.bytes(4),
+          .traceparent = row.bytes(5),
+          .priority = row.integer(6),
+          .accepted_unix_s = row.real(7),
+          .lost = row.integer(10),
+          .cancelled = row.integer(8) != 0,
+          .request = {},
+          .request_bytes = row.integer(9)};
+}
+
+StoredResult result_in(const Statement& row) {
+  return {.id = row.bytes(0),
+          .client = owner_of(row.bytes(1)),
+          .request_id = row.bytes(2),
+          .digest = row.bytes(3),
+          .job = row.bytes(4),
+          .answer = row.bytes(5),
+          .error = row.bytes(6),
+          .finished_unix_s = row.real(7),
+          .request_bytes = row.integer(8)};
+}
+
+JobStore::JobStore(std::string file, Descriptor lock, RunningJobs running, Database writer, Database reader,
+                   const Log& log)
     : file_(std::move(file)),
       lock_(std::move(lock)),
+      running_(std::move(running)),
       writer_(std::move(writer)),
       reader_(std::move(reader)),
       changes_(log, [this](std::vector<Change>& changes) { return write(changes); }) {}
@@ -92,13 +163,21 @@ Expected<std::unique_ptr<JobStore>> JobStore::open(const std::string& directory,
   auto lock = locked(directory);
   if (!lock) return unexpected(lock.error());
   const std::string file = directory + kFile;
+  // SQLite gives its other files the mode of this one.
+  const Descriptor made(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, S_IRUSR | S_IWUSR));
+  for (const std::string& one : {file, file + "-wal", file + "-shm", directory + kLock, directory + kRunning})
+    narrow(one, log);
+  auto running = RunningJobs::open(directory + kRunning);
+  if (!running) return unexpected(running.error());
   auto writer = Database::open(file);
   if (!writer) return unexpected(writer.error());
   if (auto ready = prepare(*writer, file); !ready) return unexpected(ready.error());
+  if (auto set = set_types(*writer); !set) return unexpected(set.error());
+  if (auto counted = count_starts(*writer, *running); !counted) return unexpected(counted.error());
   auto reader = Database::open(file);
   if (!reader) return unexpected(reader.error());
   return std::unique_ptr<JobStore>(
-      new JobStore(file, std::move(*lock), std::move(*writer), std::move(*reader), log));
+      new JobStore(file, std::move(*lock), std::move(*running), std::move(*writer), std::move(*reader), log));
 }
 
 Expected<std::string> JobStore::check(const std::string& directory) {
@@ -121,24 +200,14 @@ Expected<std::vector<StoredJob>> JobStore::unanswered() {
   const MutexLock lock(read_mutex_);
   auto rows = reader_.prepare(
       "SELECT id, client, request_id, digest, peer, traceparent, priority, accepted_unix_s, cancelled, "
-      "length(request) FROM jobs WHERE id NOT IN (SELECT id FROM answers) ORDER BY number");
+      "length(request), lost FROM jobs WHERE id NOT IN (SELECT id FROM answers) ORDER BY number");
   if (!rows) return unexpected(rows.error());
   std::vector<StoredJob> jobs;
   while (true) {
     const auto row = rows->step();
     if (!row) return unexpected(row.error());
     if (!*row) return jobs;
-    jobs.push_back({.id = rows->bytes(0),
-                    .client = rows->bytes(1),
-                    .request_id = rows->bytes(2),
-                    .digest = rows->bytes(3),
-                    .peer = rows->bytes(4),
-                    .traceparent = rows->bytes(5),
-                    .priority = rows->integer(6),
-                    .accepted_unix_s = rows->real(7),
-                    .cancelled = rows->integer(8) != 0,
-                    .request = {},
-                    .request_bytes = rows->integer(9)});
+    jobs.push_back(job_in(*rows));
   }
 }
 
@@ -163,15 +232,7 @@ Expected<void> JobStore::each_result(const std::function<void(StoredResult)>& te
     const auto row = rows->step();
     if (!row) return unexpected(row.error());
     if (!*row) return {};
-    tell({.id = rows->bytes(0),
-          .client = rows->bytes(1),
-          .request_id = rows->bytes(2),
-          .digest = rows->bytes(3),
-          .job = rows->bytes(4),
-          .answer = rows->bytes(5),
-          .error = rows->bytes(6),
-          .finished_unix_s = rows->real(7),
-          .request_bytes = rows->integer(8)});
+    tell(result_in(*rows));
   }
 }
 
@@ -205,7 +266,10 @@ StoreUsage JobStore::usage() const {
 // One transaction. A change that alone cannot be made, as it is too large for SQLite, is told so and left
 // out.
 Expected<void> JobStore::write(std::vector<Change>& changes) {
-  if (auto begun = writer_.run("BEGIN IMMEDIATE"); !begun) return begun;
+  if (auto begun = writer_.run("BEGIN IMMEDIATE"); !begun) {
+    (void)writer_.run("ROLLBACK");  // of one that an exception has left open
+    return begun;
+  }
   const auto all = [&]() -> Expected<void> {
     for (Change& change : changes) {
       const auto made = make(change);

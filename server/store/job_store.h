@@ -8,6 +8,7 @@
 
 #include "base/descriptor.h"
 #include "store/group_writer.h"
+#include "store/running_jobs.h"
 #include "store/sqlite.h"
 
 namespace marble::server {
@@ -20,6 +21,7 @@ struct StoredJob {
   std::string peer = {}, traceparent = {};
   std::int64_t priority = 0;
   double accepted_unix_s = 0.0;
+  std::int64_t lost = 0;           ///< starts whose server stopped meanwhile
   bool cancelled = false;          ///< it is to end, and not to run again
   std::string request = {};        ///< a marble.v1.SolveRequest; left out where jobs are listed
   std::int64_t request_bytes = 0;  ///< of it, where jobs are listed
@@ -37,6 +39,11 @@ struct StoredResult {
   bool keeps_request = false;       ///< the request stays with the answer
   std::int64_t request_bytes = -1;  ///< read, not written: of the request, if it is there
 };
+
+/// The job in a row of JobStore::unanswered(), and the answer in one of JobStore::each_result(). A column may
+/// be of any type.
+[[nodiscard]] StoredJob job_in(const Statement& row);
+[[nodiscard]] StoredResult result_in(const Statement& row);
 
 /// Thread-safe. Every change is made in the order in which it was asked for.
 class JobStore {
@@ -59,6 +66,10 @@ class JobStore {
   /// Tells all answers, in the order in which they came.
   [[nodiscard]] Expected<void> each_result(const std::function<void(StoredResult)>& tell)
       ABSL_LOCKS_EXCLUDED(read_mutex_);
+
+  /// The job runs from here to there; a crash in between is counted when the file is opened again.
+  void began(const JobStart& start) { running_.began(start); }
+  void ended(const std::string& id) { running_.ended(id); }
 
   /// If this fails the job is not there. The others are tried again, once a second, until they are made.
   void add(StoredJob job, Settled settled);
@@ -89,13 +100,15 @@ class JobStore {
     [[nodiscard]] static bool is_patient() { return false; }
     [[nodiscard]] bool is_lasting() const { return kind != Kind::nothing && kind != Kind::add; }
   };
-  JobStore(std::string file, Descriptor lock, Database writer, Database reader, const Log& log);
+  JobStore(std::string file, Descriptor lock, RunningJobs running, Database writer, Database reader,
+           const Log& log);
   [[nodiscard]] Expected<void> write(std::vector<Change>& changes);
   [[nodiscard]] Expected<void> make(const Change& change);
 
   const std::string file_;
   const Descriptor lock_;  // of the directory, for as long as this lives
-  Database writer_;        // the writer's thread's
+  RunningJobs running_;
+  Database writer_;  // the writer's thread's
   Mutex read_mutex_;
   Database reader_ ABSL_GUARDED_BY(read_mutex_);
   GroupWriter<Change> changes_;

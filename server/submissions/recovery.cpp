@@ -3,23 +3,15 @@
 #include <algorithm>
 
 #include "base/random_id.h"
-#include "google/rpc/status.pb.h"
 #include "jobs/unix_time.h"
 #include "marble/convert.h"
 #include "messages/job_message.h"
+#include "messages/stored_job.h"
+#include "process/fault_point.h"
 #include "service/admission.h"
 #include "submissions/result_keeper.h"
-#include "wire/status.h"
 
 namespace marble::server {
-namespace {
-
-grpc::ByteBuffer buffer_of(const std::string& bytes) {
-  const grpc::Slice slice(bytes);
-  return grpc::ByteBuffer(&slice, 1);
-}
-
-}  // namespace
 
 Expected<std::shared_ptr<Recovery>> Recovery::begin(const ServiceParts& parts, JobStore& store) {
   const std::shared_ptr<Recovery> recovery(new Recovery(parts, store));
@@ -29,24 +21,24 @@ Expected<std::shared_ptr<Recovery>> Recovery::begin(const ServiceParts& parts, J
   return recovery;
 }
 
+// Two rows by one request id are two jobs.
+void Recovery::expect(const std::string& id, const std::string& client,
+                      const ResultStore::RequestName& name) const {
+  const auto known = parts_.results.expect(id, client, name);
+  if (!known || *known != id) (void)parts_.results.expect(id, client);
+}
+
 Expected<void> Recovery::take_up_answers() {
   return store_.each_result([&](const StoredResult& stored) {
-    if (!parts_.results.expect(stored.id, stored.client, {stored.request_id, stored.digest})) return;
-    v1::GetJobResponse message;
-    if (message.ParseFromString(stored.job)) {
-      const Options options = options_of(message.options()).value_or(Options());
-      const auto record = parts_.board.make(description_of(message.job()), options);
-      record->restore(snapshot_of(message.job()), trace_of(message.trace()));
-      parts_.board.add(record);
-      parts_.board.finish(record);
-    }
+    expect(stored.id, stored.client, {stored.request_id, stored.digest});
+    const auto record = stored_record(parts_.board, stored);
+    parts_.board.add(record);
+    parts_.board.finish(record);
     if (stored.request_bytes >= 0 && parts_.config.bundles > 0)
       parts_.results.keep_request(stored.id, {nullptr, stored.request_bytes});
-    ResultStore::Result result{buffer_of(stored.answer), 0.0};
-    if (google::rpc::Status error; !stored.error.empty() && error.ParseFromString(stored.error))
-      result.answer = unexpected(error_of(error));
-    const auto age = std::chrono::system_clock::now() - time_of(stored.finished_unix_s);
-    parts_.results.put(stored.id, std::move(result),
+    const auto age = std::max<std::chrono::system_clock::duration>(
+        std::chrono::system_clock::now() - time_of(stored.finished_unix_s), {});
+    parts_.results.put(stored.id, stored_answer(stored.answer, stored.error),
                        Clock::now() - std::chrono::duration_cast<Clock::duration>(age));
   });
 }
@@ -56,20 +48,72 @@ Expected<void> Recovery::take_up_jobs() {
   if (!jobs) return unexpected(jobs.error());
   const MutexLock lock(mutex_);
   for (StoredJob& job : *jobs) {
-    if (!parts_.results.expect(job.id, job.client, {job.request_id, job.digest})) continue;
+    expect(job.id, job.client, {job.request_id, job.digest});
     if (parts_.config.bundles > 0) parts_.results.keep_request(job.id, {nullptr, job.request_bytes});
     if (job.cancelled) {
       end(job, failure(ErrorCode::cancelled, "given up before the server was started again"));
+    } else if (job.lost >= parts_.config.job_starts) {
+      log_set_aside(parts_.log, job, static_cast<int>(job.lost));
+      end(job, set_aside(static_cast<int>(job.lost)));
+    } else if (job.lost > 0) {
+      auto made = remade(job);
+      if (!made) {
+        end(job, made.error());
+        continue;
+      }
+      const std::shared_ptr<Job>& suspect = *made;
+      parts_.board.add(suspect->record);
+      suspect->record->queued();
+      suspect->record->set_cancel([weak = weak_from_this(), waiting = std::weak_ptr<Job>(suspect)] {
+        const auto recovery = weak.lock();
+        const auto strong = waiting.lock();
+        if (recovery != nullptr && strong != nullptr) recovery->give_up(strong);
+      });
+      suspects_.push_back(suspect);
     } else {
       waiting_.push_back(std::move(job));
     }
   }
-  parts_.log.info(Component::server, "jobs_taken_up", {{"jobs", static_cast<std::int64_t>(waiting_.size())}});
+  parts_.log.info(Component::server, "jobs_taken_up",
+                  {{"jobs", static_cast<std::int64_t>(waiting_.size() + suspects_.size())}});
   return {};
+}
+
+void Recovery::suspect_ended() {
+  {
+    const MutexLock lock(mutex_);
+    suspect_runs_ = false;
+  }
+  room();
+}
+
+// Of one that waits here; what the scheduler has is the scheduler's to end.
+void Recovery::give_up(const std::shared_ptr<Job>& job) {
+  bool waited = false;
+  {
+    const MutexLock lock(mutex_);
+    waited = std::erase(suspects_, job) > 0;
+  }
+  if (!waited) return parts_.scheduler.cancel(job);
+  end(job->record, failure(ErrorCode::cancelled, "given up while the job waited"));
+}
+
+void Recovery::admit_suspect() {
+  while (!suspect_runs_ && !suspects_.empty()) {
+    const std::shared_ptr<Job> job = suspects_.front();
+    suspect_runs_ = true;
+    if (const auto place = parts_.scheduler.admit(job, weak_from_this()); !place) {
+      suspect_runs_ = false;
+      if (parts_.scheduler.is_closed() || parts_.scheduler.fits_alone(*job)) return;
+      end(job->record, place.error());
+    }
+    suspects_.pop_front();
+  }
 }
 
 void Recovery::room() {
   const MutexLock lock(mutex_);
+  admit_suspect();
   while (!waiting_.empty()) {
     const StoredJob& stored = waiting_.front();
     if (parts_.results.owner(stored.id).empty()) {  // deleted meanwhile
@@ -97,14 +141,29 @@ void Recovery::room() {
 }
 
 // As it was when it came, but by what its client may have and what the server's defaults are now.
-Expected<std::shared_ptr<Job>> Recovery::remade(const StoredJob& stored) const {
+// Checking the request is a start too: a fault there would end each server that is started.
+Expected<std::shared_ptr<Job>> Recovery::remade(const StoredJob& stored) {
+  store_.began({stored.id, static_cast<int>(stored.lost) + 1});
+  auto job = [&]() -> Expected<std::shared_ptr<Job>> {
+    try {
+      return checked(stored);
+    } catch (const std::exception& error) {
+      return unexpected(failure(ErrorCode::internal, error.what()));
+    }
+  }();
+  store_.ended(stored.id);
+  return job;
+}
+
+Expected<std::shared_ptr<Job>> Recovery::checked(const StoredJob& stored) {
+  fault_point("take", stored.request_id);
   const auto bytes = store_.request_of(stored.id);
   if (!bytes) return unexpected(bytes.error());
-  const auto request = std::make_shared<v1::SolveRequest>();
-  if (!request->ParseFromString(*bytes))
-    return unexpected(failure(ErrorCode::internal, "the stored request cannot be read"));
+  const auto read = stored_request(*bytes);
+  if (!read) return unexpected(read.error());
+  const std::shared_ptr<v1::SolveRequest>& request = *read;
   const auto highest = static_cast<std::int64_t>(parts_.access.quota_of(stored.client).priority);
-  request->set_priority(to_message(static_cast<Priority>(std::max(stored.priority, highest))));
+  request->set_priority(to_message(priority_of(std::max(stored.priority, highest))));
   const Caller caller{.identity = {.client = stored.client, .roles = {}},
                       .origin = {.peer = stored.peer,
                                  .client = stored.client,
@@ -113,7 +172,14 @@ Expected<std::shared_ptr<Job>> Recovery::remade(const StoredJob& stored) const {
                       .earlier = Caller::Earlier{stored.id, time_of(stored.accepted_unix_s)}};
   auto job = make_job(parts_, caller, JobKind::submitted, request);
   if (!job) return job;
-  const auto keeper = std::make_shared<ResultKeeper>(parts_, &store_, (*job)->record);
+  std::function<void()> then;
+  if (stored.lost > 0) {
+    then = [weak = weak_from_this()] {
+      if (const auto recovery = weak.lock()) recovery->suspect_ended();
+    };
+  }
+  const auto keeper = std::make_shared<ResultKeeper>(parts_, &store_, (*job)->record,
+                                                     static_cast<int>(stored.lost), std::move(then));
   keeper->added();
   (*job)->observer = keeper;
   return job;
@@ -123,14 +189,18 @@ Expected<std::shared_ptr<Job>> Recovery::remade(const StoredJob& stored) const {
 void Recovery::end(const StoredJob& stored, const Error& error) const {
   const auto record = parts_.board.make({.id = stored.id,
                                          .kind = JobKind::submitted,
-                                         .priority = static_cast<Priority>(stored.priority),
+                                         .priority = priority_of(stored.priority),
                                          .client = stored.client,
                                          .request_id = stored.request_id,
                                          .peer = stored.peer,
                                          .accepted = time_of(stored.accepted_unix_s)},
                                         Options());
-  record->finished(unexpected(error), 0.0, 0.0);
   parts_.board.add(record);
+  end(record, error);
+}
+
+void Recovery::end(const std::shared_ptr<JobRecord>& record, const Error& error) const {
+  record->finished(unexpected(error), 0.0, 0.0);
   parts_.board.finish(record);
   ResultKeeper keeper(parts_, &store_, record);
   keeper.added();

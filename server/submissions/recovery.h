@@ -11,7 +11,8 @@
 namespace marble::server {
 
 /// Jobs go to the queue in the order in which they were accepted, as it has room: with lower limits than
-/// before some wait here.
+/// before some wait here. So do suspects: jobs that ran when a server was killed. One of them runs at a time,
+/// so that the next kill is the fault of one of them at most.
 class Recovery final : public RoomWaiter, public std::enable_shared_from_this<Recovery> {
  public:
   /// Before anybody calls. Errors: unavailable (the store cannot be read).
@@ -21,16 +22,24 @@ class Recovery final : public RoomWaiter, public std::enable_shared_from_this<Re
 
  private:
   Recovery(const ServiceParts& parts, JobStore& store) : parts_(parts), store_(store) {}
+  void expect(const std::string& id, const std::string& client, const ResultStore::RequestName& name) const;
   [[nodiscard]] Expected<void> take_up_answers();
   [[nodiscard]] Expected<void> take_up_jobs() ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] Expected<std::shared_ptr<Job>> remade(const StoredJob& stored) const;
+  void suspect_ended() ABSL_LOCKS_EXCLUDED(mutex_);
+  void give_up(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
+  void admit_suspect() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] Expected<std::shared_ptr<Job>> remade(const StoredJob& stored);
+  [[nodiscard]] Expected<std::shared_ptr<Job>> checked(const StoredJob& stored);
   void end(const StoredJob& stored, const Error& error) const;
+  void end(const std::shared_ptr<JobRecord>& record, const Error& error) const;
 
   const ServiceParts& parts_;
   JobStore& store_;
   Mutex mutex_;
   std::deque<StoredJob> waiting_ ABSL_GUARDED_BY(mutex_);
-  std::shared_ptr<Job> next_ ABSL_GUARDED_BY(mutex_);  // of the first, once it was made
+  std::deque<std::shared_ptr<Job>> suspects_ ABSL_GUARDED_BY(mutex_);  // that wait for another
+  bool suspect_runs_ ABSL_GUARDED_BY(mutex_) = false;                  // or waits in the queue
+  std::shared_ptr<Job> next_ ABSL_GUARDED_BY(mutex_);                  // of the first, once it was made
 };
 
 }  // namespace marble::server

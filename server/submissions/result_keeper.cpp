@@ -43,10 +43,22 @@ KeptResult result_of(JobRecord& record, const Outcome& outcome) {
   return {stored(record, result), std::move(result)};
 }
 
+void ResultKeeper::started(double /*queue_s*/) {
+  if (store_ == nullptr) return;
+  store_->began({record_->id(), lost_ + 1});
+  fault_point("job", record_->description().request_id);
+}
+
 void ResultKeeper::finished(Outcome outcome) {
+  keep_or_wait(std::move(outcome));
+  if (then_) then_();
+}
+
+void ResultKeeper::keep_or_wait(Outcome outcome) {
   const bool interrupted = outcome.interrupted && store_ != nullptr;
   if (interrupted) outcome.solution = unexpected(draining("the job begins again when it is back"));
   KeptResult answer = result_of(*record_, outcome);
+  if (store_ != nullptr) store_->ended(record_->id());
   answer.stored.keeps_request = parts_.config.bundles > 0;
   if (store_ == nullptr || interrupted) return put(parts_.results, *record_, std::move(answer.result));
   {

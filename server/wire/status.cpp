@@ -1,5 +1,7 @@
 #include "wire/status.h"
 
+#include <google/protobuf/stubs/common.h>
+
 #include <cmath>
 
 #include "google/rpc/error_details.pb.h"
@@ -12,6 +14,17 @@ namespace {
 constexpr std::size_t kLongestValue = 64;  // bytes of an error's value that are told
 
 }  // namespace
+
+// A name in a certificate or in a damaged store may hold any bytes, and one string that is not UTF-8 makes
+// the whole message unreadable.
+std::string utf8(const std::string& text) {
+  if (google::protobuf::internal::IsStructurallyValidUTF8(text.data(), static_cast<int>(text.size())))
+    return text;
+  std::string valid(text.size(), '\0');
+  valid.assign(google::protobuf::internal::UTF8CoerceToStructurallyValid(text, valid.data(), '?'),
+               text.size());
+  return valid;
+}
 
 bool retry_may_help(ErrorCode code) {
   switch (code) {
@@ -34,7 +47,8 @@ Error abridged(Error error) {
 }
 
 google::rpc::Status to_message(const Error& whole, double retry_delay_s) {
-  const Error error = abridged(whole);
+  Error error = abridged(whole);
+  for (std::string* text : {&error.field, &error.value, &error.bound}) *text = utf8(*text);
   google::rpc::Status details;
   details.set_code(marble::to_message(error.code));
   details.set_message(error.message());

@@ -11,6 +11,9 @@ namespace marble::server {
 /// Whether the same request may be taken later.
 [[nodiscard]] bool retry_may_help(ErrorCode code);
 
+/// The text as a message can hold it: bytes that are not UTF-8 become question marks.
+[[nodiscard]] std::string utf8(const std::string& text);
+
 /// The error with no more of its value than its first 64 bytes and how many there are: a value is a client's
 /// text, and trailers hold 8 kB.
 [[nodiscard]] Error abridged(Error error);

@@ -1,4 +1,4 @@
-// A server without a port and without room for a job: all that calls share.
+// A server without a port, and unless it is said without room for a job: all that calls share.
 #pragma once
 
 #include <memory>
@@ -9,7 +9,12 @@
 namespace marble::server {
 
 struct IdleParts {
-  IdleParts() { all.submissions = submissions.get(); }
+  /// `queue_bytes`: of the jobs that may wait or run.
+  explicit IdleParts(std::int64_t queue_bytes = 0, std::int64_t result_bytes = 1000)
+      : results{{std::chrono::seconds(10), result_bytes}},
+        scheduler{{.workers = 1, .jobs = 10, .bytes = queue_bytes}, board, log, metrics} {
+    all.submissions = submissions.get();
+  }
 
   Config config;
   Log log{"text", "off", 1 << 20};
@@ -18,10 +23,10 @@ struct IdleParts {
   LiveCalls calls;
   JobBoard board{{10, 10, 10}};
   FeedLimit feeds{10};
-  ResultStore results{{std::chrono::seconds(10), 1000}};
+  ResultStore results;
   SessionTable sessions{{10, 1000}};
   ConnectionTable connections{{}, log};
-  Scheduler scheduler{{1, 10, 0, 10}, board, log, metrics};
+  Scheduler scheduler;
   Pulse pulse;
   ServiceParts all{config, access,  log,       metrics,  pulse,       board,
                    feeds,  results, scheduler, sessions, connections, calls};

@@ -2,10 +2,13 @@
 #include "store/job_store.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <atomic>
 #include <filesystem>
+#include <fstream>
 #include <future>
+#include <map>
 
 #include "support/processes/child_process.h"
 
@@ -167,8 +170,88 @@ TEST_F(StoreTest, RefusesAnotherProgramsFileAndALaterVersion) {
   }
   const auto later = JobStore::open(directory_.file("state"), log_);
   ASSERT_FALSE(later.has_value());
-  EXPECT_EQ(later.error().bound, "is of version 7, this server knows 1");
+  EXPECT_EQ(later.error().bound, "is of version 7, this server knows 2");
   EXPECT_EQ(JobStore::check(directory_.file("nowhere")).error().bound, "No such file or directory");
+}
+
+std::int64_t lost(JobStore& store) { return store.unanswered().value().front().lost; }
+
+TEST_F(StoreTest, CountsTheStartsThatItsProcessDidNotSurvive) {
+  {
+    const auto store = open();
+    store->add(job("a"), {});
+    ASSERT_TRUE(settled(*store).has_value());
+    store->began({"a", 1});
+    store->began({"never heard of", 1});  // not an id of ours: it is not written
+  }
+  EXPECT_EQ(lost(*open()), 1);
+  EXPECT_EQ(lost(*open()), 1) << "counted once";
+  {
+    const auto store = open();
+    store->began({"a", 2});
+    store->ended("a");
+  }
+  EXPECT_EQ(lost(*open()), 1) << "it had ended";
+  {
+    const auto store = open();
+    store->began({"a", 2});
+  }
+  EXPECT_EQ(lost(*open()), 2);
+}
+
+TEST_F(StoreTest, CountsNoStartOfAMachineThatWasStartedAnew) {
+  {
+    const auto store = open();
+    store->add(job("a"), {});
+    ASSERT_TRUE(settled(*store).has_value());
+  }
+  const std::string running = directory_.file("state") + "/running";
+  for (const std::string& left :
+       {std::string("boot-of-before\na 1\n"), std::string("a 1\n"), std::string(), std::string(300, '\xff'),
+        testing::read_file(running) + "a\na -1\na x\n \n"}) {
+    std::ofstream(running, std::ios::trunc) << left;
+    EXPECT_EQ(lost(*open()), 0) << left;
+  }
+  std::ofstream(running, std::ios::app) << "a 1\n";
+  EXPECT_EQ(lost(*open()), 1);
+}
+
+TEST_F(StoreTest, ItsFilesAreForItsUserAlone) {
+  const std::string directory = directory_.file("state");
+  std::filesystem::create_directory(directory);
+  ASSERT_EQ(chmod(directory.c_str(), 0755), 0);
+  const auto modes = [&] {
+    std::map<std::string, unsigned> all;
+    for (const auto& entry : std::filesystem::directory_iterator(directory)) {
+      struct stat facts = {};
+      EXPECT_EQ(lstat(entry.path().c_str(), &facts), 0);
+      all[entry.path().filename()] = facts.st_mode & ALLPERMS;
+    }
+    return all;
+  };
+  const std::map<std::string, unsigned> narrow = {{"jobs.sqlite", 0600},
+                                                  {"jobs.sqlite-shm", 0600},
+                                                  {"jobs.sqlite-wal", 0600},
+                                                  {"lock", 0600},
+                                                  {"running", 0600}};
+  const mode_t before = umask(0);
+  auto store = open();
+  store->add(job("a"), {});
+  EXPECT_TRUE(settled(*store).has_value());
+  EXPECT_EQ(modes(), narrow);
+  store.reset();
+  // Of a server that made them as the umask was.
+  for (const auto& [name, mode] : narrow) {
+    const std::string file = directory + "/" + name;
+    if (std::filesystem::exists(file)) {
+      EXPECT_EQ(chmod(file.c_str(), 0644), 0);
+    }
+  }
+  store = open();
+  store->add(job("b"), {});
+  EXPECT_TRUE(settled(*store).has_value());
+  EXPECT_EQ(modes(), narrow);
+  umask(before);
 }
 
 }  // namespace

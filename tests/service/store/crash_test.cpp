@@ -22,7 +22,8 @@ class Crash : public ::testing::TestWithParam<Moment> {
  protected:
   /// Dies by itself at the `pass`-th time that it comes by the moment; 0: lives.
   [[nodiscard]] std::unique_ptr<Node> start(int pass) {
-    std::vector<std::string> flags = {"--workers", "1"};
+    std::vector<std::string> flags = {"--workers", "1", "--job-starts",
+                                      "1000"};  // the kills are no job's fault
     if (database_) {
       flags.insert(flags.end(), {"--state", database_->uri(), "--state-lease-s", "1"});
     } else {

@@ -17,7 +17,7 @@ class PostgresProcess {
  public:
   /// `programs`: the folder of initdb and postgres. A new database, where everybody on this machine may come.
   /// `synced`: it waits for the disk; without, it survives what kills it, not what kills the machine.
-  explicit PostgresProcess(std::string programs, bool synced = false)
+  explicit PostgresProcess(std::string programs, bool synced = false, const char* encoding = "UTF8")
       : programs_(std::move(programs)), fsync_(synced ? "fsync=on" : "fsync=off"), port_(free_port()) {
     if (const passwd* const user = getpwnam("nobody"); geteuid() == 0 && user != nullptr) {
       // PostgreSQL refuses to run as root.
@@ -27,7 +27,7 @@ class PostgresProcess {
                   "--clear-groups"};
     }
     ChildProcess made(as_user({programs_ + "/initdb", "-D", directory_.file("data"), "-A", "trust", "-U",
-                               "marble", "--no-sync", "-E", "UTF8", "--locale=C"}),
+                               "marble", "--no-sync", "-E", encoding, "--locale=C"}),
                       directory_.file("initdb.log"));
     if (made.wait() != 0) throw std::runtime_error("initdb failed: " + made.output());
     start();
