@@ -15,8 +15,6 @@
 namespace marble::server {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr std::chrono::milliseconds kTogether{10};  // lines that come so soon after others go out together
 constexpr std::chrono::seconds kLastLines{2};       // for a slow reader at the end
 
@@ -75,7 +73,7 @@ void LogWriter::Queue::run() {
 // Waking somebody for each line would cost its writer more than the line: a nap gathers those that follow.
 bool LogWriter::Queue::next(std::string& lines) {
   const MutexLock lock(mutex);
-  const auto nap_end = Clock::now() + kTogether;
+  const auto nap_end = std::chrono::steady_clock::now() + kTogether;
   while (!closing && work.wait_until(mutex, nap_end) == std::cv_status::no_timeout) {
   }
   idle = true;
@@ -111,7 +109,7 @@ LogWriter::~LogWriter() {
     const MutexLock lock(queue_->mutex);
     queue_->closing = true;
     queue_->work.notify_one();
-    const auto end = Clock::now() + kLastLines;
+    const auto end = std::chrono::steady_clock::now() + kLastLines;
     while (!queue_->over && queue_->end.wait_until(queue_->mutex, end) == std::cv_status::no_timeout) {
     }
     over = queue_->over;
