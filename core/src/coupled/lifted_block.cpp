@@ -58,7 +58,7 @@ LiftedBlock::LiftedBlock(const CoupledBlock& block)
       n_i_(static_cast<Index>(block.problem.d.size())),
       rows_(coupling_.row_indices.begin(), coupling_.row_indices.end()) {
   std::ranges::sort(rows_);
-  rows_.erase(std::ranges::unique(rows_).begin(), rows_.end());
+  rows_.erase(std::unique(rows_.begin(), rows_.end()), rows_.end());
   rows_.shrink_to_fit();
   lift();
 }
