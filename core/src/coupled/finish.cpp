@@ -56,6 +56,22 @@ double rows_violation(const CoupledView& view, const Coordination& coordination)
   return most;
 }
 
+// M z + v
+std::vector<double> rows_at(const SparseMatrixView& m, std::span<const double> v, std::span<const double> z) {
+  std::vector<double> value(v.begin(), v.end());
+  for_entries(m, [&](Index row, Index j, double entry) { value[at(row)] += entry * z[at(j)]; });
+  return value;
+}
+
+// By the block's own rows: its solver may have seen others, those of frozen sides.
+void add_violations(const ProblemView& p, std::span<const double> z, Violations& most) {
+  for (const double value : rows_at(p.A, p.b, z)) most.equality = std::max(most.equality, std::abs(value));
+  for (const double value : rows_at(p.C, p.d, z)) most.inequality = std::max(most.inequality, -value);
+  const std::vector<double> s = rows_at(p.L, p.l, z), t = rows_at(p.R, p.r, z);
+  for (std::size_t pair = 0; pair < s.size(); ++pair)
+    most.complementarity = std::max(most.complementarity, std::abs(std::min(s[pair], t[pair])));
+}
+
 // What the blocks' own words say of all of them together: bounds of what a fresh look would see.
 void tell_by_blocks(const CoupledView& view, const Coordination& coordination, Solution& joint) {
   const bool solved = coordination.status == Status::solved;
@@ -66,10 +82,7 @@ void tell_by_blocks(const CoupledView& view, const Coordination& coordination, S
   }
   for (std::size_t k = 0; k < coordination.answers.size(); ++k) {
     const Solution& own = coordination.answers[k].solution;
-    joint.violations.equality = std::max(joint.violations.equality, own.violations.equality);
-    joint.violations.inequality = std::max(joint.violations.inequality, own.violations.inequality);
-    joint.violations.complementarity =
-        std::max(joint.violations.complementarity, own.violations.complementarity);
+    add_violations(view.blocks[k].problem, own.z, joint.violations);
     joint.kkt_residual =
         std::max(joint.kkt_residual,
                  own.kkt_residual + coordination.last.step * most_of_a_column(view.blocks[k].coupling));

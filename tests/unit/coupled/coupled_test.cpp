@@ -253,6 +253,27 @@ TEST(Coupled, TheTimeLimitIsAnAnswerThatTellsHowFarItIs) {
   }
 }
 
+// The blocks' solvers see frozen sides as rows of their own kind, and so other violations.
+TEST(Coupled, ReportsTheViolationsOfTheBlocksWhereOneStopsEarly) {
+  int stopped = 0;
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    const testing::OwnedCoupled coupled = random_coupled({}, seed);
+    CoupledOptions options;
+    options.freeze_after = 1;
+    options.options.max_iterations = 8, options.options.polish = false;
+    options.options.local_search_budget = options.options.feasibility_budget = 0;
+    const CoupledSolution answer = solve_coupled(coupled.view(), options).value();
+    if (!answer.coordination.failed_block) continue;
+    ++stopped;
+    const OwnedProblem whole = joint_problem(coupled.view());
+    const testing::Verdict verdict = testing::judge(whole.view(), answer.joint);
+    EXPECT_NEAR(answer.joint.violations.equality, verdict.equality, 1e-12) << seed;
+    EXPECT_NEAR(answer.joint.violations.inequality, verdict.inequality, 1e-12) << seed;
+    EXPECT_NEAR(answer.joint.violations.complementarity, verdict.complementarity, 1e-12) << seed;
+  }
+  EXPECT_GT(stopped, 0);
+}
+
 TEST(Coupled, BlocksThatDoNotAgreeTellByHowMuch) {
   const testing::OwnedCoupled coupled = random_coupled({}, 1);
   CoupledOptions options;
