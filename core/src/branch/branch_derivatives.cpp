@@ -101,8 +101,23 @@ Expected<void> BranchDerivatives::make_ready(Run& run) {
   return point_.has_factor(tuning::exact_rho, tuning::exact_delta) ? Expected<void>() : factor(run);
 }
 
+// A free side at zero with a multiplier of the wrong sign is held as well: without it the branch's solution
+// is another point than the answer.
+void BranchDerivatives::hold_wrong_signs(const Iterate& solution) {
+  const auto lambda = solution.lambda();
+  const double least = tuning::near * (1.0 + max_abs(lambda));
+  for (Index pair = 0; pair < problem_.pairs(); ++pair) {
+    const Index free = point_.set.free_row(pair);
+    if (point_.set.held[free] != 0 || lambda[free] <= least) continue;
+    if (point_.images.rows.all[free] > tuning::near) continue;
+    point_.set.held[free] = 1;
+    point_.x.lambda()[free] = lambda[free];
+  }
+}
+
 Expected<void> BranchDerivatives::begin(Run& run, const Iterate& solution, bool may_reuse_factor) {
   point_.start_from_solution(solution);
+  hold_wrong_signs(solution);
   if (!may_reuse_factor || !point_.has_factor(tuning::exact_rho, tuning::exact_delta)) {
     if (auto factored = factor(run); !factored) return factored;
   }
@@ -441,6 +456,11 @@ Expected<RowResponse> BranchDerivatives::respond(Run& run, const RowsRequest& re
   });
   if (auto over = unless_over(run); !over) return unexpected(over.error());
   if (!found) return unexpected(flat);
+  for (const Numbers* part :
+       {&response.values, &response.free, &response.response, &response.z, &response.columns}) {
+    if (!std::ranges::all_of(*part, [](double value) { return std::isfinite(value); }))
+      return unexpected(failure(ErrorCode::failed_precondition, "rows", "the response overflows"));
+  }
   return response;
 }
 

@@ -36,6 +36,7 @@ class BranchDerivatives {
  private:
   [[nodiscard]] Expected<void> factor(Run& run);
   [[nodiscard]] Expected<void> make_ready(Run& run);
+  void hold_wrong_signs(const Iterate& solution);
   void find_weak_rows();
   [[nodiscard]] Expected<RowResponse> respond(Run& run, const RowsRequest& request);
   template <class T>

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "marble/solver.h"
+#include "support/judges/dense_matrix.h"
 #include "support/problems/random_problem.h"
 
 namespace marble {
@@ -173,6 +174,39 @@ TEST(Sensitivity, AWeaklyActiveInequalityHoldsOneWay) {
                      freed = sensitivity.along({.g = out}).value();
   EXPECT_NE(pressed.holds, freed.holds);
   EXPECT_NEAR((pressed.holds ? pressed : freed).z[0], pressed.holds ? 0.0 : 1.0, 1e-9);
+}
+
+// min ½z₀² + ½z₁² + z₀ − z₁ with z₀ ⊥ z₁, at the corner: ξ = 1, η = −1. The branch z₀ = 0 has another
+// solution.
+TEST(Sensitivity, ACornerWithAMultiplierOfTheWrongSignStaysWhereItIs) {
+  OwnedProblem p;
+  p.Q = testing::sparse(Eigen::MatrixXd::Identity(2, 2));
+  p.g = {1.0, -1.0};
+  p.L = testing::sparse(Eigen::MatrixXd{{1.0, 0.0}}), p.R = testing::sparse(Eigen::MatrixXd{{0.0, 1.0}});
+  p.l = p.r = {0.0};
+  Solution corner;
+  corner.status = Status::solved;
+  corner.z = {0.0, 0.0};
+  corner.complementarity_multipliers_L = {1.0}, corner.complementarity_multipliers_R = {-1.0};
+  auto sensitivity = Sensitivity::create(Problem::create(p.view()).value(), corner);
+  ASSERT_TRUE(sensitivity.has_value()) << sensitivity.error().message();
+  EXPECT_EQ(sensitivity->biactive_pairs(), std::vector<Index>{0});
+  const SparseMatrix E = testing::sparse(Eigen::MatrixXd{{1.0, 2.0}});
+  const RowResponse response = sensitivity->rows({.E = E.view()}).value();
+  EXPECT_NEAR(response.values[0], 0.0, 1e-12);
+  EXPECT_NEAR(response.response[0], 0.0, 1e-12);
+}
+
+TEST(Sensitivity, ARowResponseThatOverflowsIsAnError) {
+  OwnedProblem p;
+  p.Q = testing::sparse(Eigen::MatrixXd::Identity(1, 1));
+  p.g = {-1.0};
+  auto sensitivity = Sensitivity::create(Problem::create(p.view()).value(), solved(p));
+  ASSERT_TRUE(sensitivity.has_value()) << sensitivity.error().message();
+  const SparseMatrix E = testing::sparse(Eigen::MatrixXd{{1e300}});
+  const auto response = sensitivity->rows({.E = E.view()});
+  ASSERT_FALSE(response.has_value());
+  EXPECT_EQ(response.error().field, "rows");
 }
 
 TEST(Sensitivity, WhatDoesNotFitIsNamed) {
