@@ -16,7 +16,9 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::Reflection;
 
-constexpr std::array<std::string_view, 4> kOfARun = {"times", "options", "elapsed_s", "seconds"};
+// Memory depends on what the server's limits allow.
+constexpr std::array<std::string_view, 5> kOfARun = {"times", "options", "elapsed_s", "seconds",
+                                                     "memory_bytes"};
 
 std::string text_of(double value) {
   std::array<char, 40> digits;

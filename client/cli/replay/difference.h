@@ -18,8 +18,8 @@ struct Difference {
   double largest = 0.0;               ///< difference of two numbers that are finite
 };
 
-/// In the order of the message. Left out is what differs from run to run: times, and options, which the
-/// request has.
+/// In the order of the message. Left out is what differs from run to run: times, memory, and options, which
+/// the request has.
 [[nodiscard]] std::vector<Difference> differences(const v1::Solution& before, const v1::Solution& now);
 
 /// Of every row that `before` has; `finished`: it has its last one. Besides, the number of iterations where
