@@ -81,13 +81,14 @@ TEST_F(SetAside, OneServerEndsTheJobAfterTwoStartsAndAnswersAllOthers) {
     others.emplace(node->submit(numbered(i)), i);
     if (i == kOthers / 2) fatal = node->submit(fatal_request());
   }
-  (void)node->cancel(first);  // the server may die before it answers
-  expect_death(node);
-  expect_death(start(flags()));
-  node = start(flags());
+  for (int death = 0; death < 2; ++death) {
+    if (node != nullptr) (void)node->cancel(first);  // the server may die before this is on disk
+    expect_death(node);
+    node = start(flags());
+  }
   ASSERT_NE(node, nullptr);
   expect_set_aside(*node, fatal, "twice");
-  (void)node->cancel(first);  // it runs again unless the first call came through
+  (void)node->cancel(first);
   for (const auto& [id, number] : others) expect_answer(*node, id, number);
   EXPECT_EQ(node->server().log_lines({"job_set_aside", fatal, kFatal}).size(), 1U) << node->server().log();
   EXPECT_TRUE(bundle(*node, fatal).ok());
