@@ -1,7 +1,7 @@
-// A session's messages, one after the other, by the session's own checks and its solver: set-ups (a further
-// one opens another session), updates that are solved, prepared, superseded or left behind. Every answer is
-// judged by the numbers that are in force by then; a session that prepares answers to the last bit what one
-// does that solves each update in one piece.
+// A session's messages, one after the other, through the session's own checks and its solver: setups (each
+// opens another session) and updates that are solved, prepared, superseded or abandoned. Every answer is
+// judged by the numbers in force. A session that prepares gives the same bits as one that solves each update
+// in one step.
 #include <google/protobuf/stubs/logging.h>
 
 #include <cstring>

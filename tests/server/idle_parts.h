@@ -1,4 +1,4 @@
-// A server without a port, and unless it is said without room for a job: all that calls share.
+// What calls share, without a port. Without `queue_bytes` there is no room for a job.
 #pragma once
 
 #include <memory>
