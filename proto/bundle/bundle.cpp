@@ -6,11 +6,14 @@
 #include <google/protobuf/wire_format_lite.h>
 
 #include <fstream>
+#include <limits>
 #include <map>
 
 #include "marble/convert.h"
 #include "marble/v1/service.pb.h"
 #include "marble/version.h"
+#include "marble/wire_fields.h"
+#include "message_json.h"
 #include "problem_json.h"
 #include "tar_zst.h"
 
@@ -22,9 +25,13 @@ namespace {
 constexpr const char* kFactsFile = "job.pb";
 constexpr const char* kRequestFile = "request.pb";
 constexpr const char* kAnswerFile = "answer.pb";
-constexpr std::size_t kMostText = 16 << 20;       // bytes of an answer that is told as text too
-constexpr std::uint64_t kLeastBound = 256 << 20;  // bytes that any file may unpack to
-constexpr std::uint64_t kMostRatio = 100;         // and this many times its own
+constexpr std::size_t kMostText = 16 << 20;  // bytes of an answer that is told as text too
+// Bytes that any file may unpack to, those passed over too: they cost time alone.
+constexpr std::uint64_t kLeastUnpacked = 256 << 20;
+// Bytes of the parts that are read, and of what they become, of any file.
+constexpr std::uint64_t kLeastKept = 64 << 20;
+constexpr std::uint64_t kMostRatio = 100;   // both: and this many times the file's
+constexpr std::uint64_t kFieldBytes = 256;  // what a field may become when it is parsed
 
 constexpr const char* kReadMe =
     "A solve by Marble, to be solved again: marble replay FILE tells what differs.\n"
@@ -66,6 +73,18 @@ std::string facts_json(const v1::JobBundle& facts) {
 }
 
 std::string last_part(std::string_view path) { return std::string(path.substr(path.find_last_of('/') + 1)); }
+
+// Before any part is parsed: two bytes of it may become hundreds.
+template <class Message>
+Expected<void> check_part(const std::string& bytes, const char* file, std::uint64_t most_bytes) {
+  if (bytes.size() > std::numeric_limits<int>::max())
+    return unexpected(damaged(std::string(file) + " has more than 2 GiB"));
+  google::protobuf::io::ArrayInputStream input(bytes.data(), static_cast<int>(bytes.size()));
+  const auto valid =
+      check_fields(input, *Message::descriptor(), static_cast<std::int64_t>(most_bytes / kFieldBytes));
+  if (valid) return {};
+  return unexpected(damaged(std::string(file) + ": " + valid.error().message() + ", in a file of this size"));
+}
 
 template <class Message>
 Expected<void> parse(const std::string& bytes, const char* file, Message* message) {
@@ -160,27 +179,51 @@ Expected<void> write_bundle(const Bundle& bundle, const BundleSink& sink) {
   }
   add("trace.csv", trace_csv(bundle.facts.job().trace()));
   if (!bundle.answer.empty()) add(kAnswerFile, bundle.answer);
-  if (!bundle.answer.empty() && bundle.answer.size() <= kMostText) add("answer.json", json_of(answer));
+  if (written && !bundle.answer.empty() && bundle.answer.size() <= kMostText) {
+    written =
+        archive.add("answer.json", message_json_size(answer), when, [&](const TarZstWriter::Tell& tell) {
+          Expected<void> told;
+          write_message_json(answer, [&](std::string_view piece) {
+            told = tell(piece);
+            return told.has_value();
+          });
+          return told;
+        });
+  }
   return written ? archive.finish() : written;
 }
 
 Expected<Bundle> read_bundle(std::string_view file) {
   std::map<std::string, std::string> parts;
-  const auto ask = [&](std::string_view path) -> Expected<TarTake> {
+  const std::uint64_t most = kLeastKept + kMostRatio * file.size();
+  std::uint64_t kept = 0;
+  const auto ask = [&](std::string_view path, std::uint64_t size) -> Expected<TarTake> {
     const std::string name = last_part(path);
     if (name != kFactsFile && name != kRequestFile && name != kAnswerFile) return TarTake::skip;
     if (!parts.try_emplace(name).second) return unexpected(damaged(name + " is in it twice"));
+    if (size > most - kept) {
+      return unexpected(damaged(name + " has " + std::to_string(size) +
+                                " bytes; a file of this size may have at most " + std::to_string(most) +
+                                " in the parts that are read"));
+    }
+    kept += size;
     return TarTake::keep;
   };
   const auto take = [&](std::string_view path, std::string content) {
     parts[last_part(path)] = std::move(content);
   };
-  if (auto read = read_tar_zst(file, kLeastBound + kMostRatio * file.size(), ask, take); !read)
+  if (auto read = read_tar_zst(file, kLeastUnpacked + kMostRatio * file.size(), ask, take); !read)
     return unexpected(read.error());
   for (const char* name : {kFactsFile, kRequestFile}) {
     if (!parts.contains(name)) return unexpected(damaged(std::string(name) + " is not in it"));
   }
   Bundle bundle{{}, std::move(parts[kRequestFile]), std::move(parts[kAnswerFile])};
+  if (auto valid = check_part<v1::JobBundle>(parts[kFactsFile], kFactsFile, most); !valid)
+    return unexpected(valid.error());
+  if (auto valid = check_part<v1::SolveRequest>(bundle.request, kRequestFile, most); !valid)
+    return unexpected(valid.error());
+  if (auto valid = check_part<v1::SolveResponse>(bundle.answer, kAnswerFile, most); !valid)
+    return unexpected(valid.error());
   if (auto read = parse(parts[kFactsFile], kFactsFile, &bundle.facts); !read) return unexpected(read.error());
   const auto check = [](std::int64_t told, const std::string& there, const char* name) -> Expected<void> {
     if (told == static_cast<std::int64_t>(there.size())) return {};

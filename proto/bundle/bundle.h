@@ -38,8 +38,9 @@ using BundleSink = std::function<Expected<void>(std::string_view)>;
 [[nodiscard]] Expected<void> write_bundle(const Bundle& bundle, const BundleSink& sink);
 
 /// Reads a file's bytes: bundle, request and answer, by the last part of their names; all else is passed
-/// over. All of it may unpack to 256 MiB and 100 times the file's bytes. Errors: invalid_argument (no zstd,
-/// no tar, damaged, cut off, too large, a part is missing, there twice or no such message).
+/// over. All of it may unpack to 256 MiB and 100 times the file's bytes, the parts that are read and what
+/// they become in memory take 64 MiB and 100 times these. Errors: invalid_argument (no zstd, no tar, damaged,
+/// cut off, too large, a part is missing, there twice or no such message).
 [[nodiscard]] Expected<Bundle> read_bundle(std::string_view file);
 
 }  // namespace marble

@@ -160,9 +160,10 @@ Expected<void> TarZstWriter::add(const std::string& name, std::uint64_t size, st
 
 Expected<void> TarZstWriter::finish() { return put(std::string(2 * kBlock, '\0'), ZSTD_e_end); }
 
-Expected<void> read_tar_zst(std::string_view file, std::uint64_t most_bytes,
-                            const std::function<Expected<TarTake>(std::string_view name)>& ask,
-                            const std::function<void(std::string_view name, std::string content)>& take) {
+Expected<void> read_tar_zst(
+    std::string_view file, std::uint64_t most_bytes,
+    const std::function<Expected<TarTake>(std::string_view name, std::uint64_t size)>& ask,
+    const std::function<void(std::string_view name, std::string content)>& take) {
   Unpacked unpacked(file, most_bytes);
   while (true) {
     Header header{};
@@ -179,7 +180,7 @@ Expected<void> read_tar_zst(std::string_view file, std::uint64_t most_bytes,
     const std::string_view name(header.data(), strnlen(header.data(), kNameBytes));
     TarTake how = TarTake::skip;
     if (header[kType.at] == '0' || header[kType.at] == '\0') {
-      const auto asked = ask(name);
+      const auto asked = ask(name, size);
       if (!asked) return unexpected(asked.error());
       how = *asked;
     }

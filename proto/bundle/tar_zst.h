@@ -43,7 +43,7 @@ enum class TarTake { skip, keep };
 /// all. Errors: invalid_argument, with what is wrong; what `ask` returns.
 [[nodiscard]] Expected<void> read_tar_zst(
     std::string_view file, std::uint64_t most_bytes,
-    const std::function<Expected<TarTake>(std::string_view name)>& ask,
+    const std::function<Expected<TarTake>(std::string_view name, std::uint64_t size)>& ask,
     const std::function<void(std::string_view name, std::string content)>& take);
 
 }  // namespace marble

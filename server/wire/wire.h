@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "marble/error.h"
-#include "wire/wire_fields.h"
+#include "marble/wire_fields.h"
 
 namespace marble::server {
 
@@ -26,7 +26,8 @@ template <class Message>
   auto* own = const_cast<grpc::ByteBuffer*>(bytes);
   // A field takes two bytes at least: short messages, the most frequent ones, need not be looked through.
   if (static_cast<std::int64_t>(own->Length()) > 2 * most_fields) {
-    if (auto valid = check_fields(*own, *Message::descriptor(), most_fields); !valid) {
+    grpc::ProtoBufferReader reader(own);
+    if (auto valid = check_fields(reader, *Message::descriptor(), most_fields); !valid) {
       own->Clear();
       return valid;
     }

@@ -1,7 +1,11 @@
 // Bundles as files: whole or told to be damaged, whatever the bytes.
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
 #include <random>
 
 #include "replay_test.h"
+#include "support/processes/raw_http2.h"
 
 namespace marble::testing {
 namespace {
@@ -89,7 +93,7 @@ TEST(Bundles, MayNotUnpackToAnythingThatIsOutOfProportion) {
   const std::uint64_t megabytes = 600;
   const std::string bomb = file_of([&](TarZstWriter& writer) {
     EXPECT_TRUE(
-        writer.add("request.pb", megabytes << 20, 0, [&](const TarZstWriter::Tell& tell) -> Expected<void> {
+        writer.add("README.txt", megabytes << 20, 0, [&](const TarZstWriter::Tell& tell) -> Expected<void> {
           for (std::uint64_t i = 0; i < megabytes; ++i) {
             if (auto told = tell(zeros); !told) return told;
           }
@@ -98,6 +102,52 @@ TEST(Bundles, MayNotUnpackToAnythingThatIsOutOfProportion) {
   });
   EXPECT_LT(bomb.size(), 200'000U);
   expect_refused(bomb, "would unpack to more than");
+}
+
+// A message of a field of this number, which holds so many empty messages of number 1.
+std::string empty_messages(int field, std::size_t count) {
+  std::string inner, bytes;
+  for (std::size_t i = 0; i < count; ++i) inner += std::string("\x0a\0", 2);
+  google::protobuf::io::StringOutputStream stream(&bytes);
+  google::protobuf::io::CodedOutputStream out(&stream);
+  out.WriteTag(static_cast<std::uint32_t>(field << 3 | 2));
+  out.WriteVarint32(static_cast<std::uint32_t>(inner.size()));
+  out.WriteString(inner);
+  out.Trim();
+  return bytes;
+}
+
+std::string bomb_of(const std::string& facts, const std::string& request, const std::string& answer = "") {
+  return file_of([&](TarZstWriter& writer) {
+    add(writer, "job.pb", facts);
+    add(writer, "request.pb", request);
+    if (!answer.empty()) add(writer, "answer.pb", answer);
+  });
+}
+
+TEST(Bundles, MayNotBecomeInMemoryWhatIsOutOfProportion) {
+  const std::string facts = small_bundle().facts.SerializeAsString(), request = small_bundle().request;
+  const std::size_t count = 15'000'000;
+  const std::string blocks = empty_messages(v1::SolveRequest::kCoupledFieldNumber, count);
+  const std::string rows = empty_messages(v1::GetJobResponse::kTraceFieldNumber, count);
+  std::string trace;
+  {
+    google::protobuf::io::StringOutputStream stream(&trace);
+    google::protobuf::io::CodedOutputStream out(&stream);
+    out.WriteTag(v1::JobBundle::kJobFieldNumber << 3 | 2);
+    out.WriteVarint32(static_cast<std::uint32_t>(rows.size()));
+    out.WriteString(rows);
+  }
+  for (const auto& [file, part] :
+       {std::pair(bomb_of(facts, blocks), "request.pb: "), std::pair(bomb_of(trace, request), "job.pb: "),
+        std::pair(bomb_of(facts, request, empty_messages(v1::SolveResponse::kSolutionFieldNumber, count)),
+                  "answer.pb: ")}) {
+    EXPECT_LT(file.size(), 20'000U);
+    expect_refused(file, part);
+  }
+  const std::string large(std::size_t{70} << 20, '\0');
+  expect_refused(bomb_of(facts, large), "a file of this size may have at most");
+  EXPECT_LT(resident_bytes(getpid()), std::int64_t{1} << 30);
 }
 
 TEST(Bundles, WithPartsMissingTwiceOrOfAnotherKindAreRefused) {

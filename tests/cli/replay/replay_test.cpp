@@ -201,6 +201,35 @@ TEST_F(Replay, AJobThatFailedIsComparedByItsError) {
   EXPECT_EQ(here.lines().at(0)["first"]["now"], "an answer");
 }
 
+TEST_F(Replay, RefusesAFewKilobytesOfNestedFieldsByNameInHalfAGigabyte) {
+  std::string blocks("\x4a\x80\x87\xa7\x0e", 5);  // coupled, of 30 million bytes
+  for (int i = 0; i < 15'000'000; ++i) blocks += std::string_view("\x0a\0", 2);
+  Bundle bundle;
+  bundle.facts.set_request_bytes(static_cast<std::int64_t>(blocks.size()));
+  std::string packed;
+  TarZstWriter writer([&](std::string_view bytes) -> Expected<void> {
+    packed += bytes;
+    return {};
+  });
+  const std::string facts = bundle.facts.SerializeAsString();
+  for (const auto& [name, content] :
+       {std::pair("job.pb", &std::as_const(facts)), std::pair("request.pb", &std::as_const(blocks))}) {
+    EXPECT_TRUE(writer.add(name, content->size(), 0,
+                           [&, all = content](const TarZstWriter::Tell& tell) { return tell(*all); }));
+  }
+  EXPECT_TRUE(writer.finish());
+  EXPECT_LT(packed.size(), 10'000U);
+  const std::string path = file("small.tar.zst", packed), err = directory_.file("limited");
+  ChildProcess limited({"/bin/sh", "-c",
+                        std::string("ulimit -v 524288; exec '") + MARBLE_BINARY + "' replay '" + path +
+                            "' >'" + err + "' 2>&1"},
+                       directory_.file("shell"));
+  EXPECT_EQ(limited.wait(), 2);
+  const std::string said = read_file(err);
+  EXPECT_NE(said.find("small.tar.zst: is no bundle: request.pb: coupled.blocks["), std::string::npos) << said;
+  EXPECT_NE(said.find("fields"), std::string::npos) << said;
+}
+
 TEST_F(Replay, WhatIsNoBundleIsToldAsSuch) {
   const Result missing = replay("nowhere.tar.zst");
   EXPECT_EQ(missing.exit_code, 2);

@@ -48,7 +48,8 @@ class Replay : public Cli {
                                    const std::function<void(std::string_view, std::string)>& take) {
     constexpr std::uint64_t kMost = 1 << 30;
     return read_tar_zst(
-        file, kMost, [](std::string_view) -> Expected<TarTake> { return TarTake::keep; }, take);
+        file, kMost, [](std::string_view, std::uint64_t) -> Expected<TarTake> { return TarTake::keep; },
+        take);
   }
   std::string write(const Bundle& bundle) {
     const std::string path = bundle_path();

@@ -38,9 +38,8 @@ class SessionMemory : public ServiceTest {
     return call;
   }
   static Expected<void> check(const std::string& message, const google::protobuf::Descriptor& type) {
-    const grpc::Slice slice(message);
-    grpc::ByteBuffer bytes(&slice, 1);
-    return server::check_fields(bytes, type, server::kMostFields);
+    google::protobuf::io::ArrayInputStream bytes(message.data(), static_cast<int>(message.size()));
+    return check_fields(bytes, type, server::kMostFields);
   }
   static v1::SessionRequest update(std::int64_t sequence, int numbers = 0) {
     v1::SessionRequest request;

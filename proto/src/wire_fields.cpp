@@ -1,15 +1,14 @@
-#include "wire/wire_fields.h"
+#include "marble/wire_fields.h"
 
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/wire_format_lite.h>
-#include <grpcpp/support/proto_buffer_reader.h>
 
 #include <string>
 
 #include "marble/composite/coupled.h"
 #include "marble/v1/coupled.pb.h"
 
-namespace marble::server {
+namespace marble {
 namespace {
 
 using google::protobuf::FieldDescriptor;
@@ -99,16 +98,14 @@ class FieldCounter {
 
 }  // namespace
 
-Expected<void> check_fields(grpc::ByteBuffer& bytes, const google::protobuf::Descriptor& type,
-                            std::int64_t most) {
-  grpc::ProtoBufferReader reader(&bytes);
-  if (!reader.status().ok()) return {};
-  google::protobuf::io::CodedInputStream input(&reader);
+Expected<void> check_fields(google::protobuf::io::ZeroCopyInputStream& bytes,
+                            const google::protobuf::Descriptor& type, std::int64_t most) {
+  google::protobuf::io::CodedInputStream input(&bytes);
   FieldCounter counter(input, most);
   if (counter.count(type) || !counter.too_many()) return {};
   return unexpected(
       invalid(counter.path(), "is beyond the " + std::to_string(most) +
-                                  " fields that the request may have, an array of numbers counted as one"));
+                                  " fields that the message may have, an array of numbers counted as one"));
 }
 
-}  // namespace marble::server
+}  // namespace marble
