@@ -40,6 +40,7 @@ Quota quota_of_settings(const Settings& settings) {
           share_of(settings.queue_jobs, settings.client_queued),
           share_of(settings.sessions, settings.client_sessions),
           share_of(settings.watchers, settings.client_watchers),
+          share_of(settings.bundles, settings.client_bundles),
           or_none(settings.client_bytes),
           static_cast<Priority>(priority)};
 }

@@ -13,6 +13,7 @@ struct Quota {
   int queued = std::numeric_limits<int>::max();                   ///< jobs that wait
   int sessions = std::numeric_limits<int>::max();                 ///< open sessions
   int watchers = std::numeric_limits<int>::max();                 ///< feeds of job events
+  int bundles = std::numeric_limits<int>::max();                  ///< replay bundles at once
   std::int64_t bytes = std::numeric_limits<std::int64_t>::max();  ///< of requests that wait or run
   Priority priority = Priority::realtime;                         ///< the highest it may ask for
 };

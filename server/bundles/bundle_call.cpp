@@ -1,6 +1,7 @@
 #include "bundles/bundle_call.h"
 
 #include <algorithm>
+#include <sstream>
 
 #include "service/admission.h"
 #include "wire/status.h"
@@ -23,16 +24,16 @@ std::string next_piece(const std::string& all, std::size_t& told, std::size_t mo
 grpc::ServerWriteReactor<grpc::ByteBuffer>* BundleCall::begin(const ServiceParts& parts,
                                                               grpc::CallbackServerContext& context,
                                                               const grpc::ByteBuffer* request) {
-  const std::shared_ptr<BundleCall> call(new BundleCall(parts));
+  const std::shared_ptr<BundleCall> call(new BundleCall(parts, context));
   call->self_ = call;
-  if (const auto started = call->start(context, request); !started)
+  if (const auto started = call->start(request); !started)
     call->end_at_once(to_status(started.error(), parts.scheduler.retry_delay_s()));
   return call.get();
 }
 
-Expected<void> BundleCall::start(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request) {
-  Origin origin = origin_of(context);
-  const auto caller = identify(parts_, context, origin);
+Expected<void> BundleCall::start(const grpc::ByteBuffer* request) {
+  Origin origin = origin_of(context_);
+  const auto caller = identify(parts_, context_, origin);
   if (!caller) return unexpected(caller.error());
   v1::JobBundleRequest message;
   if (auto parsed = parse(request, &message); !parsed) return parsed;
@@ -55,8 +56,29 @@ void BundleCall::gathered(const Expected<GatheredBundle>& bundle) {
   go_on();
 }
 
+// The place is given back as soon as the client is too slow. The reason goes behind the piece on its way; who
+// does not take that either is cut off.
+void BundleCall::pulse(Clock::time_point now) {
+  bool cuts = false;
+  {
+    const MutexLock lock(mutex_);
+    const double waits_s = std::chrono::duration<double>(now - piece_since_).count();
+    const double most_s = parts_.config.bundle_idle_s;
+    if (writing() && bundle_ != nullptr && waits_s > most_s) {
+      bundle_.reset();
+      std::ostringstream rule;
+      rule << "a piece of a bundle must be taken within " << most_s << " s";
+      fault_ = failure(ErrorCode::deadline_exceeded, "bundle_idle_s", rule.str());
+    }
+    cuts = writing() && fault_ && waits_s > 2.0 * most_s;
+  }
+  if (cuts) cut(context_);
+  go_on();
+}
+
 bool BundleCall::next_event(v1::JobBundleResponse* event) {
   if (bundle_ == nullptr) return false;
+  piece_since_ = Clock::now();
   const std::size_t most = std::min(kPiece, static_cast<std::size_t>(parts_.config.message_bytes) / 2);
   if (!std::exchange(began_, true)) {
     *event->mutable_bundle() = bundle_->facts;

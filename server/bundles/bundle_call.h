@@ -19,21 +19,23 @@ class BundleCall final
                                                            grpc::CallbackServerContext& context,
                                                            const grpc::ByteBuffer* request);
 
-  // From the pulse: drain.
-  void pulse(Clock::time_point /*now*/) override { go_on(); }
+  // From the pulse: a drain, a client that takes nothing.
+  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
-  explicit BundleCall(const ServiceParts& parts) : parts_(parts) {}
-  [[nodiscard]] Expected<void> start(grpc::CallbackServerContext& context, const grpc::ByteBuffer* request)
-      ABSL_LOCKS_EXCLUDED(mutex_);
+  BundleCall(const ServiceParts& parts, grpc::CallbackServerContext& context)
+      : parts_(parts), context_(context) {}
+  [[nodiscard]] Expected<void> start(const grpc::ByteBuffer* request) ABSL_LOCKS_EXCLUDED(mutex_);
   void gathered(const Expected<GatheredBundle>& bundle) ABSL_LOCKS_EXCLUDED(mutex_);
   // The pump's.
   [[nodiscard]] bool next_event(v1::JobBundleResponse* event) override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::optional<grpc::Status> ending() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const ServiceParts& parts_;
+  grpc::CallbackServerContext& context_;
   GatheredBundle bundle_ ABSL_GUARDED_BY(mutex_);
   std::optional<Error> fault_ ABSL_GUARDED_BY(mutex_);
+  Clock::time_point piece_since_ ABSL_GUARDED_BY(mutex_);  // the newest one is on its way
   bool began_ ABSL_GUARDED_BY(mutex_) = false;
   std::size_t requested_ ABSL_GUARDED_BY(mutex_) = 0;  // bytes that were told, of the request
   std::size_t answered_ ABSL_GUARDED_BY(mutex_) = 0;   // of the answer

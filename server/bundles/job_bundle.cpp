@@ -23,17 +23,15 @@ Expected<void> check_access(const ServiceParts& parts, const Identity& caller, c
                             "is another client's job; its problem is for that client and the role admin"));
 }
 
-// A place among those that are made at once, given back with the bundle.
-std::shared_ptr<Bundle> place_for_one(const ServiceParts& parts) {
-  const auto count = parts.bundles;
-  if (count->fetch_add(1) >= parts.config.bundles) {
-    count->fetch_sub(1);
-    return nullptr;
-  }
-  return {new Bundle, [count](Bundle* bundle) {
-            delete bundle;
-            count->fetch_sub(1);
-          }};
+// One that is counted for this client until it is let go.
+Expected<std::shared_ptr<Bundle>> counted_bundle(const ServiceParts& parts, const std::string& client) {
+  const auto limit = parts.bundles;
+  if (auto entered = limit->enter(client, parts.access.quota_of(client).bundles); !entered)
+    return unexpected(entered.error());
+  return std::shared_ptr<Bundle>(new Bundle, [limit, client](Bundle* bundle) {
+    delete bundle;
+    limit->leave(client);
+  });
 }
 
 }  // namespace
@@ -41,12 +39,9 @@ std::shared_ptr<Bundle> place_for_one(const ServiceParts& parts) {
 void gather_bundle(const ServiceParts& parts, const Identity& caller, const std::string& id,
                    const std::function<void(Expected<GatheredBundle>)>& then) {
   if (auto allowed = check_access(parts, caller, id); !allowed) return then(unexpected(allowed.error()));
-  const auto bundle = place_for_one(parts);
-  if (bundle == nullptr) {
-    return then(
-        unexpected(failure(ErrorCode::resource_exhausted, "bundles", std::to_string(parts.config.bundles),
-                           "is how many the server makes at once (its setting bundles); try again")));
-  }
+  const auto counted = counted_bundle(parts, caller.client);
+  if (!counted) return then(unexpected(counted.error()));
+  const std::shared_ptr<Bundle> bundle = *counted;
   tell_build(&bundle->facts);
   const auto record = parts.board.find(id);
   v1::GetJobResponse* job = bundle->facts.mutable_job();

@@ -11,13 +11,13 @@
 
 namespace marble::server {
 
-/// Counted among `bundles` for as long as anybody has it.
+/// Counted among `bundles`, and those of its client, until it is let go.
 using GatheredBundle = std::shared_ptr<const Bundle>;
 
 /// Gathers it, and tells it or why there is none, on whatever thread has the last part. Errors: not_found,
 /// permission_denied (who may see the job, and is neither its client nor has the role admin),
 /// failed_precondition (a job that was not submitted, or whose request is not kept any more),
-/// resource_exhausted (`bundles` are being made), unavailable.
+/// resource_exhausted (`bundles`, `client_bundles`), unavailable.
 void gather_bundle(const ServiceParts& parts, const Identity& caller, const std::string& id,
                    const std::function<void(Expected<GatheredBundle>)>& then);
 

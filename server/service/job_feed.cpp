@@ -18,33 +18,6 @@ double seconds_since(Clock::time_point then, Clock::time_point now) {
 
 }  // namespace
 
-Expected<void> FeedLimit::enter(const std::string& client, int most_own) {
-  const auto full = [](const char* field, std::string bound) {
-    return unexpected(failure(ErrorCode::resource_exhausted, field, std::move(bound)));
-  };
-  const MutexLock lock(mutex_);
-  if (open_ >= most_) return full("watchers", "at most " + std::to_string(most_) + " may watch");
-  const auto own = of_client_.find(client);
-  if (own != of_client_.end() && own->second >= most_own) {
-    return full("client_watchers", "the client \"" + client + "\" may watch at most " +
-                                       std::to_string(most_own) + " times at once");
-  }
-  ++open_;
-  ++of_client_[client];
-  return {};
-}
-
-void FeedLimit::leave(const std::string& client) {
-  const MutexLock lock(mutex_);
-  --open_;
-  if (--of_client_[client] == 0) of_client_.erase(client);
-}
-
-int FeedLimit::open() const {
-  const MutexLock lock(mutex_);
-  return open_;
-}
-
 Expected<std::unique_ptr<JobFeed>> JobFeed::open(const JobBoard& board, FeedLimit& limit,
                                                  const Identity& viewer, const Quota& quota,
                                                  const v1::WatchJobsRequest& request) {

@@ -2,35 +2,21 @@
 #pragma once
 
 #include <deque>
-#include <map>
 #include <memory>
 #include <vector>
 
 #include "base/identity.h"
 #include "base/quota.h"
+#include "jobs/client_limit.h"
 #include "jobs/job_board.h"
 #include "marble/v1/job.pb.h"
-#include "mutex.h"
 
 namespace marble::server {
 
-/// How many feeds there are, and may be. Thread-safe.
-class FeedLimit {
+/// How many feeds there are, and may be.
+class FeedLimit : public ClientLimit {
  public:
-  explicit FeedLimit(int most) : most_(most) {}
-
-  /// Every enter() that succeeds has its leave(). Errors: resource_exhausted, for the server's limit or the
-  /// client's, `most_own`.
-  [[nodiscard]] Expected<void> enter(const std::string& client, int most_own) ABSL_LOCKS_EXCLUDED(mutex_);
-  void leave(const std::string& client) ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] int open() const ABSL_LOCKS_EXCLUDED(mutex_);
-  [[nodiscard]] int most() const { return most_; }
-
- private:
-  const int most_;
-  mutable Mutex mutex_;
-  int open_ ABSL_GUARDED_BY(mutex_) = 0;
-  std::map<std::string, int> of_client_ ABSL_GUARDED_BY(mutex_);
+  explicit FeedLimit(int most) : ClientLimit("watchers", most) {}
 };
 
 /// Looks at the jobs' records when it is asked: a slow reader costs nothing but what it misses. One thread

@@ -1,11 +1,11 @@
 // What the calls of all services work with.
 #pragma once
 
-#include <atomic>
 #include <memory>
 
 #include "access/access.h"
 #include "config/config.h"
+#include "jobs/client_limit.h"
 #include "jobs/job_board.h"
 #include "jobs/result_store.h"
 #include "log/log.h"
@@ -34,7 +34,8 @@ struct ServiceParts {
   ConnectionTable& connections;
   LiveCalls& calls;
   Submissions* submissions = nullptr;  ///< set before anybody calls
-  std::shared_ptr<std::atomic<int>> bundles = std::make_shared<std::atomic<int>>(0);  ///< being made
+  /// Of those that are made or sent.
+  std::shared_ptr<ClientLimit> bundles = std::make_shared<ClientLimit>("bundles", config.bundles);
   Clock::time_point started = Clock::now();
 };
 

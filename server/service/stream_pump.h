@@ -1,6 +1,7 @@
 // What every call with a stream does with gRPC: one read and one write in flight, and an end after both.
 #pragma once
 
+#include <grpcpp/server_context.h>
 #include <grpcpp/support/byte_buffer.h>
 #include <grpcpp/support/status.h>
 
@@ -81,6 +82,17 @@ class StreamPump : public Reactor {
     }
     this->Finish(status);
   }
+  /// Cancels a call whose client takes nothing; it may have ended meanwhile.
+  void cut(grpc::CallbackServerContext& context) ABSL_LOCKS_EXCLUDED(mutex_) {
+    {
+      const MutexLock lock(mutex_);
+      if (finishing_) return;
+      ++starting_;  // the context is there until the call ends
+    }
+    context.TryCancel();
+    const MutexLock lock(mutex_);
+    --starting_;
+  }
   /// For OnReadDone(), which not every reactor has.
   void read_done(bool ok) ABSL_LOCKS_EXCLUDED(mutex_) {
     received(ok ? &incoming_ : nullptr);
@@ -96,6 +108,8 @@ class StreamPump : public Reactor {
   [[nodiscard]] bool read_all() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return read_all_; }
   /// Nobody reads any more.
   [[nodiscard]] bool broken() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return broken_; }
+  /// A write is in flight.
+  [[nodiscard]] bool writing() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return writing_; }
   [[nodiscard]] bool finishing() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return finishing_; }
 
   Mutex mutex_;
@@ -157,9 +171,9 @@ class StreamPump : public Reactor {
   grpc::ByteBuffer incoming_;  // the read in flight
   grpc::ByteBuffer outgoing_;  // the write in flight
   bool reading_ ABSL_GUARDED_BY(mutex_) = false;
-  // Reads that gRPC is about to be asked for. A thread of ours may do so while gRPC's tells that the client
-  // is gone. Finishing waits until it has: afterwards gRPC may be done with the call, and asking would use
-  // memory it has freed.
+  // Reads, or an end, that gRPC is about to be asked for. A thread of ours may do so while gRPC's tells that
+  // the client is gone. Finishing waits until it has: afterwards gRPC may be done with the call, and asking
+  // would use memory it has freed.
   int starting_ ABSL_GUARDED_BY(mutex_) = 0;
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
   bool read_all_ ABSL_GUARDED_BY(mutex_) = false;  // the client has closed its side
