@@ -17,6 +17,8 @@
 namespace marble::server {
 namespace {
 
+constexpr std::chrono::seconds kAnswerTime{5};  // for clients to take the last answers, as on the gRPC port
+
 // A second server on the port must fail, not share it: httplib's default allows it.
 void set_socket_options(int socket) {
   const int yes = 1;
@@ -79,7 +81,8 @@ HttpServer::HttpServer(const ServiceParts& parts, const std::string& address,
       places_(std::make_unique<http::Places>(most_lasting(parts.config), parts.config.transport_bytes)),
       events_(std::make_unique<http::EventHub>(parts, *places_)),
       server_(std::make_unique<http::BoundedServer>(tls_of(parts, address), parts.config.http_connections,
-                                                    line_time_of(parts.config))),
+                                                    line_time_of(parts.config),
+                                                    parts.config.http_answer_rate)),
       router_(std::make_unique<http::Router>(*server_)) {
   server_->set_socket_options(set_socket_options);
   server_->set_tcp_nodelay(true);
@@ -91,7 +94,7 @@ HttpServer::HttpServer(const ServiceParts& parts, const std::string& address,
   server_->set_default_headers(http::safety_headers());
   set_handlers(http::is_loopback(address));
   http::add_health_routes(*router_, parts, listeners);
-  http::add_job_routes(*router_, parts);
+  http::add_job_routes(*router_, parts, *places_);
   http::add_submission_routes(*router_, parts, *places_);
   http::add_event_routes(*router_, parts, *events_);
   http::add_metrics_route(*router_, parts);
@@ -154,11 +157,10 @@ Expected<std::unique_ptr<HttpServer>> HttpServer::start(const ServiceParts& part
 }
 
 HttpServer::~HttpServer() {
-  server_->hurry();
   events_->stop();
+  server_->finish(kAnswerTime);
   server_->stop();
   if (thread_.joinable()) thread_.join();
-  server_->finish();
 }
 
 }  // namespace marble::server

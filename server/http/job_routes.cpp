@@ -74,36 +74,52 @@ std::string trace_csv(const JobRecord::Trace& trace) {
 
 /// Answers with what `ask` fills, for the job that the path names.
 template <class Response, class Ask>
-Answer of_job(const ServiceParts& parts, Ask ask) {
-  return [&parts, ask](const httplib::Request& request, const Identity& caller,
-                       httplib::Response& response) -> Expected<void> {
+Answer of_job(const ServiceParts& parts, Places& places, Ask ask) {
+  return [&parts, &places, ask](const httplib::Request& request, const Identity& caller,
+                                httplib::Response& response) -> Expected<void> {
     const std::string id = request.matches[1].str();
     if (auto looked = look(parts, id); !looked) return looked;
-    Response message;
-    if (auto asked = ask(parts.board, caller, id, &message); !asked) return asked;
-    reply_json(response, message);
-    return {};
+    const auto message = std::make_shared<Response>();
+    if (auto asked = ask(parts.board, caller, id, message.get()); !asked) return asked;
+    return reply_long_json(response, places, caller.client, message);
   };
 }
 
+// Of request and answer while a bundle is made, to a byte of them: they, their messages, their texts and the
+// file.
+constexpr std::int64_t kBytesOfBundle = 8;
+
 // On a thread that may wait.
-Expected<std::string> bundle_of(const ServiceParts& parts, const Identity& caller, const std::string& id) {
+Expected<void> reply_bundle(const ServiceParts& parts, Places& places, const Identity& caller,
+                            const std::string& id, httplib::Response& response) {
   const auto gathered = std::make_shared<std::promise<Expected<GatheredBundle>>>();
   gather_bundle(parts, caller, id,
                 [gathered](const Expected<GatheredBundle>& how) { gathered->set_value(how); });
   const auto bundle = gathered->get_future().get();
   if (!bundle) return unexpected(bundle.error());
-  std::string file;
+  const auto parts_size = static_cast<std::int64_t>((*bundle)->request.size() + (*bundle)->answer.size());
+  auto memory = places.hold(caller.client, kBytesOfBundle * parts_size);
+  if (!memory) return unexpected(memory.error());
+  // The bundle counts among those that are sent, until its file is.
+  struct Sent {
+    GatheredBundle bundle;
+    std::string file;
+  };
+  const auto sent = std::make_shared<Sent>(Sent{*bundle, ""});
   const auto written = write_bundle(**bundle, [&](std::string_view bytes) -> Expected<void> {
-    file += bytes;
+    sent->file += bytes;
     return {};
   });
-  return written ? Expected<std::string>(std::move(file)) : unexpected(written.error());
+  if (!written) return written;
+  if (auto resized = memory->resize(parts_size + static_cast<std::int64_t>(sent->file.capacity())); !resized)
+    return resized;
+  set_file_name(response, id, ".tar.zst");
+  return reply_long_bytes(response, places, *std::move(memory), {sent, &sent->file}, "application/zstd");
 }
 
 }  // namespace
 
-void add_job_routes(Router& router, const ServiceParts& parts) {
+void add_job_routes(Router& router, const ServiceParts& parts, Places& places) {
   router.get("/api/info", endpoint(parts,
                                    [&parts](const httplib::Request&, const Identity& caller,
                                             httplib::Response& response) -> Expected<void> {
@@ -113,19 +129,18 @@ void add_job_routes(Router& router, const ServiceParts& parts) {
                                      return {};
                                    }));
   router.get("/api/jobs", endpoint(parts,
-                                   [&parts](const httplib::Request& request, const Identity& caller,
-                                            httplib::Response& response) -> Expected<void> {
+                                   [&](const httplib::Request& request, const Identity& caller,
+                                       httplib::Response& response) -> Expected<void> {
                                      const auto asked = list_request(request);
                                      if (!asked) return unexpected(asked.error());
                                      if (auto looked = look(parts); !looked) return looked;
-                                     v1::ListJobsResponse message;
-                                     if (auto listed = list_jobs(parts.board, caller, *asked, &message);
+                                     const auto message = std::make_shared<v1::ListJobsResponse>();
+                                     if (auto listed = list_jobs(parts.board, caller, *asked, message.get());
                                          !listed)
                                        return listed;
-                                     reply_json(response, message);
-                                     return {};
+                                     return reply_long_json(response, places, caller.client, message);
                                    }));
-  router.get("/api/jobs/([^/]+)", endpoint(parts, of_job<v1::GetJobResponse>(parts, get_job)));
+  router.get("/api/jobs/([^/]+)", endpoint(parts, of_job<v1::GetJobResponse>(parts, places, get_job)));
   router.get("/api/jobs/([^/]+)/trace\\.csv",
              endpoint(parts,
                       [&parts](const httplib::Request& request, const Identity& caller,
@@ -139,18 +154,13 @@ void add_job_routes(Router& router, const ServiceParts& parts) {
                                              "text/csv; charset=utf-8; header=present");
                         return {};
                       }));
-  router.get("/api/jobs/([^/]+)/bundle",
-             endpoint(parts,
-                      [&parts](const httplib::Request& request, const Identity& caller,
-                               httplib::Response& response) -> Expected<void> {
-                        const std::string id = request.matches[1].str();
-                        if (auto looked = look(parts, id); !looked) return looked;
-                        const auto file = bundle_of(parts, caller, id);
-                        if (!file) return unexpected(file.error());
-                        set_file_name(response, id, ".tar.zst");
-                        response.set_content(*file, "application/zstd");
-                        return {};
-                      }));
+  router.get("/api/jobs/([^/]+)/bundle", endpoint(parts,
+                                                  [&](const httplib::Request& request, const Identity& caller,
+                                                      httplib::Response& response) -> Expected<void> {
+                                                    const std::string id = request.matches[1].str();
+                                                    if (auto looked = look(parts, id); !looked) return looked;
+                                                    return reply_bundle(parts, places, caller, id, response);
+                                                  }));
   router.post("/api/jobs/([^/]+)/cancel",
               endpoint(parts,
                        [&parts](const httplib::Request& request, const Identity& caller,

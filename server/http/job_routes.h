@@ -1,11 +1,12 @@
 // /api/info and /api/jobs: what Server.GetInfo and Jobs.List, Get and Cancel tell, as JSON.
 #pragma once
 
+#include "http/requests/places.h"
 #include "http/requests/router.h"
 #include "service/service_parts.h"
 
 namespace marble::server::http {
 
-void add_job_routes(Router& router, const ServiceParts& parts);
+void add_job_routes(Router& router, const ServiceParts& parts, Places& places);
 
 }  // namespace marble::server::http

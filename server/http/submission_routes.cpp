@@ -21,9 +21,10 @@
 namespace marble::server::http {
 namespace {
 
-// Of a text and what is made of it, to a byte of the text, or of the message that a text is made of: numbers
-// in vectors and in a message, or two copies of a text of 20 digits a number.
-constexpr std::int64_t kBytesOfByte = 8;
+// Of a body and what is made of it, to a byte of the body: its text, numbers in vectors and in a message.
+constexpr std::int64_t kBytesOfBody = 8;
+// Of an answer while it is read, to a byte of it: whole numbers of one byte become four.
+constexpr std::int64_t kBytesOfAnswer = 4;
 
 constexpr std::int64_t kAllFields = std::numeric_limits<std::int64_t>::max() / 4;  // of what is ours
 
@@ -69,7 +70,7 @@ Expected<void> submit_body(const ServiceParts& parts, Places& places, const http
     return unexpected(invalid("Content-Length", "must be there: a body has no pieces here"));
   }
   const auto length = request.get_header_value<std::uint64_t>("Content-Length");
-  const auto memory = places.hold(kBytesOfByte * static_cast<std::int64_t>(length));
+  const auto memory = places.hold(identity->client, kBytesOfBody * static_cast<std::int64_t>(length));
   if (!memory) return unexpected(memory.error());
   std::shared_ptr<v1::SolveRequest> message;
   {
@@ -210,13 +211,12 @@ Answer answering(const ServiceParts& parts, Places& places) {
       return {};
     }
     grpc::ByteBuffer bytes(*result->answer);  // reading takes a buffer's bytes out of it
-    const auto memory = places.hold(kBytesOfByte * static_cast<std::int64_t>(bytes.Length()));
+    auto memory = places.hold(caller.client, kBytesOfAnswer * static_cast<std::int64_t>(bytes.Length()));
     if (!memory) return unexpected(memory.error());
-    v1::SolveResponse message;
-    if (auto parsed = parse(&bytes, &message, kAllFields); !parsed)
+    const auto message = std::make_shared<v1::SolveResponse>();
+    if (auto parsed = parse(&bytes, message.get(), kAllFields); !parsed)
       return unexpected(failure(ErrorCode::internal, "the answer that is kept cannot be read"));
-    reply_json(response, message);
-    return {};
+    return reply_long_json(response, places, *std::move(memory), message);
   };
 }
 

@@ -1,8 +1,8 @@
 // What few requests of the HTTP port may have at a time: a thread for long, memory for much.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <utility>
 
@@ -22,18 +22,31 @@ class Places {
   /// What one request has; given back at its end.
   class Place {
    public:
-    Place(Places& all, int threads, std::int64_t bytes) : all_(&all), threads_(threads), bytes_(bytes) {}
     Place(Place&& other) noexcept
-        : all_(std::exchange(other.all_, nullptr)), threads_(other.threads_), bytes_(other.bytes_) {}
+        : all_(std::exchange(other.all_, nullptr)),
+          threads_(other.threads_),
+          bytes_(other.bytes_),
+          client_(std::move(other.client_)) {}
     Place& operator=(Place&&) = delete;
     ~Place() {
-      if (all_ != nullptr) all_->leave(threads_, bytes_);
+      if (all_ != nullptr) all_->leave(*this);
+    }
+    /// Holds this many bytes from now on. Errors: resource_exhausted; it then has what it had.
+    [[nodiscard]] Expected<void> resize(std::int64_t bytes) {
+      if (auto taken = all_->take(client_, bytes_, bytes); !taken) return taken;
+      bytes_ = bytes;
+      return {};
     }
 
    private:
+    friend class Places;
+    Place(Places& all, int threads, std::int64_t bytes, std::string client)
+        : all_(&all), threads_(threads), bytes_(bytes), client_(std::move(client)) {}
+
     Places* all_;
     int threads_;
     std::int64_t bytes_;
+    std::string client_;
   };
 
   /// A thread for as long as the request likes. Errors: resource_exhausted.
@@ -44,24 +57,43 @@ class Places {
                                 "leaves room for " + std::to_string(threads_) + " requests that last"));
     }
     ++staying_;
-    return Place(*this, 1, 0);
+    return Place(*this, 1, 0, "");
   }
-  /// So many bytes; more than there are only where nobody else has any. Errors: resource_exhausted.
-  [[nodiscard]] Expected<Place> hold(std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_) {
-    const MutexLock lock(mutex_);
-    if (held_ > 0 && bytes > bytes_ - held_) {
-      return unexpected(failure(ErrorCode::resource_exhausted, "transport_bytes",
-                                "is taken by other requests; come back in a moment"));
-    }
-    held_ += bytes;
-    return Place(*this, 0, bytes);
+  /// So many bytes for a client, which has half of all at most. One request alone may have more: of a client,
+  /// and of all clients. Errors: resource_exhausted.
+  [[nodiscard]] Expected<Place> hold(const std::string& client, std::int64_t bytes)
+      ABSL_LOCKS_EXCLUDED(mutex_) {
+    if (auto taken = take(client, 0, bytes); !taken) return unexpected(taken.error());
+    return Place(*this, 0, bytes, client);
   }
 
  private:
-  void leave(int threads, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_) {
+  // `bytes` instead of `had`.
+  [[nodiscard]] Expected<void> take(const std::string& client, std::int64_t had, std::int64_t bytes)
+      ABSL_LOCKS_EXCLUDED(mutex_) {
     const MutexLock lock(mutex_);
-    staying_ -= threads;
-    held_ -= bytes;
+    const auto own = held_by_.find(client);
+    const std::int64_t of_client = own == held_by_.end() ? 0 : own->second - had;
+    const std::int64_t of_all = held_ - had;
+    if (bytes > had && of_all > 0 && bytes > bytes_ - of_all) {
+      return unexpected(failure(ErrorCode::resource_exhausted, "transport_bytes",
+                                "is taken by other requests; come back in a moment"));
+    }
+    if (bytes > had && of_client > 0 && bytes > bytes_ / 2 - of_client) {
+      return unexpected(
+          failure(ErrorCode::resource_exhausted, "transport_bytes",
+                  "is taken to its half by other requests of this client; come back in a moment"));
+    }
+    held_ = of_all + bytes;
+    held_by_[client] = of_client + bytes;
+    return {};
+  }
+  void leave(const Place& place) ABSL_LOCKS_EXCLUDED(mutex_) {
+    const MutexLock lock(mutex_);
+    staying_ -= place.threads_;
+    held_ -= place.bytes_;
+    const auto own = held_by_.find(place.client_);
+    if (own != held_by_.end() && (own->second -= place.bytes_) == 0) held_by_.erase(own);
   }
 
   const int threads_;
@@ -69,6 +101,7 @@ class Places {
   Mutex mutex_;
   int staying_ ABSL_GUARDED_BY(mutex_) = 0;
   std::int64_t held_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::map<std::string, std::int64_t> held_by_ ABSL_GUARDED_BY(mutex_);  // by client
 };
 
 }  // namespace marble::server::http

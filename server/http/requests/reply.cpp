@@ -1,17 +1,17 @@
 #include "http/requests/reply.h"
 
-#include <google/protobuf/util/json_util.h>
-
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "message_json.h"
 #include "wire/status.h"
 
 namespace marble::server::http {
 namespace {
 
 constexpr const char* kJson = "application/json";
+constexpr std::uint64_t kShort = 64 << 10;  // bytes; as much as a socket takes at once
 
 int status_of(ErrorCode code) {
   switch (code) {
@@ -47,12 +47,12 @@ std::string text_of(const nlohmann::json& json) {
 }  // namespace
 
 std::string to_json(const google::protobuf::Message& message) {
-  google::protobuf::util::JsonPrintOptions options;
-  options.preserve_proto_field_names = true;
-  options.always_print_primitive_fields = true;
   std::string text;
-  const auto status = google::protobuf::util::MessageToJsonString(message, &text, options);
-  return status.ok() ? text : "null";
+  write_message_json(message, [&](std::string_view piece) {
+    text += piece;
+    return true;
+  });
+  return text;
 }
 
 void reply_text(httplib::Response& response, std::string json) {
@@ -62,6 +62,59 @@ void reply_text(httplib::Response& response, std::string json) {
 
 void reply_json(httplib::Response& response, const google::protobuf::Message& message) {
   reply_text(response, to_json(message));
+}
+
+namespace {
+
+// Provides `length` bytes, all of them in one call; `put` writes them until the sink takes no more. What it
+// has lives as long as the response.
+template <class Put>
+Expected<void> reply_held(httplib::Response& response, Places& places, Places::Place memory,
+                          std::uint64_t length, const char* type, const Put& put) {
+  auto thread = places.stay();
+  if (!thread) return unexpected(thread.error());
+  const auto held =
+      std::make_shared<std::pair<Places::Place, Places::Place>>(std::move(memory), *std::move(thread));
+  response.set_content_provider(
+      static_cast<std::size_t>(length), type, [held, put](std::size_t, std::size_t, httplib::DataSink& sink) {
+        return put([&sink](std::string_view piece) { return sink.write(piece.data(), piece.size()); });
+      });
+  return {};
+}
+
+}  // namespace
+
+Expected<void> reply_long_json(httplib::Response& response, Places& places, Places::Place memory,
+                               std::shared_ptr<const google::protobuf::Message> message) {
+  std::string text;  // of a short one
+  std::uint64_t length = 0;
+  write_message_json(*message, [&](std::string_view piece) {
+    length += piece.size();
+    if (length <= kShort) text += piece;
+    return true;
+  });
+  if (length <= kShort) {
+    reply_text(response, std::move(text));
+    return {};
+  }
+  const auto size = static_cast<std::int64_t>(message->SpaceUsedLong()) + kJsonPieceBytes;
+  if (auto resized = memory.resize(size); !resized) return resized;
+  return reply_held(response, places, std::move(memory), length, kJson,
+                    [message](const TextSink& sink) { return write_message_json(*message, sink); });
+}
+
+Expected<void> reply_long_json(httplib::Response& response, Places& places, const std::string& client,
+                               std::shared_ptr<const google::protobuf::Message> message) {
+  auto memory = places.hold(client, 0);
+  if (!memory) return unexpected(memory.error());
+  return reply_long_json(response, places, *std::move(memory), std::move(message));
+}
+
+Expected<void> reply_long_bytes(httplib::Response& response, Places& places, Places::Place memory,
+                                std::shared_ptr<const std::string> bytes, const char* type) {
+  const std::size_t length = bytes->size();
+  return reply_held(response, places, std::move(memory), length, type,
+                    [bytes](const TextSink& sink) { return sink(*bytes); });
 }
 
 void reply_error(httplib::Response& response, const Error& error, double retry_delay_s) {

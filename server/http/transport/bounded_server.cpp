@@ -48,9 +48,11 @@ class AtOnce final : public httplib::TaskQueue {
 
 }  // namespace
 
-BoundedServer::BoundedServer(std::unique_ptr<TlsSessions> tls, int connections, Clock::duration line_time)
+BoundedServer::BoundedServer(std::unique_ptr<TlsSessions> tls, int connections, Clock::duration line_time,
+                             double answer_rate)
     : tls_(std::move(tls)),
       line_time_(line_time),
+      answer_rate_(answer_rate),
       requests_(static_cast<std::size_t>(connections)),
       lobby_(static_cast<std::size_t>(std::max(connections, kLeastWaiting)),
              [this](const Lobby::Guest& guest) {
@@ -59,7 +61,8 @@ BoundedServer::BoundedServer(std::unique_ptr<TlsSessions> tls, int connections, 
   new_task_queue = [] { return new AtOnce; };  // httplib deletes it
 }
 
-void BoundedServer::finish() {
+void BoundedServer::finish(Clock::duration time) {
+  stop_ = Clock::now() + time;
   lobby_.close();
   for (TaskQueue* queue : {&requests_, &healthz_, &readyz_}) queue->shutdown();
 }
@@ -67,7 +70,8 @@ void BoundedServer::finish() {
 bool BoundedServer::process_and_close_socket(socket_t socket) {
   TlsSession session = tls_ == nullptr ? nullptr : tls_->begin(socket);
   const bool usable = tls_ == nullptr || session != nullptr;
-  const auto connection = std::make_shared<Connection>(socket, std::move(session), line_time_, stopping_);
+  const auto connection =
+      std::make_shared<Connection>(socket, std::move(session), line_time_, answer_rate_, stop_);
   if (usable) lobby_.enter(connection);
   return usable;
 }

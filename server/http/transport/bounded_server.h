@@ -18,8 +18,10 @@ namespace marble::server::http {
 class BoundedServer final : public httplib::Server {
  public:
   /// `tls` is null in the clear. At most `connections` are served at once, each by a thread, and as many wait
-  /// for their request to arrive; its first line has `line_time`.
-  BoundedServer(std::unique_ptr<TlsSessions> tls, int connections, Clock::duration line_time);
+  /// for their request to arrive; its first line has `line_time`, and an answer is taken at `answer_rate` at
+  /// least.
+  BoundedServer(std::unique_ptr<TlsSessions> tls, int connections, Clock::duration line_time,
+                double answer_rate);
 
   static constexpr std::size_t kOrdinaryBody = 1 << 16;  ///< bytes
   /// How long the body of a request may be, and how fast one must come at least that is no ordinary one.
@@ -34,10 +36,10 @@ class BoundedServer final : public httplib::Server {
   /// After a port was bound: many may come at once. httplib's five are soon more, and the sixth waits a
   /// second until its kernel asks again.
   void queue_at_the_door() { ::listen(svr_sock_, SOMAXCONN); }
-  /// Before stop(): nobody is waited for any more.
-  void hurry() { stopping_ = true; }
-  /// After it: returns when what was asked is answered.
-  void finish();
+  /// Returns when all requests that have arrived are answered, or in about this time: no request is waited
+  /// for any more, and clients have so long to take their answers. Before stop(): httplib sends no more of an
+  /// answer then.
+  void finish(Clock::duration time);
 
  private:
   bool process_and_close_socket(socket_t socket) override;
@@ -46,8 +48,9 @@ class BoundedServer final : public httplib::Server {
 
   const std::unique_ptr<TlsSessions> tls_;
   const Clock::duration line_time_;
+  const double answer_rate_;  // bytes/s
   Bodies bodies_;
-  std::atomic<bool> stopping_ = false;
+  std::atomic<Clock::time_point> stop_ = Clock::time_point::max();  // the end of all answers
   TaskQueue requests_;
   TaskQueue healthz_{1}, readyz_{1};  // a probe waits for no request and for no other probe
   Lobby lobby_;

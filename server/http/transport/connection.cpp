@@ -29,12 +29,13 @@ void address_of(const sockaddr_storage& address, socklen_t length, std::string& 
 
 }  // namespace
 
-Connection::Connection(int socket, TlsSession session, Clock::duration line_time,
-                       const std::atomic<bool>& stopping)
+Connection::Connection(int socket, TlsSession session, Clock::duration line_time, double answer_rate,
+                       const std::atomic<Clock::time_point>& stop)
     : socket_(socket),
-      stopping_(stopping),
+      stop_(stop),
       session_(std::move(session)),
       line_time_(line_time),
+      answer_rate_(answer_rate),
       buffer_(kFirstBuffer) {
   fcntl(socket_, F_SETFL, fcntl(socket_, F_GETFL) | O_NONBLOCK);
   setsockopt(socket_, SOL_SOCKET, SO_SNDBUF, &kSendBuffer, sizeof kSendBuffer);
@@ -55,12 +56,14 @@ Connection::~Connection() {
 
 bool Connection::wait(short events, Clock::time_point until) const {
   while (true) {
-    const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now());
-    if (left.count() < 0) return false;
+    const Clock::time_point stop = stop_;
+    const bool may_wait = events == POLLOUT || stop == Clock::time_point::max();
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(std::min(until, stop) - Clock::now());
+    if (may_wait && left.count() < 0) return false;
     pollfd entry = {socket_, events, 0};
-    const int ready = poll(&entry, 1, stopping_ ? 0 : static_cast<int>(std::min(left, kStopCheck).count()));
+    const int ready = poll(&entry, 1, may_wait ? static_cast<int>(std::min(left, kStopCheck).count()) : 0);
     if (ready > 0) return true;
-    if (stopping_ || (ready < 0 && errno != EINTR)) return false;
+    if (!may_wait || (ready < 0 && errno != EINTR)) return false;
   }
 }
 
@@ -135,6 +138,7 @@ Clock::time_point Connection::due() const {
 int Connection::begin_request() {
   left_ = kLongestRequest;
   until_ = std::min(begun_ + kRequestTime, Clock::now() + line_time_);
+  may_wait_ = kWriteTime;
   return ++requests_;
 }
 
@@ -163,22 +167,25 @@ ssize_t Connection::read(char* bytes, std::size_t size) {
 }
 
 ssize_t Connection::write(const char* bytes, std::size_t size) {
-  const auto until = Clock::now() + kWriteTime;
+  const auto begin = Clock::now();
+  const auto until = begin + std::min<Clock::duration>(kWriteTime, may_wait_);
+  ssize_t sent = 0;
   while (true) {
     short events = POLLOUT;
     if (session_ != nullptr) {
       ERR_clear_error();
-      const int sent =
-          SSL_write(session_.get(), bytes, static_cast<int>(std::min(size, std::size_t{1} << 20)));
-      if (sent > 0) return sent;
-      events = awaited(sent);
+      sent = SSL_write(session_.get(), bytes, static_cast<int>(std::min(size, std::size_t{1} << 20)));
+      if (sent <= 0) events = awaited(static_cast<int>(sent));
     } else {
-      const ssize_t sent = send(socket_, bytes, size, MSG_NOSIGNAL);
-      if (sent >= 0) return sent;
-      if (errno != EAGAIN && errno != EINTR) return -1;
+      sent = send(socket_, bytes, size, MSG_NOSIGNAL);
+      if (sent < 0 && errno != EAGAIN && errno != EINTR) return -1;
     }
+    if (sent > 0 || size == 0) break;
     if (events == 0 || !wait(events, until)) return -1;
   }
+  const std::chrono::duration<double> earned(static_cast<double>(sent) / answer_rate_);
+  may_wait_ += std::chrono::duration_cast<Clock::duration>(earned) - (Clock::now() - begin);
+  return sent;
 }
 
 void Connection::get_remote_ip_and_port(std::string& ip, int& port) const {

@@ -24,9 +24,12 @@ class Connection final : public httplib::Stream {
   static constexpr std::chrono::milliseconds kLinger{500};  ///< for one who sends on after the answer
 
   /// `session` is null in the clear. A request's first line has `line_time` from its first byte, and so have
-  /// its body, from its head, and the first byte of a new connection. While `stopping`, nothing is waited
-  /// for.
-  Connection(int socket, TlsSession session, Clock::duration line_time, const std::atomic<bool>& stopping);
+  /// its body, from its head, and the first byte of a new connection. A client may let the server wait
+  /// for kWriteTime while it takes an answer, and for a second for each `answer_rate` bytes of it. Once
+  /// `stop` is set, the server waits for no more requests, and until that time for clients to take their
+  /// answers.
+  Connection(int socket, TlsSession session, Clock::duration line_time, double answer_rate,
+             const std::atomic<Clock::time_point>& stop);
   ~Connection() override;
 
   /// How much of the next request is here: nothing, something, its first line, all but its body.
@@ -58,7 +61,7 @@ class Connection final : public httplib::Stream {
   [[nodiscard]] const SSL* session() const { return session_.get(); }
 
   [[nodiscard]] bool is_readable() const override { return true; }
-  [[nodiscard]] bool is_writable() const override { return !stopping_; }
+  [[nodiscard]] bool is_writable() const override { return true; }
   ssize_t read(char* bytes, std::size_t size) override;
   ssize_t write(const char* bytes, std::size_t size) override;
   void get_remote_ip_and_port(std::string& ip, int& port) const override;
@@ -76,9 +79,10 @@ class Connection final : public httplib::Stream {
   [[nodiscard]] short awaited(int result) const;
 
   const int socket_;
-  const std::atomic<bool>& stopping_;
+  const std::atomic<Clock::time_point>& stop_;
   const TlsSession session_;
   const Clock::duration line_time_;
+  const double answer_rate_;  // bytes/s
   bool shaken_ = false;
   std::vector<char> buffer_;
   std::size_t begin_ = 0, end_ = 0;  // of what is read but not taken
@@ -88,9 +92,10 @@ class Connection final : public httplib::Stream {
   Clock::time_point since_ = Clock::now();  // the last answer, or the connection's begin
   Clock::time_point begun_ = {};            // the request's first byte
   int requests_ = 0;
-  std::size_t left_ = 0;          // of the request's bytes
-  Clock::time_point until_ = {};  // the request must be here
-  bool lingers_ = false;          // waits for what still comes
+  std::size_t left_ = 0;                   // of the request's bytes
+  Clock::time_point until_ = {};           // the request must be here
+  Clock::duration may_wait_ = kWriteTime;  // for the client to take the answer
+  bool lingers_ = false;                   // waits for what still comes
 };
 
 }  // namespace marble::server::http

@@ -164,7 +164,7 @@ func TestRequestsMatchTheWorkersAndMemoryTheLimits(t *testing.T) {
 			}
 		}
 		most := setting(t, text, "queue_bytes") + setting(t, text, "session_bytes") + setting(t, text, "result_bytes") +
-			setting(t, text, "transport_bytes") + workers*setting(t, text, "solve_bytes")
+			2*setting(t, text, "transport_bytes") + workers*setting(t, text, "solve_bytes")
 		if limit := container.Resources.Limits.Memory().Value(); most > limit*9/10 {
 			t.Errorf("%s: the server may take %d of %d bytes", overlay, most, limit)
 		}

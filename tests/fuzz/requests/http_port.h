@@ -32,7 +32,7 @@ struct HttpPort : SmallParts {
       response.status = 403;
       return httplib::Server::HandlerResponse::Handled;
     });
-    server::http::add_job_routes(router_, all);
+    server::http::add_job_routes(router_, all, places_);
     server::http::add_submission_routes(router_, all, places_);
     server::http::add_event_routes(router_, all, events_);
     server::http::add_health_routes(router_, all, {});
@@ -43,7 +43,8 @@ struct HttpPort : SmallParts {
 
   /// The answer's bytes, or as many as a socket holds; empty where nothing came that could be answered.
   [[nodiscard]] std::string answer(std::string_view bytes) {
-    static const std::atomic<bool> stopping = false;
+    static const std::atomic<server::Clock::time_point> stop = server::Clock::time_point::max();
+    constexpr double kAnswerRate = 32768.0;
     int ends[2];
     FUZZ_EXPECT(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) == 0);
     const ssize_t sent = send(ends[0], bytes.data(), std::min<std::size_t>(bytes.size(), 64 << 10),
@@ -51,7 +52,7 @@ struct HttpPort : SmallParts {
     ::shutdown(ends[0], SHUT_WR);
     {
       using server::http::Connection;
-      Connection connection(ends[1], nullptr, std::chrono::seconds(2), stopping);
+      Connection connection(ends[1], nullptr, std::chrono::seconds(2), kAnswerRate, stop);
       Connection::Arrival arrival = connection.receive();
       while (arrival != Connection::Arrival::head && arrival != Connection::Arrival::closed)
         arrival = connection.receive();

@@ -42,7 +42,7 @@ TEST(Routes, AreThoseOfTheDescription) {
   Places places(1, 1);
   EventHub hub(parts.all, places);
   add_health_routes(router, parts.all, {});
-  add_job_routes(router, parts.all);
+  add_job_routes(router, parts.all, places);
   add_submission_routes(router, parts.all, places);
   add_event_routes(router, parts.all, hub);
   add_metrics_route(router, parts.all);
@@ -55,33 +55,6 @@ TEST(Routes, AreThoseOfTheDescription) {
     if (!page) routes.insert(route);
   }
   EXPECT_EQ(routes, described());
-}
-
-TEST(Places, AreGivenBackAndNeverMoreThanThereAre) {
-  Places places(1, 100);
-  {
-    const auto first = places.stay();
-    ASSERT_TRUE(first);
-    const auto second = places.stay();
-    ASSERT_FALSE(second);
-    EXPECT_EQ(second.error().code, ErrorCode::resource_exhausted);
-    EXPECT_TRUE(places.hold(100)) << "memory is counted by itself";
-  }
-  EXPECT_TRUE(places.stay());
-}
-
-TEST(Places, MemoryIsSharedAndOneAloneMayHaveMore) {
-  Places places(1, 100);
-  {
-    const auto some = places.hold(60);
-    ASSERT_TRUE(some);
-    EXPECT_TRUE(places.hold(40));
-    EXPECT_FALSE(places.hold(41));
-    EXPECT_FALSE(places.hold(1000));
-  }
-  const auto alone = places.hold(1000);
-  ASSERT_TRUE(alone);
-  EXPECT_FALSE(places.hold(1));
 }
 
 }  // namespace
