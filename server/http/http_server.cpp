@@ -105,6 +105,10 @@ void HttpServer::set_handlers(bool on_loopback) {
   using Handled = httplib::Server::HandlerResponse;
   server_->set_pre_routing_handler(
       [this, on_loopback](const httplib::Request& request, httplib::Response& response) {
+        if (const std::string fault = http::BoundedServer::fault_of(request); !fault.empty()) {
+          http::refuse(parts_.log, request, invalid("", fault), response);
+          return Handled::Handled;
+        }
         const bool is_local = on_loopback && !parts_.access.knows_callers();
         const auto allowed = http::check_browser(request, is_local);
         if (!allowed) http::refuse(parts_.log, request, allowed.error(), response);

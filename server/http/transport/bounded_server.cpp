@@ -4,11 +4,14 @@
 #include <string_view>
 #include <utility>
 
+#include "http/transport/request_head.h"
+
 namespace marble::server::http {
 namespace {
 
 constexpr int kMostRequests = 1000;  // of one connection
 constexpr int kLeastWaiting = 64;    // connections, however few are served
+constexpr const char* kFault = "";   // a header that no client can send: what is wrong with the others
 
 // What httplib would do on its own: ranges of what is made anew each time, compression at the solver's cost,
 // and waiting for the end of a body that has no length. Whether nothing may follow this request: its body, if
@@ -76,6 +79,11 @@ bool BoundedServer::process_and_close_socket(socket_t socket) {
   return usable;
 }
 
+std::string BoundedServer::fault_of(const httplib::Request& request) {
+  const auto found = request.headers.find(kFault);
+  return found == request.headers.end() ? "" : found->second;
+}
+
 bool BoundedServer::is_too_long(const httplib::Request& request) const {
   return request.get_header_value<std::uint64_t>("Content-Length") > bodies_.longest(request);
 }
@@ -87,13 +95,23 @@ TaskQueue& BoundedServer::queue_for(std::string_view request) {
 }
 
 void BoundedServer::serve(const Lobby::Guest& connection) {
+  const std::string fault = fault_of_head(connection->received());
   const bool is_final = connection->begin_request() == kMostRequests;
   bool closes = false, is_last = true;  // unless it can be read
   std::size_t length = 0, left = 0;     // of the body, of what may be read from there
   bool in_pieces = false;
   const auto set_up = [&](httplib::Request& request) {
     request.ssl = connection->session();
-    is_last = prepare(request);
+    is_last = prepare(request) || !fault.empty();
+    request.headers.erase(kFault);
+    if (!fault.empty()) {
+      request.headers.erase("Expect");
+      request.headers.erase("Connection");
+      request.headers.emplace("Connection", "close");
+      request.headers.emplace(kFault, fault);
+      connection->end_request();  // where it ends is not known
+      return;
+    }
     in_pieces = request.has_header("Transfer-Encoding");
     length = request.get_header_value<std::uint64_t>("Content-Length");
     if (is_too_long(request)) {

@@ -33,6 +33,9 @@ class BoundedServer final : public httplib::Server {
   /// Whether a request announces a body that is too long: it is not read.
   [[nodiscard]] bool is_too_long(const httplib::Request& request) const;
 
+  /// Why the head of a request is none, or empty.
+  [[nodiscard]] static std::string fault_of(const httplib::Request& request);
+
   /// After a port was bound: many may come at once. httplib's five are soon more, and the sixth waits a
   /// second until its kernel asks again.
   void queue_at_the_door() { ::listen(svr_sock_, SOMAXCONN); }

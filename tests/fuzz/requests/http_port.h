@@ -18,6 +18,7 @@
 #include "http/requests/event_hub.h"
 #include "http/submission_routes.h"
 #include "http/transport/connection.h"
+#include "http/transport/request_head.h"
 #include "requests/work.h"
 
 namespace marble::fuzz {
@@ -57,6 +58,7 @@ struct HttpPort : SmallParts {
       while (arrival != Connection::Arrival::head && arrival != Connection::Arrival::closed)
         arrival = connection.receive();
       if (arrival == Connection::Arrival::head && sent > 0) {
+        static_cast<void>(server::http::fault_of_head(connection.received()));
         connection.begin_request();
         httplib_.answer(connection);
       }
