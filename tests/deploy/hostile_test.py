@@ -7,7 +7,7 @@ import struct
 import marble
 import pytest
 
-from fleet import BUILD, FRONT, Envoy, Fleet, HAProxy, example
+from fleet import BUILD, FRONT, Envoy, Fleet, HAProxy, Nginx, example
 
 PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + b"\0\0\0\4\0\0\0\0\0"
 MIB = 1 << 20
@@ -121,3 +121,32 @@ def test_silent_connections(fleet, proxy):
     assert_well(fleet, proxy)
     for connection in silent:
         connection.close()
+
+
+@pytest.mark.parametrize("proxy", [HAProxy, Envoy, Nginx], indirect=True, ids=lambda engine: engine.__name__)
+def test_headers_that_are_not_base64(fleet, proxy):
+    """Each ends the connection of a bare gRPC 1.51 server, with all calls on it."""
+    watching = connect()
+    streams = range(1, 24, 2)
+    watching.sendall(PREFACE + b"".join(frame(1, 4, stream, call(b"/marble.v1.Jobs/Watch"))
+                                        + frame(0, 1, stream, b"\0\0\0\0\0") for stream in streams))
+    for _ in range(40):
+        with connect() as connection:
+            connection.sendall(PREFACE + frame(1, 5, 1, call(b"/marble.v1.Jobs/List", (b"x-bin", b"###"))))
+            answers = b""
+            while not has_ended(answers, 1):
+                piece = connection.recv(65536)
+                if not piece:
+                    break
+                answers += piece
+    assert_well(fleet, proxy)
+    watching.setblocking(False)
+    answers = b""
+    try:
+        while piece := watching.recv(65536):
+            answers += piece
+        raise AssertionError("the connection of others has ended")
+    except BlockingIOError:
+        assert not any(has_ended(answers, stream) for stream in streams)
+    finally:
+        watching.close()
