@@ -7,11 +7,14 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import time
 from pathlib import Path
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "install"))
+import elf
 from machine import Machine
 from tree import CLEAN, Store, run
 
@@ -61,6 +64,17 @@ def test_lintian_finds_no_fault(packages):
     # The tag asks for the number of a request to include it in Debian.
     print(run("lintian", "--allow-root", "--fail-on=error,warning", "--suppress-tags=initial-upload-closes-no-bugs",
               *packages.values()))
+
+
+def test_their_programs_are_hardened_and_search_no_relative_folder_for_libraries(packages, tmp_path):
+    for package in packages.values():
+        run("dpkg-deb", "--extract", package, tmp_path)
+    programs = list(elf.linked_files(tmp_path))
+    assert {path.name for path in programs} == {"marble", "marble-all", "marble-load", "marble-server"}
+    assert not [fault for path in programs for fault in elf.search_path_faults(path)]
+    if shutil.which("hardening-check") is None:
+        pytest.skip("hardening-check (devscripts) is not installed")
+    assert not elf.hardening_faults(*programs)
 
 
 def test_they_depend_on_what_debian_has_and_no_compiler(tree, packages):

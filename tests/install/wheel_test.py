@@ -14,6 +14,8 @@ import unittest
 import zipfile
 
 sys.dont_write_bytecode = True
+import elf
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 PYTHON = "/usr/bin/python3"
@@ -52,6 +54,16 @@ class Wheel(unittest.TestCase):
             for name, path in re.findall(r"^\s*(\S+)(?: => (.*?))? ?(?:\(0x|$)", run("ldd", binary), re.MULTILINE):
                 name = pathlib.Path(name).name
                 self.assertTrue(str(self.installed) in path or re.match(SYSTEM, name), f"{binary}: {name} => {path}")
+
+    def test_no_library_is_searched_in_the_current_directory(self):
+        files = [*elf.linked_files(self.installed / "marble"), *elf.linked_files(self.installed / "marble_solver.libs")]
+        self.assertGreater(len(files), 5)
+        self.assertEqual([], [fault for file in files for fault in elf.search_path_faults(file)])
+
+    def test_its_extension_and_programs_are_hardened(self):
+        if shutil.which("hardening-check") is None:
+            self.skipTest("hardening-check (devscripts) is not installed")
+        self.assertEqual([], elf.hardening_faults(*elf.linked_files(self.installed / "marble")))
 
     def test_the_licence_of_everything_inside_is_told(self):
         folder, = self.installed.glob("marble_solver-*.dist-info/licenses")
