@@ -120,8 +120,12 @@ Expected<Json> read_sensitivity(const std::string& path) {
   if (!file)
     return unexpected(
         failure(ErrorCode::not_found, "--sensitivity", path, "must be a file that can be read"));
-  Json json = Json::parse(std::istreambuf_iterator<char>(file), {}, nullptr, false);
-  if (json.is_discarded()) return unexpected(invalid("--sensitivity", path, "must be a file of JSON"));
+  const std::string text(std::istreambuf_iterator<char>(file), {});
+  Json json = parsed(text);
+  if (json.is_discarded())
+    return unexpected(
+        invalid("--sensitivity", path,
+                "must be a file of JSON, nested at most " + std::to_string(kDeepestJson) + " deep"));
   return json;
 }
 

@@ -8,6 +8,7 @@
 
 #include "base/program.h"
 #include "marble/solver.h"
+#include "output/json.h"
 #include "output/text_table.h"
 
 namespace marble::cli {
@@ -58,7 +59,7 @@ std::string last_line(const std::string& text) {
 
 // What a peer printed; whatever is not as it should be is a fault of the peer's.
 Attempt read_answer(const std::string& out, std::size_t variables, double wall_s) {
-  const nlohmann::json answer = nlohmann::json::parse(last_line(out), nullptr, false);
+  const nlohmann::json answer = parsed<nlohmann::json>(last_line(out));
   if (!answer.is_object())
     return failed("its last line is no JSON object: " + terminal_text(last_line(out), 100));
   Attempt attempt;

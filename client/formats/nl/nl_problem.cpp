@@ -10,7 +10,6 @@ namespace marble::formats {
 namespace {
 
 constexpr int kMany = 0x7fffffff;
-constexpr int kDeepest = 10'000;  // nodes within nodes
 
 // Operators of .nl expressions that keep to degree two.
 enum Operator : int {
@@ -86,10 +85,10 @@ class NlReader final : NlSegments {
   }
 
   Quadratic expression() {
-    if (++depth_ > kDeepest) in_.fail("expression", "", "is nested too deeply");
+    descend();
     Quadratic value;
     if (!in_.failed()) value = node();
-    --depth_;
+    ascend();
     return value;
   }
 
@@ -182,7 +181,6 @@ class NlReader final : NlSegments {
   const std::size_t most_terms_;
   std::size_t held_ = 0;
   std::map<int, Quadratic> defined_;
-  int depth_ = 0;
 };
 
 }  // namespace

@@ -149,6 +149,14 @@ void NlSegments::segment(char key) {
   }
 }
 
+void NlSegments::descend(std::size_t more) {
+  ++depth_;
+  if (depth_ + more > deepest_) {
+    in_.fail("expression", std::to_string(depth_ + more) + " levels",
+             "must be nested at most " + std::to_string(deepest_) + " deep");
+  }
+}
+
 void NlSegments::constraint() {
   const int row = in_.integer("C", 0, header_.constraints - 1);
   enter(Kind::row, row);

@@ -8,6 +8,7 @@
 
 #include "nl/nl_model.h"
 #include "nl/nl_tokens.h"
+#include "parts/nesting.h"
 
 namespace marble::formats {
 
@@ -45,6 +46,11 @@ class NlSegments {
     if (!in_.failed()) place_ = {kind, index};
   }
 
+  /// Into a node of an expression, and out of it again. A fault where it is too deep, or would be with `more`
+  /// inside it.
+  void descend(std::size_t more = 0);
+  void ascend() { --depth_; }
+
   NlTokens in_;
   const NlNames& names_;
   const std::size_t length_;  ///< of the file, bytes
@@ -67,6 +73,8 @@ class NlSegments {
   void suffix();
 
   const char* whole_;
+  const std::size_t deepest_ = static_cast<std::size_t>(deepest_nesting());
+  std::size_t depth_ = 0;
   NlPlace place_;
   struct {
     std::int64_t objectives = 0, row_bounds = 0, bounds = 0, jacobian = 0, gradient = 0;

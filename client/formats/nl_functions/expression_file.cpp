@@ -15,8 +15,8 @@ namespace marble::formats {
 namespace {
 
 constexpr int kMany = 0x7fffffff;
-constexpr int kDeepest = 10'000;       // nodes within nodes
-constexpr std::size_t kLongest = 512;  // bytes of a defined variable that is put in where it is used
+constexpr std::size_t kLongest = 512;         // bytes of a defined variable that is put in where it is used
+constexpr std::size_t kLeastOfOperation = 5;  // bytes, with what is inside it besides
 
 // Gay, "Writing .nl Files", table 5.
 enum Operator : int {
@@ -271,11 +271,11 @@ class Rewriter final : NlSegments {
 
   // What has no variable is written as its value: the library's second derivatives rely on that.
   Shape expression() {
-    if (++depth_ > kDeepest) in_.fail("expression", "", "is nested too deeply");
+    descend();
     Shape shape;
     const std::size_t begin = out_.size();
     if (!in_.failed()) shape = node();
-    --depth_;
+    ascend();
     if (shape.constant && !in_.failed()) {
       if (!std::isfinite(*shape.constant)) in_.fail("expression", "", "is a constant without a value");
       out_.cut(begin);
@@ -314,6 +314,8 @@ class Rewriter final : NlSegments {
     }
     const Definition& definition = found->second;
     for (const Index used : definition.variables) use(used);
+    descend(definition.text.size() / kLeastOfOperation);
+    ascend();
     put_in_ += definition.text.size();
     if (put_in_ > most_bytes(length_))
       in_.fail("v", std::to_string(index),
@@ -401,7 +403,7 @@ class Rewriter final : NlSegments {
 
   // What "if" asks: comparisons, and what logic makes of them.
   Shape condition() {
-    if (++depth_ > kDeepest) in_.fail("expression", "", "is nested too deeply");
+    descend();
     Shape shape;
     const char key = in_.key();
     const int code = key == 'o' ? in_.integer("o", 0, kMany) : -1;
@@ -421,7 +423,7 @@ class Rewriter final : NlSegments {
     } else {
       in_.fail("o35", "", "must ask for a comparison");
     }
-    --depth_;
+    ascend();
     return shape;
   }
 
@@ -466,8 +468,7 @@ class Rewriter final : NlSegments {
   const std::size_t most_;   // numbers that may be held
   std::size_t entries_ = 0;  // of second derivatives, so far
   std::size_t put_in_ = 0;   // bytes of defined variables
-  int depth_ = 0;
-  BinaryText out_;  // the expression that is read
+  BinaryText out_;           // the expression that is read
   std::map<int, Definition> definitions_;
   std::vector<Part> rows_, lifted_;
   std::vector<int> lifted_numbers_;  // the file's, of defined variables that became variables

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "formats.h"
+#include "output/json.h"
 #include "parts/file_bytes.h"
 
 namespace marble::cli {
@@ -70,8 +71,10 @@ CoupledView CoupledFile::view() const {
 Expected<CoupledFile> read_coupled(const std::string& path) {
   const auto bytes = formats::read_bytes(path);
   if (!bytes) return unexpected(bytes.error());
-  const nlohmann::json content = nlohmann::json::parse(*bytes, nullptr, false);
-  if (!content.is_object()) return unexpected(invalid("", "must be a JSON object"));
+  const nlohmann::json content = parsed<nlohmann::json>(*bytes);
+  if (!content.is_object())
+    return unexpected(
+        invalid("", "must be a JSON object, nested at most " + std::to_string(kDeepestJson) + " deep"));
   CoupledFile file;
   auto total = field_in<std::vector<double>>(content, "total");
   if (!total) return unexpected(total.error());

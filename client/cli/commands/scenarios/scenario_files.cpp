@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "npz/npz_problem.h"
+#include "output/json.h"
 #include "parts/file_bytes.h"
 
 namespace marble::cli {
@@ -151,8 +152,10 @@ Expected<void> read_samples(const std::string& path, ScenarioFile& file) {
 Expected<void> read_sampler(const std::string& path, ScenarioFile& file) {
   const auto bytes = formats::read_bytes(path);
   if (!bytes) return unexpected(bytes.error());
-  const nlohmann::json content = nlohmann::json::parse(*bytes, nullptr, false);
-  if (!content.is_object()) return unexpected(invalid("", "must be a JSON object"));
+  const nlohmann::json content = parsed<nlohmann::json>(*bytes);
+  if (!content.is_object())
+    return unexpected(
+        invalid("", "must be a JSON object, nested at most " + std::to_string(kDeepestJson) + " deep"));
   for (const char* const name : {"first_stage", "own_equalities", "own_inequalities", "own_pairs"}) {
     const auto values = field_of<std::vector<double>>(content, name, {});
     if (!values) return unexpected(values.error());
