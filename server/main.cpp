@@ -19,6 +19,7 @@
 #include "marble/version.h"
 #include "net/hang_up.h"
 #include "net/listen.h"
+#include "plain_text.h"
 #include "process/process.h"
 #include "process/reload.h"
 #include "process/signals.h"
@@ -89,7 +90,8 @@ void warn_if_open(const Log& log, const Config& config) {
 }
 
 int tell(const std::vector<ConfigFault>& faults) {
-  for (const ConfigFault& fault : faults) std::cerr << "marble-server: " << fault.message() << '\n';
+  for (const ConfigFault& fault : faults)
+    std::cerr << "marble-server: " << marble::without_controls(fault.message()) << '\n';
   return kBadConfiguration;
 }
 
@@ -110,7 +112,7 @@ int check_state(const Config& config) {
     return tell({{"flag --check-state", marble::invalid("state_dir", "must be set, or state")}});
   const auto checked = config.state.empty() ? JobStore::check(config.state_dir) : check_fleet(config.state);
   if (!checked) return tell({{"state", checked.error()}});
-  std::cout << *checked << '\n';
+  std::cout << marble::without_controls(*checked) << '\n';
   return 0;
 }
 

@@ -2,11 +2,28 @@
 #include <csignal>
 #include <exception>
 #include <iostream>
+#include <sstream>
 
 #include "ampl/command_line.h"
 #include "ampl/driver.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"
+#include "plain_text.h"
+
+namespace marble::cli {
+namespace {
+
+// Arguments may be names of files that others chose.
+int exit_of(const CLI::App& program, const CLI::ParseError& error) {
+  std::stringstream faults;
+  const int code = program.exit(error, std::cout, faults);
+  for (std::string line; std::getline(faults, line);) std::cerr << without_controls(line) << '\n';
+  return code == 0 ? kAllSolved : kBadInput;
+}
+
+}  // namespace
+}  // namespace marble::cli
 
 int main(int argc, char** argv) {
   using namespace marble::cli;
@@ -52,9 +69,9 @@ int main(int argc, char** argv) {
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return program.exit(error) == 0 ? kAllSolved : kBadInput;
+    return exit_of(program, error);
   } catch (const std::exception& error) {
-    std::cerr << "marble: " << error.what() << '\n';
+    complain(error.what());
     return kBadInput;
   }
   return exit_code;

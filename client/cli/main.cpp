@@ -10,11 +10,11 @@
 #include <cstring>
 #include <exception>
 #include <filesystem>
-#include <iostream>
 #include <optional>
 #include <string_view>
 
 #include "arguments/solve_arguments.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "commands/solve_files.h"
 
@@ -51,7 +51,7 @@ int hand_over(char** argv) {
   const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", failed);
   const std::string program = (self.parent_path() / MARBLE_ALL_COMMANDS).lexically_normal().string();
   execv(program.c_str(), argv);
-  std::cerr << "marble: " << program << ": cannot be run: " << std::strerror(errno) << '\n';
+  complain(program, std::string("cannot be run: ") + std::strerror(errno));
   return kBadInput;
 }
 
@@ -64,7 +64,7 @@ int main(int argc, char** argv) {
   try {
     if (const auto exit_code = solve_json_here(argc, argv)) return *exit_code;
   } catch (const std::exception& error) {
-    std::cerr << "marble: " << error.what() << '\n';
+    complain(error.what());
     return kBadInput;
   }
   return hand_over(argv);

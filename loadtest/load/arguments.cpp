@@ -5,6 +5,7 @@
 #include <map>
 
 #include "marble/version.h"
+#include "plain_text.h"
 
 namespace marble::load {
 namespace {
@@ -154,7 +155,7 @@ bool parse_arguments(int argc, char** argv, Arguments& a, int& exit_code) {
   if (a.is_ramp) {
     const auto parsed = parse_objective(objective);
     if (!parsed) {
-      std::cerr << "marble-load: " << parsed.error().message() << '\n';
+      std::cerr << "marble-load: " << without_controls(parsed.error().message()) << '\n';
       exit_code = kBadInput;
       return false;
     }

@@ -7,6 +7,7 @@
 
 #include "arguments.h"
 #include "base/interrupt.h"
+#include "plain_text.h"
 #include "report/report.h"
 #include "run/run.h"
 
@@ -14,7 +15,7 @@ namespace marble::load {
 namespace {
 
 int fails(const Error& error) {
-  std::cerr << "marble-load: " << error.message() << '\n';
+  std::cerr << "marble-load: " << without_controls(error.message()) << '\n';
   const bool input = error.code == ErrorCode::invalid_argument || error.code == ErrorCode::not_found;
   return input ? kBadInput : kUnreachable;
 }
@@ -32,7 +33,7 @@ bool write(const std::string& path, const std::string& content) {
   file << content;
   file.close();
   if (file) return true;
-  std::cerr << "marble-load: cannot write " << path << '\n';
+  std::cerr << "marble-load: cannot write " << without_controls(path) << '\n';
   return false;
 }
 
@@ -122,7 +123,7 @@ int main(int argc, char** argv) {
     if (!parse_arguments(argc, argv, arguments, exit_code)) return exit_code;
     return run_program(arguments);
   } catch (const std::exception& error) {
-    std::cerr << "marble-load: " << error.what() << '\n';
+    std::cerr << "marble-load: " << marble::without_controls(error.what()) << '\n';
     return kBadInput;
   }
 }

@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <type_traits>
 
+#include "plain_text.h"
+
 namespace marble::server {
 namespace {
 
@@ -159,7 +161,8 @@ std::string to_toml(const SettingValue& value) {
     return std::isnan(*real) ? "nan" : *real > 0.0 ? "inf" : "-inf";
   return std::visit(
       [](const auto& v) {  // TOML writes numbers, truth values and escapes as JSON does
-        return nlohmann::json(v).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+        return with_escaped_controls(
+            nlohmann::json(v).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
       },
       value);
 }

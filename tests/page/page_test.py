@@ -259,6 +259,19 @@ class Page(unittest.TestCase):
         self.open(server, "/#/jobs/0123456789abcdef")
         self.browser.wait_text("#why", "does not remember it")
 
+    def test_characters_that_steer_how_text_is_shown_are_replaced(self):
+        server = self.start()
+        server.run("solve", "--quiet", server.tiny("left\u202eright\u2066\u0007"))
+        self.open(server)
+        self.count_of_jobs(1)
+        self.assertEqual([row["name"] for row in self.browser.rows()], ["left?right??"])
+        held = r"return /[\u0007\u202e\u2066]/.test(document.documentElement.outerHTML)"
+        self.assertFalse(self.browser.driver.execute_script(held))
+        self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
+        self.browser.wait_text("#job-status", "solved")
+        self.browser.wait("return document.body.innerText.includes('left?right??')")
+        self.assertFalse(self.browser.driver.execute_script(held))
+
     def test_a_job_is_ended_by_those_who_may(self):
         tokens = Path(tempfile.mkdtemp()) / "tokens"
         lines, secrets = [], {}

@@ -73,9 +73,9 @@ class Server:
         path.write_text(self.run("example", name, *arguments))
         return path
 
-    def tiny(self):
+    def tiny(self, name="tiny"):
         path = self.folder / "tiny.json"
-        path.write_text(json.dumps({"name": "tiny", "n": 2, "g": [-2, 0],
+        path.write_text(json.dumps({"name": name, "n": 2, "g": [-2, 0],
                                     "Q": {"rows": 2, "cols": 2, "i": [0, 1], "j": [0, 1], "v": [2, 2]},
                                     "L": {"rows": 1, "cols": 2, "i": [0], "j": [1], "v": [1]}, "l": [0],
                                     "R": {"rows": 1, "cols": 2, "i": [0, 0], "j": [0, 1], "v": [-1, 1]}, "r": [0]}))

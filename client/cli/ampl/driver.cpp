@@ -10,6 +10,7 @@
 #include "ampl/command_line.h"
 #include "arguments/server_arguments.h"
 #include "base/atomic_file.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "marble/client.h"
@@ -27,6 +28,7 @@
 #include "output/proof.h"
 #include "output/text_table.h"
 #include "parts/file_bytes.h"
+#include "plain_text.h"
 
 namespace marble::cli::ampl {
 namespace {
@@ -77,7 +79,7 @@ std::string message_of(const Solution& s, double sign) {
   text += "\n" + std::to_string(s.iterations) + " iterations, " + std::to_string(s.factorizations) +
           " factorizations";
   if (const std::string proof = proof_text(proof_of(s)); !proof.empty()) text += "\n" + proof;
-  if (!is_solved(s.status)) text += "\n" + s.detail + "\n" + advice(s.status);
+  if (!is_solved(s.status)) text += "\n" + without_controls(s.detail) + "\n" + advice(s.status);
   return text;
 }
 
@@ -133,7 +135,7 @@ void add_answer(const NlNonlinear& nl, const nonlinear::Answer& a, SolFile& sol)
   if (is_solved(a.status)) sol.message += "; objective " + formatted("%.10g", nl.sign() * a.objective);
   sol.message += "\n" + std::to_string(a.iterations) + " iterations, " + std::to_string(a.ticks) +
                  " LCQPs, " + std::to_string(a.factorizations) + " factorizations";
-  if (!is_solved(a.status)) sol.message += "\n" + a.detail + "\n" + advice(a.status);
+  if (!is_solved(a.status)) sol.message += "\n" + without_controls(a.detail) + "\n" + advice(a.status);
   sol.code = code_of(a.status);
   NonlinearVectors vectors = NonlinearVectors::of(nl, a);
   sol.primals = std::move(vectors.x), sol.duals = std::move(vectors.duals);
@@ -177,7 +179,7 @@ Expected<nonlinear::Answer> solve(const NlNonlinear& nl, const Settings& setting
 }
 
 void refuse(SolFile& sol, int code, const Error& error) {
-  sol.message = banner() + error.message();
+  sol.message = banner() + without_controls(error.message());
   sol.code = code;
 }
 
@@ -230,7 +232,7 @@ Expected<void> write(const SolFile& sol, const std::string& path) {
 }
 
 int fails(const Error& error) {
-  std::cerr << "marble: " << error.message() << '\n';
+  complain(error.message());
   return kBadInput;
 }
 

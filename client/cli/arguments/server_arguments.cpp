@@ -3,6 +3,7 @@
 #include <iostream>
 #include <map>
 
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "output/json.h"
 
@@ -44,15 +45,14 @@ void add_priority_argument(CLI::App& command, Priority& priority) {
 }
 
 int server_fails(const ServerArguments& arguments, const Error& error) {
-  std::cerr << "marble: server " << arguments.server << ": " << error.message() << '\n';
+  complain("server " + arguments.server, error.message());
   const bool usage = error.code == ErrorCode::invalid_argument || error.code == ErrorCode::not_found;
   return usage ? kBadInput : kUnreachable;
 }
 
 int job_fails(const ServerArguments& arguments, const std::string& job_id, const Error& error) {
   const bool unreachable = error.code == ErrorCode::unavailable;
-  std::cerr << "marble: " << (unreachable ? "server " + arguments.server : "job " + job_id) << ": "
-            << error.message() << '\n';
+  complain(unreachable ? "server " + arguments.server : "job " + job_id, error.message());
   if (arguments.json())
     std::cout << line({{"job_id", job_id}, {"status", "error"}, {"error", to_json(error)}}) << '\n'
               << std::flush;

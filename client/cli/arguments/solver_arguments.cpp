@@ -1,7 +1,6 @@
 #include "arguments/solver_arguments.h"
 
-#include <iostream>
-
+#include "base/complaint.h"
 #include "base/exit_code.h"
 
 namespace marble::cli {
@@ -34,7 +33,7 @@ Expected<Options> parse_options(const SolverArguments& arguments) {
 }
 
 int option_fails(const Error& error) {
-  std::cerr << "marble: " << error.message() << "  (marble options lists them all)\n";
+  complain(error.message() + "  (marble options lists them all)");
   return kBadInput;
 }
 

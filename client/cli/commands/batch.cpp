@@ -5,6 +5,7 @@
 
 #include "arguments/server_arguments.h"
 #include "arguments/solver_arguments.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "commands/commands.h"
@@ -12,6 +13,7 @@
 #include "marble/problem_file.h"
 #include "mutex.h"
 #include "output/report.h"
+#include "plain_text.h"
 
 namespace marble::cli {
 namespace {
@@ -72,9 +74,9 @@ class BatchRun {
     if (arguments_.server.json()) {
       std::cout << json_line(subject, *answer) << '\n' << std::flush;
     } else {
-      std::printf("%s: %s  objective %.10g  %d factorizations  %.3f ms\n", subject.file.c_str(),
-                  to_string(answer->status), answer->objective, answer->factorizations,
-                  1e3 * answer->times.solve_s);
+      std::printf("%s: %s  objective %.10g  %d factorizations  %.3f ms\n",
+                  without_controls(subject.file).c_str(), to_string(answer->status), answer->objective,
+                  answer->factorizations, 1e3 * answer->times.solve_s);
       std::fflush(stdout);
     }
     exit_code_ = worse(exit_code_, is_solved(answer->status) ? kAllSolved : kNotSolved);
@@ -84,7 +86,7 @@ class BatchRun {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (error.code == ErrorCode::unavailable)
       error.bound = "server " + arguments_.server.server + ": " + error.bound;
-    std::cerr << "marble: " << path << ": " << error.message() << '\n';
+    complain(path, error.message());
     if (arguments_.server.json()) std::cout << json_line(path, name, error) << '\n' << std::flush;
     exit_code_ = worse(exit_code_, remote ? exit_code_of(error) : exit_code_of_local(error));
   }

@@ -1,6 +1,6 @@
-#include <iostream>
 #include <memory>
 
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"
 #include "comparison/comparison_arguments.h"
@@ -17,7 +17,7 @@ int run(const CompareArguments& arguments) {
   if (!contestants) return option_fails(contestants.error());
   const auto problems = read_all(arguments.files);
   if (!problems) {
-    std::cerr << "marble: " << problems.error().message() << '\n';
+    complain(problems.error().message());
     return kBadInput;
   }
   return compare_and_tell(arguments, *problems, *contestants, "performance profile");

@@ -1,6 +1,6 @@
-#include <iostream>
 #include <memory>
 
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"
 #include "formats.h"
@@ -9,7 +9,7 @@ namespace marble::cli {
 namespace {
 
 int fails(const std::string& path, const std::string& message) {
-  std::cerr << "marble: " << path << ": " << message << '\n';
+  complain(path, message);
   return kBadInput;
 }
 
@@ -24,8 +24,8 @@ int convert(const std::string& in, const std::string& out) {
     left_out += (left_out.empty() ? "" : " and ") + std::string("best_known_objective");
   if (!left_out.empty()) {
     const char* verb = left_out.find(" and ") == std::string::npos ? " is" : " are";
-    std::cerr << "marble: " << out << ": " << left_out << verb << " left out: the format has no place for "
-              << (verb[1] == 'i' ? "it" : "them") << '\n';
+    complain(out,
+             left_out + verb + " left out: the format has no place for " + (verb[1] == 'i' ? "it" : "them"));
   }
   if (const auto written = formats::write_any_problem(*file, out); !written)
     return fails(out, written.error().message());

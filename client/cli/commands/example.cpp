@@ -1,6 +1,7 @@
 #include <iostream>
 #include <memory>
 
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"
 #include "marble/examples.h"
@@ -36,14 +37,14 @@ OwnedProblem problem(const ExampleArguments& arguments) {
 
 int run(const ExampleArguments& arguments) {
   if (arguments.published && arguments.name == "qpec") {
-    std::cerr << "marble: --paper is for hopper, rocket and gates: the paper has no qpec\n";
+    complain("--paper is for hopper, rocket and gates: the paper has no qpec");
     return kBadInput;
   }
   ProblemFile file;
   file.problem = problem(arguments);
   std::cout << write_problem(file, FileFormat::json) << std::flush;
   if (std::cout) return kAllSolved;
-  std::cerr << "marble: standard output cannot be written\n";
+  complain("standard output cannot be written");
   return kBadInput;
 }
 

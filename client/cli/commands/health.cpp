@@ -4,6 +4,7 @@
 #include "arguments/server_arguments.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"
+#include "output/json.h"
 
 namespace marble::cli {
 namespace {
@@ -15,7 +16,7 @@ int run(const ServerArguments& arguments) {
   if (!healthy) return server_fails(arguments, healthy.error());
   const char* state = *healthy ? "serving" : "not_serving";
   if (arguments.json()) {
-    std::cout << nlohmann::ordered_json{{"server", arguments.server}, {"status", state}}.dump() << '\n';
+    std::cout << line({{"server", arguments.server}, {"status", state}}) << '\n';
   } else {
     std::cout << state << '\n';
   }

@@ -5,6 +5,7 @@
 #include "base/exit_code.h"
 #include "commands/commands.h"
 #include "output/json.h"
+#include "plain_text.h"
 
 namespace marble::cli {
 namespace {
@@ -36,7 +37,7 @@ int run(const ServerArguments& arguments) {
   }
   for (const auto& [key, value] : json.items()) {
     if (value.empty() || value == "") continue;  // the server does not say
-    const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
+    const std::string text = without_controls(value.is_string() ? value.get<std::string>() : value.dump());
     std::printf("%-20s %s\n", key.c_str(), text.c_str());
   }
   return kAllSolved;

@@ -7,6 +7,7 @@
 
 #include "arguments/server_arguments.h"
 #include "arguments/solver_arguments.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "base/median.h"
@@ -32,7 +33,7 @@ struct MpcArguments {
 
 int fails(const MpcArguments& arguments, const Error& error) {
   if (!arguments.local) return server_fails(arguments.server, error);
-  std::cerr << "marble: " << error.message() << '\n';
+  complain(error.message());
   return exit_code_of_local(error);
 }
 
@@ -71,8 +72,7 @@ Expected<void> prepare(Session& session, ProblemUpdate& update, UpdateControls& 
 
 void tell_tick(const MpcArguments& arguments, int number, const Tick& tick) {
   const RemoteSolution& s = tick.answer;
-  if (s.reopened)
-    std::cerr << "marble: the server was lost; the session was set up again as " << s.job_id << std::endl;
+  if (s.reopened) complain("the server was lost; the session was set up again as " + s.job_id);
   if (arguments.server.json()) {
     std::cout << line({{"tick", number},
                        {"status", to_string(s.status)},

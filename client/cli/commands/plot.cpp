@@ -8,9 +8,9 @@
 #include <memory>
 
 #include "base/atomic_file.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"
-#include "output/text_table.h"
 #include "terminal/locale.h"
 #include "terminal/terminal_plot.h"
 #include "trace/convergence.h"
@@ -38,7 +38,7 @@ using Columns = std::vector<const ProgressColumn*>;
 constexpr Size kLeast = {40, 12};
 
 int fails(const std::string& subject, const std::string& what) {
-  std::cerr << "marble: " << terminal_text(subject) << ": " << terminal_text(what) << '\n';
+  complain(subject, what);
   return kBadInput;
 }
 
@@ -143,8 +143,7 @@ int plot_to_file(const PlotArguments& arguments, const Drawing& drawing) {
   if (!picture) {
     if (picture.error().code != ErrorCode::not_found)
       return fails(arguments.output, picture.error().message());
-    std::cerr << "marble: " << terminal_text(arguments.output)
-              << ": not written, gnuplot is not installed; here instead:\n";
+    complain(arguments.output, "not written, gnuplot is not installed; here instead:");
     plot_here(drawing);
     return kBadInput;
   }

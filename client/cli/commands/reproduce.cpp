@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "base/atomic_file.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "commands/commands.h"
@@ -107,7 +108,7 @@ int reproduce(const ComparisonArguments& arguments, const std::vector<ProblemFil
 }
 
 int fails(const std::string& message) {
-  std::cerr << "marble: " << message << '\n';
+  complain(message);
   return kBadInput;
 }
 
@@ -149,7 +150,7 @@ int tell(const ReproduceArguments& arguments, const TextTable& table, const std:
 }
 
 int no_runs(const Error& error) {
-  std::cerr << "marble: " << error.message() << '\n';
+  complain(error.message());
   return error.code == ErrorCode::cancelled ? kNotSolved : exit_code_of_local(error);
 }
 

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "arguments/solve_arguments.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "commands/commands.h"
 #include "commands/solve_files.h"
@@ -18,6 +19,7 @@
 #include "nonlinear/nonlinear_solve.h"
 #include "output/iteration_table.h"
 #include "parts/file_bytes.h"
+#include "plain_text.h"
 #include "replay/bundle_file.h"
 
 namespace marble::cli {
@@ -33,9 +35,9 @@ std::string about(double wait_s) {
 void tell_place(CallControls& call) {
   const auto job = std::make_shared<std::string>();
   call.accepted = [job](const std::string& job_id, int position, double wait_s) {
-    *job = job_id;
+    *job = without_controls(job_id);
     if (position > 0)
-      std::fprintf(stderr, "job %s waits behind %d%s\n", job_id.c_str(), position, about(wait_s).c_str());
+      std::fprintf(stderr, "job %s waits behind %d%s\n", job->c_str(), position, about(wait_s).c_str());
   };
   call.moved = [job](int position, double wait_s) {
     if (position > 0) {
@@ -167,7 +169,7 @@ std::optional<int> solve_nonlinear_file(const SolveArguments& arguments, nonline
     return tell_error(arguments, path, name,
                       invalid("--sensitivity", "is of an LCQP's answer: this problem is nonlinear"), false);
   }
-  if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
+  if (!arguments.quiet && arguments.files.size() > 1) std::cerr << without_controls(path) << ":\n";
   NonlinearTable table(nl->sign(), colours_wanted(), stderr);
   if (!arguments.quiet) settings.iteration = [&table](const nonlinear::Iteration& row) { table.report(row); };
   settings.stop = std::move(stop);
@@ -201,7 +203,7 @@ int run(const SolveArguments& arguments) {
   if (arguments.here()) return solve_files(arguments, *options, means);
   const auto client = connect(arguments.server);
   if (!client) {
-    std::cerr << "marble: " << client.error().message() << '\n';
+    complain(client.error().message());
     return kBadInput;
   }
   means.solve =

@@ -5,10 +5,12 @@
 #include <optional>
 
 #include "arguments/sensitivity_file.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "marble/solver.h"
 #include "output/iteration_table.h"
+#include "plain_text.h"
 #include "trace/trace_file.h"
 
 namespace marble::cli {
@@ -39,7 +41,7 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
     }
     return tell_error(arguments, path, "", file.error(), false);
   }
-  if (!arguments.quiet && arguments.files.size() > 1) std::cerr << path << ":\n";
+  if (!arguments.quiet && arguments.files.size() > 1) std::cerr << without_controls(path) << ":\n";
   Listeners listeners(!arguments.quiet, trace);
   SolveControls controls{listeners.sink(), std::move(stop), file->problem.initial_z};
   Expected<OwnedSensitivityRequest> asked;
@@ -59,7 +61,7 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
 }
 
 int argument_fails(const Error& error) {
-  std::cerr << "marble: " << error.message() << '\n';
+  complain(error.message());
   return kBadInput;
 }
 
@@ -79,7 +81,7 @@ Expected<std::optional<TraceWriter>> open_trace(const SolveArguments& arguments)
 
 int tell_error(const SolveArguments& arguments, const std::string& file, const std::string& name,
                const Error& error, bool remote) {
-  std::cerr << "marble: " << file << ": " << error.message() << '\n';
+  complain(file, error.message());
   if (arguments.json()) std::cout << json_line(file, name, error) << '\n' << std::flush;
   return remote ? exit_code_of(error) : exit_code_of_local(error);
 }
@@ -118,7 +120,7 @@ int solve_files(const SolveArguments& arguments, const Options& options, const S
       exit_code = worse(exit_code, argument_fails(written.error()));
   }
   if (std::cout) return exit_code;
-  std::cerr << "marble: standard output cannot be written\n";
+  complain("standard output cannot be written");
   return worse(exit_code, kBadInput);
 }
 

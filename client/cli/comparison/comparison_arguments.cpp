@@ -5,6 +5,7 @@
 #include <map>
 
 #include "base/atomic_file.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "comparison/comparison_table.h"
@@ -15,7 +16,7 @@ namespace marble::cli {
 namespace {
 
 int fails(const Error& error) {
-  std::cerr << "marble: " << terminal_text(error.message()) << '\n';
+  complain(error.message());
   return kBadInput;
 }
 
@@ -146,7 +147,7 @@ int compare_and_tell(const ComparisonArguments& arguments, const std::vector<Pro
               << comparison_summary(*comparison, settings) << std::flush;
   std::cerr << comparison_faults(*comparison);
   if (comparison->interrupted) {
-    std::cerr << "marble: interrupted: what came after is missing\n";
+    complain("interrupted: what came after is missing");
     return kNotSolved;
   }
   if (auto written = write_files(arguments, *comparison, title); !written) return fails(written.error());

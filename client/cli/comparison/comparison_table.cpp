@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "plain_text.h"
+
 namespace marble::cli {
 namespace {
 
@@ -98,7 +100,7 @@ std::string comparison_faults(const Comparison& comparison) {
   std::string text;
   for (const Entry& entry : comparison.entries) {
     if (!entry.attempt.fault.empty())
-      text += entry.problem + ": " + entry.contestant + ": " + entry.attempt.fault + "\n";
+      text += without_controls(entry.problem + ": " + entry.contestant + ": " + entry.attempt.fault) + "\n";
   }
   return text;
 }

@@ -5,6 +5,7 @@
 #include "marble/solver.h"
 #include "output/json.h"
 #include "output/text_table.h"
+#include "plain_text.h"
 
 namespace marble::cli {
 namespace {
@@ -51,7 +52,7 @@ NonlinearVectors NonlinearVectors::of(const formats::NlNonlinear& nl, const nonl
 
 std::string summary(const formats::NlNonlinear& nl, const nonlinear::Answer& a, double seconds) {
   const auto number = [](std::size_t value) { return std::to_string(value); };
-  std::string text = nl.name + ": " + to_string(a.status);
+  std::string text = without_controls(nl.name) + ": " + to_string(a.status);
   text += "  (" + number(a.x.size()) + " variables, " + number(nl.equalities) + " equalities, " +
           number(nl.inequalities) + " inequalities, " + number(nl.pairs) + " pairs; nonlinear)\n";
   text += "  objective       " + formatted("%.10g", nl.sign() * a.objective) + "\n";
@@ -65,7 +66,7 @@ std::string summary(const formats::NlNonlinear& nl, const nonlinear::Answer& a, 
     text += std::string("  stationarity    ") + to_string(a.stationarity) +
             (a.b_stationary.value_or(false) ? ", no descent on any branch\n" : "\n");
   } else {
-    text += "  why             " + a.detail + "\n";
+    text += "  why             " + without_controls(a.detail) + "\n";
     text += std::string("  what to try     ") + advice(a.status) + "\n";
   }
   return text;

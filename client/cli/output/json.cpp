@@ -1,5 +1,7 @@
 #include "output/json.h"
 
+#include "plain_text.h"
+
 namespace marble::cli {
 
 Json to_json(const Error& error) {
@@ -7,6 +9,8 @@ Json to_json(const Error& error) {
           {"value", error.value},          {"bound", error.bound}, {"message", error.message()}};
 }
 
-std::string line(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+std::string line(const Json& json) {
+  return with_escaped_controls(json.dump(-1, ' ', false, Json::error_handler_t::replace));
+}
 
 }  // namespace marble::cli

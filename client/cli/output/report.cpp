@@ -6,6 +6,7 @@
 #include "output/json.h"
 #include "output/proof.h"
 #include "output/sensitivity_report.h"
+#include "plain_text.h"
 
 namespace marble::cli {
 namespace {
@@ -41,7 +42,7 @@ std::string speed_text(const Answer& s) {
 
 std::string proof_line(const Answer& s) {
   if (s.nodes > 0) return "  proof           " + proof_text(proof_of(s)) + speed_text(s) + "\n";
-  return begins_with_proof(s) ? "  proof           " + part_of(s.detail, 0) + "\n" : "";
+  return begins_with_proof(s) ? "  proof           " + without_controls(part_of(s.detail, 0)) + "\n" : "";
 }
 
 }  // namespace
@@ -53,7 +54,7 @@ Subject subject_of(const std::string& path, const ProblemFile& file) {
 
 std::string summary(const Subject& p, const Answer& s) {
   // Names and details may be of any length: they are never formatted.
-  std::string text = p.name + ": " + to_string(s.status);
+  std::string text = without_controls(p.name) + ": " + to_string(s.status);
   text += format("  (%zu variables, %zu equalities, %zu inequalities, %zu pairs)\n", p.variables,
                  p.equalities, p.inequalities, p.pairs);
   text += format("  objective       %.10g", s.objective);
@@ -66,17 +67,17 @@ std::string summary(const Subject& p, const Answer& s) {
   text +=
       format("  time            %.3f ms solve, %.3f ms set-up", 1e3 * s.times.solve_s, 1e3 * s.times.setup_s);
   if (!s.job_id.empty())
-    text += format(", %.3f ms in the queue", 1e3 * s.queue_s) + "  (job " + s.job_id + ")";
+    text += format(", %.3f ms in the queue", 1e3 * s.queue_s) + "  (job " + without_controls(s.job_id) + ")";
   text += "\n";
   if (is_solved(s.status)) {
-    text += "  found by        " + part_of(s.detail, begins_with_proof(s) ? 1 : 0) + "\n";
+    text += "  found by        " + without_controls(part_of(s.detail, begins_with_proof(s) ? 1 : 0)) + "\n";
     text += std::string("  stationarity    ") + to_string(s.stationarity) +
             (s.b_stationary.value_or(false) ? ", no descent on any branch\n" : "\n");
     text += std::string("  second order    ") + to_string(s.second_order) + "\n";
     if (const std::string told = sensitivity_text(s); !told.empty())
       text += "  derivatives     " + told + "\n";
   } else {
-    text += "  why             " + s.detail + "\n";
+    text += "  why             " + without_controls(s.detail) + "\n";
     text += std::string("  what to try     ") + advice(s.status) + "\n";
   }
   return text;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "plain_text.h"
+
 namespace marble::cli {
 namespace {
 
@@ -43,28 +45,22 @@ TableFormat table_format(const std::string& path) {
 }
 
 std::string terminal_text(std::string_view text, std::size_t longest) {
-  const bool cut = characters(text) > longest;
-  std::string shown;
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const auto byte = static_cast<unsigned char>(text[i]);
-    if (begins_character(text[i]) && ++count > longest - (cut ? 1 : 0)) break;
-    // Of the characters of two bytes, the first 32 after 0x80 are controls too.
-    const bool two_byte_control =
-        byte == 0xc2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xa0;
-    if (two_byte_control) ++i;
-    shown += byte < 0x20 || byte == 0x7f || two_byte_control ? '?' : text[i];
-  }
-  return cut ? shown + "…" : shown;
+  const std::string shown = without_controls(text);
+  if (characters(shown) <= longest) return shown;
+  std::string_view rest = shown;
+  for (std::size_t i = 1; i < longest; ++i) static_cast<void>(take_character(rest));
+  return shown.substr(0, shown.size() - rest.size()) + "…";
 }
 
 std::string TextTable::text() const {
+  std::vector<std::vector<std::string>> rows = rows_;
   std::vector<std::size_t> widths(rows_.front().size(), 0);
-  for (const auto& row : rows_) {
+  for (auto& row : rows) {
+    for (std::string& cell : row) cell = without_controls(cell);
     for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], characters(row[i]));
   }
   std::string text;
-  for (const auto& row : rows_) {
+  for (const auto& row : rows) {
     std::string line;
     for (std::size_t i = 0; i < row.size(); ++i)
       line += row[i] + std::string(widths[i] - characters(row[i]) + 2, ' ');

@@ -7,8 +7,8 @@
 
 namespace marble::cli {
 
-/// Text of others on this terminal: control characters become ?, and what is longer than `longest` characters
-/// is cut and ends in …
+/// Text of others on this terminal, without_controls(); what is longer than `longest` characters is cut and
+/// ends in ….
 [[nodiscard]] std::string terminal_text(std::string_view text, std::size_t longest = 1000);
 
 /// A number as a pattern of printf says.

@@ -4,43 +4,21 @@
 
 #include <algorithm>
 
+#include "plain_text.h"
+
 namespace marble::cli {
 namespace {
 
-struct Character {
-  std::string_view bytes;
-  wchar_t code = 0;
-};
-
-std::size_t length_of(unsigned char first) {
-  if (first < 0x80) return 1;
-  if (first >= 0xc2 && first < 0xe0) return 2;
-  if (first >= 0xe0 && first < 0xf0) return 3;
-  return first >= 0xf0 && first < 0xf5 ? 4 : 0;
+int columns_of(const Character& character) {
+  return std::max(0, ::wcwidth(static_cast<wchar_t>(character.number)));
 }
-
-// The first character of UTF-8. A byte that begins none is one of code 0.
-Character first_of(std::string_view text) {
-  const auto first = static_cast<unsigned char>(text.front());
-  const std::size_t length = length_of(first);
-  if (length == 0 || length > text.size()) return {text.substr(0, 1)};
-  if (length == 1) return {text.substr(0, 1), static_cast<wchar_t>(first)};
-  unsigned code = first & (0xffU >> (length + 1));
-  for (std::size_t i = 1; i < length; ++i) {
-    const auto byte = static_cast<unsigned char>(text[i]);
-    if ((byte & 0xc0) != 0x80) return {text.substr(0, 1)};
-    code = (code << 6) | (byte & 0x3fU);
-  }
-  return {text.substr(0, length), static_cast<wchar_t>(code)};
-}
-
-int columns_of(const Character& character) { return std::max(0, ::wcwidth(character.code)); }
 
 // Bytes of what goes on one line: up to a blank, or all that fits of a word that is longer, but something.
 std::size_t length_of_line(std::string_view text, int width) {
   std::size_t length = 0, blank = 0;
   for (int columns = 0; length < text.size();) {
-    const Character next = first_of(text.substr(length));
+    std::string_view rest = text.substr(length);
+    const Character next = take_character(rest);
     columns += columns_of(next);
     if (columns > width && length > 0) return next.bytes == " " || blank == 0 ? length : blank;
     if (next.bytes == " ") blank = length;
@@ -53,25 +31,21 @@ std::size_t length_of_line(std::string_view text, int width) {
 
 int columns_of(std::string_view text) {
   int columns = 0;
-  while (!text.empty()) {
-    const Character next = first_of(text);
-    columns += columns_of(next);
-    text.remove_prefix(next.bytes.size());
-  }
+  while (!text.empty()) columns += columns_of(take_character(text));
   return columns;
 }
 
 std::string shown_text(std::string_view text, bool unicode) {
+  const std::string plain = without_controls(text);
   std::string shown;
-  while (!text.empty()) {
-    const Character next = first_of(text);
-    const bool fits = next.code < 0x80 || unicode;
-    if (fits && next.code != 0 && columns_of(next) > 0) {
+  for (std::string_view rest = plain; !rest.empty();) {
+    const Character next = take_character(rest);
+    const bool fits = next.number < 0x80 || unicode;
+    if (fits && columns_of(next) > 0) {
       shown += next.bytes;
     } else {
       shown += '?';
     }
-    text.remove_prefix(next.bytes.size());
   }
   return shown;
 }
@@ -82,11 +56,10 @@ std::string cut_text(std::string_view text, int width, bool unicode) {
   std::string cut;
   int columns = 1;  // of the ellipsis
   while (!text.empty()) {
-    const Character next = first_of(text);
+    const Character next = take_character(text);
     columns += columns_of(next);
     if (columns > width) break;
     cut += next.bytes;
-    text.remove_prefix(next.bytes.size());
   }
   return cut + (unicode ? "…" : "~");
 }
@@ -111,14 +84,14 @@ void Line::cut_to(int width) {
   for (Span& span : spans_) {
     std::string_view rest = span.text;
     std::string part;
+    bool cut = false;
     while (!rest.empty()) {
-      const Character next = first_of(rest);
-      if (columns_of(next) > left) break;
+      const Character next = take_character(rest);
+      cut = columns_of(next) > left;
+      if (cut) break;
       left -= columns_of(next);
       part += next.bytes;
-      rest.remove_prefix(next.bytes.size());
     }
-    const bool cut = !rest.empty();
     if (!part.empty()) kept.push_back({std::move(part), span.style});
     if (cut) break;
   }

@@ -1,19 +1,25 @@
 // Small helpers to build and fill elements.
 
+/** Text of others without the characters that steer how it is shown, such as those that set the direction of writing. */
+export const plain = (text) => String(text).replace(/(?!\n)[\p{Cc}\p{Cf}\p{Zl}\p{Zp}]/gu, "?");
+
 /** A new element. `attributes` are set as they are; null and false ones are left out. Children: elements or text. */
 export function make(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
     if (value === null || value === undefined || value === false) continue;
-    element.setAttribute(name, value === true ? "" : value);
+    element.setAttribute(name, value === true ? "" : plain(value));
   }
-  element.append(...children.filter((child) => child !== null && child !== undefined));
+  for (const child of children) {
+    if (child !== null && child !== undefined) element.append(typeof child === "string" ? plain(child) : child);
+  }
   return element;
 }
 
 /** Sets text only where it changed: an unchanged node costs no layout. */
 export function fill(element, text) {
-  if (element.textContent !== text) element.textContent = text;
+  const shown = plain(text);
+  if (element.textContent !== shown) element.textContent = shown;
 }
 
 export const byId = (id) => document.getElementById(id);

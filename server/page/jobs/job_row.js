@@ -1,6 +1,6 @@
 // One line of the table of jobs. Lines are used again for other jobs as the table scrolls.
 
-import { fill, make } from "../base/dom.js";
+import { fill, make, plain } from "../base/dom.js";
 import { age, duration, residual, whole } from "../base/format.js";
 import { seconds, violation } from "../data/store.js";
 import { outcome } from "../base/words.js";
@@ -86,7 +86,7 @@ export class JobRow {
 
   #text(key, text, title) {
     fill(this.#cells[key], text);
-    if (title !== undefined) this.#cells[key].title = title;
+    if (title !== undefined) this.#cells[key].title = plain(title);
   }
 
   #showOutcome(job) {
@@ -95,7 +95,7 @@ export class JobRow {
     fill(this.word, word.replaceAll("_", " ") + place);
     fill(this.sign, sign);
     this.#cells.status.dataset.tone = tone;
-    this.#cells.status.title = job.error?.message || job.detail;
+    this.#cells.status.title = plain(job.error?.message || job.detail);
   }
 
   #showViolation(job) {

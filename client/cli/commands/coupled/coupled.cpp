@@ -7,12 +7,14 @@
 
 #include "arguments/server_arguments.h"
 #include "arguments/solver_arguments.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "commands/commands.h"
 #include "commands/coupled/coupled_file.h"
 #include "formats.h"
 #include "output/json.h"
+#include "plain_text.h"
 
 namespace marble::cli {
 namespace {
@@ -27,7 +29,7 @@ struct CoupledArguments {
 };
 
 int file_of_blocks_fails(const std::string& path, const Error& error) {
-  std::cerr << "marble: " << path << ": " << error.message() << '\n';
+  complain(path, error.message());
   return exit_code_of_local(error);
 }
 
@@ -74,7 +76,7 @@ int tell_answer(const CoupledArguments& arguments, const Solution& solution, con
         "%s: objective %.10g, largest violation %.1e, %lld factorizations of blocks and %d after\n%s\n",
         to_string(solution.status), solution.objective, violation,
         static_cast<long long>(coordination.last.factorizations), solution.factorizations,
-        solution.detail.c_str());
+        without_controls(solution.detail).c_str());
     if (repeated > 0) std::printf("%d steps were asked for again: a server was lost\n", repeated);
   }
   return is_solved(solution.status) ? kAllSolved : kNotSolved;

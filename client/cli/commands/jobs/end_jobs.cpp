@@ -6,6 +6,7 @@
 #include "base/exit_code.h"
 #include "commands/commands.h"
 #include "output/job_report.h"
+#include "plain_text.h"
 
 namespace marble::cli {
 namespace {
@@ -23,7 +24,7 @@ int cancel_job(const EndArguments& arguments, const Jobs& jobs, const std::strin
   } else {
     // A running solve ends with its iteration, a moment from now.
     const bool over = job->state == JobState::finished;
-    std::cout << id << (over ? " has ended: " + ending(*job) : " is told to end") << '\n';
+    std::cout << without_controls(id) << (over ? " has ended: " + ending(*job) : " is told to end") << '\n';
   }
   return kAllSolved;
 }
@@ -33,7 +34,7 @@ int delete_job(const EndArguments& arguments, const Jobs& jobs, const std::strin
   if (arguments.server.json()) {
     std::cout << line({{"job_id", id}, {"deleted", true}}) << '\n';
   } else {
-    std::cout << id << " is deleted\n";
+    std::cout << without_controls(id) << " is deleted\n";
   }
   return kAllSolved;
 }

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "arguments/server_arguments.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/option_text.h"
 #include "commands/commands.h"
@@ -24,7 +25,9 @@ struct JobArguments {
   std::string trace, bundle;
 };
 
-void field(const char* name, const std::string& text) { std::printf("%-14s %s\n", name, text.c_str()); }
+void field(const char* name, const std::string& text) {
+  std::printf("%-14s %s\n", name, terminal_text(text).c_str());
+}
 
 std::string violations_text(const Violations& violations) {
   return formatted("equality %.1e", violations.equality) +
@@ -56,11 +59,11 @@ void print(const JobDetails& details) {
   const JobInfo& job = details.job;
   field("job", job.job_id);
   field("kind", std::string(to_string(job.kind)) + ", " + to_string(job.priority));
-  field("client", terminal_text(job.client));
-  if (!job.request_id.empty()) field("request", terminal_text(job.request_id));
+  field("client", job.client);
+  if (!job.request_id.empty()) field("request", job.request_id);
   if (!job.trace_id.empty()) field("trace", job.trace_id);
   if (!job.server.empty()) field("server", job.server);
-  field("problem", terminal_text(job.problem_name) + "  " + sizes_text(job) + " (n/n_e/n_i/n_c)");
+  field("problem", job.problem_name + "  " + sizes_text(job) + " (n/n_e/n_i/n_c)");
   field("accepted", time_text(job.accepted_unix_s) + ", age " + age_text(job));
   field("state", to_string(job.state));
   if (job.state == JobState::queued) {
@@ -68,8 +71,8 @@ void print(const JobDetails& details) {
           "behind " + std::to_string(job.queue_position) + ", about " + duration_text(job.estimated_wait_s));
   }
   field("status", ending(job));
-  if (job.error) field("why", terminal_text(job.error->message()));
-  if (!job.detail.empty()) field("detail", terminal_text(job.detail));
+  if (job.error) field("why", job.error->message());
+  if (!job.detail.empty()) field("detail", job.detail);
   if (job.kind == JobKind::session) field("updates", std::to_string(job.updates));
   field("work", std::to_string(job.iterations) + " iterations, " + std::to_string(job.factorizations) +
                     " factorizations");
@@ -133,7 +136,7 @@ int write_job_bundle(const JobArguments& arguments, const Jobs& jobs) {
   if (!parts) return job_fails(arguments.server, arguments.job, parts.error());
   const auto written = save_bundle(*parts, arguments.bundle);
   if (written) return kAllSolved;
-  std::cerr << "marble: " << written.error().message() << '\n';
+  complain(written.error().message());
   return kBadInput;
 }
 
@@ -151,7 +154,7 @@ int run(const JobArguments& arguments) {
   if (arguments.trace.empty()) return kAllSolved;
   const auto written = write_trace(details->trace, arguments.trace);
   if (written) return kAllSolved;
-  std::cerr << "marble: " << written.error().message() << '\n';
+  complain(written.error().message());
   return kBadInput;
 }
 

@@ -7,6 +7,7 @@
 #include "commands/commands.h"
 #include "output/job_report.h"
 #include "output/text_table.h"
+#include "plain_text.h"
 
 namespace marble::cli {
 namespace {
@@ -31,7 +32,7 @@ void print_table(const JobPage& page) {
                job.total_s > 0.0 ? duration_text(job.total_s) : "-"});
   }
   std::cout << table.text();
-  if (page.more) std::cout << "and more: --before " << page.jobs.back().job_id << '\n';
+  if (page.more) std::cout << "and more: --before " << without_controls(page.jobs.back().job_id) << '\n';
 }
 
 int run(const JobsArguments& arguments) {

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "arguments/server_arguments.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "commands/commands.h"
@@ -177,7 +178,7 @@ void print_json(const ReplayArguments& arguments, const Recorded& recorded, cons
 
 int run(const ReplayArguments& arguments) {
   const auto fails = [&](const Error& error, int code) {
-    std::cerr << "marble: " << arguments.bundle << ": " << error.message() << '\n';
+    complain(arguments.bundle, error.message());
     if (arguments.server.json())
       std::cout << line({{"file", arguments.bundle}, {"error", to_json(error)}}) << '\n';
     return code;

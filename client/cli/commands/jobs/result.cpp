@@ -6,7 +6,6 @@
 #include "base/interrupt.h"
 #include "commands/commands.h"
 #include "output/report.h"
-#include "output/text_table.h"
 
 namespace marble::cli {
 namespace {
@@ -36,11 +35,10 @@ int tell_result(const ResultArguments& arguments, const Jobs& jobs, const std::s
     const int outcome = job_fails(arguments.server, id, answer.error());
     return answer.error().code == ErrorCode::failed_precondition ? kNotSolved : outcome;  // not finished yet
   }
-  Subject subject = subject_of(jobs, id);
+  const Subject subject = subject_of(jobs, id);
   if (arguments.server.json()) {
     std::cout << json_line(subject, *answer) << '\n';
   } else {
-    subject.name = terminal_text(subject.name);
     std::cout << summary(subject, *answer);
   }
   std::cout << std::flush;

@@ -3,6 +3,7 @@
 
 #include "arguments/server_arguments.h"
 #include "arguments/solver_arguments.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "commands/commands.h"
@@ -10,6 +11,7 @@
 #include "marble/problem_file.h"
 #include "output/json.h"
 #include "output/report.h"
+#include "plain_text.h"
 
 namespace marble::cli {
 namespace {
@@ -25,7 +27,7 @@ int tell_error(const SubmitArguments& arguments, const std::string& path, const 
                Error error, bool remote) {
   if (error.code == ErrorCode::unavailable)
     error.bound = "server " + arguments.server.server + ": " + error.bound;
-  std::cerr << "marble: " << path << ": " << error.message() << '\n';
+  complain(path, error.message());
   if (arguments.server.json()) std::cout << json_line(path, name, error) << '\n' << std::flush;
   return remote ? exit_code_of(error) : exit_code_of_local(error);
 }
@@ -48,7 +50,7 @@ int submit_file(const SubmitArguments& arguments, const std::string& path, const
                        {"estimated_wait_seconds", job->estimated_wait_s}})
               << '\n';
   } else {
-    std::cout << job->job_id << '\n';
+    std::cout << without_controls(job->job_id) << '\n';
   }
   std::cout << std::flush;
   return kAllSolved;

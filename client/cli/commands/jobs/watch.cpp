@@ -13,6 +13,7 @@
 #include "output/job_report.h"
 #include "output/proof.h"
 #include "output/text_table.h"
+#include "plain_text.h"
 #include "watch/live_view.h"
 
 namespace marble::cli {
@@ -27,7 +28,7 @@ struct WatchArguments {
 
 std::string text_of(const JobEvent& event) {
   const JobInfo& job = event.job;
-  std::string text = job.job_id + " " + to_string(job.state);
+  std::string text = without_controls(job.job_id) + " " + to_string(job.state);
   const auto add = [&text](const char* pattern, auto... values) {
     char part[160];
     std::snprintf(part, sizeof part, pattern, values...);

@@ -6,12 +6,14 @@
 
 #include "arguments/server_arguments.h"
 #include "arguments/solver_arguments.h"
+#include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
 #include "commands/commands.h"
 #include "commands/scenarios/scenario_files.h"
 #include "formats.h"
 #include "output/json.h"
+#include "plain_text.h"
 
 namespace marble::cli {
 namespace {
@@ -25,7 +27,7 @@ struct ScenarioArguments {
 };
 
 int file_fails(const std::string& path, const Error& error) {
-  std::cerr << "marble: " << path << ": " << error.message() << '\n';
+  complain(path, error.message());
   return exit_code_of_local(error);
 }
 
@@ -91,7 +93,7 @@ void tell_answer(const ScenarioArguments& arguments, const RemoteScenarios& answ
       to_string(answer.end), to_string(answer.status), static_cast<long long>(answer.scenarios),
       answer.objective,
       std::max({answer.violations.equality, answer.violations.inequality, answer.violations.complementarity}),
-      answer.detail.c_str());
+      without_controls(answer.detail).c_str());
 }
 
 int run(ScenarioArguments& arguments) {
