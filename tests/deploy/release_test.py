@@ -11,6 +11,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 STANDS_IN = {
     "tests/tidy": "exit ${TIDY_FAULTS:-0}",
     "deploy/make-packages": 'touch "$1/marble-server.deb"',
+    "deploy/make-sbom": 'for file in "$1"/*; do echo "{}" >"$file.cdx.json"; done',
     "deploy/make-wheels": 'touch "$1/marble_solver-manylinux.whl"',
     "programs/python3": 'touch "$6/marble_solver.whl" "$6/marble_solver.tar.gz"',
     "programs/npm": 'if [ "$1" = pack ]; then touch "$3/marble-client.tgz"; fi',
@@ -30,6 +31,9 @@ class Release(unittest.TestCase):
         self.write("deploy/VERSION", "1.2.3\n")
         self.write("CHANGELOG.md", "# Changes\n\n## 1.2.3, 2026-01-02\n\nWhat is new.\n\n## 1.2.2, 2026-01-01\n\nOld.\n")
         shutil.copy(ROOT / "deploy/release", self.checkout / "deploy/release")
+        self.key = self.new_key("key")
+        public = self.key.with_suffix(".pub").read_text()
+        self.write("deploy/allowed_signers", f'# Keys\nmarble-release namespaces="marble-release" {public}')
         self.git("init", "--quiet")
         self.commit()
 
@@ -38,6 +42,10 @@ class Release(unittest.TestCase):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
         path.chmod(mode)
+
+    def new_key(self, name):
+        subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", self.work / name], check=True)
+        return self.work / name
 
     def git(self, *arguments):
         identity = ["-c", "user.name=A Tester", "-c", "user.email=tester@marble.example"]
@@ -59,15 +67,43 @@ class Release(unittest.TestCase):
         self.assertEqual(done.returncode, 1, done.stdout)
         self.assertIn(why, done.stderr)
 
-    def test_packages_are_built_with_their_checksums_and_nothing_is_tagged(self):
+    def verify(self, signers):
+        """What the page "Check a release" tells users to type."""
+        with (self.work / "packages/SHA256SUMS").open() as sums:
+            return subprocess.run(["ssh-keygen", "-Y", "verify", "-f", signers, "-I", "marble-release", "-n", "marble-release",
+                                   "-s", "SHA256SUMS.sig"], cwd=self.work / "packages", stdin=sums, capture_output=True)
+
+    def test_packages_are_built_with_bills_and_checksums_and_nothing_is_tagged(self):
         done = self.release()
         self.assertEqual(done.returncode, 0, done.stderr)
         sums = (self.work / "packages/SHA256SUMS").read_text().split()[1::2]
-        self.assertEqual(sums, ["marble-server.deb", "marble_solver-manylinux.whl", "marble_solver.whl", "marble_solver.tar.gz", "marble-client.tgz"])
+        packages = ["marble-server.deb", "marble_solver-manylinux.whl", "marble_solver.whl", "marble_solver.tar.gz", "marble-client.tgz"]
+        self.assertEqual(sums[:len(packages)], packages)
+        self.assertEqual(set(sums[len(packages):]), {f"{name}.cdx.json" for name in packages})
+        self.assertFalse((self.work / "packages/SHA256SUMS.sig").exists())
+        self.assertEqual(self.git("tag"), "")
+
+    def test_the_checksums_are_signed_and_a_change_of_them_is_noticed(self):
+        done = self.release("--sign", self.key)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        signers = self.checkout / "deploy/allowed_signers"
+        self.assertEqual(self.verify(signers).returncode, 0)
+        subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=self.work / "packages", check=True)
+        sums = self.work / "packages/SHA256SUMS"
+        sums.write_text(sums.read_text().replace("a", "b", 1))
+        self.assertNotEqual(self.verify(signers).returncode, 0)
+
+    def test_a_key_that_is_not_among_the_signers_is_refused(self):
+        self.refuses("allowed_signers does not have the key", "--sign", self.new_key("another"))
+        shutil.rmtree(self.work / "packages")
+        self.refuses("no such key", "--sign", self.work / "none")
+
+    def test_a_tag_wants_a_signature(self):
+        self.refuses("--tag wants --sign KEY", "--tag")
         self.assertEqual(self.git("tag"), "")
 
     def test_the_tag_is_made_when_asked_and_carries_this_version_s_changes(self):
-        done = self.release("--tag")
+        done = self.release("--sign", self.key, "--tag")
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(self.git("tag"), "v1.2.3\n")
         message = self.git("tag", "--list", "--format=%(contents)")
@@ -78,7 +114,7 @@ class Release(unittest.TestCase):
 
     def test_changes_that_are_not_committed_are_refused(self):
         self.write("README.md", "new")
-        self.refuses("not committed", "--tag")
+        self.refuses("not committed", "--sign", self.key, "--tag")
 
     def test_a_version_without_a_dated_entry_is_refused(self):
         self.write("CHANGELOG.md", "# Changes\n\n## 1.2.3, unreleased\n")
@@ -93,7 +129,7 @@ class Release(unittest.TestCase):
     def test_a_contract_that_was_not_released_is_refused(self):
         self.write("build/release/marble.binpb", "another contract")
         self.commit()
-        self.refuses("not the contract that was built", "--tag")
+        self.refuses("not the contract that was built", "--sign", self.key, "--tag")
         self.assertEqual(self.git("tag"), "")
 
     def test_faults_of_tidy_are_refused(self):
