@@ -288,7 +288,7 @@ static void derivatives_come_with_answers(const marble_client* client) {
   CHECK(marble_call_set_losses(call, 1, "z", both, 2, NULL) == MARBLE_OK);
   CHECK(marble_call_set_rows(call, 1, 2, columns, 1, row, one, 1, NULL) == MARBLE_OK);
   CHECK(marble_call_set_directions(call, 2, "x", both, 4, &error) == MARBLE_INVALID_ARGUMENT);
-  CHECK(strcmp(error.field, "name") == 0 && strcmp(error.value, "x") == 0);
+  CHECK(strcmp(error.field, "part") == 0 && strcmp(error.value, "x") == 0);
   CHECK(marble_session_open(client, problem, NULL, call, &session, NULL) == MARBLE_OK);
   for (int solve = 0; solve < 2; solve++) {
     CHECK((solve == 0 ? marble_solve(client, problem, NULL, call, &solution, &error)

@@ -5,8 +5,10 @@
  * What can fail returns MARBLE_OK or the code of its fault and fills `error`, which may be NULL. Nothing
  * throws, nothing aborts. NULL where it is not allowed is MARBLE_INVALID_ARGUMENT and names the parameter. A
  * fault changes nothing. Destroying NULL does nothing. What a function makes it writes to its last parameter
- * but one, NULL where it failed. Threads: a client may be used by many at once, and marble_call_cancel at any
- * time. Every other handle belongs to one thread at a time; handles that are only read may be read by many.
+ * but one, NULL where it failed; lent numbers are NULL and 0 where it failed. No count is above 2147483647.
+ * Threads: a client may be used by many at once, and marble_call_cancel at any time. Every other handle
+ * belongs to one thread at a time; handles that are only read may be read by many. To change a problem, a
+ * call or a session that another call uses is MARBLE_FAILED_PRECONDITION, in a progress function too.
  */
 #pragma once
 

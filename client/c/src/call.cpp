@@ -4,6 +4,7 @@
 
 using marble::Expected;
 using marble::unexpected;
+using marble::c::change;
 using marble::c::guarded;
 using marble::c::null;
 
@@ -44,8 +45,7 @@ void marble_call_destroy(marble_call* call) { delete call; }
 
 std::int32_t marble_call_set_progress(marble_call* call, marble_progress_function function, void* user,
                                       marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (call == nullptr) return unexpected(null("call"));
+  return change(call, "call", error, [&]() -> Expected<void> {
     call->function = function;
     call->user = user;
     return {};
@@ -54,8 +54,7 @@ std::int32_t marble_call_set_progress(marble_call* call, marble_progress_functio
 
 std::int32_t marble_call_set_initial_z(marble_call* call, const double* z, std::int64_t count,
                                        marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (call == nullptr) return unexpected(null("call"));
+  return change(call, "call", error, [&]() -> Expected<void> {
     const auto given = marble::c::numbers(z, count);
     if (!given) return unexpected(marble::of_field("initial_z", given.error()));
     call->initial_z.assign(given->begin(), given->end());
@@ -65,17 +64,16 @@ std::int32_t marble_call_set_initial_z(marble_call* call, const double* z, std::
 
 std::int32_t marble_call_set_warm_start(marble_call* call, const marble_solution* start,
                                         marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (call == nullptr) return unexpected(null("call"));
-    call->warm_start.reset();
-    if (start != nullptr) call->warm_start = start->solution;
+  return change(call, "call", error, [&]() -> Expected<void> {
+    std::optional<marble::Solution> copy;
+    if (start != nullptr) copy = start->solution;
+    call->warm_start = std::move(copy);
     return {};
   });
 }
 
 std::int32_t marble_call_set_priority(marble_call* call, const char* priority, marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (call == nullptr) return unexpected(null("call"));
+  return change(call, "call", error, [&]() -> Expected<void> {
     if (priority == nullptr) return unexpected(null("priority"));
     using marble::Priority;
     for (const Priority known :
@@ -90,8 +88,7 @@ std::int32_t marble_call_set_priority(marble_call* call, const char* priority, m
 }
 
 std::int32_t marble_call_set_request_id(marble_call* call, const char* request_id, marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (call == nullptr) return unexpected(null("call"));
+  return change(call, "call", error, [&]() -> Expected<void> {
     if (request_id == nullptr) return unexpected(null("request_id"));
     call->request_id = request_id;
     return {};
@@ -99,8 +96,7 @@ std::int32_t marble_call_set_request_id(marble_call* call, const char* request_i
 }
 
 std::int32_t marble_call_set_deadline(marble_call* call, double seconds, marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (call == nullptr) return unexpected(null("call"));
+  return change(call, "call", error, [&]() -> Expected<void> {
     if (!(seconds >= 0.0))
       return unexpected(marble::invalid("seconds", std::to_string(seconds), "must be >= 0"));
     call->deadline_s = seconds;
@@ -109,13 +105,12 @@ std::int32_t marble_call_set_deadline(marble_call* call, double seconds, marble_
 }
 
 void marble_call_cancel(marble_call* call) {
-  if (call != nullptr) call->stop.request_stop();
+  if (call != nullptr) call->stop.source().request_stop();
 }
 
 std::int32_t marble_call_reset(marble_call* call, marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (call == nullptr) return unexpected(null("call"));
-    call->stop = std::stop_source();
+  return change(call, "call", error, [&]() -> Expected<void> {
+    call->stop.reset();
     return {};
   });
 }

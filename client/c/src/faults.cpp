@@ -41,8 +41,19 @@ std::int32_t fault(const Error& reason, marble_error* error) {
 
 Error null(const char* parameter) { return invalid(parameter, "must not be NULL"); }
 
+Error in_use(const char* parameter) {
+  return failure(ErrorCode::failed_precondition, parameter, "is in use by another call");
+}
+
+Expected<void> check_count(std::string field, std::int64_t count) {
+  constexpr std::int64_t kMost = std::numeric_limits<Index>::max();
+  if (count >= 0 && count <= kMost) return {};
+  return unexpected(invalid(std::move(field), std::to_string(count),
+                            count < 0 ? "must be >= 0" : "must be <= " + std::to_string(kMost)));
+}
+
 Expected<std::span<const double>> numbers(const double* values, std::int64_t count) {
-  if (count < 0) return unexpected(invalid("count", std::to_string(count), "must be >= 0"));
+  if (auto valid = check_count("count", count); !valid) return unexpected(valid.error());
   if (values == nullptr && count > 0) return unexpected(null("values"));
   return std::span<const double>(values, static_cast<std::size_t>(count));
 }

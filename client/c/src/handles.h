@@ -1,11 +1,14 @@
 // What stands behind the handles, and how their functions fail.
 #pragma once
 
+#include <atomic>
 #include <exception>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <new>
 #include <optional>
+#include <shared_mutex>
 #include <stop_token>
 #include <string>
 #include <utility>
@@ -14,8 +17,37 @@
 #include "marble.h"
 #include "marble/client.h"
 
+namespace marble::c {
+
+/// Who uses a handle: many readers or one that changes it; a lock that is only tried. Solves lend a handle's
+/// arrays to the solver, so a change from within a progress function or from another thread must fail. (A
+/// shared_mutex must not be tried again by the thread that holds it.)
+class Usage {
+ public:
+  bool try_lock_shared() {
+    int readers = readers_.load();
+    while (readers != kChanging) {
+      if (readers_.compare_exchange_weak(readers, readers + 1)) return true;
+    }
+    return false;
+  }
+  void unlock_shared() { --readers_; }
+  bool try_lock() {
+    int none = 0;
+    return readers_.compare_exchange_strong(none, kChanging);
+  }
+  void unlock() { readers_ = 0; }
+
+ private:
+  static constexpr int kChanging = -1;
+  std::atomic<int> readers_ = 0;
+};
+
+}  // namespace marble::c
+
 struct marble_problem {
   marble::OwnedProblem problem;
+  mutable marble::c::Usage usage = {};
 };
 
 struct marble_options {
@@ -35,8 +67,26 @@ class Teller final : public marble::ProgressSink {
   std::stop_source stop_;
 };
 
+/// A stop that any thread may request, a reset under way or not.
+class CallStop {
+ public:
+  [[nodiscard]] std::stop_source source() const {
+    const std::scoped_lock lock(mutex_);
+    return source_;
+  }
+  void reset() {
+    const std::scoped_lock lock(mutex_);
+    source_ = std::stop_source();
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::stop_source source_;
+};
+
 struct marble_call {
-  std::stop_source stop;
+  mutable marble::c::Usage usage = {};
+  CallStop stop;
   marble_progress_function function = nullptr;
   void* user = nullptr;
   std::vector<double> initial_z;
@@ -58,7 +108,7 @@ struct marble_call {
                                                marble::SensitivityRequest& wanted) const {
     wanted = derivatives.view();
     return {.progress = function == nullptr ? nullptr : progress,
-            .stop = stop.get_token(),
+            .stop = stop.source().get_token(),
             .initial_z = initial_z,
             .warm_start = warm_start ? &*warm_start : nullptr,
             .sensitivity = wants_derivatives() ? &wanted : nullptr};
@@ -111,8 +161,32 @@ std::int32_t guarded(marble_error* error, const Work& work) {
   }
 }
 
+/// An error that says that another call reads or changes a parameter.
+[[nodiscard]] Error in_use(const char* parameter);
+
+/// Runs `work`, an Expected<void>, while no other call uses `handle`, which it changes.
+template <class Handle, class Work>
+std::int32_t change(Handle* handle, const char* parameter, marble_error* error, const Work& work) {
+  return guarded(error, [&]() -> Expected<void> {
+    if (handle == nullptr) return unexpected(null(parameter));
+    const std::unique_lock changing(handle->usage, std::try_to_lock);
+    if (!changing) return unexpected(in_use(parameter));
+    return work();
+  });
+}
+
+/// Errors: invalid_argument where a count is negative or larger than an index can be.
+[[nodiscard]] Expected<void> check_count(std::string field, std::int64_t count);
+
 /// The numbers a caller lends; an error where they are not there.
 [[nodiscard]] Expected<std::span<const double>> numbers(const double* values, std::int64_t count);
+
+/// What a caller has of numbers that are lent until they are found, and of those that never are.
+template <class Number>
+void none_lent(const Number** values, std::int64_t* count) {
+  if (values != nullptr) *values = nullptr;
+  if (count != nullptr) *count = 0;
+}
 
 /// Takes a matrix that a caller lends. Errors: invalid_argument of fields like "Q.rows".
 [[nodiscard]] Expected<void> set_matrix(SparseMatrix& matrix, const std::string& part, std::int32_t rows,

@@ -5,6 +5,7 @@
 using marble::Expected;
 using marble::unexpected;
 using marble::c::guarded;
+using marble::c::in_use;
 using marble::c::null;
 
 namespace {
@@ -29,6 +30,10 @@ std::int32_t marble_job_submit(const marble_client* client, const marble_problem
     if (problem == nullptr) return unexpected(null("problem"));
     const marble_call none;
     const marble_call& given = call == nullptr ? none : *call;
+    const std::shared_lock reading(problem->usage, std::try_to_lock);
+    if (!reading) return unexpected(in_use("problem"));
+    const std::shared_lock reading_call(given.usage, std::try_to_lock);
+    if (!reading_call) return unexpected(in_use("call"));
     marble::SensitivityRequest wanted;
     const auto taken =
         jobs.submit(problem->problem.view(), options == nullptr ? marble::Options() : options->options,
@@ -62,8 +67,10 @@ std::int32_t marble_job_result(const marble_client* client, const char* job_id, 
     if (solution == nullptr) return unexpected(null("solution"));
     const marble_call none;
     const marble_call& given = call == nullptr ? none : *call;
+    const std::shared_lock reading_call(given.usage, std::try_to_lock);
+    if (!reading_call) return unexpected(in_use("call"));
     auto answer = jobs.result(
-        job_id, {.wait = wait != 0, .deadline = given.deadline(), .stop = given.stop.get_token()});
+        job_id, {.wait = wait != 0, .deadline = given.deadline(), .stop = given.stop.source().get_token()});
     if (!answer) return unexpected(answer.error());
     *solution = new marble_solution{std::move(*answer)};
     return {};

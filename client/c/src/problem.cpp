@@ -4,7 +4,9 @@
 using marble::Expected;
 using marble::invalid;
 using marble::unexpected;
+using marble::c::change;
 using marble::c::guarded;
+using marble::c::in_use;
 using marble::c::null;
 
 namespace marble::c {
@@ -12,13 +14,9 @@ namespace marble::c {
 Expected<void> set_matrix(SparseMatrix& matrix, const std::string& part, std::int32_t rows,
                           std::int32_t columns, const std::int32_t* column_pointers, std::int64_t entries,
                           const std::int32_t* row_indices, const double* values) {
-  const auto at_least_zero = [&](const char* name, std::int64_t value) -> Expected<void> {
-    if (value < 0) return unexpected(invalid(part + "." + name, std::to_string(value), "must be >= 0"));
-    return {};
-  };
-  if (auto valid = at_least_zero("rows", rows); !valid) return valid;
-  if (auto valid = at_least_zero("columns", columns); !valid) return valid;
-  if (auto valid = at_least_zero("entries", entries); !valid) return valid;
+  if (auto valid = check_count(part + ".rows", rows); !valid) return valid;
+  if (auto valid = check_count(part + ".columns", columns); !valid) return valid;
+  if (auto valid = check_count(part + ".entries", entries); !valid) return valid;
   if (column_pointers == nullptr) return unexpected(null("column_pointers"));
   if (entries > 0 && row_indices == nullptr) return unexpected(null("row_indices"));
   if (entries > 0 && values == nullptr) return unexpected(null("values"));
@@ -51,7 +49,7 @@ std::int32_t marble_problem_read(const char* path, marble_problem** problem, mar
     if (problem == nullptr) return unexpected(null("problem"));
     auto file = marble::read_problem(path);
     if (!file) return unexpected(file.error());
-    *problem = new marble_problem{std::move(file->problem)};
+    *problem = new marble_problem{.problem = std::move(file->problem)};
     return {};
   });
 }
@@ -68,8 +66,7 @@ std::int32_t marble_problem_pairs(const marble_problem* problem) {
 
 std::int32_t marble_problem_set_vector(marble_problem* problem, const char* part, const double* values,
                                        std::int64_t count, marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (problem == nullptr) return unexpected(null("problem"));
+  return change(problem, "problem", error, [&]() -> Expected<void> {
     if (part == nullptr) return unexpected(null("part"));
     const auto given = marble::c::numbers(values, count);
     if (!given) return unexpected(given.error());
@@ -93,8 +90,7 @@ std::int32_t marble_problem_set_matrix(marble_problem* problem, const char* part
                                        std::int32_t columns, const std::int32_t* column_pointers,
                                        std::int64_t entries, const std::int32_t* row_indices,
                                        const double* values, marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (problem == nullptr) return unexpected(null("problem"));
+  return change(problem, "problem", error, [&]() -> Expected<void> {
     if (part == nullptr) return unexpected(null("part"));
     const std::string name = part;
 #define MARBLE_MATRIX(letter, field, update, vector)                                                     \
@@ -110,6 +106,8 @@ std::int32_t marble_problem_set_matrix(marble_problem* problem, const char* part
 std::int32_t marble_problem_check(const marble_problem* problem, marble_error* error) {
   return guarded(error, [&]() -> Expected<void> {
     if (problem == nullptr) return unexpected(null("problem"));
+    const std::shared_lock reading(problem->usage, std::try_to_lock);
+    if (!reading) return unexpected(in_use("problem"));
     const auto checked = marble::Problem::create(problem->problem.view());
     if (!checked) return unexpected(checked.error());
     return {};

@@ -5,7 +5,9 @@
 using marble::Expected;
 using marble::invalid;
 using marble::unexpected;
+using marble::c::change;
 using marble::c::guarded;
+using marble::c::none_lent;
 using marble::c::null;
 
 namespace {
@@ -64,12 +66,13 @@ Expected<const marble::SensitivityAnswer*> told(const marble_solution* solution)
 // Lends the share that number `at` of `count` has of what `find` knows by the name.
 template <class All, class Find>
 Expected<void> lend(const All& all, std::int32_t at, std::size_t count, const char* what, const char* name,
-                    const char* names, const Find& find, const double** values, std::int64_t* size) {
-  if (name == nullptr) return unexpected(null("name"));
+                    const char* parameter, const char* names, const Find& find, const double** values,
+                    std::int64_t* size) {
+  if (name == nullptr) return unexpected(null(parameter));
   if (values == nullptr) return unexpected(null("values"));
   if (size == nullptr) return unexpected(null("count"));
   const Numbers* const numbers = find(all, name);
-  if (numbers == nullptr) return unexpected(invalid("name", name, names));
+  if (numbers == nullptr) return unexpected(invalid(parameter, name, names));
   if (at < 0 || static_cast<std::size_t>(at) >= count) {
     return unexpected(invalid(what, std::to_string(at), "must be in [0, " + std::to_string(count) + ")"));
   }
@@ -82,15 +85,15 @@ Expected<void> lend(const All& all, std::int32_t at, std::size_t count, const ch
 // Sets what `find` knows by the name for all of so many directions or losses.
 template <class Forget, class Find>
 std::int32_t set_list(marble_call* call, std::int32_t number, const char* what, const char* name,
-                      const char* names, const double* values, std::int64_t count, marble_error* error,
-                      std::int32_t Derivatives::*number_of, const Forget& forget, const Find& find) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (call == nullptr) return unexpected(null("call"));
+                      const char* parameter, const char* names, const double* values, std::int64_t count,
+                      marble_error* error, std::int32_t Derivatives::*number_of, const Forget& forget,
+                      const Find& find) {
+  return change(call, "call", error, [&]() -> Expected<void> {
     if (number < 0) return unexpected(invalid(what, std::to_string(number), "must be >= 0"));
     Derivatives& asked = call->derivatives;
     if (number > 0) {
-      if (name == nullptr) return unexpected(null("name"));
-      if (find(asked, name) == nullptr) return unexpected(invalid("name", name, names));
+      if (name == nullptr) return unexpected(null(parameter));
+      if (find(asked, name) == nullptr) return unexpected(invalid(parameter, name, names));
       const auto given = marble::c::numbers(values, count);
       if (!given) return unexpected(given.error());
       Numbers copy(given->begin(), given->end());
@@ -109,7 +112,7 @@ std::int32_t set_list(marble_call* call, std::int32_t number, const char* what, 
 std::int32_t marble_call_set_directions(marble_call* call, std::int32_t directions, const char* part,
                                         const double* values, std::int64_t count, marble_error* error) {
   return set_list(
-      call, directions, "directions", part, kParts, values, count, error, &Derivatives::directions,
+      call, directions, "directions", part, "part", kParts, values, count, error, &Derivatives::directions,
       [](Derivatives& asked) { asked.numbers = {}; },
       [](Derivatives& asked, std::string_view name) { return part_of(asked, name); });
 }
@@ -117,7 +120,7 @@ std::int32_t marble_call_set_directions(marble_call* call, std::int32_t directio
 std::int32_t marble_call_set_losses(marble_call* call, std::int32_t losses, const char* vector,
                                     const double* values, std::int64_t count, marble_error* error) {
   return set_list(
-      call, losses, "losses", vector, kVectors, values, count, error, &Derivatives::losses,
+      call, losses, "losses", vector, "vector", kVectors, values, count, error, &Derivatives::losses,
       [](Derivatives& asked) {
         for (const char* name : {"z", "y", "nu", "xi", "eta"}) vector_of(asked, name)->clear();
       },
@@ -128,8 +131,7 @@ std::int32_t marble_call_set_rows(marble_call* call, std::int32_t rows, std::int
                                   const std::int32_t* column_pointers, std::int64_t entries,
                                   const std::int32_t* row_indices, const double* values,
                                   std::int32_t tell_columns, marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (call == nullptr) return unexpected(null("call"));
+  return change(call, "call", error, [&]() -> Expected<void> {
     Derivatives& asked = call->derivatives;
     if (rows != 0) {
       auto set = marble::c::set_matrix(asked.E, "rows", rows, columns, column_pointers, entries, row_indices,
@@ -146,8 +148,7 @@ std::int32_t marble_call_set_rows(marble_call* call, std::int32_t rows, std::int
 
 std::int32_t marble_call_set_rows_vector(marble_call* call, const char* name, const double* values,
                                          std::int64_t count, marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (call == nullptr) return unexpected(null("call"));
+  return change(call, "call", error, [&]() -> Expected<void> {
     if (name == nullptr) return unexpected(null("name"));
     const std::string_view which = name;
     if (which != "proximal" && which != "g")
@@ -161,6 +162,7 @@ std::int32_t marble_call_set_rows_vector(marble_call* call, const char* name, co
 
 std::int32_t marble_solution_change(const marble_solution* solution, std::int32_t direction, const char* name,
                                     const double** values, std::int64_t* count, marble_error* error) {
+  none_lent(values, count);
   return guarded(error, [&]() -> Expected<void> {
     const auto sensitivity = told(solution);
     if (!sensitivity) return unexpected(sensitivity.error());
@@ -169,7 +171,7 @@ std::int32_t marble_solution_change(const marble_solution* solution, std::int32_
       return unexpected(
           none("direction", "has no change: the branch is flat along it, or its rows contradict"));
     return lend(
-        changes, direction, changes.holds.size(), "direction", name, kVectors,
+        changes, direction, changes.holds.size(), "direction", name, "name", kVectors,
         [](const auto& all, std::string_view which) { return vector_of(all, which); }, values, count);
   });
 }
@@ -185,6 +187,7 @@ std::int32_t marble_solution_holds(const marble_solution* solution, std::int32_t
 
 std::int32_t marble_solution_gradient(const marble_solution* solution, std::int32_t loss, const char* part,
                                       const double** values, std::int64_t* count, marble_error* error) {
+  none_lent(values, count);
   return guarded(error, [&]() -> Expected<void> {
     const auto sensitivity = told(solution);
     if (!sensitivity) return unexpected(sensitivity.error());
@@ -195,13 +198,14 @@ std::int32_t marble_solution_gradient(const marble_solution* solution, std::int3
     }
     const std::size_t losses = gradients.g.size() / std::max<std::size_t>(1, solution->solution.z.size());
     return lend(
-        gradients, loss, losses, "loss", part, kParts,
+        gradients, loss, losses, "loss", part, "part", kParts,
         [](const auto& all, std::string_view which) { return part_of(all, which); }, values, count);
   });
 }
 
 std::int32_t marble_solution_response(const marble_solution* solution, const char* name,
                                       const double** values, std::int64_t* count, marble_error* error) {
+  none_lent(values, count);
   return guarded(error, [&]() -> Expected<void> {
     const auto sensitivity = told(solution);
     if (!sensitivity) return unexpected(sensitivity.error());
@@ -209,13 +213,14 @@ std::int32_t marble_solution_response(const marble_solution* solution, const cha
     if (!rows) return unexpected(none("rows", "have no response: none was asked for"));
     if (!*rows) return unexpected(rows->error());
     return lend(
-        **rows, 0, 1, "rows", name, "must be values, free, response, z or columns",
+        **rows, 0, 1, "rows", name, "name", "must be values, free, response, z or columns",
         [](const auto& all, std::string_view which) { return part_of(all, which); }, values, count);
   });
 }
 
 std::int32_t marble_solution_weak(const marble_solution* solution, const char* name,
                                   const std::int32_t** indices, std::int64_t* count, marble_error* error) {
+  none_lent(indices, count);
   return guarded(error, [&]() -> Expected<void> {
     const auto sensitivity = told(solution);
     if (!sensitivity) return unexpected(sensitivity.error());

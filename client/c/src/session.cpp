@@ -2,7 +2,9 @@
 
 using marble::Expected;
 using marble::unexpected;
+using marble::c::change;
 using marble::c::guarded;
+using marble::c::in_use;
 using marble::c::null;
 
 struct marble_session {
@@ -17,6 +19,7 @@ struct marble_session {
   std::vector<double> initial_z = {};
   bool cold = false;
   marble::Shift shift = {};
+  marble::c::Usage usage = {};
 
   void forget() {
     numbers = {};
@@ -35,6 +38,11 @@ std::int32_t marble_session_open(const marble_client* client, const marble_probl
   return guarded(error, [&]() -> Expected<void> {
     if (problem == nullptr) return unexpected(null("problem"));
     if (session == nullptr) return unexpected(null("session"));
+    const marble_call none;
+    const std::shared_lock reading(problem->usage, std::try_to_lock);
+    if (!reading) return unexpected(in_use("problem"));
+    const std::shared_lock reading_call((call == nullptr ? none : *call).usage, std::try_to_lock);
+    if (!reading_call) return unexpected(in_use("call"));
     const auto checked = marble::Problem::create(problem->problem.view());
     if (!checked) return unexpected(checked.error());
     marble::SessionOptions over;
@@ -42,7 +50,7 @@ std::int32_t marble_session_open(const marble_client* client, const marble_probl
     if (call != nullptr) {
       over.progress = call->function != nullptr;
       over.initial_z = call->initial_z;
-      over.stop = call->stop.get_token();
+      over.stop = call->stop.source().get_token();
       over.request_id = call->request_id;
       over.priority = call->priority;
     }
@@ -67,8 +75,7 @@ void marble_session_destroy(marble_session* session) { delete session; }
 
 std::int32_t marble_session_set(marble_session* session, const char* part, const double* values,
                                 std::int64_t count, marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (session == nullptr) return unexpected(null("session"));
+  return change(session, "session", error, [&]() -> Expected<void> {
     if (part == nullptr) return unexpected(null("part"));
     const auto given = marble::c::numbers(values, count);
     if (!given) return unexpected(given.error());
@@ -108,8 +115,7 @@ std::int32_t marble_session_set(marble_session* session, const char* part, const
 
 std::int32_t marble_session_set_options(marble_session* session, const marble_options* options,
                                         marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (session == nullptr) return unexpected(null("session"));
+  return change(session, "session", error, [&]() -> Expected<void> {
     if (options == nullptr) return unexpected(null("options"));
     session->options = options->options;
     return {};
@@ -118,8 +124,7 @@ std::int32_t marble_session_set_options(marble_session* session, const marble_op
 
 std::int32_t marble_session_set_initial_z(marble_session* session, const double* z, std::int64_t count,
                                           marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (session == nullptr) return unexpected(null("session"));
+  return change(session, "session", error, [&]() -> Expected<void> {
     const auto given = marble::c::numbers(z, count);
     if (!given) return unexpected(marble::of_field("initial_z", given.error()));
     const auto variables = static_cast<marble::Index>(session->sizes.g);
@@ -130,16 +135,14 @@ std::int32_t marble_session_set_initial_z(marble_session* session, const double*
 }
 
 std::int32_t marble_session_set_cold(marble_session* session, marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (session == nullptr) return unexpected(null("session"));
+  return change(session, "session", error, [&]() -> Expected<void> {
     session->cold = true;
     return {};
   });
 }
 
 std::int32_t marble_session_shift(marble_session* session, std::int32_t stages, marble_error* error) {
-  return guarded(error, [&]() -> Expected<void> {
-    if (session == nullptr) return unexpected(null("session"));
+  return change(session, "session", error, [&]() -> Expected<void> {
     auto by_stage = marble::Shift::by_stage(session->shape.view(), stages);
     if (!by_stage) return unexpected(by_stage.error());
     session->shift = std::move(*by_stage);
@@ -149,12 +152,13 @@ std::int32_t marble_session_shift(marble_session* session, std::int32_t stages, 
 
 std::int32_t marble_session_solve(marble_session* session, marble_solution** solution, marble_error* error) {
   if (solution != nullptr) *solution = nullptr;
-  return guarded(error, [&]() -> Expected<void> {
-    if (session == nullptr) return unexpected(null("session"));
+  return change(session, "session", error, [&]() -> Expected<void> {
     if (solution == nullptr) return unexpected(null("solution"));
     const marble_call none;
     const marble_call& call = session->call == nullptr ? none : *session->call;
-    Teller teller(call.function, call.user, call.stop);
+    const std::shared_lock reading_call(call.usage, std::try_to_lock);
+    if (!reading_call) return unexpected(in_use("call"));
+    Teller teller(call.function, call.user, call.stop.source());
     marble::ProblemUpdate update;
     update.c0 = session->c0;
 #define MARBLE_VECTOR(letter, field) update.letter = session->numbers.letter;

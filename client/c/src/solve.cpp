@@ -5,6 +5,8 @@
 using marble::Expected;
 using marble::unexpected;
 using marble::c::guarded;
+using marble::c::in_use;
+using marble::c::none_lent;
 using marble::c::null;
 
 namespace marble::c {
@@ -43,7 +45,11 @@ std::int32_t marble_solve(const marble_client* client, const marble_problem* pro
     if (solution == nullptr) return unexpected(null("solution"));
     const marble_call none;
     const marble_call& given = call == nullptr ? none : *call;
-    Teller teller(given.function, given.user, given.stop);
+    const std::shared_lock reading(problem->usage, std::try_to_lock);
+    if (!reading) return unexpected(in_use("problem"));
+    const std::shared_lock reading_call(given.usage, std::try_to_lock);
+    if (!reading_call) return unexpected(in_use("call"));
+    Teller teller(given.function, given.user, given.stop.source());
     marble::SensitivityRequest wanted;
     const marble::SolveControls controls = given.controls(&teller, wanted);
     const marble::CallControls over = given.over(problem->problem.name);
@@ -73,8 +79,7 @@ double marble_solution_objective(const marble_solution* solution) {
 
 std::int32_t marble_solution_vector(const marble_solution* solution, const char* name, const double** values,
                                     std::int64_t* count, marble_error* error) {
-  if (values != nullptr) *values = nullptr;
-  if (count != nullptr) *count = 0;
+  none_lent(values, count);
   return guarded(error, [&]() -> Expected<void> {
     if (solution == nullptr) return unexpected(null("solution"));
     if (name == nullptr) return unexpected(null("name"));
