@@ -16,6 +16,9 @@ function octave_test()
   refused(@() marble_solve(setfield(p, 'l', [0; 0])), 'marble:invalid_argument', 'l');
   refused(@() marble_solve(p, struct('starts', 0)), 'marble:invalid_argument', 'starts');
 
+  wrong_arguments_are_refused(p);
+  a_closed_session_stays_closed(p);
+
   % Its orders: without A, with the bounds of x alone, with A, with params.
   L = [1, 0];
   R = [0, 1];
@@ -34,6 +37,46 @@ function octave_test()
 
   % A hopper: the bits of the program.
   printf('%s ', num2cell(num2hex(marble_solve(hopper()).z), 2){:});
+end
+
+function wrong_arguments_are_refused(p)
+  session = marble_session(p);
+  for wrong = {'ab', {1, 2}, [1i; 2], struct('a', 1), [NaN; 1], @sin}
+    refused(@() marble_solve(setfield(p, 'g', wrong{1})), 'marble:invalid_argument', 'g');
+    refused(@() session.solve(setfield(struct(), 'g', wrong{1})), 'marble:invalid_argument', 'g');
+  end
+  for wrong = {5, [p, p], struct('g', {}), {}, 'text'}
+    refused(@() marble_solve(wrong{1}), 'marble:invalid_argument', 'struct');
+    refused(@() marble_solve(p, wrong{1}), 'marble:invalid_argument', 'struct');
+    refused(@() session.solve(wrong{1}), 'marble:invalid_argument', 'struct');
+    refused(@() marble_mex('solve', wrong{1}, struct()), 'marble:invalid_argument', 'struct');
+    refused(@() marble_mex('update', 1, wrong{1}), 'marble:invalid_argument', '');
+  end
+  for wrong = {sparse(0), 2i, {1}, [1, 2], zeros(0, 1), struct()}
+    refused(@() marble_solve(p, setfield(struct(), 'starts', wrong{1})), 'marble:invalid_argument', 'option');
+  end
+  refused(@() marble_mex(), 'marble:invalid_argument', '');
+  refused(@() marble_mex('solve', struct('g', [1; 2], 'z0', sparse(2, 1)), struct()), 'marble:invalid_argument', 'full');
+
+  % The numbers of another pattern would count in the wrong places.
+  refused(@() session.solve(struct('L', sparse([0, 1]))), 'marble:invalid_argument', 'L: .*pattern');
+  refused(@() session.solve(struct('A', sparse([0, 1]))), 'marble:invalid_argument', 'A: .*pattern');
+  assert(session.solve(struct('g', sparse([0; -4]))).objective, -4, 1e-9);
+  assert(session.solve(struct('Q', sparse([4, 0; 0, 4]))).objective, -2, 1e-9);
+  session.close();
+end
+
+function a_closed_session_stays_closed(p)
+  first = marble_session(p);
+  first.close();
+  second = marble_session(setfield(p, 'g', [-2; -8]));
+  refused(@() first.solve(struct()), 'marble:invalid_argument', 'not open');
+  refused(@() first.close(), 'marble:invalid_argument', 'not open');
+  for handle = {0, 0.5, -1, NaN, Inf, 1e300, sparse(1), '1', {}, [1, 2]}
+    refused(@() marble_mex('update', handle{1}, struct()), 'marble:invalid_argument', 'not open');
+  end
+  assert(second.solve(struct()).objective, -16, 1e-9);
+  second.close();
 end
 
 function check_lcqpow(Q, g, L, R, rest, objective)

@@ -1,5 +1,5 @@
-/* What marble_solve.m and marble_session.m call; see them. marble_mex(command, ...) with a problem as a struct of sparse
- * matrices and columns. */
+/* What marble_solve.m and marble_session.m call; see them. marble_mex(command, ...) with a problem as a
+ * struct of sparse matrices and columns. */
 #include <marble.h>
 #include <mex.h>
 #include <stdio.h>
@@ -7,7 +7,10 @@
 
 #define MOST_SESSIONS 64
 
+/* A handle is a number that no later session has: one that was closed stays closed. */
 static marble_session* sessions[MOST_SESSIONS];
+static double handles[MOST_SESSIONS];
+static double last_handle = 0;
 
 static void close_all(void) {
   for (int i = 0; i < MOST_SESSIONS; i++) marble_session_destroy(sessions[i]);
@@ -45,10 +48,19 @@ static void refuse(const char* what, held* all) {
 
 static const mxArray* doubles(const mxArray* array, const char* name, held* all) {
   char text[128];
-  if (mxIsDouble(array) && !mxIsComplex(array)) return array;
+  if (array != NULL && mxIsDouble(array) && !mxIsComplex(array)) return array;
   snprintf(text, sizeof text, "%.40s: must be real doubles", name);
   refuse(text, all);
   return NULL;
+}
+
+static const mxArray* vector(const mxArray* array, const char* name, held* all) {
+  if (mxIsSparse(doubles(array, name, all))) refuse("vectors must be full", all);
+  return array;
+}
+
+static void check_struct(const mxArray* array, const char* usage, held* all) {
+  if (!mxIsStruct(array) || mxGetNumberOfElements(array) != 1) refuse(usage, all);
 }
 
 static void take_matrix(held* all, const char* name, const mxArray* array) {
@@ -68,12 +80,14 @@ static void take_matrix(held* all, const char* name, const mxArray* array) {
   i = mxMalloc((entries + 1) * sizeof *i);
   for (k = 0; k <= columns; k++) p[k] = (int32_t)pointers[k];
   for (k = 0; k < entries; k++) i[k] = (int32_t)indices[k];
-  check(marble_problem_set_matrix(all->problem, name, (int32_t)mxGetM(array), (int32_t)columns, p, (int64_t)entries, i,
-                                  mxGetPr(array), &error),
+  check(marble_problem_set_matrix(all->problem, name, (int32_t)mxGetM(array), (int32_t)columns, p,
+                                  (int64_t)entries, i, mxGetPr(array), &error),
         &error, all);
   mxFree(p);
   mxFree(i);
 }
+
+static int is_matrix(const char* name) { return strlen(name) == 1 && strchr("QACLR", name[0]) != NULL; }
 
 /* A struct's parts to the problem, and z0 to the call. */
 static void take_problem(held* all, const mxArray* parts) {
@@ -82,14 +96,16 @@ static void take_problem(held* all, const mxArray* parts) {
   check(marble_call_create(&all->call, &error), &error, all);
   for (int k = 0; k < mxGetNumberOfFields(parts); k++) {
     const char* name = mxGetFieldNameByNumber(parts, k);
-    const mxArray* array = doubles(mxGetFieldByNumber(parts, 0, k), name, all);
-    const int64_t count = (int64_t)mxGetNumberOfElements(array);
+    const mxArray* array = mxGetFieldByNumber(parts, 0, k);
+    int64_t count;
+    if (is_matrix(name)) {
+      take_matrix(all, name, array);
+      continue;
+    }
+    count = (int64_t)mxGetNumberOfElements(vector(array, name, all));
     if (strcmp(name, "z0") == 0) {
       check(marble_call_set_initial_z(all->call, mxGetPr(array), count, &error), &error, all);
-    } else if (strlen(name) == 1 && strchr("QACLR", name[0]) != NULL) {
-      take_matrix(all, name, array);
     } else {
-      if (mxIsSparse(array)) refuse("vectors must be full", all);
       check(marble_problem_set_vector(all->problem, name, mxGetPr(array), count, &error), &error, all);
     }
   }
@@ -101,12 +117,14 @@ static void take_options(held* all, const mxArray* options) {
   for (int k = 0; k < mxGetNumberOfFields(options); k++) {
     const char* name = mxGetFieldNameByNumber(options, k);
     const mxArray* value = mxGetFieldByNumber(options, 0, k);
+    if (value == NULL) refuse("an option must be a number or a text", all);
     if (mxIsChar(value)) {
       char* text = mxArrayToString(value);
       const int32_t code = marble_options_set(all->options, name, text, &error);
       mxFree(text);
       check(code, &error, all);
-    } else if (mxGetNumberOfElements(value) == 1 && (mxIsNumeric(value) || mxIsLogical(value))) {
+    } else if (mxGetNumberOfElements(value) == 1 && !mxIsSparse(value) && !mxIsComplex(value) &&
+               (mxIsNumeric(value) || mxIsLogical(value))) {
       check(marble_options_set_number(all->options, name, mxGetScalar(value), &error), &error, all);
     } else {
       refuse("an option must be a number or a text", all);
@@ -116,8 +134,9 @@ static void take_options(held* all, const mxArray* options) {
 
 static mxArray* answer_of(held* all) {
   static const char* const vectors[] = {"z", "y", "nu", "xi", "eta", "certificate"};
-  static const char* const numbers[] = {"objective", "bound", "gap", "proved", "iterations", "factorizations",
-                                        "complementarity_violation", "total_s"};
+  static const char* const numbers[] = {
+      "objective", "bound", "gap", "proved", "iterations", "factorizations", "complementarity_violation",
+      "total_s"};
   mxArray* answer = mxCreateStructMatrix(1, 1, 0, NULL);
   for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++) {
     const double* values = NULL;
@@ -144,9 +163,12 @@ static mxArray* answer_of(held* all) {
 }
 
 static marble_session** session_of(const mxArray* handle, held* all) {
-  const double number = mxIsDouble(handle) && mxGetNumberOfElements(handle) == 1 ? mxGetScalar(handle) : -1;
-  if (!(number >= 0 && number < MOST_SESSIONS) || sessions[(int)number] == NULL) refuse("the session is not open", all);
-  return &sessions[(int)number];
+  const int is_number = mxIsDouble(handle) && !mxIsSparse(handle) && mxGetNumberOfElements(handle) == 1;
+  for (int k = 0; is_number && k < MOST_SESSIONS; k++) {
+    if (sessions[k] != NULL && handles[k] == mxGetScalar(handle)) return &sessions[k];
+  }
+  refuse("the session is not open", all);
+  return NULL;
 }
 
 void mexFunction(int results, mxArray** result, int count, const mxArray** given) {
@@ -157,7 +179,9 @@ void mexFunction(int results, mxArray** result, int count, const mxArray** given
   if (count < 2 || mxGetString(given[0], command, sizeof command) != 0) refuse("see marble_solve", &all);
   mexAtExit(close_all);
   if (strcmp(command, "solve") == 0 || strcmp(command, "open") == 0) {
-    if (count != 3 || !mxIsStruct(given[1]) || !mxIsStruct(given[2])) refuse("see marble_solve", &all);
+    if (count != 3) refuse("see marble_solve", &all);
+    check_struct(given[1], "the problem must be one struct", &all);
+    check_struct(given[2], "options must be one struct", &all);
     take_problem(&all, given[1]);
     take_options(&all, given[2]);
     if (command[0] == 's') {
@@ -168,7 +192,8 @@ void mexFunction(int results, mxArray** result, int count, const mxArray** given
       while (place < MOST_SESSIONS && sessions[place] != NULL) place++;
       if (place == MOST_SESSIONS) refuse("64 sessions are open", &all);
       /* Without the call, which ends here: z0 comes with the first solve. */
-      check(marble_session_open(NULL, all.problem, all.options, NULL, &sessions[place], &error), &error, &all);
+      check(marble_session_open(NULL, all.problem, all.options, NULL, &sessions[place], &error), &error,
+            &all);
       if (mxGetField(given[1], 0, "z0") != NULL) {
         const mxArray* z0 = mxGetField(given[1], 0, "z0");
         const int64_t numbers = (int64_t)mxGetNumberOfElements(z0);
@@ -180,17 +205,18 @@ void mexFunction(int results, mxArray** result, int count, const mxArray** given
         check(code, &error, &all);
       }
       drop(&all);
-      result[0] = mxCreateDoubleScalar(place);
+      handles[place] = ++last_handle;
+      result[0] = mxCreateDoubleScalar(last_handle);
     }
   } else if (strcmp(command, "update") == 0) {
     marble_session* session;
-    if (count != 3 || !mxIsStruct(given[2])) refuse("see marble_session", &all);
+    if (count != 3) refuse("see marble_session", &all);
+    check_struct(given[2], "changes must be one struct", &all);
     session = *session_of(given[1], &all);
     for (int k = 0; k < mxGetNumberOfFields(given[2]); k++) {
       const char* name = mxGetFieldNameByNumber(given[2], k);
-      const mxArray* array = doubles(mxGetFieldByNumber(given[2], 0, k), name, &all);
-      const int64_t numbers = mxIsSparse(array) ? (int64_t)mxGetJc(array)[mxGetN(array)]
-                                                : (int64_t)mxGetNumberOfElements(array);
+      const mxArray* array = vector(mxGetFieldByNumber(given[2], 0, k), name, &all);
+      const int64_t numbers = (int64_t)mxGetNumberOfElements(array);
       check(strcmp(name, "z0") == 0 ? marble_session_set_initial_z(session, mxGetPr(array), numbers, &error)
                                     : marble_session_set(session, name, mxGetPr(array), numbers, &error),
             &error, &all);
