@@ -101,7 +101,7 @@ export class Client implements Disposable {
    * alive.
    */
   close(): void {
-    this.connection.channel.close();
+    this.connection.close();
   }
 
   /** As `close`, at the end of a `using` block. */

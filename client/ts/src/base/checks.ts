@@ -1,9 +1,18 @@
 // What several calls take, and how it is checked.
 import { invalid } from "./errors.js";
 
+/** Longer ones never come: gRPC cannot count them. About 68 years. */
+const longestMs = 2 ** 31 * 1000;
+
 /** A deadline: milliseconds > 0, or none. */
 export function checkDeadline(field: string, milliseconds: number | undefined): void {
-  if (milliseconds !== undefined && !(milliseconds > 0)) throw invalid(field, "must be > 0", { value: milliseconds });
+  if (milliseconds === undefined || (typeof milliseconds === "number" && milliseconds > 0)) return;
+  throw invalid(field, "must be > 0", { value: milliseconds });
+}
+
+/** The deadline, or undefined where none ever comes. */
+export function untilForever(milliseconds: number | undefined): number | undefined {
+  return milliseconds !== undefined && milliseconds < longestMs ? milliseconds : undefined;
 }
 
 /** A whole number >= 0 that fits the contract; 0 if there is none. */

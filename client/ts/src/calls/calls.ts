@@ -1,7 +1,8 @@
 // Calls as promises and async iterables: with a deadline, an abort signal, and this package's errors.
 import type { CallOptions, ClientDuplexStream, ClientReadableStream, MethodDefinition } from "@grpc/grpc-js";
 
-import { checkDeadline } from "../base/checks.js";
+import { checkDeadline, untilForever } from "../base/checks.js";
+import { invalid } from "../base/errors.js";
 import type { Connection } from "../connection/connection.js";
 import { cancelled, errorOfCall } from "./status.js";
 
@@ -18,7 +19,7 @@ interface Cancellable {
 }
 
 /** One message there, one back. */
-export function unary<Request, Response>(
+export async function unary<Request, Response>(
   connection: Connection,
   method: MethodDefinition<Request, Response>,
   request: Request,
@@ -26,9 +27,10 @@ export function unary<Request, Response>(
 ): Promise<Response> {
   const { signal } = controls;
   const options = callOptions(controls, connection.deadlineMs);
-  if (signal?.aborted) return Promise.reject(cancelled(signal));
+  checkSignal(signal);
+  const channel = connection.open();
   return new Promise((resolve, reject) => {
-    const call = connection.channel.makeUnaryRequest(
+    const call = channel.makeUnaryRequest(
       method.path,
       method.requestSerialize,
       method.responseDeserialize,
@@ -55,8 +57,8 @@ export async function* serverStream<Request, Response>(
 ): AsyncGenerator<Response, void, undefined> {
   const { signal } = controls;
   const options = callOptions(controls, defaultDeadlineMs);
-  if (signal?.aborted) throw cancelled(signal);
-  const call = connection.channel.makeServerStreamRequest(
+  checkSignal(signal);
+  const call = connection.open().makeServerStreamRequest(
     method.path,
     method.requestSerialize,
     method.responseDeserialize,
@@ -79,8 +81,8 @@ export function duplex<Request, Response>(
   method: MethodDefinition<Request, Response>,
   signal?: AbortSignal,
 ): ClientDuplexStream<Request, Response> {
-  if (signal?.aborted) throw cancelled(signal);
-  const call = connection.channel.makeBidiStreamRequest(
+  checkSignal(signal);
+  const call = connection.open().makeBidiStreamRequest(
     method.path,
     method.requestSerialize,
     method.responseDeserialize,
@@ -105,8 +107,14 @@ export async function* received<Response>(
 
 function callOptions(controls: CallControls, defaultDeadlineMs: number | undefined): CallOptions {
   checkDeadline("deadlineMs", controls.deadlineMs);
-  const limit = controls.deadlineMs ?? defaultDeadlineMs;
+  const limit = untilForever(controls.deadlineMs ?? defaultDeadlineMs);
   return limit === undefined ? {} : { deadline: Date.now() + limit };
+}
+
+function checkSignal(signal: AbortSignal | undefined): void {
+  if (signal === undefined) return;
+  if (!(signal instanceof AbortSignal)) throw invalid("signal", "must be an AbortSignal", { value: signal });
+  if (signal.aborted) throw cancelled(signal);
 }
 
 function cancelOnAbort(call: Cancellable, signal: AbortSignal | undefined): () => void {

@@ -1,6 +1,6 @@
 import type { ClientDuplexStream } from "@grpc/grpc-js";
 
-import { checkDeadline, secondsOrZero, wholeOrZero } from "../base/checks.js";
+import { checkDeadline, secondsOrZero, untilForever, wholeOrZero } from "../base/checks.js";
 import { type MarbleError, SupersededError, errorOf, invalid } from "../base/errors.js";
 import type { Connection } from "../connection/connection.js";
 import { SolverService } from "../generated/marble/v1/service.js";
@@ -249,7 +249,7 @@ function updateOf(sequence: number, update: ProblemUpdate, controls: UpdateContr
     initialPoint: initialPoint(controls.initialPoint, shape.variables),
     cold: controls.cold ?? false,
     shift: controls.shift && shiftMessage(controls.shift),
-    deadlineS: (controls.deadlineMs ?? 0) / 1000,
+    deadlineS: (untilForever(controls.deadlineMs) ?? 0) / 1000,
     prepare: false,
     sensitivity: controls.sensitivity && sensitivityMessage(controls.sensitivity, shape),
   };

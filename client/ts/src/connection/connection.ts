@@ -1,7 +1,7 @@
 import { type ChannelOptions, Client, Metadata, credentials } from "@grpc/grpc-js";
 
 import { checkDeadline } from "../base/checks.js";
-import { invalid } from "../base/errors.js";
+import { PreconditionError, invalid } from "../base/errors.js";
 import { targetOf } from "./addresses.js";
 import { type ConnectOptions, type Pems, identityOf } from "./connect-options.js";
 import { healthyRoundRobin } from "./health.js";
@@ -9,7 +9,8 @@ import { healthyRoundRobin } from "./health.js";
 /** One channel, and who calls over it. */
 export class Connection {
   readonly address: string;
-  readonly channel: Client;
+  private readonly channel: Client;
+  private closed = false;
   readonly deadlineMs?: number;
   private readonly token?: string;
   private readonly name: string;
@@ -23,6 +24,17 @@ export class Connection {
     this.token = identity.token;
     this.name = identity.name;
     this.channel = new Client(target.name, credentialsOf(identity.tls), channelOptions(identity.tls, target.several));
+  }
+
+  /** The channel; throws a PreconditionError of one that was closed. */
+  open(): Client {
+    if (this.closed) throw new PreconditionError("failed_precondition", "the client is closed");
+    return this.channel;
+  }
+
+  close(): void {
+    this.closed = true;
+    this.channel.close();
   }
 
   metadata(): Metadata {

@@ -1,6 +1,9 @@
 import { invalid } from "../base/errors.js";
 import { symmetry } from "../base/tables.js";
 
+/** The offsets of as many rows would not fit in a message. */
+const mostRows = 2 ** 28;
+
 /** Dense: one array a row, all of the same length. Zeros are left out of the pattern. */
 export type DenseRows = readonly ArrayLike<number>[];
 
@@ -194,10 +197,14 @@ function sortedBy(keys: Int32Array, count: number, order?: Int32Array): Int32Arr
 
 function takeNumbers(field: string, values: ArrayLike<number>): Float64Array {
   if (!isArray(values)) throw invalid(field, "must be an array of numbers", { value: values });
-  for (let index = 0; index < values.length; ++index) {
-    if (!Number.isFinite(values[index])) throw invalid(field, "must be finite", { index, value: values[index] });
+  // Each is read once: another thread may write to shared memory meanwhile.
+  const numbers = new Float64Array(values.length);
+  for (let index = 0; index < numbers.length; ++index) {
+    const value = values[index];
+    if (!Number.isFinite(value)) throw invalid(field, "must be finite", { index, value });
+    numbers[index] = value;
   }
-  return Float64Array.from(values);
+  return numbers;
 }
 
 function takeIndices(field: string, values: ArrayLike<number>, size: number, below: number): Int32Array {
@@ -205,18 +212,20 @@ function takeIndices(field: string, values: ArrayLike<number>, size: number, bel
   if (values.length !== size) {
     throw invalid(field, `must have ${size} entries`, { value: `${values.length} entries` });
   }
-  for (let index = 0; index < values.length; ++index) {
+  const indices = new Int32Array(size);
+  for (let index = 0; index < size; ++index) {
     const value = values[index];
     if (!Number.isInteger(value) || value < 0 || value >= below) {
       throw invalid(field, `must be in [0, ${below})`, { index, value });
     }
+    indices[index] = value;
   }
-  return Int32Array.from(values);
+  return indices;
 }
 
 function takeCount(field: string, value: number): void {
-  if (!Number.isInteger(value) || value < 0 || value > 0x7fffffff) {
-    throw invalid(field, "must be a whole number in [0, 2^31)", { value });
+  if (!Number.isInteger(value) || value < 0 || value >= mostRows) {
+    throw invalid(field, "must be a whole number in [0, 2^28)", { value });
   }
 }
 

@@ -20,6 +20,7 @@ const names = Object.keys(Message.fromPartial({}));
 /** Names and kinds are checked here; ranges are the server's to know. */
 export function optionsMessage(options: SolveOptions | undefined): Message | undefined {
   if (options === undefined) return undefined;
+  if (typeof options !== "object" || options === null) throw invalid("options", "must be an object", { value: options });
   const message = Message.fromPartial({
     ...options,
     path: choice("path", Path, "PATH_", options.path),
