@@ -1,5 +1,6 @@
 """marble.jax with the real package: gradients against finite differences, under jit, vmap and with a batch axis."""
 
+import concurrent.futures
 import unittest
 
 import jax
@@ -39,6 +40,40 @@ class JaxLayer(unittest.TestCase):
         np.testing.assert_allclose(shared, each, rtol=1e-10)
         mapped = jax.vmap(jax.grad(loss), in_axes=(None, 0))(rest[0], g)
         np.testing.assert_allclose(mapped.sum(axis=0), each, rtol=1e-10)
+
+    def test_wrong_arrays_are_refused_while_it_is_traced(self):
+        one = marble.jax.layer(problem(), ["g"], **settings())
+        g = self.numbers[0]
+        for wrong in (g[:3], g[0], jnp.tile(g, (2, 2, 1)), g * 1j):
+            for call in (one, jax.jit(one), jax.grad(lambda values: one(values).real.sum(), holomorphic=False)):
+                with self.assertRaises((marble.InvalidArgument, TypeError)):
+                    call(wrong)
+        with self.assertRaises(marble.InvalidArgument):
+            one()
+        with self.assertRaises(marble.InvalidArgument):
+            jax.vmap(one)(g)
+
+    def test_no_rows_have_no_answers_and_no_gradients(self):
+        one = marble.jax.layer(problem(), ["g"], **settings())
+        rows = jnp.zeros((0, 6))
+        for z in (one(rows), jax.vmap(one)(rows), jax.grad(lambda values: one(values).sum())(rows)):
+            self.assertEqual(z.shape, (0, 6))
+
+    def test_a_failed_solve_is_an_error_that_names_its_reason(self):
+        falls = marble.jax.layer(marble.LCQP(None, [1.0], C=[1.0]), ["g"])
+        for call in (falls, jax.jit(falls), jax.grad(lambda g: falls(g).sum()), jax.vmap(falls)):
+            with self.assertRaisesRegex(Exception, "Unsolved: unbounded"):
+                jax.block_until_ready(call(-jnp.ones((2, 1)) if call is not falls else -jnp.ones(1)))
+        with marble.Client("local") as client:
+            closed = marble.jax.layer(problem(), ["g"], client=client)
+        with self.assertRaisesRegex(Exception, "the client is closed"):
+            jax.block_until_ready(closed(self.numbers[0]))
+
+    def test_threads_share_a_layer(self):
+        expected = self.layer(*self.numbers)
+        with concurrent.futures.ThreadPoolExecutor(4) as pool:
+            for z in pool.map(lambda _: self.layer(*self.numbers), range(16)):
+                np.testing.assert_array_equal(z, expected)
 
 
 if __name__ == "__main__":

@@ -17,8 +17,8 @@ from marble.calls.jobs import Jobs
 from marble.calls.progress import teller
 from marble.calls.session import Session
 from marble.connection import connect
-from marble.connection.rpc import Rpc, check_deadline
-from marble.errors import Error
+from marble.connection.rpc import CLOSED, Rpc, check_deadline
+from marble.errors import Error, FailedPrecondition
 from marble.in_process import composite, solver
 from marble.in_process.block_sessions import BlockSessions
 from marble.in_process.handle import HandleHere
@@ -67,9 +67,10 @@ class Client:
                  name: str | None = None, tls: bool = False, tls_ca: str | None = None,
                  tls_certificate: str | None = None, tls_key: str | None = None, tls_server_name: str | None = None,
                  timeout: float | None = None) -> None:
-        self._here, self._timeout = connect.is_local(address), check_deadline(timeout)
+        self._local, self._timeout = connect.is_local(address), check_deadline(timeout)
+        self._closed = False
         self._rpc: Any
-        if self._here:
+        if self._local:
             solver.core()
             self.address, self._rpc = solver.IN_PROCESS, solver.NoServer()
         else:
@@ -83,8 +84,15 @@ class Client:
 
     def close(self) -> None:
         """Ends the connection and all that is under way on it."""
-        if not self._here:
-            self._rpc.channel.close()
+        self._closed = True
+        if not self._local:
+            self._rpc.close()
+
+    @property
+    def _here(self) -> bool:
+        if self._closed:
+            raise FailedPrecondition(CLOSED)
+        return self._local
 
     def _limit(self, deadline: float | None) -> float | None:
         return self._timeout if deadline is None else deadline

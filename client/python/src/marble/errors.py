@@ -35,7 +35,16 @@ _PARTS = ("c0", "z0", *tables.VECTORS, *tables.MATRICES)
 
 
 class Error(Exception):
-    """Anything that this package raises."""
+    """Anything that this package raises. It may be pickled, and so raised in a pool of processes."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _remade, (type(self), self.args, self.__dict__)
+
+
+def _remade(kind: type[Error], arguments: tuple[Any, ...], attributes: dict[str, Any]) -> Error:
+    error = kind.__new__(kind, *arguments)
+    error.__dict__.update(attributes)
+    return error
 
 
 class InvalidArgument(Error, ValueError):

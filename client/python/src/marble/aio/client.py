@@ -19,8 +19,8 @@ from marble.calls.handle import Answer
 from marble.calls.jobs import result_of, submission
 from marble.calls.progress import teller
 from marble.connection import connect
-from marble.connection.rpc import PACKAGE, Calls, check_deadline
-from marble.errors import Cancelled
+from marble.connection.rpc import CLOSED, PACKAGE, Calls, check_deadline
+from marble.errors import Cancelled, FailedPrecondition
 from marble.in_process import composite, solver
 from marble.message import answers, requests
 from marble.message import coupled as tied
@@ -144,9 +144,10 @@ class Client:
                  name: str | None = None, tls: bool = False, tls_ca: str | None = None,
                  tls_certificate: str | None = None, tls_key: str | None = None, tls_server_name: str | None = None,
                  timeout: float | None = None) -> None:
-        self._here, self._timeout = connect.is_local(address), check_deadline(timeout)
+        self._local, self._timeout = connect.is_local(address), check_deadline(timeout)
+        self._closed = False
         self._rpc: Any
-        if self._here:
+        if self._local:
             solver.core()
             self.address, self._rpc = solver.IN_PROCESS, solver.NoServer()
         else:
@@ -159,8 +160,15 @@ class Client:
 
     async def close(self) -> None:
         """Ends the connection and all that is under way on it."""
-        if not self._here:
-            await self._rpc.channel.close()
+        self._closed = True
+        if not self._local:
+            await self._rpc.close()
+
+    @property
+    def _here(self) -> bool:
+        if self._closed:
+            raise FailedPrecondition(CLOSED)
+        return self._local
 
     async def __aenter__(self) -> Client:
         return self

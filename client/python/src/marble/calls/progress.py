@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, TextIO
 
+from marble.errors import InvalidArgument
 from marble.model.solution import Progress
 
 
@@ -48,4 +49,6 @@ def teller(wish: bool | Callable[[Progress], object] | None) -> tuple[Callable[[
     if wish is True:
         line = ProgressLine()
         return line, line.close
+    if not callable(wish):
+        raise InvalidArgument("progress", "must be True, False, None or callable", value=type(wish).__name__)
     return wish, lambda: None

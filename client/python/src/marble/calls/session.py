@@ -23,6 +23,28 @@ from marble.model.solution import Progress, Solution
 grpc: Any = lazy("grpc")
 
 
+class Turn:
+    """A lock that its own thread must not take twice: a progress function that uses its session would wait for ever."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._owner: int | None = None
+
+    def refuse_own(self) -> None:
+        """FailedPrecondition where this thread has the lock already."""
+        if self._owner == threading.get_ident():
+            raise FailedPrecondition("the session is in use by the call whose progress function this is")
+
+    def __enter__(self) -> None:
+        self.refuse_own()
+        self._lock.acquire()
+        self._owner = threading.get_ident()
+
+    def __exit__(self, *_: object) -> None:
+        self._owner = None
+        self._lock.release()
+
+
 class Session(SessionFacts):
     """An open session, from Client.session. A context manager: leaving it closes it, an exception gives it up.
 
@@ -37,7 +59,7 @@ class Session(SessionFacts):
         self._outbox: queue.Queue[bytes | None] = queue.Queue(maxsize=1)
         self._unread: dict[int, SessionEvent] = {}
         self._first_parts: list[int] = []
-        self._writing, self._reading = threading.Lock(), threading.Lock()
+        self._writing, self._reading = Turn(), Turn()
         first = self._core.set_up(call, latest_only)
         self._stream = rpc.duplex("Solver/Session", self._messages(first))
         try:
@@ -141,6 +163,7 @@ class Session(SessionFacts):
         update's arrival from which on no answer is wanted (DeadlineExceeded; its numbers are kept). sensitivity:
         derivatives of this answer that are wanted with it, in Solution.sensitivity.
         """
+        self._reading.refuse_own()
         sequence = self.send(problem, g=g, b=b, d=d, l=l, r=r, c0=c0, Q=Q, A=A, C=C, L=L, R=R, options=options, z0=z0,
                              cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity)
         with self._reading:
@@ -158,6 +181,7 @@ class Session(SessionFacts):
         """Ends the session once everything is answered, and waits for that. What was not fetched is let go."""
         if self._core.ended:
             return
+        self._reading.refuse_own()
         with self._writing:
             self._core.ended = True
             try:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from marble import errors
 from marble.base import contract
+from marble.base.checks import is_number
 from marble.base.lazy import lazy
 from marble.base.tables import VALUES, VECTORS
 from marble.errors import Cancelled, FailedPrecondition, InvalidArgument, InvalidProblem
@@ -170,8 +171,10 @@ class SessionCore:
         """What an update changes, by the letters of the equation, and its shift; checked, and not yet remembered."""
         if self.ended:
             raise FailedPrecondition("the session has ended")
-        if deadline is not None and not (math.isfinite(deadline) and deadline > 0):
+        if deadline is not None and not (is_number(deadline) and math.isfinite(deadline) and deadline > 0):
             raise InvalidArgument("deadline", "must be finite and > 0 seconds", value=deadline)
+        if not isinstance(shift, int | Shift | None):
+            raise InvalidArgument("shift", "must be a Shift or a number of stages", value=type(shift).__name__)
         changes = self._changes(problem, parts)
         return changes, Shift.by_stage(self.current, shift) if isinstance(shift, int) else shift
 

@@ -6,28 +6,45 @@ from collections.abc import Iterator
 from typing import Any
 
 from marble import errors
+from marble.base.checks import is_number
 from marble.base.lazy import lazy
-from marble.errors import Cancelled, InvalidArgument
+from marble.errors import Cancelled, FailedPrecondition, InvalidArgument
 
 grpc: Any = lazy("grpc")
 
 PACKAGE = "/marble.v1."
+CLOSED = "the client is closed"
+_LONGEST_S = 2.0**31
 
 
 def check_deadline(deadline: float | None) -> float | None:
-    """Seconds > 0, or None."""
-    if deadline is not None and not deadline > 0:
+    """Seconds > 0; None where there is no deadline, as of one beyond what gRPC can count."""
+    if deadline is None:
+        return None
+    if not is_number(deadline) or not deadline > 0:
         raise InvalidArgument("deadline", "must be > 0 seconds", value=deadline)
-    return deadline
+    return deadline if deadline < _LONGEST_S else None
 
 
 class Calls:
     """A channel of grpc or of grpc.aio, who calls, and how long a call may take if nothing else is said."""
 
     def __init__(self, channel: Any, metadata: tuple[tuple[str, str], ...], timeout: float | None) -> None:
-        self.channel = channel
+        self._channel, self._is_closed = channel, False
         self._metadata = metadata
         self._timeout = check_deadline(timeout)
+
+    @property
+    def channel(self) -> Any:
+        """FailedPrecondition of a closed one."""
+        if self._is_closed:
+            raise FailedPrecondition(CLOSED)
+        return self._channel
+
+    def close(self) -> Any:
+        """Ends the channel and all that is under way on it; to be awaited of grpc.aio."""
+        self._is_closed = True
+        return self._channel.close()
 
     def _deadline(self, deadline: float | None) -> float | None:
         return self._timeout if deadline is None else check_deadline(deadline)

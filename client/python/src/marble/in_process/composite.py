@@ -10,6 +10,7 @@ import numpy as np
 from marble.base.tables import Status
 from marble.errors import InvalidProblem
 from marble.in_process import solver
+from marble.in_process.ending import under_way
 from marble.message import coupled as tied
 from marble.message import scenarios as worlds
 from marble.message.requests import Call
@@ -61,7 +62,8 @@ def solve_scenarios(problem: LCQP | Problem, wish: Scenarios, call: Call,
               if gains.any()])
             for one, moves in drawn.quantities])
     tell_level = None if level is None else lambda told: level(_level(told))
-    with solver.faults():
+    stop = stop or solver.core().Stop()
+    with solver.faults(), under_way(stop):
         told = solver.core().solve_scenarios(lcqp, solver.option_values(call.options), asked, tell_level,
                                              solver.core_call(lcqp, call, tell, deadline, stop))
     outcome = told.pop("scenarios")
@@ -77,8 +79,9 @@ def solve_coupled(wish: Coupled, settings: Mapping[str, Any], call: Call, tell: 
                   stop: Any = None, open_block: OpenBlock | None = None) -> CoupledAnswer:
     """As Client.coupled; whoever has `stop` gives it up. open_block: None, or who solves the blocks."""
     chosen, checked = _settings(settings), coupled.checked(wish)
+    stop = stop or solver.core().Stop()
     accompanied = solver.core_call(checked.blocks[0][0], call, tell, deadline, stop)
-    with solver.faults():
+    with solver.faults(), under_way(stop):
         told = solver.core().solve_coupled(list(checked.blocks), checked.total, checked.prices,
                                            solver.option_values(call.options), chosen, open_block, accompanied)
     coordination, prices = _coordination(told.pop("coupled")), np.asarray(told.pop("prices"))
@@ -90,7 +93,8 @@ def solve_in_pieces(problem: LCQP | Problem, wish: Pieces, settings: Mapping[str
     """As Client.pieces; whoever has `stop` gives it up. open_block: None, or who solves the pieces as they agree."""
     lcqp = _without_start(compiled(problem), "coupled problems")
     chosen, stages, cut = _settings(settings), coupled.stages_of(lcqp, wish), tied.cut(wish)
-    with solver.faults():
+    stop = stop or solver.core().Stop()
+    with solver.faults(), under_way(stop):
         told = solver.core().solve_in_pieces(lcqp, stages, cut.pieces, cut.look_ahead,
                                              solver.option_values(call.options), chosen, open_block,
                                              solver.core_call(lcqp, call, tell, deadline, stop))

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import threading
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from marble import errors
-from marble.calls.session import Session
+from marble.calls.session import Session, Turn
 from marble.calls.session_core import SessionCore, SessionEvent, check_sensitivity_of_part
 from marble.errors import Error
 from marble.in_process import solver
+from marble.in_process.ending import under_way
 from marble.message import requests
 from marble.message.requests import Call
 from marble.model import lcqp
@@ -28,7 +28,7 @@ class SessionHere(Session):
         self._core = SessionCore(problem, progress)
         self._unread: dict[int, SessionEvent] = {}
         self._first_parts: list[int] = []
-        self._writing, self._reading = threading.Lock(), threading.Lock()
+        self._writing, self._reading = Turn(), Turn()
         self._call, self._tell = call, progress
         self._running: Any = None
         requests.check_request_id(call.request_id)
@@ -82,7 +82,8 @@ class SessionHere(Session):
         self._running = stop
         kept = True
         try:
-            told = self._solver.solve(values, numbers, start, cold, None if shift is None else shift.blocks(), call)
+            with under_way(stop):
+                told = self._solver.solve(values, numbers, start, cold, None if shift is None else shift.blocks(), call)
             answer = solver.unless_cancelled(solver.solution(told, self._core.current))
             return in_terms_of(self._core.given, answer)
         except solver.core().Fault as fault:
@@ -100,6 +101,7 @@ class SessionHere(Session):
 
     def close(self) -> None:
         """Ends the session. What was not fetched is let go."""
+        self._writing.refuse_own()
         self._core.ended = True
 
     def cancel(self) -> None:

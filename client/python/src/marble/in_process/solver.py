@@ -16,6 +16,7 @@ from marble.base.tables import Status
 from marble.calls.batch import BatchAnswer, BatchItem
 from marble.connection.rpc import check_deadline
 from marble.errors import Cancelled, Error, Unavailable
+from marble.in_process.ending import under_way
 from marble.message import answers, requests
 from marble.message.requests import Call
 from marble.model import derivatives
@@ -78,7 +79,7 @@ def _row(tell: Callable[[Progress], object]) -> Callable[..., None]:
 
 def core_call(problem: LCQP, call: Call, tell: Callable[[Progress], object] | None, deadline: float | None,
               stop: Any) -> Any:
-    """What accompanies one solve, checked. stop: a Stop of core, or None."""
+    """What accompanies one solve, checked. stop: a Stop of core."""
     if call.request_id:
         requests.check_request_id(call.request_id)
     if call.priority is not None:
@@ -133,11 +134,10 @@ def unless_cancelled(answer: Solution) -> Solution:
 def stoppable(problem: LCQP, call: Call, tell: Callable[[Progress], object] | None, deadline: float | None,
               stop: Any) -> Solution:
     """Solves on this thread. Whoever has `stop` ends it, with the status CANCELLED."""
-    solver = core()
-    try:
-        told = solver.solve(problem, option_values(call.options), core_call(problem, call, tell, deadline, stop))
-    except solver.Fault as fault:
-        raise errors.from_core(*fault.args) from None
+    stop = stop or core().Stop()
+    options, accompanied = option_values(call.options), core_call(problem, call, tell, deadline, stop)
+    with faults(), under_way(stop):
+        told = core().solve(problem, options, accompanied)
     return solution(told, problem)
 
 

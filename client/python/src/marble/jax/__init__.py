@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from marble.errors import InvalidArgument
 from marble.layers import Layer as _Layer
 from marble.model.derivatives import ANSWER
 
@@ -67,7 +68,12 @@ def layer(problem: Any, parameters: Any, **settings: Any) -> Callable[..., Any]:
     answer.defvjp(forward, backward)
 
     def call(*numbers: Any) -> Any:
-        outputs = answer(*map(jnp.asarray, numbers))
+        arrays = [jnp.asarray(values) for values in numbers]
+        own.check_shapes([values.shape for values in arrays])
+        for name, values in zip(own.parameters, arrays, strict=True):
+            if jnp.iscomplexobj(values):
+                raise InvalidArgument(name, "must be real", value=f"of type {values.dtype}")
+        outputs = answer(*arrays)
         return outputs[0] if len(outputs) == 1 else outputs
 
     return call

@@ -54,12 +54,8 @@ class Layer:
 
     def problems(self, numbers: Sequence[ArrayLike]) -> tuple[list[LCQP], tuple[int, ...]]:
         """A problem for each row of numbers, and the shape of the rows: (k,), or () without such an axis."""
-        if len(numbers) != len(self.parameters):
-            raise InvalidArgument("numbers", f"must be of {', '.join(self.parameters)}", value=f"{len(numbers)} arrays")
-        arrays = [np.asarray(values, dtype=np.float64) for values in numbers]
-        for name, array, size in zip(self.parameters, arrays, self.sizes, strict=True):
-            if array.ndim not in (1, 2) or array.shape[-1] != size:
-                raise InvalidArgument(name, f"must have the shape ({size},) or (rows, {size})", value=array.shape)
+        self.check_shapes([np.shape(values) for values in numbers])
+        arrays = [lcqp.numbers(values, name) for name, values in zip(self.parameters, numbers, strict=True)]
         rows = {array.shape[0] for array in arrays if array.ndim == 2 and array.shape[0] != _SINGLE}
         if len(rows) > 1:
             raise InvalidArgument("numbers", "must have as many rows as the others", value=sorted(rows))
@@ -67,6 +63,14 @@ class Layer:
         count = shape[0] if shape else _SINGLE
         full = [np.broadcast_to(array, (count, array.shape[-1])) for array in arrays]
         return [self._with([array[row] for array in full]) for row in range(count)], shape
+
+    def check_shapes(self, shapes: Sequence[tuple[int, ...]]) -> None:
+        """InvalidArgument unless there is one for each parameter, of a problem or of rows of them."""
+        if len(shapes) != len(self.parameters):
+            raise InvalidArgument("numbers", f"must be of {', '.join(self.parameters)}", value=f"{len(shapes)} arrays")
+        for name, shape, size in zip(self.parameters, shapes, self.sizes, strict=True):
+            if len(shape) not in (1, 2) or shape[-1] != size:
+                raise InvalidArgument(name, f"must have the shape ({size},) or (rows, {size})", value=shape)
 
     def _with(self, numbers: Sequence[Array]) -> LCQP:
         parts: dict[str, Any] = {}
@@ -90,7 +94,8 @@ class Layer:
         """z, y, nu, xi and eta of each row, whichever are outputs: what gradients() needs."""
         problems, shape = self.problems(numbers)
         solved = self.solve(problems)
-        return tuple(np.stack([getattr(one, name) for one in solved]).reshape(*shape, -1) for name in ANSWER)
+        sizes = self.answer_sizes
+        return tuple(np.array([getattr(one, name) for one in solved]).reshape(*shape, sizes[name]) for name in ANSWER)
 
     def __call__(self, *numbers: ArrayLike) -> Array | tuple[Array, ...]:
         """The outputs: one array, or a tuple of several."""
@@ -112,16 +117,17 @@ class Layer:
         """
         problems, shape = self.problems(numbers)
         count = len(problems)
-        vectors = [np.asarray(values, dtype=np.float64).reshape(count, -1) for values in answers]
+        vectors = [np.asarray(values, dtype=np.float64).reshape(count, self.answer_sizes[name])
+                   for name, values in zip(ANSWER, answers, strict=True)]
         by = {name: np.broadcast_to(np.asarray(values, dtype=np.float64), (*shape, self.answer_sizes[name]))
-              .reshape(count, -1) for name, values in zip(self.outputs, weights, strict=True)}
+              .reshape(count, self.answer_sizes[name]) for name, values in zip(self.outputs, weights, strict=True)}
         rows = []
         for k, problem in enumerate(problems):
             sensitivity = Sensitivity.at(problem, *(values[k] for values in vectors))
             rows.append(sensitivity.gradient(**{name: values[k] for name, values in by.items()}))
         gradients = []
-        for name, values in zip(self.parameters, numbers, strict=True):
-            whole = np.stack([row[name] for row in rows])
+        for name, values, size in zip(self.parameters, numbers, self.sizes, strict=True):
+            whole = np.array([row[name] for row in rows]).reshape(count, size)
             given = np.shape(values)
             if len(given) == 1:
                 gradients.append(whole.sum(axis=0))

@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 import keyword
 import math
+import numbers
 import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from marble.base import contract
+from marble.base.checks import is_number
 from marble.base.tables import LARGEST_PAGE, LONGEST_REQUEST_ID, MATRICES, VECTORS
 from marble.errors import InvalidArgument
 from marble.message import sensitivity
@@ -26,7 +28,8 @@ ProgressWish = bool | Callable[[Progress], object] | None
 
 def check_request_id(request_id: str) -> None:
     """At most 128 bytes of printable ASCII."""
-    if len(request_id) > LONGEST_REQUEST_ID or not (request_id.isascii() and request_id.isprintable()):
+    if not (isinstance(request_id, str) and len(request_id) <= LONGEST_REQUEST_ID and request_id.isascii()
+            and request_id.isprintable()):
         raise InvalidArgument("request_id", f"must be at most {LONGEST_REQUEST_ID} bytes of printable ASCII")
 
 
@@ -47,7 +50,11 @@ def options_message(options: Mapping[str, Any] | None) -> Any:
     A name that is a word of Python's own may have an underscore behind it: global_.
     """
     message = contract.message("SolveOptions")()
+    if options is not None and not isinstance(options, Mapping):
+        raise InvalidArgument("options", "must be a mapping of names to values", value=type(options).__name__)
     for given, value in (options or {}).items():
+        if not isinstance(given, str):
+            raise InvalidArgument("options", "must have strings as names", value=repr(given))
         name = given[:-1] if given.endswith("_") and keyword.iskeyword(given[:-1]) else given
         field = message.DESCRIPTOR.fields_by_name.get(name)
         if field is None:
@@ -55,13 +62,13 @@ def options_message(options: Mapping[str, Any] | None) -> Any:
             raise InvalidArgument(name, f"is no option; the options are {known}")
         if field.enum_type is not None:
             value = _choice(name, value, field.enum_type)
-        elif field.type == field.TYPE_DOUBLE:
-            value = float(value)
-        elif field.type == field.TYPE_INT32 and not isinstance(value, bool) and int(value) == value:
-            value = int(value)
         try:
+            if field.type == field.TYPE_DOUBLE:
+                value = float(value)
+            elif field.type == field.TYPE_INT32 and not isinstance(value, bool) and int(value) == value:
+                value = int(value)
             setattr(message, name, value)
-        except (TypeError, ValueError) as error:
+        except (OverflowError, TypeError, ValueError) as error:
             raise InvalidArgument(name, f"has the wrong type ({error})", value=repr(value)) from None
     return message
 
@@ -181,10 +188,11 @@ def submission(problem: LCQP, call: Call, scenarios: Encoder | None = None) -> b
 
 def check_progress(call: Call) -> None:
     """The interval is a time and the iterates a count."""
-    if not (math.isfinite(call.progress_interval) and call.progress_interval >= 0):
-        raise InvalidArgument("progress_interval", "must be finite and >= 0", value=call.progress_interval)
-    if not 0 <= call.iterate_every < 2**31:
-        raise InvalidArgument("iterate_every", "must be in [0, 2**31)", value=call.iterate_every)
+    interval = call.progress_interval
+    if not (is_number(interval) and math.isfinite(interval) and interval >= 0):
+        raise InvalidArgument("progress_interval", "must be finite and >= 0", value=interval)
+    if not (isinstance(call.iterate_every, numbers.Integral) and 0 <= call.iterate_every < 2**31):
+        raise InvalidArgument("iterate_every", "must be a whole number in [0, 2**31)", value=call.iterate_every)
 
 
 def solve_stream(problem: LCQP, call: Call, scenarios: Encoder | None = None) -> bytes:
@@ -237,6 +245,7 @@ def job(kind: str, job_id: str, **fields: Any) -> bytes:
     """A request about one job: JobResultRequest, GetJobRequest, …"""
     if not isinstance(job_id, str):
         raise InvalidArgument("job_id", "must be a string", value=repr(job_id))
+    job_id = job_id.encode(errors="replace").decode()
     data: bytes = contract.message(kind)(job_id=job_id, **fields).SerializeToString()
     return data
 

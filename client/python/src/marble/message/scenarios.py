@@ -28,6 +28,8 @@ def wish(scenarios: Scenarios | None, parts: Mapping[str, Any]) -> Scenarios:
     if scenarios is not None and parts:
         raise InvalidArgument("scenarios", "must be alone or absent", value=", ".join(parts))
     if scenarios is not None:
+        if not isinstance(scenarios, Scenarios):
+            raise InvalidArgument("scenarios", "must be a Scenarios", value=type(scenarios).__name__)
         return scenarios
     try:
         return Scenarios(**parts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,8 @@ from marble.errors import InvalidArgument
 from marble.model.lcqp import LCQP, MatrixLike, Vector, matrix, vector
 from marble.model.problem import Problem, compiled
 from marble.model.solution import Solution
+
+_STAGES: Final = 2**31 - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +133,8 @@ def stages_of(problem: LCQP, wish: Pieces) -> NDArray[np.integer[Any]]:
     stages = np.asarray(wish.stages)
     if stages.shape != problem.g.shape or not np.issubdtype(stages.dtype, np.integer) or stages.min(initial=0) < 0:
         raise InvalidArgument("stages", f"must be {problem.g.size} whole numbers >= 0, one a variable")
+    if (largest := stages.max(initial=0)) >= _STAGES:  # else they wrap around
+        raise InvalidArgument("stages", f"must be < {_STAGES}", index=int(stages.argmax()), value=largest)
     return stages
 
 

@@ -22,12 +22,24 @@ _MOST_ENTRIES: Final = 2**31 - 1
 _FEW_ENTRIES: Final = 1000
 
 
+def numbers(values: Any, field: str, what: str = "numbers") -> Vector:
+    """A copy of real numbers as doubles. Texts, dates, records, complex and masked entries are no numbers."""
+    try:
+        given = np.asanyarray(values)
+        if given.dtype.kind not in "biufO":
+            raise InvalidProblem(field, f"must be {what}", value=f"of type {given.dtype}")
+        if isinstance(given, np.ma.MaskedArray) and np.any(given.mask):
+            raise InvalidProblem(field, "must not have masked entries")
+        return np.array(given, dtype=np.float64)
+    except (OverflowError, TypeError, ValueError) as error:
+        if isinstance(error, InvalidProblem):
+            raise
+        raise InvalidProblem(field, f"must be {what} ({error})") from None
+
+
 def vector(values: ArrayLike, field: str, size: int | None = None, rule: str = "") -> Vector:
     """A copy of `values` as a vector of finite doubles; `size` entries if that is given, because of `rule`."""
-    try:
-        array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidProblem(field, f"must be numbers ({error})") from None
+    array = numbers(values, field)
     if array.ndim == 0:
         array = array.reshape(1)
     elif array.ndim == 2 and 1 in array.shape:
@@ -65,10 +77,7 @@ def twin(thing: Any) -> Any:
 
 
 def _dense(values: MatrixLike, field: str) -> Any:
-    try:
-        dense = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidProblem(field, f"must be a matrix of numbers ({error})") from None
+    dense = numbers(values, field, "a matrix of numbers")
     if dense.ndim > 2:
         raise InvalidProblem(field, "must be a matrix", value=f"of shape {dense.shape}")
     return np.atleast_2d(dense)
@@ -84,10 +93,39 @@ def _entries(dense: Any, upper: bool = False) -> Any:
     return csc(dense[row, column], row.astype(np.int32), indptr, dense.shape)
 
 
+def _check_pattern(values: Any, field: str) -> None:
+    """InvalidProblem where a sparse matrix's arrays do not fit each other: scipy's compiled code would not notice."""
+    if values.dtype.kind not in "biuf":
+        raise InvalidProblem(field, "must be a matrix of numbers", value=f"of type {values.dtype}")
+    if values.format != "coo":
+        block = values.blocksize if values.format == "bsr" else (1, 1)
+        outer, inner = (values.shape[0] // block[0], values.shape[1] // block[1])
+        if values.format == "csc":
+            outer, inner = inner, outer
+        pointers, indices, count = values.indptr, values.indices, len(values.data)
+        good = (len(pointers) == outer + 1 and pointers[0] == 0 and pointers[-1] <= len(indices) == count
+                and bool((pointers[1:] >= pointers[:-1]).all()) and _are_within(indices, inner))
+    else:
+        good = (len(values.row) == len(values.col) == len(values.data) and _are_within(values.row, values.shape[0])
+                and _are_within(values.col, values.shape[1]))
+    if not good:
+        raise InvalidProblem(field, f"must have the arrays of a {values.format} matrix of shape {values.shape}: "
+                             "ascending pointers from 0, indices within the shape")
+
+
+def _are_within(indices: Any, size: int) -> bool:
+    return len(indices) == 0 or bool(indices.min() >= 0 and indices.max() < size)
+
+
 def matrix(values: MatrixLike, field: str, columns: int, rows: int | None = None) -> Any:
     """A csc_matrix of finite doubles with sorted, unique entries; explicit zeros stay part of the pattern."""
+    if sp.issparse(values):
+        if values.format not in ("csc", "csr", "bsr", "coo"):
+            values = values.tocoo()
+        _check_pattern(values, field)
     if isinstance(values, sp.csc_matrix) and values.dtype == np.float64 and values.has_canonical_format:
-        result = csc(values.data.copy(), values.indices.copy(), values.indptr.copy(), values.shape)
+        count = int(values.indptr[-1])  # there may be room behind them
+        result = csc(values.data[:count].copy(), values.indices[:count].copy(), values.indptr.copy(), values.shape)
     elif sp.issparse(values):
         result = sp.csc_matrix(values, dtype=np.float64, copy=True)
         result.sum_duplicates()
@@ -159,7 +197,9 @@ def mirrored(upper: Any) -> Any:
 
 def shortened(name: str) -> str:
     """The name as far as a problem may have one."""
-    return name.encode()[:LONGEST_PROBLEM_NAME].decode(errors="ignore")
+    if not isinstance(name, str):
+        raise InvalidProblem("name", "must be a string", value=repr(name))
+    return name.encode(errors="replace")[:LONGEST_PROBLEM_NAME].decode(errors="ignore")
 
 
 class LCQP:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from marble.errors import InvalidProblem
 from marble.model import problem_file
 from marble.model.layout import Layout, stack, taken
-from marble.model.lcqp import LCQP, MatrixLike, Vector, csc, matrix, mirrored, upper_triangle, vector
+from marble.model.lcqp import LCQP, MatrixLike, Vector, csc, matrix, mirrored, numbers, upper_triangle, vector
 from marble.model.solution import Solution
 
 Variable = int | str
@@ -23,7 +23,7 @@ Variable = int | str
 def _limits(values: ArrayLike | None, otherwise: float, size: int, name: str) -> Vector:
     if values is None:
         return np.full(size, otherwise)
-    array = np.array(values, dtype=np.float64)
+    array = numbers(values, name)
     if array.ndim == 0:
         array = np.full(size, float(array))
     if array.shape != (size,):

@@ -6,13 +6,20 @@ from typing import Any
 
 import torch
 
+from marble.errors import InvalidArgument
 from marble.layers import Layer as _Layer
+
+
+def _array(values: Any) -> Any:
+    if not isinstance(values, torch.Tensor) or values.is_complex():
+        raise InvalidArgument("numbers", "must be real tensors", value=getattr(values, "dtype", type(values).__name__))
+    return values.detach().cpu().double().numpy()
 
 
 class _Answer(torch.autograd.Function):  # type: ignore[misc]
     @staticmethod
     def forward(ctx: Any, layer: _Layer, *numbers: Any) -> tuple[Any, ...]:
-        arrays = [values.detach().cpu().double().numpy() for values in numbers]
+        arrays = [_array(values) for values in numbers]
         answers = layer.answers(*arrays)
         ctx.layer, ctx.arrays, ctx.answers, ctx.like = layer, arrays, answers, numbers
         return tuple(torch.from_numpy(values.copy()).to(numbers[0]) for values in layer.of_answers(answers))
