@@ -176,18 +176,18 @@ TEST(Sensitivity, AWeaklyActiveInequalityHoldsOneWay) {
   EXPECT_NEAR((pressed.holds ? pressed : freed).z[0], pressed.holds ? 0.0 : 1.0, 1e-9);
 }
 
-// min ½z₀² + ½z₁² + z₀ − z₁ with z₀ ⊥ z₁, at the corner: ξ = 1, η = −1. The branch z₀ = 0 has another
+// min ½z₀² + ½z₁² + 2z₀ − z₁ with z₀ ⊥ z₁, at the corner: ξ = 2, η = −1. The branch z₀ = 0 has another
 // solution.
 TEST(Sensitivity, ACornerWithAMultiplierOfTheWrongSignStaysWhereItIs) {
   OwnedProblem p;
   p.Q = testing::sparse(Eigen::MatrixXd::Identity(2, 2));
-  p.g = {1.0, -1.0};
+  p.g = {2.0, -1.0};
   p.L = testing::sparse(Eigen::MatrixXd{{1.0, 0.0}}), p.R = testing::sparse(Eigen::MatrixXd{{0.0, 1.0}});
   p.l = p.r = {0.0};
   Solution corner;
   corner.status = Status::solved;
   corner.z = {0.0, 0.0};
-  corner.complementarity_multipliers_L = {1.0}, corner.complementarity_multipliers_R = {-1.0};
+  corner.complementarity_multipliers_L = {2.0}, corner.complementarity_multipliers_R = {-1.0};
   auto sensitivity = Sensitivity::create(Problem::create(p.view()).value(), corner);
   ASSERT_TRUE(sensitivity.has_value()) << sensitivity.error().message();
   EXPECT_EQ(sensitivity->biactive_pairs(), std::vector<Index>{0});
