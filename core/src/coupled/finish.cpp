@@ -125,6 +125,23 @@ std::vector<double> widened(const CoupledView& view, const std::vector<BlockPlac
   return wide;
 }
 
+// Along a ray of one block alone that moves its coupling rows the others cannot follow.
+bool moves_rows(const CoupledView& view, std::size_t k, const Solution& own) {
+  const CoupledBlock& block = view.blocks[k];
+  const std::size_t n = block.problem.g.size();
+  if (own.status != Status::unbounded || own.certificate.size() < n) return false;
+  double largest = 0.0, moved = 0.0;
+  for (std::size_t j = 0; j < n; ++j) largest = std::max(largest, std::abs(own.certificate[j]));
+  std::vector<double> rows(view.total.size(), 0.0), terms(view.total.size(), 0.0);
+  for_entries(block.coupling, [&](Index row, Index j, double entry) {
+    rows[at(row)] += entry * own.certificate[at(j)];
+    terms[at(row)] = std::max(terms[at(row)], std::abs(entry) * largest);
+  });
+  for (std::size_t row = 0; row < rows.size(); ++row)
+    if (terms[row] > 0.0) moved = std::max(moved, std::abs(rows[row]) / terms[row]);
+  return !(moved <= tuning::near);
+}
+
 Expected<void> check_start(const CoupledView& view, const CoupledStart& start) {
   if (start.blocks.empty()) return {};
   if (start.blocks.size() != view.blocks.size()) {
@@ -229,6 +246,12 @@ Expected<CoupledSolution> finish_coupled(const CoupledView& view, Coordination c
   CoupledSolution result;
   result.places = joint_places(view);
   result.blocks_objective = sum_of_objectives(coordination);
+  if (const auto k = coordination.failed_block;
+      k && moves_rows(view, *k, coordination.answers[*k].solution)) {
+    coordination.failed_block.reset();
+    coordination.status = Status::numerical_failure;
+    coordination.detail += "; not with the coupling rows, which hold it";
+  }
   Solution start = stacked(coordination);
   if (!stopped(coordination) && (coordination.failed_block || !options.joint)) {
     result.joint = std::move(start);

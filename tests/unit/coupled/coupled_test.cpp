@@ -216,6 +216,22 @@ TEST(Coupled, ABlockThatOnlyTheRowsHoldIsSolved) {
   EXPECT_NEAR(answer.joint.z[1], 2.0, 1e-8);
 }
 
+// ½x² − 50y² with 0·x + 1.5y = 0: the proximal term does not hold y, the row does.
+TEST(Coupled, ABlockThatIsUnboundedOnlyWithoutTheRowsIsNotCalledUnbounded) {
+  TwoBlocks blocks;
+  blocks.right = one_variable(-100.0, 0.0);
+  blocks.left_rows = {};
+  blocks.right_rows = testing::sparse(Eigen::MatrixXd{{1.5}});
+  blocks.total = {0.0};
+  const CoupledSolution answer = solve_coupled(blocks.view()).value();
+  ASSERT_TRUE(is_solved(answer.joint.status)) << answer.joint.detail;
+  EXPECT_NEAR(answer.joint.z[1], 0.0, 1e-8);
+  EXPECT_FALSE(answer.coordination.failed_block.has_value());
+  const CoupledSolution alone = solve_coupled(blocks.view(), {.joint = false}).value();
+  EXPECT_EQ(alone.joint.status, Status::numerical_failure) << alone.joint.detail;
+  EXPECT_TRUE(alone.joint.certificate.empty());
+}
+
 TEST(Coupled, RowsThatContradictEachOtherAreInfeasibleAndNoBlockIsBlamed) {
   TwoBlocks blocks;
   blocks.left_rows = blocks.right_rows = testing::sparse(Eigen::MatrixXd::Ones(2, 1));
