@@ -5,10 +5,10 @@
 
 #include "expect.h"
 #include "http/requests/reply.h"
+#include "http_port.h"
 #include "marble/convert.h"
 #include "problem_json.h"
 #include "requests/findings.h"
-#include "requests/http_port.h"
 #include "requests/judge.h"
 #include "requests/make.h"
 #include "requests/mutate.h"

@@ -2,7 +2,7 @@
 // be answered came. Its server has no jobs and no room for one; http_jobs has.
 #include <cstdint>
 
-#include "requests/http_port.h"
+#include "http_port.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static marble::fuzz::HttpPort port;
