@@ -86,6 +86,16 @@ def has_ended(answers, stream):
     return False
 
 
+def wait_for_end(connection, stream):
+    """Reads until the server has ended the stream or closed the connection."""
+    answers = b""
+    while not has_ended(answers, stream):
+        piece = connection.recv(65536)
+        if not piece:
+            break
+        answers += piece
+
+
 def test_headers_without_an_end(fleet, proxy):
     part = fields((b"x-a", b"a" * 100)) * 150
     assert pour(frame(1, 0, 1, call(b"/marble.v1.Solver/Solve")), frame(9, 0, 1, part) * 20) < 256 * MIB
@@ -107,12 +117,7 @@ def test_half_messages_that_stall(fleet, proxy):
 def test_a_gzip_bomb(fleet, proxy):
     with connect() as connection:
         connection.sendall(PREFACE + frame(1, 4, 1, call(b"/marble.v1.Solver/Solve", (b"grpc-encoding", b"gzip"))))
-        answers = b""
-        while not has_ended(answers, 1):
-            piece = connection.recv(65536)
-            if not piece:
-                break
-            answers += piece
+        wait_for_end(connection, 1)
     assert_well(fleet, proxy)
 
 
@@ -133,12 +138,7 @@ def test_headers_that_are_not_base64(fleet, proxy):
     for _ in range(40):
         with connect() as connection:
             connection.sendall(PREFACE + frame(1, 5, 1, call(b"/marble.v1.Jobs/List", (b"x-bin", b"###"))))
-            answers = b""
-            while not has_ended(answers, 1):
-                piece = connection.recv(65536)
-                if not piece:
-                    break
-                answers += piece
+            wait_for_end(connection, 1)
     assert_well(fleet, proxy)
     watching.setblocking(False)
     answers = b""
