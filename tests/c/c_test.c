@@ -7,15 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static int failures = 0;
-
-#define CHECK(condition)                                                        \
-  do {                                                                          \
-    if (!(condition)) {                                                         \
-      failures++;                                                               \
-      fprintf(stderr, "%s:%d: not so: %s\n", __FILE__, __LINE__, #condition); \
-    }                                                                           \
-  } while (0)
+#include "check.h"
 
 /* min z0^2 - 2 z0 + z1^2 - 4 z1, 0 <= z0 _|_ z1 >= 0: -4 at (0, 2). */
 static marble_problem* first(void) {

@@ -8,16 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-static int failures = 0;
-static int cases = 0;
+#include "check.h"
 
-#define CHECK(condition)                                                      \
-  do {                                                                        \
-    if (!(condition)) {                                                       \
-      failures++;                                                             \
-      fprintf(stderr, "%s:%d: not so: %s\n", __FILE__, __LINE__, #condition); \
-    }                                                                         \
-  } while (0)
+static int cases = 0;
 
 /* Valid handles and places for every kind of argument. A case gets new ones. */
 typedef struct fixture {
