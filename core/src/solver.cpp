@@ -137,6 +137,12 @@ Solution answer(const ScaledProblem& problem, const Options& options, const Endi
   return solution;
 }
 
+// Other equations: there is nothing to go on with.
+bool change_method(const Options& before, const Options& now) {
+  return before.method != now.method || before.path != now.path || before.polish != now.polish ||
+         before.global != now.global;
+}
+
 // What is known of the global optimum: by a certificate or a tree.
 void take_proof(const Strategy::Answer& found, Solution& solution) {
   const bool infeasible = solution.status == Status::infeasible;
@@ -224,8 +230,8 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& user_opti
                                 const SetupControls& controls) {
   if (auto valid = validate(user_options); !valid) return unexpected(valid.error());
   const Options options = in_force(user_options);
-  const auto begin = Run::Clock::now();
-  const Interrupt interrupt(controls.stop, controls.until);
+  const Interrupt interrupt(controls.stop, controls.until, controls.pause);
+  const auto begin = interrupt.now();
   const auto refuse = [&controls](double bytes) {
     return unexpected(failure(ErrorCode::resource_exhausted, "problem",
                               std::to_string(static_cast<std::int64_t>(bytes)) + " bytes of memory",
@@ -245,11 +251,12 @@ Expected<Solver> Solver::create(const Problem& problem, const Options& user_opti
     if (least.bytes > limit - own_bytes) return refuse(own_bytes + least.bytes);
     return unexpected(most.refusal(least.flops));
   }
+  kkt->attend({});
   const double factor_bytes = kkt->bytes() + FurtherStarts::extra_bytes(options, kkt->bytes());
   if (own_bytes + factor_bytes > limit) return refuse(own_bytes + factor_bytes);
   if (interrupt.requested()) return unexpected(ended(interrupt.stop_requested()));
   auto state = std::make_unique<State>(problem, options, std::move(scaled), std::move(kkt));
-  state->setup_s = std::chrono::duration<double>(Run::Clock::now() - begin).count();
+  state->setup_s = std::chrono::duration<double>(interrupt.now() - begin).count();
   const double tree_bytes = std::min(limit - own_bytes - factor_bytes, tuning::tree_most_bytes);
   const double kept_bytes =
       options.global ? std::min(tuning::tree_kept * tree_bytes, tuning::tree_kept_bytes) : 0.0;
@@ -278,7 +285,9 @@ Expected<void> Solver::set_options(const Options& options) {
 
 void Solver::take(const Options& checked) {
   const int scaling_passes = state_->options.scaling_passes;
-  state_->options = in_force(checked);
+  const Options now = in_force(checked);
+  if (change_method(state_->options, now)) state_->strategy.forget_unfinished();
+  state_->options = now;
   state_->options.scaling_passes = scaling_passes;
 }
 
@@ -287,7 +296,9 @@ void Solver::shift_tree(const Shift& by) { state_->strategy.shift_tree(by); }
 
 std::int64_t Solver::memory_bytes() const { return state_->memory_bytes; }
 
-Expected<Solution> Solver::solve(const SolveControls& controls) {
+Expected<Solution> Solver::solve(const SolveControls& controls) { return solve(controls, false); }
+
+Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes) {
   if (auto valid = Problem::check_initial_point(controls.initial_z, state_->problem.variables()); !valid) {
     return unexpected(valid.error());
   }
@@ -316,7 +327,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
     state_->initial_z.setZero();
     warm_start.reset();
   }
-  Strategy::Answer found = state_->strategy.run(run, state_->initial_z, warm_start);
+  Strategy::Answer found = state_->strategy.run(run, state_->initial_z, warm_start, resumes && !too_far);
   Solution solution = answer(state_->problem, state_->options, found.ending, *found.x, run);
   const auto is_refused = [&] { return solution.status != found.ending.status; };
   const bool started = warm_start || max_abs(state_->initial_z) > 0.0;
@@ -341,7 +352,40 @@ Expected<Solution> Solver::solve(const SolveControls& controls) {
   if (controls.sensitivity != nullptr) state_->add_sensitivity(found, *controls.sensitivity, run, solution);
   solution.times.setup_s = state_->setup_s;
   solution.cold_objective = found.stayed_warm ? controls.warm_start->cold_objective : solution.objective;
+  state_->kkt->attend({});  // what ends or pauses this solve may be gone by the next
   return solution;
+}
+
+bool Solver::is_unfinished() const { return state_->strategy.is_unfinished(); }
+void Solver::forget_unfinished() { state_->strategy.forget_unfinished(); }
+
+bool Solver::is_feasible(const Solution& solution) const {
+  return within_tolerances(solution.violations, state_->options);
+}
+
+// Of a solve that ended early: the solution before it is the better answer where it is feasible with the
+// numbers of now, and its point is not, or higher.
+bool Solver::take_better(const Solution& previous, Solution& solution) const {
+  const ScaledProblem& problem = state_->problem;
+  Iterate x(problem);
+  marble::take(problem, previous, x);
+  if (!bears(x.all)) return false;
+  Images images(problem);
+  Solution moved;
+  take_point(problem, x, images, moved);
+  if (!is_finite(moved) || !within_tolerances(moved.violations, state_->options)) return false;
+  if (is_feasible(solution) && solution.objective <= moved.objective) return false;
+  solution.z = std::move(moved.z);
+  solution.equality_multipliers = std::move(moved.equality_multipliers);
+  solution.inequality_multipliers = std::move(moved.inequality_multipliers);
+  solution.complementarity_multipliers_L = std::move(moved.complementarity_multipliers_L);
+  solution.complementarity_multipliers_R = std::move(moved.complementarity_multipliers_R);
+  solution.objective = moved.objective;
+  solution.violations = moved.violations;
+  solution.kkt_residual = moved.kkt_residual;
+  solution.b_stationary.reset();
+  solution.origin = PointOrigin::previous;
+  return true;
 }
 
 // Made of this solver's own answer, which fits.
@@ -350,6 +394,7 @@ void Solver::prepare(const Solution& warm_start, const SolveControls& controls) 
   state_->kkt->attend(run.interrupt());
   marble::take(state_->problem, warm_start, state_->warm_start);
   state_->strategy.prepare(run, {&state_->warm_start, warm_start.cold_objective});
+  state_->kkt->attend({});
 }
 
 Expected<Solution> solve_once(const Problem& problem, const Options& options, const SolveControls& controls,
@@ -361,9 +406,10 @@ Expected<Solution> solve_once(const Problem& problem, const Options& options, co
       return unexpected(valid.error());
   }
   SolveControls own = controls;
-  if (!own.begun) own.begun = Run::Clock::now();
+  if (!own.begun) own.begun = Interrupt::now(controls.pause);
   SetupControls limits = setup;
   limits.stop = controls.stop;
+  limits.pause = controls.pause;
   limits.until = after(*own.begun, options.time_limit_s);
   auto solver = Solver::create(problem, options, limits);
   if (solver) {
@@ -380,7 +426,7 @@ Expected<Solution> solve_once(const Problem& problem, const Options& options, co
   Solution solution =
       answer(unscaled, options, {stopped ? Status::cancelled : Status::time_limit, solver.error().bound, {}},
              x, Run(options, own));
-  solution.times.setup_s = std::chrono::duration<double>(Run::Clock::now() - *own.begun).count();
+  solution.times.setup_s = std::chrono::duration<double>(Interrupt::now(controls.pause) - *own.begun).count();
   solution.times.solve_s = 0.0;
   solution.cold_objective = solution.objective;
   if (controls.sensitivity != nullptr)

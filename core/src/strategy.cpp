@@ -33,11 +33,13 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
       optimality_(problem, kkt, options, branch_.point, incumbent_),
       path_point_(problem) {}
 
-Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z,
-                               const std::optional<WarmStart>& warm_start) {
+Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start,
+                               bool resumes) {
+  const Stage last = std::exchange(stage_, Stage::beginning);
   if (options_.method != Method::marble)
     return run_reference(run, warm_start ? ConstVectorRef(warm_start->solution->z()) : initial_z);
-  Answer local = run_locally(run, initial_z, warm_start);
+  Answer local = run_locally(run, initial_z, warm_start, resumes ? last : Stage::beginning);
+  if (!ended_by_force(local.ending.status)) stage_ = Stage::beginning;
   return options_.global ? search_globally(run, std::move(local), warm_start.has_value()) : local;
 }
 
@@ -98,17 +100,25 @@ void Strategy::take_incumbent(Answer& answer) const {
 }
 
 Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
-                                       const std::optional<WarmStart>& warm_start) {
+                                       const std::optional<WarmStart>& warm_start, Stage from) {
   incumbent_.clear();
   search_.count_from_first();
-  path_point_.violations.equality = std::numeric_limits<double>::infinity();  // none yet
-  looked_for_ = {};
-  if (warm_start && search_.resume(run, *warm_start->solution, warm_start->cold_objective)) {
-    Answer answer = finish_exact(run);
-    answer.stayed_warm = true;
-    return answer;
+  if (from >= Stage::path) {
+    judge_path_point();
+  } else {
+    path_point_.violations.equality = std::numeric_limits<double>::infinity();  // none yet
   }
-  const std::optional<Ending> path_end = cold(run, initial_z);
+  looked_for_ = {};
+  if (warm_start && from <= Stage::mending) {
+    if (search_.start_from(run, *warm_start->solution, warm_start->cold_objective, from)) {
+      Answer answer = finish_exact(run);
+      answer.stayed_warm = true;
+      return answer;
+    }
+  }
+  const bool late = run.interrupted().has_value();  // a cold start is no further than what came before it
+  const std::optional<Ending> path_end = cold(run, initial_z, from);
+  if (late) stage_ = from;
   if (!incumbent_.exists()) return finish_path(run, initial_z, *path_end);
   const bool path_solved = path_end && is_solved(path_end->status);
   if (!path_solved ||
@@ -123,25 +133,37 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
 // The path down to a κ that shows the branch, an exact solution of it, and better branches. Where that branch
 // is infeasible, one that is not. If nothing exact comes of it, the rest of the path. Says how the path
 // ended, or nothing where an exact solution came before its end.
-std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z) {
+// Begins at the stage at which the last run was interrupted, and tells its own.
+std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage from) {
   const bool quadratic = problem_.pairs() == 0 && options_.polish && options_.path == Path::fast;
-  if (quadratic && incumbent_.solve_branch(run, branch_.interior, initial_z, branch_.point.set))
-    return std::nullopt;
-  path_.start(quadratic && run.interrupted() ? ConstVectorRef(branch_.interior.iterate().z()) : initial_z);
+  if (quadratic && from <= Stage::quadratic) {
+    if (from == Stage::quadratic) {
+      branch_.interior.resume();
+    } else {
+      branch_.interior.start(initial_z, branch_.point.set);
+    }
+    if (incumbent_.solve_branch(run, branch_.interior)) return std::nullopt;
+  }
+  const bool quadratic_interrupted = quadratic && from <= Stage::quadratic && run.interrupted();
+  if (from == Stage::path || from == Stage::end_of_path) {
+    path_.resume();
+  } else {
+    path_.start(quadratic_interrupted ? ConstVectorRef(branch_.interior.iterate().z()) : initial_z);
+  }
   std::optional<Ending> end;
   auto branch = PathBranch::not_exact;
-  for (const double kappa : {tuning::branch_kappa, tuning::last_kappa}) {
-    end = follow_path(run, kappa);
+  if (from <= Stage::path) {
+    end = follow_to_branch(run, branch);
+    if (end && ended_by_force(end->status)) stage_ = quadratic_interrupted ? Stage::quadratic : Stage::path;
     if (end && (ended_by_force(end->status) || is_proof(end->status))) return end;
-    if (options_.polish) branch = solve_path_branch(run);
-    if (end || path_.is_lost() || branch == PathBranch::exact) break;
   }
   bool path_borrowed = false;
-  if (options_.polish) {
+  if (options_.polish && from != Stage::end_of_path) {
     if (branch == PathBranch::exact) {
       path_borrowed = search_.improve(run, initial_z);
     } else if (options_.path == Path::fast) {
-      path_borrowed = search_.find(run, initial_z);
+      stage_ = from <= Stage::path ? Stage::beginning : from;
+      path_borrowed = search_.find(run, initial_z, stage_);
     }
     search_.repeat_soft_start(run, path_borrowed);
     if (path_borrowed) search_.from_penalties(run, initial_z);
@@ -151,9 +173,31 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z) {
   if (!end) {
     if (path_borrowed) path_.start(initial_z);
     end = follow_path(run, options_.kappa_min);
+    if (ended_by_force(end->status) && stage_ == Stage::beginning) stage_ = Stage::end_of_path;
   }
-  if (!ended_by_force(end->status) && options_.polish) static_cast<void>(solve_path_branch(run));
+  if (!ended_by_force(end->status) && stage_ == Stage::beginning && options_.polish)
+    static_cast<void>(solve_path_branch(run));
   return end;
+}
+
+// The path to where it shows a branch, and that branch's exact solution.
+std::optional<Ending> Strategy::follow_to_branch(Run& run, PathBranch& branch) {
+  std::optional<Ending> end;
+  for (const double kappa : {tuning::branch_kappa, tuning::last_kappa}) {
+    end = follow_path(run, kappa);
+    if (end && (ended_by_force(end->status) || is_proof(end->status))) break;
+    if (options_.polish) branch = solve_path_branch(run);
+    if (end || path_.is_lost() || branch == PathBranch::exact) break;
+  }
+  return end;
+}
+
+// With the numbers of now.
+void Strategy::judge_path_point() {
+  Images images(problem_);
+  images.evaluate(problem_, path_point_.x);
+  path_point_.violations = violations(problem_, images);
+  path_point_.objective = images.objective;
 }
 
 // A path that seems to end in a proof ends so only if there is one.

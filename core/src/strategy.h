@@ -43,8 +43,13 @@ class Strategy {
     TreeResult tree = {};      ///< of option global
   };
 
-  /// From z (scaled) to an end; if there is a solution to start from, from its branch first.
-  [[nodiscard]] Answer run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start);
+  /// From z (scaled) to an end; if there is a solution to start from, from its branch first. With `resumes`
+  /// from where the last run was interrupted, if it was before it had an exact solution.
+  [[nodiscard]] Answer run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start,
+                           bool resumes = false);
+  /// Whether a run may resume.
+  [[nodiscard]] bool is_unfinished() const { return stage_ != Stage::beginning; }
+  void forget_unfinished() { stage_ = Stage::beginning; }
   /// Makes ready what run() with this warm start begins with; vectors may still change before.
   void prepare(Run& run, const WarmStart& warm_start) {
     if (options_.method == Method::marble) search_.prepare(run, *warm_start.solution);
@@ -83,11 +88,13 @@ class Strategy {
 
   [[nodiscard]] Answer run_reference(Run& run, ConstVectorRef initial_z);
   [[nodiscard]] Answer run_locally(Run& run, ConstVectorRef initial_z,
-                                   const std::optional<WarmStart>& warm_start);
+                                   const std::optional<WarmStart>& warm_start, Stage from);
   [[nodiscard]] Answer search_globally(Run& run, Answer local, bool warm);
   [[nodiscard]] bool start_for_tree(Run& run);
   void take_incumbent(Answer& answer) const;
-  [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z);
+  [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z, Stage from);
+  [[nodiscard]] std::optional<Ending> follow_to_branch(Run& run, PathBranch& branch);
+  void judge_path_point();
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
   [[nodiscard]] PathBranch solve_path_branch(Run& run);
   [[nodiscard]] bool path_is_lower(bool feasible, double objective) const;
@@ -110,6 +117,7 @@ class Strategy {
   BranchSearch search_;
   Optimality optimality_;
   PathPoint path_point_;
+  Stage stage_ = Stage::beginning;        // at which the last run was interrupted
   std::unique_ptr<Reference> reference_;  // the same
   std::unique_ptr<Tree> tree_;            // made when it is first needed
   double tree_bytes_ = 0.0, kept_tree_bytes_ = 0.0;

@@ -43,6 +43,7 @@ std::int64_t WarmSolver::memory_bytes() const {
 
 void WarmSolver::begin_at(const Restart& restart) {
   solver_.keep_tree();
+  if (restart.cold || !restart.initial_z.empty()) solver_.forget_unfinished();
   if (restart.cold) newest_.reset();
   if (newest_) {
     solver_.shift_tree(restart.shift);
@@ -81,7 +82,8 @@ Expected<void> WarmSolver::prepare(const ProblemUpdate& update, const Restart& r
 
 Expected<void> WarmSolver::prepare(const CheckedUpdate& update, const SolveControls& controls) {
   if (auto taken = take(update); !taken) return taken;
-  if (newest_) solver_.prepare(*newest_, {.stop = controls.stop});
+  if (newest_ && !solver_.is_unfinished())
+    solver_.prepare(*newest_, {.stop = controls.stop, .pause = controls.pause});
   return {};
 }
 
@@ -94,15 +96,33 @@ Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveCon
   SolveControls own = controls;
   own.initial_z = initial_z_;
   own.warm_start = newest_ ? &*newest_ : nullptr;
-  auto solution = solver_.solve(own);
+  auto solution = solver_.solve(own, true);
   if (!solution) return solution;
   solution->times.setup_s = 0.0;
-  if (is_solved(solution->status)) {
-    auto sensitivity = std::exchange(solution->sensitivity, std::nullopt);  // not kept
-    newest_ = *solution;
-    solution->sensitivity = std::move(sensitivity);
-  }
+  take_answer(*solution);
   return solution;
+}
+
+// What the next solve starts from: a solution, or the feasible point of a solve that was cut off later than
+// that, as in a tree.
+void WarmSolver::take_answer(Solution& solution) {
+  const bool cut_off = solution.status == Status::time_limit || solution.status == Status::cancelled;
+  if (!cut_off) solver_.forget_unfinished();  // of an iteration limit: each solve has as many
+  const bool kept = cut_off && newest_ && solver_.take_better(*newest_, solution);
+  if (kept) solution.detail = "the solution before it, which is feasible still; " + solution.detail;
+  const bool is_start = is_solved(solution.status) ||
+                        (cut_off && !kept && !solver_.is_unfinished() && solver_.is_feasible(solution));
+  if (is_start) {
+    auto sensitivity = std::exchange(solution.sensitivity, std::nullopt);  // not kept
+    newest_ = solution;
+    solution.sensitivity = std::move(sensitivity);
+  }
+  misses_ = cut_off ? misses_ + 1 : 0;
+  if (misses_ < most_misses_) return;
+  solver_.forget_unfinished();
+  newest_.reset();
+  misses_ = 0;
+  ++restarts_;
 }
 
 }  // namespace marble

@@ -1,6 +1,7 @@
-// What a solve tells while it runs.
+// What a solve tells while it runs, and what it asks.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -57,6 +58,17 @@ class ProgressSink {
   virtual void report(const Progress& progress) = 0;
   /// Whether rows shall carry the two sides of the pairs.
   [[nodiscard]] virtual bool wants_pairs() const { return false; }
+};
+
+/// What a solve asks about once a millisecond, where it also looks at its stop token: on its own thread and
+/// on those of a TaskRunner that work for it, which hold no lock then.
+class Pause {
+ public:
+  virtual ~Pause() = default;
+  /// May do other work, of whatever length, before it returns: the solve goes on then with the same bits.
+  virtual void look() = 0;
+  /// For how long the solve itself has been in look(), up to now. Time limits and times leave that out.
+  [[nodiscard]] virtual std::chrono::steady_clock::duration paused() const = 0;
 };
 
 // As CSV: the same columns in the same order wherever a trace is written or read.

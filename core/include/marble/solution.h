@@ -56,6 +56,15 @@ enum class SecondOrder {
 /// "unknown", "saddle", "necessary", "minimum".
 [[nodiscard]] const char* to_string(SecondOrder second_order);
 
+/// Where the point of an answer comes from.
+enum class PointOrigin {
+  solve,     ///< this solve
+  previous,  ///< the solution before it: a sequence's solve that ended early had no better feasible point
+};
+
+/// "solve", "previous".
+[[nodiscard]] const char* to_string(PointOrigin origin);
+
 /// Seconds spent, by part.
 struct Times {
   double setup_s = 0.0;          ///< scaling, ordering, symbolic analysis, allocation
@@ -69,6 +78,7 @@ struct Times {
 struct Solution {
   Status status = Status::numerical_failure;          ///< why the solve ended
   std::string detail;                                 ///< one sentence: the numbers that justify the status
+  PointOrigin origin = PointOrigin::solve;            ///< where z comes from
   std::vector<double> z;                              ///< n
   std::vector<double> equality_multipliers;           ///< y, n_e, free sign
   std::vector<double> inequality_multipliers;         ///< ν ≥ 0, n_i

@@ -41,6 +41,7 @@ struct SolveControls {
   /// For option starts > 1: further starts run on it, four at a time. Without one they run one after the
   /// other; the answer is the same to the last bit.
   TaskRunner* runner = nullptr;
+  Pause* pause = nullptr;  ///< asked whether to step aside; must outlive the solve
   /// When the time limit began to run, where the set-up is to count; else as the solve begins.
   std::optional<std::chrono::steady_clock::time_point> begun = {};
 };
@@ -56,6 +57,7 @@ struct SetupControls {
   /// there is no hope. The time limit of the options, if it is less, takes its place.
   double most_factorization_s = std::numeric_limits<double>::infinity();
   std::stop_token stop = {};  ///< looked at about once a millisecond
+  Pause* pause = nullptr;     ///< as that of a solve
   /// The moment that ends it; never, unless it is said.
   std::chrono::steady_clock::time_point until = std::chrono::steady_clock::time_point::max();
 };
@@ -94,7 +96,12 @@ class Solver {
   friend class WarmSolver;  // which takes what was checked before, and moves the tree on with its answer
   struct State;
   explicit Solver(std::unique_ptr<State> state);
+  [[nodiscard]] Expected<Solution> solve(const SolveControls& controls, bool resumes);
   void prepare(const Solution& warm_start, const SolveControls& controls);
+  [[nodiscard]] bool is_unfinished() const;
+  void forget_unfinished();
+  [[nodiscard]] bool is_feasible(const Solution& solution) const;
+  [[nodiscard]] bool take_better(const Solution& previous, Solution& solution) const;
   void take(const ProblemUpdate& checked);
   void take(const Options& checked);
   void keep_tree();

@@ -47,6 +47,11 @@ class CheckedUpdate {
 
 /// A Solver that remembers the newest answer that was solved. What a session is on the server, and what it is
 /// in process: the same updates give the same answers, to the last bit. One thread at a time.
+///
+/// A solve that is cut off, by its time limit or its stop token, is answered with its best point, or with the
+/// last solution where only that is feasible (`origin`). The next solve goes on where it was, with the
+/// numbers of then, unless its Restart says where to begin. After a number of such in a row the next one is
+/// cold.
 class WarmSolver {
  public:
   /// As Solver::create. `initial_z` (n or empty) is where a cold start begins until a Restart says otherwise.
@@ -74,6 +79,11 @@ class WarmSolver {
   /// Other options for solves to come; scaling_passes stays as it was set up. Options must be valid.
   [[nodiscard]] Expected<void> set_options(const Options& options) { return solver_.set_options(options); }
 
+  /// After so many solves in a row that were cut off, >= 1, the next one forgets all before it.
+  void set_most_misses(int count) { most_misses_ = count; }
+  /// How often it has.
+  [[nodiscard]] std::int64_t restarts() const { return restarts_; }
+
   /// With the answer it keeps, in bytes, by the estimate of Solver::create.
   [[nodiscard]] std::int64_t memory_bytes() const;
   /// Scaling, ordering, analysis and allocation took this long. Answers tell it no more.
@@ -83,12 +93,16 @@ class WarmSolver {
   WarmSolver(Solver solver, const PartSizes& sizes, double setup_s, std::span<const double> initial_z);
   [[nodiscard]] Expected<void> take(const CheckedUpdate& update);
   void begin_at(const Restart& restart);
+  void take_answer(Solution& solution);
 
   Solver solver_;
   PartSizes sizes_;
   double setup_s_;
   std::vector<double> initial_z_;   // where a cold start begins
   std::optional<Solution> newest_;  // that was solved, to start from
+  int misses_ = 0;                  // solves in a row that were cut off
+  int most_misses_ = 20;
+  std::int64_t restarts_ = 0;
 };
 
 }  // namespace marble

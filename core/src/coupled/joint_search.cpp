@@ -27,7 +27,7 @@ Solution search_near(const Problem& user_problem, Solution start, const Options&
   BranchSearch search(problem, *kkt, options, path, branch, incumbent);
   Iterate x(problem);
   take(problem, start, x);
-  if (search.resume(run, x, std::numeric_limits<double>::max())) {
+  if (search.start_from(run, x, std::numeric_limits<double>::max())) {
     static_cast<void>(search.improve(run, x.z()));
     for (int round = 0; round < tuning::coupled_further && !run.interrupted(); ++round)
       if (!search.start_round(run, tuning::further_round, {})) break;

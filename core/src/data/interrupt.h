@@ -1,11 +1,12 @@
-// When to stop: a stop token, a moment, or never. Everything that may take long looks at one about once a
-// millisecond of its work.
+// When to stop: a stop token, a moment, or never; and when to step aside. Everything that may take long looks
+// at one about once a millisecond of its work.
 #pragma once
 
 #include <chrono>
 #include <cstdint>
 #include <stop_token>
 
+#include "marble/progress.h"
 #include "tuning.h"
 
 namespace marble {
@@ -16,17 +17,29 @@ class Interrupt {
 
   /// Never.
   Interrupt() = default;
-  explicit Interrupt(std::stop_token stop, Clock::time_point moment = Clock::time_point::max())
-      : stop_(std::move(stop)), moment_(moment) {}
+  /// The moment is one of now().
+  explicit Interrupt(std::stop_token stop, Clock::time_point moment = Clock::time_point::max(),
+                     Pause* pause = nullptr)
+      : stop_(std::move(stop)), moment_(moment), pause_(pause) {}
 
-  /// Once it is true it stays so.
-  [[nodiscard]] bool requested() const { return stop_requested() || Clock::now() >= moment_; }
+  /// Once it is true it stays so. Steps aside before, if it should.
+  [[nodiscard]] bool requested() const {
+    if (stop_requested()) return true;
+    if (pause_ != nullptr) pause_->look();
+    return now() >= moment_;
+  }
+  /// A clock that stands still while the solve is paused.
+  [[nodiscard]] Clock::time_point now() const { return now(pause_); }
+  [[nodiscard]] static Clock::time_point now(const Pause* pause) {
+    return pause == nullptr ? Clock::now() : Clock::now() - pause->paused();
+  }
   /// Whether it was the token.
   [[nodiscard]] bool stop_requested() const { return stop_.stop_requested(); }
 
  private:
   std::stop_token stop_;
   Clock::time_point moment_ = Clock::time_point::max();
+  Pause* pause_ = nullptr;
 };
 
 /// `seconds` after `begin`; never, if that is too far away to tell.

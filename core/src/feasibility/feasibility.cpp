@@ -26,7 +26,8 @@ bool Feasibility::take(Run& run, ConstVectorRef z, const WorkingSet& branch, con
   point_.restore(x, branch);
   if (!within_tolerances(violations(problem_, point_.images), options_)) return false;
   QuadraticEngine engine(problem_, point_.kkt());
-  if (!incumbent_.solve_branch(run, engine, z, branch)) point_.restore(x, branch);
+  engine.start(z, branch);
+  if (!incumbent_.solve_branch(run, engine)) point_.restore(x, branch);
   return true;
 }
 

@@ -38,6 +38,8 @@ const char* to_string(Stationarity stationarity) {
   return "unknown";
 }
 
+const char* to_string(PointOrigin origin) { return origin == PointOrigin::previous ? "previous" : "solve"; }
+
 const char* to_string(SecondOrder second_order) {
   switch (second_order) {
     case SecondOrder::unknown:

@@ -22,8 +22,8 @@ InteriorEngine::InteriorEngine(const ScaledProblem& problem, Kkt& kkt)
       gradient_(problem.variables()),
       reporter_(problem) {}
 
-bool InteriorEngine::run(Run& run, ConstVectorRef initial_z) {
-  start(initial_z);
+bool InteriorEngine::run(Run& run, ConstVectorRef initial_z, bool resumes) {
+  if (!resumes) start(initial_z);
   for (int i = 0; i < tuning::engine_budget && kappa_ > tuning::last_kappa; ++i) {
     if (run.interrupted()) return false;
     const double length = step(run);

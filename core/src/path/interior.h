@@ -17,8 +17,8 @@ class InteriorEngine {
   InteriorEngine(const ScaledProblem& problem, Kkt& kkt);
 
   /// Follows κ from z (scaled) to its end, or as far as it gets. False if it broke down at once or was
-  /// interrupted.
-  [[nodiscard]] bool run(Run& run, ConstVectorRef initial_z);
+  /// interrupted: the next one may then resume, from where this one was and with the numbers of then.
+  [[nodiscard]] bool run(Run& run, ConstVectorRef initial_z, bool resumes = false);
 
   [[nodiscard]] auto z() const { return x_.z(); }
 

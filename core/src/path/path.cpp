@@ -82,6 +82,14 @@ void PathEngine::start(ConstVectorRef initial_z) {
   step_length_ = 0.0;
 }
 
+void PathEngine::resume() {
+  x_.all.swap(best_.all);
+  images_.evaluate(problem_, x_);
+  filter_.reset();
+  stall_ = {};
+  has_best_ = false;
+}
+
 void PathEngine::lean(Run& run, ConstVectorRef initial_z, double rho_end) {
   start(initial_z);
   leaning_ = true;
@@ -157,8 +165,9 @@ bool PathEngine::retreat() {
   return true;
 }
 
+// Where it was stays in best_, for resume().
 Ending PathEngine::give_best(Status reason) {
-  x_.all = best_.all;
+  x_.all.swap(best_.all);
   images_.evaluate(problem_, x_);
   violations_ = best_violations_;
   return {reason, "stopped early; " + describe(best_violations_), {}};

@@ -17,6 +17,8 @@ class PathEngine {
 
   /// Begins a new path at z (scaled).
   void start(ConstVectorRef initial_z);
+  /// After a follow() that was interrupted: goes on from where that was, with the numbers of now.
+  void resume();
 
   /// Follows the path and says why it ended; nothing if it is worth a polish now and may be followed further
   /// after: when the inner loop at κ ≤ kappa_end has ended, or the path got lost before.
@@ -36,7 +38,7 @@ class PathEngine {
   /// large, so that a number far from zero is below every tolerance, only the latter tell.
   [[nodiscard]] bool feasible() const;
   /// The least violated of those it has passed since start(), the one with the lowest objective of those
-  /// within the tolerances.
+  /// within the tolerances. Not after an interruption: iterate() is it then.
   [[nodiscard]] const Iterate& best() const { return best_; }
   [[nodiscard]] const Violations& best_violations() const { return best_violations_; }
   [[nodiscard]] double best_objective() const { return best_objective_; }

@@ -32,6 +32,12 @@ void QuadraticEngine::start(ConstVectorRef initial_z, const WorkingSet& branch) 
   begin(initial_z, branch);
 }
 
+void QuadraticEngine::resume() {
+  shown_.clear();
+  short_steps_ = 0;
+  evaluate();
+}
+
 void QuadraticEngine::start_elastic(ConstVectorRef initial_z, const WorkingSet& branch, double rho,
                                     double delta, ConstVectorRef center) {
   softness_ = 1.0 / rho;

@@ -25,6 +25,8 @@ class QuadraticEngine {
 
   /// On this branch: of `branch` only which sides it fixes counts.
   void start(ConstVectorRef initial_z, const WorkingSet& branch);
+  /// After a step() that was interrupted: goes on from there, on its branch, with the numbers of now.
+  void resume();
   /// On the elastic version of this branch: every violation of a row costs ½ρ·violation², and every distance
   /// from `center` ½δ·distance².
   void start_elastic(ConstVectorRef initial_z, const WorkingSet& branch, double rho, double delta,

@@ -18,11 +18,12 @@ class Run {
   Run(const Options& options, const SolveControls& controls)
       : options_(options),
         controls_(controls),
-        start_(Clock::now()),
-        interrupt_(controls.stop, after(controls.begun.value_or(start_), options.time_limit_s)) {}
+        start_(Interrupt::now(controls.pause)),
+        interrupt_(controls.stop, after(controls.begun.value_or(start_), options.time_limit_s),
+                   controls.pause) {}
   /// What ends it is an interrupt of another run.
   Run(const Options& options, const SolveControls& controls, Interrupt interrupt)
-      : options_(options), controls_(controls), start_(Clock::now()), interrupt_(std::move(interrupt)) {}
+      : options_(options), controls_(controls), start_(interrupt.now()), interrupt_(std::move(interrupt)) {}
 
   std::int32_t iterations = 0;
   std::int32_t outer_iterations = 0;
@@ -35,7 +36,7 @@ class Run {
   class Polishing {
    public:
     explicit Polishing(Run& run)
-        : run_(run), outermost_(!run.polishing_), begun_(Clock::now()), counted_s_(counted_s()) {
+        : run_(run), outermost_(!run.polishing_), begun_(run.now()), counted_s_(counted_s()) {
       run.polishing_ = true;
     }
     Polishing(const Polishing&) = delete;
@@ -43,7 +44,7 @@ class Run {
     ~Polishing() {
       if (!outermost_) return;
       // Searches that went on at once may have factored for longer than the scope lasted.
-      const double rest = seconds(Clock::now() - begun_) - (counted_s() - counted_s_);
+      const double rest = seconds(run_.now() - begun_) - (counted_s() - counted_s_);
       run_.times.polish_s += std::max(0.0, rest);
       run_.polishing_ = false;
     }
@@ -101,7 +102,8 @@ class Run {
     times.factorization_s += part.times.factorization_s;
     times.line_search_s += part.times.line_search_s;
   }
-  [[nodiscard]] double elapsed_s() const { return seconds(Clock::now() - start_); }
+  [[nodiscard]] Clock::time_point now() const { return interrupt_.now(); }
+  [[nodiscard]] double elapsed_s() const { return seconds(now() - start_); }
 
   /// Why the run must end now for reasons that have nothing to do with the iterate.
   [[nodiscard]] std::optional<Status> interrupted() const {
@@ -117,9 +119,9 @@ class Run {
   /// Adds the time of one call to a part of `times`.
   template <class Part>
   auto timed(double Times::*into, Part&& part) {
-    const auto begin = Clock::now();
+    const auto begin = now();
     auto result = part();
-    times.*into += seconds(Clock::now() - begin);
+    times.*into += seconds(now() - begin);
     return result;
   }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "tuning.h"
 
@@ -72,29 +73,49 @@ bool BranchSearch::improve(Run& run, ConstVectorRef initial_z) {
   return soft;
 }
 
-bool BranchSearch::find(Run& run, ConstVectorRef initial_z) {
+bool BranchSearch::find(Run& run, ConstVectorRef initial_z, Stage& stage) {
   const Run::Polishing polishing(run);
-  if (from_interior(run, initial_z) && pulling(incumbent_) < tuning::many_pulling_after_interior)
-    return false;
-  from_soft_start(run, initial_z, run.factorizations + options_.local_search_budget);
+  const bool resumes_soft = stage == Stage::soft_search;
+  if (!resumes_soft) {
+    const bool found = from_interior(run, initial_z, stage);
+    if (stage != Stage::beginning) return false;
+    if (found && pulling(incumbent_) < tuning::many_pulling_after_interior) return false;
+  }
+  stage = Stage::beginning;
+  from_soft_start(run, initial_z, run.factorizations + options_.local_search_budget, resumes_soft);
+  if (!incumbent_.exists() && run.interrupted()) stage = Stage::soft_search;
   return true;
 }
 
-bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z) {
-  if (problem_.pairs() == 0 || !interior_.run(run, initial_z)) return false;
-  point_.start_from_point(interior_.z());
-  const SearchPlan plan = from_interior_point(options_.local_search_budget > 0);
+bool BranchSearch::from_interior(Run& run, ConstVectorRef initial_z, Stage& stage) {
+  const Stage from = std::exchange(stage, Stage::beginning);
+  if (problem_.pairs() == 0) return false;
+  SearchPlan plan = from_interior_point(options_.local_search_budget > 0);
+  plan.resumes = from == Stage::interior_search;
+  if (!plan.resumes) {
+    if (!interior_.run(run, initial_z, from == Stage::interior_point)) {
+      if (run.interrupted()) stage = Stage::interior_point;
+      return false;
+    }
+    point_.start_from_point(interior_.z());
+  }
   const int last = run.factorizations + 2 * tuning::engine_budget + options_.local_search_budget;
-  return search_.run(run, plan, last) &&
-         incumbent_.solve_branch(run, "interior point, local search", tuning::engine_budget) ==
-             Incumbent::Outcome::kept;
+  const bool found = search_.run(run, plan, last) &&
+                     incumbent_.solve_branch(run, "interior point, local search", tuning::engine_budget) ==
+                         Incumbent::Outcome::kept;
+  if (!found && run.interrupted()) stage = Stage::interior_search;
+  return found;
 }
 
-void BranchSearch::from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization) {
+void BranchSearch::from_soft_start(Run& run, ConstVectorRef initial_z, int last_factorization, bool resumes) {
   const Run::Searching searching(run);
-  path_.lean(run, initial_z, tuning::soft_rho);
-  point_.start_from_point(path_.iterate().z());
-  if (search_.run(run, from_soft(), last_factorization))
+  SearchPlan plan = from_soft();
+  plan.resumes = resumes;
+  if (!resumes) {
+    path_.lean(run, initial_z, tuning::soft_rho);
+    point_.start_from_point(path_.iterate().z());
+  }
+  if (search_.run(run, plan, last_factorization))
     static_cast<void>(incumbent_.solve_branch(run, "soft start, local search", tuning::engine_budget));
 }
 
@@ -154,13 +175,18 @@ void BranchSearch::prepare(Run& run, const Iterate& solution) {
 
 // A branch that stays feasible after a small change is near the best one. Else it is mended; and a cold start
 // has its say where that fails, or where answers have become clearly worse than a cold start's was.
-bool BranchSearch::resume(Run& run, const Iterate& solution, double cold_objective) {
+bool BranchSearch::start_from(Run& run, const Iterate& solution, double cold_objective, Stage& stage) {
   using Outcome = Incumbent::Outcome;
   const Run::Polishing polishing(run);
   const int before = run.factorizations;
   const int last = before + tuning::engine_budget + options_.local_search_budget;
-  point_.start_from_solution(solution);
-  bool small_change = incumbent_.solve_branch(run, "warm start", tuning::engine_budget) == Outcome::kept;
+  SearchPlan mend = near_exact(tuning::warm_patience);
+  mend.resumes = std::exchange(stage, Stage::beginning) == Stage::mending;
+  bool small_change = false;
+  if (!mend.resumes) {
+    point_.start_from_solution(solution);
+    small_change = incumbent_.solve_branch(run, "warm start", tuning::engine_budget) == Outcome::kept;
+  }
   if (small_change) {
     const int work = run.factorizations - before;
     small_change = work <= tuning::warm_small_change;
@@ -169,10 +195,13 @@ bool BranchSearch::resume(Run& run, const Iterate& solution, double cold_objecti
         search_.accepted() > 0)
       static_cast<void>(incumbent_.solve_branch(run, "warm start, local search", tuning::engine_budget));
   } else {
-    point_.start_from_solution(solution);
-    if (!search_.run(run, near_exact(tuning::warm_patience), last) ||
-        incumbent_.solve_branch(run, "warm start, mended", tuning::engine_budget) != Outcome::kept)
+    if (run.interrupted()) return false;
+    if (!mend.resumes) point_.start_from_solution(solution);
+    if (!search_.run(run, mend, last) ||
+        incumbent_.solve_branch(run, "warm start, mended", tuning::engine_budget) != Outcome::kept) {
+      if (run.interrupted()) stage = Stage::mending;
       return false;
+    }
   }
   const double objective = problem_.user_objective(incumbent_.best().objective);
   return small_change || objective <= cold_objective + tuning::alike * std::abs(cold_objective);

@@ -32,8 +32,7 @@ Incumbent::Outcome Incumbent::solve_branch(Run& run, const char* origin, int bud
 }
 
 // The rows are tried as soon as they have settled, for a few factorizations, and in earnest at the end.
-bool Incumbent::solve_branch(Run& run, QuadraticEngine& engine, ConstVectorRef z, const WorkingSet& branch) {
-  engine.start(z, branch);
+bool Incumbent::solve_branch(Run& run, QuadraticEngine& engine) {
   return engine.find_rows(run, run.factorizations + tuning::engine_budget, [&](int budget) {
     const Run::Polishing polishing(run);
     branch_.point().restore(engine.iterate(), engine.set());

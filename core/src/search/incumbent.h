@@ -33,10 +33,9 @@ class Incumbent {
   };
   /// Solves the branch at hand exactly and keeps what is better than the best so far.
   [[nodiscard]] Outcome solve_branch(Run& run, const char* origin, int budget);
-  /// Solves this branch exactly, by the rows that an interior point method shows on it. True if it is kept.
-  /// The engine may be the branch engines' own: they begin it anew only in the last try.
-  [[nodiscard]] bool solve_branch(Run& run, QuadraticEngine& engine, ConstVectorRef z,
-                                  const WorkingSet& branch);
+  /// Solves a branch exactly, by the rows that an interior point method, begun on it, shows. True if it is
+  /// kept. The engine may be the branch engines' own: they begin it anew only in the last try.
+  [[nodiscard]] bool solve_branch(Run& run, QuadraticEngine& engine);
   /// Keeps a point with its images, exact for the rows it holds at zero, if it is feasible and lower at all.
   void offer(const Iterate& x, const Images& images, const WorkingSet& set, const char* origin);
   /// Replaces it, by a swap.

@@ -26,22 +26,28 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
   const Run::Searching searching(run);
   accepted_ = 0;
   lost_ = false;
-  if (plan.from_exact) {
+  if (plan.resumes) {
+    // The anchor stays.
+  } else if (plan.from_exact) {
     elastic_.anchor_here();
   } else {
     elastic_.anchor_at_zero();
   }
-  bool first = true;
-  for (double rho = plan.rho_first;; rho = std::min(rho * plan.rho_factor, plan.rho_last)) {
+  bool rows_hold = plan.from_exact || plan.resumes;
+  bool first = !plan.resumes || rho_ <= plan.rho_first;
+  bool resumes = plan.resumes;
+  for (double rho = plan.resumes ? rho_ : plan.rho_first;;
+       rho = std::min(rho * plan.rho_factor, plan.rho_last)) {
+    rho_ = rho;
     const int budget = std::min(tuning::engine_budget, last_factorization - run.factorizations);
-    if (!elastic_.solve(
-            run, rho,
-            first && plan.from_exact ? ElasticRelaxation::Rows::held : ElasticRelaxation::Rows::violated,
-            budget))
-      return false;
+    const auto rows = rows_hold ? ElasticRelaxation::Rows::held : ElasticRelaxation::Rows::violated;
+    if (!elastic_.solve(run, rho, rows, budget)) return false;
     parametric_.start(elastic_);
-    failed_exchanges_.clear();
-    failed_multiplier_.setConstant(std::numeric_limits<double>::infinity());
+    if (!std::exchange(resumes, false)) {
+      flip_failures_ = exchange_failures_ = 0;
+      failed_exchanges_.clear();
+      failed_multiplier_.setConstant(std::numeric_limits<double>::infinity());
+    }
     const bool last = rho >= plan.rho_last || largest_violation() < tuning::near;
     const bool flips = first || last || rho <= plan.rho_soft;
     int before = 0;
@@ -49,10 +55,12 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
       before = accepted_;
       if (rho >= plan.rho_exchange) search_exchanges(run, plan.exchange_patience, last_factorization);
       if (flips) search_flips(run, first ? plan.first_patience : plan.flip_patience, last_factorization);
+      if (!run.interrupted()) flip_failures_ = 0;
     } while (rho >= plan.rho_exchange && accepted_ > before && !lost_ && !run.interrupted() &&
              run.factorizations < last_factorization);
     if (last || lost_) return !lost_;
-    first = false;
+    if (run.interrupted()) return false;
+    first = rows_hold = false;
   }
 }
 
@@ -96,12 +104,12 @@ void LocalSearch::rank_flips() {
 
 // First improvement, and on from there through the same list until a whole list has nothing.
 void LocalSearch::search_flips(Run& run, int patience, int last_factorization) {
-  int failures = 0;
   for (bool any = true; any;) {
     any = false;
     rank_flips();
     for (const Candidate& candidate : candidates_) {
-      if (lost_ || failures >= patience || run.factorizations >= last_factorization || run.interrupted())
+      if (lost_ || flip_failures_ >= patience || run.factorizations >= last_factorization ||
+          run.interrupted())
         return;
       const Index pair = candidate.pair;
       const Index fixed = parametric_.fixed_row(pair);
@@ -114,10 +122,10 @@ void LocalSearch::search_flips(Run& run, int patience, int last_factorization) {
       if (parametric_.follow(flip, elastic_.objective() - least_improvement(), 0.0) &&
           take(run, {&pair, 1})) {
         any = true;
-        failures = 0;
+        flip_failures_ = 0;
         failed_multiplier_[pair] = std::numeric_limits<double>::infinity();
       } else {
-        ++failures;
+        ++flip_failures_;
       }
     }
   }
@@ -196,19 +204,20 @@ bool LocalSearch::failed_before(const Candidate& candidate, const Candidate& com
 }
 
 void LocalSearch::search_exchanges(Run& run, int patience, int last_factorization) {
-  int failures = 0;
-  while (exchange_some(run, failures, patience, last_factorization)) {
+  while (exchange_some(run, patience, last_factorization)) {
   }
+  if (!run.interrupted()) exchange_failures_ = 0;
 }
 
 // A pair and one that takes its place, both flipped: the companion leaves its corner first, so that little
 // else has to change on the way.
-bool LocalSearch::exchange_some(Run& run, int& failures, int patience, int last_factorization) {
+bool LocalSearch::exchange_some(Run& run, int patience, int last_factorization) {
   rank_exchanges();
   for (const Candidate& candidate : candidates_) {
     find_companions(candidate.pair);
     for (const Candidate& companion : companions_) {
-      if (lost_ || failures >= patience || run.factorizations >= last_factorization || run.interrupted())
+      if (lost_ || exchange_failures_ >= patience || run.factorizations >= last_factorization ||
+          run.interrupted())
         return false;
       if (failed_before(candidate, companion)) continue;
       const Index pairs[] = {candidate.pair, companion.pair};
@@ -220,10 +229,10 @@ bool LocalSearch::exchange_some(Run& run, int& failures, int patience, int last_
           tuning::exchange_climb * std::abs(elastic_.objective() + problem_.c0 * problem_.cost_scale);
       if (parametric_.follow(exchange, elastic_.objective() - least_improvement(), climb) &&
           take(run, pairs)) {
-        failures = 0;
+        exchange_failures_ = 0;
         return true;
       }
-      ++failures;
+      ++exchange_failures_;
       if (failed_exchanges_.size() < failed_exchanges_.capacity())
         failed_exchanges_.push_back({candidate, companion});
     }

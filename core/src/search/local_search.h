@@ -23,7 +23,8 @@ struct SearchPlan {
   double rho_last = tuning::exact_rho;
   double rho_soft = 0.0;  ///< flips are searched at the first ρ, up to this one, and at the last
   double rho_exchange = std::numeric_limits<double>::infinity();  ///< exchanges are searched from here on
-  bool from_exact = false;    ///< the point is the exact solution of its branch, not just near one
+  bool from_exact = false;  ///< the point is the exact solution of its branch, not just near one
+  bool resumes = false;  ///< it goes on at the ρ and with the anchor of the last run, which was interrupted
   int first_patience = 0;     ///< flips in a row that may fail at the first ρ
   int flip_patience = 0;      ///< and at later ones
   int exchange_patience = 0;  ///< exchanges of two pairs in a row that may fail
@@ -47,7 +48,7 @@ class LocalSearch {
   };
   void search_flips(Run& run, int patience, int last_factorization);
   void search_exchanges(Run& run, int patience, int last_factorization);
-  [[nodiscard]] bool exchange_some(Run& run, int& failures, int patience, int last_factorization);
+  [[nodiscard]] bool exchange_some(Run& run, int patience, int last_factorization);
   void rank_flips();
   void rank_exchanges();
   void find_companions(Index pair);
@@ -67,6 +68,8 @@ class LocalSearch {
   Vector failed_multiplier_, failed_slack_;  // of a pair when it last failed: not tried again where alike
   Reporter reporter_;
   int accepted_ = 0;
+  int flip_failures_ = 0, exchange_failures_ = 0;  // in a row; kept where a run is interrupted
+  double rho_ = 0.0;                               // at hand, or where the last run was interrupted
   bool lost_ = false;  // a move was taken back and the optimum before it not found again
 };
 

@@ -165,7 +165,6 @@ TEST(PathEngine, WhereItIsInterruptedItGivesTheLeastViolatedIterate) {
     for (const Progress& row : rows.rows) least = std::min(least, largest(row.violations));
     EXPECT_EQ(largest(engine.violations_at()), least) << limit;
     EXPECT_EQ(largest(engine.best_violations()), least) << limit;
-    EXPECT_EQ(engine.iterate().all, engine.best().all);
     EXPECT_EQ(engine.objective(), w.images(engine.iterate()).objective) << limit;
     EXPECT_NEAR(w.judged(engine.iterate().z()).infeasibility(), least, 1e-9 * (1.0 + least)) << limit;
   }

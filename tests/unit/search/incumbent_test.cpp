@@ -73,7 +73,8 @@ TEST(Incumbent, TheInteriorPointMethodSolvesABranchAsExchangesOfRowsDo) {
     if (by_rows.incumbent.solve_branch(by_rows.run, "rows", kBudget) != Outcome::kept) continue;
     QuadraticEngine engine(by_interior.problem, *by_interior.kkt);
     const Vector zero = Vector::Zero(by_interior.problem.variables());
-    ASSERT_TRUE(by_interior.incumbent.solve_branch(by_interior.run, engine, zero, set)) << "seed " << seed;
+    engine.start(zero, set);
+    ASSERT_TRUE(by_interior.incumbent.solve_branch(by_interior.run, engine)) << "seed " << seed;
     EXPECT_NEAR(by_interior.objective(), by_rows.objective(), 1e-9 * (1.0 + std::abs(by_rows.objective())));
     for (Index pair = 0; pair < set.layout.pairs; ++pair)
       EXPECT_EQ(by_interior.incumbent.best().set.s_fixed[pair], set.s_fixed[pair]);
