@@ -330,6 +330,8 @@ static_assert(static_cast<int>(Status::solved) + 1 == v1::STATUS_SOLVED &&
 void to_message(const Solution& solution, v1::Solution* message) {
   message->set_status(to_message(solution.status));
   message->set_detail(solution.detail);
+  message->set_origin(solution.origin == PointOrigin::previous ? v1::POINT_ORIGIN_PREVIOUS
+                                                               : v1::POINT_ORIGIN_SOLVE);
   vectors_to_message(solution, message);
   assign(message->mutable_certificate(), solution.certificate);
   message->set_objective(solution.objective);
@@ -356,6 +358,7 @@ Solution solution_of(const v1::Solution& message) {
   Solution solution;
   solution.status = status_of(message.status());
   solution.detail = message.detail();
+  if (message.origin() == v1::POINT_ORIGIN_PREVIOUS) solution.origin = PointOrigin::previous;
   take_vectors(message, solution);
   solution.certificate = vector_of(message.certificate());
   solution.objective = message.objective();
