@@ -9,9 +9,9 @@
 
 namespace marble::server {
 
-/// Settings that refuse with resource_exhausted, as its error names them.
+/// What refuses with resource_exhausted, as its error names it: settings, and a job's own deadline.
 constexpr std::array kRefusingLimits = {"queue_jobs", "queue_bytes",     "client_queued", "client_bytes",
-                                        "sessions",   "client_sessions", "session_bytes"};
+                                        "sessions",   "client_sessions", "session_bytes", "deadline"};
 constexpr std::size_t kRefusalReasons =
     kRefusingLimits.size() + static_cast<std::size_t>(ErrorCode::internal) + 1;
 

@@ -27,6 +27,7 @@ struct Metrics::Counted {
         tree_gap(registry.histogram(Metric::tree_gap)),
         tree_nodes(registry.counter(Metric::tree_nodes)),
         superseded(registry.counter(Metric::session_updates_superseded)),
+        restarts(registry.counter(Metric::session_restarts)),
         rows_sent(registry.counter(Metric::progress_rows_sent)),
         rows_skipped(registry.counter(Metric::progress_rows_skipped)),
         clients(registry, most_clients) {
@@ -49,7 +50,7 @@ struct Metrics::Counted {
   std::array<Counter*, kRefusalReasons> updates_refused = {};
   std::array<Counter*, 2> trees = {};  // not proved, proved
   Histogram &setup_s, &iterations, &factorizations, &tree_gap;
-  Counter &tree_nodes, &superseded, &rows_sent, &rows_skipped;
+  Counter &tree_nodes, &superseded, &restarts, &rows_sent, &rows_skipped;
   ClientMetrics clients;
 };
 
@@ -83,6 +84,10 @@ void Metrics::job_ended(const EndedJob& job) {
 
 void Metrics::update_superseded() {
   if (on()) counted_->superseded.Increment();
+}
+
+void Metrics::session_restarted() {
+  if (on()) counted_->restarts.Increment();
 }
 
 void Metrics::update_refused(const Error& error) {

@@ -37,6 +37,7 @@ class Metrics {
 
   void job_ended(const EndedJob& job);
   void update_superseded();
+  void session_restarted();
   void update_refused(const Error& error);
   /// `skipped`: dropped before these, since the last that were sent.
   void progress_sent(std::size_t rows, std::int64_t skipped);

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "access/tls.h"
+#include "grpc/health/v1/health.pb.h"
 #include "metrics/rpc_metrics.h"
 #include "net/connection_calls.h"
 #include "process/process.h"
@@ -110,6 +111,8 @@ Expected<Listening> listen(const Config& config, const std::vector<grpc::Service
   }
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  // What reflection describes must be in the pool of descriptors: gRPC's own health service is not.
+  static_cast<void>(grpc::health::v1::HealthCheckRequest::descriptor());
   grpc::ServerBuilder builder;
   set_limits(builder, config);
   set_bounds(builder, config);

@@ -14,6 +14,7 @@
 #include <map>
 #include <memory>
 #include <numeric>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -44,9 +45,12 @@ struct Ticket {
   Priority priority = Priority::interactive;
   std::chrono::steady_clock::time_point deadline = std::chrono::steady_clock::time_point::max();
   std::chrono::steady_clock::time_point arrival = {};
-  std::chrono::steady_clock::duration least_run = {};  ///< it runs for no less than this
+  std::chrono::steady_clock::duration least_run = {};  ///< with less time than this left it is not begun
+  double expected_run_s = 0.0;                         ///< as far as anybody knows
+  int work_class = 0;  ///< jobs of one client, priority and class run for about as long
   std::int64_t bytes = 0;
-  bool reserved = false;  ///< an update of a session: its place was given with the session
+  bool reserved = false;     ///< an update of a session: its place was given with the session
+  bool may_preempt = false;  ///< it may run on top of one of a lower priority: its memory is not its worker's
 };
 
 /// Why an item is not taken.
@@ -84,11 +88,16 @@ class JobQueue {
     }
     const auto at = static_cast<std::size_t>(ticket.priority);
     Line& line = owner.lines[at];
-    if (line.empty()) turns_[at].push_back(ticket.client);
+    if (line.empty()) owner.turns[at] = turns_[at].insert(turns_[at].end(), &owner);
     const Key key{std::min(ticket.deadline, ticket.arrival + limits_.patience), next_number_++};
-    tickets_.emplace(item.get(), Known{ticket, key, false});
-    line.emplace(key, std::move(item));
+    Known& taken = tickets_.emplace(item.get(), Known{ticket, &owner, key, false, 0}).first->second;
+    if (ticket.deadline != Time::max()) deadlines_.emplace(latest_begin(ticket), item.get());
+    const auto place = line.emplace(key, std::move(item)).first;
+    lengthen(at, line.size());
+    work_s_[at] += ticket.expected_run_s;
     ++waiting_[at];
+    if (ticket.may_preempt) ++preempting_[at];
+    taken.ahead = most_ahead(at, line, place);
     return QueueRefusal::none;
   }
 
@@ -114,25 +123,36 @@ class JobQueue {
     const std::size_t at = choose_priority(now);
     if (at == kPriorities) return nullptr;
     const auto turn = find_turn(at);
-    Client& client = clients_.at(*turn);
-    Line& line = client.lines[at];
-    std::shared_ptr<Item> item = std::move(line.begin()->second);
-    line.erase(line.begin());
-    turns_[at].splice(turns_[at].end(), turns_[at], turn);
-    if (line.empty()) turns_[at].pop_back();
-    Known& known = tickets_.at(item.get());
-    known.running = true;
-    leave_line(known.ticket, client);
-    ++client.running;
-    ++running_;
-    return item;
+    return take(at, turn, tickets_.at((*turn)->lines[at].begin()->second.get()));
+  }
+
+  /// The next item of a priority above this one that may preempt and run, which then does; null if there is
+  /// none.
+  [[nodiscard]] std::shared_ptr<Item> pop_above(Priority priority) {
+    for (std::size_t at = 0; at < static_cast<std::size_t>(priority); ++at) {
+      if (preempting_[at] == 0) continue;
+      for (auto turn = turns_[at].begin(); turn != turns_[at].end(); ++turn) {
+        const Client& client = **turn;
+        if (client.running >= client.quota.running) continue;
+        for (const auto& [key, item] : client.lines[at]) {
+          Known& known = tickets_.at(item.get());
+          if (known.ticket.may_preempt) return take(at, turn, known);
+        }
+      }
+    }
+    return nullptr;
+  }
+  /// The highest priority at which something that may preempt waits; kPriorities if nothing does.
+  [[nodiscard]] std::size_t most_urgent() const {
+    const auto some = [](std::size_t count) { return count > 0; };
+    return static_cast<std::size_t>(std::find_if(preempting_.begin(), preempting_.end(), some) -
+                                    preempting_.begin());
   }
 
   /// A popped item has ended.
   void done(const Item* item) {
     const auto found = tickets_.find(item);
-    Client& client = clients_.at(found->second.ticket.client);
-    --client.running;
+    --found->second.client->running;
     --running_;
     forget(found);
   }
@@ -149,37 +169,43 @@ class JobQueue {
   /// the queue.
   [[nodiscard]] std::vector<std::shared_ptr<Item>> expire(Time now) {
     std::vector<std::shared_ptr<Item>> late;
-    for (auto known = tickets_.begin(); known != tickets_.end();) {
-      const auto next = std::next(known);
-      const Ticket& ticket = known->second.ticket;
-      const bool hopeless =
-          now == Time::max() || (ticket.deadline != Time::max() && ticket.deadline - now <= ticket.least_run);
-      if (!known->second.running && hopeless) late.push_back(take_out(known));
-      known = next;
+    if (now == Time::max()) {
+      for (auto known = tickets_.begin(); known != tickets_.end();) {
+        const auto next = std::next(known);
+        if (!known->second.running) late.push_back(take_out(known));
+        known = next;
+      }
+      return late;
     }
+    while (!deadlines_.empty() && deadlines_.begin()->first <= now)
+      late.push_back(take_out(tickets_.find(deadlines_.begin()->second)));
     return late;
   }
 
-  /// How many of each priority will be taken before this waiting item, if nothing comes or goes; nothing for
-  /// others.
+  /// Works out for every waiting item how many of its priority will be taken before it, if nothing comes or
+  /// goes: in one sweep over all of them.
+  void update_places() {
+    for (std::size_t at = 0; at < kPriorities; ++at) {
+      std::vector<std::pair<typename Line::const_iterator, const Line*>> round;
+      round.reserve(turns_[at].size());
+      for (const Client* client : turns_[at])
+        round.emplace_back(client->lines[at].begin(), &client->lines[at]);
+      for (std::size_t ahead = 0; !round.empty();) {
+        for (auto& [next, line] : round) tickets_.at((next++)->second.get()).ahead = ahead++;
+        std::erase_if(round, [](const auto& turn) { return turn.first == turn.second->end(); });
+      }
+    }
+  }
+
+  /// How many of each priority will be taken before this waiting item, nothing for others: as of the last
+  /// update_places(), or, of one that came after it, at most so many.
   [[nodiscard]] Ahead ahead_of(const Item* item) const {
     Ahead ahead = {};
     const auto found = tickets_.find(item);
     if (found == tickets_.end() || found->second.running) return ahead;
-    const Ticket& ticket = found->second.ticket;
-    const auto own = static_cast<std::size_t>(ticket.priority);
+    const auto own = static_cast<std::size_t>(found->second.ticket.priority);
     for (std::size_t at = 0; at < own; ++at) ahead[at] = waiting_[at];
-    const Line& line = clients_.at(ticket.client).lines[own];
-    const auto before = static_cast<std::size_t>(std::distance(line.begin(), line.find(found->second.key)));
-    std::size_t rounds = before + 1;  // of those whose turn is before this client's
-    for (const std::string& name : turns_[own]) {
-      if (name == ticket.client) {
-        ahead[own] += before;
-        rounds = before;
-      } else {
-        ahead[own] += std::min(rounds, clients_.at(name).lines[own].size());
-      }
-    }
+    ahead[own] = found->second.ahead;
     return ahead;
   }
 
@@ -189,6 +215,8 @@ class JobQueue {
   }
   [[nodiscard]] std::size_t waiting() const { return std::accumulate(waiting_.begin(), waiting_.end(), 0UL); }
   [[nodiscard]] const Ahead& waiting_by_priority() const { return waiting_; }
+  /// What is waiting is expected to run for so long, by priority.
+  [[nodiscard]] const std::array<double, kPriorities>& work_s() const { return work_s_; }
   [[nodiscard]] int running() const { return running_; }
   [[nodiscard]] std::int64_t bytes() const { return bytes_; }
   [[nodiscard]] std::size_t clients() const { return clients_.size(); }  ///< with anything in it
@@ -207,23 +235,26 @@ class JobQueue {
  private:
   using Key = std::pair<Time, std::int64_t>;  // when it is due, then the order of arrival
   using Line = std::map<Key, std::shared_ptr<Item>>;
+  struct Client;
+  using Turns = std::list<Client*>;
   struct Client {
     Quota quota;
     int queued = 0, running = 0;       // queued: without reserved ones
     std::int64_t bytes = 0, held = 0;  // bytes: with those held
     std::array<Line, kPriorities> lines;
+    std::array<typename Turns::iterator, kPriorities> turns;  // of those with a line
   };
   struct Known {
     Ticket ticket;
+    Client* client;
     Key key;
     bool running;
+    std::size_t ahead;  // of its priority
   };
   using Tickets = std::map<const Item*, Known>;
   [[nodiscard]] auto find_turn(std::size_t at) const {
-    return std::find_if(turns_[at].begin(), turns_[at].end(), [this](const std::string& name) {
-      const Client& client = clients_.at(name);
-      return client.running < client.quota.running;
-    });
+    return std::find_if(turns_[at].begin(), turns_[at].end(),
+                        [](const Client* client) { return client->running < client->quota.running; });
   }
 
   // Counts who was passed over, too.
@@ -233,21 +264,61 @@ class JobQueue {
     return passed_over_.choose(able, now);
   }
 
-  void leave_line(const Ticket& ticket, Client& client) {
-    --waiting_[static_cast<std::size_t>(ticket.priority)];
+  [[nodiscard]] static Time latest_begin(const Ticket& ticket) { return ticket.deadline - ticket.least_run; }
+
+  std::shared_ptr<Item> take(std::size_t at, typename Turns::const_iterator turn, Known& known) {
+    turns_[at].splice(turns_[at].end(), turns_[at], turn);
+    std::shared_ptr<Item> item = leave_line(known);
+    known.running = true;
+    ++known.client->running;
+    ++running_;
+    return item;
+  }
+
+  // A line has got one longer: this long.
+  void lengthen(std::size_t at, std::size_t length) {
+    if (at_least_[at].size() < length) at_least_[at].resize(length, 0);
+    ++at_least_[at][length - 1];
+  }
+
+  // All others may have their turn first: Σ min(before + 1, length) over their lines, from whichever end is
+  // nearer.
+  [[nodiscard]] std::size_t most_ahead(std::size_t at, const Line& line,
+                                       typename Line::const_iterator place) const {
+    const auto behind = static_cast<std::size_t>(std::distance(place, line.end())) - 1;
+    const std::size_t before = line.size() - 1 - behind;
+    const std::vector<std::size_t>& counts = at_least_[at];
+    std::size_t all = 0;  // of own and others
+    if (before + 1 < counts.size() / 2) {
+      all = std::accumulate(counts.begin(), counts.begin() + static_cast<std::ptrdiff_t>(before + 1), 0UL);
+    } else {
+      all = waiting_[at];
+      for (std::size_t k = before + 1; k < counts.size(); ++k) all -= counts[k];
+    }
+    return all - 1;
+  }
+
+  // With its place in the line.
+  std::shared_ptr<Item> leave_line(Known& known) {
+    const Ticket& ticket = known.ticket;
+    const auto at = static_cast<std::size_t>(ticket.priority);
+    Client& client = *known.client;
+    Line& line = client.lines[at];
+    const auto place = line.find(known.key);
+    std::shared_ptr<Item> item = std::move(place->second);
+    if (--at_least_[at][line.size() - 1] == 0 && line.size() == at_least_[at].size())
+      at_least_[at].pop_back();
+    line.erase(place);
+    if (line.empty()) turns_[at].erase(client.turns[at]);
+    if (ticket.deadline != Time::max()) deadlines_.erase({latest_begin(ticket), item.get()});
+    work_s_[at] = --waiting_[at] == 0 ? 0.0 : work_s_[at] - ticket.expected_run_s;
     if (!ticket.reserved) --client.queued;
+    if (ticket.may_preempt) --preempting_[at];
+    return item;
   }
 
   std::shared_ptr<Item> take_out(typename Tickets::iterator found) {
-    const Ticket& ticket = found->second.ticket;
-    const auto at = static_cast<std::size_t>(ticket.priority);
-    Client& client = clients_.at(ticket.client);
-    Line& line = client.lines[at];
-    const auto place = line.find(found->second.key);
-    std::shared_ptr<Item> item = std::move(place->second);
-    line.erase(place);
-    if (line.empty()) turns_[at].remove(ticket.client);
-    leave_line(ticket, client);
+    std::shared_ptr<Item> item = leave_line(found->second);
     forget(found);
     return item;
   }
@@ -279,10 +350,13 @@ class JobQueue {
   inline static const Client kNobody = {};
 
   const QueueLimits limits_;
-  std::map<std::string, Client> clients_;                  // those with something waiting or running
-  std::array<std::list<std::string>, kPriorities> turns_;  // clients with something waiting, next one first
+  std::map<std::string, Client> clients_;  // those with something waiting or running
+  std::array<Turns, kPriorities> turns_;   // clients with something waiting, next one first
   Tickets tickets_;
-  Ahead waiting_ = {};
+  std::set<std::pair<Time, const Item*>> deadlines_;            // of waiting items: when each must have begun
+  std::array<std::vector<std::size_t>, kPriorities> at_least_;  // [k]: lines of more than k items
+  Ahead waiting_ = {}, preempting_ = {};                        // preempting: of them, those that may
+  std::array<double, kPriorities> work_s_ = {};
   PassedOver passed_over_;
   int running_ = 0, unreserved_ = 0;
   std::int64_t bytes_ = 0, held_ = 0, next_number_ = 0;  // bytes: with those held

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <exception>
 #include <new>
+#include <numeric>
 
 #include "queue/job_log.h"
 #include "queue/wait_estimate.h"
@@ -10,41 +11,23 @@
 namespace marble::server {
 namespace {
 
-constexpr double kNewest = 0.1;  // weight of the newest solve in the mean
+constexpr double kNewest = 0.1;                           // weight of the newest solve in the mean
+constexpr auto kPlaces = std::chrono::milliseconds(250);  // between two looks at all places in the queue
+// Of the time until a deadline, for the answer to arrive: a tenth, but no more than a busy machine needs.
+constexpr double kForAnswer = 0.1;
+constexpr double kForAnswerS = 0.004;
 
-double seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
+Error cannot_be_in_time(const Job& job, double left_s, double wait_s) {
+  return failure(ErrorCode::resource_exhausted, "deadline", std::to_string(left_s) + " s",
+                 "leaves no time for a wait of about " + std::to_string(wait_s) + " s and a solve of about " +
+                     std::to_string(seconds(job.ticket.least_run)) + " s");
+}
 
-Error too_late() { return failure(ErrorCode::deadline_exceeded, "the deadline passed while the job waited"); }
+RunEstimates::Key key_of(const Ticket& ticket) { return {ticket.client, ticket.priority, ticket.work_class}; }
 
-// To the job's record, and to who waits for it.
-class ProgressSplitter final : public ProgressSink {
- public:
-  explicit ProgressSplitter(Job& job) : record_(*job.record), observer_(job.observer->progress()) {}
-  void report(const Progress& progress) override {
-    record_.report(progress);
-    if (observer_ != nullptr) observer_->report(progress);
-  }
-  [[nodiscard]] bool wants_pairs() const override { return record_.wants_pairs(); }
-
- private:
-  JobRecord& record_;
-  ProgressSink* const observer_;
-};
-
-// Everything a job can do to itself ends here, as an error of that job alone.
-Expected<Solution> solve(Job& job, TaskRunner& runner) {
-  try {
-    ProgressSplitter progress(job);
-    SolveControls controls;
-    controls.progress = &progress;
-    controls.stop = job.stop.get_token();
-    controls.runner = &runner;
-    return job.work(controls);
-  } catch (const std::bad_alloc&) {
-    return unexpected(does_not_fit());
-  } catch (const std::exception& error) {
-    return unexpected(failure(ErrorCode::internal, error.what()));
-  }
+// Updates of sessions have a contract of their own: what is not over is tried.
+bool may_be_refused(const Ticket& ticket) {
+  return !ticket.reserved && ticket.deadline != Clock::time_point::max();
 }
 
 std::string full_queue(const QueueLimits& limits, Priority priority) {
@@ -79,6 +62,15 @@ Error refusal_of(QueueRefusal why, const QueueLimits& limits, const Ticket& tick
       break;
   }
   return {};
+}
+
+Error too_late(const Job& job, Clock::time_point now) {
+  const double left_s = seconds(job.ticket.deadline - now);
+  return failure(ErrorCode::deadline_exceeded,
+                 left_s <= 0.0 ? "the deadline passed while the job waited"
+                               : "the job was not begun: " + std::to_string(left_s) +
+                                     " s were left, and jobs like it take " +
+                                     std::to_string(seconds(job.ticket.least_run)) + " s");
 }
 
 EndedJob counted_of(const Job& job, const Outcome& outcome) {
@@ -118,9 +110,23 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
   if (closed_ && !(job->ticket.reserved && !hurried_)) {
     return unexpected(draining());
   }
+  const RunEstimates::Key key = key_of(job->ticket);
+  job->ticket.expected_run_s = estimates_.mean_s(key);
+  if (job->ticket.expected_run_s == 0.0)
+    job->ticket.expected_run_s = mean_run_s_[static_cast<std::size_t>(job->ticket.priority)];
+  if (may_be_refused(job->ticket)) {
+    job->ticket.least_run =
+        std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(estimates_.likely_s(key)));
+  }
   if (const auto why = queue_.push(job, job->ticket, job->quota); why != QueueRefusal::none) {
     if (fits_alone(*job) && !waiter.expired()) room_waiters_.push_back(waiter);
     return unexpected(refusal_of(why, limits_, job->ticket, job->quota));
+  }
+  look_at_waiting();
+  const QueuePlace place = place_of(*job, busy_s());
+  if (may_be_refused(job->ticket)) {
+    if (auto in_time = check_deadline(job, place.estimated_wait_s); !in_time)
+      return unexpected(in_time.error());
   }
   if (!job->ticket.reserved) {
     ++counters_.accepted;
@@ -130,13 +136,29 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
     });
     job->record->set_place([this, weak = std::weak_ptr<Job>(job)] {
       const std::shared_ptr<Job> strong = weak.lock();
-      return strong != nullptr ? place(*strong) : QueuePlace{};
+      return strong != nullptr ? this->place(*strong) : QueuePlace{};
     });
   }
   job->record->queued();
-  const QueuePlace place = place_of(*job, busy_s());
   if (job->observer->wants_place()) place_listeners_.push_back({job, job->observer});
   return place;
+}
+
+// Takes a job out again that by what is known of jobs like it cannot end in time, unless a worker has nothing
+// else to do. Of those that an idle server could not do in time either, one a while is tried: the estimate
+// may be wrong by now.
+Expected<void> Scheduler::check_deadline(const std::shared_ptr<Job>& job, double wait_s) {
+  const Clock::time_point now = Clock::now();
+  const double left_s = seconds(job->ticket.deadline - now);
+  const double left_for_it_s = left_s - std::min(kForAnswerS, kForAnswer * left_s);
+  if (left_s <= 0.0 || wait_s + seconds(job->ticket.least_run) <= left_for_it_s) return {};
+  queue_.remove(job.get());
+  const bool is_free = wait_s <= 0.0;  // a worker, with nothing better to do
+  if (!is_free && (wait_s > left_for_it_s || !estimates_.may_try(key_of(job->ticket), now)))
+    return unexpected(cannot_be_in_time(*job, left_s, wait_s));
+  job->ticket.least_run = {};
+  static_cast<void>(queue_.push(job, job->ticket, job->quota));  // where it has just been
+  return {};
 }
 
 std::unique_ptr<Scheduler::Held> Scheduler::hold(const std::string& client, std::int64_t bytes,
@@ -157,12 +179,14 @@ void Scheduler::cancel(const std::shared_ptr<Job>& job) {
   {
     const MutexLock lock(mutex_);
     if (!queue_.remove(job.get())) return;
+    look_at_waiting();
     ++finishing_;
   }
-  const bool late = Clock::now() >= job->ticket.deadline;
+  const Clock::time_point now = Clock::now();
+  const bool late = now >= job->ticket.deadline;
   Outcome outcome;
   outcome.solution =
-      unexpected(late ? too_late() : failure(ErrorCode::cancelled, "given up while the job waited"));
+      unexpected(late ? too_late(*job, now) : failure(ErrorCode::cancelled, "given up while the job waited"));
   finish(*job, std::move(outcome), false);
 }
 
@@ -174,7 +198,7 @@ void Scheduler::count_refused(const Error& error) {
 
 int Scheduler::free_workers() const {
   const MutexLock lock(mutex_);
-  return limits_.workers - queue_.running() - static_cast<int>(queue_.waiting());
+  return limits_.workers - running() - static_cast<int>(queue_.waiting());
 }
 
 void Scheduler::set_room_listener(const std::weak_ptr<RoomWaiter>& listener) {
@@ -187,100 +211,15 @@ bool Scheduler::is_closed() const {
   return closed_;
 }
 
-// Jobs that wait go before tasks of others.
-Scheduler::Next Scheduler::next() {
-  const MutexLock lock(mutex_);
-  while (true) {
-    if (std::shared_ptr<Job> job = queue_.pop(Clock::now())) {
-      job->begun = Clock::now();
-      running_.push_back(job);
-      return {.job = std::move(job)};
-    }
-    if (stopping_) return {};
-    if (!shared_tasks_.empty()) {
-      SharedTasks& shared = *shared_tasks_.front();
-      ++shared.helpers;
-      return {.job = nullptr, .shared = &shared, .task = &begin_task(shared)};
-    }
-    work_.wait(mutex_);
-  }
-}
-
-void Scheduler::work() {
-  while (true) {
-    const Next next = this->next();
-    if (next.job != nullptr) {
-      run_job(next.job);
-    } else if (next.task != nullptr) {
-      (*next.task)();
-      const MutexLock lock(mutex_);
-      --next.shared->helpers;
-      helped_.notify_all();
-    } else {
-      return;
-    }
-  }
-}
-
-// There must be one.
-const std::function<void()>& Scheduler::begin_task(SharedTasks& shared) {
-  const std::function<void()>& task = shared.tasks[shared.next++];
-  if (shared.next == shared.tasks.size())
-    shared_tasks_.erase(std::find(shared_tasks_.begin(), shared_tasks_.end(), &shared));
-  return task;
-}
-
-// What is shared may stand on the stack, for it outlives every use: it is in shared_tasks_ only while there
-// are tasks to begin, and whoever took it from there counts as a helper, for whom this waits. No task throws.
-void Scheduler::run(std::span<const std::function<void()>> tasks) {
-  if (tasks.empty()) return;  // begin_task would never take it out again
-  SharedTasks shared{tasks};
-  const auto next_task = [&]() ABSL_LOCKS_EXCLUDED(mutex_) -> const std::function<void()>* {
-    const MutexLock lock(mutex_);
-    return shared.next < tasks.size() ? &begin_task(shared) : nullptr;
-  };
-  {
-    const MutexLock lock(mutex_);
-    shared_tasks_.push_back(&shared);
-  }
-  work_.notify_all();
-  while (const auto* const task = next_task()) (*task)();
-  const MutexLock lock(mutex_);
-  while (shared.helpers > 0) helped_.wait(mutex_);
-}
-
-void Scheduler::run_job(const std::shared_ptr<Job>& job) {
-  const Clock::time_point begin = job->begun;
-  Outcome outcome;
-  outcome.queue_s = seconds(begin - job->accepted);
-  if (job->ticket.deadline != Clock::time_point::max() &&
-      job->ticket.deadline - begin <= job->ticket.least_run) {
-    outcome.solution = unexpected(too_late());
+void Scheduler::learn(const Job& job, const Outcome& outcome, double run_s) {
+  if (!outcome.solution) return;
+  double& mean = mean_run_s_[static_cast<std::size_t>(job.ticket.priority)];
+  mean += kNewest * (run_s - mean);
+  if (outcome.solution->status == Status::cancelled) {
+    estimates_.cut(key_of(job.ticket), run_s, Clock::now());
   } else {
-    job->record->started(outcome.queue_s);
-    job->observer->started(outcome.queue_s);
-    outcome.solution = solve(*job, *this);
-    outcome.also = std::move(job->also);
+    estimates_.ran(key_of(job.ticket), run_s, Clock::now());
   }
-  job->work = nullptr;  // before its bytes are counted free: an answer may wait long for its reader
-  bool others_ready = false;
-  {
-    const MutexLock lock(mutex_);
-    ++finishing_;
-    queue_.done(job.get());
-    running_.erase(std::find(running_.begin(), running_.end(), job));
-    const double run_s = seconds(Clock::now() - begin);
-    counters_.busy_s += run_s;
-    if (outcome.solution) {
-      double& mean = mean_run_s_[static_cast<std::size_t>(job->ticket.priority)];
-      mean += kNewest * (run_s - mean);
-    }
-    others_ready = queue_.ready();
-    outcome.interrupted =
-        job->is_interrupted && outcome.solution && outcome.solution->status == Status::cancelled;
-  }
-  if (others_ready) work_.notify_one();  // their client may have been at its quota
-  finish(*job, std::move(outcome), true);
 }
 
 void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
@@ -406,8 +345,14 @@ void Scheduler::pulse(Clock::time_point now) {
   {
     const MutexLock lock(mutex_);
     if (queue_.waiting() > 0) late = queue_.expire(now);
+    look_at_waiting();
     finishing_ += static_cast<int>(late.size());
-    const std::vector<double> busy = place_listeners_.empty() ? std::vector<double>() : busy_s();
+    const bool look = now - places_told_ >= kPlaces && (queue_.waiting() > 0 || !place_listeners_.empty());
+    if (look) {
+      places_told_ = now;
+      queue_.update_places();
+    }
+    const std::vector<double> busy = look ? busy_s() : std::vector<double>();
     const auto gone = [&](const PlaceListener& listener) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
       const std::shared_ptr<Job> job = listener.job.lock();
       std::shared_ptr<JobObserver> observer = listener.observer.lock();
@@ -415,10 +360,9 @@ void Scheduler::pulse(Clock::time_point now) {
       places.emplace_back(std::move(observer), place_of(*job, busy));
       return false;
     };
-    place_listeners_.erase(std::remove_if(place_listeners_.begin(), place_listeners_.end(), gone),
-                           place_listeners_.end());
+    if (look) std::erase_if(place_listeners_, gone);
   }
-  refuse_waiting(late, too_late(), false);
+  for (const auto& job : late) refuse_waiting({job}, too_late(*job, now), false);
   for (const auto& [observer, place] : places) observer->moved(place);
 }
 
@@ -426,17 +370,18 @@ Counters Scheduler::counters() const {
   const MutexLock lock(mutex_);
   Counters counters = counters_;
   counters.queued = static_cast<int>(queue_.waiting());
-  counters.running = queue_.running();
+  counters.running = running();
   counters.request_bytes = queue_.bytes();
   const Clock::time_point now = Clock::now();
-  for (const auto& job : running_) counters.busy_s += seconds(now - job->begun);
+  for (const auto& job : running_)
+    if (!job->is_paused) counters.busy_s += seconds(now - job->begun);
   const std::vector<double> busy = busy_s();
   double work_s = 0.0;
   std::size_t ahead = 0;
   for (std::size_t at = 0; at < kPriorities; ++at) {
     const std::size_t waiting = queue_.waiting_by_priority()[at];
     ahead += waiting;
-    work_s += mean_run_s_[at] * static_cast<double>(waiting);
+    work_s += queue_.work_s()[at];
     counters.queued_by_priority[at] = static_cast<int>(waiting);
     counters.estimated_wait_s[at] = wait_s(ahead, work_s, busy);
   }
@@ -450,9 +395,7 @@ LastMinute::Sum Scheduler::last_minute() const {
 
 double Scheduler::retry_delay_s() const {
   const MutexLock lock(mutex_);
-  double work_s = 0.0;
-  for (std::size_t at = 0; at < kPriorities; ++at)
-    work_s += mean_run_s_[at] * static_cast<double>(queue_.waiting_by_priority()[at]);
+  const double work_s = std::accumulate(queue_.work_s().begin(), queue_.work_s().end(), 0.0);
   const double one_s = *std::max_element(mean_run_s_.begin(), mean_run_s_.end());
   return std::clamp(std::max((work_s + one_s) / limits_.workers, busy_s().front()), 0.01, 10.0);
 }
@@ -462,38 +405,41 @@ QueuePlace Scheduler::place(const Job& job) const {
   return place_of(job, busy_s());
 }
 
-// Those ahead at the mean of their priorities, once a worker is free.
+// Those ahead at the mean of what waits at their priorities, once a worker is free.
 QueuePlace Scheduler::place_of(const Job& job, const std::vector<double>& busy_s) const {
   if (!queue_.is_waiting(&job)) return {};
   const auto ahead = queue_.ahead_of(&job);
   QueuePlace place;
   double work_s = 0.0;
   for (std::size_t at = 0; at < kPriorities; ++at) {
+    if (ahead[at] == 0) continue;
     place.position += static_cast<int>(ahead[at]);
-    work_s += mean_run_s_[at] * static_cast<double>(ahead[at]);
+    work_s += queue_.work_s()[at] * static_cast<double>(ahead[at]) /
+              static_cast<double>(queue_.waiting_by_priority()[at]);
   }
   place.estimated_wait_s = wait_s(static_cast<std::size_t>(place.position), work_s, busy_s);
   return place;
 }
 
 std::vector<double> Scheduler::busy_s() const {
-  std::vector<double> result(static_cast<std::size_t>(limits_.workers), 0.0);
+  std::vector<double> result;
   const Clock::time_point now = Clock::now();
-  for (std::size_t i = 0; i < running_.size(); ++i) {
-    const Job& job = *running_[i];
-    if (job.stop.stop_requested()) continue;  // it ends in a moment
+  for (const auto& running : running_) {
+    const Job& job = *running;
+    if (job.is_paused || job.stop.stop_requested()) continue;  // there is another; it ends in a moment
     const double elapsed_s = seconds(now - job.begun);
     double most_s = job.time_limit_s - elapsed_s;
     if (job.ticket.deadline != Clock::time_point::max())
       most_s = std::min(most_s, seconds(job.ticket.deadline - now));
-    result[i] = time_left_s(mean_run_s_[static_cast<std::size_t>(job.ticket.priority)], elapsed_s, most_s);
+    result.push_back(time_left_s(job.ticket.expected_run_s, elapsed_s, most_s));
   }
+  result.resize(static_cast<std::size_t>(limits_.workers), 0.0);
   std::sort(result.begin(), result.end());
   return result;
 }
 
 double Scheduler::wait_s(std::size_t ahead, double work_s, const std::vector<double>& busy_s) const {
-  const bool waits = queue_.running() + static_cast<int>(ahead) >= limits_.workers;
+  const bool waits = running() + static_cast<int>(ahead) >= limits_.workers;
   return waits ? wait_for_worker_s(busy_s, work_s) : 0.0;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <thread>
@@ -16,6 +17,7 @@
 #include "metrics/metrics.h"
 #include "mutex.h"
 #include "queue/job.h"
+#include "queue/run_estimates.h"
 
 namespace marble::server {
 
@@ -42,6 +44,9 @@ class RoomWaiter {
 [[nodiscard]] Error refusal_of(QueueRefusal why, const QueueLimits& limits, const Ticket& ticket,
                                const Quota& quota);
 
+/// Why a job was not begun that has a deadline.
+[[nodiscard]] Error too_late(const Job& job, Clock::time_point now);
+
 /// What is counted of a job that has ended; views both. A set-up of a session solves nothing, and its updates
 /// set up nothing.
 [[nodiscard]] EndedJob counted_of(const Job& job, const Outcome& outcome);
@@ -56,7 +61,8 @@ class Scheduler final : public Pulsed, public TaskRunner {
   /// Takes the job in and returns its place in the queue; its observer will hear of it, exactly once to the
   /// end. Errors, after which the observer hears nothing: unavailable (draining), resource_exhausted (queue,
   /// bytes, or the client's quota of them; the waiter, if there is one, is then told once when it is worth
-  /// trying again, unless the job does not even fit alone).
+  /// trying again, unless the job does not even fit alone; or "deadline": by what is known of jobs like it,
+  /// it cannot end in time).
   [[nodiscard]] Expected<QueuePlace> admit(const std::shared_ptr<Job>& job,
                                            const std::weak_ptr<RoomWaiter>& waiter = {})
       ABSL_LOCKS_EXCLUDED(mutex_);
@@ -114,7 +120,8 @@ class Scheduler final : public Pulsed, public TaskRunner {
   /// Runs pieces of a running job on its own thread, and on workers that have nothing else to do.
   void run(std::span<const std::function<void()>> tasks) override ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Answers waiting jobs that cannot meet their deadlines any more, and tells the others their places.
+  /// Answers waiting jobs that cannot meet their deadlines any more, and, a few times a second, tells the
+  /// others their places.
   void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
 
   [[nodiscard]] Counters counters() const ABSL_LOCKS_EXCLUDED(mutex_);
@@ -146,7 +153,13 @@ class Scheduler final : public Pulsed, public TaskRunner {
     const std::function<void()>* task = nullptr;
   };
   [[nodiscard]] Next next() ABSL_LOCKS_EXCLUDED(mutex_);
-  void run_job(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
+  class SteppingAside;
+  // On whichever thread works for a job of lower priority: runs the next one above it, if there is one that
+  // no idle worker takes. True if it did.
+  bool run_urgent(Job& paused, bool own_thread) ABSL_LOCKS_EXCLUDED(mutex_);
+  // One on top of another steps aside for nobody.
+  void run_job(const std::shared_ptr<Job>& job, bool on_top) ABSL_LOCKS_EXCLUDED(mutex_);
+  void look_at_waiting() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] const std::function<void()>& begin_task(SharedTasks& shared)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error, bool interrupted);
@@ -154,10 +167,17 @@ class Scheduler final : public Pulsed, public TaskRunner {
   void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] QueuePlace place_of(const Job& job, const std::vector<double>& busy_s) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] Expected<void> check_deadline(const std::shared_ptr<Job>& job, double wait_s)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void learn(const Job& job, const Outcome& outcome, double run_s) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // For how long each worker is likely to be busy with what it does, in ascending order.
   [[nodiscard]] std::vector<double> busy_s() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] double wait_s(std::size_t ahead, double work_s, const std::vector<double>& busy_s) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // That workers work at now: without those that are paused.
+  [[nodiscard]] int running() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return queue_.running() - paused_;
+  }
   [[nodiscard]] bool idle() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     return queue_.waiting() == 0 && queue_.running() == 0 && finishing_ == 0;
   }
@@ -170,6 +190,9 @@ class Scheduler final : public Pulsed, public TaskRunner {
   Condition work_;      // something was queued, a client's quota is free again, or stopping_
   Condition progress_;  // something ended, or hurried_
   JobQueue<Job> queue_ ABSL_GUARDED_BY(mutex_);
+  std::atomic<std::size_t> most_urgent_ = kPriorities;  // of what may preempt: for who does not have the lock
+  int idle_ ABSL_GUARDED_BY(mutex_) = 0;                // workers that wait for work
+  int paused_ ABSL_GUARDED_BY(mutex_) = 0;              // running jobs whose workers run others on top
   std::vector<std::shared_ptr<Job>> running_ ABSL_GUARDED_BY(mutex_);
   struct PlaceListener {
     std::weak_ptr<Job> job;
@@ -184,6 +207,8 @@ class Scheduler final : public Pulsed, public TaskRunner {
   Counters counters_ ABSL_GUARDED_BY(mutex_);
   LastMinute last_minute_ ABSL_GUARDED_BY(mutex_);
   std::array<double, kPriorities> mean_run_s_ ABSL_GUARDED_BY(mutex_) = {};
+  RunEstimates estimates_ ABSL_GUARDED_BY(mutex_);
+  Clock::time_point places_told_ ABSL_GUARDED_BY(mutex_) = {};
   bool leaving_ ABSL_GUARDED_BY(mutex_) = false;
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
   bool hurried_ ABSL_GUARDED_BY(mutex_) = false;

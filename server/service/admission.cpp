@@ -1,6 +1,7 @@
 #include "service/admission.h"
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 
 #include "base/random_id.h"
@@ -140,6 +141,14 @@ Expected<CheckedRequest> check(const ServiceParts& parts, const Caller& caller, 
                         std::move(record)};
 }
 
+// Of one class are requests whose sizes have as many bits, with as many starts: they run for about as long.
+int work_class_of(std::int64_t bytes, const Options& options) {
+  const auto bits = [](std::int64_t number) {
+    return static_cast<int>(std::bit_width(static_cast<std::uint64_t>(number)));
+  };
+  return 128 * bits(options.starts) + 2 * bits(bytes) + (options.global ? 1 : 0);
+}
+
 // Without its record and its work.
 std::shared_ptr<Job> job_of(const Caller& caller, const Quota& quota, const v1::SolveRequest& message,
                             const Common& common) {
@@ -153,6 +162,7 @@ std::shared_ptr<Job> job_of(const Caller& caller, const Quota& quota, const v1::
                  .deadline = caller.deadline,
                  .arrival = Clock::now(),
                  .bytes = static_cast<std::int64_t>(message.ByteSizeLong())};
+  job->ticket.work_class = work_class_of(job->ticket.bytes, common.options);
   job->quota = quota;
   job->time_limit_s = common.options.time_limit_s;
   return job;

@@ -13,7 +13,6 @@
 namespace marble::server {
 namespace {
 
-constexpr double kHopeless = 0.5;  // of the fastest solve so far: less time than this is not enough
 // Whole updates that a session has room for besides its solver: one that waits, or what is left behind for
 // it, and one that was not parsed yet. Others take theirs from the queue's bytes.
 constexpr std::int64_t kUpdates = 2;
@@ -114,6 +113,8 @@ Expected<void> SessionCall::take_setup(const std::shared_ptr<const v1::SessionSe
   }
   if (auto valid = check_progress(message->progress_interval_s(), message->iterate_every()); !valid)
     return unexpected(inside("setup", valid.error()));
+  if (message->epoch() < 0)
+    return unexpected(invalid("setup.epoch", std::to_string(message->epoch()), "must be >= 0"));
   const auto setup = check_request(parts_, caller_, quota_, JobKind::session, *message);
   if (!setup) return unexpected(inside("setup", setup.error()));
   const std::shared_ptr<JobRecord> record = setup->record;
@@ -129,6 +130,7 @@ Expected<void> SessionCall::take_setup(const std::shared_ptr<const v1::SessionSe
     tell_progress_ = message->progress();
     progress_interval_s_ = message->progress_interval_s();
     iterate_every_ = message->iterate_every();
+    epoch_ = message->epoch();
     options_ = setup->options;
     sizes_ = PartSizes::of(setup->problem);
     waiting_.emplace(message->latest_only());
@@ -145,6 +147,7 @@ Expected<void> SessionCall::take_setup(const std::shared_ptr<const v1::SessionSe
     auto solver = WarmSolver::create(setup.problem, setup.options, setup.initial_z, limits);
     if (!solver) return unexpected(solver.error());
     solver_ = std::move(*solver);
+    solver_->set_most_misses(parts_.config.session_misses);
     Solution prepared;
     prepared.times.setup_s = solver_->setup_s();
     return prepared;
@@ -184,6 +187,7 @@ void SessionCall::set_up_done(Outcome outcome) {
       ready->set_memory_bytes(bytes);
       ready->set_setup_s(solver_->setup_s());
       ready->set_idle_timeout_s(parts_.config.session_idle_s);
+      ready->set_epoch(epoch_);
     }
   }
   go_on();
@@ -191,6 +195,11 @@ void SessionCall::set_up_done(Outcome outcome) {
 
 void SessionCall::take_update(v1::SessionUpdate& message, std::unique_ptr<Scheduler::Held> room) {
   const std::int64_t sequence = message.sequence();
+  if (message.epoch() != epoch_) {
+    return refuse(sequence,
+                  failure(ErrorCode::failed_precondition, "update.epoch", std::to_string(message.epoch()),
+                          "must be " + std::to_string(epoch_) + ", that of this session's set-up"));
+  }
   if (any_update_ && sequence <= newest_sequence_) {
     return refuse(sequence, invalid("update.sequence", std::to_string(sequence),
                                     "must be > " + std::to_string(newest_sequence_) + ", the one before"));
@@ -229,16 +238,14 @@ std::shared_ptr<Job> SessionCall::next_job() {
   if (!set_up_ || job_ != nullptr || waiting_->empty() || answers_ >= kUnreadAnswers || end_ || broken())
     return nullptr;
   const std::shared_ptr<Update> update = waiting_->pop();
-  const Clock::time_point deadline = update->deadline();
-  job_ = make_job(deadline);
+  job_ = make_job(update->deadline());
   job_->accepted = update->arrival();
   job_->ticket.bytes = update->bytes();
+  job_->ticket.may_preempt = true;
   job_->time_limit_s = update->options().time_limit_s;
   job_->is_preparation = update->prepares();
-  job_->ticket.least_run =
-      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kHopeless * fastest_s_));
   solving_ = update->sequence();
-  job_->work = [this, update, deadline](const SolveControls& controls) -> Expected<Solution> {
+  job_->work = [this, update](const SolveControls& controls) -> Expected<Solution> {
     update->taken = true;
     last_progress_s_ = -1.0;
     record_->set_options(update->options());
@@ -257,10 +264,6 @@ std::shared_ptr<Job> SessionCall::next_job() {
     if (solution && update->lacks_sensitivity_room()) {
       solution->sensitivity = unexpected(failure(ErrorCode::failed_precondition, "sensitivity_bytes",
                                                  "the server has no room for derivatives now"));
-    }
-    if (solution && solution->status == Status::time_limit && Clock::now() >= deadline) {
-      return unexpected(
-          failure(ErrorCode::deadline_exceeded, "the deadline passed while the update was solved"));
     }
     return solution;
   };
@@ -281,11 +284,14 @@ void SessionCall::update_done(const std::shared_ptr<Update>& update, Outcome out
       if (!outcome.solution && update->taken)
         refuse(sequence, outcome.solution.error(), outcome.retry_delay_s);
     } else if (outcome.solution) {
-      const double solve_s = outcome.solution->times.solve_s;
-      fastest_s_ = fastest_s_ == 0.0 ? solve_s : std::min(fastest_s_, solve_s);
       ++answers_;
+      const std::int64_t restarts = solver_->restarts();
+      if (restarts > restarts_) parts_.metrics.session_restarted();
+      restarts_ = restarts;
       v1::SessionAnswer* answer = events_.emplace_back().mutable_answer();
       answer->set_sequence(sequence);
+      answer->set_epoch(epoch_);
+      answer->set_restarts(restarts);
       fill_solution(outcome, update->options(), answer->mutable_solution());
     } else {
       refuse(sequence, outcome.solution.error(), outcome.retry_delay_s);
@@ -299,6 +305,7 @@ void SessionCall::refuse(std::int64_t sequence, const Error& error, double retry
   parts_.metrics.update_refused(error);
   v1::SessionError* message = events_.emplace_back().mutable_error();
   message->set_sequence(sequence);
+  message->set_epoch(epoch_);
   *message->mutable_status() = to_message(error, retry_delay_s);
 }
 

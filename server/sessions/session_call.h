@@ -80,6 +80,7 @@ class SessionCall final
   bool tell_progress_ = false;
   double progress_interval_s_ = 0.0;
   int iterate_every_ = 0;
+  std::int64_t epoch_ = 0;
   std::shared_ptr<JobRecord> record_;
   PartSizes sizes_;
   std::optional<WarmSolver> solver_;  // used by the job in flight
@@ -94,7 +95,7 @@ class SessionCall final
   bool any_update_ ABSL_GUARDED_BY(mutex_) = false;
   std::deque<v1::SessionResponse> events_ ABSL_GUARDED_BY(mutex_);  // to be told
   int answers_ ABSL_GUARDED_BY(mutex_) = 0;                         // among these
-  double fastest_s_ ABSL_GUARDED_BY(mutex_) = 0.0;                  // solve so far
+  std::int64_t restarts_ ABSL_GUARDED_BY(mutex_) = 0;               // that were told
   Clock::time_point last_activity_ ABSL_GUARDED_BY(mutex_) = Clock::now();
   bool set_up_ ABSL_GUARDED_BY(mutex_) = false;
   bool parsing_ ABSL_GUARDED_BY(mutex_) = false;

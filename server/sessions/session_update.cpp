@@ -12,6 +12,9 @@ namespace {
 constexpr std::int64_t kRest = 4096;     // bytes of options and all else that is no array
 constexpr std::size_t kBlockBytes = 20;  // at most, of a message
 constexpr double kForEver = 1e9;         // seconds
+// Of an update's deadline, for its answer to arrive: a tenth, but no more than a busy machine needs.
+constexpr double kForAnswer = 0.1;
+constexpr double kForAnswerS = 0.004;
 constexpr std::size_t kBlockFields = 4;  // with itself
 
 using Blocks = google::protobuf::RepeatedPtrField<v1::ShiftBlock>;
@@ -143,7 +146,8 @@ Restart Update::restart() const {
 CheckedUpdate Update::checked() const {
   Options options = options_;
   if (const auto end = deadline(); end != Clock::time_point::max()) {
-    const double left_s = std::chrono::duration<double>(end - Clock::now()).count();
+    const double left_s = std::chrono::duration<double>(end - Clock::now()).count() -
+                          std::min(kForAnswerS, kForAnswer * message_.deadline_s());
     options.time_limit_s = std::clamp(left_s, 0.0, options.time_limit_s);
   }
   return CheckedUpdate::of_checked(sizes_, update_of(message_.problem()), restart(), options);

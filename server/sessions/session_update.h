@@ -45,7 +45,8 @@ class Update {
   /// most_update_bytes().
   void take_along(Update older);
 
-  /// For the solver; views this. With a deadline its solve ends by then.
+  /// For the solver; views this. With a deadline its solve ends early enough for the answer to arrive by
+  /// then.
   [[nodiscard]] CheckedUpdate checked() const;
 
   bool taken = false;  ///< by the solver

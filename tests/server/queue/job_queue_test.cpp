@@ -229,6 +229,7 @@ TEST(JobQueue, TellsWhatIsAheadAsItWillBeTaken) {
   items.push_back(add(queue, number++, {.client = "z", .priority = Priority::realtime}));
   items.push_back(add(queue, number++, {.client = "z", .priority = Priority::batch}));
   std::vector<std::size_t> told;
+  queue.update_places();
   for (const auto& item : items) {
     const auto ahead = queue.ahead_of(item.get());
     told.push_back(ahead[0] + ahead[1] + ahead[2]);
@@ -236,6 +237,26 @@ TEST(JobQueue, TellsWhatIsAheadAsItWillBeTaken) {
   const std::vector<int> order = run_all(queue);
   for (std::size_t place = 0; place < order.size(); ++place)
     EXPECT_EQ(told[static_cast<std::size_t>(order[place])], place) << "job " << order[place];
+}
+
+// An estimate for who has just come: exact of the last in line while all others have as many, never too low.
+TEST(JobQueue, TellsOneThatHasJustComeNoLessThanWhatIsAhead) {
+  std::mt19937 random(3);
+  const auto pick = [&random](int most) { return std::uniform_int_distribution<int>(0, most)(random); };
+  for (int trial = 0; trial < 50; ++trial) {
+    Queue queue(kWide);
+    const std::vector<std::string> names = {"a", "b", "c", "d"};
+    for (int number = 0; number < 40; ++number) {
+      const Ticket ticket{.client = names[static_cast<std::size_t>(pick(3))], .deadline = at(pick(50))};
+      const auto item = add(queue, number, ticket);
+      const std::size_t first = queue.ahead_of(item.get())[1];
+      queue.update_places();
+      const std::size_t exact = queue.ahead_of(item.get())[1];
+      ASSERT_GE(first, exact);
+      ASSERT_LT(first, exact + names.size());
+      if (pick(4) == 0) queue.done(queue.pop().get());
+    }
+  }
 }
 
 // Random arrivals, ends and cancels on simulated time, checked against what is promised after every step.

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "marble/convert.h"
+#include "marble/examples.h"
 #include "problems.h"
 #include "support/processes/child_process.h"
 
@@ -54,6 +55,12 @@ Request make(const v1::SolveRequest& message) {
   request.message = owned;
   request.job->observer = request.waiter;
   return request;
+}
+
+Solution made_up_solution() {
+  Solution solution;
+  solution.status = Status::solved;
+  return solution;
 }
 
 class SchedulerTest : public ::testing::Test {
@@ -113,6 +120,110 @@ TEST_F(SchedulerTest, AJobThatIsLateNeverStarts) {
   const Outcome outcome = late.waiter->wait();
   ASSERT_FALSE(outcome.solution.has_value());
   EXPECT_EQ(outcome.solution.error().code, ErrorCode::deadline_exceeded);
+}
+
+// Of jobs that take 50 ms: one that would have to wait as long as it has time is refused, but not on a free
+// worker.
+TEST_F(SchedulerTest, WhatCannotEndInTimeIsRefusedAtOnce) {
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
+  const auto slow = [] {
+    Request request = make(testing::example_request());
+    request.job->work = [](const SolveControls& /*controls*/) -> Expected<Solution> {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      return made_up_solution();
+    };
+    return request;
+  };
+  const Request known = slow(), alone = slow(), hasty = slow(), patient = slow(), free = slow();
+  ASSERT_TRUE(scheduler.admit(known.job).has_value());
+  ASSERT_TRUE(known.waiter->wait().solution.has_value());
+  alone.job->ticket.deadline = Clock::now() + std::chrono::milliseconds(20);
+  ASSERT_TRUE(scheduler.admit(alone.job).has_value());
+  static_cast<void>(alone.waiter->wait());
+  const Request running = make(testing::long_request());
+  ASSERT_TRUE(scheduler.admit(running.job).has_value());
+  running.waiter->wait_started();
+  hasty.job->ticket.deadline = Clock::now() + std::chrono::milliseconds(20);
+  const auto refused = scheduler.admit(hasty.job);
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error().code, ErrorCode::resource_exhausted);
+  EXPECT_EQ(refused.error().field, "deadline");
+  patient.job->ticket.deadline = Clock::now() + std::chrono::hours(1);
+  ASSERT_TRUE(scheduler.admit(patient.job).has_value());
+  ASSERT_TRUE(scheduler.admit(free.job).has_value());
+  scheduler.cancel(running.job);
+  EXPECT_TRUE(patient.waiter->wait().solution.has_value());
+  EXPECT_TRUE(free.waiter->wait().solution.has_value());
+}
+
+// One worker, and a job on it that would take for ever.
+TEST_F(SchedulerTest, AnUpdateOfASessionRunsOnTopOfAJobOfLowerPriority) {
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
+  const Request batch = make(testing::long_request());
+  batch.job->ticket.priority = Priority::batch;
+  ASSERT_TRUE(scheduler.admit(batch.job).has_value());
+  batch.waiter->wait_started();
+  for (int step = 0; step < 3; ++step) {
+    const Request update = make(testing::example_request());
+    update.job->ticket.priority = Priority::realtime;
+    update.job->ticket.may_preempt = true;
+    ASSERT_TRUE(scheduler.admit(update.job).has_value());
+    const Outcome outcome = update.waiter->wait();
+    ASSERT_TRUE(outcome.solution.has_value());
+    EXPECT_EQ(outcome.solution->status, Status::solved);
+  }
+  EXPECT_TRUE(eventually([&] { return scheduler.counters().running == 1; })) << "the job goes on";
+  scheduler.cancel(batch.job);
+  EXPECT_EQ(batch.waiter->wait().solution->status, Status::cancelled);
+}
+
+TEST_F(SchedulerTest, AJobOfTheSamePriorityOrWithoutMemoryOfItsOwnWaits) {
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
+  const Request running = make(testing::long_request());
+  running.job->ticket.priority = Priority::realtime;
+  ASSERT_TRUE(scheduler.admit(running.job).has_value());
+  running.waiter->wait_started();
+  const Request equal = make(testing::example_request());
+  equal.job->ticket.priority = Priority::realtime;
+  equal.job->ticket.may_preempt = true;
+  ASSERT_TRUE(scheduler.admit(equal.job).has_value());
+  EXPECT_EQ(scheduler.counters().queued, 1);
+  scheduler.cancel(running.job);
+  EXPECT_TRUE(equal.waiter->wait().solution.has_value());
+  EXPECT_EQ(running.waiter->wait().solution->status, Status::cancelled);
+}
+
+// What it steps aside for takes longer than its time limit.
+TEST_F(SchedulerTest, APausedJobGoesOnWithTheSameBitsAndItsTimeLimitStandsStill) {
+  const OwnedProblem p = examples::hopper({.steps = 40});
+  const Problem problem = Problem::create(p.view()).value();
+  Options options;
+  const Solution alone = Solver::create(problem, options)->solve().value();
+  options.time_limit_s = 1.0 + 10.0 * alone.times.solve_s;
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
+  Request paused = make(testing::example_request());
+  paused.job->ticket.priority = Priority::batch;
+  paused.job->work = [&](const SolveControls& controls) {
+    return Solver::create(problem, options)->solve(controls);
+  };
+  const double longer_s = 1.5 * options.time_limit_s;
+  Request update = make(testing::example_request());
+  update.job->ticket.priority = Priority::realtime;
+  update.job->ticket.may_preempt = true;
+  update.job->work = [&](const SolveControls& /*controls*/) -> Expected<Solution> {
+    std::this_thread::sleep_for(std::chrono::duration<double>(longer_s));
+    return made_up_solution();
+  };
+  ASSERT_TRUE(scheduler.admit(paused.job).has_value());
+  paused.waiter->wait_started();
+  ASSERT_TRUE(scheduler.admit(update.job).has_value());
+  const Outcome outcome = paused.waiter->wait();
+  ASSERT_TRUE(outcome.solution.has_value());
+  EXPECT_EQ(outcome.solution->status, Status::solved);
+  EXPECT_EQ(outcome.solution->z, alone.z);
+  EXPECT_EQ(outcome.solution->factorizations, alone.factorizations);
+  EXPECT_LT(outcome.solution->times.solve_s, longer_s);
+  EXPECT_TRUE(update.waiter->wait().solution.has_value());
 }
 
 TEST_F(SchedulerTest, CancellingAFinishedJobDoesNothing) {

@@ -4,56 +4,12 @@
 #include <functional>
 #include <thread>
 
-#include "bidi.h"
-#include "marble/convert.h"
-#include "marble/examples.h"
 #include "marble/solver.h"
-#include "service_test.h"
+#include "session_service_test.h"
 #include "support/judges/independent_check.h"
 
 namespace marble::testing {
 namespace {
-
-using Call = Bidi<v1::SessionRequest, v1::SessionResponse>;
-using SessionEvent = v1::SessionResponse;
-
-class Session : public ServiceTest {
- protected:
-  std::unique_ptr<Call> open() {
-    return std::make_unique<Call>([this](grpc::ClientContext* context) { return solver().Session(context); });
-  }
-  static v1::SessionRequest setup_of(const v1::SolveRequest& solve) {
-    v1::SessionRequest request;
-    *request.mutable_setup()->mutable_problem() = solve.problem();
-    *request.mutable_setup()->mutable_options() = solve.options();
-    return request;
-  }
-  static v1::SessionRequest setup_of(const OwnedProblem& problem) {
-    v1::SessionRequest request;
-    to_message(problem.view(), request.mutable_setup()->mutable_problem());
-    return request;
-  }
-  static v1::SessionRequest update(std::int64_t sequence) {
-    v1::SessionRequest request;
-    request.mutable_update()->set_sequence(sequence);
-    return request;
-  }
-  /// Sets up and waits until it is ready.
-  std::unique_ptr<Call> set_up(const v1::SessionRequest& setup) {
-    auto call = open();
-    EXPECT_TRUE(call->write(setup));
-    const auto ready = call->next();
-    EXPECT_TRUE(ready && ready->has_ready());
-    return call;
-  }
-  static std::optional<SessionEvent> ask(Call& call, const v1::SessionRequest& request) {
-    EXPECT_TRUE(call.write(request));
-    return call.next();
-  }
-  [[nodiscard]] bool eventually_no_session() {
-    return eventually([&] { return counters().sessions() == 0; });
-  }
-};
 
 TEST_F(Session, AnswersEveryUpdateWithItsSequenceNumber) {
   start();
@@ -236,7 +192,7 @@ TEST_F(Session, LatestOnlyDropsWhatWaitsAndKeepsItsNumbers) {
   v1::SessionRequest setup = setup_of(example_request());
   setup.mutable_setup()->set_latest_only(true);
   const auto call = set_up(setup);
-  Stream blocker(solver(), long_request());
+  Stream blocker(solver(), blocking_request());
   ASSERT_TRUE(blocker.read_until(Event::kStarted));
   v1::SessionRequest first = update(1);  // waits for the worker, in the queue
   ASSERT_TRUE(call->write(first));
@@ -281,7 +237,7 @@ TEST_F(Session, AFirstPartHasNoAnswerAndTheSecondIsOfBoth) {
 TEST_F(Session, PartsThatStillWaitBecomeOne) {
   start({"--workers", "1"});
   const auto call = set_up(setup_of(example_request()));
-  Stream blocker(solver(), long_request());
+  Stream blocker(solver(), blocking_request());
   ASSERT_TRUE(blocker.read_until(Event::kStarted));
   ASSERT_TRUE(call->write(update(1)));  // waits for the worker, in the queue
   ASSERT_TRUE(eventually([&] { return counters().queued() == 1; }));
@@ -307,7 +263,7 @@ TEST_F(Session, WithLatestOnlyAFirstPartTakesThePlaceOfWhatWaits) {
   v1::SessionRequest setup = setup_of(example_request());
   setup.mutable_setup()->set_latest_only(true);
   const auto call = set_up(setup);
-  Stream blocker(solver(), long_request());
+  Stream blocker(solver(), blocking_request());
   ASSERT_TRUE(blocker.read_until(Event::kStarted));
   ASSERT_TRUE(call->write(update(1)));
   ASSERT_TRUE(eventually([&] { return counters().queued() == 1; }));
@@ -341,33 +297,6 @@ TEST_F(Session, AnInvalidFirstPartIsToldAtOnceAndChangesNothing) {
   EXPECT_EQ(refused->error().sequence(), 2);
   EXPECT_EQ(refused->error().status().code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(ask(*call, update(3))->answer().solution().z(0), before);
-}
-
-TEST_F(Session, AnUpdateTooLateIsToldAndItsNumbersStay) {
-  start({"--workers", "1"});
-  const auto call = set_up(setup_of(example_request()));
-  Stream blocker(solver(), long_request());
-  ASSERT_TRUE(blocker.read_until(Event::kStarted));
-  v1::SessionRequest late = update(1);
-  late.mutable_update()->set_deadline_s(0.05);
-  late.mutable_update()->mutable_problem()->add_equality_offset(-3.0);
-  const auto refused = ask(*call, late);  // while the worker is still busy
-  ASSERT_TRUE(refused && refused->has_error());
-  EXPECT_EQ(refused->error().status().code(), grpc::StatusCode::DEADLINE_EXCEEDED);
-  EXPECT_EQ(counters().running(), 1);
-  blocker.cancel();
-  EXPECT_NEAR(ask(*call, update(2))->answer().solution().z(0), 3.0, 1e-9);
-}
-
-TEST_F(Session, ADeadlineStopsARunningUpdate) {
-  start();
-  const auto call = set_up(setup_of(long_request()));
-  v1::SessionRequest request = update(1);
-  request.mutable_update()->set_deadline_s(0.3);
-  const auto refused = ask(*call, request);
-  ASSERT_TRUE(refused && refused->has_error());
-  EXPECT_EQ(refused->error().status().code(), grpc::StatusCode::DEADLINE_EXCEEDED);
-  EXPECT_TRUE(eventually_idle());
 }
 
 TEST_F(Session, TellsProgressOfEachUpdateBeforeItsAnswer) {

@@ -155,5 +155,15 @@ TEST_F(Info, ReflectionKnowsTheDetailsOfErrors) {
   EXPECT_NE(answer.bytes.find("field_violations"), std::string::npos);
 }
 
+TEST_F(Info, ReflectionDescribesHealth) {
+  start();
+  const std::string symbol = "grpc.health.v1.Health";
+  const std::string file_of_symbol = std::string("\x22") + static_cast<char>(symbol.size()) + symbol;
+  const RawAnswer answer =
+      raw_call(channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", file_of_symbol);
+  ASSERT_TRUE(answer.status.ok());
+  EXPECT_NE(answer.bytes.find("HealthCheckRequest"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace marble::testing

@@ -103,6 +103,13 @@ class RawHttp2 {
       return closed_ || ended_.count(stream) != 0;
     });
   }
+  /// Waits until the server has answered on the stream, whatever, or ended the connection.
+  [[nodiscard]] bool eventually_answered(std::uint32_t stream) {
+    return eventually([&] {
+      take();
+      return closed_ || answered_.count(stream) != 0;
+    });
+  }
   [[nodiscard]] bool eventually_closed() {
     return eventually([&] {
       take();
@@ -168,6 +175,7 @@ class RawHttp2 {
       const bool ends =
           byte(3) == kReset || ((byte(3) == kHeaders || byte(3) == kData) && (byte(4) & kEndStream));
       if (ends) ended_.insert(stream);
+      if (ends || byte(3) == kHeaders || byte(3) == kData) answered_.insert(stream);
       if (byte(3) == kSettings && (byte(4) & kAck) == 0) owed_ += frame(kSettings, kAck, 0, "");
       if (byte(3) == kPing && (byte(4) & kAck) == 0)
         owed_ += frame(kPing, kAck, 0, incoming_.substr(9, size));
@@ -179,7 +187,7 @@ class RawHttp2 {
   const int socket_;
   bool answers_ = false, sending_ = false, closed_ = false;
   std::string incoming_, owed_;
-  std::set<std::uint32_t> ended_;
+  std::set<std::uint32_t> ended_, answered_;
 };
 
 /// Of a process, in bytes: "VmRSS" now, "VmHWM" at most so far.

@@ -135,7 +135,9 @@ TEST_F(SessionMemory, UpdatesThatWaitAreCountedAndWaitElsewhereBeyondTheLimit) {
   constexpr std::int64_t kLimit = 4'000'000;
   start({"--workers", "1", "--queue-bytes", std::to_string(kLimit)});
   const auto call = set_up(kNumbers);
-  Stream blocker(solver(), long_request());
+  v1::SolveRequest blocking = long_request();
+  blocking.set_priority(v1::PRIORITY_REALTIME);  // it steps aside for no session
+  Stream blocker(solver(), blocking);
   ASSERT_TRUE(eventually([&] { return counters().running() == 1; }));
   const std::int64_t before = counters().request_bytes();
   std::thread writer([&] {

@@ -1,0 +1,107 @@
+// How long jobs are likely to run, by those that ran before them.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <compare>
+#include <map>
+#include <string>
+
+#include "base/priority.h"
+
+namespace marble::server {
+
+/// Jobs of one client, priority and class of work run for about as long. A decayed mean and mean deviation of
+/// each, as TCP has of round trips (RFC 6298), and of all clients together, for those that are new. Pure: no
+/// threads, no clock.
+class RunEstimates {
+ public:
+  using Time = std::chrono::steady_clock::time_point;
+
+  struct Key {
+    std::string client;
+    Priority priority = Priority::interactive;
+    int work_class = 0;
+    auto operator<=>(const Key&) const = default;
+  };
+
+  /// One has run to its end.
+  void ran(const Key& key, double run_s, Time now) {
+    add(key, run_s, now);
+    add(everybody(key), run_s, now);
+  }
+  /// One was stopped after `run_s`: that it would have taken longer is all that is known.
+  void cut(const Key& key, double run_s, Time now) {
+    for (const Key& one : {key, everybody(key)}) {
+      const auto known = estimates_.find(one);
+      if (known == estimates_.end() || known->second.mean_s < run_s) add(one, run_s, now);
+    }
+  }
+
+  /// Seconds, 0 while nobody knows.
+  [[nodiscard]] double mean_s(const Key& key) const {
+    const Estimate* known = find(key);
+    return known == nullptr ? 0.0 : known->mean_s;
+  }
+  /// The same, with what it varies by: most take no longer.
+  [[nodiscard]] double likely_s(const Key& key) const {
+    const Estimate* known = find(key);
+    return known == nullptr ? 0.0 : known->mean_s + known->deviation_s;
+  }
+  /// Whether one may run against the estimate, which is old; then no other may for a while. Without it a
+  /// single slow run would refuse all that come after it for ever.
+  [[nodiscard]] bool may_try(const Key& key, Time now) {
+    const auto known = estimates_.find(key);
+    if (known == estimates_.end()) return true;
+    if (now - known->second.seen < kOld) return false;
+    known->second.seen = now;
+    return true;
+  }
+
+  [[nodiscard]] std::size_t size() const { return estimates_.size(); }
+  static constexpr std::size_t kMost = 4096;  ///< estimates that are kept; the oldest makes room
+
+ private:
+  static constexpr std::chrono::steady_clock::duration kOld = std::chrono::seconds(1);
+  static constexpr double kNewest = 0.125, kNewestDeviation = 0.25;  // weights, those of RFC 6298
+  static constexpr double kFarBelow = 0.25;                          // of the mean
+
+  struct Estimate {
+    double mean_s = 0.0, deviation_s = 0.0;
+    Time seen;  // when one has last ended, or was allowed to try
+  };
+
+  [[nodiscard]] static Key everybody(const Key& key) { return {"", key.priority, key.work_class}; }
+  [[nodiscard]] const Estimate* find(const Key& key) const {
+    auto known = estimates_.find(key);
+    if (known == estimates_.end()) known = estimates_.find(everybody(key));
+    return known == estimates_.end() ? nullptr : &known->second;
+  }
+
+  void add(const Key& key, double run_s, Time now) {
+    const auto known = estimates_.find(key);
+    if (known != estimates_.end()) {
+      Estimate& estimate = known->second;
+      if (run_s < kFarBelow * estimate.mean_s) {  // the work is another by now: soon that is known
+        estimate.mean_s = 0.5 * (estimate.mean_s + run_s);
+        estimate.deviation_s = 0.5 * estimate.mean_s;
+      } else {
+        estimate.deviation_s += kNewestDeviation * (std::abs(run_s - estimate.mean_s) - estimate.deviation_s);
+        estimate.mean_s += kNewest * (run_s - estimate.mean_s);
+      }
+      estimate.seen = now;
+      return;
+    }
+    if (estimates_.size() >= kMost) {
+      estimates_.erase(
+          std::min_element(estimates_.begin(), estimates_.end(),
+                           [](const auto& a, const auto& b) { return a.second.seen < b.second.seen; }));
+    }
+    estimates_.emplace(key, Estimate{run_s, 0.5 * run_s, now});
+  }
+
+  std::map<Key, Estimate> estimates_;
+};
+
+}  // namespace marble::server

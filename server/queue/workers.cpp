@@ -1,0 +1,190 @@
+// What a worker's thread does: jobs, pieces of others' jobs, and what is more urgent than either on top of
+// them.
+#include <algorithm>
+#include <exception>
+#include <new>
+
+#include "queue/scheduler.h"
+
+namespace marble::server {
+namespace {
+
+// To the job's record, and to who waits for it.
+class ProgressSplitter final : public ProgressSink {
+ public:
+  explicit ProgressSplitter(Job& job) : record_(*job.record), observer_(job.observer->progress()) {}
+  void report(const Progress& progress) override {
+    record_.report(progress);
+    if (observer_ != nullptr) observer_->report(progress);
+  }
+  [[nodiscard]] bool wants_pairs() const override { return record_.wants_pairs(); }
+
+ private:
+  JobRecord& record_;
+  ProgressSink* const observer_;
+};
+
+// Everything a job can do to itself ends here, as an error of that job alone.
+Expected<Solution> solve(Job& job, TaskRunner& runner, Pause* pause) {
+  try {
+    ProgressSplitter progress(job);
+    SolveControls controls;
+    controls.progress = &progress;
+    controls.stop = job.stop.get_token();
+    controls.runner = &runner;
+    controls.pause = pause;
+    return job.work(controls);
+  } catch (const std::bad_alloc&) {
+    return unexpected(does_not_fit());
+  } catch (const std::exception& error) {
+    return unexpected(failure(ErrorCode::internal, error.what()));
+  }
+}
+
+}  // namespace
+
+// How a running job steps aside. For each pause it runs an eighth as long before the next: whatever comes, it
+// goes on.
+class Scheduler::SteppingAside final : public Pause {
+ public:
+  SteppingAside(Scheduler& scheduler, Job& job) : scheduler_(scheduler), job_(job) {}
+
+  void look() override {
+    if (scheduler_.most_urgent_.load(std::memory_order_relaxed) >=
+        static_cast<std::size_t>(job_.ticket.priority))
+      return;
+    const Clock::time_point begin = Clock::now();
+    if (begin < goes_on_until_.load(std::memory_order_relaxed)) return;
+    const bool own_thread = std::this_thread::get_id() == owner_;
+    if (!scheduler_.run_urgent(job_, own_thread)) return;
+    const Clock::time_point end = Clock::now();
+    if (own_thread) paused_.store(paused() + (end - begin), std::memory_order_relaxed);
+    goes_on_until_.store(end + (end - begin) / 8, std::memory_order_relaxed);
+  }
+  [[nodiscard]] Clock::duration paused() const override { return paused_.load(std::memory_order_relaxed); }
+
+ private:
+  Scheduler& scheduler_;
+  Job& job_;
+  const std::thread::id owner_ = std::this_thread::get_id();
+  std::atomic<Clock::duration> paused_ = Clock::duration();  // of the owner
+  std::atomic<Clock::time_point> goes_on_until_ = Clock::time_point();
+};
+
+// Jobs that wait go before tasks of others.
+Scheduler::Next Scheduler::next() {
+  const MutexLock lock(mutex_);
+  while (true) {
+    if (std::shared_ptr<Job> job = queue_.pop(Clock::now())) {
+      look_at_waiting();
+      job->begun = Clock::now();
+      running_.push_back(job);
+      return {.job = std::move(job)};
+    }
+    if (stopping_) return {};
+    if (!shared_tasks_.empty()) {
+      SharedTasks& shared = *shared_tasks_.front();
+      ++shared.helpers;
+      return {.job = nullptr, .shared = &shared, .task = &begin_task(shared)};
+    }
+    ++idle_;
+    work_.wait(mutex_);
+    --idle_;
+  }
+}
+
+void Scheduler::look_at_waiting() { most_urgent_.store(queue_.most_urgent(), std::memory_order_relaxed); }
+
+bool Scheduler::run_urgent(Job& paused, bool own_thread) {
+  std::shared_ptr<Job> job;
+  {
+    const MutexLock lock(mutex_);
+    if (idle_ == 0) job = queue_.pop_above(paused.ticket.priority);
+    if (job == nullptr) return false;
+    look_at_waiting();
+    job->begun = Clock::now();
+    running_.push_back(job);
+    if (own_thread) paused.is_paused = true, ++paused_;
+  }
+  run_job(job, true);
+  const MutexLock lock(mutex_);
+  if (own_thread) paused.is_paused = false, --paused_;
+  return true;
+}
+
+void Scheduler::work() {
+  while (true) {
+    const Next next = this->next();
+    if (next.job != nullptr) {
+      run_job(next.job, false);
+    } else if (next.task != nullptr) {
+      (*next.task)();
+      const MutexLock lock(mutex_);
+      --next.shared->helpers;
+      helped_.notify_all();
+    } else {
+      return;
+    }
+  }
+}
+
+// There must be one.
+const std::function<void()>& Scheduler::begin_task(SharedTasks& shared) {
+  const std::function<void()>& task = shared.tasks[shared.next++];
+  if (shared.next == shared.tasks.size())
+    shared_tasks_.erase(std::find(shared_tasks_.begin(), shared_tasks_.end(), &shared));
+  return task;
+}
+
+// What is shared may stand on the stack, for it outlives every use: it is in shared_tasks_ only while there
+// are tasks to begin, and whoever took it from there counts as a helper, for whom this waits. No task throws.
+void Scheduler::run(std::span<const std::function<void()>> tasks) {
+  if (tasks.empty()) return;  // begin_task would never take it out again
+  SharedTasks shared{tasks};
+  const auto next_task = [&]() ABSL_LOCKS_EXCLUDED(mutex_) -> const std::function<void()>* {
+    const MutexLock lock(mutex_);
+    return shared.next < tasks.size() ? &begin_task(shared) : nullptr;
+  };
+  {
+    const MutexLock lock(mutex_);
+    shared_tasks_.push_back(&shared);
+  }
+  work_.notify_all();
+  while (const auto* const task = next_task()) (*task)();
+  const MutexLock lock(mutex_);
+  while (shared.helpers > 0) helped_.wait(mutex_);
+}
+
+void Scheduler::run_job(const std::shared_ptr<Job>& job, bool on_top) {
+  const Clock::time_point begin = job->begun;
+  SteppingAside pause(*this, *job);
+  Outcome outcome;
+  outcome.queue_s = seconds(begin - job->accepted);
+  if (job->ticket.deadline != Clock::time_point::max() &&
+      job->ticket.deadline - begin <= job->ticket.least_run) {
+    outcome.solution = unexpected(too_late(*job, begin));
+  } else {
+    job->record->started(outcome.queue_s);
+    job->observer->started(outcome.queue_s);
+    outcome.solution = solve(*job, *this, on_top ? nullptr : &pause);
+    outcome.also = std::move(job->also);
+  }
+  job->work = nullptr;  // before its bytes are counted free: an answer may wait long for its reader
+  bool others_ready = false;
+  {
+    const MutexLock lock(mutex_);
+    ++finishing_;
+    queue_.done(job.get());
+    running_.erase(std::find(running_.begin(), running_.end(), job));
+    const double run_s = seconds(Clock::now() - begin - pause.paused());
+    counters_.busy_s += run_s;
+    learn(*job, outcome, run_s);
+    others_ready = queue_.ready();
+    outcome.interrupted =
+        job->is_interrupted && outcome.solution && outcome.solution->status == Status::cancelled;
+  }
+  if (others_ready) work_.notify_one();  // their client may have been at its quota
+  finish(*job, std::move(outcome), true);
+}
+
+}  // namespace marble::server
