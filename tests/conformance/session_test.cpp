@@ -28,7 +28,8 @@ class SessionTest : public ::testing::Test {
   std::string occupy_worker() {
     const v1::SolveRequest request = long_request();
     const auto job =
-        client_->jobs().submit(view_of(request.problem()), options_of(request.options()).value());
+        client_->jobs().submit(view_of(request.problem()), options_of(request.options()).value(), {},
+                               {.priority = Priority::realtime});  // it steps aside for no session
     EXPECT_TRUE(eventually([&] { return client_->jobs().get(job->job_id)->job.state == JobState::running; }));
     return job->job_id;
   }
@@ -291,6 +292,24 @@ TEST(SessionLife, AnIdleOneIsEndedByTheServer) {
   const auto later = session->solve();
   ASSERT_FALSE(later.has_value());
   EXPECT_EQ(later.error().code, ErrorCode::aborted) << later.error().message();
+}
+
+// A server takes 1024 streams on a connection, and gRPC holds back what is more.
+TEST(Sessions, MoreThanAConnectionHasRoomForLeaveOtherCallsTheirs) {
+  constexpr int kSessions = 1200;
+  const ServerProcess server(MARBLE_SERVER_BINARY, {"--sessions", "2000", "--client-sessions", "0"});
+  const Client client = Client::connect(server.address()).value();
+  const OwnedProblem example = public_example().problem;
+  std::vector<Session> sessions;
+  for (int i = 0; i < kSessions; ++i) {
+    auto session = client.open_session(example.view());
+    ASSERT_TRUE(session.has_value()) << i << ": " << session.error().message();
+    sessions.push_back(*std::move(session));
+  }
+  EXPECT_EQ(client.info()->sessions, kSessions);
+  EXPECT_TRUE(client.solve(example.view()).has_value());
+  for (const int i : {0, 99, 100, 999, 1000, kSessions - 1})
+    EXPECT_TRUE(sessions.at(static_cast<std::size_t>(i)).solve().has_value()) << i;
 }
 
 }  // namespace

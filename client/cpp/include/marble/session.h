@@ -42,9 +42,12 @@ struct SessionOptions {
   std::string traceparent = {};            ///< as CallControls has it, of the whole session
   std::stop_token stop = {};               ///< gives the whole session up: everything ends with `cancelled`
   /// If the server dies or drains, solve() sets the session up again as it was, on another server where the
-  /// address has several, and says so in its answer. It is tried for about a second; then the error
-  /// unavailable is the session's end. Keeps a copy of the problem here, and leaves no send().
+  /// address has several, and says so in its answer. Keeps a copy of the problem here, and leaves no send().
   bool reopen = false;
+  /// For how long solve() tries that, >= 0, but no longer than its update's deadline; then it gives the error
+  /// unavailable, and the next solve() tries again. A server that systemd restarts after a crash is back
+  /// after five seconds.
+  std::chrono::duration<double> reopen_wait = std::chrono::seconds(10);
 };
 
 /// What may accompany one update; all of it optional.
@@ -55,8 +58,9 @@ struct UpdateControls {
   Shift shift = {};                        ///< the last answer moves on before it is started from
   /// Derivatives of this answer that are wanted with it, or none; not of a first part.
   const SensitivityRequest* sensitivity = nullptr;
-  /// No answer is wanted later than this after the update's arrival: a solve that has not begun by then never
-  /// does, one that runs is stopped, and the update ends with `deadline_exceeded`.
+  /// No answer is wanted later than this after the update's arrival. A solve that has begun ends in time: its
+  /// answer is one of status time_limit, with its best point or the solution before it (`Solution::origin`),
+  /// and the next solve goes on where it was. One that has not begun never does: `deadline_exceeded`.
   std::optional<std::chrono::duration<double>> deadline = {};
   /// Told within next() or solve(), if the session was opened with progress; must live until the update's
   /// outcome.

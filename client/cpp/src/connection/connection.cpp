@@ -12,6 +12,9 @@ namespace marble::client {
 namespace {
 
 constexpr std::chrono::duration<double> kLongestDeadline{std::int32_t{0x7fffffff}};
+// Of the 1024 streams that a server takes on a connection by default. The first one is shared by all clients
+// of this process for that address, and has their calls as well.
+constexpr int kStreamsOfFirst = 100, kStreamsOfOthers = 900;
 
 Expected<void> check_labels(const ConnectOptions& options) {
   // The token itself is a secret: no error shows it.
@@ -70,7 +73,28 @@ Connection::Connection(std::string address, Target target, const std::shared_ptr
       solver_(v1::Solver::NewStub(channel)),
       jobs_(v1::Jobs::NewStub(channel)),
       server_(v1::Server::NewStub(channel)),
-      health_(grpc::health::v1::Health::NewStub(channel)) {}
+      health_(grpc::health::v1::Health::NewStub(channel)),
+      lanes_{std::make_shared<Lane>(v1::Solver::NewStub(channel))} {}
+
+Expected<std::shared_ptr<v1::Solver::Stub>> Connection::solver_for_stream() const {
+  const MutexLock lock(lanes_access_);
+  std::shared_ptr<Lane> lane;
+  for (const std::shared_ptr<Lane>& one : lanes_) {
+    if (one->streams >= (one == lanes_.front() ? kStreamsOfFirst : kStreamsOfOthers)) continue;
+    lane = one;
+    break;
+  }
+  if (lane == nullptr) {
+    ConnectOptions own = options_;
+    own.own_connection = true;
+    const auto channel = open_channel(target_, own);
+    if (!channel) return unexpected(channel.error());
+    lane = lanes_.emplace_back(std::make_shared<Lane>(v1::Solver::NewStub(*channel)));
+  }
+  ++lane->streams;
+  return std::shared_ptr<v1::Solver::Stub>(lane->solver.get(),
+                                           [lane](v1::Solver::Stub*) { --lane->streams; });
+}
 
 void Connection::prepare(grpc::ClientContext& context,
                          std::optional<std::chrono::duration<double>> deadline) const {

@@ -4,6 +4,7 @@
 #include <grpcpp/channel.h>
 #include <grpcpp/client_context.h>
 
+#include <atomic>
 #include <chrono>
 #include <memory>
 #include <optional>
@@ -15,6 +16,7 @@
 #include "marble/connect_options.h"
 #include "marble/error.h"
 #include "marble/v1/service.grpc.pb.h"
+#include "mutex.h"
 
 namespace marble::client {
 
@@ -47,6 +49,11 @@ class Connection {
   /// Whether two calls may go to two servers.
   [[nodiscard]] bool several() const { return target_.several; }
   [[nodiscard]] v1::Solver::Stub& solver() const { return *solver_; }
+  /// For a stream that stays open, as a session's: over a connection that has room for it, opened if there is
+  /// none. The stream must end before what is returned does. gRPC holds calls beyond a server's limit of
+  /// streams a connection back, without a word. Errors: as open().
+  [[nodiscard]] Expected<std::shared_ptr<v1::Solver::Stub>> solver_for_stream() const
+      ABSL_LOCKS_EXCLUDED(lanes_access_);
   [[nodiscard]] v1::Jobs::Stub& jobs() const { return *jobs_; }
   [[nodiscard]] v1::Server::Stub& server() const { return *server_; }
   [[nodiscard]] grpc::health::v1::Health::Stub& health() const { return *health_; }
@@ -57,6 +64,13 @@ class Connection {
   Connection(std::string address, Target target, const std::shared_ptr<grpc::Channel>& channel,
              const ConnectOptions& options);
 
+  // A channel for streams that stay open.
+  struct Lane {
+    explicit Lane(std::unique_ptr<v1::Solver::Stub> stub) : solver(std::move(stub)) {}
+    std::unique_ptr<v1::Solver::Stub> solver;
+    std::atomic<int> streams = 0;
+  };
+
   std::string address_;
   Target target_;
   std::string authorization_;  // empty without a token
@@ -65,6 +79,9 @@ class Connection {
   std::unique_ptr<v1::Jobs::Stub> jobs_;
   std::unique_ptr<v1::Server::Stub> server_;
   std::unique_ptr<grpc::health::v1::Health::Stub> health_;
+  mutable Mutex lanes_access_;
+  mutable std::vector<std::shared_ptr<Lane>> lanes_
+      ABSL_GUARDED_BY(lanes_access_);  // the channel's own first
 };
 
 }  // namespace marble::client

@@ -30,6 +30,12 @@ Expected<RemoteSolution> DeadlineLimit::answer(Expected<Solution> solution) cons
     return unexpected(
         failure(ErrorCode::deadline_exceeded, "the deadline passed while the problem was solved"));
   }
+  return answer_of_session(std::move(solution));
+}
+
+Expected<RemoteSolution> DeadlineLimit::answer_of_session(Expected<Solution> solution) const {
+  if (!solution) return unexpected(std::move(solution.error()));
+  if (solution->status == Status::cancelled) return unexpected(given_up());
   RemoteSolution answer;
   static_cast<Solution&>(answer) = std::move(*solution);
   answer.total_s = std::chrono::duration<double>(Clock::now() - begin_).count();

@@ -36,6 +36,8 @@ class DeadlineLimit {
   /// The solution as an answer; or the error deadline_exceeded, or cancelled of a stopped one, as a client of
   /// a server would have it.
   [[nodiscard]] Expected<RemoteSolution> answer(Expected<Solution> solution) const;
+  /// The same of an update, which is answered with its best point where the time was up.
+  [[nodiscard]] Expected<RemoteSolution> answer_of_session(Expected<Solution> solution) const;
 
  private:
   [[nodiscard]] double left_s() const;

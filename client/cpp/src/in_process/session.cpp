@@ -29,7 +29,7 @@ class InProcessSession final : public Session::State {
     const DeadlineLimit deadline(controls.deadline);
     ThinnedProgress progress(tells_ ? controls.progress : nullptr, interval_s_, iterate_every_);
     if (auto set = solver_.set_options(deadline.limit(options_)); !set) return unexpected(set.error());
-    return deadline.answer(
+    return deadline.answer_of_session(
         solver_.solve(update, {controls.initial_z, controls.cold, controls.shift},
                       {.progress = progress.sink(), .stop = stop_, .sensitivity = controls.sensitivity}));
   }

@@ -11,6 +11,8 @@ namespace marble::client {
 class SessionMemory {
  public:
   explicit SessionMemory(v1::SessionRequest setup) : setup_(std::move(setup)) {}
+  /// The session that is opened next is another one.
+  void count_epoch() { setup_.mutable_setup()->set_epoch(setup_.setup().epoch() + 1); }
 
   /// The server took the update in: its numbers and options hold from now on.
   void take(const ProblemUpdate& update, const UpdateControls& controls);

@@ -50,10 +50,12 @@ Expected<v1::SessionRequest> make_setup(const ProblemView& problem, const Option
   return request;
 }
 
-Expected<v1::SessionRequest> make_update(std::int64_t sequence, const ProblemUpdate& update,
-                                         const UpdateControls& controls, bool first_part) {
+Expected<v1::SessionRequest> make_update(std::int64_t epoch, std::int64_t sequence,
+                                         const ProblemUpdate& update, const UpdateControls& controls,
+                                         bool first_part) {
   v1::SessionRequest request;
   v1::SessionUpdate* message = request.mutable_update();
+  message->set_epoch(epoch);
   message->set_sequence(sequence);
   marble::to_message(update, message->mutable_problem());
   if (controls.options) marble::to_message(*controls.options, message->mutable_options());

@@ -8,7 +8,9 @@ namespace marble::client {
 
 [[nodiscard]] Expected<v1::SessionRequest> make_setup(const ProblemView& problem, const Options& options,
                                                       const SessionOptions& session);
-[[nodiscard]] Expected<v1::SessionRequest> make_update(std::int64_t sequence, const ProblemUpdate& update,
+/// `epoch` is that of the set-up.
+[[nodiscard]] Expected<v1::SessionRequest> make_update(std::int64_t epoch, std::int64_t sequence,
+                                                       const ProblemUpdate& update,
                                                        const UpdateControls& controls, bool first_part);
 
 }  // namespace marble::client

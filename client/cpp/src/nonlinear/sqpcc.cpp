@@ -251,6 +251,8 @@ Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
   answer_.factorizations += solution->factorizations;
   answer_status_ = solution->status;
   if (solution->status == Status::cancelled) limit_ = Status::cancelled;
+  if (solution->status == Status::time_limit && left < settings_.lcqp.time_limit_s)
+    limit_ = Status::time_limit;
   if (!is_solved(solution->status)) return false;
   subproblem.read(*solution, point_, at_, box(), tried_);
   return true;

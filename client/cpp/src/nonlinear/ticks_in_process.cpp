@@ -14,15 +14,11 @@ class WarmTicks final : public Ticks {
       : solver_(std::move(solver)), options_(settings.lcqp), stop_(settings.stop) {}
 
   Expected<Solution> solve(const ProblemUpdate& update, const TickControls& controls) override {
-    const bool cut = controls.deadline_s < options_.time_limit_s;
     Options options = options_;
     options.time_limit_s = std::min(options_.time_limit_s, controls.deadline_s);
     if (auto set = solver_.set_options(options); !set) return unexpected(set.error());
-    auto answer = solver_.solve(update, {controls.initial_z, controls.cold, controls.shift},
-                                {.progress = controls.progress, .stop = stop_});
-    if (answer && answer->status == Status::time_limit && cut)
-      return unexpected(failure(ErrorCode::deadline_exceeded, "the deadline has passed"));
-    return answer;
+    return solver_.solve(update, {controls.initial_z, controls.cold, controls.shift},
+                         {.progress = controls.progress, .stop = stop_});
   }
 
   Expected<bool> prepare(const ProblemUpdate& update, const TickControls& controls) override {

@@ -252,6 +252,8 @@ Expected<bool> RealTime::State::ask(Ticks& of, const Subproblem& asked, const Pr
     return false;
   }
   tick.factorizations += solution->factorizations;
+  const bool cut = solution->status == Status::time_limit && controls.deadline_s < settings.lcqp.time_limit_s;
+  if (cut) tick.deadline_met = false;
   if (first) tick.status = solution->status;
   if (solution->status == Status::cancelled)
     return unexpected(failure(ErrorCode::cancelled, "stopped within a tick"));

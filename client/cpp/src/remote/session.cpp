@@ -22,9 +22,12 @@ namespace {
 
 using Stream = grpc::ClientReaderWriter<v1::SessionRequest, v1::SessionResponse>;
 
-// Between tries to reopen; a server that is found is found by the first.
-constexpr std::chrono::milliseconds kBackoffs[] = {
-    std::chrono::milliseconds(100), std::chrono::milliseconds(300), std::chrono::milliseconds(600)};
+using std::chrono::steady_clock;
+using Seconds = std::chrono::duration<double>;
+
+// Between tries to reopen, each twice as long as the one before; a server that is found is found by the
+// first.
+constexpr Seconds kFirstBackoff(0.1), kLongestBackoff(1.0);
 
 // Two locks, as a stream may be written by one thread while another one reads. Whoever finds a write failed
 // takes `reading` as well, and reads on to learn why.
@@ -54,10 +57,12 @@ struct SessionStream {
   const std::shared_ptr<const Connection> connection;  // the stream's, for as long as there is one
   const std::string parent;                            // the caller's span
   const std::stop_token stop;
+  std::shared_ptr<v1::Solver::Stub> solver;
   grpc::ClientContext context;
   std::unique_ptr<Stream> stream;
   std::optional<std::stop_callback<std::function<void()>>> cancel_on_stop;
   v1::SessionReady ready;
+  std::int64_t epoch = 0;
   std::string traceparent;
   std::unique_ptr<SessionMemory> memory;  // of one that may be reopened
 
@@ -88,7 +93,14 @@ Expected<void> SessionStream::set_up(const v1::SessionRequest& request) {
     return prepared;
   }
   cancel_on_stop.emplace(stop, [this] { context.TryCancel(); });
-  stream = connection->solver().Session(&context);
+  epoch = request.setup().epoch();
+  auto free = connection->solver_for_stream();
+  if (!free) {
+    over = true;
+    return unexpected(free.error());
+  }
+  solver = *std::move(free);
+  stream = solver->Session(&context);
   stream->Write(request);  // if that fails, so does the read
   v1::SessionResponse response;
   if (stream->Read(&response) && response.has_ready()) {
@@ -106,7 +118,7 @@ Expected<std::int64_t> SessionStream::send(const ProblemUpdate& update, const Up
                                            bool first_part) {
   if (over) return unexpected(reason());
   if (writes_done) return unexpected(session_ended());
-  const auto request = make_update(sequence + 1, update, controls, first_part);
+  const auto request = make_update(epoch, sequence + 1, update, controls, first_part);
   if (!request) return unexpected(request.error());
   ++sequence;
   {
@@ -214,7 +226,8 @@ void SessionStream::tell(const v1::SessionProgress& progress) {
 
 class RemoteSession final : public Session::State {
  public:
-  RemoteSession(std::unique_ptr<SessionStream> stream, const PartSizes& sizes) : sizes_(sizes) {
+  RemoteSession(std::unique_ptr<SessionStream> stream, const PartSizes& sizes, Seconds wait)
+      : sizes_(sizes), wait_(wait) {
     take(std::move(stream));
   }
 
@@ -231,6 +244,7 @@ class RemoteSession final : public Session::State {
 
   std::unique_ptr<SessionStream> stream_;
   PartSizes sizes_;
+  Seconds wait_;  // to reopen
 };
 
 void RemoteSession::take(std::unique_ptr<SessionStream> stream) {
@@ -283,14 +297,17 @@ Expected<RemoteSolution> RemoteSession::solve(const ProblemUpdate& update, const
   const auto lost = [&] {
     return stream_->memory != nullptr && !answer && answer.error().code == ErrorCode::unavailable;
   };
-  for (auto backoff = std::begin(kBackoffs); lost(); ++backoff) {
+  const auto begin = steady_clock::now();
+  const Seconds most = controls.deadline ? std::min(wait_, *controls.deadline) : wait_;
+  for (Seconds backoff = kFirstBackoff; lost(); backoff = std::min(2.0 * backoff, kLongestBackoff)) {
     if (auto again = reopen(controls); !again) {
       answer = unexpected(again.error());
     } else if (answer = stream_->solve(update, controls); answer) {
       answer->reopened = true;
     }
-    if (!lost() || backoff == std::end(kBackoffs)) break;
-    std::this_thread::sleep_for(*backoff);
+    const Seconds left = most - (steady_clock::now() - begin);
+    if (!lost() || left <= Seconds(0.0)) break;
+    std::this_thread::sleep_for(std::min(backoff, left));
   }
   return answer;
 }
@@ -301,6 +318,7 @@ Expected<void> RemoteSession::reopen(const UpdateControls& next) {
     const MutexLock lock(stream_->writing);
     sent = stream_->sequence;
   }
+  stream_->memory->count_epoch();
   auto stream = std::make_unique<SessionStream>(stream_->connection, stream_->parent, stream_->stop, sent);
   if (auto made = stream->set_up(stream_->memory->setup(next)); !made) return made;
   stream->memory = std::move(stream_->memory);
@@ -336,7 +354,7 @@ Expected<std::unique_ptr<Session::State>> open_remote_session(std::shared_ptr<co
 #define MARBLE_VECTOR(letter, field) sizes.letter = problem.letter.size();
 #define MARBLE_MATRIX(letter, field, update, vector) sizes.letter = problem.letter.values.size();
 #include "marble/contract.def"
-  return std::make_unique<RemoteSession>(std::move(stream), sizes);
+  return std::make_unique<RemoteSession>(std::move(stream), sizes, session.reopen_wait);
 }
 
 }  // namespace marble::client
