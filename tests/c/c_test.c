@@ -129,6 +129,7 @@ static void a_fault_names_field_index_value_and_bound(const marble_client* clien
   CHECK(marble_call_create(&call, NULL) == MARBLE_OK);
   CHECK(marble_call_set_deadline(call, -1, &error) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_call_set_deadline(call, NAN, &error) == MARBLE_INVALID_ARGUMENT);
+  CHECK(marble_call_set_reopen(call, -1, &error) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_call_set_initial_z(call, three, 3, &error) == MARBLE_OK);
   CHECK(marble_solve(client, problem, NULL, call, &solution, &error) == MARBLE_INVALID_ARGUMENT);
   CHECK(strcmp(error.field, "initial_z") == 0);
@@ -227,6 +228,27 @@ static void a_session_takes_what_changed_and_starts_warm(const marble_client* cl
   marble_solution_destroy(solution);
   marble_options_destroy(options);
   marble_session_destroy(session);
+}
+
+/* Of a server that is there: C++ tests take one away. */
+static void a_session_that_may_be_reopened_says_whether_it_was(const marble_client* client) {
+  marble_problem* problem = first();
+  marble_call* call = NULL;
+  marble_session* session = NULL;
+  marble_solution* solution = NULL;
+  marble_error error;
+  double number = NAN;
+  CHECK(marble_call_create(&call, &error) == MARBLE_OK);
+  CHECK(marble_call_set_reopen(call, 10, &error) == MARBLE_OK);
+  CHECK(marble_session_open(client, problem, NULL, call, &session, &error) == MARBLE_OK);
+  CHECK(marble_session_solve(session, &solution, &error) == MARBLE_OK);
+  check_answer(solution, -4);
+  CHECK(marble_solution_number(solution, "reopened", &number, &error) == MARBLE_OK && number == 0);
+  CHECK(marble_solution_number(solution, "origin", &number, &error) == MARBLE_OK && number == 0);
+  marble_solution_destroy(solution);
+  marble_session_destroy(session);
+  marble_call_destroy(call);
+  marble_problem_destroy(problem);
 }
 
 /* A further start of the same problem is its answer after one factorization; so is one that was submitted. */
@@ -429,6 +451,7 @@ int main(int argc, char** argv) {
     derivatives_come_with_answers(client);
     a_job_is_submitted_and_its_answer_fetched(client);
     a_session_takes_what_changed_and_starts_warm(client);
+    a_session_that_may_be_reopened_says_whether_it_was(client);
     two_threads_share_a_client(client);
     another_thread_ends_a_solve(client);
     printf("%s: %d failures\n", marble_client_address(client), failures);

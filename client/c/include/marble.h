@@ -150,6 +150,10 @@ int32_t marble_call_set_initial_z(marble_call* call, const double* z, int64_t co
 int32_t marble_call_set_warm_start(marble_call* call, const marble_solution* start, marble_error* error);
 /* No answer is wanted later than so many seconds after a call began (>= 0); infinity: whenever. */
 int32_t marble_call_set_deadline(marble_call* call, double seconds, marble_error* error);
+/* A session that is opened with it outlives its server: where that is lost, a solve sets it up again, on
+ * another server where the address has several, and tries for so many seconds (>= 0), but no longer than the
+ * deadline. It starts from the last z, and its answer has the number "reopened". 0, the default: it ends. */
+int32_t marble_call_set_reopen(marble_call* call, double seconds, marble_error* error);
 /* Whose turn it is on a busy server: "by_method" (the default), "realtime", "interactive" or "batch". */
 int32_t marble_call_set_priority(marble_call* call, const char* priority, marble_error* error);
 /* The caller's own id of what it asks for, for the server's log: at most 128 bytes of printable ASCII, empty
@@ -207,7 +211,9 @@ int32_t marble_solution_vector(const marble_solution* solution, const char* name
                                int64_t* count, marble_error* error);
 /* objective, bound, gap, proved, nodes, open_nodes, iterations, factorizations, kkt_residual,
  * equality_violation, inequality_violation, complementarity_violation, stationarity (0 unknown, 1 weak to 4
- * strong), second_order (0 unknown, 1 saddle, 2 necessary, 3 minimum), setup_s, solve_s, queue_s, total_s. */
+ * strong), second_order (0 unknown, 1 saddle, 2 necessary, 3 minimum), origin (0 this solve, 1 the session's
+ * solution before it), reopened (1 where its session was set up again for it, else 0), setup_s, solve_s,
+ * queue_s, total_s. */
 int32_t marble_solution_number(const marble_solution* solution, const char* name, double* value,
                                marble_error* error);
 

@@ -104,6 +104,15 @@ std::int32_t marble_call_set_deadline(marble_call* call, double seconds, marble_
   });
 }
 
+std::int32_t marble_call_set_reopen(marble_call* call, double seconds, marble_error* error) {
+  return change(call, "call", error, [&]() -> Expected<void> {
+    if (!(seconds >= 0.0))
+      return unexpected(marble::invalid("seconds", std::to_string(seconds), "must be >= 0"));
+    call->reopen_s = seconds;
+    return {};
+  });
+}
+
 void marble_call_cancel(marble_call* call) {
   if (call != nullptr) call->stop.source().request_stop();
 }

@@ -92,6 +92,7 @@ struct marble_call {
   std::vector<double> initial_z;
   std::optional<marble::Solution> warm_start;
   double deadline_s = std::numeric_limits<double>::infinity();
+  double reopen_s = 0.0;
   marble::Priority priority = marble::Priority::by_method;
   std::string request_id;
   marble::OwnedSensitivityRequest derivatives;

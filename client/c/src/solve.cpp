@@ -124,6 +124,8 @@ std::int32_t marble_solution_number(const marble_solution* solution, const char*
                                                   {"complementarity_violation", s.violations.complementarity},
                                                   {"stationarity", static_cast<double>(s.stationarity)},
                                                   {"second_order", static_cast<double>(s.second_order)},
+                                                  {"origin", static_cast<double>(s.origin)},
+                                                  {"reopened", s.reopened ? 1.0 : 0.0},
                                                   {"setup_s", s.times.setup_s},
                                                   {"solve_s", s.times.solve_s},
                                                   {"queue_s", s.queue_s},

@@ -89,6 +89,7 @@ std::string json_line(const Subject& problem, const Answer& s) {
   if (!problem.file.empty()) json["file"] = problem.file;
   json["status"] = to_string(s.status);
   json["detail"] = s.detail;
+  json["origin"] = to_string(s.origin);
   json["objective"] = s.objective;
   if (problem.best_known_objective) json["best_known_objective"] = *problem.best_known_objective;
   json["z"] = s.z;
