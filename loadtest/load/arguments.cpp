@@ -144,6 +144,15 @@ bool parse_arguments(int argc, char** argv, Arguments& a, int& exit_code) {
   ramp->add_option("--errors", a.ramp.most_errors, "part of the requests that may fail")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
+  CLI::App* overload =
+      program.add_subcommand("overload", "How much arrives in time at multiples of the capacity");
+  add_all(*overload, a);
+  std::vector<double> levels = {0.7, 2.0, 4.0, 8.0};
+  overload->add_option("--levels", levels, "of the capacity, which is measured first")
+      ->delimiter(',')
+      ->check(CLI::Range(0.01, 1000.0))
+      ->capture_default_str();
+  overload->add_option("--csv-file", a.csv_file, "write the table there as CSV");
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -151,6 +160,10 @@ bool parse_arguments(int argc, char** argv, Arguments& a, int& exit_code) {
     return false;
   }
   a.is_ramp = ramp->parsed();
+  if (overload->parsed()) {
+    a.levels = levels;
+    a.allowed.insert(a.allowed.end(), {"resource_exhausted", "deadline_exceeded"});
+  }
   a.plan.loop = closed->parsed() ? Loop::closed : Loop::open;
   if (a.is_ramp) {
     const auto parsed = parse_objective(objective);
@@ -161,7 +174,7 @@ bool parse_arguments(int argc, char** argv, Arguments& a, int& exit_code) {
     }
     a.ramp.objective = *parsed;
   }
-  const CLI::App* used = closed->parsed() ? closed : open->parsed() ? open : ramp;
+  const CLI::App* used = program.get_subcommands().front();
   if (used->count("--clients") == 0 && a.plan.loop == Loop::open) a.plan.clients = 8;
   if (used->count("--connections") == 0) a.plan.connections = std::min(a.plan.clients, 32);
   a.command = shell_line(argc, argv);

@@ -22,9 +22,10 @@ struct Arguments {
   std::vector<std::string> options;  ///< NAME=VALUE
   Plan plan;
   RampPlan ramp;
+  std::vector<double> levels;        ///< of the capacity; empty unless it is about overload
   std::vector<std::string> allowed;  ///< error codes that are no failures
   bool json = false, quiet = false;
-  std::string json_file, html_file;
+  std::string json_file, html_file, csv_file;
   std::string command;  ///< as it was given
 };
 

@@ -9,6 +9,7 @@
 #include "base/interrupt.h"
 #include "plain_text.h"
 #include "report/report.h"
+#include "run/overload.h"
 #include "run/run.h"
 
 namespace marble::load {
@@ -98,6 +99,25 @@ int run_program(Arguments& a) {
     };
     return tell(a, Report{subject, *result, a.ramp.objective},
                 result->best_rate_per_s > 0.0 ? kGood : kFailures);
+  }
+  if (!a.levels.empty()) {
+    const auto told = [&](const OverloadStep& step) {
+      if (!a.quiet) std::cerr << (watched ? "\r" : "") << text_line(step);
+    };
+    const auto result = overload(parts, a.plan, a.levels, info->workers, interrupt.token(), told);
+    if (!result) return fails(result.error());
+    struct Report {
+      const Subject& subject;
+      const OverloadResult& result;
+      [[nodiscard]] std::string text() const { return text_report(subject, result); }
+      [[nodiscard]] Json json() const { return json_report(subject, result); }
+      [[nodiscard]] std::string html() const { return html_report(subject, result.steps.back().result); }
+    };
+    if (result->steps.empty()) return kFailures;  // interrupted, or nothing was answered
+    std::uint64_t failed = 0;
+    for (const OverloadStep& step : result->steps) failed += failures(step.result, a.allowed);
+    if (!write(a.csv_file, csv_report(*result))) return kBadInput;
+    return tell(a, Report{subject, *result}, failed == 0 ? kGood : kFailures);
   }
   const auto result = run(parts, a.plan, interrupt.token());
   if (watched) std::cerr << '\n';

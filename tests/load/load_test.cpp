@@ -14,6 +14,7 @@ namespace {
 
 using ::testing::AnyOf;
 using ::testing::HasSubstr;
+using ::testing::StartsWith;
 using Json = nlohmann::json;
 
 struct Outcome {
@@ -166,6 +167,32 @@ TEST_F(Load, ARampFindsARateBetweenOneThatHoldsAndOneThatDoesNot) {
   EXPECT_LT(best, least_failing);
   const std::string page = read_file(folder.file("ramp.html"));
   EXPECT_THAT(page, HasSubstr("Throughput against offered load"));
+}
+
+TEST_F(Load, OverloadMeasuresTheCapacityAndWhatArrivesInTimeBeyondIt) {
+  ServerProcess one(MARBLE_SERVER_BINARY, {"--workers", "1", "--client-queued", "0"});
+  const TemporaryDirectory folder;
+  const Outcome outcome = load({"overload",   "--server",   one.address(),
+                                "--quiet",    "--json",     "--problem",
+                                "hopper",     "--size",     "10",
+                                "--deadline", "5",          "--levels",
+                                "0.5,3",      "--warm-up",  "0.1",
+                                "--check",    "1",          "--duration",
+                                "1",          "--csv-file", folder.file("table.csv")});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.output;
+  const Json json = outcome.json();
+  EXPECT_EQ(json.at("kind"), "overload");
+  EXPECT_GT(json.at("capacity_per_s").get<double>(), 0.0);
+  ASSERT_EQ(json.at("steps").size(), 2U);
+  for (const Json& step : json.at("steps")) {
+    EXPECT_GT(step.at("goodput").get<double>(), 0.0);
+    EXPECT_GT(step.at("useful").get<double>(), 0.0);
+    EXPECT_EQ(step.at("run").at("wrong"), 0);
+  }
+  const std::string table = read_file(folder.file("table.csv"));
+  EXPECT_THAT(table,
+              StartsWith("level,offered_per_s,answers_per_s,goodput,useful,p50_s,p99_s,sent,refused,late,"));
+  EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 3);
 }
 
 TEST_F(Load, JsonHasEveryKeyThatItsSchemaPromises) {

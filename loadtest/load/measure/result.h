@@ -58,4 +58,20 @@ struct RampResult {
   double best_rate_per_s = 0.0;  ///< the highest that held; 0 if none did
 };
 
+/// One run at a multiple of the capacity.
+struct OverloadStep {
+  double level = 0.0;           ///< of the capacity
+  double capacity_per_s = 0.0;  ///< answers
+  RunResult result;
+
+  /// Answers in time, of those that the capacity would have given.
+  [[nodiscard]] double goodput() const { return result.answers_per_s / capacity_per_s; }
+  /// Of the time that workers were busy, the part that was spent on answers that came.
+  [[nodiscard]] double useful() const;
+};
+struct OverloadResult {
+  double capacity_per_s = 0.0;  ///< answers of a closed loop
+  std::vector<OverloadStep> steps;
+};
+
 }  // namespace marble::load

@@ -28,6 +28,7 @@ void add_answer(EntryTally& tally, const Work& work, const v1::Solution& solutio
   tally.service.add(service);
   tally.queue.add(ns(times.queue_s()));
   tally.solve.add(ns(times.solve_s()));
+  tally.run.add(ns(times.total_s() - times.queue_s()));
   tally.outside.add(service - ns(times.total_s()));
   ++tally.answers;
   ++tally.statuses[to_string(status_of(solution.status()))];
@@ -46,6 +47,7 @@ void EntryTally::merge(const EntryTally& other) {
   service.merge(other.service);
   queue.merge(other.queue);
   solve.merge(other.solve);
+  run.merge(other.run);
   outside.merge(other.outside);
   refusal.merge(other.refusal);
   answers += other.answers;
@@ -57,7 +59,8 @@ void EntryTally::merge(const EntryTally& other) {
 }
 
 void EntryTally::clear() {
-  for (Histogram* histogram : {&latency, &service, &queue, &solve, &outside, &refusal}) histogram->clear();
+  for (Histogram* histogram : {&latency, &service, &queue, &solve, &run, &outside, &refusal})
+    histogram->clear();
   answers = with_retry_info = progress_rows = progress_skipped = 0;
   statuses.clear();
   errors.clear();

@@ -18,6 +18,7 @@ struct EntryTally {
   Histogram latency;       ///< of answers: from the intended time of sending to the answer
   Histogram service;       ///< the same from the actual time of sending
   Histogram queue, solve;  ///< as the server tells them: waiting for a worker; the solve without its set-up
+  Histogram run;           ///< the server's own total less the wait: what a worker was busy for
   Histogram outside;       ///< service less the server's own total: the way there and back, parsing, threads
   Histogram refusal;       ///< of errors: from the actual time of sending
   std::uint64_t answers = 0;

@@ -28,11 +28,16 @@ struct Subject {
 [[nodiscard]] std::string text_report(const Subject& subject, const RampResult& result,
                                       const Objective& objective);
 [[nodiscard]] std::string text_line(const RampStep& step, const Objective& objective);
+[[nodiscard]] std::string text_report(const Subject& subject, const OverloadResult& result);
+[[nodiscard]] std::string text_line(const OverloadStep& step);
+/// One line a step, after one of names: as csv_report's table in loadtest/README.md.
+[[nodiscard]] std::string csv_report(const OverloadResult& result);
 
 /// schema "marble-load/1"; documented in loadtest/README.md. Times in seconds.
 using Json = nlohmann::ordered_json;
 [[nodiscard]] Json json_report(const Subject& subject, const RunResult& result);
 [[nodiscard]] Json json_report(const Subject& subject, const RampResult& result, const Objective& objective);
+[[nodiscard]] Json json_report(const Subject& subject, const OverloadResult& result);
 
 /// One HTML file that needs nothing else, with plots as SVG, light or dark as the reader has it.
 [[nodiscard]] std::string html_report(const Subject& subject, const RunResult& result);

@@ -130,6 +130,19 @@ Json json_report(const Subject& subject, const RunResult& result) {
   return json;
 }
 
+Json json_report(const Subject& subject, const OverloadResult& result) {
+  Json json = head(subject, "overload");
+  json["capacity_per_s"] = result.capacity_per_s;
+  json["steps"] = Json::array();
+  for (const OverloadStep& step : result.steps) {
+    json["steps"].push_back({{"level", step.level},
+                             {"goodput", step.goodput()},
+                             {"useful", step.useful()},
+                             {"run", run_json(subject, step.result)}});
+  }
+  return json;
+}
+
 Json json_report(const Subject& subject, const RampResult& result, const Objective& objective) {
   Json json = head(subject, "ramp");
   json["objective"] = {{"text", objective.text}, {"part", objective.part}, {"most_s", objective.most_s}};

@@ -111,6 +111,60 @@ std::string text_line(const RampStep& step, const Objective& objective) {
               step.holds ? "holds" : step.why_not.c_str());
 }
 
+namespace {
+
+std::uint64_t errors_of(const EntryTally& tally, const char* code) {
+  const auto found = tally.errors.find(code);
+  return found == tally.errors.end() ? 0 : found->second;
+}
+
+std::uint64_t other_failures(const RunResult& result, const EntryTally& sum) {
+  return result.failures() - errors_of(sum, "resource_exhausted") - errors_of(sum, "deadline_exceeded");
+}
+
+}  // namespace
+
+std::string text_line(const OverloadStep& step) {
+  const EntryTally sum = step.result.tally.sum();
+  return text("%6.2f %11.1f %11.1f %9.2f %8.2f %9.3f %9.3f %9llu %9llu %9llu\n", step.level,
+              step.result.plan.rate_per_s, step.result.answers_per_s, step.goodput(), step.useful(),
+              ms(sum.latency.quantile(0.5)), ms(sum.latency.quantile(0.99)),
+              static_cast<unsigned long long>(errors_of(sum, "resource_exhausted")),
+              static_cast<unsigned long long>(errors_of(sum, "deadline_exceeded")),
+              static_cast<unsigned long long>(other_failures(step.result, sum)));
+}
+
+std::string text_report(const Subject& subject, const OverloadResult& result) {
+  std::string out =
+      text("marble-load overload: %s, server %s with %d workers; capacity %.1f answers/s\n\n",
+           subject.address.c_str(), subject.server_version.c_str(), subject.workers, result.capacity_per_s);
+  out += text("%6s %11s %11s %9s %8s %9s %9s %9s %9s %9s\n", "level", "offered/s", "answers/s", "goodput",
+              "useful", "p50, ms", "p99, ms", "refused", "late", "failures");
+  for (const OverloadStep& step : result.steps) out += text_line(step);
+  for (const OverloadStep& step : result.steps) {
+    if (!step.result.check.first_fault.empty())
+      out += "! wrong answer: " + step.result.check.first_fault + "\n";
+    if (step.result.lagged) out += text("! at level %g the load tester sent late\n", step.level);
+  }
+  return out;
+}
+
+std::string csv_report(const OverloadResult& result) {
+  std::string out =
+      "level,offered_per_s,answers_per_s,goodput,useful,p50_s,p99_s,sent,refused,late,failures\n";
+  for (const OverloadStep& step : result.steps) {
+    const EntryTally sum = step.result.tally.sum();
+    out += text("%g,%.6g,%.6g,%.4f,%.4f,%.6g,%.6g,%llu,%llu,%llu,%llu\n", step.level,
+                step.result.plan.rate_per_s, step.result.answers_per_s, step.goodput(), step.useful(),
+                1e-3 * ms(sum.latency.quantile(0.5)), 1e-3 * ms(sum.latency.quantile(0.99)),
+                static_cast<unsigned long long>(step.result.sent),
+                static_cast<unsigned long long>(errors_of(sum, "resource_exhausted")),
+                static_cast<unsigned long long>(errors_of(sum, "deadline_exceeded")),
+                static_cast<unsigned long long>(other_failures(step.result, sum)));
+  }
+  return out;
+}
+
 std::string text_report(const Subject& subject, const RampResult& result, const Objective& objective) {
   std::string out =
       text("marble-load ramp: %s, server %s with %d workers, objective %s\n\n", subject.address.c_str(),

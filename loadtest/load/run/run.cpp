@@ -106,6 +106,13 @@ std::uint64_t RunResult::failures() const {
   return tally.sum().error_count() + check.wrong_count() + abandoned;
 }
 
+// Answers that come while it is measured, of requests sent before or during that.
+double OverloadStep::useful() const {
+  const Histogram run = result.tally.sum().run;
+  const double busy_s = result.after.busy_s - result.before.busy_s;
+  return busy_s > 0.0 ? 1e-9 * run.mean() * static_cast<double>(run.count()) / busy_s : 0.0;
+}
+
 Expected<RunResult> run(const RunParts& parts, const Plan& plan, const std::stop_token& stop) {
   RunResult result;
   result.plan = plan;
