@@ -100,6 +100,7 @@ py::dict dict_of(Solution s, const Options& options, double total_s) {
   answer["objective"] = s.objective;
   answer["violations"] = tuple_of(s.violations);
   answer["kkt_residual"] = s.kkt_residual;
+  answer["origin"] = to_string(s.origin);
   answer["stationarity"] = to_string(s.stationarity);
   answer["b_stationary"] = s.b_stationary ? py::object(py::bool_(*s.b_stationary)) : py::object(py::none());
   answer["second_order"] = to_string(s.second_order);

@@ -57,12 +57,13 @@ class Warm {
   py::dict solve(const py::dict& given, const py::dict& changes, const py::object& z0, bool cold,
                  const py::object& shift, const Call& call) {
     const Wanted wanted(options_, given, changes, z0, cold, shift);
-    auto answer =
-        run(wanted.options, call,
-            [&](const Options& limited, const SolveControls& controls, Teller&) -> Expected<Solution> {
-              if (auto set = solver_->set_options(limited); !set) return unexpected(set.error());
-              return solver_->solve(wanted.update, wanted.restart, controls);
-            });
+    auto answer = run(
+        wanted.options, call,
+        [&](const Options& limited, const SolveControls& controls, Teller&) -> Expected<Solution> {
+          if (auto set = solver_->set_options(limited); !set) return unexpected(set.error());
+          return solver_->solve(wanted.update, wanted.restart, controls);
+        },
+        Late::is_answer);
     options_ = wanted.options;
     return answer;
   }

@@ -134,6 +134,33 @@ def check(problem: marble.LCQP, answer: marble.Solution, tolerance: float = 1e-6
     assert answer.nu.min(initial=0.0) >= -1e-9
 
 
+class Absence:
+    """Who comes to the address of a server that was lost: they are let in, and shut out at once."""
+
+    def __init__(self, address: str) -> None:
+        host, _, port = address.rpartition(":")
+        self._listener = socket.create_server((host, int(port)))
+        self._came = threading.Semaphore(0)
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                self._listener.accept()[0].close()
+            except OSError:
+                return
+            self._came.release()
+
+    def wait(self, times: int = 2) -> None:
+        """Until somebody has looked for the server so often."""
+        for _ in range(times):
+            assert self._came.acquire(timeout=60)
+
+    def end(self) -> None:
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+
+
 _REQUEST_BYTES = 4000  # more than a connection's beginning has, less than the requests whose answers get lost
 
 

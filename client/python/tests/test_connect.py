@@ -156,13 +156,15 @@ def test_only_calls_that_are_the_same_when_made_twice_are_repeated():
             with pytest.raises(marble.Unavailable, match="draining"):
                 call()
     server.stop(0)
+    handler.calls.pop("Check")  # between tries
     assert handler.calls == {"Solve": 4, "Submit": 4, "GetInfo": 4, "Delete": 1}
 
 
 def test_a_draining_server_is_left_out_of_the_turns(start_server):
     servers = [start_server("--workers", "1", "--drain-grace-s", "3600"), start_server("--workers", "1")]
     problem, options = long_solve()
-    with marble.Client(servers[0].address) as one, marble.Client([server.address for server in servers]) as both:
+    with marble.Client(servers[0].address, wait=0) as one, \
+            marble.Client([server.address for server in servers]) as both:
         busy = one.solve_async(problem, options=options)
         assert wait_until(lambda: one.info().counters["running"] == 1)
         servers[0].process.send_signal(signal.SIGTERM)

@@ -150,6 +150,13 @@ def test_other_threads_run_while_one_solves(here):
     assert here.solve_async(tiny()).result(60).solved
 
 
+def test_an_update_of_a_session_that_runs_out_of_time_has_its_best_point(here):
+    problem, options = long_solve()
+    with here.session(problem, options=options) as session:
+        late = session.update(deadline=0.05)
+        assert late.status is marble.Status.TIME_LIMIT and late.origin is marble.PointOrigin.SOLVE
+
+
 def test_a_deadline_gives_the_solve_up_and_a_time_limit_does_not(here):
     problem, options = long_solve()
     with pytest.raises(marble.DeadlineExceeded):

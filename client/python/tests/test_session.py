@@ -126,7 +126,7 @@ def test_latest_only_supersedes_what_waits(start_server):
     problem, options = long_solve()
     with marble.Client(start_server("--workers", "1").address) as client, \
             client.session(tiny(), latest_only=True) as session:
-        blocker = client.jobs.submit(problem, options=options).job_id
+        blocker = client.jobs.submit(problem, options=options, priority="realtime").job_id  # steps aside for nobody
         assert wait_until(lambda: client.info().counters["running"] == 1)
         for k in range(4):  # the first waits for the worker, each other one behind it until the next comes
             session.send(c0=float(k))
@@ -148,8 +148,7 @@ def test_progress_is_told_with_the_update_s_number(client):
 def test_a_deadline_of_an_update_leaves_the_session_open(client):
     problem, options = long_solve()
     with client.session(problem, options=options) as session:
-        with pytest.raises(marble.DeadlineExceeded):
-            session.update(deadline=0.2)
+        assert session.update(deadline=0.2).status is marble.Status.TIME_LIMIT
         assert session.is_open
         assert session.update(options={"time_limit_s": 0.1}).status is marble.Status.TIME_LIMIT
 
@@ -175,7 +174,7 @@ def test_an_idle_session_is_aborted(start_server):
 def test_a_server_that_dies_ends_the_session(start_server):
     server = start_server()
     with marble.Client(server.address) as client:
-        session = client.session(tiny())
+        session = client.session(tiny(), reopen=False)
         assert session.update().solved
         server.kill()
         with pytest.raises(marble.Unavailable):

@@ -69,7 +69,7 @@ Options options_of(const py::dict& given) {
   return options;
 }
 
-py::dict run(const Options& options, const Call& call, const Solve& solve) {
+py::dict run(const Options& options, const Call& call, const Solve& solve, Late late) {
   const auto begin = Clock::now();
   const auto elapsed_s = [begin] { return std::chrono::duration<double>(Clock::now() - begin).count(); };
   const double deadline_s = call.deadline_s.value_or(std::numeric_limits<double>::infinity());
@@ -91,7 +91,7 @@ py::dict run(const Options& options, const Call& call, const Solve& solve) {
   teller.raise_if_raised();
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
   Solution s = value_or_raise(std::move(*outcome));
-  if (s.status != Status::cancelled && elapsed_s() >= deadline_s)
+  if (late == Late::is_error && s.status != Status::cancelled && elapsed_s() >= deadline_s)
     raise(failure(ErrorCode::deadline_exceeded, "the deadline passed while the problem was solved"));
   return dict_of(std::move(s), options, elapsed_s());
 }

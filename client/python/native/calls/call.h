@@ -64,8 +64,11 @@ struct Call {
 
 using Solve =
     std::function<Expected<Solution>(const Options& options, const SolveControls& controls, Teller& teller)>;
+/// What comes of a solve whose deadline passes: of one alone an error, of a session's its best point.
+enum class Late { is_error, is_answer };
 /// Runs it without the GIL; the answer as Python has it, but for a time limit that a deadline has set.
-[[nodiscard]] py::dict run(const Options& options, const Call& call, const Solve& solve);
+[[nodiscard]] py::dict run(const Options& options, const Call& call, const Solve& solve,
+                           Late late = Late::is_error);
 
 /// marble._core.Stop and Call.
 void bind_calls(py::module_& module);

@@ -49,7 +49,7 @@ from marble.model.scenarios import (
     ScenarioLevel,
     Scenarios,
 )
-from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
+from marble.model.solution import PointOrigin, Progress, SecondOrder, Solution, Stationarity, Times, Violations
 
 __all__ = [
     "LCQP",
@@ -80,6 +80,7 @@ __all__ = [
     "PairSides",
     "PermissionDenied",
     "PiecesAnswer",
+    "PointOrigin",
     "Priority",
     "Problem",
     "Progress",

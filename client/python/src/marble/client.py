@@ -9,14 +9,14 @@ from typing import Any, TypeVar
 
 from numpy.typing import ArrayLike
 
-from marble import errors
 from marble.base.lazy import lazy
-from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
+from marble.calls.batch import Batch, BatchAnswer, BatchItem
 from marble.calls.handle import Answer, HandleThere, SolveHandle, read_answer
 from marble.calls.jobs import Jobs
 from marble.calls.progress import teller
 from marble.calls.session import Session
 from marble.connection import connect
+from marble.connection.patience import Patience
 from marble.connection.rpc import CLOSED, Rpc, check_deadline
 from marble.errors import Error, FailedPrecondition
 from marble.in_process import composite, solver
@@ -55,20 +55,25 @@ class Client:
     None is MARBLE_SERVER, else 127.0.0.1:50051. "local" is no server: solves run in this process, in the threads that
     ask for them, to the same bits; what only a server has, jobs, info() and watch(), is Unavailable then.
     The connection is made by the first call, and again by a later one if it broke.
-    token, name, tls…: as in ConnectOptions; None is the environment's.
+    token, name, tls…, keepalive: as in ConnectOptions; None is the environment's, and a keepalive of 30 s.
     timeout: deadline in seconds of calls that have none of their own; None is none. Sessions, batches and watches have
     none.
+    wait: seconds, ≥ 0, that a call waits for a server that is lost, as one that is restarted, never beyond its
+    deadline: it is made again every 0.1 to 1 s, if to make it twice does no harm, and raises Unavailable after that.
+    None is 10 s, and less than a second while no server has answered this client, so that a wrong address is told.
 
     Raises InvalidArgument with the field, and Unavailable of "local" where the package has no solver of its own. Calls
-    raise the exceptions of marble.errors; one that changes nothing on the server is repeated if it was unavailable.
+    raise the exceptions of marble.errors.
     """
 
     def __init__(self, address: str | Sequence[str] | None = None, *, token: str | None = None,
                  name: str | None = None, tls: bool = False, tls_ca: str | None = None,
                  tls_certificate: str | None = None, tls_key: str | None = None, tls_server_name: str | None = None,
-                 timeout: float | None = None) -> None:
+                 timeout: float | None = None, wait: float | None = None,
+                 keepalive: float | str | None = None) -> None:
         self._local, self._timeout = connect.is_local(address), check_deadline(timeout)
-        self._closed = False
+        patience = Patience(wait)
+        self._closed, self._wait = False, wait
         self._rpc: Any
         if self._local:
             solver.core()
@@ -76,10 +81,10 @@ class Client:
         else:
             who = connect.ConnectOptions.from_environment(
                 token=token, name=name, tls=tls, tls_ca=tls_ca, tls_certificate=tls_certificate, tls_key=tls_key,
-                tls_server_name=tls_server_name)
+                tls_server_name=tls_server_name, keepalive=keepalive)
             self._addresses, self._who = connect.each(address), who
-            self.address, channel = connect.channel(grpc, address, who)
-            self._rpc = Rpc(channel, who.metadata(), timeout)
+            self.address, make = connect.channels(grpc, address, who)
+            self._rpc = Rpc(make, who.metadata(), timeout, patience)
         self.jobs = Jobs(self._rpc)
 
     def close(self) -> None:
@@ -143,8 +148,7 @@ class Client:
         given: LCQP | Problem = problem.copy() if isinstance(problem, Problem) else problem
         if self._here:
             return HandleHere(lcqp, given, call, progress, self._limit(deadline))
-        stream = self._rpc.stream("Solver/SolveStream", requests.solve_stream(lcqp, call), deadline)
-        return HandleThere(self._rpc, stream, lcqp, given, progress)
+        return HandleThere(self._rpc, requests.solve_stream(lcqp, call), deadline, lcqp, given, progress)
 
     def scenarios(self, problem: LCQP | Problem, scenarios: Scenarios | None = None, *,
                   level: Callable[[ScenarioLevel], object] | None = None, options: Mapping[str, Any] | None = None,
@@ -227,7 +231,10 @@ class Client:
         who = self._who
         if len(self._addresses) > 1 and who.credentials() is not None and not who.tls_server_name:
             who = dataclasses.replace(who, tls_server_name=connect.host(self._addresses[0]))
-        return [Client(address, **dataclasses.asdict(who), timeout=self._timeout) for address in self._addresses]
+        # What one server of several has lost is for the others, at once.
+        wait = 0.0 if len(self._addresses) > 1 else self._wait
+        return [Client(address, **dataclasses.asdict(who), timeout=self._timeout, wait=wait)
+                for address in self._addresses]
 
     def _coupled(self, request: bytes, tell: Callable[[Progress], object] | None, close: Callable[[], object],
                  deadline: float | None) -> tied.Told:
@@ -235,11 +242,17 @@ class Client:
 
     def _answer(self, method: str, request: bytes, deadline: float | None, read: Callable[[bytes], Answer | None],
                 close: Callable[[], object]) -> Answer:
-        stream = self._rpc.stream(method, request, deadline)
+        def once(seconds: float | None) -> Answer:
+            stream = self._rpc.stream(method, request, seconds)
+            try:
+                return read_answer(stream, read)
+            finally:
+                stream.cancel()
+
         try:
-            return read_answer(stream, read)
+            answer: Answer = self._rpc.repeated(self._rpc.tries(method, deadline), once)
+            return answer
         finally:
-            stream.cancel()
             close()
 
     def batch(self, problems: Iterable[LCQP | Problem | BatchItem], *, options: Mapping[str, Any] | None = None,
@@ -249,47 +262,31 @@ class Client:
         `problems` is read on a thread of gRPC's, as fast as the server takes them: it may be a generator without end.
         An item may have its own options. What `problems` raises ends the batch and is raised here, as is an invalid
         item. To leave the loop gives the rest up.
+
+        Where the server is lost or leaves, the batch goes on at the next one, or at the same one once it is there
+        again, with what is not answered yet; Unavailable is raised after `wait` seconds (see Client) without any. What
+        a server has no room for is sent again after the time that it names.
         """
         if self._here:
             yield from solver.batch(problems, Call(options, priority))
             return
-        core = BatchCore(Call(options, priority))
-        failure: list[BaseException] = []
-
-        def messages() -> Iterator[bytes]:
-            try:
-                for item in problems:
-                    yield core.request(item)
-            except BaseException as error:
-                failure.append(error)
-                stream.cancel()
-
-        stream = self._rpc.duplex("Solver/SolveBatch", messages())
-        try:
-            for data in stream:
-                yield core.answer(data)
-        except grpc.RpcError as error:
-            if not failure:
-                raise errors.from_rpc(error) from None
-        finally:
-            stream.cancel()
-        if failure:
-            raise failure[0]
+        yield from Batch(self._rpc, problems, Call(options, priority)).answers()
 
     def session(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
-                priority: Priority | str | None = None, latest_only: bool = False,
+                priority: Priority | str | None = None, latest_only: bool = False, reopen: bool = True,
                 progress: Callable[[int, Progress], object] | None = None, request_id: str = "",
                 progress_interval: float = 0.0, iterate_every: int = 0) -> Session:
         """Sets a problem up once, to be solved again and again with new numbers.
 
         latest_only: an update that still waits when the next one comes is not solved, and the next one takes its
-        numbers along. progress: is given the update's number and each row, within update() or next().
+        numbers along. reopen: where the server is lost or leaves, the session is set up again as it was, see Session;
+        without it, that is its end. progress: is given the update's number and each row, within update() or next().
         priority: None is realtime. Use it as a context manager.
         """
         call = Call(options, priority, request_id, progress_interval, iterate_every)
         if self._here:
             return SessionHere(problem, call, progress)
-        return Session(self._rpc, problem, call, latest_only, progress)
+        return Session(self._rpc, problem, call, latest_only, progress, reopen)
 
     def info(self) -> ServerInfo:
         """What the server is: version, limits, the schema of options, counters, and who the caller is there."""

@@ -117,7 +117,12 @@ class Aborted(Error):
 
 
 class Unavailable(Error, ConnectionError):
-    """The server cannot be reached, is draining, or is no Marble server."""
+    """The server cannot be reached, is draining, or is no Marble server.
+
+    lost: whether another try may find one, as of a server that is restarted; not of one that does not know the call.
+    """
+
+    lost = True
 
 
 class ServerError(Error):
@@ -145,6 +150,7 @@ _KINDS: dict[str, type[Error]] = {
     "aborted": Aborted,
     "internal": ServerError,
 }
+_UNIMPLEMENTED = 12
 _DETAILS = "grpc-status-details-bin"
 
 
@@ -215,11 +221,28 @@ def from_status(status: Any) -> Error:
         return _invalid(status)
     if kind is Refused:
         retry = _unpack(status.details, "google.rpc.RetryInfo")
-        delay = None if retry is None else retry.retry_delay.seconds + 1e-9 * retry.retry_delay.nanos
-        return Refused(status.message, delay)
-    if kind is Unavailable and tables.DEFAULT_ADDRESS in status.message:
-        return Unavailable(status.message + tables.NO_SERVER_HINT + tables.LOCAL_HINT)
+        if retry is None or _is_too_large(_unpack(status.details, "marble.v1.Fault")):
+            return Refused(status.message)
+        return Refused(status.message, retry.retry_delay.seconds + 1e-9 * retry.retry_delay.nanos)
+    if kind is Unavailable:
+        return _unavailable(status)
     return kind(status.message)
+
+
+def _is_too_large(fault: Any) -> bool:
+    """Whether what was refused has more bytes than all may have together: no wait makes room for it."""
+    if fault is None or fault.field not in ("queue_bytes", "client_bytes"):
+        return False
+    asked, most = re.match(r"(\d+) more", fault.value), re.search(r"at most (\d+) bytes", fault.bound)
+    return asked is not None and most is not None and int(asked[1]) > int(most[1])
+
+
+def _unavailable(status: Any) -> Unavailable:
+    hint = tables.NO_SERVER_HINT + tables.LOCAL_HINT if tables.DEFAULT_ADDRESS in status.message else ""
+    error = Unavailable(status.message + hint)
+    if status.code == _UNIMPLEMENTED:
+        error.lost = False
+    return error
 
 
 def from_rpc(error: grpc.RpcError) -> Error:

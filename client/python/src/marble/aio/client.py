@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import math
 import os
 from collections.abc import AsyncIterable, AsyncIterator, Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -11,16 +13,19 @@ from numpy.typing import ArrayLike
 
 from marble import errors
 from marble.aio import here
+from marble.aio.batch import Batch
+from marble.aio.rpc import AioRpc
 from marble.aio.session import Session
 from marble.base.lazy import lazy
 from marble.base.tables import LOCAL_ADDRESS
-from marble.calls.batch import BatchAnswer, BatchCore, BatchItem
+from marble.calls.batch import BatchAnswer, BatchItem
 from marble.calls.handle import Answer
 from marble.calls.jobs import result_of, submission
 from marble.calls.progress import teller
 from marble.connection import connect
-from marble.connection.rpc import CLOSED, PACKAGE, Calls, check_deadline
-from marble.errors import Cancelled, FailedPrecondition
+from marble.connection.patience import Patience
+from marble.connection.rpc import CLOSED, check_deadline
+from marble.errors import FailedPrecondition
 from marble.in_process import composite, solver
 from marble.message import answers, requests
 from marble.message import coupled as tied
@@ -38,28 +43,16 @@ from marble.model.solution import Progress, Solution
 grpc: Any = lazy("grpc")
 
 
-class _Rpc(Calls):
-    """On a channel of grpc.aio."""
-
-    async def call(self, method: str, request: bytes, deadline: float | None = None) -> bytes:
-        try:
-            answer: bytes = await self.channel.unary_unary(PACKAGE + method)(
-                request, timeout=self._deadline(deadline), metadata=self._metadata)
-            return answer
-        except grpc.RpcError as error:
-            raise errors.from_rpc(error) from None
-
-
 class Jobs:
     """As marble.Client.jobs; see there."""
 
-    def __init__(self, rpc: _Rpc) -> None:
+    def __init__(self, rpc: AioRpc) -> None:
         self._rpc = rpc
 
     async def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                      priority: Priority | str | None = None, request_id: str = "", deadline: float | None = None,
                      scenarios: Scenarios | None = None, sensitivity: SensitivityRequest | None = None) -> Submitted:
-        """Queues a job that outlives this process."""
+        """Queues a job that outlives this process, once there is room for it; see marble.Client.jobs.submit."""
         call = Call(options, priority, request_id, sensitivity=sensitivity)
         request = submission(problem, call, scenarios)
         return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
@@ -126,15 +119,25 @@ class Jobs:
     async def watch(self, job_id: str = "", *, progress_interval: float = 0.25) -> AsyncIterator[JobEvent]:
         """Yields what happens: of one job until it has finished, of all (no id) for ever."""
         request = requests.job("WatchJobsRequest", job_id, progress_interval_s=progress_interval)
-        stream = self._rpc.endless("Jobs/Watch", request)
-        try:
-            async for data in stream:
-                for event in answers.job_events(data):
-                    yield event
-        except grpc.RpcError as error:
-            raise errors.from_rpc(error) from None
-        finally:
-            stream.cancel()
+        tries = self._rpc.tries("Jobs/Watch", math.inf)
+        told = False
+        while True:
+            tries.left()
+            stream = self._rpc.stream("Jobs/Watch", request)
+            try:
+                async for data in stream:
+                    tries.reached()
+                    told = True
+                    for event in answers.job_events(data):
+                        yield event
+                return
+            except grpc.RpcError as error:
+                lost = errors.from_rpc(error)
+            finally:
+                stream.cancel()
+            if told:
+                raise lost
+            await asyncio.sleep(tries.pause(lost))
 
 
 class Client:
@@ -143,8 +146,10 @@ class Client:
     def __init__(self, address: str | Sequence[str] | None = None, *, token: str | None = None,
                  name: str | None = None, tls: bool = False, tls_ca: str | None = None,
                  tls_certificate: str | None = None, tls_key: str | None = None, tls_server_name: str | None = None,
-                 timeout: float | None = None) -> None:
+                 timeout: float | None = None, wait: float | None = None,
+                 keepalive: float | str | None = None) -> None:
         self._local, self._timeout = connect.is_local(address), check_deadline(timeout)
+        patience = Patience(wait)
         self._closed = False
         self._rpc: Any
         if self._local:
@@ -153,9 +158,9 @@ class Client:
         else:
             who = connect.ConnectOptions.from_environment(
                 token=token, name=name, tls=tls, tls_ca=tls_ca, tls_certificate=tls_certificate, tls_key=tls_key,
-                tls_server_name=tls_server_name)
-            self.address, channel = connect.channel(grpc.aio, address, who)
-            self._rpc = _Rpc(channel, who.metadata(), timeout)
+                tls_server_name=tls_server_name, keepalive=keepalive)
+            self.address, make = connect.channels(grpc.aio, address, who)
+            self._rpc = AioRpc(make, who.metadata(), timeout, patience)
         self.jobs = Jobs(self._rpc)
 
     async def close(self) -> None:
@@ -253,17 +258,11 @@ class Client:
 
     async def _answer(self, method: str, request: bytes, deadline: float | None,
                       read: Callable[[bytes], Answer | None], close: Callable[[], object]) -> Answer:
-        stream = self._rpc.stream(method, request, deadline)
         try:
-            async for data in stream:
-                if (answer := read(data)) is not None:
-                    return answer
-        except grpc.RpcError as error:
-            raise errors.from_rpc(error) from None
+            answer: Answer = await self._rpc.answer(method, request, deadline, read)
+            return answer
         finally:
-            stream.cancel()
             close()
-        raise Cancelled("the stream ended without an answer")
 
     async def batch(self, problems: Iterable[LCQP | Problem | BatchItem] | AsyncIterable[LCQP | Problem | BatchItem],
                     *, options: Mapping[str, Any] | None = None,
@@ -273,47 +272,19 @@ class Client:
             async for answer in here.batch(problems, Call(options, priority)):
                 yield answer
             return
-        core = BatchCore(Call(options, priority))
-        stream = self._rpc.duplex("Solver/SolveBatch")
-
-        async def write() -> None:
-            try:
-                if isinstance(problems, AsyncIterable):
-                    async for item in problems:
-                        await stream.write(core.request(item))
-                else:
-                    for item in problems:
-                        await stream.write(core.request(item))
-                await stream.done_writing()
-            except BaseException:
-                stream.cancel()
-                raise
-
-        writer = asyncio.ensure_future(write())
-        try:
-            async for data in stream:
-                yield core.answer(data)
-            await writer
-        except (grpc.RpcError, asyncio.CancelledError) as error:
-            failure = writer.exception() if writer.done() and not writer.cancelled() else None
-            if failure is not None and not isinstance(failure, grpc.RpcError | asyncio.InvalidStateError):
-                raise failure from None
-            if isinstance(error, grpc.RpcError):
-                raise errors.from_rpc(error) from None
-            raise
-        finally:
-            writer.cancel()
-            stream.cancel()
+        async with contextlib.aclosing(Batch(self._rpc, problems, Call(options, priority)).answers()) as there:
+            async for answer in there:
+                yield answer
 
     def session(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
-                priority: Priority | str | None = None, latest_only: bool = False,
+                priority: Priority | str | None = None, latest_only: bool = False, reopen: bool = True,
                 progress: Callable[[int, Progress], object] | None = None, request_id: str = "",
                 progress_interval: float = 0.0, iterate_every: int = 0) -> Session:
         """Sets a problem up once: `async with client.session(problem) as session`. See marble.Client.session."""
         call = Call(options, priority, request_id, progress_interval, iterate_every)
         if self._here:
             return here.SessionHere(problem, call, progress)
-        return Session(self._rpc.duplex, problem, call, latest_only, progress)
+        return Session(self._rpc, problem, call, latest_only, progress, reopen)
 
     async def info(self) -> ServerInfo:
         """What the server is."""

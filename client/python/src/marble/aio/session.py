@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from marble import errors
+from marble.aio.rpc import AioRpc
 from marble.base.lazy import lazy
 from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of, first_refused
-from marble.errors import Cancelled, FailedPrecondition
+from marble.connection.patience import Tries
+from marble.errors import Cancelled, Error, FailedPrecondition, Unavailable
 from marble.message.requests import Call
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
@@ -27,25 +30,26 @@ class Session(SessionFacts):
     One task may send while another one waits in next(); else one at a time.
     """
 
-    def __init__(self, open_stream: Callable[[str], Any], problem: LCQP | Problem, call: Call, latest_only: bool,
-                 progress: Callable[[int, Progress], object] | None) -> None:
-        self._core = SessionCore(problem, progress)
+    def __init__(self, rpc: AioRpc, problem: LCQP | Problem, call: Call, latest_only: bool,
+                 progress: Callable[[int, Progress], object] | None, reopen: bool) -> None:
+        self._core = SessionCore(problem, progress, reopen)
         self._first = self._core.set_up(call, latest_only)
-        self._open_stream = open_stream
+        self._rpc = rpc
         self._stream: Any = None
         self._unread: dict[int, SessionEvent] = {}
         self._first_parts: list[int] = []
         self._writing, self._reading = asyncio.Lock(), asyncio.Lock()
+        self._again: asyncio.Task[None] | None = None
 
     async def __aenter__(self) -> Session:
-        self._stream = self._open_stream("Solver/Session")
-        try:
-            await self._write(self._first)
-            await self._read()
-        except BaseException:
-            self.cancel()
-            raise
-        return self
+        tries = Tries(self._rpc.patience)
+        while True:
+            try:
+                self._stream = await self._set_up(self._first, tries)
+                return self
+            except Unavailable as error:
+                pause = tries.pause(error)
+            await asyncio.sleep(pause)
 
     async def __aexit__(self, kind: object, *_: object) -> None:
         if kind is not None:
@@ -53,36 +57,96 @@ class Session(SessionFacts):
         else:
             await self.close()
 
-    async def _write(self, message: bytes) -> None:
+    async def _set_up(self, first: bytes, tries: Tries) -> Any:
+        tries.left()
+        stream = self._rpc.duplex("Solver/Session")
         try:
-            await self._stream.write(message)
+            await self._write(stream, first)
+            await self._event(stream)
+            tries.reached()
+        except BaseException:
+            stream.cancel()
+            raise
+        return stream
+
+    async def _write(self, stream: Any, message: bytes) -> None:
+        try:
+            await stream.write(message)
         except (grpc.RpcError, asyncio.InvalidStateError):
             pass  # the reader learns why
 
-    async def _read(self) -> SessionEvent | None:
+    async def _event(self, stream: Any) -> SessionEvent | None:
+        """The next outcome, or None at the stream's end, or once all is set up."""
         try:
-            while (data := await self._stream.read()) is not grpc.aio.EOF:
+            while (data := await stream.read()) is not grpc.aio.EOF:
                 done, event = self._core.take(data)
                 if done:
                     return event
-            code = await self._stream.code()
+            code = await stream.code()
             if code is not grpc.StatusCode.OK:
                 raise errors.from_rpc(grpc.aio.AioRpcError(
-                    code, await self._stream.initial_metadata(), await self._stream.trailing_metadata(),
-                    await self._stream.details()))
+                    code, await stream.initial_metadata(), await stream.trailing_metadata(), await stream.details()))
         except grpc.RpcError as error:
-            self._core.ended = True
             raise errors.from_rpc(error) from None
-        except errors.Error:
-            self._core.ended = True
-            raise
+        return None
+
+    async def _read(self, tries: Tries | None = None) -> SessionEvent | None:
+        """The next outcome, or None at the session's end; the caller holds _reading."""
+        while True:
+            try:
+                event = await self._event(self._stream)
+                if event is not None:
+                    return event
+                break
+            except Unavailable as error:
+                if not self._core.reopen or self._core.ended:
+                    self._core.ended = True
+                    raise
+                await self._reopen(error, tries or Tries(self._rpc.patience))
+            except Error:
+                self._core.ended = True
+                raise
         self._core.ended = True
         return None
+
+    async def _reopen(self, error: Unavailable, tries: Tries) -> None:
+        """At once, as there may be another server; then after pauses."""
+        self._stream.cancel()
+        if self._again is not None:
+            self._again.cancel()
+        try:
+            while True:
+                try:
+                    stream = await self._set_up(self._core.set_up_again(), tries)
+                    break
+                except Unavailable as again:
+                    error = again
+                await asyncio.sleep(tries.pause(error))
+                if self._core.ended:
+                    raise Cancelled("the session was given up while its server was lost")
+        except (Unavailable, asyncio.CancelledError):
+            raise
+        except BaseException:
+            self._core.ended = True
+            raise
+        await self._writing.acquire()
+        self._stream = stream
+        # A task, as the server may take the last of them once answers to the first are read. Others send after it.
+        self._again = asyncio.ensure_future(self._send_again(stream, self._core.again()))
+        if self._core.ended:
+            self.cancel()
+
+    async def _send_again(self, stream: Any, messages: list[bytes]) -> None:
+        try:
+            for message in messages:
+                await self._write(stream, message)
+        finally:
+            self._writing.release()
 
     @property
     def is_open(self) -> bool:
         """Whether updates may be sent."""
-        return self._stream is not None and not self._core.ended and not self._stream.done()
+        return self._stream is not None and not self._core.ended and (self._core.reopen or not self._stream.done())
 
     async def send(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
         """Sends an update without waiting for its answer, and returns its number; see marble.Session.send."""
@@ -91,7 +155,7 @@ class Session(SessionFacts):
         async with self._writing:
             message = self._core.update(problem, **changes)
             sequence = self._core.sequence
-            await self._write(message)
+            await self._write(self._stream, message)
             return sequence
 
     async def prepare(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
@@ -118,9 +182,14 @@ class Session(SessionFacts):
         """Sends what has changed, and waits for the answer; see marble.Session.update."""
         sequence = await self.send(problem, g=g, b=b, d=d, l=l, r=r, c0=c0, Q=Q, A=A, C=C, L=L, R=R, options=options,
                                    z0=z0, cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity)
+        tries = Tries(self._rpc.patience, deadline)
         async with self._reading:
             while sequence not in self._unread:
-                event = await self._read()
+                try:
+                    event = await self._read(tries)
+                except Unavailable:
+                    self._core.give_up(sequence)
+                    raise
                 if event is None:
                     raise Cancelled("the session ended without an answer")
                 self._unread[event.sequence] = event
@@ -133,10 +202,15 @@ class Session(SessionFacts):
             return
         async with self._writing:
             self._core.ended = True
-            await self._stream.done_writing()
-        async with self._reading:
-            while await self._read() is not None:
-                pass
+            with contextlib.suppress(grpc.RpcError, asyncio.InvalidStateError):  # the reader learns why
+                await self._stream.done_writing()
+        try:
+            async with self._reading:
+                while await self._read() is not None:
+                    pass
+        except Unavailable:  # of one that is reopened, everything that was waited for is answered
+            if not self._core.reopen:
+                raise
 
     def cancel(self) -> None:
         """Gives the session up, with all that is under way."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from marble import errors
 from marble.base.lazy import lazy
 from marble.calls.jobs import Jobs
+from marble.connection.patience import Tries
 from marble.connection.rpc import Rpc
 from marble.errors import Cancelled
 from marble.message import answers
@@ -18,6 +19,7 @@ from marble.model.problem import Problem, in_terms_of
 from marble.model.solution import Progress, Solution
 
 grpc: Any = lazy("grpc")
+_METHOD: Final = "Solver/SolveStream"
 Answer = TypeVar("Answer")
 
 
@@ -60,28 +62,53 @@ class SolveHandle:
 
 
 class HandleThere(SolveHandle):
-    """On a stream of a server's."""
+    """On a stream of a server's, and on another one where the server is lost."""
 
-    def __init__(self, rpc: Rpc, call: Any, problem: LCQP, given: LCQP | Problem,
+    def __init__(self, rpc: Rpc, request: bytes, deadline: float | None, problem: LCQP, given: LCQP | Problem,
                  tell: Callable[[Progress], object] | None) -> None:
         super().__init__()
-        self._rpc, self._call = rpc, call
-        threading.Thread(target=self._read, args=(problem, given, tell), name="marble-solve", daemon=True).start()
+        self._rpc, self._request = rpc, request
+        self._given_up = threading.Event()  # no other try is made
+        self._is_cancelled = False
+        self._call: Any = None
+        tries = rpc.tries(_METHOD, deadline)
+        threading.Thread(target=self._run, args=(tries, problem, given, tell), name="marble-solve", daemon=True).start()
 
     def cancel(self) -> None:
         """Gives the solve up: the server stops it within one iteration, and result() raises Cancelled."""
-        self._call.cancel()
+        self._is_cancelled = True
+        self._given_up.set()
+        if (call := self._call) is not None:
+            call.cancel()
 
     def stop(self) -> None:
-        """Ends the solve with what it has: result() is its best iterate, of status CANCELLED."""
+        """Ends the solve with what it has: result() is its best iterate, of status CANCELLED.
+
+        Where the server is lost, there is none, and result() raises Cancelled.
+        """
+        self._given_up.set()
         Jobs(self._rpc).cancel(self.job_id())
 
-    def _read(self, problem: LCQP, given: LCQP | Problem, tell: Callable[[Progress], object] | None) -> None:
+    def _run(self, tries: Tries, problem: LCQP, given: LCQP | Problem,
+             tell: Callable[[Progress], object] | None) -> None:
+        def read(data: bytes) -> Solution | None:
+            return answers.read(data, problem, tell, self._accept)
+
+        def once(seconds: float | None) -> Solution:
+            self._call = call = self._rpc.stream(_METHOD, self._request, seconds)
+            if self._is_cancelled:
+                call.cancel()
+            return read_answer(call, read)
+
+        def pause(seconds: float) -> None:
+            if self._rpc.pause(seconds, self._given_up):
+                raise Cancelled("the solve was ended while its server was lost")
+
         try:
-            answer = read_answer(self._call, lambda data: answers.read(data, problem, tell, self._accept))
-            self._answer.set_result(in_terms_of(given, answer))
+            self._answer.set_result(in_terms_of(given, self._rpc.repeated(tries, once, pause)))
         except BaseException as error:
-            self._call.cancel()
+            if self._call is not None:
+                self._call.cancel()
             self._answer.set_exception(error)
         finally:
             self._accepted.set()

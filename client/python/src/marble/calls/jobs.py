@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -34,8 +35,11 @@ class Jobs:
     def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                priority: Priority | str | None = None, request_id: str = "", deadline: float | None = None,
                scenarios: Scenarios | None = None, sensitivity: SensitivityRequest | None = None) -> Submitted:
-        """Queues a job that outlives this process. deadline: of the submission alone, seconds.
+        """Queues a job that outlives this process.
 
+        deadline: of the submission alone, seconds. Where the server has no room for another job, it is asked again
+        after the time that it names, until there is some, or until the deadline would pass first: then Refused is
+        raised.
         scenarios: makes it one plan for many worlds, of which `problem` is the base; scenarios() has its answer.
         request_id: one of the caller's, by which the same submission made again is the same job; a random one without.
         sensitivity: as in Client.solve.
@@ -115,14 +119,24 @@ class Jobs:
         progress_interval: least time between two events about the progress of one job, seconds, ≥ 0.
         """
         request = requests.job("WatchJobsRequest", job_id, progress_interval_s=progress_interval)
-        stream = self._rpc.endless("Jobs/Watch", request)
-        try:
-            for data in stream:
-                yield from answers.job_events(data)
-        except grpc.RpcError as error:
-            raise errors.from_rpc(error) from None
-        finally:
-            stream.cancel()
+        tries = self._rpc.tries("Jobs/Watch", math.inf)
+        told = False
+        while True:
+            tries.left()
+            stream = self._rpc.stream("Jobs/Watch", request)
+            try:
+                for data in stream:
+                    tries.reached()
+                    told = True
+                    yield from answers.job_events(data)
+                return
+            except grpc.RpcError as error:
+                lost = errors.from_rpc(error)
+            finally:
+                stream.cancel()
+            if told:
+                raise lost
+            self._rpc.pause(tries.pause(lost))
 
 
 def submission(problem: LCQP | Problem, call: Call, scenarios: Scenarios | None) -> bytes:

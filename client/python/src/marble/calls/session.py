@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from marble import errors
 from marble.base.lazy import lazy
 from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of, first_refused
+from marble.connection.patience import Tries
 from marble.connection.rpc import Rpc
-from marble.errors import Cancelled, Error, FailedPrecondition
+from marble.errors import Cancelled, Error, FailedPrecondition, Unavailable
 from marble.message.requests import Call
 from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
@@ -45,73 +46,176 @@ class Turn:
         self._lock.release()
 
 
+class _Link:
+    """A session's stream. What is put into it is sent once it is set up, behind what `again` has by then."""
+
+    def __init__(self, rpc: Rpc, first: bytes) -> None:
+        # One message at a time: gRPC takes the next when the server has room for it.
+        self.outbox: queue.Queue[bytes | None] = queue.Queue(maxsize=1)
+        self.again: list[bytes] = []
+        self._is_set_up = threading.Event()
+        self.stream = rpc.duplex("Solver/Session", self._messages(first))
+
+    def _messages(self, first: bytes) -> Iterator[bytes]:
+        yield first
+        self._is_set_up.wait()
+        yield from self.again
+        while (message := self.outbox.get()) is not None:
+            yield message
+
+    def begin(self) -> None:
+        """All is set up."""
+        self._is_set_up.set()
+
+    def end(self) -> None:
+        """Lets the thread that waits for messages go."""
+        self._is_set_up.set()
+        try:
+            self.outbox.put_nowait(None)
+        except queue.Full:  # nobody waits for more
+            pass
+
+    def cancel(self) -> None:
+        """Gives up what is under way."""
+        self.stream.cancel()
+        self.end()
+
+    @property
+    def is_active(self) -> bool:
+        """Whether messages may still come and go."""
+        return bool(self.stream.is_active())
+
+
 class Session(SessionFacts):
     """An open session, from Client.session. A context manager: leaving it closes it, an exception gives it up.
 
     One thread may send while another one waits in next(); else one thread at a time. An error of update() concerns that
-    update alone, unless is_open is False afterwards: Aborted (idle for too long), Unavailable and others end it.
+    update alone, unless is_open is False afterwards: Aborted (idle for too long) and others end the session, and
+    Unavailable one that is not reopened.
+
+    Of one that is (`reopen`), update() and next() set it up again where its server is lost or leaves: there, once it is
+    back, or at the next one. It has all numbers and options as they are then, starts from the last z, moved on as the
+    updates say, and is asked again for what was not answered, so that it is answered once; deadlines begin anew.
+    `reopened` counts that, and the next answer has it set. Unavailable, after the client's `wait` seconds or before the
+    update's own deadline would pass, ends nothing: the numbers of that update stay, and the next one tries again.
     """
 
+    _rpc: Rpc | None = None
+
     def __init__(self, rpc: Rpc, problem: LCQP | Problem, call: Call, latest_only: bool,
-                 progress: Callable[[int, Progress], object] | None) -> None:
-        self._core = SessionCore(problem, progress)
-        # One message at a time: gRPC takes the next when the server has room for it.
-        self._outbox: queue.Queue[bytes | None] = queue.Queue(maxsize=1)
+                 progress: Callable[[int, Progress], object] | None, reopen: bool) -> None:
+        self._core = SessionCore(problem, progress, reopen)
         self._unread: dict[int, SessionEvent] = {}
         self._first_parts: list[int] = []
         self._writing, self._reading = Turn(), Turn()
-        first = self._core.set_up(call, latest_only)
-        self._stream = rpc.duplex("Solver/Session", self._messages(first))
-        try:
-            self._read()
-        except BaseException:
-            self._stream.cancel()
-            self._finish()
-            raise
-
-    def _messages(self, first: bytes) -> Iterator[bytes]:
-        yield first
-        while (message := self._outbox.get()) is not None:
-            yield message
-
-    def _put(self, message: bytes | None) -> None:
+        self._given_up = threading.Event()
+        self._rpc, self._look = rpc, None
+        first, tries = self._core.set_up(call, latest_only), Tries(rpc.patience)
         while True:
             try:
-                self._outbox.put(message, timeout=0.1)
+                self._link = self._set_up(rpc, first, tries)
+                break
+            except Unavailable as error:
+                rpc.pause(tries.pause(error))
+        self._link.begin()
+
+    def _set_up(self, rpc: Rpc, first: bytes, tries: Tries) -> _Link:
+        tries.left()
+        link = _Link(rpc, first)
+        try:
+            self._event(link)
+            tries.reached()
+        except BaseException:
+            link.cancel()
+            raise
+        return link
+
+    def _put(self, message: bytes | None) -> None:
+        link = self._link
+        while link.is_active:
+            try:
+                link.outbox.put(message, timeout=0.1)
                 return
             except queue.Full:
-                if not self._stream.is_active():
-                    raise self._reason() from None
+                pass
+        if not self._core.reopen:
+            raise self._reason()  # else the reader goes elsewhere, and takes it along
 
     def _reason(self) -> Error:
-        ended = self._stream.code() is grpc.StatusCode.OK
-        return FailedPrecondition("the session has ended") if ended else errors.from_rpc(self._stream)
+        ended = self._link.stream.code() is grpc.StatusCode.OK
+        return FailedPrecondition("the session has ended") if ended else errors.from_rpc(self._link.stream)
 
     def _finish(self) -> None:
-        """Lets the thread that waits for messages go."""
         self._core.ended = True
-        try:
-            self._outbox.put_nowait(None)
-        except queue.Full:  # nobody waits for more
-            pass
+        self._link.end()
+        self._stop_looking()
 
-    def _read(self) -> SessionEvent | None:
-        """The next outcome, or None at the stream's end; the caller holds _reading."""
+    def _stop_looking(self) -> None:
+        if self._look is not None:
+            self._look.cancel()
+            self._look = None
+
+    def _event(self, link: _Link) -> SessionEvent | None:
+        """The next outcome, or None at the stream's end, or once all is set up."""
         try:
-            for data in self._stream:
+            for data in link.stream:
                 done, event = self._core.take(data)
                 if done:
                     return event
         except grpc.RpcError as error:
-            self._finish()
             raise errors.from_rpc(error) from None
+        return None
+
+    def _read(self, tries: Tries | None = None) -> SessionEvent | None:
+        """The next outcome, or None at the session's end; the caller holds _reading."""
+        while True:
+            try:
+                event = self._event(self._link)
+                if event is not None:
+                    return event
+                break
+            except Unavailable as error:
+                if self._rpc is None or not self._core.reopen or self._core.ended:
+                    self._finish()
+                    raise
+                self._reopen(self._rpc, error, tries or Tries(self._rpc.patience))
+            except Error:
+                self._finish()
+                raise
         self._finish()
         return None
+
+    def _reopen(self, rpc: Rpc, error: Unavailable, tries: Tries) -> None:
+        """At once, as there may be another server; then after pauses, in which gRPC looks for one, and after them."""
+        self._link.cancel()
+        try:
+            while True:
+                if self._look is None or self._look.done():
+                    self._look = rpc.look()
+                try:
+                    link = self._set_up(rpc, self._core.set_up_again(), tries)
+                    break
+                except Unavailable as again:
+                    error = again
+                if rpc.pause(tries.pause(error), self._given_up):
+                    raise Cancelled("the session was given up while its server was lost")
+        except Unavailable:
+            raise
+        except BaseException:
+            self._finish()
+            raise
+        with self._writing:
+            link.again = self._core.again()
+            self._link = link
+            link.begin()
+        self._stop_looking()
+        if self._given_up.is_set():
+            link.cancel()
 
     @property
     def is_open(self) -> bool:
         """Whether updates may be sent."""
-        return not self._core.ended and bool(self._stream.is_active())
+        return not self._core.ended and (self._core.reopen or self._link.is_active)
 
     def send(self, problem: LCQP | Problem | None = None, **changes: Any) -> int:
         """Sends an update without waiting, as update does, and returns its number; numbers ascend.
@@ -139,7 +243,7 @@ class Session(SessionFacts):
     def next(self) -> SessionEvent | None:
         """Waits for what comes of the next of the updates sent, in the order it comes; None after close() and the last.
 
-        An error that it raises is the session's end.
+        An error that it raises is the session's end, but for Unavailable of a session that is reopened: it tries again.
         """
         with self._reading:
             if self._unread:
@@ -166,9 +270,14 @@ class Session(SessionFacts):
         self._reading.refuse_own()
         sequence = self.send(problem, g=g, b=b, d=d, l=l, r=r, c0=c0, Q=Q, A=A, C=C, L=L, R=R, options=options, z0=z0,
                              cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity)
+        tries = None if self._rpc is None else Tries(self._rpc.patience, deadline)
         with self._reading:
             while sequence not in self._unread:
-                event = self._read()
+                try:
+                    event = self._read(tries)
+                except Unavailable:
+                    self._core.give_up(sequence)
+                    raise
                 if event is None:
                     raise Cancelled("the session ended without an answer")
                 self._unread[event.sequence] = event
@@ -188,13 +297,18 @@ class Session(SessionFacts):
                 self._put(None)
             except Error:
                 return
-        with self._reading:
-            while self._read() is not None:
-                pass
+        try:
+            with self._reading:
+                while self._read() is not None:
+                    pass
+        except Unavailable:  # of one that is reopened, everything that was waited for is answered
+            if not self._core.reopen:
+                raise
 
     def cancel(self) -> None:
         """Gives the session up, with all that is under way."""
-        self._stream.cancel()
+        self._given_up.set()
+        self._link.stream.cancel()
         self._finish()
 
     def __enter__(self) -> Session:

@@ -15,8 +15,8 @@ from marble import errors
 from marble.base import contract
 from marble.base.checks import is_number
 from marble.base.lazy import lazy
-from marble.base.tables import VALUES, VECTORS
-from marble.errors import Cancelled, FailedPrecondition, InvalidArgument, InvalidProblem
+from marble.base.tables import VALUES, VECTORS, Status
+from marble.errors import Cancelled, FailedPrecondition, InvalidArgument, InvalidProblem, Unavailable
 from marble.message import answers, requests, wire
 from marble.message.wire import Encoder
 from marble.model import lcqp
@@ -28,6 +28,8 @@ from marble.model.solution import Progress, Solution
 sp: Any = lazy("scipy.sparse")
 
 _SHIFTED: Final = ("variables", "equalities", "inequalities", "pairs")
+_FIXED: Final = "scaling_passes"  # an option that updates may not change
+_STARTS: Final = (Status.SOLVED, Status.SOLVED_REDUCED, Status.TIME_LIMIT)  # of answers that the next solve starts from
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,15 @@ class Shift:
         """Of the four kinds of vectors: first, count and by of each block."""
         return tuple(tuple((b.first, b.count, b.by) for b in getattr(self, name)) for name in _SHIFTED)
 
+    def moved(self, z: Vector) -> Vector:
+        """The point z, n, moved on."""
+        z = np.array(z)
+        for block in self.variables:
+            end = block.first + block.count
+            if 0 <= block.first and 0 <= block.by <= block.count and end <= z.size:  # else the server refuses it
+                z[block.first:end - block.by] = z[block.first + block.by:end]
+        return z
+
     def message(self) -> Any:
         """The Shift of marble.v1."""
         kind, block = contract.message("Shift"), contract.message("ShiftBlock")
@@ -97,51 +108,137 @@ class SessionEvent:
     outcome: Solution | Superseded | errors.Error
 
 
+@dataclass(frozen=True)
+class _Wish:
+    """What accompanies an update's numbers."""
+
+    options: Mapping[str, Any] | None = None
+    z0: Vector | None = None
+    cold: bool = False
+    shift: Shift | None = None
+    deadline: float | None = None
+    sensitivity: SensitivityRequest | None = None
+
+    def moved(self, z: Vector | None) -> Vector | None:
+        """Where a solve starts that would have started at z, without this; None is the solver's own choice."""
+        if self.cold or self.z0 is not None or z is None:
+            return self.z0
+        return z if self.shift is None else self.shift.moved(z)
+
+
+@dataclass(frozen=True)
+class _State:
+    """What a session is at: the problem as the solver has it, and as it was given; all options; the last z0."""
+
+    current: LCQP
+    given: LCQP | Problem
+    options: Mapping[str, Any]
+    z0: Vector | None
+
+
 @dataclass
 class _Update:
-    """What an update changes, and the problem before and after it: as the solver has it, and as it was given."""
+    """What an update changes, and the state before and after it."""
 
     changes: Mapping[str, Any]
     given: Problem | None
-    before: tuple[LCQP, LCQP | Problem]
+    wish: _Wish
+    before: _State
     told: bool = False
     first_part: bool = False  # of which nothing may ever be told
 
     @property
-    def after(self) -> tuple[LCQP, LCQP | Problem]:
-        current, given = self.before
-        return current.replaced(**self.changes), given if self.given is None else self.given
+    def after(self) -> _State:
+        before, wish = self.before, self.wish
+        return _State(before.current.replaced(**self.changes), before.given if self.given is None else self.given,
+                      {**before.options, **(wish.options or {})}, before.z0 if wish.z0 is None else wish.z0)
 
 
 class SessionCore:
-    """The state of one session; does no input or output."""
+    """The state of one session; does no input or output.
 
-    def __init__(self, problem: LCQP | Problem, tell: Callable[[int, Progress], object] | None) -> None:
-        self.given: LCQP | Problem = problem.copy() if isinstance(problem, Problem) else problem
-        self.current = compiled(problem)
+    reopen: whether it is set up again where its server is lost. Each set-up has an epoch of its own. What it does not
+    answer is sent again after the next one, which begins with the numbers from before that.
+    """
+
+    def __init__(self, problem: LCQP | Problem, tell: Callable[[int, Progress], object] | None,
+                 reopen: bool = False) -> None:
+        given: LCQP | Problem = problem.copy() if isinstance(problem, Problem) else problem
+        lcqp_now = compiled(problem)
+        self._state = _State(lcqp_now, given, {}, lcqp_now.z0)
         self._tell = tell
         self.sequence = 0
         self.job_id = ""
         self.memory_bytes = 0
         self.setup_s = self.idle_timeout_s = 0.0
         self.ended = False
+        self.reopen = reopen
+        self.reopened = 0
+        self._epoch, self._told_epoch = -1, 0
+        self._is_reopened = False  # and no answer has told it
         self._lock = threading.Lock()  # one thread sends, another one reads
         self._updates: dict[int, _Update] = {}  # in their order, from the first on that nothing was told of
+        self._newest: Vector | None = None  # z of the last answer, as what was given up has moved it
+        self._start: Vector | None = None  # where the first solve starts, of a session that was set up again
+        self._leads = False  # whether no solve was asked of it yet
+        self._call = requests.Call()
+        self._latest_only = False
+
+    @property
+    def current(self) -> LCQP:
+        """The problem as the solver has it."""
+        return self._state.current
+
+    @property
+    def given(self) -> LCQP | Problem:
+        """The same as it was given."""
+        return self._state.given
 
     def set_up(self, call: requests.Call, latest_only: bool) -> bytes:
-        """The first message."""
+        """The first message of the first stream."""
         requests.check_request_id(call.request_id)
         requests.check_progress(call)
+        self._call, self._latest_only = call, latest_only
+        return self.set_up_again()
+
+    def set_up_again(self) -> bytes:
+        """The first message of another stream: the session as it was before what is not answered."""
+        with self._lock:
+            waiting = next((update for update in self._updates.values() if not update.told), None)
+            state = self._state if waiting is None else waiting.before
+            self._epoch += 1
+        call = self._call
+        options = {**(call.options or {}),
+                   **{name: value for name, value in state.options.items() if name != _FIXED}}
         setup = Encoder("SessionSetup")
-        setup.message("problem", requests.problem_encoder(self.current))
-        if self.current.z0 is not None:
-            setup.message("initial_point", requests.initial_point(self.current.z0))
+        setup.message("problem", requests.problem_encoder(state.current))
+        if state.z0 is not None:
+            setup.message("initial_point", requests.initial_point(state.z0))
         setup.others(contract.message("SessionSetup")(
-            options=requests.options_message(call.options), request_id=call.request_id,
-            priority=requests.priority_number(call.priority), latest_only=latest_only,
+            options=requests.options_message(options), request_id=call.request_id,
+            priority=requests.priority_number(call.priority), latest_only=self._latest_only,
             progress=self._tell is not None, progress_interval_s=call.progress_interval,
-            iterate_every=call.iterate_every))
+            iterate_every=call.iterate_every, epoch=self._epoch))
         return _request("setup", setup)
+
+    def again(self) -> list[bytes]:
+        """What follows such a message once all is set up: the updates that are not answered, in their order."""
+        with self._lock:
+            self.reopened += 1
+            self._is_reopened = True
+            self._start, self._leads = self._newest, True
+            return [self._message(number, update.changes, update.wish, update.first_part, update.before.current)
+                    for number, update in self._updates.items() if not update.told]
+
+    def give_up(self, sequence: int) -> None:
+        """No answer to the update is wanted any more; its numbers stay, and so does where it moves the last z."""
+        with self._lock:
+            if (update := self._updates.get(sequence)) is None or update.told:
+                return
+            for number, one in self._updates.items():
+                if not one.told and (number == sequence or (one.first_part and number < sequence)):
+                    self._newest = one.wish.moved(self._newest)
+        self.settle(sequence, kept=True)
 
     def update(self, problem: LCQP | Problem | None = None, *, options: Mapping[str, Any] | None = None,
                z0: ArrayLike | None = None, cold: bool = False, shift: Shift | int | None = None,
@@ -150,21 +247,33 @@ class SessionCore:
         """The next update; self.sequence is its number then."""
         check_sensitivity_of_part(sensitivity, first_part)
         changes, shift = self.prepared(problem, parts, shift, deadline)
+        start = None if z0 is None else lcqp.vector(z0, "z0", self.current.n, " (n)")
+        wish = _Wish(options, start, cold, shift, deadline, sensitivity)
+        # Nothing is remembered of an update that could not be made.
+        with self._lock:
+            data = self._message(self.sequence + 1, changes, wish, first_part, self.current)
+        self.remember(problem, changes, first_part, wish)
+        return data
+
+    def _message(self, sequence: int, changes: Mapping[str, Any], wish: _Wish, first_part: bool,
+                 current: LCQP) -> bytes:
+        """The caller holds the lock."""
         message = contract.message("SessionUpdate")(
-            sequence=self.sequence + 1, cold=cold, deadline_s=deadline or 0.0,
-            options=requests.options_message(options), shift=None if shift is None else shift.message(),
-            prepare=first_part)
+            sequence=sequence, cold=wish.cold, deadline_s=wish.deadline or 0.0, epoch=self._epoch,
+            options=requests.options_message(wish.options), prepare=first_part,
+            shift=None if wish.shift is None else wish.shift.message())
         update = Encoder("SessionUpdate")
         update.others(message)
         update.message("problem", _changed(changes))
+        if wish.sensitivity is not None:
+            update.message("sensitivity", requests.sensitivity_encoder(wish.sensitivity, current))
+        z0 = wish.z0
+        if self._leads:  # a server that has solved nothing yet has nothing to move
+            z0 = self._start = wish.moved(self._start)
+            self._leads = first_part
         if z0 is not None:
-            update.message("initial_point", requests.initial_point(lcqp.vector(z0, "z0", self.current.n, " (n)")))
-        if sensitivity is not None:
-            update.message("sensitivity", requests.sensitivity_encoder(sensitivity, self.current))
-        data = _request("update", update)
-        # Nothing is remembered of an update that could not be made.
-        self.remember(problem, changes, first_part)
-        return data
+            update.message("initial_point", requests.initial_point(z0))
+        return _request("update", update)
 
     def prepared(self, problem: LCQP | Problem | None, parts: Mapping[str, Any], shift: Shift | int | None,
                  deadline: float | None) -> tuple[dict[str, Any], Shift | None]:
@@ -178,14 +287,15 @@ class SessionCore:
         changes = self._changes(problem, parts)
         return changes, Shift.by_stage(self.current, shift) if isinstance(shift, int) else shift
 
-    def remember(self, problem: LCQP | Problem | None, changes: Mapping[str, Any], first_part: bool = False) -> None:
+    def remember(self, problem: LCQP | Problem | None, changes: Mapping[str, Any], first_part: bool = False,
+                 wish: _Wish = _Wish()) -> None:
         """Takes an update that was prepared, under the next number."""
         given = problem.copy() if isinstance(problem, Problem) else None
         with self._lock:
             self.sequence += 1
-            update = _Update(changes, given, (self.current, self.given), first_part=first_part)
+            update = _Update(changes, given, wish, self._state, first_part=first_part)
             self._updates[self.sequence] = update
-            self.current, self.given = update.after
+            self._state = update.after
 
     def settle(self, sequence: int, kept: bool) -> tuple[LCQP, LCQP | Problem]:
         """The problem that an update asked for, and in whose terms; what came of it is known now.
@@ -194,21 +304,22 @@ class SessionCore:
         """
         with self._lock:
             update = self._updates[sequence]
-            current, given = update.after
+            after = update.after
             update.told = True
             if not kept:
                 del self._updates[sequence]
-                self.current, self.given = update.before
+                self._state = update.before
                 for number, later in self._updates.items():
                     if number > sequence:
-                        later.before = self.current, self.given
-                        self.current, self.given = later.after
+                        later.before = self._state
+                        self._state = later.after
+                self._leads = self._start is not None
             while self._updates:
                 number, first = next(iter(self._updates.items()))
                 if not first.told and not (first.first_part and number < sequence):
                     break
                 del self._updates[number]
-        return current, given if isinstance(given, Problem) else current
+        return after.current, after.given if isinstance(after.given, Problem) else after.current
 
     def _changes(self, problem: LCQP | Problem | None, parts: Mapping[str, Any]) -> dict[str, Any]:
         now = self.current
@@ -249,22 +360,36 @@ class SessionCore:
                     self._tell(message.progress.sequence, answers.progress(row))
             return False, None
         body = getattr(message, kind)
+        if kind in ("answer", "error") and body.epoch != self._told_epoch:
+            return False, None  # meant for another set-up
         with self._lock:
             update = self._updates.get(body.sequence)
-            first_part = update is not None and update.first_part
-        if first_part and kind != "error":
+        if update is None or update.told:
+            return False, None  # given up
+        if update.first_part and kind != "error":
             return False, None  # an older server has solved it
         error = errors.from_status(body.status) if kind == "error" else None
+        if self.reopen and isinstance(error, Unavailable):
+            raise error  # of a server that is about to go
         problem, given = self.settle(body.sequence, kept=not isinstance(error, InvalidArgument))
         outcome: Solution | Superseded | errors.Error
         if kind == "answer":
-            outcome = answers.solution(body.solution, arrays, "answer.solution.", problem, self.job_id)
-            outcome = in_terms_of(given, outcome)
+            answer = answers.solution(body.solution, arrays, "answer.solution.", problem, self.job_id)
+            outcome = in_terms_of(given, self._first_of_epoch(answer))
         else:
             outcome = error or Superseded(body.by_sequence)
         return True, SessionEvent(body.sequence, outcome)
 
+    def _first_of_epoch(self, answer: Solution) -> Solution:
+        with self._lock:
+            reopened, self._is_reopened = self._is_reopened, False
+            self._start = None
+            if answer.status in _STARTS:
+                self._newest = answer.z
+        return answer.replaced(reopened=True) if reopened else answer
+
     def _ready(self, message: Any) -> None:
+        self._told_epoch = message.epoch  # 0 of an older server
         self.job_id = message.job_id
         self.memory_bytes = message.memory_bytes
         self.setup_s = message.setup_s
@@ -301,7 +426,7 @@ class SessionFacts:
 
     @property
     def job_id(self) -> str:
-        """The server's id of the session, one job for all its solves."""
+        """The server's id of the session, one job for all its solves; another one once it was reopened."""
         return self._core.job_id
 
     @property
@@ -318,6 +443,11 @@ class SessionFacts:
     def idle_timeout_s(self) -> float:
         """Seconds without an update after which the server ends the session."""
         return self._core.idle_timeout_s
+
+    @property
+    def reopened(self) -> int:
+        """How often the session was set up again because its server was lost; the next answer's `reopened` tells it."""
+        return self._core.reopened
 
     @property
     def problem(self) -> LCQP:

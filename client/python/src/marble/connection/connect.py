@@ -10,26 +10,30 @@ import pathlib
 import re
 import socket
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 from marble.base import tables
+from marble.base.checks import is_number
 from marble.base.lazy import lazy
 from marble.base.tables import LONGEST_CLIENT_NAME, LONGEST_UNIX_PATH
+from marble.connection.patience import CONNECT_S
 from marble.errors import InvalidArgument, Unavailable
 
 grpc: Any = lazy("grpc")
 
-_KEEPALIVE_MS: Final = 30_000  # a server that is gone without a word is noticed in
-_KEEPALIVE_TIMEOUT_MS: Final = 15_000  # the sum of the two; it allows a ping every 10 s
+DEFAULT_KEEPALIVE_S: Final = 30.0
+CONTROL: Final = "control"
+# As often as a server permits by default, half of its --keepalive-s: of more pings it closes the connection.
+# Of data that it does not acknowledge, an update's say, the second is all that counts: TCP gives up then.
+_CONTROL_S: Final = (10.0, 1.0)
+_KEEPALIVE_RANGE_S: Final = (0.5, 86400.0)
 _MESSAGE_BYTES: Final = 256 << 20  # the server's default limit
 _DNS: Final = "dns:///"
-# A call that changes nothing on a server may be made again, and Jobs.Submit, whose request id makes two of it one job.
-# Not so streams that the client writes, whose first half may have been served.
-_REPEATABLE: Final = {"Solver": ("Solve", "SolveStream", "SolveScenarios", "SolveCoupled"),
-                      "Jobs": ("Submit", "Result", "List", "Get", "Watch"),
-                      "Server": ("GetInfo",)}
+# A server that was restarted is found again within the longest of these, not within gRPC's two minutes.
+_FIRST_BACKOFF_MS: Final = 100
+_LONGEST_BACKOFF_MS: Final = 1_000
 
 
 def _printable(text: str) -> bool:
@@ -44,13 +48,18 @@ def _process_name() -> str:
 
 @dataclass(frozen=True)
 class ConnectOptions:
-    """Who calls, and how it is encrypted. Files are read once; a bad one is InvalidArgument with its field.
+    """Who calls, how it is encrypted, and when a server counts as lost.
+
+    Files are read once; a bad one is InvalidArgument with its field.
 
     token: sent with every call as "authorization: Bearer TOKEN", in plaintext too; printable ASCII without spaces.
     name: what the client calls itself, for a server that does not know better; at most 64 printable ASCII characters.
     tls: encrypt; also on where any other tls_ field is set. tls_ca: PEM file of who may vouch for the server; without
     it the system's roots. tls_certificate, tls_key: PEM files of the client's own, both or none. tls_server_name: the
     name in the server's certificate, where it is not the address's host.
+    keepalive: seconds of silence, in [0.5, 86400], after which a server is pinged; it counts as lost if it does not
+    answer for half as long. "control", for loops that must know at once: 10 s, and 1 s for an answer or for what was
+    sent to arrive. A server permits a ping every 10 s, half of its --keepalive-s; of more it closes the connection.
     """
 
     token: str = dataclasses.field(default="", repr=False)
@@ -60,6 +69,7 @@ class ConnectOptions:
     tls_certificate: str = ""
     tls_key: str = ""
     tls_server_name: str = ""
+    keepalive: float | str = DEFAULT_KEEPALIVE_S
 
     @staticmethod
     def from_environment(**given: Any) -> ConnectOptions:
@@ -81,6 +91,15 @@ class ConnectOptions:
         if bool(self.tls_certificate) != bool(self.tls_key):
             missing = "tls_key" if self.tls_certificate else "tls_certificate"
             raise InvalidArgument(missing, "certificate and key must be given together")
+        if self.keepalive != CONTROL:
+            least, most = _KEEPALIVE_RANGE_S
+            if not (is_number(self.keepalive) and least <= float(self.keepalive) <= most):
+                raise InvalidArgument("keepalive", f'must be in [{least:g}, {most:g}] seconds or "{CONTROL}"',
+                                      value=repr(self.keepalive))
+
+    def keepalive_s(self) -> tuple[float, float]:
+        """Seconds of silence before a ping, and until its answer."""
+        return _CONTROL_S if self.keepalive == CONTROL else (float(self.keepalive), float(self.keepalive) / 2)
 
     def metadata(self) -> tuple[tuple[str, str], ...]:
         """What goes with every call."""
@@ -153,17 +172,9 @@ class Target:
     options: tuple[tuple[str, Any], ...]
 
 
-def service_config(several: bool) -> str:
-    """Retries of what may be repeated; turns between healthy servers, of several."""
-    names = [{"service": f"marble.v1.{service}", "method": method}
-             for service, methods in _REPEATABLE.items() for method in methods]
-    config: dict[str, Any] = {"methodConfig": [{"name": names, "retryPolicy": {
-        "maxAttempts": 4, "initialBackoff": "0.1s", "maxBackoff": "1s", "backoffMultiplier": 2,
-        "retryableStatusCodes": ["UNAVAILABLE"]}}]}
-    if several:
-        config["loadBalancingConfig"] = [{"round_robin": {}}]
-        config["healthCheckConfig"] = {"serviceName": ""}
-    return json.dumps(config)
+def service_config() -> str:
+    """Turns between healthy servers, of several."""
+    return json.dumps({"loadBalancingConfig": [{"round_robin": {}}], "healthCheckConfig": {"serviceName": ""}})
 
 
 def named(address: str | Sequence[str] | None) -> str | Sequence[str]:
@@ -195,17 +206,22 @@ def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Targ
     if not addresses:
         raise InvalidArgument("address", "must be at least one")
     by_name = len(addresses) == 1 and addresses[0].startswith(_DNS)
+    silence_s, answer_s = connect.keepalive_s()
     options: list[tuple[str, Any]] = [
-        ("grpc.service_config", service_config(by_name or len(addresses) > 1)),
-        ("grpc.enable_retries", 1),
+        ("grpc.enable_retries", 1),  # of what no server has seen; all else is up to patience.py
         ("grpc.per_rpc_retry_buffer_size", _MESSAGE_BYTES),
         ("grpc.max_receive_message_length", -1),  # the server has its limit; the client must be able to read
         ("grpc.max_send_message_length", -1),
-        ("grpc.keepalive_time_ms", _KEEPALIVE_MS),
-        ("grpc.keepalive_timeout_ms", _KEEPALIVE_TIMEOUT_MS),
+        ("grpc.keepalive_time_ms", round(1e3 * silence_s)),
+        ("grpc.keepalive_timeout_ms", round(1e3 * answer_s)),
         ("grpc.http2.max_pings_without_data", 0),  # as many as a long solve takes
+        ("grpc.initial_reconnect_backoff_ms", _FIRST_BACKOFF_MS),
+        ("grpc.max_reconnect_backoff_ms", _LONGEST_BACKOFF_MS),
+        ("grpc.min_reconnect_backoff_ms", int(1e3 * CONNECT_S)),  # how long it may take to connect
         ("grpc.enable_http_proxy", 0),  # http_proxy is set for browsers
     ]
+    if by_name or len(addresses) > 1:
+        options.append(("grpc.service_config", service_config()))
     if connect.tls_server_name:
         options.append(("grpc.ssl_target_name_override", connect.tls_server_name))
     if len(addresses) > 1:
@@ -226,9 +242,17 @@ def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Targ
     return Target(name, ", ".join(addresses), tuple(options))
 
 
-def channel(library: Any, address: str | Sequence[str] | None, connect: ConnectOptions) -> tuple[str, Any]:
-    """The address as it is shown, and a channel of grpc or grpc.aio to it."""
+def channels(library: Any, address: str | Sequence[str] | None,
+             connect: ConnectOptions) -> tuple[str, Callable[[bool], Any]]:
+    """The address as it is shown, and what makes a channel of grpc or grpc.aio to it: with a connection of its own, or
+    with that of all others of this process.
+    """
     there, credentials = target(address, connect), connect.credentials()
-    if credentials is None:
-        return there.shown, library.insecure_channel(there.name, there.options)
-    return there.shown, library.secure_channel(there.name, credentials, there.options)
+
+    def make(own: bool) -> Any:
+        options = (*there.options, ("grpc.use_local_subchannel_pool", 1)) if own else there.options
+        if credentials is None:
+            return library.insecure_channel(there.name, options)
+        return library.secure_channel(there.name, credentials, options)
+
+    return there.shown, make

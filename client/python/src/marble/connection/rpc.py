@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
 
 from marble import errors
 from marble.base.checks import is_number
 from marble.base.lazy import lazy
-from marble.errors import Cancelled, FailedPrecondition, InvalidArgument
+from marble.connection.patience import Patience, Tries
+from marble.errors import Cancelled, Error, FailedPrecondition, InvalidArgument
 
 grpc: Any = lazy("grpc")
+Answer = TypeVar("Answer")
 
 PACKAGE = "/marble.v1."
 CLOSED = "the client is closed"
 _LONGEST_S = 2.0**31
+_HEALTH = "/grpc.health.v1.Health/Check"
+# Of the 1024 streams that a server takes on a connection by default, and beyond which gRPC holds calls back without a
+# word. The first connection is shared by all clients of this process for the address, and has their calls as well.
+_STREAMS_OF_FIRST, _STREAMS_OF_OTHERS = 100, 900
 
 
 def check_deadline(deadline: float | None) -> float | None:
@@ -26,50 +33,138 @@ def check_deadline(deadline: float | None) -> float | None:
     return deadline if deadline < _LONGEST_S else None
 
 
-class Calls:
-    """A channel of grpc or of grpc.aio, who calls, and how long a call may take if nothing else is said."""
+class _Lane:
+    """A channel, and the streams on it that stay open."""
 
-    def __init__(self, channel: Any, metadata: tuple[tuple[str, str], ...], timeout: float | None) -> None:
-        self._channel, self._is_closed = channel, False
+    def __init__(self, channel: Any, most: int) -> None:
+        self.channel, self.most, self.streams = channel, most, 0
+
+
+class Calls:
+    """Channels of grpc or of grpc.aio, who calls, and how long a call may take if nothing else is said.
+
+    make: a channel, with a connection of its own or not. patience: how long calls wait for a server that is lost.
+    """
+
+    def __init__(self, make: Callable[[bool], Any], metadata: tuple[tuple[str, str], ...], timeout: float | None,
+                 patience: Patience) -> None:
+        self._make, self._is_closed = make, False
+        self._lanes = [_Lane(make(False), _STREAMS_OF_FIRST)]
+        self._lanes_access = threading.Lock()
         self._metadata = metadata
         self._timeout = check_deadline(timeout)
+        self.patience = patience
 
     @property
     def channel(self) -> Any:
         """FailedPrecondition of a closed one."""
         if self._is_closed:
             raise FailedPrecondition(CLOSED)
-        return self._channel
+        return self._lanes[0].channel
 
-    def close(self) -> Any:
-        """Ends the channel and all that is under way on it; to be awaited of grpc.aio."""
-        self._is_closed = True
-        return self._channel.close()
+    def _end(self) -> list[Any]:
+        """Ends the channels and all that is under way on them; each to be awaited of grpc.aio."""
+        with self._lanes_access:
+            self._is_closed = True
+        return [lane.channel.close() for lane in self._lanes]  # waits for streams, which leave their lanes
+
+    def _lane(self) -> _Lane:
+        """One with room for another stream, which counts from now on."""
+        with self._lanes_access:
+            if self._is_closed:
+                raise FailedPrecondition(CLOSED)
+            lane = next((lane for lane in self._lanes if lane.streams < lane.most), None)
+            if lane is None:
+                lane = _Lane(self._make(True), _STREAMS_OF_OTHERS)
+                self._lanes.append(lane)
+            lane.streams += 1
+            return lane
+
+    def _leave(self, lane: _Lane) -> None:
+        with self._lanes_access:
+            lane.streams -= 1
+
+    def _begun(self, begin: Callable[[], Any]) -> Any:
+        try:
+            return begin()
+        except ValueError:  # another thread has closed the channel just now
+            if self._is_closed:
+                raise FailedPrecondition(CLOSED) from None
+            raise
 
     def _deadline(self, deadline: float | None) -> float | None:
         return self._timeout if deadline is None else check_deadline(deadline)
 
-    def stream(self, method: str, request: bytes, deadline: float | None = None) -> Any:
-        """One message there, many back."""
-        return self.channel.unary_stream(PACKAGE + method)(
-            request, timeout=self._deadline(deadline), metadata=self._metadata)
+    def tries(self, method: str, deadline: float | None = None) -> Tries:
+        """Of a call that is about to begin."""
+        return Tries.of(self.patience, method, self._deadline(deadline))
 
-    def endless(self, method: str, request: bytes) -> Any:
-        """The same without a deadline."""
-        return self.channel.unary_stream(PACKAGE + method)(request, metadata=self._metadata)
+    def stream(self, method: str, request: bytes, seconds: float | None = None) -> Any:
+        """One message there, many back; for so many seconds at most."""
+        return self._begun(lambda: self.channel.unary_stream(PACKAGE + method)(
+            request, timeout=seconds, metadata=self._metadata))
 
     def duplex(self, method: str, requests: Iterator[bytes] | None = None) -> Any:
-        """Many there, many back; None: they are written one by one (grpc.aio)."""
-        return self.channel.stream_stream(PACKAGE + method)(requests, metadata=self._metadata)
+        """Many there, many back; None: they are written one by one (grpc.aio). Over a connection with room for it."""
+        lane = self._lane()
+        try:
+            stream = self._begun(lambda: lane.channel.stream_stream(PACKAGE + method)(
+                requests, metadata=self._metadata))
+        except BaseException:
+            self._leave(lane)
+            raise
+        stream.add_done_callback(lambda _: self._leave(lane))
+        return stream
 
 
 class Rpc(Calls):
     """On a channel of grpc."""
 
+    def __init__(self, make: Callable[[bool], Any], metadata: tuple[tuple[str, str], ...], timeout: float | None,
+                 patience: Patience) -> None:
+        super().__init__(make, metadata, timeout, patience)
+        self._closing = threading.Event()
+
+    def close(self) -> None:
+        """Ends the channels and all that is under way on them, or waits for a server."""
+        self._end()
+        self._closing.set()
+
+    def pause(self, seconds: float, until: threading.Event | None = None) -> bool:
+        """Waits, or until the client is closed, or until what is given instead; whether that has happened."""
+        look = self.look(seconds)
+        try:
+            return (until or self._closing).wait(seconds)
+        finally:
+            look.cancel()
+
+    def look(self, seconds: float | None = None) -> Any:
+        """Looks for a lost server in the background: gRPC makes a connection only while a call wants one.
+
+        A future: it ends when there is a server, after the seconds, or when it is cancelled.
+        """
+        return self._begun(lambda: self.channel.unary_unary(_HEALTH).future(
+            b"", timeout=seconds, metadata=self._metadata, wait_for_ready=True))
+
+    def repeated(self, tries: Tries, once: Callable[[float | None], Answer],
+                 pause: Callable[[float], object] | None = None) -> Answer:
+        """What `once` returns, which makes the call for as many seconds as it is given; again, where that may help."""
+        while True:
+            try:
+                answer = once(tries.left())
+            except Error as error:
+                (pause or self.pause)(tries.pause(error))
+            else:
+                tries.reached()
+                return answer
+
     def call(self, method: str, request: bytes, deadline: float | None = None) -> bytes:
         """One message there, one back."""
-        future = self.channel.unary_unary(PACKAGE + method).future(
-            request, timeout=self._deadline(deadline), metadata=self._metadata)
+        return self.repeated(self.tries(method, deadline), lambda seconds: self._call(method, request, seconds))
+
+    def _call(self, method: str, request: bytes, seconds: float | None) -> bytes:
+        future = self._begun(lambda: self.channel.unary_unary(PACKAGE + method).future(
+            request, timeout=seconds, metadata=self._metadata))
         try:
             answer: bytes = future.result()
             return answer

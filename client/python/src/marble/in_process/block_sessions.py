@@ -62,7 +62,7 @@ class BlockSessions:
 
     def session(self, client: Client, problem: LCQP) -> Session:
         """A session that close() ends."""
-        session: Session = client.session(problem, options=self.options(), priority=self.priority)
+        session: Session = client.session(problem, options=self.options(), priority=self.priority, reopen=False)
         self._open.append(session)
         return session
 

@@ -9,6 +9,7 @@ from typing import Any
 from marble import errors
 from marble.calls.session import Session, Turn
 from marble.calls.session_core import SessionCore, SessionEvent, check_sensitivity_of_part
+from marble.connection.patience import Tries
 from marble.errors import Error
 from marble.in_process import solver
 from marble.in_process.ending import under_way
@@ -96,7 +97,7 @@ class SessionHere(Session):
             self._running = None
             self._core.settle(sequence, kept)
 
-    def _read(self) -> SessionEvent | None:
+    def _read(self, tries: Tries | None = None) -> SessionEvent | None:
         return None
 
     def close(self) -> None:

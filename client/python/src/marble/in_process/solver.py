@@ -23,7 +23,7 @@ from marble.model import derivatives
 from marble.model.derivatives import SensitivityAnswer
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
-from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
+from marble.model.solution import PointOrigin, Progress, SecondOrder, Solution, Stationarity, Times, Violations
 
 IN_PROCESS: Final = "in process"
 _VECTORS: Final = ("z", "y", "nu", "xi", "eta", "certificate")
@@ -59,7 +59,7 @@ class NoServer:
         """There is nobody to call."""
         raise Unavailable(f"there is no server: this client solves {IN_PROCESS} (local)")
 
-    stream = endless = duplex = call
+    stream = tries = duplex = call
 
 
 def option_values(options: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -116,6 +116,7 @@ def solution(told: dict[str, Any], problem: LCQP) -> Solution:
     for name in _VECTORS:
         told[name] = np.asarray(told[name])
     told["status"] = _STATUSES[told["status"]]
+    told["origin"] = PointOrigin(told["origin"])
     told["stationarity"] = _STATIONARITIES.get(told["stationarity"])
     told["second_order"] = _SECOND_ORDERS.get(told["second_order"])
     told["violations"] = Violations(*told["violations"])

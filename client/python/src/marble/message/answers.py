@@ -27,7 +27,7 @@ from marble.message.job import (
 )
 from marble.model.lcqp import LCQP, Vector
 from marble.model.scenarios import OutOfSample, ScenarioLevel
-from marble.model.solution import Progress, SecondOrder, Solution, Stationarity, Times, Violations
+from marble.model.solution import PointOrigin, Progress, SecondOrder, Solution, Stationarity, Times, Violations
 
 Arrays = dict[str, NDArray[np.float64]]
 _NOTHING: Vector = np.zeros(0)
@@ -65,6 +65,11 @@ def _second_orders() -> dict[int, SecondOrder]:
     return {number: SecondOrder(name) for number, name in contract.enum_names("SecondOrder").items() if number}
 
 
+@functools.cache
+def _origins() -> dict[int, PointOrigin]:
+    return {number: PointOrigin(name) for number, name in contract.enum_names("PointOrigin").items() if number}
+
+
 def options(message: Any) -> dict[str, float | int | bool | str]:
     """The options that are set in a SolveOptions."""
     return {field.name: value if field.enum_type is None else contract.enum_names(field.enum_type.name)[value]
@@ -79,6 +84,7 @@ def solution(message: Any, arrays: Arrays, path: str, problem: LCQP, job_id: str
     return Solution(
         status=_statuses()[message.status],
         detail=message.detail,
+        origin=_origins().get(message.origin, PointOrigin.SOLVE),
         z=array("z"),
         y=array("equality_multipliers"),
         nu=array("inequality_multipliers"),

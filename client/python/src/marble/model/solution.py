@@ -27,6 +27,13 @@ class Stationarity(enum.Enum):
     STRONG = "strong"
 
 
+class PointOrigin(enum.Enum):
+    """Where the point of a solution comes from: SOLVE: this solve. PREVIOUS: the session's solution before it."""
+
+    SOLVE = "solve"
+    PREVIOUS = "previous"
+
+
 class SecondOrder(enum.Enum):
     """What the curvature of Q says of a stationary point, on its critical cone: A v = 0, rows with a multiplier stay at
     zero, other active rows may grow, of pairs with s = t = 0 one side at a time.
@@ -71,8 +78,9 @@ class Solution:
     """An answer, in the problem's units. At a solution Q z + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0.
 
     status, detail: why the solve ended, and one sentence with the numbers behind it.
-    z: the point, n. y: multipliers of A z + b = 0, n_e, free sign. nu: of C z + d ≥ 0, n_i. xi, eta: of the two
-    sides of the pairs, n_c.
+    origin: where z comes from: PREVIOUS where a session's solve was cut off and only the solution before it, moved on,
+    is feasible. z: the point, n. y: multipliers of A z + b = 0, n_e, free sign. nu: of C z + d ≥ 0, n_i. xi, eta: of
+    the two sides of the pairs, n_c.
     s, t: the sides L z + l and R z + r, n_c.
     certificate: for INFEASIBLE (y, ν, ξ, η) stacked, with bᵀy − dᵀν − lᵀξ − rᵀη = 1 and Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0 to
     rounding, or empty where each branch was refuted by itself; for UNBOUNDED a direction v, n, along which the
@@ -90,6 +98,8 @@ class Solution:
     iterations, factorizations: counts. times: seconds. options: every option as it was used. cold_objective: what a
     cold start last reached on the way here. job_id: the server's.
     problem: what was solved. sensitivity: the derivatives that were asked for with the solve; None where none were.
+    reopened: whether the session was set up again since its last answer, as its server was lost: it has started at the
+    last z, but with nothing else that the session knew.
 
     Of a marble.Problem also, in its own terms, both empty otherwise:
     row_duals: one multiplier a two-sided row lb ≤ a z ≤ ub, in the order of adding. bound_duals: one a variable, n.
@@ -99,6 +109,7 @@ class Solution:
 
     status: Status
     detail: str
+    origin: PointOrigin
     z: Vector
     y: Vector
     nu: Vector
@@ -128,6 +139,7 @@ class Solution:
     bound_duals: Vector = field(default_factory=lambda: np.zeros(0))
     variables: Mapping[str, int] = field(default_factory=dict)
     sensitivity: SensitivityAnswer | None = None
+    reopened: bool = False
 
     def replaced(self, **parts: Any) -> Solution:
         """The same answer with some attributes replaced."""

@@ -1,0 +1,121 @@
+"""How long a call waits for a server that is lost, or that has no room."""
+
+from __future__ import annotations
+
+import math
+import random
+import time
+from typing import Final
+
+from marble.base.checks import is_number
+from marble.errors import Cancelled, DeadlineExceeded, Error, InvalidArgument, Refused, Unavailable
+
+# Calls that change nothing on a server may be made again, and Jobs.Submit, whose request id makes two of it one job.
+# Watches are made again as long as nothing was told of them.
+REPEATABLE: Final = frozenset({
+    "Solver/Solve", "Solver/SolveStream", "Solver/SolveScenarios", "Solver/SolveCoupled",
+    "Jobs/Submit", "Jobs/Result", "Jobs/List", "Jobs/Get", "Jobs/Watch", "Server/GetInfo"})
+# What a server refuses of them for want of room is asked for again once there may be some.
+WAITS_FOR_ROOM: Final = frozenset({"Jobs/Submit"})
+DEFAULT_WAIT_S: Final = 10.0
+_FIRST_PAUSE_S: Final = 0.1
+_LONGEST_PAUSE_S: Final = 1.0
+# A wrong address is told within the sum of these; a connection that broke at its first call gets another one.
+_FIRST_PAUSES: Final = 3
+CONNECT_S: Final = 5.0  # a connection that takes longer to be made counts as lost
+_SHORTEST_ROOM_S: Final = 0.01  # whatever a server says
+
+
+def check_wait(wait: float | None) -> float | None:
+    """Seconds ≥ 0, infinity too; None is the default."""
+    if wait is not None and not (is_number(wait) and wait >= 0):
+        raise InvalidArgument("wait", "must be >= 0 seconds", value=wait)
+    return wait
+
+
+class Patience:
+    """Of all calls of one client. wait: as in marble.Client."""
+
+    def __init__(self, wait: float | None) -> None:
+        self._wait = check_wait(wait)
+        self.reached = False  # whether a server has ever answered
+
+    @property
+    def wait(self) -> float:
+        """Seconds that a call may spend on a server that is lost."""
+        return DEFAULT_WAIT_S if self._wait is None else self._wait
+
+    @property
+    def hardly(self) -> bool:
+        """Whether only a few tries are due: nobody knows yet that there is a server."""
+        return self._wait is None and not self.reached
+
+
+class Tries:
+    """The tries of one call. deadline: seconds from now on, or None.
+
+    lost: whether a lost server is waited for. room: whether a refusal with a delay is waited out.
+    """
+
+    def __init__(self, patience: Patience, deadline: float | None = None, *, lost: bool = True,
+                 room: bool = False) -> None:
+        self._patience, self._lost, self._room = patience, lost, room
+        self._begun = time.monotonic()
+        self._end = math.inf if deadline is None else self._begun + deadline
+        self.reset()
+
+    @staticmethod
+    def of(patience: Patience, method: str, deadline: float | None) -> Tries:
+        """Of a call by its name, such as Solver/Solve."""
+        return Tries(patience, deadline, lost=method in REPEATABLE, room=method in WAITS_FOR_ROOM)
+
+    def reset(self) -> None:
+        """The server has answered: what is lost from here on is another loss."""
+        self._spent, self._failed = 0.0, 0
+
+    def reached(self) -> None:
+        """A server has answered."""
+        self._patience.reached = True
+        self.reset()
+
+    def left(self) -> float | None:
+        """Seconds until the deadline, for the next try, which begins now; None is no deadline."""
+        self._begun = time.monotonic()
+        if math.isinf(self._end):
+            return None
+        return max(self._end - self._begun, 1e-3)  # gRPC tells that it has passed
+
+    def pause(self, error: Error) -> float:
+        """Seconds until the next try; raises the error where there is none: what waiting does not help, at the end of
+        the patience, and where the deadline would pass first.
+        """
+        if isinstance(error, Unavailable) and error.lost:
+            pause = self._lost_pause(error)
+        else:
+            if not isinstance(error, Cancelled | DeadlineExceeded):
+                self._patience.reached = True
+            if not (self._room and isinstance(error, Refused) and error.retry_after is not None):
+                raise error
+            self.reset()
+            pause = max(error.retry_after, _SHORTEST_ROOM_S)
+        if time.monotonic() + pause >= self._end:
+            raise error
+        return pause
+
+    def _lost_pause(self, error: Error) -> float:
+        if not self._lost:
+            raise error
+        # The first failure is of a server that was there until now. A later try that took longer than a connection may
+        # has found one, which was lost in its turn.
+        if self._failed > 0:
+            self._spent += min(time.monotonic() - self._begun, CONNECT_S)
+        pause = min(_FIRST_PAUSE_S * 2.0**min(self._failed, 10), _LONGEST_PAUSE_S)
+        self._failed += 1
+        if self._patience.hardly:
+            if self._failed > _FIRST_PAUSES:
+                raise error
+        elif self._spent >= self._patience.wait:
+            raise error
+        pause = min(pause * random.uniform(0.8, 1.0), max(self._patience.wait - self._spent, 0.0))
+        self._spent += pause
+        return pause
