@@ -55,11 +55,13 @@ export type {
   ScenarioQuantity,
   ScenarioSamples,
 } from "./calls/scenarios.js";
-export { Session, shiftByStage } from "./calls/session.js";
-export type { SessionControls, Shift, ShiftBlock, UpdateControls } from "./calls/session.js";
+export { Session } from "./calls/session.js";
+export type { Reopening, SessionControls } from "./calls/session.js";
+export { shiftByStage } from "./calls/session-update.js";
+export type { Shift, ShiftBlock, UpdateControls } from "./calls/session-update.js";
 export type { CommonControls, Priority, RequestControls, SolveControls, SolveEvent, StreamControls } from "./calls/solve.js";
 export { Client, connect } from "./client.js";
-export type { ConnectOptions, TlsOptions } from "./connection/connect-options.js";
+export type { ConnectOptions, Keepalive, TlsOptions } from "./connection/connect-options.js";
 export { BuiltProblem, ProblemBuilder } from "./model/builder.js";
 export type { Bounds, Expression, PairReport, Report, Term } from "./model/builder.js";
 export type { CompressedColumns, DenseRows, Matrix, Triplets } from "./model/matrix.js";
@@ -78,7 +80,7 @@ export type {
   SensitivityRequest,
 } from "./model/sensitivity.js";
 export { Solution } from "./model/solution.js";
-export type { SecondOrder, Stationarity, Status, Times } from "./model/solution.js";
+export type { PointOrigin, SecondOrder, Stationarity, Status, Times } from "./model/solution.js";
 export type { CurvatureKind } from "./nonlinear/curvature.js";
 export type { Derivatives, Multipliers, NonlinearProblem, Values } from "./nonlinear/functions.js";
 export { RealTime } from "./nonlinear/real-time.js";

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { createServer } from "node:net";
 
-import { UnavailableError, connect } from "@marble/client";
+import { type Client, UnavailableError, connect } from "@marble/client";
 
 import { corner, endless, example, long } from "./support/problems.js";
 import { Relay } from "./support/relay.js";
@@ -42,19 +42,21 @@ test("a call is tried again where nobody takes it, a deletion is not", async () 
   await new Promise<void>((listening) => hangingUp.listen(0, "127.0.0.1", listening));
   const { port } = hangingUp.address() as { port: number };
   try {
-    const attempts = async (call: (client: ReturnType<typeof connect>) => Promise<unknown>): Promise<number> => {
+    const attempts = async (call: (client: Client) => Promise<unknown>, waitMs?: number): Promise<number> => {
       connections = 0;
-      using client = connect(`127.0.0.1:${port}`);
+      using client = connect(`127.0.0.1:${port}`, { waitMs });
       await assert.rejects(call(client), UnavailableError);
       return connections;
     };
-    const deleted = await attempts((client) => client.jobs.delete("x"));
+    const deleted = await attempts((client) => client.jobs.delete("x"), 1000);
     for (const call of [
-      (client: ReturnType<typeof connect>) => client.solve(corner),
-      (client: ReturnType<typeof connect>) => client.jobs.submit(corner),
+      (client: Client) => client.solve(corner),
+      (client: Client) => client.jobs.submit(corner),
+      (client: Client) => client.session(corner),
     ]) {
-      const repeated = await attempts(call);
+      const repeated = await attempts(call, 1000);
       assert.ok(repeated > deleted, `${repeated} connections for ${call}, ${deleted} for a deletion`);
+      assert.equal(await attempts(call), deleted, "a server that never answered is not waited for");
     }
   } finally {
     hangingUp.close();
@@ -90,6 +92,7 @@ test("a streamed solve that has begun is not repeated when its server goes", asy
 test("a draining server answers what runs with its best iterate, and takes nothing new", async () => {
   await using server = await Server.start(["--drain-grace-s", "1"]);
   using client = connect(server.address);
+  using impatient = connect(server.address, { waitMs: 0 });
   let draining: Promise<void> | undefined;
   const refused = (error: unknown): boolean => error instanceof UnavailableError;
   const solution = await client.solve(long, {
@@ -97,7 +100,7 @@ test("a draining server answers what runs with its best iterate, and takes nothi
     onProgress: () => {
       if (draining !== undefined) return;
       server.signal("SIGTERM");
-      draining = eventually(() => client.jobs.submit(corner).then(() => false, refused));
+      draining = eventually(() => impatient.jobs.submit(corner).then(() => false, refused));
     },
   });
   assert.equal(solution.status, "cancelled");

@@ -1,6 +1,6 @@
 import type { ClientDuplexStream } from "@grpc/grpc-js";
 
-import { MarbleError } from "../base/errors.js";
+import { MarbleError, errorOf } from "../base/errors.js";
 import type { Connection } from "../connection/connection.js";
 import {
   type SolveBatchRequest,
@@ -11,8 +11,9 @@ import {
 import type { Problem } from "../model/problem.js";
 import { Solution } from "../model/solution.js";
 import { duplex, received } from "./calls.js";
+import { Patience } from "./patience.js";
 import { type Priority, type RequestControls, expect, solveRequest } from "./solve.js";
-import { errorOfStatus } from "./status.js";
+import { cancelled, errorOfStatus, isLost } from "./status.js";
 
 /** One problem of many. */
 export interface BatchProblem<Tag> extends Omit<RequestControls, "priority"> {
@@ -35,75 +36,149 @@ export interface BatchControls {
 type Call = ClientDuplexStream<SolveBatchRequest, SolveBatchResponse>;
 type Source<Tag> = AsyncIterable<BatchProblem<Tag>> | Iterable<BatchProblem<Tag>>;
 
-/** Answers in the order of finishing. The source is asked for the next problem when the server has taken the last one. */
+/**
+ * Answers in the order of finishing. The source is asked for the next problem when the server has taken the last one.
+ * Where the server is lost or drains, the next one is sent what was not answered, and the batch goes on.
+ */
 export async function* batch<Tag>(
   connection: Connection,
   source: Source<Tag>,
   controls: BatchControls,
 ): AsyncGenerator<BatchAnswer<Tag>, void, undefined> {
-  const call: Call = duplex(connection, SolverService.solveBatch, controls.signal);
-  const answers = received(call, controls.signal);
-  const sender = new Sender(call, source, controls.priority);
-  const sent = sender.run();
+  const { priority, signal } = controls;
+  const sender = new Sender(source, priority);
+  let patience: Patience | undefined;
   try {
-    for await (const { tag, outcome } of answers) {
-      yield* sender.faulty.splice(0);
-      yield sender.answer(tag, outcome);
+    for (;;) {
+      const call: Call = duplex(connection, SolverService.solveBatch, signal);
+      try {
+        const sent = sender.feed(call);
+        for await (const { tag, outcome } of received(call, signal)) {
+          const answer = sender.answer(tag, outcome);
+          if (answer === undefined) continue;
+          patience = undefined;
+          yield* sender.faulty.splice(0);
+          yield answer;
+        }
+        await sent;
+        if (!sender.isDone) throw sender.refused ?? errorOf("internal", "the server has not answered all of the batch");
+        return yield* sender.faulty.splice(0);
+      } catch (error) {
+        if (sender.failure !== undefined) throw sender.failure.thrown;
+        if (!isLost(error)) throw error;
+        if (!(await sender.hasMore(signal))) return yield* sender.faulty.splice(0);
+        patience ??= new Patience({ totalMs: connection.waitMs, signal });
+        await patience.pause(error);
+      } finally {
+        call.cancel();
+      }
     }
-    await sent;
-    yield* sender.faulty.splice(0);
-  } catch (error) {
-    throw sender.failure ?? error;
   } finally {
-    call.cancel();
     sender.stop();
   }
+}
+
+interface Numbered<Tag> {
+  tag: Tag;
+  solve: SolveRequest;
 }
 
 class Sender<Tag> {
   /** Problems that break a rule, told before they were sent. */
   readonly faulty: BatchAnswer<Tag>[] = [];
   /** What the source threw. */
-  failure: unknown;
-  private readonly tags = new Map<number, Tag>();
-  private stopped = false;
+  failure?: { thrown: unknown };
+  /** Why a server that drains did not take the last one. */
+  refused?: MarbleError;
+  private readonly items: AsyncGenerator<BatchProblem<Tag>, void, undefined>;
+  private next?: Promise<IteratorResult<BatchProblem<Tag>, void>>;
+  private over = false;
+  private readonly unanswered = new Map<number, Numbered<Tag>>();
+  private call?: Call;
   private count = 0;
 
   constructor(
-    private readonly call: Call,
-    private readonly source: Source<Tag>,
+    source: Source<Tag>,
     private readonly priority: Priority | undefined,
-  ) {}
+  ) {
+    this.items = each(source);
+  }
 
-  async run(): Promise<void> {
-    this.call.once("status", () => this.stop());
+  /** Everything is answered, and there is nothing more. */
+  get isDone(): boolean {
+    return this.over && this.unanswered.size === 0;
+  }
+
+  /** Sends what is not answered, then what the source has, until the call ends. */
+  async feed(call: Call): Promise<void> {
+    this.call = call;
+    this.refused = undefined;
+    call.once("status", () => this.leave(call));
     try {
-      for await (const item of this.source) {
-        if (this.stopped) return;
-        const solve = this.request(item);
-        if (solve === undefined) continue;
-        this.tags.set(++this.count, item.tag);
-        await this.write({ tag: this.count, solve });
-      }
-      this.call.end();
-    } catch (error) {
-      if (this.stopped) return;
-      this.failure = error;
-      this.call.cancel();
+      await this.send(call);
+    } catch (thrown) {
+      this.failure ??= { thrown };
+      call.cancel();
     }
   }
 
-  stop(): void {
-    this.stopped = true;
-    this.wake();
+  private async send(call: Call): Promise<void> {
+    for (const [number, { solve }] of [...this.unanswered]) {
+      if (this.call !== call) return;
+      await this.write(call, number, solve);
+    }
+    while (this.call === call) {
+      const item = await this.peek();
+      if (this.call !== call) return; // the next call's
+      this.next = undefined;
+      if (item.done) {
+        this.over = true;
+        call.end();
+        return;
+      }
+      const solve = this.request(item.value);
+      if (solve === undefined) continue;
+      this.unanswered.set(++this.count, { tag: item.value.tag, solve });
+      await this.write(call, this.count, solve);
+    }
   }
 
-  answer(number: number, outcome: SolveBatchResponse["outcome"]): BatchAnswer<Tag> {
-    const tag = this.tags.get(number) as Tag;
-    this.tags.delete(number);
+  /** Whether there is anything to send; where all is answered, whether the source has more, for which it waits. */
+  async hasMore(signal: AbortSignal | undefined): Promise<boolean> {
+    if (this.unanswered.size > 0) return true;
+    if (this.over) return false;
+    const item = await unlessAborted(this.peek(), signal);
+    if (item.done) this.over = true;
+    return !item.done;
+  }
+
+  /** Undefined of what the next server is to answer. */
+  answer(number: number, outcome: SolveBatchResponse["outcome"]): BatchAnswer<Tag> | undefined {
+    const { tag } = expect(this.unanswered.get(number));
     const { $case, value } = expect(outcome);
+    const error = $case === "error" ? errorOfStatus(value) : undefined;
+    if (isLost(error)) {
+      this.refused = error;
+      return undefined;
+    }
+    this.unanswered.delete(number);
     if ($case === "error") return { tag, error: errorOfStatus(value) };
     return { tag, solution: new Solution(value.jobId, expect(value.solution)) };
+  }
+
+  /** The source is asked for nothing more. */
+  stop(): void {
+    if (this.call !== undefined) this.leave(this.call);
+    if (!this.over) this.items.return().catch(() => undefined);
+  }
+
+  // Its problem stays until a call has taken it. What the source throws is told by the batch.
+  private peek(): Promise<IteratorResult<BatchProblem<Tag>, void>> {
+    if (this.next === undefined) {
+      this.next = this.items.next();
+      this.next.catch((thrown: unknown) => (this.failure = { thrown }));
+    }
+    return this.next;
   }
 
   private request({ tag, problem, ...controls }: BatchProblem<Tag>): SolveRequest | undefined {
@@ -116,13 +191,33 @@ class Sender<Tag> {
     }
   }
 
+  private leave(call: Call): void {
+    if (this.call === call) this.call = undefined;
+    this.wake();
+  }
+
   // Done when the message is on its way: flow control holds it back while the server does not read.
-  private write(request: SolveBatchRequest): Promise<void> {
+  private write(call: Call, tag: number, solve: SolveRequest): Promise<void> {
     return new Promise((resolve) => {
       this.wake = resolve;
-      this.call.write(request, () => resolve());
+      call.write({ tag, solve }, () => resolve());
     });
   }
 
   private wake: () => void = () => undefined;
+}
+
+async function* each<Item>(source: AsyncIterable<Item> | Iterable<Item>): AsyncGenerator<Item, void, undefined> {
+  yield* source;
+}
+
+async function unlessAborted<Result>(promise: Promise<Result>, signal: AbortSignal | undefined): Promise<Result> {
+  if (signal === undefined) return promise;
+  let giveUp = (): void => undefined;
+  const aborted = new Promise<never>((_, reject) => {
+    giveUp = () => reject(cancelled(signal));
+    signal.addEventListener("abort", giveUp, { once: true });
+    if (signal.aborted) giveUp();
+  });
+  return Promise.race([promise, aborted]).finally(() => signal.removeEventListener("abort", giveUp));
 }

@@ -1,10 +1,19 @@
 // Calls as promises and async iterables: with a deadline, an abort signal, and this package's errors.
-import type { CallOptions, ClientDuplexStream, ClientReadableStream, MethodDefinition } from "@grpc/grpc-js";
+import type {
+  CallOptions,
+  ClientDuplexStream,
+  ClientReadableStream,
+  ClientUnaryCall,
+  MethodDefinition,
+} from "@grpc/grpc-js";
 
 import { checkDeadline, untilForever } from "../base/checks.js";
 import { invalid } from "../base/errors.js";
+import type { Place } from "../connection/channels.js";
 import type { Connection } from "../connection/connection.js";
-import { cancelled, errorOfCall } from "./status.js";
+import { JobsService, ServerService, SolverService } from "../generated/marble/v1/service.js";
+import { Patience, repeated } from "./patience.js";
+import { cancelled, errorOfCall, isLost } from "./status.js";
 
 /** What may accompany any call. */
 export interface CallControls {
@@ -14,9 +23,17 @@ export interface CallControls {
   deadlineMs?: number;
 }
 
-interface Cancellable {
-  cancel(): void;
-}
+// Only what is the same when it is asked twice: a solve is repeated at no harm, a stream of one only until its first
+// event, and a submission is one job by its request id. What sessions and batches were sent, they know themselves.
+const repeatable = new Set<string>(
+  [
+    ...[SolverService.solve, SolverService.solveStream, SolverService.solveScenarios, SolverService.solveCoupled],
+    ...[JobsService.submit, JobsService.result, JobsService.list, JobsService.get, JobsService.watch],
+    ServerService.getInfo,
+  ].map(({ path }) => path),
+);
+
+type Call = ClientUnaryCall | ClientReadableStream<unknown> | ClientDuplexStream<unknown, unknown>;
 
 /** One message there, one back. */
 export async function unary<Request, Response>(
@@ -26,24 +43,33 @@ export async function unary<Request, Response>(
   controls: CallControls = {},
 ): Promise<Response> {
   const { signal } = controls;
-  const options = callOptions(controls, connection.deadlineMs);
+  const limits = { deadline: deadlineOf(controls, connection.deadlineMs), signal };
+  const attempt = (): Promise<Response> => unaryOnce(connection, method, request, limits);
+  return repeatable.has(method.path) ? repeated(connection, limits, attempt) : attempt();
+}
+
+async function unaryOnce<Request, Response>(
+  connection: Connection,
+  method: MethodDefinition<Request, Response>,
+  request: Request,
+  { deadline, signal }: { deadline?: number; signal?: AbortSignal },
+): Promise<Response> {
   checkSignal(signal);
-  const channel = connection.open();
+  const place = connection.take();
   return new Promise((resolve, reject) => {
-    const call = channel.makeUnaryRequest(
+    const call = place.channel.makeUnaryRequest(
       method.path,
       method.requestSerialize,
       method.responseDeserialize,
       request,
       connection.metadata(),
-      options,
+      callOptions(deadline),
       (error, response) => {
-        release();
         if (error) reject(errorOfCall(error, signal));
         else resolve(response as Response);
       },
     );
-    const release = cancelOnAbort(call, signal);
+    follow(call, place, signal);
   });
 }
 
@@ -56,22 +82,34 @@ export async function* serverStream<Request, Response>(
   defaultDeadlineMs?: number,
 ): AsyncGenerator<Response, void, undefined> {
   const { signal } = controls;
-  const options = callOptions(controls, defaultDeadlineMs);
-  checkSignal(signal);
-  const call = connection.open().makeServerStreamRequest(
-    method.path,
-    method.requestSerialize,
-    method.responseDeserialize,
-    request,
-    connection.metadata(),
-    options,
-  );
-  const release = cancelOnAbort(call, signal);
-  try {
-    yield* received(call, signal);
-  } finally {
-    release();
-    call.cancel();
+  const deadline = deadlineOf(controls, defaultDeadlineMs);
+  let patience: Patience | undefined;
+  let begun = false;
+  for (;;) {
+    checkSignal(signal);
+    const place = connection.take();
+    const call = place.channel.makeServerStreamRequest(
+      method.path,
+      method.requestSerialize,
+      method.responseDeserialize,
+      request,
+      connection.metadata(),
+      callOptions(deadline),
+    );
+    follow(call, place, signal);
+    try {
+      for await (const message of received(call, signal)) {
+        begun = true;
+        yield message;
+      }
+      return;
+    } catch (error) {
+      if (begun || !isLost(error) || !repeatable.has(method.path)) throw error;
+      patience ??= new Patience({ totalMs: connection.waitMs, deadline, signal });
+      await patience.pause(error);
+    } finally {
+      call.cancel();
+    }
   }
 }
 
@@ -82,13 +120,14 @@ export function duplex<Request, Response>(
   signal?: AbortSignal,
 ): ClientDuplexStream<Request, Response> {
   checkSignal(signal);
-  const call = connection.open().makeBidiStreamRequest(
+  const place = connection.take();
+  const call = place.channel.makeBidiStreamRequest(
     method.path,
     method.requestSerialize,
     method.responseDeserialize,
     connection.metadata(),
   );
-  call.once("status", cancelOnAbort(call, signal));
+  follow(call, place, signal);
   return call;
 }
 
@@ -105,10 +144,15 @@ export async function* received<Response>(
   }
 }
 
-function callOptions(controls: CallControls, defaultDeadlineMs: number | undefined): CallOptions {
+/** When a call must be over, as Date.now() tells it; undefined if never. */
+export function deadlineOf(controls: CallControls, defaultDeadlineMs: number | undefined): number | undefined {
   checkDeadline("deadlineMs", controls.deadlineMs);
   const limit = untilForever(controls.deadlineMs ?? defaultDeadlineMs);
-  return limit === undefined ? {} : { deadline: Date.now() + limit };
+  return limit === undefined ? undefined : Date.now() + limit;
+}
+
+function callOptions(deadline: number | undefined): CallOptions {
+  return deadline === undefined ? {} : { deadline };
 }
 
 function checkSignal(signal: AbortSignal | undefined): void {
@@ -117,9 +161,12 @@ function checkSignal(signal: AbortSignal | undefined): void {
   if (signal.aborted) throw cancelled(signal);
 }
 
-function cancelOnAbort(call: Cancellable, signal: AbortSignal | undefined): () => void {
-  if (signal === undefined) return () => undefined;
+// What begins with a call and ends with it.
+function follow(call: Call, { release }: Place, signal: AbortSignal | undefined): void {
   const cancel = (): void => call.cancel();
-  signal.addEventListener("abort", cancel, { once: true });
-  return () => signal.removeEventListener("abort", cancel);
+  signal?.addEventListener("abort", cancel, { once: true });
+  call.once("status", () => {
+    signal?.removeEventListener("abort", cancel);
+    release();
+  });
 }

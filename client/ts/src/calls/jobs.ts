@@ -1,7 +1,7 @@
 import { randomUUID } from "node:crypto";
 
 import { secondsOrZero, wholeOrZero } from "../base/checks.js";
-import { type MarbleError, invalid } from "../base/errors.js";
+import { type MarbleError, RefusedError, invalid } from "../base/errors.js";
 import { unpackFloats } from "../base/packed.js";
 import { type Words, valueOf, word, words } from "../base/words.js";
 import type { Connection } from "../connection/connection.js";
@@ -19,7 +19,7 @@ import { type SolveOptions, optionsOf } from "../model/options.js";
 import type { Problem } from "../model/problem.js";
 import { type Progress, type Tree, type Violations, progressOf, treeOf, violationsOf } from "../model/progress.js";
 import { Solution, type Status, type Times, timesOf } from "../model/solution.js";
-import { type CallControls, serverStream, unary } from "./calls.js";
+import { type CallControls, deadlineOf, serverStream, unary } from "./calls.js";
 import {
   type CoupledAnswer,
   type CoupledBlock,
@@ -33,6 +33,7 @@ import {
   piecesAnswerOf,
   piecesRequest,
 } from "./coupled.js";
+import { Patience } from "./patience.js";
 import {
   type ScenarioAnswer,
   type ScenarioControls,
@@ -146,8 +147,11 @@ export class Jobs {
   constructor(private readonly connection: Connection) {}
 
   /**
-   * Queues a job that outlives this process. A deadline is that of the submission alone. The same submission made again
-   * with its requestId is the same job; without one it has a random one.
+   * Queues a job that outlives this process. A deadline is that of the submission alone: until then, or without one for
+   * the client's `waitMs`, it waits for room where the queue or the client's share of it is full. The same submission
+   * made again with its requestId is the same job; without one it has a random one.
+   *
+   * @throws RefusedError where there is no room in time, a DeadlineError at the deadline.
    */
   async submit(problem: Problem, controls: RequestControls & CallControls = {}): Promise<SubmittedJob> {
     return this.send(solveRequest(problem, controls), controls);
@@ -190,8 +194,21 @@ export class Jobs {
   }
 
   private async send(request: SolveRequest, controls: CallControls): Promise<SubmittedJob> {
-    const requestId = request.requestId || `submit-${randomUUID()}`;
-    return unary(this.connection, JobsService.submit, { ...request, requestId }, controls);
+    const { connection } = this;
+    const { signal } = controls;
+    const named = { ...request, requestId: request.requestId || `submit-${randomUUID()}` };
+    const deadline = deadlineOf(controls, connection.deadlineMs);
+    let patience: Patience | undefined;
+    for (;;) {
+      const deadlineMs = deadline && Math.max(deadline - Date.now(), 1);
+      try {
+        return await unary(connection, JobsService.submit, named, { signal, deadlineMs });
+      } catch (error) {
+        if (!willHaveRoom(error)) throw error;
+        patience ??= new Patience({ totalMs: deadline === undefined ? connection.waitMs : Infinity, deadline, signal });
+        await patience.pause(error);
+      }
+    }
   }
 
   private async answer(jobId: string, controls: ResultControls): Promise<SolveResponse> {
@@ -236,6 +253,12 @@ export class Jobs {
       for (const event of events) yield eventOf(event, skipped);
     }
   }
+}
+
+// Of other limits a server's RetryInfo says nothing: the same request breaks them again.
+function willHaveRoom(error: unknown): error is RefusedError {
+  const ofQueue = ["queueJobs", "queueBytes", "clientQueued", "clientBytes"];
+  return error instanceof RefusedError && error.retryAfterMs !== undefined && ofQueue.includes(error.field ?? "");
 }
 
 function infoOf(message: JobInfoMessage): JobInfo {

@@ -1,5 +1,5 @@
 // gRPC's statuses and their details become errors here, and nowhere else.
-import { Metadata, type ServiceError } from "@grpc/grpc-js";
+import { Metadata, type ServiceError, status as statuses } from "@grpc/grpc-js";
 
 import { type ErrorCode, MarbleError, errorOf, invalid } from "../base/errors.js";
 import { defaultAddress, errorNames, matrices, matrixValues, noServerHint, vectors } from "../base/tables.js";
@@ -19,6 +19,21 @@ const parts: Record<string, string> = {
 function inverse(names: Record<string, string>, suffix = ""): Record<string, string> {
   return Object.fromEntries(Object.entries(names).map(([letter, field]) => [field, letter + suffix]));
 }
+
+/** Whether the server is gone, or leaves: another one, or itself after a restart, would take the same call. */
+export function isLost(error: unknown): error is MarbleError {
+  return error instanceof MarbleError && losses.has(error);
+}
+
+/** A loss that gRPC has not told of. */
+export function lost(message: string, cause: unknown): MarbleError {
+  const error = errorOf("unavailable", message, { cause });
+  losses.add(error);
+  return error;
+}
+
+// "unavailable" is also what is no Marble server, and stays so.
+const losses = new WeakSet<MarbleError>();
 
 /** Of a failed call. What is already an error of this package stays as it is. */
 export function errorOfCall(thrown: unknown, signal?: AbortSignal): MarbleError {
@@ -52,7 +67,9 @@ export function errorOfStatus(status: Status): MarbleError {
   const retry = read("google.rpc.RetryInfo", RetryInfo);
   const retryAfterMs = retry && milliseconds(retry.retryDelay);
   const nobody = code === "unavailable" && status.message.includes(defaultAddress);
-  return errorOf(code, nobody ? status.message + noServerHint : status.message, { ...place, retryAfterMs });
+  const error = errorOf(code, nobody ? status.message + noServerHint : status.message, { ...place, retryAfterMs });
+  if (status.code === statuses.UNAVAILABLE) losses.add(error);
+  return error;
 }
 
 export function cancelled(signal: AbortSignal): MarbleError {

@@ -15,8 +15,36 @@ export interface ConnectOptions {
    * `MARBLE_CLIENT_NAME`, else the program's name with its process id, so that two planners on one machine take turns.
    */
   name?: string;
-  /** Hard limit of calls that have none of their own, in milliseconds > 0; not of batches, sessions, watching. Default: none. */
+  /** Hard limit of calls without one of their own, in milliseconds > 0; not of batches, sessions, watching. Default: none. */
   deadlineMs?: number;
+  /**
+   * When a server that is gone without a word counts as lost: `default` after 45 s at most, `control_loop` after 13 s, the
+   * least that a server permits if it is not told otherwise, or times of one's own. Default: `default`.
+   */
+  keepalive?: "default" | "control_loop" | Keepalive;
+  /**
+   * How long a call waits for a server that is lost, from the loss on, in milliseconds >= 0, within its own deadline:
+   * what may be sent twice is tried again every 0.1 to 1 s, a session's set-up and what a batch has no answer to as well.
+   * Default 10,000 once a server has answered, else 0, so that a wrong address is told at once.
+   */
+  waitMs?: number;
+  /**
+   * Calls at once on one connection, in [1, 2^31); default 900. A session is one, as are a batch and all else that waits
+   * for an answer; with more there is another connection. To be some below the server's `--connection-streams`, 1024 by
+   * default: gRPC silently keeps further calls back.
+   */
+  connectionStreams?: number;
+}
+
+/** Pings while there are calls: a server that does not answer one is lost. */
+export interface Keepalive {
+  /**
+   * Silence before a ping, in whole milliseconds in [500, 2^31). Not below half the server's `--keepalive-s`, which is
+   * 10,000 ms by default: it closes the connections of clients that ping more often.
+   */
+  timeMs: number;
+  /** How long an answer may take, in whole milliseconds in [1, 2^31). */
+  timeoutMs: number;
 }
 
 /** PEM files: read once, by `connect`. */
@@ -61,6 +89,35 @@ export function identityOf(options: ConnectOptions): Identity {
     throw invalid("name", `must be 1 to ${tables.longestClientName} bytes of printable ASCII`, { value: name });
   }
   return { token, name, tls: pemsOf(options.tls) };
+}
+
+export function checkStreams(streams = 900): number {
+  if (Number.isInteger(streams) && streams >= 1 && streams <= 0x7fffffff) return streams;
+  throw invalid("connectionStreams", "must be a whole number in [1, 2^31)", { value: streams });
+}
+
+// Permitted are 10 s, by the server's clock; a late ping and a punctual one after it must not be nearer than that.
+const keepalives: Record<string, Keepalive> = {
+  default: { timeMs: 30_000, timeoutMs: 15_000 },
+  control_loop: { timeMs: 11_000, timeoutMs: 2_000 },
+};
+
+export function keepaliveOf(given: ConnectOptions["keepalive"] = "default"): Keepalive {
+  const times = typeof given === "object" ? given : Object.hasOwn(keepalives, given) ? keepalives[given] : undefined;
+  if (times === undefined || times === null) {
+    throw invalid("keepalive", "must be default, control_loop or {timeMs, timeoutMs}", { value: given });
+  }
+  for (const [name, least] of [["timeMs", 500], ["timeoutMs", 1]] as const) {
+    const value = times[name];
+    if (Number.isInteger(value) && value >= least && value <= 0x7fffffff) continue;
+    throw invalid(`keepalive.${name}`, `must be a whole number in [${least}, 2^31)`, { value });
+  }
+  return times;
+}
+
+export function checkWait(waitMs: number | undefined): number | undefined {
+  if (waitMs === undefined || (typeof waitMs === "number" && waitMs >= 0)) return waitMs;
+  throw invalid("waitMs", "must be >= 0", { value: waitMs });
 }
 
 function pemsOf(tls: boolean | TlsOptions | undefined): Pems | undefined {

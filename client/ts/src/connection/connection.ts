@@ -1,17 +1,30 @@
-import { type ChannelOptions, Client, Metadata, credentials } from "@grpc/grpc-js";
+import { type ChannelOptions, Client, Metadata, connectivityState, credentials } from "@grpc/grpc-js";
 
 import { checkDeadline } from "../base/checks.js";
 import { PreconditionError, invalid } from "../base/errors.js";
 import { targetOf } from "./addresses.js";
-import { type ConnectOptions, type Pems, identityOf } from "./connect-options.js";
+import { Channels, type Place } from "./channels.js";
+import {
+  type ConnectOptions,
+  type Keepalive,
+  type Pems,
+  checkStreams,
+  checkWait,
+  identityOf,
+  keepaliveOf,
+} from "./connect-options.js";
 import { healthyRoundRobin } from "./health.js";
 
-/** One channel, and who calls over it. */
+const defaultWaitMs = 10_000;
+
+/** The way to a server, or to several, and who calls over it. */
 export class Connection {
   readonly address: string;
-  private readonly channel: Client;
+  private readonly channels: Channels;
   private closed = false;
   readonly deadlineMs?: number;
+  private reached = false;
+  private readonly givenWaitMs?: number;
   private readonly token?: string;
   private readonly name: string;
 
@@ -21,20 +34,44 @@ export class Connection {
     checkDeadline("deadlineMs", options.deadlineMs);
     this.address = address;
     this.deadlineMs = options.deadlineMs;
+    this.givenWaitMs = checkWait(options.waitMs);
     this.token = identity.token;
     this.name = identity.name;
-    this.channel = new Client(target.name, credentialsOf(identity.tls), channelOptions(identity.tls, target.several));
+    const secrets = credentialsOf(identity.tls);
+    const settings = channelOptions(identity.tls, target.several, keepaliveOf(options.keepalive));
+    this.channels = new Channels(
+      () => this.watched(new Client(target.name, secrets, settings)),
+      checkStreams(options.connectionStreams),
+    );
   }
 
-  /** The channel; throws a PreconditionError of one that was closed. */
-  open(): Client {
+  /** How long a call waits for a server that is lost, in milliseconds. */
+  get waitMs(): number {
+    return this.givenWaitMs ?? (this.reached ? defaultWaitMs : 0);
+  }
+
+  /** A place for one call; throws a PreconditionError of a client that was closed. */
+  take(): Place {
     if (this.closed) throw new PreconditionError("failed_precondition", "the client is closed");
-    return this.channel;
+    return this.channels.take();
   }
 
   close(): void {
     this.closed = true;
-    this.channel.close();
+    this.channels.close();
+  }
+
+  // Until a server was there once.
+  private watched(client: Client): Client {
+    const channel = client.getChannel();
+    const look = (): void => {
+      const state = channel.getConnectivityState(false);
+      if (state === connectivityState.READY) this.reached = true;
+      if (this.reached || state === connectivityState.SHUTDOWN) return;
+      channel.watchConnectivityState(state, Infinity, look);
+    };
+    look();
+    return client;
   }
 
   metadata(): Metadata {
@@ -54,47 +91,22 @@ function credentialsOf(pems: Pems | undefined): ReturnType<typeof credentials.cr
   }
 }
 
-// Only what is the same when it is asked twice: a solve is repeated at no harm, a stream of one only until its first
-// event, and a submission is one job by its request id. A session or a batch would lose what it was sent.
-const repeatable = [
-  ...["Solve", "SolveStream", "SolveScenarios", "SolveCoupled"].map((method) => ({ service: "marble.v1.Solver", method })),
-  ...["Submit", "Result", "List", "Get", "Watch"].map((method) => ({ service: "marble.v1.Jobs", method })),
-  { service: "marble.v1.Server" },
-];
-
-const retries = {
-  methodConfig: [
-    {
-      name: repeatable,
-      retryPolicy: {
-        maxAttempts: 4,
-        initialBackoff: "0.1s",
-        maxBackoff: "1s",
-        backoffMultiplier: 3,
-        retryableStatusCodes: ["UNAVAILABLE"],
-      },
-    },
-  ],
-};
-
-function channelOptions(pems: Pems | undefined, several: boolean): ChannelOptions {
-  const mebibyte = 1 << 20;
+function channelOptions(pems: Pems | undefined, several: boolean, keepalive: Keepalive): ChannelOptions {
   const turns = several ? { loadBalancingConfig: [{ [healthyRoundRobin]: {} }] } : {};
   const options: ChannelOptions = {
-    "grpc.service_config": JSON.stringify({ ...retries, ...turns }),
+    "grpc.service_config": JSON.stringify({ methodConfig: [], ...turns }),
     "grpc.service_config_disable_resolution": 1,
-    // A request beyond this is sent once.
-    "grpc.per_rpc_retry_buffer_size": 16 * mebibyte,
-    "grpc.retry_buffer_size": 64 * mebibyte,
+    // Each client has connections of its own, or what one counts on a connection would not be all.
+    "grpc.use_local_subchannel_pool": 1,
     // The server has its limit; the client must not be the one that cannot read an answer.
     "grpc.max_receive_message_length": -1,
     "grpc.max_send_message_length": -1,
     // A server that is gone without a word is noticed in the sum of the two.
-    "grpc.keepalive_time_ms": 30_000,
-    "grpc.keepalive_timeout_ms": 15_000,
+    "grpc.keepalive_time_ms": keepalive.timeMs,
+    "grpc.keepalive_timeout_ms": keepalive.timeoutMs,
     // A server that was restarted is found again soon.
     "grpc.initial_reconnect_backoff_ms": 100,
-    "grpc.max_reconnect_backoff_ms": 2_000,
+    "grpc.max_reconnect_backoff_ms": 1_000,
     // http_proxy is set for browsers; a solver on loopback or in the same rack is not behind it.
     "grpc.enable_http_proxy": 0,
   };

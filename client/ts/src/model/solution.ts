@@ -4,6 +4,7 @@ import { unpackDoubles } from "../base/packed.js";
 import { statusAdvice } from "../base/tables.js";
 import { type Words, word } from "../base/words.js";
 import {
+  PointOrigin as PointOriginNumber,
   SecondOrder as SecondOrderNumber,
   type Solution as Message,
   Stationarity as StationarityNumber,
@@ -16,6 +17,9 @@ import { type SensitivityAnswer, sensitivityOf } from "./sensitivity.js";
 
 /** Why a solve ended. */
 export type Status = Words<typeof StatusNumber, "STATUS_">;
+
+/** Where a point comes from: this solve, or the solution that a session had before it. */
+export type PointOrigin = Words<typeof PointOriginNumber, "POINT_ORIGIN_">;
 
 /** Kinds of stationary points; each includes those before it. */
 export type Stationarity = Words<typeof StationarityNumber, "STATIONARITY_">;
@@ -38,6 +42,8 @@ export class Solution {
   readonly status: Status | "unknown";
   /** One sentence with the numbers that justify the status. */
   readonly detail: string;
+  /** "previous" where a session's solve was cut off and only the solution before it, moved on, is feasible. */
+  readonly origin: PointOrigin;
   /** The point, n entries; the best iterate where it is not solved. */
   readonly z: Float64Array;
   /** y, one a row of A, of any sign. */
@@ -104,6 +110,7 @@ export class Solution {
     this.jobId = jobId;
     this.status = word(StatusNumber, "STATUS_", message.status) ?? "unknown";
     this.detail = message.detail;
+    this.origin = word(PointOriginNumber, "POINT_ORIGIN_", message.origin) ?? "solve";
     this.z = unpackDoubles(message.z);
     this.equalityMultipliers = unpackDoubles(message.equalityMultipliers);
     this.inequalityMultipliers = unpackDoubles(message.inequalityMultipliers);

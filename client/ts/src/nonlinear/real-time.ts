@@ -2,7 +2,8 @@
 // SIAM J. Control Optim. 43 (2005), with an LCQP in place of the QP.
 import { checkDeadline } from "../base/checks.js";
 import { DeadlineError, RefusedError, errorOf, invalid } from "../base/errors.js";
-import { Session, type SessionControls, type Shift, type ShiftBlock, type UpdateControls } from "../calls/session.js";
+import { Session, type SessionControls } from "../calls/session.js";
+import type { Shift, ShiftBlock, UpdateControls } from "../calls/session-update.js";
 import type { Connection } from "../connection/connection.js";
 import { takeVector } from "../model/matrix.js";
 import type { SolveOptions } from "../model/options.js";

@@ -5,7 +5,14 @@ import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
 import { setTimeout as sleep } from "node:timers/promises";
 
-import { Server as GrpcServer, ServerCredentials, type ServerUnaryCall, type sendUnaryData } from "@grpc/grpc-js";
+import {
+  Server as GrpcServer,
+  ServerCredentials,
+  type ServerDuplexStream,
+  type ServerUnaryCall,
+  type UntypedHandleCall,
+  type sendUnaryData,
+} from "@grpc/grpc-js";
 
 /** Where `marble` and `marble-server` are. */
 const binaries = resolve(process.env["MARBLE_BIN"] ?? "../../build/release/bin");
@@ -74,6 +81,8 @@ async function launch(directory: string, listen: string, flags: string[]): Promi
   return server;
 }
 
+export type BytesCall = ServerDuplexStream<Buffer, Buffer>;
+
 /** What answers in a server's place. */
 export interface StandIn {
   address: string;
@@ -82,13 +91,19 @@ export interface StandIn {
 
 /** Something that knows one method, without health and all else of a marble-server; messages are their bytes. */
 export async function standIn(path: string, onCall: (answer: sendUnaryData<Buffer>) => void): Promise<StandIn> {
+  return serve(path, false, (_call: ServerUnaryCall<Buffer, Buffer>, answer: sendUnaryData<Buffer>) => onCall(answer));
+}
+
+/** The same of a method whose messages stream both ways. */
+export async function streamingStandIn(path: string, onCall: (call: BytesCall) => void): Promise<StandIn> {
+  return serve(path, true, onCall);
+}
+
+async function serve(path: string, stream: boolean, method: UntypedHandleCall): Promise<StandIn> {
   const server = new GrpcServer();
   const bytes = (value: Buffer): Buffer => value;
   const codec = { requestSerialize: bytes, requestDeserialize: bytes, responseSerialize: bytes, responseDeserialize: bytes };
-  server.addService(
-    { method: { path, requestStream: false, responseStream: false, ...codec } },
-    { method: (_call: ServerUnaryCall<Buffer, Buffer>, answer: sendUnaryData<Buffer>) => onCall(answer) },
-  );
+  server.addService({ method: { path, requestStream: stream, responseStream: stream, ...codec } }, { method });
   const port = await new Promise<number>((bound, failed) =>
     server.bindAsync("127.0.0.1:0", ServerCredentials.createInsecure(), (error, at) => (error ? failed(error) : bound(at))),
   );

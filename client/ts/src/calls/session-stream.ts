@@ -1,0 +1,83 @@
+import type { ClientDuplexStream } from "@grpc/grpc-js";
+
+import { errorOf } from "../base/errors.js";
+import type { Connection } from "../connection/connection.js";
+import { SolverService } from "../generated/marble/v1/service.js";
+import type {
+  SessionReady,
+  SessionRequest,
+  SessionResponse,
+  SessionSetup,
+  SessionUpdate,
+} from "../generated/marble/v1/session.js";
+import { duplex, received } from "./calls.js";
+import { lost } from "./status.js";
+
+/** What a session tells of its updates. */
+export type SessionEvent = Exclude<NonNullable<SessionResponse["event"]>, { $case: "ready" }>;
+
+/** A session as it is on one server: the next one after a loss has the next epoch. */
+export class SessionStream {
+  private constructor(
+    private readonly call: ClientDuplexStream<SessionRequest, SessionResponse>,
+    private readonly responses: AsyncGenerator<SessionResponse>,
+    private readonly epoch: number,
+    readonly ready: SessionReady,
+  ) {}
+
+  /**
+   * Sets one up, and waits until it is ready.
+   *
+   * @param withinMs after which the server counts as lost; default: whenever it is ready.
+   */
+  static async open(
+    connection: Connection,
+    setup: SessionSetup,
+    signal?: AbortSignal,
+    withinMs?: number,
+  ): Promise<SessionStream> {
+    const call = duplex(connection, SolverService.session, signal);
+    const responses = received(call, signal);
+    let late = false;
+    const timer = withinMs === undefined ? undefined : setTimeout(() => ((late = true), call.cancel()), withinMs);
+    try {
+      call.write({ request: { $case: "setup", value: setup } });
+      const { value } = await responses.next();
+      const event = value?.event;
+      if (event?.$case === "ready" && (event.value.epoch === setup.epoch || event.value.epoch === 0)) {
+        return new SessionStream(call, responses, setup.epoch, event.value);
+      }
+      call.cancel();
+      throw errorOf("internal", "the server did not set the session up");
+    } catch (error) {
+      if (!late) throw error;
+      throw lost("the session was not set up in time", error);
+    } finally {
+      clearTimeout(timer);
+    }
+  }
+
+  send(update: SessionUpdate): void {
+    this.call.write({ request: { $case: "update", value: { ...update, epoch: this.epoch } } });
+  }
+
+  /** Nothing more is sent. */
+  end(): void {
+    this.call.end();
+  }
+
+  /** Gives up what is not answered. */
+  cancel(): void {
+    this.call.cancel();
+  }
+
+  /** Until the server has ended it; throws why, if that is an error. Of another epoch nothing is told. */
+  async *events(): AsyncGenerator<SessionEvent, void, undefined> {
+    for await (const { event } of this.responses) {
+      if (event === undefined || event.$case === "ready") continue;
+      // A server that does not know epochs says 0.
+      if ("epoch" in event.value && event.value.epoch !== this.ready.epoch) continue;
+      yield event;
+    }
+  }
+}

@@ -1,0 +1,155 @@
+// Calls that wait for a lost server, and for room.
+import assert from "node:assert/strict";
+
+import {
+  type BatchProblem,
+  type Client,
+  type ConnectOptions,
+  DeadlineError,
+  RefusedError,
+  UnavailableError,
+  connect,
+} from "@marble/client";
+
+import { corner, endless, long } from "../support/problems.js";
+import { Server, eventually } from "../support/server.js";
+import { test } from "../support/test.js";
+
+/** A client that its server has answered; patient, as a start takes long on some machines. */
+async function known(address: string, options: ConnectOptions = { waitMs: 60_000 }): Promise<Client> {
+  const client = connect(address, options);
+  await client.info();
+  return client;
+}
+
+test("calls wait for the restart of their server, ten seconds if nothing else is said", async () => {
+  await using server = await Server.start();
+  using client = await known(server.address, {});
+  await server.kill();
+  const answers = [client.solve(corner), client.solve(corner, { onProgress: () => undefined }), client.info()];
+  const [submitted, session] = [client.jobs.submit(corner), client.session(corner)];
+  await server.restart();
+  await Promise.all(answers);
+  assert.ok((await client.jobs.result((await submitted).jobId, { wait: true })).solved);
+  assert.ok((await (await session).update()).solved);
+  await (await session).close();
+});
+
+test("a solve that its server takes along is solved by the next one", async () => {
+  await using server = await Server.start();
+  using client = await known(server.address);
+  const answer = client.solve(long, { options: { ...endless, timeLimitS: 1 } });
+  using other = connect(server.address);
+  await eventually(async () => (await other.info()).counters.running === 1);
+  await server.restart();
+  assert.equal((await answer).status, "time_limit");
+});
+
+test("the wait ends with the client's limit, the call's deadline and its signal", async () => {
+  await using server = await Server.start();
+  using impatient = await known(server.address, { waitMs: 0 });
+  using limited = await known(server.address, { waitMs: 300 });
+  using client = await known(server.address, { waitMs: 1e9 });
+  await server.kill();
+  await assert.rejects(impatient.solve(corner), UnavailableError);
+  await assert.rejects(limited.solve(corner), UnavailableError);
+  await assert.rejects(client.solve(corner, { deadlineMs: 300 }), (error: Error) => {
+    assert.ok(error.cause instanceof UnavailableError || error.cause === undefined);
+    return error instanceof DeadlineError;
+  });
+  const controller = new AbortController();
+  const given = [
+    client.solve(corner, { signal: controller.signal }),
+    client.session(corner, { signal: controller.signal }),
+    client.batch([{ tag: 1, problem: corner }], { signal: controller.signal }).next(),
+  ];
+  controller.abort();
+  for (const call of given) await assert.rejects(call, { name: "CancelledError" });
+  assert.throws(() => connect(server.address, { waitMs: -1 }), { name: "InvalidProblemError", field: "waitMs" });
+});
+
+const many = (count: number): BatchProblem<number>[] =>
+  Array.from({ length: count }, (_, tag) => ({ tag, problem: { ...corner, c0: tag } }));
+
+/** Reads a batch to its end: each of its problems must be answered once. */
+async function answeredOnce(client: Client, count: number, after: number, then: () => Promise<unknown>): Promise<void> {
+  const tags = new Set<number>();
+  for await (const { tag, solution } of client.batch(many(count))) {
+    assert.ok(!tags.has(tag), `${tag} was answered twice`);
+    assert.ok(solution?.solved && Math.abs(solution.objective - (tag - 9)) < 1e-6);
+    tags.add(tag);
+    if (tags.size === after) await then();
+  }
+  assert.equal(tags.size, count);
+}
+
+test("a batch goes on after a restart, and sends again only what was not answered", async () => {
+  await using server = await Server.start(["--workers", "1", "--batch-window", "3"]);
+  using client = await known(server.address);
+  await answeredOnce(client, 40, 5, () => server.restart());
+  assert.ok((await client.info()).counters.answeredTotal <= 35);
+});
+
+for (const how of ["kill", "drain"] as const) {
+  test(`a batch goes on at the next address: ${how}`, async () => {
+    await using one = await Server.start(["--batch-window", "3"]);
+    await using other = await Server.start(["--batch-window", "3"]);
+    using client = await known(`${one.address},${other.address}`);
+    const probes = [one, other].map((server) => connect(server.address));
+    const answered = (probe: Client): Promise<number> => probe.info().then(({ counters }) => counters.answeredTotal);
+    await answeredOnce(client, 40, 5, async () => {
+      const [first, second] = await Promise.all(probes.map(answered));
+      assert.ok(first + second >= 5);
+      const own = first > second ? one : other;
+      if (how === "kill") return own.kill();
+      own.signal("SIGTERM");
+    });
+    probes.forEach((probe) => probe.close());
+  });
+}
+
+test("a batch that has nothing to ask waits for its source, not for the server", async () => {
+  await using server = await Server.start();
+  using client = await known(server.address, { waitMs: 500 });
+  let more = (): void => undefined;
+  const wanted = new Promise<void>((done) => (more = done));
+  async function* source(): AsyncGenerator<BatchProblem<number>> {
+    yield* many(1);
+    await wanted;
+    yield* many(1);
+  }
+  const answers = client.batch(source());
+  assert.ok((await answers.next()).value?.solution?.solved);
+  const second = answers.next();
+  await server.restart();
+  more();
+  assert.ok((await second).value?.solution?.solved);
+  assert.equal((await answers.next()).done, true);
+});
+
+test("a batch whose server does not come back ends with UnavailableError", async () => {
+  await using server = await Server.start();
+  using client = await known(server.address, { waitMs: 300 });
+  await server.kill();
+  await assert.rejects(client.batch(many(3)).next(), UnavailableError);
+});
+
+test("a submission waits for room within its deadline", async () => {
+  await using server = await Server.start(["--workers", "1", "--queue-jobs", "1", "--client-queued", "0"]);
+  using client = await known(server.address);
+  using impatient = connect(server.address, { waitMs: 0 });
+  const busy = await client.jobs.submit(long, { options: endless });
+  await eventually(async () => (await client.info()).counters.running === 1);
+  await client.jobs.submit(corner);
+  await assert.rejects(impatient.jobs.submit(corner), RefusedError);
+  await assert.rejects(client.jobs.submit(corner, { deadlineMs: 300 }), (error: Error) => {
+    assert.ok(error.cause instanceof RefusedError || error.cause === undefined);
+    return error instanceof DeadlineError;
+  });
+  const refusals = (await client.info()).counters.refusedTotal;
+  using first = connect(server.address); // whose first call that is, and which has no deadline
+  const waits = [client.jobs.submit(corner, { deadlineMs: 120_000 }), first.jobs.submit(corner)];
+  await eventually(async () => (await client.info()).counters.refusedTotal > refusals + 1);
+  await client.jobs.cancel(busy.jobId);
+  for (const { jobId } of await Promise.all(waits)) assert.ok((await client.jobs.result(jobId, { wait: true })).solved);
+});
