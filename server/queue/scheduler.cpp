@@ -15,12 +15,14 @@ constexpr double kNewest = 0.1;                           // weight of the newes
 constexpr auto kPlaces = std::chrono::milliseconds(250);  // between two looks at all places in the queue
 // Of the time until a deadline, for the answer to arrive: a tenth, but no more than a busy machine needs.
 constexpr double kForAnswer = 0.1;
-constexpr double kForAnswerS = 0.004;
+constexpr double kForAnswerS = 0.025;
 
-Error cannot_be_in_time(const Job& job, double left_s, double wait_s) {
+double for_answer_s(double left_s) { return std::min(kForAnswerS, kForAnswer * left_s); }
+
+Error cannot_be_in_time(double left_s, double wait_s, double likely_s) {
   return failure(ErrorCode::resource_exhausted, "deadline", std::to_string(left_s) + " s",
                  "leaves no time for a wait of about " + std::to_string(wait_s) + " s and a solve of about " +
-                     std::to_string(seconds(job.ticket.least_run)) + " s");
+                     std::to_string(likely_s) + " s");
 }
 
 RunEstimates::Key key_of(const Ticket& ticket) { return {ticket.client, ticket.priority, ticket.work_class}; }
@@ -115,8 +117,10 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
   if (job->ticket.expected_run_s == 0.0)
     job->ticket.expected_run_s = mean_run_s_[static_cast<std::size_t>(job->ticket.priority)];
   if (may_be_refused(job->ticket)) {
-    job->ticket.least_run =
-        std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(estimates_.likely_s(key)));
+    // What is begun should end in time, but what has little time from the first is not refused for that.
+    const double half_s = std::max(0.0, 0.5 * seconds(job->ticket.deadline - Clock::now()));
+    job->ticket.least_run = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
+        std::min(half_s, estimates_.longest_s(key) + for_answer_s(2.0 * half_s))));
   }
   if (const auto why = queue_.push(job, job->ticket, job->quota); why != QueueRefusal::none) {
     if (fits_alone(*job) && !waiter.expired()) room_waiters_.push_back(waiter);
@@ -150,12 +154,13 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
 Expected<void> Scheduler::check_deadline(const std::shared_ptr<Job>& job, double wait_s) {
   const Clock::time_point now = Clock::now();
   const double left_s = seconds(job->ticket.deadline - now);
-  const double left_for_it_s = left_s - std::min(kForAnswerS, kForAnswer * left_s);
-  if (left_s <= 0.0 || wait_s + seconds(job->ticket.least_run) <= left_for_it_s) return {};
+  const double left_for_it_s = left_s - for_answer_s(left_s);
+  const double likely_s = estimates_.likely_s(key_of(job->ticket));
+  if (left_s <= 0.0 || wait_s + likely_s <= left_for_it_s) return {};
   queue_.remove(job.get());
   const bool is_free = wait_s <= 0.0;  // a worker, with nothing better to do
   if (!is_free && (wait_s > left_for_it_s || !estimates_.may_try(key_of(job->ticket), now)))
-    return unexpected(cannot_be_in_time(*job, left_s, wait_s));
+    return unexpected(cannot_be_in_time(left_s, wait_s, likely_s));
   job->ticket.least_run = {};
   static_cast<void>(queue_.push(job, job->ticket, job->quota));  // where it has just been
   return {};
