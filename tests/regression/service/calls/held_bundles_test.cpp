@@ -105,7 +105,12 @@ TEST_F(HeldBundles, TellAClientThatReadsOnWhyTheyEnded) {
   const auto context = as(alice_);
   v1::JobBundleRequest request;
   request.set_job_id(hers);
-  const Reader reader = jobs_->Bundle(context.get(), request);
+  grpc::ChannelArguments narrow;  // or all of it may come before it is read
+  narrow.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+  narrow.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, 1 << 16);
+  const auto jobs = v1::Jobs::NewStub(
+      grpc::CreateCustomChannel(server().address(), grpc::InsecureChannelCredentials(), narrow));
+  const Reader reader = jobs->Bundle(context.get(), request);
   v1::JobBundleResponse piece;
   ASSERT_TRUE(reader->Read(&piece));
   ASSERT_TRUE(eventually([&] { return take(bob_, his).ok(); })) << "its place was not given back";
