@@ -129,7 +129,7 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
   look_at_waiting();
   const QueuePlace place = place_of(*job, busy_s());
   if (may_be_refused(job->ticket)) {
-    if (auto in_time = check_deadline(job, place.estimated_wait_s); !in_time)
+    if (auto in_time = check_deadline(job, key, place.estimated_wait_s); !in_time)
       return unexpected(in_time.error());
   }
   if (!job->ticket.reserved) {
@@ -151,15 +151,16 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
 // Takes a job out again that by what is known of jobs like it cannot end in time, unless a worker has nothing
 // else to do. Of those that an idle server could not do in time either, one a while is tried: the estimate
 // may be wrong by now.
-Expected<void> Scheduler::check_deadline(const std::shared_ptr<Job>& job, double wait_s) {
+Expected<void> Scheduler::check_deadline(const std::shared_ptr<Job>& job, const RunEstimates::Key& key,
+                                         double wait_s) {
   const Clock::time_point now = Clock::now();
   const double left_s = seconds(job->ticket.deadline - now);
   const double left_for_it_s = left_s - for_answer_s(left_s);
-  const double likely_s = estimates_.likely_s(key_of(job->ticket));
+  const double likely_s = estimates_.likely_s(key);
   if (left_s <= 0.0 || wait_s + likely_s <= left_for_it_s) return {};
   queue_.remove(job.get());
   const bool is_free = wait_s <= 0.0;  // a worker, with nothing better to do
-  if (!is_free && (wait_s > left_for_it_s || !estimates_.may_try(key_of(job->ticket), now)))
+  if (!is_free && (wait_s > left_for_it_s || !estimates_.may_try(key, now)))
     return unexpected(cannot_be_in_time(left_s, wait_s, likely_s));
   job->ticket.least_run = {};
   static_cast<void>(queue_.push(job, job->ticket, job->quota));  // where it has just been

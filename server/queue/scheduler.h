@@ -167,8 +167,8 @@ class Scheduler final : public Pulsed, public TaskRunner {
   void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] QueuePlace place_of(const Job& job, const std::vector<double>& busy_s) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  [[nodiscard]] Expected<void> check_deadline(const std::shared_ptr<Job>& job, double wait_s)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] Expected<void> check_deadline(const std::shared_ptr<Job>& job, const RunEstimates::Key& key,
+                                              double wait_s) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void learn(const Job& job, const Outcome& outcome, double run_s) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // For how long each worker is likely to be busy with what it does, in ascending order.
   [[nodiscard]] std::vector<double> busy_s() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -8,6 +8,19 @@ using marble::c::change;
 using marble::c::guarded;
 using marble::c::null;
 
+namespace {
+
+std::int32_t set_seconds(marble_call* call, double marble_call::*which, double seconds, marble_error* error) {
+  return change(call, "call", error, [&]() -> Expected<void> {
+    if (!(seconds >= 0.0))
+      return unexpected(marble::invalid("seconds", std::to_string(seconds), "must be >= 0"));
+    call->*which = seconds;
+    return {};
+  });
+}
+
+}  // namespace
+
 void Teller::report(const marble::Progress& row) {
   if (function_ == nullptr) return;
   const marble_progress told = {.iteration = row.iteration,
@@ -96,21 +109,11 @@ std::int32_t marble_call_set_request_id(marble_call* call, const char* request_i
 }
 
 std::int32_t marble_call_set_deadline(marble_call* call, double seconds, marble_error* error) {
-  return change(call, "call", error, [&]() -> Expected<void> {
-    if (!(seconds >= 0.0))
-      return unexpected(marble::invalid("seconds", std::to_string(seconds), "must be >= 0"));
-    call->deadline_s = seconds;
-    return {};
-  });
+  return set_seconds(call, &marble_call::deadline_s, seconds, error);
 }
 
 std::int32_t marble_call_set_reopen(marble_call* call, double seconds, marble_error* error) {
-  return change(call, "call", error, [&]() -> Expected<void> {
-    if (!(seconds >= 0.0))
-      return unexpected(marble::invalid("seconds", std::to_string(seconds), "must be >= 0"));
-    call->reopen_s = seconds;
-    return {};
-  });
+  return set_seconds(call, &marble_call::reopen_s, seconds, error);
 }
 
 void marble_call_cancel(marble_call* call) {

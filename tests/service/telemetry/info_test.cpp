@@ -19,6 +19,11 @@ class Info : public ServiceTest {
     EXPECT_TRUE(stub->GetInfo(&context, {}, &response).ok());
     return response;
   }
+  // What reflection tells of the file that has a symbol.
+  RawAnswer file_of(const std::string& symbol) {
+    const std::string asked = std::string("\x22") + static_cast<char>(symbol.size()) + symbol;
+    return raw_call(channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", asked);
+  }
 };
 
 TEST_F(Info, TellsEveryLimitInForce) {
@@ -147,20 +152,14 @@ TEST_F(Info, ReflectionListsTheServices) {
 
 TEST_F(Info, ReflectionKnowsTheDetailsOfErrors) {
   start();
-  const std::string symbol = "google.rpc.BadRequest";
-  const std::string file_of_symbol = std::string("\x22") + static_cast<char>(symbol.size()) + symbol;
-  const RawAnswer answer =
-      raw_call(channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", file_of_symbol);
+  const RawAnswer answer = file_of("google.rpc.BadRequest");
   ASSERT_TRUE(answer.status.ok());
   EXPECT_NE(answer.bytes.find("field_violations"), std::string::npos);
 }
 
 TEST_F(Info, ReflectionDescribesHealth) {
   start();
-  const std::string symbol = "grpc.health.v1.Health";
-  const std::string file_of_symbol = std::string("\x22") + static_cast<char>(symbol.size()) + symbol;
-  const RawAnswer answer =
-      raw_call(channel(), "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", file_of_symbol);
+  const RawAnswer answer = file_of("grpc.health.v1.Health");
   ASSERT_TRUE(answer.status.ok());
   EXPECT_NE(answer.bytes.find("HealthCheckRequest"), std::string::npos);
 }
