@@ -114,7 +114,8 @@ void take_zero(const ScaledProblem& problem, Images& images, Solution& solution)
   solution.detail += "; its numbers overflowed: z is 0";
 }
 
-// Every number of it is finite. Not solved where the run calls solved what is not.
+// Every number of it is finite. Not solved where the run calls solved what is not, and solved_reduced where
+// that is so in the scaled problem only.
 Solution answer(const ScaledProblem& problem, const Options& options, const Ending& ending, const Iterate& x,
                 const Run& run) {
   Images images(problem);

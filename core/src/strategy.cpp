@@ -44,6 +44,7 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z, const std::op
 }
 
 Strategy::Answer Strategy::run_reference(Run& run, ConstVectorRef initial_z) {
+  const PhaseScope phase(run.activity(), Phase::path);
   if (reference_ == nullptr) reference_ = std::make_unique<Reference>(problem_, kkt_, options_, branch_);
   return {reference_->run(run, initial_z), &reference_->iterate()};
 }
@@ -142,6 +143,7 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage f
     } else {
       branch_.interior.start(initial_z, branch_.point.set);
     }
+    const PhaseScope phase(run.activity(), Phase::path);
     if (incumbent_.solve_branch(run, branch_.interior)) return std::nullopt;
   }
   const bool quadratic_interrupted = quadratic && from <= Stage::quadratic && run.interrupted();
@@ -166,6 +168,7 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage f
       path_borrowed = search_.find(run, initial_z, stage_);
     }
     search_.repeat_soft_start(run, path_borrowed);
+    show_incumbent(run);
     if (path_borrowed) search_.from_penalties(run, initial_z);
     const bool exact = incumbent_.exists() && branch != PathBranch::path_is_lower;
     if (exact || (end && is_solved(end->status))) return end;
@@ -202,6 +205,7 @@ void Strategy::judge_path_point() {
 
 // A path that seems to end in a proof ends so only if there is one.
 std::optional<Ending> Strategy::follow_path(Run& run, double kappa_end) {
+  const PhaseScope phase(run.activity(), Phase::path);
   std::optional<Ending> end = path_.follow(run, kappa_end);
   const Iterate& x = end ? path_.iterate() : path_.best();
   const Violations& violations = end ? path_.violations_at() : path_.best_violations();
@@ -222,6 +226,7 @@ Strategy::PathBranch Strategy::solve_path_branch(Run& run) {
   branch_.point.start_from_path(path_.iterate());
   if (incumbent_.solve_branch(run, "path", tuning::engine_budget) == Incumbent::Outcome::not_exact)
     return PathBranch::not_exact;
+  show_incumbent(run);
   return path_is_lower(path_.feasible(), objective) ? PathBranch::path_is_lower : PathBranch::exact;
 }
 
@@ -231,9 +236,15 @@ bool Strategy::path_is_lower(bool feasible, double objective) const {
          incumbent_.best().objective > objective + tuning::path_loss * std::max(1.0, std::abs(objective));
 }
 
+void Strategy::show_incumbent(const Run& run) const {
+  if (run.activity() != nullptr && incumbent_.exists())
+    run.activity()->add_incumbent(problem_.user_objective(incumbent_.best().objective));
+}
+
 // Text is made only at the end: what ends an engine need not end the run.
 Strategy::Answer Strategy::finish_exact(Run& run) {
   const Run::Searching searching(run);
+  show_incumbent(run);
   const Run::Polishing polishing(run);
   Optimality::Verdict verdict = optimality_.judge(run);
   if (verdict.unbounded) return {unbounded_along(*std::move(verdict.unbounded)), &path_point_.x};
@@ -266,10 +277,16 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   const bool convex = known_convex || tree.end != TreeResult::End::none;
   std::optional<Multistart> elsewhere;
   if (!convex) elsewhere.emplace(problem_, kkt_, branch_.point, incumbent_);
-  const auto settle = [&] { static_cast<void>(optimality_.judge(run)); };
+  const auto settle = [&] {
+    static_cast<void>(optimality_.judge(run));
+    show_incumbent(run);
+  };
   const auto start_elsewhere = [&](int count, int last) {
-    for (int start = 0; start < count && run.factorizations < last && !run.interrupted(); ++start)
+    const PhaseScope phase(run.activity(), Phase::starts);
+    for (int start = 0; start < count && run.factorizations < last && !run.interrupted(); ++start) {
+      run.set_done(Phase::starts, start, count);
       if (elsewhere->next(run, std::min(last, run.factorizations + options_.local_search_budget))) settle();
+    }
   };
   // Of a small problem a start is as many places as the budget has.
   const auto start_small = [&] {
@@ -296,6 +313,7 @@ TreeResult Strategy::search_small_tree(Run& run, ConstVectorRef z, bool known_co
         std::max(1.0 / problem_.cost_scale, std::abs(problem_.user_objective(incumbent_.best().objective)));
     few.gap_tolerance *= std::min(1.0, size);
   }
+  const PhaseScope phase(run.activity(), Phase::tree);
   Tree tree(problem_, few, branch_.point, incumbent_);
   Run part = run.part(true);
   const TreeResult found = tree.search(part, z, known_convex, {tree_bytes_, 0.0, false});

@@ -99,6 +99,7 @@ class Strategy {
   [[nodiscard]] PathBranch solve_path_branch(Run& run);
   [[nodiscard]] bool path_is_lower(bool feasible, double objective) const;
   [[nodiscard]] Answer finish_exact(Run& run);
+  void show_incumbent(const Run& run) const;
   [[nodiscard]] bool is_small(const Run& run) const;
   [[nodiscard]] Answer finish_cold(Run& run, bool small_too);
   [[nodiscard]] TreeResult search_small_tree(Run& run, ConstVectorRef z, bool known_convex);

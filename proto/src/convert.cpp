@@ -1,5 +1,6 @@
 #include "marble/convert.h"
 
+#include <cmath>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -276,6 +277,26 @@ Violations violations_of(const v1::Violations& message) {
   return {message.equality(), message.inequality(), message.complementarity()};
 }
 
+void to_message(const Activity& activity, v1::Activity* message) {
+  message->set_phase(static_cast<v1::Phase>(static_cast<int>(activity.phase) + v1::PHASE_SETUP));
+  message->set_done(activity.done);
+  message->set_total(activity.total);
+  if (std::isfinite(activity.incumbent)) message->set_incumbent(activity.incumbent);
+  if (std::isfinite(activity.gap)) message->set_gap(activity.gap);
+  message->set_text(describe(activity));
+}
+
+Activity activity_of(const v1::Activity& message) {
+  Activity activity;
+  if (v1::Phase_IsValid(message.phase()) && message.phase() != v1::PHASE_UNSPECIFIED)
+    activity.phase = static_cast<Phase>(static_cast<int>(message.phase()) - v1::PHASE_SETUP);
+  activity.done = message.done();
+  activity.total = message.total();
+  if (message.has_incumbent()) activity.incumbent = message.incumbent();
+  if (message.has_gap()) activity.gap = message.gap();
+  return activity;
+}
+
 void to_message(const Progress& progress, v1::Progress* message) {
   message->set_iteration(progress.iteration);
   message->set_outer_iteration(progress.outer_iteration);
@@ -351,6 +372,7 @@ void to_message(const Solution& solution, v1::Solution* message) {
   times->set_line_search_s(solution.times.line_search_s);
   times->set_solve_s(solution.times.solve_s);
   times->set_polish_s(solution.times.polish_s);
+  times->set_tree_s(solution.times.tree_s);
   if (solution.sensitivity) to_message(*solution.sensitivity, message->mutable_sensitivity());
 }
 
@@ -375,7 +397,8 @@ Solution solution_of(const v1::Solution& message) {
   solution.iterations = message.iterations();
   solution.factorizations = message.factorizations();
   solution.times = {message.times().setup_s(), message.times().factorization_s(),
-                    message.times().line_search_s(), message.times().solve_s(), message.times().polish_s()};
+                    message.times().line_search_s(), message.times().solve_s(), message.times().polish_s(),
+                    message.times().tree_s()};
   if (message.has_sensitivity()) solution.sensitivity = sensitivity_of(message.sensitivity());
   return solution;
 }

@@ -70,6 +70,7 @@ void SolveStreamCall::started(double queue_s) {
     const MutexLock lock(mutex_);
     queue_s_ = queue_s;
     started_ = true;
+    slot_.started();
     if (accepted_) place_.reset();
   }
   go_on();
@@ -128,9 +129,11 @@ bool SolveStreamCall::next_event(v1::SolveStreamResponse* event) {
     levels_.pop_front();
     return true;
   }
-  if (const auto taken = over_ || slot_.due() ? slot_.take() : ProgressSlot::Rows{}; !taken.rows.empty()) {
+  const bool quiet = !over_ && slot_.is_quiet();
+  if (const auto taken = over_ || quiet || slot_.due() ? slot_.take() : ProgressSlot::Rows{};
+      quiet || !taken.rows.empty()) {
     parts_.metrics.progress_sent(taken.rows.size(), taken.newly_skipped);
-    fill_rows(taken, event->mutable_progress());
+    fill_rows(taken, *job_->record, event->mutable_progress());
     return true;
   }
   if (outcome_) {

@@ -171,8 +171,11 @@ Expected<void> set_coupled_work(const Config& config, std::shared_ptr<const v1::
   // What the work sees of the request is borrowed.
   job.work = [request = std::move(request), work = std::move(work), limits,
               told](const SolveControls& given) -> Expected<Solution> {
-    CoupledControls controls{
-        .stop = given.stop, .runner = given.runner, .setup = limits, .begun = steady_clock::now()};
+    CoupledControls controls{.stop = given.stop,
+                             .runner = given.runner,
+                             .setup = limits,
+                             .begun = steady_clock::now(),
+                             .activity = given.activity};
     if (given.begun) controls.begun = given.begun;
     if (given.progress != nullptr) {
       controls.progress = [&](const CoupledIteration& iteration) {

@@ -189,6 +189,11 @@ bool JobRecord::is_finished() const {
   return snapshot_.state == JobState::finished;
 }
 
+bool JobRecord::is_running() const {
+  const MutexLock lock(mutex_);
+  return snapshot_.state == JobState::running;
+}
+
 Options JobRecord::options() const {
   const MutexLock lock(mutex_);
   return options_;

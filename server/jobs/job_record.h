@@ -15,6 +15,7 @@
 #include "base/trace_context.h"
 #include "jobs/pair_history.h"
 #include "jobs/progress_history.h"
+#include "marble/activity.h"
 #include "marble/composite/scenarios.h"
 #include "marble/error.h"
 #include "marble/options.h"
@@ -88,6 +89,9 @@ class JobRecord final : public ProgressSink {
   void set_options(const Options& options) ABSL_LOCKS_EXCLUDED(mutex_);
   void report(const Progress& progress) override ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool wants_pairs() const override { return wants_pairs_; }
+  /// What its solve is doing.
+  [[nodiscard]] ActivityMonitor& activity() { return activity_; }
+  [[nodiscard]] const ActivityMonitor& activity() const { return activity_; }
   /// A level of a scenario solve is done.
   void add_level(const ScenarioLevel& level) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Those from number `first` on.
@@ -115,10 +119,13 @@ class JobRecord final : public ProgressSink {
 
   [[nodiscard]] JobSnapshot snapshot() const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] bool is_finished() const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] bool is_running() const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Options options() const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Trace trace() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Changes with every change, progress too.
-  [[nodiscard]] std::int64_t changes() const { return changes_.load(std::memory_order_acquire); }
+  [[nodiscard]] std::int64_t changes() const {
+    return changes_.load(std::memory_order_acquire) + activity_.changes();
+  }
   [[nodiscard]] ProgressHistory::Rows read(std::int64_t& cursor) const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Progress newest() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Nothing if its pairs are not kept, or nothing was told yet.
@@ -144,6 +151,7 @@ class JobRecord final : public ProgressSink {
   const JobDescription description_;
   const bool wants_pairs_;
   std::atomic<std::int64_t> changes_ = 0;
+  ActivityMonitor activity_;
   mutable Mutex mutex_;
   Options options_ ABSL_GUARDED_BY(mutex_);
   JobSnapshot snapshot_ ABSL_GUARDED_BY(mutex_);

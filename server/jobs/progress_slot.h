@@ -19,6 +19,8 @@ class ProgressSlot {
   /// rows of so long a time.
   static constexpr std::size_t kTogether = kMostRows / 4;
   static constexpr std::chrono::milliseconds kTogetherFor{5};
+  /// A solve without a row for so long is worth telling what it does: sooner where nothing was told yet.
+  static constexpr std::chrono::milliseconds kQuietAtFirst{50}, kQuiet{400};
 
   struct Rows {
     std::vector<Progress> rows;      ///< oldest first, without vectors
@@ -41,9 +43,16 @@ class ProgressSlot {
     newest_z_.assign(progress.z.begin(), with_iterate ? progress.z.end() : progress.z.begin());
   }
 
-  /// Another solve begins.
+  /// A worker has begun with the solve.
+  void started() {
+    const MutexLock lock(mutex_);
+    quiet_until_ = Clock::now() + kQuietAtFirst;
+  }
+
+  /// The solve is over; another one may follow.
   void reset() {
     const MutexLock lock(mutex_);
+    quiet_until_ = Clock::time_point::max();
     ring_.clear();
     oldest_ = 0;
     skipped_ = 0;
@@ -59,8 +68,16 @@ class ProgressSlot {
     skipped_before_ = skipped_;
     ring_.clear();
     oldest_ = 0;
-    if (!taken.rows.empty()) next_ = Clock::now() + kTogetherFor;
+    const Clock::time_point now = Clock::now();
+    if (!taken.rows.empty()) next_ = now + kTogetherFor;
+    if (quiet_until_ != Clock::time_point::max()) quiet_until_ = now + kQuiet;
     return taken;
+  }
+
+  /// Whether a solve goes on of which nothing was taken for a while.
+  [[nodiscard]] bool is_quiet() const {
+    const MutexLock lock(mutex_);
+    return Clock::now() >= quiet_until_;
   }
 
   /// Whether there are rows that should go out now: a first one, and one with an iterate, at once; those that
@@ -79,6 +96,7 @@ class ProgressSlot {
   std::size_t oldest_ ABSL_GUARDED_BY(mutex_) = 0;  // not 0 only while the ring is full
   std::vector<double> newest_z_ ABSL_GUARDED_BY(mutex_);
   Clock::time_point next_ ABSL_GUARDED_BY(mutex_) = {};  // when rows are due, even if few
+  Clock::time_point quiet_until_ ABSL_GUARDED_BY(mutex_) = Clock::time_point::max();
   std::int64_t skipped_ ABSL_GUARDED_BY(mutex_) = 0;
   std::int64_t skipped_before_ ABSL_GUARDED_BY(mutex_) = 0;  // by the last take
 };

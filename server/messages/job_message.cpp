@@ -44,6 +44,7 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
     message->set_queue_position(place.position);
     message->set_estimated_wait_s(place.estimated_wait_s);
   }
+  if (now.state == JobState::running) to_message(record.activity().read(), message->mutable_activity());
   if (now.error) {
     *message->mutable_error() = to_message(*now.error);
   } else if (now.status) {
@@ -70,6 +71,7 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   message->set_updates(now.updates);
   message->set_memory_bytes(now.memory_bytes);
   times->set_polish_s(now.times.polish_s);
+  times->set_tree_s(now.times.tree_s);
   message->set_result_bytes(now.result_bytes);
   message->set_detail(utf8(now.detail));
   if (what.trace) message->set_trace_id(utf8(what.trace->trace_id));
@@ -130,6 +132,7 @@ JobSnapshot snapshot_of(const v1::JobInfo& message) {
   now.times.factorization_s = times.factorization_s();
   now.times.line_search_s = times.line_search_s();
   now.times.polish_s = times.polish_s();
+  now.times.tree_s = times.tree_s();
   now.times.solve_s = times.solve_s();
   now.queue_s = times.queue_s();
   now.total_s = times.total_s();

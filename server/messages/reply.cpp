@@ -33,10 +33,12 @@ Expected<void> fill_response(const JobRecord& job, const Outcome& outcome, v1::S
   return or_out_of_memory(fill, does_not_fit);
 }
 
-void fill_rows(const ProgressSlot::Rows& taken, v1::ProgressRows* message) {
+void fill_rows(const ProgressSlot::Rows& taken, const JobRecord& record, v1::ProgressRows* message) {
   for (const Progress& row : taken.rows) to_message(row, message->add_rows());
-  message->mutable_rows()->rbegin()->mutable_z()->Assign(taken.newest_z.begin(), taken.newest_z.end());
+  if (!taken.rows.empty())
+    message->mutable_rows()->rbegin()->mutable_z()->Assign(taken.newest_z.begin(), taken.newest_z.end());
   message->set_skipped(taken.skipped);
+  to_message(record.activity().read(), message->mutable_activity());
 }
 
 }  // namespace marble::server

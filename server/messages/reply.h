@@ -17,6 +17,6 @@ void fill_solution(const Outcome& outcome, const Options& options, v1::Solution*
                                            v1::SolveResponse* response);
 
 /// The rows with the newest one's iterate.
-void fill_rows(const ProgressSlot::Rows& taken, v1::ProgressRows* message);
+void fill_rows(const ProgressSlot::Rows& taken, const JobRecord& record, v1::ProgressRows* message);
 
 }  // namespace marble::server

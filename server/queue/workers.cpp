@@ -30,6 +30,7 @@ Expected<Solution> solve(Job& job, TaskRunner& runner, Pause* pause) {
     ProgressSplitter progress(job);
     SolveControls controls;
     controls.progress = &progress;
+    controls.activity = &job.record->activity();
     controls.stop = job.stop.get_token();
     controls.runner = &runner;
     controls.pause = pause;

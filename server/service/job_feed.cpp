@@ -10,7 +10,8 @@
 namespace marble::server {
 namespace {
 
-constexpr int kMostEvents = 256;  // in one message
+constexpr int kMostEvents = 256;   // in one message
+constexpr double kQuietS = 0.4;    // for so long the one job that is watched may run without a word
 
 double seconds_since(Clock::time_point then, Clock::time_point now) {
   return std::chrono::duration<double>(now - then).count();
@@ -50,7 +51,8 @@ bool JobFeed::next_of_one(v1::WatchJobsResponse* response) {
   const Clock::time_point now = Clock::now();
   const std::int64_t changes = one_->changes();  // before the rest: what comes later is told later
   const bool finished = one_->is_finished();
-  if (changes == told_.changes && !finished) return false;
+  const bool quiet = seconds_since(told_.at, now) >= kQuietS && one_->is_running();
+  if (changes == told_.changes && !finished && !quiet) return false;
   const bool first = told_.changes < 0;
   const std::int64_t version = one_->snapshot().version;
   if (!first && version == told_.version && seconds_since(told_.at, now) < interval_s_) return false;

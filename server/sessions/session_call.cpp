@@ -248,6 +248,7 @@ std::shared_ptr<Job> SessionCall::next_job() {
   job_->work = [this, update](const SolveControls& controls) -> Expected<Solution> {
     update->taken = true;
     last_progress_s_ = -1.0;
+    if (tell_progress_) slot_.started();
     record_->set_options(update->options());
     if (update->prepares()) {
       auto prepared = solver_->prepare(update->checked(), {.stop = controls.stop});
@@ -317,16 +318,17 @@ void SessionCall::report(const Progress& progress) {
 }
 
 void SessionCall::take_rows() {
+  const bool quiet = job_ != nullptr && slot_.is_quiet();
   const ProgressSlot::Rows taken = slot_.take();
-  if (taken.rows.empty()) return;
+  if (taken.rows.empty() && !quiet) return;
   parts_.metrics.progress_sent(taken.rows.size(), taken.newly_skipped);
   v1::SessionProgress* progress = events_.emplace_back().mutable_progress();
   progress->set_sequence(solving_);
-  fill_rows(taken, progress->mutable_progress());
+  fill_rows(taken, *record_, progress->mutable_progress());
 }
 
 bool SessionCall::next_event(v1::SessionResponse* event) {
-  if (events_.empty() && slot_.due()) take_rows();
+  if (events_.empty() && (slot_.due() || slot_.is_quiet())) take_rows();
   if (events_.empty()) return false;
   *event = std::move(events_.front());
   events_.pop_front();
@@ -378,7 +380,7 @@ void SessionCall::pulse(Clock::time_point now) {
       end(failure(ErrorCode::aborted, "session_idle_s",
                   (stalled ? "no answer was read for " : "no update for ") +
                       std::to_string(std::lround(idle)) + " s"));
-    } else if (!slot_.due()) {  // rows that waited for others
+    } else if (!slot_.due() && !slot_.is_quiet()) {  // rows that waited for others
       return;
     }
   }

@@ -25,6 +25,7 @@ class Listeners final : public ProgressSink {
     if (trace_ != nullptr) trace_->report(progress);
   }
   [[nodiscard]] ProgressSink* sink() { return tells_ || trace_ != nullptr ? this : nullptr; }
+  [[nodiscard]] IterationTable& table() { return table_; }
 
  private:
   IterationTable table_;
@@ -43,7 +44,12 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
   }
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << without_controls(path) << ":\n";
   Listeners listeners(!arguments.quiet, trace);
-  SolveControls controls{listeners.sink(), std::move(stop), file->problem.initial_z};
+  std::optional<ActivityDisplay> display;
+  if (!arguments.quiet) display.emplace(listeners.table());
+  SolveControls controls{.progress = listeners.sink(),
+                         .stop = std::move(stop),
+                         .initial_z = file->problem.initial_z,
+                         .activity = display ? display->monitor() : nullptr};
   Expected<OwnedSensitivityRequest> asked;
   SensitivityRequest request;
   if (!sensitivity.is_null()) {
@@ -53,6 +59,7 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
     controls.sensitivity = &request;
   }
   const auto answer = means.solve(file->problem, options, controls);
+  display.reset();
   if (!answer) return tell_error(arguments, path, file->problem.name, answer.error(), means.remote);
   const Subject subject = subject_of(path, *file);
   std::cout << (arguments.json() ? json_line(subject, *answer) + "\n" : summary(subject, *answer))

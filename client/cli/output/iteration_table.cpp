@@ -9,10 +9,12 @@ namespace {
 
 constexpr int kRowsBetweenHeaders = 40;
 constexpr double kBetweenTreeRows_s = 0.2;
+constexpr std::chrono::milliseconds kQuiet{500}, kQuietInFile{2000};
 constexpr double kTroublesomeRegularization = 1e-8;
 constexpr const char* kBold = "\033[1m";
 constexpr const char* kYellow = "\033[33m";
 constexpr const char* kPlain = "\033[0m";
+constexpr const char* kEraseLine = "\r\033[K";
 
 }  // namespace
 
@@ -38,7 +40,38 @@ void IterationTable::tree_row(const Progress& p) {
   told_ = without_vectors(p);
 }
 
+void IterationTable::erase_line() {
+  if (open_line_) std::fputs(kEraseLine, to_);
+  open_line_ = false;
+}
+
+void IterationTable::clear() {
+  const std::scoped_lock lock(mutex_);
+  erase_line();
+  std::fflush(to_);
+}
+
+void IterationTable::show(const std::string& activity) {
+  const std::scoped_lock lock(mutex_);
+  const auto quiet = std::chrono::steady_clock::now() - written_;
+  if (isatty(fileno(to_)) == 1) {
+    if (quiet < kQuiet && !open_line_) return;
+    erase_line();
+    std::fprintf(to_, "  %s", activity.c_str());
+    open_line_ = true;
+  } else {
+    if (quiet < kQuietInFile || activity == shown_) return;
+    std::fprintf(to_, "  %s\n", activity.c_str());
+    written_ = std::chrono::steady_clock::now();
+  }
+  shown_ = activity;
+  std::fflush(to_);
+}
+
 void IterationTable::report(const Progress& p) {
+  const std::scoped_lock lock(mutex_);
+  erase_line();
+  written_ = std::chrono::steady_clock::now();
   const bool tree = p.nodes > 0;
   if (tree != tree_) rows_ = 0;
   tree_ = tree;
@@ -53,6 +86,21 @@ void IterationTable::report(const Progress& p) {
                p.violations.inequality, p.violations.complementarity, p.kkt_residual, p.kappa, p.rho,
                p.step_length, p.regularization, p.factorizations, trouble ? kPlain : "");
   told_ = without_vectors(p);
+}
+
+ActivityDisplay::ActivityDisplay(IterationTable& table)
+    : table_(table), thread_([this](const std::stop_token& stop) { run(stop); }) {}
+
+ActivityDisplay::~ActivityDisplay() {
+  thread_.request_stop();
+  thread_.join();
+  table_.clear();
+}
+
+void ActivityDisplay::run(const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  while (!wake_.wait_for(lock, stop, kQuiet, [&] { return stop.stop_requested(); }))
+    table_.show(describe(monitor_.read()));
 }
 
 }  // namespace marble::cli

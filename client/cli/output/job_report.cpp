@@ -68,6 +68,8 @@ Json to_json(const JobInfo& job) {
   json["factorization_seconds"] = job.times.factorization_s;
   json["line_search_seconds"] = job.times.line_search_s;
   json["polish_seconds"] = job.times.polish_s;
+  json["tree_seconds"] = job.times.tree_s;
+  if (job.activity) json["activity"] = describe(*job.activity);
   json["total_seconds"] = job.total_s;
   if (job.kind == JobKind::session) json["updates"] = job.updates;
   json["memory_bytes"] = job.memory_bytes;

@@ -114,6 +114,7 @@ std::string json_line(const Subject& problem, const Answer& s) {
   json["factorization_seconds"] = s.times.factorization_s;
   json["line_search_seconds"] = s.times.line_search_s;
   json["polish_seconds"] = s.times.polish_s;
+  json["tree_seconds"] = s.times.tree_s;
   json["queue_seconds"] = s.queue_s;
   if (!s.job_id.empty()) json["job_id"] = s.job_id;
   if (!s.traceparent.empty()) json["traceparent"] = s.traceparent;

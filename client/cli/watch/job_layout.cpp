@@ -60,6 +60,7 @@ std::vector<Line> origin_facts(const JobInfo& job, bool unicode) {
                              fact("client", shown_text(job.client, unicode))};
   if (!job.request_id.empty()) facts.push_back(fact("request", shown_text(job.request_id, unicode)));
   if (job.kind == JobKind::session) facts.push_back(fact("updates", std::to_string(job.updates)));
+  if (job.activity) facts.push_back(fact("now", describe(*job.activity), Style::active));
   return facts;
 }
 
@@ -94,6 +95,7 @@ std::vector<Line> time_facts(const JobInfo& job) {
   facts.push_back(fact("of it factorizations", duration_text(job.times.factorization_s)));
   facts.push_back(fact("line search", duration_text(job.times.line_search_s)));
   facts.push_back(fact("polish", duration_text(job.times.polish_s)));
+  if (job.times.tree_s > 0.0) facts.push_back(fact("tree", duration_text(job.times.tree_s)));
   return facts;
 }
 

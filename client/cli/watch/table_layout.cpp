@@ -72,7 +72,8 @@ std::string priority_text(Priority priority, int width) {
 
 std::string state_text(const JobInfo& job) {
   if (job.state == JobState::queued) return "queued " + std::to_string(job.queue_position);
-  return job.state == JobState::finished ? ending(job) : to_string(job.state);
+  if (job.state == JobState::finished) return ending(job);
+  return job.activity ? describe(*job.activity) : to_string(job.state);
 }
 
 std::string violation_text(const JobInfo& job) {

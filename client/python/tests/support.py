@@ -231,3 +231,17 @@ class Relay:
     def __exit__(self, *_: object) -> None:
         self._listener.close()
         self.cut()
+
+
+class Shown:
+    """Takes rows, and in words what the solve is doing."""
+
+    def __init__(self) -> None:
+        self.words: list[str] = []
+
+    def __call__(self, row: marble.Progress) -> None:
+        """Takes a row."""
+
+    def show(self, activity: str) -> None:
+        """Takes what the solve is doing."""
+        self.words.append(activity)

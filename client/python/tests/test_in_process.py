@@ -10,7 +10,7 @@ import threading
 
 import numpy as np
 import pytest
-from support import check, clean_environment, long_solve, random_problem, tiny, wait_until
+from support import Shown, check, clean_environment, long_solve, random_problem, tiny, wait_until
 
 import marble
 from marble.hopper import Hopper
@@ -133,6 +133,14 @@ def test_progress_is_told_on_the_caller_s_thread_and_what_it_raises_ends_the_sol
 
     with pytest.raises(ValueError):
         here.solve(problem, options=options, progress=enough)
+
+
+def test_what_a_solve_is_doing_is_told_where_no_iteration_ends(here):
+    shown = Shown()
+    handle = here.solve_async(Hopper().problem(), options={"starts": 500}, progress=shown)
+    assert wait_until(lambda: any(text.startswith("further starts: ") for text in shown.words))
+    handle.stop()
+    assert handle.result(60).status is marble.Status.CANCELLED
 
 
 def test_other_threads_run_while_one_solves(here):

@@ -7,10 +7,11 @@ import threading
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from support import check, long_solve, random_problem, tiny, wait_until
+from support import Shown, check, long_solve, random_problem, tiny, wait_until
 
 import marble
 from marble.base import tables
+from marble.hopper import Hopper
 
 
 def test_matrices_go_in_and_numpy_arrays_come_out(server):
@@ -99,6 +100,15 @@ def test_progress_is_told_on_the_calling_thread(client):
 def test_progress_can_be_shown(client, capsys):
     assert client.solve(random_problem(1), progress=True).solved
     assert "iterations" in capsys.readouterr().err
+
+
+def test_what_a_solve_is_doing_is_told_where_no_iteration_ends(client):
+    shown = Shown()
+    handle = client.solve_async(Hopper().problem(), options={"starts": 500}, progress=shown)
+    assert wait_until(lambda: any(text.startswith("further starts: ") for text in shown.words))
+    job, = [job for job in client.jobs.list().jobs if job.state is marble.JobState.RUNNING]
+    assert job.activity.startswith("further starts: ")
+    handle.cancel()
 
 
 def test_what_a_callback_raises_ends_the_solve(client):

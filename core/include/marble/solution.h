@@ -72,6 +72,7 @@ struct Times {
   double line_search_s = 0.0;    ///< trial points
   double solve_s = 0.0;          ///< the whole solve without set-up
   double polish_s = 0.0;  ///< exact solutions and the search for better branches, but for factorizations
+  double tree_s = 0.0;    ///< branch and bound over the pairs with the searches in it, likewise
 };
 
 /// All vectors in the user's units, with Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0 at a solution.

@@ -10,6 +10,7 @@
 #include <span>
 #include <stop_token>
 
+#include "marble/activity.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
@@ -44,6 +45,7 @@ struct SolveControls {
   Pause* pause = nullptr;  ///< asked whether to step aside; must outlive the solve
   /// When the time limit began to run, where the set-up is to count; else as the solve begins.
   std::optional<std::chrono::steady_clock::time_point> begun = {};
+  ActivityMonitor* activity = nullptr;  ///< shows other threads what the solve is doing
 };
 
 /// Whether an answer may be a `warm_start` of a problem of these sizes: as many entries in z and each kind of

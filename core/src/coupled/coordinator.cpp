@@ -127,6 +127,8 @@ Expected<Coordinator::End> Coordinator::iterate(int most, bool may_unblock) {
     const auto solved = tick();
     if (!solved) return unexpected(solved.error());
     const bool agreed = *solved && measure();
+    if (controls_.activity != nullptr)
+      controls_.activity->set_done(Phase::coupled, iterations_, options_.max_iterations);
     if (*solved && controls_.progress) controls_.progress(state_.last);
     if (agreed) return End::agreed;
     const double apart = *solved ? std::max(state_.last.coupling_violation, state_.last.step / proximal_)
@@ -450,6 +452,7 @@ Expected<Coordination> coordinate(BlockTicks& blocks, std::span<const double> to
   const bool knows_sides = controls.start != nullptr && !controls.start->blocks.empty();
   if (options.freeze_after == 0 && !knows_sides)
     return unexpected(invalid("freeze_after", "0", "must be >= 1 without a start that knows the sides"));
+  const PhaseScope phase(controls.activity, Phase::coupled, options.max_iterations);
   return or_out_of_memory([&] { return Coordinator(blocks, total, options, controls).run(); });
 }
 

@@ -76,6 +76,7 @@ PairTree::End Feasibility::search_tree(Run& run, ConstVectorRef z, int last_fact
 }
 
 Feasibility::End Feasibility::run(Run& run, ConstVectorRef z) {
+  const PhaseScope phase(run.activity(), Phase::feasibility);
   const Run::Polishing polishing(run);
   const int begin = run.factorizations;
   const int last = begin + options_.feasibility_budget;

@@ -107,6 +107,7 @@ PairTree::End PairTree::run(Run& run, ConstVectorRef z, int last_factorization, 
   WorkingSet branch(problem_);
   do {
     const Node node = solve(run, last_factorization);
+    run.set_done(Phase::feasibility, nodes_);
     if (run.interrupted() || run.factorizations >= last_factorization) return End::stopped;
     if (node == Node::failed) proved_ = false;
     if (node != Node::feasible) continue;

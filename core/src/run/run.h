@@ -32,11 +32,17 @@ class Run {
   std::int32_t told_iteration = -1;  // the last one a sink was told of
   Times times;
 
-  /// Counts the time of a scope as polishing, but for what is counted elsewhere; the outermost one counts.
+  /// Counts the time of a scope as polishing, or as another part, but for what is counted elsewhere; the
+  /// outermost one counts.
   class Polishing {
    public:
-    explicit Polishing(Run& run)
-        : run_(run), outermost_(!run.polishing_), begun_(run.now()), counted_s_(counted_s()) {
+    explicit Polishing(Run& run, double Times::*into = &Times::polish_s)
+        : phase_(run.activity(), Phase::local_search),
+          run_(run),
+          into_(into),
+          outermost_(!run.polishing_),
+          begun_(run.now()),
+          counted_s_(counted_s()) {
       run.polishing_ = true;
     }
     Polishing(const Polishing&) = delete;
@@ -45,7 +51,7 @@ class Run {
       if (!outermost_) return;
       // Searches that went on at once may have factored for longer than the scope lasted.
       const double rest = seconds(run_.now() - begun_) - (counted_s() - counted_s_);
-      run_.times.polish_s += std::max(0.0, rest);
+      run_.times.*into_ += std::max(0.0, rest);
       run_.polishing_ = false;
     }
 
@@ -53,7 +59,9 @@ class Run {
     // A soft start takes steps of the path too.
     [[nodiscard]] double counted_s() const { return run_.times.factorization_s + run_.times.line_search_s; }
 
+    PhaseScope phase_;
     Run& run_;
+    double Times::*into_;
     bool outermost_;
     Clock::time_point begun_;
     double counted_s_;
@@ -81,6 +89,10 @@ class Run {
   };
 
   [[nodiscard]] ProgressSink* sink() const { return silent_ ? nullptr : controls_.progress; }
+  [[nodiscard]] ActivityMonitor* activity() const { return silent_ ? nullptr : controls_.activity; }
+  void set_done(Phase phase, std::int64_t done, std::int64_t total = 0) const {
+    if (activity() != nullptr) activity()->set_done(phase, done, total);
+  }
   [[nodiscard]] TaskRunner* runner() const { return silent_ ? nullptr : controls_.runner; }
 
   /// A run of its own for one search, which counts from here; a silent one tells no
@@ -101,6 +113,8 @@ class Run {
     nonconvex = nonconvex || part.nonconvex;
     times.factorization_s += part.times.factorization_s;
     times.line_search_s += part.times.line_search_s;
+    times.polish_s += part.times.polish_s;
+    times.tree_s += part.times.tree_s;
   }
   [[nodiscard]] Clock::time_point now() const { return interrupt_.now(); }
   [[nodiscard]] double elapsed_s() const { return seconds(now() - start_); }

@@ -101,6 +101,7 @@ class Levels {
         progress_(controls.progress) {}
 
   Expected<ScenarioAnswer> run() {
+    const PhaseScope phase(controls_.activity, Phase::scenarios, most_);
     std::int64_t count = std::min(settings_.first_scenarios, most_);
     for (double size = static_cast<double>(settings_.first_scenarios);;) {
       if (auto drawn = draw(1); !drawn) return unexpected(drawn.error());
@@ -125,6 +126,7 @@ class Levels {
       }
       if (!is_solved(solution->status)) return end_unsolved(level, *solution);
       keep(level, *std::move(solution));
+      if (controls_.activity != nullptr) controls_.activity->set_done(Phase::scenarios, count, most_);
       size = std::max(size * settings_.growth, static_cast<double>(count) + 1.0);
       const std::int64_t next =
           size >= static_cast<double>(most_) ? most_ : static_cast<std::int64_t>(std::ceil(size));
@@ -234,6 +236,7 @@ class Levels {
                                 ScenarioLevel& level) {
     if (auto set = solver.set_options(options); !set) return unexpected(set.error());
     SolveControls controls = controls_;
+    controls.activity = nullptr;  // it shows the levels
     controls.warm_start = start;
     controls.begun = begun_;
     controls.progress = progress_.sink();
@@ -268,6 +271,7 @@ class Levels {
     total_.times.factorization_s += solution.times.factorization_s;
     total_.times.line_search_s += solution.times.line_search_s;
     total_.times.polish_s += solution.times.polish_s;
+    total_.times.tree_s += solution.times.tree_s;
     total_.times.solve_s += solution.times.solve_s;
   }
 

@@ -156,8 +156,11 @@ int BranchSearch::repeat(Run& run, int first, int most_factorizations) {
 }
 
 void BranchSearch::start_further(Run& run, const std::function<void()>& settle) {
-  while (further_ < options_.starts && incumbent_.exists() && !run.interrupted())
+  const PhaseScope phase(run.activity(), Phase::starts);
+  while (further_ < options_.starts && incumbent_.exists() && !run.interrupted()) {
+    run.set_done(Phase::starts, further_, options_.starts);
     static_cast<void>(start_round(run, std::min(options_.starts - further_, tuning::further_round), settle));
+  }
 }
 
 bool BranchSearch::start_round(Run& run, int count, const std::function<void()>& settle) {

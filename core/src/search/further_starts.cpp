@@ -27,7 +27,7 @@ double FurtherStarts::extra_bytes(const Options& options, double engine_bytes) {
   return engine_bytes * std::max(0, std::min(options.starts - 1, tuning::further_round) - 1);
 }
 
-void FurtherStarts::make(Attempt& attempt) const {
+void FurtherStarts::make(Attempt& attempt) {
   Run& run = *attempt.run;
   if (run.interrupted()) return;
   try {
@@ -39,6 +39,7 @@ void FurtherStarts::make(Attempt& attempt) const {
   } catch (const std::bad_alloc&) {
     attempt.out_of_memory = true;
   }
+  whole_->set_done(Phase::starts, ++made_, options_.starts);
 }
 
 // For all searches that go on at once but one, with the problem's present values. False if one is refused.
@@ -72,6 +73,8 @@ bool FurtherStarts::round(Run& run, const SearchPlan& plan, int first, int count
     attempt.run.emplace(run.part(searches > 1));
     attempt.succeeded = attempt.out_of_memory = false;
   }
+  whole_ = &run;
+  made_ = first;
   const std::span<const std::function<void()>> tasks(tasks_.data(), searches);
   if (at_once) {
     run.runner()->run(tasks);

@@ -4,6 +4,7 @@
 // know of each other, so that they may run at once: which threads run them, and when, changes nothing.
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -51,7 +52,7 @@ class FurtherStarts {
     bool succeeded = false, out_of_memory = false;
   };
   [[nodiscard]] bool make_engines(Run& run, std::size_t count);
-  void make(Attempt& attempt) const;
+  void make(Attempt& attempt);
 
   const ScaledProblem& problem_;
   const Options& options_;
@@ -61,6 +62,8 @@ class FurtherStarts {
   std::vector<Attempt> attempts_;
   std::vector<std::function<void()>> tasks_;  // each makes one attempt
   Reporter reporter_;
+  const Run* whole_ = nullptr;  // of the round, while one goes on
+  std::atomic<int> made_ = 0;   // starts before it, and those of it that are done
 };
 
 }  // namespace marble

@@ -40,7 +40,8 @@ Tree::Tree(const ScaledProblem& problem, const Options& options, BranchPoint& po
       expansions_(tuning::tree_round) {}
 
 TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, const Room& room, Improve improve) {
-  const Run::Polishing polishing(run);
+  const PhaseScope phase(run.activity(), Phase::tree);
+  const Run::Polishing polishing(run, &Times::tree_s);
   improve_ = std::move(improve);
   until_improving_ = between_improving_ = tuning::tree_rounds_between_starts;
   TreeResult result = explore(run, z, known_convex, room);

@@ -3,6 +3,7 @@
 
 #include <limits>
 
+#include "marble/activity.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
@@ -102,6 +103,8 @@ void take_tree(const Message& message, Told& told) {
   if constexpr (requires { told.warm_nodes; }) told.warm_nodes = message.warm_nodes();
 }
 
+void to_message(const Activity& activity, v1::Activity* message);
+[[nodiscard]] Activity activity_of(const v1::Activity& message);
 /// Everything but z, which is sent only where it was asked for.
 void to_message(const Progress& progress, v1::Progress* message);
 /// z views the message, which must outlive it.

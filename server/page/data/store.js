@@ -73,7 +73,7 @@ function toLevel({ scenarios, status, objective, factorizations, seconds: took, 
 }
 
 function toTimes(times) {
-  const parts = ["queue", "setup", "factorization", "line_search", "polish", "solve", "total"];
+  const parts = ["queue", "setup", "factorization", "line_search", "polish", "tree", "solve", "total"];
   return Object.fromEntries(parts.map((part) => [part, number(times[`${part}_s`])]));
 }
 

@@ -5,13 +5,14 @@ import { duration, percent } from "../base/format.js";
 
 /** [name, seconds, colour] in the order of time; the rests are what no part accounts for. */
 export function partsOf(times) {
-  const inside = times.factorization + times.line_search + times.polish;
+  const inside = times.factorization + times.line_search + times.polish + times.tree;
   return [
     ["queue", times.queue, "--grey"],
     ["set-up", times.setup, "--purple"],
     ["factorization", times.factorization, "--blue"],
     ["line search", times.line_search, "--orange"],
     ["polish and local search", times.polish, "--green"],
+    ["branch and bound", times.tree, "--yellow"],
     ["rest of the solve", Math.max(0, times.solve - inside), "--teal"],
     ["rest of the whole", Math.max(0, times.total - times.queue - times.setup - times.solve), "--red"],
   ];

@@ -1,4 +1,6 @@
 // SolveStream: events in order, cancellation, and readers that do not keep up.
+#include "marble/convert.h"
+#include "marble/examples.h"
 #include "service_test.h"
 
 namespace marble::testing {
@@ -6,6 +8,12 @@ namespace {
 
 class SolveStream : public ServiceTest {
  protected:
+  static v1::SolveRequest with_starts(int starts) {
+    v1::SolveRequest request;
+    to_message(examples::hopper({.steps = 40}).view(), request.mutable_problem());
+    request.mutable_options()->set_starts(starts);
+    return request;
+  }
   /// A client of this kind is killed while its solve runs.
   void expect_free_after_kill(const std::vector<std::string>& kind) {
     const TemporaryDirectory directory;
@@ -35,6 +43,27 @@ TEST_F(SolveStream, TellsAcceptedThenStartedThenProgressThenTheResult) {
   ASSERT_TRUE(events.back().has_result());
   EXPECT_EQ(events.back().result().job_id(), events[0].accepted().job_id());
   EXPECT_EQ(events.back().result().solution().status(), v1::STATUS_SOLVED);
+}
+
+// Further starts have no iterations of their own to tell.
+TEST_F(SolveStream, TellsWhatItDoesWhereNoIterationEnds) {
+  start();
+  v1::SolveRequest request = with_starts(500);
+  Stream stream(solver(), request);
+  std::optional<v1::Activity> quiet;
+  while (const auto event = stream.next()) {
+    if (!event->has_progress()) continue;
+    ASSERT_TRUE(event->progress().has_activity());
+    const v1::Activity& activity = event->progress().activity();
+    if (event->progress().rows_size() > 0 || activity.phase() != v1::PHASE_STARTS) continue;
+    quiet = activity;
+    break;
+  }
+  ASSERT_TRUE(quiet.has_value());
+  EXPECT_EQ(quiet->total(), 500);
+  EXPECT_TRUE(quiet->has_incumbent());
+  EXPECT_EQ(quiet->text().rfind("further starts: ", 0), 0U) << quiet->text();
+  stream.cancel();
 }
 
 TEST_F(SolveStream, ProgressAdvancesAndCountsWhatItSkipped) {

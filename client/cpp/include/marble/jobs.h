@@ -90,6 +90,7 @@ struct JobInfo {
   std::string trace_id;          ///< of the W3C traceparent that came with it; may be empty
   std::string server;            ///< of servers that share a store: that runs it, or ran it last; else empty
   double finished_unix_s = 0.0;  ///< seconds since 1970, UTC; 0 while it has not
+  std::optional<Activity> activity;  ///< what it is doing, while it runs on the server that was asked
 };
 
 /// What a job did, oldest first; of a long one every `stride`-th iteration and the newest. Rows have no z.

@@ -51,8 +51,8 @@ JobInfo job_info(const v1::JobInfo& m) {
   take_tree(m, job);
   job.proved = m.proved();
   const v1::Times& times = m.times();
-  job.times = {times.setup_s(), times.factorization_s(), times.line_search_s(), times.solve_s(),
-               times.polish_s()};
+  job.times = {times.setup_s(), times.factorization_s(), times.line_search_s(),
+               times.solve_s(), times.polish_s(),        times.tree_s()};
   job.queue_s = times.queue_s();
   job.total_s = times.total_s();
   job.updates = m.updates();
@@ -63,6 +63,7 @@ JobInfo job_info(const v1::JobInfo& m) {
   job.trace_id = m.trace_id();
   job.server = m.server();
   job.finished_unix_s = m.finished_unix_s();
+  if (m.has_activity()) job.activity = activity_of(m.activity());
   return job;
 }
 

@@ -14,6 +14,8 @@ void SolveEvents::take(const v1::SolveStreamResponse& event) {
     call_.started(event.started().queue_s());
   } else if (event.has_progress()) {
     skipped_ = event.progress().skipped();
+    if (activity_ != nullptr && event.progress().has_activity())
+      activity_->set(activity_of(event.progress().activity()));
     if (progress_ == nullptr) return;
     for (const v1::Progress& row : event.progress().rows()) progress_->report(progress_of(row));
   } else if (event.has_result()) {

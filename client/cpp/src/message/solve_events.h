@@ -4,6 +4,7 @@
 #include <optional>
 #include <stop_token>
 
+#include "marble/activity.h"
 #include "marble/call_controls.h"
 #include "marble/error.h"
 #include "marble/progress.h"
@@ -13,13 +14,15 @@
 namespace marble::client {
 
 /// Whether anybody wants to be told of more than the answer: it takes a stream.
-[[nodiscard]] inline bool wants_events(const ProgressSink* progress, const CallControls& call) {
-  return progress != nullptr || call.accepted || call.moved || call.started;
+[[nodiscard]] inline bool wants_events(const ProgressSink* progress, const ActivityMonitor* activity,
+                                       const CallControls& call) {
+  return progress != nullptr || activity != nullptr || call.accepted || call.moved || call.started;
 }
 
 class SolveEvents {
  public:
-  SolveEvents(ProgressSink* progress, const CallControls& call) : progress_(progress), call_(call) {}
+  SolveEvents(ProgressSink* progress, ActivityMonitor* activity, const CallControls& call)
+      : progress_(progress), activity_(activity), call_(call) {}
 
   /// Hands it to whoever wants to be told.
   void take(const v1::SolveStreamResponse& event);
@@ -28,6 +31,7 @@ class SolveEvents {
 
  private:
   ProgressSink* progress_;
+  ActivityMonitor* activity_;
   const CallControls& call_;
   std::optional<RemoteSolution> answer_;
   std::int64_t skipped_ = 0;
@@ -35,10 +39,11 @@ class SolveEvents {
 
 /// Reads a stream to its end: each event goes to `also` first, then to whoever wants to be told.
 template <class Reader, class Also>
-Expected<RemoteSolution> read_events(Reader& reader, ProgressSink* progress, const CallControls& call,
-                                     const std::stop_token& stop, const Also& also) {
+Expected<RemoteSolution> read_events(Reader& reader, ProgressSink* progress, ActivityMonitor* activity,
+                                     const CallControls& call, const std::stop_token& stop,
+                                     const Also& also) {
   v1::SolveStreamResponse event;
-  SolveEvents events(progress, call);
+  SolveEvents events(progress, activity, call);
   while (reader.Read(&event)) {
     also(event);
     events.take(event);

@@ -25,8 +25,8 @@ class RemotePending final : public PendingSolution::State,
         request_(std::move(request)),
         call_(std::move(call)),
         stop_(controls.stop),
-        tells_(wants_events(controls.progress, call_)),
-        events_(controls.progress, call_) {}
+        tells_(wants_events(controls.progress, controls.activity, call_)),
+        events_(controls.progress, controls.activity, call_) {}
 
   // A unary call where nobody wants to be told: gRPC can repeat it elsewhere until it is answered.
   [[nodiscard]] Expected<void> begin() {

@@ -21,7 +21,7 @@ Expected<RemoteScenarios> solve_scenarios_there(const Connection& connection, co
   const auto reader = connection.solver().SolveScenarios(&context, *request);
   v1::SolveResponse result;
   const auto last =
-      read_events(*reader, controls.progress, call, controls.stop, [&](const v1::SolveStreamResponse& event) {
+      read_events(*reader, controls.progress, controls.activity, call, controls.stop, [&](const v1::SolveStreamResponse& event) {
         if (event.has_level() && settings.level) settings.level(scenario_level_of(event.level()));
         if (event.has_result()) result = event.result();
       });

@@ -21,7 +21,7 @@ Expected<RemoteSolution> streamed(const Connection& connection, const v1::SolveS
                                   grpc::ClientContext& context, const SolveControls& controls,
                                   const CallControls& call) {
   const auto reader = connection.solver().SolveStream(&context, request);
-  return read_events(*reader, controls.progress, call, controls.stop, [](const auto&) {});
+  return read_events(*reader, controls.progress, controls.activity, call, controls.stop, [](const auto&) {});
 }
 
 }  // namespace
@@ -36,7 +36,7 @@ Expected<RemoteSolution> solve_there(const Connection& connection, const Problem
       !ready)
     return unexpected(ready.error());
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
-  auto answer = wants_events(controls.progress, call)
+  auto answer = wants_events(controls.progress, controls.activity, call)
                     ? streamed(connection, *request, context, controls, call)
                     : unary(connection, request->solve(), context, controls.stop);
   if (answer) answer->traceparent = returned_traceparent(context);

@@ -80,7 +80,8 @@ py::dict run(const Options& options, const Call& call, const Solve& solve, Late 
   const SolveControls controls{.progress = teller.sink(),
                                .stop = source.get_token(),
                                .warm_start = call.warm_start ? &*call.warm_start : nullptr,
-                               .sensitivity = call.derivatives ? &call.derivatives->request : nullptr};
+                               .sensitivity = call.derivatives ? &call.derivatives->request : nullptr,
+                               .activity = call.stop ? &call.stop->activity : nullptr};
   std::optional<Expected<Solution>> outcome;
   {
     std::optional<CtrlC> ctrl_c;
@@ -97,9 +98,10 @@ py::dict run(const Options& options, const Call& call, const Solve& solve, Late 
 }
 
 void bind_calls(py::module_& m) {
-  py::class_<Stop, std::shared_ptr<Stop>>(m, "Stop").def(py::init<>()).def("request", [](Stop& stop) {
-    stop.source.request_stop();
-  });
+  py::class_<Stop, std::shared_ptr<Stop>>(m, "Stop")
+      .def(py::init<>())
+      .def("request", [](Stop& stop) { stop.source.request_stop(); })
+      .def("activity", [](const Stop& stop) { return describe(stop.activity.read()); });
   py::class_<Call>(m, "Call").def(
       py::init([](std::optional<double> deadline_s, py::object tell, double interval_s,
                   std::int32_t iterate_every, std::shared_ptr<Stop> stop, bool main_thread,

@@ -16,9 +16,10 @@
 
 namespace marble::python {
 
-/// Whether a solve under way shall end; anybody may ask for it.
+/// Whether a solve under way shall end, which anybody may ask for; and what it is doing.
 struct Stop {
   std::stop_source source;
+  ActivityMonitor activity;
 };
 
 /// Calls Python's functions from a solve that runs without the GIL, from any of its threads. What one of them

@@ -103,7 +103,7 @@ void solve_by(const py::object& open, const Options& options, Teller& teller, Ta
 }
 
 CoupledControls controls_of(const SolveControls& given) {
-  CoupledControls controls{.stop = given.stop};
+  CoupledControls controls{.stop = given.stop, .activity = given.activity};
   if (given.progress != nullptr) {
     controls.progress = [sink = given.progress,
                          begun = std::chrono::steady_clock::now()](const CoupledIteration& iteration) {

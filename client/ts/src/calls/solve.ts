@@ -56,8 +56,11 @@ export type SolveEvent =
   | { type: "accepted"; jobId: string; queuePosition: number; estimatedWaitS: number }
   | { type: "queued"; queuePosition: number; estimatedWaitS: number }
   | { type: "started"; queueS: number }
-  /** The iterations since the last such event, and how many were dropped so far because they were not taken fast enough. */
-  | { type: "progress"; rows: Progress[]; skipped: number }
+  /**
+   * The iterations since the last such event, how many were dropped so far because they were not taken fast enough, and
+   * in words what the solve is doing. One without iterations comes about twice a second while none ends.
+   */
+  | { type: "progress"; rows: Progress[]; skipped: number; activity: string }
   | { type: "result"; solution: Solution };
 
 export async function solve(connection: Connection, problem: Problem, controls: SolveControls): Promise<Solution> {
@@ -158,7 +161,12 @@ function eventOf({ event }: SolveStreamResponse, skipped: number): SolveEvent | 
     case "started":
       return { type: "started", ...event.value };
     case "progress":
-      return { type: "progress", rows: event.value.rows.map(progressOf), skipped: event.value.skipped };
+      return {
+        type: "progress",
+        rows: event.value.rows.map(progressOf),
+        skipped: event.value.skipped,
+        activity: event.value.activity?.text ?? "",
+      };
     case "result":
       return { type: "result", solution: new Solution(event.value.jobId, expect(event.value.solution), skipped) };
     default:

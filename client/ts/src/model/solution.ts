@@ -169,5 +169,5 @@ export class Solution {
 }
 
 export function timesOf(message: TimesMessage | undefined): Times {
-  return message ?? { queueS: 0, setupS: 0, factorizationS: 0, lineSearchS: 0, solveS: 0, totalS: 0, polishS: 0 };
+  return message ?? { queueS: 0, setupS: 0, factorizationS: 0, lineSearchS: 0, solveS: 0, totalS: 0, polishS: 0, treeS: 0 };
 }

@@ -116,6 +116,7 @@ struct CoupledControls {
   const CoupledStart* start = nullptr;  ///< must outlive the call
   /// When the time limit began to run; else as the solve begins.
   std::optional<std::chrono::steady_clock::time_point> begun = {};
+  ActivityMonitor* activity = nullptr;  ///< as SolveControls has it
 };
 
 /// What the coordinator asks of a block.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 from collections.abc import Callable
 from typing import Any, TextIO
 
@@ -11,11 +12,13 @@ from marble.model.solution import Progress
 
 
 class ProgressLine:
-    """Shows the newest row of a solve on one line of a terminal."""
+    """Shows the newest row of a solve on one line of a terminal, and what it is doing where that is known."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = stream if stream is not None else sys.stderr
         self._bar: Any = None
+        self._mutex = threading.Lock()  # in process what it is doing comes from another thread than the rows
+        self._row, self._doing, self._iterations = "", "", 0
         try:
             from tqdm.auto import tqdm
         except ImportError:
@@ -25,12 +28,28 @@ class ProgressLine:
     def __call__(self, row: Progress) -> None:
         """Takes a row."""
         worst = max(row.violations.equality, row.violations.inequality, row.violations.complementarity)
-        text = f"objective {row.objective:.6g}, violation {worst:.1e}, kkt {row.kkt_residual:.1e}"
+        with self._mutex:
+            if row.nodes:
+                self._row = f"best {row.incumbent:.6g}, bound {row.bound:.6g}, gap {row.gap:.1e}, {row.nodes} nodes"
+            else:
+                self._row = f"objective {row.objective:.6g}, violation {worst:.1e}, kkt {row.kkt_residual:.1e}"
+            self._iterations = row.iteration
+            self._write(refresh=False)
+
+    def show(self, activity: str) -> None:
+        """Takes in words what the solve is doing."""
+        with self._mutex:
+            if activity != self._doing:
+                self._doing = activity
+                self._write(refresh=True)
+
+    def _write(self, refresh: bool) -> None:
+        text = "; ".join(part for part in (self._doing, self._row) if part)
         if self._bar is not None:
-            self._bar.set_postfix_str(text, refresh=False)
-            self._bar.update(max(0, row.iteration - self._bar.n))
+            self._bar.set_postfix_str(text, refresh=refresh)
+            self._bar.update(max(0, self._iterations - self._bar.n))
         else:
-            self._stream.write(f"\r\033[K{row.iteration} iterations, {text}")
+            self._stream.write(f"\r\033[K{self._iterations} iterations, {text}")
             self._stream.flush()
 
     def close(self) -> None:

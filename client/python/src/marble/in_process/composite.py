@@ -63,7 +63,7 @@ def solve_scenarios(problem: LCQP | Problem, wish: Scenarios, call: Call,
             for one, moves in drawn.quantities])
     tell_level = None if level is None else lambda told: level(_level(told))
     stop = stop or solver.core().Stop()
-    with solver.faults(), under_way(stop):
+    with solver.faults(), under_way(stop), solver.showing(stop, tell):
         told = solver.core().solve_scenarios(lcqp, solver.option_values(call.options), asked, tell_level,
                                              solver.core_call(lcqp, call, tell, deadline, stop))
     outcome = told.pop("scenarios")
@@ -81,7 +81,7 @@ def solve_coupled(wish: Coupled, settings: Mapping[str, Any], call: Call, tell: 
     chosen, checked = _settings(settings), coupled.checked(wish)
     stop = stop or solver.core().Stop()
     accompanied = solver.core_call(checked.blocks[0][0], call, tell, deadline, stop)
-    with solver.faults(), under_way(stop):
+    with solver.faults(), under_way(stop), solver.showing(stop, tell):
         told = solver.core().solve_coupled(list(checked.blocks), checked.total, checked.prices,
                                            solver.option_values(call.options), chosen, open_block, accompanied)
     coordination, prices = _coordination(told.pop("coupled")), np.asarray(told.pop("prices"))
@@ -94,7 +94,7 @@ def solve_in_pieces(problem: LCQP | Problem, wish: Pieces, settings: Mapping[str
     lcqp = _without_start(compiled(problem), "coupled problems")
     chosen, stages, cut = _settings(settings), coupled.stages_of(lcqp, wish), tied.cut(wish)
     stop = stop or solver.core().Stop()
-    with solver.faults(), under_way(stop):
+    with solver.faults(), under_way(stop), solver.showing(stop, tell):
         told = solver.core().solve_in_pieces(lcqp, stages, cut.pieces, cut.look_ahead,
                                              solver.option_values(call.options), chosen, open_block,
                                              solver.core_call(lcqp, call, tell, deadline, stop))

@@ -26,6 +26,7 @@ from marble.model.problem import Problem, compiled, in_terms_of
 from marble.model.solution import PointOrigin, Progress, SecondOrder, Solution, Stationarity, Times, Violations
 
 IN_PROCESS: Final = "in process"
+SHOWN_EVERY_S: Final = 0.5
 _VECTORS: Final = ("z", "y", "nu", "xi", "eta", "certificate")
 _STATUSES: Final = {status.value: status for status in Status}
 _STATIONARITIES: Final = {kind.value: kind for kind in Stationarity}
@@ -50,6 +51,28 @@ def faults() -> Iterator[None]:
         yield
     except core().Fault as fault:
         raise errors.from_core(*fault.args) from None
+
+
+@contextlib.contextmanager
+def showing(stop: Any, tell: Any) -> Iterator[None]:
+    """While it lasts, a method `show` of what takes the rows is given twice a second, in words, what the solve does."""
+    show = getattr(tell, "show", None)
+    if show is None:
+        yield
+        return
+    over = threading.Event()
+
+    def watch() -> None:
+        while not over.wait(SHOWN_EVERY_S):
+            show(stop.activity())
+
+    watcher = threading.Thread(target=watch, name="marble-activity", daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        over.set()
+        watcher.join()
 
 
 class NoServer:
@@ -137,7 +160,7 @@ def stoppable(problem: LCQP, call: Call, tell: Callable[[Progress], object] | No
     """Solves on this thread. Whoever has `stop` ends it, with the status CANCELLED."""
     stop = stop or core().Stop()
     options, accompanied = option_values(call.options), core_call(problem, call, tell, deadline, stop)
-    with faults(), under_way(stop):
+    with faults(), under_way(stop), showing(stop, tell):
         told = core().solve(problem, options, accompanied)
     return solution(told, problem)
 

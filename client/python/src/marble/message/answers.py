@@ -39,7 +39,7 @@ def _violations(message: Any) -> Violations:
 
 def _times(message: Any) -> Times:
     return Times(message.queue_s, message.setup_s, message.factorization_s, message.line_search_s, message.polish_s,
-                 message.solve_s, message.total_s)
+                 message.solve_s, message.total_s, message.tree_s)
 
 
 def _tree(message: Any) -> dict[str, Any]:
@@ -136,10 +136,13 @@ def read(data: bytes, problem: LCQP, tell: Callable[[Progress], object] | None,
 
 
 def tell_rows(event: Any, tell: Callable[[Progress], object] | None) -> None:
-    """The rows of an event of progress."""
+    """The rows of an event of progress, and to a method `show` what the solve is doing, in words."""
     if tell is not None:
         for row in event.progress.rows:
             tell(progress(row))
+        show = getattr(tell, "show", None)
+        if show is not None and event.progress.activity.text:
+            show(event.progress.activity.text)
 
 
 def progress(row: Any) -> Progress:
@@ -179,6 +182,7 @@ def job(message: Any) -> Job:
         result_bytes=message.result_bytes,
         trace_id=message.trace_id, server=message.server,
         levels=tuple(scenario_level(level) for level in message.scenario_levels),
+        activity=message.activity.text,
     )
 
 

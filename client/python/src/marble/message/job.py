@@ -50,7 +50,7 @@ class Job:
     while it has not, or where error (a google.rpc.Status) says why there is no answer. updates: a session's, answered.
     memory_bytes: of the solver. result_bytes: of the answer that is kept. trace_id: of the W3C traceparent that came.
     server: of servers that share a store, the one that runs it or ran it last; of submitted jobs, empty before one has.
-    levels: of a scenario solve, so far.
+    levels: of a scenario solve, so far. activity: what it is doing, in words, while it runs; else empty.
     proved, incumbent, bound, gap, nodes, open_nodes: of option global, as in Solution and Progress, so far.
     """
 
@@ -86,6 +86,7 @@ class Job:
     trace_id: str
     server: str
     levels: tuple[ScenarioLevel, ...] = ()
+    activity: str = ""
 
 
 @dataclass(frozen=True, eq=False)

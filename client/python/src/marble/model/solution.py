@@ -71,6 +71,7 @@ class Times:
     polish_s: float = 0.0
     solve_s: float = 0.0
     total_s: float = 0.0
+    tree_s: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
