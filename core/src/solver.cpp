@@ -129,6 +129,10 @@ Solution answer(const ScaledProblem& problem, const Options& options, const Endi
   } else if (is_solved(ending.status) && !is_balanced(problem, options, images, x)) {
     solution.status = Status::numerical_failure;
     solution.detail += "; no solution: stationarity is violated by " + scientific(solution.kkt_residual, 2);
+  } else if (ending.status == Status::solved && !is_balanced_in_user_units(problem, images, x)) {
+    solution.status = Status::solved_reduced;
+    solution.detail += "; its numbers lie too far apart: stationarity is violated by " +
+                       scientific(solution.kkt_residual, 2);
   }
   if (is_solved(solution.status)) solution.stationarity = classify(images, x);
   solution.iterations = run.iterations;
@@ -311,6 +315,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes) {
     if (auto valid = check(*controls.sensitivity, state_->sizes); !valid)
       return unexpected(inside("sensitivity", valid.error()));
   }
+  if (controls.activity != nullptr) controls.activity->begin();
   Run run(state_->options, controls);
   state_->kkt->attend(run.interrupt());
   state_->initial_z.setZero();
@@ -330,7 +335,9 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes) {
   }
   Strategy::Answer found = state_->strategy.run(run, state_->initial_z, warm_start, resumes && !too_far);
   Solution solution = answer(state_->problem, state_->options, found.ending, *found.x, run);
-  const auto is_refused = [&] { return solution.status != found.ending.status; };
+  const auto is_refused = [&] {
+    return solution.status != found.ending.status && solution.status != Status::solved_reduced;
+  };
   const bool started = warm_start || max_abs(state_->initial_z) > 0.0;
   const bool again = is_refused() && started && !run.interrupted();
   if (again) {

@@ -41,4 +41,12 @@ bool is_balanced(const ScaledProblem& p, const Options& options, const Images& i
   return true;
 }
 
+bool is_balanced_in_user_units(const ScaledProblem& p, const Images& images, const Iterate& x) {
+  const Vector to_user = (p.cost_scale * p.variable_scale).cwiseInverse();
+  const Vector residual = images.stationarity.cwiseProduct(to_user).cwiseAbs();
+  if (max_abs(residual) <= tuning::first_digit) return true;
+  const Vector largest = largest_terms(p, x).cwiseProduct(to_user);
+  return (residual.array() <= tuning::first_digit * (1.0 + largest.array())).all();
+}
+
 }  // namespace marble

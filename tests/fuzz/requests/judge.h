@@ -19,8 +19,8 @@ void expect_sound(const v1::Solution& answer);
 
 /// Sizes, and what is claimed of z and the multipliers: feasible, complementary, stationary on its branch,
 /// the reported violations and objective, certificates; of small problems also the global optimum,
-/// by enumeration. How exactly a point of hostile data is stationary is a matter of
-/// scale: only MARBLE_FUZZ_STRICT looks at its first digit.
+/// by enumeration. Of hostile data only the first digit of the stationarity is judged: more is a matter of
+/// scale.
 void judge_answer(const ProblemView& problem, const Options& options, const v1::Solution& answer);
 
 /// Derivatives, by the branch's own system.
