@@ -25,11 +25,12 @@ Expected<void> SolveCall::admit(const grpc::ByteBuffer* request, const grpc::Cal
   auto message = std::make_shared<v1::SolveRequest>();
   if (auto parsed = parse(request, message.get()); !parsed) return parsed;
   origin.request_id = message->request_id();
+  const bool composite = message->has_coupled() || message->has_scenarios();
   auto job = make_job(parts_, *caller, JobKind::solve, std::move(message));
   if (!job) return unexpected(job.error());
   (*job)->observer = self_;
   job_ = *job;
-  if (const auto place = parts_.scheduler.admit(*job); !place) {
+  if (const auto place = composite ? parts_.scheduler.admit(*job) : parts_.scheduler.admit_here(*job); !place) {
     job_ = nullptr;
     return unexpected(place.error());
   }

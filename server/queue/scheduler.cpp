@@ -106,6 +106,21 @@ Expected<QueuePlace> Scheduler::admit(const std::shared_ptr<Job>& job,
   return place;
 }
 
+Expected<QueuePlace> Scheduler::admit_here(const std::shared_ptr<Job>& job) {
+  Expected<QueuePlace> place = enqueue(job, {});
+  if (!place) return place;
+  const bool here = [&] {
+    const MutexLock lock(mutex_);
+    return begin_here(job);
+  }();
+  if (here) {
+    run_here(job);
+  } else {
+    work_.notify_one();
+  }
+  return place;
+}
+
 Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
                                         const std::weak_ptr<RoomWaiter>& waiter) {
   const MutexLock lock(mutex_);

@@ -67,6 +67,12 @@ class Scheduler final : public Pulsed, public TaskRunner {
                                            const std::weak_ptr<RoomWaiter>& waiter = {})
       ABSL_LOCKS_EXCLUDED(mutex_);
 
+  /// As admit(). Where a worker is idle and jobs like it have been short, this one runs at once on the calling
+  /// thread, in that worker's place: to wake the worker takes longer than such a job. What is not done within
+  /// kMostHere is begun anew by a worker, to the same bits. Its work must bear to be called twice.
+  [[nodiscard]] Expected<QueuePlace> admit_here(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
+  static constexpr std::chrono::milliseconds kMostHere{2};
+
   /// Jobs that would begin at once, if they came now; below 0 if there are some that wait.
   [[nodiscard]] int free_workers() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Is told whenever a job has ended.
@@ -154,11 +160,17 @@ class Scheduler final : public Pulsed, public TaskRunner {
   };
   [[nodiscard]] Next next() ABSL_LOCKS_EXCLUDED(mutex_);
   class SteppingAside;
+  class HereLimit;
+  // Whether the job, which was queued a moment ago, has begun in the place of an idle worker.
+  [[nodiscard]] bool begin_here(const std::shared_ptr<Job>& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void run_here(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
   // On whichever thread works for a job of lower priority: runs the next one above it, if there is one that
   // no idle worker takes. True if it did.
   bool run_urgent(Job& paused, bool own_thread) ABSL_LOCKS_EXCLUDED(mutex_);
   // One on top of another steps aside for nobody.
   void run_job(const std::shared_ptr<Job>& job, bool on_top) ABSL_LOCKS_EXCLUDED(mutex_);
+  void end_job(const std::shared_ptr<Job>& job, Outcome outcome, Clock::duration paused)
+      ABSL_LOCKS_EXCLUDED(mutex_);
   void look_at_waiting() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] const std::function<void()>& begin_task(SharedTasks& shared)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -192,6 +204,8 @@ class Scheduler final : public Pulsed, public TaskRunner {
   JobQueue<Job> queue_ ABSL_GUARDED_BY(mutex_);
   std::atomic<std::size_t> most_urgent_ = kPriorities;  // of what may preempt: for who does not have the lock
   int idle_ ABSL_GUARDED_BY(mutex_) = 0;                // workers that wait for work
+  int here_ ABSL_GUARDED_BY(mutex_) = 0;                // jobs that run in the place of one of those
+  std::vector<std::shared_ptr<Job>> begun_here_ ABSL_GUARDED_BY(mutex_);  // and took too long for it
   int paused_ ABSL_GUARDED_BY(mutex_) = 0;              // running jobs whose workers run others on top
   std::vector<std::shared_ptr<Job>> running_ ABSL_GUARDED_BY(mutex_);
   struct PlaceListener {

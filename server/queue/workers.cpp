@@ -25,13 +25,13 @@ class ProgressSplitter final : public ProgressSink {
 };
 
 // Everything a job can do to itself ends here, as an error of that job alone.
-Expected<Solution> solve(Job& job, TaskRunner& runner, Pause* pause) {
+Expected<Solution> solve(Job& job, TaskRunner& runner, Pause* pause, const std::stop_token& stop) {
   try {
     ProgressSplitter progress(job);
     SolveControls controls;
     controls.progress = &progress;
     controls.activity = &job.record->activity();
-    controls.stop = job.stop.get_token();
+    controls.stop = stop;
     controls.runner = &runner;
     controls.pause = pause;
     return job.work(controls);
@@ -40,6 +40,12 @@ Expected<Solution> solve(Job& job, TaskRunner& runner, Pause* pause) {
   } catch (const std::exception& error) {
     return unexpected(failure(ErrorCode::internal, error.what()));
   }
+}
+
+// Its record begins anew with every begin of the work.
+void tell_started(Job& job, double queue_s) {
+  job.record->started(queue_s);
+  if (!std::exchange(job.has_started, true)) job.observer->started(queue_s);
 }
 
 }  // namespace
@@ -72,11 +78,38 @@ class Scheduler::SteppingAside final : public Pause {
   std::atomic<Clock::time_point> goes_on_until_ = Clock::time_point();
 };
 
+// Ends a solve on a thread that must not be kept for long.
+class Scheduler::HereLimit final : public Pause {
+ public:
+  HereLimit(Clock::time_point until, std::stop_source& stop) : until_(until), stop_(stop) {}
+  void look() override {
+    if (is_reached_.load(std::memory_order_relaxed) || Clock::now() < until_) return;
+    is_reached_.store(true, std::memory_order_relaxed);
+    stop_.request_stop();
+  }
+  [[nodiscard]] Clock::duration paused() const override { return {}; }
+  [[nodiscard]] bool is_reached() const { return is_reached_.load(std::memory_order_relaxed); }
+
+ private:
+  const Clock::time_point until_;
+  std::stop_source& stop_;
+  std::atomic<bool> is_reached_ = false;  // helpers look too
+};
+
 // Jobs that wait go before tasks of others.
 Scheduler::Next Scheduler::next() {
   const MutexLock lock(mutex_);
   while (true) {
-    if (std::shared_ptr<Job> job = queue_.pop(Clock::now())) {
+    if (!begun_here_.empty()) {
+      --here_;
+      std::shared_ptr<Job> job = std::move(begun_here_.back());
+      begun_here_.pop_back();
+      job->begun = Clock::now();
+      return {.job = std::move(job)};
+    }
+    // One that runs in an idle worker's place leaves none to run another.
+    std::shared_ptr<Job> job = running() < limits_.workers ? queue_.pop(Clock::now()) : nullptr;
+    if (job != nullptr) {
       look_at_waiting();
       job->begun = Clock::now();
       running_.push_back(job);
@@ -100,7 +133,7 @@ bool Scheduler::run_urgent(Job& paused, bool own_thread) {
   std::shared_ptr<Job> job;
   {
     const MutexLock lock(mutex_);
-    if (idle_ == 0) job = queue_.pop_above(paused.ticket.priority);
+    if (idle_ <= here_) job = queue_.pop_above(paused.ticket.priority);
     if (job == nullptr) return false;
     look_at_waiting();
     job->begun = Clock::now();
@@ -165,11 +198,55 @@ void Scheduler::run_job(const std::shared_ptr<Job>& job, bool on_top) {
       job->ticket.deadline - begin <= job->ticket.least_run) {
     outcome.solution = unexpected(too_late(*job, begin));
   } else {
-    job->record->started(outcome.queue_s);
-    job->observer->started(outcome.queue_s);
-    outcome.solution = solve(*job, *this, on_top ? nullptr : &pause);
-    outcome.also = std::move(job->also);
+    tell_started(*job, outcome.queue_s);
+    outcome.solution = solve(*job, *this, on_top ? nullptr : &pause, job->stop.get_token());
   }
+  end_job(job, std::move(outcome), pause.paused());
+}
+
+bool Scheduler::begin_here(const std::shared_ptr<Job>& job) {
+  const double longest_s = estimates_.longest_s(key_of(job->ticket));
+  const bool is_short = longest_s > 0.0 && longest_s < 0.5 * seconds(kMostHere);
+  const bool has_time = Clock::now() + kMostHere < job->ticket.deadline;
+  if (!is_short || !has_time || idle_ <= here_ || queue_.waiting() != 1) return false;
+  const std::shared_ptr<Job> popped = queue_.pop(Clock::now());
+  if (popped == nullptr) return false;  // at its quota, or taken already
+  look_at_waiting();
+  popped->begun = Clock::now();
+  running_.push_back(popped);
+  ++here_;
+  if (popped == job) return true;
+  begun_here_.push_back(popped);  // somebody else's that came in between: its worker is on its way
+  return false;
+}
+
+void Scheduler::run_here(const std::shared_ptr<Job>& job) {
+  Outcome outcome;
+  outcome.queue_s = seconds(job->begun - job->accepted);
+  tell_started(*job, outcome.queue_s);
+  std::stop_source stop;
+  HereLimit limit(job->begun + kMostHere, stop);
+  {
+    const std::stop_callback forward(job->stop.get_token(), [&stop] { stop.request_stop(); });
+    outcome.solution = solve(*job, *this, &limit, stop.get_token());
+  }
+  const bool is_cut = limit.is_reached() && outcome.solution && outcome.solution->status == Status::cancelled;
+  if (is_cut && !job->stop.stop_requested()) {
+    {
+      const MutexLock lock(mutex_);
+      begun_here_.push_back(job);
+    }
+    work_.notify_one();
+    return;
+  }
+  end_job(job, std::move(outcome), {});
+  const MutexLock lock(mutex_);
+  --here_;
+}
+
+void Scheduler::end_job(const std::shared_ptr<Job>& job, Outcome outcome, Clock::duration paused) {
+  const Clock::time_point begin = job->begun;
+  outcome.also = std::move(job->also);
   job->work = nullptr;  // before its bytes are counted free: an answer may wait long for its reader
   bool others_ready = false;
   {
@@ -177,7 +254,7 @@ void Scheduler::run_job(const std::shared_ptr<Job>& job, bool on_top) {
     ++finishing_;
     queue_.done(job.get());
     running_.erase(std::find(running_.begin(), running_.end(), job));
-    const double run_s = seconds(Clock::now() - begin - pause.paused());
+    const double run_s = seconds(Clock::now() - begin - paused);
     counters_.busy_s += run_s;
     learn(*job, outcome, run_s);
     others_ready = queue_.ready();

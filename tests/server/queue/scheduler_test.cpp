@@ -272,7 +272,7 @@ TEST_F(SchedulerTest, ManyThreadsAdmitAndCancelAndEveryJobEndsOnce) {
     threads.emplace_back([&, t] {
       for (int i = 0; i < 50; ++i) {
         const Request request = make(i % 5 == 0 ? testing::long_request(50) : testing::example_request());
-        if (!scheduler.admit(request.job)) {
+        if (!(i % 2 == 0 ? scheduler.admit(request.job) : scheduler.admit_here(request.job))) {
           ++refused;
           continue;
         }
@@ -288,6 +288,56 @@ TEST_F(SchedulerTest, ManyThreadsAdmitAndCancelAndEveryJobEndsOnce) {
   EXPECT_EQ(admitted + refused, 200);
   EXPECT_EQ(counters.accepted, admitted);
   EXPECT_EQ(counters.answered + counters.cancelled, admitted);
+}
+
+// Whether a job that does nothing runs on the thread that admits it.
+bool runs_here(Scheduler& scheduler) {
+  std::thread::id ran_on;
+  const Request request = make(testing::example_request());
+  request.job->work = [&ran_on](const SolveControls&) -> Expected<Solution> {
+    ran_on = std::this_thread::get_id();
+    return made_up_solution();
+  };
+  EXPECT_TRUE(scheduler.admit_here(request.job).has_value());
+  EXPECT_TRUE(request.waiter->wait().solution.has_value());
+  return ran_on == std::this_thread::get_id();
+}
+
+TEST_F(SchedulerTest, AJobLikeShortOnesRunsOnItsOwnThreadWhileAWorkerIsIdle) {
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
+  EXPECT_FALSE(runs_here(scheduler)) << "nobody knows yet how long it takes";
+  EXPECT_TRUE(eventually([&] { return runs_here(scheduler); })) << "known, and the worker is idle again";
+  const Request running = make(testing::long_request()), waiting = make(testing::example_request());
+  ASSERT_TRUE(scheduler.admit(running.job).has_value());
+  running.waiter->wait_started();
+  ASSERT_TRUE(scheduler.admit_here(waiting.job).has_value());
+  EXPECT_EQ(scheduler.counters().queued, 1) << "no worker is idle";
+  scheduler.cancel(running.job);
+  EXPECT_TRUE(waiting.waiter->wait().solution.has_value());
+}
+
+TEST_F(SchedulerTest, WhatTakesTooLongThereIsBegunAnewByAWorkerToTheSameBits) {
+  Scheduler scheduler({.workers = 1, .jobs = 5, .bytes = 1000}, board_, log_, metrics_);
+  const v1::SolveRequest message = testing::long_request(5000);
+  const Request alone = make(message);
+  const Solution expected = alone.job->work({}).value();
+  const auto is_begun_twice = [&] {
+    EXPECT_TRUE(eventually([&] { return runs_here(scheduler); }));
+    int begun = 0;
+    const Request request = make(message);
+    request.job->work = [&begun, work = request.job->work](const SolveControls& controls) {
+      ++begun;
+      return work(controls);
+    };
+    EXPECT_TRUE(scheduler.admit_here(request.job).has_value());
+    const Outcome outcome = request.waiter->wait();
+    EXPECT_EQ(outcome.solution.value().z, expected.z);
+    EXPECT_EQ(outcome.solution.value().iterations, expected.iterations);
+    return begun == 2;
+  };
+  EXPECT_TRUE(eventually(is_begun_twice)) << "unless something else made the short ones slow";
+  EXPECT_TRUE(eventually([&] { return scheduler.counters().running == 0; }));
+  EXPECT_EQ(scheduler.counters().answered, scheduler.counters().accepted);
 }
 
 // Nodes of a tree are such pieces: whoever comes waits for the one at hand, not for the round.
@@ -351,7 +401,8 @@ TEST_F(SchedulerTest, NoWakeUpIsLostHoweverJobsComeShareWorkAndGo) {
           return Solution{};
         };
         job->observer = waiter;
-        if (!scheduler.admit(job)) continue;  // never: there is room for all
+        const bool here = random() % 2 == 0;
+        if (!(here ? scheduler.admit_here(job) : scheduler.admit(job))) continue;  // never: there is room
         if (given_up) scheduler.cancel(job);
         if (!waiter->waited()) return;
         ++answered;
