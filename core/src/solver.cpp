@@ -301,9 +301,11 @@ void Solver::shift_tree(const Shift& by) { state_->strategy.shift_tree(by); }
 
 std::int64_t Solver::memory_bytes() const { return state_->memory_bytes; }
 
-Expected<Solution> Solver::solve(const SolveControls& controls) { return solve(controls, false); }
+Expected<Solution> Solver::solve(const SolveControls& controls) {
+  return solve(controls, false, !controls.initial_z.empty());
+}
 
-Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes) {
+Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bool keeps_start) {
   if (auto valid = Problem::check_initial_point(controls.initial_z, state_->problem.variables()); !valid) {
     return unexpected(valid.error());
   }
@@ -333,7 +335,8 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes) {
     state_->initial_z.setZero();
     warm_start.reset();
   }
-  Strategy::Answer found = state_->strategy.run(run, state_->initial_z, warm_start, resumes && !too_far);
+  Strategy::Answer found = state_->strategy.run(
+      run, state_->initial_z, warm_start, {.resumes = resumes && !too_far, .keeps_start = keeps_start && !too_far});
   Solution solution = answer(state_->problem, state_->options, found.ending, *found.x, run);
   const auto is_refused = [&] {
     return solution.status != found.ending.status && solution.status != Status::solved_reduced;
@@ -342,7 +345,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes) {
   const bool again = is_refused() && started && !run.interrupted();
   if (again) {
     state_->initial_z.setZero();
-    found = state_->strategy.run(run, state_->initial_z, std::nullopt);
+    found = state_->strategy.run(run, state_->initial_z, std::nullopt, {});
     solution = answer(state_->problem, state_->options, found.ending, *found.x, run);
   }
   if (again || too_far) solution.detail += "; the start was too far away: it began at 0";

@@ -34,13 +34,73 @@ Strategy::Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& option
       path_point_(problem) {}
 
 Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start,
-                               bool resumes) {
+                               How how) {
   const Stage last = std::exchange(stage_, Stage::beginning);
   if (options_.method != Method::marble)
     return run_reference(run, warm_start ? ConstVectorRef(warm_start->solution->z()) : initial_z);
-  Answer local = run_locally(run, initial_z, warm_start, resumes ? last : Stage::beginning);
+  start_.reset();
+  if (how.keeps_start) solve_start(run, initial_z);
+  Answer local = run_locally(run, initial_z, warm_start, how.resumes ? last : Stage::beginning);
+  if (start_) local = not_above_start(run, std::move(local), initial_z, warm_start.has_value());
   if (!ended_by_force(local.ending.status)) stage_ = Stage::beginning;
   return options_.global ? search_globally(run, std::move(local), warm_start.has_value()) : local;
+}
+
+// The branch of a feasible start, before anything else: whatever ends the run, there is an answer then.
+void Strategy::solve_start(Run& run, ConstVectorRef z) {
+  if (problem_.pairs() == 0 || !options_.polish || options_.path != Path::fast) return;
+  const Run::Searching searching(run);
+  const Run::Polishing polishing(run);
+  BranchPoint& point = branch_.point;
+  point.set = WorkingSet(problem_);
+  point.start_from_point(z);
+  const Violations at_start = violations(problem_, point.images);
+  if (!within_tolerances(at_start, options_)) return;
+  start_.emplace(problem_);
+  start_->x.all = point.x.all;
+  start_->set = point.set;
+  start_->objective = point.images.objective;
+  start_->violations = at_start;
+  start_->origin = "start";
+  incumbent_.clear();
+  if (incumbent_.solve_branch(run, "start", tuning::engine_budget) != Incumbent::Outcome::kept) {
+    QuadraticEngine engine(problem_, kkt_);
+    engine.start(start_->x.z(), start_->set);
+    static_cast<void>(incumbent_.solve_branch(run, engine));
+  }
+  start_is_exact_ = incumbent_.exists() && incumbent_.best().objective <= start_->objective;
+  if (start_is_exact_) *start_ = incumbent_.best();
+  if (run.activity() != nullptr)
+    run.activity()->add_incumbent(problem_.user_objective(start_->objective));
+}
+
+// A start's branch that is lower than what was found is searched around, and answered with.
+Strategy::Answer Strategy::not_above_start(Run& run, Answer answer, ConstVectorRef z, bool warm) {
+  const Status status = answer.ending.status;
+  if (status == Status::unbounded) return answer;
+  Images images(problem_);
+  images.evaluate(problem_, *answer.x);
+  const bool feasible = within_tolerances(violations(problem_, images), options_);
+  const double noise = tuning::rounding * (1.0 + std::abs(start_->objective));
+  const bool ended = is_solved(status) || ended_by_force(status);
+  if (ended && feasible && images.objective <= start_->objective + noise) return answer;
+  if (ended_by_force(status))
+    return {{status, "stopped early; the start's branch; " + describe(start_->violations), {}}, &start_->x};
+  incumbent_.clear();
+  if (start_is_exact_) {
+    ExactSolution solution = *start_;
+    incumbent_.replace(solution);
+    static_cast<void>(search_.improve(run, z));
+    return finish_cold(run, !warm);
+  }
+  path_point_.x.all = start_->x.all;
+  path_point_.violations = start_->violations;
+  path_point_.objective = start_->objective;
+  Optimality::Descended descended = optimality_.descend(run, start_->x, start_->set, Vector());
+  if (descended.unbounded) return {unbounded_along(*std::move(descended.unbounded)), &path_point_.x};
+  if (incumbent_.exists()) return finish_cold(run, !warm);
+  return {{Status::numerical_failure, "the start is feasible, and nothing lower was found; " +
+                                          describe(start_->violations), {}}, &path_point_.x};
 }
 
 Strategy::Answer Strategy::run_reference(Run& run, ConstVectorRef initial_z) {
@@ -345,7 +405,7 @@ Strategy::Answer Strategy::finish_path(Run& run, ConstVectorRef initial_z, Endin
     if (incumbent_.exists()) return finish_exact(run);
     if (descended.from_saddle) answer.second_order = SecondOrder::saddle;
   }
-  if (failed || status == Status::locally_infeasible) {
+  if ((failed || status == Status::locally_infeasible) && !start_) {
     if (std::optional<Ending> proved = prove(run, Status::infeasible)) return ended(*std::move(proved));
   }
   if (failed) {
@@ -356,7 +416,7 @@ Strategy::Answer Strategy::finish_path(Run& run, ConstVectorRef initial_z, Endin
   }
   const double rounding =
       tuning::rounding * (1.0 + max_abs(path_point_.x.z().cwiseProduct(problem_.variable_scale)));
-  if (failed && options_.polish && largest(path_point_.violations) > rounding)
+  if (failed && options_.polish && !start_ && largest(path_point_.violations) > rounding)
     return ended({Status::locally_infeasible, "no feasible branch near; " + answer.ending.detail, {}});
   if (is_solved(status) && optimality_.known_convex()) answer.second_order = SecondOrder::minimum;
   if (answer.ending.detail.empty()) answer.ending.detail = "path; " + describe(path_point_.violations);
@@ -365,7 +425,7 @@ Strategy::Answer Strategy::finish_path(Run& run, ConstVectorRef initial_z, Endin
 
 // The last that is tried for a feasible branch. Nothing if that changes nothing but the counters.
 std::optional<Strategy::Answer> Strategy::find_feasible(Run& run, ConstVectorRef z) {
-  if (!options_.polish || options_.path != Path::fast || options_.feasibility_budget == 0 ||
+  if (!options_.polish || options_.path != Path::fast || options_.feasibility_budget == 0 || start_ ||
       within_tolerances(path_point_.violations, options_) || problem_.pairs() == 0)
     return std::nullopt;
   Feasibility phase(problem_, options_, branch_.point, incumbent_);

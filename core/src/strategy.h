@@ -44,9 +44,13 @@ class Strategy {
   };
 
   /// From z (scaled) to an end; if there is a solution to start from, from its branch first. With `resumes`
-  /// from where the last run was interrupted, if it was before it had an exact solution.
+  /// from where the last run was interrupted, if it was before it had an exact solution. With `keeps_start`,
+  /// where z is feasible, the branch of z is solved first and the answer is never above its solution.
+  struct How {
+    bool resumes = false, keeps_start = false;
+  };
   [[nodiscard]] Answer run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start,
-                           bool resumes = false);
+                           How how);
   /// Whether a run may resume.
   [[nodiscard]] bool is_unfinished() const { return stage_ != Stage::beginning; }
   void forget_unfinished() { stage_ = Stage::beginning; }
@@ -90,6 +94,8 @@ class Strategy {
   [[nodiscard]] Answer run_locally(Run& run, ConstVectorRef initial_z,
                                    const std::optional<WarmStart>& warm_start, Stage from);
   [[nodiscard]] Answer search_globally(Run& run, Answer local, bool warm);
+  void solve_start(Run& run, ConstVectorRef z);
+  [[nodiscard]] Answer not_above_start(Run& run, Answer answer, ConstVectorRef z, bool warm);
   [[nodiscard]] bool start_for_tree(Run& run);
   void take_incumbent(Answer& answer) const;
   [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z, Stage from);
@@ -118,6 +124,8 @@ class Strategy {
   BranchSearch search_;
   Optimality optimality_;
   PathPoint path_point_;
+  std::optional<ExactSolution> start_;    // the caller's, feasible: of its branch, or the point itself
+  bool start_is_exact_ = false;
   Stage stage_ = Stage::beginning;        // at which the last run was interrupted
   std::unique_ptr<Reference> reference_;  // the same
   std::unique_ptr<Tree> tree_;            // made when it is first needed

@@ -1,6 +1,7 @@
 #include "marble/warm_solver.h"
 
 #include <chrono>
+#include <utility>
 
 namespace marble {
 
@@ -23,7 +24,8 @@ WarmSolver::WarmSolver(Solver solver, const PartSizes& sizes, double setup_s,
     : solver_(std::move(solver)),
       sizes_(sizes),
       setup_s_(setup_s),
-      initial_z_(initial_z.begin(), initial_z.end()) {}
+      initial_z_(initial_z.begin(), initial_z.end()),
+      start_is_new_(!initial_z.empty()) {}
 
 Expected<WarmSolver> WarmSolver::create(const Problem& problem, const Options& options,
                                         std::span<const double> initial_z, const SetupControls& controls) {
@@ -55,6 +57,7 @@ void WarmSolver::begin_at(const Restart& restart) {
   }
   if (restart.initial_z.empty()) return;
   initial_z_.assign(restart.initial_z.begin(), restart.initial_z.end());
+  start_is_new_ = true;
   if (newest_) newest_->z = initial_z_;
 }
 
@@ -96,7 +99,7 @@ Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveCon
   SolveControls own = controls;
   own.initial_z = initial_z_;
   own.warm_start = newest_ ? &*newest_ : nullptr;
-  auto solution = solver_.solve(own, true);
+  auto solution = solver_.solve(own, true, std::exchange(start_is_new_, false));
   if (!solution) return solution;
   solution->times.setup_s = 0.0;
   take_answer(*solution);

@@ -33,7 +33,9 @@ class TaskRunner {
 struct SolveControls {
   ProgressSink* progress = nullptr;        ///< told after every iteration
   std::stop_token stop = {};               ///< looked at about once a millisecond
-  std::span<const double> initial_z = {};  ///< n or empty: where a cold start begins (user units)
+  /// n or empty: where a cold start begins (user units). Where it is feasible its branch is solved first, and
+  /// the answer is never above that branch's solution, also of a solve that is stopped.
+  std::span<const double> initial_z = {};
   /// An answer to this problem or one like it, of the same sizes, z and multipliers: its branch is tried
   /// first.
   const Solution* warm_start = nullptr;
@@ -98,7 +100,7 @@ class Solver {
   friend class WarmSolver;  // which takes what was checked before, and moves the tree on with its answer
   struct State;
   explicit Solver(std::unique_ptr<State> state);
-  [[nodiscard]] Expected<Solution> solve(const SolveControls& controls, bool resumes);
+  [[nodiscard]] Expected<Solution> solve(const SolveControls& controls, bool resumes, bool keeps_start);
   void prepare(const Solution& warm_start, const SolveControls& controls);
   [[nodiscard]] bool is_unfinished() const;
   void forget_unfinished();

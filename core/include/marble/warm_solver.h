@@ -99,6 +99,7 @@ class WarmSolver {
   PartSizes sizes_;
   double setup_s_;
   std::vector<double> initial_z_;   // where a cold start begins
+  bool start_is_new_;               // no solve has begun with it yet
   std::optional<Solution> newest_;  // that was solved, to start from
   int misses_ = 0;                  // solves in a row that were cut off
   int most_misses_ = 20;

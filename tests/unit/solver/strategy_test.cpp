@@ -44,7 +44,7 @@ struct Planned : Workbench {
   Ending start(ConstVectorRef z, const std::optional<Strategy::WarmStart>& warm_start) {
     marble::Run own(options, controls);
     kkt->attend(own.interrupt());
-    answer = strategy.run(own, z, warm_start);
+    answer = strategy.run(own, z, warm_start, {});
     iterations = own.iterations;
     factorizations = own.factorizations;
     return answer.ending;

@@ -1,0 +1,90 @@
+// A feasible start is never lost: no answer is infeasible or above it.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "marble/examples.h"
+#include "marble/solver.h"
+#include "marble/warm_solver.h"
+#include "support/judges/independent_check.h"
+#include "support/problems/random_problem.h"
+
+namespace marble {
+namespace {
+
+double objective_at(const OwnedProblem& p, const std::vector<double>& z) {
+  Solution point;
+  point.z = z;
+  const ProblemView view = p.view();
+  point.equality_multipliers.resize(view.b.size());
+  point.inequality_multipliers.resize(view.d.size());
+  point.complementarity_multipliers_L = point.complementarity_multipliers_R = std::vector<double>(view.l.size());
+  return testing::judge(view, point).objective;
+}
+
+// The optimum of another objective: feasible, and on a branch that is nothing to this one.
+std::vector<double> start_of(const OwnedProblem& p, int number) {
+  OwnedProblem other = p;
+  for (std::size_t j = 0; j < other.g.size(); ++j)
+    other.g[j] += 10.0 * std::sin(1.0 + 7.0 * static_cast<double>(j) + 3.0 * number);
+  const Solution s = solve_in_process(other.view()).value();
+  return is_solved(s.status) ? s.z : std::vector<double>();
+}
+
+TEST(FeasibleStart, NoAnswerIsAboveItOnRandomProblems) {
+  int starts = 0;
+  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+    const OwnedProblem p =
+        testing::random_problem({.variables = 14, .equalities = 3, .inequalities = 4, .pairs = 6}, seed);
+    for (int number = 0; number < 3; ++number) {
+      const std::vector<double> start = start_of(p, number);
+      if (start.empty()) continue;
+      ++starts;
+      const double above = objective_at(p, start);
+      const Solution s = solve_in_process(p.view(), {}, {.initial_z = start}).value();
+      if (s.status == Status::unbounded) continue;
+      EXPECT_TRUE(is_solved(s.status)) << seed << ": " << s.detail;
+      EXPECT_LE(s.objective, above + 1e-8 * (1.0 + std::abs(above))) << seed;
+      EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-6) << seed;
+    }
+  }
+  EXPECT_GT(starts, 100);
+}
+
+TEST(FeasibleStart, IsWhatAStoppedSolveAnswersWith) {
+  const OwnedProblem p = examples::hopper({.steps = 40});
+  const std::vector<double> start = start_of(p, 1);
+  ASSERT_FALSE(start.empty());
+  const double above = objective_at(p, start);
+  Solver solver = Solver::create(Problem::create(p.view()).value()).value();
+  for (const double limit : {0.0, 1e-3, 1e-2}) {
+    Options options;
+    options.time_limit_s = limit;
+    ASSERT_TRUE(solver.set_options(options).has_value());
+    const Solution s = solver.solve({.initial_z = start}).value();
+    EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-6) << limit << ": " << s.detail;
+    EXPECT_LE(s.objective, above + 1e-8 * (1.0 + std::abs(above))) << limit;
+  }
+}
+
+TEST(FeasibleStart, IsKeptByAWarmSolverToo) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const OwnedProblem p =
+        testing::random_problem({.variables = 14, .equalities = 3, .inequalities = 4, .pairs = 6}, seed);
+    WarmSolver solver = WarmSolver::create(Problem::create(p.view()).value()).value();
+    ASSERT_TRUE(solver.solve({}, {}, {}).has_value());
+    for (int number = 0; number < 3; ++number) {
+      const std::vector<double> start = start_of(p, number);
+      if (start.empty()) continue;
+      const double above = objective_at(p, start);
+      const Solution s = solver.solve({}, {.initial_z = start}, {}).value();
+      if (s.status == Status::unbounded) continue;
+      EXPECT_TRUE(is_solved(s.status)) << seed << ": " << s.detail;
+      EXPECT_LE(s.objective, above + 1e-8 * (1.0 + std::abs(above))) << seed;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace marble
