@@ -10,6 +10,7 @@
 #include "jobs/job_record.h"
 #include "marble/solver.h"
 #include "queue/job_queue.h"
+#include "queue/run_estimates.h"
 
 namespace marble::v1 {
 class Solution;
@@ -37,6 +38,11 @@ struct Outcome {
 /// The error of a job that needs more memory than there is.
 [[nodiscard]] inline Error does_not_fit() {
   return failure(ErrorCode::resource_exhausted, "problem", "does not fit the server's memory");
+}
+
+/// Jobs that run for about as long.
+[[nodiscard]] inline RunEstimates::Key key_of(const Ticket& ticket) {
+  return {ticket.client, ticket.priority, ticket.work_class};
 }
 
 /// Who waits for a job. Called by one thread at a time, but for moved(); finished() exactly once, as the

@@ -25,8 +25,6 @@ Error cannot_be_in_time(double left_s, double wait_s, double likely_s) {
                      std::to_string(likely_s) + " s");
 }
 
-RunEstimates::Key key_of(const Ticket& ticket) { return {ticket.client, ticket.priority, ticket.work_class}; }
-
 // Updates of sessions have a contract of their own: what is not over is tried.
 bool may_be_refused(const Ticket& ticket) {
   return !ticket.reserved && ticket.deadline != Clock::time_point::max();
