@@ -166,12 +166,46 @@ def own_schemas(table):
                 "message": {"type": "string", "description": "All of it in one line."}}},
         "Error": {"type": "object", "required": ["error"], "properties": {"error": ref("ErrorDetail")},
                   "description": "Why a request was refused."},
+        "History": {
+            "type": "object", "required": ["time_s", *HISTORY],
+            "description": "Columns of equal length, oldest first: the server twice a second, at most 640 times.",
+            "properties": {
+                "time_s": {"type": "array", "items": {"type": "number"}, "description": "Seconds since the server started."},
+                **{name: {"type": "array", "items": {"type": ["number", "null"]}, "description": doc}
+                   for name, doc in HISTORY.items()}}},
+        "ClientShare": {
+            "type": "object", "required": ["running", "queued", "done", "busy_s"],
+            "description": "What a client has of the workers.",
+            "properties": {
+                "client": {"type": "string", "description": "Its name; absent of all others together."},
+                "running": {"type": "integer", "description": "Jobs and updates of sessions that run now."},
+                "queued": {"type": "integer", "description": "Those that wait now."},
+                "done": {"type": "integer", "description": "Those that were answered in the time looked at."},
+                "busy_s": {"type": "number", "description": "Seconds of workers in that time, with what runs now."}}},
+        "Clients": {
+            "type": "object", "required": ["seconds", "clients", "others"],
+            "properties": {
+                "seconds": {"type": "number", "description": "The time looked at, up to five minutes; as a server has just started, it "
+                            "may be longer than that runs."},
+                "clients": {"type": "array", "items": ref("ClientShare"), "description": "Those that took most first, at most 64."},
+                "others": {**ref("ClientShare"), "description": "All others together."}},
+            "description": "Who takes the workers, now and in the last minutes."},
         "JobResult": {"type": "object", "required": ["job_id"],
                       "properties": {"job_id": {"type": "string", "description": "The job."},
                                      "solution": ref("Solution"), "error": ref("ErrorDetail")},
                       "description": "What became of a job: its solution, solved or not, or else the error it ended with."},
     }
 
+
+HISTORY = {
+    "queued": "Jobs that wait.",
+    "running": "Workers that run a job.",
+    "done": "Jobs and updates of sessions answered since the server started.",
+    "busy_s": "Seconds that workers have spent on jobs since then.",
+    "cpu_s": "Processor seconds of the server since then.",
+    "p50_s": "Half of the answers of the last ten seconds took no longer, from acceptance; null where there were none.",
+    "p99_s": "The same of 99 in 100 of them.",
+}
 
 REFUSALS = {
     "400": ("BadRequest", "The input breaks a documented rule; field and index say where."),
@@ -272,11 +306,20 @@ def paths(schemas):
                              "header", True)])},
         "/api/events": {"get": operation(
             "watchAll", ("Watches all jobs and the server", f"{stream}`hello` (a GetInfoResponse without options), `server` "
-                         "(Counters and more), `jobs` (a WatchJobsResponse) and `reload` (list the jobs again)."),
+                         "(Counters and more), `clients` (Clients), `jobs` (a WatchJobsResponse) and `reload` (list the "
+                         "jobs again)."),
             {"200": answer("Events.", text, "text/event-stream")}, "401 403 429")},
         "/api/info": {"get": operation(
             "getInfo", ("Tells what the server is", "Version, limits, options with their ranges, counters, and who the caller is."),
             {"200": answer("What it is.", schemas.add("GetInfoResponse"))}, "401 403", tag="server")},
+        "/api/history": {"get": operation(
+            "getHistory", ("Tells the last five minutes", "What the server did, twice a second: for a plot that begins with more "
+                           "than nothing. The stream of events goes on from there."),
+            {"200": answer("The last minutes.", ref("History"))}, "400 401 403", tag="server")},
+        "/api/clients": {"get": operation(
+            "getClients", ("Tells who takes the workers", "By client, now and in the last five minutes. With the role observe or "
+                           "admin all of them, else the caller alone."),
+            {"200": answer("By client.", ref("Clients"))}, "400 401 403", tag="server")},
         "/api/openapi.json": {"get": operation(
             "getDescription", ("This description", "The same for everybody."),
             {"200": answer("OpenAPI 3.1.", {"type": "object"})}, "", **open_to_all)},

@@ -99,6 +99,7 @@ HttpServer::HttpServer(const ServiceParts& parts, const std::string& address,
   http::add_event_routes(*router_, parts, *events_);
   http::add_metrics_route(*router_, parts);
   http::add_page_routes(*router_);
+  http::add_recent_routes(*router_, parts, http::begin_history(parts));
 }
 
 void HttpServer::set_handlers(bool on_loopback) {

@@ -4,6 +4,11 @@
 #include <utility>
 
 #include "http/page_assets.h"
+#include "http/requests/endpoint.h"
+#include "http/requests/event_hub.h"
+#include "http/requests/reply.h"
+#include "process/process.h"
+#include "recent/recent_json.h"
 
 namespace marble::server::http {
 namespace {
@@ -53,6 +58,44 @@ std::string path_of(std::string_view name) {
 
 void add_page_routes(Router& router) {
   for (const PageAsset& asset : page_assets()) router.get(path_of(asset.name), send(asset));
+}
+
+void add_recent_routes(Router& router, const ServiceParts& parts,
+                       std::shared_ptr<const ServerHistory> history) {
+  const auto tell = [&](const char* path, std::function<std::string(const Identity&)> text) {
+    router.get(path,
+               endpoint(parts,
+                        [text = std::move(text)](const httplib::Request& request, const Identity& caller,
+                                                 httplib::Response& response) -> Expected<void> {
+                          if (auto known = check_parameters(request, {}); !known) return known;
+                          reply_text(response, text(caller));
+                          return {};
+                        }));
+  };
+  tell("/api/history",
+       [history = std::move(history)](const Identity&) { return history_json(history->points()); });
+  tell("/api/clients", [&parts](const Identity& caller) { return clients_for(parts, caller); });
+}
+
+// What it looks at lives longer than the pulse, which may have it in hand when all else has gone.
+std::shared_ptr<const ServerHistory> begin_history(const ServiceParts& parts) {
+  const auto look = [&scheduler = parts.scheduler, started = parts.started] {
+    const Counters counters = scheduler.counters();
+    const Latencies::Quantiles latencies = scheduler.latencies(Latencies::kNewestSeconds);
+    return ServerHistory::Point{
+        .time_s = std::chrono::duration<double>(Clock::now() - started).count(),
+        .queued = static_cast<double>(counters.queued),
+        .running = static_cast<double>(counters.running),
+        .done = static_cast<double>(counters.answered + counters.updates),
+        .busy_s = counters.busy_s,
+        .cpu_s = process_usage().cpu_s,
+        .median_s = latencies.median_s,
+        .p99_s = latencies.p99_s,
+    };
+  };
+  auto history = std::make_shared<ServerHistory>(look);
+  parts.pulse.add(history);
+  return history;
 }
 
 }  // namespace marble::server::http

@@ -16,7 +16,7 @@ namespace marble::server {
 struct BoardLimits {
   int history_jobs = 1000;  ///< finished jobs that are remembered
   int trace_rows = 256;     ///< of each job
-  int trace_pairs = 128;    ///< most pairs of a problem whose sides are kept
+  int trace_pairs = 128;    ///< of a problem whose sides are kept
 };
 
 /// Thread-safe.

@@ -8,9 +8,10 @@ namespace marble::server {
 
 JobRecord::JobRecord(JobDescription description, const Options& options, int trace_rows, int trace_pairs)
     : description_(std::move(description)),
-      wants_pairs_(description_.pairs > 0 && description_.pairs <= trace_pairs),
+      wants_pairs_(description_.pairs > 0 && trace_pairs > 0),
       options_(options),
-      history_(trace_rows) {}
+      history_(trace_rows),
+      pairs_(static_cast<std::size_t>(trace_pairs)) {}
 
 void JobRecord::changed() {
   ++snapshot_.version;

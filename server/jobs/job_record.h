@@ -75,7 +75,8 @@ struct JobSnapshot {
 /// The worker writes, any number of threads read.
 class JobRecord final : public ProgressSink {
  public:
-  /// Keeps `trace_rows` rows, and the sides of its pairs if there are at most `trace_pairs`.
+  /// Keeps `trace_rows` rows, and the sides of its pairs, an even sample if there are more than
+  /// `trace_pairs`.
   JobRecord(JobDescription description, const Options& options, int trace_rows, int trace_pairs = 0);
 
   [[nodiscard]] const JobDescription& description() const { return description_; }

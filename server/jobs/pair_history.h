@@ -1,8 +1,10 @@
-// The two sides of a job's pairs at a few iterations: what a picture of s against t shows. Only of problems
-// with few pairs.
+// The two sides of a job's pairs at a few iterations: what a picture of s against t shows. Of many pairs an
+// even sample, the same in all frames.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "marble/progress.h"
@@ -20,11 +22,14 @@ class PairHistory {
     std::vector<float> s, t;
   };
 
+  /// Keeps so many pairs of a frame.
+  explicit PairHistory(std::size_t most_pairs) : most_pairs_(most_pairs) {}
+
   void put(const Progress& progress) {
     newest_.iteration = progress.iteration;
     newest_.kappa = progress.kappa;
-    newest_.s.assign(progress.s.begin(), progress.s.end());
-    newest_.t.assign(progress.t.begin(), progress.t.end());
+    sample(progress.s, newest_.s);
+    sample(progress.t, newest_.t);
     if (count_ % stride_ == 0) {
       if (frames_.size() == kMostFrames) thin();
       if (count_ % stride_ == 0) frames_.push_back(newest_);
@@ -57,6 +62,13 @@ class PairHistory {
   }
 
  private:
+  // The k-th of `kept` is pair k * pairs / kept: clients know which by both numbers.
+  void sample(std::span<const double> all, std::vector<float>& kept) const {
+    kept.resize(std::min(all.size(), most_pairs_));
+    for (std::size_t k = 0; k < kept.size(); ++k)
+      kept[k] = static_cast<float>(all[k * all.size() / kept.size()]);
+  }
+
   // Keeps every other frame. The first stays where it is: moved onto itself it would lose its sides.
   void thin() {
     std::size_t kept = 1;
@@ -65,6 +77,7 @@ class PairHistory {
     stride_ *= 2;
   }
 
+  const std::size_t most_pairs_;
   std::vector<Frame> frames_;
   Frame newest_;
   std::int64_t stride_ = 1, count_ = 0;

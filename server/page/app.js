@@ -1,8 +1,10 @@
 // Wiring: the stream fills the store and the history, once a frame the views show them, the address says which view.
 
 import { Api } from "./data/api.js";
+import { Comparison } from "./jobs/comparison.js";
 import { askForToken } from "./dialogs.js";
-import { byId, onceAFrame } from "./base/dom.js";
+import { byId, make, onceAFrame } from "./base/dom.js";
+import { ClientTable } from "./jobs/client_table.js";
 import { Feed } from "./data/feed.js";
 import { Header } from "./header.js";
 import { History, toCounters } from "./data/history.js";
@@ -35,6 +37,7 @@ class App {
       this.#store,
       (id) => (location.hash = `#/jobs/${id}`),
     );
+    this.clients = new ClientTable(byId("clients-table"), (client) => this.#showJobsOf(client));
     this.showNow = onceAFrame(() => this.#showNow());
     addEventListener("hashchange", () => this.#route());
     addEventListener("keydown", (event) => this.#key(event));
@@ -61,6 +64,7 @@ class App {
     if (name === "server") this.#server(data);
     if (name === "jobs") for (const { job, rows } of data.events ?? []) this.#store.put(job, rows);
     if (name === "jobs") this.table.update();
+    if (name === "clients") this.clients.show(data, Number(this.#info?.workers ?? 0), this.#uptime_s);
     if (name === "reload") this.#list();
   }
 
@@ -73,6 +77,7 @@ class App {
     this.#list();
     this.#view?.reload();
     try {
+      this.#history.replace(await this.#api.get("/api/history"));
       this.#info = await this.#api.get("/api/info");
       this.#view?.update();
     } catch {
@@ -131,29 +136,52 @@ class App {
   }
 
   #route() {
-    const id = /^#\/jobs\/([^/]+)$/.exec(location.hash)?.[1];
+    const path = location.hash.replace(/^#/, "");
+    const [id, other] = /^\/jobs\/([^/]+)(?:\/with\/([^/]+))?$/.exec(path)?.slice(1) ?? [];
+    const lists = ["", "/", "/clients"].includes(path);
     const had = this.#view !== null;
     this.#view?.close();
     this.#view = null;
-    byId("overview").hidden = id !== undefined;
+    byId("overview").hidden = !lists;
     byId("job").hidden = id === undefined;
     byId("job").replaceChildren();
-    if (id === undefined) {
-      if (had) this.table.focus();
-      return;
-    }
-    this.#view = new JobView(byId("job"), decodeURIComponent(id), {
-      api: this.#api,
-      info: () => this.#info,
-      forget: (gone) => this.#store.remove(gone),
-    });
+    byId("nowhere").hidden = lists || id !== undefined;
+    if (lists) this.#showList(path === "/clients");
+    if (lists && had) this.table.focus();
+    if (!lists && id === undefined) this.#showNowhere(path);
+    if (id === undefined) return;
+    const context = { api: this.#api, info: () => this.#info, forget: (gone) => this.#store.remove(gone), jobs: () => this.#store.all() };
+    this.#view = other === undefined
+      ? new JobView(byId("job"), decodeURIComponent(id), context)
+      : new Comparison(byId("job"), [id, other].map(decodeURIComponent), context);
     scrollTo(0, 0);
+  }
+
+  #showList(clients) {
+    for (const [tab, on] of [["tab-jobs", !clients], ["tab-clients", clients]]) {
+      if (on) byId(tab).setAttribute("aria-current", "page");
+      else byId(tab).removeAttribute("aria-current");
+    }
+    byId("jobs-table").hidden = clients;
+    for (const part of ["filter-label", "chips", "job-count"]) byId(part).hidden = clients;
+    byId("clients-table").hidden = !clients;
+  }
+  #showJobsOf(client) {
+    location.hash = "#/";
+    this.table.search(client);
+  }
+  #showNowhere(path) {
+    byId("nowhere").replaceChildren(
+      make("h2", {}, "Nothing is here"),
+      make("p", {}, `This page has no view "${path}". Views are #/ with all jobs, #/clients, and #/jobs/ID of one job.`),
+      make("p", {}, make("a", { href: "#/" }, "All jobs")),
+    );
   }
 
   #key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
     const typing = event.target.closest?.("input, select, textarea") !== null;
-    if (event.key === "/" && !typing && this.#view === null) {
+    if (event.key === "/" && !typing && !byId("overview").hidden && !byId("jobs-table").hidden) {
       event.preventDefault();
       byId("filter").focus();
     }

@@ -8,20 +8,21 @@ const MOST_CELLS = 64;
 const PRIORITIES = ["realtime", "interactive", "batch"];
 
 export class Overview {
-  /** @type {[TimePlot, (index: number) => number][]} */
+  /** @type {TimePlot[]} */
   #plots;
   #workers = 0;
 
   /** `history` of the counters, which others fill. */
   constructor(history) {
     this.history = history;
+    const latency = [{ words: "p50", colour: "--teal", value: (index) => history.value("p50_s", index) },
+                     { words: "p99", colour: "--purple", value: (index) => history.value("p99_s", index) }];
     this.#plots = [
-      [new TimePlot(byId("plot-busy"), { words: "Workers busy", text: rate, colour: "--blue", most: () => Math.max(1, this.#workers) }),
-       (index) => history.growth("busy_s", index, 2)],
-      [new TimePlot(byId("plot-queue"), { words: "Jobs waiting", text: whole, colour: "--orange" }),
-       (index) => history.value("queued", index)],
-      [new TimePlot(byId("plot-rate"), { words: "Solves a second", text: rate, colour: "--green" }),
-       (index) => history.growth("done", index)],
+      new TimePlot(byId("plot-busy"), { words: "Workers busy", text: rate, most: () => Math.max(1, this.#workers),
+                                        curves: [{ colour: "--blue", value: (index) => history.growth("busy_s", index, 2) }] }),
+      new TimePlot(byId("plot-queue"), { words: "Jobs waiting", text: whole, curves: [{ colour: "--orange", value: (index) => history.value("queued", index) }] }),
+      new TimePlot(byId("plot-rate"), { words: "Solves a second", text: rate, curves: [{ colour: "--green", value: (index) => history.growth("done", index) }] }),
+      new TimePlot(byId("plot-latency"), { words: "Time from acceptance to answer", text: duration, logarithmic: true, curves: latency }),
     ];
   }
 
@@ -35,6 +36,8 @@ export class Overview {
       fill(byId(`wait-${priority}`), `wait ${duration(counters[`estimated_wait_${priority}_s`])}`);
     }
     this.#showRate(counters);
+    fill(byId("p50"), duration(counters.p50_last_minute_s));
+    fill(byId("p99"), duration(counters.p99_last_minute_s));
     const cpu = this.history.growth("cpu_s");
     fill(byId("memory"), bytes(counters.resident_bytes));
     fill(byId("cpu"), Number.isFinite(cpu) ? `${cpu.toFixed(2)} cores` : "–");
@@ -45,7 +48,7 @@ export class Overview {
       fill(byId(name), whole(counters[`${name}_total`]));
     }
     byId("failed").classList.toggle("alarm", counters.failed_total > 0);
-    for (const [plot, value] of this.#plots) plot.show(this.history, value);
+    for (const plot of this.#plots) plot.show(this.history);
   }
 
   #showWorkers(busy, workers) {

@@ -79,4 +79,7 @@ struct Job {
   std::stop_source stop = {};
 };
 
+/// Whether its answer is one that a client waits for.
+[[nodiscard]] inline bool solves(const Job& job) { return !job.is_setup && !job.is_preparation; }
+
 }  // namespace marble::server

@@ -209,6 +209,16 @@ class JobQueue {
     return ahead;
   }
 
+  /// Tells of every client with something in it its name, and how much waits and runs.
+  template <class Tell>
+  void each_client(const Tell& tell) const {
+    for (const auto& [name, client] : clients_) {
+      std::size_t waiting = 0;
+      for (const Line& line : client.lines) waiting += line.size();
+      tell(name, static_cast<int>(waiting), client.running);
+    }
+  }
+
   [[nodiscard]] bool is_waiting(const Item* item) const {
     const auto found = tickets_.find(item);
     return found != tickets_.end() && !found->second.running;

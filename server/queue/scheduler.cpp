@@ -37,8 +37,6 @@ std::string full_queue(const QueueLimits& limits, Priority priority) {
          (kept > 0 ? ", and " + std::to_string(kept) + " more if they are realtime" : "");
 }
 
-bool solves(const Job& job) { return !job.is_setup && !job.is_preparation; }
-
 }  // namespace
 
 Error refusal_of(QueueRefusal why, const QueueLimits& limits, const Ticket& ticket, const Quota& quota) {
@@ -278,7 +276,7 @@ void Scheduler::count(const Job& job, const Outcome& outcome) {
     if (!outcome.solution || !solves(job)) return;
     ++counters_.updates;
     if (is_solved(outcome.solution->status)) ++counters_.updates_solved;
-    last_minute_.add(Clock::now(), is_solved(outcome.solution->status));
+    count_answer(outcome);
     return;
   }
   if (!outcome.solution) {
@@ -291,7 +289,13 @@ void Scheduler::count(const Job& job, const Outcome& outcome) {
       outcome.solution->status == Status::cancelled && job.stop.stop_requested() && !closed_;
   ++(given_up ? counters_.cancelled : counters_.answered);
   if (is_solved(outcome.solution->status)) ++counters_.solved;
-  if (!given_up) last_minute_.add(Clock::now(), is_solved(outcome.solution->status));
+  if (!given_up) count_answer(outcome);
+}
+
+void Scheduler::count_answer(const Outcome& outcome) {
+  const Clock::time_point now = Clock::now();
+  last_minute_.add(now, is_solved(outcome.solution->status));
+  latencies_.add(now, outcome.total_s);
 }
 
 void Scheduler::give_notice() {
@@ -410,6 +414,11 @@ Counters Scheduler::counters() const {
 LastMinute::Sum Scheduler::last_minute() const {
   const MutexLock lock(mutex_);
   return last_minute_.sum(Clock::now());
+}
+
+Latencies::Quantiles Scheduler::latencies(std::int64_t seconds) const {
+  const MutexLock lock(mutex_);
+  return latencies_.quantiles(Clock::now(), seconds);
 }
 
 double Scheduler::retry_delay_s() const {

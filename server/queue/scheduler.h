@@ -18,6 +18,8 @@
 #include "mutex.h"
 #include "queue/job.h"
 #include "queue/run_estimates.h"
+#include "recent/client_use.h"
+#include "recent/latencies.h"
 
 namespace marble::server {
 
@@ -133,6 +135,9 @@ class Scheduler final : public Pulsed, public TaskRunner {
   [[nodiscard]] Counters counters() const ABSL_LOCKS_EXCLUDED(mutex_);
   /// Jobs and updates of sessions that were answered.
   [[nodiscard]] LastMinute::Sum last_minute() const ABSL_LOCKS_EXCLUDED(mutex_);
+  /// The same: from acceptance to answer, in the last so many seconds.
+  [[nodiscard]] Latencies::Quantiles latencies(std::int64_t seconds) const ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] ClientShares client_shares() const ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] const QueueLimits& limits() const { return limits_; }
   /// When a refused request may be tried again: after a queue's worth of the mean solve, when a worker is
   /// free; within [10 ms, 10 s].
@@ -177,6 +182,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
   void refuse_waiting(const std::vector<std::shared_ptr<Job>>& jobs, const Error& error, bool interrupted);
   void finish(Job& job, Outcome outcome, bool ran) ABSL_LOCKS_EXCLUDED(mutex_);
   void count(const Job& job, const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void count_answer(const Outcome& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] QueuePlace place_of(const Job& job, const std::vector<double>& busy_s) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] Expected<void> check_deadline(const std::shared_ptr<Job>& job, const RunEstimates::Key& key,
@@ -220,6 +226,8 @@ class Scheduler final : public Pulsed, public TaskRunner {
   int finishing_ ABSL_GUARDED_BY(mutex_) = 0;  // left queue or worker, observer not yet told
   Counters counters_ ABSL_GUARDED_BY(mutex_);
   LastMinute last_minute_ ABSL_GUARDED_BY(mutex_);
+  Latencies latencies_ ABSL_GUARDED_BY(mutex_);
+  ClientUses client_uses_ ABSL_GUARDED_BY(mutex_);
   std::array<double, kPriorities> mean_run_s_ ABSL_GUARDED_BY(mutex_) = {};
   RunEstimates estimates_ ABSL_GUARDED_BY(mutex_);
   Clock::time_point places_told_ ABSL_GUARDED_BY(mutex_) = {};

@@ -256,6 +256,7 @@ void Scheduler::end_job(const std::shared_ptr<Job>& job, Outcome outcome, Clock:
     running_.erase(std::find(running_.begin(), running_.end(), job));
     const double run_s = seconds(Clock::now() - begin - paused);
     counters_.busy_s += run_s;
+    client_uses_.add(Clock::now(), job->ticket.client, run_s, outcome.solution.has_value() && solves(*job));
     learn(*job, outcome, run_s);
     others_ready = queue_.ready();
     outcome.interrupted =

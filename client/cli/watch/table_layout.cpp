@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "output/job_report.h"
+#include "output/proof.h"
 #include "terminal/sparkline.h"
 #include "trace/convergence.h"
 #include "watch/layout.h"
@@ -76,7 +77,16 @@ std::string state_text(const JobInfo& job) {
   return job.activity ? describe(*job.activity) : to_string(job.state);
 }
 
+// Of a tree, in the nine columns of a violation.
+std::string gap_text(const JobInfo& job) {
+  if (job.proved) return "proved";
+  if (!std::isfinite(job.gap)) return "no gap";
+  if (job.gap < 1e-3) return "gap " + formatted("%.0e", job.gap);
+  return "gap " + formatted(job.gap < 0.1 ? "%.2g%%" : "%.0f%%", 100.0 * job.gap);
+}
+
 std::string violation_text(const JobInfo& job) {
+  if (job.nodes > 0) return gap_text(job);
   if (job.iterations == 0) return "-";
   return formatted("%.1e", largest(job.violations));
 }
@@ -103,6 +113,7 @@ std::string cell_text(const JobRow& row, Column column, int width, bool unicode)
     case Column::violation:
       return violation_text(job);
     case Column::trend:
+      if (job.nodes > 0) return whole_text(job.nodes) + (job.nodes == 1 ? " node" : " nodes");
       return sparkline(row.violations.values(), width, unicode);
   }
   return "";

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import sys
 import threading
 
 import numpy as np
@@ -11,6 +13,7 @@ from support import Shown, check, long_solve, random_problem, tiny, wait_until
 
 import marble
 from marble.base import tables
+from marble.calls.progress import ProgressLine, told
 from marble.hopper import Hopper
 
 
@@ -179,3 +182,34 @@ def test_a_solution_is_worth_reading(client):
     evil = client.solve(marble.LCQP([[1.0]], [0.0], name="<script>"))
     html = evil._repr_html_()
     assert "&lt;script&gt;" in html and "<script>" not in html and "objective" in html
+
+
+def row(**tree):
+    return marble.Progress(121, 3, 2.5, marble.Violations(0.0, 0.0, 1e-3), 1e-9, 0.1, 10.0, 1.0, 0.0, 130, 0.2, **tree)
+
+
+def test_a_search_tells_its_residuals():
+    assert told(row()) == "objective 2.5, violation 1.0e-03, kkt 1.0e-09"
+
+
+@pytest.mark.parametrize("tree, text", [
+    ({"incumbent": 5.0, "bound": 4.5, "gap": 0.1}, "best 5, bound 4.5, gap 1.0e-01, 17 nodes, 4 open"),
+    ({"incumbent": 5.0}, "best 5, no bound yet, 17 nodes, 4 open"),
+    ({"bound": 4.5}, "no point yet, bound 4.5, 17 nodes, 4 open"),
+])
+def test_a_proof_tells_what_is_known_of_the_optimum(tree, text):
+    assert told(row(nodes=17, open_nodes=4, **tree)) == text
+
+
+@pytest.mark.parametrize("bar", [True, False])
+def test_the_line_shows_a_tree_that_takes_no_iterations(bar, monkeypatch):
+    if bar:
+        pytest.importorskip("tqdm")
+    else:
+        monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    stream = io.StringIO()
+    line = ProgressLine(stream)
+    line(row())
+    line(row(incumbent=5.0, bound=4.5, gap=0.1, nodes=17, open_nodes=4))
+    line.close()
+    assert "gap 1.0e-01, 17 nodes" in stream.getvalue()

@@ -6,6 +6,7 @@
 
 #include "http/requests/reply.h"
 #include "messages/job_access.h"
+#include "recent/recent_json.h"
 #include "service/server_info.h"
 
 namespace marble::server::http {
@@ -14,10 +15,7 @@ namespace {
 constexpr std::size_t kKeptFrames = 32;  // so far a viewer may fall behind
 constexpr int kTicksOfAll = 2;           // between two looks at all jobs
 constexpr int kTicksOfServer = 4;        // between two looks at the server
-
-bool sees_all(const Identity& caller) {
-  return caller.roles.has(Role::observe) || caller.roles.has(Role::admin);
-}
+constexpr int kTicksOfClients = 16;      // and at who takes its workers
 
 /// What decides over the jobs that a caller sees, and nothing else: who has the same shares a topic.
 Identity visibility(const Identity& caller) {
@@ -32,6 +30,15 @@ EventHub::Frame frame_of(const char* name, const std::string& json) {
 }
 
 }  // namespace
+
+bool sees_all(const Identity& caller) {
+  return caller.roles.has(Role::observe) || caller.roles.has(Role::admin);
+}
+
+std::string clients_for(const ServiceParts& parts, const Identity& caller) {
+  const ClientShares shares = parts.scheduler.client_shares();
+  return sees_all(caller) ? clients_json(shares) : clients_json(shares, caller.client);
+}
 
 std::string event(const char* name, const std::string& json) {
   return std::string("event: ") + name + "\ndata: " + json + "\n\n";
@@ -142,6 +149,8 @@ void EventHub::run() {
         if (server == nullptr) server = server_frame();
         frames.push_back(server);
       }
+      if (all && (topic->starts || tick_ % kTicksOfClients == 0))
+        frames.push_back(frame_of("clients", clients_for(parts_, topic->viewer)));
       if (!all || topic->starts || tick_ % kTicksOfAll == 0) look_at_jobs(*topic, frames, over);
       tell(*topic, std::move(frames), over);
     }
@@ -211,6 +220,12 @@ EventHub::Frame EventHub::server_frame() const {
   const LastMinute::Sum last_minute = parts_.scheduler.last_minute();
   json["answered_last_minute"] = last_minute.answered;
   json["solved_last_minute"] = last_minute.solved;
+  const Latencies::Quantiles newest = parts_.scheduler.latencies(Latencies::kNewestSeconds);
+  const Latencies::Quantiles minute = parts_.scheduler.latencies(Latencies::kSeconds);
+  json["p50_s"] = newest.median_s;
+  json["p99_s"] = newest.p99_s;
+  json["p50_last_minute_s"] = minute.median_s;
+  json["p99_last_minute_s"] = minute.p99_s;
   return frame_of("server", json.dump());
 }
 

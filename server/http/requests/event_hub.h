@@ -18,6 +18,10 @@ namespace marble::server::http {
 /// "event: NAME\ndata: JSON\n\n".
 [[nodiscard]] std::string event(const char* name, const std::string& json);
 
+[[nodiscard]] bool sees_all(const Identity& caller);
+/// Who takes the workers: everybody, or of who may not see all, the caller.
+[[nodiscard]] std::string clients_for(const ServiceParts& parts, const Identity& caller);
+
 class EventHub {
   struct Topic;
 

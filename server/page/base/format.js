@@ -52,6 +52,12 @@ export function whole(count) {
   return digits.length < 5 ? digits : digits.replace(/\B(?=(\d{3})+$)/g, "\u202f");
 }
 
+/** "1st", "2nd", "11th". */
+export function ordinal(number) {
+  const ending = number % 100 > 10 && number % 100 < 14 ? "th" : (["th", "st", "nd", "rd"][number % 10] ?? "th");
+  return `${whole(number)}${ending}`;
+}
+
 /** "1 job", "2 jobs". */
 export const jobs = (count) => `${whole(count)} ${count === 1 ? "job" : "jobs"}`;
 
@@ -69,6 +75,20 @@ export function percent(share) {
 export function residual(value) {
   if (!Number.isFinite(value)) return Number.isNaN(value) ? "nan" : "∞";
   return value === 0 ? "0" : value.toExponential(1);
+}
+
+/** A relative gap: "12 %", "0.034 %", below that as a residual. */
+export function gapText(gap) {
+  if (!Number.isFinite(gap)) return NONE;
+  if (gap === 0) return "0";
+  return gap < 1e-4 ? residual(gap) : `${Number((100 * gap).toPrecision(2))} %`;
+}
+
+/** A large count in few characters: "1204", "12.3k", "1.2M". */
+export function brief(count) {
+  if (!Number.isFinite(count)) return NONE;
+  if (count < 9999.5) return String(Math.round(count));
+  return count < 999500 ? `${three(count / 1e3)}k` : `${three(count / 1e6)}M`;
 }
 
 /** Any real number at reading precision. */

@@ -1,15 +1,17 @@
-// The server's counters over the last minutes, in rings of fixed size.
+// The server's counters over the last minutes, in rings of fixed size: what the server kept before this page was opened,
+// and what its stream told since.
 
 import { number } from "./store.js";
 
 export const SPAN_S = 300;
 const POINTS = 640; // SPAN_S at two a second, and some
 const RATE_WINDOW_S = 5;
-const COLUMNS = ["time", "queued", "done", "busy_s", "cpu_s", "running"];
+const COLUMNS = ["time", "queued", "done", "busy_s", "cpu_s", "running", "p50_s", "p99_s"];
 
 /** Counters as numbers. */
 export function toCounters(message) {
-  const counters = Object.fromEntries(Object.entries(message ?? {}).map(([name, value]) => [name, number(value)]));
+  const of = (value) => (value === null ? NaN : number(value)); // null: nothing was answered
+  const counters = Object.fromEntries(Object.entries(message ?? {}).map(([name, value]) => [name, of(value)]));
   counters.done = (counters.answered_total ?? 0) + (counters.updates_total ?? 0);
   return counters;
 }
@@ -22,12 +24,23 @@ export class History {
     this.#count = 0;
   }
 
-  /** `time` in seconds, rising. */
+  /** `time` in seconds; what is not later than the newest point is left out. */
   put(time, counters) {
+    this.#add({ time, queued: counters.queued, done: counters.done, busy_s: counters.busy_s_total, cpu_s: counters.cpu_s_total,
+                running: counters.running, p50_s: counters.p50_s, p99_s: counters.p99_s });
+  }
+  /** What the server kept, in columns, before what this page has heard since. */
+  replace({ time_s: time = [], ...columns }) {
+    const heard = Array.from({ length: this.length }, (_, index) => Object.fromEntries(COLUMNS.map((name) => [name, this.value(name, index)])));
+    this.clear();
+    time.forEach((at, index) => this.#add({ ...Object.fromEntries(COLUMNS.map((name) => [name, columns[name]?.[index] ?? NaN])), time: at }));
+    for (const point of heard) this.#add(point);
+  }
+
+  #add(point) {
+    if (this.#count > 0 && !(point.time > this.value("time", this.length - 1))) return;
     const at = this.#count++ % POINTS;
-    const values = { time, queued: counters.queued, done: counters.done, busy_s: counters.busy_s_total,
-                     cpu_s: counters.cpu_s_total, running: counters.running };
-    for (const name of COLUMNS) this.#columns[name][at] = values[name] ?? 0;
+    for (const name of COLUMNS) this.#columns[name][at] = point[name] ?? NaN;
   }
 
   /** Points kept; 0 is the oldest. */

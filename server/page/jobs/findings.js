@@ -31,7 +31,7 @@ export function explain(job, options, rows) {
     return { tone: "bad", title: `No answer: ${name.replaceAll("_", " ")}`, lines };
   }
   const known = STATUSES[job.status];
-  if (job.state !== "finished") lines.push(...underWay(job));
+  if (job.state !== "finished") lines.push(...underWay(job, options));
   if (known) {
     lines.push(known.means);
     if (job.detail) lines.push(`The solver says: ${job.detail}.`);
@@ -44,10 +44,22 @@ export function explain(job, options, rows) {
   return { tone: job.state === "finished" ? (known?.tone ?? "quiet") : job.state, title: word.replaceAll("_", " "), lines };
 }
 
-function underWay(job) {
+function underWay(job, options) {
   const lines = [STATES[job.state] ?? ""];
   if (job.state === "queued") lines.push(`${whole(job.position)} before it; likely to wait ${duration(job.wait_s)} yet.`);
+  if (job.state !== "running" || job.kind === "session") return lines;
+  const starts = Number(options?.starts ?? 1);
+  if (options?.global === true && job.nodes === 0) lines.push("It looks for a first good point; then its tree begins, and with it a bound.");
+  else if (job.nodes > 0) lines.push("Its tree is under way: branch and bound.");
+  else if (starts > 1) lines.push(`It searches from ${whole(starts)} starts, some at a time; the curves are those of the first.`);
   return lines;
+}
+
+/** How much of its time limit a running job has used: {used, limit} in seconds; null where there is none. */
+export function timeLimit(job, options) {
+  const limit = Number(options?.time_limit_s ?? Infinity);
+  if (job.state !== "running" || job.kind === "session" || !(limit < 1e8)) return null;
+  return { used: Math.min(limit, Math.max(0, seconds(job) - job.times.queue)), limit };
 }
 
 // The message has field, index and rule.
@@ -61,6 +73,26 @@ function unmet(job, options) {
   if (broken.length === 0) return [];
   const texts = broken.map(({ name, value, tolerance, meaning }) => `${name} ${meaning} = ${residual(value)}, asked for ${residual(tolerance)}`);
   return [`Not met: ${texts.join("; ")}.`];
+}
+
+const PARTS = [["equality", "ne"], ["inequality", "ni"], ["left side of pair", "nc"], ["right side of pair", "nc"]];
+const LEAST_SHARE = 1e-3;
+const MOST_ROWS = 8;
+
+/**
+ * What an infeasible problem's certificate weighs most, as {row, multiplier}: multipliers of A z + b, C z + d, L z + l and
+ * R z + r, one after the other.
+ */
+export function clashingRows(job, certificate) {
+  const rows = [];
+  let at = 0;
+  for (const [name, count] of PARTS) {
+    for (let row = 0; row < job[count]; ++row) rows.push({ row: `${name} ${row}`, multiplier: Number(certificate[at++] ?? 0) });
+  }
+  const largest = Math.max(0, ...rows.map(({ multiplier }) => Math.abs(multiplier)));
+  const weighing = rows.filter(({ multiplier }) => Math.abs(multiplier) > LEAST_SHARE * largest);
+  weighing.sort((a, b) => Math.abs(b.multiplier) - Math.abs(a.multiplier));
+  return { rows: weighing.slice(0, MOST_ROWS), more: Math.max(0, weighing.length - MOST_ROWS) };
 }
 
 // What is known of the optimum, where option global looks for it.

@@ -31,6 +31,7 @@ const KEYS = {
   priority: (job) => PRIORITY_RANKS[job.priority] ?? 3,
   iterations: (job) => job.iterations,
   violation,
+  proof: (job) => (job.nodes === 0 ? -1 : job.proved ? 0 : Number.isFinite(job.gap) ? job.gap : Infinity),
   time: seconds,
   queue: (job) => job.times.queue,
   age: (job) => job.accepted,

@@ -1,9 +1,14 @@
 // One line of the table of jobs. Lines are used again for other jobs as the table scrolls.
 
 import { fill, make, plain } from "../base/dom.js";
-import { age, duration, residual, whole } from "../base/format.js";
+import { age, brief, duration, gapText, jobs, ordinal, real, residual, whole } from "../base/format.js";
 import { seconds, violation } from "../data/store.js";
 import { outcome } from "../base/words.js";
+
+// Of the lines of violations: powers of ten, the same in all of them, so that they can be compared.
+const SPARK_LOW = -12;
+const SPARK_HIGH = 2;
+const TOLERANCE = -6; // the usual one
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -17,11 +22,14 @@ export const COLUMNS = [
   { key: "kind", title: "Kind", hint: "What it came by: solve, batch, submitted, session, scenarios or coupled" },
   { key: "priority", title: "Priority", hint: "Whose turn it is when workers are busy" },
   { key: "iterations", title: "Iter.", hint: "Newton iterations; of a session, of all its solves", numeric: true },
-  { key: "violation", title: "Violation", hint: "Largest violation, and its course while the job runs", numeric: true },
+  { key: "violation", title: "Violation", hint: "Largest violation, and its course while the job runs, from 1e-12 to 100; the line is at 1e-6", numeric: true },
+  { key: "proof", title: "Proof", hint: "The gap between incumbent and bound, or ✓ once it is proved, and nodes so far", numeric: true },
   { key: "queue", title: "Queue", hint: "Time spent waiting", numeric: true },
   { key: "time", title: "Time", hint: "From its acceptance to its answer", numeric: true },
   { key: "age", title: "Age", hint: "Since it was accepted", numeric: true },
 ];
+
+const sparkHeight = (power) => (15 - (14 * (Math.min(SPARK_HIGH, Math.max(SPARK_LOW, power)) - SPARK_LOW)) / (SPARK_HIGH - SPARK_LOW)).toFixed(1);
 
 export class JobRow {
   #cells = {};
@@ -42,7 +50,10 @@ export class JobRow {
     this.spark.setAttribute("preserveAspectRatio", "none");
     this.spark.setAttribute("aria-hidden", "true");
     this.path = document.createElementNS(SVG, "path");
-    this.spark.append(this.path);
+    const level = document.createElementNS(SVG, "path");
+    level.setAttribute("class", "level");
+    level.setAttribute("d", `M0 ${sparkHeight(TOLERANCE)}H40`);
+    this.spark.append(level, this.path);
     this.last = make("span");
     this.#cells.violation.append(this.spark, this.last);
     this.element = make("div", { role: "row", class: "job-row", id: `row-${number}` }, ...cells);
@@ -68,6 +79,7 @@ export class JobRow {
     this.#text("priority", job.priority);
     this.#text("iterations", job.state === "queued" ? "–" : whole(job.iterations));
     this.#showViolation(job);
+    this.#showProof(job);
     this.#text("queue", duration(job.times.queue));
     this.tick();
   }
@@ -91,11 +103,19 @@ export class JobRow {
 
   #showOutcome(job) {
     const { word, tone, sign } = outcome(job);
-    const place = job.state === "queued" && job.position >= 0 ? ` · ${whole(job.position)} ahead` : "";
-    fill(this.word, word.replaceAll("_", " ") + place);
+    const waits = job.state === "queued" && job.position >= 0;
+    fill(this.word, word.replaceAll("_", " ") + (waits ? ` · ${ordinal(job.position + 1)}` : ""));
     fill(this.sign, sign);
     this.#cells.status.dataset.tone = tone;
-    this.#cells.status.title = plain(job.error?.message || job.detail);
+    this.#cells.status.title = waits ? `${jobs(job.position)} before it, likely to wait ${duration(job.wait_s)} yet` : plain(job.error?.message || job.detail);
+  }
+
+  #showProof({ nodes, openNodes, gap, incumbent, bound, proved }) {
+    const known = nodes > 0;
+    const text = proved ? "✓" : Number.isFinite(gap) ? `${gapText(gap)} ·` : "no gap ·";
+    const best = Number.isFinite(incumbent) ? real(incumbent) : "none yet";
+    const least = Number.isFinite(bound) ? real(bound) : "none yet";
+    this.#text("proof", known ? `${text} ${brief(nodes)} ${nodes === 1 ? "node" : "nodes"}` : "", known ? `Incumbent ${best}, bound ${least}, gap ${Number.isFinite(gap) ? residual(gap) : "unknown"}; ${whole(nodes)} nodes, ${whole(openNodes)} open` : "");
   }
 
   #showViolation(job) {
@@ -105,9 +125,7 @@ export class JobRow {
     const drawn = points.length > 1;
     this.spark.style.display = drawn ? "" : "none";
     if (!drawn) return;
-    const low = Math.min(...points, -6);
-    const high = Math.max(...points, low + 1);
-    const place = (value, at) => `${((40 * at) / (points.length - 1)).toFixed(1)} ${(15 - (14 * (value - low)) / (high - low)).toFixed(1)}`;
+    const place = (value, at) => `${((40 * at) / (points.length - 1)).toFixed(1)} ${sparkHeight(value)}`;
     this.path.setAttribute("d", `M${points.map(place).join("L")}`);
   }
 }

@@ -50,6 +50,12 @@ export class JobTable {
     place.append(this.scroller, this.empty);
   }
 
+  /** Shows what has this text. */
+  search(text) {
+    this.filter.value = text;
+    this.#changed();
+  }
+
   /** Back from a job: the keyboard is where it was. */
   focus() {
     this.scroller.focus({ preventScroll: true });

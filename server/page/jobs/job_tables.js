@@ -64,11 +64,26 @@ function treeFacts({ nodes, openNodes, incumbent, bound, gap }, trace) {
 /** Each violation against its tolerance. */
 export function showViolations(place, job, options) {
   const rows = judge(job, options).map(({ name, value, tolerance, met, meaning }) => {
-    const verdict = make("td", { class: met ? "met" : "unmet" }, met ? "✓ met" : "✕ not met");
+    const open = job.state === "running" && !met; // it goes on
+    const verdict = make("td", { class: met ? "met" : open ? "open" : "unmet" }, met ? "✓ met" : open ? "… not yet" : "✕ not met");
     return make("tr", {}, make("th", { scope: "row", title: meaning }, name), make("td", {}, residual(value)), make("td", {}, residual(tolerance)), verdict);
   });
-  const known = job.iterations > 0 || job.status !== "";
-  place.replaceChildren(known && !job.error ? table("Violations of the newest iterate", ["of", "largest", "tolerance", ""], rows) : make("p", { class: "empty" }, "None known."));
+  const known = (job.iterations > 0 || job.status !== "") && !job.error;
+  const feasible = job.state !== "finished" && Number.isFinite(job.incumbent);
+  place.replaceChildren(
+    ...(feasible ? [make("p", { class: "met" }, `✓ A point that meets all of them is known: objective ${real(job.incumbent)}.`), make("p", { class: "note" }, "The iterate at work now:")] : []),
+    known ? table("Violations of the newest iterate", ["of", "largest", "tolerance", "verdict"], rows) : make("p", { class: "empty" }, "None known."),
+  );
+}
+
+/** The rows that an infeasible problem's certificate weighs most. */
+export function showClash(place, { rows, more }) {
+  const lines = rows.map(({ row, multiplier }) => make("tr", {}, make("th", { scope: "row" }, row), make("td", {}, real(Number(multiplier.toPrecision(4))))));
+  place.replaceChildren(
+    make("p", { class: "note" }, "Rows that contradict each other, counted from 0, by their multipliers in the certificate:"),
+    table("Rows that clash", ["row", "multiplier"], lines),
+    more > 0 ? make("p", { class: "note" }, `and ${whole(more)} more; the answer as JSON has them all.`) : make("span"),
+  );
 }
 
 /** Options in force, those first that are not the server's default. */
@@ -76,9 +91,9 @@ export function showOptions(place, options, schema) {
   const entries = schema.filter(({ name }) => options[name] !== undefined).map((option) => describe(option, options[option.name]));
   entries.sort((a, b) => Number(b.changed) - Number(a.changed));
   const rows = entries.map(({ name, doc, value, usual, changed }) =>
-    make("tr", { class: changed ? "changed" : "" }, make("th", { scope: "row", title: doc }, name), make("td", {}, value), make("td", {}, changed ? `changed from ${usual}` : "default")),
+    make("tr", { class: changed ? "changed" : "" }, make("th", { scope: "row", title: doc }, name), make("td", {}, value, changed ? make("span", { class: "usual" }, `changed from ${usual}`) : null)),
   );
-  place.replaceChildren(rows.length > 0 ? table("Solver options", ["option", "value", ""], rows) : make("p", { class: "empty" }, "Not known."));
+  place.replaceChildren(rows.length > 0 ? table("Solver options", ["option", "value"], rows) : make("p", { class: "empty" }, "Not known."));
 }
 
 function describe({ name, type, doc, unit, choices, default_value: usual }, value) {

@@ -3,19 +3,21 @@
 import { Convergence, loadCharts } from "../plots/convergence.js";
 import { confirm } from "../dialogs.js";
 import { fill, make, onceAFrame } from "../base/dom.js";
-import { explain } from "./findings.js";
-import { residual } from "../base/format.js";
+import { clashingRows, explain, timeLimit } from "./findings.js";
+import { duration, residual } from "../base/format.js";
 import { Feed } from "../data/feed.js";
-import { showFacts, showOptions, showRows, showViolations } from "./job_tables.js";
+import { showClash, showFacts, showOptions, showRows, showViolations } from "./job_tables.js";
 import { buildJobPage } from "./job_page.js";
 import { showLevels } from "../plots/levels_plot.js";
 import { PairsPlot } from "../plots/pairs_plot.js";
-import { toJob } from "../data/store.js";
+import { seconds, toJob } from "../data/store.js";
 import { showTimings } from "../plots/timings.js";
 import { Trace } from "../data/trace.js";
 import { outcome } from "../base/words.js";
 
 const TABLES_EVERY_MS = 500;
+const TICK_MS = 1000; // times go on where no row comes
+const MOST_TO_COMPARE = 30;
 
 export class JobView {
   #job = null;
@@ -25,15 +27,20 @@ export class JobView {
   #closed = false;
   #tablesAt = -Infinity;
   #timer = 0;
+  #clash = false;
+  #offered = "";
   pairs = null; // a PairsPlot, once there is a frame
 
-  /** `context` has api, info() (GetInfoResponse or null), forget(id). */
+  /** `context` has api, info() (GetInfoResponse or null), jobs() (all of them), forget(id). */
   constructor(place, id, context) {
     this.id = id;
     this.context = context;
     this.parts = buildJobPage(place, id);
     this.update = onceAFrame(() => this.#draw());
     this.parts.download.addEventListener("click", () => this.#download("trace.csv", "csv"));
+    this.parts.answer.addEventListener("click", () => this.#download("result", "json"));
+    this.parts.compare.addEventListener("change", () => (location.hash = `#/jobs/${this.id}/with/${this.parts.compare.value}`));
+    this.ticks = setInterval(() => this.#job !== null && this.#job.state !== "finished" && this.update(), TICK_MS);
     this.parts.bundle.addEventListener("click", () => this.#download("bundle", "tar.zst"));
     this.parts.cancel.addEventListener("click", () => this.#cancel());
     this.parts.axis.addEventListener("change", () => this.convergence?.alongTime(this.parts.axis.value === "time"));
@@ -44,6 +51,7 @@ export class JobView {
   close() {
     this.#closed = true;
     clearTimeout(this.#timer);
+    clearInterval(this.ticks);
     this.update.cancel();
     this.#feed?.stop();
     this.convergence?.destroy();
@@ -93,6 +101,7 @@ export class JobView {
     const why = gone ? "The server does not remember it: it was let go, or newer ones took its place in the history." : error.message;
     this.parts.why.replaceChildren(make("p", {}, why));
     this.parts.why.dataset.tone = "quiet";
+    this.parts.status.hidden = true;
     if (gone) this.context.forget(this.id);
   }
 
@@ -158,13 +167,13 @@ export class JobView {
       this.pairs ??= new PairsPlot(this.parts.pairs);
       const { state, complementarity } = this.#job;
       const note = state === "finished" ? `In the answer, made exact after it, largest |min(s, t)| is ${residual(complementarity)}.` : "";
-      this.pairs.show(frames, Number(this.#options.complementarity_tolerance ?? 1e-6), note);
+      this.pairs.show(frames, this.#job.nc, Number(this.#options.complementarity_tolerance ?? 1e-6), note);
       return;
     }
-    const most = Number(this.context.info()?.limits?.trace_pairs ?? 0);
+    const limits = this.context.info()?.limits;
     const job = this.#job;
     const why = job.nc === 0 ? "This problem has no complementarity pairs."
-      : job.nc > most ? `Not kept: the problem has ${job.nc} pairs, the server keeps those of problems with at most ${most} (--trace-pairs).`
+      : Number(limits?.trace_pairs ?? 1) === 0 ? "This server keeps none (--trace-pairs)."
       : job.iterations > 0 ? "None were kept of this job." : "Nothing yet.";
     fill(this.parts.noPairs, why);
   }
@@ -191,6 +200,7 @@ export class JobView {
     this.parts.timings.hidden = !(job.times.solve > 0);
     this.parts.noTimings.hidden = job.times.solve > 0;
     showTimings(this.parts.timings, job.times);
+    this.#drawLimit();
     if (this.parts.table.open) showRows(this.parts.rows, this.#trace.rows);
     this.#allowCancel();
   }
@@ -201,6 +211,48 @@ export class JobView {
     const may = info !== null && (info.client === this.#job.client || (info.roles ?? []).includes("admin"));
     this.parts.cancel.hidden = !may || this.#job.state === "finished";
     this.parts.bundle.hidden = !may || this.#job.kind !== "submitted";
+    this.parts.answer.hidden = this.parts.bundle.hidden || this.#job.state !== "finished";
+    if (!this.parts.answer.hidden && this.#job.status === "infeasible") this.#findClash();
+    this.#offerComparison();
+  }
+
+  #drawLimit() {
+    const limit = timeLimit(this.#job, this.#options);
+    this.parts.limit.hidden = limit === null;
+    if (limit === null) return;
+    const text = `${duration(limit.used)} of at most ${duration(limit.limit)} (time_limit_s)`;
+    this.parts.limit.replaceChildren(make("progress", { max: limit.limit, value: limit.used, "aria-label": "Time limit used" }), make("span", { class: "note" }, text));
+  }
+
+  // Once: the certificate is in the answer alone.
+  async #findClash() {
+    if (this.#clash) return;
+    this.#clash = true;
+    try {
+      const { solution } = await this.context.api.get(`/api/jobs/${this.id}/result`);
+      const found = clashingRows(this.#job, solution?.certificate ?? []);
+      if (this.#closed || found.rows.length === 0) return;
+      showClash(this.parts.clash, found);
+      this.parts.clash.hidden = false;
+    } catch {
+      // An answer that is not kept any more has no rows to show.
+    }
+  }
+
+  // With the newest of the same problem: those with its name, or of its size where it has none.
+  #offerComparison() {
+    const mine = this.#job;
+    const alike = [...this.context.jobs()].filter((job) => job.id !== mine.id && job.state === "finished" && job.name === mine.name && (mine.name !== "" || job.n === mine.n));
+    alike.sort((a, b) => b.accepted - a.accepted);
+    const offered = alike.slice(0, MOST_TO_COMPARE);
+    const ids = offered.map(({ id }) => id).join();
+    this.parts.compare.hidden = offered.length === 0;
+    if (ids === this.#offered) return;
+    this.#offered = ids;
+    this.parts.compare.replaceChildren(
+      make("option", { value: "" }, "Compare with …"),
+      ...offered.map((job) => make("option", { value: job.id }, `${job.id.slice(0, 8)} ${outcome(job).word.replaceAll("_", " ")}, ${duration(seconds(job))}, ${job.client}`)),
+    );
   }
 
   async #cancel() {

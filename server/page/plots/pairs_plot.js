@@ -46,6 +46,7 @@ function polygon(path, corners) {
 
 export class PairsPlot {
   #note = "";
+  #pairs = 0; // of the problem: a frame has them all, or an even sample
   #frames = [];
   #chosen = null; // iteration; null follows the newest
   #tolerance = 1e-6;
@@ -80,9 +81,10 @@ export class PairsPlot {
     return make("canvas", { width: "28", height: "28", "data-sample": side, "aria-hidden": "true" });
   }
 
-  /** `note` is said of the newest frame. */
-  show(frames, tolerance, note = "") {
+  /** `pairs` of the problem; `note` is said of the newest frame. */
+  show(frames, pairs, tolerance, note = "") {
     this.#frames = frames;
+    this.#pairs = pairs;
     this.#note = note;
     this.#tolerance = tolerance;
     this.redraw();
@@ -131,7 +133,9 @@ export class PairsPlot {
     const counts = countPairs(frame, this.#tolerance);
     const parts = Object.entries(LOOKS).filter(([side]) => counts[side] > 0).map(([side, { words }]) => `${whole(counts[side])} ${words}`);
     const kappa = frame.kappa > 0 ? `κ = ${residual(frame.kappa)}` : "local search";
-    const text = `Iteration ${frame.iteration}, ${kappa}: ${parts.join(", ")}; largest |min(s, t)| ${residual(counts.worst)}.`;
+    const shown = frame.s.length;
+    const sample = shown < this.#pairs ? ` ${whole(shown)} of ${whole(this.#pairs)} pairs are shown, evenly chosen.` : "";
+    const text = `Iteration ${frame.iteration}, ${kappa}: ${parts.join(", ")}; largest |min(s, t)| ${residual(counts.worst)}.${sample}`;
     fill(this.caption, frame === this.#frames.at(-1) ? `${text} ${this.#note}` : text);
     this.canvas.setAttribute("aria-label", `${frame.s.length} complementarity pairs, s against t. ${text}`);
     this.canvas.dataset.points = frame.s.length;
@@ -287,7 +291,8 @@ export class PairsPlot {
   }
 
   #label(context, { pair, x, y }, { s, t }) {
-    const text = `pair ${pair}: s = ${residual(s[pair])}, t = ${residual(t[pair])}`;
+    const number = s.length < this.#pairs ? Math.floor((pair * this.#pairs) / s.length) : pair;
+    const text = `pair ${number}: s = ${residual(s[pair])}, t = ${residual(t[pair])}`;
     const width = context.measureText(text).width + this.unit;
     const left = Math.min(Math.max(this.box.left, x - width / 2), this.box.right - width);
     const top = y > this.box.top + 3 * this.unit ? y - 2.4 * this.unit : y + this.unit;

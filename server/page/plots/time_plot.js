@@ -1,8 +1,12 @@
-// A small plot of one quantity over the last minutes: an area on a canvas, redrawn when there is something new.
+// A small plot of one quantity over the last minutes, or of a few on one scale: drawn on a canvas when there is something
+// new. A single one is an area.
 
 import { make, fill, styleValue } from "../base/dom.js";
 import { whole } from "../base/format.js";
 import { SPAN_S } from "../data/history.js";
+
+const MINUTES = SPAN_S / 60;
+const NARROW = 190; // pixels: below it only the ends of the axis are labelled
 
 // The smallest of 1, 2, 5 times a power of ten that is not below the value.
 function roundUp(value) {
@@ -12,90 +16,139 @@ function roundUp(value) {
 }
 
 export class TimePlot {
-  #points = []; // [seconds before now, value], oldest first
-  #hover = null;
+  #points = []; // of each curve: [seconds before now, value], oldest first
+  #hover = null; // seconds before now
 
-  /** `words` names the quantity, `text` a value of it, `most` the top of the axis if it is fixed. */
-  constructor(parent, { words, text, colour, most = null }) {
+  /**
+   * `words` names the quantity, `text` a value of it, `most` the top of the axis if it is fixed. `curves`: colour, value(index)
+   * of the history's points, and, where there are several, words.
+   */
+  constructor(parent, { words, text, curves, most = null, logarithmic = false }) {
     this.words = words;
     this.text = text;
-    this.colour = colour;
+    this.curves = curves;
     this.most = most;
+    this.logarithmic = logarithmic;
     this.top = make("span", { class: "axis-top", "aria-hidden": "true" });
-    this.readout = make("span", { class: "axis-now", "aria-hidden": "true" }, "last 5 min");
+    this.bottom = make("span", { class: "axis-bottom", "aria-hidden": "true" });
+    this.readout = make("span", { class: "axis-now", "aria-hidden": "true" });
     this.canvas = make("canvas", { role: "img", "aria-label": words });
-    parent.append(this.canvas, this.top, this.readout);
+    parent.append(this.canvas, this.top, this.bottom, this.readout);
     this.canvas.addEventListener("pointermove", (event) => this.#point(event.offsetX));
     this.canvas.addEventListener("pointerleave", () => this.#point(null));
     new ResizeObserver(() => this.draw()).observe(this.canvas);
     document.addEventListener("themechange", () => this.draw());
   }
 
-  /** `value(index)` of `history`'s points. */
-  show(history, value) {
-    const last = history.length - 1;
-    this.#points.length = 0;
-    if (last >= 0) {
-      const now = history.value("time", last);
-      const width = Math.max(1, this.canvas.clientWidth);
-      const step_s = SPAN_S / width; // one point a pixel is enough
-      let drawn = Infinity;
-      for (let index = 0; index <= last; ++index) {
-        const before = now - history.value("time", index);
-        if (before > SPAN_S || (drawn - before < step_s && index < last)) continue;
-        const at = value(index);
-        if (Number.isFinite(at)) this.#points.push([(drawn = before), at]);
-      }
-    }
+  show(history) {
+    this.#points = this.curves.map(({ value }) => this.#read(history, value));
     this.#describe();
+    this.#tellHover();
     this.draw();
+  }
+
+  // One point a pixel is enough.
+  #read(history, value) {
+    const points = [];
+    const last = history.length - 1;
+    if (last < 0) return points;
+    const now = history.value("time", last);
+    const step_s = SPAN_S / Math.max(1, this.canvas.clientWidth);
+    let drawn = Infinity;
+    for (let index = 0; index <= last; ++index) {
+      const before = now - history.value("time", index);
+      if (before > SPAN_S || (drawn - before < step_s && index < last)) continue;
+      const at = value(index);
+      if (Number.isFinite(at)) points.push([(drawn = before), at]);
+    }
+    return points;
   }
 
   #describe() {
-    const values = this.#points.map((point) => point[1]);
+    const values = this.#points.flat().map((point) => point[1]);
     const most = Math.max(0, ...values);
-    this.scale = this.most?.() ?? roundUp(most);
-    fill(this.top, Number.isInteger(this.scale) ? whole(this.scale) : this.text(this.scale));
-    const now = values.length > 0 ? this.text(values.at(-1)) : "unknown";
-    this.canvas.setAttribute("aria-label", `${this.words} over the last 5 minutes: now ${now}, at most ${this.text(most)}`);
-    this.canvas.dataset.points = values.length;
+    if (this.logarithmic) {
+      const least = Math.min(...values.filter((value) => value > 0), most > 0 ? most : 1e-3);
+      this.low = Math.floor(Math.log10(least) + 0.01);
+      this.high = Math.max(this.low + 1, Math.ceil(Math.log10(most > 0 ? most : 1e-3) - 0.01));
+    } else {
+      this.low = 0;
+      this.high = this.most?.() ?? roundUp(most);
+    }
+    const limit = (value) => (Number.isInteger(value) ? whole(value) : this.text(value));
+    const power = (exponent) => (most > 0 ? this.text(10 ** exponent).replace(/\.0+(?= )/, "") : "");
+    fill(this.top, this.logarithmic ? power(this.high) : limit(this.high));
+    fill(this.bottom, this.logarithmic ? power(this.low) : "");
+    const now = this.#points.map((points, at) => `${this.curves[at].words ?? ""} ${points.at(-1)?.[0] < 5 ? this.text(points.at(-1)[1]) : "unknown"}`.trim());
+    this.canvas.setAttribute("aria-label", `${this.words} over the last 5 minutes: now ${now.join(", ")}, at most ${this.text(most)}`);
+    this.canvas.dataset.points = this.#points[0].length;
+    this.canvas.dataset.since = Math.floor(this.#points[0][0]?.[0] ?? 0);
   }
 
   #point(x) {
-    const before = x === null ? null : SPAN_S * (1 - x / this.canvas.clientWidth);
-    const distance = (point) => Math.abs(point[0] - before);
-    this.#hover = before === null || this.#points.length === 0
-      ? null
-      : this.#points.reduce((best, point) => (distance(point) < distance(best) ? point : best));
-    fill(this.readout, this.#hover === null ? "last 5 min" : `${this.text(this.#hover[1])}, ${Math.round(this.#hover[0])} s ago`);
+    this.#hover = x === null ? null : SPAN_S * (1 - x / this.canvas.clientWidth);
+    this.#tellHover();
     this.draw();
   }
 
+  // The point of a curve that is nearest to the pointer; null if there is none.
+  #near(points) {
+    if (this.#hover === null || points.length === 0) return null;
+    const distance = (point) => Math.abs(point[0] - this.#hover);
+    return points.reduce((best, point) => (distance(point) < distance(best) ? point : best));
+  }
+
+  #tellHover() {
+    const near = this.#points.map((points) => this.#near(points));
+    const seconds = near.find((point) => point !== null)?.[0];
+    const values = near.map((point, at) => (point === null ? null : `${this.curves[at].words ?? ""} ${this.text(point[1])}`.trim())).filter((text) => text !== null);
+    if (seconds === undefined) fill(this.readout, "");
+    else fill(this.readout, `${values.join(", ")}, ${Math.round(seconds)} s ago`);
+  }
+
   draw() {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const { clientWidth: width, clientHeight } = this.canvas;
     if (width === 0) return;
     const ratio = devicePixelRatio;
     this.canvas.width = Math.round(width * ratio);
-    this.canvas.height = Math.round(height * ratio);
+    this.canvas.height = Math.round(clientHeight * ratio);
     const context = this.canvas.getContext("2d");
     context.scale(ratio, ratio);
-    context.strokeStyle = styleValue("--line");
-    context.lineWidth = 1;
-    for (const y of [0.5, Math.round(height / 2) + 0.5, height - 0.5]) {
-      context.beginPath();
-      context.moveTo(0, y);
-      context.lineTo(width, y);
-      context.stroke();
-    }
-    if (this.#points.length > 0) this.#area(context, width, height);
+    const size = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    const height = clientHeight - 1.1 * size; // below it is the axis
+    this.bottom.style.bottom = `${1.1 * size + 3}px`;
+    this.#axis(context, width, height, size);
+    this.#points.forEach((points, at) => points.length > 0 && this.#curve(context, points, this.curves[at].colour, width, height));
   }
 
-  #area(context, width, height) {
-    const place = ([before, value]) => [width * (1 - before / SPAN_S), 1 + (height - 2) * (1 - Math.min(1, value / this.scale))];
+  #axis(context, width, height, size) {
+    context.strokeStyle = styleValue("--line");
+    context.fillStyle = styleValue("--quiet");
+    context.lineWidth = 1;
+    context.font = `${0.72 * size}px ${getComputedStyle(document.body).fontFamily}`;
+    context.beginPath();
+    for (const y of [0.5, Math.round(height / 2) + 0.5, Math.round(height) - 0.5]) {
+      context.moveTo(0, y);
+      context.lineTo(width, y);
+    }
+    for (let minute = 0; minute <= MINUTES; ++minute) {
+      const x = Math.min(width - 0.5, Math.max(0.5, width * (1 - minute / MINUTES)));
+      context.moveTo(x, height - 4);
+      context.lineTo(x, height);
+      if (minute > 0 && minute < MINUTES && width < NARROW) continue;
+      context.textAlign = minute === 0 ? "right" : minute === MINUTES ? "left" : "center";
+      context.fillText(minute === 0 ? "now" : minute < MINUTES ? `${minute}` : `${minute} min${width < NARROW ? " ago" : ""}`, x, height + 0.9 * size);
+    }
+    context.stroke();
+  }
+
+  #curve(context, points, colour, width, height) {
+    const scaled = (value) => ((this.logarithmic ? Math.log10(Math.max(value, 1e-9)) : value) - this.low) / (this.high - this.low);
+    const place = ([before, value]) => [width * (1 - before / SPAN_S), 1 + (height - 2) * (1 - Math.min(1, Math.max(0, scaled(value))))];
     const line = new Path2D();
-    let previous = null;
     const areas = new Path2D();
-    for (const point of this.#points) {
+    let previous = null;
+    for (const point of points) {
       const [x, y] = place(point);
       const gap = previous === null || previous.before - point[0] > 5; // nothing was heard for so long
       if (gap) {
@@ -109,20 +162,16 @@ export class TimePlot {
       previous = { x, before: point[0] };
     }
     areas.lineTo(previous.x, height);
-    const colour = styleValue(this.colour);
-    context.fillStyle = colour;
+    context.fillStyle = context.strokeStyle = styleValue(colour);
     context.globalAlpha = 0.16;
-    context.fill(areas);
+    if (this.curves.length === 1) context.fill(areas);
     context.globalAlpha = 1;
-    context.strokeStyle = colour;
     context.lineWidth = 1.5;
     context.stroke(line);
-    if (this.#hover !== null) {
-      const [x, y] = place(this.#hover);
-      context.fillStyle = colour;
-      context.beginPath();
-      context.arc(x, y, 3, 0, 2 * Math.PI);
-      context.fill();
-    }
+    const near = this.#near(points);
+    if (near === null) return;
+    context.beginPath();
+    context.arc(...place(near), 3, 0, 2 * Math.PI);
+    context.fill();
   }
 }

@@ -12,9 +12,9 @@ export function partsOf(times) {
     ["factorization", times.factorization, "--blue"],
     ["line search", times.line_search, "--orange"],
     ["polish and local search", times.polish, "--green"],
-    ["branch and bound", times.tree, "--yellow"],
+    ...(times.tree > 0 ? [["tree of branch and bound", times.tree, "--ink"]] : []),
     ["rest of the solve", Math.max(0, times.solve - inside), "--teal"],
-    ["rest of the whole", Math.max(0, times.total - times.queue - times.setup - times.solve), "--red"],
+    ["stepped aside, and the rest", Math.max(0, times.total - times.queue - times.setup - times.solve), "--red"],
   ];
 }
 
@@ -23,7 +23,7 @@ export function showTimings(place, times) {
   const parts = partsOf(times);
   const whole = parts.reduce((sum, part) => sum + part[1], 0);
   const bar = make("div", { class: "stack", "aria-hidden": "true" });
-  const rows = parts.map(([name, seconds, colour]) => {
+  const lines = parts.map(([name, seconds, colour]) => {
     const share = whole > 0 ? seconds / whole : 0;
     const piece = make("span", { title: `${name}: ${duration(seconds)}` });
     piece.style.width = `${100 * share}%`;
@@ -35,5 +35,5 @@ export function showTimings(place, times) {
   });
   const total = make("tr", { class: "sum" }, make("th", { scope: "row" }, "total"), make("td", {}, duration(whole)), make("td", {}, ""));
   const caption = make("caption", { class: "visually-hidden" }, "Parts of the job's time");
-  place.replaceChildren(bar, make("table", { class: "numbers" }, caption, make("tbody", {}, ...rows, total)));
+  place.replaceChildren(bar, make("table", { class: "numbers" }, caption, make("tbody", {}, ...lines, total)));
 }

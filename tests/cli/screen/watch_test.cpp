@@ -220,6 +220,28 @@ TEST_F(Watch, ASmallTerminalKeepsWhatMattersMost) {
     EXPECT_TRUE(shows(lines, part)) << part << '\n' << text_of(lines);
 }
 
+TEST_F(Watch, AProofShowsItsGapAndItsNodesAmongTheOthers) {
+  JobInfo proof = job("0123456789abcdef", JobState::running);
+  proof.iterations = 7;
+  proof.violations.equality = 0.01;
+  proof.nodes = 1204;
+  proof.incumbent = 5.0;
+  add(proof);
+  EXPECT_TRUE(shows(drawn({120, 12}), "no gap"));
+  for (const auto& [gap, text] : {std::pair(1.0, "gap 100%"), std::pair(0.123, "gap 12%"),
+                                  std::pair(0.0123, "gap 1.2%"), std::pair(1e-6, "gap 1e-06")}) {
+    proof.gap = gap;
+    add(proof);
+    const Lines lines = drawn({120, 12});
+    EXPECT_TRUE(shows(lines, text)) << text_of(lines);
+    EXPECT_TRUE(shows(lines, "1204 nodes")) << text_of(lines);
+    EXPECT_FALSE(shows(lines, "1.0e-02")) << "the violation of an iterate says nothing of a proof";
+  }
+  proof.proved = true;
+  add(proof);
+  EXPECT_TRUE(shows(drawn({120, 12}), "proved"));
+}
+
 TEST_F(Watch, WithoutUnicodeEverythingIsAscii) {
   JobInfo runs = job("a", JobState::running);
   runs.client = "Müller";

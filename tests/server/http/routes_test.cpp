@@ -47,6 +47,7 @@ TEST(Routes, AreThoseOfTheDescription) {
   add_event_routes(router, parts.all, hub);
   add_metrics_route(router, parts.all);
   add_page_routes(router);
+  add_recent_routes(router, parts.all, begin_history(parts.all));
   std::set<std::string> routes;
   for (std::string route : router.routes()) {
     route = std::regex_replace(route, std::regex(R"(\(\[\^/\]\+\))"), "{job_id}");

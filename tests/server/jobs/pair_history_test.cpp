@@ -6,7 +6,7 @@ namespace marble::server {
 namespace {
 
 PairHistory filled(int rows) {
-  PairHistory history;
+  PairHistory history(128);
   for (int i = 0; i < rows; ++i) {
     const double s[] = {1.0 * i, 0.5}, t[] = {0.0, 2.0 * i};
     Progress progress;
@@ -39,6 +39,32 @@ TEST(PairHistory, SpreadsItsFramesEvenlyOverALongSolveAndKeepsTheNewest) {
       EXPECT_EQ(frames[i].iteration, static_cast<int>(i) * stride) << rows;
     for (const auto& frame : frames)
       EXPECT_EQ(frame.s, (std::vector<float>{static_cast<float>(frame.iteration), 0.5F})) << rows;
+  }
+}
+
+TEST(PairHistory, OfManyPairsAnEvenSampleIsKeptTheSameInAllFrames) {
+  constexpr std::size_t kPairs = 540;
+  std::vector<double> s(kPairs), t(kPairs);
+  for (std::size_t i = 0; i < kPairs; ++i) {
+    s[i] = static_cast<double>(i);
+    t[i] = -static_cast<double>(i);
+  }
+  PairHistory history(128);
+  for (int iteration = 0; iteration < 3; ++iteration) {
+    Progress progress;
+    progress.iteration = iteration;
+    progress.s = s;
+    progress.t = t;
+    history.put(progress);
+  }
+  for (const PairHistory::Frame& frame : history.frames()) {
+    ASSERT_EQ(frame.s.size(), 128U);
+    ASSERT_EQ(frame.t.size(), 128U);
+    for (std::size_t k = 0; k < 128; ++k) {
+      EXPECT_EQ(frame.s[k], static_cast<float>(k * kPairs / 128));
+      EXPECT_EQ(frame.t[k], -frame.s[k]);
+    }
+    EXPECT_GT(frame.s[127], 530.0F) << "to the end";
   }
 }
 

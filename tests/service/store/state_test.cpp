@@ -55,8 +55,9 @@ TEST_F(State, JobsWithoutAnAnswerRunAgainAfterAKillInTheirOrder) {
     for (const std::string& id : {first, second, last}) at.push_back(get(id).job().queue_position());
     return at;
   };
-  EXPECT_TRUE(eventually([&] { return places() == std::vector<int>{0, 1, 2}; }))
-      << testing::PrintToString(places());
+  EXPECT_TRUE(eventually([&] {
+    return places() == std::vector<int>{0, 1, 2};
+  })) << ::testing::PrintToString(places());
   EXPECT_NEAR(get(first).job().accepted_unix_s(), accepted, 1e-3);
   EXPECT_TRUE(cancel(running).ok());
   for (const std::string& id : {first, second, last}) {

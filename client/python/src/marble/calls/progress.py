@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
+import time
 from collections.abc import Callable
 from typing import Any, TextIO
 
 from marble.errors import InvalidArgument
 from marble.model.solution import Progress
+
+
+_EVERY_S = 0.1
+
+
+def told(row: Progress) -> str:
+    """What a row says of how far the solve is: of a proof its gap, bound and nodes."""
+    if row.nodes > 0:
+        best = f"best {row.incumbent:.6g}, bound {row.bound:.6g}, gap {row.gap:.1e}" if math.isfinite(row.gap) else \
+            f"best {row.incumbent:.6g}, no bound yet" if math.isfinite(row.incumbent) else \
+            f"no point yet, bound {row.bound:.6g}"
+        return f"{best}, {row.nodes} nodes, {row.open_nodes} open"
+    worst = max(row.violations.equality, row.violations.inequality, row.violations.complementarity)
+    return f"objective {row.objective:.6g}, violation {worst:.1e}, kkt {row.kkt_residual:.1e}"
 
 
 class ProgressLine:
@@ -19,6 +35,7 @@ class ProgressLine:
         self._bar: Any = None
         self._mutex = threading.Lock()  # in process what it is doing comes from another thread than the rows
         self._row, self._doing, self._iterations = "", "", 0
+        self._shown_at = -math.inf
         try:
             from tqdm.auto import tqdm
         except ImportError:
@@ -27,14 +44,13 @@ class ProgressLine:
 
     def __call__(self, row: Progress) -> None:
         """Takes a row."""
-        worst = max(row.violations.equality, row.violations.inequality, row.violations.complementarity)
         with self._mutex:
-            if row.nodes:
-                self._row = f"best {row.incumbent:.6g}, bound {row.bound:.6g}, gap {row.gap:.1e}, {row.nodes} nodes"
-            else:
-                self._row = f"objective {row.objective:.6g}, violation {worst:.1e}, kkt {row.kkt_residual:.1e}"
-            self._iterations = row.iteration
-            self._write(refresh=False)
+            self._row, self._iterations = told(row), row.iteration
+            # A tree goes on without iterations of its own, and only they make the bar draw itself.
+            due = row.nodes > 0 and time.monotonic() - self._shown_at > _EVERY_S
+            if due:
+                self._shown_at = time.monotonic()
+            self._write(refresh=due)
 
     def show(self, activity: str) -> None:
         """Takes in words what the solve is doing."""
