@@ -15,6 +15,7 @@ import marble
 from marble.base import tables
 from marble.calls.progress import ProgressLine, told
 from marble.hopper import Hopper
+from marble.model.solution import Progress, Violations
 
 
 def test_matrices_go_in_and_numpy_arrays_come_out(server):
@@ -185,7 +186,7 @@ def test_a_solution_is_worth_reading(client):
 
 
 def row(**tree):
-    return marble.Progress(121, 3, 2.5, marble.Violations(0.0, 0.0, 1e-3), 1e-9, 0.1, 10.0, 1.0, 0.0, 130, 0.2, **tree)
+    return Progress(121, 3, 2.5, Violations(0.0, 0.0, 1e-3), 1e-9, 0.1, 10.0, 1.0, 0.0, 130, 0.2, **tree)
 
 
 def test_a_search_tells_its_residuals():

@@ -30,6 +30,12 @@ function ratio(first, second) {
   return first > 0 && second > 0 ? `${Number((second / first).toPrecision(3))} ×` : "";
 }
 
+// What was answered was made exact after the last row.
+function withAnswer(job, rows) {
+  if (job.state !== "finished" || job.error || rows.length === 0) return rows;
+  return [...rows, { elapsed: Math.max(rows.at(-1).elapsed, job.times.solve), worst: violation(job) }];
+}
+
 export class Comparison {
   #closed = false;
   chart = null;
@@ -59,7 +65,7 @@ export class Comparison {
       this.#show(answers.map(({ job, options, trace }) => {
         const rows = new Trace();
         rows.replace(trace);
-        return { job: toJob(job), options: options ?? {}, rows: rows.rows };
+        return { job: toJob(job), options: options ?? {}, rows: rows.rows.map((row) => ({ elapsed: row.elapsed, worst: violation(row) })) };
       }));
     } catch (error) {
       if (this.#closed || error.status === 401) return;
@@ -76,7 +82,7 @@ export class Comparison {
         { class: "comparison" },
         make("div", { class: "job-top" }, make("a", { href: "#/", class: "back" }, make("span", { "aria-hidden": "true" }, "← "), "Jobs"), make("h2", { tabindex: "-1" }, "Two jobs")),
         make("section", { class: "card" }, make("h3", {}, "How they went"), this.#facts(both)),
-        make("section", { class: "card" }, make("h3", {}, "Largest violation over time"), make("div", { class: "chart tall" }, canvas)),
+        make("section", { class: "card plot-panel" }, make("h3", {}, "Largest violation over time"), make("div", { class: "chart tall" }, canvas)),
         make("section", { class: "card" }, make("h3", {}, "Options that differ"), this.#options(both)),
       ),
     );
@@ -112,7 +118,7 @@ export class Comparison {
     const axis = (more) => ({ grid: { color: styleValue("--line"), borderColor: styleValue("--line") }, ...more, ticks: { color: ink, font, maxRotation: 0, ...more.ticks } });
     const datasets = both.map(({ job, rows }, at) => ({
       label: `${job.name || "job"} ${job.id.slice(0, 8)}`,
-      data: rows.map((row) => ({ x: row.elapsed, y: Math.max(LOWEST, violation(row)) })),
+      data: withAnswer(job, rows).map(({ elapsed, worst }) => ({ x: elapsed, y: Math.max(LOWEST, worst) })),
       borderColor: styleValue(LOOKS[at].colour), backgroundColor: styleValue(LOOKS[at].colour), borderDash: LOOKS[at].dash, borderWidth: 1.5, pointRadius: 0, pointStyle: "line",
     }));
     this.chart = new Chart(canvas, {

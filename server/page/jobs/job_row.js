@@ -53,7 +53,7 @@ export class JobRow {
     const level = document.createElementNS(SVG, "path");
     level.setAttribute("class", "level");
     level.setAttribute("d", `M0 ${sparkHeight(TOLERANCE)}H40`);
-    this.spark.append(level, this.path);
+    this.spark.append(this.path, level);
     this.last = make("span");
     this.#cells.violation.append(this.spark, this.last);
     this.element = make("div", { role: "row", class: "job-row", id: `row-${number}` }, ...cells);

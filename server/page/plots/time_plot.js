@@ -154,6 +154,7 @@ export class TimePlot {
       if (gap) {
         if (previous !== null) areas.lineTo(previous.x, height);
         line.moveTo(x, y);
+        line.lineTo(x + 0.5, y); // one that stays alone is seen, too
         areas.moveTo(x, height);
       } else {
         line.lineTo(x, y);
@@ -167,6 +168,7 @@ export class TimePlot {
     if (this.curves.length === 1) context.fill(areas);
     context.globalAlpha = 1;
     context.lineWidth = 1.5;
+    context.lineCap = "round";
     context.stroke(line);
     const near = this.#near(points);
     if (near === null) return;

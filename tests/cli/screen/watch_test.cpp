@@ -234,7 +234,7 @@ TEST_F(Watch, AProofShowsItsGapAndItsNodesAmongTheOthers) {
     add(proof);
     const Lines lines = drawn({120, 12});
     EXPECT_TRUE(shows(lines, text)) << text_of(lines);
-    EXPECT_TRUE(shows(lines, "1204 nodes")) << text_of(lines);
+    EXPECT_TRUE(shows(lines, "1,204 nodes")) << text_of(lines);
     EXPECT_FALSE(shows(lines, "1.0e-02")) << "the violation of an iterate says nothing of a proof";
   }
   proof.proved = true;
