@@ -86,8 +86,8 @@ TEST_F(HttpRecent, WhoeverInventsNamesFillsNoList) {
 }
 
 TEST_F(HttpRecent, NobodyHearsOfOtherClientsWithoutTheRole) {
-  const Token planner = new_token("planner solve"), other = new_token("other solve"),
-              viewer = new_token("viewer observe");
+  const Token planner = new_token("planner:solve"), other = new_token("other:solve"),
+              viewer = new_token("viewer:observe");
   start({"--tokens", write("tokens", planner.line + other.line + viewer.line)});
   for (const Token& token : {planner, other})
     static_cast<void>(submit(example_request(), bearer(token.secret)));
@@ -106,7 +106,7 @@ TEST_F(HttpRecent, NobodyHearsOfOtherClientsWithoutTheRole) {
 }
 
 TEST_F(HttpRecent, StrangersOtherMethodsAndUnknownParametersAreRefused) {
-  const Token planner = new_token("planner solve");
+  const Token planner = new_token("planner:solve");
   start({"--tokens", write("tokens", planner.line)});
   const auto known = bearer_header(planner.secret);
   for (const std::string path : {"/api/history", "/api/clients"}) {
