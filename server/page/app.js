@@ -77,8 +77,9 @@ class App {
     this.#list();
     this.#view?.reload();
     try {
-      this.#history.replace(await this.#api.get("/api/history"));
-      this.#info = await this.#api.get("/api/info");
+      const [all, history] = await Promise.all([this.#api.get("/api/info"), this.#api.get("/api/history")]);
+      this.#info = all;
+      this.#history.replace(history);
       this.#view?.update();
     } catch {
       // The stream tells that the server is gone, and its next hello asks again.
@@ -110,6 +111,7 @@ class App {
         more = Boolean(page.more) && jobs.length > 0;
         before = `&before=${jobs.at(-1)?.job_id}`;
       }
+      this.#view?.update(); // it offers jobs to compare with
     } catch (error) {
       if (error.status === 404 && listing === this.#listing) this.#list(); // forgotten between two pages
     }

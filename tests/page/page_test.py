@@ -219,9 +219,7 @@ class Page(unittest.TestCase):
         server.run("solve", "--quiet", rocket)
         server.run("solve", "--quiet", "--option", "max_iterations=7", rocket, check=False)
         second, first = [job["job_id"] for job in server.jobs()]
-        self.open(server)
-        self.count_of_jobs(2)
-        self.browser.run("location.hash = `#/jobs/${arguments[0]}`", first)
+        self.open(server, f"/#/jobs/{first}")
         self.browser.wait("return document.querySelectorAll('#compare option').length === 2")
         self.browser.find(f"#compare option[value='{second}']").click()
         self.browser.wait_text(".comparison", "max_iterations")
@@ -553,27 +551,30 @@ class Page(unittest.TestCase):
         self.open(server)
         self.live()
         server.environment["MARBLE_CLIENT_NAME"] = "walker"
-        server.begin("mpc", "hopper", "--ticks", "1000000")
+        server.begin("mpc", "hopper", "--ticks", "100000")
         end = time.monotonic() + float(os.environ.get("MARBLE_PICTURE_S", "0"))
         self.work(server)
         while time.monotonic() < end:
             self.work(server)
             time.sleep(4.0)
         server.environment["MARBLE_CLIENT_NAME"] = "arm-planner"
+        proof = server.submit(server.example("qpec"), "--option", "global=true", "--option", "gap_tolerance=0")
         chain = server.chain(1000)
-        for _ in range(4):
+        for _ in range(3):
             server.submit(chain, *Server.ENDLESS)
         self.browser.wait_text("#busy", "2")
+        self.browser.wait_text(f".job-row[data-job='{proof}'] .proof", "nodes")
         self.browser.wait("return Number(document.querySelector('#queued').textContent) >= 2")
         for scheme in ("light", "dark"):
             self.browser.scheme(scheme)
             self.browser.wait("return getComputedStyle(document.body).colorScheme !== '' && document.querySelectorAll('.job-row').length > 10")
             self.browser.screenshot(SCREENSHOTS / f"overview-{scheme}.png")
         self.browser.scheme("light")
-        hopper = next(job["job_id"] for job in server.jobs() if job["name"] == "gates" and job.get("status") == "solved")
-        self.open(server, f"/#/jobs/{hopper}")
+        solved = next(job["job_id"] for job in server.jobs() if job["name"] == "hopper" and job["kind"] == "solve")
+        self.open(server, f"/#/jobs/{solved}")
         self.browser.wait("return document.querySelector('#convergence') !== null")
         self.browser.wait_text(".pairs-panel", "Iteration")
+        self.browser.wait_text("#options", "path")
         self.browser.screenshot(SCREENSHOTS / "job.png")
 
     @unittest.skipIf(AXE == "-", "axe-core could not be had: it comes from npm")

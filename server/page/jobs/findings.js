@@ -51,7 +51,7 @@ function underWay(job, options) {
   const starts = Number(options?.starts ?? 1);
   if (options?.global === true && job.nodes === 0) lines.push("It looks for a first good point; then its tree begins, and with it a bound.");
   else if (job.nodes > 0) lines.push("Its tree is under way: branch and bound.");
-  else if (starts > 1) lines.push(`It searches from ${whole(starts)} starts, some at a time; the curves are those of the first.`);
+  else if (starts > 1) lines.push(`It searches from ${whole(starts)} starts.`);
   return lines;
 }
 

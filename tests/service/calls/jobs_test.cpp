@@ -80,7 +80,7 @@ TEST_F(Jobs, AJobThatIsOverTellsWhyAndHowItsPairsClosedOnTheCorner) {
   EXPECT_NEAR(std::min(last.s(0), last.t(0)), known.job().violations().complementarity(), 0.1);
 }
 
-TEST_F(Jobs, PairsAreKeptOnlyOfProblemsWithFew) {
+TEST_F(Jobs, NoPairsAreKeptWhereTheServerIsToldSo) {
   start({"--trace-pairs", "0"});
   const std::string id = submit(example_request());
   v1::SolveResponse response;
