@@ -585,11 +585,15 @@ class Page(unittest.TestCase):
         jobs = [server.jobs()[1]["job_id"], running, next(job["job_id"] for job in server.jobs() if "error" in job)]
         for scheme in ("light", "dark"):
             self.browser.scheme(scheme)
-            for path in ("/", "/#/clients", *(f"/#/jobs/{job}" for job in jobs)):
+            for path in ("/", "/#/clients", "/#/nothing", f"/#/jobs/{jobs[0]}/with/{jobs[1]}", *(f"/#/jobs/{job}" for job in jobs)):
                 self.open(server, path)
                 self.live()
                 if path == "/#/clients":
                     self.browser.wait("return document.querySelectorAll('.clients tbody tr').length > 0")
+                elif path == "/#/nothing":
+                    self.browser.wait_text("#nowhere", "Nothing is here")
+                elif "/with/" in path:
+                    self.browser.wait("return document.querySelector('#comparison-plot') !== null")
                 elif path != "/":
                     self.browser.wait("return document.querySelector('#why').textContent !== ''")
                 else:
