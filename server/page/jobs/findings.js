@@ -48,10 +48,8 @@ function underWay(job, options) {
   const lines = [STATES[job.state] ?? ""];
   if (job.state === "queued") lines.push(`${whole(job.position)} before it; likely to wait ${duration(job.wait_s)} yet.`);
   if (job.state !== "running" || job.kind === "session") return lines;
-  const starts = Number(options?.starts ?? 1);
+  if (job.activity) lines.push(`Now: ${job.activity}.`);
   if (options?.global === true && job.nodes === 0) lines.push("It looks for a first good point; then its tree begins, and with it a bound.");
-  else if (job.nodes > 0) lines.push("Its tree is under way: branch and bound.");
-  else if (starts > 1) lines.push(`It searches from ${whole(starts)} starts.`);
   return lines;
 }
 

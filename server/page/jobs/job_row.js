@@ -104,10 +104,11 @@ export class JobRow {
   #showOutcome(job) {
     const { word, tone, sign } = outcome(job);
     const waits = job.state === "queued" && job.position >= 0;
-    fill(this.word, word.replaceAll("_", " ") + (waits ? ` · ${ordinal(job.position + 1)}` : ""));
+    const part = job.state === "running" && job.of > 0 ? ` · ${whole(job.done)}/${whole(job.of)}` : "";
+    fill(this.word, word.replaceAll("_", " ") + (waits ? ` · ${ordinal(job.position + 1)}` : part));
     fill(this.sign, sign);
     this.#cells.status.dataset.tone = tone;
-    this.#cells.status.title = waits ? `${jobs(job.position)} before it, likely to wait ${duration(job.wait_s)} yet` : plain(job.error?.message || job.detail);
+    this.#cells.status.title = waits ? `${jobs(job.position)} before it, likely to wait ${duration(job.wait_s)} yet` : plain(job.error?.message || job.activity || job.detail);
   }
 
   #showProof({ nodes, openNodes, gap, incumbent, bound, proved }) {
