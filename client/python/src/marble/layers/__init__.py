@@ -117,9 +117,9 @@ class Layer:
         """
         problems, shape = self.problems(numbers)
         count = len(problems)
-        vectors = [np.asarray(values, dtype=np.float64).reshape(count, self.answer_sizes[name])
+        vectors = [lcqp.numbers(values, name).reshape(count, self.answer_sizes[name])
                    for name, values in zip(ANSWER, answers, strict=True)]
-        by = {name: np.broadcast_to(np.asarray(values, dtype=np.float64), (*shape, self.answer_sizes[name]))
+        by = {name: np.broadcast_to(lcqp.numbers(values, name), (*shape, self.answer_sizes[name]))
               .reshape(count, self.answer_sizes[name]) for name, values in zip(self.outputs, weights, strict=True)}
         rows = []
         for k, problem in enumerate(problems):

@@ -106,7 +106,7 @@ class Problem:
         self._compiled = None
         self._Q = None if Q is None else upper_triangle(Q, self.n)
         self._g = np.zeros(self.n) if g is None else vector(g, "g", self.n, " (n)")
-        self._c0 = float(c0)
+        self._c0 = float(vector(c0, "c0", 1)[0])
         return self
 
     def add_rows(self, A: MatrixLike, lb: ArrayLike | None = None, ub: ArrayLike | None = None) -> Problem:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from marble.base.lazy import lazy
-from marble.errors import InvalidArgument
+from marble.errors import InvalidArgument, InvalidProblem
 
 sp: Any = lazy("scipy.sparse")
 
@@ -27,8 +27,14 @@ class Multipliers:
     eta: NDArray[np.float64]
 
 
+def _check_real(values: Any) -> None:
+    if np.iscomplexobj(values):
+        raise InvalidProblem("numbers", "must be real", value="of a complex type")
+
+
 def vector(values: Any) -> NDArray[np.float64]:
     """As doubles, contiguous and flat."""
+    _check_real(values)
     return np.ascontiguousarray(values, dtype=np.float64).reshape(-1)
 
 
@@ -44,6 +50,7 @@ class TwoSided:
 
 def _matrix(given: Any) -> Any:
     """In compressed columns; of a dense one every entry is stored, so that its pattern stays."""
+    _check_real(given)
     if sp.issparse(given):
         made = sp.csc_matrix(given, dtype=np.float64)
         made.sort_indices()

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import marble
 from marble.base.tables import Status
-from marble.calls.session_core import Shift
+from marble.calls.shift import Shift
 from marble.in_process import solver
 from marble.nlp import functions, loop, ticks
 

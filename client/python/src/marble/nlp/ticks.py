@@ -10,7 +10,7 @@ import numpy as np
 
 import marble
 from marble.calls.session import Session
-from marble.calls.session_core import Shift, ShiftBlock
+from marble.calls.shift import Shift, ShiftBlock
 from marble.connection import connect
 from marble.errors import DeadlineExceeded, Error
 from marble.model.lcqp import LCQP
