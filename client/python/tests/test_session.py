@@ -62,7 +62,7 @@ def test_an_update_that_does_not_fit_is_told_and_changes_nothing(client):
         with pytest.raises(marble.InvalidArgument) as option:
             session.update(options={"max_iterations": -1})
         assert option.value.field == "max_iterations"
-        with pytest.raises(TypeError, match="h"):
+        with pytest.raises(marble.InvalidArgument, match="h: is no option"):
             session.send(h=[1])
         assert session.update(cold=True).objective == before
 

@@ -4,7 +4,8 @@ from marble.base.tables import Status
 from marble.calls.batch import BatchAnswer, BatchItem
 from marble.calls.jobs import Jobs
 from marble.calls.session import Session
-from marble.calls.session_core import SessionEvent, Shift, ShiftBlock, Superseded
+from marble.calls.session_core import SessionEvent, Superseded
+from marble.calls.shift import Shift, ShiftBlock
 from marble.client import Client, SolveHandle, solve
 from marble.connection.connect import ConnectOptions
 from marble.errors import (

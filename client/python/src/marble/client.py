@@ -114,17 +114,20 @@ class Client:
     def solve(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
               priority: Priority | str | None = None, progress: ProgressWish = None, deadline: float | None = None,
               request_id: str = "", progress_interval: float = 0.0, iterate_every: int = 0,
-              warm_start: Solution | None = None, sensitivity: SensitivityRequest | None = None) -> Solution:
+              warm_start: Solution | None = None, sensitivity: SensitivityRequest | None = None,
+              **more_options: Any) -> Solution:
         """Solves, and waits for the answer; solved or not, its status says.
 
-        options: solver options by name (info().options tells them). priority: None is interactive. progress: True
-        shows a bar, a callable is given each Progress on this thread; its method `show`, if it has one, is told in
-        words what the solve is doing ("further starts: 3 of 16, best 12.5"), also while no iteration ends (in process
-        by a thread of its own). deadline: seconds after which the call is given up (DeadlineExceeded); the option time_limit_s returns the best iterate instead. warm_start: an answer to this
+        options, or any option by its name, as in marble.solve; info().options tells them. priority: None is
+        interactive. progress: True shows a bar, a callable is given each Progress on this thread; its method `show`, if
+        it has one, is told in words what the solve is doing ("further starts: 3 of 16, best 12.5"), also while no
+        iteration ends (in process by a thread of its own). deadline: seconds after which the call is given up
+        (DeadlineExceeded); the option time_limit_s returns the best iterate instead. warm_start: an answer to this
         problem or one like it, of the same sizes, whose branch is tried before anything else. sensitivity: derivatives
         of the answer that are wanted with it, in Solution.sensitivity. request_id,
         progress_interval, iterate_every: as in requests.Call. Ctrl-C gives the solve up.
         """
+        options = requests.wishes(options, more_options)
         call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start, sensitivity)
         lcqp = compiled(problem)
         tell, close = teller(progress)
@@ -142,8 +145,9 @@ class Client:
                     priority: Priority | str | None = None, progress: Callable[[Progress], object] | None = None,
                     deadline: float | None = None, request_id: str = "", progress_interval: float = 0.0,
                     iterate_every: int = 0, warm_start: Solution | None = None,
-                    sensitivity: SensitivityRequest | None = None) -> SolveHandle:
+                    sensitivity: SensitivityRequest | None = None, **more_options: Any) -> SolveHandle:
         """Begins to solve; the handle waits, cancels or stops. As solve, but progress is told on another thread."""
+        options = requests.wishes(options, more_options)
         call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start, sensitivity)
         lcqp = compiled(problem)
         given: LCQP | Problem = problem.copy() if isinstance(problem, Problem) else problem
@@ -158,9 +162,10 @@ class Client:
         """One plan x for many worlds: min Σ π q(x, y_s) over x and a recourse y_s in every sampled world.
 
         problem: the base over x and y. scenarios, or its parts by their names: first_stage=…, sampler=…, seed=0, …; see
-        Scenarios. level: is given each ScenarioLevel as it is there, on this thread. All else as in solve.
+        Scenarios; what is none of them is an option. level: is given each ScenarioLevel as it is there, on this thread.
+        All else as in solve.
         """
-        wish = worlds.wish(scenarios, wishes)
+        wish, options = worlds.wish(scenarios, wishes, options)
         call = Call(options, priority, request_id, progress_interval)
         tell, close = teller(progress)
         if self._here:
@@ -180,12 +185,13 @@ class Client:
         at prices on the rows; last the branch that was found as one problem. progress: a row an iteration, whose
         violations.equality is of the rows and kkt_residual the largest step of a price. settings: proximal,
         max_iterations, freeze_after, searches, flips, tolerance, joint, joint_search; what they do, and their defaults,
-        is in coupled.proto. All else as in solve.
+        is in coupled.proto; what is none of them is an option, as in solve. All else as in solve.
 
         sessions: this process coordinates instead, and blocks are sessions that are dealt to the servers of the
         client's address, which see no other's blocks; needs marble._core. A step whose server or session is lost is
         asked for again elsewhere (`repeated`). Ctrl-C ends it once the blocks that are under way have answered.
         """
+        settings, options = tied.split(settings, options)
         wish, call = Coupled(blocks, coupling, total, prices), Call(options, priority, request_id)
         tell, close = teller(progress)
         if self._here:
@@ -204,6 +210,7 @@ class Client:
 
         sessions: as in coupled; the pieces are first solved one after the other, and last as one, in this process.
         """
+        settings, options = tied.split(settings, options)
         wish, call = Pieces(stages, pieces, look_ahead), Call(options, priority, request_id)
         tell, close = teller(progress)
         if self._here:
@@ -257,7 +264,7 @@ class Client:
             close()
 
     def batch(self, problems: Iterable[LCQP | Problem | BatchItem], *, options: Mapping[str, Any] | None = None,
-              priority: Priority | str | None = None) -> Iterator[BatchAnswer]:
+              priority: Priority | str | None = None, **more_options: Any) -> Iterator[BatchAnswer]:
         """Solves many problems on one stream, and yields answers as they finish, each problem's exactly once.
 
         `problems` is read on a thread of gRPC's, as fast as the server takes them: it may be a generator without end.
@@ -268,15 +275,16 @@ class Client:
         again, with what is not answered yet; Unavailable is raised after `wait` seconds (see Client) without any. What
         a server has no room for is sent again after the time that it names.
         """
+        call = Call(requests.wishes(options, more_options), priority)
         if self._here:
-            yield from solver.batch(problems, Call(options, priority))
+            yield from solver.batch(problems, call)
             return
-        yield from Batch(self._rpc, problems, Call(options, priority)).answers()
+        yield from Batch(self._rpc, problems, call).answers()
 
     def session(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                 priority: Priority | str | None = None, latest_only: bool = False, reopen: bool = True,
                 progress: Callable[[int, Progress], object] | None = None, request_id: str = "",
-                progress_interval: float = 0.0, iterate_every: int = 0) -> Session:
+                progress_interval: float = 0.0, iterate_every: int = 0, **more_options: Any) -> Session:
         """Sets a problem up once, to be solved again and again with new numbers.
 
         latest_only: an update that still waits when the next one comes is not solved, and the next one takes its
@@ -284,6 +292,7 @@ class Client:
         without it, that is its end. progress: is given the update's number and each row, within update() or next().
         priority: None is realtime. Use it as a context manager.
         """
+        options = requests.wishes(options, more_options)
         call = Call(options, priority, request_id, progress_interval, iterate_every)
         if self._here:
             return SessionHere(problem, call, progress)
@@ -319,7 +328,7 @@ def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = None,
     exceptions of marble.errors. With a server each call makes a connection of its own; a loop is faster with a Client.
     """
     problem = problem_of(Q, g, A, b, C, d, L, l, R, r, c0, z0, name)
-    wishes = {**(options or {}), **more_options}
+    wishes = requests.wishes(options, more_options)
     if isinstance(server, Client):
         return server.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
                             request_id=request_id, warm_start=warm_start, sensitivity=sensitivity)

@@ -128,7 +128,7 @@ def test_the_client_for_asyncio_has_the_same(server):
     ("sampler[0].moves['l']", {"sampler": [marble.Quantity({"l": [1.0, 2.0]})]}),
     ("distribution", {"sampler": [marble.Quantity({"l": [1.0]}, "cauchy")]}),
     ("seed", {"sampler": [marble.Quantity({"l": [1.0]})], "seed": -1}),
-    ("scenarios", {"levels": 7}),
+    ("levels", {"levels": 7}),
     ("scenarios.growth", {"growth": 1.0}),
     ("scenarios.most_scenarios", {"most_scenarios": 0}),
     ("scenarios.sampler.quantities[0].scale", {"sampler": [marble.Quantity({"l": [1.0]}, scale=-1.0)]}),

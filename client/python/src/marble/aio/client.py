@@ -51,8 +51,10 @@ class Jobs:
 
     async def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                      priority: Priority | str | None = None, request_id: str = "", deadline: float | None = None,
-                     scenarios: Scenarios | None = None, sensitivity: SensitivityRequest | None = None) -> Submitted:
+                     scenarios: Scenarios | None = None, sensitivity: SensitivityRequest | None = None,
+                     **more_options: Any) -> Submitted:
         """Queues a job that outlives this process, once there is room for it; see marble.Client.jobs.submit."""
+        options = requests.wishes(options, more_options)
         call = Call(options, priority, request_id, sensitivity=sensitivity)
         request = submission(problem, call, scenarios)
         return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
@@ -63,6 +65,7 @@ class Jobs:
                              request_id: str = "", deadline: float | None = None, problem_name: str = "",
                              **settings: Any) -> Submitted:
         """Queues problems that rows tie together: all as in Client.coupled and submit. coupled() has the answer."""
+        settings, options = tied.split(settings, options)
         part = tied.blocks(Coupled(blocks, coupling, total, prices), settings)
         request = requests.coupled_submission(problem_name, Call(options, priority, request_id), part)
         return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
@@ -71,6 +74,7 @@ class Jobs:
                             options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
                             request_id: str = "", deadline: float | None = None, **settings: Any) -> Submitted:
         """The same of one long problem in pieces; all as in Client.pieces. pieces() has the answer."""
+        settings, options = tied.split(settings, options)
         part = tied.pieces(problem, Pieces(stages, pieces, look_ahead), settings)
         request = requests.coupled_submission(compiled(problem), Call(options, priority, request_id), part)
         return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
@@ -185,8 +189,9 @@ class Client:
                     priority: Priority | str | None = None, progress: ProgressWish = None,
                     deadline: float | None = None, request_id: str = "", progress_interval: float = 0.0,
                     iterate_every: int = 0, warm_start: Solution | None = None,
-                    sensitivity: SensitivityRequest | None = None) -> Solution:
+                    sensitivity: SensitivityRequest | None = None, **more_options: Any) -> Solution:
         """Solves; see marble.Client.solve."""
+        options = requests.wishes(options, more_options)
         call = Call(options, priority, request_id, progress_interval, iterate_every, warm_start, sensitivity)
         lcqp = compiled(problem)
         tell, close = teller(progress)
@@ -206,7 +211,7 @@ class Client:
                         progress: ProgressWish = None, deadline: float | None = None, request_id: str = "",
                         progress_interval: float = 0.0, **wishes: Any) -> ScenarioAnswer:
         """One plan for many worlds; see marble.Client.scenarios."""
-        wish = worlds.wish(scenarios, wishes)
+        wish, options = worlds.wish(scenarios, wishes, options)
         call = Call(options, priority, request_id, progress_interval)
         tell, close = teller(progress)
         if self._here:
@@ -221,6 +226,7 @@ class Client:
                       deadline: float | None = None, request_id: str = "", problem_name: str = "",
                       **settings: Any) -> CoupledAnswer:
         """Problems that rows tie together; see marble.Client.coupled."""
+        settings, options = tied.split(settings, options)
         wish, call = Coupled(blocks, coupling, total, prices), Call(options, priority, request_id)
         tell, close = teller(progress)
         if self._here:
@@ -234,6 +240,7 @@ class Client:
                      progress: ProgressWish = None, deadline: float | None = None, request_id: str = "",
                      **settings: Any) -> PiecesAnswer:
         """One long problem in pieces; see marble.Client.pieces."""
+        settings, options = tied.split(settings, options)
         wish, call = Pieces(stages, pieces, look_ahead), Call(options, priority, request_id)
         tell, close = teller(progress)
         if self._here:
@@ -266,21 +273,23 @@ class Client:
 
     async def batch(self, problems: Iterable[LCQP | Problem | BatchItem] | AsyncIterable[LCQP | Problem | BatchItem],
                     *, options: Mapping[str, Any] | None = None,
-                    priority: Priority | str | None = None) -> AsyncIterator[BatchAnswer]:
+                    priority: Priority | str | None = None, **more_options: Any) -> AsyncIterator[BatchAnswer]:
         """Yields answers as they finish; `problems` may be asynchronous. See marble.Client.batch."""
+        call = Call(requests.wishes(options, more_options), priority)
         if self._here:
-            async for answer in here.batch(problems, Call(options, priority)):
+            async for answer in here.batch(problems, call):
                 yield answer
             return
-        async with contextlib.aclosing(Batch(self._rpc, problems, Call(options, priority)).answers()) as there:
+        async with contextlib.aclosing(Batch(self._rpc, problems, call).answers()) as there:
             async for answer in there:
                 yield answer
 
     def session(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                 priority: Priority | str | None = None, latest_only: bool = False, reopen: bool = True,
                 progress: Callable[[int, Progress], object] | None = None, request_id: str = "",
-                progress_interval: float = 0.0, iterate_every: int = 0) -> Session:
+                progress_interval: float = 0.0, iterate_every: int = 0, **more_options: Any) -> Session:
         """Sets a problem up once: `async with client.session(problem) as session`. See marble.Client.session."""
+        options = requests.wishes(options, more_options)
         call = Call(options, priority, request_id, progress_interval, iterate_every)
         if self._here:
             return here.SessionHere(problem, call, progress)
@@ -306,7 +315,7 @@ async def solve(Q: MatrixLike | LCQP | Problem | None, g: ArrayLike | None = Non
                 sensitivity: SensitivityRequest | None = None, **more_options: Any) -> Solution:
     """As marble.solve, awaited; `server` may be a marble.aio.Client."""
     problem = problem_of(Q, g, A, b, C, d, L, l, R, r, c0, z0, name)
-    wishes = {**(options or {}), **more_options}
+    wishes = requests.wishes(options, more_options)
     if isinstance(server, Client):
         return await server.solve(problem, options=wishes, priority=priority, progress=progress, deadline=deadline,
                                   request_id=request_id, warm_start=warm_start, sensitivity=sensitivity)

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from marble import errors
 from marble.aio.rpc import AioRpc
 from marble.base.lazy import lazy
-from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of, first_refused
+from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, answer_of, first_refused
+from marble.calls.shift import Shift
 from marble.connection.patience import Tries
 from marble.errors import Cancelled, Error, FailedPrecondition, Unavailable
 from marble.message.requests import Call
@@ -178,10 +179,11 @@ class Session(SessionFacts):
                      R: MatrixLike | None = None, options: Mapping[str, Any] | None = None,
                      z0: ArrayLike | None = None, cold: bool = False, shift: Shift | int | None = None,
                      deadline: float | None = None,
-                     sensitivity: SensitivityRequest | None = None) -> Solution:
+                     sensitivity: SensitivityRequest | None = None, **more_options: Any) -> Solution:
         """Sends what has changed, and waits for the answer; see marble.Session.update."""
         sequence = await self.send(problem, g=g, b=b, d=d, l=l, r=r, c0=c0, Q=Q, A=A, C=C, L=L, R=R, options=options,
-                                   z0=z0, cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity)
+                                   z0=z0, cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity,
+                                   **more_options)
         tries = Tries(self._rpc.patience, deadline)
         async with self._reading:
             while sequence not in self._unread:

@@ -34,7 +34,8 @@ class Jobs:
 
     def submit(self, problem: LCQP | Problem, *, options: Mapping[str, Any] | None = None,
                priority: Priority | str | None = None, request_id: str = "", deadline: float | None = None,
-               scenarios: Scenarios | None = None, sensitivity: SensitivityRequest | None = None) -> Submitted:
+               scenarios: Scenarios | None = None, sensitivity: SensitivityRequest | None = None,
+               **more_options: Any) -> Submitted:
         """Queues a job that outlives this process.
 
         deadline: of the submission alone, seconds. Where the server has no room for another job, it is asked again
@@ -44,6 +45,7 @@ class Jobs:
         request_id: one of the caller's, by which the same submission made again is the same job; a random one without.
         sensitivity: as in Client.solve.
         """
+        options = requests.wishes(options, more_options)
         call = Call(options, priority, request_id, sensitivity=sensitivity)
         return answers.submitted(self._rpc.call("Jobs/Submit", submission(problem, call, scenarios), deadline))
 
@@ -53,6 +55,7 @@ class Jobs:
                        request_id: str = "", deadline: float | None = None, problem_name: str = "",
                        **settings: Any) -> Submitted:
         """Queues problems that rows tie together: all as in Client.coupled and submit. coupled() has the answer."""
+        settings, options = tied.split(settings, options)
         part = tied.blocks(Coupled(blocks, coupling, total, prices), settings)
         request = requests.coupled_submission(problem_name, Call(options, priority, request_id), part)
         return answers.submitted(self._rpc.call("Jobs/Submit", request, deadline))
@@ -61,6 +64,7 @@ class Jobs:
                       options: Mapping[str, Any] | None = None, priority: Priority | str | None = None,
                       request_id: str = "", deadline: float | None = None, **settings: Any) -> Submitted:
         """The same of one long problem in pieces; all as in Client.pieces. pieces() has the answer."""
+        settings, options = tied.split(settings, options)
         part = tied.pieces(problem, Pieces(stages, pieces, look_ahead), settings)
         request = requests.coupled_submission(compiled(problem), Call(options, priority, request_id), part)
         return answers.submitted(self._rpc.call("Jobs/Submit", request, deadline))

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from marble import errors
 from marble.base.lazy import lazy
-from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, Shift, answer_of, first_refused
+from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, answer_of, first_refused
+from marble.calls.shift import Shift
 from marble.connection.patience import Tries
 from marble.connection.rpc import Rpc
 from marble.errors import Cancelled, Error, FailedPrecondition, Unavailable
@@ -256,20 +257,20 @@ class Session(SessionFacts):
                C: MatrixLike | None = None, L: MatrixLike | None = None, R: MatrixLike | None = None,
                options: Mapping[str, Any] | None = None, z0: ArrayLike | None = None, cold: bool = False,
                shift: Shift | int | None = None, deadline: float | None = None,
-               sensitivity: SensitivityRequest | None = None) -> Solution:
+               sensitivity: SensitivityRequest | None = None, **more_options: Any) -> Solution:
         """Sends what has changed, and waits for the answer; the solve starts from the last one.
 
         Without arguments it solves what is there. problem: a whole new one of the same sizes and patterns; what differs
         is sent. Or its parts: vectors of the sizes they had; matrices with entries where the set-up had some, or, as a
         vector, the values alone in its order.
-        options: change from here on; scaling_passes is fixed. z0: start here instead. cold: forget the last answer.
-        shift: the last answer moves on first; a number of stages is Shift.by_stage. deadline: seconds after the
-        update's arrival from which on no answer is wanted (DeadlineExceeded; its numbers are kept). sensitivity:
-        derivatives of this answer that are wanted with it, in Solution.sensitivity.
+        options, or any option by its name: change from here on; scaling_passes is fixed. z0: start here instead. cold:
+        forget the last answer. shift: the last answer moves on first; a number of stages is Shift.by_stage. deadline:
+        seconds after the update's arrival from which on no answer is wanted (DeadlineExceeded; its numbers are kept).
+        sensitivity: derivatives of this answer that are wanted with it, in Solution.sensitivity.
         """
         self._reading.refuse_own()
         sequence = self.send(problem, g=g, b=b, d=d, l=l, r=r, c0=c0, Q=Q, A=A, C=C, L=L, R=R, options=options, z0=z0,
-                             cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity)
+                             cold=cold, shift=shift, deadline=deadline, sensitivity=sensitivity, **more_options)
         tries = None if self._rpc is None else Tries(self._rpc.patience, deadline)
         with self._reading:
             while sequence not in self._unread:

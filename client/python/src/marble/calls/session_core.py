@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -16,6 +16,7 @@ from marble.base import contract
 from marble.base.checks import is_number
 from marble.base.lazy import lazy
 from marble.base.tables import VALUES, VECTORS, Status
+from marble.calls.shift import Shift
 from marble.errors import Cancelled, FailedPrecondition, InvalidArgument, InvalidProblem, Unavailable
 from marble.message import answers, requests, wire
 from marble.message.wire import Encoder
@@ -27,70 +28,9 @@ from marble.model.solution import Progress, Solution
 
 sp: Any = lazy("scipy.sparse")
 
-_SHIFTED: Final = ("variables", "equalities", "inequalities", "pairs")
+_PARTS: Final = ("c0", *VECTORS, *VALUES)
 _FIXED: Final = "scaling_passes"  # an option that updates may not change
 _STARTS: Final = (Status.SOLVED, Status.SOLVED_REDUCED, Status.TIME_LIMIT)  # of answers that the next solve starts from
-
-
-@dataclass(frozen=True)
-class ShiftBlock:
-    """A stretch of a vector that moves on.
-
-    Of `count` entries from `first`, each takes the value `by` further on, and the last `by` keep theirs.
-    All are ≥ 0, and by ≤ count.
-    """
-
-    first: int
-    count: int
-    by: int
-
-
-@dataclass(frozen=True)
-class Shift:
-    """A receding horizon's hint: how the last answer moves one stage on before it is started from.
-
-    Blocks of z, of the multipliers of equalities and inequalities, and of both multipliers of the pairs. Those of a
-    vector may move as many entries together as it has; one that moves none counts as one.
-    """
-
-    variables: Sequence[ShiftBlock] = ()
-    equalities: Sequence[ShiftBlock] = ()
-    inequalities: Sequence[ShiftBlock] = ()
-    pairs: Sequence[ShiftBlock] = ()
-
-    @staticmethod
-    def by_stage(problem: LCQP | Problem, stages: int) -> Shift:
-        """For a problem whose vectors all hold `stages` equal parts, one stage after the other.
-
-        InvalidArgument of field "stages" unless it is ≥ 1 and divides the size of every vector.
-        """
-        if stages < 1 or stages % 1:
-            raise InvalidArgument("stages", "must be a whole number >= 1", value=stages)
-        blocks = []
-        for name, size in zip(_SHIFTED, compiled(problem).sizes, strict=True):
-            if size % stages:
-                raise InvalidArgument("stages", f"must divide the number of {name}, {size}", value=stages)
-            blocks.append((ShiftBlock(0, size, size // stages),) if size else ())
-        return Shift(*blocks)
-
-    def blocks(self) -> tuple[tuple[tuple[int, int, int], ...], ...]:
-        """Of the four kinds of vectors: first, count and by of each block."""
-        return tuple(tuple((b.first, b.count, b.by) for b in getattr(self, name)) for name in _SHIFTED)
-
-    def moved(self, z: Vector) -> Vector:
-        """The point z, n, moved on."""
-        z = np.array(z)
-        for block in self.variables:
-            end = block.first + block.count
-            if 0 <= block.first and 0 <= block.by <= block.count and end <= z.size:  # else the server refuses it
-                z[block.first:end - block.by] = z[block.first + block.by:end]
-        return z
-
-    def message(self) -> Any:
-        """The Shift of marble.v1."""
-        kind, block = contract.message("Shift"), contract.message("ShiftBlock")
-        return kind(**{name: [block(first=b.first, count=b.count, by=b.by) for b in getattr(self, name)]
-                       for name in _SHIFTED})
 
 
 @dataclass(frozen=True)
@@ -246,6 +186,7 @@ class SessionCore:
                sensitivity: SensitivityRequest | None = None, **parts: Any) -> bytes:
         """The next update; self.sequence is its number then."""
         check_sensitivity_of_part(sensitivity, first_part)
+        parts, options = self.split(parts, options)
         changes, shift = self.prepared(problem, parts, shift, deadline)
         start = None if z0 is None else lcqp.vector(z0, "z0", self.current.n, " (n)")
         wish = _Wish(options, start, cold, shift, deadline, sensitivity)
@@ -274,6 +215,16 @@ class SessionCore:
         if z0 is not None:
             update.message("initial_point", requests.initial_point(z0))
         return _request("update", update)
+
+    @staticmethod
+    def split(given: dict[str, Any],
+              options: Mapping[str, Any] | None) -> tuple[dict[str, Any], Mapping[str, Any] | None]:
+        """The parts of the problem among what is given by name, and the options with the rest."""
+        rest = {name: value for name, value in given.items() if name not in _PARTS}
+        if not rest:
+            return given, options
+        return ({name: value for name, value in given.items() if name in _PARTS},
+                requests.wishes(options, rest, (*_PARTS, "z0", "cold", "shift")))
 
     def prepared(self, problem: LCQP | Problem | None, parts: Mapping[str, Any], shift: Shift | int | None,
                  deadline: float | None) -> tuple[dict[str, Any], Shift | None]:
@@ -332,8 +283,6 @@ class SessionCore:
             return {name: value for name, value in whole.items() if not _equal(value, getattr(now, name))}
         changes: dict[str, Any] = {}
         for name, value in parts.items():
-            if name not in ("c0", *VECTORS, *VALUES):
-                raise TypeError(f"an update has no argument {name!r}")
             if value is None:
                 continue
             if name == "c0":

@@ -61,6 +61,7 @@ class SessionHere(Session):
     def _take_first_part(self, problem: LCQP | Problem | None, *, options: Any = None, z0: Any = None,
                          cold: bool = False, shift: Any = None, sensitivity: Any = None, **parts: Any) -> None:
         check_sensitivity_of_part(sensitivity, True)
+        parts, options = self._core.split(parts, options)
         changes, shift = self._core.prepared(problem, parts, shift, None)
         start = None if z0 is None else lcqp.vector(z0, "z0", self._core.current.n, " (n)")
         with solver.faults():
@@ -70,6 +71,7 @@ class SessionHere(Session):
 
     def _outcome(self, problem: LCQP | Problem | None, *, options: Any = None, z0: Any = None, cold: bool = False,
                  shift: Any = None, deadline: float | None = None, sensitivity: Any = None, **parts: Any) -> Any:
+        parts, options = self._core.split(parts, options)
         changes, shift = self._core.prepared(problem, parts, shift, deadline)
         start = None if z0 is None else lcqp.vector(z0, "z0", self._core.current.n, " (n)")
         values = solver.option_values(options)

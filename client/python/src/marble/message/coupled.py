@@ -22,11 +22,16 @@ SETTINGS: Final = ("proximal", "max_iterations", "freeze_after", "searches", "fl
                    "joint_search")
 
 
+def split(given: Mapping[str, Any],
+          options: Mapping[str, Any] | None) -> tuple[dict[str, Any], Mapping[str, Any] | None]:
+    """The settings among what is given by name, and the options with the rest."""
+    rest = {name: value for name, value in given.items() if name not in SETTINGS}
+    return ({name: value for name, value in given.items() if name in SETTINGS},
+            requests.wishes(options, rest, (*SETTINGS, "sessions")))
+
+
 def message(settings: Mapping[str, Any]) -> Any:
     """A Coupled message with its settings alone."""
-    for name in settings:
-        if name not in SETTINGS:
-            raise InvalidArgument(name, f"is no setting; they are {', '.join(SETTINGS)}")
     try:
         return contract.message("Coupled")(**settings)
     except (TypeError, ValueError) as error:

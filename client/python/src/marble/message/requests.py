@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import keyword
 import math
 import numbers
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from marble.base import contract
 from marble.base.checks import is_number
@@ -24,6 +25,14 @@ from marble.model.lcqp import LCQP, shortened
 from marble.model.solution import Progress, Solution
 
 ProgressWish = bool | Callable[[Progress], object] | None
+
+# What other solvers call it, where no name here looks like it.
+_ELSEWHERE: Final = {
+    "timeout": ("deadline", "time_limit_s"), "verbose": ("progress",), "x0": ("z0",),
+    **dict.fromkeys(("tol", "eps", "tolerance"),
+                    ("equality_tolerance", "inequality_tolerance", "complementarity_tolerance",
+                     "stationarity_tolerance"))}
+_MOST_GUESSES: Final = 3
 
 
 def check_request_id(request_id: str) -> None:
@@ -44,22 +53,53 @@ def priority_number(priority: Priority | str | None) -> int:
         raise InvalidArgument("priority", rule, value=repr(priority)) from None
 
 
-def options_message(options: Mapping[str, Any] | None) -> Any:
-    """SolveOptions by name. What a value may be is known to the server, which checks it.
+def _option_name(given: str) -> str:
+    """A name that is a word of Python's own may have an underscore behind it: global_."""
+    return given[:-1] if given.endswith("_") and keyword.iskeyword(given[:-1]) else given
 
-    A name that is a word of Python's own may have an underscore behind it: global_.
-    """
-    message = contract.message("SolveOptions")()
+
+def _check_options(options: object) -> None:
     if options is not None and not isinstance(options, Mapping):
         raise InvalidArgument("options", "must be a mapping of names to values", value=type(options).__name__)
+
+
+def _unknown(name: str, others: Iterable[str] = ()) -> InvalidArgument:
+    """That there is no such option, and which one, or which of the other names, may have been meant."""
+    known = [*contract.message("SolveOptions").DESCRIPTOR.fields_by_name, *others]
+    near = [one for one in _ELSEWHERE.get(name.lower(), ()) if one in known]
+    near = near or difflib.get_close_matches(name.lower(), known, _MOST_GUESSES)
+    if near:
+        return InvalidArgument(name, f"is no option; did you mean {' or '.join(near)}?")
+    return InvalidArgument(name, "is no option; core/OPTIONS.md has all, and so has Client.info().options")
+
+
+def wishes(options: Mapping[str, Any] | None, by_name: Mapping[str, Any],
+           others: Iterable[str] = ()) -> Mapping[str, Any] | None:
+    """The options of a call that takes them in a mapping and by their names; the latter count.
+
+    others: names of the call's own arguments, which may have been meant by what is none.
+    """
+    _check_options(options)
+    if not by_name:
+        return options
+    known = contract.message("SolveOptions").DESCRIPTOR.fields_by_name
+    for name in by_name:
+        if _option_name(name) not in known:
+            raise _unknown(name, (*ARGUMENTS, *others))
+    return {**(options or {}), **by_name}
+
+
+def options_message(options: Mapping[str, Any] | None) -> Any:
+    """SolveOptions by name. What a value may be is known to the server, which checks it."""
+    message = contract.message("SolveOptions")()
+    _check_options(options)
     for given, value in (options or {}).items():
         if not isinstance(given, str):
             raise InvalidArgument("options", "must have strings as names", value=repr(given))
-        name = given[:-1] if given.endswith("_") and keyword.iskeyword(given[:-1]) else given
+        name = _option_name(given)
         field = message.DESCRIPTOR.fields_by_name.get(name)
         if field is None:
-            known = ", ".join(sorted(message.DESCRIPTOR.fields_by_name))
-            raise InvalidArgument(name, f"is no option; the options are {known}")
+            raise _unknown(given)
         if field.enum_type is not None:
             value = _choice(name, value, field.enum_type)
         try:
@@ -144,6 +184,9 @@ class Call:
         check_sensitivity(self.sensitivity)
         if not (self.warm_start is None or isinstance(self.warm_start, Solution)):
             raise InvalidArgument("warm_start", "must be a Solution", value=type(self.warm_start).__name__)
+
+
+ARGUMENTS: Final = (*(field.name for field in dataclasses.fields(Call)), "progress", "deadline")
 
 
 def _warm_start(start: Solution) -> Encoder:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
@@ -23,18 +24,22 @@ SETTINGS: Final = ("first_scenarios", "growth", "most_scenarios", "tolerance", "
                    "fresh_scenarios")
 
 
-def wish(scenarios: Scenarios | None, parts: Mapping[str, Any]) -> Scenarios:
-    """What is asked for, whole or by parts."""
+def wish(scenarios: Scenarios | None, given: Mapping[str, Any],
+         options: Mapping[str, Any] | None) -> tuple[Scenarios, Mapping[str, Any] | None]:
+    """What is asked for, whole or by parts, and the options with what is no part of it."""
+    names = [field.name for field in dataclasses.fields(Scenarios)]
+    parts = {name: value for name, value in given.items() if name in names}
+    options = requests.wishes(options, {name: value for name, value in given.items() if name not in names}, names)
     if scenarios is not None and parts:
         raise InvalidArgument("scenarios", "must be alone or absent", value=", ".join(parts))
     if scenarios is not None:
         if not isinstance(scenarios, Scenarios):
             raise InvalidArgument("scenarios", "must be a Scenarios", value=type(scenarios).__name__)
-        return scenarios
+        return scenarios, options
     try:
-        return Scenarios(**parts)
+        return Scenarios(**parts), options
     except TypeError as error:
-        raise InvalidArgument("scenarios", f"lacks a part or has one too many ({error})") from None
+        raise InvalidArgument("scenarios", f"lacks a part ({error})") from None
 
 
 def _entries(part: str, places: NDArray[np.intp]) -> Encoder:
