@@ -1,8 +1,12 @@
 // Who a client says it is, and what it refuses to start with.
 #include <grpcpp/server_builder.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <map>
+#include <thread>
 
 #include "marble/client.h"
 #include "marble/v1/service.grpc.pb.h"
@@ -106,6 +110,35 @@ TEST(Connect, AServerWithoutTlsIsUnavailableToAClientThatWantsIt) {
   const auto info = Client::connect(listener.address(), {.tls = true})->info();
   ASSERT_FALSE(info.has_value());
   EXPECT_EQ(info.error().code, ErrorCode::unavailable);
+  EXPECT_NE(info.error().message().find("does the server speak without TLS?"), std::string::npos)
+      << info.error().message();
+}
+
+// As a server with TLS does with a client that begins without.
+TEST(Connect, WhoIsShutOutIsAskedForTls) {
+  const int listener = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{.sin_family = AF_INET, .sin_port = 0, .sin_addr = {htonl(INADDR_LOOPBACK)}};
+  socklen_t size = sizeof address;
+  ASSERT_EQ(::bind(listener, reinterpret_cast<sockaddr*>(&address), size), 0);
+  ASSERT_EQ(::getsockname(listener, reinterpret_cast<sockaddr*>(&address), &size), 0);
+  ASSERT_EQ(::listen(listener, 16), 0);
+  std::thread shuts([&] {
+    for (int one; (one = ::accept4(listener, nullptr, nullptr, SOCK_CLOEXEC)) >= 0;) ::close(one);
+  });
+  const auto info = Client::connect("127.0.0.1:" + std::to_string(ntohs(address.sin_port)))->info();
+  ::shutdown(listener, SHUT_RDWR);
+  shuts.join();
+  ::close(listener);
+  ASSERT_FALSE(info.has_value());
+  EXPECT_EQ(info.error().code, ErrorCode::unavailable);
+  EXPECT_NE(info.error().message().find("does the server want TLS"), std::string::npos)
+      << info.error().message();
+}
+
+TEST(Connect, WhereNobodyListensTlsIsNoReason) {
+  const auto info = Client::connect("127.0.0.1:1")->info();
+  ASSERT_FALSE(info.has_value());
+  EXPECT_EQ(info.error().message().find("TLS"), std::string::npos) << info.error().message();
 }
 
 }  // namespace

@@ -57,7 +57,11 @@ def test_tls_and_tokens(start_server, authority, tmp_path, monkeypatch):
         client.solve(tiny())
     with marble.Client(server.address, tls_ca=ca, token=watcher) as client, pytest.raises(marble.PermissionDenied):
         client.solve(tiny())
-    with marble.Client(server.address, token=token) as client, pytest.raises(marble.Unavailable):
+    with (marble.Client(server.address, token=token) as client,
+          pytest.raises(marble.Unavailable, match=r"does the server want TLS \(tls=True, MARBLE_TLS_CA\)")):
+        client.solve(tiny(), deadline=30)
+    with (marble.Client(server.address, token=token, tls=True) as client,
+          pytest.raises(marble.Unavailable, match="tls_ca or MARBLE_TLS_CA names who vouches for the server")):
         client.solve(tiny(), deadline=30)
     monkeypatch.setenv("MARBLE_SERVER", server.address)
     monkeypatch.setenv("MARBLE_TOKEN", token)
@@ -72,6 +76,19 @@ def test_a_client_s_certificate_names_it(start_server, authority):
                        tls_certificate=str(authority / "planner.pem"),
                        tls_key=str(authority / "planner.key")) as client:
         assert client.info().client == "cert:planner" and client.solve(tiny()).solved
+    with (marble.Client(server.address, tls_ca=str(authority / "ca.pem")) as client,
+          pytest.raises(marble.Unavailable, match=r"or a certificate of the client \(MARBLE_TLS_CERTIFICATE\)")):
+        client.info()
+
+
+def test_a_server_without_tls_is_told_of_to_a_client_with_it(server, authority):
+    for options in ({"tls": True}, {"tls_ca": str(authority / "ca.pem")}):
+        with (marble.Client(server.address, **options) as client,
+              pytest.raises(marble.Unavailable, match="does the server speak without TLS")):
+            client.info()
+    with marble.Client("127.0.0.1:1") as client, pytest.raises(marble.Unavailable) as nobody:
+        client.info()
+    assert "TLS" not in str(nobody.value)
 
 
 @pytest.mark.parametrize(("options", "field"), [

@@ -50,6 +50,9 @@ after(() => rmSync(directory, { recursive: true, force: true }));
 const serve = (...flags: string[]): Promise<Server> =>
   Server.start(["--tls-certificate", file("server.pem"), "--tls-key", file("server.key"), ...flags]);
 
+const unavailable = (text: RegExp) => (error: unknown): boolean =>
+  error instanceof UnavailableError && text.test(error.message);
+
 async function clientName(address: string, options: ConnectOptions): Promise<string> {
   using client = connect(address, options);
   assert.ok((await client.solve(corner)).solved);
@@ -61,11 +64,19 @@ test("TLS: a client that trusts the authority is served, one that does not is no
   const ca = file("ca.pem");
   assert.equal(await clientName(server.address, { name: "tester", tls: { ca, serverName: "localhost" } }), "tester");
   using stranger = connect(server.address, { tls: { serverName: "localhost" } });
-  await assert.rejects(stranger.solve(corner), UnavailableError);
+  await assert.rejects(stranger.solve(corner), unavailable(/MARBLE_TLS_CA names who vouches for the server$/));
   using misled = connect(server.address, { tls: { ca, serverName: "another.example" } });
   await assert.rejects(misled.solve(corner), UnavailableError);
   using plain = connect(server.address);
-  await assert.rejects(plain.solve(corner), UnavailableError);
+  await assert.rejects(plain.solve(corner), unavailable(/; does the server want TLS \(tls, MARBLE_TLS_CA\)/));
+});
+
+test("a server without TLS is told of to a client with it", async () => {
+  await using server = await Server.start();
+  using client = connect(server.address, { tls: true });
+  await assert.rejects(client.solve(corner), unavailable(/; does the server speak without TLS\?/));
+  using nobody = connect("127.0.0.1:1");
+  await assert.rejects(nobody.solve(corner), (error) => error instanceof UnavailableError && !error.message.includes("TLS"));
 });
 
 test("TLS: of several servers all must have the first name", async () => {

@@ -2,6 +2,7 @@
 
 #include <charconv>
 #include <string_view>
+#include <utility>
 
 #include "google/rpc/error_details.pb.h"
 #include "marble/contract.h"
@@ -26,6 +27,28 @@ void take_field(std::string path, Error& error) {
   error.field = core_field(path);
 }
 
+constexpr std::pair<std::string_view, std::string_view> kHints[] = {
+    {"Socket closed",
+     "; does the server want TLS (--tls, MARBLE_TLS_CA), or a certificate of the client "
+     "(MARBLE_TLS_CERTIFICATE)?"},
+    {"Connection reset", "; does the server want TLS (--tls, MARBLE_TLS_CA)?"},
+    {"wrong version number",
+     "; does the server speak without TLS? This client uses it (--tls, MARBLE_TLS_CA)"},
+    {"certificate verify failed", "; --tls-ca or MARBLE_TLS_CA names who vouches for the server"},
+};
+
+// What the reason may be, where gRPC made no connection.
+std::string hint_of(std::string_view message) {
+  const auto says = [&](std::string_view words) { return message.find(words) != std::string_view::npos; };
+  if (says(contract::default_address) && says("Connection refused"))
+    return std::string(contract::no_server_hint) + contract::local_hint;
+  if (!says("failed to connect to all addresses") && !says("connections to all backends failing")) return "";
+  for (const auto& [words, hint] : kHints) {
+    if (says(words)) return std::string(hint);
+  }
+  return "";
+}
+
 }  // namespace
 
 Error to_error(const grpc::Status& status) {
@@ -41,9 +64,7 @@ Error to_error(const google::rpc::Status& status) {
   Error error;
   error.code = error_code_of(status.code());
   error.bound = status.message();
-  if (error.code == ErrorCode::unavailable &&
-      error.bound.find(contract::default_address) != std::string::npos)
-    error.bound += std::string(contract::no_server_hint) + contract::local_hint;
+  if (error.code == ErrorCode::unavailable) error.bound += hint_of(error.bound);
   for (const auto& any : status.details()) {
     if (v1::Fault fault; any.UnpackTo(&fault)) {
       take_field(fault.field(), error);

@@ -237,9 +237,27 @@ def _is_too_large(fault: Any) -> bool:
     return asked is not None and most is not None and int(asked[1]) > int(most[1])
 
 
+# Of a connection that was not made: what gRPC says, and what the reason may be.
+_UNCONNECTED = re.compile("failed to connect to all addresses|connections to all backends failing")
+_HINTS = (
+    (re.compile("Socket closed|Connection reset|Broken pipe", re.I),
+     "; does the server want TLS (tls=True, MARBLE_TLS_CA), or a certificate of the client (MARBLE_TLS_CERTIFICATE)?"),
+    (re.compile("wrong.version.number", re.I),
+     "; does the server speak without TLS? This client uses it (tls, tls_ca, MARBLE_TLS_CA)"),
+    (re.compile("certificate.verify.failed", re.I), "; tls_ca or MARBLE_TLS_CA names who vouches for the server"),
+)
+
+
+def _hint(message: str) -> str:
+    if tables.DEFAULT_ADDRESS in message and "Connection refused" in message:
+        return tables.NO_SERVER_HINT + tables.LOCAL_HINT
+    if not _UNCONNECTED.search(message):
+        return ""
+    return next((hint for pattern, hint in _HINTS if pattern.search(message)), "")
+
+
 def _unavailable(status: Any) -> Unavailable:
-    hint = tables.NO_SERVER_HINT + tables.LOCAL_HINT if tables.DEFAULT_ADDRESS in status.message else ""
-    error = Unavailable(status.message + hint)
+    error = Unavailable(status.message + _hint(status.message))
     if status.code == _UNIMPLEMENTED:
         error.lost = False
     return error

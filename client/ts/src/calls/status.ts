@@ -66,10 +66,29 @@ export function errorOfStatus(status: Status): MarbleError {
   }
   const retry = read("google.rpc.RetryInfo", RetryInfo);
   const retryAfterMs = retry && milliseconds(retry.retryDelay);
-  const nobody = code === "unavailable" && status.message.includes(defaultAddress);
-  const error = errorOf(code, nobody ? status.message + noServerHint : status.message, { ...place, retryAfterMs });
+  const hint = code === "unavailable" ? hintOf(status.message) : "";
+  const error = errorOf(code, status.message + hint, { ...place, retryAfterMs });
   if (status.code === statuses.UNAVAILABLE) losses.add(error);
   return error;
+}
+
+// Of a connection that was not made: what grpc-js says, and what the reason may be.
+const hints: [RegExp, string][] = [
+  [
+    /Failed to connect|ECONNRESET|EPIPE/,
+    "; does the server want TLS (tls, MARBLE_TLS_CA), or a certificate of the client (MARBLE_TLS_CERTIFICATE)?",
+  ],
+  [/wrong version number/, "; does the server speak without TLS? This client uses it (tls, MARBLE_TLS_CA)"],
+  [
+    /self.signed certificate|unable to (?:verify|get)|certificate has expired/,
+    "; tls.ca or MARBLE_TLS_CA names who vouches for the server",
+  ],
+];
+
+function hintOf(message: string): string {
+  if (message.includes(defaultAddress) && message.includes("ECONNREFUSED")) return noServerHint;
+  if (!message.includes("No connection established")) return "";
+  return hints.find(([pattern]) => pattern.test(message))?.[1] ?? "";
 }
 
 export function cancelled(signal: AbortSignal): MarbleError {
