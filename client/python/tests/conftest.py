@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import os
+import threading
 
 import pytest
 from support import Server
 
 import marble
+from marble.calls import links
 
 
 @pytest.fixture(autouse=True)
@@ -20,6 +22,13 @@ def server(tmp_path_factory):
     one = Server(tmp_path_factory.mktemp("server"), "--workers", "2")
     yield one
     assert one.stop() == 0
+
+
+@pytest.fixture(params=["thread", "loop"])
+def way_of_sessions(request, monkeypatch):
+    """Sessions have a thread each while there are few of them, and share a loop from then on."""
+    if request.param == "loop":
+        monkeypatch.setattr(links, "_THREADS", threading.BoundedSemaphore(0))
 
 
 @pytest.fixture

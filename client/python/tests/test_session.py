@@ -10,6 +10,8 @@ from support import check, long_solve, random_problem, tiny, wait_until
 import marble
 from marble.hopper import NAMES, Hopper
 
+pytestmark = pytest.mark.usefixtures("way_of_sessions")
+
 
 def test_updates_change_numbers_and_nothing_else(client):
     problem = random_problem(2)

@@ -17,6 +17,8 @@ from marble.calls.session_core import SessionCore
 from marble.hopper import Hopper
 from marble.message.requests import Call
 
+pytestmark = pytest.mark.usefixtures("way_of_sessions")
+
 
 class _Awaited:
     """A session of marble.aio, on a loop of its own, used as a plain one."""

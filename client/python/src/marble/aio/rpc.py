@@ -19,10 +19,7 @@ Answer = TypeVar("Answer")
 class AioRpc(Calls):
     """As connection.rpc.Rpc, awaited."""
 
-    async def close(self) -> None:
-        """Ends the channels and all that is under way on them."""
-        for closing in self._end():
-            await closing
+    close = Calls.ended
 
     async def repeated(self, tries: Tries, once: Callable[[float | None], Awaitable[Answer]]) -> Answer:
         """What `once` returns, which makes the call for as many seconds as it is given; again, where that may help."""

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import queue
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from marble import errors
-from marble.base.lazy import lazy
+from marble.calls.links import Link, open_link
 from marble.calls.session_core import SessionCore, SessionEvent, SessionFacts, answer_of, first_refused
 from marble.calls.shift import Shift
 from marble.connection.patience import Tries
@@ -21,8 +19,6 @@ from marble.model.derivatives import SensitivityRequest
 from marble.model.lcqp import LCQP, MatrixLike
 from marble.model.problem import Problem
 from marble.model.solution import Progress, Solution
-
-grpc: Any = lazy("grpc")
 
 
 class Turn:
@@ -45,46 +41,6 @@ class Turn:
     def __exit__(self, *_: object) -> None:
         self._owner = None
         self._lock.release()
-
-
-class _Link:
-    """A session's stream. What is put into it is sent once it is set up, behind what `again` has by then."""
-
-    def __init__(self, rpc: Rpc, first: bytes) -> None:
-        # One message at a time: gRPC takes the next when the server has room for it.
-        self.outbox: queue.Queue[bytes | None] = queue.Queue(maxsize=1)
-        self.again: list[bytes] = []
-        self._is_set_up = threading.Event()
-        self.stream = rpc.duplex("Solver/Session", self._messages(first))
-
-    def _messages(self, first: bytes) -> Iterator[bytes]:
-        yield first
-        self._is_set_up.wait()
-        yield from self.again
-        while (message := self.outbox.get()) is not None:
-            yield message
-
-    def begin(self) -> None:
-        """All is set up."""
-        self._is_set_up.set()
-
-    def end(self) -> None:
-        """Lets the thread that waits for messages go."""
-        self._is_set_up.set()
-        try:
-            self.outbox.put_nowait(None)
-        except queue.Full:  # nobody waits for more
-            pass
-
-    def cancel(self) -> None:
-        """Gives up what is under way."""
-        self.stream.cancel()
-        self.end()
-
-    @property
-    def is_active(self) -> bool:
-        """Whether messages may still come and go."""
-        return bool(self.stream.is_active())
 
 
 class Session(SessionFacts):
@@ -120,9 +76,9 @@ class Session(SessionFacts):
                 rpc.pause(tries.pause(error))
         self._link.begin()
 
-    def _set_up(self, rpc: Rpc, first: bytes, tries: Tries) -> _Link:
+    def _set_up(self, rpc: Rpc, first: bytes, tries: Tries) -> Link:
         tries.left()
-        link = _Link(rpc, first)
+        link = open_link(rpc, first)
         try:
             self._event(link)
             tries.reached()
@@ -134,17 +90,13 @@ class Session(SessionFacts):
     def _put(self, message: bytes | None) -> None:
         link = self._link
         while link.is_active:
-            try:
-                link.outbox.put(message, timeout=0.1)
+            if link.put(message, 0.1):
                 return
-            except queue.Full:
-                pass
         if not self._core.reopen:
             raise self._reason()  # else the reader goes elsewhere, and takes it along
 
     def _reason(self) -> Error:
-        ended = self._link.stream.code() is grpc.StatusCode.OK
-        return FailedPrecondition("the session has ended") if ended else errors.from_rpc(self._link.stream)
+        return self._link.reason() or FailedPrecondition("the session has ended")
 
     def _finish(self) -> None:
         self._core.ended = True
@@ -156,15 +108,12 @@ class Session(SessionFacts):
             self._look.cancel()
             self._look = None
 
-    def _event(self, link: _Link) -> SessionEvent | None:
+    def _event(self, link: Link) -> SessionEvent | None:
         """The next outcome, or None at the stream's end, or once all is set up."""
-        try:
-            for data in link.stream:
-                done, event = self._core.take(data)
-                if done:
-                    return event
-        except grpc.RpcError as error:
-            raise errors.from_rpc(error) from None
+        while (data := link.receive()) is not None:
+            done, event = self._core.take(data)
+            if done:
+                return event
         return None
 
     def _read(self, tries: Tries | None = None) -> SessionEvent | None:
@@ -309,7 +258,7 @@ class Session(SessionFacts):
     def cancel(self) -> None:
         """Gives the session up, with all that is under way."""
         self._given_up.set()
-        self._link.stream.cancel()
+        self._link.cancel()
         self._finish()
 
     def __enter__(self) -> Session:

@@ -243,13 +243,13 @@ def target(address: str | Sequence[str] | None, connect: ConnectOptions) -> Targ
 
 
 def channels(library: Any, address: str | Sequence[str] | None,
-             connect: ConnectOptions) -> tuple[str, Callable[[bool], Any]]:
-    """The address as it is shown, and what makes a channel of grpc or grpc.aio to it: with a connection of its own, or
-    with that of all others of this process.
+             connect: ConnectOptions) -> tuple[str, Callable[..., Any]]:
+    """The address as it is shown, and what makes a channel of `library`, grpc or grpc.aio, to it: with a connection of
+    its own, or with that of all others of this process.
     """
     there, credentials = target(address, connect), connect.credentials()
 
-    def make(own: bool) -> Any:
+    def make(own: bool, library: Any = library) -> Any:
         options = (*there.options, ("grpc.use_local_subchannel_pool", 1)) if own else there.options
         if credentials is None:
             return library.insecure_channel(there.name, options)

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from marble import errors
 from marble.base.checks import is_number
 from marble.base.lazy import lazy
+from marble.connection import background
 from marble.connection.patience import Patience, Tries
 from marble.errors import Cancelled, Error, FailedPrecondition, InvalidArgument
 
@@ -46,7 +47,7 @@ class Calls:
     make: a channel, with a connection of its own or not. patience: how long calls wait for a server that is lost.
     """
 
-    def __init__(self, make: Callable[[bool], Any], metadata: tuple[tuple[str, str], ...], timeout: float | None,
+    def __init__(self, make: Callable[..., Any], metadata: tuple[tuple[str, str], ...], timeout: float | None,
                  patience: Patience) -> None:
         self._make, self._is_closed = make, False
         self._lanes = [_Lane(make(False), _STREAMS_OF_FIRST)]
@@ -67,6 +68,11 @@ class Calls:
         with self._lanes_access:
             self._is_closed = True
         return [lane.channel.close() for lane in self._lanes]  # waits for streams, which leave their lanes
+
+    async def ended(self) -> None:
+        """Of grpc.aio: ends the channels and all that is under way on them."""
+        for closing in self._end():
+            await closing
 
     def _lane(self) -> _Lane:
         """One with room for another stream, which counts from now on."""
@@ -120,15 +126,32 @@ class Calls:
 class Rpc(Calls):
     """On a channel of grpc."""
 
-    def __init__(self, make: Callable[[bool], Any], metadata: tuple[tuple[str, str], ...], timeout: float | None,
+    def __init__(self, make: Callable[..., Any], metadata: tuple[tuple[str, str], ...], timeout: float | None,
                  patience: Patience) -> None:
         super().__init__(make, metadata, timeout, patience)
         self._closing = threading.Event()
+        self._loops: Calls | None = None
+        self._loops_access = threading.Lock()
+
+    def by_loop(self) -> Calls:
+        """Calls on channels of grpc.aio's, each with a connection of its own, for the loop that all clients share."""
+        async def made() -> Calls:
+            return Calls(lambda _: self._make(True, grpc.aio), self._metadata, None, self.patience)
+
+        with self._loops_access:
+            if self._is_closed:
+                raise FailedPrecondition(CLOSED)
+            if self._loops is None:
+                self._loops = background.shared().run(made())
+            return self._loops
 
     def close(self) -> None:
         """Ends the channels and all that is under way on them, or waits for a server."""
         self._end()
         self._closing.set()
+        with self._loops_access:
+            if self._loops is not None:
+                background.shared().run(self._loops.ended())
 
     def pause(self, seconds: float, until: threading.Event | None = None) -> bool:
         """Waits, or until the client is closed, or until what is given instead; whether that has happened."""
