@@ -261,3 +261,34 @@ function near(given: ArrayLike<number>, expected: ArrayLike<number>, tolerance: 
   const far = Array.from(given).findIndex((value, k) => !(Math.abs(value - expected[k]) <= tolerance));
   assert.equal(far, -1, `${given[far]} at ${far} instead of ${expected[far]}`);
 }
+
+test("with reopen the loop goes on where its server is lost, and falls back while there is none", async () => {
+  await using own = await Server.start();
+  using caller = connect(own.address);
+  let told = 0;
+  const settings = { ...measured, shift, reopen: true, reopenMs: 60_000, onReopen: () => void ++told };
+  await using loop = await caller.realTime(pendulum("gauss_newton"), settings);
+  await using beside = await client.realTime(pendulum("gauss_newton"), { ...measured, shift });
+  const states = [[0.5, -1], [0.4, -1.1], [0.3, -1.2]];
+  assert.equal((await loop.feedback(states[0])).outcome, "answered");
+  await beside.feedback(states[0]);
+
+  loop.prepare();
+  await own.restart();
+  const after = await loop.feedback(states[1]);
+  assert.equal(after.outcome, "answered", after.why);
+  near(after.x, (await beside.feedback(states[1])).x, 1e-5);
+  assert.deepEqual([loop.reopened, told], [1, 1]);
+
+  await own.kill();
+  const without = await loop.feedback(states[2], 30);
+  assert.deepEqual([without.outcome, without.deadlineMet], ["shifted", false]);
+  assert.match(without.why, /the deadline passed while the server was lost/);
+  loop.prepare();
+  assert.equal((await loop.feedback(states[2], 30)).outcome, "shifted");
+  await own.restart();
+  const back = await loop.feedback(states[2]);
+  assert.equal(back.outcome, "answered", back.why);
+  near(back.x.subarray(0, 2), states[2], 1e-8);
+  assert.deepEqual([loop.reopened, told], [2, 2]);
+});

@@ -23,6 +23,7 @@ import { cancelled, errorOfCall, errorOfStatus, isLost } from "./status.js";
 const reopenMs = 10_000;
 /** So that a last try is one. */
 const shortestTryMs = 1000;
+const longestTimerMs = 2 ** 31 - 1;
 
 /** What holds for a session as a whole; all of it optional. */
 export interface SessionControls
@@ -58,7 +59,14 @@ export interface Reopening {
 interface Sent {
   message: SessionUpdate;
   /** Of a first part there is none. */
-  waiting?: { resolve(solution: Solution): void; reject(error: MarbleError): void };
+  waiting?: Waiting;
+}
+
+interface Waiting {
+  resolve(solution: Solution): void;
+  reject(error: MarbleError): void;
+  /** Until when it waits for a server, as performance.now() tells it. */
+  until: number;
 }
 
 /**
@@ -77,6 +85,7 @@ export class Session implements AsyncDisposable {
   private epoch = 0;
   private restartsTold = 0;
   private wake: () => void = () => undefined;
+  private lostCause?: MarbleError; // while there is no server
 
   private constructor(
     private readonly connection: Connection,
@@ -150,12 +159,38 @@ export class Session implements AsyncDisposable {
   /**
    * Solves with new numbers, or as things are. Several may wait, here if not at the server; they are solved in their
    * order. With `reopen` an update that a lost server has not answered is solved by the next one, and its deadline
-   * begins anew there.
+   * begins anew there; but it waits for that server no longer than `deadlineMs` from the call on: then it rejects with an
+   * UnavailableError, its numbers stay, and the session goes on.
    */
   async update(update: ProblemUpdate = {}, controls: UpdateControls = {}): Promise<Solution> {
     const message = updateOf(this.sequence + 1, update, controls, this.shape);
     if (this.end !== undefined) throw this.end;
-    return new Promise((resolve, reject) => this.send({ message, waiting: { resolve, reject } }));
+    return new Promise((resolve, reject) => {
+      const waiting = { resolve, reject, until: performance.now() + (controls.deadlineMs ?? Infinity) };
+      this.send({ message, waiting: this.memory === undefined ? waiting : this.timed(waiting, controls.deadlineMs) });
+    });
+  }
+
+  // As long as there is a server, it tells that the deadline has passed.
+  private timed(waiting: Waiting, deadlineMs: number | undefined): Waiting {
+    if (deadlineMs === undefined || deadlineMs > longestTimerMs) return waiting;
+    const timer = setTimeout(() => this.lostCause && this.giveUpLate(this.lostCause), Math.ceil(deadlineMs));
+    const before =
+      <Told>(tell: (told: Told) => void) =>
+      (told: Told): void => {
+        clearTimeout(timer);
+        tell(told);
+      };
+    return { ...waiting, resolve: before(waiting.resolve), reject: before(waiting.reject) };
+  }
+
+  // Updates whose deadline has passed while there is no server: their numbers are for the next one.
+  private giveUpLate(cause: MarbleError): void {
+    for (const [sequence, { message, waiting }] of this.sent) {
+      if (waiting === undefined || performance.now() < waiting.until) continue;
+      this.leaveToNext(sequence, message);
+      waiting.reject(errorOf("unavailable", `the deadline passed while the server was lost: ${cause.message}`, { cause }));
+    }
   }
 
   /**
@@ -228,6 +263,8 @@ export class Session implements AsyncDisposable {
       if (this.given.signal.aborted) throw cancelled(this.given.signal);
       if (this.memory === undefined || !isLost(error)) throw error;
       this.stream = undefined;
+      this.lostCause = error;
+      this.giveUpLate(error);
       while (this.sent.size === 0 && this.end === undefined && !this.given.signal.aborted) {
         await new Promise<void>((wake) => (this.wake = wake));
       }
@@ -258,6 +295,7 @@ export class Session implements AsyncDisposable {
     this.restartsTold = 0;
     this.ready = stream.ready;
     this.stream = stream;
+    this.lostCause = undefined;
     if (signal.aborted) throw cancelled(signal);
     for (const { message } of this.sent.values()) stream.send(message);
     if (this.end !== undefined) stream.end();

@@ -1,7 +1,7 @@
 // After Diehl, Bock and Schlöder, "A real-time iteration scheme for nonlinear optimization in optimal feedback control",
 // SIAM J. Control Optim. 43 (2005), with an LCQP in place of the QP.
 import { checkDeadline } from "../base/checks.js";
-import { DeadlineError, RefusedError, errorOf, invalid } from "../base/errors.js";
+import { DeadlineError, RefusedError, UnavailableError, errorOf, invalid } from "../base/errors.js";
 import { Session, type SessionControls } from "../calls/session.js";
 import type { Shift, ShiftBlock, UpdateControls } from "../calls/session-update.js";
 import type { Connection } from "../connection/connection.js";
@@ -14,7 +14,8 @@ import { Functions, type Multipliers, type NonlinearProblem, type Point } from "
 import { Lcqp, type Weights } from "./lcqp.js";
 
 /** All of it optional. */
-export interface RealTimeSettings extends Pick<SessionControls, "priority" | "signal"> {
+export interface RealTimeSettings
+  extends Pick<SessionControls, "priority" | "signal" | "reopen" | "reopenMs" | "onReopen"> {
   /** Variables that are measured: each is fixed at its entry of the measurement, whatever its bounds are. */
   variables?: readonly number[];
   /** Rows of c_E, each of which must be its entry of the measurement, after those of the variables, in place of 0. */
@@ -63,7 +64,8 @@ const defaults: SolveOptions = { ...tighter, stationarityTolerance: 1e-8 };
 
 /**
  * Real-time iteration: a nonlinear plan in closed loop, by one LCQP a tick. What does not need the measurement is done
- * before it comes. From `client.realTime()`. One call at a time; it ends with an error of its session.
+ * before it comes. From `client.realTime()`. One call at a time; it ends with an error of its session. With `reopen` that
+ * goes on where its server is lost: a tick whose deadline passes before there is one returns the fallback.
  */
 export class RealTime implements AsyncDisposable {
   private point: Point;
@@ -130,6 +132,11 @@ export class RealTime implements AsyncDisposable {
       throw error;
     }
     return made;
+  }
+
+  /** How often its session was reopened. */
+  get reopened(): number {
+    return this.session.reopened;
   }
 
   /**
@@ -215,9 +222,10 @@ export class RealTime implements AsyncDisposable {
   }
 
   private async openSession(lcqp: Lcqp): Promise<Session> {
-    const { priority, signal, options } = this.settings;
+    const { priority, signal, reopen, reopenMs, onReopen, options } = this.settings;
     lcqp.set(this.x, this.point, this.curvature.upper);
-    return Session.open(this.connection, lcqp.problem(), { priority, signal, options: { ...defaults, ...options } });
+    const controls = { priority, signal, reopen, reopenMs, options: { ...defaults, ...options } };
+    return Session.open(this.connection, lcqp.problem(), lcqp === this.lcqp ? { ...controls, onReopen } : controls);
   }
 
   private alone(): void {
@@ -278,8 +286,9 @@ async function ask(session: Session, update: ProblemUpdate, controls: UpdateCont
   try {
     solution = await session.update(update, controls);
   } catch (error) {
-    if (!(error instanceof DeadlineError || error instanceof RefusedError) || !session.isOpen) throw error;
-    return { why: error.message, late: error instanceof DeadlineError };
+    const late = error instanceof DeadlineError || error instanceof UnavailableError;
+    if (!(late || error instanceof RefusedError) || !session.isOpen) throw error;
+    return { why: error.message, late };
   }
   if (solution.status === "cancelled") throw errorOf("cancelled", "stopped within a tick");
   if (!solution.solved) return { why: `${solution.status}: ${solution.detail}`, late: false, solution };

@@ -251,3 +251,23 @@ test("what onReopen throws ends the session", async () => {
   assert.equal(session.isOpen, false);
   await assert.rejects(client.session(corner, { reopen: true, reopenMs: 0 }), { field: "reopenMs" });
 });
+
+test("an update waits for a server no longer than its deadline; its numbers stay, and the session goes on", async () => {
+  await using server = await Server.start();
+  using client = connect(server.address);
+  await using session = await client.session(corner, patient);
+  await session.update();
+  await server.kill();
+  for (const c0 of [4, 5]) {
+    await assert.rejects(session.update({ c0 }, { deadlineMs: 20 }), UnavailableError);
+    assert.ok(session.isOpen);
+  }
+  const waits = session.update({ d: [0.5] });
+  await assert.rejects(session.update({ g: [-2, -2, -2] }, { deadlineMs: 20 }), /the deadline passed while the server was/);
+  await server.restart();
+  assert.ok((await waits).solved);
+  const answer = await session.update();
+  const fresh = await client.solve({ ...corner, c0: 5, d: [0.5], g: [-2, -2, -2] });
+  assert.ok(Math.abs(answer.objective - fresh.objective) < 1e-9);
+  assert.equal(session.reopened, 1);
+});
