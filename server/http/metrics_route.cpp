@@ -2,6 +2,8 @@
 
 #include "http/requests/caller.h"
 #include "http/requests/endpoint.h"
+#include "http/transport/bounded_server.h"
+#include "http/transport/gzip.h"
 #include "service/scrape.h"
 
 namespace marble::server::http {
@@ -11,7 +13,15 @@ void add_metrics_route(Router& router, const ServiceParts& parts) {
   router.get("/metrics", [&parts](const httplib::Request& request, httplib::Response& response) {
     const auto caller = parts.access.require(credentials_of(request), Role::observe);
     if (!caller) return refuse(parts.log, request, caller.error(), response);
-    response.set_content(scrape(parts), kMetricsContentType.c_str());
+    std::string body = scrape(parts);
+    response.set_header("Vary", "Accept-Encoding");
+    if (accepts_gzip(BoundedServer::accepted_encodings(request))) {
+      if (std::string packed = gzip(body); !packed.empty()) {
+        body = std::move(packed);
+        response.set_header("Content-Encoding", "gzip");
+      }
+    }
+    response.set_content(std::move(body), kMetricsContentType.c_str());
   });
 }
 

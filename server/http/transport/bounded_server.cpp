@@ -11,7 +11,8 @@ namespace {
 
 constexpr int kMostRequests = 1000;  // of one connection
 constexpr int kLeastWaiting = 64;    // connections, however few are served
-constexpr const char* kFault = "";   // a header that no client can send: what is wrong with the others
+// Headers that no client can send: what is wrong with the others, and what httplib shall not see.
+constexpr const char *kFault = "", *kAcceptEncoding = " Accept-Encoding";
 
 // What httplib would do on its own: ranges of what is made anew each time, compression at the solver's cost,
 // and waiting for the end of a body that has no length. Whether nothing may follow this request: its body, if
@@ -19,7 +20,12 @@ constexpr const char* kFault = "";   // a header that no client can send: what i
 bool prepare(httplib::Request& request) {
   request.ranges.clear();
   request.headers.erase("Range");
+  std::string accepted;
+  const std::size_t lines = request.get_header_value_count("Accept-Encoding");
+  for (std::size_t k = 0; k < lines; ++k)
+    accepted += (k == 0 ? "" : ",") + request.get_header_value("Accept-Encoding", k);
   request.headers.erase("Accept-Encoding");
+  if (lines > 0) request.headers.emplace(kAcceptEncoding, std::move(accepted));
   const bool has_body = request.has_header("Content-Length") || request.has_header("Transfer-Encoding");
   if (!has_body && request.method != "GET" && request.method != "HEAD")
     request.set_header("Content-Length", "0");
@@ -77,6 +83,10 @@ bool BoundedServer::process_and_close_socket(socket_t socket) {
       std::make_shared<Connection>(socket, std::move(session), line_time_, answer_rate_, stop_);
   if (usable) lobby_.enter(connection);
   return usable;
+}
+
+std::string BoundedServer::accepted_encodings(const httplib::Request& request) {
+  return request.get_header_value(kAcceptEncoding);
 }
 
 std::string BoundedServer::fault_of(const httplib::Request& request) {

@@ -33,6 +33,8 @@ class BoundedServer final : public httplib::Server {
   /// Whether a request announces a body that is too long: it is not read.
   [[nodiscard]] bool is_too_long(const httplib::Request& request) const;
 
+  /// What encodings of an answer a client accepts: its Accept-Encoding, lines joined by commas, or empty.
+  [[nodiscard]] static std::string accepted_encodings(const httplib::Request& request);
   /// Why the head of a request is none, or empty.
   [[nodiscard]] static std::string fault_of(const httplib::Request& request);
 

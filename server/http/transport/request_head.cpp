@@ -1,31 +1,13 @@
 #include "http/transport/request_head.h"
 
-#include <algorithm>
-#include <cctype>
 #include <charconv>
 #include <cstdint>
 #include <optional>
 
+#include "http/transport/field_text.h"
+
 namespace marble::server::http {
 namespace {
-
-bool is_token(std::string_view text) {
-  return !text.empty() && std::ranges::all_of(text, [](unsigned char c) {
-    return std::isalnum(c) != 0 ||
-           std::string_view("!#$%&'*+-.^_`|~").find(static_cast<char>(c)) != std::string_view::npos;
-  });
-}
-
-bool equal(std::string_view text, std::string_view lower) {
-  return std::ranges::equal(
-      text, lower, [](unsigned char a, char b) { return std::tolower(a) == static_cast<unsigned char>(b); });
-}
-
-std::string_view trimmed(std::string_view text) {
-  const std::size_t begin = text.find_first_not_of(" \t");
-  if (begin == std::string_view::npos) return {};
-  return text.substr(begin, text.find_last_not_of(" \t") - begin + 1);
-}
 
 bool is_length(std::string_view text) {
   std::int64_t length = 0;

@@ -32,6 +32,34 @@ TEST_F(Http, ProbesAreToldWhetherItLivesAndTakesWork) {
   EXPECT_EQ(server().wait(), 0);
 }
 
+TEST_F(Http, MetricsComePackedToWhoAsksForThat) {
+  start();
+  auto http = client();
+  http.set_decompress(false);
+  const auto plain = http.Get("/metrics", {{"Accept-Encoding", "identity"}});
+  ASSERT_EQ(plain->status, 200);
+  EXPECT_FALSE(plain->has_header("Content-Encoding"));
+  EXPECT_EQ(plain->get_header_value("Vary"), "Accept-Encoding");
+  using Fields = httplib::Headers;
+  for (const Fields& fields :
+       {Fields{{"Accept-Encoding", "gzip"}}, Fields{{"Accept-Encoding", "br;q=1, *;q=0.1"}},
+        Fields{{"Accept-Encoding", "deflate"}, {"Accept-Encoding", "gzip;q=0.5"}}}) {
+    const auto packed = http.Get("/metrics", fields);
+    ASSERT_EQ(packed->status, 200);
+    EXPECT_EQ(packed->get_header_value("Content-Encoding"), "gzip");
+    EXPECT_EQ(packed->get_header_value("Content-Type"), plain->get_header_value("Content-Type"));
+    EXPECT_EQ(packed->body.substr(0, 2), "\x1f\x8b");
+    EXPECT_LT(5 * packed->body.size(), plain->body.size());
+  }
+  for (const std::string& field : {std::string("gzip;q=0"), std::string("identity"), std::string("gzip;q=9"),
+                                   std::string("\"gzip\"; q"), std::string(8'000, ',') + "gzip;q"}) {
+    const auto response = http.Get("/metrics", {{"Accept-Encoding", field}});
+    ASSERT_EQ(response->status, 200) << field;
+    EXPECT_FALSE(response->has_header("Content-Encoding")) << field;
+    EXPECT_NE(response->body.find("marble_solves_total"), std::string::npos) << field;
+  }
+}
+
 TEST_F(Http, WhatIsNotThereIsAnErrorThatNamesIt) {
   start();
   const auto response = client().Get("/nothing");
