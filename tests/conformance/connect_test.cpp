@@ -95,6 +95,10 @@ TEST(Connect, ABadOptionIsAnErrorThatNamesIt) {
       {"token", {.token = "line\n"}},
       {"name", {.name = std::string(65, 'x')}},
       {"name", {.name = "\xc3\xa4"}},
+      {"keepalive.silence", {.keepalive = {.silence = std::chrono::milliseconds(499)}}},
+      {"keepalive.silence", {.keepalive = {.silence = std::chrono::hours(25)}}},
+      {"keepalive.answer", {.keepalive = {.answer = std::chrono::seconds(0)}}},
+      {"keepalive.answer", {.keepalive = {.answer = std::chrono::duration<double>(NAN)}}},
   };
   for (const auto& [field, options] : cases) {
     const auto client = Client::connect("127.0.0.1:1", options);

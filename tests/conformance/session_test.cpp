@@ -312,5 +312,21 @@ TEST(Sessions, MoreThanAConnectionHasRoomForLeaveOtherCallsTheirs) {
     EXPECT_TRUE(sessions.at(static_cast<std::size_t>(i)).solve().has_value()) << i;
 }
 
+// A stopped process: its kernel goes on taking bytes, and nobody answers.
+TEST(Keepalive, AServerThatFallsSilentIsNoticedByASessionThatWaits) {
+  ServerProcess server(MARBLE_SERVER_BINARY, {"--keepalive-s", "2"});
+  const ConnectOptions options = {
+      .keepalive = {.silence = std::chrono::seconds(1), .answer = std::chrono::milliseconds(500)}};
+  const OwnedProblem problem = examples::hopper({.steps = 5});
+  auto session = Client::connect(server.address(), options)->open_session(problem.view());
+  ASSERT_TRUE(session.has_value()) << session.error().message();
+  ASSERT_TRUE(session->solve().has_value());
+  server.send(SIGSTOP);
+  const auto answer = session->solve();
+  server.send(SIGCONT);
+  ASSERT_FALSE(answer.has_value());
+  EXPECT_EQ(answer.error().code, ErrorCode::unavailable) << answer.error().message();
+}
+
 }  // namespace
 }  // namespace marble::testing

@@ -160,7 +160,9 @@ int run_loop(const MpcArguments& arguments, Session& session, examples::HopperPa
 int run(const MpcArguments& arguments) {
   const auto options = parse_options(arguments.solver);
   if (!options) return option_fails(options.error());
-  const auto client = arguments.local ? Expected<Client>(Client::in_process()) : connect(arguments.server);
+  ServerArguments server = arguments.server;
+  server.connect.keepalive = Keepalive::control_loop();
+  const auto client = arguments.local ? Expected<Client>(Client::in_process()) : connect(server);
   if (!client) return fails(arguments, client.error());
   examples::HopperParameters parameters = examples::vary(examples::HopperParameters{}, arguments.seed);
   parameters.steps = arguments.steps;

@@ -1,129 +1,198 @@
 #include "marble/batch.h"
 
-#include <exception>
+#include <condition_variable>
 #include <new>
-#include <set>
 #include <thread>
-#include <vector>
 
 #include "connection/connection.h"
+#include "connection/patience.h"
 #include "connection/traceparent.h"
 #include "in_process/in_process.h"
 #include "marble/client.h"
 #include "message/answer.h"
 #include "message/request.h"
 #include "message/status.h"
-#include "mutex.h"
+#include "remote/batch_queue.h"
 
 namespace marble {
 namespace {
 
+using client::BatchQueue;
+using Clock = BatchQueue::Clock;
+using Seconds = std::chrono::duration<double>;
 using Stream = grpc::ClientReaderWriter<v1::SolveBatchRequest, v1::SolveBatchResponse>;
 
-// Writes on a thread of its own: flow control may stop the writing until answers have been read.
-class BatchWriter {
+// A server that leaves takes no more problems: they are for the next stream, or for this one after all.
+constexpr Seconds kLeaving(1.0);
+
+// Reads the source on a thread of its own: it may wait for answers, on whichever stream they come.
+class Reader {
  public:
-  BatchWriter(const BatchSource& source, const BatchControls& controls, grpc::ClientContext& context,
-              Stream& stream)
-      : source_(source), controls_(controls), context_(context), stream_(stream), thread_([this] {
-          write();
-        }) {}
-
-  /// False if the tag is none that waits for an answer.
-  [[nodiscard]] bool answered(std::int64_t tag) {
-    const MutexLock lock(mutex_);
-    const auto found = open_.find(tag);
-    if (found == open_.end()) return false;
-    open_.erase(found);
-    return true;
-  }
-
-  /// Waits for the end of the writing. Then all that was never sent, with the reason.
-  struct Rest {
-    std::vector<std::pair<std::int64_t, Error>> unsent;
-    std::multiset<std::int64_t> unanswered;
-    bool out_of_memory = false;
-  };
-  [[nodiscard]] Rest finish() {
+  Reader(const BatchSource& source, const BatchControls& controls, BatchQueue& queue)
+      : source_(source), controls_(controls), queue_(queue), thread_([this] { read(); }) {}
+  Reader(const Reader&) = delete;
+  Reader& operator=(const Reader&) = delete;
+  /// Waits for the source, should it have been asked.
+  ~Reader() {
+    queue_.close();
     thread_.join();
-    const MutexLock lock(mutex_);
-    rest_.unanswered = std::move(open_);
-    return std::move(rest_);
   }
+
+  [[nodiscard]] bool out_of_memory() const { return out_of_memory_; }
 
  private:
-  void write() try {
-    while (!controls_.stop.stop_requested()) {
-      const std::optional<BatchProblem> problem = source_();
-      if (!problem) break;
-      if (!send(*problem)) return;
+  void read() {
+    try {
+      while (!controls_.stop.stop_requested()) {
+        const std::optional<BatchProblem> problem = source_();
+        if (!problem || !take(*problem)) break;
+      }
+    } catch (const std::bad_alloc&) {
+      out_of_memory_ = true;
+      queue_.close();
     }
-    stream_.WritesDone();
-  } catch (const std::bad_alloc&) {
-    rest_.out_of_memory = true;
-    context_.TryCancel();
+    queue_.exhaust();
   }
 
-  // False if the stream is broken.
-  bool send(const BatchProblem& p) {
+  bool take(const BatchProblem& p) {
     v1::SolveBatchRequest request;
-    request.set_tag(p.tag);
     const client::RequestParts parts{p.problem,     p.options,    p.initial_z,    nullptr,
                                      p.sensitivity, p.request_id, p.problem_name, controls_.priority};
     auto filled = client::fill_request(parts, request.mutable_solve());
     if (filled) filled = client::check_size(request);
-    if (!filled) {
-      rest_.unsent.emplace_back(p.tag, filled.error());
-      return true;
-    }
-    {
-      const MutexLock lock(mutex_);
-      open_.insert(p.tag);
-    }
-    return stream_.Write(request);
+    if (filled) return queue_.put(p.tag, std::move(request));
+    queue_.refuse(p.tag, filled.error());
+    return true;
   }
 
   const BatchSource& source_;
   const BatchControls& controls_;
-  grpc::ClientContext& context_;
-  Stream& stream_;
-  Rest rest_;
-  Mutex mutex_;
-  std::multiset<std::int64_t> open_ ABSL_GUARDED_BY(mutex_);
+  BatchQueue& queue_;
+  std::atomic<bool> out_of_memory_ = false;
   std::thread thread_;  // the last member: it uses the others
 };
+
+// After how long a problem that ended so is sent again on the same stream; nothing where that does not help.
+std::optional<Seconds> pause_after(const v1::SolveBatchResponse& response) {
+  if (!response.has_error()) return std::nullopt;
+  if (response.error().code() == grpc::StatusCode::UNAVAILABLE) return kLeaving;
+  return client::retry_after(response.error());
+}
 
 Expected<RemoteSolution> answer_of(const v1::SolveBatchResponse& response) {
   if (response.has_error()) return unexpected(client::to_error(response.error()));
   return client::remote_solution(response.result());
 }
 
+class Batch {
+ public:
+  Batch(const client::Connection& connection, const BatchSource& source, const BatchSink& sink,
+        const BatchControls& controls)
+      : connection_(connection),
+        source_(source),
+        sink_(sink),
+        controls_(controls),
+        patience_(controls.wait, connection.reached()) {}
+
+  Expected<void> run() {
+    Expected<void> done;
+    {
+      const Reader reader(source_, controls_, queue_);
+      done = to_the_end();
+      if (reader.out_of_memory()) done = unexpected(out_of_memory());
+    }
+    tell_refused();
+    if (done) return done;
+    for (const std::int64_t tag : queue_.unanswered()) sink_(tag, unexpected(done.error()));
+    return done;
+  }
+
+ private:
+  // From server to server.
+  Expected<void> to_the_end() {
+    while (true) {
+      const grpc::Status status = one_stream();
+      if (status.ok() && queue_.done()) return {};
+      Error error = status.ok() ? failure(ErrorCode::unavailable, "the stream ended without all answers")
+                                : client::to_error(status, controls_.stop);
+      if (status.error_code() != grpc::StatusCode::UNAVAILABLE && !status.ok()) return unexpected(error);
+      if (queue_.done()) return {};
+      if (queue_.is_closed()) return unexpected(error);  // there was no memory for more
+      const auto pause = patience_.pause();
+      if (!pause || is_stopped_within(*pause)) return unexpected(stopped().value_or(error));
+    }
+  }
+
+  grpc::Status one_stream() {
+    grpc::ClientContext context;
+    if (auto ready = connection_.prepare(context, controls_.traceparent, std::nullopt); !ready)
+      return {grpc::StatusCode::INVALID_ARGUMENT, ready.error().message()};
+    const std::stop_callback cancel_on_stop(controls_.stop, [&context] { context.TryCancel(); });
+    const auto stream = connection_.solver().SolveBatch(&context);
+    const int number = queue_.begin_stream();
+    // Flow control may stop the writing until answers have been read.
+    std::thread writer([&] { write(*stream, number); });
+    for (v1::SolveBatchResponse response; stream->Read(&response);) take(response, context);
+    queue_.end_stream();
+    writer.join();
+    return stream->Finish();
+  }
+
+  void write(Stream& stream, int number) {
+    while (const BatchQueue::Request request = queue_.next(number)) {
+      if (!stream.Write(*request)) return;
+    }
+    stream.WritesDone();
+  }
+
+  void take(const v1::SolveBatchResponse& response, const grpc::ClientContext& context) {
+    patience_.reached();
+    connection_.note_reached();
+    tell_refused();
+    if (const auto pause = pause_after(response))
+      return queue_.send_again(response.tag(),
+                               Clock::now() + std::chrono::duration_cast<Clock::duration>(*pause));
+    const std::optional<std::int64_t> tag = queue_.answered(response.tag());
+    if (!tag) return;
+    auto answer = answer_of(response);
+    if (answer) answer->traceparent = client::returned_traceparent(context);
+    sink_(*tag, std::move(answer));
+  }
+
+  void tell_refused() {
+    for (auto& [tag, error] : queue_.refused()) sink_(tag, unexpected(std::move(error)));
+  }
+
+  bool is_stopped_within(Seconds pause) {
+    Mutex mutex;
+    std::condition_variable_any ended;
+    const MutexLock lock(mutex);
+    return ended.wait_for(mutex, controls_.stop, pause, [] { return false; }) ||
+           controls_.stop.stop_requested();
+  }
+
+  [[nodiscard]] std::optional<Error> stopped() const {
+    if (!controls_.stop.stop_requested()) return std::nullopt;
+    return failure(ErrorCode::cancelled, "cancelled by the caller");
+  }
+
+  const client::Connection& connection_;
+  const BatchSource& source_;
+  const BatchSink& sink_;
+  const BatchControls& controls_;
+  client::Patience patience_;
+  BatchQueue queue_;
+};
+
 }  // namespace
 
 Expected<void> Client::solve_batch(const BatchSource& source, const BatchSink& sink,
                                    const BatchControls& controls) const {
   if (connection_ == nullptr) return client::solve_batch_here(source, sink, controls);
-  grpc::ClientContext context;
-  if (auto ready = connection_->prepare(context, controls.traceparent, std::nullopt); !ready)
-    return unexpected(ready.error());
-  const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
-  const auto stream = connection_->solver().SolveBatch(&context);
-  BatchWriter writer(source, controls, context, *stream);
-  v1::SolveBatchResponse response;
-  while (stream->Read(&response)) {
-    if (!writer.answered(response.tag())) continue;
-    auto answer = answer_of(response);
-    if (answer) answer->traceparent = client::returned_traceparent(context);
-    sink(response.tag(), std::move(answer));
-  }
-  const BatchWriter::Rest rest = writer.finish();
-  const grpc::Status status = stream->Finish();
-  for (const auto& [tag, error] : rest.unsent) sink(tag, unexpected(error));
-  if (status.ok() && rest.unanswered.empty()) return {};
-  Error error = failure(ErrorCode::internal, "the stream ended without all answers");
-  if (!status.ok()) error = rest.out_of_memory ? out_of_memory() : client::to_error(status, controls.stop);
-  for (const std::int64_t tag : rest.unanswered) sink(tag, unexpected(error));
-  return unexpected(error);
+  if (controls.wait && !(*controls.wait >= Seconds(0.0)))
+    return unexpected(invalid("wait", "must be >= 0 seconds"));
+  if (auto valid = client::check_traceparent(controls.traceparent); !valid) return unexpected(valid.error());
+  return Batch(*connection_, source, sink, controls).run();
 }
 
 Expected<void> Client::solve_batch(std::span<const BatchProblem> problems, const BatchSink& sink,

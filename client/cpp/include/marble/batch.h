@@ -1,6 +1,7 @@
 // Many independent problems on one stream, answered as they finish.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -41,6 +42,11 @@ struct BatchControls {
   Priority priority = Priority::by_method;  ///< of every problem
   std::stop_token stop = {};                ///< gives all of it up
   std::string traceparent = {};             ///< as CallControls has it, of the whole stream
+  /// For how long a server that is lost is waited for, seconds >= 0 from the loss on: the batch goes on at
+  /// the next one, or at the same one once it is back, with what has no answer yet; each problem is answered
+  /// once. Then the rest is `unavailable`. Without it 10 s, and less than one while no server has ever
+  /// answered this client. In process it does nothing.
+  std::optional<std::chrono::duration<double>> wait = {};
 };
 
 }  // namespace marble

@@ -11,6 +11,23 @@ namespace marble {
 /// (contract::default_address).
 [[nodiscard]] std::string default_server_address();
 
+/// When a server that is gone without a word counts as lost.
+struct Keepalive {
+  /// Silence on a connection with calls before the server is pinged, in [0.5 s, 1 day]. A server closes the
+  /// connections of those that ping it more often than every half of its --keepalive-s, which is 10 s by
+  /// default.
+  std::chrono::duration<double> silence = std::chrono::seconds(30);
+  /// How long an answer may take, and what is sent may take to arrive, in [0.001 s, 1 day].
+  std::chrono::duration<double> answer = std::chrono::seconds(15);
+
+  /// For loops that must know soon: an update that does not arrive is noticed in 1 s, silence in 12 s.
+  [[nodiscard]] static Keepalive control_loop() {
+    return {std::chrono::seconds(11), std::chrono::seconds(1)};
+  }
+
+  [[nodiscard]] bool operator==(const Keepalive&) const = default;
+};
+
 /// All optional. Files are read once, by Client::connect; a bad one is an error that names its field.
 struct ConnectOptions {
   /// Encrypt. Also on where any of the tls_ fields is set; off is plaintext, which a server offers on
@@ -33,6 +50,7 @@ struct ConnectOptions {
   /// For solves, submissions and waits for a result that have no deadline of their own, from the call on;
   /// none: they may take for ever. Sessions, batches and watches have none.
   std::optional<std::chrono::duration<double>> deadline = {};
+  Keepalive keepalive = {};
   /// A connection of its own. Else clients of one process with the same server and settings share one, on
   /// which each call waits for its turn to be written.
   bool own_connection = false;

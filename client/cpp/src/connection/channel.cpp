@@ -9,12 +9,14 @@ namespace marble::client {
 namespace {
 
 constexpr int kNoLimit = -1;
-constexpr int kKeepalive_ms = 30'000;         // a server that is gone without a word is noticed in
-constexpr int kKeepaliveTimeout_ms = 15'000;  // the sum of the two
 // A server that was restarted is found again within the second of the two, not within gRPC's two minutes.
 constexpr int kFirstBackoff_ms = 200;
 constexpr int kLongestBackoff_ms = 2'000;
 constexpr int kRetryBuffer_bytes = 256 << 20;  // what a call keeps to be sent again
+
+int milliseconds(std::chrono::duration<double> time) {
+  return static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(time).count());
+}
 
 }  // namespace
 
@@ -31,8 +33,8 @@ Expected<std::shared_ptr<grpc::Channel>> open_channel(const Target& target, cons
   // The server has its limit; the client must not be the one that cannot read an answer.
   arguments.SetMaxReceiveMessageSize(kNoLimit);
   arguments.SetMaxSendMessageSize(kNoLimit);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepalive_ms);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeout_ms);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, milliseconds(options.keepalive.silence));
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, milliseconds(options.keepalive.answer));
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);  // as many as a long solve takes
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, kFirstBackoff_ms);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kLongestBackoff_ms);

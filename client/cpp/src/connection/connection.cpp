@@ -16,7 +16,10 @@ constexpr std::chrono::duration<double> kLongestDeadline{std::int32_t{0x7fffffff
 // of this process for that address, and has their calls as well.
 constexpr int kStreamsOfFirst = 100, kStreamsOfOthers = 900;
 
-Expected<void> check_labels(const ConnectOptions& options) {
+constexpr std::chrono::duration<double> kShortestSilence(0.5), kShortestAnswer(1e-3),
+    kLongestKeepalive(86400.0);
+
+Expected<void> check(const ConnectOptions& options) {
   // The token itself is a secret: no error shows it.
   if (!is_printable(options.token) || options.token.find(' ') != std::string::npos) {
     return unexpected(invalid("token", "must be printable ASCII without spaces"));
@@ -25,6 +28,11 @@ Expected<void> check_labels(const ConnectOptions& options) {
     return unexpected(invalid("name", "must be at most " + std::to_string(contract::longest_client_name) +
                                           " bytes of printable ASCII"));
   }
+  const auto& [silence, answer] = options.keepalive;
+  if (!(silence >= kShortestSilence && silence <= kLongestKeepalive))
+    return unexpected(invalid("keepalive.silence", "must be in [0.5, 86400] seconds"));
+  if (!(answer >= kShortestAnswer && answer <= kLongestKeepalive))
+    return unexpected(invalid("keepalive.answer", "must be in [0.001, 86400] seconds"));
   return check_traceparent(options.traceparent);
 }
 
@@ -40,7 +48,7 @@ void set_deadline(std::chrono::duration<double> from_now, grpc::ClientContext& c
 
 Expected<std::shared_ptr<const Connection>> Connection::open(const std::string& address,
                                                              const ConnectOptions& options) {
-  if (auto valid = check_labels(options); !valid) return unexpected(valid.error());
+  if (auto valid = check(options); !valid) return unexpected(valid.error());
   const auto target = target_of(address);
   if (!target) return unexpected(target.error());
   const auto channel = open_channel(*target, options);

@@ -46,6 +46,9 @@ class Connection {
   }
 
   [[nodiscard]] const std::string& address() const { return address_; }
+  /// Whether a server has ever answered over it.
+  [[nodiscard]] bool reached() const { return reached_; }
+  void note_reached() const { reached_ = true; }
   /// Whether two calls may go to two servers.
   [[nodiscard]] bool several() const { return target_.several; }
   [[nodiscard]] v1::Solver::Stub& solver() const { return *solver_; }
@@ -79,6 +82,7 @@ class Connection {
   std::unique_ptr<v1::Jobs::Stub> jobs_;
   std::unique_ptr<v1::Server::Stub> server_;
   std::unique_ptr<grpc::health::v1::Health::Stub> health_;
+  mutable std::atomic<bool> reached_ = false;
   mutable Mutex lanes_access_;
   mutable std::vector<std::shared_ptr<Lane>> lanes_
       ABSL_GUARDED_BY(lanes_access_);  // the channel's own first

@@ -27,6 +27,23 @@ void take_field(std::string path, Error& error) {
   error.field = core_field(path);
 }
 
+// The first number in a text after these words.
+std::int64_t number_after(std::string_view text, std::string_view words) {
+  std::int64_t number = 0;
+  const std::size_t at = text.find(words);
+  if (at == std::string_view::npos) return 0;
+  text.remove_prefix(at + words.size());
+  std::from_chars(text.data(), text.data() + text.size(), number);
+  return number;
+}
+
+// Whether a request has more bytes than all may have together: no wait makes room for it.
+bool is_too_large(const v1::Fault& fault) {
+  if (fault.field() != "queue_bytes" && fault.field() != "client_bytes") return false;
+  const std::int64_t most = number_after(fault.bound(), "at most ");
+  return most > 0 && number_after(fault.value(), "") > most;
+}
+
 constexpr std::pair<std::string_view, std::string_view> kHints[] = {
     {"Socket closed",
      "; does the server want TLS (--tls, MARBLE_TLS_CA), or a certificate of the client "
@@ -79,6 +96,20 @@ Error to_error(const google::rpc::Status& status) {
     error.bound = bad_request.field_violations(0).description();
   }
   return error;
+}
+
+std::optional<std::chrono::duration<double>> retry_after(const google::rpc::Status& status) {
+  if (error_code_of(status.code()) != ErrorCode::resource_exhausted) return std::nullopt;
+  std::optional<std::chrono::duration<double>> delay;
+  for (const auto& any : status.details()) {
+    v1::Fault fault;
+    if (any.UnpackTo(&fault) && is_too_large(fault)) return std::nullopt;
+    google::rpc::RetryInfo info;
+    if (any.UnpackTo(&info))
+      delay = std::chrono::seconds(info.retry_delay().seconds()) +
+              std::chrono::nanoseconds(info.retry_delay().nanos());
+  }
+  return delay;
 }
 
 Error to_error(const grpc::Status& status, const std::stop_token& stop) {

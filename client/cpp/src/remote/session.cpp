@@ -105,6 +105,7 @@ Expected<void> SessionStream::set_up(const v1::SessionRequest& request) {
   v1::SessionResponse response;
   if (stream->Read(&response) && response.has_ready()) {
     ready = response.ready();
+    connection->note_reached();
     traceparent = returned_traceparent(context);
     return {};
   }

@@ -40,6 +40,7 @@ Expected<RemoteSolution> solve_there(const Connection& connection, const Problem
                     ? streamed(connection, *request, context, controls, call)
                     : unary(connection, request->solve(), context, controls.stop);
   if (answer) answer->traceparent = returned_traceparent(context);
+  if (answer) connection.note_reached();
   return answer;
 }
 

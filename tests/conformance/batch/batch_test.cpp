@@ -92,12 +92,13 @@ TEST_F(BatchTest, AServerThatDiesEndsItWithAnErrorForEveryTag) {
   std::vector<BatchProblem> batch;
   for (int i = 0; i < kMany; ++i) batch.push_back({.tag = i, .problem = problems[i].view()});
   int answers = 0;
-  const auto done = client_->solve_batch(batch, [&](std::int64_t, Expected<RemoteSolution> answer) {
+  const auto take = [&](std::int64_t, const Expected<RemoteSolution>& answer) {
     if (++answers == 10) server_.send(SIGKILL);
     if (!answer) {
       EXPECT_EQ(answer.error().code, ErrorCode::unavailable);
     }
-  });
+  };
+  const auto done = client_->solve_batch(batch, take, {.wait = std::chrono::seconds(0)});
   ASSERT_FALSE(done.has_value());
   EXPECT_EQ(done.error().code, ErrorCode::unavailable);
   EXPECT_LE(answers, kMany);

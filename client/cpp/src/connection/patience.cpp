@@ -1,0 +1,40 @@
+#include "connection/patience.h"
+
+#include <algorithm>
+#include <random>
+
+namespace marble::client {
+namespace {
+
+using Seconds = Patience::Seconds;
+
+constexpr Seconds kFirstPause(0.1), kLongestPause(1.0);
+constexpr Seconds kWait(10.0), kWaitForStranger(0.7);
+constexpr double kShortest = 0.8;  // of a pause
+
+double share() {
+  thread_local std::minstd_rand random{std::random_device{}()};
+  return std::uniform_real_distribution(kShortest, 1.0)(random);
+}
+
+}  // namespace
+
+void Patience::reached() {
+  reached_ = true;
+  since_.reset();
+}
+
+std::optional<Seconds> Patience::pause() {
+  const auto now = std::chrono::steady_clock::now();
+  if (!since_) {
+    since_ = now;
+    next_ = kFirstPause;
+  }
+  const Seconds left = wait_.value_or(reached_ ? kWait : kWaitForStranger) - (now - *since_);
+  if (!(left > Seconds(0.0))) return std::nullopt;
+  const Seconds pause = std::min(next_ * share(), left);
+  next_ = std::min(2.0 * next_, kLongestPause);
+  return pause;
+}
+
+}  // namespace marble::client
