@@ -8,7 +8,7 @@ import { Relay } from "../support/relay.js";
 import { Server } from "../support/server.js";
 import { test } from "../support/test.js";
 
-const room = ["--sessions", "5000", "--client-sessions", "5000", "--session-bytes", "16000000000"];
+const room = ["--sessions", "6000", "--client-sessions", "6000", "--session-bytes", "16000000000"];
 
 async function openAll(client: Client, count: number): Promise<Session[]> {
   return Promise.all(Array.from({ length: count }, () => client.session(corner)));
@@ -17,8 +17,8 @@ async function openAll(client: Client, count: number): Promise<Session[]> {
 test("thousands of sessions work in one process, and solve and info beside them", async () => {
   await using server = await Server.start(room);
   using client = connect(server.address);
-  const sessions = await openAll(client, 2500);
-  assert.equal((await client.info()).counters.sessions, 2500);
+  const sessions = await openAll(client, 5000);
+  assert.equal((await client.info()).counters.sessions, 5000);
   assert.ok((await client.solve(corner)).solved);
   const answers = await Promise.all(sessions.map((session) => session.update()));
   assert.ok(answers.every((answer) => answer.solved));
