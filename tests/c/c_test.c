@@ -163,6 +163,7 @@ static void null_is_a_fault_and_never_a_crash(void) {
   CHECK(marble_call_set_deadline(NULL, 1, NULL) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_call_reset(NULL, NULL) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_client_connect("local", NULL, NULL) == MARBLE_INVALID_ARGUMENT);
+  CHECK(marble_client_connect_for_control("local", NULL, NULL) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_solve(NULL, NULL, NULL, NULL, &solution, NULL) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_solution_vector(NULL, "z", &values, &count, NULL) == MARBLE_INVALID_ARGUMENT);
   CHECK(marble_solution_number(NULL, "gap", &number, NULL) == MARBLE_INVALID_ARGUMENT);
@@ -436,7 +437,7 @@ int main(int argc, char** argv) {
   marble_client* client = NULL;
   marble_error error;
   int status = 0;
-  if (marble_client_connect(NULL, &client, &error) != MARBLE_OK) {
+  if (marble_client_connect_for_control(NULL, &client, &error) != MARBLE_OK) {
     fprintf(stderr, "%s\n", error.message);
     return 1;
   }

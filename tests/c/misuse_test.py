@@ -87,6 +87,7 @@ NULL_ALLOWED = {
     "error",
     "user",
     ("marble_client_connect", "address"),
+    ("marble_client_connect_for_control", "address"),
     ("marble_call_set_progress", "function"),
     ("marble_call_set_warm_start", "start"),
     *(

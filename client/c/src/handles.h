@@ -196,7 +196,7 @@ void none_lent(const Number** values, std::int64_t* count) {
                                         const double* values);
 
 /// Where an environment's MARBLE_SERVER says, and this process where it says nothing.
-[[nodiscard]] Expected<Client> connect(const char* address);
+[[nodiscard]] Expected<Client> connect(const char* address, const Keepalive& keepalive = {});
 
 /// Gives `work`, which returns an Expected<void>, the client, or without one that of where MARBLE_SERVER
 /// says.

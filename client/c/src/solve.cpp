@@ -11,23 +11,38 @@ using marble::c::null;
 
 namespace marble::c {
 
-Expected<Client> connect(const char* address) {
-  if (address != nullptr) return Client::connect(address);
+Expected<Client> connect(const char* address, const Keepalive& keepalive) {
+  ConnectOptions options = ConnectOptions::from_environment();
+  options.keepalive = keepalive;
+  if (address != nullptr) return Client::connect(address, options);
   const char* const named = std::getenv("MARBLE_SERVER");
-  return named != nullptr && *named != '\0' ? Client::connect(named) : Client::in_process();
+  return named != nullptr && *named != '\0' ? Client::connect(named, options) : Client::in_process();
 }
 
-}  // namespace marble::c
+namespace {
 
-std::int32_t marble_client_connect(const char* address, marble_client** client, marble_error* error) {
+std::int32_t connected(const char* address, const Keepalive& keepalive, marble_client** client,
+                       marble_error* error) {
   if (client != nullptr) *client = nullptr;
   return guarded(error, [&]() -> Expected<void> {
     if (client == nullptr) return unexpected(null("client"));
-    auto connected = marble::c::connect(address);
-    if (!connected) return unexpected(connected.error());
-    *client = new marble_client{std::move(*connected)};
+    auto made = connect(address, keepalive);
+    if (!made) return unexpected(made.error());
+    *client = new marble_client{std::move(*made)};
     return {};
   });
+}
+
+}  // namespace
+}  // namespace marble::c
+
+std::int32_t marble_client_connect(const char* address, marble_client** client, marble_error* error) {
+  return marble::c::connected(address, {}, client, error);
+}
+
+std::int32_t marble_client_connect_for_control(const char* address, marble_client** client,
+                                               marble_error* error) {
+  return marble::c::connected(address, marble::Keepalive::control_loop(), client, error);
 }
 
 void marble_client_destroy(marble_client* client) { delete client; }

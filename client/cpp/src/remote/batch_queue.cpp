@@ -61,7 +61,8 @@ BatchQueue::Request BatchQueue::next(int stream) {
     if (later_.empty()) {
       changed_.wait(mutex_);
     } else {
-      changed_.wait_until(mutex_, later_.begin()->first);
+      const Clock::time_point end = later_.begin()->first;  // which may be gone by then
+      changed_.wait_until(mutex_, end);
     }
   }
   return nullptr;
