@@ -108,9 +108,7 @@ void take_zero(const ScaledProblem& problem, Images& images, Solution& solution)
   for (double* value : {&solution.objective, &solution.violations.equality, &solution.violations.inequality,
                         &solution.violations.complementarity, &solution.kkt_residual})
     clamp(*value);
-  const bool by_force = solution.status == Status::cancelled || solution.status == Status::time_limit ||
-                        solution.status == Status::iteration_limit;
-  if (!by_force) solution.status = Status::numerical_failure;
+  if (!ended_by_force(solution.status)) solution.status = Status::numerical_failure;
   solution.detail += "; its numbers overflowed: z is 0";
 }
 
@@ -335,8 +333,9 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bo
     state_->initial_z.setZero();
     warm_start.reset();
   }
-  Strategy::Answer found = state_->strategy.run(
-      run, state_->initial_z, warm_start, {.resumes = resumes && !too_far, .keeps_start = keeps_start && !too_far});
+  Strategy::Answer found =
+      state_->strategy.run(run, state_->initial_z, warm_start,
+                           {.resumes = resumes && !too_far, .keeps_start = keeps_start && !too_far});
   Solution solution = answer(state_->problem, state_->options, found.ending, *found.x, run);
   const auto is_refused = [&] {
     return solution.status != found.ending.status && solution.status != Status::solved_reduced;

@@ -124,7 +124,7 @@ class Strategy {
   BranchSearch search_;
   Optimality optimality_;
   PathPoint path_point_;
-  std::optional<ExactSolution> start_;    // the caller's, feasible: of its branch, or the point itself
+  std::optional<ExactSolution> start_;  // the caller's, feasible: of its branch, or the point itself
   bool start_is_exact_ = false;
   Stage stage_ = Stage::beginning;        // at which the last run was interrupted
   std::unique_ptr<Reference> reference_;  // the same

@@ -396,9 +396,9 @@ Solution solution_of(const v1::Solution& message) {
   take_tree(message, solution);
   solution.iterations = message.iterations();
   solution.factorizations = message.factorizations();
-  solution.times = {message.times().setup_s(), message.times().factorization_s(),
-                    message.times().line_search_s(), message.times().solve_s(), message.times().polish_s(),
-                    message.times().tree_s()};
+  solution.times = {message.times().setup_s(),       message.times().factorization_s(),
+                    message.times().line_search_s(), message.times().solve_s(),
+                    message.times().polish_s(),      message.times().tree_s()};
   if (message.has_sensitivity()) solution.sensitivity = sensitivity_of(message.sensitivity());
   return solution;
 }

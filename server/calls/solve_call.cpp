@@ -30,7 +30,8 @@ Expected<void> SolveCall::admit(const grpc::ByteBuffer* request, const grpc::Cal
   if (!job) return unexpected(job.error());
   (*job)->observer = self_;
   job_ = *job;
-  if (const auto place = composite ? parts_.scheduler.admit(*job) : parts_.scheduler.admit_here(*job); !place) {
+  if (const auto place = composite ? parts_.scheduler.admit(*job) : parts_.scheduler.admit_here(*job);
+      !place) {
     job_ = nullptr;
     return unexpected(place.error());
   }

@@ -15,11 +15,11 @@
 #include "base/trace_context.h"
 #include "jobs/pair_history.h"
 #include "jobs/progress_history.h"
-#include "marble/activity.h"
 #include "marble/composite/scenarios.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
+#include "marble/progress.h"
 #include "marble/solution.h"
 #include "mutex.h"
 

@@ -70,7 +70,7 @@ struct Job {
   std::shared_ptr<JobObserver> observer = nullptr;  ///< let go after finished()
   double time_limit_s = 1e9;                        ///< after which its work ends by itself
   bool is_interrupted = false;                      ///< the scheduler's own: its stop is the server's
-  bool has_started = false;     ///< the scheduler's own: its observer knows
+  bool has_started = false;                         ///< the scheduler's own: its observer knows
   bool is_paused = false;       ///< the scheduler's own: its worker runs a more urgent one
   bool is_setup = false;        ///< of a session: prepares, solves nothing, and is not counted
   bool is_preparation = false;  ///< the same of an update's first part

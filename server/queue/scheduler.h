@@ -69,9 +69,10 @@ class Scheduler final : public Pulsed, public TaskRunner {
                                            const std::weak_ptr<RoomWaiter>& waiter = {})
       ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// As admit(). Where a worker is idle and jobs like it have been short, this one runs at once on the calling
-  /// thread, in that worker's place: to wake the worker takes longer than such a job. What is not done within
-  /// kMostHere is begun anew by a worker, to the same bits. Its work must bear to be called twice.
+  /// As admit(). Where a worker is idle and jobs like it have been short, this one runs at once on the
+  /// calling thread, in that worker's place: to wake the worker takes longer than such a job. What is not
+  /// done within kMostHere is begun anew by a worker, to the same bits. Its work must bear to be called
+  /// twice.
   [[nodiscard]] Expected<QueuePlace> admit_here(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
   static constexpr std::chrono::milliseconds kMostHere{2};
 
@@ -212,7 +213,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
   int idle_ ABSL_GUARDED_BY(mutex_) = 0;                // workers that wait for work
   int here_ ABSL_GUARDED_BY(mutex_) = 0;                // jobs that run in the place of one of those
   std::vector<std::shared_ptr<Job>> begun_here_ ABSL_GUARDED_BY(mutex_);  // and took too long for it
-  int paused_ ABSL_GUARDED_BY(mutex_) = 0;              // running jobs whose workers run others on top
+  int paused_ ABSL_GUARDED_BY(mutex_) = 0;  // running jobs whose workers run others on top
   std::vector<std::shared_ptr<Job>> running_ ABSL_GUARDED_BY(mutex_);
   struct PlaceListener {
     std::weak_ptr<Job> job;

@@ -10,8 +10,8 @@
 namespace marble::server {
 namespace {
 
-constexpr int kMostEvents = 256;   // in one message
-constexpr double kQuietS = 0.4;    // for so long the one job that is watched may run without a word
+constexpr int kMostEvents = 256;  // in one message
+constexpr double kQuietS = 0.4;   // for so long the one job that is watched may run without a word
 
 double seconds_since(Clock::time_point then, Clock::time_point now) {
   return std::chrono::duration<double>(now - then).count();

@@ -9,7 +9,6 @@
 #include <string>
 #include <thread>
 
-#include "marble/activity.h"
 #include "marble/progress.h"
 
 namespace marble::cli {
@@ -21,8 +20,8 @@ class IterationTable final : public ProgressSink {
  public:
   explicit IterationTable(bool colours, std::FILE* to = stderr) : colours_(colours), to_(to) {}
   void report(const Progress& progress) override;
-  /// What the solve is doing, from any thread, where nothing was written for half a second: on a terminal in a
-  /// line that the next row replaces, else in a line of its own every two seconds at most.
+  /// What the solve is doing, from any thread, where nothing was written for half a second: on a terminal in
+  /// a line that the next row replaces, else in a line of its own every two seconds at most.
   void show(const std::string& activity);
   /// Takes that line away.
   void clear();

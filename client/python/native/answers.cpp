@@ -116,9 +116,8 @@ py::dict dict_of(Solution s, const Options& options, double total_s) {
   answer["options"] = dict_of(options);
   answer["sensitivity"] = derivatives_told(std::move(s.sensitivity));
   const Times& t = s.times;
-  answer["times"] =
-      py::make_tuple(0.0, t.setup_s, t.factorization_s, t.line_search_s, t.polish_s, t.solve_s, total_s,
-                     t.tree_s);
+  answer["times"] = py::make_tuple(0.0, t.setup_s, t.factorization_s, t.line_search_s, t.polish_s, t.solve_s,
+                                   total_s, t.tree_s);
   return answer;
 }
 

@@ -73,6 +73,16 @@ struct Times {
   double solve_s = 0.0;          ///< the whole solve without set-up
   double polish_s = 0.0;  ///< exact solutions and the search for better branches, but for factorizations
   double tree_s = 0.0;    ///< branch and bound over the pairs with the searches in it, likewise
+
+  Times& operator+=(const Times& other) {
+    setup_s += other.setup_s;
+    factorization_s += other.factorization_s;
+    line_search_s += other.line_search_s;
+    solve_s += other.solve_s;
+    polish_s += other.polish_s;
+    tree_s += other.tree_s;
+    return *this;
+  }
 };
 
 /// All vectors in the user's units, with Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0 at a solution.

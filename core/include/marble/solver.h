@@ -10,7 +10,6 @@
 #include <span>
 #include <stop_token>
 
-#include "marble/activity.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"
@@ -31,8 +30,8 @@ class TaskRunner {
 
 /// What may accompany one solve; all of it optional, and free of cost when unused.
 struct SolveControls {
-  ProgressSink* progress = nullptr;        ///< told after every iteration
-  std::stop_token stop = {};               ///< looked at about once a millisecond
+  ProgressSink* progress = nullptr;  ///< told after every iteration
+  std::stop_token stop = {};         ///< looked at about once a millisecond
   /// n or empty: where a cold start begins (user units). Where it is feasible its branch is solved first, and
   /// the answer is never above that branch's solution, also of a solve that is stopped.
   std::span<const double> initial_z = {};

@@ -12,9 +12,9 @@ namespace marble {
 [[nodiscard]] bool is_balanced(const ScaledProblem& problem, const Options& options, const Images& images,
                                const Iterate& x);
 
-/// Whether each entry of the stationarity has a first digit in the user's units: small against 1 + the largest
-/// term that it is the sum of. A point that is balanced in the scaled problem may lack it where the numbers of
-/// a row or column lie so far apart that its scale hides the rest.
+/// Whether each entry of the stationarity has a first digit in the user's units: small against 1 + the
+/// largest term that it is the sum of. A point that is balanced in the scaled problem may lack it where the
+/// numbers of a row or column lie so far apart that its scale hides the rest.
 [[nodiscard]] bool is_balanced_in_user_units(const ScaledProblem& problem, const Images& images,
                                              const Iterate& x);
 

@@ -12,7 +12,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Σ a z of a row over a box, at its least or at its most: the finite terms, and which one is not.
-struct Activity {
+struct RowActivity {
   double sum = 0.0, size = 0.0;
   int infinite = 0;
 
@@ -47,7 +47,7 @@ Box::Box(const ScaledProblem& p, double far) {
 // by the rounding of its sums.
 void Box::tighten(const RowMatrix& matrix, const Vector& offset, bool equality) {
   for (Index row = 0; row < matrix.rows; ++row) {
-    Activity least, most;
+    RowActivity least, most;
     for (Index k = matrix.row_pointers[row]; k < matrix.row_pointers[row + 1]; ++k) {
       const double value = matrix.values[k];
       if (value == 0.0) continue;

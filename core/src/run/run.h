@@ -111,10 +111,7 @@ class Run {
     factorizations += part.factorizations - part.begun_factorizations_;
     if (!part.silent_) told_iteration = part.told_iteration;
     nonconvex = nonconvex || part.nonconvex;
-    times.factorization_s += part.times.factorization_s;
-    times.line_search_s += part.times.line_search_s;
-    times.polish_s += part.times.polish_s;
-    times.tree_s += part.times.tree_s;
+    times += part.times;
   }
   [[nodiscard]] Clock::time_point now() const { return interrupt_.now(); }
   [[nodiscard]] double elapsed_s() const { return seconds(now() - start_); }

@@ -11,6 +11,11 @@
 
 namespace marble {
 
+/// By a limit or a stop.
+[[nodiscard]] inline bool ended_by_force(Status status) {
+  return status == Status::cancelled || status == Status::time_limit || status == Status::iteration_limit;
+}
+
 struct Ending {
   Status status = Status::numerical_failure;
   std::string detail;

@@ -267,12 +267,7 @@ class Levels {
   void count(const Solution& solution) {
     total_.iterations += solution.iterations;
     total_.factorizations += solution.factorizations;
-    total_.times.setup_s += solution.times.setup_s;
-    total_.times.factorization_s += solution.times.factorization_s;
-    total_.times.line_search_s += solution.times.line_search_s;
-    total_.times.polish_s += solution.times.polish_s;
-    total_.times.tree_s += solution.times.tree_s;
-    total_.times.solve_s += solution.times.solve_s;
+    total_.times += solution.times;
   }
 
   // Worlds of the level that have no plan even by themselves. Those of a level that was solved have one.

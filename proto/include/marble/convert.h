@@ -3,7 +3,6 @@
 
 #include <limits>
 
-#include "marble/activity.h"
 #include "marble/error.h"
 #include "marble/options.h"
 #include "marble/problem.h"

@@ -1,6 +1,4 @@
 // What a solve is doing, as other threads see it.
-#include "marble/activity.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,6 +6,7 @@
 #include <vector>
 
 #include "marble/examples.h"
+#include "marble/progress.h"
 #include "marble/solver.h"
 #include "support/problems/random_problem.h"
 
@@ -71,8 +70,7 @@ TEST(Activity, FurtherStartsAreCounted) {
   options.starts = 9;
   ActivityMonitor monitor;
   Looking looking(monitor);
-  const Solution s =
-      solve_in_process(p.view(), options, {.runner = &looking, .activity = &monitor}).value();
+  const Solution s = solve_in_process(p.view(), options, {.runner = &looking, .activity = &monitor}).value();
   std::vector<std::int64_t> done;
   for (const Activity& seen : looking.seen) {
     if (seen.phase != Phase::starts) continue;

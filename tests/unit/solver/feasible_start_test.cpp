@@ -19,7 +19,8 @@ double objective_at(const OwnedProblem& p, const std::vector<double>& z) {
   const ProblemView view = p.view();
   point.equality_multipliers.resize(view.b.size());
   point.inequality_multipliers.resize(view.d.size());
-  point.complementarity_multipliers_L = point.complementarity_multipliers_R = std::vector<double>(view.l.size());
+  point.complementarity_multipliers_L = point.complementarity_multipliers_R =
+      std::vector<double>(view.l.size());
   return testing::judge(view, point).objective;
 }
 

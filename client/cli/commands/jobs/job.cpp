@@ -86,7 +86,8 @@ void print(const JobDetails& details) {
                     duration_text(job.times.solve_s) + " solve, " + duration_text(job.total_s) + " in all");
   field("solve", duration_text(job.times.factorization_s) + " factorizations, " +
                      duration_text(job.times.line_search_s) + " line search, " +
-                     duration_text(job.times.polish_s) + " polish, " + duration_text(job.times.tree_s) + " tree");
+                     duration_text(job.times.polish_s) + " polish, " + duration_text(job.times.tree_s) +
+                     " tree");
   field("memory", std::to_string(job.memory_bytes) + " bytes");
   field("answer", job.result_bytes > 0 ? std::to_string(job.result_bytes) + " bytes kept" : "none kept");
   print_options(details.options);

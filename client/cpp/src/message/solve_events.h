@@ -4,7 +4,6 @@
 #include <optional>
 #include <stop_token>
 
-#include "marble/activity.h"
 #include "marble/call_controls.h"
 #include "marble/error.h"
 #include "marble/progress.h"

@@ -33,11 +33,10 @@ auto solve_there(const Connection& connection, const v1::SolveStreamRequest& req
   const auto reader = connection.solver().SolveCoupled(&context, request);
   ToldIterations told(controls);
   v1::SolveResponse result;
-  const auto last =
-      read_events(*reader, &told, controls.activity, call, controls.stop,
-                  [&](const v1::SolveStreamResponse& event) {
-                    if (event.has_result()) result = event.result();
-                  });
+  const auto last = read_events(*reader, &told, controls.activity, call, controls.stop,
+                                [&](const v1::SolveStreamResponse& event) {
+                                  if (event.has_result()) result = event.result();
+                                });
   if (!last) return unexpected(of_field(coupled_core_field(last.error().field), last.error()));
   auto answer = read(result);
   if (!answer) return answer;

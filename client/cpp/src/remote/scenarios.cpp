@@ -20,11 +20,12 @@ Expected<RemoteScenarios> solve_scenarios_there(const Connection& connection, co
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   const auto reader = connection.solver().SolveScenarios(&context, *request);
   v1::SolveResponse result;
-  const auto last =
-      read_events(*reader, controls.progress, controls.activity, call, controls.stop, [&](const v1::SolveStreamResponse& event) {
-        if (event.has_level() && settings.level) settings.level(scenario_level_of(event.level()));
-        if (event.has_result()) result = event.result();
-      });
+  const auto last = read_events(*reader, controls.progress, controls.activity, call, controls.stop,
+                                [&](const v1::SolveStreamResponse& event) {
+                                  if (event.has_level() && settings.level)
+                                    settings.level(scenario_level_of(event.level()));
+                                  if (event.has_result()) result = event.result();
+                                });
   if (!last) return unexpected(last.error());
   auto answer = remote_scenarios(result);
   if (!answer) return answer;

@@ -1,4 +1,4 @@
-#include "marble/activity.h"
+#include "marble/progress.h"
 
 #include <algorithm>
 #include <cmath>

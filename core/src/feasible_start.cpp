@@ -1,0 +1,70 @@
+// What a strategy does for a start that is feasible: no answer is infeasible then, or above the start.
+#include <cmath>
+#include <utility>
+
+#include "model/text_of.h"
+#include "run/termination.h"
+#include "strategy.h"
+#include "tuning.h"
+
+namespace marble {
+
+// The branch of a feasible start, before anything else: whatever ends the run, there is an answer then.
+void Strategy::solve_start(Run& run, ConstVectorRef z) {
+  if (problem_.pairs() == 0 || !options_.polish || options_.path != Path::fast) return;
+  const Run::Searching searching(run);
+  const Run::Polishing polishing(run);
+  BranchPoint& point = branch_.point;
+  point.set = WorkingSet(problem_);
+  point.start_from_point(z);
+  const Violations at_start = violations(problem_, point.images);
+  if (!within_tolerances(at_start, options_)) return;
+  start_.emplace(problem_);
+  start_->x.all = point.x.all;
+  start_->set = point.set;
+  start_->objective = point.images.objective;
+  start_->violations = at_start;
+  start_->origin = "start";
+  incumbent_.clear();
+  if (incumbent_.solve_branch(run, "start", tuning::engine_budget) != Incumbent::Outcome::kept) {
+    QuadraticEngine engine(problem_, kkt_);
+    engine.start(start_->x.z(), start_->set);
+    static_cast<void>(incumbent_.solve_branch(run, engine));
+  }
+  start_is_exact_ = incumbent_.exists() && incumbent_.best().objective <= start_->objective;
+  if (start_is_exact_) *start_ = incumbent_.best();
+  if (run.activity() != nullptr) run.activity()->add_incumbent(problem_.user_objective(start_->objective));
+}
+
+// A start's branch that is lower than what was found is searched around, and answered with.
+Strategy::Answer Strategy::not_above_start(Run& run, Answer answer, ConstVectorRef z, bool warm) {
+  const Status status = answer.ending.status;
+  if (status == Status::unbounded) return answer;
+  Images images(problem_);
+  images.evaluate(problem_, *answer.x);
+  const bool feasible = within_tolerances(violations(problem_, images), options_);
+  const double noise = tuning::rounding * (1.0 + std::abs(start_->objective));
+  const bool ended = is_solved(status) || ended_by_force(status);
+  if (ended && feasible && images.objective <= start_->objective + noise) return answer;
+  if (ended_by_force(status))
+    return {{status, "stopped early; the start's branch; " + describe(start_->violations), {}}, &start_->x};
+  incumbent_.clear();
+  if (start_is_exact_) {
+    ExactSolution solution = *start_;
+    incumbent_.replace(solution);
+    static_cast<void>(search_.improve(run, z));
+    return finish_cold(run, !warm);
+  }
+  path_point_.x.all = start_->x.all;
+  path_point_.violations = start_->violations;
+  path_point_.objective = start_->objective;
+  Optimality::Descended descended = optimality_.descend(run, start_->x, start_->set, Vector());
+  if (descended.unbounded) return {unbounded_along(*std::move(descended.unbounded)), &path_point_.x};
+  if (incumbent_.exists()) return finish_cold(run, !warm);
+  return {{Status::numerical_failure,
+           "the start is feasible, and nothing lower was found; " + describe(start_->violations),
+           {}},
+          &path_point_.x};
+}
+
+}  // namespace marble
