@@ -9,11 +9,11 @@ from typing import Any, TypeVar
 from marble import errors
 from marble.base.checks import is_number
 from marble.base.lazy import lazy
-from marble.connection import background
 from marble.connection.patience import Patience, Tries
 from marble.errors import Cancelled, Error, FailedPrecondition, InvalidArgument
 
 grpc: Any = lazy("grpc")
+background: Any = lazy("marble.connection.background")  # and asyncio with it
 Answer = TypeVar("Answer")
 
 PACKAGE = "/marble.v1."
@@ -143,7 +143,8 @@ class Rpc(Calls):
                 raise FailedPrecondition(CLOSED)
             if self._loops is None:
                 self._loops = background.shared().run(made())
-            return self._loops
+            loops: Calls = self._loops
+            return loops
 
     def close(self) -> None:
         """Ends the channels and all that is under way on them, or waits for a server."""
