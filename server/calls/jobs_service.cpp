@@ -1,5 +1,7 @@
 #include "calls/jobs_service.h"
 
+#include "arrays/array_results_call.h"
+#include "arrays/submit_array_call.h"
 #include "bundles/bundle_call.h"
 #include "calls/result_call.h"
 #include "calls/watch_call.h"
@@ -44,6 +46,15 @@ JobsService::JobsService(const ServiceParts& parts) : parts_(parts) {
       unary_read_first(
           parts, [&parts](auto* from, auto... bytes) { return ResultCall::begin(parts, *from, bytes...); },
           look_at<v1::JobResultRequest>));
+  MarkMethodStreamed(method_number("Jobs", "SubmitArray"),
+                     new grpc::internal::CallbackBidiHandler<grpc::ByteBuffer, grpc::ByteBuffer>(
+                         [&parts](grpc::CallbackServerContext* context) {
+                           return SubmitArrayCall::begin(parts, *context);
+                         }));
+  MarkMethodStreamed(method_number("Jobs", "ArrayResults"),
+                     stream_read_first(parts, [&parts](auto* from, const auto* request) {
+                       return ArrayResultsCall::begin(parts, *from, request);
+                     }));
   MarkMethodStreamed(method_number("Jobs", "Watch"), stream_read_first(
                                                          parts,
                                                          [&parts](auto* from, const auto* request) {

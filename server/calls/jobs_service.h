@@ -11,7 +11,8 @@ using JobsRawService = v1::Jobs::WithRawCallbackMethod_Submit<
     v1::Jobs::WithRawCallbackMethod_Result<v1::Jobs::WithRawCallbackMethod_Delete<
         v1::Jobs::WithRawCallbackMethod_List<v1::Jobs::WithRawCallbackMethod_Get<
             v1::Jobs::WithRawCallbackMethod_Cancel<v1::Jobs::WithRawCallbackMethod_Watch<
-                v1::Jobs::WithRawCallbackMethod_Bundle<v1::Jobs::Service>>>>>>>>;
+                v1::Jobs::WithRawCallbackMethod_Bundle<v1::Jobs::WithRawCallbackMethod_SubmitArray<
+                    v1::Jobs::WithRawCallbackMethod_ArrayResults<v1::Jobs::Service>>>>>>>>>>;
 
 /// The methods take and give bytes; see wire.h.
 class JobsService final : public JobsRawService {

@@ -1,5 +1,6 @@
 #include "calls/result_call.h"
 
+#include "arrays/arrays.h"
 #include "marble/v1/service.pb.h"
 #include "messages/job_access.h"
 #include "process/fault_point.h"
@@ -30,6 +31,8 @@ Expected<void> ResultCall::wait(grpc::CallbackServerContext& context, const grpc
     return unexpected(failure(ErrorCode::not_found, "job_id", id_,
                               "is no submitted job, or its answer is not kept any more"));
   }
+  if (parts_.submissions->arrays() != nullptr && parts_.submissions->arrays()->find(id_) != nullptr)
+    return unexpected(no_single_answer(id_).answer.error());
   const auto record = parts_.board.find(id_);
   // One that has just finished has its answer in a moment.
   const bool over = record == nullptr || record->is_finished() || parts_.results.get(id_) != nullptr;

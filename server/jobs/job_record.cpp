@@ -147,6 +147,25 @@ void JobRecord::closed(const std::optional<Error>& reason) {
   end();
 }
 
+void JobRecord::set_array(const ArrayCounts& counts, std::int64_t result_bytes) {
+  const MutexLock lock(mutex_);
+  snapshot_.array = counts;
+  snapshot_.iterations = counts.iterations;
+  snapshot_.factorizations = counts.factorizations;
+  snapshot_.result_bytes = result_bytes;
+  snapshot_.detail = std::to_string(counts.done) + " of " + std::to_string(counts.elements) +
+                     " elements: " + std::to_string(counts.solved) + " solved, " +
+                     std::to_string(counts.failed) + " with an error";
+  changed();
+}
+
+void JobRecord::array_ended(const std::optional<Error>& reason, double total_s) {
+  const MutexLock lock(mutex_);
+  snapshot_.error = reason;
+  snapshot_.total_s = total_s;
+  end();
+}
+
 void JobRecord::set_result_bytes(std::int64_t bytes) {
   const MutexLock lock(mutex_);
   snapshot_.result_bytes = bytes;

@@ -27,7 +27,7 @@ namespace marble::server {
 
 using Clock = std::chrono::steady_clock;
 
-enum class JobKind { solve, batch, submitted, session, scenarios, coupled };
+enum class JobKind { solve, batch, submitted, session, scenarios, coupled, array };
 enum class JobState { queued, running, idle, finished };
 
 /// What does not change during a job's life.
@@ -46,6 +46,13 @@ struct JobDescription {
 struct QueuePlace {
   int position = 0;               ///< jobs that will be taken before it, as things are
   double estimated_wait_s = 0.0;  ///< from the mean of recent solves
+};
+
+/// How far an array is.
+struct ArrayCounts {
+  std::int64_t elements = 0;
+  std::int64_t done = 0, solved = 0, failed = 0;  ///< done: with an answer or an error
+  std::int64_t iterations = 0, factorizations = 0;
 };
 
 /// What does.
@@ -67,6 +74,7 @@ struct JobSnapshot {
   std::int64_t memory_bytes = 0, result_bytes = 0;
   std::vector<ScenarioLevel> levels = {};  ///< of a scenario solve, without x
   std::string detail = {};                 ///< the numbers that justify the status
+  std::optional<ArrayCounts> array = {};   ///< of an array only
   std::string server = {};                 ///< of several with one store: which has it, or had it last
   std::optional<std::chrono::system_clock::time_point> finished = {};  ///< when, once it has
   std::int64_t version = 0;  ///< grows with every change but progress
@@ -104,6 +112,10 @@ class JobRecord final : public ProgressSink {
       ABSL_LOCKS_EXCLUDED(mutex_);
   /// The last word on a session: why it ended, nothing if its client closed it.
   void closed(const std::optional<Error>& reason) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Elements of an array have ended; its answers take so many bytes.
+  void set_array(const ArrayCounts& counts, std::int64_t result_bytes) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// The last word on an array: why it ended before all its elements had, if so.
+  void array_ended(const std::optional<Error>& reason, double total_s) ABSL_LOCKS_EXCLUDED(mutex_);
   void set_result_bytes(std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
   struct Trace {
     std::vector<Progress> rows;

@@ -24,6 +24,37 @@ Expected<std::string> ResultStore::expect(const std::string& id, const std::stri
   return id;
 }
 
+std::string ResultStore::named(const std::string& client, const std::string& request_id) const {
+  const MutexLock lock(mutex_);
+  const auto found = ids_.find({client, request_id});
+  return found == ids_.end() ? std::string() : found->second;
+}
+
+bool ResultStore::grow(const std::string& id, std::int64_t bytes) {
+  std::vector<std::string> erased, without_request;
+  {
+    const MutexLock lock(mutex_);
+    const auto found = entries_.find(id);
+    if (found == entries_.end() || found->second.result != nullptr) return false;
+    if (bytes > limits_.bytes / 2 - growing_) return false;
+    found->second.bytes += bytes;
+    growing_ += bytes;
+    bytes_ += bytes;
+    without_request = make_room_for_answers();
+    drop_oldest(erased);
+  }
+  tell(request_forgotten_, without_request);
+  tell_all(erased);
+  return true;
+}
+
+void ResultStore::drop_oldest(std::vector<std::string>& erased) {
+  while (bytes_ > limits_.bytes && !ages_.empty()) {
+    erased.push_back(ages_.front().id);
+    erase(erased.back());
+  }
+}
+
 void ResultStore::keep_request(const std::string& id, Request request) {
   const MutexLock lock(mutex_);
   const auto found = entries_.find(id);
@@ -36,7 +67,7 @@ std::optional<ResultStore::Request> ResultStore::request(const std::string& id) 
   return found == entries_.end() ? std::nullopt : found->second.request;
 }
 
-bool ResultStore::put(const std::string& id, Result result, Clock::time_point now) {
+bool ResultStore::put(const std::string& id, Result result, Clock::time_point now, std::int64_t besides) {
   std::vector<std::pair<const void*, Callback>> waiters;
   std::vector<std::string> erased, without_request;
   Shared shared;
@@ -47,7 +78,7 @@ bool ResultStore::put(const std::string& id, Result result, Clock::time_point no
     if (found == entries_.end()) return false;
     const bool is_first = found->second.result == nullptr;
     std::int64_t bytes =
-        kEntryBytes + (result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0);
+        kEntryBytes + besides + (result.answer ? static_cast<std::int64_t>(result.answer->Length()) : 0);
     shared = std::make_shared<const Result>(std::move(result));
     waiters = std::exchange(found->second.waiters, {});  // they get it whatever its size
     if (bytes > limits_.bytes) {
@@ -62,7 +93,9 @@ bool ResultStore::put(const std::string& id, Result result, Clock::time_point no
       found->second.result = shared;
       kept = true;
     }
-    found->second.bytes = bytes;
+    const std::int64_t grown = is_first ? found->second.bytes : 0;
+    growing_ -= grown;
+    found->second.bytes = grown + bytes;
     bytes_ += bytes;
     found->second.age = ages_.insert(ages_.end(), {id, now + limits_.keep});
     if (Entry& entry = found->second; entry.request && is_first) {
@@ -70,13 +103,10 @@ bool ResultStore::put(const std::string& id, Result result, Clock::time_point no
       request_bytes_ += entry.request->bytes;
     }
     without_request = make_room_for_answers();
-    while (bytes_ > limits_.bytes) {
-      erased.push_back(ages_.front().id);
-      erase(erased.back());
-    }
+    drop_oldest(erased);
   }
   tell(request_forgotten_, without_request);
-  tell(forgotten_, erased);
+  tell_all(erased);
   for (const auto& [waiter, callback] : waiters) callback(shared);
   return kept;
 }
@@ -167,7 +197,7 @@ bool ResultStore::forget(const std::string& id) {
     waiters = std::exchange(found->second.waiters, {});
     erase(id);
   }
-  tell(forgotten_, {id});
+  tell_all({id});
   for (const auto& [waiter, callback] : waiters) callback(nullptr);
   return true;
 }
@@ -176,6 +206,7 @@ bool ResultStore::erase(const std::string& id) {
   const auto found = entries_.find(id);
   if (found == entries_.end()) return false;
   bytes_ -= found->second.bytes;
+  if (found->second.result == nullptr) growing_ -= found->second.bytes;
   if (found->second.result != nullptr) {
     ages_.erase(found->second.age);
     if (found->second.request) drop_request(found->second);
@@ -195,7 +226,23 @@ void ResultStore::expire(Clock::time_point now) {
       erase(erased.back());
     }
   }
-  tell(forgotten_, erased);
+  tell_all(erased);
+}
+
+void ResultStore::tell_forgotten(Forgotten also) {
+  const MutexLock lock(mutex_);
+  also_forgotten_ = std::move(also);
+}
+
+void ResultStore::tell_all(const std::vector<std::string>& forgotten) const {
+  if (forgotten.empty()) return;
+  Forgotten also;
+  {
+    const MutexLock lock(mutex_);
+    also = also_forgotten_;
+  }
+  tell(forgotten_, forgotten);
+  tell(also, forgotten);
 }
 
 void ResultStore::tell(const Forgotten& forgotten, const std::vector<std::string>& ids) {

@@ -40,6 +40,9 @@ class ResultStore {
   explicit ResultStore(const ResultLimits& limits, Forgotten forgotten = {}, Forgotten request_forgotten = {})
       : limits_(limits), forgotten_(std::move(forgotten)), request_forgotten_(std::move(request_forgotten)) {}
 
+  /// Another who is told of each that is let go, as the first is.
+  void tell_forgotten(Forgotten also) ABSL_LOCKS_EXCLUDED(mutex_);
+
   /// Gets an answer that another keeps: to be given to deliver().
   using Fetch = std::function<void(const std::string& id)>;
   /// Before anybody waits.
@@ -59,6 +62,13 @@ class ResultStore {
   /// another request).
   [[nodiscard]] Expected<std::string> expect(const std::string& id, const std::string& client,
                                              const RequestName& name = {}) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// The job that the client has by this name; empty if there is none.
+  [[nodiscard]] std::string named(const std::string& client, const std::string& request_id) const
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Answers of an array that is expected take so many bytes more, for which others make room. False, if it
+  /// is not expected any more, or arrays without their last answer would take more than half of all together:
+  /// what cannot be let go must leave room for what comes.
+  [[nodiscard]] bool grow(const std::string& id, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
   /// What a job that is expected was asked.
   struct Request {
     std::shared_ptr<const v1::SolveRequest> message;  ///< null where a store has it
@@ -71,7 +81,9 @@ class ResultStore {
 
   /// Here it is. Dropped if nobody expects it any more; true if it is kept. One that alone is larger than
   /// all that may be kept is replaced by an error.
-  bool put(const std::string& id, Result result, Clock::time_point now) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// `besides` counts as well: answers of an array that ended before this server was started.
+  bool put(const std::string& id, Result result, Clock::time_point now, std::int64_t besides = 0)
+      ABSL_LOCKS_EXCLUDED(mutex_);
   /// Whose it is; empty if it is not known, or not any more.
   [[nodiscard]] std::string owner(const std::string& id) const ABSL_LOCKS_EXCLUDED(mutex_);
   /// The answer, null while there is none.
@@ -104,18 +116,22 @@ class ResultStore {
   };
   bool erase(const std::string& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void drop_request(Entry& entry) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void drop_oldest(std::vector<std::string>& erased) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] std::vector<std::string> make_room_for_answers() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   static void tell(const Forgotten& forgotten, const std::vector<std::string>& ids);
+  void tell_all(const std::vector<std::string>& forgotten) const ABSL_LOCKS_EXCLUDED(mutex_);
 
   const ResultLimits limits_;
   const Forgotten forgotten_, request_forgotten_;
   Fetch fetch_;
   mutable Mutex mutex_;
+  Forgotten also_forgotten_ ABSL_GUARDED_BY(mutex_);
   std::unordered_map<std::string, Entry> entries_ ABSL_GUARDED_BY(mutex_);
   std::map<std::pair<std::string, std::string>, std::string> ids_
       ABSL_GUARDED_BY(mutex_);                   // by client and request id
   std::list<Age> ages_ ABSL_GUARDED_BY(mutex_);  // of those that have a result, oldest first
   std::int64_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::int64_t growing_ ABSL_GUARDED_BY(mutex_) = 0;         // of them, those of arrays without a result
   std::list<std::string> requests_ ABSL_GUARDED_BY(mutex_);  // ids of those that have both, oldest first
   std::int64_t request_bytes_ ABSL_GUARDED_BY(mutex_) = 0;   // of these
 };

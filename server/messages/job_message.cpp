@@ -77,6 +77,12 @@ void to_message(const JobRecord& record, v1::JobInfo* message) {
   if (what.trace) message->set_trace_id(utf8(what.trace->trace_id));
   if (now.finished) message->set_finished_unix_s(unix_s(*now.finished));
   message->set_server(utf8(now.server));
+  if (!now.array) return;
+  v1::ArrayProgress* array = message->mutable_array();
+  array->set_elements(now.array->elements);
+  array->set_done(now.array->done);
+  array->set_solved(now.array->solved);
+  array->set_failed(now.array->failed);
 }
 
 void to_message(const JobRecord::Trace& trace, v1::Trace* message) {
@@ -100,7 +106,7 @@ void to_message(const JobRecord& record, v1::GetJobResponse* message) {
 
 JobDescription description_of(const v1::JobInfo& message) {
   JobDescription what = {.id = message.job_id(),
-                         .kind = enum_of(message.kind(), v1::JOB_KIND_SOLVE, JobKind::coupled),
+                         .kind = enum_of(message.kind(), v1::JOB_KIND_SOLVE, JobKind::array),
                          .priority = priority_of(std::int64_t{message.priority()} - v1::PRIORITY_REALTIME),
                          .client = message.client(),
                          .request_id = message.request_id(),
@@ -141,6 +147,11 @@ JobSnapshot snapshot_of(const v1::JobInfo& message) {
   now.result_bytes = message.result_bytes();
   now.detail = message.detail();
   now.server = message.server();
+  if (message.has_array()) {
+    const v1::ArrayProgress& array = message.array();
+    now.array = {array.elements(), array.done(),         array.solved(),
+                 array.failed(),   message.iterations(), message.factorizations()};
+  }
   if (message.finished_unix_s() > 0.0) now.finished = time_of(message.finished_unix_s());
   return now;
 }

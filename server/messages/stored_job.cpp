@@ -56,7 +56,7 @@ JobBoard::Record stored_record(const JobBoard& board, const StoredResult& stored
   if (!whole) message.Clear();
   JobDescription what = description_of(message.job());
   what.id = stored.id;
-  what.kind = JobKind::submitted;
+  what.kind = stored.elements ? JobKind::array : JobKind::submitted;
   what.client = stored.client;
   auto record = board.make(std::move(what), options_of(message.options()).value_or(Options()));
   JobSnapshot snapshot = whole ? snapshot_of(message.job()) : stored_snapshot("");

@@ -90,6 +90,25 @@ void log_end(const Log& log, const Job& job, const Outcome& outcome) {
   log.write(*line, fields);
 }
 
+void log_array_end(const Log& log, const JobRecord& record, const std::optional<Error>& reason) {
+  const JobDescription& what = record.description();
+  const bool bug = reason && reason->code == ErrorCode::internal;
+  const auto line =
+      log.line({bug ? spdlog::level::err : spdlog::level::info, Component::job, "array"}, what.client);
+  if (!line) return;
+  const JobSnapshot last = record.snapshot();
+  const ArrayCounts counts = last.array.value_or(ArrayCounts());
+  Log::Fields fields = fields_of(what);
+  add(fields, {{"elements", counts.elements},
+               {"done", counts.done},
+               {"solved", counts.solved},
+               {"failed", counts.failed},
+               {"total_s", last.total_s},
+               {"ended", reason ? to_string(reason->code) : "whole"},
+               {"detail", reason ? reason->message() : ""}});
+  log.write(*line, fields);
+}
+
 void log_session_open(const Log& log, const JobRecord& record) {
   const JobDescription& what = record.description();
   const auto line = log.line({spdlog::level::info, Component::session, "session_open"}, what.client);

@@ -50,7 +50,11 @@ struct Ticket {
   int work_class = 0;  ///< jobs of one client, priority and class run for about as long
   std::int64_t bytes = 0;
   bool reserved = false;     ///< an update of a session: its place was given with the session
+  bool placed = false;       ///< of an array, which has a place and its bytes: JobQueue::take_place()
   bool may_preempt = false;  ///< it may run on top of one of a lower priority: its memory is not its worker's
+
+  /// Whether it counts against what may wait.
+  [[nodiscard]] bool takes_place() const { return !reserved && !placed; }
 };
 
 /// Why an item is not taken.
@@ -70,7 +74,7 @@ class JobQueue {
   [[nodiscard]] QueueRefusal push(std::shared_ptr<Item> item, const Ticket& ticket, const Quota& quota) {
     const auto known = clients_.find(ticket.client);
     const Client& client = known == clients_.end() ? kNobody : known->second;
-    if (!ticket.reserved) {
+    if (ticket.takes_place()) {
       if (!has_room(ticket.priority)) return QueueRefusal::jobs;
       const bool runs_at_once = client.running < quota.running && running_ < limits_.workers;
       if (client.queued >= quota.queued && !(runs_at_once && client.queued == 0))
@@ -82,7 +86,7 @@ class JobQueue {
     owner.quota = quota;
     owner.bytes += ticket.bytes;
     bytes_ += ticket.bytes;
-    if (!ticket.reserved) {
+    if (ticket.takes_place()) {
       ++unreserved_;
       ++owner.queued;
     }
@@ -99,6 +103,44 @@ class JobQueue {
     if (ticket.may_preempt) ++preempting_[at];
     taken.ahead = most_ahead(at, line, place);
     return QueueRefusal::none;
+  }
+
+  /// The place of an array, which counts as one item that waits until leave_place(), and bytes of its
+  /// elements. With `always` it is taken whatever the limits: what was accepted before they were lowered.
+  [[nodiscard]] QueueRefusal take_place(const std::string& client, Priority priority, const Quota& quota,
+                                        bool always) {
+    const auto known = clients_.find(client);
+    const Client& owner = known == clients_.end() ? kNobody : known->second;
+    if (!always && !has_room(priority)) return QueueRefusal::jobs;
+    const bool runs_at_once =
+        owner.queued == 0 && owner.running < quota.running && running_ < limits_.workers;
+    if (!always && owner.queued >= quota.queued && !runs_at_once) return QueueRefusal::client_jobs;
+    Client& taken = clients_[client];
+    taken.quota = quota;
+    ++taken.places;
+    ++taken.queued;
+    ++unreserved_;
+    return QueueRefusal::none;
+  }
+  [[nodiscard]] QueueRefusal add_bytes(const std::string& client, std::int64_t bytes, const Quota& quota,
+                                       bool always) {
+    Client& owner = clients_.at(client);
+    if (!always && bytes > limits_.bytes - bytes_) return QueueRefusal::bytes;
+    if (!always && bytes > quota.bytes - owner.bytes) return QueueRefusal::client_bytes;
+    owner.bytes += bytes;
+    bytes_ += bytes;
+    return QueueRefusal::none;
+  }
+  void remove_bytes(const std::string& client, std::int64_t bytes) {
+    clients_.at(client).bytes -= bytes;
+    bytes_ -= bytes;
+  }
+  void leave_place(const std::string& client) {
+    const auto owner = clients_.find(client);
+    --owner->second.places;
+    --owner->second.queued;
+    --unreserved_;
+    forget_if_idle(owner);
   }
 
   /// Counts bytes that wait for their turn outside the queue, until they are released. Of all together they
@@ -249,7 +291,8 @@ class JobQueue {
   using Turns = std::list<Client*>;
   struct Client {
     Quota quota;
-    int queued = 0, running = 0;       // queued: without reserved ones
+    int queued = 0, running = 0;       // queued: those that take a place, and places
+    int places = 0;                    // of arrays
     std::int64_t bytes = 0, held = 0;  // bytes: with those held
     std::array<Line, kPriorities> lines;
     std::array<typename Turns::iterator, kPriorities> turns;  // of those with a line
@@ -322,7 +365,7 @@ class JobQueue {
     if (line.empty()) turns_[at].erase(client.turns[at]);
     if (ticket.deadline != Time::max()) deadlines_.erase({latest_begin(ticket), item.get()});
     work_s_[at] = --waiting_[at] == 0 ? 0.0 : work_s_[at] - ticket.expected_run_s;
-    if (!ticket.reserved) --client.queued;
+    if (ticket.takes_place()) --client.queued;
     if (ticket.may_preempt) --preempting_[at];
     return item;
   }
@@ -338,7 +381,7 @@ class JobQueue {
     const auto client = clients_.find(ticket.client);
     client->second.bytes -= ticket.bytes;
     bytes_ -= ticket.bytes;
-    if (!ticket.reserved) --unreserved_;
+    if (ticket.takes_place()) --unreserved_;
     forget_if_idle(client);
     tickets_.erase(found);
   }
@@ -354,7 +397,7 @@ class JobQueue {
     const Client& client = found->second;
     const bool empty =
         std::all_of(client.lines.begin(), client.lines.end(), [](const Line& line) { return line.empty(); });
-    if (empty && client.running == 0 && client.held == 0) clients_.erase(found);
+    if (empty && client.running == 0 && client.held == 0 && client.places == 0) clients_.erase(found);
   }
 
   inline static const Client kNobody = {};

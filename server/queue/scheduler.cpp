@@ -102,21 +102,6 @@ Expected<QueuePlace> Scheduler::admit(const std::shared_ptr<Job>& job,
   return place;
 }
 
-Expected<QueuePlace> Scheduler::admit_here(const std::shared_ptr<Job>& job) {
-  Expected<QueuePlace> place = enqueue(job, {});
-  if (!place) return place;
-  const bool here = [&] {
-    const MutexLock lock(mutex_);
-    return begin_here(job);
-  }();
-  if (here) {
-    run_here(job);
-  } else {
-    work_.notify_one();
-  }
-  return place;
-}
-
 Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
                                         const std::weak_ptr<RoomWaiter>& waiter) {
   const MutexLock lock(mutex_);
@@ -143,8 +128,8 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
     if (auto in_time = check_deadline(job, key, place.estimated_wait_s); !in_time)
       return unexpected(in_time.error());
   }
-  if (!job->ticket.reserved) {
-    ++counters_.accepted;
+  if (!job->ticket.reserved) ++counters_.accepted;
+  if (job->ticket.takes_place()) {
     board_.add(job->record);
     job->record->set_cancel([this, weak = std::weak_ptr<Job>(job)] {
       if (const std::shared_ptr<Job> strong = weak.lock()) cancel(strong);
@@ -188,6 +173,44 @@ std::unique_ptr<Scheduler::Held> Scheduler::hold(const std::string& client, std:
 void Scheduler::release(const std::string& client, std::int64_t bytes) {
   const MutexLock lock(mutex_);
   queue_.release(client, bytes);
+}
+
+Expected<std::unique_ptr<Scheduler::Place>> Scheduler::open_place(const std::string& client,
+                                                                  Priority priority, const Quota& quota,
+                                                                  bool always) {
+  const MutexLock lock(mutex_);
+  if (closed_) return unexpected(draining());
+  const auto why = queue_.take_place(client, priority, quota, always);
+  if (why == QueueRefusal::none) return std::make_unique<Place>(*this, client, quota, always);
+  return unexpected(refusal_of(why, limits_, {.client = client, .priority = priority}, quota));
+}
+
+Expected<void> Scheduler::Place::add_bytes(std::int64_t bytes) {
+  const MutexLock lock(scheduler_.mutex_);
+  const auto why = scheduler_.queue_.add_bytes(client_, bytes, quota_, always_);
+  if (why != QueueRefusal::none)
+    return unexpected(refusal_of(why, scheduler_.limits_, {.client = client_, .bytes = bytes}, quota_));
+  bytes_ += bytes;
+  return {};
+}
+
+void Scheduler::Place::remove_bytes(std::int64_t bytes) {
+  const MutexLock lock(scheduler_.mutex_);
+  scheduler_.queue_.remove_bytes(client_, bytes);
+  bytes_ -= bytes;
+}
+
+void Scheduler::leave(const std::string& client, std::int64_t bytes) {
+  std::vector<std::weak_ptr<RoomWaiter>> waiters;
+  {
+    const MutexLock lock(mutex_);
+    queue_.remove_bytes(client, bytes);
+    queue_.leave_place(client);
+    waiters.swap(room_waiters_);
+  }
+  for (const auto& weak : waiters) {
+    if (const std::shared_ptr<RoomWaiter> waiter = weak.lock()) waiter->room();
+  }
 }
 
 // The scheduler's lock is taken before a record's and the board's, never after.
@@ -250,7 +273,7 @@ void Scheduler::finish(Job& job, Outcome outcome, bool ran) {
     if (solves(job)) job.record->answered(outcome.solution, outcome.total_s);
   } else {
     job.record->finished(outcome.solution, outcome.queue_s, outcome.total_s);
-    board_.finish(job.record);
+    if (!job.ticket.placed) board_.finish(job.record);
   }
   std::vector<std::weak_ptr<RoomWaiter>> waiters;
   {

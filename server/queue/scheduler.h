@@ -104,6 +104,33 @@ class Scheduler final : public Pulsed, public TaskRunner {
   [[nodiscard]] std::unique_ptr<Held> hold(const std::string& client, std::int64_t bytes, const Quota& quota)
       ABSL_LOCKS_EXCLUDED(mutex_);
 
+  /// The place of an array in the queue, and the bytes of its elements, for as long as this lives.
+  class Place {
+   public:
+    Place(Scheduler& scheduler, std::string client, Quota quota, bool always)
+        : scheduler_(scheduler), client_(std::move(client)), quota_(quota), always_(always) {}
+    ~Place() { scheduler_.leave(client_, bytes_); }
+    Place(const Place&) = delete;
+    Place& operator=(const Place&) = delete;
+
+    /// By one thread at a time. Errors: resource_exhausted (bytes, or the client's quota of them).
+    [[nodiscard]] Expected<void> add_bytes(std::int64_t bytes);
+    /// Of one that has ended.
+    void remove_bytes(std::int64_t bytes);
+
+   private:
+    Scheduler& scheduler_;
+    const std::string client_;
+    const Quota quota_;
+    const bool always_;
+    std::int64_t bytes_ = 0;
+  };
+  /// One job of the client's quota, whose elements are then `placed`. With `always` it is taken whatever the
+  /// limits. Errors: unavailable (draining), resource_exhausted (queue, or the client's quota).
+  [[nodiscard]] Expected<std::unique_ptr<Place>> open_place(const std::string& client, Priority priority,
+                                                            const Quota& quota, bool always)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+
   /// The client gave up, or its deadline passed: a waiting job is answered at once, a running one stops
   /// within 100 ms. Does nothing to a finished one.
   void cancel(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
@@ -148,6 +175,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
 
  private:
   void release(const std::string& client, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
+  void leave(const std::string& client, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
   [[nodiscard]] Expected<QueuePlace> enqueue(const std::shared_ptr<Job>& job,
                                              const std::weak_ptr<RoomWaiter>& waiter)
       ABSL_LOCKS_EXCLUDED(mutex_);

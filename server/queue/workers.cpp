@@ -204,6 +204,21 @@ void Scheduler::run_job(const std::shared_ptr<Job>& job, bool on_top) {
   end_job(job, std::move(outcome), pause.paused());
 }
 
+Expected<QueuePlace> Scheduler::admit_here(const std::shared_ptr<Job>& job) {
+  Expected<QueuePlace> place = enqueue(job, {});
+  if (!place) return place;
+  const bool here = [&] {
+    const MutexLock lock(mutex_);
+    return begin_here(job);
+  }();
+  if (here) {
+    run_here(job);
+  } else {
+    work_.notify_one();
+  }
+  return place;
+}
+
 bool Scheduler::begin_here(const std::shared_ptr<Job>& job) {
   const double longest_s = estimates_.longest_s(key_of(job->ticket));
   const bool is_short = longest_s > 0.0 && longest_s < 0.5 * seconds(kMostHere);

@@ -24,7 +24,7 @@ Clock::time_point deadline_of(const grpc::CallbackServerContext& context) {
 
 Priority default_priority(JobKind kind) {
   if (kind == JobKind::session) return Priority::realtime;
-  return kind == JobKind::batch ? Priority::batch : Priority::interactive;
+  return kind == JobKind::batch || kind == JobKind::array ? Priority::batch : Priority::interactive;
 }
 
 // The one asked for, but no higher than the quota allows.
@@ -41,7 +41,8 @@ Expected<Priority> priority_of(v1::Priority asked, JobKind kind, const Quota& qu
   return priority;
 }
 
-Expected<void> check_labels(const std::string& request_id, const std::string& problem_name) {
+Expected<void> check_labels(const std::string& request_id, const std::string& problem_name,
+                            const char* field_of_name) {
   if (request_id.size() > contract::longest_request_id) {
     return unexpected(
         invalid("request_id", std::to_string(request_id.size()) + " bytes",
@@ -53,10 +54,19 @@ Expected<void> check_labels(const std::string& request_id, const std::string& pr
   }
   if (problem_name.size() > contract::longest_problem_name) {
     return unexpected(
-        invalid("problem.name", std::to_string(problem_name.size()) + " bytes",
+        invalid(field_of_name, std::to_string(problem_name.size()) + " bytes",
                 "must have at most " + std::to_string(contract::longest_problem_name) + " bytes"));
   }
   return {};
+}
+
+// An array may have a name of its own.
+template <class Message>
+const std::string& name_of(const Message& message) {
+  if constexpr (requires { message.name(); }) {
+    if (!message.name().empty()) return message.name();
+  }
+  return message.problem().name();
 }
 
 // What every request says, whatever it is made of.
@@ -68,8 +78,11 @@ struct Common {
 template <class Message>
 Expected<Common> check_common(const ServiceParts& parts, const Quota& quota, JobKind kind,
                               const Message& message) {
-  if (auto valid = check_labels(message.request_id(), message.problem().name()); !valid)
+  if (auto valid = check_labels(message.request_id(), message.problem().name(), "problem.name"); !valid)
     return unexpected(valid.error());
+  if constexpr (requires { message.name(); }) {
+    if (auto valid = check_labels("", message.name(), "name"); !valid) return unexpected(valid.error());
+  }
   const auto priority = priority_of(message.priority(), kind, quota);
   if (!priority) return unexpected(priority.error());
   auto options = options_of(message.options(), parts.config.solver_defaults);
@@ -91,7 +104,7 @@ std::shared_ptr<JobRecord> make_record(const ServiceParts& parts, const Caller& 
        .priority = common.priority,
        .client = caller.identity.client,
        .request_id = message.request_id(),
-       .name = message.problem().name(),
+       .name = name_of(message),
        .peer = caller.origin.peer,
        .variables = sizes.variables,
        .equalities = sizes.equalities,
@@ -194,6 +207,25 @@ Expected<Identity> identify(const ServiceParts& parts, const grpc::CallbackServe
 Expected<CheckedRequest> check_request(const ServiceParts& parts, const Caller& caller, const Quota& quota,
                                        JobKind kind, const v1::SessionSetup& message) {
   return check(parts, caller, quota, kind, message);
+}
+
+Expected<CheckedArray> check_request(const ServiceParts& parts, const Caller& caller, const Quota& quota,
+                                     const v1::ArraySetup& message) {
+  const auto common = check_common(parts, quota, JobKind::array, message);
+  if (!common) return unexpected(common.error());
+  CheckedArray array{common->options, common->priority, std::nullopt, nullptr};
+  BlockPlace sizes;
+  if (message.has_problem()) {
+    const auto problem = Problem::create(view_of(message.problem()));
+    if (!problem) {
+      const Error& error = problem.error();
+      return unexpected(inside("problem", of_field(message_field(error.field), error)));
+    }
+    array.base = PartSizes::of(*problem);
+    sizes = {problem->variables(), problem->equalities(), problem->inequalities(), problem->pairs()};
+  }
+  array.record = make_record(parts, caller, JobKind::array, message, *common, sizes);
+  return array;
 }
 
 Expected<void> check_progress(double interval_s, std::int32_t iterate_every) {

@@ -56,6 +56,17 @@ struct CheckedRequest {
                                                      const Quota& quota, JobKind kind,
                                                      const v1::SessionSetup& message);
 
+/// What all elements of an array share, checked.
+struct CheckedArray {
+  Options options;
+  Priority priority;
+  std::optional<PartSizes> base;  ///< of the base problem, if there is one
+  std::shared_ptr<JobRecord> record;
+};
+/// Error fields are paths from the message's root. Errors: as above.
+[[nodiscard]] Expected<CheckedArray> check_request(const ServiceParts& parts, const Caller& caller,
+                                                   const Quota& quota, const v1::ArraySetup& message);
+
 /// Checks how often progress is to be told.
 [[nodiscard]] Expected<void> check_progress(double interval_s, std::int32_t iterate_every);
 

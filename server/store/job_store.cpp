@@ -17,8 +17,9 @@ constexpr const char* kFile = "/jobs.sqlite";
 constexpr const char* kLock = "/lock";
 constexpr const char* kRunning = "/running";
 constexpr const char* kApplication = "1298297459";  // "Mbrs", SQLite's application_id
-constexpr const char* kVersion = "2";               // of the tables, SQLite's user_version
-constexpr const char* kEarlier = "1";               // without jobs.lost
+constexpr const char* kVersion = "3";               // of the tables, SQLite's user_version
+constexpr const char* kWithoutArrays = "2";
+constexpr const char* kWithoutStarts = "1";  // nor jobs.lost
 
 // `number` is the order of acceptance, `ended` that of the answers.
 constexpr const char* kTables = R"(
@@ -64,7 +65,7 @@ Expected<std::string> version_of(Database& database, const std::string& file) {
   if (!tables) return unexpected(tables.error());
   if (*application != kApplication && (*application != "0" || *tables != "0"))
     return unexpected(fault(file, "is a file of another program"));
-  if (*version != "0" && *version != kEarlier && *version != kVersion)
+  if (*version != "0" && *version != kWithoutStarts && *version != kWithoutArrays && *version != kVersion)
     return unexpected(fault(file, "is of version " + *version + ", this server knows " + kVersion));
   const auto check = database.ask("PRAGMA quick_check(1)");
   if (!check) return unexpected(check.error());
@@ -80,11 +81,10 @@ Expected<void> prepare(Database& database, const std::string& file) {
   if (*mode != "wal") return unexpected(fault(file, "cannot be in SQLite's mode WAL, but in " + *mode));
   if (auto set = database.run("PRAGMA synchronous = FULL"); !set) return set;
   if (*version == kVersion) return {};
-  if (*version == kEarlier)
-    return database.run(std::string("BEGIN; ALTER TABLE jobs ADD COLUMN lost INTEGER NOT NULL DEFAULT 0;") +
-                        "PRAGMA user_version = " + kVersion + "; COMMIT");
-  return database.run(std::string("BEGIN;") + kTables + "PRAGMA application_id = " + kApplication +
-                      "; PRAGMA user_version = " + kVersion + "; COMMIT");
+  std::string make = "BEGIN;";
+  if (*version == "0") make += std::string(kTables) + "PRAGMA application_id = " + kApplication + ";";
+  if (*version == kWithoutStarts) make += "ALTER TABLE jobs ADD COLUMN lost INTEGER NOT NULL DEFAULT 0;";
+  return database.run(make + kArrayTables + "PRAGMA user_version = " + kVersion + "; COMMIT");
 }
 
 // Texts that were written as something else would equal none that is asked for. Ids change in both tables, so
@@ -108,8 +108,14 @@ Expected<void> count_starts(Database& database, RunningJobs& running) {
   for (const JobStart& start : running.left()) {
     if (auto counted = statement->bind(1, start.id).bind(2, std::int64_t{start.number}).run(); !counted)
       return counted;
+    if (auto counted = count_element_starts(database, start); !counted) return counted;
   }
   return running.clear();
+}
+
+std::optional<std::int64_t> elements_in(const Statement& row, int column) {
+  if (row.is_null(column)) return std::nullopt;
+  return row.integer(column);
 }
 
 // What the server writes is for its user alone, whatever the umask was when it was written.
@@ -135,7 +141,8 @@ StoredJob job_in(const Statement& row) {
           .lost = row.integer(10),
           .cancelled = row.integer(8) != 0,
           .request = {},
-          .request_bytes = row.integer(9)};
+          .request_bytes = row.integer(9),
+          .elements = elements_in(row, 11)};
 }
 
 StoredResult result_in(const Statement& row) {
@@ -147,7 +154,8 @@ StoredResult result_in(const Statement& row) {
           .answer = row.bytes(5),
           .error = row.bytes(6),
           .finished_unix_s = row.real(7),
-          .request_bytes = row.integer(8)};
+          .request_bytes = row.integer(8),
+          .elements = elements_in(row, 9)};
 }
 
 JobStore::JobStore(std::string file, Descriptor lock, RunningJobs running, Database writer, Database reader,
@@ -200,7 +208,7 @@ Expected<std::vector<StoredJob>> JobStore::unanswered() {
   const MutexLock lock(read_mutex_);
   auto rows = reader_.prepare(
       "SELECT id, client, request_id, digest, peer, traceparent, priority, accepted_unix_s, cancelled, "
-      "length(request), lost FROM jobs WHERE id NOT IN (SELECT id FROM answers) ORDER BY number");
+      "length(request), lost, elements FROM jobs WHERE id NOT IN (SELECT id FROM answers) ORDER BY number");
   if (!rows) return unexpected(rows.error());
   std::vector<StoredJob> jobs;
   while (true) {
@@ -225,7 +233,7 @@ Expected<void> JobStore::each_result(const std::function<void(StoredResult)>& te
   const MutexLock lock(read_mutex_);
   auto rows = reader_.prepare(
       "SELECT id, client, request_id, digest, job, answer, error, finished_unix_s, ifnull(length(request), "
-      "-1) "
+      "-1), elements "
       "FROM answers JOIN jobs USING (id) ORDER BY ended");
   if (!rows) return unexpected(rows.error());
   while (true) {
@@ -253,6 +261,43 @@ void JobStore::forget_request(const std::string& id) {
 }
 
 void JobStore::when_settled(Settled settled) { changes_.ask({.settled = std::move(settled)}); }
+
+void JobStore::open_array(StoredJob array, Settled settled) {
+  array.elements = 0;
+  add(std::move(array), std::move(settled));
+}
+
+void JobStore::add_element(StoredElement element, Settled settled) {
+  changes_.ask({.kind = Kind::add_element, .element = std::move(element), .settled = std::move(settled)});
+}
+
+void JobStore::seal_array(const std::string& id, std::int64_t elements, const std::string& digest,
+                          Settled settled) {
+  changes_.ask({.kind = Kind::seal,
+                .job = {.id = id, .digest = digest, .elements = elements},
+                .settled = std::move(settled)});
+}
+
+void JobStore::answer_element(ElementAnswer answer, Settled settled) {
+  changes_.ask({.kind = Kind::answer_element, .answer = std::move(answer), .settled = std::move(settled)});
+}
+
+Expected<std::string> JobStore::element(const std::string& array, std::int64_t index) {
+  const MutexLock lock(read_mutex_);
+  return read_element(reader_, array, index);
+}
+
+Expected<std::vector<ElementAnswer>> JobStore::answers_after(const std::string& array, std::int64_t after,
+                                                             std::int64_t most_bytes) {
+  const MutexLock lock(read_mutex_);
+  return read_answers(reader_, array, after, most_bytes);
+}
+
+Expected<void> JobStore::each_element(const std::string& array,
+                                      const std::function<void(const ElementRow&)>& tell) {
+  const MutexLock lock(read_mutex_);
+  return server::each_element(reader_, array, tell);
+}
 
 StoreUsage JobStore::usage() const {
   StoreUsage usage = changes_.usage();
@@ -303,8 +348,9 @@ Expected<void> JobStore::make(const Change& change) {
     case Kind::add:
       return run(
           "INSERT INTO jobs (id, client, request_id, digest, peer, traceparent, priority, accepted_unix_s, "
-          "cancelled, request) VALUES (?, ?, ?, ?, ?, ?, ?, ?, 0, ?)",
+          "cancelled, request, elements) VALUES (?, ?, ?, ?, ?, ?, ?, ?, 0, ?, ?)",
           [&](Statement& statement) -> Expected<void> {
+            if (job.elements) statement.bind(10, *job.elements);
             return statement.bind(1, job.id)
                 .bind(2, job.client)
                 .bind(3, job.request_id)
@@ -342,6 +388,12 @@ Expected<void> JobStore::make(const Change& change) {
     case Kind::forget:
       return run("DELETE FROM jobs WHERE id = ?",
                  [&](Statement& statement) { return statement.bind(1, job.id).bound(); });
+    case Kind::add_element:
+      return server::add_element(writer_, change.element);
+    case Kind::seal:
+      return server::seal_array(writer_, job.id, *job.elements, job.digest);
+    case Kind::answer_element:
+      return server::answer_element(writer_, change.answer);
     case Kind::nothing:
       return {};
   }

@@ -3,10 +3,13 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "base/descriptor.h"
+#include "store/array_rows.h"
+#include "store/element_store.h"
 #include "store/group_writer.h"
 #include "store/running_jobs.h"
 #include "store/sqlite.h"
@@ -25,6 +28,8 @@ struct StoredJob {
   bool cancelled = false;          ///< it is to end, and not to run again
   std::string request = {};        ///< a marble.v1.SolveRequest; left out where jobs are listed
   std::int64_t request_bytes = 0;  ///< of it, where jobs are listed
+  /// Of an array how many; 0 while they come. Nothing of other jobs.
+  std::optional<std::int64_t> elements = {};
 };
 
 /// How one ended.
@@ -36,8 +41,9 @@ struct StoredResult {
   std::string error = {};   ///< a google.rpc.Status where there is no answer
   double finished_unix_s = 0.0;
   std::string info = {};  ///< a marble.v1.JobInfo: the job's without its trace, where several servers list it
-  bool keeps_request = false;       ///< the request stays with the answer
-  std::int64_t request_bytes = -1;  ///< read, not written: of the request, if it is there
+  bool keeps_request = false;                 ///< the request stays with the answer
+  std::int64_t request_bytes = -1;            ///< read, not written: of the request, if it is there
+  std::optional<std::int64_t> elements = {};  ///< read, not written: as StoredJob has it
 };
 
 /// The job in a row of JobStore::unanswered(), and the answer in one of JobStore::each_result(). A column may
@@ -46,7 +52,7 @@ struct StoredResult {
 [[nodiscard]] StoredResult result_in(const Statement& row);
 
 /// Thread-safe. Every change is made in the order in which it was asked for.
-class JobStore {
+class JobStore final : public ElementStore {
  public:
   /// Opens the directory's file, or makes both. Errors: unavailable (no such directory, not ours to write,
   /// another server has it, not a file of this kind, damaged, or of a later version).
@@ -68,19 +74,37 @@ class JobStore {
       ABSL_LOCKS_EXCLUDED(read_mutex_);
 
   /// The job runs from here to there; a crash in between is counted when the file is opened again.
-  void began(const JobStart& start) { running_.began(start); }
-  void ended(const std::string& id) { running_.ended(id); }
+  void began(const JobStart& start) override { running_.began(start); }
+  void ended(const std::string& id) override { running_.ended(id); }
 
   /// If this fails the job is not there. The others are tried again, once a second, until they are made.
   void add(StoredJob job, Settled settled);
-  void finish(StoredResult result, Settled settled);
+  void finish(StoredResult result, Settled settled) override;
   /// It shall not run again.
-  void cancel(const std::string& id);
-  void forget(const std::string& id);
+  void cancel(const std::string& id) override;
+  void forget(const std::string& id) override;
   /// The answer stays.
   void forget_request(const std::string& id);
   /// When all that was asked for until now is made.
-  void when_settled(Settled settled);
+  void when_settled(Settled settled) override;
+
+  // Arrays. An answer is tried again until it is kept, and told only then.
+  void open_array(StoredJob array, Settled settled) override;
+  void add_element(StoredElement element, Settled settled) override;
+  void seal_array(const std::string& id, std::int64_t elements, const std::string& digest,
+                  Settled settled) override;
+  [[nodiscard]] Expected<std::string> element(const std::string& array, std::int64_t index) override
+      ABSL_LOCKS_EXCLUDED(read_mutex_);
+  void answer_element(ElementAnswer answer, Settled settled) override;
+  [[nodiscard]] Expected<std::vector<ElementAnswer>> answers_after(const std::string& array,
+                                                                   std::int64_t after,
+                                                                   std::int64_t most_bytes) override
+      ABSL_LOCKS_EXCLUDED(read_mutex_);
+  [[nodiscard]] bool is_durable() const override { return true; }
+  /// Tells what is known of each element that is there, in their order.
+  [[nodiscard]] Expected<void> each_element(const std::string& array,
+                                            const std::function<void(const ElementRow&)>& tell)
+      ABSL_LOCKS_EXCLUDED(read_mutex_);
 
   /// Why nothing could be written the last time, if so.
   [[nodiscard]] Expected<void> health() const { return changes_.health(); }
@@ -90,15 +114,19 @@ class JobStore {
   [[nodiscard]] bool is_settled() const { return changes_.is_settled(); }
 
  private:
-  enum class Kind { add, finish, cancel, forget, forget_request, nothing };
+  enum class Kind { add, finish, cancel, forget, forget_request, add_element, seal, answer_element, nothing };
   struct Change {
     Kind kind = Kind::nothing;
     StoredJob job = {};
     StoredResult result = {};
+    StoredElement element = {};
+    ElementAnswer answer = {};
     Settled settled = {};
     [[nodiscard]] bool is_change() const { return kind != Kind::nothing; }
-    [[nodiscard]] static bool is_patient() { return false; }
-    [[nodiscard]] bool is_lasting() const { return kind != Kind::nothing && kind != Kind::add; }
+    [[nodiscard]] bool is_patient() const { return kind == Kind::answer_element; }
+    [[nodiscard]] bool is_lasting() const {
+      return kind != Kind::nothing && kind != Kind::add && kind != Kind::add_element && kind != Kind::seal;
+    }
   };
   JobStore(std::string file, Descriptor lock, RunningJobs running, Database writer, Database reader,
            const Log& log);

@@ -54,6 +54,9 @@ class Statement {
     return sqlite3_column_int64(statement_.get(), column);
   }
   [[nodiscard]] double real(int column) const { return sqlite3_column_double(statement_.get(), column); }
+  [[nodiscard]] bool is_null(int column) const {
+    return sqlite3_column_type(statement_.get(), column) == SQLITE_NULL;
+  }
   /// A text or a blob.
   [[nodiscard]] std::string bytes(int column) const;
 

@@ -12,6 +12,7 @@
 
 namespace marble::server {
 
+class Arrays;
 struct Caller;
 
 /// What a call's answer waits for, where it is not to go out at once: told how that ended. The response may
@@ -49,6 +50,9 @@ class Submissions {
   /// not_found (the request is not kept any more, or the job was deleted), unavailable.
   virtual void recall(const std::string& id, bool finished,
                       std::function<void(Expected<AskedAndAnswered>)> then) = 0;
+
+  /// Null where there are none.
+  [[nodiscard]] virtual Arrays* arrays() { return nullptr; }
 
   /// Why nothing can be written, if so.
   [[nodiscard]] virtual Expected<void> health() const = 0;

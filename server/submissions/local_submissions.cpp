@@ -17,6 +17,8 @@ void fill(const std::string& id, const QueuePlace& place, v1::SubmitResponse* re
   response->set_estimated_wait_s(place.estimated_wait_s);
 }
 
+bool outlives_call(JobKind kind) { return kind == JobKind::submitted || kind == JobKind::array; }
+
 // The job on disk. One that cannot be put there ends, and nobody has heard of it.
 Afterwards kept(const ServiceParts& parts, JobStore& store, const std::shared_ptr<ResultKeeper>& keeper,
                 const std::shared_ptr<JobRecord>& record, StoredJob job) {
@@ -37,7 +39,7 @@ Afterwards kept(const ServiceParts& parts, JobStore& store, const std::shared_pt
 Expected<std::unique_ptr<Submissions>> LocalSubmissions::begin(const ServiceParts& parts, JobStore* store) {
   std::unique_ptr<LocalSubmissions> submissions(new LocalSubmissions(parts, store));
   if (store == nullptr) return submissions;
-  auto recovery = Recovery::begin(parts, *store);
+  auto recovery = Recovery::begin(parts, *submissions->arrays_, *store);
   if (!recovery) return unexpected(recovery.error());
   submissions->recovery_ = std::move(*recovery);
   return submissions;
@@ -86,7 +88,7 @@ Expected<Afterwards> LocalSubmissions::cancel(const Identity& caller, const std:
                                               v1::CancelJobResponse* response) {
   if (auto asked = cancel_job(parts_.board, caller, id, response); !asked) return unexpected(asked.error());
   const auto record = parts_.board.find(id);
-  if (store_ == nullptr || record == nullptr || record->description().kind != JobKind::submitted)
+  if (store_ == nullptr || record == nullptr || !outlives_call(record->description().kind))
     return Afterwards();
   store_->cancel(id);
   return when_settled();

@@ -1,6 +1,7 @@
 // Submitted jobs that are this server's own: in memory, and on disk where there is a store.
 #pragma once
 
+#include "arrays/arrays.h"
 #include "service/service_parts.h"
 #include "store/job_store.h"
 #include "store/submissions.h"
@@ -14,6 +15,10 @@ class LocalSubmissions final : public Submissions {
   /// be read).
   [[nodiscard]] static Expected<std::unique_ptr<Submissions>> begin(const ServiceParts& parts,
                                                                     JobStore* store);
+  /// What still runs tells it its end.
+  ~LocalSubmissions() override { parts_.scheduler.drain(std::chrono::duration<double>(0.0)); }
+  LocalSubmissions(const LocalSubmissions&) = delete;
+  LocalSubmissions& operator=(const LocalSubmissions&) = delete;
 
   [[nodiscard]] Expected<Afterwards> submit(const Caller& caller, std::shared_ptr<v1::SolveRequest> request,
                                             v1::SubmitResponse* response) override;
@@ -23,6 +28,7 @@ class LocalSubmissions final : public Submissions {
   void look(const std::string& /*id*/, Settled then) override { then({}); }
   void recall(const std::string& id, bool finished,
               std::function<void(Expected<AskedAndAnswered>)> then) override;
+  [[nodiscard]] Arrays* arrays() override { return arrays_.get(); }
   [[nodiscard]] Expected<void> health() const override;
   [[nodiscard]] std::optional<StoreUsage> usage() const override;
   void close() override {
@@ -31,12 +37,14 @@ class LocalSubmissions final : public Submissions {
   [[nodiscard]] bool is_settled() const override { return store_ == nullptr || store_->is_settled(); }
 
  private:
-  LocalSubmissions(const ServiceParts& parts, JobStore* store) : parts_(parts), store_(store) {}
+  LocalSubmissions(const ServiceParts& parts, JobStore* store)
+      : parts_(parts), store_(store), arrays_(Arrays::make(parts, store)) {}
   // What waits until all that the store was asked for is made; nothing where there is none.
   [[nodiscard]] Afterwards when_settled() const;
 
   const ServiceParts& parts_;
   JobStore* const store_;
+  const std::shared_ptr<Arrays> arrays_;
   std::shared_ptr<Recovery> recovery_;
 };
 

@@ -13,8 +13,9 @@
 
 namespace marble::server {
 
-Expected<std::shared_ptr<Recovery>> Recovery::begin(const ServiceParts& parts, JobStore& store) {
-  const std::shared_ptr<Recovery> recovery(new Recovery(parts, store));
+Expected<std::shared_ptr<Recovery>> Recovery::begin(const ServiceParts& parts, Arrays& arrays,
+                                                    JobStore& store) {
+  const std::shared_ptr<Recovery> recovery(new Recovery(parts, arrays, store));
   if (auto taken = recovery->take_up_answers(); !taken) return unexpected(taken.error());
   if (auto taken = recovery->take_up_jobs(); !taken) return unexpected(taken.error());
   recovery->room();
@@ -29,8 +30,10 @@ void Recovery::expect(const std::string& id, const std::string& client,
 }
 
 Expected<void> Recovery::take_up_answers() {
-  return store_.each_result([&](const StoredResult& stored) {
+  std::vector<StoredResult> arrays;
+  auto read = store_.each_result([&](StoredResult stored) {
     expect(stored.id, stored.client, {stored.request_id, stored.digest});
+    if (stored.elements) return arrays.push_back(std::move(stored));  // the store reads one thing at a time
     const auto record = stored_record(parts_.board, stored);
     parts_.board.add(record);
     parts_.board.finish(record);
@@ -41,13 +44,33 @@ Expected<void> Recovery::take_up_answers() {
     parts_.results.put(stored.id, stored_answer(stored.answer, stored.error),
                        Clock::now() - std::chrono::duration_cast<Clock::duration>(age));
   });
+  for (const StoredResult& stored : arrays) {
+    if (!read) break;
+    read = arrays_.take_up_answered(stored, stored_record(parts_.board, stored));
+  }
+  return read;
+}
+
+// One that had not come whole is as if it had never begun to.
+Expected<void> Recovery::take_up_array(const StoredJob& stored) {
+  if (*stored.elements == 0) {
+    store_.forget(stored.id);
+    return {};
+  }
+  expect(stored.id, stored.client, {stored.request_id, stored.digest});
+  return arrays_.take_up(stored);
 }
 
 Expected<void> Recovery::take_up_jobs() {
   auto jobs = store_.unanswered();
   if (!jobs) return unexpected(jobs.error());
+  for (const StoredJob& job : *jobs) {
+    if (!job.elements) continue;
+    if (auto taken = take_up_array(job); !taken) return taken;
+  }
   const MutexLock lock(mutex_);
   for (StoredJob& job : *jobs) {
+    if (job.elements) continue;
     expect(job.id, job.client, {job.request_id, job.digest});
     if (parts_.config.bundles > 0) parts_.results.keep_request(job.id, {nullptr, job.request_bytes});
     if (job.cancelled) {
@@ -79,14 +102,6 @@ Expected<void> Recovery::take_up_jobs() {
   return {};
 }
 
-void Recovery::suspect_ended() {
-  {
-    const MutexLock lock(mutex_);
-    suspect_runs_ = false;
-  }
-  room();
-}
-
 // Of one that waits here; what the scheduler has is the scheduler's to end.
 void Recovery::give_up(const std::shared_ptr<Job>& job) {
   bool waited = false;
@@ -99,11 +114,11 @@ void Recovery::give_up(const std::shared_ptr<Job>& job) {
 }
 
 void Recovery::admit_suspect() {
-  while (!suspect_runs_ && !suspects_.empty()) {
+  OneSuspect& one = arrays_.one_suspect();
+  while (!suspects_.empty() && one.enter(weak_from_this())) {
     const std::shared_ptr<Job> job = suspects_.front();
-    suspect_runs_ = true;
     if (const auto place = parts_.scheduler.admit(job, weak_from_this()); !place) {
-      suspect_runs_ = false;
+      one.leave();
       if (parts_.scheduler.is_closed() || parts_.scheduler.fits_alone(*job)) return;
       end(job->record, place.error());
     }
@@ -175,7 +190,10 @@ Expected<std::shared_ptr<Job>> Recovery::checked(const StoredJob& stored) {
   std::function<void()> then;
   if (stored.lost > 0) {
     then = [weak = weak_from_this()] {
-      if (const auto recovery = weak.lock()) recovery->suspect_ended();
+      const auto recovery = weak.lock();
+      if (recovery == nullptr) return;
+      recovery->arrays_.one_suspect().leave();
+      recovery->room();
     };
   }
   const auto keeper = std::make_shared<ResultKeeper>(parts_, &store_, (*job)->record,

@@ -4,6 +4,7 @@
 #include <deque>
 #include <memory>
 
+#include "arrays/arrays.h"
 #include "mutex.h"
 #include "service/service_parts.h"
 #include "store/job_store.h"
@@ -16,16 +17,18 @@ namespace marble::server {
 class Recovery final : public RoomWaiter, public std::enable_shared_from_this<Recovery> {
  public:
   /// Before anybody calls. Errors: unavailable (the store cannot be read).
-  [[nodiscard]] static Expected<std::shared_ptr<Recovery>> begin(const ServiceParts& parts, JobStore& store);
+  [[nodiscard]] static Expected<std::shared_ptr<Recovery>> begin(const ServiceParts& parts, Arrays& arrays,
+                                                                 JobStore& store);
 
   void room() override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
-  Recovery(const ServiceParts& parts, JobStore& store) : parts_(parts), store_(store) {}
+  Recovery(const ServiceParts& parts, Arrays& arrays, JobStore& store)
+      : parts_(parts), arrays_(arrays), store_(store) {}
   void expect(const std::string& id, const std::string& client, const ResultStore::RequestName& name) const;
   [[nodiscard]] Expected<void> take_up_answers();
   [[nodiscard]] Expected<void> take_up_jobs() ABSL_LOCKS_EXCLUDED(mutex_);
-  void suspect_ended() ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Expected<void> take_up_array(const StoredJob& stored);
   void give_up(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
   void admit_suspect() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   [[nodiscard]] Expected<std::shared_ptr<Job>> remade(const StoredJob& stored);
@@ -34,11 +37,11 @@ class Recovery final : public RoomWaiter, public std::enable_shared_from_this<Re
   void end(const std::shared_ptr<JobRecord>& record, const Error& error) const;
 
   const ServiceParts& parts_;
+  Arrays& arrays_;
   JobStore& store_;
   Mutex mutex_;
   std::deque<StoredJob> waiting_ ABSL_GUARDED_BY(mutex_);
   std::deque<std::shared_ptr<Job>> suspects_ ABSL_GUARDED_BY(mutex_);  // that wait for another
-  bool suspect_runs_ ABSL_GUARDED_BY(mutex_) = false;                  // or waits in the queue
   std::shared_ptr<Job> next_ ABSL_GUARDED_BY(mutex_);                  // of the first, once it was made
 };
 

@@ -55,6 +55,50 @@ TEST_F(JobCommands, SubmitAndResultSpeakJson) {
   EXPECT_EQ(marble("job --output json " + id).lines().at(0)["priority"], "batch");
 }
 
+TEST_F(JobCommands, AFolderIsSubmittedAsOneArray) {
+  const std::string folder = directory_.file("study");
+  std::filesystem::create_directory(folder);
+  for (const char* name : {"b.json", "a.json", "c.json"}) std::ofstream(folder + "/" + name) << kGood;
+  const std::string again = "submit --array --request-id study " + quoted(folder) + " " + good();
+  const auto submit_it = [&] {
+    return run(again + " --server " + server_.address(), "/dev/null", {"MARBLE_CLIENT_NAME=study"});
+  };
+  const Result submitted = submit_it();
+  EXPECT_EQ(submitted.exit_code, 0) << submitted.err;
+  const std::string id = first_line(submitted.out);
+  EXPECT_EQ(first_line(submit_it().out), id) << "sent again it is the same job";
+  const Result result = marble("result --wait " + id);
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find(id + "[3]: solved  objective 0.5"), std::string::npos) << result.out;
+  EXPECT_EQ(marble("result --wait --output json --after 1 " + id).lines().size(), 3U);
+  const Json job = marble("job --output json " + id).lines().at(0);
+  EXPECT_EQ(job["kind"], "array");
+  EXPECT_EQ(job["array"]["elements"], 4);
+  EXPECT_EQ(job["array"]["solved"], 4);
+  EXPECT_NE(marble("job " + id).out.find("4 of 4"), std::string::npos);
+}
+
+TEST_F(JobCommands, AnArrayWithAFileThatCannotBeReadIsNotSubmitted) {
+  const Result submitted = marble("submit --array " + good() + " missing.json");
+  EXPECT_EQ(submitted.exit_code, 2);
+  EXPECT_TRUE(submitted.out.empty());
+  EXPECT_NE(submitted.err.find("missing.json"), std::string::npos) << submitted.err;
+  EXPECT_EQ(marble("jobs --output json").lines().size(), 0U);
+}
+
+TEST_F(JobCommands, WithoutWaitAnArrayTellsWhatThereIs) {
+  const std::string running = submit_long();
+  const std::string id = first_line(marble("submit --array " + good() + " " + good()).out);
+  const Result nothing = marble("result " + id);
+  EXPECT_EQ(nothing.exit_code, 1);
+  EXPECT_TRUE(nothing.out.empty());
+  EXPECT_EQ(marble("cancel " + running).exit_code, 0);
+  EXPECT_EQ(marble("result --wait " + id).exit_code, 0);
+  const Result all = marble("result " + id);
+  EXPECT_EQ(all.exit_code, 0) << all.err;
+  EXPECT_EQ(std::count(all.out.begin(), all.out.end(), '\n'), 2);
+}
+
 TEST_F(JobCommands, JobTellsTheTraceThatTheEnvironmentGave) {
   const std::string trace = "4bf92f3577b34da6a3ce929d0e0e4736";
   const Result solved = run("solve --output json " + good() + " --server " + server_.address(), "/dev/null",

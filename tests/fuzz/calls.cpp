@@ -1,7 +1,8 @@
 // Every RPC of the contract on a gRPC server within the process: the real services, workers and streams. An
 // input names the method and holds the messages that the client sends; some calls are cancelled after a few
 // responses. A first message that is a SolveRequest is submitted before a call of the service Jobs, and its
-// job is the one that the job_id "0" names. Every response parses; solutions are judged.
+// job is the one that the job_id "0" names. An array that is taken is read to its end. Every response parses;
+// solutions are judged.
 #include <google/protobuf/stubs/logging.h>
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/server_builder.h>
@@ -133,7 +134,10 @@ template <class Message>
 std::string limited(const std::string& bytes, const std::string& job_id) {
   Message message;
   if (!message.ParseFromString(bytes)) return bytes;
-  if constexpr (requires { message.set_job_id(job_id); }) {
+  if constexpr (requires { message.mutable_element(); }) {
+    if (message.has_setup()) fuzz::limit_budgets(message.mutable_setup()->mutable_options());
+    if (message.has_element()) fuzz::limit_budgets(message.mutable_element()->mutable_solve());
+  } else if constexpr (requires { message.set_job_id(job_id); }) {
     if (message.job_id() == "0") message.set_job_id(job_id);
   } else if constexpr (requires { fuzz::limit_budgets(&message); }) {
     fuzz::limit_budgets(&message);
@@ -193,6 +197,36 @@ void judge_batch(const std::vector<std::string>& sent, const Received& received)
   }
 }
 
+// Each element once, in the order of the numbers; what has a problem of its own is judged.
+void judge_answers(const std::vector<std::string>& sent, const Received& received) {
+  std::vector<v1::ArrayElement> elements;
+  v1::ArraySetup setup;
+  for (const std::string& bytes : sent) {
+    v1::SubmitArrayRequest message;
+    if (!message.ParseFromString(bytes)) continue;
+    if (message.has_setup()) setup = message.setup();
+    if (message.has_element()) elements.push_back(message.element());
+  }
+  std::vector<bool> answered(elements.size());
+  std::int64_t sequence = 0;
+  for (const std::string& bytes : received.responses) {
+    const auto response = parsed<v1::ArrayResultsResponse>(bytes);
+    FUZZ_EXPECT(response.sequence() == ++sequence);
+    const auto index = static_cast<std::size_t>(response.index());
+    FUZZ_EXPECT(index < answered.size() && !answered[index]);
+    answered[index] = true;
+    FUZZ_EXPECT(response.has_result() || response.error().code() != 0);
+    v1::SolveRequest request = elements[index].solve();
+    if (!response.has_result() || !request.has_problem()) continue;
+    v1::SolveOptions options = setup.options();
+    options.MergeFrom(request.options());
+    *request.mutable_options() = options;
+    judge(request, response.result());
+  }
+  const bool all = std::ranges::all_of(answered, [](bool one) { return one; });
+  FUZZ_EXPECT(all == received.status.ok() || received.status.error_code() == grpc::StatusCode::CANCELLED);
+}
+
 template <class Message>
 void expect_messages(const std::vector<std::string>& /*sent*/, const Received& received) {
   for (const std::string& bytes : received.responses) (void)parsed<Message>(bytes);
@@ -214,9 +248,36 @@ Message make_message(fuzz::Draw& draw) {
   return message;
 }
 
+void make_array(fuzz::Draw& draw, fuzz::Script* script) {
+  v1::SubmitArrayRequest message;
+  if (draw.chance(60)) *message.mutable_setup()->mutable_problem() = fuzz::make_problem(draw);
+  const v1::Problem base = message.setup().problem();
+  if (draw.chance(20)) message.mutable_setup()->set_request_id("again");
+  message.mutable_setup()->set_priority(static_cast<v1::Priority>(draw.between(0, 3)));
+  script->add_details()->PackFrom(message);
+  const int elements = draw.between(1, 4);
+  for (int k = 0; k < elements; ++k) {
+    v1::ArrayElement& element = *message.mutable_element();
+    element.Clear();
+    if (base.gradient_size() == 0 || draw.chance(30)) {
+      *element.mutable_solve() = fuzz::make_any_solve(draw);
+      element.mutable_solve()->clear_request_id();
+      element.mutable_solve()->clear_priority();
+    } else if (draw.chance(90)) {
+      *element.mutable_update()->mutable_gradient() = base.gradient();
+      for (double& value : *element.mutable_update()->mutable_gradient()) value += draw.between(-2, 2);
+    }
+    script->add_details()->PackFrom(message);
+  }
+  message.mutable_end()->set_elements(draw.chance(95) ? elements : draw.between(0, 9));
+  script->add_details()->PackFrom(message);
+}
+
 template <class Message>
 void make_messages(fuzz::Draw& draw, fuzz::Script* script) {
-  if constexpr (std::is_same_v<Message, v1::SessionRequest>) {
+  if constexpr (std::is_same_v<Message, v1::SubmitArrayRequest>) {
+    make_array(draw, script);
+  } else if constexpr (std::is_same_v<Message, v1::SessionRequest>) {
     *script = fuzz::make_session(draw);
   } else {
     if (script->message().starts_with("Jobs/") && draw.chance(80))
@@ -241,6 +302,7 @@ template <class Request>
 constexpr Rpc rpc_of(const char* name, void (*judge)(const std::vector<std::string>&, const Received&)) {
   return {name, make_messages<Request>, limited<Request>, judge};
 }
+constexpr const char* kSubmitArray = "Jobs/SubmitArray";
 constexpr Rpc kRpcs[] = {rpc_of<v1::SolveRequest>("Solver/Solve", judge_solve),
                          rpc_of<v1::SolveStreamRequest>("Solver/SolveStream", judge_stream),
                          rpc_of<v1::SolveStreamRequest>("Solver/SolveScenarios", judge_stream),
@@ -255,6 +317,8 @@ constexpr Rpc kRpcs[] = {rpc_of<v1::SolveRequest>("Solver/Solve", judge_solve),
                          rpc_of<v1::CancelJobRequest, v1::CancelJobResponse>("Jobs/Cancel"),
                          rpc_of<v1::WatchJobsRequest, v1::WatchJobsResponse>("Jobs/Watch"),
                          rpc_of<v1::JobBundleRequest, v1::JobBundleResponse>("Jobs/Bundle"),
+                         rpc_of<v1::SubmitArrayRequest, v1::SubmitArrayResponse>(kSubmitArray),
+                         rpc_of<v1::ArrayResultsRequest, v1::ArrayResultsResponse>("Jobs/ArrayResults"),
                          rpc_of<v1::GetInfoRequest, v1::GetInfoResponse>("Server/GetInfo")};
 
 // A script's message is the method's name, its code the number of responses to read; 0 reads all.
@@ -302,5 +366,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       FUZZ_EXPECT(!known || !received.status.error_message().empty());
     }
     if (known) method->judge(messages, received);
+    if (script.message() != kSubmitArray || received.responses.empty()) return;
+    v1::ArrayResultsRequest array;
+    array.set_job_id(parsed<v1::SubmitArrayResponse>(received.responses[0]).job_id());
+    judge_answers(messages, server.call("Jobs/ArrayResults", {array.SerializeAsString()}, kMostResponses));
+    server.remove(array.job_id());
   });
 }

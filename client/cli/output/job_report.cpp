@@ -72,6 +72,11 @@ Json to_json(const JobInfo& job) {
   if (job.activity) json["activity"] = describe(*job.activity);
   json["total_seconds"] = job.total_s;
   if (job.kind == JobKind::session) json["updates"] = job.updates;
+  if (job.kind == JobKind::array)
+    json["array"] = {{"elements", job.array.elements},
+                     {"done", job.array.done},
+                     {"solved", job.array.solved},
+                     {"failed", job.array.failed}};
   json["memory_bytes"] = job.memory_bytes;
   json["result_bytes"] = job.result_bytes;
   if (!job.detail.empty()) json["detail"] = job.detail;

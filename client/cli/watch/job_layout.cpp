@@ -59,6 +59,9 @@ std::vector<Line> origin_facts(const JobInfo& job, bool unicode) {
                              fact("priority", to_string(job.priority)),
                              fact("client", shown_text(job.client, unicode))};
   if (!job.request_id.empty()) facts.push_back(fact("request", shown_text(job.request_id, unicode)));
+  if (job.kind == JobKind::array)
+    facts.push_back(
+        fact("elements", std::to_string(job.array.done) + " of " + std::to_string(job.array.elements)));
   if (job.kind == JobKind::session) facts.push_back(fact("updates", std::to_string(job.updates)));
   if (job.activity) facts.push_back(fact("now", describe(*job.activity), Style::active));
   return facts;

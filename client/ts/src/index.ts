@@ -18,6 +18,7 @@ export {
   UnavailableError,
 } from "./base/errors.js";
 export type { ErrorCode, ErrorDetails } from "./base/errors.js";
+export type { ArrayAnswer, ArrayControls, ArrayElement, ArrayReading, SubmittedArray } from "./calls/array.js";
 export type { BatchAnswer, BatchControls, BatchProblem } from "./calls/batch.js";
 export type { CallControls } from "./calls/calls.js";
 export type {

@@ -123,3 +123,33 @@ test("watching all jobs goes on until the loop is left or the signal comes", asy
     for await (const event of client.jobs.watch("", { signal: AbortSignal.timeout(100) })) assert.ok(event.job.jobId);
   }, CancelledError);
 });
+
+test("an array answers each of its elements once, and is gone on with", async () => {
+  const g = (k: number): number[] => Array.from(corner.g, (value) => value * (k + 1));
+  const elements = Array.from({ length: 50 }, (_, k) => ({ update: { g: g(k) } }));
+  const { jobId, elements: count } = await client.jobs.submitArray(elements, { base: corner, name: "fifty" });
+  assert.equal(count, 50);
+  const seen = new Map<number, number>();
+  let last = 0;
+  for await (const { index, sequence, solution } of client.jobs.array(jobId)) {
+    assert.ok(solution !== undefined);
+    seen.set(index, solution.objective);
+    last = sequence;
+    if (seen.size === 20) break;
+  }
+  for await (const { index, solution } of client.jobs.array(jobId, { after: last })) {
+    assert.ok(solution !== undefined && !seen.has(index));
+    seen.set(index, solution.objective);
+  }
+  assert.equal(seen.size, 50);
+  assert.equal(seen.get(7), (await client.solve({ ...corner, g: g(7) })).objective);
+  const { job } = await client.jobs.get(jobId);
+  assert.deepEqual([job.kind, job.problemName], ["array", "fifty"]);
+  assert.deepEqual(job.array, { elements: 50, done: 50, solved: 50, failed: 0 });
+});
+
+test("what is wrong with an array is told with its element", async () => {
+  await assert.rejects(client.jobs.submitArray([{ problem: corner }, { update: {} }]), { field: "elements[1].problem" });
+  await assert.rejects(client.jobs.submitArray([{ update: { g: [1] } }], { base: corner }), { field: "elements[0].g" });
+  await assert.rejects(client.jobs.array("nowhere").next(), NotFoundError);
+});

@@ -19,7 +19,7 @@ export const COLUMNS = [
   { key: "name", title: "Problem", hint: "The problem's name" },
   { key: "client", title: "Client", hint: "Who sent it" },
   { key: "size", title: "n / nₑ / nᵢ / n_c", hint: "Variables, equalities, inequalities and complementarity pairs" },
-  { key: "kind", title: "Kind", hint: "What it came by: solve, batch, submitted, session, scenarios or coupled" },
+  { key: "kind", title: "Kind", hint: "What it came by: solve, batch, submitted, session, scenarios, coupled or array" },
   { key: "priority", title: "Priority", hint: "Whose turn it is when workers are busy" },
   { key: "iterations", title: "Iter.", hint: "Newton iterations; of a session, of all its solves", numeric: true },
   { key: "violation", title: "Violation", hint: "Largest violation, and its course while the job runs, from 1e-12 to 100; the line is at 1e-6", numeric: true },

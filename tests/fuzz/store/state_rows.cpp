@@ -162,6 +162,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     job.request = columns.back();
     take(parts, job, "", static_cast<int>(std::min<std::int64_t>(job.lost, 1000)));
     answer(parts, result_in(row));
+    const ElementRow element = element_in(row);
+    FUZZ_EXPECT(element.end >= ElementEnd::unsolved && element.end <= ElementEnd::failed);
   }
   const PgRows row = row_of_postgres(columns);
   const TakenJob taken = taken_in(row, 0);

@@ -170,7 +170,7 @@ TEST_F(StoreTest, RefusesAnotherProgramsFileAndALaterVersion) {
   }
   const auto later = JobStore::open(directory_.file("state"), log_);
   ASSERT_FALSE(later.has_value());
-  EXPECT_EQ(later.error().bound, "is of version 7, this server knows 2");
+  EXPECT_EQ(later.error().bound, "is of version 7, this server knows 3");
   EXPECT_EQ(JobStore::check(directory_.file("nowhere")).error().bound, "No such file or directory");
 }
 

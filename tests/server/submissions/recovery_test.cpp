@@ -166,7 +166,8 @@ TEST_F(RecoveryTest, TakesUpTablesWithoutStarts) {
          "'', x'', '', '', 1, 1.5, 0, " + hex(example_request().SerializeAsString()) + ", 0");
   insert("'done'", "'c'", "'', x'', '', '', 1, 1.5, 0, NULL, 0");
   sql("INSERT INTO answers (id, finished_unix_s, job, answer, error) VALUES ('done', 4e9, x'', x'', x'08')");
-  sql("ALTER TABLE jobs DROP COLUMN lost; PRAGMA user_version = 1");
+  sql("DROP INDEX elements_answered; DROP TABLE elements; ALTER TABLE jobs DROP COLUMN elements;"
+      "ALTER TABLE jobs DROP COLUMN lost; PRAGMA user_version = 1");
   std::filesystem::remove(directory_.file("state") + "/running");
   EXPECT_TRUE(JobStore::check(directory_.file("state")));
   for (int i = 0; i < 2; ++i) {
@@ -215,7 +216,14 @@ TEST_F(RecoveryTest, StartsWithRandomRows) {
     const std::string id = draw(3) == 0 ? value() : std::to_string(i);
     all += "INSERT OR IGNORE INTO jobs VALUES (NULL";
     for (int column = 1; column < 11; ++column) all += ", " + (column == 1 ? id : value());
-    all += ", " + std::to_string(draw(3)) + ");";
+    all += ", " + std::to_string(draw(3)) + ", " + (draw(2) == 0 ? "NULL" : value()) + ");";
+    const std::string of = "(job, place, request, lost, sequence, ended, iterations, factorizations, answer)";
+    for (int element = draw(4); element > 0; --element) {
+      all += "INSERT OR IGNORE INTO elements " + of + " VALUES (" + std::to_string(1 + draw(kRows));
+      for (int column = 1; column < 9; ++column)
+        all += ", " + (draw(3) == 0 ? std::to_string(element) : value());
+      all += ");";
+    }
     if (draw(2) == 0)
       all += "INSERT OR IGNORE INTO answers (id, finished_unix_s, job, answer, error) VALUES (" + id + ", " +
              value() + ", " + value() + ", " + value() + ", " + value() + ");";

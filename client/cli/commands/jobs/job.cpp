@@ -74,6 +74,8 @@ void print(const JobDetails& details) {
   if (job.error) field("why", job.error->message());
   if (!job.detail.empty()) field("detail", job.detail);
   if (job.kind == JobKind::session) field("updates", std::to_string(job.updates));
+  if (job.kind == JobKind::array)
+    field("elements", std::to_string(job.array.done) + " of " + std::to_string(job.array.elements));
   field("work", std::to_string(job.iterations) + " iterations, " + std::to_string(job.factorizations) +
                     " factorizations");
   field("objective", formatted("%.10g", job.objective));

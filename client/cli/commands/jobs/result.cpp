@@ -1,3 +1,4 @@
+#include <cstdio>
 #include <iostream>
 #include <memory>
 
@@ -6,6 +7,7 @@
 #include "base/interrupt.h"
 #include "commands/commands.h"
 #include "output/report.h"
+#include "plain_text.h"
 
 namespace marble::cli {
 namespace {
@@ -14,6 +16,7 @@ struct ResultArguments {
   std::vector<std::string> jobs;
   ServerArguments server;
   bool wait = false;
+  std::int64_t after = 0;
 };
 
 // Of what the server still knows; the job may be forgotten although its answer is kept.
@@ -45,13 +48,59 @@ int tell_result(const ResultArguments& arguments, const Jobs& jobs, const std::s
   return is_solved(answer->status) ? kAllSolved : kNotSolved;
 }
 
+// A line an answer, in the order in which they came. Without --wait those that are there.
+int tell_array(const ResultArguments& arguments, const Jobs& jobs, const std::string& id,
+               const ArrayProgress& progress, const std::stop_token& stop) {
+  int outcome = kAllSolved;
+  std::stop_source enough;
+  const std::stop_callback pass_on(stop, [&enough] { enough.request_stop(); });
+  std::int64_t told = arguments.after;
+  const auto tell = [&](const ArrayAnswer& element) {
+    if (!arguments.wait && told == progress.done) return;
+    told = element.sequence;
+    const std::string name = id + "[" + std::to_string(element.index) + "]";
+    if (!element.answer) {
+      outcome = worse(outcome, exit_code_of(element.answer.error()));
+      if (arguments.server.json()) {
+        std::cout << json_line("", name, element.answer.error()) << '\n';
+      } else {
+        std::cout << name << ": " << without_controls(element.answer.error().message()) << '\n';
+      }
+    } else {
+      const RemoteSolution& answer = *element.answer;
+      outcome = worse(outcome, is_solved(answer.status) ? kAllSolved : kNotSolved);
+      if (arguments.server.json()) {
+        std::cout << json_line({.name = name, .variables = answer.z.size()}, answer) << '\n';
+      } else {
+        std::printf("%s: %s  objective %.10g  %d factorizations  %.3f ms\n", name.c_str(),
+                    to_string(answer.status), answer.objective, answer.factorizations,
+                    1e3 * answer.times.solve_s);
+      }
+    }
+    std::fflush(stdout);
+    std::cout << std::flush;
+    if (!arguments.wait && told == progress.done) enough.request_stop();
+  };
+  if (!arguments.wait && told >= progress.done && progress.done < progress.elements) return kNotSolved;
+  const auto read = jobs.array(id, tell, {.after = arguments.after, .stop = enough.get_token()});
+  if (read) return outcome;
+  if (!stop.stop_requested() && enough.stop_requested())
+    return progress.done == progress.elements ? outcome : worse(outcome, kNotSolved);
+  return worse(outcome, job_fails(arguments.server, id, read.error()));
+}
+
 int run(const ResultArguments& arguments) {
   const auto client = connect(arguments.server);
   if (!client) return server_fails(arguments.server, client.error());
   const Interrupt interrupt;
   int exit_code = kAllSolved;
-  for (const std::string& id : arguments.jobs)
-    exit_code = worse(exit_code, tell_result(arguments, client->jobs(), id, interrupt.token()));
+  for (const std::string& id : arguments.jobs) {
+    const auto details = client->jobs().get(id);
+    const bool is_array = details && details->job.kind == JobKind::array;
+    exit_code = worse(
+        exit_code, is_array ? tell_array(arguments, client->jobs(), id, details->job.array, interrupt.token())
+                            : tell_result(arguments, client->jobs(), id, interrupt.token()));
+  }
   return exit_code;
 }
 
@@ -63,6 +112,10 @@ void add_result(CLI::App& program, int& exit_code) {
   command->add_option("JOB", arguments->jobs, "ids, as submit printed them")->required();
   add_server_arguments(*command, arguments->server);
   command->add_flag("--wait", arguments->wait, "wait for those that have not finished; else they exit 1");
+  command
+      ->add_option("--after", arguments->after,
+                   "of an array: only answers after the first so many, to go on where reading ended")
+      ->check(CLI::NonNegativeNumber);
   command->footer(std::string("Ctrl-C ends the waiting, not the jobs.\n") + kExitCodes);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }

@@ -1,5 +1,8 @@
+#include <algorithm>
+#include <filesystem>
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "arguments/server_arguments.h"
 #include "arguments/solver_arguments.h"
@@ -18,6 +21,8 @@ namespace {
 
 struct SubmitArguments {
   std::vector<std::string> files;
+  bool array = false;
+  std::string request_id;
   ServerArguments server;
   SolverArguments solver;
   Priority priority = Priority::by_method;
@@ -56,12 +61,71 @@ int submit_file(const SubmitArguments& arguments, const std::string& path, const
   return kAllSolved;
 }
 
+// Files of a directory in the order of their names.
+Expected<std::vector<std::string>> files_of(const std::vector<std::string>& given) {
+  std::vector<std::string> files;
+  for (const std::string& path : given) {
+    std::error_code fault;
+    if (!std::filesystem::is_directory(path, fault)) {
+      files.push_back(path);
+      continue;
+    }
+    std::vector<std::string> inside;
+    for (const auto& entry : std::filesystem::directory_iterator(path, fault))
+      if (entry.is_regular_file(fault)) inside.push_back(entry.path().string());
+    if (fault) return unexpected(invalid(path, fault.message()));
+    std::sort(inside.begin(), inside.end());
+    files.insert(files.end(), inside.begin(), inside.end());
+  }
+  return files;
+}
+
+// All files as one job. One that cannot be read ends the submission.
+int submit_array(const SubmitArguments& arguments, const Options& options, const Jobs& jobs,
+                 const std::stop_token& stop) {
+  const auto files = files_of(arguments.files);
+  if (!files) return tell_error(arguments, files.error().field, "", files.error(), false);
+  std::stop_source given_up;
+  const std::stop_callback pass_on(stop, [&given_up] { given_up.request_stop(); });
+  std::size_t next = 0;
+  ProblemFile file;
+  std::optional<std::pair<std::string, Error>> fault;
+  const ArraySource source = [&]() -> std::optional<ArrayElement> {
+    if (next == files->size()) return std::nullopt;
+    const std::string& path = (*files)[next++];
+    auto read = formats::read_any_problem(path);
+    if (!read) {
+      fault = {path, read.error()};
+      given_up.request_stop();
+      return std::nullopt;
+    }
+    file = std::move(*read);
+    const OwnedProblem& problem = file.problem;
+    return ArrayElement{
+        .problem = problem.view(), .initial_z = problem.initial_z, .problem_name = problem.name};
+  };
+  const auto array = jobs.submit_array(source, {.options = options,
+                                                .priority = arguments.priority,
+                                                .request_id = arguments.request_id,
+                                                .stop = given_up.get_token()});
+  if (fault) return tell_error(arguments, fault->first, "", fault->second, false);
+  if (!array) return tell_error(arguments, "array", "", array.error(), true);
+  if (arguments.server.json()) {
+    std::cout << line({{"job_id", array->job_id}, {"elements", array->elements}}) << '\n';
+  } else {
+    std::cout << without_controls(array->job_id) << '\n';
+  }
+  std::cout << std::flush;
+  return kAllSolved;
+}
+
 int run(const SubmitArguments& arguments) {
   const auto options = parse_options(arguments.solver);
   if (!options) return option_fails(options.error());
   const auto client = connect(arguments.server);
   if (!client) return server_fails(arguments.server, client.error());
   const Interrupt interrupt;
+  if (arguments.array) return submit_array(arguments, *options, client->jobs(), interrupt.token());
   int exit_code = kAllSolved;
   for (const std::string& path : arguments.files) {
     const int outcome =
@@ -82,6 +146,14 @@ void add_submit(CLI::App& program, int& exit_code) {
       "submit", "Hand problem files over to be solved, and print the ids of the jobs: see result and watch");
   command->add_option("FILE", arguments->files, ".json, .pb or .bin; - is standard input")->required();
   add_server_arguments(*command, arguments->server);
+  CLI::Option* array = command->add_flag("--array", arguments->array,
+                                         "all files, and those of directories, as one job: its id is printed "
+                                         "once it is kept, and result prints its answers");
+  command
+      ->add_option("--request-id", arguments->request_id,
+                   "of an array: sent again by the same client, by its token or MARBLE_CLIENT_NAME, it is "
+                   "the same job")
+      ->needs(array);
   add_priority_argument(*command, arguments->priority);
   add_solver_arguments(*command, arguments->solver);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });

@@ -41,6 +41,8 @@ std::string text_of(const JobEvent& event) {
   }
   if (job.state == JobState::finished) text += "  " + ending(job);
   if (job.kind == JobKind::session) add("  %lld updates", static_cast<long long>(job.updates));
+  if (job.kind == JobKind::array)
+    add("  %lld of %lld", static_cast<long long>(job.array.done), static_cast<long long>(job.array.elements));
   if (job.iterations > 0) {
     add("  iteration %lld, objective %.7e, complementarity %.1e", static_cast<long long>(job.iterations),
         job.objective, job.violations.complementarity);

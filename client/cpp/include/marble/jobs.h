@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "marble/batch.h"
 #include "marble/call_controls.h"
 #include "marble/coupled.h"
 #include "marble/error.h"
@@ -36,8 +37,9 @@ enum class JobKind {
   session,    ///< a session: one job for all its solves
   scenarios,  ///< a call that waits for one plan for many worlds
   coupled,    ///< a call that waits for problems tied by rows
+  array,      ///< Jobs::submit_array: one job for all its elements
 };
-/// "solve", "batch", "submitted", "session", "scenarios", "coupled".
+/// "solve", "batch", "submitted", "session", "scenarios", "coupled", "array".
 [[nodiscard]] const char* to_string(JobKind kind);
 
 /// Where a job is in its life.
@@ -49,6 +51,14 @@ enum class JobState {
 };
 /// "queued", "running", "idle", "finished".
 [[nodiscard]] const char* to_string(JobState state);
+
+/// How far an array is.
+struct ArrayProgress {
+  std::int64_t elements = 0;  ///< how many there are; 0 of what is no array
+  std::int64_t done = 0;      ///< those that have ended
+  std::int64_t solved = 0;    ///< of these, those whose answer is solved
+  std::int64_t failed = 0;    ///< of these, those that ended with an error
+};
 
 /// What is known of one job, without its problem and its solution's vectors.
 struct JobInfo {
@@ -91,6 +101,7 @@ struct JobInfo {
   std::string server;            ///< of servers that share a store: that runs it, or ran it last; else empty
   double finished_unix_s = 0.0;  ///< seconds since 1970, UTC; 0 while it has not
   std::optional<Activity> activity;  ///< what it is doing, while it runs on the server that was asked
+  ArrayProgress array = {};          ///< of an array
 };
 
 /// What a job did, oldest first; of a long one every `stride`-th iteration and the newest. Rows have no z.
@@ -188,6 +199,17 @@ class Jobs {
                                                         const PiecesOptions& options = {},
                                                         const CoupledControls& controls = {},
                                                         const CallControls& call = {}) const;
+
+  /// Queues many problems as one job that outlives this process. Nothing of it is kept unless all is. One
+  /// that was refused or lost may be sent again by its request_id.
+  [[nodiscard]] Expected<SubmittedArray> submit_array(const ArraySource& source,
+                                                      const ArrayControls& controls = {}) const;
+
+  /// Tells the answers of an array, each once: those that are there, and each of the others as it comes, over
+  /// as many connections as it takes; of one that was lost for longer it is unavailable, and may be gone on
+  /// with `after`. Error of an array that ended before all its elements had an answer: why.
+  [[nodiscard]] Expected<void> array(const std::string& job_id, const ArraySink& sink,
+                                     const ArrayReading& reading = {}) const;
 
   /// The answer of a submitted job, or the error it ended with.
   [[nodiscard]] Expected<RemoteSolution> result(const std::string& job_id,

@@ -11,7 +11,7 @@ std::string service_config(bool several) {
       names.push_back({{"service", std::string("marble.v1.") + service}, {"method", method}});
   };
   add("Solver", {"Solve", "SolveStream", "SolveScenarios", "SolveCoupled"});
-  add("Jobs", {"Submit", "Result", "List", "Get", "Watch", "Bundle"});
+  add("Jobs", {"Submit", "Result", "List", "Get", "Watch", "Bundle", "SubmitArray", "ArrayResults"});
   add("Server", {"GetInfo"});
   nlohmann::json config = {{"methodConfig",
                             {{{"name", names},

@@ -8,7 +8,7 @@
 namespace marble {
 
 const char* to_string(JobKind kind) {
-  return client::name_of(kind, {"solve", "batch", "submitted", "session", "scenarios", "coupled"});
+  return client::name_of(kind, {"solve", "batch", "submitted", "session", "scenarios", "coupled", "array"});
 }
 
 const char* to_string(JobState state) {
@@ -17,7 +17,7 @@ const char* to_string(JobState state) {
 
 namespace client {
 
-static_assert(static_cast<int>(JobKind::coupled) + 1 == v1::JOB_KIND_COUPLED &&
+static_assert(static_cast<int>(JobKind::array) + 1 == v1::JOB_KIND_ARRAY &&
                   static_cast<int>(JobState::finished) + 1 == v1::JOB_STATE_FINISHED,
               "messages count from one, for the unspecified");
 
@@ -64,6 +64,8 @@ JobInfo job_info(const v1::JobInfo& m) {
   job.server = m.server();
   job.finished_unix_s = m.finished_unix_s();
   if (m.has_activity()) job.activity = activity_of(m.activity());
+  if (m.has_array())
+    job.array = {m.array().elements(), m.array().done(), m.array().solved(), m.array().failed()};
   return job;
 }
 

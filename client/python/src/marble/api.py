@@ -1,6 +1,7 @@
 """All that the package offers by its name: loaded when something of it is wanted."""
 
 from marble.base.tables import Status
+from marble.calls.array import ArrayAnswer, ArrayItem
 from marble.calls.batch import BatchAnswer, BatchItem
 from marble.calls.jobs import Jobs
 from marble.calls.session import Session
@@ -27,6 +28,7 @@ from marble.errors import (
 from marble.in_process.sensitivity import Sensitivity
 from marble.message.info import Option, ServerInfo
 from marble.message.job import (
+    ArrayProgress,
     Job,
     JobDetails,
     JobEvent,
@@ -36,6 +38,7 @@ from marble.message.job import (
     PairSides,
     Priority,
     Submitted,
+    SubmittedArray,
     Trace,
 )
 from marble.model.coupled import Coordination, CoupledAnswer, PiecesAnswer
@@ -56,6 +59,9 @@ __all__ = [
     "LCQP",
     "Aborted",
     "AnswerChange",
+    "ArrayAnswer",
+    "ArrayItem",
+    "ArrayProgress",
     "BatchAnswer",
     "BatchItem",
     "Cancelled",
@@ -107,6 +113,7 @@ __all__ = [
     "Stationarity",
     "Status",
     "Submitted",
+    "SubmittedArray",
     "Superseded",
     "Times",
     "Trace",

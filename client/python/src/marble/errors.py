@@ -198,6 +198,13 @@ def _invalid(status: Any) -> InvalidArgument:
         value, bound = "", broken.field_violations[0].description
     else:
         return InvalidArgument("", status.message)
+    if element := re.fullmatch(r"(elements\[\d+\])\.(.+)", path):  # of an array
+        error = _named(element[2], index, value, bound)
+        return type(error)(f"{element[1]}.{error.field}", bound, index=error.index, value=value)
+    return _named(path, index, value, bound)
+
+
+def _named(path: str, index: Index, value: str, bound: str) -> InvalidArgument:
     path = path.removeprefix("solve.").removeprefix("update.")
     return _of_field(_in_sensitivity(_in_letters(path)), index, value, bound)
 

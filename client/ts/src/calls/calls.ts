@@ -4,6 +4,7 @@ import type {
   ClientDuplexStream,
   ClientReadableStream,
   ClientUnaryCall,
+  ClientWritableStream,
   MethodDefinition,
 } from "@grpc/grpc-js";
 
@@ -33,7 +34,8 @@ const repeatable = new Set<string>(
   ].map(({ path }) => path),
 );
 
-type Call = ClientUnaryCall | ClientReadableStream<unknown> | ClientDuplexStream<unknown, unknown>;
+type Call =
+  ClientUnaryCall | ClientReadableStream<unknown> | ClientWritableStream<unknown> | ClientDuplexStream<unknown, unknown>;
 
 /** One message there, one back. */
 export async function unary<Request, Response>(
@@ -70,6 +72,39 @@ async function unaryOnce<Request, Response>(
       },
     );
     follow(call, place, signal);
+  });
+}
+
+/** Many messages there, one back; each is written when the one before is on its way. */
+export async function clientStream<Request, Response>(
+  connection: Connection,
+  method: MethodDefinition<Request, Response>,
+  requests: Iterable<Request>,
+  { deadline, signal }: { deadline?: number; signal?: AbortSignal },
+): Promise<Response> {
+  checkSignal(signal);
+  const place = connection.take();
+  return new Promise((resolve, reject) => {
+    const call = place.channel.makeClientStreamRequest(
+      method.path,
+      method.requestSerialize,
+      method.responseDeserialize,
+      connection.metadata(),
+      callOptions(deadline),
+      (error, response) => {
+        if (error) reject(errorOfCall(error, signal));
+        else resolve(response as Response);
+      },
+    );
+    call.on("error", () => undefined); // the callback's
+    follow(call, place, signal);
+    const source = requests[Symbol.iterator]();
+    const next = (): void => {
+      const { done, value } = source.next();
+      if (done) call.end();
+      else call.write(value, next);
+    };
+    next();
   });
 }
 

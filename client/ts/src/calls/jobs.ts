@@ -19,7 +19,16 @@ import { type SolveOptions, optionsOf } from "../model/options.js";
 import type { Problem } from "../model/problem.js";
 import { type Progress, type Tree, type Violations, progressOf, treeOf, violationsOf } from "../model/progress.js";
 import { Solution, type Status, type Times, timesOf } from "../model/solution.js";
-import { type CallControls, deadlineOf, serverStream, unary } from "./calls.js";
+import {
+  type ArrayAnswer,
+  type ArrayControls,
+  type ArrayElement,
+  type ArrayReading,
+  type SubmittedArray,
+  arrayAnswers,
+  arrayMessages,
+} from "./array.js";
+import { type CallControls, clientStream, deadlineOf, serverStream, unary } from "./calls.js";
 import {
   type CoupledAnswer,
   type CoupledBlock,
@@ -33,7 +42,7 @@ import {
   piecesAnswerOf,
   piecesRequest,
 } from "./coupled.js";
-import { Patience } from "./patience.js";
+import { type Limits, Patience, repeated } from "./patience.js";
 import {
   type ScenarioAnswer,
   type ScenarioControls,
@@ -172,6 +181,25 @@ export class Jobs {
     return this.send(piecesRequest(problem, cut, controls), controls);
   }
 
+  /**
+   * Queues many problems as one job that outlives this process, for more than a batch may wait for. All are checked
+   * before the first is sent, and all are kept or none is; of the time it takes as `submit`. `array` tells the answers.
+   */
+  async submitArray(elements: Iterable<ArrayElement>, controls: ArrayControls = {}): Promise<SubmittedArray> {
+    const messages = arrayMessages(elements, controls.requestId ?? `submit-${randomUUID()}`, controls);
+    return this.whenThereIsRoom(controls, (limits) =>
+      repeated(this.connection, limits, () => clientStream(this.connection, JobsService.submitArray, messages, limits)),
+    );
+  }
+
+  /**
+   * The answers of an array, each once: those that are there, and each of the others as it comes. A connection that is
+   * lost meanwhile is made again. Throws what the array ended with, if that was before all elements had an answer.
+   */
+  array(jobId: string, reading: ArrayReading = {}): AsyncGenerator<ArrayAnswer, void, undefined> {
+    return arrayAnswers(this.connection, jobId, reading);
+  }
+
   /** The answer of a submitted job, or the error it ended with. */
   async result(jobId: string, controls: ResultControls = {}): Promise<Solution> {
     const answer = await this.answer(jobId, controls);
@@ -194,15 +222,24 @@ export class Jobs {
   }
 
   private async send(request: SolveRequest, controls: CallControls): Promise<SubmittedJob> {
+    const named = { ...request, requestId: request.requestId || `submit-${randomUUID()}` };
+    return this.whenThereIsRoom(controls, ({ deadline, signal }) => {
+      const deadlineMs = deadline && Math.max(deadline - Date.now(), 1);
+      return unary(this.connection, JobsService.submit, named, { signal, deadlineMs });
+    });
+  }
+
+  private async whenThereIsRoom<Result>(
+    controls: CallControls,
+    attempt: (limits: Limits) => Promise<Result>,
+  ): Promise<Result> {
     const { connection } = this;
     const { signal } = controls;
-    const named = { ...request, requestId: request.requestId || `submit-${randomUUID()}` };
     const deadline = deadlineOf(controls, connection.deadlineMs);
     let patience: Patience | undefined;
     for (;;) {
-      const deadlineMs = deadline && Math.max(deadline - Date.now(), 1);
       try {
-        return await unary(connection, JobsService.submit, named, { signal, deadlineMs });
+        return await attempt({ deadline, signal });
       } catch (error) {
         if (!willHaveRoom(error)) throw error;
         patience ??= new Patience({ totalMs: deadline === undefined ? connection.waitMs : Infinity, deadline, signal });

@@ -107,7 +107,7 @@ export function solveRequest(problem: Problem, controls: RequestControls): Solve
 }
 
 /** The same without what depends on the problem's sizes. */
-export function requestOf(problem: ProblemMessage, controls: CommonControls): SolveRequest {
+export function requestOf(problem: ProblemMessage | undefined, controls: CommonControls): SolveRequest {
   return {
     problem,
     options: optionsMessage(controls.options),
@@ -125,7 +125,7 @@ export function initialPoint(z: ArrayLike<number> | undefined, n: number): { z: 
   return z && { z: packDoubles(takeVector("initialPoint", z, n, "variables")) };
 }
 
-function warmStartOf(answer: Solution): WarmStart {
+export function warmStartOf(answer: Solution): WarmStart {
   return {
     z: packDoubles(answer.z),
     equalityMultipliers: packDoubles(answer.equalityMultipliers),

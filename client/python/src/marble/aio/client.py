@@ -18,6 +18,7 @@ from marble.aio.rpc import AioRpc
 from marble.aio.session import Session
 from marble.base.lazy import lazy
 from marble.base.tables import LOCAL_ADDRESS
+from marble.calls.array import ArrayAnswer, ArrayItem, ArrayReader, submission_of
 from marble.calls.batch import BatchAnswer, BatchItem
 from marble.calls.handle import Answer
 from marble.calls.jobs import result_of, submission
@@ -31,7 +32,7 @@ from marble.message import answers, requests
 from marble.message import coupled as tied
 from marble.message import scenarios as worlds
 from marble.message.info import ServerInfo, server_info
-from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
+from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted, SubmittedArray
 from marble.message.requests import Call, ProgressWish
 from marble.model.coupled import Coupled, CoupledAnswer, Pieces, PiecesAnswer
 from marble.model.derivatives import SensitivityRequest
@@ -78,6 +79,34 @@ class Jobs:
         part = tied.pieces(problem, Pieces(stages, pieces, look_ahead), settings)
         request = requests.coupled_submission(compiled(problem), Call(options, priority, request_id), part)
         return answers.submitted(await self._rpc.call("Jobs/Submit", request, deadline))
+
+    async def submit_array(self, elements: Iterable[LCQP | Problem | Mapping[str, Any] | ArrayItem], *,
+                           base: LCQP | Problem | None = None, options: Mapping[str, Any] | None = None,
+                           priority: Priority | str | None = None, request_id: str = "", name: str = "",
+                           deadline: float | None = None) -> SubmittedArray:
+        """Queues many problems as one job, once there is room for it; see marble.Client.jobs.submit_array."""
+        call = Call(options, priority, request_id)
+        messages = submission_of(elements, None if base is None else compiled(base), name, call)
+        return answers.submitted_array(await self._rpc.call_with_many("Jobs/SubmitArray", messages, deadline))
+
+    async def array(self, job_id: str, *, after: int = 0,
+                    problems: Sequence[LCQP | Problem] | None = None) -> AsyncIterator[ArrayAnswer]:
+        """Yields the answers of an array, each once; see marble.Client.jobs.array."""
+        reader = ArrayReader(job_id, after, problems)
+        tries = self._rpc.tries("Jobs/ArrayResults", math.inf)
+        while True:
+            tries.left()
+            stream = self._rpc.stream("Jobs/ArrayResults", reader.request())
+            try:
+                async for data in stream:
+                    tries.reached()
+                    yield reader.answer(data)
+                return
+            except grpc.RpcError as error:
+                lost = errors.from_rpc(error)
+            finally:
+                stream.cancel()
+            await asyncio.sleep(tries.pause(lost))
 
     async def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
                      problem: LCQP | Problem | None = None) -> Solution:

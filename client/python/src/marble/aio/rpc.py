@@ -45,6 +45,18 @@ class AioRpc(Calls):
 
         return await self.repeated(self.tries(method, deadline), once)
 
+    async def call_with_many(self, method: str, requests: list[bytes], deadline: float | None = None) -> bytes:
+        """Many messages there, one back."""
+        async def once(seconds: float | None) -> bytes:
+            try:
+                answer: bytes = await self.channel.stream_unary(PACKAGE + method)(
+                    iter(requests), timeout=seconds, metadata=self._metadata)
+                return answer
+            except grpc.RpcError as error:
+                raise errors.from_rpc(error) from None
+
+        return await self.repeated(self.tries(method, deadline), once)
+
     async def answer(self, method: str, request: bytes, deadline: float | None,
                      read: Callable[[bytes], Answer | None]) -> Answer:
         """The answer at a stream's end: what `read` makes of its last event, and None of the others."""

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from marble import errors
 from marble.base.lazy import lazy
+from marble.calls.array import ArrayAnswer, ArrayItem, ArrayReader, submission_of
 from marble.connection.rpc import Rpc
 from marble.message import answers, requests
 from marble.message import coupled as tied
 from marble.message import scenarios as worlds
-from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted
+from marble.message.job import Job, JobDetails, JobEvent, JobPage, JobState, Priority, Submitted, SubmittedArray
 from marble.message.requests import Call
 from marble.model.coupled import Coupled, CoupledAnswer, Pieces, PiecesAnswer
 from marble.model.derivatives import SensitivityRequest
@@ -68,6 +69,50 @@ class Jobs:
         part = tied.pieces(problem, Pieces(stages, pieces, look_ahead), settings)
         request = requests.coupled_submission(compiled(problem), Call(options, priority, request_id), part)
         return answers.submitted(self._rpc.call("Jobs/Submit", request, deadline))
+
+    def submit_array(self, elements: Iterable[LCQP | Problem | Mapping[str, Any] | ArrayItem], *,
+                     base: LCQP | Problem | None = None, options: Mapping[str, Any] | None = None,
+                     priority: Priority | str | None = None, request_id: str = "", name: str = "",
+                     deadline: float | None = None) -> SubmittedArray:
+        """Queues many problems as one job, which outlives this process: for more than a batch may wait for.
+
+        elements: problems, or new numbers for `base` by the letters of the equation, {"g": …, "A": …}, as in
+        Session.update; ArrayItem for options of one's own. All are encoded before the first is sent.
+        options, priority: of all elements; batch, if no priority is given. name: for the server's log and page.
+        deadline, request_id: as in submit; room is waited for alike.
+        array() tells the answers.
+        """
+        call = Call(options, priority, request_id)
+        messages = submission_of(elements, None if base is None else compiled(base), name, call)
+        data = self._rpc.repeated(
+            self._rpc.tries("Jobs/SubmitArray", deadline),
+            lambda seconds: self._rpc.result(self._rpc.upload("Jobs/SubmitArray", iter(messages), seconds)))
+        return answers.submitted_array(data)
+
+    def array(self, job_id: str, *, after: int = 0,
+              problems: Sequence[LCQP | Problem] | None = None) -> Iterator[ArrayAnswer]:
+        """Yields the answers of an array, each once: those that are there, and each of the others as it comes.
+
+        A connection that is lost meanwhile is made again. Raises what the array ended with, if that was before all its
+        elements had an answer.
+        after: the `sequence` of the last answer that was received before, to go on there in another process.
+        problems: what was submitted, for the answers' s and t and their own terms.
+        """
+        reader = ArrayReader(job_id, after, problems)
+        tries = self._rpc.tries("Jobs/ArrayResults", math.inf)
+        while True:
+            tries.left()
+            stream = self._rpc.stream("Jobs/ArrayResults", reader.request())
+            try:
+                for data in stream:
+                    tries.reached()
+                    yield reader.answer(data)
+                return
+            except grpc.RpcError as error:
+                lost = errors.from_rpc(error)
+            finally:
+                stream.cancel()
+            self._rpc.pause(tries.pause(lost))
 
     def result(self, job_id: str, *, wait: bool = False, deadline: float | None = None,
                problem: LCQP | Problem | None = None) -> Solution:

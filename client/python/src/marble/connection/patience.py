@@ -10,13 +10,14 @@ from typing import Final
 from marble.base.checks import is_number
 from marble.errors import Cancelled, DeadlineExceeded, Error, InvalidArgument, Refused, Unavailable
 
-# Calls that change nothing on a server may be made again, and Jobs.Submit, whose request id makes two of it one job.
-# Watches are made again as long as nothing was told of them.
+# Calls that change nothing on a server may be made again, and Jobs.Submit and SubmitArray, whose request ids make two of
+# them one job. Watches are made again as long as nothing was told of them.
 REPEATABLE: Final = frozenset({
     "Solver/Solve", "Solver/SolveStream", "Solver/SolveScenarios", "Solver/SolveCoupled",
-    "Jobs/Submit", "Jobs/Result", "Jobs/List", "Jobs/Get", "Jobs/Watch", "Server/GetInfo"})
+    "Jobs/Submit", "Jobs/SubmitArray", "Jobs/Result", "Jobs/ArrayResults", "Jobs/List", "Jobs/Get", "Jobs/Watch",
+    "Server/GetInfo"})
 # What a server refuses of them for want of room is asked for again once there may be some.
-WAITS_FOR_ROOM: Final = frozenset({"Jobs/Submit"})
+WAITS_FOR_ROOM: Final = frozenset({"Jobs/Submit", "Jobs/SubmitArray", "Jobs/ArrayResults"})
 DEFAULT_WAIT_S: Final = 10.0
 _FIRST_PAUSE_S: Final = 0.1
 _LONGEST_PAUSE_S: Final = 1.0

@@ -110,6 +110,11 @@ class Calls:
         return self._begun(lambda: self.channel.unary_stream(PACKAGE + method)(
             request, timeout=seconds, metadata=self._metadata))
 
+    def upload(self, method: str, requests: Iterator[bytes], seconds: float | None = None) -> Any:
+        """Many messages there, one back: a future of it."""
+        return self._begun(lambda: self.channel.stream_unary(PACKAGE + method).future(
+            requests, timeout=seconds, metadata=self._metadata))
+
     def duplex(self, method: str, requests: Iterator[bytes] | None = None) -> Any:
         """Many there, many back; None: they are written one by one (grpc.aio). Over a connection with room for it."""
         lane = self._lane()
@@ -187,8 +192,12 @@ class Rpc(Calls):
         return self.repeated(self.tries(method, deadline), lambda seconds: self._call(method, request, seconds))
 
     def _call(self, method: str, request: bytes, seconds: float | None) -> bytes:
-        future = self._begun(lambda: self.channel.unary_unary(PACKAGE + method).future(
-            request, timeout=seconds, metadata=self._metadata))
+        return self.result(self._begun(lambda: self.channel.unary_unary(PACKAGE + method).future(
+            request, timeout=seconds, metadata=self._metadata)))
+
+    @staticmethod
+    def result(future: Any) -> bytes:
+        """What a call answers; its error as this package's."""
         try:
             answer: bytes = future.result()
             return answer

@@ -14,6 +14,7 @@ from marble.base import contract
 from marble.base.tables import Status
 from marble.message import sensitivity, wire
 from marble.message.job import (
+    ArrayProgress,
     Job,
     JobDetails,
     JobEvent,
@@ -23,6 +24,7 @@ from marble.message.job import (
     PairSides,
     Priority,
     Submitted,
+    SubmittedArray,
     Trace,
 )
 from marble.model.lcqp import LCQP, Vector
@@ -115,9 +117,20 @@ def solution(message: Any, arrays: Arrays, path: str, problem: LCQP, job_id: str
 def solve_response(data: bytes, problem: LCQP | None) -> Solution:
     """The answer in a SolveResponse. Without the problem its size is all that is known of it."""
     message, arrays = wire.decode("SolveResponse", data)
-    if problem is None:
-        problem = LCQP(None, np.zeros_like(arrays.get("solution.z", np.zeros(1))))
-    return solution(message.solution, arrays, "solution.", problem, message.job_id)
+    return solution(message.solution, arrays, "solution.", problem or _of_size(arrays.get("solution.z")),
+                    message.job_id)
+
+
+def _of_size(z: Vector | None) -> LCQP:
+    """What is known of a problem by its answer alone."""
+    return LCQP(None, np.zeros_like(np.zeros(1) if z is None else z))
+
+
+def element(message: Any, arrays: Arrays, problem: LCQP | None) -> Solution:
+    """The answer in an ArrayResultsResponse that has one."""
+    path = "result.solution."
+    return solution(message.result.solution, arrays, path, problem or _of_size(arrays.get(path + "z")),
+                    message.result.job_id)
 
 
 def read(data: bytes, problem: LCQP, tell: Callable[[Progress], object] | None,
@@ -183,6 +196,8 @@ def job(message: Any) -> Job:
         trace_id=message.trace_id, server=message.server,
         levels=tuple(scenario_level(level) for level in message.scenario_levels),
         activity=message.activity.text,
+        array=(ArrayProgress(message.array.elements, message.array.done, message.array.solved, message.array.failed)
+               if message.HasField("array") else None),
     )
 
 
@@ -231,6 +246,12 @@ def submitted(data: bytes) -> Submitted:
     """The job in a SubmitResponse."""
     message = contract.message("SubmitResponse").FromString(data)
     return Submitted(message.job_id, message.queue_position, message.estimated_wait_s)
+
+
+def submitted_array(data: bytes) -> SubmittedArray:
+    """The array in a SubmitArrayResponse."""
+    message = contract.message("SubmitArrayResponse").FromString(data)
+    return SubmittedArray(message.job_id, message.elements)
 
 
 def cancelled_job(data: bytes) -> Job:

@@ -22,7 +22,7 @@ class Priority(enum.Enum):
 
 
 class JobKind(enum.Enum):
-    """What a job came by. A SUBMITTED one outlives its call, the others are gone with theirs."""
+    """What a job came by. A SUBMITTED one and an ARRAY outlive their calls, the others are gone with theirs."""
 
     SOLVE = "solve"
     BATCH = "batch"
@@ -30,6 +30,7 @@ class JobKind(enum.Enum):
     SESSION = "session"
     SCENARIOS = "scenarios"
     COUPLED = "coupled"
+    ARRAY = "array"
 
 
 class JobState(enum.Enum):
@@ -41,6 +42,16 @@ class JobState(enum.Enum):
     FINISHED = "finished"
 
 
+@dataclass(frozen=True)
+class ArrayProgress:
+    """How far an array is. done: elements that have ended; of these some are solved, and some failed with an error."""
+
+    elements: int
+    done: int
+    solved: int
+    failed: int
+
+
 @dataclass(frozen=True, eq=False)
 class Job:
     """What is known of one job, without its problem and its solution's vectors.
@@ -50,7 +61,8 @@ class Job:
     while it has not, or where error (a google.rpc.Status) says why there is no answer. updates: a session's, answered.
     memory_bytes: of the solver. result_bytes: of the answer that is kept. trace_id: of the W3C traceparent that came.
     server: of servers that share a store, the one that runs it or ran it last; of submitted jobs, empty before one has.
-    levels: of a scenario solve, so far. activity: what it is doing, in words, while it runs; else empty.
+    levels: of a scenario solve, so far. activity: what it is doing, in words, while it runs; else empty. array: how far
+    an array is.
     proved, incumbent, bound, gap, nodes, open_nodes: of option global, as in Solution and Progress, so far.
     """
 
@@ -87,6 +99,7 @@ class Job:
     server: str
     levels: tuple[ScenarioLevel, ...] = ()
     activity: str = ""
+    array: ArrayProgress | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +149,14 @@ class JobEvent:
     rows: list[Progress]
     trace: Trace | None
     skipped: int
+
+
+@dataclass(frozen=True)
+class SubmittedArray:
+    """An array was taken in: its id, and how many elements it has."""
+
+    job_id: str
+    elements: int
 
 
 @dataclass(frozen=True)

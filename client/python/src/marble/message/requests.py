@@ -276,6 +276,48 @@ def coupled_submission(problem: LCQP | str, call: Call, coupled: Encoder) -> byt
     return _coupled(problem, _named(call), coupled).finish()
 
 
+def array_setup(base: LCQP | None, name: str, call: Call) -> bytes:
+    """The first SubmitArrayRequest: what all elements share."""
+    named = _named(call)
+    check_request_id(named.request_id)
+    part = Encoder("ArraySetup")
+    if base is not None:
+        part.message("problem", problem_encoder(base))
+    part.others(contract.message("ArraySetup")(options=options_message(call.options), request_id=named.request_id,
+                                               priority=priority_number(call.priority), name=shortened(name)))
+    whole = Encoder("SubmitArrayRequest")
+    whole.message("setup", part)
+    return whole.finish()
+
+
+def array_element(problem: LCQP | None, update: Encoder | None, base: LCQP | None, call: Call) -> bytes:
+    """Another: an element with a problem of its own, or with new numbers for the base problem."""
+    part = Encoder("ArrayElement")
+    if problem is not None:
+        part.message("solve", _solve(problem, call))
+    else:
+        solve = Encoder("SolveRequest")
+        solve.others(contract.message("SolveRequest")(options=options_message(call.options)))
+        if base is not None and base.z0 is not None:
+            solve.message("initial_point", initial_point(base.z0))
+        if call.warm_start is not None:
+            solve.message("warm_start", _warm_start(call.warm_start))
+        if call.sensitivity is not None and base is not None:
+            solve.message("sensitivity", sensitivity_encoder(call.sensitivity, base))
+        part.message("solve", solve)
+    if update is not None:
+        part.message("update", update)
+    whole = Encoder("SubmitArrayRequest")
+    whole.message("element", part)
+    return whole.finish()
+
+
+def array_end(elements: int) -> bytes:
+    """The last one."""
+    data: bytes = contract.message("SubmitArrayRequest")(end={"elements": elements}).SerializeToString()
+    return data
+
+
 def batch(tag: int, problem: LCQP, call: Call) -> bytes:
     """A SolveBatchRequest."""
     part = Encoder("SolveBatchRequest")

@@ -1,0 +1,134 @@
+#include <new>
+
+#include "connection/connection.h"
+#include "in_process/in_process.h"
+#include "marble/batch.h"
+#include "marble/convert.h"
+#include "marble/jobs.h"
+#include "message/answer.h"
+#include "message/request.h"
+#include "message/request_id.h"
+#include "message/status.h"
+#include "text/message_text.h"
+
+namespace marble {
+namespace {
+
+using Writer = grpc::ClientWriter<v1::SubmitArrayRequest>;
+
+Expected<void> fill(const ArrayControls& controls, v1::ArraySetup* setup) {
+  if (auto valid = client::check_request_id(controls.request_id); !valid) return valid;
+  if (controls.base != nullptr) marble::to_message(controls.base->view(), setup->mutable_problem());
+  setup->set_name(client::message_text(controls.name, contract::longest_problem_name));
+  marble::to_message(controls.options, setup->mutable_options());
+  setup->set_request_id(controls.request_id.empty() ? client::random_request_id() : controls.request_id);
+  setup->set_priority(client::to_message(controls.priority));
+  return {};
+}
+
+Expected<void> fill(const ArrayElement& element, v1::ArrayElement* message) {
+  v1::SolveRequest* solve = message->mutable_solve();
+  if (element.problem) {
+    marble::to_message(*element.problem, solve->mutable_problem());
+    solve->mutable_problem()->set_name(
+        client::message_text(element.problem_name, contract::longest_problem_name));
+  } else {
+    marble::to_message(element.update, message->mutable_update());
+  }
+  if (element.options) marble::to_message(*element.options, solve->mutable_options());
+  if (!element.initial_z.empty())
+    solve->mutable_initial_point()->mutable_z()->Assign(element.initial_z.begin(), element.initial_z.end());
+  if (element.warm_start != nullptr) marble::to_message(*element.warm_start, solve->mutable_warm_start());
+  if (element.sensitivity != nullptr) marble::to_message(*element.sensitivity, solve->mutable_sensitivity());
+  return client::check_size(*message);
+}
+
+// Until the server has heard enough, which its status then says why.
+Expected<void> write(Writer& writer, const ArraySource& source, const ArrayControls& controls) {
+  v1::SubmitArrayRequest request;
+  if (auto filled = fill(controls, request.mutable_setup()); !filled) return filled;
+  std::int64_t elements = 0;
+  while (writer.Write(request)) {
+    if (request.has_end()) break;
+    const std::optional<ArrayElement> element = source();
+    if (controls.stop.stop_requested()) break;  // by the source itself, too: then nothing of it is kept
+    request.Clear();
+    if (!element) {
+      request.mutable_end()->set_elements(elements);
+      continue;
+    }
+    if (auto filled = fill(*element, request.mutable_element()); !filled)
+      return unexpected(inside("elements[" + std::to_string(elements) + "]", filled.error()));
+    ++elements;
+  }
+  writer.WritesDone();
+  return {};
+}
+
+Expected<const client::Connection*> one_server(const client::Connection* connection) {
+  if (connection == nullptr) return unexpected(client::no_server());
+  if (!connection->several()) return connection;
+  return unexpected(invalid("address", "\"" + connection->address() + "\"",
+                            "must be of one server: jobs stay with the one that took them"));
+}
+
+ArrayAnswer answer_of(const v1::ArrayResultsResponse& response) {
+  ArrayAnswer answer{response.index(), response.sequence(), unexpected(Error{})};
+  if (response.has_result()) {
+    answer.answer = client::remote_solution(response.result());
+  } else {
+    answer.answer = unexpected(client::to_error(response.error()));
+  }
+  return answer;
+}
+
+}  // namespace
+
+Expected<SubmittedArray> Jobs::submit_array(const ArraySource& source, const ArrayControls& controls) const
+    try {
+  const auto connection = one_server(connection_.get());
+  if (!connection) return unexpected(connection.error());
+  grpc::ClientContext context;
+  (*connection)->prepare(context, (*connection)->deadline_of(controls.deadline));
+  const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
+  v1::SubmitArrayResponse response;
+  const auto writer = (*connection)->jobs().SubmitArray(&context, &response);
+  const auto written = write(*writer, source, controls);
+  if (!written) context.TryCancel();
+  const grpc::Status status = writer->Finish();
+  if (!written) return unexpected(written.error());
+  if (!status.ok()) return unexpected(client::to_error(status, controls.stop));
+  return SubmittedArray{response.job_id(), response.elements()};
+} catch (const std::bad_alloc&) {
+  return unexpected(out_of_memory());
+}
+
+// A connection that is lost is made again as long as each brings something.
+Expected<void> Jobs::array(const std::string& job_id, const ArraySink& sink,
+                           const ArrayReading& reading) const try {
+  const auto connection = one_server(connection_.get());
+  if (!connection) return unexpected(connection.error());
+  std::int64_t after = reading.after;
+  while (true) {
+    grpc::ClientContext context;
+    (*connection)->prepare(context);
+    const std::stop_callback cancel_on_stop(reading.stop, [&context] { context.TryCancel(); });
+    v1::ArrayResultsRequest request;
+    request.set_job_id(job_id);
+    request.set_after(after);
+    const auto reader = (*connection)->jobs().ArrayResults(&context, request);
+    v1::ArrayResultsResponse response;
+    while (reader->Read(&response)) {
+      after = response.sequence();
+      sink(answer_of(response));
+    }
+    const grpc::Status status = reader->Finish();
+    if (status.ok()) return {};
+    if (status.error_code() != grpc::StatusCode::UNAVAILABLE || after == request.after())
+      return unexpected(client::to_error(status, reading.stop));
+  }
+} catch (const std::bad_alloc&) {
+  return unexpected(out_of_memory());
+}
+
+}  // namespace marble

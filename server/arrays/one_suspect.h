@@ -1,0 +1,45 @@
+// Of the jobs and elements of arrays that ran when a server was killed one runs at a time, so that the next
+// kill is the fault of one of them at most.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "mutex.h"
+#include "queue/scheduler.h"
+
+namespace marble::server {
+
+/// Thread-safe.
+class OneSuspect {
+ public:
+  /// Whether none runs; then this one does until leave(). Else `waiter` is told once when it is worth asking
+  /// again.
+  [[nodiscard]] bool enter(std::weak_ptr<RoomWaiter> waiter) ABSL_LOCKS_EXCLUDED(mutex_) {
+    const MutexLock lock(mutex_);
+    if (!runs_) return runs_ = true;
+    const auto same = [&](const auto& one) { return !one.owner_before(waiter) && !waiter.owner_before(one); };
+    if (std::ranges::none_of(waiters_, same)) waiters_.push_back(std::move(waiter));
+    return false;
+  }
+  void leave() ABSL_LOCKS_EXCLUDED(mutex_) {
+    std::vector<std::weak_ptr<RoomWaiter>> waiters;
+    {
+      const MutexLock lock(mutex_);
+      runs_ = false;
+      waiters.swap(waiters_);
+    }
+    for (const auto& weak : waiters) {
+      if (const auto waiter = weak.lock()) waiter->room();
+    }
+  }
+
+ private:
+  Mutex mutex_;
+  bool runs_ ABSL_GUARDED_BY(mutex_) = false;
+  std::vector<std::weak_ptr<RoomWaiter>> waiters_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace marble::server

@@ -1,0 +1,51 @@
+// Takes an array in: its elements one by one, as fast as they are kept.
+#pragma once
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/server_callback.h>
+
+#include <optional>
+
+#include "arrays/array_draft.h"
+#include "service/stream_pump.h"
+
+namespace marble::server {
+
+/// Owns itself until gRPC is done with it; what is on its way to the store owns it too. Served as a stream
+/// both ways, which is the same on the wire.
+class SubmitArrayCall final
+    : public StreamPump<SubmitArrayCall, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
+                        v1::SubmitArrayResponse>,
+      public Pulsed {
+ public:
+  static grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* begin(
+      const ServiceParts& parts, grpc::CallbackServerContext& context);
+
+  void OnReadDone(bool ok) override { read_done(ok); }
+  // From the pulse: drain.
+  void pulse(Clock::time_point now) override ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  explicit SubmitArrayCall(const ServiceParts& parts) : token_(parts.calls), parts_(parts) {}
+  [[nodiscard]] Expected<void> take(grpc::ByteBuffer* message) ABSL_LOCKS_EXCLUDED(mutex_);
+  [[nodiscard]] Expected<void> set_up(v1::ArraySetup setup) ABSL_LOCKS_EXCLUDED(mutex_);
+  void seal(const std::shared_ptr<ArrayDraft>& draft, std::int64_t elements) ABSL_LOCKS_EXCLUDED(mutex_);
+  void refuse(const Error& error) ABSL_LOCKS_EXCLUDED(mutex_);
+  // The pump's.
+  [[nodiscard]] bool may_read() const override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] bool next_event(v1::SubmitArrayResponse* event) override
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  [[nodiscard]] std::optional<grpc::Status> ending() override ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void received(grpc::ByteBuffer* message) override ABSL_LOCKS_EXCLUDED(mutex_);
+
+  const LiveCalls::Token token_;
+  const ServiceParts& parts_;
+  Caller caller_;
+  std::shared_ptr<ArrayDraft> draft_ ABSL_GUARDED_BY(mutex_);
+  bool sealing_ ABSL_GUARDED_BY(mutex_) = false;  // the end has come
+  std::optional<v1::SubmitArrayResponse> answer_ ABSL_GUARDED_BY(mutex_);
+  bool answered_ ABSL_GUARDED_BY(mutex_) = false;
+  std::optional<Error> refused_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace marble::server
