@@ -12,6 +12,7 @@ namespace marble {
 // The branch of a feasible start, before anything else: whatever ends the run, there is an answer then.
 void Strategy::solve_start(Run& run, ConstVectorRef z) {
   if (problem_.pairs() == 0 || !options_.polish || options_.path != Path::fast) return;
+  const bool ended = run.interrupted().has_value();
   const Run::Searching searching(run);
   const Run::Polishing polishing(run);
   BranchPoint& point = branch_.point;
@@ -26,6 +27,8 @@ void Strategy::solve_start(Run& run, ConstVectorRef z) {
   start_->violations = at_start;
   start_->origin = "start";
   incumbent_.clear();
+  start_is_exact_ = false;
+  if (ended) return;
   if (incumbent_.solve_branch(run, "start", tuning::engine_budget) != Incumbent::Outcome::kept) {
     QuadraticEngine engine(problem_, kkt_);
     engine.start(start_->x.z(), start_->set);

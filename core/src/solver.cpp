@@ -300,7 +300,7 @@ void Solver::shift_tree(const Shift& by) { state_->strategy.shift_tree(by); }
 std::int64_t Solver::memory_bytes() const { return state_->memory_bytes; }
 
 Expected<Solution> Solver::solve(const SolveControls& controls) {
-  return solve(controls, false, !controls.initial_z.empty());
+  return solve(controls, false, !controls.initial_z.empty() && controls.warm_start == nullptr);
 }
 
 Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bool keeps_start) {

@@ -245,8 +245,8 @@ void Scheduler::run_here(const std::shared_ptr<Job>& job) {
     const std::stop_callback forward(job->stop.get_token(), [&stop] { stop.request_stop(); });
     outcome.solution = solve(*job, *this, &limit, stop.get_token());
   }
-  const bool is_cut = limit.is_reached() && outcome.solution && outcome.solution->status == Status::cancelled;
-  if (is_cut && !job->stop.stop_requested()) {
+  // Also where it is solved: a search after that may have been cut.
+  if (limit.is_reached() && !job->stop.stop_requested()) {
     {
       const MutexLock lock(mutex_);
       begun_here_.push_back(job);

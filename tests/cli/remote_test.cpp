@@ -28,18 +28,29 @@ TEST_F(Cli, TalksToAServerOverTcpAndUnixSocketAndByEnvironment) {
   EXPECT_EQ(info.lines().at(0)["solved"], 3);
 }
 
+// Without the lines that say what a solve is doing where a busy machine keeps it from an iteration for long.
+std::string table_of(const std::string& err) {
+  std::istringstream lines(err);
+  std::string table;
+  for (std::string line; std::getline(lines, line);) {
+    const bool is_activity = line.starts_with("  ") && line.size() > 2 && std::isalpha(line[2]) != 0;
+    if (!is_activity) table += line + "\n";
+  }
+  return table;
+}
+
 TEST_F(Cli, RemoteTableHasEveryIteration) {
   ServerProcess server(MARBLE_SERVER_BINARY);
   const std::string rocket = quoted(file("rocket.json", run("example rocket").out));
   const Result local = run("solve --local " + rocket);
   const Result remote = run("solve --server " + server.address() + " " + rocket);
-  EXPECT_EQ(local.err, remote.err);
+  EXPECT_EQ(table_of(local.err), table_of(remote.err));
 }
 
 // Everything but times and the job's id.
 Json lasting(Json line) {
   for (const char* key : {"solve_seconds", "setup_seconds", "factorization_seconds", "line_search_seconds",
-                          "polish_seconds", "queue_seconds", "job_id"})
+                          "polish_seconds", "tree_seconds", "queue_seconds", "job_id"})
     line.erase(key);
   return line;
 }

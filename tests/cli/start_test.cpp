@@ -23,7 +23,7 @@ class Start : public Cli {
   // An answer without its times.
   static Json untimed(const Result& result) {
     Json answer = result.lines().at(0);
-    for (const char* part : {"solve", "setup", "factorization", "line_search", "polish"})
+    for (const char* part : {"solve", "setup", "factorization", "line_search", "polish", "tree"})
       answer.erase(std::string(part) + "_seconds");
     return answer;
   }

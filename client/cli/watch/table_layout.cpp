@@ -74,7 +74,9 @@ std::string priority_text(Priority priority, int width) {
 std::string state_text(const JobInfo& job) {
   if (job.state == JobState::queued) return "queued " + std::to_string(job.queue_position);
   if (job.state == JobState::finished) return ending(job);
-  return job.activity ? describe(*job.activity) : to_string(job.state);
+  const std::string state = to_string(job.state);
+  if (!job.activity || job.activity->total == 0) return state;
+  return state + " " + std::to_string(job.activity->done) + "/" + std::to_string(job.activity->total);
 }
 
 // Of a tree, in the nine columns of a violation.

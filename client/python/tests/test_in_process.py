@@ -140,7 +140,7 @@ def test_what_a_solve_is_doing_is_told_where_no_iteration_ends(here):
     handle = here.solve_async(Hopper().problem(), options={"starts": 500}, progress=shown)
     assert wait_until(lambda: any(text.startswith("further starts: ") for text in shown.words))
     handle.stop()
-    assert handle.result(60).status is marble.Status.CANCELLED
+    assert handle.result(60).solved  # the best of the starts so far
 
 
 def test_other_threads_run_while_one_solves(here):

@@ -79,8 +79,9 @@ enum class Phase {
 /// "setup", "path", "local_search", "starts", "tree", "feasibility", "scenarios", "coupled".
 [[nodiscard]] const char* to_string(Phase phase);
 
+/// What a solve is doing at the moment.
 struct Activity {
-  Phase phase = Phase::setup;
+  Phase phase = Phase::setup;  ///< the part that is under way
   /// Parts of the phase that are done: starts, nodes bounded, scenarios of the level before, iterations of a
   /// coupled solve; 0 in the others.
   std::int64_t done = 0;
@@ -99,6 +100,7 @@ struct Activity {
 /// round of nodes, and changes no bit of its answer.
 class ActivityMonitor {
  public:
+  /// As it is now.
   [[nodiscard]] Activity read() const;
   /// Grows with every change.
   [[nodiscard]] std::int64_t changes() const { return changes_.load(std::memory_order_acquire); }
@@ -107,11 +109,13 @@ class ActivityMonitor {
   void begin();
   /// Phases may lie within each other; the outermost one is shown.
   void enter(Phase phase, std::int64_t total);
+  /// The end of the phase that was entered last.
   void leave();
   /// Counts only while that phase is shown.
   void set_done(Phase phase, std::int64_t done, std::int64_t total);
   /// Of a feasible point; the least one is shown.
   void add_incumbent(double objective);
+  /// Of a tree.
   void set_gap(double gap);
   /// All of it, as another process tells it.
   void set(const Activity& activity);
@@ -128,6 +132,7 @@ class ActivityMonitor {
 /// A phase, while it lives; without a monitor nothing.
 class PhaseScope {
  public:
+  /// The monitor may be null; `total` parts, 0 where nobody knows.
   PhaseScope(ActivityMonitor* monitor, Phase phase, std::int64_t total = 0) : monitor_(monitor) {
     if (monitor_ != nullptr) monitor_->enter(phase, total);
   }

@@ -74,6 +74,7 @@ struct Times {
   double polish_s = 0.0;  ///< exact solutions and the search for better branches, but for factorizations
   double tree_s = 0.0;    ///< branch and bound over the pairs with the searches in it, likewise
 
+  /// Part by part.
   Times& operator+=(const Times& other) {
     setup_s += other.setup_s;
     factorization_s += other.factorization_s;

@@ -25,6 +25,7 @@ struct Keepalive {
     return {std::chrono::seconds(11), std::chrono::seconds(1)};
   }
 
+  /// Whether both times are the same.
   [[nodiscard]] bool operator==(const Keepalive&) const = default;
 };
 
@@ -50,7 +51,7 @@ struct ConnectOptions {
   /// For solves, submissions and waits for a result that have no deadline of their own, from the call on;
   /// none: they may take for ever. Sessions, batches and watches have none.
   std::optional<std::chrono::duration<double>> deadline = {};
-  Keepalive keepalive = {};
+  Keepalive keepalive = {};  ///< how soon a silent server is noticed
   /// A connection of its own. Else clients of one process with the same server and settings share one, on
   /// which each call waits for its turn to be written.
   bool own_connection = false;

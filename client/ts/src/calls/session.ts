@@ -174,7 +174,8 @@ export class Session implements AsyncDisposable {
   // As long as there is a server, it tells that the deadline has passed.
   private timed(waiting: Waiting, deadlineMs: number | undefined): Waiting {
     if (deadlineMs === undefined || deadlineMs > longestTimerMs) return waiting;
-    const timer = setTimeout(() => this.lostCause && this.giveUpLate(this.lostCause), Math.ceil(deadlineMs));
+    // A millisecond more: a timer may fire a little early, and there is no second one.
+    const timer = setTimeout(() => this.lostCause && this.giveUpLate(this.lostCause), Math.ceil(deadlineMs) + 1);
     const before =
       <Told>(tell: (told: Told) => void) =>
       (told: Told): void => {

@@ -12,7 +12,6 @@ from typing import Any, TextIO
 from marble.errors import InvalidArgument
 from marble.model.solution import Progress
 
-
 _EVERY_S = 0.1
 
 

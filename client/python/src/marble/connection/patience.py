@@ -10,8 +10,8 @@ from typing import Final
 from marble.base.checks import is_number
 from marble.errors import Cancelled, DeadlineExceeded, Error, InvalidArgument, Refused, Unavailable
 
-# Calls that change nothing on a server may be made again, and Jobs.Submit and SubmitArray, whose request ids make two of
-# them one job. Watches are made again as long as nothing was told of them.
+# Calls that change nothing on a server may be made again, and Jobs.Submit and SubmitArray, whose request ids make two
+# of them one job. Watches are made again as long as nothing was told of them.
 REPEATABLE: Final = frozenset({
     "Solver/Solve", "Solver/SolveStream", "Solver/SolveScenarios", "Solver/SolveCoupled",
     "Jobs/Submit", "Jobs/SubmitArray", "Jobs/Result", "Jobs/ArrayResults", "Jobs/List", "Jobs/Get", "Jobs/Watch",

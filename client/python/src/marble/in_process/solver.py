@@ -62,11 +62,11 @@ def showing(stop: Any, tell: Any) -> Iterator[None]:
         return
     over = threading.Event()
 
-    def watch() -> None:
+    def watch(shows: Callable[[str], object]) -> None:
         while not over.wait(SHOWN_EVERY_S):
-            show(stop.activity())
+            shows(stop.activity())
 
-    watcher = threading.Thread(target=watch, name="marble-activity", daemon=True)
+    watcher = threading.Thread(target=watch, args=(show,), name="marble-activity", daemon=True)
     watcher.start()
     try:
         yield
