@@ -36,7 +36,7 @@ void Strategy::solve_start(Run& run, ConstVectorRef z) {
   }
   start_is_exact_ = incumbent_.exists() && incumbent_.best().objective <= start_->objective;
   if (start_is_exact_) *start_ = incumbent_.best();
-  if (run.activity() != nullptr) run.activity()->add_incumbent(problem_.user_objective(start_->objective));
+  run.add_incumbent(problem_.user_objective(start_->objective));
 }
 
 // A start's branch that is lower than what was found is searched around, and answered with.

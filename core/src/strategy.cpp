@@ -236,8 +236,7 @@ bool Strategy::path_is_lower(bool feasible, double objective) const {
 }
 
 void Strategy::show_incumbent(const Run& run) const {
-  if (run.activity() != nullptr && incumbent_.exists())
-    run.activity()->add_incumbent(problem_.user_objective(incumbent_.best().objective));
+  if (incumbent_.exists()) run.add_incumbent(problem_.user_objective(incumbent_.best().objective));
 }
 
 // Text is made only at the end: what ends an engine need not end the run.

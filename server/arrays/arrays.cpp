@@ -126,16 +126,9 @@ Expected<bool> Arrays::read_elements(const std::string& id, std::int64_t element
 
 // It ends with this error. What cannot be read of it is not shown.
 void Arrays::take_up_broken(const StoredJob& stored, const Error& error) {
-  ArrayStart start{.record = parts_.board.make({.id = stored.id,
-                                                .kind = JobKind::array,
-                                                .priority = priority_of(stored.priority),
-                                                .client = stored.client,
-                                                .request_id = stored.request_id,
-                                                .peer = stored.peer,
-                                                .accepted = time_of(stored.accepted_unix_s)},
-                                               Options()),
-                   .open = {{0, 0}},
-                   .end = error};
+  JobDescription what = description_of(stored, {});
+  what.kind = JobKind::array;
+  ArrayStart start{.record = parts_.board.make(std::move(what), Options()), .open = {{0, 0}}, .end = error};
   run(std::move(start));
 }
 

@@ -103,7 +103,7 @@ Expected<QueuePlace> Scheduler::admit(const std::shared_ptr<Job>& job,
 }
 
 Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
-                                        const std::weak_ptr<RoomWaiter>& waiter) {
+                                        const std::weak_ptr<RoomWaiter>& waiter, bool* here) {
   const MutexLock lock(mutex_);
   if (closed_ && !(job->ticket.reserved && !hurried_)) {
     return unexpected(draining());
@@ -141,6 +141,7 @@ Expected<QueuePlace> Scheduler::enqueue(const std::shared_ptr<Job>& job,
   }
   job->record->queued();
   if (job->observer->wants_place()) place_listeners_.push_back({job, job->observer});
+  if (here != nullptr) *here = begin_here(job);
   return place;
 }
 

@@ -176,8 +176,9 @@ class Scheduler final : public Pulsed, public TaskRunner {
  private:
   void release(const std::string& client, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
   void leave(const std::string& client, std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
+  // With `here` it says whether the job has begun in the place of an idle worker.
   [[nodiscard]] Expected<QueuePlace> enqueue(const std::shared_ptr<Job>& job,
-                                             const std::weak_ptr<RoomWaiter>& waiter)
+                                             const std::weak_ptr<RoomWaiter>& waiter, bool* here = nullptr)
       ABSL_LOCKS_EXCLUDED(mutex_);
   void work() ABSL_LOCKS_EXCLUDED(mutex_);
   // Tasks of a running job; on its worker's stack, and in shared_tasks_ while there are some to begin.
@@ -195,7 +196,7 @@ class Scheduler final : public Pulsed, public TaskRunner {
   [[nodiscard]] Next next() ABSL_LOCKS_EXCLUDED(mutex_);
   class SteppingAside;
   class HereLimit;
-  // Whether the job, which was queued a moment ago, has begun in the place of an idle worker.
+  // The job, which was queued just now, in the place of an idle worker; false if it has to wait for one.
   [[nodiscard]] bool begin_here(const std::shared_ptr<Job>& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void run_here(const std::shared_ptr<Job>& job) ABSL_LOCKS_EXCLUDED(mutex_);
   // On whichever thread works for a job of lower priority: runs the next one above it, if there is one that

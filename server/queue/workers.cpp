@@ -205,12 +205,9 @@ void Scheduler::run_job(const std::shared_ptr<Job>& job, bool on_top) {
 }
 
 Expected<QueuePlace> Scheduler::admit_here(const std::shared_ptr<Job>& job) {
-  Expected<QueuePlace> place = enqueue(job, {});
+  bool here = false;
+  Expected<QueuePlace> place = enqueue(job, {}, &here);
   if (!place) return place;
-  const bool here = [&] {
-    const MutexLock lock(mutex_);
-    return begin_here(job);
-  }();
   if (here) {
     run_here(job);
   } else {
@@ -224,15 +221,12 @@ bool Scheduler::begin_here(const std::shared_ptr<Job>& job) {
   const bool is_short = longest_s > 0.0 && longest_s < 0.5 * seconds(kMostHere);
   const bool has_time = Clock::now() + kMostHere < job->ticket.deadline;
   if (!is_short || !has_time || idle_ <= here_ || queue_.waiting() != 1) return false;
-  const std::shared_ptr<Job> popped = queue_.pop(Clock::now());
-  if (popped == nullptr) return false;  // at its quota, or taken already
+  if (queue_.pop(Clock::now()) == nullptr) return false;  // its client is at its quota
   look_at_waiting();
-  popped->begun = Clock::now();
-  running_.push_back(popped);
+  job->begun = Clock::now();
+  running_.push_back(job);
   ++here_;
-  if (popped == job) return true;
-  begun_here_.push_back(popped);  // somebody else's that came in between: its worker is on its way
-  return false;
+  return true;
 }
 
 void Scheduler::run_here(const std::shared_ptr<Job>& job) {

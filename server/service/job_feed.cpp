@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "jobs/progress_slot.h"
 #include "marble/convert.h"
 #include "messages/job_access.h"
 #include "messages/job_message.h"
@@ -11,7 +12,6 @@ namespace marble::server {
 namespace {
 
 constexpr int kMostEvents = 256;  // in one message
-constexpr double kQuietS = 0.4;   // for so long the one job that is watched may run without a word
 
 double seconds_since(Clock::time_point then, Clock::time_point now) {
   return std::chrono::duration<double>(now - then).count();
@@ -51,7 +51,7 @@ bool JobFeed::next_of_one(v1::WatchJobsResponse* response) {
   const Clock::time_point now = Clock::now();
   const std::int64_t changes = one_->changes();  // before the rest: what comes later is told later
   const bool finished = one_->is_finished();
-  const bool quiet = seconds_since(told_.at, now) >= kQuietS && one_->is_running();
+  const bool quiet = now - told_.at >= ProgressSlot::kQuiet && one_->is_running();
   if (changes == told_.changes && !finished && !quiet) return false;
   const bool first = told_.changes < 0;
   const std::int64_t version = one_->snapshot().version;

@@ -205,14 +205,7 @@ Expected<std::shared_ptr<Job>> Recovery::checked(const StoredJob& stored) {
 
 // Its answer is this error.
 void Recovery::end(const StoredJob& stored, const Error& error) const {
-  const auto record = parts_.board.make({.id = stored.id,
-                                         .kind = JobKind::submitted,
-                                         .priority = priority_of(stored.priority),
-                                         .client = stored.client,
-                                         .request_id = stored.request_id,
-                                         .peer = stored.peer,
-                                         .accepted = time_of(stored.accepted_unix_s)},
-                                        Options());
+  const auto record = parts_.board.make(description_of(stored, {}), Options());
   parts_.board.add(record);
   end(record, error);
 }

@@ -3,7 +3,10 @@
 
 #include <httplib.h>
 
+#include <cstdlib>
+#include <memory>
 #include <set>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -59,6 +62,19 @@ class Node : public JobsClient {
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::Solver::Stub> solver_;
 };
+
+/// A server that passes `fault` with MARBLE_FAULT_POINT; null if it ended before it answered.
+[[nodiscard]] inline std::unique_ptr<Node> faulty_node(const std::vector<std::string>& flags,
+                                                       const std::string& fault) {
+  setenv("MARBLE_FAULT_POINT", fault.c_str(), 1);
+  std::unique_ptr<Node> node;
+  try {
+    node = std::make_unique<Node>(flags);
+  } catch (const std::runtime_error&) {  // a worker may be faster than the listener
+  }
+  unsetenv("MARBLE_FAULT_POINT");
+  return node;
+}
 
 inline v1::SolveRequest numbered(int number, const std::string& prefix = "r") {
   v1::SolveRequest request = example_request();

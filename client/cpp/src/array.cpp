@@ -1,7 +1,6 @@
 #include <new>
 
 #include "connection/connection.h"
-#include "in_process/in_process.h"
 #include "marble/batch.h"
 #include "marble/convert.h"
 #include "marble/jobs.h"
@@ -9,6 +8,7 @@
 #include "message/request.h"
 #include "message/request_id.h"
 #include "message/status.h"
+#include "remote/one_server.h"
 #include "text/message_text.h"
 
 namespace marble {
@@ -65,13 +65,6 @@ Expected<void> write(Writer& writer, const ArraySource& source, const ArrayContr
   return {};
 }
 
-Expected<const client::Connection*> one_server(const client::Connection* connection) {
-  if (connection == nullptr) return unexpected(client::no_server());
-  if (!connection->several()) return connection;
-  return unexpected(invalid("address", "\"" + connection->address() + "\"",
-                            "must be of one server: jobs stay with the one that took them"));
-}
-
 ArrayAnswer answer_of(const v1::ArrayResultsResponse& response) {
   ArrayAnswer answer{response.index(), response.sequence(), unexpected(Error{})};
   if (response.has_result()) {
@@ -86,13 +79,12 @@ ArrayAnswer answer_of(const v1::ArrayResultsResponse& response) {
 
 Expected<SubmittedArray> Jobs::submit_array(const ArraySource& source, const ArrayControls& controls) const
     try {
-  const auto connection = one_server(connection_.get());
-  if (!connection) return unexpected(connection.error());
+  if (auto one = client::one_server(connection_.get()); !one) return unexpected(one.error());
   grpc::ClientContext context;
-  (*connection)->prepare(context, (*connection)->deadline_of(controls.deadline));
+  connection_->prepare(context, connection_->deadline_of(controls.deadline));
   const std::stop_callback cancel_on_stop(controls.stop, [&context] { context.TryCancel(); });
   v1::SubmitArrayResponse response;
-  const auto writer = (*connection)->jobs().SubmitArray(&context, &response);
+  const auto writer = connection_->jobs().SubmitArray(&context, &response);
   const auto written = write(*writer, source, controls);
   if (!written) context.TryCancel();
   const grpc::Status status = writer->Finish();
@@ -106,17 +98,16 @@ Expected<SubmittedArray> Jobs::submit_array(const ArraySource& source, const Arr
 // A connection that is lost is made again as long as each brings something.
 Expected<void> Jobs::array(const std::string& job_id, const ArraySink& sink,
                            const ArrayReading& reading) const try {
-  const auto connection = one_server(connection_.get());
-  if (!connection) return unexpected(connection.error());
+  if (auto one = client::one_server(connection_.get()); !one) return unexpected(one.error());
   std::int64_t after = reading.after;
   while (true) {
     grpc::ClientContext context;
-    (*connection)->prepare(context);
+    connection_->prepare(context);
     const std::stop_callback cancel_on_stop(reading.stop, [&context] { context.TryCancel(); });
     v1::ArrayResultsRequest request;
     request.set_job_id(job_id);
     request.set_after(after);
-    const auto reader = (*connection)->jobs().ArrayResults(&context, request);
+    const auto reader = connection_->jobs().ArrayResults(&context, request);
     v1::ArrayResultsResponse response;
     while (reader->Read(&response)) {
       after = response.sequence();

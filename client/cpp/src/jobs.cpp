@@ -12,22 +12,13 @@
 #include "message/request_id.h"
 #include "message/status.h"
 #include "remote/coupled_request.h"
+#include "remote/one_server.h"
 #include "remote/scenario_request.h"
 
 namespace marble {
 namespace {
 
-// A job stays with the server that took it: in turns, all but one would say that they never heard of it.
-Expected<void> one_server(const client::Connection* connection) {
-  if (connection == nullptr) return unexpected(client::no_server());
-  if (!connection->several()) return {};
-  return unexpected(invalid("address", "\"" + connection->address() + "\"",
-                            "must be of one server: jobs stay with the one that took them"));
-}
-
-}  // namespace
-
-namespace {
+using client::one_server;
 
 Expected<SubmittedJob> send(const client::Connection& connection, v1::SolveRequest request,
                             const std::stop_token& stop, const CallControls& call) {

@@ -90,6 +90,10 @@ class Run {
 
   [[nodiscard]] ProgressSink* sink() const { return silent_ ? nullptr : controls_.progress; }
   [[nodiscard]] ActivityMonitor* activity() const { return silent_ ? nullptr : controls_.activity; }
+  /// Of a feasible point, user units.
+  void add_incumbent(double objective) const {
+    if (activity() != nullptr) activity()->add_incumbent(objective);
+  }
   void set_done(Phase phase, std::int64_t done, std::int64_t total = 0) const {
     if (activity() != nullptr) activity()->set_done(phase, done, total);
   }

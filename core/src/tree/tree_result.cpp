@@ -88,10 +88,8 @@ TreeResult Tree::stopped(Run& run) const {
 void Tree::report(Run& run) {
   told_bound_ = std::max(told_bound_, bound());
   run.set_done(Phase::tree, nodes_);
-  if (ActivityMonitor* const activity = run.activity()) {
-    activity->set_gap(gap(told_bound_));
-    if (incumbent_.exists()) activity->add_incumbent(problem_.user_objective(incumbent_.best().objective));
-  }
+  if (run.activity() != nullptr) run.activity()->set_gap(gap(told_bound_));
+  if (incumbent_.exists()) run.add_incumbent(problem_.user_objective(incumbent_.best().objective));
   if (run.sink() == nullptr) return;
   Progress row;
   row.step_length = 1.0;

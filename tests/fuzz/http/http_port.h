@@ -39,6 +39,7 @@ struct HttpPort : SmallParts {
     server::http::add_health_routes(router_, all, {});
     server::http::add_metrics_route(router_, all);
     server::http::add_page_routes(router_);
+    server::http::add_recent_routes(router_, all, server::http::begin_history(all));
     events_.stop();
   }
 

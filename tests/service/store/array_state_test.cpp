@@ -21,18 +21,6 @@ class ArrayState : public ::testing::Test {
     more.insert(more.end(), {"--state-dir", directory_.file("state")});
     return more;
   }
-  /// A server that passes `fault` with MARBLE_FAULT_POINT; null if it ended before it answered.
-  [[nodiscard]] static std::unique_ptr<Node> faulty(const std::vector<std::string>& flags,
-                                                    const std::string& fault) {
-    setenv("MARBLE_FAULT_POINT", fault.c_str(), 1);
-    std::unique_ptr<Node> node;
-    try {
-      node = std::make_unique<Node>(flags);
-    } catch (const std::runtime_error&) {  // a worker may be faster than the listener
-    }
-    unsetenv("MARBLE_FAULT_POINT");
-    return node;
-  }
   static bool eventually_finished(Node& node, const std::string& id) {
     return eventually([&] { return node.job(id).state() == v1::JOB_STATE_FINISHED; });
   }
@@ -128,7 +116,7 @@ TEST_F(ArrayState, EachElementIsAnsweredOnceWheneverTheServerIsKilled) {
     node = nullptr;
     const std::string moments[] = {"before_commit", "after_commit", "before_answer", "none"};
     while (node == nullptr)
-      node = faulty(with, moments[random() % 4] + ":" + std::to_string(3 + random() % 40));
+      node = faulty_node(with, moments[random() % 4] + ":" + std::to_string(3 + random() % 40));
   }
   expect_numbered(received, kElements);
 }
@@ -184,7 +172,7 @@ TEST_F(ArrayState, AnElementThatStopsItsServerIsSetAsideAndTheOthersGoOn) {
   constexpr int kElements = 12;
   const std::vector<std::string> with = flags({"--workers", "2"});
   const std::string fault = "job=fatal.5";
-  auto node = faulty(with, fault);
+  auto node = faulty_node(with, fault);
   ASSERT_NE(node, nullptr);
   v1::ArraySetup setup;
   setup.set_request_id("fatal");
@@ -194,7 +182,7 @@ TEST_F(ArrayState, AnElementThatStopsItsServerIsSetAsideAndTheOthersGoOn) {
     if (node != nullptr) {
       ASSERT_TRUE(eventually_dead(*node)) << node->server().log();
     }
-    node = faulty(with, fault);
+    node = faulty_node(with, fault);
   }
   ASSERT_NE(node, nullptr);
   id = submit_array(node->jobs(), elements_of(kElements), setup);
@@ -216,7 +204,7 @@ TEST_F(ArrayState, AnElementThatStopsItsServerIsSetAsideAndTheOthersGoOn) {
 }
 
 TEST_F(ArrayState, AnExceptionInAnElementIsItsErrorAlone) {
-  const auto node = faulty(flags(), "job!odd.1");
+  const auto node = faulty_node(flags(), "job!odd.1");
   ASSERT_NE(node, nullptr);
   v1::ArraySetup setup;
   setup.set_request_id("odd");

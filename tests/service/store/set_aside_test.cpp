@@ -23,17 +23,9 @@ v1::SolveRequest fatal_request() {
 
 class SetAside : public ::testing::Test {
  protected:
-  /// A server that passes `fault` with MARBLE_FAULT_POINT; null if it ended before it answered.
   [[nodiscard]] static std::unique_ptr<Node> start(const std::vector<std::string>& flags,
                                                    const std::string& fault = std::string("job=") + kFatal) {
-    setenv("MARBLE_FAULT_POINT", fault.c_str(), 1);
-    std::unique_ptr<Node> node;
-    try {
-      node = std::make_unique<Node>(flags);
-    } catch (const std::runtime_error&) {  // a worker may be faster than the listener
-    }
-    unsetenv("MARBLE_FAULT_POINT");
-    return node;
+    return faulty_node(flags, fault);
   }
   static void expect_death(const std::unique_ptr<Node>& node) {
     if (node == nullptr) return;

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from marble import errors
+from marble.calls.batch import Answered
 from marble.calls.changes import changes_of, update_encoder
 from marble.errors import InvalidArgument
 from marble.message import answers, requests, wire
@@ -34,7 +35,7 @@ class ArrayItem:
 
 
 @dataclass(frozen=True, eq=False)
-class ArrayAnswer:
+class ArrayAnswer(Answered):
     """The answer to one element.
 
     index: its position in the array, from 0. sequence: that of its answer, from 1; it stays. solution: the answer, or
@@ -45,12 +46,6 @@ class ArrayAnswer:
     sequence: int
     solution: Solution | None
     error: errors.Error | None
-
-    def result(self) -> Solution:
-        """The solution; raises the error if there is none."""
-        if self.solution is None:
-            raise self.error or errors.ServerError("no answer")
-        return self.solution
 
 
 def _item(given: LCQP | Problem | Mapping[str, Any] | ArrayItem) -> ArrayItem:

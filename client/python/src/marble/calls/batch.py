@@ -44,8 +44,21 @@ class BatchItem:
     sensitivity: SensitivityRequest | None = None
 
 
+class Answered:
+    """One of many problems: its solution, or the error that says why there is none."""
+
+    solution: Solution | None
+    error: errors.Error | None
+
+    def result(self) -> Solution:
+        """The solution; raises the error if there is none."""
+        if self.solution is None:
+            raise self.error or errors.ServerError("no answer")
+        return self.solution
+
+
 @dataclass(frozen=True, eq=False)
-class BatchAnswer:
+class BatchAnswer(Answered):
     """The answer to one problem of many.
 
     index: its position in the batch, from 0. tag: the item's. solution: the answer, or None where error says why there
@@ -56,12 +69,6 @@ class BatchAnswer:
     tag: Any
     solution: Solution | None
     error: errors.Error | None
-
-    def result(self) -> Solution:
-        """The solution; raises the error if there is none."""
-        if self.solution is None:
-            raise self.error or errors.ServerError("no answer")
-        return self.solution
 
 
 Read = tuple[BatchItem, LCQP, bytes]  # with the message
