@@ -1,6 +1,7 @@
 #include "optimality.h"
 
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "proof/descent.h"
@@ -24,7 +25,12 @@ Optimality::Optimality(const ScaledProblem& problem, Kkt& kkt, const Options& op
 Optimality::Verdict Optimality::judge(Run& run) {
   Verdict verdict;
   for (int escapes = 0;; ++escapes) {
+    ray_.reset();
     verdict.b_stationary = decide_b_stationarity(run);
+    if (ray_) {
+      verdict.unbounded = std::exchange(ray_, {});
+      return verdict;
+    }
     const CriticalCurvature curvature = decide_second_order(run);
     verdict.second_order = curvature.kind;
     if (curvature.kind != SecondOrder::saddle || escapes == tuning::escapes || run.interrupted() ||
@@ -64,6 +70,7 @@ std::optional<bool> Optimality::decide_b_stationarity(Run& run) {
   for (int better = 0; better < tuning::escapes && !all; ++better) {
     const double before = incumbent_.best().objective;
     all = solves_its_branches(run, biactive);
+    if (ray_) return std::nullopt;
     if (incumbent_.best().objective >= before || run.interrupted()) break;
   }
   const bool strong = is_strong();  // it may be another one now
@@ -71,7 +78,7 @@ std::optional<bool> Optimality::decide_b_stationarity(Run& run) {
   return std::nullopt;
 }
 
-// Whether no branch that meets in the point has a better one; else goes there.
+// Whether no branch that meets in the point has a better one; else goes there, or finds that it is unbounded.
 bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive) {
   base_ = incumbent_.best().set;
   const double objective = incumbent_.best().objective;
@@ -85,6 +92,9 @@ bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive) 
     const Incumbent::Outcome outcome =
         incumbent_.solve_branch(run, "neighbouring branch", tuning::engine_budget);
     const Iterate& x = incumbent_.best().x;
+    if (outcome == Incumbent::Outcome::not_exact)
+      ray_ = prove_branch_unbounded(problem_, options_, branch_, run);
+    if (ray_) return false;
     if (incumbent_.best().objective < objective - tuning::exactness * (1.0 + std::abs(objective)))
       return false;
     // Where Q is not convex the solution of another branch may be a stationary point elsewhere.

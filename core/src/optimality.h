@@ -54,6 +54,7 @@ class Optimality {
   Incumbent& incumbent_;
   Convexity convexity_;
   WorkingSet base_, branch_;
+  std::optional<UnboundedRay> ray_;
   Images images_;
 };
 

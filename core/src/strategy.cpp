@@ -58,6 +58,11 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
   TreeResult found = tree_->search(run, local.x->z(), optimality_.known_convex(), room,
                                    [this](Run& own) { return start_for_tree(own); });
   Answer answer = std::move(local);
+  if (found.ray) {
+    answer = {unbounded_along(*std::exchange(found.ray, {})), &path_point_.x};
+    answer.tree = std::move(found);
+    return answer;
+  }
   // The path's point may be within the tolerances where no branch near has an exact solution.
   const bool path_stays = answer.x == &path_point_.x && answer.ending.status == Status::solved &&
                           found.end != TreeResult::End::none &&
@@ -75,6 +80,7 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
     answer.ending.status = Status::infeasible;
   }
   if (path_stays) found.answer_is(problem_.user_objective(path_point_.objective), options_);
+  if (found.proved && is_solved(answer.ending.status)) answer.b_stationary = true;
   answer.ending.detail = found.remark + "; " + answer.ending.detail;
   answer.tree = std::move(found);
   return answer;
@@ -239,6 +245,21 @@ void Strategy::show_incumbent(const Run& run) const {
   if (incumbent_.exists()) run.add_incumbent(problem_.user_objective(incumbent_.best().objective));
 }
 
+// Where a solution is not unique, in z or in its multipliers, the path may end anywhere: of one that is far
+// out the nearest to 0 is taken.
+void Strategy::bring_near(Run& run) {
+  const ExactSolution& best = incumbent_.best();
+  const double size = max_abs(best.x.all);
+  if (!(size > tuning::far_answer) || run.interrupted()) return;
+  const Run::Polishing polishing(run);
+  branch_.point.restore(Iterate(problem_), best.set);
+  ExactSolution near(problem_);
+  near.origin = best.origin;
+  if (!solve_exactly(problem_, options_, branch_.exact, run, tuning::far_answer_budget, near)) return;
+  const double noise = tuning::rounding * (1.0 + std::abs(best.objective));
+  if (near.objective <= best.objective + noise && max_abs(near.x.all) < 0.5 * size) incumbent_.replace(near);
+}
+
 // Text is made only at the end: what ends an engine need not end the run.
 Strategy::Answer Strategy::finish_exact(Run& run) {
   const Run::Searching searching(run);
@@ -265,6 +286,7 @@ bool Strategy::is_small(const Run& run) const {
 // come: more starts never end worse.
 Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   const Run::Searching searching(run);
+  bring_near(run);
   Answer answer = finish_exact(run);
   const bool small = small_too && is_small(run);
   if (!incumbent_.exists() || run.interrupted() || (!small && options_.starts == 1)) return answer;
@@ -272,11 +294,13 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   const bool known_convex = optimality_.convex(run);
   TreeResult tree;
   if (small) tree = search_small_tree(run, incumbent_.best().x.z(), known_convex);
+  if (tree.ray) return {unbounded_along(*std::move(tree.ray)), &path_point_.x};
   const bool convex = known_convex || tree.end != TreeResult::End::none;
   std::optional<Multistart> elsewhere;
   if (!convex) elsewhere.emplace(problem_, kkt_, branch_.point, incumbent_);
+  std::optional<UnboundedRay> ray;
   const auto settle = [&] {
-    static_cast<void>(optimality_.judge(run));
+    if (std::optional<UnboundedRay> found = optimality_.judge(run).unbounded) ray = std::move(found);
     show_incumbent(run);
   };
   const auto start_elsewhere = [&](int count, int last) {
@@ -295,8 +319,10 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   for (int start = 1; start < options_.starts && small && !convex && !run.interrupted(); ++start)
     start_small();
   if (!small && !convex) start_elsewhere(options_.starts - 1, std::numeric_limits<int>::max());
+  if (ray) return {unbounded_along(*std::move(ray)), &path_point_.x};
   if (incumbent_.best().objective < before) answer = finish_exact(run);
   if (small) answer.ending.detail += "; small_budget: " + (convex ? tree.remark : "starts elsewhere");
+  if (tree.proved) answer.b_stationary = true;
   answer.tree = std::move(tree);
   return answer;
 }
@@ -319,11 +345,21 @@ TreeResult Strategy::search_small_tree(Run& run, ConstVectorRef z, bool known_co
   TreeResult told;
   told.end = found.end;
   told.remark = found.remark;
+  told.ray = found.ray;
   if (!found.proved) return told;
   told.proved = true;
   told.bound = found.bound;
   told.gap = found.gap;
   return told;
+}
+
+// What no engine has solved its tree may, of a small problem.
+std::optional<Strategy::Answer> Strategy::find_by_small_tree(Run& run, TreeResult& tree) {
+  if (run.interrupted() || !is_small(run)) return std::nullopt;
+  tree = search_small_tree(run, path_point_.x.z(), optimality_.known_convex());
+  if (tree.ray) return Answer{unbounded_along(*std::exchange(tree.ray, {})), &path_point_.x};
+  if (!incumbent_.exists()) return std::nullopt;
+  return finish_cold(run, false);
 }
 
 // Where nothing exact was found: the path's point, unless a descent from it or a proof says more.
@@ -354,6 +390,10 @@ Strategy::Answer Strategy::finish_path(Run& run, ConstVectorRef initial_z, Endin
   }
   const double rounding =
       tuning::rounding * (1.0 + max_abs(path_point_.x.z().cwiseProduct(problem_.variable_scale)));
+  TreeResult tree;
+  if (failed || is_solved(status)) {
+    if (std::optional<Answer> found = find_by_small_tree(run, tree)) return *std::move(found);
+  }
   if (failed && options_.polish && !start_ && largest(path_point_.violations) > rounding)
     return ended({Status::locally_infeasible, "no feasible branch near; " + answer.ending.detail, {}});
   if (is_solved(status) && optimality_.known_convex()) answer.second_order = SecondOrder::minimum;
@@ -375,14 +415,12 @@ std::optional<Strategy::Answer> Strategy::find_feasible(Run& run, ConstVectorRef
   if (end == Feasibility::End::refuted) return ended(Status::infeasible, "");
   if (end == Feasibility::End::none) {
     if (const auto reason = run.interrupted()) return ended(*reason, "stopped early; ");
-    if (is_small(run)) {
-      const TreeResult tree = search_small_tree(run, path_point_.x.z(), optimality_.known_convex());
-      if (incumbent_.exists()) return finish_cold(run, false);
-      if (tree.end == TreeResult::End::infeasible) {
-        Answer answer = ended(Status::infeasible, "every branch of the pairs contradicts the constraints; ");
-        answer.tree = tree;
-        return answer;
-      }
+    TreeResult tree;
+    if (std::optional<Answer> found = find_by_small_tree(run, tree)) return found;
+    if (tree.end == TreeResult::End::infeasible) {
+      Answer answer = ended(Status::infeasible, "every branch of the pairs contradicts the constraints; ");
+      answer.tree = std::move(tree);
+      return answer;
     }
     return ended(Status::locally_infeasible, "no feasible branch found; ");
   }
@@ -394,7 +432,11 @@ std::optional<Strategy::Answer> Strategy::find_feasible(Run& run, ConstVectorRef
       Answer answer{unbounded_along(*std::move(descended.unbounded)), &path_point_.x};
       return answer;
     }
-    if (!incumbent_.exists()) return ended(Status::numerical_failure, "feasible, but not optimal; ");
+    TreeResult tree;
+    if (!incumbent_.exists()) {
+      if (std::optional<Answer> found = find_by_small_tree(run, tree)) return found;
+      return ended(Status::numerical_failure, "feasible, but not optimal; ");
+    }
   } else {
     static_cast<void>(search_.improve(run, z));
   }

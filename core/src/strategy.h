@@ -105,9 +105,11 @@ class Strategy {
   [[nodiscard]] PathBranch solve_path_branch(Run& run);
   [[nodiscard]] bool path_is_lower(bool feasible, double objective) const;
   [[nodiscard]] Answer finish_exact(Run& run);
+  void bring_near(Run& run);
   void show_incumbent(const Run& run) const;
   [[nodiscard]] bool is_small(const Run& run) const;
   [[nodiscard]] Answer finish_cold(Run& run, bool small_too);
+  [[nodiscard]] std::optional<Answer> find_by_small_tree(Run& run, TreeResult& tree);
   [[nodiscard]] TreeResult search_small_tree(Run& run, ConstVectorRef z, bool known_convex);
   [[nodiscard]] Answer finish_path(Run& run, ConstVectorRef initial_z, Ending end);
   [[nodiscard]] Optimality::Descended descend_from_path(Run& run);

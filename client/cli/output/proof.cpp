@@ -17,6 +17,7 @@ std::string proof_text(const Proof& proof) {
   if (proof.nodes == 0) return "";
   const std::string nodes = whole_text(proof.nodes) + (proof.nodes == 1 ? " node" : " nodes");
   if (proof.proved && proof.status == Status::infeasible) return "proved infeasible: " + nodes;
+  if (proof.proved && proof.status == Status::unbounded) return "proved unbounded: " + nodes;
   const std::string gap = std::isfinite(proof.gap) ? formatted("gap %.1e, ", proof.gap) : "";
   if (proof.proved) return "proved optimal: " + gap + nodes;
   const std::string bound =

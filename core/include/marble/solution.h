@@ -99,8 +99,8 @@ struct Solution {
   std::vector<double> certificate;  ///< for infeasible: (y, ν, ξ, η) stacked, empty where each branch was
                                     ///< refuted by itself; for unbounded: direction (n); else empty
   Stationarity stationarity = Stationarity::unknown;  ///< what z is proved to be
-  /// B-stationary: no feasible direction of descent. True where the point is strongly stationary or solves
-  /// each of the few branches it belongs to; absent where that was not decided.
+  /// B-stationary: no feasible direction of descent. True where the point is strongly stationary, solves each
+  /// of the few branches it belongs to, or is proved to be the optimum; absent where that was not decided.
   std::optional<bool> b_stationary;
   /// Whether z is a local minimum, by the curvature of Q (scaled, to 1e-7).
   SecondOrder second_order = SecondOrder::unknown;

@@ -64,7 +64,7 @@ class Branch {
  public:
   Branch(const Branch&) = delete;
   Branch& operator=(const Branch&) = delete;
-  Branch(const ScaledProblem& p, ConstVectorRef z, bool flat, const Interrupt& interrupt)
+  Branch(const ScaledProblem& p, const WorkingSet& set, bool flat, const Interrupt& interrupt)
       : problem_(empty_problem(p.variables())) {
     for (Index j = 0; j < p.variables(); ++j) {
       problem_.Q.row_indices.push_back(j);
@@ -74,12 +74,7 @@ class Branch {
     append_rows(p.A, problem_.A);
     std::vector<double> b(p.b.data(), p.b.data() + p.b.size());
     std::vector<double> d;
-    Vector value(p.layout.size());
-    multiply(p.rows, z, value);
-    value += p.offset;
-    WorkingSet set(p);
     for (Index i = 0; i < p.pairs(); ++i) {
-      set.fix(i, value[p.layout.s(i)] < value[p.layout.t(i)], false);
       append_row(p.rows, set.fixed_row(i), problem_.A);
       b.push_back(p.offset[set.fixed_row(i)]);
     }
@@ -94,6 +89,9 @@ class Branch {
     d_ = Eigen::Map<const Vector>(d.data(), static_cast<Index>(d.size()));
     problem_.b = Vector::Zero(b_.size());
     problem_.offset = Vector::Zero(d_.size());
+    problem_.variable_scale = p.variable_scale;
+    problem_.equality_scale = Vector::Ones(b_.size());
+    problem_.row_scale = Vector::Ones(d_.size());
     kkt_ = make_kkt(problem_, interrupt);
     if (kkt_ != nullptr) engines_ = std::make_unique<BranchEngines>(problem_, *kkt_);
   }
@@ -111,6 +109,12 @@ class Branch {
     return nearest(run, target);
   }
 
+  bool contradicts(Run& run) {
+    problem_.b = b_;
+    problem_.offset = d_;
+    return prove_infeasible(problem_, Vector::Zero(problem_.variables()), run).has_value();
+  }
+
  private:
   std::optional<Vector> nearest(Run& run, ConstVectorRef target) {
     if (engines_ == nullptr) return std::nullopt;
@@ -125,6 +129,43 @@ class Branch {
   std::unique_ptr<Kkt> kkt_;
   std::unique_ptr<BranchEngines> engines_;
 };
+
+// The one that z is nearest to.
+WorkingSet branch_at(const ScaledProblem& p, ConstVectorRef z) {
+  Vector value(p.layout.size());
+  multiply(p.rows, z, value);
+  value += p.offset;
+  WorkingSet set(p);
+  for (Index i = 0; i < p.pairs(); ++i) set.fix(i, value[p.layout.s(i)] < value[p.layout.t(i)], false);
+  return set;
+}
+
+std::optional<Vector> feasible_point(const ScaledProblem& p, const Options& options, const WorkingSet& set,
+                                     ConstVectorRef target, Run& run) {
+  std::optional<Vector> point = Branch(p, set, false, run.interrupt()).nearest_point(run, target);
+  if (!point) return std::nullopt;
+  Iterate x(p);
+  x.z() = *point;
+  Images images(p);
+  images.evaluate(p, x);
+  if (!within_tolerances(violations(p, images), options)) return std::nullopt;
+  return point;
+}
+
+// Along the direction nearest to `target`, from the feasible point nearest to 0: far out, rounding hides one.
+std::optional<UnboundedRay> find_ray(const ScaledProblem& p, const Options& options, const WorkingSet& set,
+                                     bool flat, ConstVectorRef target, Run& run) {
+  const double size = max_abs(target);
+  if (size == 0.0) return std::nullopt;
+  Branch branch(p, set, flat, run.interrupt());
+  const std::optional<Vector> nearest = branch.nearest_direction(run, target / size);
+  if (!nearest) return std::nullopt;
+  std::optional<std::vector<double>> proved = unbounded_direction(p, *nearest);
+  if (!proved) return std::nullopt;
+  const std::optional<Vector> origin = feasible_point(p, options, set, Vector::Zero(p.variables()), run);
+  if (!origin) return std::nullopt;
+  return UnboundedRay{*origin, std::move(*proved)};
+}
 
 }  // namespace
 
@@ -184,34 +225,25 @@ std::optional<FarkasProof> prove_contradiction(const ScaledProblem& p, const Sca
 
 std::optional<Vector> feasible_point(const ScaledProblem& p, const Options& options, ConstVectorRef z,
                                      ConstVectorRef target, Run& run) {
-  const std::optional<Vector> point = Branch(p, z, false, run.interrupt()).nearest_point(run, target);
-  if (!point) return std::nullopt;
-  Iterate x(p);
-  x.z() = *point;
-  Images images(p);
-  images.evaluate(p, x);
-  return within_tolerances(violations(p, images), options) ? point : std::nullopt;
+  return feasible_point(p, options, branch_at(p, z), target, run);
 }
 
 std::optional<UnboundedRay> prove_unbounded(const ScaledProblem& p, const Options& options, ConstVectorRef z,
                                             ConstVectorRef direction, Run& run) {
   if (!z.allFinite() || !direction.allFinite()) return std::nullopt;
-  std::optional<UnboundedRay> ray;
-  const auto look = [&](bool flat, ConstVectorRef target) {
-    const double size = max_abs(target);
-    if (size == 0.0) return false;
-    Branch branch(p, z, flat, run.interrupt());
-    const std::optional<Vector> nearest = branch.nearest_direction(run, target / size);
-    if (!nearest) return false;
-    std::optional<std::vector<double>> proved = unbounded_direction(p, *nearest);
-    if (!proved) return false;
-    const std::optional<Vector> origin = feasible_point(p, options, z, Vector::Zero(p.variables()), run);
-    if (!origin) return false;
-    ray = UnboundedRay{*origin, std::move(*proved)};
-    return true;
-  };
-  static_cast<void>(look(true, -p.g) || (!p.Q.values.empty() && look(false, direction)));
+  const WorkingSet set = branch_at(p, z);
+  std::optional<UnboundedRay> ray = find_ray(p, options, set, true, -p.g, run);
+  if (!ray && !p.Q.values.empty()) ray = find_ray(p, options, set, false, direction, run);
   return ray;
+}
+
+std::optional<UnboundedRay> prove_branch_unbounded(const ScaledProblem& p, const Options& options,
+                                                   const WorkingSet& branch, Run& run) {
+  return find_ray(p, options, branch, true, -p.g, run);
+}
+
+bool branch_contradicts(const ScaledProblem& p, const WorkingSet& branch, Run& run) {
+  return Branch(p, branch, false, run.interrupt()).contradicts(run);
 }
 
 }  // namespace marble

@@ -37,4 +37,12 @@ struct UnboundedRay {
                                                           ConstVectorRef z, ConstVectorRef direction,
                                                           Run& run);
 
+/// Looks for one in this branch, along which Q is flat: whether that is why the branch has no solution.
+[[nodiscard]] std::optional<UnboundedRay> prove_branch_unbounded(const ScaledProblem& p,
+                                                                 const Options& options,
+                                                                 const WorkingSet& branch, Run& run);
+
+/// Whether the rows of this branch contradict each other.
+[[nodiscard]] bool branch_contradicts(const ScaledProblem& p, const WorkingSet& branch, Run& run);
+
 }  // namespace marble

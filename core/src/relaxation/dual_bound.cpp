@@ -99,10 +99,10 @@ void DualBound::add_rows(ConstVectorRef y, ConstVectorRef mu) {
 }
 
 // The value with what r costs at the worst point of the box.
-double DualBound::settle(const Box& box) {
+double DualBound::settle(const Box& box, double relative) {
   paid_ = value_.error(tuning::bound_roundoff);
   double negligible = 0.0;
-  for (const CarefulSum& entry : residual_) negligible = std::max(negligible, entry.error(tuning::exactness));
+  for (const CarefulSum& entry : residual_) negligible = std::max(negligible, entry.error(relative));
   for (Index j = 0; j < problem_.variables(); ++j) {
     const CarefulSum& entry = residual_[static_cast<std::size_t>(j)];
     const double error = entry.error(tuning::bound_roundoff);
@@ -136,14 +136,14 @@ double DualBound::of_objective(const Box& box, ConstVectorRef z, ConstVectorRef 
     }
   }
   add_rows(y, mu);
-  return settle(box);
+  return settle(box, tuning::exactness);
 }
 
 bool DualBound::contradicts(const Box& box, ConstVectorRef y, ConstVectorRef mu) {
   std::fill(residual_.begin(), residual_.end(), CarefulSum());
   value_ = {};
   add_rows(y, mu);
-  return settle(box) > 0.0;
+  return settle(box, tuning::roundoff) > 0.0;
 }
 
 }  // namespace marble

@@ -47,12 +47,13 @@ class DualBound {
   [[nodiscard]] double of_objective(const Box& box, ConstVectorRef z, ConstVectorRef y, ConstVectorRef mu);
   /// How much of that bound was lost on r.
   [[nodiscard]] double paid() const { return paid_; }
-  /// Whether the multipliers contradict the rows: with Q = 0 and g = 0 their bound is above 0 (Farkas).
+  /// Whether the multipliers contradict the rows: with Q = 0 and g = 0 their bound is above 0 (Farkas). Where
+  /// nothing bounds z, r is no more than rounding: what is 1e-10 of the gap is a solution at 1e10.
   [[nodiscard]] bool contradicts(const Box& box, ConstVectorRef y, ConstVectorRef mu);
 
  private:
   void add_rows(ConstVectorRef y, ConstVectorRef mu);
-  [[nodiscard]] double settle(const Box& box);
+  [[nodiscard]] double settle(const Box& box, double negligible);
 
   const ScaledProblem& problem_;
   std::vector<CarefulSum> residual_;

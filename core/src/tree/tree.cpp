@@ -13,7 +13,9 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 bool is_after(const Node& a, const Node& b) {
-  return a.bound > b.bound || (a.bound == b.bound && a.number > b.number);
+  if (a.bound != b.bound) return a.bound > b.bound;
+  if (a.bound == -kInfinity && a.depth != b.depth) return a.depth < b.depth;  // to where it may be unbounded
+  return a.number > b.number;
 }
 
 TreeResult none(std::string why) {
@@ -58,6 +60,7 @@ TreeResult Tree::explore(Run& run, ConstVectorRef z, bool known_convex, const Ro
   keeps_ = room.kept_bytes > 0.0;
   tried_.clear();
   clauses_.clear();
+  ray_.reset();
   nodes_ = made_ = rounds_ = warm_nodes_ = warm_closed_ = 0;
   closed_bound_ = kInfinity;
   told_bound_ = -kInfinity;
@@ -75,14 +78,14 @@ TreeResult Tree::explore(Run& run, ConstVectorRef z, bool known_convex, const Ro
   if (const auto end = begin(run, std::move(root), std::move(leaves), room))
     return *end == TreeResult::End::limit ? stopped(run) : result(*end);
   report(run);
-  while (!open_.empty()) {
+  while (!open_.empty() && !ray_) {
     if (open_.front().bound >= cutoff()) close_all();
     if (open_.empty()) break;
     if (run.interrupted() || nodes_ + 2 > options_.node_limit || !round(run)) return stopped(run);
     try_to_improve(run);
     report(run);
   }
-  return result(TreeResult::End::exhausted);
+  return result(ray_ ? TreeResult::End::unbounded : TreeResult::End::exhausted);
 }
 
 // Memory, and engines. An end if there is none, or if Q is not convex.
@@ -207,11 +210,11 @@ std::optional<TreeResult::End> Tree::begin_at_root(Run& run, Node root) {
   if (end == End::optimal) suggestion = expander.suggestion();
   center_ = relaxation.center();
   const bool fixable = incumbent_.exists();
-  if (suggestion && !fixable) try_as_answer(run, *suggestion);
+  if (suggestion && !fixable) static_cast<void>(try_as_answer(run, *suggestion, fixings));
   const bool left = !fixable || expander.probe(fixings, *box_, cutoff(), closed_bound_, run.interrupt());
   keep(expander.take_closed());
   if (!left) return TreeResult::End::exhausted;
-  if (suggestion && fixable) try_as_answer(run, *suggestion);
+  if (suggestion && fixable) static_cast<void>(try_as_answer(run, *suggestion, fixings));
   for (const PseudoCosts::Gain& gain : expander.probed()) costs_.add(gain);
   root = expander.node(fixings, end);
   root.bound = std::max(by_incumbent, relaxation.bound());
@@ -282,16 +285,18 @@ void Tree::raise_by_solutions(Node& node) const {
   Fixings fixings;
   std::vector<Index> held;
   node.read(problem_.layout, fixings, held);
+  for (const Iterate* x : {&incumbent_.best().x, &incumbent_.other().x}) raise(node, fixings, *x);
+}
+
+void Tree::raise(Node& node, const Fixings& fixings, const Iterate& x) const {
   DualBound dual_bound(problem_);
   Vector multipliers;
-  for (const Iterate* x : {&incumbent_.best().x, &incumbent_.other().x}) {
-    const auto fixed = [&](Index row) { return is_fixed(problem_.layout, fixings, row); };
-    take_signs(-x->lambda(), fixed, multipliers);
-    const double bound = dual_bound.of_objective(*box_, x->z(), x->y(), multipliers);
-    if (bound <= node.bound) continue;
-    node.bound = bound;
-    if (keeps_) node.keep(problem_.layout, multipliers, Node::Proof::bound);
-  }
+  const auto fixed = [&](Index row) { return is_fixed(problem_.layout, fixings, row); };
+  take_signs(-x.lambda(), fixed, multipliers);
+  const double bound = dual_bound.of_objective(*box_, x.z(), x.y(), multipliers);
+  if (bound <= node.bound) return;
+  node.bound = bound;
+  if (keeps_) node.keep(problem_.layout, multipliers, Node::Proof::bound);
 }
 
 void Tree::close(Node node, double bound) {
@@ -386,7 +391,15 @@ void Tree::take(Run& run, Expansion& e) {
   }
   run.factorizations += static_cast<std::int32_t>(e.factorizations);
   for (const PseudoCosts::Gain& gain : e.gains) costs_.add(gain);
-  if (e.suggestion) try_as_answer(run, *e.suggestion);
+  if (e.suggestion) {
+    Fixings fixings;
+    std::vector<Index> held;
+    e.node.read(problem_.layout, fixings, held);
+    const bool leaf = e.outcome == Outcome::leaf;
+    const bool solved = try_as_answer(run, *e.suggestion, fixings, leaf);
+    if (leaf && solved && point_.sharpen()) raise(e.node, fixings, point_.x);
+    if (leaf && !solved && !ray_ && branch_contradicts(problem_, point_.set, run)) e.node.bound = kInfinity;
+  }
   if (e.outcome == Outcome::leaf || e.outcome == Outcome::complementary) raise_by_solutions(e.node);
   switch (e.outcome) {
     case Outcome::branched:
@@ -422,8 +435,9 @@ void Tree::try_to_improve(Run& run) {
   until_improving_ = between_improving_;
 }
 
-// The branch of the smaller sides, solved exactly.
-void Tree::try_as_answer(Run& run, const Suggestion& suggestion) {
+// The branch of the sides that are fixed and of the smaller ones of the other pairs, solved exactly, or,
+// where it has no solution, proved to be unbounded. True if it has one: it is at the point then.
+bool Tree::try_as_answer(Run& run, const Suggestion& suggestion, const Fixings& fixings, bool leaf) {
   Iterate x(problem_);
   x.z() = suggestion.z;
   x.y() = suggestion.y;
@@ -434,15 +448,25 @@ void Tree::try_as_answer(Run& run, const Suggestion& suggestion) {
   std::ranges::fill(set.held, std::uint8_t{0});
   for (const Index row : suggestion.held) set.held[row] = 1;
   for (Index pair = 0; pair < problem_.pairs(); ++pair) {
-    const bool s = images.rows.s()[pair] < images.rows.t()[pair];
+    const Sides fixed = fixings[static_cast<std::size_t>(pair)];
+    const bool open = fixed == Sides::relaxed || fixed == Sides::both_zero;
+    const bool s = open ? images.rows.s()[pair] < images.rows.t()[pair] : has_s(fixed);
     const Index free = s ? problem_.layout.t(pair) : problem_.layout.s(pair);
     set.fix(pair, s, set.held[free] != 0);
   }
-  if (!tried_.insert(branch_hash(set)).second) return;
+  if (!tried_.insert(branch_hash(set)).second && !leaf) return false;
   point_.restore(x, set);
-  const auto outcome = incumbent_.solve_branch(run, "tree", tuning::engine_budget);
-  if (outcome == Incumbent::Outcome::not_exact && !incumbent_.exists())
-    incumbent_.offer(x, images, set, "tree");
+  auto outcome = incumbent_.solve_branch(run, "tree", tuning::engine_budget);
+  if (leaf && outcome == Incumbent::Outcome::not_exact) {  // a relaxation's point may be far out
+    Iterate near(problem_);
+    near.z() = from_;
+    point_.restore(near, set);
+    outcome = incumbent_.solve_branch(run, "tree", tuning::engine_budget);
+  }
+  if (outcome != Incumbent::Outcome::not_exact) return true;
+  ray_ = prove_branch_unbounded(problem_, options_, set, run);
+  if (!ray_ && !incumbent_.exists()) incumbent_.offer(x, images, set, "tree");
+  return false;
 }
 
 }  // namespace marble

@@ -12,6 +12,7 @@
 #include <unordered_set>
 #include <vector>
 
+#include "proof/proof.h"
 #include "run/reporter.h"
 #include "run/termination.h"
 #include "search/incumbent.h"
@@ -28,10 +29,12 @@ struct TreeResult {
     exhausted,   ///< no node is open: the incumbent is within the tolerance, or the bound says how far it is
                  ///< not
     infeasible,  ///< no node is open, and each contradicts itself
+    unbounded,   ///< `ray` says along what
     limit,       ///< nodes are open: `limit` says which
   };
   End end = End::none;
   Status limit = Status::solved;
+  std::optional<UnboundedRay> ray;
   bool proved = false;
   double bound = -std::numeric_limits<double>::infinity();
   double gap = std::numeric_limits<double>::infinity();
@@ -78,13 +81,15 @@ class Tree {
   void settle(const Room& room);
   [[nodiscard]] bool round(Run& run);
   void raise_by_solutions(Node& node) const;
+  void raise(Node& node, const Fixings& fixings, const Iterate& x) const;
   void choose_nodes(std::size_t count);
   void take(Run& run, Expansion& expansion);
   void close(Node node, double bound);
   void keep(std::vector<Node> leaves);
   void close_all();
   void push(Node node);
-  void try_as_answer(Run& run, const Suggestion& suggestion);
+  [[nodiscard]] bool try_as_answer(Run& run, const Suggestion& suggestion, const Fixings& fixings,
+                                   bool leaf = false);
   void try_to_improve(Run& run);
   [[nodiscard]] double cutoff() const;
   [[nodiscard]] double bound() const;
@@ -119,6 +124,7 @@ class Tree {
   bool keeps_ = false;
   std::optional<bool> convex_;
   std::unordered_set<std::size_t> tried_;  // branches, by their hash
+  std::optional<UnboundedRay> ray_;
 };
 
 }  // namespace marble

@@ -58,6 +58,7 @@ double Tree::gap(double bound) const {
 TreeResult Tree::result(TreeResult::End end) const {
   TreeResult result;
   result.end = end;
+  result.ray = ray_;
   result.bound = bound();
   result.gap = gap(result.bound);
   result.warm_nodes = warm_nodes_;
@@ -66,6 +67,13 @@ TreeResult Tree::result(TreeResult::End end) const {
   if (end == TreeResult::End::exhausted && !incumbent_.exists() && closed_bound_ == kInfinity)
     result.end = TreeResult::End::infeasible;
   result.proved = result.end == TreeResult::End::infeasible || result.gap <= within(options_);
+  if (end == TreeResult::End::unbounded) {
+    result.bound = -kInfinity;
+    result.gap = kInfinity;
+    result.proved = true;
+    result.remark = "unbounded, by " + std::to_string(nodes_) + " nodes";
+    return result;
+  }
   result.remark = (result.proved ? "proved by " : "not proved by ") + std::to_string(nodes_) + " nodes, " +
                   std::to_string(result.open_nodes) + " open, for |z| <= " + scientific(radius_, 1) +
                   ": bound " + general(result.bound, 9) + ", gap " + scientific(result.gap, 1);

@@ -1,6 +1,7 @@
 #include "support/judges/brute_force.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <cmath>
 #include <limits>
@@ -16,7 +17,8 @@ using Vector = Eigen::VectorXd;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kFeasible = 1e-7;  // of rows of norm 1
-constexpr double kRunaway = 1e7;    // of rows of norm 1: an iterate this far out is on its way to −∞
+constexpr double kRunaway = 1e7;    // of rows of norm 1: an iterate this far out is far enough
+constexpr double kSuspect = 1e3;    // the same: one this far out may be on its way to −∞
 
 // min ½ yᵀHy + cᵀy  s.t.  G y + h ≥ 0
 struct Branch {
@@ -103,6 +105,26 @@ double least_violation(const Branch& p) {
   return m > 0 ? std::max(0.0, -(p.G * y + p.h).minCoeff()) : 0.0;
 }
 
+// Whether a feasible branch has a direction along which it stays feasible and its objective falls for ever.
+bool is_unbounded(const Branch& p) {
+  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(p.H);
+  const double flat = 1e-9 * std::max(1.0, eigen.eigenvalues().maxCoeff());
+  const Eigen::Index count = (eigen.eigenvalues().array() <= flat).count();
+  if (count == 0) return false;
+  const Matrix basis = eigen.eigenvectors().leftCols(count);
+  const Eigen::Index m = p.h.size();
+  Branch cone;
+  cone.H = 1e-10 * Matrix::Identity(count, count);
+  cone.c = basis.transpose() * p.c;
+  cone.G = Matrix::Zero(m + 2 * count, count);
+  cone.G.topRows(m) = p.G * basis;
+  cone.G.middleRows(m, count).setIdentity();
+  cone.G.bottomRows(count) = -Matrix::Identity(count, count);
+  cone.h = Vector::Zero(m + 2 * count);
+  cone.h.tail(2 * count).setOnes();
+  return cone.c.dot(interior_point(cone)) < -1e-6 * (1.0 + p.c.norm());
+}
+
 // Rows of norm 1; a row without entries says something about its constant only.
 bool normalize(Matrix& rows, Vector& constants, bool equality) {
   Eigen::Index kept = 0;
@@ -139,8 +161,13 @@ struct Dense {
   Matrix Q, A, C, L, R;
 };
 
-// The best point of the branch in which the pairs of `choice` have t = 0 and the others s = 0.
-std::optional<Vector> best_point(const Dense& p, unsigned choice) {
+struct BestPoint {
+  Vector x;
+  bool unbounded = false;
+};
+
+// Of the branch in which the pairs of `choice` have t = 0 and the others s = 0.
+std::optional<BestPoint> best_point(const Dense& p, unsigned choice) {
   const Eigen::Index n = p.g.size();
   const Eigen::Index pairs = p.l.size();
   Matrix E(p.A.rows() + pairs, n);
@@ -177,13 +204,14 @@ std::optional<Vector> best_point(const Dense& p, unsigned choice) {
                 F * point + f};
   if (basis.cols() == 0) {
     if (f.size() > 0 && branch.h.minCoeff() < -kFeasible * (1.0 + point.norm())) return std::nullopt;
-    return point;
+    return BestPoint{point};
   }
   if (eigenvalues(branch.H)[0] < -1e-9) throw std::invalid_argument("Q is not convex on a branch");
   if (!normalize(branch.G, branch.h, false)) return std::nullopt;
   const double violation = least_violation(branch);
   if (violation > kFeasible * (1.0 + point.norm())) return std::nullopt;
-  return point + basis * interior_point(branch);
+  const Vector x = point + basis * interior_point(branch);
+  return BestPoint{x, x.lpNorm<Eigen::Infinity>() > kSuspect && is_unbounded(branch)};
 }
 
 }  // namespace
@@ -193,15 +221,15 @@ std::optional<GlobalOptimum> brute_force(const ProblemView& view) {
   const Dense p(view);
   std::optional<GlobalOptimum> best;
   for (unsigned choice = 0; choice < (1U << view.l.size()); ++choice) {
-    const auto x = best_point(p, choice);
-    if (!x) continue;
+    const auto branch = best_point(p, choice);
+    if (!branch) continue;
+    const auto& [x, unbounded] = *branch;
     if (!best) best.emplace().objective = kInfinity;
     ++best->feasible_branches;
-    const bool unbounded = x->lpNorm<Eigen::Infinity>() > kRunaway;
-    const double objective = unbounded ? -kInfinity : 0.5 * x->dot(p.Q * *x) + p.g.dot(*x) + view.c0;
+    const double objective = unbounded ? -kInfinity : 0.5 * x.dot(p.Q * x) + p.g.dot(x) + view.c0;
     if (objective >= best->objective) continue;
     best->objective = objective;
-    const Vector z = p.scale.cwiseProduct(*x);
+    const Vector z = p.scale.cwiseProduct(x);
     best->z = unbounded ? std::vector<double>{} : std::vector<double>(z.begin(), z.end());
   }
   return best;

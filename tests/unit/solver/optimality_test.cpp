@@ -87,15 +87,16 @@ TEST(Optimality, ABranchIsLeftWhicheverOfItsPairsHaveToChange) {
   EXPECT_NEAR(Judged(both).objective(), -4.0, 1e-9);
 }
 
-TEST(Optimality, APointThatIsStrongIsBStationaryThoughABranchBesideItsWayHasNoSolution) {
+TEST(Optimality, ABranchBesideTheWayThatFallsForEverMakesTheProblemUnbounded) {
   // And ½(y₂ − x₁)² instead of ½y₂² + y₂, and x₂ falls for ever where y₂ = 0. From 0 to x₁ = y₂ = 2, where x₂
-  // = 0 alone.
+  // = 0 alone, and past that branch.
   OwnedProblem p = two_corners(2.0, 1.0);
   p.g[3] = 0.0;
   p.Q = compress(4, 4, {{0, 0, 1, 3, 3}, {0, 3, 1, 0, 3}, {2.0, -1.0, 1.0, -1.0, 1.0}}, "Q").value();
   const Judged j(p);
-  EXPECT_NEAR(j.objective(), -2.0, 1e-9);
-  EXPECT_EQ(j.verdict.b_stationary, true);
+  ASSERT_TRUE(j.verdict.unbounded.has_value());
+  EXPECT_NEAR(j.verdict.unbounded->direction[2], 1.0, 1e-9) << "x₂";
+  EXPECT_FALSE(j.verdict.b_stationary.has_value());
 }
 
 TEST(Optimality, WithoutABudgetNothingIsSaidOfOtherBranches) {
@@ -130,9 +131,11 @@ TEST(Optimality, ASaddlePointIsLeftAndWhatComesOfItIsJudgedAnew) {
   EXPECT_EQ(stays.verdict.second_order, SecondOrder::saddle);
 }
 
-TEST(Optimality, WhereAnotherBranchFallsForEverNothingIsCalledBStationary) {
+TEST(Optimality, WhereAnotherBranchFallsForEverThatIsTheVerdict) {
   const Judged j(corner(0.0, 2.0));
   EXPECT_FALSE(j.verdict.b_stationary.has_value());
+  ASSERT_TRUE(j.verdict.unbounded.has_value());
+  EXPECT_NEAR(j.verdict.unbounded->direction[0], 1.0, 1e-9);
   EXPECT_NEAR(j.objective(), 0.0, 1e-12) << "what could not be solved is no answer";
 }
 

@@ -259,9 +259,12 @@ TEST(Strategy, WhereBranchesMeetTheOthersAreTriedToo) {
   EXPECT_FALSE(none.answer.b_stationary.has_value()) << "and nothing is said of the others";
 }
 
-TEST(Strategy, IsNotCalledBStationaryWhereABranchCouldNotBeSolved) {
+TEST(Strategy, AWarmAnswerBesideABranchThatFallsForEverIsUnbounded) {
   Planned p(half_a_corner(0.0));  // on the other branch x grows for ever
-  EXPECT_EQ(p.warm(p.solved_branch(1), kInfinity).status, Status::solved);
+  const Ending end = p.warm(p.solved_branch(1), kInfinity);
+  EXPECT_EQ(end.status, Status::unbounded) << end.detail;
+  ASSERT_EQ(end.certificate.size(), 2U);
+  EXPECT_NEAR(end.certificate[0], 1.0, 1e-9);
   EXPECT_FALSE(p.answer.b_stationary.has_value());
 }
 
