@@ -32,12 +32,34 @@ bool Feasibility::take(Run& run, ConstVectorRef z, const WorkingSet& branch, con
 }
 
 bool Feasibility::pivot(Run& run, ConstVectorRef z, int first, int end, int last_factorization) {
-  Lemke lemke(problem_);
+  Lemke<double> lemke(problem_);
   if (!lemke.applies()) return false;
   WorkingSet branch(problem_);
   for (int way = first; way < end; ++way) {
     if (run.interrupted() || run.factorizations >= last_factorization) return false;
     if (lemke.run(run, way, z, branch) && take(run, z, branch, "Lemke's method")) return true;
+  }
+  return false;
+}
+
+// Where M is so ill-conditioned that rounding hides the branch, or its solution from engines that factorize.
+bool Feasibility::pivot_carefully(Run& run, ConstVectorRef z, int last_factorization) {
+  constexpr const char* kOrigin = "Lemke's method in twice the precision";
+  Lemke<DoubleDouble> lemke(problem_);
+  if (!lemke.applies()) return false;
+  WorkingSet branch(problem_);
+  Iterate x(problem_);
+  Images images(problem_);
+  for (int way = 0; way < tuning::lemke_ways; ++way) {
+    if (run.interrupted() || run.factorizations >= last_factorization) return false;
+    if (!lemke.run(run, way, z, branch) || !lemke.solve_branch(branch, z, x)) continue;
+    images.evaluate(problem_, x);
+    if (max_abs(images.stationarity) > tuning::exactness * (1.0 + max_abs(x.lambda()))) {
+      if (take(run, x.z(), branch, kOrigin)) return true;
+    } else {
+      incumbent_.offer(x, images, branch, kOrigin);
+      if (incumbent_.exists()) return true;
+    }
   }
   return false;
 }
@@ -83,7 +105,7 @@ Feasibility::End Feasibility::run(Run& run, ConstVectorRef z) {
   const int half = begin + options_.feasibility_budget / 2;
   auto tree = PairTree::End::stopped;
   const bool found = [&] {
-    if (pivot(run, z, 0, tuning::lemke_ways, last)) return true;
+    if (pivot(run, z, 0, tuning::lemke_ways, last) || pivot_carefully(run, z, last)) return true;
     const bool few_pairs = problem_.pairs() <= tuning::tree_pairs;
     if (few_pairs) {
       tree = search_tree(run, z, begin + options_.feasibility_budget / tuning::tree_first_share);

@@ -29,6 +29,7 @@ class Feasibility {
  private:
   [[nodiscard]] bool take(Run& run, ConstVectorRef z, const WorkingSet& branch, const char* origin);
   [[nodiscard]] bool pivot(Run& run, ConstVectorRef z, int first, int end, int last_factorization);
+  [[nodiscard]] bool pivot_carefully(Run& run, ConstVectorRef z, int last_factorization);
   [[nodiscard]] bool solve_calm(Run& run, ConstVectorRef z, bool user_units);
   [[nodiscard]] PairTree::End search_tree(Run& run, ConstVectorRef z, int last_factorization);
 

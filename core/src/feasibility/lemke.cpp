@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 
+#include "data/linear_algebra.h"
 #include "run/noise.h"
 #include "tuning.h"
 
@@ -15,17 +17,28 @@ namespace {
 // a variable, or θ, by these.
 enum : Index { kTheta = -3, kVariable, kEquality };
 
+using std::abs;
+
+// Twice as many digits.
+template <class Scalar>
+constexpr double tolerance(double of_doubles) {
+  return std::is_same_v<Scalar, double> ? of_doubles : of_doubles * of_doubles;
+}
+
 }  // namespace
 
-bool Lemke::applies() const {
+template <class Scalar>
+bool Lemke<Scalar>::applies() const {
   const double rows = problem_.equalities() + 2.0 * problem_.pairs();
+  const double most = std::is_same_v<Scalar, double> ? tuning::lemke_entries : tuning::lemke_careful_entries;
   return problem_.pairs() > 0 && problem_.inequalities() == 0 &&
          problem_.variables() >= problem_.equalities() + problem_.pairs() &&
-         rows * problem_.variables() <= tuning::lemke_entries;
+         rows * problem_.variables() <= most;
 }
 
 // All rows by z: equalities, then sides.
-void Lemke::fill() {
+template <class Scalar>
+void Lemke<Scalar>::fill() {
   const Index n = problem_.variables();
   const Index n_e = problem_.equalities();
   const Index n_s = 2 * problem_.pairs();
@@ -46,25 +59,27 @@ void Lemke::fill() {
 }
 
 // A basic variable for a nonbasic one.
-void Lemke::exchange(Index row, Index column) {
-  const double pivot = tableau_(row, column);
+template <class Scalar>
+void Lemke<Scalar>::exchange(Index row, Index column) {
+  const Scalar pivot = tableau_(row, column);
   tableau_.row(row) /= -pivot;
-  tableau_(row, column) = 1.0 / pivot;
+  tableau_(row, column) = Scalar(1.0) / pivot;
   for (Index i = 0; i < tableau_.rows(); ++i) {
-    const double factor = tableau_(i, column);
-    if (i == row || factor == 0.0) continue;
-    tableau_(i, column) = 0.0;
+    const Scalar factor = tableau_(i, column);
+    if (i == row || factor == Scalar(0.0)) continue;
+    tableau_(i, column) = Scalar(0.0);
     tableau_.row(i) += factor * tableau_.row(row);
   }
   std::swap(basic_[static_cast<std::size_t>(row)], nonbasic_[static_cast<std::size_t>(column)]);
 }
 
 // The variable that a row depends on most; −1 if on none.
-Index Lemke::best_column(Index row) const {
+template <class Scalar>
+Index Lemke<Scalar>::best_column(Index row) const {
   Index best = -1;
-  double most = tuning::rounding;
+  Scalar most = tolerance<Scalar>(tuning::rounding);
   for (std::size_t column = 0; column < nonbasic_.size(); ++column) {
-    const double size = std::abs(tableau_(row, static_cast<Index>(column)));
+    const Scalar size = abs(tableau_(row, static_cast<Index>(column)));
     if (nonbasic_[column] != kVariable || !(size > most)) continue;
     best = static_cast<Index>(column);
     most = size;
@@ -74,7 +89,8 @@ Index Lemke::best_column(Index row) const {
 
 // Makes nonbasic each equality and one side of each pair: at first the side that looks like a bound, later
 // any.
-bool Lemke::choose_unknowns(const Run& run, int way) {
+template <class Scalar>
+bool Lemke<Scalar>::choose_unknowns(const Run& run, int way) {
   fill();
   const Index n_e = problem_.equalities();
   for (Index row = 0; row < n_e; ++row) {
@@ -82,7 +98,7 @@ bool Lemke::choose_unknowns(const Run& run, int way) {
     const Index column = best_column(row);
     if (column >= 0) {
       exchange(row, column);
-    } else if (std::abs(tableau_(row, tableau_.cols() - 1)) > tuning::exactness) {
+    } else if (abs(tableau_(row, tableau_.cols() - 1)) > tolerance<Scalar>(tuning::exactness)) {
       return false;
     }
   }
@@ -111,13 +127,15 @@ bool Lemke::choose_unknowns(const Run& run, int way) {
 
 // For a pair both of whose sides depend on other unknowns alone: one of them takes the place of another
 // pair's, whose other side can.
-bool Lemke::make_room(Index pair) {
+template <class Scalar>
+bool Lemke<Scalar>::make_room(Index pair) {
   const Index n_e = problem_.equalities();
   const Index pairs = problem_.pairs();
   for (const Index side : {n_e + pair, n_e + pairs + pair}) {
     for (std::size_t column = 0; column < nonbasic_.size(); ++column) {
       const Index unknown = nonbasic_[column];
-      if (unknown < 0 || std::abs(tableau_(side, static_cast<Index>(column))) < tuning::near) continue;
+      if (unknown < 0 || abs(tableau_(side, static_cast<Index>(column))) < tolerance<Scalar>(tuning::near))
+        continue;
       const Index other = n_e + (unknown < pairs ? unknown + pairs : unknown - pairs);
       if (basic_[static_cast<std::size_t>(other)] < 0) continue;
       const Index free = best_column(other);
@@ -135,16 +153,18 @@ bool Lemke::make_room(Index pair) {
 }
 
 // To w = M x + q + d θ, perturbed so that no two rows block at once.
-void Lemke::reduce(int way, ConstVectorRef z) {
+template <class Scalar>
+void Lemke<Scalar>::reduce(int way, ConstVectorRef z) {
   std::vector<Index> rows, columns;
-  Eigen::VectorXd constant = tableau_.col(tableau_.cols() - 1);
+  Eigen::Matrix<Scalar, Eigen::Dynamic, 1> constant = tableau_.col(tableau_.cols() - 1);
   for (std::size_t k = 0; k < basic_.size(); ++k) {
     if (basic_[k] >= 0) rows.push_back(static_cast<Index>(k));
   }
   for (std::size_t k = 0; k < nonbasic_.size(); ++k) {
     if (nonbasic_[k] >= 0) columns.push_back(static_cast<Index>(k));
     // Its column is still its own: only variables that were exchanged have moved.
-    if (nonbasic_[k] == kVariable) constant += z[static_cast<Index>(k)] * tableau_.col(static_cast<Index>(k));
+    if (nonbasic_[k] == kVariable)
+      constant += Scalar(z[static_cast<Index>(k)]) * tableau_.col(static_cast<Index>(k));
   }
   const auto size = static_cast<Index>(columns.size());
   Tableau reduced(static_cast<Index>(rows.size()), size + 2);
@@ -153,11 +173,12 @@ void Lemke::reduce(int way, ConstVectorRef z) {
     const auto row = static_cast<Index>(i);
     for (Index j = 0; j < size; ++j)
       reduced(row, j) = tableau_(rows[i], columns[static_cast<std::size_t>(j)]);
-    const double q = constant[rows[i]];
+    const Scalar q = constant[rows[i]];
     const double shift = noise(0, static_cast<std::uint64_t>(row));
-    const bool bound = q > 0.0 && reduced.row(row).head(size).maxCoeff() <= tuning::exactness;
-    reduced(row, size) = bound ? 0.0 : way == 0 ? 1.0 : 0.5 + noise(way, row);
-    reduced(row, size + 1) = q + tuning::near * tuning::alike * (1.0 + shift);
+    const bool bound = q > Scalar(0.0) &&
+                       reduced.row(row).head(size).maxCoeff() <= Scalar(tolerance<Scalar>(tuning::exactness));
+    reduced(row, size) = Scalar(bound ? 0.0 : way == 0 ? 1.0 : 0.5 + noise(way, row));
+    reduced(row, size + 1) = q + Scalar(tolerance<Scalar>(tuning::near * tuning::alike) * (1.0 + shift));
     basic.push_back(basic_[static_cast<std::size_t>(rows[i])]);
   }
   for (const Index column : columns) nonbasic.push_back(nonbasic_[static_cast<std::size_t>(column)]);
@@ -168,15 +189,16 @@ void Lemke::reduce(int way, ConstVectorRef z) {
 }
 
 // The first row to reach zero as a nonbasic variable grows; θ before others. −1 if none does.
-Index Lemke::blocking_row(Index column) const {
+template <class Scalar>
+Index Lemke<Scalar>::blocking_row(Index column) const {
   Index first = -1;
-  double shortest = std::numeric_limits<double>::infinity();
+  Scalar shortest = std::numeric_limits<double>::infinity();
   const auto last = static_cast<Index>(tableau_.cols() - 1);
-  const double tie = 1.0 + tuning::exactness;
+  const Scalar tie = Scalar(1.0) + Scalar(tolerance<Scalar>(tuning::exactness));
   for (Index row = 0; row < tableau_.rows(); ++row) {
-    const double rate = tableau_(row, column);
-    if (rate > -tuning::exactness) continue;
-    const double length = std::max(tableau_(row, last), 0.0) / -rate;
+    const Scalar rate = tableau_(row, column);
+    if (rate > Scalar(-tolerance<Scalar>(tuning::exactness))) continue;
+    const Scalar length = std::max(tableau_(row, last), Scalar(0.0)) / -rate;
     const bool theta = basic_[static_cast<std::size_t>(row)] == kTheta;
     if (theta ? length <= shortest * tie : length < shortest) {
       first = row;
@@ -186,13 +208,14 @@ Index Lemke::blocking_row(Index column) const {
   return first;
 }
 
-bool Lemke::follow(Run& run) {
+template <class Scalar>
+bool Lemke<Scalar>::follow(Run& run) {
   const auto theta = static_cast<Index>(tableau_.cols() - 2);
   Index row = -1;
-  double most = 0.0;
+  Scalar most = 0.0;
   for (Index i = 0; i < tableau_.rows(); ++i) {
-    const double needed = -tableau_(i, theta + 1) / tableau_(i, theta);
-    if (tableau_(i, theta + 1) >= 0.0 || !(needed > most)) continue;
+    const Scalar needed = -tableau_(i, theta + 1) / tableau_(i, theta);
+    if (tableau_(i, theta + 1) >= Scalar(0.0) || !(needed > most)) continue;
     row = i;
     most = needed;
   }
@@ -214,7 +237,8 @@ bool Lemke::follow(Run& run) {
   return false;
 }
 
-bool Lemke::run(Run& run, int way, ConstVectorRef z, WorkingSet& set) {
+template <class Scalar>
+bool Lemke<Scalar>::run(Run& run, int way, ConstVectorRef z, WorkingSet& set) {
   ++run.factorizations;
   if (!choose_unknowns(run, way)) return false;
   reduce(way, z);
@@ -227,5 +251,55 @@ bool Lemke::run(Run& run, int way, ConstVectorRef z, WorkingSet& set) {
   }
   return true;
 }
+
+template <class Scalar>
+bool Lemke<Scalar>::solve_branch(const WorkingSet& set, ConstVectorRef z, Iterate& x) {
+  fill();
+  const Index n_e = problem_.equalities();
+  const Index variables = problem_.variables();
+  const Index constant = variables;
+  std::vector<Index> row_of(static_cast<std::size_t>(variables), -1);  // of a basic variable
+  for (Index i = 0; i < n_e + problem_.pairs(); ++i) {
+    const Index row = i < n_e ? i : n_e + set.fixed_row(i - n_e);
+    const Index column = best_column(row);
+    if (column >= 0) {
+      exchange(row, column);
+      row_of[static_cast<std::size_t>(column)] = row;
+    } else if (abs(tableau_(row, constant)) > tolerance<Scalar>(tuning::exactness)) {
+      return false;
+    }
+  }
+  x.all.setZero();
+  for (Index j = 0; j < variables; ++j) {
+    const Index row = row_of[static_cast<std::size_t>(j)];
+    if (row < 0) {
+      x.z()[j] = z[j];
+      continue;
+    }
+    Scalar value = tableau_(row, constant);
+    for (Index k = 0; k < variables; ++k) {
+      if (row_of[static_cast<std::size_t>(k)] < 0) value += tableau_(row, k) * Scalar(z[k]);
+    }
+    x.z()[j] = static_cast<double>(value);
+  }
+  // What the objective gains where a row is left: its column's rates of all basic variables.
+  Vector gradient(variables);
+  multiply(problem_.Q, x.z(), gradient);
+  gradient += problem_.g;
+  for (Index j = 0; j < variables; ++j) {
+    const Index row = row_of[static_cast<std::size_t>(j)];
+    if (row < 0) continue;
+    Scalar gain = 0.0;
+    for (Index k = 0; k < variables; ++k) {
+      const Index basic = row_of[static_cast<std::size_t>(k)];
+      if (basic >= 0) gain += Scalar(gradient[k]) * tableau_(basic, j);
+    }
+    (row < n_e ? x.y()[row] : x.lambda()[row - n_e]) = -static_cast<double>(gain);
+  }
+  return x.all.allFinite();
+}
+
+template class Lemke<double>;
+template class Lemke<DoubleDouble>;
 
 }  // namespace marble

@@ -194,7 +194,7 @@ OwnedProblem game(Index n, std::uint64_t seed) {
 TEST(Feasibility, LemkesFirstPathEndsInAnEquilibriumOfEveryGame) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Workbench bench(game(10, seed));
-    Lemke lemke(bench.problem);
+    Lemke<double> lemke(bench.problem);
     ASSERT_TRUE(lemke.applies());
     WorkingSet branch(bench.problem);
     EXPECT_TRUE(lemke.run(bench.run, 0, bench.zero(), branch)) << seed;
