@@ -4,6 +4,7 @@ import itertools
 import pathlib
 import tempfile
 import unittest
+import warnings
 
 import casadi
 import numpy as np
@@ -134,6 +135,13 @@ class Casadi(unittest.TestCase):
             with self.assertRaisesRegex(marble.InvalidArgument, "complex"):
                 marble.nlp.solve_casadi({"x": x, "p": p, "f": casadi.sumsqr(x) + p, "g": x[0]}, [0, 0],
                                         **{"p": [1], **words})
+
+    def test_nonlinear_functions_are_called_without_a_warning(self):
+        x, p = casadi.SX.sym("x"), casadi.SX.sym("p")
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            answer = marble.nlp.solve_casadi({"x": x, "p": p, "f": (x - p) ** 4, "g": x ** 2}, [3], p=[1], lbx=0, ubg=9)
+        self.assertAlmostEqual(answer.x[0], 1, 2)
 
     def test_cc_pairs_name_bounds_of_x_and_g_that_complement_each_other(self):
         for kind in KINDS:

@@ -95,11 +95,11 @@ def solve_casadi(
 
     def values(at: Any) -> dict[str, Any]:
         objective, *rest = of_values(at, given_p)
-        return {"objective": float(objective), **dict(zip(parts, map(vector, rest), strict=True))}
+        return {"objective": float(objective), **dict(zip(parts, (part.full() for part in rest), strict=True))}
 
     def derivatives(at: Any) -> dict[str, Any]:
         gradient, *rest = of_slopes(at, given_p)
-        return {"gradient": vector(gradient), **{name: part.sparse() for name, part in zip(parts, rest, strict=True)}}
+        return {"gradient": gradient.full(), **{name: part.sparse() for name, part in zip(parts, rest, strict=True)}}
 
     def hessian(at: Any, m: Multipliers) -> Any:
         return of_hessian(at, given_p, m.y, m.nu, m.xi, m.eta).sparse()
