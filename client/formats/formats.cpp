@@ -24,6 +24,17 @@ std::string name_of(std::string path) {
   return std::filesystem::path(path).stem().string();
 }
 
+// Of a file whose ending says nothing.
+std::string known_endings(const std::string& extension) {
+  std::string text =
+      "what is read ends in .json, .pb, .bin, .npz, .mat or .nl, or is a folder of Matrix Market files";
+  for (const char* other : {".mps", ".qps", ".lp"}) {
+    if (extension == other)
+      text += "; MPS, QPS and LP files are solved by: python3 -m marble solve FILE (with highspy installed)";
+  }
+  return text;
+}
+
 Expected<ProblemFile> read_nl(const std::string& path) {
   const auto content = read_bytes(path);
   if (!content) return unexpected(content.error());
@@ -39,7 +50,11 @@ Expected<ProblemFile> read_any_problem(const std::string& path) {
     if (extension == ".npz") return read_npz(path, name_of(path));
     if (extension == ".mat") return read_mat(path, name_of(path));
     if (extension == ".nl") return read_nl(path);
-    return read_problem(path);
+    auto file = read_problem(path);
+    if (!file && file.error().field.empty() && path != "-" && !format_of_path(path) &&
+        file.error().code == ErrorCode::invalid_argument)
+      file.error().bound += "; " + known_endings(extension);
+    return file;
   };
   return or_out_of_memory(
       read, [] { return failure(ErrorCode::resource_exhausted, "is too large for the memory there is"); });

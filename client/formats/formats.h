@@ -9,6 +9,9 @@
 
 namespace marble::formats {
 
+/// What is said where a file's maximum goes on as the problem that it becomes.
+inline constexpr const char* kNegativeOfMaximum = "is a maximum: its negative is minimized";
+
 /// "-" is standard input, JSON or binary. Errors name the field and the index as the format does, and the
 /// bound.
 [[nodiscard]] Expected<ProblemFile> read_any_problem(const std::string& path);

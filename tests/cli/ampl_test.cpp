@@ -106,6 +106,42 @@ TEST_F(Ampl, GlobalModeTellsBoundAndGap) {
   EXPECT_NE(sol.message.find("proved optimal"), std::string::npos) << sol.message;
 }
 
+// max 3 x0 + 5 x1 with x0 <= 4, 2 x1 <= 12, 3 x0 + 2 x1 <= 18: 36.
+TEST_F(Ampl, AMaximumIsToldAsTheFileHasItEverywhere) {
+  const auto wyndor = [](double of_x0, double of_x1, bool pair = false) {
+    NlWriter nl(false, 2, 3, 1);
+    for (int row = 0; row < 3; ++row) nl.key('C').integer(row).constant(0.0);
+    nl.key('O').integer(0).integer(1).constant(0.0);
+    nl.key('r');
+    pair ? nl.complements(1, 0) : nl.at_most(4.0);
+    nl.at_most(12.0).at_most(18.0).key('b').at_least(0.0).at_least(0.0);
+    nl.key('k').integer(1).line().integer(2);
+    nl.key('J').integer(0).integer(1).entry(pair ? 1 : 0, 1.0);
+    nl.key('J').integer(1).integer(1).entry(1, 2.0);
+    nl.key('J').integer(2).integer(2).entry(0, 3.0).entry(1, 2.0);
+    nl.key('G').integer(0).integer(2).entry(0, of_x0).entry(1, of_x1);
+    return nl.content();
+  };
+  const std::string path = quoted(file("wyndor.nl", wyndor(3.0, 5.0)));
+  const Result text = run("solve --local " + path);
+  EXPECT_NE(text.out.find("  objective       36\n"), std::string::npos) << text.out;
+  EXPECT_EQ((text.out + text.err).find("-3.6"), std::string::npos) << "the table: " << text.err;
+  const Json json = run("solve --local --quiet --output json " + path).lines().at(0);
+  EXPECT_NEAR(json["objective"].get<double>(), 36.0, 1e-9);
+  EXPECT_TRUE(json["maximize"].get<bool>());
+  // Of two variables of which one is 0: max 3 x0 + 5 x1 is 30, and so is the bound of it.
+  const std::string paired = quoted(file("paired.nl", wyndor(3.0, 5.0, true)));
+  const Json proved = run("solve --local --quiet --output json --option global=true " + paired).lines().at(0);
+  EXPECT_NEAR(proved["objective"].get<double>(), 30.0, 1e-6) << proved;
+  EXPECT_TRUE(proved["proved"].get<bool>()) << proved;
+  EXPECT_NEAR(proved["bound"].get<double>(), 30.0, 1e-3) << proved;
+  EXPECT_GE(proved["bound"].get<double>(), proved["objective"].get<double>() - 1e-9) << "an upper one";
+  // A problem file has no place for it: that is said, and the negative is written.
+  const Result converted = run("convert " + path + " " + quoted(directory_.file("wyndor.json")));
+  EXPECT_NE(converted.err.find("is a maximum: its negative is minimized"), std::string::npos)
+      << converted.err;
+}
+
 TEST_F(Ampl, WhatContradictsItselfNamesItsConstraints) {
   const Sol sol = solve(corner(21.0));
   EXPECT_EQ(sol.code(), "200") << sol.message;

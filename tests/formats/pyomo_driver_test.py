@@ -170,6 +170,17 @@ def a_start_without_a_value_is_an_error_that_names_the_constraint():
     assert solve(m).solver.termination_condition != TerminationCondition.error
 
 
+def a_start_at_a_bound_without_a_value_is_moved_off_it():
+    for cost, bounds, best in ((lambda x: x - pyo.log(x), (0, 10), 1), (lambda x: x * pyo.log(x), (0, 10), -0.3678794412),
+                               (lambda x: 1 / x + x, (0, 10), 2), (lambda x: (pyo.log(x - 2) - 1) ** 2, (2, 10), 0),
+                               (lambda x: x - pyo.sqrt(x), (0, 10), -0.25)):
+        m = pyo.ConcreteModel()
+        m.x = pyo.Var(bounds=bounds)  # no start, which is 0 in a file
+        m.cost = pyo.Objective(expr=cost(m.x))
+        assert solve(m).solver.termination_condition == TerminationCondition.optimal
+        near(pyo.value(m.cost), best)
+
+
 def limits_and_settings_reach_the_nonlinear_loop():
     limited = solve(hs071(), options={"iteration_limit": 2})
     assert limited.solver.termination_condition == TerminationCondition.maxIterations, limited
@@ -213,6 +224,7 @@ def main():
                 a_nonlinear_condition_keeps_its_branch_and_has_a_multiplier,
                 what_cannot_be_of_a_nonlinear_model_is_infeasible,
                 a_start_without_a_value_is_an_error_that_names_the_constraint,
+                a_start_at_a_bound_without_a_value_is_moved_off_it,
                 limits_and_settings_reach_the_nonlinear_loop, what_jumps_is_refused_with_the_constraints_name,
                 integers_are_refused_with_the_variables_name, the_version_is_told]
     for promise in promises:

@@ -87,9 +87,9 @@ int32_t marble_problem_pairs(const marble_problem* problem);     /* n_c; 0 of NU
  * where count is 0. Sizes and numbers are checked by marble_problem_check and by all that solves. */
 int32_t marble_problem_set_vector(marble_problem* problem, const char* part, const double* values,
                                   int64_t count, marble_error* error);
-/* `part` is "Q" (n x n, symmetric, both triangles), "A", "C", "L" or "R"; compressed columns: column_pointers
- * has columns + 1 entries from 0 to `entries`, row_indices and values have `entries`, rows ascend within a
- * column. rows, columns and entries are >= 0. */
+/* `part` is "Q" (n x n, both triangles, symmetric but for rounding), "A", "C", "L" or "R"; compressed
+ * columns: column_pointers has columns + 1 entries from 0 to `entries`, row_indices and values have
+ * `entries`, rows ascend within a column. rows, columns and entries are >= 0. */
 int32_t marble_problem_set_matrix(marble_problem* problem, const char* part, int32_t rows, int32_t columns,
                                   const int32_t* column_pointers, int64_t entries, const int32_t* row_indices,
                                   const double* values, marble_error* error);

@@ -3,7 +3,7 @@
 % Its argument order, the shorter ones too: without A; without params; with the bounds of x alone in the place of A. Of
 % params count x0, stationarityTolerance, complementarityTolerance, and `marble`, a struct of Marble's options; what else
 % it has tunes LCQPow's own algorithm. y has the signs of Qx + g = y_box + A'y_A + L'y_L + R'y_R, in this order.
-% stats.exit_flag is 0 of a solved problem.
+% stats.exit_flag is 0 of a solved problem; of one that is almost solved too, with the warning marble:almost_solved.
 function [x, y, stats] = LCQPow(Q, g, L, R, varargin)
   params = struct();
   if ~isempty(varargin) && isstruct(varargin{end})
@@ -46,6 +46,9 @@ function [x, y, stats] = LCQPow(Q, g, L, R, varargin)
     p.z0 = params.x0;
   end
   answer = marble_solve(p, options);
+  if strcmp(answer.status, 'solved_reduced')
+    warning('marble:almost_solved', 'LCQPow: almost solved: %s', answer.detail);
+  end
 
   x = answer.z;
   y = zeros(size(rows, 1), 1);

@@ -75,10 +75,12 @@ std::string banner() { return std::string("marble ") + kVersion + ": "; }
 
 std::string message_of(const Solution& s, double sign) {
   std::string text = banner() + to_string(s.status);
-  if (is_solved(s.status)) text += "; objective " + formatted("%.10g", sign * s.objective);
+  if (is_solved(s.status)) text += "; objective " + formatted("%.10g", sign * s.objective + 0.0);
   text += "\n" + std::to_string(s.iterations) + " iterations, " + std::to_string(s.factorizations) +
           " factorizations";
-  if (const std::string proof = proof_text(proof_of(s)); !proof.empty()) text += "\n" + proof;
+  Proof tree = proof_of(s);
+  tree.bound = sign * tree.bound;
+  if (const std::string proof = proof_text(tree); !proof.empty()) text += "\n" + proof;
   if (!is_solved(s.status)) text += "\n" + without_controls(s.detail) + "\n" + advice(s.status);
   return text;
 }
@@ -132,7 +134,7 @@ void add_answer(const NlProblem& nl, const Solution& s, SolFile& sol) {
 
 void add_answer(const NlNonlinear& nl, const nonlinear::Answer& a, SolFile& sol) {
   sol.message = banner() + to_string(a.status);
-  if (is_solved(a.status)) sol.message += "; objective " + formatted("%.10g", nl.sign() * a.objective);
+  if (is_solved(a.status)) sol.message += "; objective " + formatted("%.10g", nl.sign() * a.objective + 0.0);
   sol.message += "\n" + std::to_string(a.iterations) + " iterations, " + std::to_string(a.ticks) +
                  " LCQPs, " + std::to_string(a.factorizations) + " factorizations";
   if (!is_solved(a.status)) sol.message += "\n" + without_controls(a.detail) + "\n" + advice(a.status);
@@ -153,6 +155,7 @@ bool is_here(const Settings& settings) {
 Expected<Solution> solve(const NlProblem& nl, const Settings& settings, std::stop_token stop) {
   const OwnedProblem& problem = nl.file.problem;
   IterationTable table(false, stdout);
+  table.set_maximize(nl.file.maximize);
   SolveControls controls{settings.tells ? &table : nullptr, std::move(stop), problem.initial_z};
   const bool has_duals = std::ranges::any_of(nl.initial_duals, [](double dual) { return dual != 0.0; });
   std::optional<Solution> start;

@@ -6,7 +6,10 @@ namespace marble::cli {
 
 CLI::App* add_solve_command(CLI::App& program, const std::shared_ptr<SolveArguments>& arguments) {
   CLI::App* command = program.add_subcommand("solve", "Solve problem files, in their order");
-  command->add_option("FILE", arguments->files, ".json, .pb or .bin; - is standard input")->required();
+  command
+      ->add_option("FILE", arguments->files,
+                   "a problem file: .json, .pb, .bin, .npz, .mat, .nl or a folder; - is standard input")
+      ->required();
   add_server_arguments(*command, arguments->server);
   add_priority_argument(*command, arguments->priority);
   command->add_flag("--local", arguments->local, "solve in this process, without a server")

@@ -75,8 +75,8 @@ class BatchRun {
       std::cout << json_line(subject, *answer) << '\n' << std::flush;
     } else {
       std::printf("%s: %s  objective %.10g  %d factorizations  %.3f ms\n",
-                  without_controls(subject.file).c_str(), to_string(answer->status), answer->objective,
-                  answer->factorizations, 1e3 * answer->times.solve_s);
+                  without_controls(subject.file).c_str(), to_string(answer->status),
+                  subject.of_file(answer->objective), answer->factorizations, 1e3 * answer->times.solve_s);
       std::fflush(stdout);
     }
     exit_code_ = worse(exit_code_, is_solved(answer->status) ? kAllSolved : kNotSolved);
@@ -115,7 +115,10 @@ void add_batch(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<BatchArguments>();
   CLI::App* command = program.add_subcommand(
       "batch", "Solve many problem files at once, a line an answer in the order of finishing");
-  command->add_option("FILE", arguments->files, ".json, .pb or .bin; - is standard input")->required();
+  command
+      ->add_option("FILE", arguments->files,
+                   "problem files: .json, .pb, .bin, .npz, .mat, .nl or folders; - is standard input")
+      ->required();
   add_server_arguments(*command, arguments->server);
   add_priority_argument(*command, arguments->priority);
   add_solver_arguments(*command, arguments->solver);

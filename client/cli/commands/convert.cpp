@@ -18,6 +18,7 @@ int convert(const std::string& in, const std::string& out) {
     return fails(out, valid.error().message());
   const auto file = formats::read_any_problem(in);
   if (!file) return fails(in, file.error().message());
+  if (file->maximize) complain(out, formats::kNegativeOfMaximum);
   std::string left_out;
   if (!file->problem.initial_z.empty() && !formats::keeps_initial_point(out)) left_out = "x0";
   if (file->best_known_objective && !out.ends_with(".json"))

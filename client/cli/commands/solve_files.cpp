@@ -44,6 +44,7 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
   }
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << without_controls(path) << ":\n";
   Listeners listeners(!arguments.quiet, trace);
+  listeners.table().set_maximize(file->maximize);
   std::optional<ActivityDisplay> display;
   if (!arguments.quiet) display.emplace(listeners.table());
   SolveControls controls{.progress = listeners.sink(),

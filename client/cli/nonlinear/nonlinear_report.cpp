@@ -21,9 +21,9 @@ void NonlinearTable::report(const nonlinear::Iteration& i) {
         colours_ ? "\033[1m" : "", colours_ ? "\033[0m" : "");
   }
   std::fprintf(to_, "%5d %14.7e %9.2e %9.2e %9.2e %9.2e %9.2e %9.2e %5d%s%s%s\n", i.iteration,
-               sign_ * i.objective, i.violation, i.step, i.radius, i.predicted, i.actual, i.shift, i.ticks,
-               i.restoring ? " restoring" : (i.elastic ? " elastic" : ""), i.corrected ? " corrected" : "",
-               i.accepted ? "" : " refused");
+               sign_ * i.objective + 0.0, i.violation, i.step, i.radius, i.predicted, i.actual, i.shift,
+               i.ticks, i.restoring ? " restoring" : (i.elastic ? " elastic" : ""),
+               i.corrected ? " corrected" : "", i.accepted ? "" : " refused");
 }
 
 NonlinearVectors NonlinearVectors::of(const formats::NlNonlinear& nl, const nonlinear::Answer& answer) {
@@ -55,7 +55,7 @@ std::string summary(const formats::NlNonlinear& nl, const nonlinear::Answer& a, 
   std::string text = without_controls(nl.name) + ": " + to_string(a.status);
   text += "  (" + number(a.x.size()) + " variables, " + number(nl.equalities) + " equalities, " +
           number(nl.inequalities) + " inequalities, " + number(nl.pairs) + " pairs; nonlinear)\n";
-  text += "  objective       " + formatted("%.10g", nl.sign() * a.objective) + "\n";
+  text += "  objective       " + formatted("%.10g", nl.sign() * a.objective + 0.0) + "\n";
   text += "  violation       " + formatted("%.1e", a.violation) + "\n";
   text += "  kkt residual    " + formatted("%.1e", a.kkt_residual) + "\n";
   text += "  work            " + std::to_string(a.iterations) + " iterations, " + std::to_string(a.ticks) +
@@ -81,7 +81,7 @@ std::string json_line(const std::string& file, const formats::NlNonlinear& nl, c
   json["status"] = to_string(a.status);
   json["detail"] = a.detail;
   json["nonlinear"] = true;
-  json["objective"] = nl.sign() * a.objective;
+  json["objective"] = nl.sign() * a.objective + 0.0;
   json["violation"] = a.violation;
   json["kkt_residual"] = a.kkt_residual;
   json["x"] = vectors.x;

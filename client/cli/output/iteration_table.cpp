@@ -36,7 +36,8 @@ void IterationTable::tree_row(const Progress& p) {
   const double seconds = p.elapsed_s - told_.elapsed_s;
   const double speed = seconds > 0.0 ? static_cast<double>(p.nodes - told_.nodes) / seconds : 0.0;
   std::fprintf(to_, "%9lld %8lld %14.7e %14.7e %9.2e %8.0f %8.2fs\n", static_cast<long long>(p.nodes),
-               static_cast<long long>(p.open_nodes), p.incumbent, p.bound, p.gap, speed, p.elapsed_s);
+               static_cast<long long>(p.open_nodes), of_file(p.incumbent), of_file(p.bound), p.gap, speed,
+               p.elapsed_s);
   told_ = without_vectors(p);
 }
 
@@ -82,7 +83,7 @@ void IterationTable::report(const Progress& p) {
   // A raised regularization is where a solve has trouble: make it stand out.
   const bool trouble = colours_ && p.regularization > kTroublesomeRegularization;
   std::fprintf(to_, "%s%5d %14.7e %9.2e %9.2e %9.2e %9.2e %9.2e %8.1e %7.4f %8.1e %5d%s\n",
-               trouble ? kYellow : "", p.iteration, p.objective, p.violations.equality,
+               trouble ? kYellow : "", p.iteration, of_file(p.objective), p.violations.equality,
                p.violations.inequality, p.violations.complementarity, p.kkt_residual, p.kappa, p.rho,
                p.step_length, p.regularization, p.factorizations, trouble ? kPlain : "");
   told_ = without_vectors(p);

@@ -19,6 +19,8 @@ namespace marble::cli {
 class IterationTable final : public ProgressSink {
  public:
   explicit IterationTable(bool colours, std::FILE* to = stderr) : colours_(colours), to_(to) {}
+  /// What is solved minimizes the negative of a maximum: objectives and bounds are told as the maximum's.
+  void set_maximize(bool maximize) { sign_ = maximize ? -1.0 : 1.0; }
   void report(const Progress& progress) override;
   /// What the solve is doing, from any thread, where nothing was written for half a second: on a terminal in
   /// a line that the next row replaces, else in a line of its own every two seconds at most.
@@ -29,10 +31,14 @@ class IterationTable final : public ProgressSink {
  private:
   void heading(const char* names);
   void tree_row(const Progress& progress);
+  [[nodiscard]] double of_file(double objective) const {
+    return sign_ * objective + 0.0;
+  }  // no negative zero
   void erase_line();
 
   bool colours_;
   std::FILE* to_;
+  double sign_ = 1.0;   // of objectives
   int rows_ = 0;        // since the last heading of its kind
   bool tree_ = false;   // of what kind that was
   Progress told_ = {};  // the newest row that was written

@@ -40,8 +40,12 @@ std::string speed_text(const Answer& s) {
   return format(", %.0f nodes a second", static_cast<double>(s.nodes) / s.times.solve_s);
 }
 
-std::string proof_line(const Answer& s) {
-  if (s.nodes > 0) return "  proof           " + proof_text(proof_of(s)) + speed_text(s) + "\n";
+std::string proof_line(const Subject& p, const Answer& s) {
+  if (s.nodes > 0) {
+    Proof proof = proof_of(s);
+    proof.bound = p.of_file(proof.bound);
+    return "  proof           " + proof_text(proof) + speed_text(s) + "\n";
+  }
   return begins_with_proof(s) ? "  proof           " + without_controls(part_of(s.detail, 0)) + "\n" : "";
 }
 
@@ -49,7 +53,8 @@ std::string proof_line(const Answer& s) {
 
 Subject subject_of(const std::string& path, const ProblemFile& file) {
   const OwnedProblem& p = file.problem;
-  return {p.name, path, p.g.size(), p.b.size(), p.d.size(), p.l.size(), file.best_known_objective};
+  return {p.name,       path, p.g.size(), p.b.size(), p.d.size(), p.l.size(), file.best_known_objective,
+          file.maximize};
 }
 
 std::string summary(const Subject& p, const Answer& s) {
@@ -57,9 +62,9 @@ std::string summary(const Subject& p, const Answer& s) {
   std::string text = without_controls(p.name) + ": " + to_string(s.status);
   text += format("  (%zu variables, %zu equalities, %zu inequalities, %zu pairs)\n", p.variables,
                  p.equalities, p.inequalities, p.pairs);
-  text += format("  objective       %.10g", s.objective);
+  text += format("  objective       %.10g", p.of_file(s.objective));
   if (p.best_known_objective) text += format("   (best known %.10g)", *p.best_known_objective);
-  text += "\n" + proof_line(s);
+  text += "\n" + proof_line(p, s);
   text += format("  violations      equality %.1e, inequality %.1e, complementarity %.1e\n",
                  s.violations.equality, s.violations.inequality, s.violations.complementarity);
   text += format("  kkt residual    %.1e\n", s.kkt_residual);
@@ -90,7 +95,8 @@ std::string json_line(const Subject& problem, const Answer& s) {
   json["status"] = to_string(s.status);
   json["detail"] = s.detail;
   json["origin"] = to_string(s.origin);
-  json["objective"] = s.objective;
+  json["objective"] = problem.of_file(s.objective);
+  if (problem.maximize) json["maximize"] = true;
   if (problem.best_known_objective) json["best_known_objective"] = *problem.best_known_objective;
   json["z"] = s.z;
   json["equality_multipliers"] = s.equality_multipliers;
@@ -107,6 +113,7 @@ std::string json_line(const Subject& problem, const Answer& s) {
   json["second_order"] = to_string(s.second_order);
   json["proved"] = s.proved;
   add_tree(s, json);
+  if (problem.maximize) json["bound"] = problem.of_file(s.bound);
   json["iterations"] = s.iterations;
   json["factorizations"] = s.factorizations;
   json["solve_seconds"] = s.times.solve_s;

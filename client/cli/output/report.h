@@ -18,13 +18,18 @@ struct Subject {
   std::string file = {};  ///< empty if it was none
   std::size_t variables = 0, equalities = 0, inequalities = 0, pairs = 0;
   std::optional<double> best_known_objective = {};
+  bool maximize = false;  ///< the file's objective is the negative of the problem's
+
+  /// An objective of the problem, or a bound of it, as the file has it.
+  [[nodiscard]] double of_file(double objective) const { return maximize ? 0.0 - objective : objective; }
 };
 [[nodiscard]] Subject subject_of(const std::string& path, const ProblemFile& file);
 
-/// Several lines: status, objective, violations, work, times.
+/// Several lines: status, objective, violations, work, times. Objective and bound are the file's.
 [[nodiscard]] std::string summary(const Subject& subject, const Answer& answer);
 
-/// One JSON object without a line break.
+/// One JSON object without a line break. Objective and bound are the file's; multipliers those of the
+/// problem, which has the negative objective where "maximize" is true.
 [[nodiscard]] std::string json_line(const Subject& subject, const Answer& answer);
 /// The same for a file without an answer; `name` is empty if it is not known.
 [[nodiscard]] std::string json_line(const std::string& file, const std::string& name, const Error& error);

@@ -276,6 +276,7 @@ Expected<std::optional<TableMatrix>> read_version_4(std::string_view bytes, cons
     return table_of_numbers(static_cast<Index>(head.rows), static_cast<Index>(head.columns), *values);
   }
   // Rows, columns and values from 1, one below the other; the last of each are the sizes.
+  if (head.columns == 4) return refuse("complex", "must be real");
   if (head.columns != 3) return refuse("", "must have three columns: it is sparse");
   const std::size_t last = head.rows - 1;
   const std::span<const double> row(values->data(), head.rows), column(row.data() + head.rows, head.rows),
@@ -335,6 +336,10 @@ Expected<void> MatFile::find_version_4(std::string_view bytes) {
 }
 
 Expected<void> MatFile::find_version_5(std::string_view bytes) {
+  if (bytes.starts_with("# Created by Octave") || bytes.starts_with("Octave-1-")) {
+    return unexpected(
+        invalid("", "is a file of Octave's own: must be written in MATLAB's format, by save -v7 FILE"));
+  }
   const std::string_view order = bytes.size() < kHeader5 ? "" : bytes.substr(126, 2);
   if (order != "IM" && order != "MI") return unexpected(invalid("", "cannot be read as a MATLAB file"));
   swapped_ = order == "MI";

@@ -23,7 +23,7 @@ class Assembly {
     auto assembled = parts_.finish(name);
     if (!assembled) return unexpected(assembled.error());
     made_.file.problem = std::move(*assembled);
-    made_.maximize = model_.maximize;
+    made_.file.maximize = model_.maximize;
     made_.initial_duals = std::move(model_.duals);
     take_initial_point();
     return std::move(made_);

@@ -24,8 +24,7 @@ struct DualTerm {
 
 /// An .nl file as an LCQP, and the way back to its own rows and variables.
 struct NlProblem {
-  ProblemFile file;       ///< its first variables are the file's; mixed complementarity adds some after them
-  bool maximize = false;  ///< the LCQP minimizes the negative
+  ProblemFile file;  ///< its first variables are the file's; mixed complementarity adds some after them
   /// Of rows: change of the LCQP's objective by a row's right-hand side. Rows that bound nothing have none.
   std::vector<DualTerm> row_duals;
   /// Of variables: what their bounds and the pairs they are in contribute to the gradient (reduced costs).
@@ -37,7 +36,7 @@ struct NlProblem {
   std::vector<std::pair<double, double>> bounds;
 
   /// What the LCQP's objective, bound and dual values are to be multiplied by to be the file's.
-  [[nodiscard]] double sign() const { return maximize ? -1.0 : 1.0; }
+  [[nodiscard]] double sign() const { return file.maximize ? -1.0 : 1.0; }
 };
 
 /// A quadratic objective, linear constraints with bounds, linear complementarity conditions ("complements"),

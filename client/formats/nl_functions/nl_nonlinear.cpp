@@ -211,8 +211,9 @@ bool second_derivatives_agree(AslFunctions& functions, const std::vector<double>
   return !std::isfinite(apart) || apart <= kShare * size + kNoise * (1.0 + most);
 }
 
-// Where the file begins, within its bounds; its long defined variables begin at their values.
-std::vector<double> start_of(const ExpressionFile& file, AslFunctions& functions) {
+// Where the file begins, within its bounds, or off those that it is at; its long defined variables begin at
+// their values. Nothing where nothing is at a bound.
+std::optional<std::vector<double>> start_of(const ExpressionFile& file, AslFunctions& functions, bool off) {
   const auto given = static_cast<std::size_t>(file.header.variables),
              rows = static_cast<std::size_t>(file.header.constraints);
   std::vector<double> start = file.model.initial;
@@ -220,6 +221,12 @@ std::vector<double> start_of(const ExpressionFile& file, AslFunctions& functions
   for (std::size_t j = 0; j < given; ++j) {
     const NlBounds& bounds = file.model.bounds[j];
     if (bounds.low <= bounds.high) start[j] = std::clamp(start[j], bounds.low, bounds.high);
+  }
+  if (off) {
+    std::vector<double> lower, upper;
+    for (const NlBounds& bounds : file.model.bounds)
+      lower.push_back(bounds.low), upper.push_back(bounds.high);
+    if (!nonlinear::leave_bounds(std::span(start).first(given), lower, upper)) return std::nullopt;
   }
   for (std::size_t k = 0; k < file.lifted.size(); ++k)
     start[given + k] = functions.row(rows + k, start);  // expression − variable
@@ -254,12 +261,20 @@ Expected<NlNonlinear> parse_nonlinear_nl(std::string_view content, const std::st
   if (!file) return unexpected(file.error());
   auto functions = AslFunctions::open(file->content);
   if (!functions) return unexpected(functions.error());
-  std::vector<double> start = start_of(*file, *functions);
-  const std::size_t n = start.size(), m = file->model.row_bounds.size();
-  std::vector<double> rows(m);
-  functions->rows(start, rows);
-  if (auto begins = check_start(*file, *functions, start, rows, names); !begins)
-    return unexpected(begins.error());
+  const std::size_t m = file->model.row_bounds.size();
+  std::vector<double> start, rows(m);
+  Expected<void> begins;
+  for (const bool off : {false, true}) {
+    auto from = start_of(*file, *functions, off);
+    if (!from) break;
+    start = std::move(*from);
+    functions->rows(start, rows);
+    const auto there = check_start(*file, *functions, start, rows, names);
+    if (!off || there) begins = there;  // the first point's error
+    if (begins) break;
+  }
+  if (!begins) return unexpected(begins.error());
+  const std::size_t n = start.size();
   std::vector<double> beside = start;  // where less is zero
   for (std::size_t j = 0; j < n; ++j) beside[j] += 0.01 * (1.0 + static_cast<double>(j % 3));
   const bool trusted =
@@ -272,7 +287,7 @@ Expected<NlNonlinear> parse_nonlinear_nl(std::string_view content, const std::st
 
   NlNonlinear made;
   made.variables = file->header.variables, made.constraints = file->header.constraints;
-  made.name = name, made.names = names, made.maximize = linear->maximize;
+  made.name = name, made.names = names, made.maximize = linear->file.maximize;
   made.row_duals = std::move(linear->row_duals), made.reduced_costs = std::move(linear->reduced_costs);
   std::erase_if(made.row_duals, [&](const DualTerm& term) { return term.of >= made.constraints; });
   OwnedProblem& blocks = linear->file.problem;

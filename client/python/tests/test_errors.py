@@ -36,9 +36,11 @@ def test_a_bad_problem_is_told_before_anything_is_sent(parts, field, index):
 
 @pytest.mark.parametrize(("above", "below", "fits"), [
     (1.0, 1.0 + 5e-13, True),
-    (1.0, 1.0 + 2e-12, False),
-    (1e-15, 1e-15 + 1e-24, False),  # of the two, not of the largest entry
-    (1e-15, 0.0, False),
+    (1.0, 1.0 + 5e-10, True),  # of the rows' largest entries, which are 1e3
+    (1.0, 1.0 + 2e-9, False),
+    (1e-15, 0.0, True),  # what should be zero
+    (0.0, -1e-10, True),
+    (0.0, 1e-8, False),
 ])
 def test_q_is_symmetric_to_the_server_s_tolerance(above, below, fits):
     Q = [[1e3, above], [below, 1e3]]
@@ -48,6 +50,25 @@ def test_q_is_symmetric_to_the_server_s_tolerance(above, below, fits):
     with pytest.raises(marble.InvalidProblem, match=r"must be symmetric, as \(Q \+ Q.T\) / 2 is") as caught:
         marble.LCQP(Q, [0, 0])
     assert (caught.value.field, caught.value.index) == ("Q", (0, 1))
+
+
+def test_products_of_matrices_are_symmetric_enough_and_the_upper_triangle_counts():
+    for seed in range(20):
+        B = np.random.default_rng(seed).normal(size=(150, 150))
+        weights = np.random.default_rng(seed + 1000).normal(size=150)  # indefinite: diagonals cancel
+        Q = B.T @ (weights[:, None] * B)
+        assert not (Q == Q.T).all()
+        for form in (np.asarray, sp.csc_matrix, sp.csr_matrix):
+            taken = marble.LCQP(form(Q), np.zeros(150))
+            np.testing.assert_array_equal(taken.Q.toarray(), np.triu(Q))
+        Q[70, 3] += 1e-6
+        with pytest.raises(marble.InvalidProblem) as caught:
+            marble.LCQP(Q, np.zeros(150))
+        assert caught.value.index == (3, 70)
+    condensed = [[4, 0, 1e-17], [0, 2, 0], [0, 0, 3]]
+    assert marble.solve(condensed, [-4, -2, -3], server="local").z == pytest.approx([1, 1, 1])
+    with pytest.raises(marble.InvalidProblem):  # the size of another variable is no excuse
+        marble.LCQP([[4, 0, 1e-6], [0, 1e20, 0], [0, 0, 3]], [0, 0, 0])
 
 
 def test_every_code_of_the_contract_has_an_exception_of_its_own():

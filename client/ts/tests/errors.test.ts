@@ -146,6 +146,24 @@ for (const { what, problem, field, index, value } of faults) {
   });
 }
 
+test("a Q that is symmetric but for rounding is taken, here and by the server", async () => {
+  for (const q of [
+    [4, 0, 1e-17, 0, 2, 0, 0, 0, 3],
+    [4, 0, 0, 1e-17, 2, 0, -1e-17, 0, 3],
+  ]) {
+    const answer = await client.solve({ g: [-4, -2, -3], Q: [q.slice(0, 3), q.slice(3, 6), q.slice(6)] });
+    assert.equal(answer.status, "solved");
+    for (const value of answer.z) assert.ok(Math.abs(value - 1) < 1e-9);
+  }
+  // The size of another variable is no excuse.
+  const q = [
+    [4, 0, 1e-6],
+    [0, 1e20, 0],
+    [0, 0, 3],
+  ];
+  await assert.rejects(client.solve({ g: [0, 0, 0], Q: q }), { name: "InvalidProblemError", field: "Q" });
+});
+
 const wrongControls: [unknown, string][] = [
   [{ options: { maxIterations: 1.5 } }, "options.maxIterations"],
   [{ options: { polish: 1 } }, "options.polish"],

@@ -30,7 +30,7 @@ struct SparseMatrixView {
 
 /// How the symmetric matrix Q is given.
 enum class HessianForm {
-  full,            ///< both triangles; mirror images may differ by 1e-12 of the larger one
+  full,            ///< both triangles, equal but for rounding; the solver computes with the upper one
   upper_triangle,  ///< only entries with row ≤ column; the mirror image is implied
 };
 

@@ -27,6 +27,31 @@ bool is_empty(const SparseMatrixView& m) {
          m.values.empty();
 }
 
+// The sizes of rows and columns that rounding is measured by; found only where mirror images differ.
+class RoundingOfQ {
+ public:
+  explicit RoundingOfQ(const SparseMatrixView& q) : q_(q) {}
+
+  [[nodiscard]] bool explains(double difference, Index i, Index j) {
+    if (largest_.empty()) measure();
+    return std::abs(difference) <= contract::symmetry * std::sqrt(largest_[i]) * std::sqrt(largest_[j]);
+  }
+
+ private:
+  void measure() {
+    largest_.assign(static_cast<std::size_t>(q_.columns), 0.0);
+    for (Index column = 0; column < q_.columns; ++column) {
+      for (Index k = q_.column_pointers[column]; k < q_.column_pointers[column + 1]; ++k) {
+        const double size = std::abs(q_.values[k]);
+        for (const Index of : {q_.row_indices[k], column}) largest_[of] = std::max(largest_[of], size);
+      }
+    }
+  }
+
+  const SparseMatrixView& q_;
+  std::vector<double> largest_;  // |entry| of row or column i
+};
+
 // One sweep over the columns: as rows ascend, the mirror image of the next entry below the diagonal of column
 // r is always the next unread one of that column.
 Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
@@ -37,6 +62,10 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
                                   text_of(mirror)));
   };
   if (q.values.empty()) return {};
+  RoundingOfQ rounding(q);
+  const auto needs_mirror = [&](Index k, Index column) {
+    return q.values[k] != 0.0 && !rounding.explains(q.values[k], q.row_indices[k], column);
+  };
   std::vector<Index> next(q.column_pointers.begin(), q.column_pointers.end() - 1);
   for (Index column = 0; column < q.columns; ++column) {
     for (Index k = q.column_pointers[column]; k < q.column_pointers[column + 1]; ++k) {
@@ -52,9 +81,10 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
       if (row >= column) break;
       Index& mirror = next[row];
       // Entries of column `row` above or on its diagonal were matched when they were columns themselves;
-      // stored zeros need no mirror image.
-      while (mirror < q.column_pointers[row + 1] &&
-             (q.row_indices[mirror] <= row || (q.row_indices[mirror] < column && q.values[mirror] == 0.0))) {
+      // entries that rounding explains need no mirror image.
+      while (
+          mirror < q.column_pointers[row + 1] &&
+          (q.row_indices[mirror] <= row || (q.row_indices[mirror] < column && !needs_mirror(mirror, row)))) {
         ++mirror;
       }
       if (mirror < q.column_pointers[row + 1] && q.row_indices[mirror] < column) {
@@ -62,16 +92,15 @@ Expected<void> check_symmetry(const SparseMatrixView& q, HessianForm form) {
       }
       const bool present = mirror < q.column_pointers[row + 1] && q.row_indices[mirror] == column;
       const double below = present ? q.values[mirror] : 0.0;
-      const double size = std::max(std::abs(q.values[k]), std::abs(below));
-      if (std::abs(q.values[k] - below) > contract::symmetry * size) return asymmetric(k, row, column, below);
+      if (q.values[k] != below && !rounding.explains(q.values[k] - below, row, column))
+        return asymmetric(k, row, column, below);
       if (present) ++mirror;
     }
   }
   if (form == HessianForm::upper_triangle) return {};
-  for (Index column = 0; column < q.columns;
-       ++column) {  // entries below the diagonal that nothing above matched
+  for (Index column = 0; column < q.columns; ++column) {  // below the diagonal, matched by nothing above
     for (Index k = next[column]; k < q.column_pointers[column + 1]; ++k) {
-      if (q.row_indices[k] > column && q.values[k] != 0.0)
+      if (q.row_indices[k] > column && needs_mirror(k, column))
         return asymmetric(k, q.row_indices[k], column, 0.0);
     }
   }

@@ -4,13 +4,15 @@ import itertools
 import pathlib
 import tempfile
 import unittest
+import warnings
 
 import casadi
 import numpy as np
-from page import example, local_and_remote
+from page import almost_solved, example, local_and_remote
 
 import marble
 from marble.casadi import from_casadi, mpccsol
+from marble.repeated import Repeated
 
 KINDS = (casadi.SX, casadi.MX)
 
@@ -70,7 +72,7 @@ class Casadi(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder, local_and_remote(pathlib.Path(folder)) as clients:
             for client in clients:
                 terms = contact(casadi.SX)
-                solver = mpccsol("contact", terms, {"max_iterations": 300}, server=client)
+                solver = mpccsol("contact", terms, {"max_iterations": 300, "small_budget": 0}, server=client)
                 first = solver(p=[1, 0, 0], lbx=-5, ubx=5)
                 before = solver.stats()["solution"].problem
                 again = solver(p=[1.001, 0, 0], lbx=-5, ubx=5)
@@ -87,6 +89,59 @@ class Casadi(unittest.TestCase):
                 self.assertAlmostEqual(float(at["f"]), float(first["f"]), 6)
                 solver.close()
                 self.assertTrue(solver(p=[1, 0, 0]))  # which opens it again
+
+    def test_a_sweep_has_the_best_branch_of_a_small_problem_each_time_here_and_on_a_server(self):
+        x, p = casadi.SX.sym("x", 2), casadi.SX.sym("p")
+        terms = {"x": x, "p": p, "f": (x[0] - p) ** 2 + (x[1] - 2) ** 2, "G": x[0], "H": x[1]}
+        sweep = (1, 3, 30, -2, 1.5, 2.5, 0)
+        with tempfile.TemporaryDirectory() as folder, local_and_remote(pathlib.Path(folder)) as clients:
+            for client in clients:
+                with mpccsol("sweep", terms, server=client) as best, \
+                        mpccsol("sweep", terms, {"small_budget": 0}, server=client) as near:
+                    for at in sweep:
+                        least = at ** 2 if at < 2 else 4
+                        self.assertAlmostEqual(float(best(p=at)["f"]), least, 6, at)
+                        self.assertTrue(best.stats()["success"])
+                    costs = [float(near(p=at)["f"]) for at in sweep[:3]]
+                    np.testing.assert_allclose(costs, [1, 9, 900], atol=1e-6)
+
+    def test_many_pairs_that_change_at_will_are_the_cold_answers(self):
+        n, random = 6, np.random.default_rng(5)
+        root = random.normal(size=(2 * n, 2 * n))
+        x, p = casadi.SX.sym("x", 2 * n), casadi.SX.sym("p", 2 * n)
+        terms = {"x": x, "p": p, "f": casadi.bilin(casadi.DM(root @ root.T / n + 0.1 * np.eye(2 * n)), x - p),
+                 "G": x[:n], "H": x[n:]}
+        with mpccsol("many", terms, server="local") as sweep:
+            for at in 1 + random.normal(size=(8, 2 * n)):
+                cold = mpccsol("many", terms, server="local")(p=at)
+                self.assertAlmostEqual(float(sweep(p=at)["f"]), float(cold["f"]), 6)
+                self.assertTrue(sweep.stats()["solution"].proved)
+
+    def test_an_answer_that_is_almost_solved_comes_with_a_warning_and_is_no_success(self):
+        with mpccsol("contact", contact(casadi.SX), server="local") as solver, almost_solved(self, Repeated, "solve"):
+            solver(p=[1, 0, 0])
+        self.assertFalse(solver.stats()["success"])
+
+    def test_complex_numbers_are_refused_not_halved(self):
+        x, p = casadi.SX.sym("x", 2), casadi.SX.sym("p")
+        solver = mpccsol("real", {"x": x, "p": p, "f": casadi.sumsqr(x - p)}, server="local")
+        for words in ({"p": 1j}, {"p": 1, "x0": np.array([1, 1j])}, {"p": 1, "lbx": [0, 1j]}):
+            with self.assertRaisesRegex(marble.InvalidArgument, "complex"):
+                solver(**words)
+        for words in ({"lb": 1j}, {"ub": np.array([1j])}):
+            with self.assertRaisesRegex(marble.InvalidArgument, "complex"):
+                from_casadi(x, x[0], x[1], **words)
+        for words in ({"lbx": 1j}, {"lbg": [1j]}, {"p": [1j]}):
+            with self.assertRaisesRegex(marble.InvalidArgument, "complex"):
+                marble.nlp.solve_casadi({"x": x, "p": p, "f": casadi.sumsqr(x) + p, "g": x[0]}, [0, 0],
+                                        **{"p": [1], **words})
+
+    def test_nonlinear_functions_are_called_without_a_warning(self):
+        x, p = casadi.SX.sym("x"), casadi.SX.sym("p")
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            answer = marble.nlp.solve_casadi({"x": x, "p": p, "f": (x - p) ** 4, "g": x ** 2}, [3], p=[1], lbx=0, ubg=9)
+        self.assertAlmostEqual(answer.x[0], 1, 2)
 
     def test_cc_pairs_name_bounds_of_x_and_g_that_complement_each_other(self):
         for kind in KINDS:

@@ -1,6 +1,8 @@
 """The real CVXPY with Marble as its solver, and with pairs: answers, duals and ends as its other solvers'."""
 
+import dataclasses
 import unittest
+from unittest import mock
 
 import cvxpy
 import numpy as np
@@ -32,6 +34,17 @@ class Cvxpy(unittest.TestCase):
         self.assertEqual(self.end(cvxpy.Minimize(cvxpy.square(x)), [x >= 1, x <= 0]), "infeasible")
         with self.assertRaises(marble.InvalidArgument):
             self.end(cvxpy.Minimize(cvxpy.square(x)), [x >= 1], nothing=1)
+
+    def test_an_answer_that_is_almost_solved_is_optimal_inaccurate_and_cvxpy_warns_of_it(self):
+        real, x = marble.client.solve, cvxpy.Variable(2)
+        almost = mock.patch.object(marble.client, "solve", lambda *given, **words: dataclasses.replace(
+            real(*given, **words), status=marble.Status.SOLVED_REDUCED))
+        for solve in (lambda problem: problem.solve(solver=marble.cvxpy.MARBLE()),
+                      lambda problem: marble.cvxpy.solve(problem, pairs=[(x[0], x[1])])):
+            problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum_squares(x - 1)), [x <= 3])
+            with almost, self.assertWarnsRegex(UserWarning, "inaccurate"):
+                solve(problem)
+            self.assertEqual(problem.status, "optimal_inaccurate")
 
     def test_a_norm_and_options_by_name(self):
         x = cvxpy.Variable(3)

@@ -4,7 +4,7 @@ import itertools
 import unittest
 
 import numpy as np
-from page import example
+from page import almost_solved, example
 from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolutionResult
 
 import marble
@@ -33,6 +33,11 @@ def program(seed, branch=None):
 
 
 class Drake(unittest.TestCase):
+    def test_an_answer_that_is_almost_solved_comes_with_a_warning(self):
+        with almost_solved(self, marble.client, "solve"):
+            result = marble.drake.solve(program(0)[0])
+        self.assertIs(result.solution.status, marble.Status.SOLVED_REDUCED)
+
     def test_answers_and_duals_are_those_of_the_best_branch(self):
         solved = 0
         for seed in range(8):

@@ -1,10 +1,13 @@
 """The examples of client/python/ADAPTERS.md, and problems that the tests share."""
 
 import contextlib
+import dataclasses
 import io
 import pathlib
 import re
 import sys
+import warnings
+from unittest import mock
 
 import numpy as np
 
@@ -23,6 +26,28 @@ def example(tool):
         for code, _ in examples:
             exec(compile(code, f"{page}: {tool}", "exec"), {})
     return out.getvalue(), "".join(said for _, said in examples)
+
+
+@contextlib.contextmanager
+def one_warning_of_almost(test):
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        yield
+    told = [one for one in seen if one.category is marble.AlmostSolved]
+    test.assertEqual(len(told), 1, [str(one.message) for one in seen])
+    test.assertIn("almost solved: ", str(told[0].message))
+
+
+@contextlib.contextmanager
+def almost_solved(test, owner, name):
+    """What `owner.name` returns is within the reduced tolerances alone, and the test's adapter must say so once."""
+    real = getattr(owner, name)
+
+    def almost(*arguments, **words):
+        return dataclasses.replace(real(*arguments, **words), status=marble.Status.SOLVED_REDUCED)
+
+    with mock.patch.object(owner, name, almost), one_warning_of_almost(test):
+        yield
 
 
 def random_qp(seed, n=12, rows=8, equalities=3):

@@ -1,20 +1,25 @@
 """The real Pyomo with Marble as its persistent solver: what is solved, what is sent, what is refused by its name."""
 
 import itertools
+import logging
+import os
 import pathlib
 import tempfile
 import unittest
+from unittest import mock
 
 import numpy as np
 import pyomo.environ as pyo
-from page import example, local_and_remote
+from page import almost_solved, example, local_and_remote, one_warning_of_almost
 from pyomo.gdp import Disjunct, Disjunction
 from pyomo.mpec import Complementarity, complements
 from pyomo.opt import SolverStatus, TerminationCondition
 
 import marble
 import marble.pyomo
+from marble.repeated import Repeated
 
+logging.getLogger("pyomo").setLevel(logging.ERROR)
 INF = np.inf
 FREE = (-INF, INF)
 # What is written, and the pieces of its meaning: boxes of y and of w.
@@ -69,6 +74,111 @@ class Pyomo(unittest.TestCase):
                            for piece in pieces)
                 self.assertAlmostEqual(pyo.value(m.cost), best, 5, f"{words}, {m.far.value}, {m.up.value}")
 
+    def test_sides_with_bounds_of_their_own_mean_the_same_by_files(self):
+        boxes = {"above": (1, 9), "below": (-3, 4), "both": (-2, 60), "none": (None, None), "at": (0, 50)}
+        wanted = [(60.0, -5.0), (20.0, 5.0), (0.5, 5.0), (-60.0, -5.0)]
+        for (words, (condition, _)), (name, (low, high)) in itertools.product(CONDITIONS.items(), boxes.items()):
+            m = pyo.ConcreteModel()
+            m.p = pyo.Param(initialize=2, mutable=True)
+            m.far, m.up = pyo.Param(initialize=0, mutable=True), pyo.Param(initialize=0, mutable=True)
+            m.w, m.y, m.v = pyo.Var(), pyo.Var(bounds=(low, high)), pyo.Var(bounds=(-1, None))
+            m.cost = pyo.Objective(expr=(m.y - m.far) ** 2 + (m.w - m.up) ** 2 + (m.v - 1) ** 2)
+            conditions = [None, condition(m), complements(m.v >= 0, m.v >= -2)]
+            m.pair = Complementarity([1, 2], rule=lambda _, i: conditions[i])  # noqa: B023
+            args = m.pair[1]._args
+            for m.far.value, m.up.value in wanted[:: 1 if name == "above" else 2]:
+                with self.subTest(words, own=name, wanted=(m.far.value, m.up.value)):
+                    right = solver().solve(m).solver.termination_condition
+                    cost = pyo.value(m.cost) if right == TerminationCondition.optimal else None
+                    m.y.value = m.w.value = m.v.value = None
+                    found = pyo.SolverFactory("marble").solve(m)
+                    self.assertEqual(found.solver.termination_condition, right)
+                    if right == TerminationCondition.optimal:
+                        self.assertAlmostEqual(pyo.value(m.cost), cost, 5)
+                    self.assertEqual(m.y.bounds, (low, high))
+                    self.assertIs(m.pair[1]._args, args)
+                    self.assertTrue(m.pair[1].active)
+                    self.assertEqual([part.name for part in m.component_objects((pyo.Block, pyo.Var))], ["w", "y", "v"])
+
+    def test_a_side_in_no_row_or_that_is_fixed_is_written_too(self):
+        for fixed, best in ((None, 0), (2.0, 1)):
+            m = pyo.ConcreteModel()
+            m.x, m.y = pyo.Var(bounds=(0, 5)), pyo.Var(bounds=(0, 5))
+            m.cost = pyo.Objective(expr=(m.x - 1) ** 2)
+            m.pair = Complementarity(expr=complements(m.x >= 0, m.y >= 0))
+            if fixed is not None:
+                m.y.fix(fixed)
+            pyo.assert_optimal_termination(pyo.SolverFactory("marble").solve(m))
+            self.assertAlmostEqual(pyo.value(m.cost), best, 6)
+            self.assertAlmostEqual(m.y.value, fixed or 0, 6)
+
+    def test_a_failed_solve_by_files_leaves_the_model_as_it_was(self):
+        m = pyo.ConcreteModel()
+        m.x, m.y = pyo.Var(bounds=(0, 10)), pyo.Var(bounds=(1, 9))
+        m.cost = pyo.Objective(expr=(m.x - 2) ** 2 + (m.y - 3) ** 2)
+        m.pair = Complementarity(expr=complements(m.x >= 0, m.y >= 0))
+        m.jump = pyo.Constraint(expr=pyo.floor(m.x) <= 3)
+        with self.assertRaises(ValueError):  # Pyomo's, as there is nothing to load
+            pyo.SolverFactory("marble").solve(m)
+        self.assertEqual(m.y.bounds, (1, 9))
+        self.assertEqual(len(list(m.component_data_objects(pyo.Var))), 2)
+        m.jump.deactivate()
+        solver().solve(m)
+        self.assertAlmostEqual(m.y.value, 3, 6)
+
+    def test_the_transformation_for_files_writes_what_the_model_says(self):
+        m = pyo.ConcreteModel()
+        m.x, m.y = pyo.Var(bounds=(0, 10)), pyo.Var(bounds=(1, 9))
+        m.cost = pyo.Objective(expr=(m.x - 2) ** 2 + (m.y - 3) ** 2)
+        m.pair = Complementarity(expr=complements(m.x >= 0, m.y >= 0))
+        with self.assertRaisesRegex(marble.InvalidProblem, "marble.nl is speed: has no options"):
+            pyo.TransformationFactory("marble.nl").apply_to(m, speed=3)
+        pyo.TransformationFactory("marble.nl").apply_to(m)
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "model.nl")
+            m.write(path)
+            rows = [row for row in pathlib.Path(path).read_text().splitlines() if row.startswith("5 1 ")]
+        self.assertEqual(len(rows), 1)
+        self.assertEqual(m.y.bounds, (1, 9))
+
+    def test_a_model_without_an_objective_has_any_point_of_it(self):
+        m = qpec()
+        del m.cost
+        with solver() as one:
+            for low in (5, 20):
+                m.y[0].setlb(low)
+                pyo.assert_optimal_termination(one.solve(m))
+                self.assertGreaterEqual(m.y[0].value, low - 1e-6)
+                self.assertEqual(one.answer.objective, 0)
+                self.assertLess(max(min(m.y[i].value, m.w[i].value) for i in range(3)), 1e-6)
+
+    def test_a_sweep_has_the_best_branch_of_a_small_model_each_time(self):
+        m = pyo.ConcreteModel()
+        m.far, m.x, m.y = pyo.Param(initialize=1, mutable=True), pyo.Var(), pyo.Var()
+        m.cost = pyo.Objective(expr=(m.x - m.far) ** 2 + (m.y - 2) ** 2)
+        m.pair = Complementarity(expr=complements(m.x >= 0, m.y >= 0))
+        with solver() as one:
+            for m.far.value, best in ((1, 1), (3, 4), (30, 4), (0.5, 0.25)):
+                one.solve(m)
+                self.assertAlmostEqual(pyo.value(m.cost), best, 6)
+
+    def test_an_answer_that_is_almost_solved_comes_with_a_warning_and_is_not_optimal(self):
+        with almost_solved(self, Repeated, "solve"):
+            results = solver().solve(qpec())
+        self.assertEqual((results.solver.status, results.solver.termination_condition),
+                         (SolverStatus.warning, TerminationCondition.feasible))
+        real = marble.pyomo.ASL.solve
+
+        def almost(*arguments, **words):
+            results = real(*arguments, **words)
+            results.solver.id = 100
+            return results
+
+        with mock.patch.object(marble.pyomo.ASL, "solve", almost), one_warning_of_almost(self):
+            results = pyo.SolverFactory("marble").solve(qpec())
+        self.assertEqual((results.solver.status, results.solver.termination_condition),
+                         (SolverStatus.warning, TerminationCondition.feasible))
+
     def test_status_values_duals_and_reduced_costs(self):
         for sense, sign in ((pyo.minimize, 1), (pyo.maximize, -1)):
             m = qpec(sense)
@@ -85,7 +195,7 @@ class Pyomo(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder, local_and_remote(pathlib.Path(folder)) as clients:
             for client in clients:
                 m = qpec()
-                with pyo.SolverFactory("marble_persistent", server=client) as one:
+                with pyo.SolverFactory("marble_persistent", server=client, options={"small_budget": 0}) as one:
                     one.set_instance(m)
                     one.solve()
                     before = one.answer.problem
@@ -168,6 +278,28 @@ class Pyomo(unittest.TestCase):
                     self.assertEqual([name for name, holds in indicators.items() if holds], [chosen])
                     self.assertEqual([d.indicator_var.value for d in m.two.disjuncts], [True, False])
 
+    def test_a_disjunct_without_constraints_always_holds(self):
+        def model(units, forced=None):
+            m = pyo.ConcreteModel()
+            m.v = pyo.Var(bounds=(1, 3))
+            m.unit = Disjunct(range(units))
+            for i in range(1, units):
+                m.unit[i].on = pyo.Constraint(expr=m.v <= 2)
+            if forced is not None:
+                m.unit[forced].indicator_var.fix(True)
+            m.either = Disjunction(expr=[m.unit[i] for i in range(units)])
+            m.cost = pyo.Objective(expr=m.v, sense=pyo.maximize)
+            pyo.TransformationFactory("marble.pairs").apply_to(m)
+            return m
+
+        for solve in (solver().solve, pyo.SolverFactory("marble").solve):
+            for units, forced, best in ((2, None, 3), (3, None, 3), (2, 1, 2), (3, 0, 3)):
+                m = model(units, forced)
+                solve(m)
+                self.assertAlmostEqual(m.v.value, best, 6)
+                marble.pyomo.choose(m)
+                self.assertEqual(m.unit[0].indicator_var.value, best == 3)
+
     def test_of_disjunctions_what_no_pair_has_is_refused_by_its_name(self):
         def model():
             m = pyo.ConcreteModel()
@@ -238,9 +370,6 @@ class Pyomo(unittest.TestCase):
             m.switch = pyo.Var(domain=pyo.Binary)
             m.on = pyo.Constraint(expr=m.y[0] <= 50 * m.switch)
 
-        def without(m):
-            del m.cost
-
         def cubic(m):
             m.cost.set_value(m.y[0] ** 3)
 
@@ -255,7 +384,6 @@ class Pyomo(unittest.TestCase):
                 "three", Complementarity(expr=complements(m.w[0] >= 0, pyo.inequality(0, m.y[0], 5)))),
             "variable switch is Binary: must be continuous": binary,
             "objective is cost, other: must be one": lambda m: m.add_component("other", pyo.Objective(expr=m.y[0])),
-            "objective is nothing": without,
             "objective cost is .*must be quadratic": cubic,
             "SOSConstraint sets: must not": lambda m: m.add_component("sets", pyo.SOSConstraint(var=m.y, sos=1)),
             "Disjunction either: must not": lambda m: m.add_component(

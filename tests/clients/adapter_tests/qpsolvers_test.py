@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import qpsolvers
 import scipy.sparse as sp
-from page import example, random_qp
+from page import almost_solved, example, random_qp
 
 import marble
 import marble.qpsolvers
@@ -35,6 +35,17 @@ class Qpsolvers(unittest.TestCase):
         np.testing.assert_allclose(x, [1, 2], atol=1e-6)
         with self.assertRaises(marble.InvalidArgument):
             qpsolvers.solve_qp(np.eye(1), np.zeros(1), solver="marble", nothing=1)
+
+    def test_an_answer_that_is_almost_solved_comes_with_a_warning(self):
+        with almost_solved(self, marble.qpsolvers, "solve"):
+            x = qpsolvers.solve_qp(2 * np.eye(2), np.array([-2.0, -4.0]), solver="marble")
+        np.testing.assert_allclose(x, [1, 2], atol=1e-6)
+
+    def test_gram_matrices_are_symmetric_enough(self):
+        B = np.random.default_rng(0).normal(size=(150, 150))
+        P = B.T @ (np.diag(np.arange(1.0, 151)) @ B)
+        self.assertFalse((P == P.T).all())
+        self.assertIsNotNone(qpsolvers.solve_qp(P, np.ones(150), solver="marble"))
 
     def test_an_infeasible_problem_has_no_answer_and_says_why(self):
         problem = qpsolvers.Problem(np.eye(1), np.zeros(1), np.array([[1.0], [-1.0]]), np.array([-1.0, -1.0]))

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <random>
 
 #include "support/problems/random_problem.h"
 
@@ -182,6 +183,60 @@ TEST(Problem, MirrorImagesMayDifferByRounding) {
   EXPECT_FALSE(Problem::create(p.view()).has_value());
   p.Q.values = {1e-300, 2e-300};
   EXPECT_FALSE(Problem::create(p.view()).has_value()) << "the bound is relative, however small the entries";
+}
+
+// BᵀQB summed in two orders, as a product of matrices leaves it.
+TEST(Problem, ProductsOfMatricesAreSymmetricToTheirRounding) {
+  constexpr Index n = 150;
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    OwnedProblem p = testing::random_problem({.variables = n, .density = 0.02}, seed);
+    std::vector<double> B(static_cast<std::size_t>(n) * n), dense(B.size());
+    std::mt19937_64 random(seed);
+    for (double& entry : B) entry = std::uniform_real_distribution<>(-1.0, 1.0)(random);
+    const double weight = seed % 2 == 0 ? 1.0 : -1.0;  // of half of the rows: indefinite, diagonals cancel
+    const auto at = [](Index i, Index j) {
+      return static_cast<std::size_t>(i) * n + static_cast<std::size_t>(j);
+    };
+    for (Index i = 0; i < n; ++i) {
+      for (Index j = 0; j < n; ++j) {
+        double sum = 0.0;
+        for (Index k = 0; k < n; ++k) {
+          const Index row = i < j ? k : n - 1 - k;
+          sum += (row < n / 2 ? weight : 1.0) * B[at(row, i)] * B[at(row, j)];
+        }
+        dense[at(i, j)] = sum;
+      }
+    }
+    p.Q = SparseMatrix{n, n, {0}, {}, {}};
+    for (Index j = 0; j < n; ++j) {
+      for (Index i = 0; i < n; ++i) p.Q.row_indices.push_back(i), p.Q.values.push_back(dense[at(i, j)]);
+      p.Q.column_pointers.push_back((j + 1) * n);
+    }
+    const auto problem = Problem::create(p.view());
+    ASSERT_TRUE(problem.has_value()) << seed << ": " << problem.error().message();
+    // One entry that is wrong by a billionth of its row is found.
+    p.Q.values[at(3, 70)] += 1e-9 * n;
+    EXPECT_EQ(Problem::create(p.view()).error().field, "Q.values") << seed;
+  }
+}
+
+TEST(Problem, WhatShouldBeZeroMayBeRoundingOnEitherSide) {
+  OwnedProblem p;
+  p.g = {0.0, 0.0, 0.0};
+  p.Q = SparseMatrix{3, 3, {0, 1, 2, 4}, {0, 1, 0, 2}, {4.0, 2.0, 1e-17, 3.0}};
+  EXPECT_TRUE(Problem::create(p.view()).has_value()) << "above the diagonal";
+  p.Q = SparseMatrix{3, 3, {0, 2, 3, 4}, {0, 2, 1, 2}, {4.0, 1e-17, 2.0, 3.0}};
+  EXPECT_TRUE(Problem::create(p.view()).has_value()) << "below";
+  p.Q = SparseMatrix{3, 3, {0, 2, 4, 6}, {0, 2, 0, 1, 1, 2}, {4.0, 1e-17, 1e-17, 2.0, 1e-17, 3.0}};
+  EXPECT_TRUE(Problem::create(p.view()).has_value()) << "some of both";
+  // Another variable's size is no excuse: rows 0 and 2 hold nothing large.
+  p.Q = SparseMatrix{3, 3, {0, 1, 2, 4}, {0, 1, 0, 2}, {4.0, 1e20, 1e-6, 3.0}};
+  EXPECT_EQ(Problem::create(p.view()).error().index, 2);
+  // Entries whose squares are no numbers any more.
+  p.Q = SparseMatrix{3, 3, {0, 1, 2, 3}, {1, 0, 2}, {1e308, -1e308, 1.0}};
+  EXPECT_FALSE(Problem::create(p.view()).has_value());
+  p.Q = SparseMatrix{3, 3, {0, 1, 2, 3}, {1, 0, 2}, {1e308, 1e308 * (1 - 1e-15), 1.0}};
+  EXPECT_TRUE(Problem::create(p.view()).has_value());
 }
 
 TEST(Problem, StoredZerosOfQNeedNoMirrorImage) {

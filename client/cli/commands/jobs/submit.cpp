@@ -41,6 +41,7 @@ int submit_file(const SubmitArguments& arguments, const std::string& path, const
                 const Jobs& jobs, const std::stop_token& stop) {
   const auto file = formats::read_any_problem(path);
   if (!file) return tell_error(arguments, path, "", file.error(), false);
+  if (file->maximize) complain(path, formats::kNegativeOfMaximum);
   CallControls call;
   call.problem_name = file->problem.name;
   call.priority = arguments.priority;
@@ -100,6 +101,7 @@ int submit_array(const SubmitArguments& arguments, const Options& options, const
       return std::nullopt;
     }
     file = std::move(*read);
+    if (file.maximize) complain(path, formats::kNegativeOfMaximum);
     const OwnedProblem& problem = file.problem;
     return ArrayElement{
         .problem = problem.view(), .initial_z = problem.initial_z, .problem_name = problem.name};

@@ -209,6 +209,12 @@ using OpenTicks =
 [[nodiscard]] Expected<Answer> solve(const Problem& problem, const Client& client,
                                      const Settings& settings = {});
 
+/// Moves what of x is at a bound off it, by a hundredth of its scale or of its range: a first point where
+/// functions have no value. Variables that are fixed stay. Without a scale it is 1. False where nothing
+/// moves.
+[[nodiscard]] bool leave_bounds(std::span<double> x, std::span<const double> lower,
+                                std::span<const double> upper, std::span<const double> scale = {});
+
 /// Whether the derivatives at `x` agree with central differences of the functions to `tolerance`, relative to
 /// the larger of 1 and the entry. The error names the first that does not: field "derivatives.G", the row as
 /// index, the column in its words. Entries that a pattern lacks must be zero.

@@ -14,6 +14,8 @@ namespace marble {
 struct ProblemFile {
   OwnedProblem problem;                        ///< checked
   std::optional<double> best_known_objective;  ///< JSON only, where the file has it
+  bool maximize =
+      false;  ///< .nl only: the file's objective is a maximum, and the problem minimizes its negative
 };
 
 /// How a problem is written down.

@@ -8,7 +8,7 @@ namespace marble::client {
 Expected<ProblemFile> parse_json_file(std::string_view content, const std::string& name) {
   auto read = parse_json(content, name);
   if (!read) return unexpected(read.error());
-  return ProblemFile{std::move(read->problem), read->best_known_objective};
+  return ProblemFile{std::move(read->problem), read->best_known_objective, false};
 }
 
 }  // namespace marble::client

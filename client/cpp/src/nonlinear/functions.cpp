@@ -159,15 +159,20 @@ Expected<Functions> Functions::create(const Problem& problem) {
   return made;
 }
 
-bool Functions::leave_bounds(std::vector<double>& x) const {
+bool leave_bounds(std::span<double> x, std::span<const double> lower, std::span<const double> upper,
+                  std::span<const double> scale) {
   bool left = false;
   for (std::size_t j = 0; j < x.size(); ++j) {
-    const double off = kOffBound * std::min(scale_[j], upper_[j] - lower_[j]);
-    if (off <= 0.0 || (x[j] != lower_[j] && x[j] != upper_[j])) continue;
-    x[j] += x[j] == lower_[j] ? off : -off;
+    const double off = kOffBound * std::min(scale.empty() ? 1.0 : scale[j], upper[j] - lower[j]);
+    if (!(off > 0.0) || (x[j] != lower[j] && x[j] != upper[j])) continue;
+    x[j] += x[j] == lower[j] ? off : -off;
     left = true;
   }
   return left;
+}
+
+bool Functions::leave_bounds(std::vector<double>& x) const {
+  return nonlinear::leave_bounds(x, lower_, upper_, scale_);
 }
 
 Expected<void> Functions::values(Point& point) {

@@ -13,7 +13,7 @@ from marble.base.tables import DEFAULT_ADDRESS
 from marble.client import Client
 from marble.errors import Error, InvalidArgument
 from marble.hopper import Hopper
-from marble.model import problem_file
+from marble.model.problem import Problem
 
 _SOLVED, _NOT_SOLVED, _USAGE, _SERVER = 0, 1, 2, 3
 _DEMOS = ("hopper", "rocket", "gates")
@@ -84,13 +84,13 @@ def _solve(client: Client, arguments: argparse.Namespace) -> int:
     code = _SOLVED
     for path in arguments.files:
         try:
-            problem = problem_file.load(path)
+            problem = Problem.load(path)
         except (OSError, InvalidArgument) as error:
             print(f"marble: {path}: {error}", file=sys.stderr)
             code = max(code, _USAGE)
             continue
         answer = client.solve(problem, options=_options(arguments.option), progress=arguments.progress)
-        print(answer)
+        print(answer.replaced(objective=0 - answer.objective, bound=0 - answer.bound) if problem.negated else answer)
         code = max(code, _SOLVED if answer.solved else _NOT_SOLVED)
     return code
 
@@ -120,7 +120,7 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("picture", nargs="?", help="the file to draw into, NAME.png; of the hopper and of the nonlinear "
                                                  "ones .gif is an animation")
     demo.set_defaults(run=_demo)
-    solve = commands.add_parser("solve", help="solve problem files (JSON)")
+    solve = commands.add_parser("solve", help="solve problem files: JSON, and with highspy MPS, QPS and LP")
     solve.add_argument("files", nargs="+", metavar="FILE")
     solve.add_argument("--option", action="append", default=[], metavar="NAME=VALUE", help="a solver option")
     solve.set_defaults(run=_solve)

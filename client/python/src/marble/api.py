@@ -11,6 +11,7 @@ from marble.client import Client, SolveHandle, solve
 from marble.connection.connect import ConnectOptions
 from marble.errors import (
     Aborted,
+    AlmostSolved,
     Cancelled,
     DeadlineExceeded,
     Error,
@@ -58,6 +59,7 @@ from marble.model.solution import PointOrigin, Progress, SecondOrder, Solution, 
 __all__ = [
     "LCQP",
     "Aborted",
+    "AlmostSolved",
     "AnswerChange",
     "ArrayAnswer",
     "ArrayItem",

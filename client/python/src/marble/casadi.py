@@ -23,8 +23,9 @@ from marble.client import Client
 from marble.errors import InvalidArgument, InvalidProblem
 from marble.model.layout import Family
 from marble.model.lcqp import LCQP, Vector, mirrored
+from marble.model.lcqp import numbers as real
 from marble.model.problem import Problem, compiled
-from marble.model.solution import Solution
+from marble.model.solution import Solution, warn_if_almost
 from marble.repeated import Repeated
 
 sp: Any = lazy("scipy.sparse")
@@ -126,7 +127,7 @@ def _filled(field: str, values: Any, size: int, finite: bool = False) -> Vector:
     """A vector of the size: of that many numbers, or of one for all."""
     if values is None:
         raise InvalidArgument(field, f"must be {size} numbers", value="nothing")
-    array = np.asarray(values, dtype=np.float64).reshape(-1)
+    array = real(values, field).reshape(-1)
     if array.size not in (1, size):
         raise InvalidArgument(field, f"must have {size} entries", value=f"{array.size} entries")
     bad = np.flatnonzero(~np.isfinite(array) if finite else np.isnan(array))
@@ -161,8 +162,8 @@ def from_casadi(x: Any, objective: Any, constraints: Any = None, lb: ArrayLike |
     linear = [(forms.matrix(i), np.array(numbers[i + 1])) for i in range(3, len(numbers), 2)]
     if constraints is not None:
         rows, constant = linear.pop(0)
-        low = np.asarray(-np.inf if lb is None else lb, dtype=np.float64)
-        high = np.asarray(np.inf if ub is None else ub, dtype=np.float64)
+        low = real(-np.inf if lb is None else lb, "lb")
+        high = real(np.inf if ub is None else ub, "ub")
         problem.add_rows(rows, low - constant, high - constant)
     for (L, l), (R, r) in zip(linear[::2], linear[1::2], strict=True):
         problem.add_pairs(L, R, l=l, r=r)
@@ -224,6 +225,7 @@ class MpccSolver:
                                        L=L, l=l, R=R, r=r)
         z0 = None if x0 is None else _filled("x0", x0, n, finite=True)
         self._answer = answer = self._repeated.solve(problem, same_pattern=same, z0=z0)
+        warn_if_almost(answer)
         duals = self._family.layout.duals(answer.y, answer.nu, m + n)
         xi, eta = (values if values.size else np.zeros(l.size) for values in (answer.xi, answer.eta))
         values = {"x": answer.z, "f": answer.objective, "g": forms.matrix(3) @ answer.z + constant, "G": answer.s,

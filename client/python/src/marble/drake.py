@@ -25,9 +25,9 @@ from marble import client
 from marble.base.lazy import lazy
 from marble.base.tables import Status
 from marble.errors import InvalidArgument, InvalidProblem
-from marble.model.lcqp import Vector
+from marble.model.lcqp import Vector, numbers
 from marble.model.problem import Problem
-from marble.model.solution import Solution
+from marble.model.solution import Solution, warn_if_almost
 
 sp: Any = lazy("scipy.sparse")
 
@@ -93,10 +93,12 @@ def solve(prog: Any, initial_guess: ArrayLike | None = None, **options: Any) -> 
     Drake, and its variables.
     """
     problem, rows = _stated(prog)
-    guess = np.asarray(prog.initial_guess() if initial_guess is None else initial_guess, dtype=np.float64)
+    guess = numbers(prog.initial_guess() if initial_guess is None else initial_guess, "initial_guess")
     if np.isfinite(guess).any():
         problem.start_at(np.where(np.isnan(guess), 0.0, guess))
-    return Result(prog, client.solve(problem, **options), rows)
+    answer = client.solve(problem, **options)
+    warn_if_almost(answer)
+    return Result(prog, answer, rows)
 
 
 def _name(binding: Any) -> str:

@@ -129,6 +129,10 @@ class ServerError(Error):
     """A bug of the server; the message carries the job's id to look for in its log."""
 
 
+class AlmostSolved(UserWarning):
+    """An adapter's answer is within the reduced tolerances alone: usable, and not as exact as was asked for."""
+
+
 class Unsolved(Error):
     """Raised by Solution.raise_if_unsolved. solution: the answer, with the best iterate."""
 

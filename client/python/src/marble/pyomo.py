@@ -2,12 +2,13 @@
 
 It reads the model's parts once and solves over a session, so that a solve after new values of parameters, bounds or
 fixed variables sends only what differs, and starts from the last answer. SolverFactory("marble") is another way: the
-program `marble`, by files. Both take disjunctions of pyomo.gdp after TransformationFactory("marble.pairs"); `choose`
-sets their indicators then.
+program `marble`, by files, with conditions that mean what the model says (marble.model.pyomo_conditions). Both take
+disjunctions of pyomo.gdp after TransformationFactory("marble.pairs"); `choose` sets their indicators then.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
@@ -27,33 +28,38 @@ from pyomo.core import (
     minimize,
     value,
 )
+from pyomo.core.base.block import BlockData
 from pyomo.mpec import Complementarity
 from pyomo.opt import SolverFactory, SolverResults, SolverStatus, TerminationCondition
 from pyomo.repn import generate_standard_repn
 from pyomo.repn.util import categorize_valid_components
+from pyomo.solvers.plugins.solvers.ASL import ASL
 
 import marble
+from marble import programs
 from marble.base.lazy import lazy
 from marble.base.tables import Status
 from marble.client import Client
-from marble.errors import InvalidArgument, InvalidProblem
+from marble.errors import AlmostSolved, InvalidArgument, InvalidProblem, Unavailable
 from marble.model.layout import Family
 from marble.model.lcqp import LCQP, Vector
+from marble.model.pyomo_conditions import OwnVariables
 from marble.model.pyomo_disjunctions import choose
-from marble.model.solution import Solution
+from marble.model.solution import Solution, warn_if_almost
 from marble.repeated import Repeated
 
 sp: Any = lazy("scipy.sparse")
 
 _ENDS: Final = {
     Status.SOLVED: (SolverStatus.ok, TerminationCondition.optimal),
-    Status.SOLVED_REDUCED: (SolverStatus.ok, TerminationCondition.feasible),
+    Status.SOLVED_REDUCED: (SolverStatus.warning, TerminationCondition.feasible),
     Status.INFEASIBLE: (SolverStatus.warning, TerminationCondition.infeasible),
     Status.LOCALLY_INFEASIBLE: (SolverStatus.warning, TerminationCondition.infeasible),
     Status.UNBOUNDED: (SolverStatus.warning, TerminationCondition.unbounded),
     Status.ITERATION_LIMIT: (SolverStatus.warning, TerminationCondition.maxIterations),
     Status.TIME_LIMIT: (SolverStatus.warning, TerminationCondition.maxTimeLimit),
 }
+_ALMOST: Final = range(100, 200)  # codes of a .sol file
 _NO_POINT: Final = (Status.INFEASIBLE, Status.UNBOUNDED)
 
 
@@ -136,9 +142,9 @@ class _Model:
         self._low, self._high = _Numbers(), _Numbers()
         mixed: list[tuple[Any, ...]] = []
         objectives = list(model.component_data_objects(Objective, active=True, descend_into=Block))
-        if len(objectives) != 1:
-            raise InvalidProblem("objective", "must be one", value=", ".join(o.name for o in objectives) or "nothing")
-        self.sense = 1.0 if objectives[0].sense == minimize else -1.0
+        if len(objectives) > 1:
+            raise InvalidProblem("objective", "must be one", value=", ".join(o.name for o in objectives))
+        self.sense = 1.0 if not objectives or objectives[0].sense == minimize else -1.0
         for constraint in model.component_data_objects(Constraint, active=True, descend_into=Block):
             if getattr(constraint, "_complementarity", None) is not None:
                 raise InvalidProblem(f"constraint {constraint.name}", "must not be made by the transformation mpec.nl, "
@@ -150,7 +156,10 @@ class _Model:
             self.constraints.append(constraint)
         for condition in model.component_data_objects(Complementarity, active=True, descend_into=Block):
             mixed += self._condition(f"complementarity {condition.name}", condition)
-        self._objective(objectives[0])
+        if objectives:
+            self._objective(objectives[0])
+        else:  # any point will do
+            self.g.add_row([], 0.0)
         self.n = len(self.variables) + 2 * len(mixed)
         if self.n == 0:
             raise InvalidProblem("model", "must have a variable in its objective or constraints", value=model.name)
@@ -316,6 +325,7 @@ class MarblePersistent:
             start[:len(self._model.variables)] = [0.0 if v.value is None else v.value for v in self._model.variables]
         self._repeated.options, self._used = dict(wishes), wishes
         self.answer = self._repeated.solve(problem, same_pattern=same, z0=start)
+        warn_if_almost(self.answer)
         if load_solutions and self.answer.status not in _NO_POINT:
             self.load_vars()
             self._load_suffixes()
@@ -366,4 +376,28 @@ class MarblePersistent:
         self.close()
 
 
-__all__ = ["MarblePersistent", "choose"]
+@SolverFactory.register("marble", doc="The program marble, by files")
+class MarbleByFiles(ASL):  # type: ignore[misc]
+    """Pyomo's own way to programs that read .nl files, but for conditions that its writer would change."""
+
+    def __init__(self, **words: Any) -> None:
+        if "executable" not in words:
+            try:
+                words["executable"] = programs.find("marble")
+            except Unavailable:  # available() says so
+                words["executable"] = "marble"
+        super().__init__(**words)
+        self.set_options("solver=marble")
+
+    def solve(self, *arguments: Any, **words: Any) -> Any:
+        """As Pyomo's other solvers by files do. The model is as it was before, with its answer."""
+        with OwnVariables([part for part in arguments if isinstance(part, BlockData)]):
+            results = super().solve(*arguments, **words)
+        if results.solver.id in _ALMOST:
+            results.solver.status = SolverStatus.warning
+            results.solver.termination_condition = TerminationCondition.feasible
+            warnings.warn(f"almost solved: {results.solver.message}", AlmostSolved, stacklevel=2)
+        return results
+
+
+__all__ = ["MarbleByFiles", "MarblePersistent", "choose"]

@@ -10,6 +10,7 @@ from qpsolvers.solvers import available_solvers, dense_solvers, solve_function, 
 
 from marble.client import solve
 from marble.model.problem import Problem
+from marble.model.solution import warn_if_almost
 
 _NAME = "marble"
 
@@ -35,6 +36,7 @@ def solve_problem(problem: Any, initvals: Any = None, verbose: bool = False, **o
     if initvals is not None:
         stated.start_at(initvals)
     answer = solve(stated, progress=verbose, **options)
+    warn_if_almost(answer)
     solution = qpsolvers.Solution(problem)
     solution.found = answer.solved
     solution.extras = {"solution": answer}

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from support import random_problem, tiny
@@ -46,6 +48,14 @@ def test_a_layer_takes_one_problem_a_row_and_adds_up_what_rows_share(client):
               zip(g, weights, strict=True)]
     np.testing.assert_allclose(by_g, [one for one, _ in single], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(by_b, sum(one for _, one in single), rtol=1e-12, atol=1e-12)
+
+
+def test_a_layer_warns_of_an_answer_that_is_almost_solved(monkeypatch):
+    real = marble.layers.solve
+    monkeypatch.setattr(marble.layers, "solve", lambda *given, **words: dataclasses.replace(
+        real(*given, **words), status=marble.Status.SOLVED_REDUCED))
+    with pytest.warns(marble.AlmostSolved, match="almost solved: violation "):
+        Layer(tiny(), ("g",))([-2.0, -2.0])
 
 
 def test_a_layer_names_what_it_cannot_take():

@@ -56,6 +56,11 @@ def test_updates(client):
         assert session.update().solved
 
 
+def test_samplers():
+    with pytest.raises(marble.InvalidProblem):
+        marble.Client("local").scenarios(tiny(), marble.Scenarios([0], {"g": np.array([[1j, 1], [1, 1]])}))
+
+
 def test_nonlinear_functions():
     pytest.importorskip("marble._core")
     for values, slope in ((1, [1j]), (1j, [1.0]), (1, sp.csc_matrix([[1j]]))):

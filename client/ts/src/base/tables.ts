@@ -83,5 +83,6 @@ export const defaultPage = 100;
 export const mostLevels = 128;
 /** Entries of a vector, and rows of a matrix: below 2^28. */
 export const mostRows = 268435455;
-/** By which a mirror image in Q may differ, of the larger of the two; sums in another order leave that, relative. */
+/** By which entries (i, j) and (j, i) of Q may differ: of the geometric mean of the largest entries of rows and columns
+ * i and j; products of matrices leave that, relative. */
 export const symmetry = 1e-12;

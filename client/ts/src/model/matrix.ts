@@ -83,12 +83,15 @@ export function takeValues(
   return values;
 }
 
-/** Throws unless Q equals its transpose, up to rounding. */
+/** Throws unless Q equals its transpose, up to rounding: the solver computes with the upper triangle. */
 export function checkSymmetric(field: string, q: Csc): void {
   const mirror = transpose(q);
+  let sizes: Float64Array | undefined;
   for (let column = 0; column < q.columns; ++column) {
     const differ = (row: number, here: number, there: number): void => {
-      if (Math.abs(here - there) <= symmetry * Math.max(Math.abs(here), Math.abs(there))) return;
+      if (here === there) return;
+      sizes ??= largestEntries(q);
+      if (Math.abs(here - there) <= symmetry * Math.sqrt(sizes[row]) * Math.sqrt(sizes[column])) return;
       const [low, high] = [Math.min(row, column), Math.max(row, column)];
       throw invalid(field, `must be symmetric: entry (${low}, ${high}) differs from its mirror image`, {
         value: `${here} and ${there}`,
@@ -96,6 +99,17 @@ export function checkSymmetric(field: string, q: Csc): void {
     };
     merge(q, mirror, column, differ);
   }
+}
+
+// Of row and column i together.
+function largestEntries(q: Csc): Float64Array {
+  const sizes = new Float64Array(q.columns);
+  for (let column = 0; column < q.columns; ++column) {
+    for (let k = q.columnPointers[column]; k < q.columnPointers[column + 1]; ++k) {
+      for (const i of [q.rowIndices[k], column]) sizes[i] = Math.max(sizes[i], Math.abs(q.values[k]));
+    }
+  }
+  return sizes;
 }
 
 function merge(a: Csc, b: Csc, column: number, visit: (row: number, here: number, there: number) => void): void {

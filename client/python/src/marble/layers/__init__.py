@@ -17,7 +17,7 @@ from marble.model import lcqp
 from marble.model.derivatives import ANSWER, LETTERS
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled
-from marble.model.solution import Solution
+from marble.model.solution import Solution, warn_if_almost
 
 Array = NDArray[np.float64]
 _SINGLE: Final = 1
@@ -81,7 +81,13 @@ class Layer:
         return self.problem.replaced(**parts)
 
     def solve(self, problems: Sequence[LCQP]) -> list[Solution]:
-        """Their answers, solved; raises Unsolved where one is not."""
+        """Their answers, solved; raises Unsolved where one is not, and warns of one that is AlmostSolved."""
+        answers = self._answers(problems)
+        for answer in answers:
+            warn_if_almost(answer)
+        return answers
+
+    def _answers(self, problems: Sequence[LCQP]) -> list[Solution]:
         if self._client is not None and self._start is None and len(problems) > _SINGLE:
             found: dict[int, Solution] = {}
             for answer in self._client.batch([BatchItem(p) for p in problems], options=self._options):

@@ -161,7 +161,10 @@ def _is_its_mirror(full: Any, column: Any) -> bool:
 
 
 def upper_triangle(Q: MatrixLike, n: int) -> Any:
-    """The upper triangle of a matrix whose mirror images differ by 1e-12 of the larger one; InvalidProblem if more."""
+    """The upper triangle of a matrix that is symmetric up to rounding; InvalidProblem with the entry if it is not.
+
+    Entries (i, j) and (j, i) may differ by 1e-12 of √(mᵢ mⱼ), m the largest entry of row and column.
+    """
     if not sp.issparse(Q):
         dense = _dense(Q, "Q")
         if dense.shape == (n, n) and np.isfinite(dense).all() and (dense == dense.T).all():
@@ -174,8 +177,9 @@ def upper_triangle(Q: MatrixLike, n: int) -> Any:
         return csc(full.data[upper], full.indices[upper], counts[full.indptr].astype(full.indptr.dtype), (n, n))
     difference = abs(full - full.T).tocoo()
     if difference.nnz:
-        larger = abs(full).maximum(abs(full.T)).tocsr()
-        excess = difference.data - SYMMETRY * np.asarray(larger[difference.row, difference.col]).reshape(-1)
+        sizes = abs(full)
+        root = np.sqrt(np.maximum(*(sizes.max(axis=axis).toarray().reshape(-1) for axis in (0, 1))))
+        excess = difference.data - SYMMETRY * root[difference.row] * root[difference.col]
         worst = int(np.argmax(excess))
         if excess[worst] > 0:
             i, j = sorted((int(difference.row[worst]), int(difference.col[worst])))

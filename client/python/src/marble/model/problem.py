@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
+import pathlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, cast
@@ -11,11 +12,14 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from marble.base.lazy import lazy
 from marble.errors import InvalidProblem
-from marble.model import problem_file
+from marble.model import highs_file, problem_file
 from marble.model.layout import Layout, stack, taken
 from marble.model.lcqp import LCQP, MatrixLike, Vector, csc, matrix, mirrored, numbers, upper_triangle, vector
 from marble.model.solution import Solution
+
+sp: Any = lazy("scipy.sparse")
 
 Variable = int | str
 
@@ -58,6 +62,7 @@ class Problem:
     name: for logs and dashboards.
 
     Nothing is sent before it is solved: marble.solve(problem), client.solve(problem), client.session(problem).
+    negated: whether the objective is the negative of a file's, which maximizes; load sets it.
     Infinite limits mean none. Equal ones make an equality. The answer's row_duals and bound_duals have one entry a row
     and a variable; its s, t, xi, eta one a pair; each in the order of adding. Every method returns the problem itself.
     Raises InvalidProblem with field, index and bound.
@@ -66,6 +71,7 @@ class Problem:
     variables: int | Sequence[str]
     name: str = ""
     n: int = field(init=False)
+    negated: bool = field(init=False, default=False)
     _names: dict[str, int] = field(init=False, default_factory=dict)
     _rows: list[Any] = field(init=False, default_factory=list)
     _lows: list[Vector] = field(init=False, default_factory=list)
@@ -208,8 +214,30 @@ class Problem:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Problem:
-        """Reads a JSON file as `marble example` writes it; equalities first, then inequalities, become the rows."""
-        return cls.of(problem_file.load(path))
+        """Reads a JSON file as `marble example` writes it; equalities first, then inequalities, become the rows.
+
+        .mps, .qps and .lp are read too, where highspy is installed, with their names and rows. Of a file that maximizes
+        the problem minimizes the negative, and `negated` is True. Raises OSError where there is no file.
+        """
+        return cls._of_highs(path) if highs_file.is_one(path) else cls.of(problem_file.load(path))
+
+    @classmethod
+    def _of_highs(cls, path: str | os.PathLike[str]) -> Problem:
+        parts = highs_file.read(path)
+        n, names = parts["cost"].size, [str(name) for name in parts["names"]]
+        problem = cls(names if 0 < len(set(names)) == n else n, pathlib.Path(path).stem)
+        problem.negated = bool(parts["maximize"])
+        sign = -1.0 if problem.negated else 1.0
+        Q = None
+        if parts["hessian_values"].size:
+            Q = sp.csc_matrix((sign * parts["hessian_values"], parts["hessian_rows"], parts["hessian_starts"]), (n, n))
+        problem.minimize(Q, sign * parts["cost"], sign * float(parts["offset"]))
+        low, high, row_low, row_high = (highs_file.finite(parts[name], -np.inf if name.endswith("low") else np.inf)
+                                        for name in ("low", "high", "row_low", "row_high"))
+        if row_low.size:
+            A = sp.csc_matrix((parts["values"], parts["rows"], parts["starts"]), (row_low.size, n))
+            problem.add_rows(A, row_low, row_high)
+        return problem.bound(None, low, high)
 
     @classmethod
     def of(cls, lcqp: LCQP) -> Problem:

@@ -1,7 +1,7 @@
 """Disjunctions of pyomo.gdp as pairs, without a big M: TransformationFactory("marble.pairs").
 
 A disjunct's constraints may be violated by its slack u ≥ 0, and of the slacks of a disjunction one is zero: of two by
-0 ≤ u₁ ⊥ u₂ ≥ 0, of more by weights, Σ w = 1, 0 ≤ w_k ⊥ u_k ≥ 0.
+0 ≤ u₁ ⊥ u₂ ≥ 0, of more by weights, Σ w = 1, 0 ≤ w_k ⊥ u_k ≥ 0. Where a disjunct has no constraints nothing is made.
 """
 
 from __future__ import annotations
@@ -33,6 +33,10 @@ def _forced(disjunct: Any) -> bool | None:
     if not disjunct.active or (indicator.fixed and indicator.value < 0.5):
         return False
     return True if indicator.fixed else None
+
+
+def _is_empty(disjunct: Any) -> bool:
+    return not any(_constraints(disjunct)) and not any(_disjunctions(disjunct))
 
 
 def _refuse_other_uses(model: Any) -> None:
@@ -75,7 +79,9 @@ class DisjunctionsToPairs(Transformation):  # type: ignore[misc]
         chosen = [(d, forced) for d in disjunction.disjuncts if (forced := _forced(d)) is not False]
         if not chosen:
             raise InvalidProblem(f"disjunction {disjunction.name}", "must have a disjunct that may hold")
-        certain = [d for d, forced in chosen if forced] or ([chosen[0][0]] if len(chosen) == 1 else [])
+        if all(forced is None for _, forced in chosen) and any(_is_empty(d) for d, _ in chosen):
+            chosen = []  # one without constraints always holds
+        certain = [d for d, forced in chosen if forced] or [d for d, _ in chosen[:1] if len(chosen) == 1]
         free = [] if certain else [d for d, _ in chosen]
         for disjunct in certain:
             self._relax(disjunct, slack_around)
@@ -112,7 +118,7 @@ def choose(model: Any) -> None:
     """
     for disjunction in model.component_data_objects(Disjunction, descend_into=(Block, Disjunct)):
         open_ones = [d for d in disjunction.disjuncts if _unless_fixed(d)]
-        best = min(open_ones, key=_violation, default=None)
+        best = min([d for d in open_ones if d.indicator_var.fixed] or open_ones, key=_violation, default=None)
         for disjunct in disjunction.disjuncts:
             if not disjunct.indicator_var.fixed:
                 disjunct.indicator_var.set_value(disjunct is best)

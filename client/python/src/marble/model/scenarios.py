@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from marble.base.tables import MATRICES, Status
 from marble.errors import InvalidArgument, InvalidProblem
 from marble.model.lcqp import LCQP, Vector, vector
+from marble.model.lcqp import numbers as real
 from marble.model.problem import Problem, compiled
 from marble.model.solution import Solution, Violations
 
@@ -215,7 +216,7 @@ def _drawn(problem: LCQP, wish: Scenarios) -> tuple[list[dict[str, Vector]], Vec
                        f"scenario[{i}]") for i in range(count)], np.zeros(0)
     if not isinstance(sampler, Mapping) or not sampler:
         raise InvalidArgument("sampler", "must be a callable, arrays by part, or a list of Quantity")
-    arrays = {part: np.atleast_1d(np.asarray(rows, dtype=float)) for part, rows in sampler.items()}
+    arrays = {part: np.atleast_1d(real(rows, part)) for part, rows in sampler.items()}
     counts = {rows.shape[0] for rows in arrays.values()}
     if len(counts) != 1:
         raise InvalidArgument("sampler", "must have as many rows in every array", value=sorted(counts))

@@ -6,6 +6,7 @@ import enum
 import functools
 import html
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from marble.base.tables import Status
-from marble.errors import Unsolved
+from marble.errors import AlmostSolved, Unsolved
 from marble.model.derivatives import SensitivityAnswer
 from marble.model.lcqp import LCQP, Vector, twin
 
@@ -251,3 +252,11 @@ class Progress:
 
 Options = Mapping[str, Any]
 """Solver options by name; Client.info().options tells each one's default, range and meaning."""
+
+
+def warn_if_almost(answer: Solution, stacklevel: int = 3) -> None:
+    """AlmostSolved for an answer that the tool has no other word for."""
+    if answer.status is Status.SOLVED_REDUCED:
+        worst = max(answer.violations.equality, answer.violations.inequality, answer.violations.complementarity)
+        warnings.warn(f"almost solved: violation {worst:.1e}, KKT residual {answer.kkt_residual:.1e}; {answer.detail}",
+                      AlmostSolved, stacklevel=stacklevel)

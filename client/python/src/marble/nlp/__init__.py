@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from marble.errors import InvalidArgument
 from marble.nlp.from_jax import JaxFunctions
-from marble.nlp.functions import Multipliers, TwoSided, problem_of, vector
+from marble.nlp.functions import Multipliers, TwoSided, broadcast, problem_of, vector
 from marble.nlp.levels import Estimate, Level, RetrospectiveAnswer, retrospective, uniform
 from marble.nlp.loop import Answer, Iteration, Settings, answer_of, run
 from marble.nlp.real_time import RealTime, RealTimeTick
@@ -88,23 +88,23 @@ def solve_casadi(
     parts = {"equalities": c_E, "inequalities": c_I, "G": G, "H": H}
     weights = [type(x).sym(name, part.numel()) for name, part in parts.items()]
     lagrangian = f + ca.dot(weights[0], c_E) - sum(ca.dot(w, c) for w, c in zip(weights[1:], (c_I, G, H), strict=True))
-    inputs, given_p = [x, parameters], np.asarray(p, dtype=np.float64)
+    inputs, given_p = [x, parameters], broadcast(p, np.shape(p))
     of_values = ca.Function("values", inputs, [f, *parts.values()])
     of_slopes = ca.Function("slopes", inputs, [ca.gradient(f, x), *(ca.jacobian(part, x) for part in parts.values())])
     of_hessian = ca.Function("hessian", [*inputs, *weights], [ca.hessian(lagrangian, x)[0]])
 
     def values(at: Any) -> dict[str, Any]:
         objective, *rest = of_values(at, given_p)
-        return {"objective": float(objective), **dict(zip(parts, map(vector, rest), strict=True))}
+        return {"objective": float(objective), **dict(zip(parts, (part.full() for part in rest), strict=True))}
 
     def derivatives(at: Any) -> dict[str, Any]:
         gradient, *rest = of_slopes(at, given_p)
-        return {"gradient": vector(gradient), **{name: part.sparse() for name, part in zip(parts, rest, strict=True)}}
+        return {"gradient": gradient.full(), **{name: part.sparse() for name, part in zip(parts, rest, strict=True)}}
 
     def hessian(at: Any, m: Multipliers) -> Any:
         return of_hessian(at, given_p, m.y, m.nu, m.xi, m.eta).sparse()
 
-    lower, upper = (np.broadcast_to(np.asarray(bound, dtype=np.float64), (x.numel(),)) for bound in (lbx, ubx))
+    lower, upper = (broadcast(bound, (x.numel(),)) for bound in (lbx, ubx))
     return solve(values, derivatives, x0, hessian=hessian, lower=lower, upper=upper, **settings)
 
 
@@ -127,5 +127,5 @@ def solve_jax(
     """
     start = vector(x0)
     given = JaxFunctions(problem, start.size, p=p, lbg=lbg, ubg=ubg)
-    lower, upper = (np.broadcast_to(np.asarray(bound, dtype=np.float64), start.shape) for bound in (lbx, ubx))
+    lower, upper = (broadcast(bound, start.shape) for bound in (lbx, ubx))
     return solve(given.values, given.derivatives, start, hessian=given.hessian, lower=lower, upper=upper, **settings)

@@ -38,11 +38,17 @@ def vector(values: Any) -> NDArray[np.float64]:
     return np.ascontiguousarray(values, dtype=np.float64).reshape(-1)
 
 
+def broadcast(bound: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """A number or an entry each, of this shape."""
+    _check_real(bound)
+    return np.broadcast_to(np.asarray(bound, dtype=np.float64), shape)
+
+
 class TwoSided:
     """Rows low ≤ g ≤ high by their numbers: those with equal bounds, and of the others those with either."""
 
     def __init__(self, low: ArrayLike, high: ArrayLike, count: int) -> None:
-        self.low, self.high = (np.broadcast_to(np.asarray(bound, dtype=np.float64), (count,)) for bound in (low, high))
+        self.low, self.high = (broadcast(bound, (count,)) for bound in (low, high))
         self.equal = np.flatnonzero(self.low == self.high)
         self.above = np.flatnonzero((self.low != self.high) & (self.low > -np.inf))
         self.below = np.flatnonzero((self.low != self.high) & (self.high < np.inf))
