@@ -13,7 +13,7 @@ struct Settings {
   std::filesystem::path benchmarks;  ///< MacMPEC and robotics problems with references; may not exist
   int seeds = 20;                    ///< of the random families
   int starts = 8;                    ///< of the references where none is known
-  bool judging = false;              ///< hard and scenarios: even seeds, which nothing is chosen on
+  bool judging = false;              ///< hard, statuses and scenarios: even seeds, which nothing is chosen on
   std::string peers;                 ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
   double time_limit_s = 60.0;        ///< of a proof
   Options options;                   ///< macmpec and robotics: what is solved by
@@ -51,6 +51,9 @@ void throughput(const Settings& settings);
 /// Where it is hard to find a feasible point, and small problems with many minima: solved, wrong, and the
 /// work.
 void hard(const Settings& settings);
+/// Small integers against an enumeration of all branches, and ill-conditioned complementarity problems:
+/// whether statuses, optima and bounds are right.
+void statuses(const Settings& settings);
 /// Problems tied by rows between them, and hoppers cut into pieces: block by block, and whole.
 void coupled(const Settings& settings);
 /// One plan for sampled worlds, grown level by level against all at once: the rocket by its trigger's

@@ -1,0 +1,98 @@
+// Whether what an answer says of itself is true: random problems of small integers against an enumeration of
+// all branches, and complementarity problems that have a solution but are ill-conditioned.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+#include <vector>
+
+#include "families.h"
+#include "support/judges/brute_force.h"
+#include "support/judges/independent_check.h"
+#include "support/random/ill_conditioned.h"
+#include "support/random/integer_problem.h"
+
+namespace marble::suite {
+namespace {
+
+struct Tally {
+  int status = 0, optimum = 0, stationary = 0, proved = 0, bounds = 0, solved = 0;
+  std::vector<double> factorizations;
+};
+
+double tolerance(double objective) { return 1e-6 * std::max(1.0, std::abs(objective)); }
+
+Status true_status(const std::optional<testing::GlobalOptimum>& truth) {
+  if (!truth) return Status::infeasible;
+  return std::isinf(truth->objective) ? Status::unbounded : Status::solved;
+}
+
+void count(const OwnedProblem& p, const std::optional<testing::GlobalOptimum>& truth, bool global, Tally& t) {
+  Options options;
+  options.global = global;
+  const Solution s = solve_in_process(p.view(), options).value();
+  t.factorizations.push_back(s.factorizations);
+  const bool feasible = !is_solved(s.status) || testing::judge(p.view(), s).infeasibility() <= 1e-6;
+  t.status += s.status == true_status(truth) && feasible;
+  t.proved += s.proved;
+  const double optimum = !truth ? INFINITY : truth->objective;
+  t.bounds += s.bound <= optimum + (std::isfinite(optimum) ? tolerance(optimum) : 0.0);
+  if (s.status != Status::solved) return;
+  ++t.solved;
+  t.optimum += s.objective <= optimum + tolerance(optimum);
+  t.stationary += s.b_stationary.value_or(false);
+}
+
+// Odd seeds are for choosing numbers, even ones judge.
+std::uint64_t seed_of(int i, bool judging) { return 2 * static_cast<std::uint64_t>(i) + (judging ? 2 : 1); }
+
+void integers(const Settings& settings) {
+  std::printf("%-12s %-7s %8s %8s %8s %8s %12s %8s %8s %13s %6s\n", "integers", "mode", "problems", "status",
+              "solved", "optimum", "B-stationary", "bound", "proved", "factorizations", "worst");
+  for (const testing::IntegerFamily family : testing::kIntegerFamilies) {
+    Tally tallies[2];
+    for (int i = 0; i < settings.seeds; ++i) {
+      const OwnedProblem p = testing::integer_problem(family, seed_of(i, settings.judging));
+      const auto truth = testing::brute_force(p.view());
+      for (const bool global : {false, true}) count(p, truth, global, tallies[global]);
+    }
+    for (const bool global : {false, true}) {
+      const Tally& t = tallies[global];
+      std::printf("%-12s %-7s %8d %8d %8d %8d %12d %8d %8d %13.0f %6.0f\n",
+                  std::string(testing::name(family)).c_str(), global ? "global" : "default", settings.seeds,
+                  t.status, t.solved, t.optimum, t.stationary, t.bounds, t.proved, median(t.factorizations),
+                  *std::ranges::max_element(t.factorizations));
+    }
+  }
+}
+
+void ill_conditioned(const Settings& settings) {
+  std::printf("%-12s %-9s %8s %8s %8s %8s %13s %6s\n", "LCPs", "smallest", "problems", "solved", "refuted",
+              "wrong", "factorizations", "worst");
+  for (const bool far : {false, true}) {
+    for (const double smallest : {1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12}) {
+      int solved = 0, refuted = 0, wrong = 0;
+      std::vector<double> factorizations;
+      for (int i = 0; i < settings.seeds; ++i) {
+        const OwnedProblem p = testing::ill_conditioned_lcp(smallest, seed_of(i, settings.judging), far);
+        const Solution s = solve_in_process(p.view(), {}).value();
+        factorizations.push_back(s.factorizations);
+        solved += s.status == Status::solved;
+        refuted += s.status == Status::infeasible || s.status == Status::unbounded;
+        wrong += s.status == Status::solved && testing::judge(p.view(), s).infeasibility() > 1e-6;
+      }
+      std::printf("%-12s %-9.0e %8d %8d %8d %8d %13.0f %6.0f\n", far ? "far" : "near", smallest,
+                  settings.seeds, solved, refuted, wrong, median(factorizations),
+                  *std::ranges::max_element(factorizations));
+    }
+  }
+}
+
+}  // namespace
+
+void statuses(const Settings& settings) {
+  integers(settings);
+  ill_conditioned(settings);
+}
+
+}  // namespace marble::suite
