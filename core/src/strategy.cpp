@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "feasibility/feasibility.h"
+#include "feasibility/pair_newton.h"
 #include "model/text_of.h"
 #include "proof/proof.h"
 #include "search/multistart.h"
@@ -195,6 +196,9 @@ std::optional<Ending> Strategy::follow_to_branch(Run& run, PathBranch& branch) {
     end = follow_path(run, kappa);
     if (end && (ended_by_force(end->status) || is_proof(end->status))) break;
     if (options_.polish) branch = solve_path_branch(run);
+    if (options_.polish && branch == PathBranch::not_exact && options_.path == Path::fast &&
+        pair_newton_applies(problem_))
+      branch = solve_by_pair_newton(run);
     if (end || path_.is_lost() || branch == PathBranch::exact) break;
   }
   return end;
@@ -233,6 +237,18 @@ Strategy::PathBranch Strategy::solve_path_branch(Run& run) {
     return PathBranch::not_exact;
   show_incumbent(run);
   return path_is_lower(path_.feasible(), objective) ? PathBranch::path_is_lower : PathBranch::exact;
+}
+
+// From the branch that the path shows.
+Strategy::PathBranch Strategy::solve_by_pair_newton(Run& run) {
+  const Run::Polishing polishing(run);
+  branch_.point.start_from_path(path_.iterate());
+  if (!pair_newton(run, problem_, branch_.point) ||
+      incumbent_.solve_branch(run, "path, Newton's method on the pairs", tuning::engine_budget) ==
+          Incumbent::Outcome::not_exact)
+    return PathBranch::not_exact;
+  show_incumbent(run);
+  return path_is_lower(path_.feasible(), path_.objective()) ? PathBranch::path_is_lower : PathBranch::exact;
 }
 
 // A feasible path point that is clearly lower than its exact neighbour is the better answer.

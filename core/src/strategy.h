@@ -103,6 +103,7 @@ class Strategy {
   void judge_path_point();
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
   [[nodiscard]] PathBranch solve_path_branch(Run& run);
+  [[nodiscard]] PathBranch solve_by_pair_newton(Run& run);
   [[nodiscard]] bool path_is_lower(bool feasible, double objective) const;
   [[nodiscard]] Answer finish_exact(Run& run);
   void bring_near(Run& run);
