@@ -275,7 +275,10 @@ Expected<void> Solver::update(const ProblemUpdate& update) {
 }
 
 void Solver::take(const ProblemUpdate& checked) {
-  if (!rescale(checked, state_->problem)) return;
+  const bool changed = rescale(checked, state_->problem);
+  const bool refitted = refit_scaling(state_->problem, state_->options.scaling_passes, changed);
+  if (!changed && !refitted) return;
+  if (refitted) state_->strategy.forget_scaling();
   state_->kkt->load(state_->problem);
   state_->strategy.forget_matrices();
 }

@@ -72,6 +72,11 @@ class Strategy {
   void shift_tree(const Shift& by) {
     if (tree_ != nullptr) tree_->shift(by);
   }
+  /// The scale factors have changed: nothing of earlier runs has the units of now.
+  void forget_scaling() {
+    stage_ = Stage::beginning;
+    tree_.reset();
+  }
   /// The matrices have new values.
   void forget_matrices() {
     branch_.point.forget_ahead();
