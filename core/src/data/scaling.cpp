@@ -180,6 +180,25 @@ bool replace(std::span<const double> values, const Vector& factor, double common
   return true;
 }
 
+bool is_constant(const RowMatrix& matrix, Index row) {
+  const auto begin = matrix.values.begin() + matrix.row_pointers[row];
+  const auto end = matrix.values.begin() + matrix.row_pointers[row + 1];
+  return std::all_of(begin, end, [](double value) { return value == 0.0; });
+}
+
+// A row without variables cannot be satisfied better than it is. What violates it by no more than an exact
+// solution may is taken for 0; else it would be a proof of infeasibility.
+void accept_constant_rows(ScaledProblem& p) {
+  for (Index row = 0; row < p.A.rows; ++row) {
+    const double largest = tuning::exactness * p.equality_scale[row];
+    if (p.b[row] != 0.0 && std::abs(p.b[row]) <= largest && is_constant(p.A, row)) p.b[row] = 0.0;
+  }
+  for (Index row = 0; row < p.inequalities(); ++row) {
+    const double largest = tuning::exactness * p.row_scale[row];
+    if (p.offset[row] < 0.0 && -p.offset[row] <= largest && is_constant(p.rows, row)) p.offset[row] = 0.0;
+  }
+}
+
 }  // namespace
 
 bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
@@ -195,6 +214,7 @@ bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
   changed |= replace(update.C, p.row_scale, p.variable_scale, p.rows, 0, rows.inequalities);
   changed |= replace(update.L, p.row_scale, p.variable_scale, p.rows, rows.s(0), rows.pairs);
   changed |= replace(update.R, p.row_scale, p.variable_scale, p.rows, rows.t(0), rows.pairs);
+  accept_constant_rows(p);
   return changed;
 }
 

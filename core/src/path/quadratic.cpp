@@ -119,7 +119,8 @@ bool QuadraticEngine::factor(Run& run) {
   while (true) {
     ++run.factorizations;
     if (run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); })) return true;
-    const bool at_end = kappa_ > 0.0 && kappa_ <= tuning::last_kappa && softness_ == 0.0;
+    const bool at_end =
+        kappa_ > 0.0 && kappa_ <= tuning::last_kappa && problem_.pairs() == 0 && softness_ == 0.0;
     if (!at_end || weights_.delta >= tuning::branch_kappa || run.interrupted()) return false;
     weights_.delta *= tuning::delta_raise * tuning::delta_raise;
   }
