@@ -105,7 +105,9 @@ Expected<Sensitivity> Sensitivity::create(const Problem& problem, const Solution
 Expected<void> Sensitivity::renew(const ProblemUpdate& update, const Solution& answer) {
   if (auto valid = state_->sizes.check(update); !valid) return valid;
   if (auto valid = check_answer(answer, state_->sizes); !valid) return valid;
-  if (rescale(update, state_->scaled)) state_->kkt->load(state_->scaled);
+  const bool changed = rescale(update, state_->scaled);
+  if (refit_scaling(state_->scaled, kOptions.scaling_passes, changed) || changed)
+    state_->kkt->load(state_->scaled);
   return state_->begin(answer);
 }
 

@@ -91,13 +91,20 @@ void clamp(double& value) {
   value = std::isnan(value) ? kLargest : std::clamp(value, -kLargest, kLargest);
 }
 
+double user_stationarity(const ScaledProblem& problem, const Images& images) {
+  return max_abs(images.stationarity.cwiseQuotient(problem.variable_scale)) / problem.cost_scale;
+}
+
 void take_point(const ScaledProblem& problem, const Iterate& x, Images& images, Solution& solution) {
   images.evaluate(problem, x);
   const double cost = 1.0 / problem.cost_scale;
   tell(problem, x, solution);
   solution.objective = cost * images.objective + problem.c0;
   solution.violations = violations(problem, images);
-  solution.kkt_residual = cost * max_abs(images.stationarity.cwiseQuotient(problem.variable_scale));
+  const auto slacks = problem.layout.inequality_part(images.rows.all);
+  const double slackness = cost * max_abs(slacks.cwiseProduct(x.lambda_w()));
+  const double stationarity = user_stationarity(problem, images);
+  solution.kkt_residual = std::isnan(slackness) ? slackness : std::max(stationarity, slackness);
 }
 
 // In place of a point that has overflowed: z = 0, whatever the run has ended with.
@@ -126,11 +133,12 @@ Solution answer(const ScaledProblem& problem, const Options& options, const Endi
     take_zero(problem, images, solution);
   } else if (is_solved(ending.status) && !is_balanced(problem, options, images, x)) {
     solution.status = Status::numerical_failure;
-    solution.detail += "; no solution: stationarity is violated by " + scientific(solution.kkt_residual, 2);
+    solution.detail +=
+        "; no solution: stationarity is violated by " + scientific(user_stationarity(problem, images), 2);
   } else if (ending.status == Status::solved && !is_balanced_in_user_units(problem, images, x)) {
     solution.status = Status::solved_reduced;
     solution.detail += "; its numbers lie too far apart: stationarity is violated by " +
-                       scientific(solution.kkt_residual, 2);
+                       scientific(user_stationarity(problem, images), 2);
   }
   if (is_solved(solution.status)) solution.stationarity = classify(images, x);
   solution.iterations = run.iterations;
@@ -275,7 +283,10 @@ Expected<void> Solver::update(const ProblemUpdate& update) {
 }
 
 void Solver::take(const ProblemUpdate& checked) {
-  if (!rescale(checked, state_->problem)) return;
+  const bool changed = rescale(checked, state_->problem);
+  const bool refitted = refit_scaling(state_->problem, state_->options.scaling_passes, changed);
+  if (!changed && !refitted) return;
+  if (refitted) state_->strategy.forget_scaling();
   state_->kkt->load(state_->problem);
   state_->strategy.forget_matrices();
 }

@@ -39,6 +39,7 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z, const std::op
   if (how.keeps_start) solve_start(run, initial_z);
   Answer local = run_locally(run, initial_z, warm_start, how.resumes ? last : Stage::beginning);
   if (start_) local = not_above_start(run, std::move(local), initial_z, warm_start.has_value());
+  local = solve_densely(run, std::move(local));
   if (!ended_by_force(local.ending.status)) stage_ = Stage::beginning;
   return options_.global ? search_globally(run, std::move(local), warm_start.has_value()) : local;
 }
@@ -150,7 +151,7 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage f
       branch_.interior.start(initial_z, branch_.point.set);
     }
     const PhaseScope phase(run.activity(), Phase::path);
-    if (incumbent_.solve_branch(run, branch_.interior)) return std::nullopt;
+    if (incumbent_.solve_branch(run, branch_.interior) || take_interior(run)) return std::nullopt;
   }
   const bool quadratic_interrupted = quadratic && from <= Stage::quadratic && run.interrupted();
   if (from == Stage::path || from == Stage::end_of_path) {

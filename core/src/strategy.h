@@ -72,6 +72,11 @@ class Strategy {
   void shift_tree(const Shift& by) {
     if (tree_ != nullptr) tree_->shift(by);
   }
+  /// The scale factors have changed: nothing of earlier runs has the units of now.
+  void forget_scaling() {
+    stage_ = Stage::beginning;
+    tree_.reset();
+  }
   /// The matrices have new values.
   void forget_matrices() {
     branch_.point.forget_ahead();
@@ -94,6 +99,11 @@ class Strategy {
   [[nodiscard]] Answer run_locally(Run& run, ConstVectorRef initial_z,
                                    const std::optional<WarmStart>& warm_start, Stage from);
   [[nodiscard]] Answer search_globally(Run& run, Answer local, bool warm);
+  [[nodiscard]] bool take_interior(Run& run);
+  [[nodiscard]] Answer solve_densely(Run& run, Answer answer);
+  [[nodiscard]] bool incumbent_is_loose() const;
+  [[nodiscard]] std::optional<Answer> search_densely(Run& run, const Answer& answer);
+  [[nodiscard]] std::optional<Answer> solve_branch_densely(Run& run, const Answer& answer);
   void solve_start(Run& run, ConstVectorRef z);
   [[nodiscard]] Answer not_above_start(Run& run, Answer answer, ConstVectorRef z, bool warm);
   [[nodiscard]] bool start_for_tree(Run& run);

@@ -123,8 +123,9 @@ struct Solution {
   /// What a cold start last reached on the way to this answer: the objective itself, or, of a chain of warm
   /// starts, that of its first. A warm start that ends clearly above it starts cold too; with infinity, none.
   double cold_objective = 0.0;
-  Violations violations;        ///< of z, user units
-  double kkt_residual = 0.0;    ///< max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη|, unscaled
+  Violations violations;  ///< of z, user units
+  /// max |Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη| or max |ν (Cz + d)|, whichever is larger, in the user's units
+  double kkt_residual = 0.0;
   std::int32_t iterations = 0;  ///< Newton steps
   /// All of them, rejected ones included. With option global each helper of a TaskRunner makes one of its own
   /// for some problems; nothing else depends on who helps.

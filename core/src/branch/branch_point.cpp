@@ -65,6 +65,7 @@ void BranchPoint::restore(const Iterate& iterate, const WorkingSet& working_set)
   x.all = iterate.all;
   set = working_set;
   images.evaluate(problem_, x);
+  converged_ = false;
 }
 
 bool BranchPoint::factor(Run& run, double rho, double delta) {
@@ -102,6 +103,7 @@ bool BranchPoint::has_factor(double rho, double delta) const {
 bool BranchPoint::sharpen(double tolerance) {
   auto& [step, step_images, gradient] = workspace;
   double last = std::numeric_limits<double>::infinity();
+  converged_ = false;
   for (int sweep = 0; sweep < tuning::exact_sweeps; ++sweep) {
     images.evaluate(problem_, x);
     double error = std::max(max_abs(images.stationarity), max_abs(images.equality));
@@ -112,7 +114,7 @@ bool BranchPoint::sharpen(double tolerance) {
       if (set.held[row]) error = std::max(error, std::abs(images.rows.all[row]));
     }
     if (!std::isfinite(error) || !(max_abs(x.z()) <= tuning::runaway)) return false;
-    if (error <= tolerance) return true;
+    if (error <= tolerance) return converged_ = true;
     const bool is_exact = error <= tuning::exactness;
     if (error > (is_exact ? 0.5 : tuning::exact_slowest) * last) return is_exact;  // as exact as it gets
     last = error;

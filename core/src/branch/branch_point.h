@@ -48,6 +48,8 @@ class BranchPoint {
   /// With the factor at hand, of tuning::exact_rho and tuning::exact_delta: the stationary point on the rows
   /// held at zero, to this residual or as exact as rounding lets it be. False if there is none.
   [[nodiscard]] bool sharpen(double tolerance = 0.0);
+  /// Whether the last one reached its residual, and nothing has moved the point since.
+  [[nodiscard]] bool converged() const { return converged_; }
   /// Of the branch's own system with the factor at hand, all together.
   [[nodiscard]] std::int32_t back_substitutions() const { return back_substitutions_; }
   void count_back_substitutions(std::int32_t more) { back_substitutions_ += more; }
@@ -79,6 +81,7 @@ class BranchPoint {
   std::int64_t factor_ = -1;  // of kkt_, which others use too
   bool convex_ = false;       // it had the right inertia
   bool ahead_ = false;        // it was made for a factor() to come
+  bool converged_ = false;
   std::int32_t back_substitutions_ = 0;
 };
 

@@ -32,14 +32,14 @@ bool ExactBranch::solve_by_interior(Run& run, int last) {
         .value_or(false);
   });
   run.add_part(part);
-  return solved || take_interior();
+  return solved || take_interior(interior_);
 }
 
 // Where rows are weakly active, and what they leave is flat, neither holding nor leaving them all gives back
 // the solution that the interior point method has converged to. Then it is the answer itself.
-bool ExactBranch::take_interior() {
-  if (!(interior_.kappa() <= tuning::rounding)) return false;
-  point_.restore(interior_.iterate(), interior_.set());
+bool ExactBranch::take_interior(const QuadraticEngine& engine) {
+  if (!(engine.kappa() <= tuning::rounding)) return false;
+  point_.restore(engine.iterate(), engine.set());
   const double scale = 1.0 + max_abs(point_.x.all);
   return point_.violation() <= tuning::exactness &&
          max_abs(point_.images.stationarity) <= std::min(tuning::near, tuning::exactness * scale);

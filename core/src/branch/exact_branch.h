@@ -26,13 +26,16 @@ class ExactBranch {
   /// multiplier: its product with the slack is rounding.
   [[nodiscard]] bool solve(Run& run, int budget);
 
+  /// Takes the solution that an interior point method on the branch has converged to, if it has: where rows
+  /// are weakly active, and what they leave is flat, no choice of rows gives it back.
+  [[nodiscard]] bool take_interior(const QuadraticEngine& engine);
+
   [[nodiscard]] BranchPoint& point() { return point_; }
 
  private:
   [[nodiscard]] std::optional<bool> exchange_rows(Run& run, int rounds, int last);
   [[nodiscard]] bool exchange();
   [[nodiscard]] bool solve_by_interior(Run& run, int last);
-  [[nodiscard]] bool take_interior();
 
   BranchPoint& point_;
   SemismoothNewton& newton_;

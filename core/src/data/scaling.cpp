@@ -98,6 +98,58 @@ double cost_scale(const ScaledProblem& p, double cost) {
   return size > 0.0 ? 1.0 / std::clamp(size, 1.0 / tuning::scale_range, tuning::scale_range) : 1.0;
 }
 
+double mean_size(const SymmetricMatrix& Q) {
+  Vector norm = Vector::Zero(Q.size);
+  absorb_norms(Q, norm);
+  return Q.size > 0 ? norm.mean() : 0.0;
+}
+
+void measure_cost(const ScaledProblem& p, ScaledSizes& sizes) {
+  sizes.cost = std::max(sizes.hessian, max_abs(p.g));
+}
+
+ScaledSizes measure(const ScaledProblem& p) {
+  ScaledSizes sizes;
+  sizes.variable.setZero(p.variables());
+  sizes.equality.setZero(p.equalities());
+  sizes.row.setZero(p.layout.size());
+  absorb_norms(p.Q, sizes.variable);
+  absorb_norms(p.A, sizes.equality, sizes.variable);
+  absorb_norms(p.rows, sizes.row, sizes.variable);
+  sizes.hessian = mean_size(p.Q);
+  measure_cost(p, sizes);
+  return sizes;
+}
+
+// What is zero has no size, and was scaled as if it were 1.
+bool has_drifted(double now, double then) {
+  if (now == 0.0) return false;
+  const double ratio = now / (then > 0.0 ? then : 1.0);
+  return ratio > tuning::scale_drift || ratio * tuning::scale_drift < 1.0;
+}
+
+bool has_drifted(const Vector& now, const Vector& then) {
+  for (Eigen::Index i = 0; i < now.size(); ++i)
+    if (has_drifted(now[i], then[i])) return true;
+  return false;
+}
+
+double power_of_two(double factor) { return std::ldexp(1.0, std::ilogb(factor * std::sqrt(2.0))); }
+
+// The nearest power of two to 1/√norm.
+Vector powers(const Vector& norms) {
+  return norms.unaryExpr([](double norm) { return power_of_two(root_inverse(norm)); });
+}
+
+void scale_cost_by_power(ScaledProblem& p) {
+  const double size = std::max(mean_size(p.Q), max_abs(p.g));
+  if (!(size > 0.0)) return;
+  const double factor = power_of_two(1.0 / std::clamp(size, 1.0 / tuning::scale_range, tuning::scale_range));
+  for (double& value : p.Q.values) value *= factor;
+  p.g *= factor;
+  p.cost_scale *= factor;
+}
+
 Vector copy(std::span<const double> values) {
   return Eigen::Map<const Vector>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
@@ -128,6 +180,25 @@ bool replace(std::span<const double> values, const Vector& factor, double common
   return true;
 }
 
+bool is_constant(const RowMatrix& matrix, Index row) {
+  const auto begin = matrix.values.begin() + matrix.row_pointers[row];
+  const auto end = matrix.values.begin() + matrix.row_pointers[row + 1];
+  return std::all_of(begin, end, [](double value) { return value == 0.0; });
+}
+
+// A row without variables cannot be satisfied better than it is. What violates it by no more than an exact
+// solution may is taken for 0; else it would be a proof of infeasibility.
+void accept_constant_rows(ScaledProblem& p) {
+  for (Index row = 0; row < p.A.rows; ++row) {
+    const double largest = tuning::exactness * p.equality_scale[row];
+    if (p.b[row] != 0.0 && std::abs(p.b[row]) <= largest && is_constant(p.A, row)) p.b[row] = 0.0;
+  }
+  for (Index row = 0; row < p.inequalities(); ++row) {
+    const double largest = tuning::exactness * p.row_scale[row];
+    if (p.offset[row] < 0.0 && -p.offset[row] <= largest && is_constant(p.rows, row)) p.offset[row] = 0.0;
+  }
+}
+
 }  // namespace
 
 bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
@@ -143,7 +214,38 @@ bool rescale(const ProblemUpdate& update, ScaledProblem& p) {
   changed |= replace(update.C, p.row_scale, p.variable_scale, p.rows, 0, rows.inequalities);
   changed |= replace(update.L, p.row_scale, p.variable_scale, p.rows, rows.s(0), rows.pairs);
   changed |= replace(update.R, p.row_scale, p.variable_scale, p.rows, rows.t(0), rows.pairs);
+  accept_constant_rows(p);
   return changed;
+}
+
+bool refit_scaling(ScaledProblem& p, int passes, bool matrices_changed) {
+  if (passes == 0) return false;
+  if (matrices_changed) {
+    const ScaledSizes now = measure(p);
+    if (!has_drifted(now.variable, p.sizes.variable) && !has_drifted(now.equality, p.sizes.equality) &&
+        !has_drifted(now.row, p.sizes.row) && !has_drifted(now.cost, p.sizes.cost))
+      return false;
+  } else if (!has_drifted(std::max(p.sizes.hessian, max_abs(p.g)), p.sizes.cost)) {
+    return false;
+  }
+  scale_cost_by_power(p);
+  for (int pass = 0; pass < passes; ++pass) {
+    const ScaledSizes sizes = measure(p);
+    const Vector variable = powers(sizes.variable), equality = powers(sizes.equality),
+                 row = powers(sizes.row);
+    apply(p.Q, variable);
+    apply(p.A, 0, p.A.rows, equality, variable);
+    apply(p.rows, 0, p.rows.rows, row, variable);
+    p.g.array() *= variable.array();
+    p.b.array() *= equality.array();
+    p.offset.array() *= row.array();
+    p.variable_scale.array() *= variable.array();
+    p.equality_scale.array() *= equality.array();
+    p.row_scale.array() *= row.array();
+  }
+  scale_cost_by_power(p);
+  p.sizes = measure(p);
+  return true;
 }
 
 ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interrupt) {
@@ -187,6 +289,7 @@ ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interru
            .L = view.L.values,
            .R = view.R.values},
           p);
+  p.sizes = measure(p);
   return p;
 }
 

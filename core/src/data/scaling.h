@@ -11,6 +11,13 @@
 
 namespace marble {
 
+/// How large scaled numbers are: of each row and column the largest entry, and the cost.
+struct ScaledSizes {
+  Vector variable, equality, row;
+  double hessian = 0.0;  ///< the mean of the largest entries of Q's columns
+  double cost = 0.0;     ///< that or the largest entry of g, whichever is larger
+};
+
 struct ScaledProblem {
   SymmetricMatrix Q;
   RowMatrix A;
@@ -23,6 +30,7 @@ struct ScaledProblem {
   Vector variable_scale;    ///< D, n
   Vector equality_scale;    ///< E_A, n_e
   Vector row_scale;         ///< E of [C; L; R], n_i + 2 n_c
+  ScaledSizes sizes;        ///< of the numbers that the scale factors were made for
 
   [[nodiscard]] Index variables() const { return static_cast<Index>(g.size()); }
   [[nodiscard]] Index equalities() const { return static_cast<Index>(b.size()); }
@@ -40,5 +48,10 @@ ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interru
 /// Puts new numbers into the same pattern, with the scale factors it has: those of the first problem. True if
 /// a matrix changed.
 bool rescale(const ProblemUpdate& update, ScaledProblem& problem);
+
+/// Where numbers have left the range that the scale factors were made for, by tuning::scale_drift, multiplies
+/// the factors by powers of two, with which no bit of a mantissa changes. True if it did: whatever was
+/// computed in scaled units is of no use then. Looks at the matrices only if they have changed.
+bool refit_scaling(ScaledProblem& problem, int passes, bool matrices_changed);
 
 }  // namespace marble

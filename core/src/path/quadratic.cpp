@@ -113,6 +113,19 @@ double QuadraticEngine::longest_step() const {
   return length;
 }
 
+// Near the end weights of 1/κ leave nothing of a flat direction but rounding, and the inertia may seem wrong.
+// A larger proximal term then still vanishes with the step, and steps are short there.
+bool QuadraticEngine::factor(Run& run) {
+  while (true) {
+    ++run.factorizations;
+    if (run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); })) return true;
+    const bool at_end =
+        kappa_ > 0.0 && kappa_ <= tuning::last_kappa && problem_.pairs() == 0 && softness_ == 0.0;
+    if (!at_end || weights_.delta >= tuning::branch_kappa || run.interrupted()) return false;
+    weights_.delta *= tuning::delta_raise * tuning::delta_raise;
+  }
+}
+
 bool QuadraticEngine::step(Run& run) {
   if (run.interrupted()) return false;
   report(run);
@@ -120,9 +133,7 @@ bool QuadraticEngine::step(Run& run) {
   set_.for_each_free_row([&](Index row) {
     weights_.rows.all[row] = x_.lambda()[row] / (softness_ * x_.lambda()[row] - slack_[row]);
   });
-  ++run.factorizations;
-  if (!run.timed(&Times::factorization_s, [&] { return kkt_.factor(weights_); })) return false;
-  if (!direction(0.0, false)) return false;
+  if (!factor(run) || !direction(0.0, false)) return false;
   const double affine = longest_step();
   double affine_products = 0.0;
   set_.for_each_free_row([&](Index row) {

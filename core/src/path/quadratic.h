@@ -60,6 +60,7 @@ class QuadraticEngine {
  private:
   void begin(ConstVectorRef initial_z, const WorkingSet& branch);
   void evaluate();
+  [[nodiscard]] bool factor(Run& run);
   [[nodiscard]] bool direction(double kappa, bool correct);
   [[nodiscard]] double longest_step() const;
   [[nodiscard]] double free_rows() const;  // and 1 where there is none

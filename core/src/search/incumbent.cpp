@@ -15,6 +15,7 @@ bool solve_exactly(const ScaledProblem& problem, const Options& options, ExactBr
   if (!solved || !within_tolerances(solution.violations, options)) return false;
   solution.x.all = branch.point().x.all;
   solution.set = branch.point().set;
+  solution.converged = branch.point().converged();
   solution.objective = branch.point().images.objective;
   return true;
 }
@@ -46,6 +47,7 @@ void Incumbent::offer(const Iterate& x, const Images& images, const WorkingSet& 
   if (!within_tolerances(other_.violations, options_)) return;
   other_.x.all = x.all;
   other_.set = set;
+  other_.converged = true;
   other_.objective = images.objective;
   other_.origin = origin;
   replace(other_);

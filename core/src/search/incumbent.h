@@ -15,6 +15,7 @@ struct ExactSolution {
   double objective = 0.0;   ///< scaled
   Violations violations;    ///< user units
   const char* origin = "";  ///< the engines that found it
+  bool converged = true;    ///< false where the residual could not be lowered to rounding
 };
 
 /// Solves the branch at hand exactly. False if that fails or the solution is not feasible.

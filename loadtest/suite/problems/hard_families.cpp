@@ -207,6 +207,7 @@ std::vector<HardProblem> hard_problems(int seeds, bool judging) {
         all.push_back({"cheap gates", examples::published_gates({T, weight, end_at_rest}), {}});
     }
   }
+  add_parallel_rows(all, seeds, judging);
   add_published(all);
   add_proofs(all);
   return all;

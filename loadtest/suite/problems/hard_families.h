@@ -23,6 +23,9 @@ struct HardProblem {
 /// which judge.
 [[nodiscard]] std::vector<HardProblem> hard_problems(int seeds, bool judging);
 
+/// Those whose rows are nearly parallel: a matter of accuracy, not of search.
+void add_parallel_rows(std::vector<HardProblem>& all, int seeds, bool judging);
+
 /// Those of the literature.
 void add_published(std::vector<HardProblem>& all);
 

@@ -35,7 +35,7 @@ export const STATUSES = {
   locally_infeasible: {
     tone: "bad",
     means: "The search ended where the violation cannot be lowered any further; no feasible point is near. Others may exist elsewhere.",
-    advice: "Raise feasibility_budget, or start elsewhere (x0). If it happens with every start, suspect the data of the largest violation.",
+    advice: "Where the detail names ill-conditioned rows, remove one of them. Else raise feasibility_budget, or start elsewhere (x0). If it happens with every start, suspect the data of the largest violation.",
   },
   unbounded: {
     tone: "bad",

@@ -72,8 +72,8 @@ _ADVICE: Final = {
         "The problem contradicts itself: check signs and offsets of A, b, C, d, l and r. The largest multipliers in "
         "the certificate name the rows that clash.",
     "locally_infeasible":
-        "Raise feasibility_budget, or start elsewhere (x0). If it happens with every start, suspect the data of the "
-        "largest violation.",
+        "Where the detail names ill-conditioned rows, remove one of them. Else raise feasibility_budget, or start "
+        "elsewhere (x0). If it happens with every start, suspect the data of the largest violation.",
     "unbounded":
         "A bound or a cost is missing: the entries of that direction name the variables.",
     "numerical_failure":

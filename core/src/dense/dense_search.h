@@ -1,0 +1,48 @@
+// Small problems that the other engines fail on, mostly because rows nearly depend on each other: their
+// branches are solved by a dense active set method whose accuracy does not depend on a penalty.
+#pragma once
+
+#include <vector>
+
+#include "dense/dense_active_set.h"
+#include "dense/null_space.h"
+#include "search/incumbent.h"
+
+namespace marble {
+
+class DenseSearch {
+ public:
+  DenseSearch(const ScaledProblem& problem, Incumbent& incumbent);
+
+  /// Whether the problem is small enough: the factors are dense.
+  [[nodiscard]] static bool fits(const ScaledProblem& problem);
+
+  /// Solves the branch of `set` and offers the solution to the incumbent. True if that took it.
+  [[nodiscard]] bool solve_branch(Run& run, const WorkingSet& set);
+  /// The same over all branches, the more promising ones first, as far as the limit of nodes allows.
+  [[nodiscard]] bool search(Run& run);
+  /// The solution of the last branch solved.
+  [[nodiscard]] const Iterate& x() const { return x_; }
+
+ private:
+  using Kind = DenseActiveSet::Kind;
+  enum class Outcome { optimal, infeasible, failed };
+
+  [[nodiscard]] bool factor(Run& run);
+  [[nodiscard]] Outcome minimize(Run& run, const std::vector<Kind>& kinds);
+  [[nodiscard]] bool is_optimal(const std::vector<Kind>& kinds, const StationaryPoint& point) const;
+  [[nodiscard]] std::vector<Kind> kinds_of(const WorkingSet& set) const;
+  [[nodiscard]] Index most_violated_pair(const std::vector<Kind>& kinds) const;
+  void offer(const WorkingSet& branch);
+
+  const ScaledProblem& problem_;
+  Incumbent& incumbent_;
+  RowAccess rows_;
+  DenseActiveSet engine_;
+  double delta_ = 0.0;
+  bool factored_ = false;
+  Iterate x_;
+  Images images_;
+};
+
+}  // namespace marble
