@@ -98,7 +98,8 @@ void DenseSearch::offer(const WorkingSet& branch) {
   for (Index pair = 0; pair < problem_.pairs(); ++pair) set.held[set.fixed_row(pair)] = 1;
   for (const Index row : engine_.held())
     if (!rows_.is_equality(row)) set.held[row - rows_.first_row()] = 1;
-  incumbent_.offer(x_, images_, set, "dense active set");
+  if (problem_.pairs() == 0 || incumbent_.doubles_hold(x_.z()))
+    incumbent_.offer(x_, images_, set, "dense active set");
 }
 
 bool DenseSearch::solve_branch(Run& run, const WorkingSet& set) {

@@ -1,7 +1,6 @@
 #include "feasibility/feasibility.h"
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 #include "feasibility/lemke.h"
@@ -54,10 +53,7 @@ bool Feasibility::pivot_carefully(Run& run, ConstVectorRef z, int last_factoriza
   for (int way = 0; way < tuning::lemke_ways; ++way) {
     if (run.interrupted() || run.factorizations >= last_factorization) return false;
     if (!lemke.run(run, way, z, branch) || !lemke.solve_branch(branch, z, x)) continue;
-    // A point so far out that doubles cannot hold it to the tolerance is none.
-    const double noise =
-        max_abs(x.z().cwiseProduct(problem_.variable_scale)) * std::numeric_limits<double>::epsilon();
-    if (noise > options_.complementarity_tolerance) continue;
+    if (!incumbent_.doubles_hold(x.z())) continue;
     images.evaluate(problem_, x);
     if (max_abs(images.stationarity) > tuning::exactness * (1.0 + max_abs(x.lambda()))) {
       if (take(run, x.z(), branch, kOrigin)) return true;

@@ -11,6 +11,10 @@
 
 namespace marble {
 
+/// That there is no answer.
+[[nodiscard]] inline bool is_proof(Status status) {
+  return status == Status::infeasible || status == Status::unbounded;
+}
 /// By a limit or a stop.
 [[nodiscard]] inline bool ended_by_force(Status status) {
   return status == Status::cancelled || status == Status::time_limit || status == Status::iteration_limit;

@@ -1,6 +1,7 @@
 #include "search/incumbent.h"
 
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "run/termination.h"
@@ -51,6 +52,12 @@ void Incumbent::offer(const Iterate& x, const Images& images, const WorkingSet& 
   other_.objective = images.objective;
   other_.origin = origin;
   replace(other_);
+}
+
+bool Incumbent::doubles_hold(ConstVectorRef z) const {
+  const double rounding =
+      std::numeric_limits<double>::epsilon() * max_abs(z.cwiseProduct(problem_.variable_scale));
+  return rounding <= options_.complementarity_tolerance;
 }
 
 void Incumbent::replace(ExactSolution& better) {

@@ -39,6 +39,8 @@ class Incumbent {
   [[nodiscard]] bool solve_branch(Run& run, QuadraticEngine& engine);
   /// Keeps a point with its images, exact for the rows it holds at zero, if it is feasible and lower at all.
   void offer(const Iterate& x, const Images& images, const WorkingSet& set, const char* origin);
+  /// Whether z is not so far out that its rounding alone is beyond the tolerance of pairs.
+  [[nodiscard]] bool doubles_hold(ConstVectorRef z) const;
   /// Replaces it, by a swap.
   void replace(ExactSolution& better);
   /// All of it, lest bounds depend on solves before this one.

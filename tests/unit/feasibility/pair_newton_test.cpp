@@ -17,7 +17,8 @@ namespace {
 
 using testing::Workbench;
 
-// 0 ≤ u − ψ ⊥ −Δu ≥ 0 on n × n points of the unit square, u = 0 around it, ψ = sin(3.2 x) sin(3.2 y): no cost.
+// 0 ≤ u − ψ ⊥ −Δu ≥ 0 on n × n points of the unit square, u = 0 around it, ψ = sin(3.2 x) sin(3.2 y): no
+// cost.
 OwnedProblem membrane(Index n) {
   const double h = 1.0 / (n + 1);
   OwnedProblem p;
@@ -46,7 +47,8 @@ OwnedProblem membrane(Index n) {
 TEST(PairNewton, IsForProblemsWhoseBranchesDetermineAPoint) {
   const Workbench square(membrane(4));
   EXPECT_TRUE(pair_newton_applies(square.problem));
-  const Workbench wide(testing::random_problem({.variables = 9, .equalities = 2, .inequalities = 0, .pairs = 4}, 1));
+  const Workbench wide(
+      testing::random_problem({.variables = 9, .equalities = 2, .inequalities = 0, .pairs = 4}, 1));
   EXPECT_FALSE(pair_newton_applies(wide.problem)) << "more unknowns than rows";
   const Workbench bounded(
       testing::random_problem({.variables = 6, .equalities = 2, .inequalities = 1, .pairs = 4}, 1));
