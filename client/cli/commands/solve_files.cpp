@@ -111,6 +111,7 @@ int solve_files(const SolveArguments& arguments, const Options& options, const S
   const auto sensitivity =
       arguments.sensitivity.empty() ? Expected<Json>() : read_sensitivity(arguments.sensitivity);
   if (!sensitivity) return argument_fails(sensitivity.error());
+  warn_of_idle_options(arguments.solver, options);
   const Interrupt interrupt;
   int exit_code = kAllSolved;
   for (const std::string& path : arguments.files) {
