@@ -327,7 +327,7 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   return answer;
 }
 
-// What it proves, without its counts: those are of option global.
+// What it proves, and its counts.
 TreeResult Strategy::search_small_tree(Run& run, ConstVectorRef z, bool known_convex) {
   Options few = options_;
   few.node_limit = options_.small_budget;
@@ -346,6 +346,8 @@ TreeResult Strategy::search_small_tree(Run& run, ConstVectorRef z, bool known_co
   told.end = found.end;
   told.remark = found.remark;
   told.ray = found.ray;
+  told.nodes = found.nodes;
+  told.open_nodes = found.open_nodes;
   if (!found.proved) return told;
   told.proved = true;
   told.bound = found.bound;
@@ -359,7 +361,9 @@ std::optional<Strategy::Answer> Strategy::find_by_small_tree(Run& run, TreeResul
   tree = search_small_tree(run, path_point_.x.z(), optimality_.known_convex());
   if (tree.ray) return Answer{unbounded_along(*std::exchange(tree.ray, {})), &path_point_.x};
   if (!incumbent_.exists()) return std::nullopt;
-  return finish_cold(run, false);
+  Answer answer = finish_cold(run, false);
+  answer.tree.nodes = tree.nodes, answer.tree.open_nodes = tree.open_nodes;
+  return answer;
 }
 
 // Where nothing exact was found: the path's point, unless a descent from it or a proof says more.
@@ -393,6 +397,7 @@ Strategy::Answer Strategy::finish_path(Run& run, ConstVectorRef initial_z, Endin
   TreeResult tree;
   if (failed || is_solved(status)) {
     if (std::optional<Answer> found = find_by_small_tree(run, tree)) return *std::move(found);
+    answer.tree.nodes = tree.nodes, answer.tree.open_nodes = tree.open_nodes;
   }
   if (failed && options_.polish && !start_ && largest(path_point_.violations) > rounding)
     return ended({Status::locally_infeasible, "no feasible branch near; " + answer.ending.detail, {}});
