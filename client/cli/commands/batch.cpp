@@ -61,7 +61,7 @@ class BatchRun {
         continue;
       }
       file_ = std::move(*file);
-      subjects_[tag] = subject_of(path, file_);
+      subjects_[tag] = subject_of(path, file_, options_);
       const OwnedProblem& p = file_.problem;
       return BatchProblem{tag, p.view(), options_, p.initial_z, p.name, ""};
     }

@@ -62,7 +62,7 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
   const auto answer = means.solve(file->problem, options, controls);
   display.reset();
   if (!answer) return tell_error(arguments, path, file->problem.name, answer.error(), means.remote);
-  const Subject subject = subject_of(path, *file);
+  const Subject subject = subject_of(path, *file, options);
   std::cout << (arguments.json() ? json_line(subject, *answer) + "\n" : summary(subject, *answer))
             << std::flush;
   return is_solved(answer->status) ? kAllSolved : kNotSolved;
