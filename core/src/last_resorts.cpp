@@ -18,7 +18,10 @@ std::optional<Strategy::Answer> Strategy::find_by_small_tree(Run& run, TreeResul
   tree = search_small_tree(run, path_point_.x.z(), optimality_.known_convex());
   if (tree.ray) return Answer{unbounded_along(*std::exchange(tree.ray, {})), &path_point_.x};
   if (!incumbent_.exists()) return std::nullopt;
-  return finish_cold(run, false);
+  Answer answer = finish_cold(run, false);
+  if (tree.proved && is_solved(answer.ending.status)) answer.b_stationary = true;
+  answer.tree = tree;
+  return answer;
 }
 
 // Where nothing exact was found: the path's point, unless a descent from it or a proof says more.
@@ -52,6 +55,7 @@ Strategy::Answer Strategy::finish_path(Run& run, ConstVectorRef initial_z, Endin
   TreeResult tree;
   if (failed || is_solved(status)) {
     if (std::optional<Answer> found = find_by_small_tree(run, tree)) return *std::move(found);
+    answer.tree.nodes = tree.nodes, answer.tree.open_nodes = tree.open_nodes;
   }
   if (failed && options_.polish && !start_ && largest(path_point_.violations) > rounding)
     return ended({Status::locally_infeasible, "no feasible branch near; " + answer.ending.detail, {}});

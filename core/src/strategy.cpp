@@ -337,7 +337,7 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   return answer;
 }
 
-// What it proves, without its counts: those are of option global.
+// What it proves, and its counts.
 TreeResult Strategy::search_small_tree(Run& run, ConstVectorRef z, bool known_convex) {
   Options few = options_;
   few.node_limit = options_.small_budget;
@@ -356,6 +356,8 @@ TreeResult Strategy::search_small_tree(Run& run, ConstVectorRef z, bool known_co
   told.end = found.end;
   told.remark = found.remark;
   told.ray = found.ray;
+  told.nodes = found.nodes;
+  told.open_nodes = found.open_nodes;
   if (!found.proved) return told;
   told.proved = true;
   told.bound = found.bound;

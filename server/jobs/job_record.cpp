@@ -93,8 +93,8 @@ void JobRecord::take(const Solution& solution) {
   snapshot_.objective = solution.objective;
   snapshot_.violations = solution.violations;
   take_tree(solution);
-  // Of a tree whose answer has no gap, as there is no point or no bound, the newest row knows the incumbent.
-  if (solution.nodes == 0 || std::isfinite(solution.gap))
+  // Of a tree whose answer is not solved and has no gap, the newest row knows the incumbent.
+  if (solution.nodes == 0 || std::isfinite(solution.gap) || is_solved(solution.status))
     snapshot_.incumbent = solution.nodes == 0 ? Progress{}.incumbent : solution.objective;
   snapshot_.proved = solution.proved;
   snapshot_.times = solution.times;

@@ -36,6 +36,37 @@ TEST_F(Proving, IsToldInWordsAndInJson) {
   EXPECT_EQ(local["nodes"], 0);
 }
 
+TEST_F(Proving, TheKindOfAnswerIsToldWithWhatToTry) {
+  const std::string good = quoted(file("good.json", kGood));
+  const Result proved = run("solve --local --quiet " + good);
+  EXPECT_NE(proved.out.find("\n  answer          proved optimal\n"), std::string::npos) << proved.out;
+  EXPECT_NE(proved.out.find(" factorizations, 1 node\n"), std::string::npos) << proved.out;
+  EXPECT_EQ(proved.out.find("what to try"), std::string::npos) << proved.out;
+  EXPECT_EQ(proved.out.find("  proof  "), std::string::npos) << "no option global: " << proved.out;
+  const Json json = run("solve --local --quiet --output json " + good).lines().at(0);
+  EXPECT_EQ(json["kind"], "proved_optimal");
+  EXPECT_EQ(json["nodes"], 1);
+  const std::string local = " --local --quiet --option small_budget=0 ";
+  const Result words = run("solve" + local + good);
+  EXPECT_NE(words.out.find("\n  answer          local minimum; no bound is known\n"), std::string::npos)
+      << words.out;
+  EXPECT_NE(words.out.find("\n  what to try     starts=8 searches 8 times, for about 8 times the work"),
+            std::string::npos)
+      << words.out;
+  EXPECT_EQ(run("solve --output json" + local + good).lines().at(0)["kind"], "local_minimum");
+}
+
+TEST_F(Proving, AnOptionThatChangesNothingIsWarnedOf) {
+  const std::string good = quoted(file("good.json", kGood));
+  const Result idle = run("solve --local --quiet --option inner_tolerance=1e-3 " + good);
+  EXPECT_EQ(idle.exit_code, 0);
+  EXPECT_EQ(idle.err,
+            "marble: warning: option inner_tolerance counts only with path = paper or algorithm1\n");
+  const Result used = run("solve --local --quiet --option inner_tolerance=1e-3 --option path=paper " + good);
+  EXPECT_EQ(used.err, "");
+  EXPECT_EQ(run("solve --local --quiet --option kappa_min=1e-12 " + good).err, "");
+}
+
 TEST_F(Proving, HasATableOfItsOwnATraceAndAPicture) {
   const std::string csv = directory_.file("proof.csv");
   const Result result =

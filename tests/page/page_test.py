@@ -8,6 +8,7 @@ import csv
 import io
 import json
 import os
+import pathlib
 import re
 import subprocess
 import sys
@@ -204,6 +205,32 @@ class Page(unittest.TestCase):
         eventually(lambda: file.read_text() == told, "the whole answer")
         self.assertEqual(len(json.loads(told)["solution"]["certificate"]), 4)
         self.assertEqual(self.browser.complaints(), [])
+
+    def test_it_says_what_kind_of_answer_a_job_has_and_what_to_try(self):
+        server = self.start()
+        local = server.submit(server.tiny(), "--option", "small_budget=0")
+        server.run("result", "--wait", local)
+        self.open(server, f"/#/jobs/{local}")
+        self.browser.wait_text("#why", "The answer: local minimum; no bound is known.")
+        self.browser.wait_text("#why", "What to try: starts=8 searches 8 times")
+        server.run("solve", "--quiet", "--option", "small_budget=0", server.tiny("unkept"))  # its point is not kept
+        self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
+        self.browser.wait_text("#why", "It is not proved that no point is better.")
+        server.run("solve", "--quiet", server.tiny("proved"))
+        self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
+        self.browser.wait_text("#why", "Proved optimal: gap")
+        self.assertEqual(self.browser.complaints(), [])
+
+    def test_kinds_of_answers_follow_the_table_of_cases_that_all_languages_have(self):
+        self.open(self.start())
+        table = json.loads((pathlib.Path(__file__).resolve().parent.parent / "answers/kinds.json").read_text(encoding="utf-8"))
+        told = self.browser.run("""
+          return import("/assets/jobs/answer.js").then(({ kindOf, kindText, whatToTry }) => arguments[0].map(({ facts }) => {
+            const words = { proved: false, objective: 0, gap: Infinity, starts: 1, ...facts, bStationary: facts.b_stationary,
+              secondOrder: facts.second_order, budgetSpent: facts.budget_spent, globalSearch: facts.global_search };
+            return [kindOf(words), kindText(words), whatToTry(words)];
+          }));""", table)
+        self.assertEqual(told, [[case["kind"], case["text"], case["what_to_try"]] for case in table])
 
     def test_of_many_pairs_an_even_sample_is_shown(self):
         server = self.start("--trace-pairs", "16")

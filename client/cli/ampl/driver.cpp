@@ -15,6 +15,7 @@
 #include "base/interrupt.h"
 #include "marble/client.h"
 #include "marble/contract.h"
+#include "marble/report/solution_kind.h"
 #include "marble/solver.h"
 #include "marble/version.h"
 #include "nl/nl_answer.h"
@@ -80,7 +81,10 @@ std::string message_of(const Solution& s, double sign) {
           " factorizations";
   Proof tree = proof_of(s);
   tree.bound = sign * tree.bound;
-  if (const std::string proof = proof_text(tree); !proof.empty()) text += "\n" + proof;
+  SolutionFacts facts = facts_of(s, Options());
+  facts.maximize = sign < 0.0;
+  const bool no_gap = is_solved(s.status) && !std::isfinite(s.gap);
+  if (const std::string how = no_gap ? kind_text(facts) : proof_text(tree); !how.empty()) text += "\n" + how;
   if (!is_solved(s.status)) text += "\n" + without_controls(s.detail) + "\n" + advice(s.status);
   return text;
 }

@@ -2,9 +2,9 @@
 
 #include "base/complaint.h"
 #include "base/exit_code.h"
+#include "marble/report/option_scope.h"
 
 namespace marble::cli {
-
 void add_solver_arguments(CLI::App& command, SolverArguments& arguments) {
   command
       .add_option("--option", arguments.options,
@@ -30,6 +30,14 @@ Expected<Options> parse_options(const SolverArguments& arguments) {
     if (!set) return unexpected(of_field("--time-limit", set.error()));
   }
   return options;
+}
+
+void warn_of_idle_options(const SolverArguments& arguments, const Options& options) {
+  for (const std::string& option : arguments.options) {
+    const std::string name = option.substr(0, option.find('='));
+    if (!option_counts(options, name))
+      complain("warning: option " + name + " counts only with " + std::string(option_scope(name)));
+  }
 }
 
 int option_fails(const Error& error) {

@@ -61,7 +61,7 @@ class BatchRun {
         continue;
       }
       file_ = std::move(*file);
-      subjects_[tag] = subject_of(path, file_);
+      subjects_[tag] = subject_of(path, file_, options_);
       const OwnedProblem& p = file_.problem;
       return BatchProblem{tag, p.view(), options_, p.initial_z, p.name, ""};
     }
@@ -103,6 +103,7 @@ class BatchRun {
 int run(const BatchArguments& arguments) {
   const auto options = parse_options(arguments.solver);
   if (!options) return option_fails(options.error());
+  warn_of_idle_options(arguments.solver, *options);
   const auto client = connect(arguments.server);
   if (!client) return server_fails(arguments.server, client.error());
   const Interrupt interrupt;

@@ -160,6 +160,7 @@ int run_loop(const MpcArguments& arguments, Session& session, examples::HopperPa
 int run(const MpcArguments& arguments) {
   const auto options = parse_options(arguments.solver);
   if (!options) return option_fails(options.error());
+  warn_of_idle_options(arguments.solver, *options);
   ServerArguments server = arguments.server;
   server.connect.keepalive = Keepalive::control_loop();
   const auto client = arguments.local ? Expected<Client>(Client::in_process()) : connect(server);

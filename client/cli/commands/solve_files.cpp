@@ -62,7 +62,7 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
   const auto answer = means.solve(file->problem, options, controls);
   display.reset();
   if (!answer) return tell_error(arguments, path, file->problem.name, answer.error(), means.remote);
-  const Subject subject = subject_of(path, *file);
+  const Subject subject = subject_of(path, *file, options);
   std::cout << (arguments.json() ? json_line(subject, *answer) + "\n" : summary(subject, *answer))
             << std::flush;
   return is_solved(answer->status) ? kAllSolved : kNotSolved;
@@ -111,6 +111,7 @@ int solve_files(const SolveArguments& arguments, const Options& options, const S
   const auto sensitivity =
       arguments.sensitivity.empty() ? Expected<Json>() : read_sensitivity(arguments.sensitivity);
   if (!sensitivity) return argument_fails(sensitivity.error());
+  warn_of_idle_options(arguments.solver, options);
   const Interrupt interrupt;
   int exit_code = kAllSolved;
   for (const std::string& path : arguments.files) {

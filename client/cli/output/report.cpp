@@ -3,6 +3,7 @@
 #include <cstdarg>
 #include <cstdio>
 
+#include "marble/report/solution_kind.h"
 #include "output/json.h"
 #include "output/proof.h"
 #include "output/sensitivity_report.h"
@@ -31,8 +32,11 @@ std::string part_of(const std::string& detail, int number) {
   return detail.substr(begin, detail.find("; ", begin) - begin);
 }
 
-// With option global a detail begins with what came of the tree, if only why there was none.
-bool begins_with_proof(const Answer& s) { return s.nodes > 0 || s.detail.starts_with("not proved"); }
+// With option global a detail begins with what came of the tree, if only why there was none. That of a small
+// problem's tree comes last: its answer is the local one, unless the tree has found a better one.
+bool begins_with_proof(const Answer& s) {
+  return s.detail.starts_with("proved by ") || s.detail.starts_with("not proved");
+}
 
 std::string speed_text(const Answer& s) {
   constexpr std::int64_t kEnoughToTell = 100;
@@ -41,7 +45,7 @@ std::string speed_text(const Answer& s) {
 }
 
 std::string proof_line(const Subject& p, const Answer& s) {
-  if (s.nodes > 0) {
+  if (s.nodes > 0 && begins_with_proof(s)) {
     Proof proof = proof_of(s);
     proof.bound = p.of_file(proof.bound);
     return "  proof           " + proof_text(proof) + speed_text(s) + "\n";
@@ -49,12 +53,18 @@ std::string proof_line(const Subject& p, const Answer& s) {
   return begins_with_proof(s) ? "  proof           " + without_controls(part_of(s.detail, 0)) + "\n" : "";
 }
 
+SolutionFacts facts_of(const Subject& p, const Answer& s) {
+  SolutionFacts facts = marble::facts_of(s, p.options);
+  facts.maximize = p.maximize;
+  return facts;
+}
+
 }  // namespace
 
-Subject subject_of(const std::string& path, const ProblemFile& file) {
+Subject subject_of(const std::string& path, const ProblemFile& file, const Options& options) {
   const OwnedProblem& p = file.problem;
-  return {p.name,       path, p.g.size(), p.b.size(), p.d.size(), p.l.size(), file.best_known_objective,
-          file.maximize};
+  return {p.name,        path,   p.g.size(), p.b.size(), p.d.size(), p.l.size(), file.best_known_objective,
+          file.maximize, options};
 }
 
 std::string summary(const Subject& p, const Answer& s) {
@@ -64,11 +74,15 @@ std::string summary(const Subject& p, const Answer& s) {
                  p.equalities, p.inequalities, p.pairs);
   text += format("  objective       %.10g", p.of_file(s.objective));
   if (p.best_known_objective) text += format("   (best known %.10g)", *p.best_known_objective);
-  text += "\n" + proof_line(p, s);
+  const SolutionFacts facts = facts_of(p, s);
+  text += "\n  answer          " + kind_text(facts) + "\n" + proof_line(p, s);
   text += format("  violations      equality %.1e, inequality %.1e, complementarity %.1e\n",
                  s.violations.equality, s.violations.inequality, s.violations.complementarity);
   text += format("  kkt residual    %.1e\n", s.kkt_residual);
-  text += format("  work            %d iterations, %d factorizations\n", s.iterations, s.factorizations);
+  text += format("  work            %d iterations, %d factorizations", s.iterations, s.factorizations);
+  if (s.nodes > 0 && !begins_with_proof(s))
+    text += ", " + whole_text(s.nodes) + (s.nodes == 1 ? " node" : " nodes");
+  text += "\n";
   text +=
       format("  time            %.3f ms solve, %.3f ms set-up", 1e3 * s.times.solve_s, 1e3 * s.times.setup_s);
   if (!s.job_id.empty())
@@ -83,8 +97,9 @@ std::string summary(const Subject& p, const Answer& s) {
       text += "  derivatives     " + told + "\n";
   } else {
     text += "  why             " + without_controls(s.detail) + "\n";
-    text += std::string("  what to try     ") + advice(s.status) + "\n";
   }
+  if (const std::string better = what_to_try(facts); !better.empty())
+    text += "  what to try     " + better + "\n";
   return text;
 }
 
@@ -93,6 +108,7 @@ std::string json_line(const Subject& problem, const Answer& s) {
   json["name"] = problem.name;
   if (!problem.file.empty()) json["file"] = problem.file;
   json["status"] = to_string(s.status);
+  json["kind"] = to_string(kind_of(facts_of(problem, s)));
   json["detail"] = s.detail;
   json["origin"] = to_string(s.origin);
   json["objective"] = problem.of_file(s.objective);

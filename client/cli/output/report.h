@@ -5,6 +5,7 @@
 #include <string>
 
 #include "marble/client.h"
+#include "marble/options.h"
 #include "marble/problem_file.h"
 
 namespace marble::cli {
@@ -19,13 +20,15 @@ struct Subject {
   std::size_t variables = 0, equalities = 0, inequalities = 0, pairs = 0;
   std::optional<double> best_known_objective = {};
   bool maximize = false;  ///< the file's objective is the negative of the problem's
+  Options options = {};   ///< that it was solved by, as far as they are known
 
   /// An objective of the problem, or a bound of it, as the file has it.
   [[nodiscard]] double of_file(double objective) const { return maximize ? 0.0 - objective : objective; }
 };
-[[nodiscard]] Subject subject_of(const std::string& path, const ProblemFile& file);
+[[nodiscard]] Subject subject_of(const std::string& path, const ProblemFile& file, const Options& options);
 
-/// Several lines: status, objective, violations, work, times. Objective and bound are the file's.
+/// Several lines: status, objective, the kind of answer, violations, work, times, what to try. Objective and
+/// bound are the file's.
 [[nodiscard]] std::string summary(const Subject& subject, const Answer& answer);
 
 /// One JSON object without a line break. Objective and bound are the file's; multipliers those of the

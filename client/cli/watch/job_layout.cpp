@@ -183,13 +183,13 @@ Lines newest_rows(const OpenedJob& opened, const Look& look, int height) {
 
 Lines plot(const OpenedJob& opened, const Look& look, int height) {
   std::vector<double> x;
-  if (opened.job.nodes > 0) {
-    std::vector<Progress> rows;
-    for (const Progress& row : opened.trace.values()) {
-      if (row.nodes == 0) continue;
-      rows.push_back(row);
-      x.push_back(row.elapsed_s);
-    }
+  std::vector<Progress> rows;
+  for (const Progress& row : opened.trace.values()) {
+    if (row.nodes == 0) continue;
+    rows.push_back(row);
+    x.push_back(row.elapsed_s);
+  }
+  if (!rows.empty()) {  // a small problem's tree has none
     return terminal_plot(x, proof_summary(rows), {{look.size.width, height}, false, look.unicode, "seconds"});
   }
   for (const Progress& row : opened.trace.values()) x.push_back(row.iteration);

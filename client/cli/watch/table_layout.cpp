@@ -88,7 +88,8 @@ std::string gap_text(const JobInfo& job) {
 }
 
 std::string violation_text(const JobInfo& job) {
-  if (job.nodes > 0) return gap_text(job);
+  const bool solved = job.status && is_solved(*job.status);
+  if (job.nodes > 0 && (!solved || std::isfinite(job.gap))) return gap_text(job);
   if (job.iterations == 0) return "-";
   return formatted("%.1e", largest(job.violations));
 }

@@ -82,6 +82,7 @@ export type {
 } from "./model/sensitivity.js";
 export { Solution } from "./model/solution.js";
 export type { PointOrigin, SecondOrder, Stationarity, Status, Times } from "./model/solution.js";
+export type { SolutionKind } from "./model/solution-kind.js";
 export type { CurvatureKind } from "./nonlinear/curvature.js";
 export type { Derivatives, Multipliers, NonlinearProblem, Values } from "./nonlinear/functions.js";
 export { RealTime } from "./nonlinear/real-time.js";

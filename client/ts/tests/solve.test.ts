@@ -31,6 +31,12 @@ test("a small problem is solved to its known solution", async () => {
   assert.ok(Math.abs(solution.inequalityMultipliers[0] - 2) < 1e-6);
   assert.ok(solution.z instanceof Float64Array);
   assert.match(solution.jobId, /\S/);
+  assert.equal(solution.kind, "proved_optimal");
+  assert.equal(solution.nodes, 1);
+  const local = await client.solve(corner, { options: { smallBudget: 0 } });
+  assert.equal(local.kind, "local_minimum");
+  assert.equal(local.kindText, "local minimum; no bound is known");
+  assert.match(local.whatToTry, /^starts=8 searches 8 times/);
 });
 
 test("dense rows, triplets and compressed columns are the same problem", async () => {
@@ -191,7 +197,7 @@ test("an answer is started from, and one that does not fit is refused by its nam
 
 test("a solution reads well as text and in the console", async () => {
   const solution = await client.solve(corner);
-  assert.match(String(solution), /^solved: objective 2, \d+ iterations, \d+ factorizations, \S+ ms, violation \S+$/);
+  assert.match(String(solution), /^solved: objective 2, \d+ iterations, \d+ factorizations, \S+ ms, violation \S+, 1 node; proved optimal$/);
   assert.match(inspect(solution), /^Solution solved: .*Float64Array\(3\)/s);
   assert.match(inspect(await client.solve(long, { options: { ...endless, maxIterations: 1 } })), /5994 more items/);
 });

@@ -115,7 +115,7 @@ struct Solution {
   double bound = -std::numeric_limits<double>::infinity();
   /// (objective − bound) / max(1, |objective|), ≥ 0; +∞ without a feasible point or a bound.
   double gap = std::numeric_limits<double>::infinity();
-  std::int64_t nodes = 0;       ///< of the tree of option global, bounded; 0 without it
+  std::int64_t nodes = 0;       ///< of the tree of option global or small_budget that were bounded
   std::int64_t open_nodes = 0;  ///< of them left open at the end: 0 of a tree that was searched to its end
   /// Of a session's last tree, that this one began with instead of the root: bounded anew by the multipliers
   /// they were closed with, not solved again. `detail` says how many of them are closed still.

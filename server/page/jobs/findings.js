@@ -5,7 +5,8 @@ import { seconds } from "../data/store.js";
 import { partsOf } from "../plots/timings.js";
 import { repeated } from "../data/trace.js";
 import { STATUSES } from "../base/tables.js";
-import { STATES, errorWords } from "../base/words.js";
+import { STATES, errorWords, short } from "../base/words.js";
+import { kindText, whatToTry } from "./answer.js";
 
 const VIOLATIONS = [
   ["equality", "equality_tolerance", "|A z + b|"],
@@ -21,8 +22,8 @@ export function judge(job, options) {
   });
 }
 
-/** The sentences on top of a job: {tone, title, lines}. */
-export function explain(job, options, rows) {
+/** The sentences on top of a job: {tone, title, lines}. `solution` is what the server has kept of its answer, if anything. */
+export function explain(job, options, rows, solution = null) {
   const lines = [];
   if (job.error) {
     const { name, means, advice } = errorWords(job.error.code);
@@ -36,12 +37,32 @@ export function explain(job, options, rows) {
     lines.push(known.means);
     if (job.detail) lines.push(`The solver says: ${job.detail}.`);
     if (known.tone !== "good" && job.state === "finished") lines.push(...unmet(job, options));
-    if (known.advice) lines.push(`What to try: ${known.advice}`);
+    lines.push(...kindOfAnswer(job, options, solution));
   }
   lines.push(...proof(job));
   lines.push(...slow(job, rows));
   const word = job.state === "finished" ? job.status || "ended" : job.state;
   return { tone: job.state === "finished" ? (known?.tone ?? "quiet") : job.state, title: word.replaceAll("_", " "), lines };
+}
+
+// A job tells whether its answer is proved; the tests of its point are in the answer alone.
+function kindOfAnswer(job, options, solution) {
+  if (job.state !== "finished" || job.levels.length > 0) return [];
+  const untested = solution === null && job.status === "solved" && !job.proved;
+  const facts = {
+    ...job,
+    bStationary: solution?.b_stationary,
+    secondOrder: untested ? "minimum" : short(solution?.second_order, "SECOND_ORDER_"),
+    feasible: judge(job, options).every(({ met }) => met),
+    pairs: job.nc,
+    budgetSpent: job.factorizations >= Number(options?.local_search_budget ?? 1000),
+    starts: Number(options?.starts ?? 1),
+    globalSearch: options?.global === true,
+  };
+  const said = job.proved && job.nodes > 0; // by the proof's own line
+  const kind = untested ? "It is not proved that no point is better." : `The answer: ${kindText(facts)}.`;
+  const advice = whatToTry(facts);
+  return [...(said ? [] : [kind]), ...(advice ? [`What to try: ${advice}`] : [])];
 }
 
 function underWay(job, options) {
@@ -93,7 +114,7 @@ export function clashingRows(job, certificate) {
   return { rows: weighing.slice(0, MOST_ROWS), more: Math.max(0, weighing.length - MOST_ROWS) };
 }
 
-// What is known of the optimum, where option global looks for it.
+// What is known of the optimum, where a tree has looked for it.
 function proof({ nodes, openNodes, state, status, proved, incumbent, bound, gap }) {
   if (nodes === 0) return [];
   const count = `${whole(nodes)} ${nodes === 1 ? "node" : "nodes"}`;

@@ -27,7 +27,8 @@ export class JobView {
   #closed = false;
   #tablesAt = -Infinity;
   #timer = 0;
-  #clash = false;
+  #answerRead = false;
+  #solution = null;
   #offered = "";
   pairs = null; // a PairsPlot, once there is a frame
 
@@ -150,7 +151,7 @@ export class JobView {
     const { state, error, equality, inequality, complementarity, objective, times, incumbent, bound, gap, nodes, openNodes } = this.#job;
     if (state !== "finished" || error || last === undefined) return rows;
     const elapsed = Math.max(last.elapsed, times.solve);
-    const tree = { incumbent, bound, gap, nodes, openNodes };
+    const tree = last.nodes > 0 ? { incumbent, bound, gap, nodes, openNodes } : {}; // of a small problem's tree there are no rows
     return [...rows, { ...last, ...tree, elapsed, equality, inequality, complementarity, objective, kkt: NaN, kappa: NaN, answer: true }];
   }
 
@@ -189,7 +190,7 @@ export class JobView {
     }
     this.#tablesAt = now;
     const job = this.#job;
-    const { tone, title, lines } = explain(job, this.#options, this.#trace.rows);
+    const { tone, title, lines } = explain(job, this.#options, this.#trace.rows, this.#solution);
     this.parts.why.dataset.tone = tone;
     this.parts.why.replaceChildren(make("strong", {}, title), ...lines.map((line) => make("p", {}, line)));
     this.parts.levels.hidden = job.levels.length === 0;
@@ -212,7 +213,7 @@ export class JobView {
     this.parts.cancel.hidden = !may || this.#job.state === "finished";
     this.parts.bundle.hidden = !may || this.#job.kind !== "submitted";
     this.parts.answer.hidden = this.parts.bundle.hidden || this.#job.state !== "finished";
-    if (!this.parts.answer.hidden && this.#job.status === "infeasible") this.#findClash();
+    if (!this.parts.answer.hidden) this.#readAnswer();
     this.#offerComparison();
   }
 
@@ -224,12 +225,18 @@ export class JobView {
     this.parts.limit.replaceChildren(make("progress", { max: limit.limit, value: limit.used, "aria-label": "Time limit used" }), make("span", { class: "note" }, text));
   }
 
-  // Once: the certificate is in the answer alone.
-  async #findClash() {
-    if (this.#clash) return;
-    this.#clash = true;
+  // Once: the certificate, and what kind of point it is, are in the answer alone.
+  async #readAnswer() {
+    const asked = this.#job.status === "infeasible" || (this.#job.status === "solved" && !this.#job.proved);
+    if (this.#answerRead || !asked) return;
+    this.#answerRead = true;
     try {
       const { solution } = await this.context.api.get(`/api/jobs/${this.id}/result`);
+      if (this.#job.status === "solved") {
+        this.#solution = solution ?? null;
+        if (!this.#closed) this.update();
+        return;
+      }
       const found = clashingRows(this.#job, solution?.certificate ?? []);
       if (this.#closed || found.rows.length === 0) return;
       showClash(this.parts.clash, found);

@@ -116,6 +116,7 @@ class Casadi(unittest.TestCase):
                 cold = mpccsol("many", terms, server="local")(p=at)
                 self.assertAlmostEqual(float(sweep(p=at)["f"]), float(cold["f"]), 6)
                 self.assertTrue(sweep.stats()["solution"].proved)
+                self.assertEqual(sweep.stats()["kind"], "proved_optimal")
 
     def test_an_answer_that_is_almost_solved_comes_with_a_warning_and_is_no_success(self):
         with mpccsol("contact", contact(casadi.SX), server="local") as solver, almost_solved(self, Repeated, "solve"):

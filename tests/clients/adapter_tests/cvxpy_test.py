@@ -83,6 +83,7 @@ class Cvxpy(unittest.TestCase):
         self.assertAlmostEqual(problem.value, 5, 6)
         np.testing.assert_allclose(answer.xi + answer.eta, [2], atol=1e-6)  # 2 (0 - 1) + 4 = xi
         self.assertIs(problem.solver_stats.extra_stats["solution"].status, answer.status)
+        self.assertEqual(problem.solver_stats.extra_stats["kind"], answer.kind.value)
 
     def test_new_values_of_parameters_and_other_pairs_are_seen(self):
         x, p = cvxpy.Variable(2), cvxpy.Parameter(2)

@@ -52,6 +52,7 @@ class Qpsolvers(unittest.TestCase):
         ours = qpsolvers.solve_problem(problem, "marble")
         self.assertTrue(ours.found is False and ours.x is None)
         self.assertIs(ours.extras["solution"].status, marble.Status.INFEASIBLE)
+        self.assertEqual(ours.extras["kind"], "proved_infeasible")
 
     def test_the_page_s_example_prints_what_it_says(self):
         self.assertEqual(*example("qpsolvers"))

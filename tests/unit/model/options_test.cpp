@@ -5,6 +5,8 @@
 #include <cmath>
 #include <set>
 
+#include "marble/report/option_scope.h"
+
 namespace marble {
 namespace {
 
@@ -43,6 +45,40 @@ TEST(Options, TextIsParsedByType) {
   EXPECT_EQ(options.kappa_factor, 0.25);
   EXPECT_TRUE(set_option_text(options, "polish", "false").has_value());
   EXPECT_FALSE(options.polish);
+}
+
+TEST(Options, ThoseThatCountOnlyBesideOthersSaySo) {
+  const std::set<std::string_view> printed_too = {"kappa_factor", "rho_initial", "rho_factor",
+                                                  "inner_tolerance"};
+  const std::set<std::string_view> solver_only = {"scaling_passes", "polish", "local_search_budget",
+                                                  "starts"};
+  std::set<std::string_view> others;
+  for (const OptionInfo& option : option_table()) {
+    const std::string_view scope = option_scope(option.name);
+    if (printed_too.contains(option.name)) {
+      EXPECT_EQ(scope, "path = paper or algorithm1") << option.name;
+    } else if (solver_only.contains(option.name)) {
+      EXPECT_EQ(scope, "path = fast or paper") << option.name;
+    } else if (!scope.empty()) {
+      others.insert(option.name);
+    }
+  }
+  EXPECT_EQ(others, (std::set<std::string_view>{"node_limit", "feasibility_budget", "small_budget"}));
+  EXPECT_EQ(option_scope("no_option"), "");
+}
+
+TEST(Options, CountOnlyWhereTheirScopeHolds) {
+  Options options;
+  EXPECT_FALSE(option_counts(options, "inner_tolerance"));
+  EXPECT_TRUE(option_counts(options, "small_budget"));
+  EXPECT_TRUE(option_counts(options, "starts"));
+  EXPECT_TRUE(option_counts(options, "kappa_min"));
+  options.global = true;
+  EXPECT_TRUE(option_counts(options, "node_limit"));
+  EXPECT_FALSE(option_counts(options, "small_budget"));
+  options.path = Path::algorithm1;
+  EXPECT_TRUE(option_counts(options, "inner_tolerance"));
+  EXPECT_FALSE(option_counts(options, "starts"));
 }
 
 TEST(Options, BadTextSaysWhatWouldBeGood) {

@@ -39,6 +39,9 @@ TEST(SmallProblem, EndsAtTheGlobalOptimumWithItsProof) {
     EXPECT_LE(s.bound, by_tree.objective + 1e-9 * (1.0 + std::abs(by_tree.objective))) << seed;
     EXPECT_NE(s.detail.find("; small_budget: proved by "), std::string::npos) << s.detail;
     EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-8) << seed;
+    EXPECT_GE(s.nodes, 1) << "counted, as detail says: " << s.detail;
+    EXPECT_EQ(s.open_nodes, 0) << seed;
+    EXPECT_EQ(by_local.nodes, 0) << seed;
     EXPECT_FALSE(by_local.proved) << seed;
     EXPECT_EQ(by_local.bound, -std::numeric_limits<double>::infinity()) << seed;
     lower += s.objective < by_local.objective - tolerance ? 1 : 0;
@@ -84,6 +87,7 @@ TEST(SmallProblem, ATreeCutShortProvesNothingAndLosesNothing) {
   local.small_budget = 0;
   few.small_budget = 1;
   int unproved = 0;
+  int counted = 0;
   for (std::uint64_t seed = 1; seed <= 100; ++seed) {
     const OwnedProblem p = small(seed);
     const Solution s = solved(p, few);
@@ -92,9 +96,13 @@ TEST(SmallProblem, ATreeCutShortProvesNothingAndLosesNothing) {
     EXPECT_LE(s.objective, by_local.objective + 1e-9 * (1.0 + std::abs(s.objective))) << seed;
     if (s.proved) continue;
     ++unproved;
+    if (s.detail.find("small_budget: not proved by 1 nodes") != std::string::npos) ++counted;
+    EXPECT_LE(s.nodes, 1) << s.detail;
+    EXPECT_EQ(s.nodes > 0, s.detail.find("small_budget: not proved by") != std::string::npos) << s.detail;
     EXPECT_EQ(s.bound, -std::numeric_limits<double>::infinity()) << seed;
   }
   EXPECT_GT(unproved, 0);
+  EXPECT_GT(counted, 0) << "nodes says what detail says";
 }
 
 TEST(SmallProblem, AWarmSolveDoesNotPayForIt) {

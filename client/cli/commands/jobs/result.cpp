@@ -28,7 +28,8 @@ Subject subject_of(const Jobs& jobs, const std::string& id) {
           .variables = static_cast<std::size_t>(job.variables),
           .equalities = static_cast<std::size_t>(job.equalities),
           .inequalities = static_cast<std::size_t>(job.inequalities),
-          .pairs = static_cast<std::size_t>(job.pairs)};
+          .pairs = static_cast<std::size_t>(job.pairs),
+          .options = details->options};
 }
 
 int tell_result(const ResultArguments& arguments, const Jobs& jobs, const std::string& id,

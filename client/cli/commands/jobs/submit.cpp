@@ -124,6 +124,7 @@ int submit_array(const SubmitArguments& arguments, const Options& options, const
 int run(const SubmitArguments& arguments) {
   const auto options = parse_options(arguments.solver);
   if (!options) return option_fails(options.error());
+  warn_of_idle_options(arguments.solver, *options);
   const auto client = connect(arguments.server);
   if (!client) return server_fails(arguments.server, client.error());
   const Interrupt interrupt;

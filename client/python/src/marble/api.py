@@ -55,6 +55,7 @@ from marble.model.scenarios import (
     Scenarios,
 )
 from marble.model.solution import PointOrigin, Progress, SecondOrder, Solution, Stationarity, Times, Violations
+from marble.model.solution_kind import SolutionKind
 
 __all__ = [
     "LCQP",
@@ -110,6 +111,7 @@ __all__ = [
     "Shift",
     "ShiftBlock",
     "Solution",
+    "SolutionKind",
     "SolveHandle",
     "SecondOrder",
     "Stationarity",

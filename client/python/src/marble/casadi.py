@@ -233,12 +233,14 @@ class MpccSolver:
         return {key: casadi.DM(value) for key, value in values.items()}
 
     def stats(self) -> dict[str, Any]:
-        """Of the last call: success, return_status, iter_count, t_wall_total, and solution, Marble's own answer."""
+        """Of the last call: success, return_status, iter_count, t_wall_total, kind ("local_minimum", …), what_to_try,
+        and solution, Marble's own answer."""
         if self._answer is None:
             raise InvalidArgument("stats", "are there after the first call")
         answer = self._answer
         return {"success": answer.status is Status.SOLVED, "return_status": answer.status.value,
-                "iter_count": answer.iterations, "t_wall_total": answer.times.total_s, "solution": answer}
+                "iter_count": answer.iterations, "t_wall_total": answer.times.total_s, "kind": answer.kind.value,
+                "what_to_try": answer.what_to_try, "solution": answer}
 
     def close(self) -> None:
         """Ends the session."""

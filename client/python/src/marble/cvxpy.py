@@ -54,7 +54,9 @@ class MARBLE(QpSolver):  # type: ignore[misc]
         """The answer in CVXPY's terms."""
         status = _STATUSES.get(solution.status, s.SOLVER_ERROR)
         facts = {s.SOLVE_TIME: solution.times.solve_s, s.SETUP_TIME: solution.times.setup_s,
-                 s.NUM_ITERS: solution.iterations, s.EXTRA_STATS: {"solution": solution}}
+                 s.NUM_ITERS: solution.iterations,
+                 s.EXTRA_STATS: {"solution": solution, "kind": solution.kind.value,
+                                 "what_to_try": solution.what_to_try}}
         if status not in s.SOLUTION_PRESENT:
             return failure_solution(status, facts)
         duals = {}

@@ -355,7 +355,7 @@ class MarblePersistent:
         results.solver.name = self.name
         results.solver.status, results.solver.termination_condition = _ENDS.get(
             answer.status, (SolverStatus.error, TerminationCondition.error))
-        results.solver.message = f"{answer.status.value}: {answer.detail}"
+        results.solver.message = f"{answer.status.value}: {answer.facts.text}; {answer.detail}"
         results.solver.time = answer.times.total_s
         sense = self._model.sense
         results.problem.sense = "minimize" if sense > 0 else "maximize"

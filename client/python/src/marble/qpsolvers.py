@@ -30,7 +30,8 @@ def solve_problem(problem: Any, initvals: Any = None, verbose: bool = False, **o
     """Solves a qpsolvers.Problem, where MARBLE_SERVER says, else in this process.
 
     initvals: where to start. verbose: show progress. options: Marble's, by name, and `server` as in marble.solve.
-    Returns a qpsolvers.Solution, whose extras["solution"] is Marble's answer. Raises the exceptions of marble.errors.
+    Returns a qpsolvers.Solution, whose extras hold Marble's answer, "solution", its "kind", and "what_to_try".
+    Raises the exceptions of marble.errors.
     """
     stated = _stated(problem)
     if initvals is not None:
@@ -39,7 +40,7 @@ def solve_problem(problem: Any, initvals: Any = None, verbose: bool = False, **o
     warn_if_almost(answer)
     solution = qpsolvers.Solution(problem)
     solution.found = answer.solved
-    solution.extras = {"solution": answer}
+    solution.extras = {"solution": answer, "kind": answer.kind.value, "what_to_try": answer.what_to_try}
     if answer.solved:
         rows = 0 if problem.h is None else int(np.size(problem.h))
         solution.x, solution.obj = answer.z, answer.objective

@@ -14,6 +14,7 @@ import {
 import { type SolveOptions, optionsOf } from "./options.js";
 import { type Violations, treeOf, violationsOf } from "./progress.js";
 import { type SensitivityAnswer, sensitivityOf } from "./sensitivity.js";
+import { type SolutionFacts, type SolutionKind, kindOf, kindText, whatToTry } from "./solution-kind.js";
 
 /** Why a solve ended. */
 export type Status = Words<typeof StatusNumber, "STATUS_">;
@@ -92,7 +93,7 @@ export class Solution {
   readonly bound: number;
   /** (objective − bound) / max(1, |objective|), ≥ 0; Infinity without a feasible point or a bound. */
   readonly gap: number;
-  /** Nodes of the tree of option global that were bounded; 0 without it. */
+  /** Nodes of the tree of option global or smallBudget that were bounded; 0 where there was none. */
   readonly nodes: number;
   /** Nodes of the tree left open at the end: 0 of one that was searched to its end. */
   readonly openNodes: number;
@@ -149,16 +150,45 @@ export class Solution {
     return this.status === "unknown" ? "" : statusAdvice[this.status];
   }
 
+  /** What kind of answer it is: proved optimal, a local minimum, only a stationary point, and so on. */
+  get kind(): SolutionKind {
+    return kindOf(this.facts());
+  }
+
+  /** The kind in a line: "proved optimal", "local minimum; no bound is known". */
+  get kindText(): string {
+    return kindText(this.facts());
+  }
+
+  /** What may give a better answer, and what that costs; empty where nothing does. */
+  get whatToTry(): string {
+    return whatToTry(this.facts());
+  }
+
+  private facts(): SolutionFacts {
+    const { violations, options } = this;
+    return {
+      ...this,
+      feasible:
+        violations.equality <= (options.equalityTolerance ?? 1e-6) &&
+        violations.inequality <= (options.inequalityTolerance ?? 1e-6) &&
+        violations.complementarity <= (options.complementarityTolerance ?? 1e-6),
+      pairs: this.leftMultipliers.length,
+      budgetSpent: this.factorizations >= (options.localSearchBudget ?? 1000),
+      starts: options.starts ?? 1,
+      globalSearch: options.global ?? false,
+    };
+  }
+
   /** One line: how it ended, at what, how fast. */
   toString(): string {
     const ms = (1000 * this.times.solveS).toPrecision(3);
     const { equality, inequality, complementarity } = this.violations;
     const worst = Math.max(equality, inequality, complementarity);
-    const proof = this.proved ? "proved" : `gap ${this.gap.toExponential(1)}`;
-    const tree = this.nodes > 0 ? `, ${proof}, ${this.nodes} nodes` : "";
+    const tree = this.nodes > 0 ? `, ${this.nodes} node${this.nodes === 1 ? "" : "s"}` : "";
     return (
       `${this.status}: objective ${Number(this.objective.toPrecision(10))}, ${this.iterations} iterations, ` +
-      `${this.factorizations} factorizations, ${ms} ms, violation ${worst.toExponential(1)}${tree}`
+      `${this.factorizations} factorizations, ${ms} ms, violation ${worst.toExponential(1)}${tree}; ${this.kindText}`
     );
   }
 

@@ -17,6 +17,7 @@ from marble.base.tables import Status
 from marble.errors import AlmostSolved, Unsolved
 from marble.model.derivatives import SensitivityAnswer
 from marble.model.lcqp import LCQP, Vector, twin
+from marble.model.solution_kind import SolutionFacts, SolutionKind
 
 
 class Stationarity(enum.Enum):
@@ -95,7 +96,7 @@ class Solution:
     proved, detail says why. bound: no feasible point has an objective below it; -inf where none is known, so of what
     neither option global nor small_budget has bounded, inf of a problem that is proved infeasible. gap: (objective -
     bound) / max(1, |objective|), ≥ 0; inf without a feasible point or a bound. nodes, open_nodes: of the tree of option
-    global, bounded, and left open at the end; 0 without it. warm_nodes: of a session's last tree, that this one began
+    global or small_budget, bounded, and left open at the end. warm_nodes: of a session's last tree, that this one began
     with instead of the root.
     iterations, factorizations: counts. times: seconds. options: every option as it was used. cold_objective: what a
     cold start last reached on the way here. job_id: the server's.
@@ -155,6 +156,31 @@ class Solution:
         return self.status.solved
 
     @functools.cached_property
+    def facts(self) -> SolutionFacts:
+        """What its kind follows from: facts.text says in a line what kind of answer it is."""
+        v, limits = self.violations, self.options
+        met = ((v.equality, "equality_tolerance"), (v.inequality, "inequality_tolerance"),
+               (v.complementarity, "complementarity_tolerance"))
+        return SolutionFacts(
+            status=self.status, proved=self.proved, b_stationary=self.b_stationary,
+            second_order="unknown" if self.second_order is None else self.second_order.value,
+            objective=self.objective, gap=self.gap,
+            feasible=all(violation <= float(limits.get(name, 1e-6)) for violation, name in met),
+            pairs=self.xi.size, factorizations=self.factorizations, starts=int(limits.get("starts", 1)),
+            budget_spent=self.factorizations >= int(limits.get("local_search_budget", 1000)),
+            global_search=bool(limits.get("global", False)))
+
+    @property
+    def kind(self) -> SolutionKind:
+        """Proved optimal, a local minimum, only a stationary point, and so on."""
+        return self.facts.kind
+
+    @property
+    def what_to_try(self) -> str:
+        """What may give a better answer, and what that costs; empty where nothing does."""
+        return self.facts.what_to_try
+
+    @functools.cached_property
     def s(self) -> Vector:
         """L z + l, n_c."""
         return np.asarray(self.problem.L @ self.z + self.problem.l)
@@ -180,11 +206,12 @@ class Solution:
         facts = [
             ("size", f"{n} variables, {n_e} equalities, {n_i} inequalities, {n_c} pairs"),
             ("objective", f"{self.objective:.10g}"),
-            *([("proof", self._proof())] if self.nodes > 0 else []),
+            ("answer", self.facts.text),
+            *([("proof", self._proof())] if self.nodes > 0 and self.facts.global_search else []),
             ("violations", f"equality {v.equality:.1e}, inequality {v.inequality:.1e}, "
                            f"complementarity {v.complementarity:.1e}"),
             ("kkt residual", f"{self.kkt_residual:.1e}"),
-            ("work", f"{self.iterations} iterations, {self.factorizations} factorizations"),
+            ("work", self._work()),
             ("time", f"{1e3 * self.times.solve_s:.3f} ms solve, {1e3 * self.times.setup_s:.3f} ms set-up, "
                      f"{1e3 * self.times.queue_s:.3f} ms in the queue"),
         ]
@@ -195,8 +222,15 @@ class Solution:
                 facts.append(("second order", self.second_order.value))
         else:
             facts.append(("why", self.detail))
+        if self.what_to_try:
+            facts.append(("what to try", self.what_to_try))
         facts.append(("z", np.array2string(self.z, precision=6, threshold=8, edgeitems=3, separator=", ")))
         return facts
+
+    def _work(self) -> str:
+        nodes = f", {self.nodes:,} node{'' if self.nodes == 1 else 's'}"
+        shown = "" if self.nodes == 0 or self.facts.global_search else nodes
+        return f"{self.iterations} iterations, {self.factorizations} factorizations{shown}"
 
     def _proof(self) -> str:
         word = "proved optimal" if self.proved and self.solved else "proved" if self.proved else "not proved"
