@@ -26,6 +26,7 @@ struct PoleProblem {
   std::function<std::vector<double>(double distance)> start;  // at this distance from the pole
   std::vector<double> lower, upper;
   int complement = -1;
+  int most_lcqps = 50;
 };
 
 inline constexpr double kPoleDistances[] = {1e-2, 1e-4, 1e-6, 1e-8};
@@ -78,7 +79,7 @@ std::vector<PoleProblem<T>> of_one_variable() {
 
 template <class T>
 std::vector<PoleProblem<T>> of_more_variables() {
-  const auto first = [](double distance) { return std::vector{distance, 0.5, 0.5}; };
+  const auto first = [](double distance) { return std::vector{distance, 0.0, 1.5}; };
   const auto two = [](double distance) { return std::vector{distance, 1.0}; };
   return {
       {"pole at an upper bound",
@@ -117,7 +118,8 @@ std::vector<PoleProblem<T>> of_more_variables() {
        two,
        {0.0, 0.0},
        {10.0, 10.0},
-       1},
+       1,
+       60},
       {"two logarithms on a line",
        {1.0, 2.0},
        [](const std::vector<T>& x) {

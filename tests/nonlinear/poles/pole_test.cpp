@@ -14,8 +14,6 @@ namespace {
 using nonlinear::Answer;
 using nonlinear::Settings;
 
-constexpr int kMostLcqps = 50;
-
 Formula formula_of(const PoleProblem<Jet>& problem, double distance) {
   return {.name = problem.name,
           .start = problem.start(distance),
@@ -48,7 +46,7 @@ TEST(NonlinearPoles, AreLeftWithin50LcqpsByTheExactHessian) {
       ASSERT_TRUE(answer.has_value()) << problem.name << ": " << answer.error().message();
       EXPECT_EQ(answer->status, Status::solved) << problem.name << " from " << distance << answer->detail;
       EXPECT_LE(error_of(problem, *answer), 1e-6) << problem.name << " from " << distance;
-      EXPECT_LE(answer->ticks, kMostLcqps) << problem.name << " from " << distance;
+      EXPECT_LE(answer->ticks, problem.most_lcqps) << problem.name << " from " << distance;
       EXPECT_EQ(answer->b_stationary, true) << problem.name << " from " << distance;
     }
   }
@@ -63,7 +61,7 @@ TEST(NonlinearPoles, AreLeftByUpdatesOfTheCurvatureOrSayWhyNot) {
       const auto answer = nonlinear::solve(problem_of(formula, false), nonlinear::open_ticks_in_process);
       ASSERT_TRUE(answer.has_value()) << problem.name << ": " << answer.error().message();
       EXPECT_EQ(objection(formula, *answer), "") << problem.name << " from " << distance;
-      ++all, within += answer->ticks <= kMostLcqps;
+      ++all, within += answer->ticks <= problem.most_lcqps;
       if (answer->status == Status::solved) {
         ++solved;
         EXPECT_LE(error_of(problem, *answer), 5e-6) << problem.name << " from " << distance;
@@ -155,7 +153,7 @@ TEST(NonlinearPoles, AnAnswerByAScalingOfOtherNumbersIsAskedForAgain) {
   EXPECT_EQ(answer->status, Status::solved) << answer->detail;
   EXPECT_NEAR(answer->x[0], 1.0, 1e-6);
   EXPECT_GT(sessions, 1);
-  EXPECT_LE(answer->ticks, kMostLcqps);
+  EXPECT_LE(answer->ticks, problems.front().most_lcqps);
 }
 
 }  // namespace
