@@ -21,11 +21,11 @@ constexpr double kRestored = 0.1;         // of the violation at which the resto
 constexpr double kFirstShift = 1e-2;      // of B's largest entry
 constexpr double kShiftFactor = 10.0;
 constexpr int kMostShifts = 12;
+constexpr double kOfLearnt = 0.1;  // of the KKT residual: small steps may be due to too large a B of bfgs
 // When an LCQP is solved again by a fresh session.
-constexpr double kBadAnswer = 1e-7;  // KKT residual, of the largest slope
-constexpr double kOtherSize =
-    100.0;                        // factor by which the slopes or a column of B changed since it was set up
-constexpr double kNoSize = 1e-8;  // of B's largest column: a smaller one counts as this
+constexpr double kBadAnswer = 1e-7;   // KKT residual, of the largest slope
+constexpr double kOtherSize = 100.0;  // factor of the slopes or of a column of B since it was set up
+constexpr double kNoSize = 1e-8;      // of B's largest column: a smaller one counts as this
 
 bool of_other_size(const Sizes& before, const Sizes& now) {
   const auto other = [](double one, double two) {
@@ -48,8 +48,9 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
     if (!found) return unexpected(found.error());
     if (limit_) return end(*limit_, "within a subproblem");
     if (stuck_) return end(Status::locally_infeasible, "no step lowers the violation");
-    if (*found && step_is_small() && is_stationary(stationary_) &&
-        violation() <= settings_.feasibility_tolerance && radius_ > settings_.step_tolerance) {
+    const double share = B_->learns() && stalled_ == 0 ? kOfLearnt * stationary_ : stationary_;
+    if (*found && step_is_small() && is_stationary(share) && violation() <= settings_.feasibility_tolerance &&
+        radius_ > settings_.step_tolerance) {
       auto sure = certified();  // d = 0 solves the linearised problem
       if (!sure) return unexpected(sure.error());
       if (*sure && is_stationary(stationary_)) return end(Status::solved, "the step is zero");
