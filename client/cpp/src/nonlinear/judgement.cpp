@@ -118,14 +118,12 @@ bool Loop::is_stationary(double share) {
 // A step may be zero because B is too large: then x is no solution. B of bfgs begins again, since so short a
 // step does not change it.
 bool Loop::stalls() {
-  if (!step_is_small() || step_.elastic || restoring_ || violation() > settings_.feasibility_tolerance ||
-      std::abs(actual_) > noise()) {
-    stalled_ = 0;
-    return false;
-  }
-  if (++stalled_ >= kMostStalled) return true;
-  if (B_->learns() && restarts_ < kMostRestarts) ++restarts_, forget_curvature_ = true;
-  return false;
+  const bool zero =
+      step_is_small() && !step_.elastic && !restoring_ && violation() <= settings_.feasibility_tolerance;
+  if (zero && B_->learns() && restarts_ < kMostRestarts && !is_stationary(stationary_))
+    ++restarts_, forget_curvature_ = true;
+  stalled_ = zero && std::abs(actual_) <= noise() ? stalled_ + 1 : 0;
+  return stalled_ >= kMostStalled;
 }
 
 }  // namespace marble::nonlinear
