@@ -25,13 +25,13 @@ constexpr double kOfLearnt = 0.1;  // of the KKT residual: small steps may be du
 // When an LCQP is solved again by a fresh session.
 constexpr double kBadAnswer = 1e-7;   // KKT residual, of the largest slope
 constexpr double kOtherSize = 100.0;  // factor of the slopes or of a column of B since it was set up
-constexpr double kNoSize = 1e-8;      // of B's largest column: a smaller one counts as this
+constexpr double kNoSize = 1e-4;      // of B's largest column: a smaller one counts as this
 
-bool of_other_size(const Sizes& before, const Sizes& now) {
+bool of_other_size(const Sizes& before, const Sizes& now, bool solved) {
   const auto other = [](double one, double two) {
     return std::max(one, two) > kOtherSize * std::min(one, two);
   };
-  if (other(before.slope, now.slope)) return true;
+  if (solved && other(before.slope, now.slope)) return true;
   const double none = kNoSize * std::max(largest(before.curvature), largest(now.curvature));
   for (std::size_t j = 0; j < now.curvature.size(); ++j)
     if (other(std::max(before.curvature[j], none), std::max(now.curvature[j], none))) return true;
@@ -273,10 +273,10 @@ Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
     if (solution->status == Status::cancelled) limit_ = Status::cancelled;
     if (solution->status == Status::time_limit && left < settings_.lcqp.time_limit_s)
       limit_ = Status::time_limit;
-    // A session keeps the scaling of its first numbers. Where those of now are of other sizes, a step may
+    // A session may keep the scaling of its first numbers. Where those of now are of other sizes, a step may
     // meet the scaled tolerances and mean nothing: it is asked again by a fresh session.
     if (!limit_ && solution->kkt_residual > kBadAnswer * std::max(1.0, new_sizes_.slope) &&
-        of_other_size(sizes, new_sizes_)) {
+        of_other_size(sizes, new_sizes_, is_solved(solution->status))) {
       reopened_ += ticks->reopened();
       ticks.reset();
       continue;
