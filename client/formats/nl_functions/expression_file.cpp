@@ -434,6 +434,13 @@ class Rewriter final : NlSegments {
     for (const auto& [variable, coefficient] : part.linear) text.integer(variable).real(coefficient);
   }
 
+  // The library takes the slope of a variable that is a whole expression for 0.
+  static void add_expression(const Part& part, BinaryText& text) {
+    if (part.expression.empty()) return void(text.constant(0.0));
+    if (part.expression.front() == 'v') text.operation(kTimes).constant(1.0);
+    text.append(part.expression);
+  }
+
   // All variables and rows are told to be nonlinear, so none has to stand before another one.
   std::string written() {
     const std::size_t n = variables(), m = rows_.size();
@@ -448,13 +455,9 @@ class Rewriter final : NlSegments {
     text.append("b3 0 1 0\n " + width + " " + height + " 1 0 0\n " + height + " 1\n 0 0\n " + width + " " +
                 width + " " + width + "\n 0 0 0 1\n 0 0 0 0 0\n " + std::to_string(entries) + " " +
                 std::to_string(objective_.linear.size()) + "\n 0 0\n 0 0 0 0 0\n");
-    const std::string zero = BinaryText().constant(0.0).take();
-    for (std::size_t row = 0; row < m; ++row) {
-      text.key('C').integer(static_cast<std::int64_t>(row));
-      text.append(rows_[row].expression.empty() ? zero : rows_[row].expression);
-    }
-    text.key('O').integer(0).integer(0);
-    text.append(objective_.expression.empty() ? zero : objective_.expression);
+    for (std::size_t row = 0; row < m; ++row)
+      add_expression(rows_[row], text.key('C').integer(static_cast<std::int64_t>(row)));
+    add_expression(objective_, text.key('O').integer(0).integer(0));
     if (m > 0) text.key('r').append(std::string(m, '3'));
     text.key('b').append(std::string(n, '3'));
     text.key('k').integer(static_cast<std::int64_t>(n) - 1);

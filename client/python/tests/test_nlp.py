@@ -323,3 +323,52 @@ def test_real_time_iteration_names_what_it_cannot_take():
             loop.feedback([1.0])
         assert wrong.value.field == "measurement"
         assert np.allclose(loop.feedback([]).x, [0, 2], atol=0.2)
+
+
+LOGISTIC = 1 / (1 + np.exp(-1))
+POLES = {  # the solution; the objective with its first and second derivative
+    "x - log x": (1, lambda x: (x - np.log(x), 1 - 1 / x, x**-2)),
+    "1/x + x": (1, lambda x: (1 / x + x, 1 - x**-2, 2 * x**-3)),
+    "(log x - 1)^2": (np.e, lambda x: ((np.log(x) - 1) ** 2, 2 * (np.log(x) - 1) / x, 2 * (2 - np.log(x)) / x**2)),
+    "x log x": (1 / np.e, lambda x: (x * np.log(x), np.log(x) + 1, 1 / x)),
+    "x^1.5 - x": (4 / 9, lambda x: (x**1.5 - x, 1.5 * x**0.5 - 1, 0.75 * x**-0.5)),
+    "x - sqrt x": (1 / 4, lambda x: (x - x**0.5, 1 - 0.5 * x**-0.5, 0.25 * x**-1.5)),
+    "1/x^2 + x": (2 ** (1 / 3), lambda x: (x**-2 + x, 1 - 2 * x**-3, 6 * x**-4)),
+    "1/sqrt x + x": (0.5 ** (2 / 3), lambda x: (x**-0.5 + x, 1 - 0.5 * x**-1.5, 0.75 * x**-2.5)),
+    "(1/x - 1)^2": (1, lambda x: ((1 / x - 1) ** 2, -2 * (1 / x - 1) / x**2, 6 * x**-4 - 4 * x**-3)),
+    "100 x - log x": (0.01, lambda x: (100 * x - np.log(x), 100 - 1 / x, x**-2)),
+    "exp(x) - e log x": (1, lambda x: (np.exp(x) - np.e * np.log(x), np.exp(x) - np.e / x, np.exp(x) + np.e * x**-2)),
+    "softplus barrier": (1, lambda x: (np.log1p(np.exp(x)) - LOGISTIC * np.log(x), 1 / (1 + np.exp(-x)) - LOGISTIC / x,
+                                       1 / (2 + np.exp(x) + np.exp(-x)) + LOGISTIC * x**-2)),
+}
+
+
+@pytest.mark.parametrize("start", [0, 1e-2, 1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("name", POLES)
+def test_starts_near_a_pole_are_left_within_50_lcqps(name, start):
+    solution, at = POLES[name]
+    with np.errstate(all="ignore"):
+        def solved(**hessian):
+            return marble.nlp.solve(lambda x: {"objective": at(x[0])[0]}, lambda x: {"gradient": [at(x[0])[1]]}, [start],
+                                    lower=[0], upper=[10], server="local", **hessian)
+
+        exact, updated = solved(hessian=lambda x, _: np.array([[at(x[0])[2]]])), solved()
+    assert exact.solved and exact.ticks <= 50 and exact.x[0] == pytest.approx(solution, abs=1e-6), exact.detail
+    assert updated.ticks <= 50 and updated.x[0] == pytest.approx(solution, abs=5e-6), updated.detail
+    assert updated.solved or "almost stationary" in updated.detail
+
+
+@pytest.mark.parametrize("start", [0, 1e-2, 1e-4, 1e-6, 1e-8])
+def test_casadis_barrier_beside_a_pair_is_left_within_50_lcqps(start):
+    casadi = pytest.importorskip("casadi", reason="casadi is not installed (it is not in Debian)")
+    x = casadi.SX.sym("x", 3)
+    problem = {"x": x, "f": x[0] - casadi.log(x[0]) + (x[1] - 1) ** 2 + (x[2] - 2) ** 2, "G": x[1], "H": x[2]}
+    answer = marble.nlp.solve_casadi(problem, [start, 0, 1.5], lbx=0, ubx=10, server="local")
+    assert answer.solved and answer.ticks <= 50 and np.allclose(answer.x, [1, 0, 2], atol=1e-6), answer.detail
+
+
+def test_a_zero_step_is_no_solution_where_x_is_not_stationary():
+    for slope, curvature, status in ((1e-7, 1e6, "solved"), (5e-5, 1e6, "solved_reduced"), (1, 1e15, "numerical_failure")):
+        answer = marble.nlp.solve(lambda x: {"objective": 1}, lambda x, slope=slope: {"gradient": [slope]}, [0],
+                                  hessian=lambda x, _, curvature=curvature: np.array([[curvature]]), server="local")
+        assert answer.status.value == status and answer.kkt_residual == slope and "zero" in answer.detail

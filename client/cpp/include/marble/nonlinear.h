@@ -146,8 +146,9 @@ struct Settings {
 
 /// The newest x that was accepted, solved or not.
 struct Answer {
-  /// solved; solved_reduced: stationary, but the steps did not fall below the tolerance; locally_infeasible:
-  /// near x the violation cannot be lowered; or the limit it met.
+  /// solved: the step is zero and the KKT residual at most 1e-6 of the largest slope; solved_reduced: it is
+  /// at most 1e-4, and no step lowers the merit; locally_infeasible: near x the violation cannot be lowered;
+  /// numerical_failure: no step lowers the merit, and x is not stationary; or the limit it met.
   Status status = Status::numerical_failure;
   std::string detail;         ///< one sentence: the numbers that justify the status
   std::vector<double> x;      ///< n

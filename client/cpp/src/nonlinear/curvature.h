@@ -2,6 +2,7 @@
 // diagonal.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "nonlinear/functions.h"
@@ -24,6 +25,8 @@ class Model {
   /// σ / scale² on the diagonal, in place of what was there before.
   void shift(double sigma);
   [[nodiscard]] double shift() const { return sigma_; }
+  /// Whether it has learnt from steps: bfgs after its first one.
+  [[nodiscard]] bool learns() const { return std::find(known_.begin(), known_.end(), true) != known_.end(); }
   /// How many Hessians had entries that were not finite, and were replaced.
   [[nodiscard]] std::int32_t replaced() const { return replaced_; }
 

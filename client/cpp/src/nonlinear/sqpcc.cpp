@@ -11,11 +11,6 @@
 namespace marble::nonlinear {
 namespace {
 
-// Of actual over predicted decrease (murty-nlp-lectures, PSLP).
-constexpr double kReject = 1e-6;
-constexpr double kPoor = 0.25;
-constexpr double kGood = 0.75;
-constexpr double kRounding = 1e-14;     // of the merit: what two evaluations may differ by
 constexpr double kLeastRadius = 1e-13;  // a smaller one tells nothing
 constexpr double kMostWeight = 1e10;
 constexpr double kLeapt = 0.9;            // of the violation before a leap: what must come of it
@@ -26,6 +21,22 @@ constexpr double kRestored = 0.1;         // of the violation at which the resto
 constexpr double kFirstShift = 1e-2;      // of B's largest entry
 constexpr double kShiftFactor = 10.0;
 constexpr int kMostShifts = 12;
+constexpr double kOfLearnt = 0.1;  // of the KKT residual: small steps may be due to too large a B of bfgs
+// When an LCQP is solved again by a fresh session.
+constexpr double kBadAnswer = 1e-7;   // KKT residual, of the largest slope
+constexpr double kOtherSize = 100.0;  // factor of the slopes or of a column of B since it was set up
+constexpr double kNoSize = 1e-4;      // of B's largest column: a smaller one counts as this
+
+bool of_other_size(const Sizes& before, const Sizes& now, bool solved) {
+  const auto other = [](double one, double two) {
+    return std::max(one, two) > kOtherSize * std::min(one, two);
+  };
+  if (solved && other(before.slope, now.slope)) return true;
+  const double none = kNoSize * std::max(largest(before.curvature), largest(now.curvature));
+  for (std::size_t j = 0; j < now.curvature.size(); ++j)
+    if (other(std::max(before.curvature[j], none), std::max(now.curvature[j], none))) return true;
+  return false;
+}
 
 }  // namespace
 
@@ -37,11 +48,12 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
     if (!found) return unexpected(found.error());
     if (limit_) return end(*limit_, "within a subproblem");
     if (stuck_) return end(Status::locally_infeasible, "no step lowers the violation");
-    if (*found && step_is_small() && is_stationary() && violation() <= settings_.feasibility_tolerance &&
+    const double share = B_->learns() && stalled_ == 0 ? kOfLearnt * stationary_ : stationary_;
+    if (*found && step_is_small() && is_stationary(share) && violation() <= settings_.feasibility_tolerance &&
         radius_ > settings_.step_tolerance) {
       auto sure = certified();  // d = 0 solves the linearised problem
       if (!sure) return unexpected(sure.error());
-      if (*sure) return end(Status::solved, "the step is zero");
+      if (*sure && is_stationary(stationary_)) return end(Status::solved, "the step is zero");
     }
     if (*found && meets(tolerance)) {
       Answer answer = end(Status::solved, "the level's tolerance is met");
@@ -51,6 +63,7 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
     ratio_ = -1.0, actual_ = 0.0;
     if (*found) {
       if (auto judged = judge(); !judged) return unexpected(judged.error());
+      if (auto longer = lengthen(); !longer) return unexpected(longer.error());
       if (ratio_ < kPoor && !step_.elastic) {
         if (auto corrected = correct(); !corrected) return unexpected(corrected.error());
       }
@@ -60,6 +73,7 @@ Expected<Answer> Loop::run(const std::optional<LevelTolerance>& tolerance) {
     row_.accepted = *taken;
     tell();
     adapt_radius();
+    if (*found && stalls()) return end_of_zero_steps();
     if (row_.accepted) {
       if (auto moved = move(); !moved) return unexpected(moved.error());
     } else if (radius_ <= kLeastRadius) {
@@ -103,7 +117,8 @@ Expected<void> Loop::begin_again() {
   if (point_.fault) return unexpected(*point_.fault);
   if (auto given = functions_.derivatives(point_, at_); !given) return given;
   if (at_.fault) return unexpected(*at_.fault);
-  restoring_ = stuck_ = false, leapt_from_ = std::numeric_limits<double>::infinity();
+  restoring_ = stuck_ = false, stalled_ = restarts_ = 0,
+  leapt_from_ = std::numeric_limits<double>::infinity();
   limit_.reset();
   answer_.b_stationary.reset(), answer_.stationarity = Stationarity::unknown;
   if (radius_ <= settings_.step_tolerance) radius_ = settings_.radius;
@@ -225,37 +240,51 @@ Expected<bool> Loop::ask(Kind kind, bool cold) {
   return true;
 }
 
-// One tick. Into `tried_`; false where it has no feasible answer.
+// One tick, or two where the session must be set up again. Into `tried_`; false where it has no feasible
+// answer.
 Expected<bool> Loop::ask_prepared(Kind kind, bool cold) {
   auto& subproblem = *subproblem_[static_cast<int>(kind)];
   auto& ticks = ticks_[static_cast<int>(kind)];
-  if (settings_.stop.stop_requested()) limit_ = Status::cancelled;
-  const double left = seconds_left();
-  if (!limit_ && left <= 0.0) limit_ = Status::time_limit;
-  if (limit_) return false;
-  if (ticks == nullptr) {
-    auto opened = open_(subproblem.view(), settings_);
-    if (!opened) return unexpected(opened.error());
-    ticks = std::move(*opened);
-  }
-  auto solution =
-      ticks->solve(subproblem.update(), {.cold = cold, .deadline_s = left, .progress = settings_.progress});
-  ++row_.ticks;
-  if (!solution) {
-    const ErrorCode code = solution.error().code;
-    if (code == ErrorCode::deadline_exceeded) limit_ = Status::time_limit;
-    if (code == ErrorCode::cancelled && settings_.stop.stop_requested()) limit_ = Status::cancelled;
+  auto& sizes = sizes_[static_cast<int>(kind)];  // when it was set up
+  subproblem.sizes(new_sizes_);
+  while (true) {
+    if (settings_.stop.stop_requested()) limit_ = Status::cancelled;
+    const double left = seconds_left();
+    if (!limit_ && left <= 0.0) limit_ = Status::time_limit;
     if (limit_) return false;
-    return unexpected(solution.error());
+    if (ticks == nullptr) {
+      auto opened = open_(subproblem.view(), settings_);
+      if (!opened) return unexpected(opened.error());
+      ticks = std::move(*opened);
+      sizes = new_sizes_;
+    }
+    auto solution =
+        ticks->solve(subproblem.update(), {.cold = cold, .deadline_s = left, .progress = settings_.progress});
+    ++row_.ticks;
+    if (!solution) {
+      const ErrorCode code = solution.error().code;
+      if (code == ErrorCode::deadline_exceeded) limit_ = Status::time_limit;
+      if (code == ErrorCode::cancelled && settings_.stop.stop_requested()) limit_ = Status::cancelled;
+      if (limit_) return false;
+      return unexpected(solution.error());
+    }
+    answer_.factorizations += solution->factorizations;
+    answer_status_ = solution->status;
+    if (solution->status == Status::cancelled) limit_ = Status::cancelled;
+    if (solution->status == Status::time_limit && left < settings_.lcqp.time_limit_s)
+      limit_ = Status::time_limit;
+    // A session may keep the scaling of its first numbers. Where those of now are of other sizes, a step may
+    // meet the scaled tolerances and mean nothing: it is asked again by a fresh session.
+    if (!limit_ && solution->kkt_residual > kBadAnswer * std::max(1.0, new_sizes_.slope) &&
+        of_other_size(sizes, new_sizes_, is_solved(solution->status))) {
+      reopened_ += ticks->reopened();
+      ticks.reset();
+      continue;
+    }
+    if (!is_solved(solution->status)) return false;
+    subproblem.read(*solution, point_, at_, box(), tried_);
+    return true;
   }
-  answer_.factorizations += solution->factorizations;
-  answer_status_ = solution->status;
-  if (solution->status == Status::cancelled) limit_ = Status::cancelled;
-  if (solution->status == Status::time_limit && left < settings_.lcqp.time_limit_s)
-    limit_ = Status::time_limit;
-  if (!is_solved(solution->status)) return false;
-  subproblem.read(*solution, point_, at_, box(), tried_);
-  return true;
 }
 
 // A zero step that the subproblem did not prove to be its answer may be one that the warm start holds on to:
@@ -267,66 +296,10 @@ Expected<bool> Loop::certified() {
   if (!*found || step_is_small()) return true;
   weights_->rise_above(step_.multipliers);
   predicted_ = predicted_decrease();
-  return predicted_ <= kRounding * std::max(1.0, std::abs(merit(point_)));
-}
-
-double Loop::predicted_decrease() const {
-  const double model = restoring_ ? 0.0 : dot(at_.gradient, step_.d) + 0.5 * quadratic(B_->upper(), step_.d);
-  return weights_->penalty(rows_of(point_)) - weights_->penalty(step_.rows()) - model;
-}
-
-// What comes of the step, over what it promised.
-Expected<void> Loop::judge() {
-  for (std::size_t j = 0; j < step_.d.size(); ++j) trial_.x[j] = point_.x[j] + step_.d[j];
-  if (auto given = functions_.values(trial_); !given) return given;
-  if (trial_.fault) return {};
-  const double here = merit(point_), noise = kRounding * std::max(1.0, std::abs(here));
-  actual_ = here - merit(trial_);
-  ratio_ = std::max(predicted_, std::abs(actual_)) <= noise ? 1.0 : actual_ / predicted_;
-  return {};
-}
-
-// The rows bend away from the step: once more, with what they really are at its end.
-Expected<void> Loop::correct() {
-  if (trial_.fault || weights_->penalty(rows_of(trial_)) <= weights_->penalty(step_.rows())) return {};
-  auto& subproblem = *subproblem_[static_cast<int>(Kind::plain)];
-  subproblem.correct(trial_, step_);
-  auto found = ask_prepared(Kind::plain);
-  if (!found) return unexpected(found.error());
-  if (!*found) return limit_.reset(), Expected<void>{};
-  std::swap(trial_, best_trial_);
-  const double ratio = ratio_, actual = actual_;
-  std::swap(step_.d, tried_.d);
-  auto judged = judge();
-  row_.corrected = judged && !trial_.fault && ratio_ > ratio;
-  if (!row_.corrected) {
-    std::swap(step_.d, tried_.d), std::swap(trial_, best_trial_);
-    ratio_ = ratio, actual_ = actual;
-  }
-  return judged;
-}
-
-// A step may be short because B is large, far from where the slopes balance.
-bool Loop::is_stationary() { return kkt_residual() <= kReducedKkt * largest_slope(at_, step_.multipliers); }
-
-double largest_slope(const Linearisation& at, const Multipliers& m) {
-  return std::max({1.0, largest(at.gradient), largest(m.equalities), largest(m.inequalities), largest(m.G),
-                   largest(m.H)});
-}
-
-double Loop::kkt_residual() {
-  lagrangian_gradient(at_, step_.multipliers, gradient_);
-  for (std::size_t j = 0; j < gradient_.size(); ++j) gradient_[j] -= step_.multipliers.bounds[j];
-  return largest(gradient_);
-}
-
-void Loop::adapt_radius() {
-  if (ratio_ < kReject)
-    radius_ = 0.5 * (step_.size > 0.0 ? std::min(radius_, step_.size) : radius_);
-  else if (ratio_ < kPoor)
-    radius_ *= 0.5;
-  else if (ratio_ > kGood)
-    radius_ = std::min(settings_.largest_radius, std::max(radius_, 2.0 * step_.size));
+  if (predicted_ > noise()) return false;
+  std::swap(step_, tried_);  // the zero step is as good, and has the multipliers of x
+  step_.b_stationary = tried_.b_stationary, step_.stationarity = tried_.stationarity;
+  return true;
 }
 
 // Whether the trial point is taken: its merit is good, and it has derivatives.
@@ -345,19 +318,13 @@ Expected<void> Loop::move() {
   std::swap(point_, trial_), std::swap(at_, next_);
   lagrangian_gradient(at_, m, gradient_);
   for (std::size_t j = 0; j < change_.size(); ++j) change_[j] = gradient_[j] - change_[j];
+  if (std::exchange(forget_curvature_, false)) return make_curvature();
   const double sigma = B_->shift() / kShiftFactor;
   if (auto moved = B_->move(functions_, point_, at_, m, step_.d, change_); !moved) return moved;
   B_->shift(sigma > kFirstShift / kShiftFactor ? sigma : 0.0);
   if (restoring_ && violation() <= std::max(restore_below_, settings_.feasibility_tolerance))
     restoring_ = false, leapt_from_ = std::numeric_limits<double>::infinity();
   return {};
-}
-
-void lagrangian_gradient(const Linearisation& at, const Multipliers& m, std::vector<double>& gradient) {
-  gradient = at.gradient;
-  add_transposed(at.equalities, m.equalities, 1.0, gradient);
-  add_transposed(at.inequalities, m.inequalities, -1.0, gradient);
-  add_transposed(at.G, m.G, -1.0, gradient), add_transposed(at.H, m.H, -1.0, gradient);
 }
 
 void Loop::tell() {
@@ -374,9 +341,15 @@ Answer Loop::end_of_small_radius() {
   Answer answer =
       end(Status::numerical_failure, trial_.fault ? "every step ends where " + trial_.fault->message()
                                                   : "no step is good, however short");
-  if (answer.violation <= settings_.feasibility_tolerance && answer.kkt_residual <= kReducedKkt)
+  if (answer.violation <= settings_.feasibility_tolerance && is_stationary(kReducedKkt))
     answer.status = Status::solved_reduced;
   return answer;
+}
+
+Answer Loop::end_of_zero_steps() {
+  return is_stationary(kReducedKkt)
+             ? end(Status::solved_reduced, "the steps are zero, but x is only almost stationary")
+             : end(Status::numerical_failure, "the steps are zero, but x is not stationary");
 }
 
 Answer Loop::end(Status status, const std::string& why) {
@@ -388,7 +361,7 @@ Answer Loop::end(Status status, const std::string& why) {
     answer_.b_stationary = step_.b_stationary, answer_.stationarity = step_.stationarity;
   answer_.iterations = row_.iteration, answer_.ticks = row_.ticks,
   answer_.evaluations = functions_.evaluations();
-  answer_.reopened = 0;
+  answer_.reopened = reopened_;
   for (const auto& ticks : ticks_) answer_.reopened += ticks != nullptr ? ticks->reopened() : 0;
   char text[200];
   std::snprintf(text, sizeof text,

@@ -1,7 +1,9 @@
 // The loop: LCQPs within a trust region, judged by the merit they promise and what comes of it.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -22,7 +24,11 @@ struct LevelTolerance {
   double floor = 0.0;
 };
 
-inline constexpr double kReducedKkt = 1e-4;  // of the largest slope, in an answer that is stationary
+// Of the largest slope: the KKT residual of an answer that is stationary, and of one that almost is.
+inline constexpr double kSolvedKkt = 1e-6, kReducedKkt = 100.0 * kSolvedKkt;
+// Of actual over predicted decrease (murty-nlp-lectures, PSLP).
+inline constexpr double kReject = 1e-6, kPoor = 0.25;
+inline constexpr double kRounding = 1e-14;  // of the merit: what two evaluations may differ by
 
 /// Of what balances at a stationary point: max{1, |∇θ|, |multipliers|}.
 [[nodiscard]] double largest_slope(const Linearisation& at, const Multipliers& m);
@@ -47,6 +53,8 @@ class Loop {
   /// Status::solved means that it is met, or the settings' tolerances are.
   Expected<Answer> run(const std::optional<LevelTolerance>& tolerance = {});
 
+  /// The KKT residual of an answer that is solved, of the largest slope.
+  void set_stationary(double share) { stationary_ = share; }
   /// B of bfgs as at the start.
   void forget_curvature() { forget_curvature_ = true; }
   /// Calls of Problem::derivatives so far.
@@ -71,12 +79,14 @@ class Loop {
   Expected<bool> certified();
   Expected<void> judge();
   Expected<void> correct();
+  Expected<void> lengthen();
   Expected<bool> linearised();
   Expected<void> move();
   void adapt_radius();
   void tell();
   Answer end(Status status, const std::string& why);
   Answer end_of_small_radius();
+  Answer end_of_zero_steps();
 
   [[nodiscard]] double seconds_left() const {
     return settings_.time_limit_s - std::chrono::duration<double>(Clock::now() - begun_).count();
@@ -89,7 +99,9 @@ class Loop {
   }
   [[nodiscard]] double predicted_decrease() const;
   [[nodiscard]] bool step_is_small() const { return step_.size <= settings_.step_tolerance; }
-  [[nodiscard]] bool is_stationary();
+  [[nodiscard]] bool is_stationary(double share);
+  [[nodiscard]] bool stalls();
+  [[nodiscard]] double noise() const { return kRounding * std::max(1.0, std::abs(merit(point_))); }
   [[nodiscard]] double kkt_residual();
   [[nodiscard]] double violation() const { return largest_violation(rows_of(point_)); }
   [[nodiscard]] bool meets(const std::optional<LevelTolerance>& tolerance);
@@ -106,11 +118,15 @@ class Loop {
   std::optional<Weights> weights_;
   std::optional<Subproblem> subproblem_[2];
   std::unique_ptr<Ticks> ticks_[2];
+  Sizes sizes_[2], new_sizes_;  // when the ticks were opened, and now
+  std::int32_t reopened_ = 0;   // of ticks that are closed
   Step step_, tried_;
   Status answer_status_ = Status::numerical_failure;
   std::optional<Status> limit_;  // that ended a tick
 
   double radius_ = 0.0;
+  double stationary_ = kSolvedKkt;
+  int stalled_ = 0, restarts_ = 0;  // zero steps one after another; and how often B of bfgs was forgotten
   bool forget_curvature_ = false;
   double first_measure_ = 0.0;  // of the level's tolerance
   bool restoring_ = false;

@@ -101,6 +101,20 @@ ProblemUpdate Subproblem::update() const {
           .R = p.R.values};
 }
 
+void Subproblem::sizes(Sizes& of) const {
+  const OwnedProblem& p = problem_;
+  auto& sizes = of.curvature;
+  of.slope = largest(std::span(p.g).first(n_));
+  sizes.assign(n_, 0.0);
+  for (std::size_t j = 0; j < n_; ++j) {
+    for (Index k = p.Q.column_pointers[j]; k < p.Q.column_pointers[j + 1]; ++k) {
+      const double value = std::abs(p.Q.values[k]);
+      sizes[j] = std::max(sizes[j], value);
+      sizes[p.Q.row_indices[k]] = std::max(sizes[p.Q.row_indices[k]], value);
+    }
+  }
+}
+
 void Subproblem::set(const Point& point, const Linearisation& at, const SparseMatrix& B, const Box& box) {
   OwnedProblem& p = problem_;
   p.c0 = point.objective;

@@ -39,6 +39,12 @@ struct Box {
   double radius = 0.0;
 };
 
+/// What a session scales by: the largest slope, and the largest entry of each variable's column in B.
+struct Sizes {
+  double slope = 0.0;
+  std::vector<double> curvature;
+};
+
 class Subproblem {
  public:
   Subproblem(const Linearisation& at, const SparseMatrix& B, bool elastic);
@@ -46,6 +52,8 @@ class Subproblem {
   /// Of the numbers set last.
   [[nodiscard]] ProblemView view() const;
   [[nodiscard]] ProblemUpdate update() const;
+
+  void sizes(Sizes& of) const;
 
   /// All numbers. Without an objective only the elastic part of the cost is left.
   void set(const Point& point, const Linearisation& at, const SparseMatrix& B, const Box& box);

@@ -37,6 +37,7 @@ class Reference {
     auto own = Functions::create(auxiliary_.problem());
     if (!own) return unexpected(own.error());
     Loop loop(auxiliary_.problem(), std::move(*own), open_, inner_);
+    loop.set_stationary(kReducedKkt);  // slopes of weights that are large leave no more digits
     for (auxiliary_.set_weight(mu_);;) {
       inner_.iteration_limit = settings_.iteration_limit - iterations_;
       if (is_barrier()) inner_.step_tolerance = std::min(settings_.step_tolerance, kFineStep * mu_);

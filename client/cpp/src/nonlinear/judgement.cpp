@@ -1,0 +1,129 @@
+// How the loop judges a step and x: merit, KKT residual and trust region.
+#include <algorithm>
+#include <cmath>
+
+#include "nonlinear/algebra.h"
+#include "nonlinear/sqpcc.h"
+
+namespace marble::nonlinear {
+namespace {
+
+// Of actual over predicted decrease (murty-nlp-lectures, PSLP).
+constexpr double kGood = 0.75;
+constexpr double kLonger = 1.2;  // it is 1.26 to 1.39 of Newton's steps from a pole of a power or a logarithm
+constexpr double kLengthening = 2.0;  // factor of a step's length
+constexpr int kMostStalled = 3;       // zero steps one after another
+constexpr int kMostRestarts = 10;     // of bfgs
+
+}  // namespace
+
+double Loop::predicted_decrease() const {
+  const double model = restoring_ ? 0.0 : dot(at_.gradient, step_.d) + 0.5 * quadratic(B_->upper(), step_.d);
+  return weights_->penalty(rows_of(point_)) - weights_->penalty(step_.rows()) - model;
+}
+
+// What comes of the step, over what it promised.
+Expected<void> Loop::judge() {
+  for (std::size_t j = 0; j < step_.d.size(); ++j) trial_.x[j] = point_.x[j] + step_.d[j];
+  if (auto given = functions_.values(trial_); !given) return given;
+  if (trial_.fault) return {};
+  actual_ = merit(point_) - merit(trial_);
+  ratio_ = std::max(predicted_, std::abs(actual_)) <= noise() ? 1.0 : actual_ / predicted_;
+  return {};
+}
+
+// The rows bend away from the step: once more, with what they really are at its end.
+Expected<void> Loop::correct() {
+  if (trial_.fault || weights_->penalty(rows_of(trial_)) <= weights_->penalty(step_.rows())) return {};
+  auto& subproblem = *subproblem_[static_cast<int>(Kind::plain)];
+  subproblem.correct(trial_, step_);
+  auto found = ask_prepared(Kind::plain);
+  if (!found) return unexpected(found.error());
+  if (!*found) return limit_.reset(), Expected<void>{};
+  std::swap(trial_, best_trial_);
+  const double ratio = ratio_, actual = actual_;
+  std::swap(step_.d, tried_.d);
+  auto judged = judge();
+  row_.corrected = judged && !trial_.fault && ratio_ > ratio;
+  if (!row_.corrected) {
+    std::swap(step_.d, tried_.d), std::swap(trial_, best_trial_);
+    ratio_ = ratio, actual_ = actual;
+  }
+  return judged;
+}
+
+// Where the decrease is better than predicted, the curvature falls along the step. On the way from a pole
+// each Newton step covers only a share of x, so the step is doubled while that lowers the merit and leaves no
+// row. This calls Problem::values alone.
+Expected<void> Loop::lengthen() {
+  if (ratio_ <= kLonger || step_.elastic || restoring_) return {};
+  double most = radius_ / step_.size;
+  for (std::size_t j = 0; j < step_.d.size(); ++j) {
+    const double d = step_.d[j];
+    const double room = d > 0.0 ? functions_.upper()[j] - point_.x[j] : point_.x[j] - functions_.lower()[j];
+    if (d != 0.0) most = std::min(most, room / std::abs(d));
+  }
+  const double penalty = weights_->penalty(rows_of(trial_)) + noise();
+  double length = 1.0, lowest = merit(trial_);
+  for (double next = kLengthening; next <= most; next *= kLengthening) {
+    for (std::size_t j = 0; j < step_.d.size(); ++j)
+      best_trial_.x[j] =
+          std::clamp(point_.x[j] + next * step_.d[j], functions_.lower()[j], functions_.upper()[j]);
+    if (auto given = functions_.values(best_trial_); !given) return given;
+    if (best_trial_.fault || !(merit(best_trial_) < lowest) ||
+        weights_->penalty(rows_of(best_trial_)) > penalty)
+      break;
+    std::swap(best_trial_, trial_);
+    length = next, lowest = merit(trial_);
+  }
+  if (length == 1.0) return {};
+  for (double& d : step_.d) d *= length;
+  step_.size *= length;
+  actual_ = merit(point_) - lowest;
+  return {};
+}
+
+void Loop::adapt_radius() {
+  if (ratio_ < kReject)
+    radius_ = 0.5 * (step_.size > 0.0 ? std::min(radius_, step_.size) : radius_);
+  else if (ratio_ < kPoor)
+    radius_ *= 0.5;
+  else if (ratio_ > kGood)
+    radius_ = std::min(settings_.largest_radius, std::max(radius_, 2.0 * step_.size));
+}
+
+double largest_slope(const Linearisation& at, const Multipliers& m) {
+  return std::max({1.0, largest(at.gradient), largest(m.equalities), largest(m.inequalities), largest(m.G),
+                   largest(m.H)});
+}
+
+void lagrangian_gradient(const Linearisation& at, const Multipliers& m, std::vector<double>& gradient) {
+  gradient = at.gradient;
+  add_transposed(at.equalities, m.equalities, 1.0, gradient);
+  add_transposed(at.inequalities, m.inequalities, -1.0, gradient);
+  add_transposed(at.G, m.G, -1.0, gradient), add_transposed(at.H, m.H, -1.0, gradient);
+}
+
+double Loop::kkt_residual() {
+  lagrangian_gradient(at_, step_.multipliers, gradient_);
+  for (std::size_t j = 0; j < gradient_.size(); ++j) gradient_[j] -= step_.multipliers.bounds[j];
+  return largest(gradient_);
+}
+
+// Relative to the objective's slopes alone: where rows depend on each other, multipliers have no bound.
+bool Loop::is_stationary(double share) {
+  return kkt_residual() <= share * std::max(1.0, largest(at_.gradient));
+}
+
+// A step may be zero because B is too large: then x is no solution. B of bfgs begins again, since so short a
+// step does not change it.
+bool Loop::stalls() {
+  const bool zero =
+      step_is_small() && !step_.elastic && !restoring_ && violation() <= settings_.feasibility_tolerance;
+  if (zero && B_->learns() && restarts_ < kMostRestarts && !is_stationary(stationary_))
+    ++restarts_, forget_curvature_ = true;
+  stalled_ = zero && std::abs(actual_) <= noise() ? stalled_ + 1 : 0;
+  return stalled_ >= kMostStalled;
+}
+
+}  // namespace marble::nonlinear

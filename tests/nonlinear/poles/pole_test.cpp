@@ -1,0 +1,160 @@
+// The loop from near a pole, and the statuses of steps that are zero although x is not stationary.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "formula.h"
+#include "marble/nonlinear.h"
+#include "poles/pole_problems.h"
+
+namespace marble::testing {
+namespace {
+
+using nonlinear::Answer;
+using nonlinear::Settings;
+
+Formula formula_of(const PoleProblem<Jet>& problem, double distance) {
+  return {.name = problem.name,
+          .start = problem.start(distance),
+          .parts = [&problem](const Jets& x) -> Parts {
+            PoleParts<Jet> at = problem.parts(x);
+            Jets H;
+            if (problem.complement >= 0) H = {x[static_cast<std::size_t>(problem.complement)]};
+            return {.objective = at.objective,
+                    .equalities = std::move(at.equalities),
+                    .inequalities = std::move(at.inequalities),
+                    .G = std::move(at.G),
+                    .H = std::move(H)};
+          },
+          .lower = problem.lower,
+          .upper = problem.upper};
+}
+
+double error_of(const PoleProblem<Jet>& problem, const Answer& answer) {
+  double error = 0.0;
+  for (std::size_t j = 0; j < problem.solution.size(); ++j)
+    error = std::max(error, std::abs(answer.x[j] - problem.solution[j]));
+  return error;
+}
+
+TEST(NonlinearPoles, AreLeftWithin50LcqpsByTheExactHessian) {
+  for (const auto& problem : pole_problems<Jet>()) {
+    for (const double distance : kPoleDistances) {
+      const Formula formula = formula_of(problem, distance);
+      const auto answer = nonlinear::solve(problem_of(formula), nonlinear::open_ticks_in_process);
+      ASSERT_TRUE(answer.has_value()) << problem.name << ": " << answer.error().message();
+      EXPECT_EQ(answer->status, Status::solved) << problem.name << " from " << distance << answer->detail;
+      EXPECT_LE(error_of(problem, *answer), 1e-6) << problem.name << " from " << distance;
+      EXPECT_LE(answer->ticks, problem.most_lcqps) << problem.name << " from " << distance;
+      EXPECT_EQ(answer->b_stationary, true) << problem.name << " from " << distance;
+    }
+  }
+}
+
+// Without second derivatives some take longer or end almost stationary; none is called solved that is not.
+TEST(NonlinearPoles, AreLeftByUpdatesOfTheCurvatureOrSayWhyNot) {
+  int solved = 0, all = 0, within = 0;
+  for (const auto& problem : pole_problems<Jet>()) {
+    for (const double distance : kPoleDistances) {
+      const Formula formula = formula_of(problem, distance);
+      const auto answer = nonlinear::solve(problem_of(formula, false), nonlinear::open_ticks_in_process);
+      ASSERT_TRUE(answer.has_value()) << problem.name << ": " << answer.error().message();
+      EXPECT_EQ(objection(formula, *answer), "") << problem.name << " from " << distance;
+      ++all, within += answer->ticks <= problem.most_lcqps;
+      if (answer->status == Status::solved) {
+        ++solved;
+        EXPECT_LE(error_of(problem, *answer), 5e-6) << problem.name << " from " << distance;
+      } else {
+        EXPECT_NE(answer->detail.find("stationary"), std::string::npos)
+            << problem.name << " from " << distance << ": " << answer->detail;
+      }
+    }
+  }
+  EXPECT_GE(solved, all - 3);
+  EXPECT_GE(within, all - 4);
+}
+
+// Infinite values away from any bound: nothing can be moved.
+TEST(NonlinearPoles, AStartWithoutAFiniteValueIsAnErrorThatNamesTheFunction) {
+  const Formula formula{.name = "overflow",
+                        .start = {1e-6},
+                        .parts = [](const Jets& x) -> Parts { return {.objective = exp(1.0 / x[0]) + x[0]}; },
+                        .lower = {0}};
+  const auto answer = nonlinear::solve(problem_of(formula), nonlinear::open_ticks_in_process);
+  ASSERT_FALSE(answer.has_value());
+  EXPECT_EQ(answer.error().field, "values.objective");
+}
+
+/// A constant whose gradient and Hessian are wrong: every step is zero, and x is not stationary.
+nonlinear::Problem constant(const double& slope, const double& curvature) {
+  static const SparseMatrix pattern{1, 1, {0, 1}, {0}, {0}};
+  nonlinear::Problem problem;
+  problem.start = {0.0};
+  problem.values = [](std::span<const double>) -> nonlinear::Values { return {.objective = 1.0}; };
+  problem.derivatives = [&slope](std::span<const double>) -> nonlinear::Derivatives {
+    return {.gradient = {&slope, 1}};
+  };
+  problem.hessian = [&curvature](std::span<const double>, const nonlinear::Multipliers&) {
+    SparseMatrixView view = pattern.view();
+    view.values = {&curvature, 1};
+    return view;
+  };
+  return problem;
+}
+
+TEST(NonlinearPoles, AZeroStepIsSolvedOnlyWhereTheKktResidualIsWithinItsTolerance) {
+  const auto status_of = [](double slope, double curvature) {
+    const auto answer = nonlinear::solve(constant(slope, curvature), nonlinear::open_ticks_in_process);
+    EXPECT_TRUE(answer.has_value());
+    EXPECT_LE(answer->ticks, 10);
+    EXPECT_EQ(answer->kkt_residual, slope);
+    const bool zero = answer->detail.find("zero") != std::string::npos;
+    EXPECT_TRUE(zero) << answer->detail;
+    return answer->status;
+  };
+  EXPECT_EQ(status_of(1e-7, 1e6), Status::solved);
+  EXPECT_EQ(status_of(5e-5, 1e6), Status::solved_reduced);
+  EXPECT_EQ(status_of(1.0, 1e15), Status::numerical_failure);
+}
+
+/// A session whose answers are bad once Q has fallen to a hundredth of its first size, as those of a scaling
+/// that is kept may be.
+class KeptScaling final : public nonlinear::Ticks {
+ public:
+  KeptScaling(std::unique_ptr<nonlinear::Ticks> ticks, double size) : ticks_(std::move(ticks)), size_(size) {}
+
+  Expected<Solution> solve(const ProblemUpdate& update, const nonlinear::TickControls& controls) override {
+    auto solution = ticks_->solve(update, controls);
+    if (!solution || 100.0 * std::abs(update.Q[0]) >= size_) return solution;
+    solution->kkt_residual = 0.99 * std::abs(update.g[0]);
+    for (double& z : solution->z) z *= 0.01;
+    return solution;
+  }
+
+ private:
+  std::unique_ptr<nonlinear::Ticks> ticks_;
+  double size_;
+};
+
+TEST(NonlinearPoles, AnAnswerByAScalingOfOtherNumbersIsAskedForAgain) {
+  const auto problems = pole_problems<Jet>();
+  const Formula formula = formula_of(problems.front(), 1e-6);
+  int sessions = 0;
+  const auto open = [&](const ProblemView& view,
+                        const Settings& settings) -> Expected<std::unique_ptr<nonlinear::Ticks>> {
+    ++sessions;
+    auto ticks = nonlinear::open_ticks_in_process(view, settings);
+    if (!ticks) return unexpected(ticks.error());
+    return std::make_unique<KeptScaling>(std::move(*ticks), std::abs(view.Q.values[0]));
+  };
+  const auto answer = nonlinear::solve(problem_of(formula), open);
+  ASSERT_TRUE(answer.has_value()) << answer.error().message();
+  EXPECT_EQ(answer->status, Status::solved) << answer->detail;
+  EXPECT_NEAR(answer->x[0], 1.0, 1e-6);
+  EXPECT_GT(sessions, 1);
+  EXPECT_LE(answer->ticks, problems.front().most_lcqps);
+}
+
+}  // namespace
+}  // namespace marble::testing
