@@ -19,8 +19,13 @@ std::optional<Strategy::Answer> Strategy::find_by_small_tree(Run& run, TreeResul
   if (tree.ray) return Answer{unbounded_along(*std::exchange(tree.ray, {})), &path_point_.x};
   if (!incumbent_.exists()) return std::nullopt;
   Answer answer = finish_cold(run, false);
-  if (tree.proved && is_solved(answer.ending.status)) answer.b_stationary = true;
-  answer.tree = tree;
+  // Of a point that is feasible to the tolerances only, the proof is not one of the optimum.
+  const bool exact = incumbent_.exists() && largest(incumbent_.best().violations) <= tuning::exactness;
+  if (tree.proved && exact) {
+    answer.b_stationary = true;
+    answer.tree = tree;
+  }
+  answer.tree.nodes = tree.nodes, answer.tree.open_nodes = tree.open_nodes;
   return answer;
 }
 

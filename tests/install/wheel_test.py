@@ -45,7 +45,7 @@ class Wheel(unittest.TestCase):
     def test_its_tag_is_the_glibc_s_it_was_built_with_and_it_is_not_large(self):
         glibc = run("getconf", "GNU_LIBC_VERSION").split()[1].replace(".", "_")
         self.assertTrue(self.wheel.name.endswith(f"-manylinux_{glibc}_x86_64.whl"), self.wheel.name)
-        self.assertLessEqual(self.wheel.stat().st_size, 25e6)
+        self.assertLessEqual(self.wheel.stat().st_size, 26e6)
 
     def test_what_it_links_is_inside_or_of_every_system(self):
         binaries = [*self.installed.glob("marble/_core*.so"), *self.installed.glob("marble/bin/*")]

