@@ -349,8 +349,8 @@ def test_starts_near_a_pole_are_left_within_50_lcqps(name, start):
     solution, at = POLES[name]
     with np.errstate(all="ignore"):
         def solved(**hessian):
-            return marble.nlp.solve(lambda x: {"objective": at(x[0])[0]}, lambda x: {"gradient": [at(x[0])[1]]}, [start],
-                                    lower=[0], upper=[10], server="local", **hessian)
+            return marble.nlp.solve(lambda x: {"objective": at(x[0])[0]}, lambda x: {"gradient": [at(x[0])[1]]},
+                                    [start], lower=[0], upper=[10], server="local", **hessian)
 
         exact, updated = solved(hessian=lambda x, _: np.array([[at(x[0])[2]]])), solved()
     assert exact.solved and exact.ticks <= 50 and exact.x[0] == pytest.approx(solution, abs=1e-6), exact.detail
@@ -368,7 +368,8 @@ def test_casadis_barrier_beside_a_pair_is_left_within_50_lcqps(start):
 
 
 def test_a_zero_step_is_no_solution_where_x_is_not_stationary():
-    for slope, curvature, status in ((1e-7, 1e6, "solved"), (5e-5, 1e6, "solved_reduced"), (1, 1e15, "numerical_failure")):
+    cases = ((1e-7, 1e6, "solved"), (5e-5, 1e6, "solved_reduced"), (1, 1e15, "numerical_failure"))
+    for slope, curvature, status in cases:
         answer = marble.nlp.solve(lambda x: {"objective": 1}, lambda x, slope=slope: {"gradient": [slope]}, [0],
                                   hessian=lambda x, _, curvature=curvature: np.array([[curvature]]), server="local")
         assert answer.status.value == status and answer.kkt_residual == slope and "zero" in answer.detail

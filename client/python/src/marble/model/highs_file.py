@@ -114,7 +114,8 @@ def _read_here(path: str) -> int:
     out = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # HiGHS says who it is
     with tempfile.TemporaryDirectory() as folder:
-        link, log = pathlib.Path(folder) / f"model{ENDINGS[pathlib.Path(path).suffix.lower()]}", pathlib.Path(folder) / "log"
+        link = pathlib.Path(folder) / f"model{ENDINGS[pathlib.Path(path).suffix.lower()]}"
+        log = pathlib.Path(folder) / "log"
         link.symlink_to(path)
         try:
             highs = highspy.Highs()

@@ -1,4 +1,4 @@
-"""Complementarity conditions of Pyomo's models as its writer of .nl files keeps them: TransformationFactory("marble.nl").
+"""Conditions of Pyomo's models in a form that its writer of .nl files keeps: TransformationFactory("marble.nl").
 
 A condition in such a file is with regard to a bound of a variable. pyomo.mpec names the variable that is one of the
 condition's sides, and lets a bound that it has of its own take the place of the condition's; one that is fixed, or in
@@ -30,7 +30,6 @@ from pyomo.core.expr.visitor import identify_variables
 from pyomo.mpec import Complementarity, complements
 
 from marble.errors import InvalidProblem
-
 
 _OF_MPEC: Final = ("bv", "c", "bc", "v", "e")  # parts of a condition's block
 
