@@ -50,16 +50,11 @@ Strategy::Answer Strategy::solve_densely(Run& run, Answer answer) {
   return answer;
 }
 
-// Whether its residual, or the signs of multipliers that are as large as its own, are not known to rounding.
-bool Strategy::incumbent_is_loose() const {
-  const ExactSolution& best = incumbent_.best();
-  return !best.converged || tuning::exactness * max_abs(best.x.all) > tuning::near;
-}
-
 std::optional<Strategy::Answer> Strategy::search_densely(Run& run, const Answer& answer) {
   if (run.interrupted()) return std::nullopt;
   incumbent_.clear();
-  if (!DenseSearch(problem_, incumbent_).search(run)) return std::nullopt;
+  DenseSearch(problem_, incumbent_).search(run);
+  if (!incumbent_.exists()) return std::nullopt;
   Answer found = finish_exact(run);
   found.stayed_warm = answer.stayed_warm;
   return found;
@@ -80,9 +75,9 @@ std::optional<Strategy::Answer> Strategy::solve_branch_densely(Run& run, const A
   }
   incumbent_.clear();
   DenseSearch search(problem_, incumbent_);
-  bool solved = search.solve_branch(run, set);
-  if (problem_.pairs() > 0) solved = search.search(run) || solved;
-  if (solved && max_abs(incumbent_.best().x.z() - z) > tuning::exactness * (1.0 + max_abs(z))) {
+  search.solve_branch(run, set);
+  if (problem_.pairs() > 0) search.search(run);
+  if (incumbent_.exists() && max_abs(incumbent_.best().x.z() - z) > tuning::exactness * (1.0 + max_abs(z))) {
     Answer found = finish_exact(run);
     found.stayed_warm = answer.stayed_warm;
     return found;

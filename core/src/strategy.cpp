@@ -179,7 +179,7 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage f
     if (ended_by_force(end->status) && stage_ == Stage::beginning) stage_ = Stage::end_of_path;
   }
   if (!ended_by_force(end->status) && stage_ == Stage::beginning && options_.polish)
-    static_cast<void>(solve_path_branch(run));
+    static_cast<void>(solve_path_branch(run, false));
   return end;
 }
 
@@ -189,10 +189,7 @@ std::optional<Ending> Strategy::follow_to_branch(Run& run, PathBranch& branch) {
   for (const double kappa : {tuning::branch_kappa, tuning::last_kappa}) {
     end = follow_path(run, kappa);
     if (end && (ended_by_force(end->status) || is_proof(end->status))) break;
-    if (options_.polish) branch = solve_path_branch(run);
-    if (options_.polish && branch == PathBranch::not_exact && options_.path == Path::fast &&
-        pair_newton_applies(problem_))
-      branch = solve_by_pair_newton(run);
+    if (options_.polish) branch = solve_path_branch(run, options_.path == Path::fast);
     if (end || path_.is_lost() || branch == PathBranch::exact) break;
   }
   return end;
@@ -223,26 +220,21 @@ std::optional<Ending> Strategy::follow_path(Run& run, double kappa_end) {
   return Ending{Status::numerical_failure, "no acceptable step; " + describe(violations), {}};
 }
 
-Strategy::PathBranch Strategy::solve_path_branch(Run& run) {
+Strategy::PathBranch Strategy::solve_path_branch(Run& run, bool exchanges_pairs) {
   const Run::Polishing polishing(run);
   const double objective = path_.objective();
+  const auto solve = [&](const char* origin) {
+    return incumbent_.solve_branch(run, origin, tuning::engine_budget) != Incumbent::Outcome::not_exact;
+  };
   branch_.point.start_from_path(path_.iterate());
-  if (incumbent_.solve_branch(run, "path", tuning::engine_budget) == Incumbent::Outcome::not_exact)
-    return PathBranch::not_exact;
+  bool exact = solve("path");
+  if (!exact && exchanges_pairs && pair_newton_applies(problem_)) {
+    branch_.point.start_from_path(path_.iterate());
+    exact = pair_newton(run, problem_, branch_.point) && solve("path, Newton's method on the pairs");
+  }
+  if (!exact) return PathBranch::not_exact;
   show_incumbent(run);
   return path_is_lower(path_.feasible(), objective) ? PathBranch::path_is_lower : PathBranch::exact;
-}
-
-// From the branch that the path shows.
-Strategy::PathBranch Strategy::solve_by_pair_newton(Run& run) {
-  const Run::Polishing polishing(run);
-  branch_.point.start_from_path(path_.iterate());
-  if (!pair_newton(run, problem_, branch_.point) ||
-      incumbent_.solve_branch(run, "path, Newton's method on the pairs", tuning::engine_budget) ==
-          Incumbent::Outcome::not_exact)
-    return PathBranch::not_exact;
-  show_incumbent(run);
-  return path_is_lower(path_.feasible(), path_.objective()) ? PathBranch::path_is_lower : PathBranch::exact;
 }
 
 // A feasible path point that is clearly lower than its exact neighbour is the better answer.

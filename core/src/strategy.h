@@ -101,7 +101,6 @@ class Strategy {
   [[nodiscard]] Answer search_globally(Run& run, Answer local, bool warm);
   [[nodiscard]] bool take_interior(Run& run);
   [[nodiscard]] Answer solve_densely(Run& run, Answer answer);
-  [[nodiscard]] bool incumbent_is_loose() const;
   [[nodiscard]] std::optional<Answer> search_densely(Run& run, const Answer& answer);
   [[nodiscard]] std::optional<Answer> solve_branch_densely(Run& run, const Answer& answer);
   void solve_start(Run& run, ConstVectorRef z);
@@ -112,8 +111,7 @@ class Strategy {
   [[nodiscard]] std::optional<Ending> follow_to_branch(Run& run, PathBranch& branch);
   void judge_path_point();
   [[nodiscard]] std::optional<Ending> follow_path(Run& run, double kappa_end);
-  [[nodiscard]] PathBranch solve_path_branch(Run& run);
-  [[nodiscard]] PathBranch solve_by_pair_newton(Run& run);
+  [[nodiscard]] PathBranch solve_path_branch(Run& run, bool exchanges_pairs);
   [[nodiscard]] bool path_is_lower(bool feasible, double objective) const;
   [[nodiscard]] Answer finish_exact(Run& run);
   void bring_near(Run& run);

@@ -22,18 +22,13 @@ struct Tally {
 
 double tolerance(double objective) { return 1e-6 * std::max(1.0, std::abs(objective)); }
 
-Status true_status(const std::optional<testing::GlobalOptimum>& truth) {
-  if (!truth) return Status::infeasible;
-  return std::isinf(truth->objective) ? Status::unbounded : Status::solved;
-}
-
 void count(const OwnedProblem& p, const std::optional<testing::GlobalOptimum>& truth, bool global, Tally& t) {
   Options options;
   options.global = global;
   const Solution s = solve_in_process(p.view(), options).value();
   t.factorizations.push_back(s.factorizations);
   const bool feasible = !is_solved(s.status) || testing::judge(p.view(), s).infeasibility() <= 1e-6;
-  t.status += s.status == true_status(truth) && feasible;
+  t.status += s.status == testing::true_status(truth) && feasible;
   t.proved += s.proved;
   const double optimum = !truth ? INFINITY : truth->objective;
   t.bounds += s.bound <= optimum + (std::isfinite(optimum) ? tolerance(optimum) : 0.0);

@@ -19,7 +19,7 @@ namespace marble::cli {
 class IterationTable final : public ProgressSink {
  public:
   explicit IterationTable(bool colours, std::FILE* to = stderr) : colours_(colours), to_(to) {}
-  /// What is solved minimizes the negative of a maximum: objectives and bounds are told as the maximum's.
+  /// What is solved minimizes the negative of a maximum: objectives and bounds are printed as the maximum's.
   void set_maximize(bool maximize) { sign_ = maximize ? -1.0 : 1.0; }
   void report(const Progress& progress) override;
   /// What the solve is doing, from any thread, where nothing was written for half a second: on a terminal in

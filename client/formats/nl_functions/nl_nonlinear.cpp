@@ -213,12 +213,12 @@ class SumOfAll {
 
 // Whether the library's second derivatives are those of its first ones, at x in one direction: it errs where
 // linear terms within a function cancel. Long differences are wrong near a pole, short ones have few digits:
-// to agree with one is enough. True where that cannot be told.
+// to agree with one is enough. True where that cannot be decided.
 bool second_derivatives_agree(AslFunctions& functions, const std::vector<double>& x, std::size_t m) {
   constexpr double kSteps[] = {1e-5, 1e-7, 1e-9, 1e-11}, kShare = 1e-4, kNoise = 1e-7;
   const std::size_t n = x.size();
   SumOfAll sum(functions, n, m);
-  bool told = false;
+  bool decided = false;
   for (const double step : kSteps) {
     std::vector<double> above = x, below = x, between(n);  // rounded: what really is between them counts
     for (std::size_t j = 0; j < n; ++j) {
@@ -236,9 +236,9 @@ bool second_derivatives_agree(AslFunctions& functions, const std::vector<double>
       apart += std::abs(difference - product[j]);
     }
     if (apart <= kShare * size + kNoise * 2.0 * step * (1.0 + most)) return true;
-    told |= std::isfinite(apart);
+    decided |= std::isfinite(apart);
   }
-  return !told;
+  return !decided;
 }
 
 // Where the file begins, within its bounds, or off those that it is at; its long defined variables begin at

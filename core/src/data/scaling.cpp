@@ -90,22 +90,15 @@ void equilibrate(ScaledProblem& p, int passes, const Interrupt& interrupt) {
   }
 }
 
-// Of p, whose Q carries `cost` too.
-double cost_scale(const ScaledProblem& p, double cost) {
-  Vector norm = Vector::Zero(p.variables());
-  absorb_norms(p.Q, norm);
-  const double size = std::max(norm.mean() / cost, max_abs(p.g));
-  return size > 0.0 ? 1.0 / std::clamp(size, 1.0 / tuning::scale_range, tuning::scale_range) : 1.0;
-}
-
 double mean_size(const SymmetricMatrix& Q) {
   Vector norm = Vector::Zero(Q.size);
   absorb_norms(Q, norm);
   return Q.size > 0 ? norm.mean() : 0.0;
 }
 
-void measure_cost(const ScaledProblem& p, ScaledSizes& sizes) {
-  sizes.cost = std::max(sizes.hessian, max_abs(p.g));
+double cost_scale(double hessian, const Vector& g) {
+  const double size = std::max(hessian, max_abs(g));
+  return size > 0.0 ? 1.0 / std::clamp(size, 1.0 / tuning::scale_range, tuning::scale_range) : 1.0;
 }
 
 ScaledSizes measure(const ScaledProblem& p) {
@@ -117,7 +110,7 @@ ScaledSizes measure(const ScaledProblem& p) {
   absorb_norms(p.A, sizes.equality, sizes.variable);
   absorb_norms(p.rows, sizes.row, sizes.variable);
   sizes.hessian = mean_size(p.Q);
-  measure_cost(p, sizes);
+  sizes.cost = std::max(sizes.hessian, max_abs(p.g));
   return sizes;
 }
 
@@ -142,9 +135,7 @@ Vector powers(const Vector& norms) {
 }
 
 void scale_cost_by_power(ScaledProblem& p) {
-  const double size = std::max(mean_size(p.Q), max_abs(p.g));
-  if (!(size > 0.0)) return;
-  const double factor = power_of_two(1.0 / std::clamp(size, 1.0 / tuning::scale_range, tuning::scale_range));
+  const double factor = power_of_two(cost_scale(mean_size(p.Q), p.g));
   for (double& value : p.Q.values) value *= factor;
   p.g *= factor;
   p.cost_scale *= factor;
@@ -271,7 +262,7 @@ ScaledProblem scale(const Problem& problem, int passes, const Interrupt& interru
     apply(std::move(units), p);
     equilibrate(p, passes, interrupt);
     p.g.array() *= p.variable_scale.array();
-    p.cost_scale = cost_scale(p, cost);
+    p.cost_scale = cost_scale(mean_size(p.Q) / cost, p.g);  // Q carries `cost` too
   } else {
     p.variable_scale.setOnes(n);
     p.equality_scale.setOnes(p.A.rows);

@@ -102,12 +102,8 @@ void DenseSearch::offer(const WorkingSet& branch) {
     incumbent_.offer(x_, images_, set, "dense active set");
 }
 
-bool DenseSearch::solve_branch(Run& run, const WorkingSet& set) {
-  if (!factor(run) || minimize(run, kinds_of(set)) != Outcome::optimal) return false;
-  const bool existed = incumbent_.exists();
-  const double before = existed ? incumbent_.best().objective : 0.0;
-  offer(set);
-  return incumbent_.exists() && (!existed || incumbent_.best().objective < before);
+void DenseSearch::solve_branch(Run& run, const WorkingSet& set) {
+  if (factor(run) && minimize(run, kinds_of(set)) == Outcome::optimal) offer(set);
 }
 
 // Of the pairs with no side fixed the one whose smaller side is largest; −1 where all are complementary.
@@ -128,10 +124,8 @@ Index DenseSearch::most_violated_pair(const std::vector<Kind>& kinds) const {
 }
 
 // Depth first, the smaller side of the pair that is farthest from complementary before the other one.
-bool DenseSearch::search(Run& run) {
-  if (!factor(run)) return false;
-  const bool existed = incumbent_.exists();
-  const double before = existed ? incumbent_.best().objective : 0.0;
+void DenseSearch::search(Run& run) {
+  if (!factor(run)) return;
   std::vector<Kind> root(static_cast<std::size_t>(rows_.size()), Kind::inequality);
   std::fill_n(root.begin(), problem_.equalities(), Kind::equality);
   std::vector<std::vector<Kind>> open{std::move(root)};
@@ -161,7 +155,6 @@ bool DenseSearch::search(Run& run) {
     }
     if (minimize(run, kinds_of(set)) == Outcome::optimal) offer(set);
   }
-  return incumbent_.exists() && (!existed || incumbent_.best().objective < before);
 }
 
 }  // namespace marble

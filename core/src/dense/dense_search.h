@@ -17,12 +17,10 @@ class DenseSearch {
   /// Whether the problem is small enough: the factors are dense.
   [[nodiscard]] static bool fits(const ScaledProblem& problem);
 
-  /// Solves the branch of `set` and offers the solution to the incumbent. True if that took it.
-  [[nodiscard]] bool solve_branch(Run& run, const WorkingSet& set);
+  /// Solves the branch of `set` and offers the solution to the incumbent.
+  void solve_branch(Run& run, const WorkingSet& set);
   /// The same over all branches, the more promising ones first, as far as the limit of nodes allows.
-  [[nodiscard]] bool search(Run& run);
-  /// The solution of the last branch solved.
-  [[nodiscard]] const Iterate& x() const { return x_; }
+  void search(Run& run);
 
  private:
   using Kind = DenseActiveSet::Kind;

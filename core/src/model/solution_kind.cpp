@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <iterator>
 
+#include "model/tolerances.h"
+
 namespace marble {
 namespace {
 
@@ -77,9 +79,6 @@ const char* to_string(SolutionKind kind) {
 }
 
 SolutionFacts facts_of(const Solution& s, const Options& options) {
-  const bool feasible = s.violations.equality <= options.equality_tolerance &&
-                        s.violations.inequality <= options.inequality_tolerance &&
-                        s.violations.complementarity <= options.complementarity_tolerance;
   return {.status = s.status,
           .proved = s.proved,
           .stationarity = s.stationarity,
@@ -88,7 +87,7 @@ SolutionFacts facts_of(const Solution& s, const Options& options) {
           .objective = s.objective,
           .bound = s.bound,
           .gap = s.gap,
-          .feasible = feasible,
+          .feasible = within_tolerances(s.violations, options),
           .pairs = static_cast<std::int64_t>(s.complementarity_multipliers_L.size()),
           .factorizations = s.factorizations,
           .budget_spent = s.factorizations >= options.local_search_budget,

@@ -64,8 +64,7 @@ class Branch {
  public:
   Branch(const Branch&) = delete;
   Branch& operator=(const Branch&) = delete;
-  Branch(const ScaledProblem& p, const WorkingSet& set, bool flat, const Interrupt& interrupt)
-      : problem_(empty_problem(p.variables())) {
+  Branch(const ScaledProblem& p, const WorkingSet& set, bool flat) : problem_(empty_problem(p.variables())) {
     for (Index j = 0; j < p.variables(); ++j) {
       problem_.Q.row_indices.push_back(j);
       problem_.Q.values.push_back(1.0);
@@ -92,8 +91,6 @@ class Branch {
     problem_.variable_scale = p.variable_scale;
     problem_.equality_scale = Vector::Ones(b_.size());
     problem_.row_scale = Vector::Ones(d_.size());
-    kkt_ = make_kkt(problem_, interrupt);
-    if (kkt_ != nullptr) engines_ = std::make_unique<BranchEngines>(problem_, *kkt_);
   }
 
   /// The nearest point of the cone to `target`; nothing if that fails.
@@ -117,17 +114,17 @@ class Branch {
 
  private:
   std::optional<Vector> nearest(Run& run, ConstVectorRef target) {
-    if (engines_ == nullptr) return std::nullopt;
+    const std::unique_ptr<Kkt> kkt = make_kkt(problem_, run.interrupt());
+    if (kkt == nullptr) return std::nullopt;
+    BranchEngines engines(problem_, *kkt);
     problem_.g = -target;
-    engines_->point.start_from_point(target);
-    if (!engines_->exact.solve(run, tuning::engine_budget) || !engines_->point.sharpen()) return std::nullopt;
-    return Vector(engines_->point.x.z());
+    engines.point.start_from_point(target);
+    if (!engines.exact.solve(run, tuning::engine_budget) || !engines.point.sharpen()) return std::nullopt;
+    return Vector(engines.point.x.z());
   }
 
   ScaledProblem problem_;
   Vector b_, d_;  // of the polyhedron
-  std::unique_ptr<Kkt> kkt_;
-  std::unique_ptr<BranchEngines> engines_;
 };
 
 // The one that z is nearest to.
@@ -142,7 +139,7 @@ WorkingSet branch_at(const ScaledProblem& p, ConstVectorRef z) {
 
 std::optional<Vector> feasible_point(const ScaledProblem& p, const Options& options, const WorkingSet& set,
                                      ConstVectorRef target, Run& run) {
-  std::optional<Vector> point = Branch(p, set, false, run.interrupt()).nearest_point(run, target);
+  std::optional<Vector> point = Branch(p, set, false).nearest_point(run, target);
   if (!point) return std::nullopt;
   Iterate x(p);
   x.z() = *point;
@@ -157,8 +154,7 @@ std::optional<UnboundedRay> find_ray(const ScaledProblem& p, const Options& opti
                                      bool flat, ConstVectorRef target, Run& run) {
   const double size = max_abs(target);
   if (size == 0.0) return std::nullopt;
-  Branch branch(p, set, flat, run.interrupt());
-  const std::optional<Vector> nearest = branch.nearest_direction(run, target / size);
+  const std::optional<Vector> nearest = Branch(p, set, flat).nearest_direction(run, target / size);
   if (!nearest) return std::nullopt;
   std::optional<std::vector<double>> proved = unbounded_direction(p, *nearest);
   if (!proved) return std::nullopt;
@@ -243,7 +239,7 @@ std::optional<UnboundedRay> prove_branch_unbounded(const ScaledProblem& p, const
 }
 
 bool branch_contradicts(const ScaledProblem& p, const WorkingSet& branch, Run& run) {
-  return Branch(p, branch, false, run.interrupt()).contradicts(run);
+  return Branch(p, branch, false).contradicts(run);
 }
 
 }  // namespace marble

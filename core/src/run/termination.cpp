@@ -10,12 +10,6 @@ namespace marble {
 
 double largest(const Violations& v) { return std::max({v.equality, v.inequality, v.complementarity}); }
 
-bool within_tolerances(const Violations& violations, const Options& options, double factor) {
-  return violations.equality <= factor * options.equality_tolerance &&
-         violations.inequality <= factor * options.inequality_tolerance &&
-         violations.complementarity <= factor * options.complementarity_tolerance;
-}
-
 bool StallDetector::stalled(double violation) {
   if (violation < tuning::progress * best_) {
     best_ = violation;

@@ -8,6 +8,7 @@
 #include "data/residual.h"
 #include "marble/options.h"
 #include "marble/solution.h"
+#include "model/tolerances.h"
 
 namespace marble {
 
@@ -28,9 +29,6 @@ struct Ending {
 
 /// The largest of the three.
 [[nodiscard]] double largest(const Violations& violations);
-/// Whether all three violations are within `factor` times their tolerances.
-[[nodiscard]] bool within_tolerances(const Violations& violations, const Options& options,
-                                     double factor = 1.0);
 
 /// Watches how the violation falls from one outer iteration to the next.
 class StallDetector {

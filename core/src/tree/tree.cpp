@@ -163,9 +163,10 @@ Node Tree::make_root(ConstVectorRef z) {
   radius_ = tuning::tree_radius * (1.0 + max_abs(from_.cwiseProduct(problem_.variable_scale)));
   box_.emplace(problem_, radius_);
   ++nodes_;
-  Node root(problem_.layout, Fixings(static_cast<std::size_t>(problem_.pairs())), {});
+  const Fixings none(static_cast<std::size_t>(problem_.pairs()));
+  Node root(problem_.layout, none, {});
   root.bound = -kInfinity;
-  raise_by_solutions(root);
+  raise_by_solutions(root, none);
   return root;
 }
 
@@ -270,7 +271,7 @@ bool Tree::still_closed(Node& leaf, ConstVectorRef from, RowProof& proof, bool a
     } else if (leaf.proof == Node::Proof::bound) {
       leaf.bound = proof.bound(*box_, from, multipliers, cutoff());
     }
-    if (leaf.bound < cutoff()) raise_by_solutions(leaf);
+    if (leaf.bound < cutoff()) raise_by_solutions(leaf, fixings);
   } else if (leaf.proof == Node::Proof::bound) {
     leaf.bound = std::max(leaf.bound, proof.adapt(*box_, from, fixed, multipliers, cutoff()));
     leaf.keep(problem_.layout, multipliers, Node::Proof::bound);
@@ -280,23 +281,21 @@ bool Tree::still_closed(Node& leaf, ConstVectorRef from, RowProof& proof, bool a
 
 // To what the multipliers of the exact solutions at hand prove of it: of the one that a solution is the
 // answer to, all; what an engine has left of stationarity there is not paid for again.
-void Tree::raise_by_solutions(Node& node) const {
-  if (!incumbent_.exists()) return;
-  Fixings fixings;
-  std::vector<Index> held;
-  node.read(problem_.layout, fixings, held);
-  for (const Iterate* x : {&incumbent_.best().x, &incumbent_.other().x}) raise(node, fixings, *x);
+void Tree::raise_by_solutions(Node& node, const Fixings& fixings) const {
+  if (incumbent_.exists()) raise(node, fixings, {&incumbent_.best().x, &incumbent_.other().x});
 }
 
-void Tree::raise(Node& node, const Fixings& fixings, const Iterate& x) const {
+void Tree::raise(Node& node, const Fixings& fixings, std::initializer_list<const Iterate*> points) const {
   DualBound dual_bound(problem_);
   Vector multipliers;
   const auto fixed = [&](Index row) { return is_fixed(problem_.layout, fixings, row); };
-  take_signs(-x.lambda(), fixed, multipliers);
-  const double bound = dual_bound.of_objective(*box_, x.z(), x.y(), multipliers);
-  if (bound <= node.bound) return;
-  node.bound = bound;
-  if (keeps_) node.keep(problem_.layout, multipliers, Node::Proof::bound);
+  for (const Iterate* x : points) {
+    take_signs(-x->lambda(), fixed, multipliers);
+    const double bound = dual_bound.of_objective(*box_, x->z(), x->y(), multipliers);
+    if (bound <= node.bound) continue;
+    node.bound = bound;
+    if (keeps_) node.keep(problem_.layout, multipliers, Node::Proof::bound);
+  }
 }
 
 void Tree::close(Node node, double bound) {
@@ -397,10 +396,10 @@ void Tree::take(Run& run, Expansion& e) {
     e.node.read(problem_.layout, fixings, held);
     const bool leaf = e.outcome == Outcome::leaf;
     const bool solved = try_as_answer(run, *e.suggestion, fixings, leaf);
-    if (leaf && solved && point_.sharpen()) raise(e.node, fixings, point_.x);
+    if (leaf && solved && point_.sharpen()) raise(e.node, fixings, {&point_.x});
     if (leaf && !solved && !ray_ && branch_contradicts(problem_, point_.set, run)) e.node.bound = kInfinity;
+    if (leaf || e.outcome == Outcome::complementary) raise_by_solutions(e.node, fixings);
   }
-  if (e.outcome == Outcome::leaf || e.outcome == Outcome::complementary) raise_by_solutions(e.node);
   switch (e.outcome) {
     case Outcome::branched:
       for (Node& child : e.children) push(std::move(child));

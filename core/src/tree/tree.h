@@ -6,6 +6,7 @@
 #pragma once
 
 #include <functional>
+#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -80,8 +81,8 @@ class Tree {
   [[nodiscard]] bool still_closed(Node& leaf, ConstVectorRef from, RowProof& proof, bool adapted);
   void settle(const Room& room);
   [[nodiscard]] bool round(Run& run);
-  void raise_by_solutions(Node& node) const;
-  void raise(Node& node, const Fixings& fixings, const Iterate& x) const;
+  void raise_by_solutions(Node& node, const Fixings& fixings) const;
+  void raise(Node& node, const Fixings& fixings, std::initializer_list<const Iterate*> points) const;
   void choose_nodes(std::size_t count);
   void take(Run& run, Expansion& expansion);
   void close(Node node, double bound);

@@ -235,4 +235,9 @@ std::optional<GlobalOptimum> brute_force(const ProblemView& view) {
   return best;
 }
 
+Status true_status(const std::optional<GlobalOptimum>& optimum) {
+  if (!optimum) return Status::infeasible;
+  return std::isinf(optimum->objective) ? Status::unbounded : Status::solved;
+}
+
 }  // namespace marble::testing

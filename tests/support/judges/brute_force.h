@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "marble/problem.h"
+#include "marble/solution.h"
 
 namespace marble::testing {
 
@@ -18,5 +19,8 @@ struct GlobalOptimum {
 /// and a Q that is convex on every branch; throws std::invalid_argument otherwise. Empty if no branch is
 /// feasible.
 [[nodiscard]] std::optional<GlobalOptimum> brute_force(const ProblemView& problem);
+
+/// What a solver must say of a problem of which this is the optimum.
+[[nodiscard]] Status true_status(const std::optional<GlobalOptimum>& optimum);
 
 }  // namespace marble::testing

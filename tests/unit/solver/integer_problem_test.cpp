@@ -18,11 +18,6 @@ namespace {
 
 constexpr std::uint64_t kSeeds = 60;
 
-Status true_status(const std::optional<testing::GlobalOptimum>& truth) {
-  if (!truth) return Status::infeasible;
-  return std::isinf(truth->objective) ? Status::unbounded : Status::solved;
-}
-
 class IntegerProblem : public ::testing::TestWithParam<testing::IntegerFamily> {
  protected:
   template <class Judge>
@@ -31,7 +26,7 @@ class IntegerProblem : public ::testing::TestWithParam<testing::IntegerFamily> {
       const OwnedProblem p = testing::integer_problem(GetParam(), seed);
       const auto truth = testing::brute_force(p.view());
       const Solution found = solve_in_process(p.view(), options).value();
-      ASSERT_EQ(found.status, true_status(truth)) << p.name << ": " << found.detail;
+      ASSERT_EQ(found.status, testing::true_status(truth)) << p.name << ": " << found.detail;
       judge(p, truth, found);
     }
   }

@@ -18,8 +18,8 @@ CASES = json.loads((pathlib.Path(__file__).resolve().parents[4] / "tests/answers
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["text"])
 def test_a_kind_follows_the_table_of_cases(case):
     facts = {"gap": math.inf, **case["facts"], "status": marble.Status(case["facts"]["status"])}
-    told = SolutionFacts(**facts)
-    assert (told.kind.value, told.text, told.what_to_try) == (case["kind"], case["text"], case["what_to_try"])
+    given = SolutionFacts(**facts)
+    assert (given.kind.value, given.text, given.what_to_try) == (case["kind"], case["text"], case["what_to_try"])
 
 
 def test_every_kind_has_a_case():

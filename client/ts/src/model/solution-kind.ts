@@ -1,7 +1,7 @@
 import { statusAdvice } from "../base/tables.js";
 import type { SecondOrder, Status } from "./solution.js";
 
-/** A gap up to which nobody asks how near the optimum is. */
+/** Up to this gap the text says "proved optimal" alone. */
 const noGap = 1e-6;
 const spent = "The search for better branches has spent local_search_budget: a larger one lets it go on. ";
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from marble.base.tables import Status
 
-_NO_GAP = 1e-6  # a gap up to which nobody asks how near the optimum is
+_NO_GAP = 1e-6  # up to this gap the text says "proved optimal" alone
 
 
 class SolutionKind(enum.Enum):

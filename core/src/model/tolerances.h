@@ -1,0 +1,17 @@
+// The tolerances of a solved point.
+#pragma once
+
+#include "marble/options.h"
+#include "marble/solution.h"
+
+namespace marble {
+
+/// Whether all three violations are within `factor` times their tolerances.
+[[nodiscard]] inline bool within_tolerances(const Violations& violations, const Options& options,
+                                            double factor = 1.0) {
+  return violations.equality <= factor * options.equality_tolerance &&
+         violations.inequality <= factor * options.inequality_tolerance &&
+         violations.complementarity <= factor * options.complementarity_tolerance;
+}
+
+}  // namespace marble
