@@ -33,10 +33,11 @@ Strategy::Answer Strategy::solve_densely(Run& run, Answer answer) {
                       status == Status::solved_reduced;
   const bool is_unproved =
       problem_.pairs() > 0 && is_small(run) && !answer.tree.proved && !answer.stayed_warm;
-  const bool is_loose = status == Status::solved && (by_path || is_unproved || !incumbent_.best().converged);
+  const bool is_loose = status == Status::solved && (by_path || is_unproved || incumbent_is_loose());
   const bool out_of_steps = status == Status::iteration_limit && problem_.pairs() == 0;
   if (!failed && !is_loose && !out_of_steps) return answer;
   if (!options_.polish || options_.path != Path::fast || run.nonconvex) return answer;
+  if (is_loose && !DenseSearch::fits(problem_)) return answer;
   const std::optional<ParallelRows> parallel = nearly_parallel_rows(problem_);
   const bool few_pairs = problem_.pairs() <= tuning::small_pairs;
   if (DenseSearch::fits(problem_) && (parallel || (failed && few_pairs))) {
@@ -48,6 +49,13 @@ Strategy::Answer Strategy::solve_densely(Run& run, Answer answer) {
   }
   if (!is_loose && parallel) answer.ending.detail += "; " + describe(problem_, *parallel);
   return answer;
+}
+
+// Whether its residual, or the signs of multipliers beside as large ones as its own, are not known to
+// rounding.
+bool Strategy::incumbent_is_loose() const {
+  const ExactSolution& best = incumbent_.best();
+  return !best.converged || tuning::exactness * max_abs(best.x.all) > tuning::near;
 }
 
 std::optional<Strategy::Answer> Strategy::search_densely(Run& run, const Answer& answer) {

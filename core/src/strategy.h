@@ -101,10 +101,12 @@ class Strategy {
   [[nodiscard]] Answer search_globally(Run& run, Answer local, bool warm);
   [[nodiscard]] bool take_interior(Run& run);
   [[nodiscard]] Answer solve_densely(Run& run, Answer answer);
+  [[nodiscard]] bool incumbent_is_loose() const;
   [[nodiscard]] std::optional<Answer> search_densely(Run& run, const Answer& answer);
   [[nodiscard]] std::optional<Answer> solve_branch_densely(Run& run, const Answer& answer);
   void solve_start(Run& run, ConstVectorRef z);
   [[nodiscard]] Answer not_above_start(Run& run, Answer answer, ConstVectorRef z, bool warm);
+  [[nodiscard]] Answer not_above_warm_start(Run& run, Answer answer, ConstVectorRef z);
   [[nodiscard]] bool start_for_tree(Run& run);
   void take_incumbent(Answer& answer) const;
   [[nodiscard]] std::optional<Ending> cold(Run& run, ConstVectorRef initial_z, Stage from);
