@@ -21,6 +21,7 @@ namespace {
 const char* nonconvex_remark(SecondOrder second_order) {
   switch (second_order) {
     case SecondOrder::minimum:
+    case SecondOrder::convex:
       return "; Q is not convex: a local minimum";
     case SecondOrder::saddle:
       return "; Q is not convex: a saddle point or a maximum";
@@ -366,8 +367,12 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bo
     const bool stationary =
         solution.stationarity == Stationarity::strong || solution.b_stationary.value_or(false);
     solution.second_order = found.second_order;
-    if (solution.second_order == SecondOrder::minimum && !stationary)
-      solution.second_order = SecondOrder::necessary;
+    if (solution.second_order == SecondOrder::minimum) {
+      if (!stationary)
+        solution.second_order = SecondOrder::necessary;
+      else if (state_->strategy.known_convex())
+        solution.second_order = SecondOrder::convex;
+    }
     if (run.nonconvex) solution.detail += nonconvex_remark(solution.second_order);
   }
   if (controls.sensitivity != nullptr) state_->add_sensitivity(found, *controls.sensitivity, run, solution);

@@ -45,12 +45,15 @@ class Strategy {
 
   /// From z (scaled) to an end; if there is a solution to start from, from its branch first. With `resumes`
   /// from where the last run was interrupted, if it was before it had an exact solution. With `keeps_start`,
-  /// where z is feasible, the branch of z is solved first and the answer is never above its solution.
+  /// where z is feasible, the branch of z is solved first and the answer is never above its solution;
+  /// nor is it above a feasible solution to start from.
   struct How {
     bool resumes = false, keeps_start = false;
   };
   [[nodiscard]] Answer run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start,
                            How how);
+  /// Whether Q is known to be convex without another factorization.
+  [[nodiscard]] bool known_convex() { return optimality_.known_convex(); }
   /// Whether a run may resume.
   [[nodiscard]] bool is_unfinished() const { return stage_ != Stage::beginning; }
   void forget_unfinished() { stage_ = Stage::beginning; }

@@ -343,7 +343,7 @@ Status status_of(v1::Status status) {
 }
 
 static_assert(static_cast<int>(Stationarity::strong) == v1::STATIONARITY_STRONG, "the enums count alike");
-static_assert(static_cast<int>(SecondOrder::minimum) == v1::SECOND_ORDER_MINIMUM, "the enums count alike");
+static_assert(static_cast<int>(SecondOrder::convex) == v1::SECOND_ORDER_CONVEX, "the enums count alike");
 static_assert(static_cast<int>(Status::solved) + 1 == v1::STATUS_SOLVED &&
                   static_cast<int>(Status::numerical_failure) + 1 == v1::STATUS_NUMERICAL_FAILURE,
               "both enumerations list the statuses in the same order");

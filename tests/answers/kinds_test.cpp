@@ -27,7 +27,7 @@ SolutionFacts facts_of(const Json& json) {
   facts.proved = json.value("proved", false);
   if (json.contains("b_stationary")) facts.b_stationary = json["b_stationary"].get<bool>();
   facts.second_order =
-      named<SecondOrder>(json.value("second_order", "unknown"), static_cast<int>(SecondOrder::minimum));
+      named<SecondOrder>(json.value("second_order", "unknown"), static_cast<int>(SecondOrder::convex));
   facts.objective = json.value("objective", 0.0);
   facts.gap = json.value("gap", std::numeric_limits<double>::infinity());
   facts.feasible = json["feasible"];

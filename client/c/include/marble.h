@@ -214,9 +214,9 @@ int32_t marble_solution_vector(const marble_solution* solution, const char* name
                                int64_t* count, marble_error* error);
 /* objective, bound, gap, proved, nodes, open_nodes, iterations, factorizations, kkt_residual,
  * equality_violation, inequality_violation, complementarity_violation, stationarity (0 unknown, 1 weak to 4
- * strong), second_order (0 unknown, 1 saddle, 2 necessary, 3 minimum), origin (0 this solve, 1 the session's
- * solution before it), reopened (1 where its session was set up again for it, else 0), setup_s, solve_s,
- * queue_s, total_s. */
+ * strong), second_order (0 unknown, 1 saddle, 2 necessary, 3 minimum, 4 convex), origin (0 this solve, 1 the
+ * session's solution before it), reopened (1 where its session was set up again for it, else 0), setup_s,
+ * solve_s, queue_s, total_s. */
 int32_t marble_solution_number(const marble_solution* solution, const char* name, double* value,
                                marble_error* error);
 

@@ -157,8 +157,9 @@ Solution solution_of(const py::object& answer) {
   s.stationarity = named<Stationarity>(word("stationarity"),
                                        {Stationarity::unknown, Stationarity::weak, Stationarity::clarke,
                                         Stationarity::mordukhovich, Stationarity::strong});
-  s.second_order = named<SecondOrder>(word("second_order"), {SecondOrder::unknown, SecondOrder::saddle,
-                                                             SecondOrder::necessary, SecondOrder::minimum});
+  s.second_order = named<SecondOrder>(word("second_order"),
+                                      {SecondOrder::unknown, SecondOrder::saddle, SecondOrder::necessary,
+                                       SecondOrder::minimum, SecondOrder::convex});
   s.proved = answer.attr("proved").cast<bool>();
   s.bound = answer.attr("bound").cast<double>();
   s.iterations = answer.attr("iterations").cast<decltype(s.iterations)>();

@@ -50,10 +50,12 @@ enum class SecondOrder {
   saddle,     ///< vᵀQv < 0 for a v of the critical cone: a saddle point or a maximum, no local minimum
   necessary,  ///< vᵀQv ≥ 0 for all v that keep every active row at zero; the rest of the cone, or whether z
               ///< is B-stationary, was not decided
-  minimum,  ///< vᵀQv ≥ 0 on the whole cone of a B-stationary point: a local minimum. Always so of convex Q
+  minimum,  ///< vᵀQv ≥ 0 on the whole cone of a B-stationary point: a local minimum
+  convex,   ///< the same, and Q is known to be convex: z is the optimum of each branch that it belongs to,
+           ///< without pairs the optimum. Known of a diagonally dominant Q, and where a solve had to factor Q
 };
 
-/// "unknown", "saddle", "necessary", "minimum".
+/// "unknown", "saddle", "necessary", "minimum", "convex".
 [[nodiscard]] const char* to_string(SecondOrder second_order);
 
 /// Where the point of an answer comes from.

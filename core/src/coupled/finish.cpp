@@ -78,7 +78,7 @@ void tell_by_blocks(const CoupledView& view, const Coordination& coordination, S
   if (solved) {
     joint.stationarity = Stationarity::strong;
     joint.b_stationary = true;
-    joint.second_order = SecondOrder::minimum;
+    joint.second_order = SecondOrder::convex;
   }
   for (std::size_t k = 0; k < coordination.answers.size(); ++k) {
     const Solution& own = coordination.answers[k].solution;

@@ -50,6 +50,8 @@ const char* to_string(SecondOrder second_order) {
       return "necessary";
     case SecondOrder::minimum:
       return "minimum";
+    case SecondOrder::convex:
+      return "convex";
   }
   return "unknown";
 }

@@ -63,17 +63,10 @@ std::string global_advice(const SolutionFacts& s) {
 }  // namespace
 
 const char* to_string(SolutionKind kind) {
-  constexpr const char* kNames[] = {"proved_optimal",
-                                    "local_minimum",
-                                    "stationary_point",
-                                    "saddle_point",
-                                    "almost_solved",
-                                    "proved_infeasible",
-                                    "no_feasible_point",
-                                    "proved_unbounded",
-                                    "stopped_feasible",
-                                    "stopped_infeasible",
-                                    "failed"};
+  constexpr const char* kNames[] = {
+      "proved_optimal",   "optimal",          "local_minimum",      "stationary_point",
+      "saddle_point",     "almost_solved",    "proved_infeasible",  "no_feasible_point",
+      "proved_unbounded", "stopped_feasible", "stopped_infeasible", "failed"};
   static_assert(std::size(kNames) == static_cast<std::size_t>(SolutionKind::failed) + 1);
   return kNames[static_cast<std::size_t>(kind)];
 }
@@ -100,9 +93,10 @@ SolutionKind kind_of(const SolutionFacts& s) {
     case Status::solved:
       if (s.proved) return SolutionKind::proved_optimal;
       if (s.second_order == SecondOrder::saddle) return SolutionKind::saddle_point;
-      if (s.second_order == SecondOrder::minimum && s.b_stationary != false)
-        return SolutionKind::local_minimum;
-      return SolutionKind::stationary_point;
+      if (s.second_order < SecondOrder::minimum || s.b_stationary == false)
+        return SolutionKind::stationary_point;
+      return s.second_order == SecondOrder::convex && s.pairs == 0 ? SolutionKind::optimal
+                                                                   : SolutionKind::local_minimum;
     case Status::solved_reduced:
       return SolutionKind::almost_solved;
     case Status::infeasible:
@@ -127,6 +121,8 @@ std::string kind_text(const SolutionFacts& s) {
       return s.gap > Options().gap_tolerance && std::isfinite(s.gap)
                  ? "proved optimal to within " + distance(s)
                  : "proved optimal";
+    case SolutionKind::optimal:
+      return "optimal: Q is convex, and there are no pairs";
     case SolutionKind::local_minimum: {
       const std::string minimum = s.maximize ? "local maximum; " : "local minimum; ";
       const bool is_qp = s.pairs == 0 && !std::isfinite(s.gap);
@@ -157,6 +153,7 @@ std::string kind_text(const SolutionFacts& s) {
 std::string what_to_try(const SolutionFacts& s) {
   switch (kind_of(s)) {
     case SolutionKind::proved_optimal:
+    case SolutionKind::optimal:
       return "";
     case SolutionKind::local_minimum:
       return (s.pairs == 0 ? "Where Q is not convex: " : "") + starts_advice(s) + global_advice(s);

@@ -17,7 +17,9 @@ export function kindOf(facts) {
     case "solved":
       if (facts.proved) return "proved_optimal";
       if (facts.secondOrder === "saddle") return "saddle_point";
-      return facts.secondOrder === "minimum" && facts.bStationary !== false ? "local_minimum" : "stationary_point";
+      if (facts.bStationary === false) return "stationary_point";
+      if (facts.secondOrder === "convex" && facts.pairs === 0) return "optimal";
+      return facts.secondOrder === "minimum" || facts.secondOrder === "convex" ? "local_minimum" : "stationary_point";
     case "solved_reduced":
       return "almost_solved";
     case "infeasible":
@@ -40,6 +42,8 @@ export function kindText(facts) {
   switch (kindOf(facts)) {
     case "proved_optimal":
       return facts.gap > noGap && Number.isFinite(facts.gap) ? `proved optimal to within ${distance(facts)}` : "proved optimal";
+    case "optimal":
+      return "optimal: Q is convex, and there are no pairs";
     case "local_minimum":
       return `local minimum; ${facts.pairs === 0 && !Number.isFinite(facts.gap) ? "the optimum where Q is convex" : boundText(facts)}`;
     case "stationary_point":
@@ -67,6 +71,7 @@ export function kindText(facts) {
 export function whatToTry(facts) {
   switch (kindOf(facts)) {
     case "proved_optimal":
+    case "optimal":
       return "";
     case "local_minimum":
       return (facts.pairs === 0 ? "Where Q is not convex: " : "") + startsAdvice(facts) + globalAdvice(facts);

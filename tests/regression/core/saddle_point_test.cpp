@@ -60,7 +60,7 @@ void expect_minimum(const OwnedProblem& p, double objective, const char* what) {
   const Solution s = solved(p);
   EXPECT_EQ(s.status, Status::solved) << what << ": " << s.detail;
   EXPECT_NEAR(s.objective, objective, 1e-9) << what << ": " << s.detail;
-  EXPECT_EQ(s.second_order, SecondOrder::minimum) << what << ": " << s.detail;
+  EXPECT_GE(s.second_order, SecondOrder::minimum) << what << ": " << s.detail;
 }
 
 TEST(SaddlePoint, OfAnObjectiveWithoutBoundIsCalledUnbounded) {
@@ -119,7 +119,7 @@ TEST(SaddlePoint, IsSaidToBeOneWhereItIsNotLeft) {
   for (const bool polish : {false, true}) {
     options.polish = polish;
     const Solution s = solved(p, options);
-    EXPECT_NE(s.second_order, SecondOrder::minimum) << s.detail;
+    EXPECT_LT(s.second_order, SecondOrder::minimum) << s.detail;
   }
 }
 
@@ -131,7 +131,7 @@ TEST(SaddlePoint, ConvexProblemsAreMinimaAtNoFurtherFactorization) {
   expect_minimum(p, 0.0, "weakly active");
   for (const OwnedProblem& example : {examples::rocket(), examples::gates()}) {
     const Solution s = solved(example);
-    EXPECT_EQ(s.second_order, SecondOrder::minimum) << s.detail;
+    EXPECT_EQ(s.second_order, SecondOrder::convex) << s.detail;
   }
 }
 
@@ -155,7 +155,7 @@ TEST(SaddlePoint, RandomIndefiniteProblemsInABoxEndInLocalMinima) {
     bound(p, -1.0, 1.0);
     const Solution s = solved(p);
     ASSERT_EQ(s.status, Status::solved) << seed << ": " << s.detail;
-    minima += s.second_order == SecondOrder::minimum ? 1 : 0;
+    minima += s.second_order >= SecondOrder::minimum ? 1 : 0;
     const Eigen::Map<const Eigen::VectorXd> z(s.z.data(), n);
     const Eigen::Map<const Eigen::VectorXd> g(p.g.data(), n);
     const auto f = [&](const Eigen::VectorXd& at) { return 0.5 * at.dot(Q * at) + g.dot(at); };

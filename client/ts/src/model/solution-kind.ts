@@ -6,14 +6,15 @@ const noGap = 1e-6;
 const spent = "The search for better branches has spent local_search_budget: a larger one lets it go on. ";
 
 /**
- * What a solution is worth. "proved_optimal": within gapTolerance of the bound. "local_minimum": no better point is near;
- * one may be elsewhere. "stationary_point": solved, but not decided whether it is a local minimum. "saddle_point": solved,
+ * What a solution is worth. "proved_optimal": within gapTolerance of the bound. "optimal": of a problem without pairs
+ * whose Q is known to be convex, by the tolerances. "local_minimum": no better point is near; one may be elsewhere. "stationary_point": solved, but not decided whether it is a local minimum. "saddle_point": solved,
  * and no local minimum. "almost_solved": the reduced tolerances only. "no_feasible_point": none was found; there may be
  * one. "stopped_feasible", "stopped_infeasible": a limit or a cancel ended the solve, at a point that meets the tolerances,
  * or does not. "failed": no acceptable step was found.
  */
 export type SolutionKind =
   | "proved_optimal"
+  | "optimal"
   | "local_minimum"
   | "stationary_point"
   | "saddle_point"
@@ -54,7 +55,9 @@ export function kindOf(facts: SolutionFacts): SolutionKind {
     case "solved":
       if (facts.proved) return "proved_optimal";
       if (facts.secondOrder === "saddle") return "saddle_point";
-      return facts.secondOrder === "minimum" && facts.bStationary !== false ? "local_minimum" : "stationary_point";
+      if (facts.bStationary === false) return "stationary_point";
+      if (facts.secondOrder === "convex" && facts.pairs === 0) return "optimal";
+      return facts.secondOrder === "minimum" || facts.secondOrder === "convex" ? "local_minimum" : "stationary_point";
     case "solved_reduced":
       return "almost_solved";
     case "infeasible":
@@ -77,6 +80,8 @@ export function kindText(facts: SolutionFacts): string {
   switch (kindOf(facts)) {
     case "proved_optimal":
       return facts.gap > noGap && Number.isFinite(facts.gap) ? `proved optimal to within ${distance(facts)}` : "proved optimal";
+    case "optimal":
+      return "optimal: Q is convex, and there are no pairs";
     case "local_minimum":
       return `local minimum; ${facts.pairs === 0 && !Number.isFinite(facts.gap) ? "the optimum where Q is convex" : boundText(facts)}`;
     case "stationary_point":
@@ -104,6 +109,7 @@ export function kindText(facts: SolutionFacts): string {
 export function whatToTry(facts: SolutionFacts): string {
   switch (kindOf(facts)) {
     case "proved_optimal":
+    case "optimal":
       return "";
     case "local_minimum":
       return (facts.pairs === 0 ? "Where Q is not convex: " : "") + startsAdvice(facts) + globalAdvice(facts);

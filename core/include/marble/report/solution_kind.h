@@ -14,6 +14,7 @@ namespace marble {
 /// What a solution is worth: by its status, its proof and the tests of its stationary point.
 enum class SolutionKind {
   proved_optimal,      ///< within gap_tolerance of the bound
+  optimal,             ///< of a problem without pairs whose Q is known to be convex, by the tolerances
   local_minimum,       ///< no better point is near; one may be elsewhere
   stationary_point,    ///< solved, but not decided whether it is a local minimum
   saddle_point,        ///< solved, and no local minimum
@@ -26,7 +27,7 @@ enum class SolutionKind {
   failed,              ///< no acceptable step was found
 };
 
-/// "proved_optimal", "local_minimum", …
+/// "proved_optimal", "optimal", …
 [[nodiscard]] const char* to_string(SolutionKind kind);
 
 /// What the kind of a solution, its text and its advice follow from. The clients for Python and Node and the

@@ -42,12 +42,15 @@ class SecondOrder(enum.Enum):
 
     SADDLE: vᵀQv < 0 for one v of it: a saddle point or a maximum, no local minimum. NECESSARY: vᵀQv ≥ 0 for all v that
     keep every active row at zero; the rest, or whether z is B-stationary, was not decided. MINIMUM: vᵀQv ≥ 0 on the
-    whole cone of a B-stationary point: a local minimum. Always so where Q is convex.
+    whole cone of a B-stationary point: a local minimum. CONVEX: the same, and Q is known to be convex: the optimum of
+    each branch that the point belongs to, without pairs the optimum. Known of a diagonally dominant Q, and where a
+    solve had to factor Q.
     """
 
     SADDLE = "saddle"
     NECESSARY = "necessary"
     MINIMUM = "minimum"
+    CONVEX = "convex"
 
 
 @dataclass(frozen=True)

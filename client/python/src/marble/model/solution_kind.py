@@ -17,7 +17,8 @@ _NO_GAP = 1e-6  # up to this gap the text says "proved optimal" alone
 class SolutionKind(enum.Enum):
     """What a solution is worth, by its status, its proof and the tests of its stationary point.
 
-    PROVED_OPTIMAL: within gap_tolerance of the bound. LOCAL_MINIMUM: no better point is near; one may be elsewhere.
+    PROVED_OPTIMAL: within gap_tolerance of the bound. OPTIMAL: of a problem without pairs whose Q is known to be
+    convex, by the tolerances. LOCAL_MINIMUM: no better point is near; one may be elsewhere.
     STATIONARY_POINT: solved, but not decided whether it is a local minimum. SADDLE_POINT: solved, and no local minimum.
     ALMOST_SOLVED: the reduced tolerances only. PROVED_INFEASIBLE: no point meets the constraints. NO_FEASIBLE_POINT:
     none was found; there may be one. PROVED_UNBOUNDED: the objective falls without end. STOPPED_FEASIBLE,
@@ -26,6 +27,7 @@ class SolutionKind(enum.Enum):
     """
 
     PROVED_OPTIMAL = "proved_optimal"
+    OPTIMAL = "optimal"
     LOCAL_MINIMUM = "local_minimum"
     STATIONARY_POINT = "stationary_point"
     SADDLE_POINT = "saddle_point"
@@ -47,6 +49,7 @@ _BY_STATUS = {
     Status.NUMERICAL_FAILURE: SolutionKind.FAILED,
 }
 _TEXTS = {
+    SolutionKind.OPTIMAL: "optimal: Q is convex, and there are no pairs",
     SolutionKind.SADDLE_POINT: "saddle point: the objective falls along a direction of negative curvature",
     SolutionKind.ALMOST_SOLVED: "almost solved: the tolerances are met up to a factor of 100 only",
     SolutionKind.PROVED_INFEASIBLE: "proved infeasible: no point meets the constraints",
@@ -88,8 +91,10 @@ class SolutionFacts:
             return SolutionKind.PROVED_OPTIMAL
         if self.second_order == "saddle":
             return SolutionKind.SADDLE_POINT
-        minimum = self.second_order == "minimum" and self.b_stationary is not False
-        return SolutionKind.LOCAL_MINIMUM if minimum else SolutionKind.STATIONARY_POINT
+        if self.second_order not in ("minimum", "convex") or self.b_stationary is False:
+            return SolutionKind.STATIONARY_POINT
+        optimal = self.second_order == "convex" and self.pairs == 0
+        return SolutionKind.OPTIMAL if optimal else SolutionKind.LOCAL_MINIMUM
 
     @property
     def text(self) -> str:
@@ -111,7 +116,7 @@ class SolutionFacts:
     def what_to_try(self) -> str:
         """What may give a better answer, and what that costs; empty where nothing does."""
         kind = self.kind
-        if kind is SolutionKind.PROVED_OPTIMAL:
+        if kind in (SolutionKind.PROVED_OPTIMAL, SolutionKind.OPTIMAL):
             return ""
         if kind is SolutionKind.LOCAL_MINIMUM:
             return ("Where Q is not convex: " if self.pairs == 0 else "") + self._starts() + self._global()
