@@ -140,6 +140,21 @@ TEST(Nl, EveryKindOfRowAndTermIsReadAsItIsMeant) {
   }
 }
 
+TEST(Nl, ALimitOf1e20IsNone) {
+  for (const double none : {1e20, 1e30}) {
+    NlWriter file(false, 1, 1, 1);
+    file.key('C').integer(0).constant(0.0);
+    file.key('O').integer(0).integer(0).constant(0.0);
+    file.key('r').between(-none, 2.0);
+    file.key('b').between(0.0, none);
+    file.key('J').integer(0).integer(1).entry(0, 1.0);
+    file.key('G').integer(0).integer(1).entry(0, 1.0);
+    const auto read = parse_nl(file.content(), "limits");
+    ASSERT_TRUE(read.has_value()) << read.error().message();
+    EXPECT_EQ(read->problem.d, (std::vector<double>{2.0, 0.0})) << none;
+  }
+}
+
 TEST(Nl, WhatIsNoLcqpIsRefusedWithItsReason) {
   const auto refusal = [](NlWriter& nl) {
     const auto file = parse_nl(nl.content(), "no");

@@ -41,12 +41,12 @@ Expected<void> Assembler::add_range(const AffineRow& row, double low, double hig
     equalities_.add(equality);
     return {};
   }
-  if (low > -kInfinity) {
+  if (low > -infinite_limit) {
     AffineRow above = row;
     above.constant -= low;
     inequalities_.add(above);
   }
-  if (high < kInfinity) {
+  if (high < infinite_limit) {
     AffineRow below = row.negated();
     below.constant += high;
     inequalities_.add(below);

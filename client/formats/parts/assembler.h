@@ -47,9 +47,8 @@ class Assembler {
   /// The entry of Q (both triangles are given), of ½ zᵀQz.
   void add_quadratic(Index row, Index column, double value) { Q_.add(row, column, value); }
 
-  /// low <= row <= high: an equality where both are the same, nothing for an infinite side, row − low before
-  /// high − row. `field` and
-  /// `index` say in errors where it is from: NaN, or low > high.
+  /// low <= row <= high: an equality where both are the same, nothing for a side of infinite_limit or more,
+  /// row − low before high − row. `field` and `index` say in errors where it is from: NaN, or low > high.
   [[nodiscard]] Expected<void> add_range(const AffineRow& row, double low, double high, const char* field,
                                          std::int64_t index);
   /// 0 <= left ⊥ right >= 0.

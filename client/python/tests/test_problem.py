@@ -82,10 +82,12 @@ def test_pairs_may_have_offsets(client):
 
 
 def test_equal_limits_are_an_equality_and_infinite_ones_nothing():
-    problem = marble.Problem(2).add_rows(np.eye(2), [1, -np.inf], [1, np.inf]).bound(1, lb=3, ub=3).bound(0, ub=7)
-    compiled = problem.compile()
-    assert compiled.sizes == (2, 2, 1, 0)
-    assert compiled.b.tolist() == [-1, -3] and compiled.d.tolist() == [7] and compiled.C.toarray().tolist() == [[-1, 0]]
+    for none in (np.inf, 1e20, 1e30):
+        problem = marble.Problem(2).add_rows(np.eye(2), [1, -none], [1, none]).bound(1, lb=3, ub=3).bound(0, -none, 7)
+        compiled = problem.compile()
+        assert compiled.sizes == (2, 2, 1, 0)
+        assert compiled.b.tolist() == [-1, -3] and compiled.d.tolist() == [7]
+        assert compiled.C.toarray().tolist() == [[-1, 0]]
 
 
 def test_a_compiled_problem_survives_the_builder():
@@ -146,6 +148,8 @@ def test_a_bad_file_is_told_with_field_and_index(tmp_path, text, field, index):
     (lambda p: p.add_rows([[1, np.nan]]), "A", (0, 1)),
     (lambda p: p.add_rows(np.eye(2), [0, 5], [1, 4]), "lb", 1),
     (lambda p: p.add_rows(np.eye(2), [0, np.inf]), "lb", 1),
+    (lambda p: p.add_rows(np.eye(2), [0, 1e20]), "lb", 1),
+    (lambda p: p.bound(None, ub=-1e20), "ub", 0),
     (lambda p: p.add_rows(np.eye(2), ub=[0, np.nan]), "ub", 1),
     (lambda p: p.add_rows(np.eye(2), ub=[0, 1, 2]), "ub", None),
     (lambda p: p.bound("nobody", 0, 1), "variable", None),

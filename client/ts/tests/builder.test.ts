@@ -101,6 +101,17 @@ test("what was built stays as it was when the builder goes on", () => {
   assert.deepEqual([problem.C.rows, problem.L.rows, problem.d.length], [1, 0, 1]);
 });
 
+test("a limit of 1e20 is none", () => {
+  for (const none of [Infinity, 1e20, 1e30]) {
+    const builder = new ProblemBuilder(1);
+    builder.row([[0, 1]], { lower: -none, upper: 2 });
+    builder.bound(0, { lower: 0, upper: none });
+    const { A, d } = builder.build();
+    assert.deepEqual([A.rows, Array.from(d)], [0, [2, 0]]);
+  }
+  assert.throws(() => new ProblemBuilder(1).row([[0, 1]], { lower: 1e20 }), { field: "rows[0].lower" });
+});
+
 test("wrong pieces are errors that name row, term and rule", () => {
   const builder = new ProblemBuilder(2);
   builder.row([[0, 1]], { lower: 0 });

@@ -15,6 +15,10 @@ namespace marble {
 /// Row and column numbers. 32 bits: no LCQP that fits a solver's memory needs more.
 using Index = std::int32_t;
 
+/// Wherever limits are given, lb ≤ row ≤ ub, one of this size or more is none. A row of C is only what it
+/// says: one with d = 1e20 holds everywhere, and costs as much as any other.
+inline constexpr double infinite_limit = 1e20;
+
 /// A sparse matrix in compressed column form; borrows its arrays.
 /// Row indices ascend strictly within a column. Empty: no rows, no columns, empty spans; else complete.
 struct SparseMatrixView {

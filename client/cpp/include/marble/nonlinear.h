@@ -96,8 +96,8 @@ struct Problem {
   /// n, the first x; its size defines n. Moved into the bounds, and off them where a function has no value or
   /// slope there.
   std::vector<double> start = {};
-  std::vector<double> lower = {};  ///< n, or empty: −∞
-  std::vector<double> upper = {};  ///< n, or empty: +∞
+  std::vector<double> lower = {};  ///< n, or empty: −∞; −1e20 and below is none
+  std::vector<double> upper = {};  ///< n, or empty: +∞; 1e20 and above is none
   std::vector<double> scale = {};  ///< n, > 0, or empty: 1. A typical change of each variable
   /// Sizes of consecutive groups of variables, their sum n, such that no function couples two groups but
   /// linearly: the stages of a plan. B of bfgs has these blocks on its diagonal. Empty: groups of at most 50.

@@ -147,11 +147,13 @@ Expected<Functions> Functions::create(const Problem& problem) {
   made.start_ = problem.start;
   for (std::size_t j = 0; j < n; ++j) {
     const auto index = static_cast<std::int64_t>(j);
-    if (!((*lower)[j] <= (*upper)[j]) || (*lower)[j] == kInfinity || (*upper)[j] == -kInfinity)
+    if (!((*lower)[j] <= (*upper)[j]) || (*lower)[j] >= infinite_limit || (*upper)[j] <= -infinite_limit)
       return unexpected(invalid("lower", index, std::to_string((*lower)[j]),
                                 "must be <= upper, " + std::to_string((*upper)[j])));
     if (!((*scale)[j] > 0.0 && (*scale)[j] < kInfinity))
       return unexpected(invalid("scale", index, std::to_string((*scale)[j]), "must be finite and > 0"));
+    if ((*lower)[j] <= -infinite_limit) (*lower)[j] = -kInfinity;
+    if ((*upper)[j] >= infinite_limit) (*upper)[j] = kInfinity;
     made.start_[j] = std::clamp(made.start_[j], (*lower)[j], (*upper)[j]);
   }
   made.lower_ = std::move(*lower), made.upper_ = std::move(*upper), made.scale_ = std::move(*scale);

@@ -21,7 +21,7 @@ from marble.base.lazy import lazy
 from marble.base.tables import Status
 from marble.client import Client
 from marble.errors import InvalidArgument, InvalidProblem
-from marble.model.layout import Family
+from marble.model.layout import INFINITE, Family
 from marble.model.lcqp import LCQP, Vector, mirrored
 from marble.model.lcqp import numbers as real
 from marble.model.problem import Problem, compiled
@@ -207,7 +207,7 @@ class MpccSolver:
         for k, sides in enumerate(self._limits):
             at = l.size - len(self._limits) + k
             for offset, place in zip((l, r), sides, strict=True):
-                if not np.isfinite(low[place]):
+                if not -INFINITE < low[place] < INFINITE:
                     raise InvalidProblem("lbx" if place >= m else "lbg", f"must be finite, as it is of cc_pairs[{k}]",
                                          index=place - m if place >= m else place,
                                          value=forms.variables[place - m] if place >= m else low[place])

@@ -9,7 +9,10 @@ export type Term = readonly [index: number, factor: number];
 /** A variable by its index, or Σ factor · z[index] + constant. */
 export type Expression = number | { terms: readonly Term[]; constant?: number };
 
-/** Default: none. */
+// A limit of this size or more is none.
+const infinite = 1e20;
+
+/** Default: none. A limit of 1e20 or more is none either. */
 export interface Bounds {
   lower?: number;
   upper?: number;
@@ -276,17 +279,17 @@ function place(field: string, terms: readonly Term[], limits: Bounds, A: Rows, C
   const { lower, upper } = limitsOf(field, limits);
   if (lower === upper) return { equality: A.add(terms, -lower) };
   const result: Place = {};
-  if (lower > -Infinity) result.lower = C.add(terms, -lower);
-  if (upper < Infinity) result.upper = C.add(terms, upper, -1);
+  if (lower > -infinite) result.lower = C.add(terms, -lower);
+  if (upper < infinite) result.upper = C.add(terms, upper, -1);
   return result;
 }
 
 function limitsOf(field: string, { lower = -Infinity, upper = Infinity }: Bounds): { lower: number; upper: number } {
-  if (Number.isNaN(lower) || lower === Infinity) {
-    throw invalid(`${field}.lower`, "must be finite or -Infinity", { value: lower });
+  if (!(lower < infinite)) {
+    throw invalid(`${field}.lower`, "must be below 1e20; -Infinity is no limit", { value: lower });
   }
-  if (Number.isNaN(upper) || upper === -Infinity) {
-    throw invalid(`${field}.upper`, "must be finite or Infinity", { value: upper });
+  if (!(upper > -infinite)) {
+    throw invalid(`${field}.upper`, "must be above -1e20; Infinity is no limit", { value: upper });
   }
   if (lower > upper) throw invalid(`${field}.lower`, `must be at most the upper limit ${upper}`, { value: lower });
   return { lower, upper };

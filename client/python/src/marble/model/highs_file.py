@@ -24,7 +24,6 @@ ENDINGS: Final = {".mps": ".mps", ".qps": ".mps", ".lp": ".lp"}  # and by which 
 _MOST_BYTES: Final = 1 << 30
 _BYTES_OF_HIGHS, _BYTES_A_BYTE = 2 << 30, 100  # of address space
 _SECONDS, _BYTES_A_SECOND = 60, 1 << 20
-_INFINITE: Final = 1e20
 _PARTS: Final = ("cost", "offset", "maximize", "low", "high", "row_low", "row_high", "starts", "rows", "values",
                  "hessian_starts", "hessian_rows", "hessian_values", "discrete", "names")
 _NO_MODULE, _REFUSED, _TOO_LARGE = 3, 4, 5  # exit codes
@@ -133,11 +132,6 @@ def _read_here(path: str) -> int:
     with os.fdopen(out, "wb") as stream:
         stream.write(packed.getvalue())
     return 0
-
-
-def finite(limits: Any, otherwise: float) -> Any:
-    """Limits beyond 1e20 are none, as in HiGHS."""
-    return np.where(np.abs(limits) >= _INFINITE, otherwise, limits)
 
 
 if __name__ == "__main__":

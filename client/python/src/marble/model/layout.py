@@ -16,6 +16,9 @@ sp: Any = lazy("scipy.sparse")
 
 Places = NDArray[np.intp]
 
+INFINITE = 1e20
+"""A limit of this size or more is none, wherever limits are given, as in HiGHS."""
+
 
 @dataclass(frozen=True, eq=False)
 class Layout:
@@ -28,9 +31,9 @@ class Layout:
     @staticmethod
     def of(low: Vector, high: Vector) -> Layout:
         """Of rows with these limits."""
-        equal = low == high
-        lower = np.flatnonzero(~equal & np.isfinite(low))
-        upper = np.flatnonzero(~equal & np.isfinite(high))
+        equal, has_lower, has_upper = limit_kinds(low, high)
+        lower = np.flatnonzero(~equal & has_lower)
+        upper = np.flatnonzero(~equal & has_upper)
         source = np.concatenate([lower, upper])
         sign = np.concatenate([np.ones(lower.size), -np.ones(upper.size)])
         order = np.argsort(source, kind="stable")  # the two sides of a row stand together
@@ -81,7 +84,7 @@ class Family:
 
     def __init__(self, patterns: Sequence[Any], low: Vector, high: Vector, name: str = "") -> None:
         Q, rows, L, R = patterns
-        self._kinds = _kinds(low, high)
+        self._kinds = limit_kinds(low, high)
         self.layout = Layout.of(low, high)
         self._patterns: dict[str, Any] = {"Q": Q, "L": L, "R": R}
         n = rows.shape[1]
@@ -104,7 +107,7 @@ class Family:
 
     def fits(self, low: Vector, high: Vector) -> bool:
         """Whether limits like these belong to it."""
-        return all(np.array_equal(mine, other) for mine, other in zip(self._kinds, _kinds(low, high), strict=True))
+        return all(np.array_equal(mine, other) for mine, other in zip(self._kinds, limit_kinds(low, high), strict=True))
 
     def problem(self, *, Q: Vector, g: Vector, c0: float, rows: Vector, constant: Vector, low: Vector, high: Vector,
                 L: Vector, l: Vector, R: Vector, r: Vector) -> LCQP:
@@ -129,8 +132,9 @@ class Family:
         return self._last
 
 
-def _kinds(low: Vector, high: Vector) -> tuple[Any, Any, Any]:
-    return low == high, np.isfinite(low), np.isfinite(high)
+def limit_kinds(low: Vector, high: Vector) -> tuple[Any, Any, Any]:
+    """Which rows are equalities, which have a lower limit, and which an upper one."""
+    return low == high, low > -INFINITE, high < INFINITE
 
 
 def _filled(pattern: Any, values: Vector) -> Any:

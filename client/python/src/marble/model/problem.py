@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from marble.base.lazy import lazy
 from marble.errors import InvalidProblem
 from marble.model import highs_file, problem_file
-from marble.model.layout import Layout, stack, taken
+from marble.model.layout import INFINITE, Layout, stack, taken
 from marble.model.lcqp import LCQP, MatrixLike, Vector, csc, matrix, mirrored, numbers, upper_triangle, vector
 from marble.model.solution import Solution
 
@@ -32,9 +32,10 @@ def _limits(values: ArrayLike | None, otherwise: float, size: int, name: str) ->
         array = np.full(size, float(array))
     if array.shape != (size,):
         raise InvalidProblem(name, f"must have {size} entries", value=f"of shape {array.shape}")
-    bad = np.flatnonzero(np.isnan(array) | (array == -otherwise))
+    wrong = array >= INFINITE if otherwise < 0 else array <= -INFINITE
+    bad = np.flatnonzero(np.isnan(array) | wrong)
     if bad.size:
-        rule = "must be a number or -inf" if otherwise < 0 else "must be a number or inf"
+        rule = "must be below 1e20; -inf is no limit" if otherwise < 0 else "must be above -1e20; inf is no limit"
         raise InvalidProblem(name, rule, index=int(bad[0]), value=array[bad[0]])
     return array
 
@@ -116,7 +117,7 @@ class Problem:
         return self
 
     def add_rows(self, A: MatrixLike, lb: ArrayLike | None = None, ub: ArrayLike | None = None) -> Problem:
-        """Adds rows lb ≤ A z ≤ ub. A: m × n; lb, ub: m entries or one number for all; None is no limit."""
+        """Adds rows lb ≤ A z ≤ ub. A: m × n; lb, ub: m entries or one number for all. None and ±1e20 are no limit."""
         rows = matrix(A, "A", self.n)
         low = _limits(lb, -np.inf, rows.shape[0], "lb")
         high = _limits(ub, np.inf, rows.shape[0], "ub")
@@ -232,8 +233,7 @@ class Problem:
         if parts["hessian_values"].size:
             Q = sp.csc_matrix((sign * parts["hessian_values"], parts["hessian_rows"], parts["hessian_starts"]), (n, n))
         problem.minimize(Q, sign * parts["cost"], sign * float(parts["offset"]))
-        low, high, row_low, row_high = (highs_file.finite(parts[name], -np.inf if name.endswith("low") else np.inf)
-                                        for name in ("low", "high", "row_low", "row_high"))
+        low, high, row_low, row_high = (parts[name] for name in ("low", "high", "row_low", "row_high"))
         if row_low.size:
             A = sp.csc_matrix((parts["values"], parts["rows"], parts["starts"]), (row_low.size, n))
             problem.add_rows(A, row_low, row_high)
