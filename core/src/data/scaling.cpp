@@ -184,7 +184,7 @@ void accept_constant_rows(ScaledProblem& p) {
     const double largest = tuning::exactness * p.equality_scale[row];
     if (p.b[row] != 0.0 && std::abs(p.b[row]) <= largest && is_constant(p.A, row)) p.b[row] = 0.0;
   }
-  for (Index row = 0; row < p.inequalities(); ++row) {
+  for (Index row = 0; row < p.rows.rows; ++row) {
     const double largest = tuning::exactness * p.row_scale[row];
     if (p.offset[row] < 0.0 && -p.offset[row] <= largest && is_constant(p.rows, row)) p.offset[row] = 0.0;
   }

@@ -40,5 +40,25 @@ TEST(ConstantRow, IsAcceptedWhereItsViolationIsRounding) {
   }
 }
 
+// 0 ≤ offset ⊥ z ≥ 0, and with 1 ≥ 0 in place of z: sides were held to more than rows of C.
+TEST(ConstantRow, OfAPairIsAcceptedLikeOneOfC) {
+  for (const double offset : {-1e-9, -1e-12, 0.0, 1e-9, 1e-7}) {
+    for (const bool both : {false, true}) {
+      OwnedProblem p;
+      p.Q = testing::sparse(Eigen::MatrixXd::Constant(1, 1, 1.0));
+      p.g = {-1.0};
+      Triplets side;
+      if (!both) side.add(0, 0, 1.0);
+      p.L = compress(1, 1, {}, "L").value();
+      p.R = compress(1, 1, side, "R").value();
+      p.l = {offset}, p.r = {both ? 1.0 : 0.0};
+      const Solution s = Solver::create(Problem::create(p.view()).value()).value().solve().value();
+      EXPECT_EQ(s.status, Status::solved) << offset << " " << s.detail;
+      if (offset > 0.0) continue;  // a side of 1e-7 may be zero too, and z with it
+      EXPECT_NEAR(s.z[0], 1.0, 1e-9) << offset;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace marble
