@@ -2,6 +2,7 @@
 #include <cmath>
 #include <utility>
 
+#include "dense/dense_search.h"
 #include "model/text_of.h"
 #include "run/termination.h"
 #include "strategy.h"
@@ -34,6 +35,8 @@ void Strategy::solve_start(Run& run, ConstVectorRef z) {
     engine.start(start_->x.z(), start_->set);
     static_cast<void>(incumbent_.solve_branch(run, engine));
   }
+  if (!incumbent_.exists() && DenseSearch::fits(problem_))
+    DenseSearch(problem_, incumbent_).solve_branch(run, start_->set);
   start_is_exact_ = incumbent_.exists() && incumbent_.best().objective <= start_->objective;
   if (start_is_exact_) *start_ = incumbent_.best();
   run.add_incumbent(problem_.user_objective(start_->objective));
@@ -68,6 +71,27 @@ Strategy::Answer Strategy::not_above_start(Run& run, Answer answer, ConstVectorR
            "the start is feasible, and nothing lower was found; " + describe(start_->violations),
            {}},
           &path_point_.x};
+}
+
+// A feasible solution to start from that was left, and is lower than what was found elsewhere.
+Strategy::Answer Strategy::not_above_warm_start(Run& run, Answer answer, ConstVectorRef z) {
+  if (answer.ending.status == Status::unbounded) return answer;
+  const auto judged = [this](ConstVectorRef point) {
+    Iterate x(problem_);
+    x.z() = point;
+    Images images(problem_);
+    images.evaluate(problem_, x);
+    return std::pair(within_tolerances(violations(problem_, images), options_), images.objective);
+  };
+  const auto [start_is_feasible, start] = judged(z);
+  if (!start_is_feasible) return answer;
+  const auto [is_feasible, objective] = judged(answer.x->z());
+  if (is_feasible && objective <= start + tuning::rounding * (1.0 + std::abs(start))) return answer;
+  path_point_.x.all = answer.x->all;  // the answer may be the incumbent, which the start's branch replaces
+  answer.x = &path_point_.x;
+  const Vector kept = z;
+  solve_start(run, kept);
+  return start_ ? not_above_start(run, std::move(answer), kept, true) : answer;
 }
 
 }  // namespace marble

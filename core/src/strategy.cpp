@@ -32,6 +32,8 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z, const std::op
   if (how.keeps_start) solve_start(run, initial_z);
   Answer local = run_locally(run, initial_z, warm_start, how.resumes ? last : Stage::beginning);
   if (start_) local = not_above_start(run, std::move(local), initial_z, warm_start.has_value());
+  if (!start_ && warm_start && !local.stayed_warm)
+    local = not_above_warm_start(run, std::move(local), warm_start->solution->z());
   local = solve_densely(run, std::move(local));
   if (!ended_by_force(local.ending.status)) stage_ = Stage::beginning;
   return options_.global ? search_globally(run, std::move(local), warm_start.has_value()) : local;
@@ -178,8 +180,14 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage f
     end = follow_path(run, options_.kappa_min);
     if (ended_by_force(end->status) && stage_ == Stage::beginning) stage_ = Stage::end_of_path;
   }
-  if (!ended_by_force(end->status) && stage_ == Stage::beginning && options_.polish)
+  if (ended_by_force(end->status) || stage_ != Stage::beginning) return end;
+  if (options_.polish) {
     static_cast<void>(solve_path_branch(run, false));
+  } else if (options_.path == Path::fast && !is_solved(end->status) && !is_proof(end->status)) {
+    // The fast path counts on a polish: where it fails without, a branch is better than no answer.
+    if (solve_path_branch(run, true) == PathBranch::not_exact)
+      static_cast<void>(search_.find(run, initial_z));
+  }
   return end;
 }
 
@@ -324,7 +332,11 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   if (ray) return {unbounded_along(*std::move(ray)), &path_point_.x};
   if (incumbent_.best().objective < before) answer = finish_exact(run);
   if (small) answer.ending.detail += "; small_budget: " + (convex ? tree.remark : "starts elsewhere");
-  if (tree.proved) answer.b_stationary = true;
+  if (tree.proved) {
+    answer.b_stationary = true;
+  } else if (std::isfinite(tree.bound)) {
+    tree.measure(problem_.user_objective(incumbent_.best().objective));
+  }
   answer.tree = std::move(tree);
   return answer;
 }
@@ -344,17 +356,14 @@ TreeResult Strategy::search_small_tree(Run& run, ConstVectorRef z, bool known_co
   Run part = run.part(true);
   const TreeResult found = tree.search(part, z, known_convex, {tree_bytes_, 0.0, false});
   run.add_part(part);
-  TreeResult told;
-  told.end = found.end;
-  told.remark = found.remark;
-  told.ray = found.ray;
-  told.nodes = found.nodes;
-  told.open_nodes = found.open_nodes;
-  if (!found.proved) return told;
-  told.proved = true;
-  told.bound = found.bound;
-  told.gap = found.gap;
-  return told;
+  return {.end = found.end,
+          .ray = found.ray,
+          .proved = found.proved,
+          .bound = found.bound,
+          .gap = found.gap,
+          .nodes = found.nodes,
+          .open_nodes = found.open_nodes,
+          .remark = found.remark};
 }
 
 }  // namespace marble

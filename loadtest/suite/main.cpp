@@ -20,13 +20,14 @@ constexpr const char* kUsage =
     "             [--peers COMMAND]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
     "Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global "
-    "hard statuses qp coupled scenarios; "
+    "hard statuses starts qp coupled scenarios; "
     "all "
     "of "
     "them by "
     "default.\n"
     "  --seeds N            of the random families, default 20\n"
-    "  --judge              hard, statuses and scenarios: on even seeds, the half that nothing is chosen on\n"
+    "  --judge              hard, statuses, starts and scenarios: on even seeds, the half that nothing is "
+    "chosen on\n"
     "  --starts K           of the references where none is known, default 8\n"
     "  --time-limit S       of global, default 60\n"
     "  --only NAME          of global and qp, that problem; of coupled small, large, hoppers or pieces;\n"
@@ -117,12 +118,24 @@ int main(int argc, char** argv) {
   }
 
   const std::pair<const char*, std::function<void(const suite::Settings&)>> families[] = {
-      {"macmpec", suite::macmpec},   {"perturbed", suite::perturbed},   {"robotics", suite::robotics},
-      {"variants", suite::variants}, {"qpecs", suite::qpecs},           {"warm", suite::warm},
-      {"mpc", suite::mpc},           {"growth", suite::growth},         {"horizons", suite::horizons},
-      {"units", suite::units},       {"throughput", suite::throughput}, {"global", suite::global},
-      {"hard", suite::hard},         {"statuses", suite::statuses},     {"qp", suite::qp},
-      {"coupled", suite::coupled},   {"scenarios", suite::scenarios}};
+      {"macmpec", suite::macmpec},
+      {"perturbed", suite::perturbed},
+      {"robotics", suite::robotics},
+      {"variants", suite::variants},
+      {"qpecs", suite::qpecs},
+      {"warm", suite::warm},
+      {"mpc", suite::mpc},
+      {"growth", suite::growth},
+      {"horizons", suite::horizons},
+      {"units", suite::units},
+      {"throughput", suite::throughput},
+      {"global", suite::global},
+      {"hard", suite::hard},
+      {"statuses", suite::statuses},
+      {"starts", suite::starts},
+      {"qp", suite::qp},
+      {"coupled", suite::coupled},
+      {"scenarios", suite::scenarios}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
       std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());

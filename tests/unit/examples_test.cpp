@@ -64,6 +64,15 @@ TEST(PublishedExamples, OfARocketHasThePapersObjectives) {
   EXPECT_NEAR(paper.objective, 381.19, 0.005);
 }
 
+// Its path fails: a branch is solved then, though not where a path ends well.
+TEST(PublishedExamples, ARocketIsSolvedWithoutPolishToo) {
+  for (const OwnedProblem& p : {published_rocket(), rocket()}) {
+    const Solution s = solve_in_process(p.view(), {.polish = false}).value();
+    EXPECT_EQ(s.status, Status::solved) << p.name << ": " << s.detail;
+    EXPECT_LE(infeasibility(p, s.z), 1e-6) << p.name;
+  }
+}
+
 TEST(PublishedExamples, OfGatesAndHopperAreSolvedToWhatIsKnown) {
   const struct {
     OwnedProblem problem;

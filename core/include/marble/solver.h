@@ -36,7 +36,7 @@ struct SolveControls {
   /// the answer is never above that branch's solution, also of a solve that is stopped.
   std::span<const double> initial_z = {};
   /// An answer to this problem or one like it, of the same sizes, z and multipliers: its branch is tried
-  /// first.
+  /// first. Where its z is feasible for the numbers of now, the answer is not above it.
   const Solution* warm_start = nullptr;
   /// Derivatives of the answer by the problem's numbers, by the factor that the solve ends with.
   const SensitivityRequest* sensitivity = nullptr;

@@ -42,7 +42,9 @@ struct TreeResult {
   std::int64_t nodes = 0, open_nodes = 0, warm_nodes = 0;
   std::string remark;
 
-  /// Told of a better answer than the tree had: one that is feasible to the tolerances only.
+  /// The gap of another answer than the tree had, and a bound that is not above it.
+  void measure(double objective);
+  /// The answer is lower than the tree's: one that is feasible to the tolerances only.
   void answer_is(double objective, const Options& options);
 };
 

@@ -20,9 +20,13 @@ double within(const Options& options) { return std::max(options.gap_tolerance, t
 
 }  // namespace
 
-void TreeResult::answer_is(double objective, const Options& options) {
+void TreeResult::measure(double objective) {
   bound = std::min(bound, objective);
   gap = relative_gap(objective, bound);
+}
+
+void TreeResult::answer_is(double objective, const Options& options) {
+  measure(objective);
   proved = gap <= within(options);
   remark += std::string(", for the answer, feasible to the tolerances only: ") +
             (proved ? "proved" : "not proved") + ", gap " + scientific(gap, 1);

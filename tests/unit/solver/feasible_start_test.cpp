@@ -9,6 +9,7 @@
 #include "marble/warm_solver.h"
 #include "support/judges/independent_check.h"
 #include "support/problems/random_problem.h"
+#include "support/random/control_step.h"
 
 namespace marble {
 namespace {
@@ -83,6 +84,31 @@ TEST(FeasibleStart, IsKeptByAWarmSolverToo) {
       if (s.status == Status::unbounded) continue;
       EXPECT_TRUE(is_solved(s.status)) << seed << ": " << s.detail;
       EXPECT_LE(s.objective, above + 1e-8 * (1.0 + std::abs(above))) << seed;
+    }
+  }
+}
+
+TEST(FeasibleStart, NoAnswerToAControlStepIsAboveItsRollOut) {
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    testing::ControlSteps steps(seed);
+    OwnedProblem p = steps.problem();
+    WarmSolver session = WarmSolver::create(Problem::create(p.view()).value()).value();
+    Solution last;
+    for (int tick = 0; tick < 3; ++tick, steps.advance(), p = steps.problem()) {
+      const double above = objective_at(p, p.initial_z);
+      const auto expect_not_above = [&](const Solution& s, const char* how) {
+        EXPECT_EQ(s.status, Status::solved) << how << seed << ": " << s.detail;
+        EXPECT_LE(testing::judge(p.view(), s).infeasibility(), 1e-6) << how << seed;
+        EXPECT_LE(s.objective, above + 1e-8 * (1.0 + std::abs(above))) << how << seed;
+      };
+      const Solution alone = solve_in_process(p.view(), {}, {.initial_z = p.initial_z}).value();
+      expect_not_above(alone, "alone ");
+      const ProblemUpdate numbers{.c0 = p.c0, .g = p.g, .b = p.b, .r = p.r};
+      expect_not_above(session.solve(numbers, {.initial_z = p.initial_z}).value(), "session ");
+      Solution warm = tick == 0 ? alone : last;
+      warm.z = p.initial_z;
+      expect_not_above(solve_in_process(p.view(), {}, {.warm_start = &warm}).value(), "warm ");
+      last = alone;
     }
   }
 }

@@ -1,0 +1,135 @@
+// Feasible starts of control steps: whether an answer is ever infeasible, above its start, or above the
+// optimum of the start's branch.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <stop_token>
+#include <vector>
+
+#include "families.h"
+#include "marble/warm_solver.h"
+#include "support/judges/independent_check.h"
+#include "support/random/control_step.h"
+
+namespace marble::suite {
+namespace {
+
+constexpr int kTicks = 5;
+
+struct StartTally {
+  const char* how;
+  bool of_branch = true;  ///< its answer is not above the optimum of the start's branch
+  int answers = 0, infeasible = 0, above_start = 0, above_branch = 0, solved = 0;
+  std::vector<double> factorizations = {};
+
+  void count(const OwnedProblem& p, double start, double branch, const Solution& s) {
+    const auto above = [&](double than) { return s.objective > than + 1e-8 * std::max(1.0, std::abs(than)); };
+    ++answers;
+    infeasible += testing::judge(p.view(), s).infeasibility() > 1e-6;
+    above_start += above(start);
+    above_branch += of_branch && above(branch);
+    solved += s.status == Status::solved;
+    factorizations.push_back(s.factorizations);
+  }
+};
+
+double objective_at(const OwnedProblem& p, const std::vector<double>& z) {
+  Solution point;
+  point.z = z;
+  point.equality_multipliers.resize(p.b.size());
+  point.inequality_multipliers.resize(p.d.size());
+  point.complementarity_multipliers_L = point.complementarity_multipliers_R = std::vector<double>(p.l.size());
+  return testing::judge(p.view(), point).objective;
+}
+
+// What the rows of a matrix come to at z.
+std::vector<double> at(const SparseMatrix& matrix, std::vector<double> offset, const std::vector<double>& z) {
+  for (std::size_t j = 0; j < z.size(); ++j) {
+    for (Index k = matrix.column_pointers[j]; k < matrix.column_pointers[j + 1]; ++k)
+      offset[static_cast<std::size_t>(matrix.row_indices[static_cast<std::size_t>(k)])] +=
+          matrix.values[static_cast<std::size_t>(k)] * z[j];
+  }
+  return offset;
+}
+
+// The optimum of the QP with the smaller side of each pair held at zero.
+double branch_optimum(const OwnedProblem& p, const std::vector<double>& z) {
+  const std::vector<double> s = at(p.L, p.l, z), t = at(p.R, p.r, z);
+  Triplets equal, above;
+  OwnedProblem qp = p;
+  const auto stack = [&](const SparseMatrix& matrix, const std::vector<double>& offset, Triplets& rows,
+                         std::vector<double>& constants, const std::function<bool(std::size_t)>& wanted) {
+    std::vector<Index> place(offset.size(), -1);
+    for (std::size_t i = 0; i < offset.size(); ++i) {
+      if (!wanted(i)) continue;
+      place[i] = static_cast<Index>(constants.size());
+      constants.push_back(offset[i]);
+    }
+    for (Index j = 0; j < matrix.columns; ++j) {
+      for (Index k = matrix.column_pointers[static_cast<std::size_t>(j)];
+           k < matrix.column_pointers[static_cast<std::size_t>(j) + 1]; ++k) {
+        const Index row = place[static_cast<std::size_t>(matrix.row_indices[static_cast<std::size_t>(k)])];
+        if (row >= 0) rows.add(row, j, matrix.values[static_cast<std::size_t>(k)]);
+      }
+    }
+  };
+  const auto all = [](std::size_t) { return true; };
+  const auto left = [&](std::size_t i) { return s[i] <= t[i]; };
+  const auto right = [&](std::size_t i) { return s[i] > t[i]; };
+  qp.b.clear(), qp.d.clear(), qp.l.clear(), qp.r.clear();
+  stack(p.A, p.b, equal, qp.b, all), stack(p.C, p.d, above, qp.d, all);
+  stack(p.L, p.l, equal, qp.b, left), stack(p.R, p.r, above, qp.d, left);
+  stack(p.L, p.l, above, qp.d, right), stack(p.R, p.r, equal, qp.b, right);
+  const auto n = static_cast<Index>(p.g.size());
+  qp.A = compress(static_cast<Index>(qp.b.size()), n, equal, "A").value();
+  qp.C = compress(static_cast<Index>(qp.d.size()), n, above, "C").value();
+  qp.L = qp.R = {};
+  const Solution solution = solve_in_process(qp.view()).value();
+  return solution.status == Status::solved ? solution.objective : INFINITY;
+}
+
+// One controller: its steps by themselves, in a session, warm, stopped.
+void follow(std::uint64_t seed, std::array<StartTally, 5>& tallies) {
+  testing::ControlSteps steps(seed);
+  OwnedProblem p = steps.problem();
+  WarmSolver session = WarmSolver::create(Problem::create(p.view()).value()).value();
+  Solution last;
+  for (int tick = 0; tick < kTicks; ++tick, steps.advance(), p = steps.problem()) {
+    const double start = objective_at(p, p.initial_z), branch = branch_optimum(p, p.initial_z);
+    const auto count = [&](StartTally& t, const Solution& s) { t.count(p, start, branch, s); };
+    std::stop_source stopped;
+    stopped.request_stop();
+    const Solution alone = solve_in_process(p.view(), {}, {.initial_z = p.initial_z}).value();
+    count(tallies[0], alone);
+    count(tallies[1],
+          session.solve({.c0 = p.c0, .g = p.g, .b = p.b, .r = p.r}, {.initial_z = p.initial_z}).value());
+    Solution warm = tick == 0 ? alone : last;
+    warm.z = p.initial_z;
+    count(tallies[2], solve_in_process(p.view(), {}, {.warm_start = &warm}).value());
+    Solver solver = Solver::create(Problem::create(p.view()).value(), {.max_iterations = 1}).value();
+    count(tallies[3], solver.solve({.initial_z = p.initial_z}).value());
+    count(tallies[4], solver.solve({.stop = stopped.get_token(), .initial_z = p.initial_z}).value());
+    last = alone;
+  }
+}
+
+}  // namespace
+
+void starts(const Settings& settings) {
+  std::array<StartTally, 5> tallies{StartTally{"by itself"}, StartTally{"in a session"},
+                                    StartTally{"warm start's z", false}, StartTally{"one iteration"},
+                                    StartTally{"stopped", false}};
+  for (int i = 0; i < settings.seeds; ++i)
+    follow(2 * static_cast<std::uint64_t>(i) + (settings.judging ? 2 : 1), tallies);
+  std::printf("%-15s %8s %8s %11s %12s %13s %14s %6s\n", "feasible start", "answers", "solved", "infeasible",
+              "above start", "above branch", "factorizations", "worst");
+  for (const StartTally& t : tallies) {
+    std::printf("%-15s %8d %8d %11d %12d %13d %14.0f %6.0f\n", t.how, t.answers, t.solved, t.infeasible,
+                t.above_start, t.above_branch, median(t.factorizations),
+                *std::ranges::max_element(t.factorizations));
+  }
+}
+
+}  // namespace marble::suite
