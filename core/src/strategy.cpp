@@ -32,7 +32,9 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z, const std::op
   if (how.keeps_start) solve_start(run, initial_z);
   Answer local = run_locally(run, initial_z, warm_start, how.resumes ? last : Stage::beginning);
   if (start_) local = not_above_start(run, std::move(local), initial_z, warm_start.has_value());
-  if (!start_ && warm_start && !local.stayed_warm)
+  const bool goes_on =
+      how.resumes && ended_by_force(local.ending.status);  // the caller has the warm start still
+  if (!start_ && warm_start && !local.stayed_warm && !goes_on)
     local = not_above_warm_start(run, std::move(local), warm_start->solution->z());
   local = solve_densely(run, std::move(local));
   if (!ended_by_force(local.ending.status)) stage_ = Stage::beginning;
