@@ -10,20 +10,23 @@
 namespace marble::cli {
 void add_server_arguments(CLI::App& command, ServerArguments& arguments) {
   command.add_option("--server", arguments.server,
-                     "address of the server: host:port, or several with commas between, or unix:PATH; "
-                     "or local, which is this process; default MARBLE_SERVER, else 127.0.0.1:50051");
+                     "server address: host:port, several of them separated by commas, unix:PATH, or local "
+                     "for this process; default: MARBLE_SERVER, then 127.0.0.1:50051");
   command.add_option("--token-file", arguments.token_file,
-                     "its first line is the token to show; default the token in MARBLE_TOKEN");
-  command.add_flag("--tls", arguments.connect.tls, "encrypt; any other --tls option does so too");
+                     "file whose first line is the access token; default: the token in MARBLE_TOKEN");
+  command.add_flag("--tls", arguments.connect.tls,
+                   "encrypt the connection; implied by any other --tls option");
   command.add_option("--tls-ca", arguments.connect.tls_ca,
-                     "PEM file of who may vouch for the server; default MARBLE_TLS_CA, else the system's");
+                     "PEM file with the certificate authorities that may sign the server's certificate; "
+                     "default: MARBLE_TLS_CA, then the system's");
   command.add_option("--tls-certificate", arguments.connect.tls_certificate,
-                     "PEM file of the client's own certificate; default MARBLE_TLS_CERTIFICATE");
-  command.add_option("--tls-key", arguments.connect.tls_key, "PEM file of its key; default MARBLE_TLS_KEY");
+                     "PEM file with the client's certificate; default: MARBLE_TLS_CERTIFICATE");
+  command.add_option("--tls-key", arguments.connect.tls_key,
+                     "PEM file with the key of the client's certificate; default: MARBLE_TLS_KEY");
   command.add_option("--tls-server-name", arguments.connect.tls_server_name,
-                     "the name in the server's certificate, where it is not the address's");
-  command.add_option("--client-name", arguments.connect.name, "what to be called where there is no token");
-  command.add_option("--output", arguments.output, "text, or json: one object a line")
+                     "host name in the server's certificate, if it differs from the address");
+  command.add_option("--client-name", arguments.connect.name, "client name, for connections without a token");
+  command.add_option("--output", arguments.output, "output format: text, or json with one object per line")
       ->check(CLI::IsMember({"text", "json"}))
       ->capture_default_str();
 }
@@ -38,8 +41,7 @@ void add_priority_argument(CLI::App& command, Priority& priority) {
   const std::map<std::string, Priority> names = {
       {"realtime", Priority::realtime}, {"interactive", Priority::interactive}, {"batch", Priority::batch}};
   command
-      .add_option("--priority", priority,
-                  "whose turn it is when the server is busy: realtime, interactive or batch")
+      .add_option("--priority", priority, "priority in the server's queue: realtime, interactive or batch")
       ->transform(CLI::CheckedTransformer(names).description(""))
       ->type_name("TEXT");
 }

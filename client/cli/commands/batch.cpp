@@ -115,7 +115,7 @@ int run(const BatchArguments& arguments) {
 void add_batch(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<BatchArguments>();
   CLI::App* command = program.add_subcommand(
-      "batch", "Solve many problem files at once, a line an answer in the order of finishing");
+      "batch", "Solve many problem files at once and print one line per result, in order of completion");
   command
       ->add_option("FILE", arguments->files,
                    "problem files: .json, .pb, .bin, .npz, .mat, .nl or folders; - is standard input")

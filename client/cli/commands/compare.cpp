@@ -28,7 +28,8 @@ int run(const CompareArguments& arguments) {
 void add_compare(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<CompareArguments>();
   CLI::App* command = program.add_subcommand(
-      "compare", "Solve problems by several options and by other programs, and judge all answers alike");
+      "compare",
+      "Solve problems with several options and other programs, and judge all results by the same checks");
   command->add_option("FILE", arguments->files, "problems in any format")->required();
   add_comparison_arguments(*command, *arguments);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });

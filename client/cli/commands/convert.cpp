@@ -38,7 +38,7 @@ int convert(const std::string& in, const std::string& out) {
 void add_convert(CLI::App& program, int& exit_code) {
   auto in = std::make_shared<std::string>();
   auto out = std::make_shared<std::string>();
-  CLI::App* command = program.add_subcommand("convert", "Rewrite a problem in another format");
+  CLI::App* command = program.add_subcommand("convert", "Convert a problem to another file format");
   command
       ->add_option("IN", *in,
                    ".json, .pb or .bin, .npz (NumPy), .mat (MATLAB, LCQPow's names), .nl (AMPL), or a folder "

@@ -58,10 +58,12 @@ void add_example(CLI::App& program, int& exit_code) {
       ->required()
       ->check(CLI::IsMember({"hopper", "rocket", "gates", "qpec"}));
   CLI::Option* const steps =
-      command->add_option("--steps", arguments->steps, "length of the horizon; default 60, 40 or 30")
+      command
+          ->add_option("--steps", arguments->steps, "number of stages of the horizon; default 60, 40 or 30")
           ->check(CLI::Range(2, 100000));
   CLI::Option* const seed =
-      command->add_option("--seed", arguments->seed, "0 is the nominal problem, any other a variation of it")
+      command
+          ->add_option("--seed", arguments->seed, "seed of the problem's variation; 0 is the nominal problem")
           ->capture_default_str();
   command
       ->add_flag("--paper", arguments->published,

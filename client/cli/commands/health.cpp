@@ -26,8 +26,8 @@ int run(const ServerArguments& arguments) {
 }  // namespace
 
 void add_health(CLI::App& program, int& exit_code) {
-  CLI::App* command =
-      program.add_subcommand("health", "Ask a server whether it takes jobs: exit 0 if it does, 3 if not");
+  CLI::App* command = program.add_subcommand(
+      "health", "Check whether a server accepts jobs: exits with 0 if it does, with 3 if not");
   command->callback(
       [arguments = add_server_arguments(*command), &exit_code] { exit_code = run(*arguments); });
 }

@@ -46,7 +46,8 @@ int run(const ServerArguments& arguments) {
 }  // namespace
 
 void add_info(CLI::App& program, int& exit_code) {
-  CLI::App* command = program.add_subcommand("info", "Version, workers, limits and counters of a server");
+  CLI::App* command =
+      program.add_subcommand("info", "Print a server's version, workers, limits and counters");
   command->callback(
       [arguments = add_server_arguments(*command), &exit_code] { exit_code = run(*arguments); });
 }

@@ -187,26 +187,28 @@ int run(const MpcArguments& arguments) {
 void add_mpc(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<MpcArguments>();
   CLI::App* command = program.add_subcommand(
-      "mpc", "Run an example in closed loop over a session: plan, follow one step, plan again from there");
+      "mpc", "Run an example in closed loop over a session: solve, apply the first step, solve again");
   command->add_option("NAME", arguments->problem, "hopper")->required()->check(CLI::IsMember({"hopper"}));
   add_server_arguments(*command, arguments->server);
   add_priority_argument(*command, arguments->priority);
-  command->add_flag("--local", arguments->local, "solve in this process, without a server: the same bits")
+  command
+      ->add_flag("--local", arguments->local,
+                 "solve in this process, without a server; the results are identical to the last bit")
       ->excludes(command->get_option("--server"));
   add_solver_arguments(*command, arguments->solver);
-  command->add_option("--ticks", arguments->ticks, "steps to follow")
+  command->add_option("--ticks", arguments->ticks, "number of control steps")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
-  command->add_option("--steps", arguments->steps, "length of the horizon")
+  command->add_option("--steps", arguments->steps, "number of stages of the horizon")
       ->check(CLI::Range(2, 100000))
       ->capture_default_str();
-  command->add_option("--seed", arguments->seed, "0 is the nominal problem, any other a variation of it")
+  command->add_option("--seed", arguments->seed, "seed of the problem's variation; 0 is the nominal problem")
       ->capture_default_str();
-  command->add_flag("--cold", arguments->cold, "start every tick afresh, to compare");
+  command->add_flag("--cold", arguments->cold, "start every step cold, for comparison");
   command
-      ->add_flag(
-          "--prepare", arguments->prepare,
-          "send what the state does not change ahead of each tick, in a part of its own: the same bits")
+      ->add_flag("--prepare", arguments->prepare,
+                 "send the data that do not depend on the state ahead of each step (preparation phase); the "
+                 "results are identical to the last bit")
       ->excludes(command->get_option("--cold"));
   command->footer(kExitCodes);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });

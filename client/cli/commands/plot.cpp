@@ -165,26 +165,27 @@ int run(const PlotArguments& arguments) {
 void add_plot(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<PlotArguments>();
   CLI::App* command = program.add_subcommand(
-      "plot", "Draw a convergence that solve --trace or job --trace wrote: as a picture, or in the terminal");
-  command->add_option("TRACE", arguments->trace, "the CSV file; - is standard input")->required();
-  CLI::Option* output =
-      command->add_option("-o,--output", arguments->output, "the picture, by gnuplot: .png or .svg");
-  command->add_flag("--terminal", arguments->terminal, "here; so it is without -o too")->excludes(output);
+      "plot",
+      "Plot the convergence written by solve --trace or job --trace, as a picture or in the terminal");
+  command->add_option("TRACE", arguments->trace, "CSV file; - is standard input")->required();
+  CLI::Option* output = command->add_option("-o,--output", arguments->output,
+                                            "write a picture to this file, .png or .svg; needs gnuplot");
+  command->add_flag("--terminal", arguments->terminal, "plot in the terminal; the default without -o")
+      ->excludes(output);
   std::vector<std::string> names;
   for (const ProgressColumn& column : progress_columns()) names.emplace_back(column.name);
   command
       ->add_option(
           "--columns", arguments->columns,
-          "what to draw: names of columns, separated by commas. Violations, kkt_residual, kappa, rho, "
-          "regularization and gap go on a log axis, the others below; default: violations, kkt_residual, "
-          "kappa "
-          "and objective, or of a tree (option global) gap, incumbent and bound")
+          "columns to plot, separated by commas. Violations, kkt_residual, kappa, rho, regularization and "
+          "gap use a logarithmic axis, the others a linear one below; default: violations, kkt_residual, "
+          "kappa and objective, or for a tree (option global) gap, incumbent and bound")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember(names));
   command
       ->add_option("--along", arguments->along,
-                   "the horizontal axis, a column; default: iteration, or of a tree elapsed_s")
+                   "column of the horizontal axis; default: iteration, or elapsed_s for a tree")
       ->check(CLI::IsMember(names));
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }

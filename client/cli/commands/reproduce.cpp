@@ -196,7 +196,7 @@ int run(const ReproduceArguments& arguments) {
 
 void add_reproduce(CLI::App& program, int& exit_code) {
   CLI::App* command = program.add_subcommand(
-      "reproduce", "Make the tables and figures of the papers again, with other solvers beside if asked");
+      "reproduce", "Reproduce the tables and figures of the papers, on request beside other solvers");
   auto arguments = std::make_shared<ReproduceArguments>();
   command
       ->add_option(
@@ -209,16 +209,20 @@ void add_reproduce(CLI::App& program, int& exit_code) {
       ->check(CLI::IsMember({"table1", "figure4", "retraction", "ra-bt6", "aladin-figures"}));
   command->add_option("FILE", arguments->files, "problems in any format, for figure4 and retraction");
   command
-      ->add_option("--seeds", arguments->seeds,
-                   "of ra-bt6, whose median counts, and of aladin-figures, from 0")
+      ->add_option(
+          "--seeds", arguments->seeds,
+          "number of seeds of ra-bt6, which reports their median, and of aladin-figures; the first is 0")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
-  command->add_option("--levels", arguments->levels, "of ra-bt6, each with twice the samples of the last")
+  command
+      ->add_option("--levels", arguments->levels,
+                   "stages of ra-bt6, each with twice the samples of the one before")
       ->check(CLI::Range(1, 26))
       ->capture_default_str();
   command
-      ->add_option("--test", arguments->test,
-                   "of ra-bt6: which measure ends a level, merit (a tenth of the first) or step (half of it)")
+      ->add_option(
+          "--test", arguments->test,
+          "measure that ends a stage of ra-bt6: merit (a tenth of the first value) or step (half of it)")
       ->transform(CLI::CheckedTransformer(std::map<std::string, nonlinear::LevelTest>{
           {"merit", nonlinear::LevelTest::merit}, {"step", nonlinear::LevelTest::step}}));
   judge_as_authors(*arguments);

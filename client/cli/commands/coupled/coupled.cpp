@@ -143,25 +143,26 @@ int run(const CoupledArguments& arguments) {
 void add_coupled(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<CoupledArguments>();
   CLI::App* command = program.add_subcommand(
-      "coupled", "Solve problems that rows tie together, or a long one in pieces, block by block");
+      "coupled", "Solve problems coupled by linear rows, or one long horizon in segments, by decomposition");
   command
       ->add_option(
           "FILE", arguments->file,
           "JSON: \"total\", and \"blocks\" of \"problem\" (a file) and \"coupling\" (rows, cols, i, j, "
-          "v); with --pieces a problem")
+          "v); with --pieces, a problem file")
       ->required();
-  auto* pieces = command->add_option("--pieces", arguments->pieces, "cut the problem into so many");
+  auto* pieces =
+      command->add_option("--pieces", arguments->pieces, "cut the horizon into this many segments");
   auto* width = command->add_option("--stage-variables", arguments->stage_variables,
-                                    "variables of a stage, which follow each other");
+                                    "number of variables per stage; stages are stored one after the other");
   pieces->needs(width)->check(CLI::Range(Index{1}, static_cast<Index>(kMostBlocks)));
   width->needs(pieces)->check(CLI::Range(Index{1}, std::numeric_limits<Index>::max()));
   command
       ->add_option("--look-ahead", arguments->look_ahead,
-                   "stages that a piece looks ahead at first; -1: a third of a piece")
+                   "stages by which the segments of the forward pass overlap; -1: a third of a segment")
       ->needs(pieces)
       ->capture_default_str();
   command->add_flag("--sessions", arguments->sessions,
-                    "each block in a session, dealt to the servers of the address");
+                    "solve each block in a session; the blocks are distributed over the servers of --server");
   add_server_arguments(*command, arguments->server);
   add_priority_argument(*command, arguments->priority);
   add_solver_arguments(*command, arguments->solver);

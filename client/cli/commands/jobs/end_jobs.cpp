@@ -54,7 +54,7 @@ void add_command(CLI::App& program, int& exit_code, const char* name, const char
                  Action action) {
   auto arguments = std::make_shared<EndArguments>();
   CLI::App* command = program.add_subcommand(name, description);
-  command->add_option("JOB", arguments->jobs, "ids, as submit or jobs print them")->required();
+  command->add_option("JOB", arguments->jobs, "job ids printed by submit or jobs")->required();
   add_server_arguments(*command, arguments->server);
   command->callback([arguments, action, &exit_code] { exit_code = run(*arguments, action); });
 }
@@ -62,12 +62,12 @@ void add_command(CLI::App& program, int& exit_code, const char* name, const char
 }  // namespace
 
 void add_cancel(CLI::App& program, int& exit_code) {
-  add_command(program, exit_code, "cancel", "End jobs; a running one's best iterate is its answer",
+  add_command(program, exit_code, "cancel", "Cancel jobs; a running job returns its best iterate",
               &cancel_job);
 }
 
 void add_delete(CLI::App& program, int& exit_code) {
-  add_command(program, exit_code, "delete", "Let submitted jobs and their answers go", &delete_job);
+  add_command(program, exit_code, "delete", "Delete submitted jobs and their solutions", &delete_job);
 }
 
 }  // namespace marble::cli

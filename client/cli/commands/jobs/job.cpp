@@ -165,16 +165,14 @@ int run(const JobArguments& arguments) {
 
 void add_job(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<JobArguments>();
-  CLI::App* command = program.add_subcommand(
-      "job", "Tell all that is known of one job, with its options and its convergence");
-  command->add_option("JOB", arguments->job, "its id")->required();
+  CLI::App* command = program.add_subcommand("job", "Show a job: its state, options and convergence");
+  command->add_option("JOB", arguments->job, "job id")->required();
   add_server_arguments(*command, arguments->server);
-  command->add_option("--trace", arguments->trace, "write the convergence to this file too, as CSV");
+  command->add_option("--trace", arguments->trace, "also write the convergence to this file, as CSV");
   command
-      ->add_option(
-          "--bundle", arguments->bundle,
-          "write the submitted job with its problem and its answer to this .tar.zst file instead, for a bug "
-          "report (see: marble replay)")
+      ->add_option("--bundle", arguments->bundle,
+                   "write the job with its problem and solution to this .tar.zst file instead, for a bug "
+                   "report (see: marble replay)")
       ->excludes(command->get_option("--trace"));
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }

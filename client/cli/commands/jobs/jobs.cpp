@@ -60,14 +60,15 @@ void add_jobs(CLI::App& program, int& exit_code) {
                                                   {"finished", JobState::finished}};
   command
       ->add_option("--state", arguments->query.states,
-                   "only jobs that are queued, running, idle or finished; may be repeated")
+                   "only jobs in this state: queued, running, idle or finished; may be repeated")
       ->allow_extra_args(false)
       ->transform(CLI::CheckedTransformer(states).description(""))
       ->type_name("TEXT");
   command->add_option("--client", arguments->query.client, "only jobs of this client");
-  command->add_option("--limit", arguments->query.limit, "at most this many; 0 means 100")
+  command->add_option("--limit", arguments->query.limit, "largest number of jobs; 0: 100")
       ->check(CLI::Range(0, 10000));
-  command->add_option("--before", arguments->query.before_job_id, "only jobs older than this one: to go on");
+  command->add_option("--before", arguments->query.before_job_id,
+                      "only jobs older than this one, to list the next page");
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }
 

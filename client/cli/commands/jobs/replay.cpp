@@ -210,16 +210,17 @@ void add_replay(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<ReplayArguments>();
   arguments->server.server = contract::local_address;
   CLI::App* command = program.add_subcommand(
-      "replay", "Solve a bundle again, here or by a server, and tell bit for bit what differs");
-  command->add_option("BUNDLE", arguments->bundle, "as job --bundle or solve --bundle wrote it")->required();
+      "replay", "Solve a bundle again, locally or on a server, and compare the results bit by bit");
+  command->add_option("BUNDLE", arguments->bundle, "bundle file written by job --bundle or solve --bundle")
+      ->required();
   add_server_arguments(*command, arguments->server);
   command->footer(
-      "Without --server it is solved in this process. Iterations, status, answer and multipliers are "
-      "compared, times\n"
-      "are not; where a limit on time or somebody ended the solve, only its iterations are. Another version, "
-      "or a\n"
-      "processor with other kernels, may round otherwise: both are told.\n"
-      "Exit codes: 0 the same, 1 something differs, 2 usage or no bundle, 3 server unreachable or refused.");
+      "Without --server the bundle is solved in this process. The command compares iterations, status, "
+      "solution and\nmultipliers, but no times. If a time limit or a cancel ended the recorded solve, it "
+      "compares iterations only. Another\nversion or processor may round differently; the command reports "
+      "both.\n"
+      "Exit codes: 0 identical, 1 different, 2 wrong usage or no bundle, 3 server unreachable or request "
+      "refused.");
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }
 

@@ -109,15 +109,17 @@ int run(const ResultArguments& arguments) {
 
 void add_result(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<ResultArguments>();
-  CLI::App* command = program.add_subcommand("result", "Print the answers of submitted jobs, as solve does");
-  command->add_option("JOB", arguments->jobs, "ids, as submit printed them")->required();
+  CLI::App* command =
+      program.add_subcommand("result", "Print the solutions of submitted jobs, in the format of solve");
+  command->add_option("JOB", arguments->jobs, "job ids printed by submit")->required();
   add_server_arguments(*command, arguments->server);
-  command->add_flag("--wait", arguments->wait, "wait for those that have not finished; else they exit 1");
+  command->add_flag("--wait", arguments->wait,
+                    "wait for unfinished jobs; otherwise an unfinished job exits with 1");
   command
       ->add_option("--after", arguments->after,
-                   "of an array: only answers after the first so many, to go on where reading ended")
+                   "of an array job: skip this many solutions, to resume where an earlier call stopped")
       ->check(CLI::NonNegativeNumber);
-  command->footer(std::string("Ctrl-C ends the waiting, not the jobs.\n") + kExitCodes);
+  command->footer(std::string("Ctrl-C stops waiting; the jobs continue.\n") + kExitCodes);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }
 

@@ -146,16 +146,16 @@ int run(const SubmitArguments& arguments) {
 void add_submit(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<SubmitArguments>();
   CLI::App* command = program.add_subcommand(
-      "submit", "Hand problem files over to be solved, and print the ids of the jobs: see result and watch");
+      "submit", "Submit problem files as jobs and print the jobs' ids; see result and watch");
   command->add_option("FILE", arguments->files, ".json, .pb or .bin; - is standard input")->required();
   add_server_arguments(*command, arguments->server);
   CLI::Option* array = command->add_flag("--array", arguments->array,
-                                         "all files, and those of directories, as one job: its id is printed "
-                                         "once it is kept, and result prints its answers");
+                                         "submit all files, and all files in directories, as one array job; "
+                                         "prints its id, and result prints its solutions");
   command
       ->add_option("--request-id", arguments->request_id,
-                   "of an array: sent again by the same client, by its token or MARBLE_CLIENT_NAME, it is "
-                   "the same job")
+                   "id chosen by the client for an array job: a repeated submission with the same id by the "
+                   "same client (token or MARBLE_CLIENT_NAME) returns the same job")
       ->needs(array);
   add_priority_argument(*command, arguments->priority);
   add_solver_arguments(*command, arguments->solver);

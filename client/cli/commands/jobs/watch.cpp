@@ -117,17 +117,18 @@ int run(const WatchArguments& arguments) {
 void add_watch(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<WatchArguments>();
   CLI::App* command = program.add_subcommand(
-      "watch",
-      "Follow a job or all jobs: live on a terminal, else a line an event, of a job until it has finished");
-  command->add_option("JOB", arguments->job, "its id; all jobs if none is given");
+      "watch", "Follow one job until it ends, or all jobs: live on a terminal, otherwise one line per event");
+  command->add_option("JOB", arguments->job, "job id; default: all jobs");
   add_server_arguments(*command, arguments->server);
   command
-      ->add_option("--interval", arguments->interval_s, "least seconds between two lines of a job's progress")
+      ->add_option("--interval", arguments->interval_s,
+                   "smallest number of seconds between two lines of a job's progress")
       ->check(CLI::Range(0.0, 1e9))
       ->capture_default_str();
-  command->add_flag("--plain", arguments->plain, "lines on a terminal too; so with TERM=dumb");
-  command->footer(std::string("On a terminal ? tells the keys. With JOB the exit code is that of solve.\n") +
-                  kExitCodes);
+  command->add_flag("--plain", arguments->plain, "print lines on a terminal too, as with TERM=dumb");
+  command->footer(
+      std::string("On a terminal, ? lists the keys. With JOB, the exit code is that of solve.\n") +
+      kExitCodes);
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }
 

@@ -140,35 +140,47 @@ int run(ScenarioArguments& arguments) {
 
 void add_scenarios(CLI::App& program, int& exit_code) {
   auto arguments = std::make_shared<ScenarioArguments>();
-  CLI::App* command =
-      program.add_subcommand("scenarios", "Find one plan for many worlds, for more and more of them");
-  command->add_option("FILE", arguments->base, "the base problem, over the plan and one world's recourse")
+  CLI::App* command = program.add_subcommand(
+      "scenarios", "Solve a two-stage stochastic LCQP by sample average approximation");
+  command
+      ->add_option("FILE", arguments->base,
+                   "base problem, over the first-stage variables and the recourse variables of one scenario")
       ->required();
-  auto* samples = command->add_option(
-      "--samples", arguments->samples,
-      ".npz file: of each part that differs (c0, g, b, d, l, r, or values of Q, A, C, L, R) a row a world; "
-      "weights, first_stage");
+  auto* samples =
+      command->add_option("--samples", arguments->samples,
+                          ".npz file with one row per scenario for each part that varies (c0, g, b, d, l, r, "
+                          "or the values of Q, A, C, L, R), and optionally weights and first_stage");
   command
       ->add_option("--sampler", arguments->sampler,
-                   "JSON file of random numbers and what they move, drawn where the problem is solved")
+                   "JSON file that describes the random numbers and the data they change; the solver draws "
+                   "the scenarios")
       ->excludes(samples);
   command->add_option("--first-stage", arguments->first_stage,
-                      "the plan's variables, such as 0-3,7, where the file does not say");
+                      "first-stage variables, such as 0-3,7; needed where the file does not name them");
   add_server_arguments(*command, arguments->server);
   add_priority_argument(*command, arguments->priority);
   add_solver_arguments(*command, arguments->solver);
   ScenarioSettings& settings = arguments->settings;
-  command->add_option("--first", settings.first_scenarios, "worlds of the first level")
+  command
+      ->add_option("--first", settings.first_scenarios,
+                   "number of scenarios of the first stage of the approximation")
       ->capture_default_str();
-  command->add_option("--growth", settings.growth, "by which a level has more")->capture_default_str();
-  command->add_option("--most", settings.most_scenarios, "worlds of the last level")->capture_default_str();
+  command->add_option("--growth", settings.growth, "factor by which each stage has more scenarios")
+      ->capture_default_str();
+  command->add_option("--most", settings.most_scenarios, "largest number of scenarios")
+      ->capture_default_str();
   command
       ->add_option("--tolerance", settings.tolerance,
-                   "end when the 95 % interval of the cost in other worlds is this part of it; 0: never")
+                   "stop when the 95 % confidence interval of the out-of-sample cost is at most this "
+                   "fraction of the cost; 0: never")
       ->capture_default_str();
-  command->add_option("--least", settings.least_scenarios, "but not before a level has as many")
+  command
+      ->add_option("--least", settings.least_scenarios,
+                   "smallest number of scenarios at which --tolerance may stop")
       ->capture_default_str();
-  command->add_option("--fresh", settings.fresh_scenarios, "other worlds in which a plan is tried")
+  command
+      ->add_option("--fresh", settings.fresh_scenarios,
+                   "number of out-of-sample scenarios that evaluate a plan")
       ->capture_default_str();
   command->footer(kExitCodes);
   command->callback([arguments, &exit_code] {
