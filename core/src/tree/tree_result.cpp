@@ -93,6 +93,22 @@ TreeResult Tree::stopped(Run& run) const {
   return result;
 }
 
+// A node that has no proof of its own, as the root of a tree that was stopped, proves nothing.
+void Tree::record(const Node& leaf) const {
+  Fixings fixings;
+  std::vector<Index> held, s_zero, t_zero;
+  leaf.read(problem_.layout, fixings, held);
+  for (Index pair = 0; pair < problem_.pairs(); ++pair) {
+    if (has_s(fixings[static_cast<std::size_t>(pair)])) s_zero.push_back(pair);
+    if (has_t(fixings[static_cast<std::size_t>(pair)])) t_zero.push_back(pair);
+  }
+  const LeafMultipliers nothing{false, Vector::Zero(problem_.variables()),
+                                Vector::Zero(problem_.equalities()), Vector::Zero(problem_.layout.size()),
+                                0.0};
+  add_leaf(*proof_, problem_, std::move(s_zero), std::move(t_zero), leaf.record ? *leaf.record : nothing);
+  proof_->radius = radius_;
+}
+
 void Tree::report(Run& run) {
   told_bound_ = std::max(told_bound_, bound());
   run.set_done(Phase::tree, nodes_);
