@@ -18,7 +18,9 @@ struct Settings {
   double time_limit_s = 60.0;        ///< of a proof
   Options options;                   ///< macmpec and robotics: what is solved by
   std::string only;  ///< of the problems to prove, of coupled and scenarios, that one; all if empty
-  int steps = 0;     ///< coupled: of the hopper, that horizon; 0: all
+  std::string checker = MARBLE_PROOF_CHECKER;  ///< a command that checks the files of proofs
+  std::filesystem::path keep;                  ///< proofs: the folder that files stay in; none do if empty
+  int steps = 0;                               ///< coupled: of the hopper, that horizon; 0: all
 };
 
 /// The problems of a folder in the order of their names; none, said so, where there is no folder.
@@ -54,6 +56,9 @@ void hard(const Settings& settings);
 /// Small integers against an enumeration of all branches, and ill-conditioned complementarity problems:
 /// whether statuses, optima and bounds are right.
 void statuses(const Settings& settings);
+/// Proofs written to files and checked by another program: MacMPEC, robots, small integers, families where a
+/// feasible point is hard to find, ill-conditioned complementarity problems.
+void proofs(const Settings& settings);
 /// Problems tied by rows between them, and hoppers cut into pieces: block by block, and whole.
 void coupled(const Settings& settings);
 /// One plan for sampled worlds, grown level by level against all at once: the rocket by its trigger's

@@ -20,17 +20,20 @@ constexpr const char* kUsage =
     "             [--peers COMMAND]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
     "Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global "
-    "hard statuses qp coupled scenarios; "
+    "hard statuses proofs qp coupled scenarios; "
     "all "
     "of "
     "them by "
     "default.\n"
     "  --seeds N            of the random families, default 20\n"
-    "  --judge              hard, statuses and scenarios: on even seeds, the half that nothing is chosen on\n"
+    "  --judge              hard, statuses, proofs and scenarios: on even seeds, the half that nothing is "
+    "chosen on\n"
     "  --starts K           of the references where none is known, default 8\n"
-    "  --time-limit S       of global, default 60\n"
+    "  --time-limit S       of global and proofs, default 60\n"
     "  --only NAME          of global and qp, that problem; of coupled small, large, hoppers or pieces;\n"
-    "                       of scenarios optima, chains, many or hopper\n"
+    "                       of scenarios optima, chains, many or hopper; of proofs macmpec, robots, qpecs,\n"
+    "                       integers, hard or lcps\n"
+    "  --keep FOLDER        of proofs: leave problems and proofs there\n"
     "  --steps N            of coupled, the hopper of that horizon: 120, 240, 480, 960 or 1920\n"
     "  --option NAME=VALUE  of macmpec and robotics, a solver option; may be repeated\n"
     "  --benchmarks FOLDER  problems with references\n"
@@ -103,6 +106,8 @@ int main(int argc, char** argv) {
         std::fprintf(stderr, "suite: %s\n", set.error().message().c_str());
         return 2;
       }
+    } else if (argument == "--keep") {
+      settings.keep = value();
     } else if (argument == "--only") {
       settings.only = value();
     } else if (argument == "--steps") {
@@ -117,12 +122,24 @@ int main(int argc, char** argv) {
   }
 
   const std::pair<const char*, std::function<void(const suite::Settings&)>> families[] = {
-      {"macmpec", suite::macmpec},   {"perturbed", suite::perturbed},   {"robotics", suite::robotics},
-      {"variants", suite::variants}, {"qpecs", suite::qpecs},           {"warm", suite::warm},
-      {"mpc", suite::mpc},           {"growth", suite::growth},         {"horizons", suite::horizons},
-      {"units", suite::units},       {"throughput", suite::throughput}, {"global", suite::global},
-      {"hard", suite::hard},         {"statuses", suite::statuses},     {"qp", suite::qp},
-      {"coupled", suite::coupled},   {"scenarios", suite::scenarios}};
+      {"macmpec", suite::macmpec},
+      {"perturbed", suite::perturbed},
+      {"robotics", suite::robotics},
+      {"variants", suite::variants},
+      {"qpecs", suite::qpecs},
+      {"warm", suite::warm},
+      {"mpc", suite::mpc},
+      {"growth", suite::growth},
+      {"horizons", suite::horizons},
+      {"units", suite::units},
+      {"throughput", suite::throughput},
+      {"global", suite::global},
+      {"hard", suite::hard},
+      {"statuses", suite::statuses},
+      {"proofs", suite::proofs},
+      {"qp", suite::qp},
+      {"coupled", suite::coupled},
+      {"scenarios", suite::scenarios}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
       std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());
