@@ -75,8 +75,9 @@ TreeResult Tree::result(TreeResult::End end) const {
     return result;
   }
   result.remark = (result.proved ? "proved by " : "not proved by ") + std::to_string(nodes_) + " nodes, " +
-                  std::to_string(result.open_nodes) + " open, for |z| <= " + scientific(radius_, 1) +
-                  ": bound " + general(result.bound, 9) + ", gap " + scientific(result.gap, 1);
+                  std::to_string(result.open_nodes) + " open" +
+                  (box_->is_bounded() ? "" : ", for |z| <= " + scientific(radius_, 1)) + ": bound " +
+                  general(result.bound, 9) + ", gap " + scientific(result.gap, 1);
   if (warm_nodes_ > 0) {
     result.remark += ", from " + std::to_string(warm_nodes_) + " nodes of the last tree, " +
                      std::to_string(warm_closed_) + " still closed";
@@ -106,7 +107,7 @@ void Tree::record(const Node& leaf) const {
                                 Vector::Zero(problem_.equalities()), Vector::Zero(problem_.layout.size()),
                                 0.0};
   add_leaf(*proof_, problem_, std::move(s_zero), std::move(t_zero), leaf.record ? *leaf.record : nothing);
-  proof_->radius = radius_;
+  if (!box_->is_bounded()) proof_->radius = radius_;
 }
 
 void Tree::report(Run& run) {

@@ -37,8 +37,8 @@ struct Proof {
   Claim claim = Claim::none;
   std::string reason = "the solve did not begin";
   double bound = -std::numeric_limits<double>::infinity();  ///< as the solution's
-  /// Where no rows bound a variable, rounding of the multipliers is paid for up to this |z|∞ by the solver. A
-  /// checker needs it only if it cannot repair them; +∞ where there is none.
+  /// Where rows leave a variable unbounded the solver pays for the rounding of multipliers up to this |z|∞,
+  /// and claims no more. A checker needs it only if it cannot repair them. +∞ where rows bound all of them.
   double radius = std::numeric_limits<double>::infinity();
   std::vector<ProofLeaf> leaves;  ///< together they cover every branch
   std::int64_t bytes = 0;         ///< that they take
