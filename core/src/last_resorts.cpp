@@ -141,6 +141,7 @@ std::optional<Ending> Strategy::prove(Run& run, Status status) {
   if (std::exchange(looked_for_.infeasible, true)) return std::nullopt;
   std::optional<FarkasProof> proof = prove_infeasible(problem_, z, run);
   if (!proof) return std::nullopt;
+  if (run.proof() != nullptr) run.proof()->radius = proof->radius;
   return Ending{Status::infeasible,
                 "the constraints contradict each other even without complementarity: no z with |z| <= " +
                     scientific(proof->radius, 1) + " is feasible; " + describe(path_point_.violations),

@@ -11,6 +11,7 @@
 #include "model/text_of.h"
 #include "proof/balance.h"
 #include "proof/stationarity.h"
+#include "run/proof_record.h"
 #include "solver_bytes.h"
 #include "strategy.h"
 #include "tuning.h"
@@ -328,6 +329,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bo
       return unexpected(inside("sensitivity", valid.error()));
   }
   if (controls.activity != nullptr) controls.activity->begin();
+  if (controls.proof != nullptr) clear_leaves(*controls.proof);
   Run run(state_->options, controls);
   state_->kkt->attend(run.interrupt());
   state_->initial_z.setZero();
@@ -376,6 +378,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bo
     if (run.nonconvex) solution.detail += nonconvex_remark(solution.second_order);
   }
   if (controls.sensitivity != nullptr) state_->add_sensitivity(found, *controls.sensitivity, run, solution);
+  if (controls.proof != nullptr) conclude(*controls.proof, state_->problem, solution);
   solution.times.setup_s = state_->setup_s;
   solution.cold_objective = found.stayed_warm ? controls.warm_start->cold_objective : solution.objective;
   state_->kkt->attend({});  // what ends or pauses this solve may be gone by the next

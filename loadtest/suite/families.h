@@ -13,12 +13,15 @@ struct Settings {
   std::filesystem::path benchmarks;  ///< MacMPEC and robotics problems with references; may not exist
   int seeds = 20;                    ///< of the random families
   int starts = 8;                    ///< of the references where none is known
-  bool judging = false;  ///< hard, statuses, starts and scenarios: even seeds, which nothing is chosen on
-  std::string peers;     ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
+  bool judging =
+      false;  ///< hard, statuses, starts, proofs and scenarios: even seeds, which nothing is chosen on
+  std::string peers;           ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
   double time_limit_s = 60.0;  ///< of a proof
   Options options;             ///< macmpec and robotics: what is solved by
   std::string only;            ///< of the problems to prove, of coupled and scenarios, that one; all if empty
-  int steps = 0;               ///< coupled: of the hopper, that horizon; 0: all
+  std::string checker = MARBLE_PROOF_CHECKER;  ///< a command that checks the files of proofs
+  std::filesystem::path keep;                  ///< proofs: the folder that files stay in; none do if empty
+  int steps = 0;                               ///< coupled: of the hopper, that horizon; 0: all
 };
 
 /// The problems of a folder in the order of their names; none, said so, where there is no folder.
@@ -57,6 +60,9 @@ void statuses(const Settings& settings);
 /// Control steps that are given a feasible plan, the inputs of before rolled out: whether the answer is ever
 /// infeasible, above the plan, or above the optimum of its branch. Five steps a seed.
 void starts(const Settings& settings);
+/// Proofs written to files and checked by another program: MacMPEC, robots, small integers, families where a
+/// feasible point is hard to find, ill-conditioned complementarity problems.
+void proofs(const Settings& settings);
 /// Problems tied by rows between them, and hoppers cut into pieces: block by block, and whole.
 void coupled(const Settings& settings);
 /// One plan for sampled worlds, grown level by level against all at once: the rocket by its trigger's

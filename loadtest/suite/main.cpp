@@ -20,18 +20,21 @@ constexpr const char* kUsage =
     "             [--peers COMMAND]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
     "Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global "
-    "hard statuses starts qp coupled scenarios; "
+    "hard statuses starts proofs qp coupled scenarios; "
     "all "
     "of "
     "them by "
     "default.\n"
     "  --seeds N            of the random families, default 20\n"
-    "  --judge              hard, statuses, starts and scenarios: on even seeds, the half that nothing is "
+    "  --judge              hard, statuses, starts, proofs and scenarios: on even seeds, the half that "
+    "nothing is "
     "chosen on\n"
     "  --starts K           of the references where none is known, default 8\n"
-    "  --time-limit S       of global, default 60\n"
+    "  --time-limit S       of global and proofs, default 60\n"
     "  --only NAME          of global and qp, that problem; of coupled small, large, hoppers or pieces;\n"
-    "                       of scenarios optima, chains, many or hopper\n"
+    "                       of scenarios optima, chains, many or hopper; of proofs macmpec, robots, qpecs,\n"
+    "                       integers, hard or lcps\n"
+    "  --keep FOLDER        of proofs: leave problems and proofs there\n"
     "  --steps N            of coupled, the hopper of that horizon: 120, 240, 480, 960 or 1920\n"
     "  --option NAME=VALUE  of macmpec and robotics, a solver option; may be repeated\n"
     "  --benchmarks FOLDER  problems with references\n"
@@ -104,6 +107,8 @@ int main(int argc, char** argv) {
         std::fprintf(stderr, "suite: %s\n", set.error().message().c_str());
         return 2;
       }
+    } else if (argument == "--keep") {
+      settings.keep = value();
     } else if (argument == "--only") {
       settings.only = value();
     } else if (argument == "--steps") {
@@ -133,6 +138,7 @@ int main(int argc, char** argv) {
       {"hard", suite::hard},
       {"statuses", suite::statuses},
       {"starts", suite::starts},
+      {"proofs", suite::proofs},
       {"qp", suite::qp},
       {"coupled", suite::coupled},
       {"scenarios", suite::scenarios}};

@@ -23,6 +23,10 @@ CLI::App* add_solve_command(CLI::App& program, const std::shared_ptr<SolveArgume
       "--bundle", arguments->bundle,
       "write problem, options, convergence and answer to this .tar.zst file, for a bug report; for "
       "one FILE (see: marble replay)");
+  command->add_option(
+      "--proof", arguments->proof,
+      "write what proves the bound, or that no point is feasible, to this file, for one FILE solved in this "
+      "process (see: python3 -m marble.proof.check_proof)");
   command->add_flag("--quiet", arguments->quiet, "no iteration table");
   command->footer(
       std::string("The iteration table goes to standard error, answers to standard output.\n"

@@ -22,6 +22,7 @@ struct SolveArguments {
   std::string trace;        // empty: none is written
   std::string sensitivity;  // empty: no derivatives are wanted
   std::string bundle;       // empty: none is written
+  std::string proof;        // empty: none is written
   [[nodiscard]] bool json() const { return server.json(); }
   /// Without a server.
   [[nodiscard]] bool here() const { return local || server.server == contract::local_address; }

@@ -165,6 +165,10 @@ std::optional<int> solve_nonlinear_file(const SolveArguments& arguments, nonline
     return tell_error(arguments, path, name, invalid("--bundle", "is of an LCQP: this problem is nonlinear"),
                       false);
   }
+  if (!arguments.proof.empty()) {
+    return tell_error(arguments, path, name, invalid("--proof", "is of an LCQP: this problem is nonlinear"),
+                      false);
+  }
   if (!arguments.sensitivity.empty()) {
     return tell_error(arguments, path, name,
                       invalid("--sensitivity", "is of an LCQP's answer: this problem is nonlinear"), false);

@@ -5,9 +5,11 @@
 #include <optional>
 
 #include "arguments/sensitivity_file.h"
+#include "base/atomic_file.h"
 #include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
+#include "marble/json_proof.h"
 #include "marble/solver.h"
 #include "output/iteration_table.h"
 #include "plain_text.h"
@@ -33,8 +35,18 @@ class Listeners final : public ProgressSink {
   TraceWriter* trace_;
 };
 
+// Nothing is left of the file where nothing was proved.
+Expected<void> save_proof(AtomicFile& file, const Proof& proof, const OwnedProblem& problem,
+                          const Options& options, const Solution& solution) {
+  if (proof.claim == Proof::Claim::none)
+    return unexpected(failure(ErrorCode::failed_precondition, "no proof was written: " + proof.reason));
+  write_proof(proof, problem.view(), options, solution, [&file](std::string_view text) { file.write(text); });
+  return file.commit();
+}
+
 int solve_file(const SolveArguments& arguments, const std::string& path, const Options& options,
-               const SolveMeans& means, TraceWriter* trace, const Json& sensitivity, std::stop_token stop) {
+               const SolveMeans& means, TraceWriter* trace, AtomicFile* proof_file, const Json& sensitivity,
+               std::stop_token stop) {
   const auto file = means.read(path);
   if (!file) {
     if (means.otherwise) {
@@ -59,18 +71,37 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
     request = asked->view();
     controls.sensitivity = &request;
   }
+  Proof proof;
+  if (proof_file != nullptr) controls.proof = &proof;
   const auto answer = means.solve(file->problem, options, controls);
   display.reset();
   if (!answer) return tell_error(arguments, path, file->problem.name, answer.error(), means.remote);
   const Subject subject = subject_of(path, *file, options);
   std::cout << (arguments.json() ? json_line(subject, *answer) + "\n" : summary(subject, *answer))
             << std::flush;
-  return is_solved(answer->status) ? kAllSolved : kNotSolved;
+  const int outcome = is_solved(answer->status) ? kAllSolved : kNotSolved;
+  if (proof_file == nullptr) return outcome;
+  const auto saved = save_proof(*proof_file, proof, file->problem, options, *answer);
+  if (!saved) complain(saved.error().message());
+  return saved ? outcome : worse(outcome, kNotSolved);
 }
 
 int argument_fails(const Error& error) {
   complain(error.message());
   return kBadInput;
+}
+
+// One problem's, of this process's solver: a server's answer has no room for it.
+Expected<std::optional<AtomicFile>> open_proof(const SolveArguments& arguments) {
+  if (arguments.proof.empty()) return std::nullopt;
+  if (arguments.files.size() > 1) {
+    return unexpected(invalid(
+        "--proof", "is one problem's: must go with one FILE, not " + std::to_string(arguments.files.size())));
+  }
+  if (!arguments.here()) return unexpected(invalid("--proof", "a server sends none: must go with --local"));
+  auto file = AtomicFile::open(arguments.proof);
+  if (!file) return unexpected(file.error());
+  return std::optional<AtomicFile>(std::move(*file));
 }
 
 // Opened before anything is solved, so that a long solve is not lost for a path mistyped.
@@ -111,6 +142,8 @@ int solve_files(const SolveArguments& arguments, const Options& options, const S
   const auto sensitivity =
       arguments.sensitivity.empty() ? Expected<Json>() : read_sensitivity(arguments.sensitivity);
   if (!sensitivity) return argument_fails(sensitivity.error());
+  auto proof = open_proof(arguments);
+  if (!proof) return argument_fails(proof.error());
   warn_of_idle_options(arguments.solver, options);
   const Interrupt interrupt;
   int exit_code = kAllSolved;
@@ -120,8 +153,8 @@ int solve_files(const SolveArguments& arguments, const Options& options, const S
         interrupt.token().stop_requested()
             ? tell_error(arguments, path, "", failure(ErrorCode::cancelled, "not solved: interrupted before"),
                          false)
-            : solve_file(arguments, path, options, means, *trace ? &**trace : nullptr, *sensitivity,
-                         interrupt.token());
+            : solve_file(arguments, path, options, means, *trace ? &**trace : nullptr,
+                         *proof ? &**proof : nullptr, *sensitivity, interrupt.token());
     exit_code = worse(exit_code, outcome);
   }
   if (*trace && (*trace)->rows() > 0) {  // else nothing was solved, as was told

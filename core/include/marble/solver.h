@@ -14,6 +14,7 @@
 #include "marble/options.h"
 #include "marble/problem.h"
 #include "marble/progress.h"
+#include "marble/report/proof.h"
 #include "marble/solution.h"
 
 namespace marble {
@@ -47,6 +48,9 @@ struct SolveControls {
   /// When the time limit began to run, where the set-up is to count; else as the solve begins.
   std::optional<std::chrono::steady_clock::time_point> begun = {};
   ActivityMonitor* activity = nullptr;  ///< shows other threads what the solve is doing
+  /// Filled with what proves the answer's bound, or that there is none; must outlive the solve. Of a
+  /// session's solve its tree begins at the root then.
+  Proof* proof = nullptr;
 };
 
 /// Whether an answer may be a `warm_start` of a problem of these sizes: as many entries in z and each kind of

@@ -77,7 +77,18 @@ PairTree::Node PairTree::solve(Run& run, int last_factorization) {
   const std::optional<FarkasProof> proof = prove_contradiction(problem_, relaxed_, *kkt_, engines_->point);
   proved_ = proved_ && proof;
   if (proof) radius_ = std::min(radius_, proof->radius);
+  if (proof && run.proof() != nullptr) record(*run.proof(), *proof);
   return Node::cut;
+}
+
+void PairTree::record(Proof& proof, const FarkasProof& found) const {
+  std::vector<Index> s_zero, t_zero;
+  for (Index pair = 0; pair < problem_.pairs(); ++pair) {
+    if (engines_->point.set.s_fixed[pair] != 0) s_zero.push_back(pair);
+    if (engines_->point.set.s_fixed[problem_.pairs() + pair] != 0) t_zero.push_back(pair);
+  }
+  add_contradiction(proof, problem_, std::move(s_zero), std::move(t_zero), found.multipliers);
+  proof.radius = radius_;
 }
 
 // To the last fork's other child. False if there is none.
@@ -101,6 +112,7 @@ PairTree::End PairTree::run(Run& run, ConstVectorRef z, int last_factorization, 
   point.x.all.setZero();
   point.x.z() = z;
   forks_.clear();
+  if (run.proof() != nullptr) clear_leaves(*run.proof());
   proved_ = true;
   radius_ = std::numeric_limits<double>::infinity();
   nodes_ = 0;

@@ -11,6 +11,8 @@
 #include <vector>
 
 #include "branch/branch_engines.h"
+#include "run/certificate.h"
+#include "run/proof_record.h"
 
 namespace marble {
 
@@ -47,6 +49,7 @@ class PairTree {
   [[nodiscard]] bool is_open(Index pair) const;
   [[nodiscard]] Index smaller_side(Index pair) const;
   void fix(Index side);
+  void record(Proof& proof, const FarkasProof& found) const;
   void branch_of(WorkingSet& branch) const;
   [[nodiscard]] bool back();
 

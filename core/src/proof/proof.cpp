@@ -106,10 +106,11 @@ class Branch {
     return nearest(run, target);
   }
 
-  bool contradicts(Run& run) {
+  /// Multipliers of the polyhedron's equalities and rows.
+  std::optional<FarkasProof> contradiction(Run& run) {
     problem_.b = b_;
     problem_.offset = d_;
-    return prove_infeasible(problem_, Vector::Zero(problem_.variables()), run).has_value();
+    return prove_infeasible(problem_, Vector::Zero(problem_.variables()), run);
   }
 
  private:
@@ -238,8 +239,16 @@ std::optional<UnboundedRay> prove_branch_unbounded(const ScaledProblem& p, const
   return find_ray(p, options, branch, true, -p.g, run);
 }
 
-bool branch_contradicts(const ScaledProblem& p, const WorkingSet& branch, Run& run) {
-  return Branch(p, branch, false).contradicts(run);
+std::optional<LeafMultipliers> branch_contradiction(const ScaledProblem& p, const WorkingSet& branch,
+                                                    Run& run) {
+  const std::optional<FarkasProof> proof = Branch(p, branch, false).contradiction(run);
+  if (!proof) return std::nullopt;
+  LeafMultipliers found{true, {}, Vector(p.equalities()), Vector(p.layout.size())};
+  auto next = proof->multipliers.begin();
+  for (double& y : found.y) y = *next++;
+  for (Index pair = 0; pair < p.pairs(); ++pair) found.rows[branch.fixed_row(pair)] = -*next++;
+  branch.for_each_free_row([&](Index row) { found.rows[row] = *next++; });
+  return found;
 }
 
 }  // namespace marble

@@ -7,6 +7,7 @@
 
 #include "branch/branch_point.h"
 #include "run/certificate.h"
+#include "run/proof_record.h"
 #include "run/run.h"
 
 namespace marble {
@@ -42,7 +43,8 @@ struct UnboundedRay {
                                                                  const Options& options,
                                                                  const WorkingSet& branch, Run& run);
 
-/// Whether the rows of this branch contradict each other.
-[[nodiscard]] bool branch_contradicts(const ScaledProblem& p, const WorkingSet& branch, Run& run);
+/// What contradicts the rows of this branch; nothing if no proof of that is found.
+[[nodiscard]] std::optional<LeafMultipliers> branch_contradiction(const ScaledProblem& p,
+                                                                  const WorkingSet& branch, Run& run);
 
 }  // namespace marble

@@ -24,6 +24,8 @@ struct Box {
   Box(const ScaledProblem& problem, double far);
   Vector lower, upper;  ///< ±∞ where rows do not say
   Vector radius;        ///< for the others
+  /// Whether rows bound every variable: what holds in it holds everywhere.
+  [[nodiscard]] bool is_bounded() const { return lower.allFinite() && upper.allFinite(); }
 
  private:
   void tighten(const RowMatrix& matrix, const Vector& offset, bool equality);

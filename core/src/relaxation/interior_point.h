@@ -43,6 +43,7 @@ class InteriorPoint final : public NodeEngine {
   [[nodiscard]] const std::vector<Index>& held() const override { return held_; }
   [[nodiscard]] bool is_held(Index row) const override { return w_[row] == 0.0; }
   [[nodiscard]] const Vector& ray() const override { return signed_; }
+  [[nodiscard]] LeafMultipliers contradiction() const override { return {true, {}, ray_y_, signed_}; }
   [[nodiscard]] ProximalSystem* proximal_system(Run& run) override;
   [[nodiscard]] std::int64_t factorizations() const override { return factorizations_; }
   [[nodiscard]] double bytes() override { return kkt_->bytes(); }

@@ -6,6 +6,7 @@
 
 #include "relaxation/dual_bound.h"
 #include "relaxation/gram.h"
+#include "run/proof_record.h"
 #include "run/run.h"
 
 namespace marble {
@@ -64,6 +65,8 @@ class NodeEngine {
   [[nodiscard]] virtual bool is_held(Index row) const = 0;
   /// After infeasible: the multipliers that contradict its rows.
   [[nodiscard]] virtual const Vector& ray() const = 0;
+  /// The same with the signs they must have and the y that belongs to them: all of that proof.
+  [[nodiscard]] virtual LeafMultipliers contradiction() const = 0;
   /// K with its factor, until the next solve(). Null if interrupted.
   [[nodiscard]] virtual ProximalSystem* proximal_system(Run& run) = 0;
   /// So far.

@@ -47,6 +47,7 @@ class Relaxation final : public NodeEngine {
   [[nodiscard]] const std::vector<Index>& held() const override { return set_.held(); }
   [[nodiscard]] bool is_held(Index row) const override { return set_.is_held(row); }
   [[nodiscard]] const Vector& ray() const override { return signed_; }
+  [[nodiscard]] LeafMultipliers contradiction() const override { return row_proof_.contradiction(); }
   [[nodiscard]] ProximalSystem* proximal_system(Run& /*run*/) override { return &system_; }
   [[nodiscard]] std::int64_t factorizations() const override { return 0; }  // prepare() counts them
   [[nodiscard]] double first_gain(Index row) { return set_.first_gain(row); }

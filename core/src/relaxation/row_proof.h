@@ -9,6 +9,7 @@
 
 #include "relaxation/dual_bound.h"
 #include "relaxation/gram.h"
+#include "run/proof_record.h"
 #include "tuning.h"
 
 namespace marble {
@@ -36,6 +37,8 @@ class RowProof {
   [[nodiscard]] std::int64_t factorizations() const { return factorizations_; }
   /// Whether they contradict the rows.
   [[nodiscard]] bool contradicts(const Box& box, const Vector& multipliers);
+  /// After it did: what contradicts them.
+  [[nodiscard]] LeafMultipliers contradiction() const { return {true, {}, y_, ray_}; }
 
  private:
   [[nodiscard]] bool hold(ConstVectorRef z, const Vector& multipliers);

@@ -97,6 +97,8 @@ class Run {
   void set_done(Phase phase, std::int64_t done, std::int64_t total = 0) const {
     if (activity() != nullptr) activity()->set_done(phase, done, total);
   }
+  /// Where what is proved is to be kept; null if nobody asks for it.
+  [[nodiscard]] Proof* proof() const { return controls_.proof; }
   [[nodiscard]] TaskRunner* runner() const { return silent_ ? nullptr : controls_.runner; }
 
   /// A run of its own for one search, which counts from here; a silent one tells no

@@ -21,6 +21,7 @@ struct Clause {
   };
   std::vector<Member> members;
   Vector contradiction = {};  ///< multipliers of the rows: all weak sides at zero contradict each other
+  std::shared_ptr<const LeafMultipliers> record = {};  ///< the whole of it, if a caller asks for it
 
   /// Those that may still have their strong side at zero; empty if one has already.
   [[nodiscard]] std::vector<Member> open(const Fixings& fixings) const {

@@ -45,7 +45,7 @@ void Expander::expand_node(Expansion& e, const Interrupt& interrupt) {
   e.gains.clear();
   e.closed.clear();
   closed_.clear();
-  keep_ = e.keep;
+  keep(e.keep, e.record ? e.box : nullptr, e.node.record);
   if (interrupt.requested()) return;
   e.node.read(problem_.layout, fixings_, held_);
   const RowLayout& rows = problem_.layout;
@@ -62,6 +62,7 @@ void Expander::expand_node(Expansion& e, const Interrupt& interrupt) {
     return;
   }
   if (keep_) e.node.keep(rows, relaxation_->multipliers(), Node::Proof::bound);
+  if (record_ != nullptr) e.node.record = inherited_ = record(fixings_);
   const Choice choice = choose(e);
   const Index pair = choice.pair;
   const bool free = pair >= 0;
@@ -91,7 +92,22 @@ Node Expander::node(const Fixings& fixings, End end) const {
   const bool infeasible = end == End::infeasible;
   node.keep(problem_.layout, infeasible ? relaxation_->ray() : relaxation_->multipliers(),
             infeasible ? Node::Proof::contradiction : Node::Proof::bound);
+  if (record_ != nullptr) node.record = infeasible ? contradiction() : record(fixings);
   return node;
+}
+
+std::shared_ptr<const LeafMultipliers> Expander::contradiction() const {
+  return std::make_shared<const LeafMultipliers>(relaxation_->contradiction());
+}
+
+// A node's bound may be its parent's, where its own multipliers prove less.
+std::shared_ptr<const LeafMultipliers> Expander::record(const Fixings& fixings) const {
+  LeafMultipliers own{false, relaxation_->z(), relaxation_->y(), {}};
+  const auto fixed = [&](Index row) { return is_fixed(problem_.layout, fixings, row); };
+  take_signs(relaxation_->multipliers(), fixed, own.rows);
+  own.bound = DualBound(problem_).of_objective(*record_, own.z, own.y, own.rows);
+  if (inherited_ && inherited_->bound >= own.bound) return inherited_;
+  return std::make_shared<const LeafMultipliers>(std::move(own));
 }
 
 void Expander::close(const Fixings& fixings, End end) {
@@ -119,6 +135,7 @@ void Expander::expand_clause(Expansion& e, const ClauseChoice& choice, const Int
   if (!keep_) return;
   closed_.emplace_back(problem_.layout, fixings_, std::vector<Index>());
   closed_.back().keep(problem_.layout, choice.clause->contradiction, Node::Proof::contradiction);
+  closed_.back().record = choice.clause->record;
 }
 
 // The pair with the best score among those whose sides are both away from zero; if there is none, one whose
@@ -277,6 +294,7 @@ bool Expander::is_feasible(Fixings fixings, const std::vector<Clause::Member>& w
   fix(fixings);
   if (relaxation_->solve(box, kInfinity, interrupt) != End::infeasible) return true;
   contradiction_ = relaxation_->ray();
+  if (record_ != nullptr) contradiction_record_ = contradiction();
   return false;
 }
 
@@ -319,6 +337,7 @@ std::vector<Clause> Expander::find_clauses(const Fixings& fixings, const NodeEng
   while (left.size() > 1 && !is_feasible(fixings, left, center, box, interrupt)) {
     Clause clause{shrink(fixings, left, center, box, interrupt)};
     clause.contradiction = contradiction_;
+    clause.record = contradiction_record_;
     if (clause.members.empty()) break;
     std::erase_if(left, [&clause](const Clause::Member& member) {
       return std::ranges::any_of(clause.members,

@@ -28,6 +28,7 @@ struct Expansion {
   double cutoff = 0.0;   ///< scaled objective: what is not below it is closed
   bool suggest = false;  ///< whether its point is to be tried even if it is not complementary
   bool keep = false;     ///< whether nodes keep their multipliers, and what is closed is told
+  bool record = false;   ///< whether they keep all of their proofs
 
   /// What has come of it.
   enum class Outcome {
@@ -65,8 +66,13 @@ class Expander {
   [[nodiscard]] const std::vector<PseudoCosts::Gain>& probed() const { return probed_; }
   /// Nodes that probe() or the last expansion have closed, with what proves it.
   [[nodiscard]] std::vector<Node> take_closed() { return std::exchange(closed_, {}); }
-  /// From now on nodes keep their multipliers.
-  void keep(bool keep) { keep_ = keep; }
+  /// From now on nodes keep their multipliers and, where there is a box to bound them in, all of their
+  /// proofs: what `inherited` proves of all that is solved until the next call, or their own.
+  void keep(bool keep, const Box* record, std::shared_ptr<const LeafMultipliers> inherited) {
+    keep_ = keep;
+    record_ = record;
+    inherited_ = std::move(inherited);
+  }
   /// A node of what was solved last.
   [[nodiscard]] Node node(const Fixings& fixings, NodeEngine::End end) const;
   /// Clauses among the pairs that are not fixed, by what probe() has learned, each of pairs of its own.
@@ -88,6 +94,8 @@ class Expander {
   void fix(const Fixings& fixings);
   void expand_clause(Expansion& expansion, const ClauseChoice& choice, const Interrupt& interrupt);
   void close(const Fixings& fixings, NodeEngine::End end);
+  [[nodiscard]] std::shared_ptr<const LeafMultipliers> record(const Fixings& fixings) const;
+  [[nodiscard]] std::shared_ptr<const LeafMultipliers> contradiction() const;
   [[nodiscard]] bool bound_child(Expansion& expansion, Index pair, bool s, const Interrupt& interrupt);
   [[nodiscard]] bool is_feasible(Fixings fixings, const std::vector<Clause::Member>& weak,
                                  const NodeEngine::Center& center, const Box& box,
@@ -108,7 +116,9 @@ class Expander {
   std::vector<Index> held_;
   std::vector<Node> closed_;
   Vector contradiction_;  // of what is_feasible() last refuted
+  std::shared_ptr<const LeafMultipliers> contradiction_record_, inherited_;
   bool keep_ = false;
+  const Box* record_ = nullptr;
 };
 
 }  // namespace marble

@@ -4,9 +4,11 @@
 
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "data/rows.h"
+#include "run/proof_record.h"
 #include "tuning.h"
 
 namespace marble {
@@ -43,6 +45,7 @@ class Node {
   std::int32_t depth = 0;
   bool exhausted = false;  ///< its point is complementary, and was tried as an answer
   Proof proof = Proof::none;
+  std::shared_ptr<const LeafMultipliers> record;  ///< all of the proof, if a caller asks for it
 
   Node() = default;
   Node(const RowLayout& layout, const Fixings& fixings, const std::vector<Index>& held)

@@ -53,11 +53,13 @@ TreeResult Tree::search(Run& run, ConstVectorRef z, bool known_convex, const Roo
 }
 
 TreeResult Tree::explore(Run& run, ConstVectorRef z, bool known_convex, const Room& room) {
+  proof_ = run.proof();
+  if (proof_ != nullptr) clear_leaves(*proof_);
   const bool convex = known_convex || convex_.value_or(false);
   if (!convex) {
     if (auto ended = prepare(run, false, room)) return *std::move(ended);
   }
-  keeps_ = room.kept_bytes > 0.0;
+  keeps_ = room.kept_bytes > 0.0 || proof_ != nullptr;
   tried_.clear();
   clauses_.clear();
   ray_.reset();
@@ -74,7 +76,7 @@ TreeResult Tree::explore(Run& run, ConstVectorRef z, bool known_convex, const Ro
     if (auto ended = prepare(run, true, room)) return *std::move(ended);
   }
   if (!room.from_kept) costs_ = PseudoCosts(problem_.pairs());
-  if (!room.from_kept) leaves.clear();
+  if (!room.from_kept || proof_ != nullptr) leaves.clear();
   if (const auto end = begin(run, std::move(root), std::move(leaves), room))
     return *end == TreeResult::End::limit ? stopped(run) : result(*end);
   report(run);
@@ -90,9 +92,10 @@ TreeResult Tree::explore(Run& run, ConstVectorRef z, bool known_convex, const Ro
 
 // Memory, and engines. An end if there is none, or if Q is not convex.
 std::optional<TreeResult> Tree::prepare(Run& run, bool known_convex, const Room& room) {
-  const double node = Node::bytes(
-      problem_.layout,
-      room.kept_bytes > 0.0 ? std::min<double>(problem_.variables(), problem_.layout.size()) : 0.0);
+  double numbers =
+      room.kept_bytes > 0.0 ? std::min<double>(problem_.variables(), problem_.layout.size()) : 0.0;
+  if (proof_ != nullptr) numbers += problem_.variables() + problem_.equalities() + problem_.layout.size();
+  const double node = Node::bytes(problem_.layout, numbers);
   const auto too_large = [&] { return none("not proved: a tree needs more memory than there is"); };
   const double bytes = room.most_bytes - room.kept_bytes - Gram::most_bytes(problem_);
   most_nodes_ = bytes / node;
@@ -173,7 +176,7 @@ Node Tree::make_root(ConstVectorRef z) {
 // From what is kept, or from the root. An end, if that is all.
 std::optional<TreeResult::End> Tree::begin(Run& run, Node root, std::vector<Node> leaves, const Room& room) {
   if (incumbent_.exists()) tried_.insert(branch_hash(incumbent_.best().set));
-  expanders_[0]->keep(keeps_);
+  expanders_[0]->keep(keeps_, proof_ != nullptr ? &*box_ : nullptr, root.record);
   if (!expanders_[0]->relaxation().start(from_)) {
     push(std::move(root));
     return TreeResult::End::limit;
@@ -295,17 +298,25 @@ void Tree::raise(Node& node, const Fixings& fixings, std::initializer_list<const
     if (bound <= node.bound) continue;
     node.bound = bound;
     if (keeps_) node.keep(problem_.layout, multipliers, Node::Proof::bound);
+    if (proof_ != nullptr)
+      node.record =
+          std::make_shared<const LeafMultipliers>(LeafMultipliers{false, x->z(), x->y(), multipliers, bound});
   }
 }
 
 void Tree::close(Node node, double bound) {
   closed_bound_ = std::min(closed_bound_, bound);
-  if (keeps_) kept_.add(problem_.layout, std::move(node));
+  keep_leaf(std::move(node));
 }
 
 void Tree::keep(std::vector<Node> leaves) {
+  for (Node& leaf : leaves) keep_leaf(std::move(leaf));
+}
+
+void Tree::keep_leaf(Node leaf) {
   if (!keeps_) return;
-  for (Node& leaf : leaves) kept_.add(problem_.layout, std::move(leaf));
+  if (proof_ != nullptr) record(leaf);
+  kept_.add(problem_.layout, std::move(leaf));
 }
 
 void Tree::push(Node node) {
@@ -369,6 +380,7 @@ bool Tree::round(Run& run) {
     expansion.cutoff = cutoff();
     expansion.suggest = suggest && i == 0;
     expansion.keep = keeps_;
+    expansion.record = proof_ != nullptr;
     Expander& expander = *expanders_[at_once ? i : 0];
     tasks.emplace_back([&expansion, &expander, &run] { expander.expand(expansion, run.interrupt()); });
   }
@@ -397,7 +409,12 @@ void Tree::take(Run& run, Expansion& e) {
     const bool leaf = e.outcome == Outcome::leaf;
     const bool solved = try_as_answer(run, *e.suggestion, fixings, leaf);
     if (leaf && solved && point_.sharpen()) raise(e.node, fixings, {&point_.x});
-    if (leaf && !solved && !ray_ && branch_contradicts(problem_, point_.set, run)) e.node.bound = kInfinity;
+    if (leaf && !solved && !ray_) {
+      if (std::optional<LeafMultipliers> proof = branch_contradiction(problem_, point_.set, run)) {
+        e.node.bound = kInfinity;
+        if (proof_ != nullptr) e.node.record = std::make_shared<const LeafMultipliers>(*std::move(proof));
+      }
+    }
     if (leaf || e.outcome == Outcome::complementary) raise_by_solutions(e.node, fixings);
   }
   switch (e.outcome) {

@@ -88,6 +88,8 @@ class Tree {
   void choose_nodes(std::size_t count);
   void take(Run& run, Expansion& expansion);
   void close(Node node, double bound);
+  void keep_leaf(Node leaf);
+  void record(const Node& leaf) const;
   void keep(std::vector<Node> leaves);
   void close_all();
   void push(Node node);
@@ -125,6 +127,7 @@ class Tree {
   bool engine_fits_ = true;  // the last one that was to be made: within its memory
   KeptTree kept_;
   bool keeps_ = false;
+  marble::Proof* proof_ = nullptr;  // what is to be recorded in
   std::optional<bool> convex_;
   std::unordered_set<std::size_t> tried_;  // branches, by their hash
   std::optional<UnboundedRay> ray_;

@@ -79,8 +79,9 @@ TreeResult Tree::result(TreeResult::End end) const {
     return result;
   }
   result.remark = (result.proved ? "proved by " : "not proved by ") + std::to_string(nodes_) + " nodes, " +
-                  std::to_string(result.open_nodes) + " open, for |z| <= " + scientific(radius_, 1) +
-                  ": bound " + general(result.bound, 9) + ", gap " + scientific(result.gap, 1);
+                  std::to_string(result.open_nodes) + " open" +
+                  (box_->is_bounded() ? "" : ", for |z| <= " + scientific(radius_, 1)) + ": bound " +
+                  general(result.bound, 9) + ", gap " + scientific(result.gap, 1);
   if (warm_nodes_ > 0) {
     result.remark += ", from " + std::to_string(warm_nodes_) + " nodes of the last tree, " +
                      std::to_string(warm_closed_) + " still closed";
@@ -95,6 +96,22 @@ TreeResult Tree::stopped(Run& run) const {
   if (!reason)
     result.remark += nodes_ + 2 > options_.node_limit ? "; node_limit" : "; no memory for more nodes";
   return result;
+}
+
+// A node that has no proof of its own, as the root of a tree that was stopped, proves nothing.
+void Tree::record(const Node& leaf) const {
+  Fixings fixings;
+  std::vector<Index> held, s_zero, t_zero;
+  leaf.read(problem_.layout, fixings, held);
+  for (Index pair = 0; pair < problem_.pairs(); ++pair) {
+    if (has_s(fixings[static_cast<std::size_t>(pair)])) s_zero.push_back(pair);
+    if (has_t(fixings[static_cast<std::size_t>(pair)])) t_zero.push_back(pair);
+  }
+  const LeafMultipliers nothing{false, Vector::Zero(problem_.variables()),
+                                Vector::Zero(problem_.equalities()), Vector::Zero(problem_.layout.size()),
+                                0.0};
+  add_leaf(*proof_, problem_, std::move(s_zero), std::move(t_zero), leaf.record ? *leaf.record : nothing);
+  if (!box_->is_bounded()) proof_->radius = radius_;
 }
 
 void Tree::report(Run& run) {
