@@ -6,6 +6,8 @@ Usage: proof_files_test.py MARBLE CHECK_PROOF
 """
 
 import copy
+import importlib.util
+import io
 import json
 import pathlib
 import random
@@ -275,10 +277,35 @@ class Hostile(Files):
             with self.subTest(data=data[:60]):
                 self.refuses(problem_text=data)
 
+    def test_bytes_changed_at_random_end_in_a_verdict_that_is_true(self):
+        spec = importlib.util.spec_from_file_location("check_proof", CHECKER)
+        checker = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(checker)
+        data = checker.Problem(self.problem_file)
+        draw = random.Random(7)
+        verdicts = set()
+        for _ in range(1500):
+            changed = bytearray(self.good)
+            for _ in range(draw.randint(1, 3)):
+                at = draw.randrange(len(changed))
+                if draw.random() < 0.5:
+                    changed[at] = draw.choice(b'0123456789-.e[]{}",:stxn')
+                else:
+                    del changed[at:at + draw.randint(1, 20)]
+            try:
+                code, found = checker.check(data, io.StringIO(changed.decode()), pathlib.Path("changed"))
+            except (checker.NoProof, checker.BadFile) as error:
+                verdicts.add(type(error).__name__)
+                continue
+            verdicts.add(code)
+            if found["bound"] is not None:  # the optimum is 1; beyond |z| <= radius nothing is said
+                self.assertTrue(found["bound"] <= 1.0 or code == ASSUMES, changed)
+        self.assertLessEqual({HOLDS, "BadFile"}, verdicts)
+
     def test_files_that_are_not_there(self):
         self.proof_file.unlink()
         self.assertEqual(self.check()[0], BAD_FILE)
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0]])
+    unittest.main(argv=[sys.argv[0], *sys.argv[3:]])
