@@ -58,6 +58,18 @@ def random_bounded(seed):
                    l=[offset(row, s) for row, s in zip(L, side)], r=[offset(row, not s) for row, s in zip(R, side)])
 
 
+def random_game(seed, n=6):
+    """Equilibria of a game of two, each with n strategies, with the least sum of payments as objective; a linear one."""
+    draw = random.Random(seed)
+    A, B = ([[draw.random() for _ in range(n)] for _ in range(n)] for _ in range(2))
+    size = 2 * n + 2  # mixed strategies x, y and payments u, v
+    worse_x = [[0.0] * n + [-a for a in row] + [1.0, 0.0] for row in A]
+    worse_y = [[-row[j] for row in B] + [0.0] * n + [0.0, 1.0] for j in range(n)]
+    sums = [[1.0] * n + [0.0] * (n + 2), [0.0] * n + [1.0] * n + [0.0, 0.0]]
+    return problem(size, g=[0.0] * (2 * n) + [1.0, 1.0], A=sums, b=[-1.0, -1.0],
+                   L=[unit(size, i) for i in range(2 * n)], l=[0.0] * (2 * n), R=worse_x + worse_y, r=[0.0] * (2 * n))
+
+
 # One pair to branch on: min (z0 − 1)² + (z1 − 2)² over 0 ≤ z0 ⊥ z1 ≥ 0.
 CORNER = problem(2, Q=[[2.0, 0.0], [0.0, 2.0]], g=[-2.0, -4.0], c0=5.0, L=[unit(2, 0)], l=[0.0], R=[unit(2, 1)], r=[0.0])
 # No branch is feasible, but without complementarity z = (1, 1) is: 0 ≤ z0 ⊥ z1 ≥ 0, z0 ≥ 1, z1 ≥ 1.
@@ -109,6 +121,15 @@ class WhatIsProved(Files):
         for seed in range(12):
             with self.subTest(seed=seed):
                 solved = self.solve(random_bounded(seed))
+                self.assertEqual(solved.returncode, 0, solved.stderr)
+                code, found = self.check()
+                self.assertEqual(code, HOLDS, found)
+                self.assertTrue(found["optimal"], found)
+
+    def test_trees_of_games_hold_though_relaxations_lose_their_best_multipliers(self):
+        for seed in range(8):
+            with self.subTest(seed=seed):
+                solved = self.solve(random_game(seed))
                 self.assertEqual(solved.returncode, 0, solved.stderr)
                 code, found = self.check()
                 self.assertEqual(code, HOLDS, found)

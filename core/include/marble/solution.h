@@ -110,8 +110,8 @@ struct Solution {
   /// small_budget. Where the answer of option global is not proved, `detail` says why.
   bool proved = false;
   /// No feasible point has an objective below this, rounding paid for; where rows leave a variable unbounded,
-  /// none with |z|∞ up to the radius in `detail`. −∞ where none is known, so of what neither option global nor
-  /// small_budget has bounded; +∞ of a problem that is proved infeasible. See also marble::Proof.
+  /// none with |z|∞ up to the radius in `detail`. −∞ where none is known, so of what neither option global
+  /// nor small_budget has bounded; +∞ of a problem that is proved infeasible. See also marble::Proof.
   double bound = -std::numeric_limits<double>::infinity();
   /// (objective − bound) / max(1, |objective|), ≥ 0; +∞ without a feasible point or a bound.
   double gap = std::numeric_limits<double>::infinity();
