@@ -6,6 +6,8 @@ Usage: proof_files_test.py MARBLE CHECK_PROOF
 """
 
 import copy
+import importlib.util
+import io
 import json
 import pathlib
 import random
@@ -54,6 +56,18 @@ def random_bounded(seed):
 
     return problem(n, Q=Q, g=[draw.randint(-5, 5) for _ in range(n)], L=L, R=R,
                    l=[offset(row, s) for row, s in zip(L, side)], r=[offset(row, not s) for row, s in zip(R, side)])
+
+
+def random_game(seed, n=6):
+    """Equilibria of a game of two, each with n strategies, with the least sum of payments as objective; a linear one."""
+    draw = random.Random(seed)
+    A, B = ([[draw.random() for _ in range(n)] for _ in range(n)] for _ in range(2))
+    size = 2 * n + 2  # mixed strategies x, y and payments u, v
+    worse_x = [[0.0] * n + [-a for a in row] + [1.0, 0.0] for row in A]
+    worse_y = [[-row[j] for row in B] + [0.0] * n + [0.0, 1.0] for j in range(n)]
+    sums = [[1.0] * n + [0.0] * (n + 2), [0.0] * n + [1.0] * n + [0.0, 0.0]]
+    return problem(size, g=[0.0] * (2 * n) + [1.0, 1.0], A=sums, b=[-1.0, -1.0],
+                   L=[unit(size, i) for i in range(2 * n)], l=[0.0] * (2 * n), R=worse_x + worse_y, r=[0.0] * (2 * n))
 
 
 # One pair to branch on: min (z0 − 1)² + (z1 − 2)² over 0 ≤ z0 ⊥ z1 ≥ 0.
@@ -107,6 +121,15 @@ class WhatIsProved(Files):
         for seed in range(12):
             with self.subTest(seed=seed):
                 solved = self.solve(random_bounded(seed))
+                self.assertEqual(solved.returncode, 0, solved.stderr)
+                code, found = self.check()
+                self.assertEqual(code, HOLDS, found)
+                self.assertTrue(found["optimal"], found)
+
+    def test_trees_of_games_hold_though_relaxations_lose_their_best_multipliers(self):
+        for seed in range(8):
+            with self.subTest(seed=seed):
+                solved = self.solve(random_game(seed))
                 self.assertEqual(solved.returncode, 0, solved.stderr)
                 code, found = self.check()
                 self.assertEqual(code, HOLDS, found)
@@ -275,10 +298,35 @@ class Hostile(Files):
             with self.subTest(data=data[:60]):
                 self.refuses(problem_text=data)
 
+    def test_bytes_changed_at_random_end_in_a_verdict_that_is_true(self):
+        spec = importlib.util.spec_from_file_location("check_proof", CHECKER)
+        checker = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(checker)
+        data = checker.Problem(self.problem_file)
+        draw = random.Random(7)
+        verdicts = set()
+        for _ in range(1500):
+            changed = bytearray(self.good)
+            for _ in range(draw.randint(1, 3)):
+                at = draw.randrange(len(changed))
+                if draw.random() < 0.5:
+                    changed[at] = draw.choice(b'0123456789-.e[]{}",:stxn')
+                else:
+                    del changed[at:at + draw.randint(1, 20)]
+            try:
+                code, found = checker.check(data, io.StringIO(changed.decode()), pathlib.Path("changed"))
+            except (checker.NoProof, checker.BadFile) as error:
+                verdicts.add(type(error).__name__)
+                continue
+            verdicts.add(code)
+            if found["bound"] is not None:  # the optimum is 1; beyond |z| <= radius nothing is said
+                self.assertTrue(found["bound"] <= 1.0 or code == ASSUMES, changed)
+        self.assertLessEqual({HOLDS, "BadFile"}, verdicts)
+
     def test_files_that_are_not_there(self):
         self.proof_file.unlink()
         self.assertEqual(self.check()[0], BAD_FILE)
 
 
 if __name__ == "__main__":
-    unittest.main(argv=[sys.argv[0]])
+    unittest.main(argv=[sys.argv[0], *sys.argv[3:]])

@@ -175,6 +175,7 @@ double InteriorPoint::violation() const {
 // What is known at this iterate; an end if that is enough.
 std::optional<InteriorPoint::End> InteriorPoint::examine(const Box& box, double cutoff) {
   const double proved = dual_bound_.of_objective(box, z_, y_, mu_);
+  note(z_, y_, mu_, proved);
   bound_ = std::max(bound_, proved);
   if (bound_ >= cutoff) return End::cutoff;
   const double size = 1.0 + std::abs(objective_);
@@ -258,6 +259,7 @@ bool InteriorPoint::step() {
 InteriorPoint::End InteriorPoint::solve(const Box& box, double cutoff, const Interrupt& interrupt) {
   kkt_->attend(interrupt);
   linear_ = problem_.g;
+  forget_best();
   if (!begin()) return interrupt.requested() ? End::interrupted : End::undecided;
   std::optional<End> end;
   for (int iteration = 0; iteration < tuning::engine_budget && !end; ++iteration) {

@@ -48,7 +48,10 @@ class InteriorPoint final : public NodeEngine {
   [[nodiscard]] std::int64_t factorizations() const override { return factorizations_; }
   [[nodiscard]] double bytes() override { return kkt_->bytes(); }
   void save() override { saved_ = {fixed_, held_, z_, y_, w_, mu_, bound_}; }
-  void restore() override { restore(saved_); }
+  void restore() override {
+    forget_best();
+    restore(saved_);
+  }
 
  private:
   struct State {

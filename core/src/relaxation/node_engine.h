@@ -2,6 +2,7 @@
 // sides ≥ 0. It solves one node after the other and says what its multipliers prove.
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include "relaxation/dual_bound.h"
@@ -77,6 +78,21 @@ class NodeEngine {
   /// All of it, to come back to.
   virtual void save() = 0;
   virtual void restore() = 0;
+
+  /// From now on the best bound of each solve() is kept with what proves it: later steps may prove less.
+  void keep_best(bool keep) { keeps_best_ = keep; }
+  /// Of the last solve(); a bound of −∞ where it proved none, or another state was restored since.
+  [[nodiscard]] const LeafMultipliers& best() const { return best_; }
+
+ protected:
+  void forget_best() { best_.bound = -std::numeric_limits<double>::infinity(); }
+  void note(const Vector& z, const Vector& y, const Vector& multipliers, double bound) {
+    if (keeps_best_ && bound > best_.bound) best_ = {false, z, y, multipliers, bound};
+  }
+
+ private:
+  bool keeps_best_ = false;
+  LeafMultipliers best_;
 };
 
 }  // namespace marble

@@ -119,6 +119,7 @@ void Relaxation::lengthen_step() {
 }
 
 Relaxation::End Relaxation::solve(const Box& box, double cutoff, const Interrupt& interrupt) {
+  forget_best();
   double enough = cutoff - bound_;
   double paid = kInfinity;
   bool undecided = false;
@@ -133,7 +134,9 @@ Relaxation::End Relaxation::solve(const Box& box, double cutoff, const Interrupt
     }
     undecided = undecided || end == DualActiveSet::End::stopped;
     if (!find_point()) return interrupt.requested() ? End::interrupted : End::undecided;
-    bound_ = std::max({bound_, parent, evaluate_bound(box)});
+    const double proved = evaluate_bound(box);
+    note(z_, y_, signed_, proved);
+    bound_ = std::max({bound_, parent, proved});
     if (bound_ >= cutoff) return End::cutoff;
     if (end == DualActiveSet::End::optimal) {
       const bool small =
@@ -159,6 +162,7 @@ void Relaxation::save() {
 }
 
 void Relaxation::restore() {
+  forget_best();
   set_.restore(saved_.set);
   z_ = saved_.z;
   y_ = saved_.y;

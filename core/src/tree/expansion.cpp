@@ -106,6 +106,7 @@ std::shared_ptr<const LeafMultipliers> Expander::record(const Fixings& fixings) 
   const auto fixed = [&](Index row) { return is_fixed(problem_.layout, fixings, row); };
   take_signs(relaxation_->multipliers(), fixed, own.rows);
   own.bound = DualBound(problem_).of_objective(*record_, own.z, own.y, own.rows);
+  if (relaxation_->best().bound > own.bound) own = relaxation_->best();
   if (inherited_ && inherited_->bound >= own.bound) return inherited_;
   return std::make_shared<const LeafMultipliers>(std::move(own));
 }

@@ -71,6 +71,7 @@ class Expander {
   void keep(bool keep, const Box* record, std::shared_ptr<const LeafMultipliers> inherited) {
     keep_ = keep;
     record_ = record;
+    relaxation_->keep_best(record != nullptr);
     inherited_ = std::move(inherited);
   }
   /// A node of what was solved last.
