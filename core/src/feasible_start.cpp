@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "dense/dense_search.h"
+#include "horizon/segments.h"
 #include "model/text_of.h"
 #include "run/termination.h"
 #include "strategy.h"
@@ -92,6 +93,28 @@ Strategy::Answer Strategy::not_above_warm_start(Run& run, Answer answer, ConstVe
   const Vector kept = z;
   solve_start(run, kept);
   return start_ ? not_above_start(run, std::move(answer), kept, true) : answer;
+}
+
+// Where a problem is long, and a better branch is not a flip or two away from the path's: the branch of its
+// segments, solved one after the other. If that cannot be solved exactly, what they found is a start that is
+// feasible.
+bool Strategy::start_in_segments(Run& run, PathBranch branch) {
+  if (!may_have_segments(problem_) || options_.path != Path::fast || options_.local_search_budget == 0)
+    return false;
+  if (branch == PathBranch::exact &&
+      LocalSearch::pulling(incumbent_.best().x, incumbent_.best().set) < tuning::many_pulling)
+    return false;
+  const Run::Searching searching(run);
+  const Run::Polishing polishing(run);
+  const std::optional<Solution> swept = solve_in_segments(problem_, options_, run, tree_bytes_);
+  if (!swept) return false;
+  Iterate x(problem_);
+  take(problem_, *swept, x);
+  branch_.point.start_from_solution(x);
+  const Incumbent::Outcome outcome = incumbent_.solve_branch(run, "segments", tuning::engine_budget);
+  const bool stays_a_start = outcome == Incumbent::Outcome::not_exact && !start_ && !incumbent_.exists();
+  if (stays_a_start) solve_start(run, x.z());
+  return incumbent_.exists() && outcome != Incumbent::Outcome::no_better;
 }
 
 }  // namespace marble

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "feasibility/pair_newton.h"
+#include "horizon/segments.h"
 #include "model/text_of.h"
 #include "search/multistart.h"
 #include "tuning.h"
@@ -165,7 +166,13 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage f
   }
   bool path_borrowed = false;
   if (options_.polish && from != Stage::end_of_path) {
-    if (branch == PathBranch::exact) {
+    const bool in_segments = from <= Stage::path && start_in_segments(run, branch);
+    if (in_segments) {
+      stage_ = Stage::beginning;
+    } else if (from <= Stage::path && may_have_segments(problem_) && run.interrupted() &&
+               !incumbent_.exists()) {
+      stage_ = Stage::path;
+    } else if (branch == PathBranch::exact) {
       path_borrowed = search_.improve(run, initial_z);
     } else if (options_.path == Path::fast) {
       stage_ = from <= Stage::path ? Stage::beginning : from;

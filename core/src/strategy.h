@@ -108,6 +108,7 @@ class Strategy {
   [[nodiscard]] std::optional<Answer> search_densely(Run& run, const Answer& answer);
   [[nodiscard]] std::optional<Answer> solve_branch_densely(Run& run, const Answer& answer);
   void solve_start(Run& run, ConstVectorRef z);
+  [[nodiscard]] bool start_in_segments(Run& run, PathBranch branch);
   [[nodiscard]] Answer not_above_start(Run& run, Answer answer, ConstVectorRef z, bool warm);
   [[nodiscard]] Answer not_above_warm_start(Run& run, Answer answer, ConstVectorRef z);
   [[nodiscard]] bool start_for_tree(Run& run);

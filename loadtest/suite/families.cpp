@@ -224,29 +224,6 @@ void growth(const Settings&) {
   std::printf("\n");
 }
 
-void horizons(const Settings& settings) {
-  std::printf("%6s %8s %12s %12s\n", "steps", "solved", "fact. median", "ms median");
-  for (int steps = 30; steps <= 960; steps *= 2) {
-    std::vector<double> factorizations, milliseconds;
-    int solved = 0;
-    for (int seed = 0; seed < settings.seeds; ++seed) {  // 0: as it is
-      examples::HopperParameters parameters;
-      if (seed > 0) parameters = examples::vary(parameters, static_cast<std::uint64_t>(seed));
-      parameters.steps = steps;
-      const OwnedProblem p = examples::hopper(parameters);
-      const Record record = solve_and_judge("hopper", p, {}, kNone);
-      solved += record.feasible() ? 1 : 0;
-      factorizations.push_back(record.factorizations);
-      milliseconds.push_back(record.milliseconds);
-      if (!record.feasible()) std::printf("       seed %d: %s\n", seed, to_string(record.status));
-    }
-    std::printf("%6d %4d of %d %11.0f %12.1f\n", steps, solved, settings.seeds, median(factorizations),
-                median(milliseconds));
-    std::fflush(stdout);
-  }
-  std::printf("\n");
-}
-
 void throughput(const Settings&) {
   const OwnedProblem p = examples::hopper();
   constexpr int kSolves = 12;

@@ -14,14 +14,14 @@ struct Settings {
   int seeds = 20;                    ///< of the random families
   int starts = 8;                    ///< of the references where none is known
   bool judging =
-      false;  ///< hard, statuses, starts, proofs and scenarios: even seeds, which nothing is chosen on
+      false;  ///< hard, statuses, starts, proofs, scenarios and horizons: the half of the seeds for judging
   std::string peers;           ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
   double time_limit_s = 60.0;  ///< of a proof
   Options options;             ///< macmpec and robotics: what is solved by
   std::string only;            ///< of the problems to prove, of coupled and scenarios, that one; all if empty
   std::string checker = MARBLE_PROOF_CHECKER;  ///< a command that checks the files of proofs
   std::filesystem::path keep;                  ///< proofs: the folder that files stay in; none do if empty
-  int steps = 0;                               ///< coupled: of the hopper, that horizon; 0: all
+  int steps = 0;                               ///< coupled and horizons: of the hopper, that horizon; 0: all
 };
 
 /// The problems of a folder in the order of their names; none, said so, where there is no folder.
@@ -43,7 +43,7 @@ void warm(const Settings& settings);
 void mpc(const Settings& settings);
 /// The hopper at horizons of 30 to 480 steps.
 void growth(const Settings& settings);
-/// Whether hoppers of 30 to 960 steps with varied numbers are solved, and what that takes.
+/// Hoppers of 120 to 1,920 steps with varied numbers, whole against in pieces: objectives, work and time.
 void horizons(const Settings& settings);
 /// Branch and bound on problems with known optima and on the paper's: bounds, nodes and their cost.
 void global(const Settings& settings);

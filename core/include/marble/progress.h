@@ -83,7 +83,7 @@ enum class Phase {
 struct Activity {
   Phase phase = Phase::setup;  ///< the part that is under way
   /// Parts of the phase that are done: starts, nodes bounded, scenarios of the level before, iterations of a
-  /// coupled solve; 0 in the others.
+  /// coupled solve, segments of a long problem (in local_search); 0 in the others.
   std::int64_t done = 0;
   std::int64_t total = 0;  ///< of so many; 0 where nobody knows
   /// Objective of the best feasible point of this solve so far, user units; +∞ while there is none.

@@ -11,7 +11,7 @@
 
 #include "coupled/finish.h"
 #include "coupled/lifted_blocks.h"
-#include "coupled/sweep.h"
+#include "horizon/sweep.h"
 #include "model/entries.h"
 #include "tuning.h"
 
@@ -311,6 +311,17 @@ Expected<void> PiecesOptions::check() const {
 
 namespace {
 
+// Of each piece the stage behind its last one.
+std::vector<Index> ends_of(std::span<const Index> stage_of_variable, std::span<const Index> piece_of_variable,
+                           Index pieces) {
+  std::vector<Index> ends(at(pieces), 0);
+  for (std::size_t j = 0; j < piece_of_variable.size(); ++j) {
+    Index& end = ends[at(piece_of_variable[j])];
+    end = std::max(end, stage_of_variable[j] + 1);
+  }
+  return ends;
+}
+
 // As any solve that ends in its set-up.
 Expected<PiecesSolution> ended_before(const Problem& problem, const PiecesOptions& options,
                                       const CoupledControls& controls) {
@@ -343,7 +354,10 @@ Expected<PiecesSolution> solve_in_pieces(const Problem& problem, std::span<const
     }
     if (auto fits = charge(own, working_bytes(pieces->view()), "pieces"); !fits)
       return unexpected(fits.error());
-    auto swept = sweep(problem, stage_of_variable, *piece_of_variable, options, own);
+    const std::vector<Index> ends = ends_of(stage_of_variable, *piece_of_variable, options.pieces);
+    auto swept = sweep(
+        problem, {.stage_of_variable = stage_of_variable, .ends = ends, .look_ahead = options.look_ahead},
+        options.coupled.options, {.stop = own.stop, .runner = own.runner, .begun = own.begun}, own.setup);
     if (!swept) return unexpected(swept.error());
     PiecesSolution result;
     result.sweep_factorizations = swept->factorizations;

@@ -100,6 +100,13 @@ class Run {
   /// Where what is proved is to be kept; null if nobody asks for it.
   [[nodiscard]] Proof* proof() const { return controls_.proof; }
   [[nodiscard]] TaskRunner* runner() const { return silent_ ? nullptr : controls_.runner; }
+  /// For a solve that is part of this one, whose activity is shown, and which ends with it.
+  [[nodiscard]] SolveControls controls_beside() const {
+    return {.stop = controls_.stop,
+            .pause = controls_.pause,
+            .begun = controls_.begun.value_or(start_),
+            .activity = activity()};
+  }
 
   /// A run of its own for one search, which counts from here; a silent one tells no
   /// progress and has no helpers.
