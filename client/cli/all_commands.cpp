@@ -45,6 +45,7 @@ int main(int argc, char** argv) {
       "may be set.");
   int exit_code = kAllSolved;
   add_solve(program, exit_code);
+  add_explain(program, exit_code);
   add_batch(program, exit_code);
   add_submit(program, exit_code);
   add_result(program, exit_code);

@@ -42,6 +42,7 @@ std::optional<int> solve_json_here(int argc, char** argv) {
     return std::nullopt;
   const auto options = parse_options(arguments->solver);
   if (!options) return option_fails(options.error());
+  if (options->explain) return std::nullopt;  // files have names, which the other program reads
   return solve_files(*arguments, *options, {read_json_problem, solve_here});
 }
 

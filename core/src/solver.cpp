@@ -7,6 +7,7 @@
 
 #include "branch/branch_derivatives.h"
 #include "branch/parametric.h"
+#include "conflict/explain.h"
 #include "model/printed.h"
 #include "model/text_of.h"
 #include "proof/balance.h"
@@ -443,7 +444,9 @@ Expected<Solution> solve_once(const Problem& problem, const Options& options, co
   auto solver = Solver::create(problem, options, limits);
   if (solver) {
     if (ready) ready(*solver);
-    return solver->solve(own);
+    auto solution = solver->solve(own);
+    if (solution && options.explain) explain(problem, options, own, limits, *solution);
+    return solution;
   }
   const bool stopped = solver.error().code == ErrorCode::cancelled;
   if (!stopped && solver.error().code != ErrorCode::deadline_exceeded) return unexpected(solver.error());

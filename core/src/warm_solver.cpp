@@ -31,6 +31,7 @@ Expected<WarmSolver> WarmSolver::create(const Problem& problem, const Options& o
                                         std::span<const double> initial_z, const SetupControls& controls) {
   if (auto valid = Problem::check_initial_point(initial_z, problem.variables()); !valid)
     return unexpected(valid.error());
+  if (auto valid = validate_without_explain(options); !valid) return unexpected(valid.error());
   const auto begin = std::chrono::steady_clock::now();
   auto solver = Solver::create(problem, options, controls);
   if (!solver) return unexpected(solver.error());

@@ -348,6 +348,30 @@ static_assert(static_cast<int>(Status::solved) + 1 == v1::STATUS_SOLVED &&
                   static_cast<int>(Status::numerical_failure) + 1 == v1::STATUS_NUMERICAL_FAILURE,
               "both enumerations list the statuses in the same order");
 
+void to_message(const Conflict& conflict, v1::Conflict* message) {
+  assign(message->mutable_equalities(), conflict.equalities);
+  assign(message->mutable_inequalities(), conflict.inequalities);
+  assign(message->mutable_left_sides(), conflict.left_sides);
+  assign(message->mutable_right_sides(), conflict.right_sides);
+  assign(message->mutable_complementarities(), conflict.complementarities);
+  message->set_minimal(conflict.minimal);
+  message->set_detail(conflict.detail);
+  message->set_linear_programs(conflict.linear_programs);
+  message->set_factorizations(conflict.factorizations);
+}
+
+Conflict conflict_of(const v1::Conflict& message) {
+  const auto indices = [](const auto& field) { return std::vector<Index>(field.begin(), field.end()); };
+  Conflict conflict{indices(message.equalities()), indices(message.inequalities()),
+                    indices(message.left_sides()), indices(message.right_sides()),
+                    indices(message.complementarities())};
+  conflict.minimal = message.minimal();
+  conflict.detail = message.detail();
+  conflict.linear_programs = message.linear_programs();
+  conflict.factorizations = message.factorizations();
+  return conflict;
+}
+
 void to_message(const Solution& solution, v1::Solution* message) {
   message->set_status(to_message(solution.status));
   message->set_detail(solution.detail);
@@ -374,6 +398,7 @@ void to_message(const Solution& solution, v1::Solution* message) {
   times->set_polish_s(solution.times.polish_s);
   times->set_tree_s(solution.times.tree_s);
   if (solution.sensitivity) to_message(*solution.sensitivity, message->mutable_sensitivity());
+  if (solution.conflict) to_message(*solution.conflict, message->mutable_conflict());
 }
 
 Solution solution_of(const v1::Solution& message) {
@@ -400,6 +425,7 @@ Solution solution_of(const v1::Solution& message) {
                     message.times().line_search_s(), message.times().solve_s(),
                     message.times().polish_s(),      message.times().tree_s()};
   if (message.has_sensitivity()) solution.sensitivity = sensitivity_of(message.sensitivity());
+  if (message.has_conflict()) solution.conflict = conflict_of(message.conflict());
   return solution;
 }
 

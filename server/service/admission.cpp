@@ -75,6 +75,15 @@ struct Common {
   Priority priority;
 };
 
+// Whether option explain has a meaning.
+template <class Message>
+bool is_of_one_problem(JobKind kind, const Message& message) {
+  if constexpr (requires { message.has_coupled(); }) {
+    if (message.has_coupled() || message.has_scenarios()) return false;
+  }
+  return kind != JobKind::session && kind != JobKind::scenarios && kind != JobKind::coupled;
+}
+
 template <class Message>
 Expected<Common> check_common(const ServiceParts& parts, const Quota& quota, JobKind kind,
                               const Message& message) {
@@ -87,6 +96,13 @@ Expected<Common> check_common(const ServiceParts& parts, const Quota& quota, Job
   if (!priority) return unexpected(priority.error());
   auto options = options_of(message.options(), parts.config.solver_defaults);
   if (!options) return unexpected(inside("options", options.error()));
+  if (const bool alone = is_of_one_problem(kind, message); !alone) {
+    if (message.options().explain()) {
+      if (auto valid = validate_without_explain(*options); !valid)
+        return unexpected(inside("options", valid.error()));
+    }
+    options->explain = false;  // the server's default is for solves that may have it
+  }
   return Common{*std::move(options), *priority};
 }
 

@@ -85,6 +85,8 @@ Expected<Update> Update::check(v1::SessionUpdate& message, const PartSizes& size
   if (update.message_.has_options()) {
     const auto options = options_of(update.message_.options(), in_force);
     if (!options) return unexpected(inside("update.options", options.error()));
+    if (auto valid = validate_without_explain(*options); !valid)
+      return unexpected(inside("update.options", valid.error()));
     update.options_ = *options;
   }
   return update;

@@ -23,12 +23,17 @@ struct SolveArguments {
   std::string sensitivity;  // empty: no derivatives are wanted
   std::string bundle;       // empty: none is written
   std::string proof;        // empty: none is written
+  bool explains = false;    // as `marble explain`: rows and pairs count, objectives do not
   [[nodiscard]] bool json() const { return server.json(); }
   /// Without a server.
   [[nodiscard]] bool here() const { return local || server.server == contract::local_address; }
 };
 
-/// Adds the subcommand, which does nothing yet.
+/// Adds the subcommand `explain`, which does nothing yet.
+[[nodiscard]] CLI::App* add_explain_command(CLI::App& program,
+                                            const std::shared_ptr<SolveArguments>& arguments);
+
+/// Adds the subcommand `solve`, which does nothing yet.
 [[nodiscard]] CLI::App* add_solve_command(CLI::App& program,
                                           const std::shared_ptr<SolveArguments>& arguments);
 

@@ -6,6 +6,7 @@
 namespace marble::cli {
 
 void add_solve(CLI::App& program, int& exit_code);
+void add_explain(CLI::App& program, int& exit_code);
 void add_submit(CLI::App& program, int& exit_code);
 void add_result(CLI::App& program, int& exit_code);
 void add_jobs(CLI::App& program, int& exit_code);

@@ -9,6 +9,7 @@
 #include "base/exit_code.h"
 #include "commands/commands.h"
 #include "commands/solve_files.h"
+#include "conflict/problem_names.h"
 #include "formats.h"
 #include "marble/client.h"
 #include "marble/convert.h"
@@ -157,6 +158,10 @@ std::optional<int> solve_nonlinear_file(const SolveArguments& arguments, nonline
   const auto nl = or_out_of_memory(
       [&] { return formats::parse_nonlinear_nl(*content, name, formats::NlNames::beside(stub)); });
   if (!nl) return tell_error(arguments, path, "", nl.error(), false);
+  if (arguments.explains) {
+    return tell_error(arguments, path, name,
+                      invalid("FILE", path, "must be an LCQP: this problem is nonlinear"), false);
+  }
   if (!arguments.trace.empty()) {
     return tell_error(arguments, path, name,
                       invalid("--trace", "is the convergence of an LCQP: this problem is nonlinear"), false);
@@ -189,8 +194,9 @@ std::optional<int> solve_nonlinear_file(const SolveArguments& arguments, nonline
 }
 
 int run(const SolveArguments& arguments) {
-  const auto options = options_of_lcqps(arguments.solver);
+  auto options = options_of_lcqps(arguments.solver);
   if (!options) return option_fails(options.error());
+  if (arguments.explains) options->explain = true;
   const auto nonlinear = nonlinear_settings(arguments.solver);
   if (!nonlinear) return option_fails(nonlinear.error());
   if (!arguments.bundle.empty() && arguments.files.size() > 1) {
@@ -201,6 +207,7 @@ int run(const SolveArguments& arguments) {
     return arguments.bundle.empty() ? how : with_bundle(arguments, server, std::move(how));
   };
   SolveMeans means{formats::read_any_problem, solve(nullptr, solve_here)};
+  means.names = names_of_file;
   means.otherwise = [&](const std::string& path, std::stop_token stop) {
     return solve_nonlinear_file(arguments, *nonlinear, path, std::move(stop));
   };
@@ -223,6 +230,11 @@ int run(const SolveArguments& arguments) {
 void add_solve(CLI::App& program, int& exit_code) {
   const auto arguments = std::make_shared<SolveArguments>();
   add_solve_command(program, arguments)->callback([arguments, &exit_code] { exit_code = run(*arguments); });
+}
+
+void add_explain(CLI::App& program, int& exit_code) {
+  const auto arguments = std::make_shared<SolveArguments>();
+  add_explain_command(program, arguments)->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }
 
 }  // namespace marble::cli

@@ -1,5 +1,6 @@
 #include "commands/solve_files.h"
 
+#include <algorithm>
 #include <chrono>
 #include <iostream>
 #include <optional>
@@ -9,6 +10,7 @@
 #include "base/complaint.h"
 #include "base/exit_code.h"
 #include "base/interrupt.h"
+#include "conflict/conflict_text.h"
 #include "marble/json_proof.h"
 #include "marble/solver.h"
 #include "output/iteration_table.h"
@@ -44,16 +46,28 @@ Expected<void> save_proof(AtomicFile& file, const Proof& proof, const OwnedProbl
   return file.commit();
 }
 
+// The point nearest to 0 takes its place: any will do, and a convex problem is proved more often.
+void leave_objective_out(OwnedProblem& p) {
+  const auto n = static_cast<Index>(p.g.size());
+  Triplets diagonal;
+  for (Index j = 0; j < n; ++j) diagonal.add(j, j, 1.0);
+  p.Q = compress(n, n, diagonal, "Q").value();
+  p.hessian_form = HessianForm::upper_triangle;
+  std::ranges::fill(p.g, 0.0);
+  p.c0 = 0.0;
+}
+
 int solve_file(const SolveArguments& arguments, const std::string& path, const Options& options,
                const SolveMeans& means, TraceWriter* trace, AtomicFile* proof_file, const Json& sensitivity,
                std::stop_token stop) {
-  const auto file = means.read(path);
+  auto file = means.read(path);
   if (!file) {
     if (means.otherwise) {
       if (const auto outcome = means.otherwise(path, stop)) return *outcome;
     }
     return tell_error(arguments, path, "", file.error(), false);
   }
+  if (arguments.explains) leave_objective_out(file->problem);
   if (!arguments.quiet && arguments.files.size() > 1) std::cerr << without_controls(path) << ":\n";
   Listeners listeners(!arguments.quiet, trace);
   listeners.table().set_maximize(file->maximize);
@@ -63,6 +77,12 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
                          .stop = std::move(stop),
                          .initial_z = file->problem.initial_z,
                          .activity = display ? display->monitor() : nullptr};
+  std::optional<ProblemNames> names;  // read before a solve that may take long: they may be wrong
+  if (options.explain && means.names) {
+    auto read = means.names(path, file->problem);
+    if (!read) return tell_error(arguments, path, file->problem.name, read.error(), false);
+    names = std::move(*read);
+  }
   Expected<OwnedSensitivityRequest> asked;
   SensitivityRequest request;
   if (!sensitivity.is_null()) {
@@ -76,10 +96,17 @@ int solve_file(const SolveArguments& arguments, const std::string& path, const O
   const auto answer = means.solve(file->problem, options, controls);
   display.reset();
   if (!answer) return tell_error(arguments, path, file->problem.name, answer.error(), means.remote);
-  const Subject subject = subject_of(path, *file, options);
-  std::cout << (arguments.json() ? json_line(subject, *answer) + "\n" : summary(subject, *answer))
+  Subject subject = subject_of(path, *file, options);
+  if (answer->conflict) {
+    subject.conflict = conflict_lines(file->problem, names ? *names : ProblemNames{}, *answer->conflict,
+                                      answer->certificate);
+  }
+  std::cout << (arguments.json()     ? json_line(subject, *answer) + "\n"
+                : arguments.explains ? explanation(subject, *answer)
+                                     : summary(subject, *answer))
             << std::flush;
-  const int outcome = is_solved(answer->status) ? kAllSolved : kNotSolved;
+  const bool succeeded = arguments.explains ? answer->conflict.has_value() : is_solved(answer->status);
+  const int outcome = succeeded ? kAllSolved : kNotSolved;
   if (proof_file == nullptr) return outcome;
   const auto saved = save_proof(*proof_file, proof, file->problem, options, *answer);
   if (!saved) complain(saved.error().message());

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "arguments/solve_arguments.h"
+#include "conflict/problem_names.h"
 #include "marble/problem_file.h"
 #include "output/report.h"
 
@@ -17,6 +18,8 @@ struct SolveMeans {
   std::function<Expected<ProblemFile>(const std::string& path)> read;
   std::function<Expected<Answer>(const OwnedProblem&, const Options&, const SolveControls&)> solve;
   bool remote = false;  ///< errors of `solve` may be the server's
+  /// What a file calls its parts, for a conflict; none where it is empty.
+  std::function<Expected<ProblemNames>(const std::string& path, const OwnedProblem&)> names = {};
   /// For a file that `read` does not take: the outcome, once it is solved and told of, or nothing.
   std::function<std::optional<int>(const std::string& path, std::stop_token stop)> otherwise = {};
 };

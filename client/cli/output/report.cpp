@@ -53,6 +53,13 @@ std::string proof_line(const Subject& p, const Answer& s) {
   return begins_with_proof(s) ? "  proof           " + without_controls(part_of(s.detail, 0)) + "\n" : "";
 }
 
+// Names and details may be of any length: they are never formatted.
+std::string headline(const Subject& p, const Answer& s) {
+  return without_controls(p.name) + ": " + to_string(s.status) +
+         format("  (%zu variables, %zu equalities, %zu inequalities, %zu pairs)\n", p.variables, p.equalities,
+                p.inequalities, p.pairs);
+}
+
 SolutionFacts facts_of(const Subject& p, const Answer& s) {
   SolutionFacts facts = marble::facts_of(s, p.options);
   facts.maximize = p.maximize;
@@ -67,11 +74,20 @@ Subject subject_of(const std::string& path, const ProblemFile& file, const Optio
           file.maximize, options};
 }
 
+std::string explanation(const Subject& p, const Answer& s) {
+  std::string text = headline(p, s);
+  if (s.conflict) {
+    text += conflict_text(*s.conflict, p.conflict);
+  } else if (is_solved(s.status)) {
+    text += "  conflict        none: it has a point\n";
+  } else {
+    text += "  conflict        none was found: " + without_controls(s.detail) + "\n";
+  }
+  return text + format("  time            %.3f ms\n", 1e3 * (s.times.solve_s + s.times.setup_s));
+}
+
 std::string summary(const Subject& p, const Answer& s) {
-  // Names and details may be of any length: they are never formatted.
-  std::string text = without_controls(p.name) + ": " + to_string(s.status);
-  text += format("  (%zu variables, %zu equalities, %zu inequalities, %zu pairs)\n", p.variables,
-                 p.equalities, p.inequalities, p.pairs);
+  std::string text = headline(p, s);
   text += format("  objective       %.10g", p.of_file(s.objective));
   if (p.best_known_objective) text += format("   (best known %.10g)", *p.best_known_objective);
   const SolutionFacts facts = facts_of(p, s);
@@ -98,8 +114,13 @@ std::string summary(const Subject& p, const Answer& s) {
   } else {
     text += "  why             " + without_controls(s.detail) + "\n";
   }
-  if (const std::string better = what_to_try(facts); !better.empty())
+  if (s.conflict) {
+    text += p.conflict.empty() ? "  conflict        " + std::to_string(s.conflict->size()) + " parts; " +
+                                     without_controls(s.conflict->detail) + "\n"
+                               : conflict_text(*s.conflict, p.conflict);
+  } else if (const std::string better = what_to_try(facts); !better.empty()) {
     text += "  what to try     " + better + "\n";
+  }
   return text;
 }
 
@@ -141,6 +162,7 @@ std::string json_line(const Subject& problem, const Answer& s) {
   json["queue_seconds"] = s.queue_s;
   if (!s.job_id.empty()) json["job_id"] = s.job_id;
   if (!s.traceparent.empty()) json["traceparent"] = s.traceparent;
+  if (s.conflict) json["conflict"] = conflict_json(*s.conflict, problem.conflict);
   if (s.sensitivity) json["sensitivity"] = sensitivity_json(s);
   return line(json);
 }

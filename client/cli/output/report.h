@@ -3,7 +3,9 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "conflict/conflict_text.h"
 #include "marble/client.h"
 #include "marble/options.h"
 #include "marble/problem_file.h"
@@ -19,8 +21,9 @@ struct Subject {
   std::string file = {};  ///< empty if it was none
   std::size_t variables = 0, equalities = 0, inequalities = 0, pairs = 0;
   std::optional<double> best_known_objective = {};
-  bool maximize = false;  ///< the file's objective is the negative of the problem's
-  Options options = {};   ///< that it was solved by, as far as they are known
+  bool maximize = false;                    ///< the file's objective is the negative of the problem's
+  Options options = {};                     ///< that it was solved by, as far as they are known
+  std::vector<ConflictLine> conflict = {};  ///< of an answer that has one, where the file is at hand
 
   /// An objective of the problem, or a bound of it, as the file has it.
   [[nodiscard]] double of_file(double objective) const { return maximize ? 0.0 - objective : objective; }
@@ -30,6 +33,9 @@ struct Subject {
 /// Several lines: status, objective, the kind of answer, violations, work, times, what to try. Objective and
 /// bound are the file's.
 [[nodiscard]] std::string summary(const Subject& subject, const Answer& answer);
+
+/// What `marble explain` prints: the conflict, or why there is none.
+[[nodiscard]] std::string explanation(const Subject& subject, const Answer& answer);
 
 /// One JSON object without a line break. Objective and bound are the file's; multipliers those of the
 /// problem, which has the negative objective where "maximize" is true.

@@ -79,4 +79,7 @@ struct OptionInfo {
 /// Checks every option against its range.
 [[nodiscard]] Expected<void> validate(const Options& options);
 
+/// The same where option explain has no meaning, and must be off: in sessions, coupled and scenario solves.
+[[nodiscard]] Expected<void> validate_without_explain(const Options& options);
+
 }  // namespace marble

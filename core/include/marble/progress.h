@@ -74,16 +74,18 @@ enum class Phase {
   feasibility,   ///< the search for a feasible branch, whatever the objective
   scenarios,     ///< the levels of a scenario solve
   coupled,       ///< the iterations of a coupled solve
+  conflict,      ///< the conflict of an infeasible problem (option explain)
 };
 
-/// "setup", "path", "local_search", "starts", "tree", "feasibility", "scenarios", "coupled".
+/// "setup", "path", "local_search", "starts", "tree", "feasibility", "scenarios", "coupled", "conflict".
 [[nodiscard]] const char* to_string(Phase phase);
 
 /// What a solve is doing at the moment.
 struct Activity {
   Phase phase = Phase::setup;  ///< the part that is under way
   /// Parts of the phase that are done: starts, nodes bounded, scenarios of the level before, iterations of a
-  /// coupled solve, segments of a long problem (in local_search); 0 in the others.
+  /// coupled solve, segments of a long problem (in local_search), parts that a conflict is known to need; 0
+  /// in the others.
   std::int64_t done = 0;
   std::int64_t total = 0;  ///< of so many; 0 where nobody knows
   /// Objective of the best feasible point of this solve so far, user units; +∞ while there is none.

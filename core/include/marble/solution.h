@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "marble/progress.h"
+#include "marble/report/conflict.h"
 #include "marble/sensitivity.h"
 
 namespace marble {
@@ -137,6 +138,8 @@ struct Solution {
   /// field "solution" where it is not solved, or no isolated exact solution of its branch. Absent where none
   /// were asked for.
   std::optional<Expected<SensitivityAnswer>> sensitivity;
+  /// Of option explain: which parts make the problem infeasible. Absent where it is not proved to be.
+  std::optional<Conflict> conflict;
 };
 
 }  // namespace marble

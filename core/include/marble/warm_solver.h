@@ -76,8 +76,12 @@ class WarmSolver {
   /// The same of what was checked before.
   [[nodiscard]] Expected<void> prepare(const CheckedUpdate& update, const SolveControls& controls = {});
 
-  /// Other options for solves to come; scaling_passes stays as it was set up. Options must be valid.
-  [[nodiscard]] Expected<void> set_options(const Options& options) { return solver_.set_options(options); }
+  /// Other options for solves to come; scaling_passes stays as it was set up. Options must be valid, without
+  /// explain.
+  [[nodiscard]] Expected<void> set_options(const Options& options) {
+    if (auto valid = validate_without_explain(options); !valid) return valid;
+    return solver_.set_options(options);
+  }
 
   /// After so many solves in a row that were cut off, >= 1, the next one forgets all before it.
   void set_most_misses(int count) { most_misses_ = count; }

@@ -423,7 +423,8 @@ Expected<Coordination> Coordinator::run() {
 }  // namespace
 
 Expected<void> CoupledOptions::check() const {
-  if (auto valid = validate(options); !valid) return unexpected(inside("options", valid.error()));
+  if (auto valid = validate_without_explain(options); !valid)
+    return unexpected(inside("options", valid.error()));
   if (!(proximal > 0.0) || !std::isfinite(proximal))
     return unexpected(invalid("proximal", general(proximal, 6), "must be > 0 and finite"));
   if (max_iterations < 1)

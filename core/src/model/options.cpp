@@ -147,4 +147,10 @@ Expected<void> validate(const Options& options) {
   return {};
 }
 
+Expected<void> validate_without_explain(const Options& options) {
+  if (options.explain)
+    return unexpected(invalid("explain", "true", "must be false in sessions, coupled and scenario solves"));
+  return validate(options);
+}
+
 }  // namespace marble

@@ -26,6 +26,8 @@ const char* in_words(Phase phase) {
       return "scenarios";
     case Phase::coupled:
       return "coupled blocks";
+    case Phase::conflict:
+      return "conflict";
   }
   return "?";
 }
@@ -37,6 +39,8 @@ const char* unit_of(Phase phase) {
       return " nodes";
     case Phase::coupled:
       return " iterations";
+    case Phase::conflict:
+      return " parts needed";
     default:
       return "";
   }
@@ -62,6 +66,8 @@ const char* to_string(Phase phase) {
       return "scenarios";
     case Phase::coupled:
       return "coupled";
+    case Phase::conflict:
+      return "conflict";
   }
   return "?";
 }

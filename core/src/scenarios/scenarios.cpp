@@ -31,7 +31,7 @@ Expected<void> validate_settings(const ScenarioSettings& settings) {
   const auto refuse = [](const char* field, double value, const char* bound) {
     return unexpected(invalid(std::string("settings.") + field, text_of(value), bound));
   };
-  if (auto valid = validate(settings.options); !valid)
+  if (auto valid = validate_without_explain(settings.options); !valid)
     return unexpected(inside("settings.options", valid.error()));
   if (settings.first_scenarios < 1)
     return refuse("first_scenarios", static_cast<double>(settings.first_scenarios), "must be >= 1");

@@ -73,6 +73,8 @@ void to_message(const Options& options, v1::SolveOptions* message);
 /// Describes every option, from the option table.
 void to_message(const OptionInfo& option, v1::OptionSchema* message);
 
+void to_message(const Conflict& conflict, v1::Conflict* message);
+[[nodiscard]] Conflict conflict_of(const v1::Conflict& message);
 void to_message(const Violations& violations, v1::Violations* message);
 [[nodiscard]] Violations violations_of(const v1::Violations& message);
 

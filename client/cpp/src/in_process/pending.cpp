@@ -38,9 +38,17 @@ class InProcessPending final : public PendingSolution::State {
       marble::to_message(*controls_.sensitivity, &sensitivity_copy_);
       controls_.sensitivity = &sensitivity_.emplace(request_of(sensitivity_copy_));
     }
-    auto solver = Solver::create(*problem, deadline_.limit(options));
+    options_ = deadline_.limit(options);
+    auto solver = Solver::create(*problem, options_);
     if (!solver) return unexpected(solver.error());
-    solver_ = std::move(*solver);
+    if (options.explain) {  // which reads the problem after the solve
+      marble::to_message(view, &problem_copy_);
+      auto copy = Problem::create(view_of(problem_copy_));
+      if (!copy) return unexpected(copy.error());
+      problem_.emplace(*copy);
+    } else {
+      solver_ = std::move(*solver);
+    }
     initial_z_.assign(controls_.initial_z.begin(), controls_.initial_z.end());
     controls_.initial_z = initial_z_;
     controls_.progress = progress_.sink();
@@ -55,7 +63,10 @@ class InProcessPending final : public PendingSolution::State {
  private:
   void run() {
     if (call_.started) call_.started(0.0);
-    answer_ = or_out_of_memory([&] { return deadline_.answer(solver_->solve(controls_)); });
+    answer_ = or_out_of_memory([&] {
+      return deadline_.answer(problem_ ? solve_once(*problem_, options_, controls_)
+                                       : solver_->solve(controls_));
+    });
     end();
   }
 
@@ -65,7 +76,10 @@ class InProcessPending final : public PendingSolution::State {
   ThinnedProgress progress_;
   std::stop_source stop_;
   std::stop_callback<std::function<void()>> stop_with_caller_;
+  Options options_;
   std::optional<Solver> solver_;
+  v1::Problem problem_copy_;
+  std::optional<Problem> problem_;  // views it
   std::vector<double> initial_z_;
   std::optional<Solution> warm_start_;
   v1::SensitivityRequest sensitivity_copy_;

@@ -76,7 +76,7 @@ class InProcessSession final : public Session::State {
  private:
   [[nodiscard]] Expected<void> take(const std::optional<Options>& options) {
     if (!options) return {};
-    if (auto valid = validate(*options); !valid) return valid;
+    if (auto valid = validate_without_explain(*options); !valid) return valid;
     options_ = *options;
     return {};
   }

@@ -1,0 +1,94 @@
+#include "conflict/problem_names.h"
+
+#include <tuple>
+
+#include "nl/nl_problem.h"
+#include "output/json.h"
+#include "parts/file_bytes.h"
+
+namespace marble::cli {
+namespace {
+
+Expected<std::vector<std::string>> texts(const Json& names, const char* key, std::size_t count) {
+  std::vector<std::string> result;
+  const auto found = names.find(key);
+  if (found == names.end() || found->is_null()) return result;
+  const std::string field = std::string("names.") + key;
+  if (!found->is_array() || found->size() != count)
+    return unexpected(invalid(field, "must be an array of " + std::to_string(count) + " texts"));
+  for (const Json& name : *found) {
+    if (!name.is_string()) {
+      return unexpected(
+          invalid(field, static_cast<std::int64_t>(result.size()), name.dump(), "must be a text"));
+    }
+    result.push_back(name);
+  }
+  return result;
+}
+
+// The member "names" alone is kept of the text, so that memory is in proportion to it.
+Json names_member(const std::string& text) {
+  bool too_deep = false;
+  const auto keep = [&](int depth, Json::parse_event_t event, Json& parsed) {
+    too_deep = too_deep || depth > kDeepestJson;
+    if (event == Json::parse_event_t::key && depth == 1) return parsed == "names";
+    return !too_deep;
+  };
+  const Json document = Json::parse(text, keep, false);
+  if (!document.is_object() || !document.contains("names")) return nullptr;
+  return document["names"];
+}
+
+Expected<ProblemNames> json_names(const std::string& path, const OwnedProblem& p) {
+  const auto text = formats::read_bytes(path);
+  if (!text) return unexpected(text.error());
+  const Json given = names_member(*text);
+  if (given.is_null()) return ProblemNames{};
+  if (!given.is_object())
+    return unexpected(invalid("names", "must be an object {variables, equalities, inequalities, pairs}"));
+  ProblemNames names;
+  for (const auto& [key, count, into] : {std::tuple{"variables", p.g.size(), &names.variables},
+                                         std::tuple{"equalities", p.b.size(), &names.equalities},
+                                         std::tuple{"inequalities", p.d.size(), &names.inequalities},
+                                         std::tuple{"pairs", p.l.size(), &names.pairs}}) {
+    auto read = texts(given, key, count);
+    if (!read) return unexpected(read.error());
+    *into = std::move(*read);
+  }
+  return names;
+}
+
+// A row or a bound of the file may be two rows of the problem, and a pair has a row and a variable.
+ProblemNames nl_names(const formats::NlProblem& nl, const formats::NlNames& names) {
+  const OwnedProblem& p = nl.file.problem;
+  ProblemNames result;
+  for (std::size_t j = 0; j < p.g.size(); ++j) result.variables.push_back(names.column(static_cast<int>(j)));
+  result.equalities.resize(p.b.size());
+  result.inequalities.resize(p.d.size());
+  result.pairs.resize(p.l.size());
+  const auto take = [&](const formats::DualTerm& term, const std::string& name) {
+    const auto at = static_cast<std::size_t>(term.index);
+    std::string& into = term.block == formats::Block::equality     ? result.equalities[at]
+                        : term.block == formats::Block::inequality ? result.inequalities[at]
+                                                                   : result.pairs[at];
+    if (into.empty()) into = name;
+  };
+  for (const formats::DualTerm& term : nl.row_duals) take(term, names.row(term.of));
+  for (const formats::DualTerm& term : nl.reduced_costs) take(term, "bound of " + names.column(term.of));
+  return result;
+}
+
+}  // namespace
+
+Expected<ProblemNames> names_of_file(const std::string& path, const OwnedProblem& problem) {
+  if (path.ends_with(".json")) return json_names(path, problem);
+  if (!path.ends_with(".nl")) return ProblemNames{};
+  const auto content = formats::read_bytes(path);
+  if (!content) return unexpected(content.error());
+  const auto names = formats::NlNames::beside(path.substr(0, path.size() - 3));
+  const auto nl = formats::parse_nl_problem(*content, problem.name, names);
+  if (!nl) return unexpected(nl.error());
+  return nl_names(*nl, names);
+}
+
+}  // namespace marble::cli
