@@ -13,9 +13,9 @@ struct Settings {
   std::filesystem::path benchmarks;  ///< MacMPEC and robotics problems with references; may not exist
   int seeds = 20;                    ///< of the random families
   int starts = 8;                    ///< of the references where none is known
-  bool judging =
-      false;  ///< hard, statuses, starts, proofs, scenarios and horizons: the half of the seeds for judging
-  std::string peers;           ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
+  bool judging = false;  ///< hard, statuses, starts, proofs, conflicts, scenarios and horizons: the half of
+                         ///< the seeds for judging
+  std::string peers;     ///< a command that runs qp_peers.py, or global_peers.py; empty: no peers
   double time_limit_s = 60.0;  ///< of a proof
   Options options;             ///< macmpec and robotics: what is solved by
   std::string only;            ///< of the problems to prove, of coupled and scenarios, that one; all if empty
@@ -63,6 +63,8 @@ void starts(const Settings& settings);
 /// Proofs written to files and checked by another program: MacMPEC, robots, small integers, families where a
 /// feasible point is hard to find, ill-conditioned complementarity problems.
 void proofs(const Settings& settings);
+/// Planted conflicts, explained, and judged by enumeration.
+void conflicts(const Settings& settings);
 /// Problems tied by rows between them, and hoppers cut into pieces: block by block, and whole.
 void coupled(const Settings& settings);
 /// One plan for sampled worlds, grown level by level against all at once: the rocket by its trigger's

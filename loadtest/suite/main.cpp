@@ -20,13 +20,14 @@ constexpr const char* kUsage =
     "             [--peers COMMAND]\n"
     "       suite tune [--seeds N] [--judge] [--save FILE | --against FILE] [NAME ... | NAME=VALUE ...]\n"
     "Families: macmpec perturbed robotics variants qpecs warm mpc growth horizons units throughput global "
-    "hard statuses starts proofs qp coupled scenarios; "
+    "hard statuses starts proofs conflicts qp coupled scenarios; "
     "all "
     "of "
     "them by "
     "default.\n"
     "  --seeds N            of the random families, default 20\n"
-    "  --judge              hard, statuses, starts, proofs, scenarios and horizons: on the half of the seeds "
+    "  --judge              hard, statuses, starts, proofs, conflicts, scenarios and horizons: on the half "
+    "of the seeds "
     "that "
     "nothing is chosen on\n"
     "  --starts K           of the references where none is known, default 8\n"
@@ -123,25 +124,13 @@ int main(int argc, char** argv) {
   }
 
   const std::pair<const char*, std::function<void(const suite::Settings&)>> families[] = {
-      {"macmpec", suite::macmpec},
-      {"perturbed", suite::perturbed},
-      {"robotics", suite::robotics},
-      {"variants", suite::variants},
-      {"qpecs", suite::qpecs},
-      {"warm", suite::warm},
-      {"mpc", suite::mpc},
-      {"growth", suite::growth},
-      {"horizons", suite::horizons},
-      {"units", suite::units},
-      {"throughput", suite::throughput},
-      {"global", suite::global},
-      {"hard", suite::hard},
-      {"statuses", suite::statuses},
-      {"starts", suite::starts},
-      {"proofs", suite::proofs},
-      {"qp", suite::qp},
-      {"coupled", suite::coupled},
-      {"scenarios", suite::scenarios}};
+      {"macmpec", suite::macmpec},   {"perturbed", suite::perturbed},   {"robotics", suite::robotics},
+      {"variants", suite::variants}, {"qpecs", suite::qpecs},           {"warm", suite::warm},
+      {"mpc", suite::mpc},           {"growth", suite::growth},         {"horizons", suite::horizons},
+      {"units", suite::units},       {"throughput", suite::throughput}, {"global", suite::global},
+      {"hard", suite::hard},         {"statuses", suite::statuses},     {"starts", suite::starts},
+      {"proofs", suite::proofs},     {"conflicts", suite::conflicts},   {"qp", suite::qp},
+      {"coupled", suite::coupled},   {"scenarios", suite::scenarios}};
   for (const std::string& name : wanted) {
     if (std::ranges::none_of(families, [&](const auto& family) { return name == family.first; })) {
       std::fprintf(stderr, "suite: there is no family '%s'\n", name.c_str());
