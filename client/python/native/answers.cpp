@@ -1,5 +1,7 @@
 #include "answers.h"
 
+#include <pybind11/stl.h>
+
 #include <cmath>
 #include <initializer_list>
 #include <vector>
@@ -87,6 +89,14 @@ py::dict dict_of(const ProblemView& view) {
   return problem;
 }
 
+py::object tuple_of(const std::optional<Conflict>& conflict) {
+  if (!conflict) return py::none();
+  const py::tuple parts = py::make_tuple(conflict->equalities, conflict->inequalities, conflict->left_sides,
+                                         conflict->right_sides, conflict->complementarities);
+  return py::make_tuple(parts, conflict->minimal, conflict->detail, conflict->linear_programs,
+                        conflict->factorizations);
+}
+
 py::dict dict_of(Solution s, const Options& options, double total_s) {
   py::dict answer;
   answer["status"] = to_string(s.status);
@@ -114,6 +124,7 @@ py::dict dict_of(Solution s, const Options& options, double total_s) {
   answer["factorizations"] = s.factorizations;
   answer["cold_objective"] = s.cold_objective;
   answer["options"] = dict_of(options);
+  answer["conflict"] = tuple_of(s.conflict);
   answer["sensitivity"] = derivatives_told(std::move(s.sensitivity));
   const Times& t = s.times;
   answer["times"] = py::make_tuple(0.0, t.setup_s, t.factorization_s, t.line_search_s, t.polish_s, t.solve_s,

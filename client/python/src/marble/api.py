@@ -42,6 +42,7 @@ from marble.message.job import (
     SubmittedArray,
     Trace,
 )
+from marble.model.conflict import Conflict
 from marble.model.coupled import Coordination, CoupledAnswer, PiecesAnswer
 from marble.model.derivatives import AnswerChange, RowResponse, SensitivityAnswer, SensitivityRequest
 from marble.model.lcqp import LCQP
@@ -69,6 +70,7 @@ __all__ = [
     "BatchItem",
     "Cancelled",
     "Client",
+    "Conflict",
     "ConnectOptions",
     "Coordination",
     "CoupledAnswer",

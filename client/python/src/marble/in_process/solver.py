@@ -20,6 +20,7 @@ from marble.in_process.ending import under_way
 from marble.message import answers, requests
 from marble.message.requests import Call
 from marble.model import derivatives
+from marble.model.conflict import Conflict
 from marble.model.derivatives import SensitivityAnswer
 from marble.model.lcqp import LCQP
 from marble.model.problem import Problem, compiled, in_terms_of
@@ -145,6 +146,8 @@ def solution(told: dict[str, Any], problem: LCQP) -> Solution:
     told["violations"] = Violations(*told["violations"])
     told["times"] = Times(*told["times"])
     told["sensitivity"] = _sensitivity(told["sensitivity"], problem.n)
+    if told["conflict"] is not None:
+        told["conflict"] = Conflict.of(*told["conflict"])
     return Solution(**told, problem=problem, job_id="")
 
 

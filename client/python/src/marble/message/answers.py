@@ -27,6 +27,7 @@ from marble.message.job import (
     SubmittedArray,
     Trace,
 )
+from marble.model.conflict import Conflict
 from marble.model.lcqp import LCQP, Vector
 from marble.model.scenarios import OutOfSample, ScenarioLevel
 from marble.model.solution import PointOrigin, Progress, SecondOrder, Solution, Stationarity, Times, Violations
@@ -111,7 +112,14 @@ def solution(message: Any, arrays: Arrays, path: str, problem: LCQP, job_id: str
         problem=problem,
         sensitivity=(sensitivity.answer(message.sensitivity, arrays, path + "sensitivity.")
                      if message.HasField("sensitivity") else None),
+        conflict=_conflict(message.conflict) if message.HasField("conflict") else None,
     )
+
+
+def _conflict(message: Any) -> Conflict:
+    parts = (message.equalities, message.inequalities, message.left_sides, message.right_sides,
+             message.complementarities)
+    return Conflict.of(parts, message.minimal, message.detail, message.linear_programs, message.factorizations)
 
 
 def solve_response(data: bytes, problem: LCQP | None) -> Solution:
