@@ -49,6 +49,27 @@ def test_local_and_remote_give_the_same_bits(client, here):
         same(here.solve(problem, options=options), client.solve(problem, options=options))
 
 
+def test_a_conflict_is_the_same_locally_and_remotely_and_prints_its_rows(client, here):
+    problem = marble.Problem(["gap", "force"]).add_rows([[1, 1]], 4, 4).bound("gap", ub=1).bound("force", -9, 2)
+    for solver_ in (here, client):
+        answer = solver_.solve(problem, explain=True)
+        assert answer.status is marble.Status.INFEASIBLE and answer.conflict.minimal
+        assert answer.conflict.equalities.tolist() == [0] and len(answer.conflict) == 3
+        assert answer.conflict.lines(answer.problem, answer.variables) == [
+            "A[0]: gap + force - 4 = 0", "C[0]: -gap + 1 ≥ 0", "C[2]: -force + 2 ≥ 0"]
+        assert "C[2]: -force + 2 ≥ 0" in str(answer) and "3 parts, minimal" in str(answer)
+        assert solver_.solve(problem).conflict is None
+    pairs = marble.LCQP(None, np.zeros(2), A=[[1, 1]], b=[-2], L=np.eye(2), R=-np.eye(2), r=[0.5, 0.5])
+    ours, theirs = (solver_.solve(pairs, explain=True).conflict for solver_ in (here, client))
+    assert ours is not None and str(ours) == str(theirs) and len(ours) == len(theirs)
+
+
+def test_explain_is_refused_by_sessions(client, here):
+    for solver_ in (here, client):
+        with pytest.raises(marble.InvalidArgument, match="explain"):
+            solver_.session(tiny(), options={"explain": True})
+
+
 def test_a_session_gives_the_same_bits_update_by_update(client, here):
     lcqp = Hopper(steps=10).problem()
     updates = [{}, {"g": lcqp.g * 1.01}, {"Q": 2 * lcqp.Q.data, "c0": 1.0}, {"shift": 10, "b": lcqp.b * 0.99},

@@ -397,6 +397,24 @@ class Pyomo(unittest.TestCase):
             with self.assertRaisesRegex(marble.InvalidProblem, said):
                 solver().solve(m)
 
+    def test_an_infeasible_model_is_explained_by_its_own_names(self):
+        m = qpec()
+        m.least = pyo.Constraint(expr=m.y[0] + m.y[1] >= 3)
+        m.push = pyo.Constraint(expr=m.w[0] >= 1)
+        m.other = pyo.Constraint(expr=m.w[1] == 2)
+        m.idle = pyo.Constraint(expr=m.y[2] + m.w[2] >= -9)
+        for server in ("local", os.environ["MARBLE_SERVER"]):
+            self.assertEqual(
+                sorted(marble.pyomo.explain_infeasible(m, server=server)),
+                ["complementarity pairs[0]", "complementarity pairs[1]", "constraint least, lower limit", "constraint other",
+                 "constraint push, lower limit"])
+        self.assertEqual(marble.pyomo.explain_infeasible(qpec(), server="local"), [])
+        m.y[0].setlb(2)
+        m.most = pyo.Constraint(expr=m.y[0] <= 1)
+        del m.push, m.other
+        self.assertEqual(sorted(marble.pyomo.explain_infeasible(m, server="local")),
+                         ["constraint most, upper limit", "variable y[0], lower bound"])
+
     def test_the_page_s_example_prints_what_it_says(self):
         self.assertEqual(*example("Pyomo"))
 

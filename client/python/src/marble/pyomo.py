@@ -41,7 +41,8 @@ from marble.base.lazy import lazy
 from marble.base.tables import Status
 from marble.client import Client
 from marble.errors import AlmostSolved, InvalidArgument, InvalidProblem, Unavailable
-from marble.model.layout import Family
+from marble.model.conflict import Conflict
+from marble.model.layout import Family, Layout
 from marble.model.lcqp import LCQP, Vector
 from marble.model.pyomo_conditions import OwnVariables
 from marble.model.pyomo_disjunctions import choose
@@ -118,6 +119,10 @@ class _Matrix:
         entries = self._entries.now()
         size = int(self._places.max()) + 1 if entries.size else 0
         return np.bincount(self._places, weights=entries, minlength=size).astype(np.float64)
+
+
+def _limit_word(rows: Sequence[str], layout: Layout, inequality: int) -> str:
+    return "bound" if rows[layout.inequality_source[inequality]].startswith("variable") else "limit"
 
 
 class _Model:
@@ -244,6 +249,26 @@ class _Model:
             Q=self.sense * self.Q.now(), g=self.sense * g, c0=self.sense * float(self.g.constants.now()[0]),
             rows=self.rows.now(), constant=self.rows.constants.now(), low=low, high=high, L=self.L.now(),
             l=self.L.constants.now(), R=self.R.now(), r=self.R.constants.now()), same
+
+    def parts_of(self, conflict: Conflict) -> list[str]:
+        """The constraints, bounds and conditions of a conflict, by their names in the model."""
+        assert self._family is not None
+        rows = [f"constraint {constraint.name}" for constraint in self.constraints]
+        rows += (self.rows.count - len(rows)) * [""]
+        pairs = self.L.count * [""]
+        for condition, places in self.conditions:
+            for kind, number, _ in places:
+                (rows if kind == "row" else pairs)[number] = f"complementarity {condition.name}"
+        limits = [f"variable {variable.name}" for variable in self.variables]
+        rows += limits + (self.n - len(limits)) * [""]
+        layout = self._family.layout
+        equal = [rows[source] for source in layout.equality_source[conflict.equalities]]
+        sided = [f"{rows[layout.inequality_source[i]]}, "
+                 f"{'lower' if layout.inequality_sign[i] > 0 else 'upper'} {_limit_word(rows, layout, i)}"
+                 for i in conflict.inequalities]
+        tied = [pairs[i] for i in sorted({*conflict.left_sides.tolist(), *conflict.right_sides.tolist(),
+                                          *conflict.complementarities.tolist()})]
+        return list(dict.fromkeys(name for name in (*equal, *sided, *tied) if name))
 
     def duals(self, answer: Solution) -> Vector:
         """Changes of the objective by the right-hand sides of constraints and by bounds of variables."""
@@ -376,6 +401,20 @@ class MarblePersistent:
         self.close()
 
 
+def explain_infeasible(model: Any, *, server: str | Client | None = None, **options: Any) -> list[str]:
+    """The constraints, bounds and complementarities of an infeasible model that contradict each other, by their names.
+
+    None of them can be left out: without it the others can be met. model: a ConcreteModel, as solve takes it; its
+    objective plays no role. server, options: as in marble.solve. Returns an empty list if the model is not proved
+    infeasible. Raises InvalidProblem as solve does.
+    """
+    read = _Model(model)
+    problem, _ = read.numbers()
+    nearest = problem.replaced(Q=sp.identity(problem.n, format="csc"), g=np.zeros(problem.n), c0=0.0)
+    answer = marble.solve(nearest, server=server, explain=True, **options)
+    return [] if answer.conflict is None else read.parts_of(answer.conflict)
+
+
 @SolverFactory.register("marble", doc="The program marble, by files")
 class MarbleByFiles(ASL):  # type: ignore[misc]
     """Pyomo's own way to programs that read .nl files, but for conditions that its writer would change."""
@@ -400,4 +439,4 @@ class MarbleByFiles(ASL):  # type: ignore[misc]
         return results
 
 
-__all__ = ["MarbleByFiles", "MarblePersistent", "choose"]
+__all__ = ["MarbleByFiles", "MarblePersistent", "choose", "explain_infeasible"]
