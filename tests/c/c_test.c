@@ -278,6 +278,49 @@ static void an_answer_is_started_from(const marble_client* client) {
   marble_problem_destroy(problem);
 }
 
+static int lists(const marble_solution* solution, const char* part, int64_t expected, int32_t first_index) {
+  const int32_t* indices = NULL;
+  int64_t count = -1;
+  const int32_t code = marble_solution_conflict(solution, part, &indices, &count, NULL);
+  return code == MARBLE_OK && count == expected && (expected == 0 || indices[0] == first_index);
+}
+
+/* z0 = 1 and z1 = 1 where z0 z1 = 0; z1 <= 3 can be met. */
+static void an_infeasible_problem_is_explained(const marble_client* client) {
+  const int32_t columns[] = {0, 1, 2}, both[] = {0, 1}, second[] = {0, 0, 1}, row[] = {0};
+  marble_problem* problem = first();
+  marble_options* options = NULL;
+  marble_solution* solution = NULL;
+  marble_error error;
+  const int32_t* indices = both;
+  int64_t count = 1;
+  double number = -1;
+  CHECK(marble_problem_set_matrix(problem, "A", 2, 2, columns, 2, both, (const double[]){1, 1}, NULL) == MARBLE_OK);
+  CHECK(marble_problem_set_vector(problem, "b", (const double[]){-1, -1}, 2, NULL) == MARBLE_OK);
+  CHECK(marble_problem_set_matrix(problem, "C", 1, 2, second, 1, row, (const double[]){-1}, NULL) == MARBLE_OK);
+  CHECK(marble_problem_set_vector(problem, "d", (const double[]){3}, 1, NULL) == MARBLE_OK);
+  CHECK(marble_solve(client, problem, NULL, NULL, &solution, &error) == MARBLE_OK);
+  CHECK(marble_solution_conflict(solution, "equalities", &indices, &count, &error) == MARBLE_FAILED_PRECONDITION);
+  CHECK(indices == NULL && count == 0 && strcmp(error.field, "solution") == 0);
+  CHECK(marble_solution_number(solution, "conflict", &number, NULL) == MARBLE_OK && number == 0);
+  CHECK(marble_solution_conflict_detail(solution)[0] == '\0' && marble_solution_conflict_detail(NULL)[0] == '\0');
+  marble_solution_destroy(solution);
+  CHECK(marble_options_create(&options, NULL) == MARBLE_OK);
+  CHECK(marble_options_set(options, "explain", "true", NULL) == MARBLE_OK);
+  CHECK(marble_solve(client, problem, options, NULL, &solution, &error) == MARBLE_OK);
+  CHECK(marble_solution_status(solution) == MARBLE_STATUS_INFEASIBLE);
+  CHECK(lists(solution, "equalities", 2, 0) && lists(solution, "complementarities", 1, 0));
+  CHECK(lists(solution, "inequalities", 0, 0) && lists(solution, "left_sides", 0, 0));
+  CHECK(lists(solution, "right_sides", 0, 0));
+  CHECK(marble_solution_number(solution, "conflict", &number, NULL) == MARBLE_OK && number == 2);
+  CHECK(marble_solution_conflict_detail(solution)[0] != '\0');
+  CHECK(marble_solution_conflict(solution, "rows", &indices, &count, &error) == MARBLE_INVALID_ARGUMENT);
+  CHECK(strcmp(error.field, "part") == 0 && strcmp(error.value, "rows") == 0);
+  marble_solution_destroy(solution);
+  marble_options_destroy(options);
+  marble_problem_destroy(problem);
+}
+
 /* Where the numbers lie is known once the call that lends them has been made. */
 static void check_number(int32_t code, const double* const* values, const int64_t* count, int64_t at, double expected) {
   CHECK(code == MARBLE_OK && *values != NULL && at < *count);
@@ -449,6 +492,7 @@ int main(int argc, char** argv) {
     a_fault_names_field_index_value_and_bound(client);
     null_is_a_fault_and_never_a_crash();
     an_answer_is_started_from(client);
+    an_infeasible_problem_is_explained(client);
     derivatives_come_with_answers(client);
     a_job_is_submitted_and_its_answer_fetched(client);
     a_session_takes_what_changed_and_starts_warm(client);

@@ -81,6 +81,7 @@ VALID_OF = {  # where a function needs another
     ("marble_solution_number", "name"): '"gap"',
     ("marble_call_set_rows_vector", "name"): '"g"',
     ("marble_solution_weak", "name"): '"pairs"',
+    ("marble_solution_conflict", "part"): '"equalities"',
     ("marble_solution_response", "name"): '"values"',
 }
 NULL_ALLOWED = {

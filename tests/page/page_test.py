@@ -199,12 +199,49 @@ class Page(unittest.TestCase):
         self.browser.wait_text("#job-status", "infeasible")
         for row in ("equality 0", "equality 1"):
             self.browser.wait_text("#clash", row)
+        self.browser.wait_text("#clash", "Option explain=true shows here a smallest set of rows and pairs that conflict.")
         self.browser.find("#answer").click()
         file = eventually(lambda: next(self.browser.downloads.glob(f"*{job}.json"), None), "the answer")
         told = fetch(f"{server.http}/api/jobs/{job}/result")
         eventually(lambda: file.read_text() == told, "the whole answer")
         self.assertEqual(len(json.loads(told)["solution"]["certificate"]), 4)
         self.assertEqual(self.browser.complaints(), [])
+
+    def test_of_an_infeasible_job_it_shows_the_parts_that_conflict_and_whether_they_are_minimal(self):
+        server = self.start()
+        path = server.folder / "pair.json"
+        # z1 = z2 = 1 where pair 1 wants z1 z2 = 0; pair 0 is met by z0 = 0.
+        path.write_text(json.dumps({
+            "name": "pair", "n": 3, "g": [1, 1, 1], "A": {"rows": 2, "cols": 3, "i": [0, 1], "j": [1, 2], "v": [1, 1]},
+            "b": [-1, -1], "L": {"rows": 2, "cols": 3, "i": [0, 1], "j": [0, 1], "v": [1, 1]}, "l": [0, 0],
+            "R": {"rows": 2, "cols": 3, "i": [0, 1], "j": [0, 2], "v": [1, 1]}, "r": [0, 0]}))
+        job = server.submit(path, "--option", "explain=true")
+        server.run("result", "--wait", job, check=False)
+        self.open(server, f"/#/jobs/{job}")
+        for text in ("equality 0", "equality 1", "complementarity of pair 1", "Minimal: without any one of them"):
+            self.browser.wait_text("#clash", text)
+        shown = self.browser.find("#clash").text
+        for text in ("pair 0", "Option explain", "multiplier"):
+            self.assertNotIn(text, shown)
+        unexplained = server.submit(path)  # its certificate is empty: only the pairs are at fault
+        server.run("result", "--wait", unexplained, check=False)
+        self.open(server, f"/#/jobs/{unexplained}")
+        self.browser.wait_text("#clash", "Option explain=true shows here")
+        self.assertNotIn("multiplier", self.browser.find("#clash").text)
+        self.assertEqual(self.browser.complaints(), [])
+
+    def test_a_conflict_that_a_limit_ended_is_shown_as_not_minimal_and_a_long_one_in_part(self):
+        self.open(self.start())
+        conflict = {"inequalities": list(range(102)), "right_sides": [7], "minimal": False, "detail": "time_limit_s came first"}
+        rows, notes = self.browser.run("""
+          return Promise.all([import("/assets/jobs/findings.js"), import("/assets/jobs/job_tables.js")]).then(([findings, tables]) => {
+            const place = document.createElement("div");
+            tables.showConflict(place, findings.conflictingParts(arguments[0]));
+            return ["tbody tr", ".note"].map((kind) => [...place.querySelectorAll(kind)].map((line) => line.textContent));
+          });""", conflict)
+        self.assertEqual((len(rows), rows[0]), (100, "inequality 0C z + d ≥ 0"))
+        self.assertEqual(notes[1:], ["and 3 more; the answer as JSON has them all.",
+                                     "Not minimal: perhaps fewer of them conflict already.", "time_limit_s came first"])
 
     def test_it_says_what_kind_of_answer_a_job_has_and_what_to_try(self):
         server = self.start()

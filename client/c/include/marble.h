@@ -215,10 +215,21 @@ int32_t marble_solution_vector(const marble_solution* solution, const char* name
 /* objective, bound, gap, proved, nodes, open_nodes, iterations, factorizations, kkt_residual,
  * equality_violation, inequality_violation, complementarity_violation, stationarity (0 unknown, 1 weak to 4
  * strong), second_order (0 unknown, 1 saddle, 2 necessary, 3 minimum, 4 convex), origin (0 this solve, 1 the
- * session's solution before it), reopened (1 where its session was set up again for it, else 0), setup_s,
- * solve_s, queue_s, total_s. */
+ * session's solution before it), reopened (1 where its session was set up again for it, else 0), conflict (of
+ * option explain: 0 none, 1 of which fewer parts may conflict already, as a limit came first, 2 minimal:
+ * without any one of its parts the others have a point), setup_s, solve_s, queue_s, total_s. */
 int32_t marble_solution_number(const marble_solution* solution, const char* name, double* value,
                                marble_error* error);
+/* Of option explain: parts of an infeasible problem that no point meets together, whatever the others are.
+ * `part` is "equalities" (rows of Az + b = 0), "inequalities" (rows of Cz + d >= 0), "left_sides" or
+ * "right_sides" (pairs of which Lz + l >= 0 or Rz + r >= 0 is needed) or "complementarities" (pairs of which
+ * one side must be zero). Indices are lent, ascend and count from 0; a part may have none.
+ * MARBLE_FAILED_PRECONDITION where there is no conflict: it was not asked for, or the problem is not proved
+ * infeasible. */
+int32_t marble_solution_conflict(const marble_solution* solution, const char* part, const int32_t** indices,
+                                 int64_t* count, marble_error* error);
+/* What was proved of the conflict, or which limit came first; empty without one, and of NULL. */
+const char* marble_solution_conflict_detail(const marble_solution* solution);
 
 /* The derivatives that the call asked for. MARBLE_FAILED_PRECONDITION says why there are none: nothing was
  * asked for, the answer is not solved or no isolated exact solution of a branch, or the branch is flat along

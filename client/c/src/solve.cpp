@@ -33,6 +33,11 @@ std::int32_t connected(const char* address, const Keepalive& keepalive, marble_c
   });
 }
 
+double conflict_kind(const Solution& s) {
+  if (!s.conflict) return 0.0;
+  return s.conflict->minimal ? 2.0 : 1.0;
+}
+
 }  // namespace
 }  // namespace marble::c
 
@@ -141,6 +146,7 @@ std::int32_t marble_solution_number(const marble_solution* solution, const char*
                                                   {"second_order", static_cast<double>(s.second_order)},
                                                   {"origin", static_cast<double>(s.origin)},
                                                   {"reopened", s.reopened ? 1.0 : 0.0},
+                                                  {"conflict", marble::c::conflict_kind(s)},
                                                   {"setup_s", s.times.setup_s},
                                                   {"solve_s", s.times.solve_s},
                                                   {"queue_s", s.queue_s},
@@ -152,4 +158,42 @@ std::int32_t marble_solution_number(const marble_solution* solution, const char*
     }
     return unexpected(marble::invalid("name", name, "is no number of a solution"));
   });
+}
+
+std::int32_t marble_solution_conflict(const marble_solution* solution, const char* part,
+                                      const std::int32_t** indices, std::int64_t* count,
+                                      marble_error* error) {
+  none_lent(indices, count);
+  return guarded(error, [&]() -> Expected<void> {
+    if (solution == nullptr) return unexpected(null("solution"));
+    if (part == nullptr) return unexpected(null("part"));
+    if (indices == nullptr) return unexpected(null("indices"));
+    if (count == nullptr) return unexpected(null("count"));
+    if (!solution->solution.conflict) {
+      const char* const why =
+          "has no conflict: option explain was not set, or no proof of infeasibility found";
+      return unexpected(marble::failure(marble::ErrorCode::failed_precondition, "solution", why));
+    }
+    const marble::Conflict& c = *solution->solution.conflict;
+    const std::pair<const char*, const std::vector<marble::Index>*> all[] = {
+        {"equalities", &c.equalities},
+        {"inequalities", &c.inequalities},
+        {"left_sides", &c.left_sides},
+        {"right_sides", &c.right_sides},
+        {"complementarities", &c.complementarities}};
+    for (const auto& [key, rows] : all) {
+      if (std::string_view(part) != key) continue;
+      *indices = rows->data();
+      *count = static_cast<std::int64_t>(rows->size());
+      return {};
+    }
+    const char* const parts =
+        "must be equalities, inequalities, left_sides, right_sides or complementarities";
+    return unexpected(marble::invalid("part", part, parts));
+  });
+}
+
+const char* marble_solution_conflict_detail(const marble_solution* solution) {
+  const bool has = solution != nullptr && solution->solution.conflict.has_value();
+  return has ? solution->solution.conflict->detail.c_str() : "";
 }

@@ -65,6 +65,7 @@ export { Client, connect } from "./client.js";
 export type { ConnectOptions, Keepalive, TlsOptions } from "./connection/connect-options.js";
 export { BuiltProblem, ProblemBuilder } from "./model/builder.js";
 export type { Bounds, Expression, PairReport, Report, Term } from "./model/builder.js";
+export type { Conflict } from "./model/conflict.js";
 export type { CompressedColumns, DenseRows, Matrix, Triplets } from "./model/matrix.js";
 export type { SolveOptions } from "./model/options.js";
 export type { Problem, ProblemUpdate } from "./model/problem.js";

@@ -98,6 +98,43 @@ test("an infeasible problem is an answer with its proof", async () => {
   const solution = await client.solve({ g: [0], C: [[1], [-1]], d: [-2, 1] });
   assert.equal(solution.status, "infeasible");
   assert.equal(solution.certificate.length, 2);
+  assert.equal(solution.conflict, undefined);
+});
+
+const explain = { options: { explain: true } };
+
+test("option explain names the rows that conflict and leaves out the others", async () => {
+  // z0 ≥ 2 and z0 ≤ 1, between two rows that both can be met.
+  const rows = { C: [[0, 1], [1, 0], [0, -1], [-1, 0]], d: [3, -2, 4, 1] };
+  const { status, conflict, factorizations } = await client.solve({ g: [0, 0], ...rows }, explain);
+  assert.equal(status, "infeasible");
+  assert.ok(conflict !== undefined);
+  assert.deepEqual([...conflict.inequalities], [1, 3]);
+  for (const part of ["equalities", "leftSides", "rightSides", "complementarities"] as const) {
+    assert.equal(conflict[part].length, 0);
+  }
+  assert.equal(conflict.minimal, true);
+  assert.match(conflict.detail, /\S/);
+  assert.ok(conflict.linearPrograms > 0);
+  assert.ok(conflict.factorizations <= factorizations);
+});
+
+test("a conflict has the pairs without which there would be a point", async () => {
+  // Pair 1 wants z1 z2 = 0, the equalities z1 = z2 = 1; pair 0 can be met.
+  const pairs = { L: [[1, 0, 0], [0, 1, 0]], l: [0, 0], R: [[1, 0, 0], [0, 0, 1]], r: [0, 0] };
+  const rows = { A: [[0, 1, 0], [0, 0, 1]], b: [-1, -1] };
+  const { conflict } = await client.solve({ g: [0, 0, 0], ...rows, ...pairs }, explain);
+  assert.ok(conflict !== undefined);
+  assert.deepEqual([...conflict.equalities], [0, 1]);
+  assert.deepEqual([...conflict.complementarities], [1]);
+  assert.deepEqual([conflict.inequalities.length, conflict.leftSides.length, conflict.rightSides.length], [0, 0, 0]);
+  assert.equal(conflict.minimal, true);
+});
+
+test("without a proof of infeasibility option explain has no conflict", async () => {
+  const solution = await client.solve(corner, explain);
+  assert.equal(solution.status, "solved");
+  assert.equal(solution.conflict, undefined);
 });
 
 test("progress is called for every iteration, in order", async () => {

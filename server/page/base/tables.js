@@ -30,7 +30,7 @@ export const STATUSES = {
   infeasible: {
     tone: "bad",
     means: "No point meets the constraints. The certificate in the answer proves it even without complementarity; where it is empty, every branch of the pairs was refuted.",
-    advice: "The problem contradicts itself: check signs and offsets of A, b, C, d, l and r. The largest multipliers in the certificate name the rows that clash.",
+    advice: "The problem contradicts itself: check signs and offsets of A, b, C, d, l and r. Option explain=true, or marble explain, names a smallest set of rows and pairs that clash.",
   },
   locally_infeasible: {
     tone: "bad",

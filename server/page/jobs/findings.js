@@ -114,6 +114,24 @@ export function clashingRows(job, certificate) {
   return { rows: weighing.slice(0, MOST_ROWS), more: Math.max(0, weighing.length - MOST_ROWS) };
 }
 
+const CONFLICT_PARTS = [
+  ["equality", "equalities", "A z + b = 0"],
+  ["inequality", "inequalities", "C z + d ≥ 0"],
+  ["left side of pair", "left_sides", "L z + l ≥ 0"],
+  ["right side of pair", "right_sides", "R z + r ≥ 0"],
+  ["complementarity of pair", "complementarities", "L z + l = 0 or R z + r = 0"],
+];
+const MOST_PARTS = 100;
+
+/**
+ * What a conflict says: its parts as {part, needs}, how many more it has, and whether it is minimal. `conflict` is the
+ * solution's, null where it has none.
+ */
+export function conflictingParts(conflict) {
+  const parts = CONFLICT_PARTS.flatMap(([name, field, needs]) => (conflict?.[field] ?? []).map((row) => ({ part: `${name} ${row}`, needs })));
+  return { parts: parts.slice(0, MOST_PARTS), more: Math.max(0, parts.length - MOST_PARTS), minimal: conflict?.minimal === true, detail: conflict?.detail ?? "" };
+}
+
 // What is known of the optimum, where a tree has looked for it.
 function proof({ nodes, openNodes, state, status, proved, incumbent, bound, gap }) {
   if (nodes === 0) return [];

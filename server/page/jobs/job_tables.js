@@ -76,13 +76,32 @@ export function showViolations(place, job, options) {
   );
 }
 
-/** The rows that an infeasible problem's certificate weighs most. */
-export function showClash(place, { rows, more }) {
-  const lines = rows.map(({ row, multiplier }) => make("tr", {}, make("th", { scope: "row" }, row), make("td", {}, real(Number(multiplier.toPrecision(4))))));
+/** The parts of an infeasible problem that no point meets together. */
+export function showConflict(place, { parts, more, minimal, detail }) {
+  const lines = parts.map(({ part, needs }) => make("tr", {}, make("th", { scope: "row" }, part), make("td", {}, needs)));
   place.replaceChildren(
+    make("p", { class: "note" }, "No point meets these parts together, whatever the others are; counted from 0:"),
+    table("Parts that conflict", ["part", "needs"], lines),
+    more > 0 ? make("p", { class: "note" }, `and ${whole(more)} more; the answer as JSON has them all.`) : make("span"),
+    make("p", { class: "note" }, minimal ? "Minimal: without any one of them the others have a point." : "Not minimal: perhaps fewer of them conflict already."),
+    detail === "" ? make("span") : make("p", { class: "note" }, detail),
+  );
+}
+
+/**
+ * The rows that an infeasible problem's certificate weighs most, none where only its pairs are at fault. `explained`: the
+ * job had option explain, which need not be advised.
+ */
+export function showClash(place, { rows, more }, explained) {
+  const lines = rows.map(({ row, multiplier }) => make("tr", {}, make("th", { scope: "row" }, row), make("td", {}, real(Number(multiplier.toPrecision(4))))));
+  const weighed = [
     make("p", { class: "note" }, "Rows that contradict each other, counted from 0, by their multipliers in the certificate:"),
     table("Rows that clash", ["row", "multiplier"], lines),
     more > 0 ? make("p", { class: "note" }, `and ${whole(more)} more; the answer as JSON has them all.`) : make("span"),
+  ];
+  place.replaceChildren(
+    ...(rows.length > 0 ? weighed : []),
+    explained ? make("span") : make("p", { class: "note" }, "Option explain=true shows here a smallest set of rows and pairs that conflict."),
   );
 }
 

@@ -3,10 +3,10 @@
 import { Convergence, loadCharts } from "../plots/convergence.js";
 import { confirm } from "../dialogs.js";
 import { fill, make, onceAFrame } from "../base/dom.js";
-import { clashingRows, explain, timeLimit } from "./findings.js";
+import { clashingRows, conflictingParts, explain, timeLimit } from "./findings.js";
 import { duration, residual } from "../base/format.js";
 import { Feed } from "../data/feed.js";
-import { showClash, showFacts, showOptions, showRows, showViolations } from "./job_tables.js";
+import { showClash, showConflict, showFacts, showOptions, showRows, showViolations } from "./job_tables.js";
 import { buildJobPage } from "./job_page.js";
 import { showLevels } from "../plots/levels_plot.js";
 import { PairsPlot } from "../plots/pairs_plot.js";
@@ -225,7 +225,7 @@ export class JobView {
     this.parts.limit.replaceChildren(make("progress", { max: limit.limit, value: limit.used, "aria-label": "Time limit used" }), make("span", { class: "note" }, text));
   }
 
-  // Once: the certificate, and what kind of point it is, are in the answer alone.
+  // Once: the conflict, the certificate, and what kind of point it is, are in the answer alone.
   async #readAnswer() {
     const asked = this.#job.status === "infeasible" || (this.#job.status === "solved" && !this.#job.proved);
     if (this.#answerRead || !asked) return;
@@ -237,9 +237,10 @@ export class JobView {
         if (!this.#closed) this.update();
         return;
       }
-      const found = clashingRows(this.#job, solution?.certificate ?? []);
-      if (this.#closed || found.rows.length === 0) return;
-      showClash(this.parts.clash, found);
+      if (this.#closed) return;
+      const conflict = conflictingParts(solution?.conflict);
+      if (conflict.parts.length > 0) showConflict(this.parts.clash, conflict);
+      else showClash(this.parts.clash, clashingRows(this.#job, solution?.certificate ?? []), this.#options?.explain === true);
       this.parts.clash.hidden = false;
     } catch {
       // An answer that is not kept any more has no rows to show.

@@ -54,7 +54,7 @@ export const statusAdvice = {
   iteration_limit: "If the curves still fall, raise max_iterations. If they are flat, another start (x0, or starts above 1) helps more than more iterations. Where nodes are open, raise node_limit.",
   time_limit: "Look at where the time went: raise time_limit_s, lower local_search_budget, or start warm in a session.",
   cancelled: "Send it again if nobody meant to end it.",
-  infeasible: "The problem contradicts itself: check signs and offsets of A, b, C, d, l and r. The largest multipliers in the certificate name the rows that clash.",
+  infeasible: "The problem contradicts itself: check signs and offsets of A, b, C, d, l and r. Option explain=true, or marble explain, names a smallest set of rows and pairs that clash.",
   locally_infeasible: "Where the detail names ill-conditioned rows, remove one of them. Else raise feasibility_budget, or start elsewhere (x0). If it happens with every start, suspect the data of the largest violation.",
   unbounded: "A bound or a cost is missing: the entries of that direction name the variables.",
   numerical_failure: "Mostly a matter of scale: bring the data nearer to 1, avoid nearly equal rows, keep scaling_passes above 0, or try path = paper.",

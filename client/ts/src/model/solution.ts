@@ -11,6 +11,7 @@ import {
   Status as StatusNumber,
   type Times as TimesMessage,
 } from "../generated/marble/v1/solution.js";
+import { type Conflict, conflictOf } from "./conflict.js";
 import { type SolveOptions, optionsOf } from "./options.js";
 import { type Violations, treeOf, violationsOf } from "./progress.js";
 import { type SensitivityAnswer, sensitivityOf } from "./sensitivity.js";
@@ -103,6 +104,8 @@ export class Solution {
   readonly coldObjective: number;
   /** The derivatives that were asked for; absent where none were. */
   readonly sensitivity?: SensitivityAnswer;
+  /** Of option explain: which parts make the problem infeasible; absent where it is not proved to be. */
+  readonly conflict?: Conflict;
   /** Rows of progress that were dropped because they were not taken fast enough. */
   readonly progressSkipped: number;
 
@@ -137,6 +140,7 @@ export class Solution {
     this.warmNodes = message.warmNodes;
     this.coldObjective = message.coldObjective;
     this.sensitivity = message.sensitivity && sensitivityOf(message.sensitivity, this.z.length);
+    this.conflict = message.conflict && conflictOf(message.conflict);
     this.progressSkipped = progressSkipped;
   }
 

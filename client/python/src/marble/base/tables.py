@@ -69,8 +69,8 @@ _ADVICE: Final = {
     "cancelled":
         "Send it again if nobody meant to end it.",
     "infeasible":
-        "The problem contradicts itself: check signs and offsets of A, b, C, d, l and r. The largest multipliers in "
-        "the certificate name the rows that clash.",
+        "The problem contradicts itself: check signs and offsets of A, b, C, d, l and r. Option explain=true, or "
+        "marble explain, names a smallest set of rows and pairs that clash.",
     "locally_infeasible":
         "Where the detail names ill-conditioned rows, remove one of them. Else raise feasibility_budget, or start "
         "elsewhere (x0). If it happens with every start, suspect the data of the largest violation.",
