@@ -279,7 +279,7 @@ function place(field: string, terms: readonly Term[], limits: Bounds, A: Rows, C
   const { lower, upper } = limitsOf(field, limits);
   if (lower === upper) return { equality: A.add(terms, -lower) };
   const result: Place = {};
-  if (lower > -infinite) result.lower = C.add(terms, -lower);
+  if (lower > -infinite) result.lower = C.add(terms, 0 - lower);
   if (upper < infinite) result.upper = C.add(terms, upper, -1);
   return result;
 }
