@@ -28,7 +28,6 @@ from marble.message.job import (
     Trace,
 )
 from marble.model.conflict import Conflict
-from marble.model.conflict import Conflict
 from marble.model.lcqp import LCQP, Vector
 from marble.model.scenarios import OutOfSample, ScenarioLevel
 from marble.model.solution import PointOrigin, Progress, SecondOrder, Solution, Stationarity, Times, Violations
@@ -44,12 +43,6 @@ def _violations(message: Any) -> Violations:
 def _times(message: Any) -> Times:
     return Times(message.queue_s, message.setup_s, message.factorization_s, message.line_search_s, message.polish_s,
                  message.solve_s, message.total_s, message.tree_s)
-
-
-def _conflict(message: Any) -> Conflict:
-    return Conflict(tuple(message.equalities), tuple(message.inequalities), tuple(message.left_sides),
-                    tuple(message.right_sides), tuple(message.complementarities), message.minimal, message.detail,
-                    message.linear_programs, message.factorizations)
 
 
 def _tree(message: Any) -> dict[str, Any]:
@@ -119,7 +112,6 @@ def solution(message: Any, arrays: Arrays, path: str, problem: LCQP, job_id: str
         problem=problem,
         sensitivity=(sensitivity.answer(message.sensitivity, arrays, path + "sensitivity.")
                      if message.HasField("sensitivity") else None),
-        conflict=_conflict(message.conflict) if message.HasField("conflict") else None,
         conflict=_conflict(message.conflict) if message.HasField("conflict") else None,
     )
 

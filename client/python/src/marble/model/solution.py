@@ -16,7 +16,6 @@ import numpy as np
 from marble.base.tables import Status
 from marble.errors import AlmostSolved, Unsolved
 from marble.model.conflict import Conflict
-from marble.model.conflict import Conflict
 from marble.model.derivatives import SensitivityAnswer
 from marble.model.lcqp import LCQP, Vector, twin
 from marble.model.solution_kind import SolutionFacts, SolutionKind
@@ -105,7 +104,6 @@ class Solution:
     with instead of the root.
     iterations, factorizations: counts. times: seconds. options: every option as it was used. cold_objective: what a
     cold start last reached on the way here. job_id: the server's.
-    conflict: of option explain: which parts make the problem infeasible; None where it is not proved to be.
     problem: what was solved. sensitivity: the derivatives that were asked for with the solve; None where none were.
     conflict: with option explain, the parts that make the problem infeasible; None where it is not proved to be.
     reopened: whether the session was set up again since its last answer, as its server was lost: it has started at the
@@ -149,7 +147,6 @@ class Solution:
     bound_duals: Vector = field(default_factory=lambda: np.zeros(0))
     variables: Mapping[str, int] = field(default_factory=dict)
     sensitivity: SensitivityAnswer | None = None
-    conflict: Conflict | None = None
     conflict: Conflict | None = None
     reopened: bool = False
 
@@ -234,17 +231,10 @@ class Solution:
         if self.conflict is not None:
             facts.append(("conflict", f"{len(self.conflict)} parts, {'' if self.conflict.minimal else 'not '}minimal"))
             facts += [("", line) for line in self.conflict.lines(self.problem, self.variables)]
-        if self.conflict is not None:
-            facts.extend(self._conflict_facts(self.conflict))
         if self.what_to_try:
             facts.append(("what to try", self.what_to_try))
         facts.append(("z", np.array2string(self.z, precision=6, threshold=8, edgeitems=3, separator=", ")))
         return facts
-
-    def _conflict_facts(self, conflict: Conflict) -> list[tuple[str, str]]:
-        known = self.problem.sizes[1] == self.y.size and self.problem.sizes[2:] == (self.nu.size, self.xi.size)
-        lines = conflict.lines(self.problem, self.variables) if known else str(conflict).splitlines()[1:]
-        return [*zip(["conflict", *[""] * len(lines)], lines, strict=False), ("explained by", conflict.detail)]
 
     def _work(self) -> str:
         nodes = f", {self.nodes:,} node{'' if self.nodes == 1 else 's'}"
