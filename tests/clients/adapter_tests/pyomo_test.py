@@ -403,11 +403,12 @@ class Pyomo(unittest.TestCase):
         m.push = pyo.Constraint(expr=m.w[0] >= 1)
         m.other = pyo.Constraint(expr=m.w[1] == 2)
         m.idle = pyo.Constraint(expr=m.y[2] + m.w[2] >= -9)
-        for server in ("local", os.environ["MARBLE_SERVER"]):
-            self.assertEqual(
-                sorted(marble.pyomo.explain_infeasible(m, server=server)),
-                ["complementarity pairs[0]", "complementarity pairs[1]", "constraint least, lower limit", "constraint other",
-                 "constraint push, lower limit"])
+        with tempfile.TemporaryDirectory() as folder, local_and_remote(pathlib.Path(folder)) as clients:
+            for client in clients:
+                self.assertEqual(
+                    sorted(marble.pyomo.explain_infeasible(m, server=client)),
+                    ["complementarity pairs[0]", "complementarity pairs[1]", "constraint least, lower limit",
+                     "constraint other", "constraint push, lower limit"])
         self.assertEqual(marble.pyomo.explain_infeasible(qpec(), server="local"), [])
         m.y[0].setlb(2)
         m.most = pyo.Constraint(expr=m.y[0] <= 1)
