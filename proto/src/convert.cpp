@@ -362,14 +362,15 @@ void to_message(const Conflict& conflict, v1::Conflict* message) {
 
 Conflict conflict_of(const v1::Conflict& message) {
   const auto indices = [](const auto& field) { return std::vector<Index>(field.begin(), field.end()); };
-  Conflict conflict{indices(message.equalities()), indices(message.inequalities()),
-                    indices(message.left_sides()), indices(message.right_sides()),
-                    indices(message.complementarities())};
-  conflict.minimal = message.minimal();
-  conflict.detail = message.detail();
-  conflict.linear_programs = message.linear_programs();
-  conflict.factorizations = message.factorizations();
-  return conflict;
+  return {.equalities = indices(message.equalities()),
+          .inequalities = indices(message.inequalities()),
+          .left_sides = indices(message.left_sides()),
+          .right_sides = indices(message.right_sides()),
+          .complementarities = indices(message.complementarities()),
+          .minimal = message.minimal(),
+          .detail = message.detail(),
+          .linear_programs = message.linear_programs(),
+          .factorizations = message.factorizations()};
 }
 
 void to_message(const Solution& solution, v1::Solution* message) {

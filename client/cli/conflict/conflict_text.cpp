@@ -32,7 +32,7 @@ std::vector<Term> row_of(const SparseMatrix& m, Index row) {
 
 class Writer {
  public:
-  Writer(const OwnedProblem& p, const ProblemNames& names) : p_(p), names_(names) {}
+  explicit Writer(const ProblemNames& names) : names_(names) {}
 
   [[nodiscard]] std::string variable(Index j) const {
     return named(names_.variables, j, "z[" + std::to_string(j) + "]");
@@ -66,7 +66,6 @@ class Writer {
     return text;
   }
 
-  const OwnedProblem& p_;
   const ProblemNames& names_;
 };
 
@@ -74,7 +73,7 @@ class Writer {
 
 std::vector<ConflictLine> conflict_lines(const OwnedProblem& p, const ProblemNames& names,
                                          const Conflict& conflict, std::span<const double> certificate) {
-  const Writer writer(p, names);
+  const Writer writer(names);
   const std::size_t rows = p.b.size() + p.d.size() + 2 * p.l.size();
   const bool known = conflict.complementarities.empty() && certificate.size() == rows;
   std::vector<ConflictLine> lines;

@@ -187,9 +187,9 @@ void proofs(const Settings& settings) {
     std::map<std::string, std::vector<HardProblem>> families;
     for (HardProblem& problem : hard_problems(settings.seeds, settings.judging))
       families[problem.family].push_back(std::move(problem));
-    for (const auto& [name, problems] : families) {
-      family(name, {}, [&](auto&& take) {
-        for (const HardProblem& problem : problems) take(problem.problem);
+    for (const auto& hard : families) {
+      family(hard.first, {}, [&hard](auto&& take) {
+        for (const HardProblem& problem : hard.second) take(problem.problem);
       });
     }
   }

@@ -24,8 +24,8 @@ struct Row {
     x.constant *= factor;
     return x;
   }
-  friend Row operator+(Row x, double constant) {
-    x.constant += constant;
+  friend Row operator+(Row x, double more) {
+    x.constant += more;
     return x;
   }
 };
