@@ -69,13 +69,14 @@ struct OptionField {
   const FieldDescriptor* field;  // of SolveOptions
 };
 
-// Found by name once: a lookup takes as long as all the rest of an option.
+// Found by name once: a lookup takes as long as all the rest of an option. Never destroyed: the workers of a
+// client or server in static storage still convert options while the process exits.
 const std::vector<OptionField>& option_fields() {
-  static const std::vector<OptionField> fields = [] {
-    std::vector<OptionField> result;
+  static const auto& fields = *[] {
+    auto* result = new std::vector<OptionField>;
     for (const OptionInfo& option : option_table()) {
       const auto* field = v1::SolveOptions::descriptor()->FindFieldByName(std::string(option.name));
-      if (field != nullptr) result.push_back({option, field});
+      if (field != nullptr) result->push_back({option, field});
     }
     return result;
   }();

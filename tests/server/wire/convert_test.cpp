@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <limits>
 
 #include "marble/v1/service.pb.h"
@@ -76,6 +77,21 @@ TEST(Convert, AnUnspecifiedChoiceIsAnAbsentOne) {
   const auto options = options_of(message);
   ASSERT_TRUE(options.has_value());
   EXPECT_EQ(options->path, Options().path);
+}
+
+// A client in static storage is destroyed after what its first use created; its workers convert until then.
+TEST(Convert, OptionsAreConvertedWhileTheProcessExits) {
+  struct ConvertsAtExit {
+    ~ConvertsAtExit() {
+      v1::SolveOptions message;
+      to_message(Options{.max_iterations = 7}, &message);
+      if (message.max_iterations() != 7) std::abort();
+    }
+  };
+  static const ConvertsAtExit converts_at_exit;
+  v1::SolveOptions message;
+  to_message(Options{}, &message);
+  EXPECT_TRUE(options_of(message).has_value());
 }
 
 TEST(Convert, OptionsOutOfRangeAreNamed) {
