@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 
+#include "run/run.h"
 #include "tuning.h"
 
 namespace marble {
@@ -15,18 +16,13 @@ std::vector<Index> united(const std::vector<Index>& a, const std::vector<Index>&
   return both;
 }
 
-Interrupt interrupt_of(const Options& options, const SolveControls& controls) {
-  const auto begun = controls.begun.value_or(Interrupt::now(controls.pause));
-  return Interrupt(controls.stop, after(begun, options.time_limit_s), controls.pause);
-}
-
 }  // namespace
 
 Refutation::Refutation(const Problem& problem, const Options& options, const SolveControls& controls,
                        const SetupControls& setup)
     : rows_(problem, options, controls, setup),
       numbers_(problem),
-      interrupt_(interrupt_of(options, controls)),
+      interrupt_(interrupt_of(controls, options)),
       zero_(static_cast<std::size_t>(problem.pairs())),
       weight_(static_cast<std::size_t>(problem.pairs()), 1.0) {}
 
@@ -79,7 +75,15 @@ const Refutation::Nogood* Refutation::known() const {
 
 void Refutation::learn(const Nogood& nogood) {
   for (const Index side : nogood.sides) weight_[static_cast<std::size_t>(side / 2)] += 1.0;
-  if (nogoods_.size() < tuning::conflict_nogoods) nogoods_.push_back(nogood);
+  if (nogoods_.size() < tuning::conflict_nogoods && may_keep(nogood.parts.size() + nogood.sides.size()))
+    nogoods_.push_back(nogood);
+}
+
+// So that what is kept takes no more memory than the tableau may.
+bool Refutation::may_keep(std::size_t numbers) {
+  if (kept_numbers_ + static_cast<double>(numbers) > tuning::conflict_entries) return false;
+  kept_numbers_ += static_cast<double>(numbers);
+  return true;
 }
 
 // The parts and sides of the contradiction at hand, as few as a vertex of its multipliers has. A side that is
@@ -154,7 +158,9 @@ std::optional<Refutation::Nogood> Refutation::refute() {
   const Index pair = pair_to_fork(rows_.z());
   if (pair >= 0) return fork(pair);
   found_ = is_met(parts_, rows_.z());
-  if (found_ && points_.size() < tuning::conflict_nogoods) points_.push_back(rows_.z());
+  if (found_ && points_.size() < tuning::conflict_nogoods &&
+      may_keep(static_cast<std::size_t>(rows_.z().size())))
+    points_.push_back(rows_.z());
   return std::nullopt;
 }
 

@@ -70,6 +70,7 @@ class Refutation {
   [[nodiscard]] double apart(Index pair, ConstVectorRef z) const;
   [[nodiscard]] Index pair_to_fork(ConstVectorRef z) const;
   void learn(const Nogood& nogood);
+  [[nodiscard]] bool may_keep(std::size_t numbers);
 
   LinearRows rows_;
   PartNumbers numbers_;
@@ -79,6 +80,7 @@ class Refutation {
   std::vector<double> weight_;      // of each pair: 1 + in how many nogoods it was
   std::vector<Nogood> nogoods_;
   std::vector<Vector> points_;  // of earlier runs
+  double kept_numbers_ = 0.0;   // of nogoods and points together
   bool found_ = false;
   std::int64_t nodes_ = 0;
   int depth_ = 0;
