@@ -167,11 +167,9 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage f
   bool path_borrowed = false;
   if (options_.polish && from != Stage::end_of_path) {
     const bool in_segments = from <= Stage::path && start_in_segments(run, branch);
-    if (in_segments && problem_.pairs() < tuning::segmented_alone) {
+    if (in_segments) {
       stage_ = Stage::beginning;
-      path_borrowed = search_.find(run, initial_z);
-    } else if (in_segments) {
-      stage_ = Stage::beginning;
+      if (problem_.pairs() < tuning::segmented_alone) path_borrowed = search_.find(run, initial_z);
     } else if (from <= Stage::path && may_have_segments(problem_) && run.interrupted() &&
                !incumbent_.exists()) {
       stage_ = Stage::path;

@@ -7,6 +7,7 @@
 
 #include "horizon/window.h"
 #include "model/entries.h"
+#include "run/run.h"
 #include "tuning.h"
 
 namespace marble {
@@ -31,10 +32,7 @@ class Sweep {
         options_(options),
         controls_(controls),
         setup_(setup),
-        interrupt_(controls.stop,
-                   controls.begun ? after(*controls.begun, options.time_limit_s)
-                                  : Interrupt::Clock::time_point::max(),
-                   controls.pause),
+        interrupt_(interrupt_of(controls, options)),
         window_(p_, plan.stage_of_variable) {
     whole_.z.assign(p_.g.size(), 0.0);
     whole_.equality_multipliers.assign(p_.b.size(), 0.0);

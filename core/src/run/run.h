@@ -11,16 +11,18 @@
 
 namespace marble {
 
+/// What ends a solve: its stop token, or its time limit from `begun` on, else from now on.
+[[nodiscard]] inline Interrupt interrupt_of(const SolveControls& controls, const Options& options) {
+  const auto begun = controls.begun.value_or(Interrupt::now(controls.pause));
+  return Interrupt(controls.stop, after(begun, options.time_limit_s), controls.pause);
+}
+
 class Run {
  public:
   using Clock = Interrupt::Clock;
 
   Run(const Options& options, const SolveControls& controls)
-      : options_(options),
-        controls_(controls),
-        start_(Interrupt::now(controls.pause)),
-        interrupt_(controls.stop, after(controls.begun.value_or(start_), options.time_limit_s),
-                   controls.pause) {}
+      : Run(options, controls, interrupt_of(controls, options)) {}
   /// What ends it is an interrupt of another run.
   Run(const Options& options, const SolveControls& controls, Interrupt interrupt)
       : options_(options), controls_(controls), start_(interrupt.now()), interrupt_(std::move(interrupt)) {}
