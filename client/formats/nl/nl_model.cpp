@@ -56,10 +56,9 @@ class Assembly {
       return unexpected(invalid("r", static_cast<std::int64_t>(index),
                                 "5 " + std::to_string(sides) + " " + std::to_string(variable + 1), rule));
     };
-    if (lower && given.low <= -infinite_limit) return refuse("must complement a variable with a lower bound");
-    if (upper && given.high >= infinite_limit)
-      return refuse("must complement a variable with an upper bound");
-    if (sides == 0 && (given.low > -infinite_limit || given.high < infinite_limit))
+    if (lower && given.low == -kInfinity) return refuse("must complement a variable with a lower bound");
+    if (upper && given.high == kInfinity) return refuse("must complement a variable with an upper bound");
+    if (sides == 0 && (given.low > -kInfinity || given.high < kInfinity))
       return refuse("must complement a variable without bounds");
     if (given.low == given.high) {  // the variable stands still: its row may do what the sides allow
       if (sides == kBothSides) return {};
@@ -100,8 +99,8 @@ class Assembly {
       duals.push_back({index, Block::equality, equality, -1.0});
       return added;
     }
-    if (low > -infinite_limit) duals.push_back({index, Block::inequality, inequality++, 1.0});
-    if (high < infinite_limit) duals.push_back({index, Block::inequality, inequality, -1.0});
+    if (low > -kInfinity) duals.push_back({index, Block::inequality, inequality++, 1.0});
+    if (high < kInfinity) duals.push_back({index, Block::inequality, inequality, -1.0});
     return added;
   }
   Expected<void> add_row(const AffineRow& row, double low, double high, Index index) {

@@ -229,6 +229,9 @@ NlBounds NlSegments::bound(const char* what, bool may_complement) {
     default:
       in_.fail(what, "", "must be a bound: 0 to 4, in r 5 too");
   }
+  if (bounds.low == bounds.high) return bounds;
+  if (bounds.low <= -infinite_limit) bounds.low = -kInfinity;
+  if (bounds.high >= infinite_limit) bounds.high = kInfinity;
   return bounds;
 }
 
