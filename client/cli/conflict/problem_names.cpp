@@ -39,25 +39,6 @@ Json names_member(const std::string& text) {
   return document["names"];
 }
 
-Expected<ProblemNames> json_names(const std::string& path, const OwnedProblem& p) {
-  const auto text = formats::read_bytes(path);
-  if (!text) return unexpected(text.error());
-  const Json given = names_member(*text);
-  if (given.is_null()) return ProblemNames{};
-  if (!given.is_object())
-    return unexpected(invalid("names", "must be an object {variables, equalities, inequalities, pairs}"));
-  ProblemNames names;
-  for (const auto& [key, count, into] : {std::tuple{"variables", p.g.size(), &names.variables},
-                                         std::tuple{"equalities", p.b.size(), &names.equalities},
-                                         std::tuple{"inequalities", p.d.size(), &names.inequalities},
-                                         std::tuple{"pairs", p.l.size(), &names.pairs}}) {
-    auto read = texts(given, key, count);
-    if (!read) return unexpected(read.error());
-    *into = std::move(*read);
-  }
-  return names;
-}
-
 // A row or a bound of the file may be two rows of the problem, and a pair has a row and a variable.
 ProblemNames nl_names(const formats::NlProblem& nl, const formats::NlNames& names) {
   const OwnedProblem& p = nl.file.problem;
@@ -80,11 +61,29 @@ ProblemNames nl_names(const formats::NlProblem& nl, const formats::NlNames& name
 
 }  // namespace
 
+Expected<ProblemNames> names_of_json(const std::string& text, const OwnedProblem& p) {
+  const Json given = names_member(text);
+  if (given.is_null()) return ProblemNames{};
+  if (!given.is_object())
+    return unexpected(invalid("names", "must be an object {variables, equalities, inequalities, pairs}"));
+  ProblemNames names;
+  for (const auto& [key, count, into] : {std::tuple{"variables", p.g.size(), &names.variables},
+                                         std::tuple{"equalities", p.b.size(), &names.equalities},
+                                         std::tuple{"inequalities", p.d.size(), &names.inequalities},
+                                         std::tuple{"pairs", p.l.size(), &names.pairs}}) {
+    auto read = texts(given, key, count);
+    if (!read) return unexpected(read.error());
+    *into = std::move(*read);
+  }
+  return names;
+}
+
 Expected<ProblemNames> names_of_file(const std::string& path, const OwnedProblem& problem) {
-  if (path.ends_with(".json")) return json_names(path, problem);
-  if (!path.ends_with(".nl")) return ProblemNames{};
+  const bool json = path.ends_with(".json");
+  if (!json && !path.ends_with(".nl")) return ProblemNames{};
   const auto content = formats::read_bytes(path);
   if (!content) return unexpected(content.error());
+  if (json) return names_of_json(*content, problem);
   const auto names = formats::NlNames::beside(path.substr(0, path.size() - 3));
   const auto nl = formats::parse_nl_problem(*content, problem.name, names);
   if (!nl) return unexpected(nl.error());

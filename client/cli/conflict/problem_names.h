@@ -14,9 +14,13 @@ struct ProblemNames {
   std::vector<std::string> variables = {}, equalities = {}, inequalities = {}, pairs = {};
 };
 
-/// Of a JSON file those of its key "names", {"variables", "equalities", "inequalities", "pairs"}, each an
-/// array of as many texts as there are; of an .nl file those of the .row and .col files beside it. None of
-/// others. Errors: invalid_argument, fields "names", "names.pairs" and such.
+/// Of the text of a JSON file: its key "names", {"variables", "equalities", "inequalities", "pairs"}, each an
+/// array of as many texts as the problem has. None without the key, or if it is no JSON. Errors:
+/// invalid_argument, fields "names", "names.pairs" and such. Memory and time are in proportion to the text.
+[[nodiscard]] Expected<ProblemNames> names_of_json(const std::string& text, const OwnedProblem& problem);
+
+/// Of a JSON file names_of_json() of its text; of an .nl file those of the .row and .col files beside it.
+/// None of others. Errors: as names_of_json() has them, and of files that cannot be read.
 [[nodiscard]] Expected<ProblemNames> names_of_file(const std::string& path, const OwnedProblem& problem);
 
 }  // namespace marble::cli

@@ -17,6 +17,7 @@
 #include "requests/dense.h"
 #include "requests/findings.h"
 #include "support/judges/brute_force.h"
+#include "support/judges/conflict_check.h"
 #include "support/judges/independent_check.h"
 
 namespace marble::fuzz {
@@ -247,6 +248,23 @@ void expect_optimal(const ProblemView& p, const Options& options, const Solution
   if (x.proved && x.status == Status::solved) FUZZ_JUDGE_AT_MOST(x.objective, best->objective + gap + rough);
 }
 
+// Its parts are the problem's; what is small has no point, by enumeration.
+void expect_conflict(const ProblemView& p, const Conflict& conflict, bool friendly) {
+  FUZZ_JUDGE(conflict.size() > 0 && !conflict.detail.empty());
+  const auto within = [](const std::vector<Index>& rows, std::size_t count) {
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      FUZZ_JUDGE(rows[k] >= 0 && static_cast<std::size_t>(rows[k]) < count);
+      FUZZ_JUDGE(k == 0 || rows[k - 1] < rows[k]);
+    }
+  };
+  within(conflict.equalities, p.b.size());
+  within(conflict.inequalities, p.d.size());
+  for (const auto* pairs : {&conflict.left_sides, &conflict.right_sides, &conflict.complementarities})
+    within(*pairs, p.l.size());
+  if (!friendly || p.l.size() > 3 || p.g.size() > 7) return;
+  FUZZ_JUDGE(!testing::have_point(p, conflict));
+}
+
 }  // namespace
 
 void expect_sound(const Error& error) {
@@ -288,7 +306,12 @@ void judge_answer(const ProblemView& p, const Options& options, const v1::Soluti
   if (is_solved(x.status)) expect_feasible(answer, options);
   if (x.status == Status::solved && std::isfinite(verdict.stationarity))
     FUZZ_JUDGE_AT_MOST(verdict.stationarity, kFirstDigit);
-  if (!is_friendly(p)) return;
+  const bool friendly = is_friendly(p);
+  if (x.conflict) {
+    FUZZ_JUDGE(options.explain && x.status == Status::infeasible);
+    expect_conflict(p, *x.conflict, friendly);
+  }
+  if (!friendly) return;
   if (is_solved(x.status)) expect_stationary(answer, options, verdict);
   if (x.status == Status::infeasible && !x.certificate.empty()) expect_refuted(p, x.certificate);
   if (x.status == Status::unbounded) expect_unbounded(p, x.certificate);

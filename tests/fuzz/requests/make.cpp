@@ -312,6 +312,7 @@ v1::SolveRequest make_solve(Draw& draw) {
   *request.mutable_problem() = make_problem(draw);
   const v1::Problem& p = request.problem();
   make_options(draw, request.mutable_options());
+  if (draw.chance(15)) request.mutable_options()->set_explain(true);
   if (draw.chance(25)) start_point(p.gradient_size(), draw, request.mutable_initial_point());
   if (draw.chance(25)) {
     weigh(p, 1, draw, request.mutable_warm_start());
