@@ -14,21 +14,13 @@
 namespace marble::examples {
 namespace {
 
-testing::Verdict judge_point(const OwnedProblem& p, const std::vector<double>& z) {
-  Solution s;
-  s.z = z;
-  s.equality_multipliers.resize(p.b.size());
-  s.inequality_multipliers.resize(p.d.size());
-  s.complementarity_multipliers_L.resize(p.l.size());
-  s.complementarity_multipliers_R.resize(p.r.size());
-  return testing::judge(p.view(), s);
-}
-
 double infeasibility(const OwnedProblem& p, const std::vector<double>& z) {
-  return judge_point(p, z).infeasibility();
+  return testing::judge_point(p.view(), z).infeasibility();
 }
 
-double objective(const OwnedProblem& p, const std::vector<double>& z) { return judge_point(p, z).objective; }
+double objective(const OwnedProblem& p, const std::vector<double>& z) {
+  return testing::judge_point(p.view(), z).objective;
+}
 
 void expect_sizes(const OwnedProblem& p, Index n, Index n_e, Index n_i, Index n_c) {
   const auto problem = Problem::create(p.view());

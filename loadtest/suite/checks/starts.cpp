@@ -4,13 +4,13 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <functional>
 #include <stop_token>
 #include <vector>
 
 #include "families.h"
 #include "marble/warm_solver.h"
 #include "support/judges/independent_check.h"
+#include "support/problems/branch.h"
 #include "support/random/control_step.h"
 
 namespace marble::suite {
@@ -36,57 +36,25 @@ struct StartTally {
 };
 
 double objective_at(const OwnedProblem& p, const std::vector<double>& z) {
-  Solution point;
-  point.z = z;
-  point.equality_multipliers.resize(p.b.size());
-  point.inequality_multipliers.resize(p.d.size());
-  point.complementarity_multipliers_L = point.complementarity_multipliers_R = std::vector<double>(p.l.size());
-  return testing::judge(p.view(), point).objective;
+  return testing::judge_point(p.view(), z).objective;
 }
 
 // What the rows of a matrix come to at z.
-std::vector<double> at(const SparseMatrix& matrix, std::vector<double> offset, const std::vector<double>& z) {
+std::vector<double> at(const SparseMatrix& matrix, std::vector<double> values, const std::vector<double>& z) {
   for (std::size_t j = 0; j < z.size(); ++j) {
     for (Index k = matrix.column_pointers[j]; k < matrix.column_pointers[j + 1]; ++k)
-      offset[static_cast<std::size_t>(matrix.row_indices[static_cast<std::size_t>(k)])] +=
+      values[static_cast<std::size_t>(matrix.row_indices[static_cast<std::size_t>(k)])] +=
           matrix.values[static_cast<std::size_t>(k)] * z[j];
   }
-  return offset;
+  return values;
 }
 
 // The optimum of the QP with the smaller side of each pair held at zero.
 double branch_optimum(const OwnedProblem& p, const std::vector<double>& z) {
   const std::vector<double> s = at(p.L, p.l, z), t = at(p.R, p.r, z);
-  Triplets equal, above;
-  OwnedProblem qp = p;
-  const auto stack = [&](const SparseMatrix& matrix, const std::vector<double>& offset, Triplets& rows,
-                         std::vector<double>& constants, const std::function<bool(std::size_t)>& wanted) {
-    std::vector<Index> place(offset.size(), -1);
-    for (std::size_t i = 0; i < offset.size(); ++i) {
-      if (!wanted(i)) continue;
-      place[i] = static_cast<Index>(constants.size());
-      constants.push_back(offset[i]);
-    }
-    for (Index j = 0; j < matrix.columns; ++j) {
-      for (Index k = matrix.column_pointers[static_cast<std::size_t>(j)];
-           k < matrix.column_pointers[static_cast<std::size_t>(j) + 1]; ++k) {
-        const Index row = place[static_cast<std::size_t>(matrix.row_indices[static_cast<std::size_t>(k)])];
-        if (row >= 0) rows.add(row, j, matrix.values[static_cast<std::size_t>(k)]);
-      }
-    }
-  };
-  const auto all = [](std::size_t) { return true; };
-  const auto left = [&](std::size_t i) { return s[i] <= t[i]; };
-  const auto right = [&](std::size_t i) { return s[i] > t[i]; };
-  qp.b.clear(), qp.d.clear(), qp.l.clear(), qp.r.clear();
-  stack(p.A, p.b, equal, qp.b, all), stack(p.C, p.d, above, qp.d, all);
-  stack(p.L, p.l, equal, qp.b, left), stack(p.R, p.r, above, qp.d, left);
-  stack(p.L, p.l, above, qp.d, right), stack(p.R, p.r, equal, qp.b, right);
-  const auto n = static_cast<Index>(p.g.size());
-  qp.A = compress(static_cast<Index>(qp.b.size()), n, equal, "A").value();
-  qp.C = compress(static_cast<Index>(qp.d.size()), n, above, "C").value();
-  qp.L = qp.R = {};
-  const Solution solution = solve_in_process(qp.view()).value();
+  std::vector<bool> s_zero(s.size());
+  for (std::size_t i = 0; i < s.size(); ++i) s_zero[i] = s[i] <= t[i];
+  const Solution solution = solve_in_process(testing::branch(p, s_zero).view()).value();
   return solution.status == Status::solved ? solution.objective : INFINITY;
 }
 

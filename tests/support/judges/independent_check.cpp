@@ -96,4 +96,14 @@ Verdict judge(const ProblemView& p, const Solution& x) {
   return v;
 }
 
+Verdict judge_point(const ProblemView& problem, const std::vector<double>& z) {
+  Solution point;
+  point.z = z;
+  point.equality_multipliers.resize(problem.b.size());
+  point.inequality_multipliers.resize(problem.d.size());
+  point.complementarity_multipliers_L.resize(problem.l.size());
+  point.complementarity_multipliers_R.resize(problem.l.size());
+  return judge(problem, point);
+}
+
 }  // namespace marble::testing

@@ -1,6 +1,8 @@
 // Judges a solution by plain loops over the user's own data: shares no code with the solver.
 #pragma once
 
+#include <vector>
+
 #include "marble/problem.h"
 #include "marble/solution.h"
 
@@ -20,5 +22,7 @@ struct Verdict {
 };
 
 [[nodiscard]] Verdict judge(const ProblemView& problem, const Solution& solution);
+/// Of a point alone: what multipliers decide means nothing.
+[[nodiscard]] Verdict judge_point(const ProblemView& problem, const std::vector<double>& z);
 
 }  // namespace marble::testing

@@ -1,12 +1,14 @@
 // One branch of a problem, as a problem of its own without pairs.
 #pragma once
 
+#include <vector>
+
 #include "marble/problem.h"
 
 namespace marble::testing {
 
-/// Bit i of `s_fixed` says that s_i = 0 and t_i ≥ 0; else it is the other way round. Up to 32 pairs.
-[[nodiscard]] inline OwnedProblem branch(const OwnedProblem& p, unsigned s_fixed) {
+/// s_i = 0 and t_i ≥ 0 where s_zero[i], else the other way round.
+[[nodiscard]] inline OwnedProblem branch(const OwnedProblem& p, const std::vector<bool>& s_zero) {
   OwnedProblem out = p;
   const auto n = static_cast<Index>(p.g.size());
   Triplets equalities, inequalities;
@@ -22,7 +24,7 @@ namespace marble::testing {
   append(p.A, -1, 0, equalities);
   append(p.C, -1, 0, inequalities);
   for (std::size_t i = 0; i < p.l.size(); ++i) {
-    const bool s_side = (s_fixed >> i & 1U) != 0;
+    const bool s_side = s_zero[i];
     const auto row = static_cast<Index>(i);
     append(s_side ? p.L : p.R, row, static_cast<Index>(out.b.size()), equalities);
     out.b.push_back(s_side ? p.l[i] : p.r[i]);
@@ -35,6 +37,13 @@ namespace marble::testing {
   out.l.clear();
   out.r.clear();
   return out;
+}
+
+/// The same by bits: bit i of `s_fixed` is s_zero[i]. Up to 32 pairs.
+[[nodiscard]] inline OwnedProblem branch(const OwnedProblem& p, unsigned s_fixed) {
+  std::vector<bool> s_zero(p.l.size());
+  for (std::size_t i = 0; i < s_zero.size(); ++i) s_zero[i] = (s_fixed >> i & 1U) != 0;
+  return branch(p, s_zero);
 }
 
 }  // namespace marble::testing

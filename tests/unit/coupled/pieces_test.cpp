@@ -14,12 +14,6 @@
 namespace marble {
 namespace {
 
-OwnedProblem hopper(int steps) {
-  examples::HopperParameters parameters;
-  parameters.steps = steps;
-  return examples::hopper(parameters);
-}
-
 std::vector<Index> stages(int steps) {
   std::vector<Index> result;
   for (int k = 0; k < steps; ++k) result.insert(result.end(), examples::kHopperVariables, k);
@@ -27,7 +21,7 @@ std::vector<Index> stages(int steps) {
 }
 
 TEST(Pieces, AnAnswerOfTheWholeIsOneOfThePiecesTogether) {
-  const OwnedProblem p = hopper(20);
+  const OwnedProblem p = examples::hopper({.steps = 20});
   const Solution whole = solve_in_process(p.view()).value();
   ASSERT_TRUE(is_solved(whole.status));
   const Pieces pieces =
@@ -52,7 +46,7 @@ TEST(Pieces, AnAnswerOfTheWholeIsOneOfThePiecesTogether) {
 }
 
 TEST(Pieces, TheyAgreeOnTheObjectiveOfTheirJointBranch) {
-  const OwnedProblem p = hopper(120);
+  const OwnedProblem p = examples::hopper({.steps = 120});
   const PiecesSolution answer =
       solve_in_pieces(Problem::create(p.view()).value(), stages(120), {.pieces = 2}).value();
   ASSERT_TRUE(is_solved(answer.whole.status)) << answer.whole.detail;
@@ -66,7 +60,7 @@ TEST(Pieces, TheyAgreeOnTheObjectiveOfTheirJointBranch) {
 }
 
 TEST(Pieces, ThatLookAheadTooLittleAgreeByShorterSteps) {
-  const OwnedProblem p = hopper(240);
+  const OwnedProblem p = examples::hopper({.steps = 240});
   const PiecesSolution answer =
       solve_in_pieces(Problem::create(p.view()).value(), stages(240), {.pieces = 4, .look_ahead = 8}).value();
   ASSERT_TRUE(is_solved(answer.whole.status)) << answer.whole.detail;
@@ -104,7 +98,7 @@ TEST(Pieces, StagesAndPiecesOutOfRangeAreNamed) {
   EXPECT_EQ(pieces_by_stage(std::vector<Index>{0, 1}, 3).error().field, "pieces");
   EXPECT_EQ(pieces_by_stage(std::vector<Index>{0, 1, 2, 3}, 2).value(), (std::vector<Index>{0, 0, 1, 1}));
 
-  const OwnedProblem p = hopper(3);
+  const OwnedProblem p = examples::hopper({.steps = 3});
   const Problem problem = Problem::create(p.view()).value();
   EXPECT_EQ(cut(problem, std::vector<Index>{0}).error().field, "pieces");
   std::vector<Index> none_in_1(p.g.size(), 0);
@@ -120,7 +114,7 @@ TEST(Pieces, StagesAndPiecesOutOfRangeAreNamed) {
 
 // As under UndefinedBehaviorSanitizer: the largest numbers that a request may have overflow nothing.
 TEST(Pieces, TheLargestLookAheadReachesTheEnd) {
-  const OwnedProblem p = hopper(6);
+  const OwnedProblem p = examples::hopper({.steps = 6});
   const Problem problem = Problem::create(p.view()).value();
   std::vector<double> objectives;
   for (const Index look_ahead : {5, 1 << 30, std::numeric_limits<Index>::max()}) {

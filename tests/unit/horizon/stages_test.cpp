@@ -15,12 +15,6 @@
 namespace marble {
 namespace {
 
-OwnedProblem hopper(int steps) {
-  examples::HopperParameters parameters;
-  parameters.steps = steps;
-  return examples::hopper(parameters);
-}
-
 std::optional<Stages> stages_of(const OwnedProblem& p) {
   return find_stages(scale(Problem::create(p.view()).value(), 0));
 }
@@ -64,7 +58,7 @@ void expect_one_stage_a_step(const Stages& stages, int steps, const std::vector<
 }
 
 TEST(Stages, AreTheStepsOfALongPlan) {
-  const OwnedProblem p = hopper(200);
+  const OwnedProblem p = examples::hopper({.steps = 200});
   const auto stages = stages_of(p);
   ASSERT_TRUE(stages);
   std::vector<Index> same(p.g.size());
@@ -75,7 +69,7 @@ TEST(Stages, AreTheStepsOfALongPlan) {
 }
 
 TEST(Stages, AreFoundHoweverTheVariablesAreNumbered) {
-  const OwnedProblem p = hopper(200);
+  const OwnedProblem p = examples::hopper({.steps = 200});
   std::vector<Index> to(p.g.size());
   std::iota(to.begin(), to.end(), 0);
   std::shuffle(to.begin(), to.end(), std::mt19937_64(7));
@@ -87,7 +81,7 @@ TEST(Stages, AreFoundHoweverTheVariablesAreNumbered) {
 }
 
 TEST(Stages, BeginWhereAStateIsGiven) {
-  const OwnedProblem p = hopper(200);
+  const OwnedProblem p = examples::hopper({.steps = 200});
   std::vector<Index> backwards(p.g.size());
   std::iota(backwards.rbegin(), backwards.rend(), 0);
   const auto stages = stages_of(renumbered(p, backwards));
@@ -130,7 +124,7 @@ TEST(Stages, AreNotSeenInAGrid) {
 TEST(Stages, AreNotLookedForAgainstAStop) {
   std::stop_source stop;
   stop.request_stop();
-  const OwnedProblem p = hopper(20000);
+  const OwnedProblem p = examples::hopper({.steps = 20000});
   EXPECT_FALSE(find_stages(scale(Problem::create(p.view()).value(), 0), Interrupt(stop.get_token())));
 }
 

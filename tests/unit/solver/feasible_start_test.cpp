@@ -15,14 +15,7 @@ namespace marble {
 namespace {
 
 double objective_at(const OwnedProblem& p, const std::vector<double>& z) {
-  Solution point;
-  point.z = z;
-  const ProblemView view = p.view();
-  point.equality_multipliers.resize(view.b.size());
-  point.inequality_multipliers.resize(view.d.size());
-  point.complementarity_multipliers_L = point.complementarity_multipliers_R =
-      std::vector<double>(view.l.size());
-  return testing::judge(view, point).objective;
+  return testing::judge_point(p.view(), z).objective;
 }
 
 // The optimum of another objective: feasible, and on a branch that is nothing to this one.
