@@ -135,20 +135,20 @@ def _sensitivity(told: dict[str, Any] | None, n: int) -> SensitivityAnswer | Non
     return SensitivityAnswer(**told)
 
 
-def solution(told: dict[str, Any], problem: LCQP) -> Solution:
+def solution(parts: dict[str, Any], problem: LCQP) -> Solution:
     """The answer of core as an object of this package; of a solve that was stopped too."""
     for name in _VECTORS:
-        told[name] = np.asarray(told[name])
-    told["status"] = _STATUSES[told["status"]]
-    told["origin"] = PointOrigin(told["origin"])
-    told["stationarity"] = _STATIONARITIES.get(told["stationarity"])
-    told["second_order"] = _SECOND_ORDERS.get(told["second_order"])
-    told["violations"] = Violations(*told["violations"])
-    told["times"] = Times(*told["times"])
-    told["sensitivity"] = _sensitivity(told["sensitivity"], problem.n)
-    if told["conflict"] is not None:
-        told["conflict"] = Conflict.of(*told["conflict"])
-    return Solution(**told, problem=problem, job_id="")
+        parts[name] = np.asarray(parts[name])
+    parts["status"] = _STATUSES[parts["status"]]
+    parts["origin"] = PointOrigin(parts["origin"])
+    parts["stationarity"] = _STATIONARITIES.get(parts["stationarity"])
+    parts["second_order"] = _SECOND_ORDERS.get(parts["second_order"])
+    parts["violations"] = Violations(*parts["violations"])
+    parts["times"] = Times(*parts["times"])
+    parts["sensitivity"] = _sensitivity(parts["sensitivity"], problem.n)
+    if parts["conflict"] is not None:
+        parts["conflict"] = Conflict.of(*parts["conflict"])
+    return Solution(**parts, problem=problem, job_id="")
 
 
 def unless_cancelled(answer: Solution) -> Solution:
