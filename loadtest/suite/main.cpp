@@ -33,7 +33,7 @@ constexpr const char* kUsage =
     "  --starts K           of the references where none is known, default 8\n"
     "  --time-limit S       of global and proofs, default 60\n"
     "  --only NAME          of global and qp, that problem; of coupled small, large, hoppers or pieces;\n"
-    "                       of scenarios optima, chains, many or hopper; of proofs macmpec, robots, qpecs,\n"
+    "                       of scenarios optima, chains, many or hopper; of proofs macmpec, robots, gates, qpecs,\n"
     "                       integers, hard or lcps\n"
     "  --keep FOLDER        of proofs: leave problems and proofs there\n"
     "  --steps N            of coupled and horizons, the hopper of that horizon: 120, 240, 480, 960 or 1920\n"

@@ -28,29 +28,31 @@ void append(std::string& text, const auto& values) {
   text += before == '[' ? "[]" : "]";
 }
 
-// The entries that are not zero, of which `uses` is true.
-void append_sparse(std::string& text, const char* name, const std::vector<double>& values, auto&& uses) {
-  std::vector<Index> indices;
-  std::vector<double> entries;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    if (values[i] == 0.0 || !uses(i)) continue;
-    indices.push_back(static_cast<Index>(i));
-    entries.push_back(values[i]);
-  }
-  if (entries.empty()) return;
+void append_sparse(std::string& text, const char* name, const SparseNumbers& numbers) {
+  if (numbers.values.empty()) return;
   text.append(",\"").append(name).append("\":{\"i\":");
-  append(text, indices);
+  append(text, numbers.indices);
   text += ",\"v\":";
-  append(text, entries);
+  append(text, numbers.values);
   text += '}';
 }
 
 // Which variables are in Q.
-std::vector<bool> curved(const SparseMatrixView& Q) {
-  std::vector<bool> result(static_cast<std::size_t>(Q.columns), false);
+std::vector<bool> curved(const SparseMatrixView& Q, std::size_t variables) {
+  std::vector<bool> result(variables, false);
   for (Index column = 0; column < Q.columns; ++column) {
     for (Index k = Q.column_pointers[column]; k < Q.column_pointers[column + 1]; ++k)
       result[static_cast<std::size_t>(column)] = result[static_cast<std::size_t>(Q.row_indices[k])] = true;
+  }
+  return result;
+}
+
+SparseNumbers only(const SparseNumbers& numbers, const std::vector<bool>& these) {
+  SparseNumbers result;
+  for (std::size_t k = 0; k < numbers.indices.size(); ++k) {
+    if (!these[static_cast<std::size_t>(numbers.indices[k])]) continue;
+    result.indices.push_back(numbers.indices[k]);
+    result.values.push_back(numbers.values[k]);
   }
   return result;
 }
@@ -82,18 +84,17 @@ void write_proof(const Proof& proof, const ProblemView& problem, const Options& 
     add("point", solution.z);
   }
   write(line += "}\n");
-  const std::vector<bool> in_cost = curved(problem.Q);
-  const auto all = [](std::size_t) { return true; };
+  const std::vector<bool> in_cost = curved(problem.Q, problem.g.size());
   for (const ProofLeaf& leaf : proof.leaves) {
     line = R"({"s":)";
     append(line, leaf.s_zero);
     add("t", leaf.t_zero);
     line += leaf.contradiction ? R"(,"proves":"contradiction")" : R"(,"proves":"bound")";
-    append_sparse(line, "z", leaf.z, [&](std::size_t j) { return j < in_cost.size() && in_cost[j]; });
-    append_sparse(line, "y", leaf.y, all);
-    append_sparse(line, "nu", leaf.nu, all);
-    append_sparse(line, "xi", leaf.xi, all);
-    append_sparse(line, "eta", leaf.eta, all);
+    append_sparse(line, "z", only(leaf.z, in_cost));
+    append_sparse(line, "y", leaf.y);
+    append_sparse(line, "nu", leaf.nu);
+    append_sparse(line, "xi", leaf.xi);
+    append_sparse(line, "eta", leaf.eta);
     write(line += "}\n");
   }
   write("{\"end\":" + std::to_string(proof.leaves.size()) + "}\n");

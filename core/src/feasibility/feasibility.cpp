@@ -14,7 +14,12 @@ namespace marble {
 
 Feasibility::Feasibility(const ScaledProblem& problem, const Options& options, BranchPoint& point,
                          Incumbent& incumbent)
-    : problem_(problem), options_(options), point_(point), incumbent_(incumbent), tree_(problem) {}
+    : problem_(problem),
+      options_(options),
+      point_(point),
+      incumbent_(incumbent),
+      tree_(problem),
+      sets_(problem) {}
 
 // Whether the branch has an exact solution, or z is feasible on it. Where exchanges of rows do not find that
 // solution though there is a feasible point, the interior point method shows its rows, if Q is convex there.
@@ -98,13 +103,22 @@ PairTree::End Feasibility::search_tree(Run& run, ConstVectorRef z, int last_fact
   });
 }
 
+SetTree::End Feasibility::search_sets(Run& run, ConstVectorRef z) {
+  if (!sets_.applies()) return SetTree::End::stopped;
+  const std::int64_t most = std::int64_t{tuning::set_nodes} * options_.feasibility_budget;
+  return sets_.run(run, z, most, [&](ConstVectorRef point, const WorkingSet& branch) {
+    return take(run, point, branch, "tree over sets of pairs");
+  });
+}
+
 Feasibility::End Feasibility::run(Run& run, ConstVectorRef z) {
   const PhaseScope phase(run.activity(), Phase::feasibility);
   const Run::Polishing polishing(run);
   const int begin = run.factorizations;
-  const int last = begin + options_.feasibility_budget;
-  const int half = begin + options_.feasibility_budget / 2;
+  int last = begin + options_.feasibility_budget;
+  int half = begin + options_.feasibility_budget / 2;
   auto tree = PairTree::End::stopped;
+  auto sets = SetTree::End::stopped;
   const bool found = [&] {
     if (pivot(run, z, 0, tuning::lemke_ways, last) || pivot_carefully(run, z, last)) return true;
     const bool few_pairs = problem_.pairs() <= tuning::tree_pairs;
@@ -112,6 +126,11 @@ Feasibility::End Feasibility::run(Run& run, ConstVectorRef z) {
       tree = search_tree(run, z, begin + options_.feasibility_budget / tuning::tree_first_share);
       if (tree != PairTree::End::stopped) return tree == PairTree::End::found;
     }
+    const int before = run.factorizations;
+    sets = search_sets(run, z);
+    if (sets != SetTree::End::stopped) return sets == SetTree::End::found;
+    last += run.factorizations - before;
+    half += run.factorizations - before;
     if (pivot(run, z, tuning::lemke_ways, tuning::lemke_more_ways, half)) return true;
     if (few_pairs && run.factorizations < half && !run.interrupted()) {
       tree = search_tree(run, z, half);
@@ -125,16 +144,19 @@ Feasibility::End Feasibility::run(Run& run, ConstVectorRef z) {
   }();
   factorizations_ = run.factorizations - begin;
   if (found) return incumbent_.exists() ? End::solved : End::feasible;
-  return tree == PairTree::End::refuted ? End::refuted : End::none;
+  const bool refuted = tree == PairTree::End::refuted || sets == SetTree::End::refuted;
+  radius_ = tree == PairTree::End::refuted ? tree_.radius() : refuted ? sets_.radius() : 0.0;
+  return refuted ? End::refuted : End::none;
 }
 
 std::string Feasibility::describe(End end) const {
   std::string text;
   if (end == End::refuted)
-    text = "every branch of the pairs contradicts the constraints: no z with |z| <= " +
-           scientific(tree_.radius(), 1) + " is feasible; ";
+    text =
+        "every branch of the pairs contradicts the constraints: no z with |z| <= " + scientific(radius_, 1) +
+        " is feasible; ";
   return text + "feasibility phase: " + std::to_string(factorizations_) + " factorizations, " +
-         std::to_string(tree_.nodes()) + " nodes of a tree; ";
+         std::to_string(tree_.nodes() + sets_.nodes()) + " nodes of a tree; ";
 }
 
 }  // namespace marble

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "feasibility/pair_tree.h"
+#include "feasibility/set_tree.h"
 #include "search/incumbent.h"
 
 namespace marble {
@@ -32,13 +33,16 @@ class Feasibility {
   [[nodiscard]] bool pivot_carefully(Run& run, ConstVectorRef z, int last_factorization);
   [[nodiscard]] bool solve_calm(Run& run, ConstVectorRef z, bool user_units);
   [[nodiscard]] PairTree::End search_tree(Run& run, ConstVectorRef z, int last_factorization);
+  [[nodiscard]] SetTree::End search_sets(Run& run, ConstVectorRef z);
 
   const ScaledProblem& problem_;
   const Options& options_;
   BranchPoint& point_;
   Incumbent& incumbent_;
   PairTree tree_;
+  SetTree sets_;
   int factorizations_ = 0;
+  double radius_ = 0.0;  // of the refutation
 };
 
 }  // namespace marble

@@ -117,10 +117,8 @@ Index DualActiveSet::most_violated() const {
   double worst = tuning::tree_violation;
   Index result = -1;
   for (Index row = 0; row < gram_.size(); ++row) {
-    if (is_held(row) || kind_[row] == RowKind::ignored) continue;
-    const double violation = kind_[row] == RowKind::fixed ? std::abs(v_[row]) : -v_[row];
-    if (violation <= worst) continue;
-    worst = violation;
+    if (violation(row) <= worst) continue;
+    worst = violation(row);
     result = row;
   }
   return result;
@@ -195,20 +193,53 @@ DualActiveSet::Taken DualActiveSet::take(Index row, double enough, int most_step
   }
 }
 
+// The rows that are violated most, beside the one that is taken in first.
+void DualActiveSet::choose_candidates(Index first) {
+  candidates_.clear();
+  if (most_candidates_ < 2) return;
+  for (Index row = 0; row < gram_.size(); ++row) {
+    if (row != first && violation(row) > tuning::tree_violation) candidates_.push_back(row);
+  }
+  const auto more = [this](Index a, Index b) { return violation(a) > violation(b); };
+  if (candidates_.size() >= static_cast<std::size_t>(most_candidates_)) {
+    std::ranges::nth_element(candidates_, candidates_.begin() + most_candidates_ - 1, more);
+    candidates_.resize(static_cast<std::size_t>(most_candidates_) - 1);
+  }
+}
+
+// Their slacks alone; −1 if none is violated any more.
+Index DualActiveSet::next_candidate() {
+  Index worst = -1;
+  for (const Index row : candidates_) {
+    if (is_held(row)) continue;
+    double v = v_center_[row];
+    for (const Index held : held_) v += (mu_[held] - mu_center_[held]) * gram_(held)[row];
+    v_[row] = v;
+    if (violation(row) > (worst < 0 ? tuning::tree_violation : violation(worst))) worst = row;
+  }
+  return worst;
+}
+
 DualActiveSet::End DualActiveSet::run(double enough, int most_steps, const Interrupt& interrupt) {
   const std::int64_t last = steps_ + most_steps;
   Checkpoint checkpoint(interrupt);
   while (true) {
-    const Index row = most_violated();
+    Index row = most_violated();
     if (row < 0) return End::optimal;
-    if (gain_ >= enough) return End::cutoff;
-    const auto held = static_cast<std::int64_t>(held_.size()) + 1;
-    if (steps_ >= last || checkpoint.reached(held * (held + gram_.size()))) return End::stopped;
-    const Taken taken = take(row, enough, static_cast<int>(last - steps_));
-    if (!evaluate_slacks()) return End::stopped;
-    if (taken == Taken::enough) return End::cutoff;
-    if (taken == Taken::infeasible) return End::infeasible;
-    if (taken == Taken::stopped) return End::stopped;
+    choose_candidates(row);
+    for (; row >= 0; row = next_candidate()) {
+      if (gain_ >= enough) return End::cutoff;
+      const auto held = static_cast<std::int64_t>(held_.size()) + 1;
+      if (steps_ >= last || checkpoint.reached(held * (held + gram_.size()))) return End::stopped;
+      const Taken taken = take(row, enough, static_cast<int>(last - steps_));
+      if (candidates_.empty() || taken != Taken::held) {
+        if (!evaluate_slacks()) return End::stopped;
+      }
+      if (taken == Taken::enough) return End::cutoff;
+      if (taken == Taken::infeasible) return End::infeasible;
+      if (taken == Taken::stopped) return End::stopped;
+    }
+    if (!candidates_.empty() && !evaluate_slacks()) return End::stopped;
   }
 }
 

@@ -37,6 +37,9 @@ class DualActiveSet {
   void set_kind(Index row, RowKind kind) { kind_[row] = kind; }
   [[nodiscard]] RowKind kind(Index row) const { return kind_[row]; }
 
+  /// From now on so many rows are taken in, each while it is violated, before the slacks of all are evaluated
+  /// again; 1 takes the most violated of all each time.
+  void consider(int candidates) { most_candidates_ = candidates; }
   [[nodiscard]] End run(double enough, int most_steps, const Interrupt& interrupt);
   /// How far the objective has risen since start(), recenter() or hold().
   [[nodiscard]] double gain() const { return gain_; }
@@ -71,12 +74,20 @@ class DualActiveSet {
   [[nodiscard]] bool refactor();
   [[nodiscard]] bool solve_held();
   [[nodiscard]] bool evaluate_slacks();
+  [[nodiscard]] double violation(Index row) const {
+    if (is_held(row) || kind_[row] == RowKind::ignored) return 0.0;
+    return kind_[row] == RowKind::fixed ? std::abs(v_[row]) : -v_[row];
+  }
   [[nodiscard]] Index most_violated() const;
+  void choose_candidates(Index first);
+  [[nodiscard]] Index next_candidate();
   void append(Index row);
   void drop(Eigen::Index at);
 
   GramColumns& gram_;
   std::vector<RowKind> kind_;
+  int most_candidates_ = 1;
+  std::vector<Index> candidates_;
   std::vector<Index> held_, place_;  // rows in the factor's order; where each row is in it, or −1
   Vector mu_, v_, mu_center_, v_center_;
   Cholesky factor_;

@@ -33,10 +33,10 @@ struct RowActivity {
 
 }  // namespace
 
-Box::Box(const ScaledProblem& p, double far) {
+Box::Box(const ScaledProblem& p, double far, int passes) {
   lower.setConstant(p.variables(), -kInfinity);
   upper.setConstant(p.variables(), kInfinity);
-  for (int pass = 0; pass < tuning::box_passes; ++pass) {
+  for (int pass = 0; pass < passes; ++pass) {
     tighten(p.A, p.b, true);
     tighten(p.rows, p.offset, false);
   }

@@ -14,14 +14,15 @@
 
 #include "data/careful_sum.h"
 #include "data/scaling.h"
+#include "tuning.h"
 
 namespace marble {
 
 /// Where z lies, scaled.
 struct Box {
-  /// What the rows imply, each with the bounds of its other variables, in tuning::box_passes passes; and
-  /// |z|∞ ≤ far (user units) where they do not.
-  Box(const ScaledProblem& problem, double far);
+  /// What the rows imply, each with the bounds of its other variables, in so many passes; and |z|∞ ≤ far
+  /// (user units) where they do not.
+  Box(const ScaledProblem& problem, double far, int passes = tuning::box_passes);
   Vector lower, upper;  ///< ±∞ where rows do not say
   Vector radius;        ///< for the others
   /// Whether rows bound every variable: what holds in it holds everywhere.

@@ -2,26 +2,25 @@
 
 #include <cmath>
 #include <limits>
+#include <span>
 #include <string>
 #include <utility>
 
 namespace marble {
 namespace {
 
-std::vector<double> to_vector(ConstVectorRef values) {
-  return {values.data(), values.data() + values.size()};
+SparseNumbers sparse(std::span<const double> values) {
+  SparseNumbers result;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (values[i] == 0.0) continue;
+    result.indices.push_back(static_cast<Index>(i));
+    result.values.push_back(values[i]);
+  }
+  return result;
 }
 
-void add(Proof& proof, ProofLeaf leaf) {
-  const std::size_t numbers =
-      leaf.z.size() + leaf.y.size() + leaf.nu.size() + leaf.xi.size() + leaf.eta.size();
-  proof.bytes += static_cast<std::int64_t>(sizeof(ProofLeaf) + sizeof(double) * numbers +
-                                           sizeof(Index) * (leaf.s_zero.size() + leaf.t_zero.size()));
-  if (proof.bytes <= proof.most_bytes) {
-    proof.leaves.push_back(std::move(leaf));
-  } else {
-    proof.leaves = {};
-  }
+SparseNumbers sparse(const Vector& values) {
+  return sparse(std::span(values.data(), static_cast<std::size_t>(values.size())));
 }
 
 }  // namespace
@@ -32,38 +31,53 @@ void clear_leaves(Proof& proof) {
   proof.radius = std::numeric_limits<double>::infinity();
 }
 
-void add_leaf(Proof& proof, const ScaledProblem& p, std::vector<Index> s_zero, std::vector<Index> t_zero,
-              const LeafMultipliers& multipliers) {
+std::int64_t bytes_of(const ProofLeaf& leaf) {
+  std::size_t numbers = 0;
+  for (const SparseNumbers* part : {&leaf.z, &leaf.y, &leaf.nu, &leaf.xi, &leaf.eta})
+    numbers += part->values.size();
+  return static_cast<std::int64_t>(sizeof(ProofLeaf) + (sizeof(double) + sizeof(Index)) * numbers +
+                                   sizeof(Index) * (leaf.s_zero.size() + leaf.t_zero.size()));
+}
+
+ProofLeaf leaf_of(const ScaledProblem& p, const LeafMultipliers& multipliers) {
   const double cost = multipliers.contradiction ? 1.0 : 1.0 / p.cost_scale;
   ProofLeaf leaf;
+  leaf.contradiction = multipliers.contradiction;
+  if (!leaf.contradiction) leaf.z = sparse(multipliers.z.cwiseProduct(p.variable_scale));
+  leaf.y = sparse(cost * multipliers.y.cwiseProduct(p.equality_scale));
+  const Vector rows = cost * multipliers.rows.cwiseProduct(p.row_scale);
+  leaf.nu = sparse(rows.head(p.inequalities()));
+  leaf.xi = sparse(rows.segment(p.inequalities(), p.pairs()));
+  leaf.eta = sparse(rows.tail(p.pairs()));
+  return leaf;
+}
+
+void add_leaf(Proof& proof, std::vector<Index> s_zero, std::vector<Index> t_zero, ProofLeaf leaf) {
   leaf.s_zero = std::move(s_zero);
   leaf.t_zero = std::move(t_zero);
-  leaf.contradiction = multipliers.contradiction;
-  if (!leaf.contradiction) leaf.z = to_vector(multipliers.z.cwiseProduct(p.variable_scale));
-  leaf.y = to_vector(cost * multipliers.y.cwiseProduct(p.equality_scale));
-  const Vector rows = cost * multipliers.rows.cwiseProduct(p.row_scale);
-  leaf.nu = to_vector(rows.head(p.inequalities()));
-  leaf.xi = to_vector(rows.segment(p.inequalities(), p.pairs()));
-  leaf.eta = to_vector(rows.tail(p.pairs()));
-  add(proof, std::move(leaf));
+  proof.bytes += bytes_of(leaf);
+  if (proof.bytes <= proof.most_bytes) {
+    proof.leaves.push_back(std::move(leaf));
+  } else {
+    proof.leaves = {};
+  }
 }
 
 void add_contradiction(Proof& proof, const ScaledProblem& p, std::vector<Index> s_zero,
                        std::vector<Index> t_zero, const std::vector<double>& multipliers) {
   ProofLeaf leaf;
-  leaf.s_zero = std::move(s_zero);
-  leaf.t_zero = std::move(t_zero);
   leaf.contradiction = true;
-  auto next = multipliers.begin();
-  const auto take = [&next](std::vector<double>& part, Index size) {
-    part.assign(next, next + size);
-    next += size;
+  std::span<const double> left = multipliers;
+  const auto take = [&left](Index size) {
+    const auto part = left.first(static_cast<std::size_t>(size));
+    left = left.subspan(static_cast<std::size_t>(size));
+    return sparse(part);
   };
-  take(leaf.y, p.equalities());
-  take(leaf.nu, p.inequalities());
-  take(leaf.xi, p.pairs());
-  take(leaf.eta, p.pairs());
-  add(proof, std::move(leaf));
+  leaf.y = take(p.equalities());
+  leaf.nu = take(p.inequalities());
+  leaf.xi = take(p.pairs());
+  leaf.eta = take(p.pairs());
+  add_leaf(proof, std::move(s_zero), std::move(t_zero), std::move(leaf));
 }
 
 void conclude(Proof& proof, const ScaledProblem& problem, const Solution& solution) {

@@ -19,9 +19,12 @@ struct LeafMultipliers {
 
 /// Leaves of another tree, or of another try, replace those there are.
 void clear_leaves(Proof& proof);
+/// Memory that it takes.
+[[nodiscard]] std::int64_t bytes_of(const ProofLeaf& leaf);
+/// In the user's units; no side is at zero yet.
+[[nodiscard]] ProofLeaf leaf_of(const ScaledProblem& problem, const LeafMultipliers& multipliers);
 /// Beyond most_bytes it drops them all.
-void add_leaf(Proof& proof, const ScaledProblem& problem, std::vector<Index> s_zero,
-              std::vector<Index> t_zero, const LeafMultipliers& multipliers);
+void add_leaf(Proof& proof, std::vector<Index> s_zero, std::vector<Index> t_zero, ProofLeaf leaf);
 /// The same of multipliers (y, ν, ξ, η) of a contradiction in the user's units.
 void add_contradiction(Proof& proof, const ScaledProblem& problem, std::vector<Index> s_zero,
                        std::vector<Index> t_zero, const std::vector<double>& multipliers);

@@ -110,7 +110,8 @@ void Tree::record(const Node& leaf) const {
   const LeafMultipliers nothing{false, Vector::Zero(problem_.variables()),
                                 Vector::Zero(problem_.equalities()), Vector::Zero(problem_.layout.size()),
                                 0.0};
-  add_leaf(*proof_, problem_, std::move(s_zero), std::move(t_zero), leaf.record ? *leaf.record : nothing);
+  add_leaf(*proof_, std::move(s_zero), std::move(t_zero),
+           leaf_of(problem_, leaf.record ? *leaf.record : nothing));
   if (!box_->is_bounded()) proof_->radius = radius_;
 }
 

@@ -119,7 +119,7 @@ TEST(ProofRecord, OfRowsThatContradictEachOtherIsTheCertificate) {
   ASSERT_EQ(proof.claim, Proof::Claim::infeasible) << proof.reason;
   ASSERT_EQ(proof.leaves.size(), 1U);
   EXPECT_TRUE(proof.leaves[0].contradiction);
-  EXPECT_EQ(proof.leaves[0].nu, (std::vector<double>{s.certificate[0], s.certificate[1]}));
+  EXPECT_EQ(proof.leaves[0].nu, (SparseNumbers{{0, 1}, {s.certificate[0], s.certificate[1]}}));
 }
 
 TEST(ProofRecord, IsNoneOfAnUnboundedProblemAndSaysSo) {

@@ -10,16 +10,23 @@
 
 namespace marble {
 
+/// The entries of a vector that are not zero, ascending.
+struct SparseNumbers {
+  std::vector<Index> indices;
+  std::vector<double> values;
+  bool operator==(const SparseNumbers&) const = default;
+};
+
 /// A branch, or several: some pairs have a side at zero, the others both sides ≥ 0. All in the user's units.
 struct ProofLeaf {
   std::vector<Index> s_zero, t_zero;  ///< pairs with (L z + l)ᵢ = 0, and with (R z + r)ᵢ = 0
   /// Whether the multipliers contradict the rows (Farkas), else they bound the objective from below.
   bool contradiction = false;
-  /// The point that the bound is taken at: n entries, of which only those in columns of Q matter. Empty of a
+  /// The point that the bound is taken at, of which only entries in columns of Q matter. Empty of a
   /// contradiction.
-  std::vector<double> z;
-  std::vector<double> y;            ///< of A z + b = 0
-  std::vector<double> nu, xi, eta;  ///< of the rows of C, L and R; ≥ 0 but for sides at zero
+  SparseNumbers z;
+  SparseNumbers y;            ///< of A z + b = 0
+  SparseNumbers nu, xi, eta;  ///< of the rows of C, L and R; ≥ 0 but for sides at zero
 };
 
 /// Given to a solve by SolveControls::proof, filled by it.
