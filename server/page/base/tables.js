@@ -1,6 +1,6 @@
-// What the contract's words mean. Made by proto/generate from contract.def; not to be edited.
+// The meanings of statuses and errors. Made by proto/generate from contract.def; not to be edited.
 
-/** tone: good, soft (an answer that is not solved, or less than asked), bad. */
+/** tone: good, soft (not solved, or less than requested), bad. */
 export const STATUSES = {
   solved: {
     tone: "good",

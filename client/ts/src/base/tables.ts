@@ -1,4 +1,4 @@
-// What every client knows of the contract. Made by proto/generate from contract.def; not to be edited.
+// The contract's tables, for all clients. Made by proto/generate from contract.def; not to be edited.
 
 /** The letters of the equation, and the fields of the message Problem. */
 export const vectors = {
@@ -8,7 +8,7 @@ export const vectors = {
   l: "leftOffset",
   r: "rightOffset",
 } as const;
-/** The same of the matrices. */
+/** The same for the matrices. */
 export const matrices = {
   Q: "hessian",
   A: "equalityMatrix",
@@ -47,7 +47,7 @@ export const errorNames = {
   14: "unavailable",
   16: "unauthenticated",
 } as const;
-/** What to try after a solve that ended so; empty where there is nothing to mend. */
+/** What to try after a solve with this status; empty if nothing is wrong. */
 export const statusAdvice = {
   solved: "",
   solved_reduced: "Use it if that is enough. Otherwise find the largest violation, and scale its rows or loosen its tolerance.",

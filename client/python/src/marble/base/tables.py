@@ -1,4 +1,4 @@
-"""What every client knows of the contract. Made by proto/generate from contract.def; not to be edited."""
+"""The contract's tables, for all clients. Made by proto/generate from contract.def; not to be edited."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MATRICES: Final = {
     "L": "left_matrix",
     "R": "right_matrix",
 }
-"""The same of the matrices."""
+"""The same for the matrices."""
 VALUES: Final = {
     "Q": "hessian_values",
     "A": "equality_values",
@@ -116,5 +116,5 @@ class Status(enum.Enum):
 
     @property
     def advice(self) -> str:
-        """What to try; empty of SOLVED."""
+        """What to try; empty for SOLVED."""
         return _ADVICE.get(self.value, "")
