@@ -37,25 +37,26 @@ std::optional<CommandLine> parse_command_line(int argc, const char* const* argv,
                "marble-server");
   app.set_version_flag("--version", std::string("marble-server ") + kVersion);
   app.get_formatter()->column_width(44);
-  app.add_option("--config", result.config_file,
-                 "TOML file of settings, under their names with underscores; flags and environment win "
-                 "[MARBLE_CONFIG]");
+  app.add_option(
+      "--config", result.config_file,
+      "TOML file of settings, under their names with underscores; flags and environment override it "
+      "[MARBLE_CONFIG]");
   app.add_flag("--print-config", result.print_config,
-               "print every setting in force and where it came from, as a TOML file, and end");
+               "Print every setting in force and its source, as a TOML file, and exit");
   app.add_flag("--check-config", result.check_config,
-               "check the configuration, the token file and the certificates, and end");
+               "Check the configuration, the token file and the certificates, and exit");
   app.add_flag(
       "--check-state", result.check_state,
-      "look through the whole file of state_dir or the tables of state, tell how many jobs they hold, "
-      "and end; while a server uses them too");
+      "Check the whole file of state_dir or the tables of state, print the number of their jobs, and exit; "
+      "also works while a server uses them");
   app.add_flag("--print-metrics", result.print_metrics,
-               "print every metric of /metrics, as a table in Markdown, and end");
+               "Print every metric of /metrics, as a Markdown table, and exit");
   app.add_option("--new-token", result.new_token,
-                 "print a new token for a client with these roles and its line for the token file, and end")
+                 "Print a new token for a client with these roles and its line for the token file, and exit")
       ->type_name("NAME:ROLE[,ROLE...]");
   app.add_option("--listen", result.listen,
-                 "address to listen on: host:port (port 0 takes a free one) or unix:PATH; "
-                 "may be given several times [MARBLE_LISTEN]")
+                 "Address to listen on: HOST:PORT (port 0 takes a free one) or unix:PATH; "
+                 "can be given several times [MARBLE_LISTEN]")
       ->delimiter(',')
       ->default_str(contract::default_address);
   for (const SettingInfo& setting : setting_table()) add_setting(app, setting, result);

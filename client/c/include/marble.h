@@ -30,27 +30,27 @@ const char* marble_version(void);
 /* Made by proto/generate from contract.def, up to the line that ends it; not to be edited. */
 enum marble_error_code {
   MARBLE_OK = 0,
-  MARBLE_CANCELLED = 1, /* The caller gave it up, or it was ended before there was an answer. */
-  MARBLE_INVALID_ARGUMENT = 3, /* The input breaks a documented rule; field and index say where. */
-  MARBLE_DEADLINE_EXCEEDED = 4, /* Its deadline passed before there was an answer. */
-  MARBLE_NOT_FOUND = 5, /* What it names is not here, or not any more. */
-  MARBLE_PERMISSION_DENIED = 7, /* The caller lacks the role or the priority for it. */
+  MARBLE_CANCELLED = 1, /* The caller cancelled it, or it was ended before it had a result. */
+  MARBLE_INVALID_ARGUMENT = 3, /* The input breaks a documented rule; field and index show where. */
+  MARBLE_DEADLINE_EXCEEDED = 4, /* Its deadline passed before it had a result. */
+  MARBLE_NOT_FOUND = 5, /* The named object does not exist, or is no longer kept. */
+  MARBLE_PERMISSION_DENIED = 7, /* The caller lacks the required role or priority. */
   MARBLE_RESOURCE_EXHAUSTED = 8, /* A limit of the server or a quota of the client was reached. */
-  MARBLE_FAILED_PRECONDITION = 9, /* It does not fit what came before it: an update of another shape, an answer that is not there yet. */
-  MARBLE_ABORTED = 10, /* The server ended it by a rule of its own: a session without an update for too long. */
+  MARBLE_FAILED_PRECONDITION = 9, /* The request does not fit the current state: an update with other sizes, a result that does not exist yet. */
+  MARBLE_ABORTED = 10, /* The server ended it by one of its rules: a session had no update for too long. */
   MARBLE_INTERNAL = 13, /* A bug in Marble. */
-  MARBLE_UNAVAILABLE = 14, /* The server cannot be reached, is draining, or is no Marble server. */
-  MARBLE_UNAUTHENTICATED = 16, /* The caller showed no token or certificate that is known. */
+  MARBLE_UNAVAILABLE = 14, /* The server cannot be reached, is draining, or is not a Marble server. */
+  MARBLE_UNAUTHENTICATED = 16, /* The caller presented no valid token or certificate. */
 };
 enum marble_status {
   MARBLE_STATUS_SOLVED = 0, /* All tolerances are met. */
   MARBLE_STATUS_SOLVED_REDUCED = 1, /* Feasible to 100 times the tolerances, but no further progress was possible. */
   MARBLE_STATUS_ITERATION_LIMIT = 2, /* max_iterations was reached, or with option global node_limit; this is the best iterate. */
   MARBLE_STATUS_TIME_LIMIT = 3, /* time_limit_s was reached; this is the best iterate. */
-  MARBLE_STATUS_CANCELLED = 4, /* The solve was told to end, by its client, by cancel or by a server that shuts down; this is the best iterate. */
-  MARBLE_STATUS_INFEASIBLE = 5, /* No point meets the constraints. The certificate in the answer proves it even without complementarity; where it is empty, every branch of the pairs was refuted. */
-  MARBLE_STATUS_LOCALLY_INFEASIBLE = 6, /* The search ended where the violation cannot be lowered any further; no feasible point is near. Others may exist elsewhere. */
-  MARBLE_STATUS_UNBOUNDED = 7, /* The objective falls without end along a feasible direction, which is the certificate in the answer. */
+  MARBLE_STATUS_CANCELLED = 4, /* The solve was cancelled by its client, by a cancel call or by a server that shuts down; this is the best iterate. */
+  MARBLE_STATUS_INFEASIBLE = 5, /* No point meets the constraints. The certificate proves it even without complementarity; if it is empty, every branch of the pairs was refuted. */
+  MARBLE_STATUS_LOCALLY_INFEASIBLE = 6, /* The search ended at a point where the violation cannot be lowered any further; no feasible point is near. One may exist elsewhere. */
+  MARBLE_STATUS_UNBOUNDED = 7, /* The objective falls without end along a feasible direction, which is the certificate. */
   MARBLE_STATUS_NUMERICAL_FAILURE = 8, /* No acceptable step was found within the bounded number of tries. */
 };
 /* The end of what is made. */

@@ -1,4 +1,4 @@
-// What every client knows of the contract. Made by proto/generate from contract.def; not to be edited.
+// The contract's tables, for all clients. Made by proto/generate from contract.def; not to be edited.
 
 /** The letters of the equation, and the fields of the message Problem. */
 export const vectors = {
@@ -8,7 +8,7 @@ export const vectors = {
   l: "leftOffset",
   r: "rightOffset",
 } as const;
-/** The same of the matrices. */
+/** The same for the matrices. */
 export const matrices = {
   Q: "hessian",
   A: "equalityMatrix",
@@ -47,42 +47,42 @@ export const errorNames = {
   14: "unavailable",
   16: "unauthenticated",
 } as const;
-/** What to try after a solve that ended so; empty where there is nothing to mend. */
+/** What to try after a solve with this status; empty if nothing is wrong. */
 export const statusAdvice = {
   solved: "",
-  solved_reduced: "Use it if that is enough. Else look at which violation is largest and scale those rows, or loosen that tolerance.",
-  iteration_limit: "If the curves still fall, raise max_iterations. If they are flat, another start (x0, or starts above 1) helps more than more iterations. Where nodes are open, raise node_limit.",
-  time_limit: "Look at where the time went: raise time_limit_s, lower local_search_budget, or start warm in a session.",
-  cancelled: "Send it again if nobody meant to end it.",
-  infeasible: "The problem contradicts itself: check signs and offsets of A, b, C, d, l and r. Option explain=true, or marble explain, names a smallest set of rows and pairs that clash.",
-  locally_infeasible: "Where the detail names ill-conditioned rows, remove one of them. Else raise feasibility_budget, or start elsewhere (x0). If it happens with every start, suspect the data of the largest violation.",
-  unbounded: "A bound or a cost is missing: the entries of that direction name the variables.",
-  numerical_failure: "Mostly a matter of scale: bring the data nearer to 1, avoid nearly equal rows, keep scaling_passes above 0, or try path = paper.",
+  solved_reduced: "Use it if that is enough. Otherwise find the largest violation, and scale its rows or loosen its tolerance.",
+  iteration_limit: "If the convergence curves still fall, raise max_iterations. If they are flat, another start (x0, or starts above 1) helps more than further iterations. If nodes are open, raise node_limit.",
+  time_limit: "Check which part took the time. Then raise time_limit_s, lower local_search_budget, or use warm starts in a session.",
+  cancelled: "Send the request again if the cancellation was not intended.",
+  infeasible: "The problem contradicts itself: check the signs and offsets of A, b, C, d, l and r. Option explain=true, or the command marble explain, returns a smallest set of conflicting rows and pairs.",
+  locally_infeasible: "If detail names ill-conditioned rows, remove one of them. Otherwise raise feasibility_budget, or start elsewhere (x0). If it happens from every start, check the data of the largest violation.",
+  unbounded: "A bound or a cost is missing: the nonzero entries of that direction show the variables.",
+  numerical_failure: "The cause is usually bad scaling: bring the data nearer to 1, avoid nearly equal rows, keep scaling_passes above 0, or try path = paper.",
 } as const;
-/** Where a server listens, and where a client looks for one, if nothing else is said. */
+/** Where a server listens by default, and the default address of clients. */
 export const defaultAddress = "127.0.0.1:50051";
-/** The address that means: no server, this process. */
+/** The address that means in process, without a server. */
 export const localAddress = "local";
-/** What a client adds where nobody listens at the default address. */
+/** Hint that a client adds to the error if no server listens at the default address. */
 export const noServerHint = "; start a server there (marble-server) or name another (MARBLE_SERVER=HOST:PORT)";
-/** What those add to it that can solve without a server. */
+/** Hint that clients with a solver of their own add to that. */
 export const localHint = ", or solve without one (MARBLE_SERVER=local)";
 /** Of a request's id, bytes. */
 export const longestRequestId = 128;
 /** Of a problem's name, bytes. */
 export const longestProblemName = 256;
-/** Of what a client calls itself, and of a token's name, bytes. */
+/** Of the name that a client gives itself, and of a token's name, bytes. */
 export const longestClientName = 64;
 /** Of a Unix socket's path in an address, bytes. */
 export const longestUnixPath = 107;
-/** Jobs that one answer of Jobs.List may have. */
+/** Largest number of jobs in one response of Jobs.List. */
 export const largestPage = 10000;
-/** Jobs that one answer of Jobs.List has if nothing else is said. */
+/** Default number of jobs in one response of Jobs.List. */
 export const defaultPage = 100;
-/** Levels of one request with scenarios. */
+/** Sample-average stages of one request with scenarios. */
 export const mostLevels = 128;
 /** Entries of a vector, and rows of a matrix: below 2^28. */
 export const mostRows = 268435455;
-/** By which entries (i, j) and (j, i) of Q may differ: of the geometric mean of the largest entries of rows and columns
- * i and j; products of matrices leave that, relative. */
+/** Largest difference of entries (i, j) and (j, i) of Q, relative to the geometric mean of the largest entries of rows
+ * and columns i and j; allows for the rounding of matrix products, relative. */
 export const symmetry = 1e-12;

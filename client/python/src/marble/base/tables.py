@@ -1,4 +1,4 @@
-"""What every client knows of the contract. Made by proto/generate from contract.def; not to be edited."""
+"""The contract's tables, for all clients. Made by proto/generate from contract.def; not to be edited."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MATRICES: Final = {
     "L": "left_matrix",
     "R": "right_matrix",
 }
-"""The same of the matrices."""
+"""The same for the matrices."""
 VALUES: Final = {
     "Q": "hessian_values",
     "A": "equality_values",
@@ -59,26 +59,26 @@ MOST_ROWS: Final = 268435455
 SYMMETRY: Final = 1e-12
 _ADVICE: Final = {
     "solved_reduced":
-        "Use it if that is enough. Else look at which violation is largest and scale those rows, or loosen that "
-        "tolerance.",
+        "Use it if that is enough. Otherwise find the largest violation, and scale its rows or loosen its tolerance.",
     "iteration_limit":
-        "If the curves still fall, raise max_iterations. If they are flat, another start (x0, or starts above 1) "
-        "helps more than more iterations. Where nodes are open, raise node_limit.",
+        "If the convergence curves still fall, raise max_iterations. If they are flat, another start (x0, or starts "
+        "above 1) helps more than further iterations. If nodes are open, raise node_limit.",
     "time_limit":
-        "Look at where the time went: raise time_limit_s, lower local_search_budget, or start warm in a session.",
+        "Check which part took the time. Then raise time_limit_s, lower local_search_budget, or use warm starts in a "
+        "session.",
     "cancelled":
-        "Send it again if nobody meant to end it.",
+        "Send the request again if the cancellation was not intended.",
     "infeasible":
-        "The problem contradicts itself: check signs and offsets of A, b, C, d, l and r. Option explain=true, or "
-        "marble explain, names a smallest set of rows and pairs that clash.",
+        "The problem contradicts itself: check the signs and offsets of A, b, C, d, l and r. Option explain=true, or "
+        "the command marble explain, returns a smallest set of conflicting rows and pairs.",
     "locally_infeasible":
-        "Where the detail names ill-conditioned rows, remove one of them. Else raise feasibility_budget, or start "
-        "elsewhere (x0). If it happens with every start, suspect the data of the largest violation.",
+        "If detail names ill-conditioned rows, remove one of them. Otherwise raise feasibility_budget, or start "
+        "elsewhere (x0). If it happens from every start, check the data of the largest violation.",
     "unbounded":
-        "A bound or a cost is missing: the entries of that direction name the variables.",
+        "A bound or a cost is missing: the nonzero entries of that direction show the variables.",
     "numerical_failure":
-        "Mostly a matter of scale: bring the data nearer to 1, avoid nearly equal rows, keep scaling_passes above 0, "
-        "or try path = paper.",
+        "The cause is usually bad scaling: bring the data nearer to 1, avoid nearly equal rows, keep scaling_passes "
+        "above 0, or try path = paper.",
 }
 
 
@@ -89,13 +89,13 @@ class Status(enum.Enum):
     SOLVED_REDUCED: Feasible to 100 times the tolerances, but no further progress was possible.
     ITERATION_LIMIT: max_iterations was reached, or with option global node_limit; this is the best iterate.
     TIME_LIMIT: time_limit_s was reached; this is the best iterate.
-    CANCELLED: The solve was told to end, by its client, by cancel or by a server that shuts down; this is the best
-    iterate.
-    INFEASIBLE: No point meets the constraints. The certificate in the answer proves it even without
-    complementarity; where it is empty, every branch of the pairs was refuted.
-    LOCALLY_INFEASIBLE: The search ended where the violation cannot be lowered any further; no feasible point is
-    near. Others may exist elsewhere.
-    UNBOUNDED: The objective falls without end along a feasible direction, which is the certificate in the answer.
+    CANCELLED: The solve was cancelled by its client, by a cancel call or by a server that shuts down; this is the
+    best iterate.
+    INFEASIBLE: No point meets the constraints. The certificate proves it even without complementarity; if it is
+    empty, every branch of the pairs was refuted.
+    LOCALLY_INFEASIBLE: The search ended at a point where the violation cannot be lowered any further; no feasible
+    point is near. One may exist elsewhere.
+    UNBOUNDED: The objective falls without end along a feasible direction, which is the certificate.
     NUMERICAL_FAILURE: No acceptable step was found within the bounded number of tries.
     """
 
@@ -116,5 +116,5 @@ class Status(enum.Enum):
 
     @property
     def advice(self) -> str:
-        """What to try; empty of SOLVED."""
+        """What to try; empty for SOLVED."""
         return _ADVICE.get(self.value, "")
