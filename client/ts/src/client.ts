@@ -20,8 +20,6 @@ import { Connection } from "./connection/connection.js";
 import { ServerService } from "./generated/marble/v1/service.js";
 import type { Problem } from "./model/problem.js";
 import type { Solution } from "./model/solution.js";
-import type { NonlinearProblem } from "./nonlinear/functions.js";
-import { RealTime, type RealTimeSettings } from "./nonlinear/real-time.js";
 
 /**
  * A connection to a Marble server. Any number of calls at once; what fails rejects with a MarbleError. The connection is
@@ -70,14 +68,6 @@ export class Client implements Disposable {
   /** Sets a session up, and waits until it is ready. */
   async session(problem: Problem, controls: SessionControls = {}): Promise<Session> {
     return Session.open(this.connection, problem, controls);
-  }
-
-  /**
-   * A nonlinear plan in closed loop, over a session. Its patterns are those at problem.start, which is also the first plan.
-   * Rejects with an InvalidProblemError of "values.G", "derivatives.equalities", "shift.variables[0].count" and such.
-   */
-  async realTime(problem: NonlinearProblem, settings: RealTimeSettings = {}): Promise<RealTime> {
-    return RealTime.open(this.connection, problem, settings);
   }
 
   /**

@@ -84,7 +84,3 @@ export type {
 export { Solution } from "./model/solution.js";
 export type { PointOrigin, SecondOrder, Stationarity, Status, Times } from "./model/solution.js";
 export type { SolutionKind } from "./model/solution-kind.js";
-export type { CurvatureKind } from "./nonlinear/curvature.js";
-export type { Derivatives, Multipliers, NonlinearProblem, Values } from "./nonlinear/functions.js";
-export { RealTime } from "./nonlinear/real-time.js";
-export type { RealTimeSettings, RealTimeTick } from "./nonlinear/real-time.js";

@@ -216,11 +216,6 @@ export class Session implements AsyncDisposable {
     await this.finished;
   }
 
-  /** Gives up what is not answered. */
-  abandon(): void {
-    this.given.abort();
-  }
-
   /** As `close`, at the end of an `await using` block. */
   async [Symbol.asyncDispose](): Promise<void> {
     await this.close();
