@@ -262,7 +262,7 @@ class Page(unittest.TestCase):
         self.open(self.start())
         table = json.loads((pathlib.Path(__file__).resolve().parent.parent / "answers/kinds.json").read_text(encoding="utf-8"))
         told = self.browser.run("""
-          return import("/assets/jobs/answer.js").then(({ kindOf, kindText, whatToTry }) => arguments[0].map(({ facts }) => {
+          return import("/assets/shared/solution-kind.js").then(({ kindOf, kindText, whatToTry }) => arguments[0].map(({ facts }) => {
             const words = { proved: false, objective: 0, gap: Infinity, starts: 1, ...facts, bStationary: facts.b_stationary,
               secondOrder: facts.second_order, budgetSpent: facts.budget_spent, globalSearch: facts.global_search };
             return [kindOf(words), kindText(words), whatToTry(words)];

@@ -18,6 +18,7 @@ export {
   UnavailableError,
 } from "./base/errors.js";
 export type { ErrorCode, ErrorDetails } from "./base/errors.js";
+export type { SolutionKind } from "./shared/solution-kind.js";
 export type { ArrayAnswer, ArrayControls, ArrayElement, ArrayReading, SubmittedArray } from "./calls/array.js";
 export type { BatchAnswer, BatchControls, BatchProblem } from "./calls/batch.js";
 export type { CallControls } from "./calls/calls.js";
@@ -83,4 +84,3 @@ export type {
 } from "./model/sensitivity.js";
 export { Solution } from "./model/solution.js";
 export type { PointOrigin, SecondOrder, Stationarity, Status, Times } from "./model/solution.js";
-export type { SolutionKind } from "./model/solution-kind.js";

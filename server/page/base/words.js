@@ -1,6 +1,6 @@
 // The contract's words as the page shows them; what they mean is in tables.js.
 
-import { ERRORS, STATUSES } from "./tables.js";
+import { errorNames, errors, statuses } from "../shared/tables.js";
 
 /** "STATUS_TIME_LIMIT" and "STATUS_" → "time_limit"; "" for the unspecified one. */
 export function short(name, prefix) {
@@ -9,7 +9,8 @@ export function short(name, prefix) {
 }
 
 export function errorWords(code) {
-  return ERRORS[code] ?? { name: `code_${code}`, means: "The job ended in an error.", advice: "" };
+  const name = errorNames[code];
+  return { name: name ?? `code_${code}`, ...(errors[name] ?? { means: "The job ended in an error.", advice: "" }) };
 }
 
 export const STATES = {
@@ -30,6 +31,6 @@ export function outcome(job) {
     const tone = name === "cancelled" ? "soft" : "bad";
     return { word: name, tone, sign: SIGNS[tone] };
   }
-  const tone = STATUSES[job.status]?.tone ?? "quiet";
+  const tone = statuses[job.status]?.tone ?? "quiet";
   return { word: job.status || "ended", tone, sign: SIGNS[tone] };
 }

@@ -4,9 +4,9 @@ import { duration, percent, real, residual, whole } from "../base/format.js";
 import { seconds } from "../data/store.js";
 import { partsOf } from "../plots/timings.js";
 import { repeated } from "../data/trace.js";
-import { STATUSES } from "../base/tables.js";
+import { statuses } from "../shared/tables.js";
 import { STATES, errorWords, short } from "../base/words.js";
-import { kindText, whatToTry } from "./answer.js";
+import { kindText, whatToTry } from "../shared/solution-kind.js";
 
 const VIOLATIONS = [
   ["equality", "equality_tolerance", "|A z + b|"],
@@ -31,7 +31,7 @@ export function explain(job, options, rows, solution = null) {
     if (advice) lines.push(`What to try: ${advice}`);
     return { tone: "bad", title: `No answer: ${name.replaceAll("_", " ")}`, lines };
   }
-  const known = STATUSES[job.status];
+  const known = statuses[job.status];
   if (job.state !== "finished") lines.push(...underWay(job, options));
   if (known) {
     lines.push(known.means);

@@ -1,12 +1,12 @@
 // Which jobs are shown, and in what order. Pure functions of the jobs.
 
-import { STATUSES } from "../base/tables.js";
+import { statuses } from "../shared/tables.js";
 import { outcome } from "../base/words.js";
 import { seconds, violation } from "../data/store.js";
 
 const RANKS = { running: 0, queued: 1, idle: 2, finished: 3 };
 const PRIORITY_RANKS = { realtime: 0, interactive: 1, batch: 2 };
-const STATUS_RANKS = Object.keys(STATUSES);
+const STATUS_RANKS = Object.keys(statuses);
 
 /** Chips by group; within a group any that is set will do, and no chip set means all. */
 export const CHIPS = [

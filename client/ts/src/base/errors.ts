@@ -1,4 +1,4 @@
-import type { errorNames } from "./tables.js";
+import type { errorNames } from "../shared/tables.js";
 
 /** What an error tells beyond its message. */
 export interface ErrorDetails {

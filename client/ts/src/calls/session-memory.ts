@@ -1,5 +1,5 @@
 import { packDoubles, unpackDoubles } from "../base/packed.js";
-import { matrices, matrixValues, vectors } from "../base/tables.js";
+import { matrices, matrixValues, vectors } from "../shared/tables.js";
 import { HessianForm, type Problem as ProblemMessage } from "../generated/marble/v1/problem.js";
 import type {
   ProblemUpdate as UpdateMessage,

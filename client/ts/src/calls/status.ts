@@ -2,7 +2,7 @@
 import { Metadata, type ServiceError, status as statuses } from "@grpc/grpc-js";
 
 import { type ErrorCode, MarbleError, errorOf, invalid } from "../base/errors.js";
-import { defaultAddress, errorNames, matrices, matrixValues, noServerHint, vectors } from "../base/tables.js";
+import { defaultAddress, errorNames, matrices, matrixValues, noServerHint, vectors } from "../shared/tables.js";
 import type { Duration } from "../generated/google/protobuf/duration.js";
 import { BadRequest, RetryInfo } from "../generated/google/rpc/error_details.js";
 import { Status } from "../generated/google/rpc/status.js";

@@ -2,7 +2,7 @@
 import { experimental } from "@grpc/grpc-js";
 
 import { invalid } from "../base/errors.js";
-import { localAddress, longestUnixPath } from "../base/tables.js";
+import { localAddress, longestUnixPath } from "../shared/tables.js";
 
 /** Where a channel goes. */
 export interface Target {

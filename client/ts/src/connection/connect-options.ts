@@ -2,7 +2,7 @@ import { readFileSync } from "node:fs";
 import { basename } from "node:path";
 
 import { invalid } from "../base/errors.js";
-import * as tables from "../base/tables.js";
+import * as tables from "../shared/tables.js";
 
 /** How a client reaches its server and says who it is; all of it optional. */
 export interface ConnectOptions {

@@ -1,8 +1,5 @@
 import { invalid } from "../base/errors.js";
-import { symmetry } from "../base/tables.js";
-
-/** The offsets of as many rows would not fit in a message. */
-const mostRows = 2 ** 28;
+import { mostRows, symmetry } from "../shared/tables.js";
 
 /** Dense: one array a row, all of the same length. Zeros are left out of the pattern. */
 export type DenseRows = readonly ArrayLike<number>[];
@@ -238,7 +235,7 @@ function takeIndices(field: string, values: ArrayLike<number>, size: number, bel
 }
 
 function takeCount(field: string, value: number): void {
-  if (!Number.isInteger(value) || value < 0 || value >= mostRows) {
+  if (!Number.isInteger(value) || value < 0 || value > mostRows) {
     throw invalid(field, "must be a whole number in [0, 2^28)", { value });
   }
 }

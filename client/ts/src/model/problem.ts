@@ -1,6 +1,6 @@
 import { invalid } from "../base/errors.js";
 import { packDoubles, packIntegers } from "../base/packed.js";
-import { matrices as matrixFields, matrixValues, offsets, vectors } from "../base/tables.js";
+import { matrices as matrixFields, matrixValues, offsets, vectors } from "../shared/tables.js";
 import { type Words, valueOf, words } from "../base/words.js";
 import { HessianForm, type Problem as Message, type SparseMatrix } from "../generated/marble/v1/problem.js";
 import type { ProblemUpdate as UpdateMessage } from "../generated/marble/v1/session.js";

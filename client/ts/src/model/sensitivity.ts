@@ -1,6 +1,6 @@
 import { type MarbleError, errorOf, invalid } from "../base/errors.js";
 import { packDoubles, unpackDoubles, unpackIntegers } from "../base/packed.js";
-import { matrixValues, vectors } from "../base/tables.js";
+import { matrixValues, vectors } from "../shared/tables.js";
 import type { Fault } from "../generated/marble/v1/fault.js";
 import type {
   AnswerVectors,

@@ -1,7 +1,7 @@
 import { inspect } from "node:util";
 
 import { unpackDoubles } from "../base/packed.js";
-import { statusAdvice } from "../base/tables.js";
+import { statuses } from "../shared/tables.js";
 import { type Words, word } from "../base/words.js";
 import {
   PointOrigin as PointOriginNumber,
@@ -15,7 +15,7 @@ import { type Conflict, conflictOf } from "./conflict.js";
 import { type SolveOptions, optionsOf } from "./options.js";
 import { type Violations, treeOf, violationsOf } from "./progress.js";
 import { type SensitivityAnswer, sensitivityOf } from "./sensitivity.js";
-import { type SolutionFacts, type SolutionKind, kindOf, kindText, whatToTry } from "./solution-kind.js";
+import { type SolutionFacts, type SolutionKind, kindOf, kindText, whatToTry } from "../shared/solution-kind.js";
 
 /** Why a solve ended. */
 export type Status = Words<typeof StatusNumber, "STATUS_">;
@@ -151,7 +151,7 @@ export class Solution {
 
   /** What to try; empty where there is nothing to mend. */
   get advice(): string {
-    return this.status === "unknown" ? "" : statusAdvice[this.status];
+    return this.status === "unknown" ? "" : statuses[this.status].advice;
   }
 
   /** What kind of answer it is: proved optimal, a local minimum, only a stationary point, and so on. */

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 
-import { type SolutionFacts, kindOf, kindText, whatToTry } from "../../src/model/solution-kind.js";
+import { type SolutionFacts, kindOf, kindText, whatToTry } from "../../src/shared/solution-kind.js";
 
 import { test } from "../support/test.js";
 
