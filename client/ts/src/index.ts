@@ -66,7 +66,6 @@ export { Client, connect } from "./client.js";
 export type { ConnectOptions, Keepalive, TlsOptions } from "./connection/connect-options.js";
 export { BuiltProblem, ProblemBuilder } from "./model/builder.js";
 export type { Bounds, Expression, PairReport, Report, Term } from "./model/builder.js";
-export type { Conflict } from "./model/conflict.js";
 export type { CompressedColumns, DenseRows, Matrix, Triplets } from "./model/matrix.js";
 export type { SolveOptions } from "./model/options.js";
 export type { Problem, ProblemUpdate } from "./model/problem.js";
@@ -83,4 +82,4 @@ export type {
   SensitivityRequest,
 } from "./model/sensitivity.js";
 export { Solution } from "./model/solution.js";
-export type { PointOrigin, SecondOrder, Stationarity, Status, Times } from "./model/solution.js";
+export type { Conflict, PointOrigin, SecondOrder, Stationarity, Status, Times } from "./model/solution.js";

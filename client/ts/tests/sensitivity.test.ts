@@ -81,7 +81,7 @@ test("changes along directions are the differences of solutions nearby", async (
   const moved = (step: number): Problem => ({ ...problem, b: [-2 + step] });
   close(along.z, await difference(moved, ({ z }) => z));
   close(along.equalityMultipliers, await difference(moved, (s) => s.equalityMultipliers));
-  close(along.leftMultipliers, await difference(moved, (s) => s.leftMultipliers));
+  close(along.complementarityMultipliersL, await difference(moved, (s) => s.complementarityMultipliersL));
   const bent = (step: number): Problem => {
     const Q = [[4, 1 + step, 0], [1 + step, 3, 1], [0, 1, 5]]; // prettier-ignore
     return { ...problem, d: [0.9 + step / 2], Q };

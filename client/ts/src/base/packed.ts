@@ -56,3 +56,17 @@ function swap(bytes: Uint8Array, size: number): Uint8Array {
   for (let first = 0; first < bytes.length; first += size) bytes.subarray(first, first + size).reverse();
   return bytes;
 }
+
+/** A message whose packed numbers are typed arrays. */
+export type Unpacked<Message, Numbers> = {
+  readonly [Name in keyof Message]: Message[Name] extends Uint8Array ? Numbers : Message[Name];
+};
+
+/** Unpacks all packed numbers of a message, which are of one type. */
+export function unpacked<Message extends object, Numbers>(
+  message: Message,
+  unpack: (bytes: Uint8Array) => Numbers,
+): Unpacked<Message, Numbers> {
+  const fields = Object.entries(message).map(([name, value]) => [name, value instanceof Uint8Array ? unpack(value) : value]);
+  return Object.fromEntries(fields) as Unpacked<Message, Numbers>;
+}

@@ -6,7 +6,7 @@ import type { Connection } from "../connection/connection.js";
 import { Priority as PriorityNumber } from "../generated/marble/v1/job.js";
 import type { Problem as ProblemMessage } from "../generated/marble/v1/problem.js";
 import { SolverService, type SolveRequest, type SolveStreamResponse } from "../generated/marble/v1/service.js";
-import type { WarmStart } from "../generated/marble/v1/solution.js";
+import { WarmStart } from "../generated/marble/v1/solution.js";
 import { takeVector } from "../model/matrix.js";
 import { type SolveOptions, optionsMessage } from "../model/options.js";
 import { type Problem, checkProblem } from "../model/problem.js";
@@ -125,15 +125,14 @@ export function initialPoint(z: ArrayLike<number> | undefined, n: number): { z: 
   return z && { z: packDoubles(takeVector("initialPoint", z, n, "variables")) };
 }
 
-export function warmStartOf(answer: Solution): WarmStart {
-  return {
-    z: packDoubles(answer.z),
-    equalityMultipliers: packDoubles(answer.equalityMultipliers),
-    inequalityMultipliers: packDoubles(answer.inequalityMultipliers),
-    complementarityMultipliersL: packDoubles(answer.leftMultipliers),
-    complementarityMultipliersR: packDoubles(answer.rightMultipliers),
-    coldObjective: answer.coldObjective,
-  };
+/** The fields of a solution that the message has. */
+export function warmStartOf(solution: Solution): WarmStart {
+  const start = WarmStart.fromPartial({});
+  for (const name of Object.keys(start) as (keyof WarmStart)[]) {
+    const value = solution[name];
+    Object.assign(start, { [name]: typeof value === "number" ? value : packDoubles(value) });
+  }
+  return start;
 }
 
 export function priorityOf(priority: Priority | undefined): PriorityNumber {

@@ -116,18 +116,11 @@ function violated(path: string, description: string): MarbleError {
   return invalid(callersName(name), description, { index: index === undefined ? undefined : Number(index) });
 }
 
-// Where a solve starts.
-const starts: Record<string, string> = {
-  "initial_point.z": "initialPoint",
-  "warm_start.complementarity_multipliers_l": "warmStart.leftMultipliers",
-  "warm_start.complementarity_multipliers_r": "warmStart.rightMultipliers",
-};
-
 function callersName(path: string): string {
   const name = path.replace(/^(?:solve\.|setup\.|update\.)*(?:problem\.)?/, "");
   const [, block, part] = /^(coupled\.blocks\[\d+\]\.problem\.)(.+)$/.exec(name) ?? [];
   if (block !== undefined) return block + callersName(part);
-  if (name in starts) return starts[name];
+  if (name === "initial_point.z") return "initialPoint";
   const [head, ...rest] = name.replace(/_(\w)/g, (_, letter: string) => letter.toUpperCase()).split(".");
   return [parts[head] ?? head, ...rest].join(".");
 }

@@ -234,8 +234,8 @@ export class BuiltProblem implements Problem {
       pairs: left.map((value, k) => ({
         left: value,
         right: right[k],
-        leftDual: solution.leftMultipliers[k],
-        rightDual: solution.rightMultipliers[k],
+        leftDual: solution.complementarityMultipliersL[k],
+        rightDual: solution.complementarityMultipliersR[k],
       })),
     };
   }

@@ -2,12 +2,12 @@ import { type MarbleError, errorOf, invalid } from "../base/errors.js";
 import { packDoubles, unpackDoubles, unpackIntegers } from "../base/packed.js";
 import { matrixValues, vectors } from "../shared/tables.js";
 import type { Fault } from "../generated/marble/v1/fault.js";
-import type {
+import {
   AnswerVectors,
-  ProblemNumbers,
-  SensitivityRequest as RequestMessage,
-  RowResponse as RowsMessage,
-  Sensitivity as Message,
+  type ProblemNumbers,
+  type SensitivityRequest as RequestMessage,
+  type RowResponse as RowsMessage,
+  type Sensitivity as Message,
 } from "../generated/marble/v1/sensitivity.js";
 import { type Matrix, takeMatrix, takeValues, takeVector } from "./matrix.js";
 import { type ProblemUpdate, type Shape, sparse } from "./problem.js";
@@ -86,16 +86,10 @@ export interface SensitivityAnswer {
   backSubstitutions: number;
 }
 
-const answerParts = {
-  z: "z",
-  equalityMultipliers: "equalityMultipliers",
-  inequalityMultipliers: "inequalityMultipliers",
-  leftMultipliers: "complementarityMultipliersL",
-  rightMultipliers: "complementarityMultipliersR",
-} as const;
+/** The vectors of a solution. */
+export type AnswerPart = keyof AnswerVectors;
 
-/** The vectors of a solution, by its names. */
-export type AnswerPart = keyof typeof answerParts;
+const answerParts = Object.keys(AnswerVectors.fromPartial({})) as AnswerPart[];
 
 /** Throws an InvalidProblemError where something does not fit the problem. */
 export function sensitivityMessage(request: SensitivityRequest, shape: Shape): RequestMessage {
@@ -116,11 +110,17 @@ export function sensitivityMessage(request: SensitivityRequest, shape: Shape): R
     numbers[matrixValues[letter]] = packed("directions", directions, letter, pattern?.values.length ?? 0, take);
   }
   const weights = {} as AnswerVectors;
-  const ofAnswer = { z: n, equalityMultipliers: equalities, inequalityMultipliers: inequalities };
-  for (const part of keys(answerParts)) {
-    const size = { ...ofAnswer, leftMultipliers: pairs, rightMultipliers: pairs }[part];
+  const sizesOfAnswer: Record<AnswerPart, number> = {
+    z: n,
+    equalityMultipliers: equalities,
+    inequalityMultipliers: inequalities,
+    complementarityMultipliersL: pairs,
+    complementarityMultipliersR: pairs,
+  };
+  for (const part of answerParts) {
+    const size = sizesOfAnswer[part];
     const take = (values: ArrayLike<number>, field: string) => takeVector(field, values, size, "the problem");
-    weights[answerParts[part]] = packed("losses", losses, part, size, take);
+    weights[part] = packed("losses", losses, part, size, take);
   }
   const vector = (name: "proximal" | "g"): Uint8Array => {
     const values = rows?.[name];
@@ -178,7 +178,8 @@ function changesOf({ changes }: Message): (AnswerChange | undefined)[] {
   if (changes?.vectors === undefined) return [];
   const { vectors: all, holds } = changes;
   const missing = new Set(unpackIntegers(changes.missing));
-  const parts = split(answerParts, all, holds.length);
+  const names = Object.fromEntries(answerParts.map((part) => [part, part])) as { [Part in AnswerPart]: Part };
+  const parts = split(names, all, holds.length);
   return parts.map((part, k) => (missing.has(k) ? undefined : { ...part, holds: holds[k] }));
 }
 

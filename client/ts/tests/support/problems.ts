@@ -116,8 +116,8 @@ export function stationarity(problem: FileProblem, s: Solution): number {
   const sum = product(problem.Q, problem.g, s.z);
   addTransposed(sum, problem.A, s.equalityMultipliers, 1);
   addTransposed(sum, problem.C, s.inequalityMultipliers, -1);
-  addTransposed(sum, problem.L, s.leftMultipliers, -1);
-  addTransposed(sum, problem.R, s.rightMultipliers, -1);
+  addTransposed(sum, problem.L, s.complementarityMultipliersL, -1);
+  addTransposed(sum, problem.R, s.complementarityMultipliersR, -1);
   return Math.max(...sum.map(Math.abs));
 }
 
