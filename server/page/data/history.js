@@ -1,7 +1,5 @@
 // The server's counters over the last minutes, in rings of fixed size: what the server kept before this page was opened,
-// and what its stream told since.
-
-import { number } from "./store.js";
+// and what its stream reported since.
 
 export const SPAN_S = 300;
 const POINTS = 640; // SPAN_S at two a second, and some
@@ -10,7 +8,7 @@ const COLUMNS = ["time", "queued", "done", "busy_s", "cpu_s", "running", "p50_s"
 
 /** Counters as numbers. */
 export function toCounters(message) {
-  const of = (value) => (value === null ? NaN : number(value)); // null: nothing was answered
+  const of = (value) => (value === null ? NaN : Number(value)); // null: no job has finished
   const counters = Object.fromEntries(Object.entries(message ?? {}).map(([name, value]) => [name, of(value)]));
   counters.done = (counters.answered_total ?? 0) + (counters.updates_total ?? 0);
   return counters;

@@ -1,33 +1,12 @@
 // One job's iterations as the page keeps them: bounded, and thinned evenly where there are more.
 
-import { number, toTree } from "./store.js";
+import { numbers, toRow } from "./store.js";
 
 const MOST_ROWS = 1024;
 const MOST_FRAMES = 64;
 
-function toRow(message) {
-  const violations = message.violations ?? {};
-  return {
-    iteration: number(message.iteration),
-    outer: number(message.outer_iteration),
-    objective: number(message.objective),
-    equality: number(violations.equality),
-    inequality: number(violations.inequality),
-    complementarity: number(violations.complementarity),
-    kkt: number(message.kkt_residual),
-    kappa: number(message.kappa),
-    rho: number(message.rho),
-    step: number(message.step_length),
-    regularization: number(message.regularization),
-    factorizations: number(message.factorizations),
-    elapsed: number(message.elapsed_s),
-    ...toTree(message),
-  };
-}
-
 const toFrame = (message) => ({
-  iteration: number(message.iteration),
-  kappa: number(message.kappa),
+  ...numbers(message, ["iteration", "kappa"]),
   s: Float64Array.from(message.s ?? [], Number),
   t: Float64Array.from(message.t ?? [], Number),
 });
@@ -107,8 +86,8 @@ export function nodeRates(rows) {
       from = at; // the tree begins after it
       return NaN;
     }
-    while (from + 1 < at && rows[from + 1].elapsed <= 0.9 * row.elapsed) ++from;
-    const seconds = row.elapsed - rows[from].elapsed;
+    while (from + 1 < at && rows[from + 1].elapsed_s <= 0.9 * row.elapsed_s) ++from;
+    const seconds = row.elapsed_s - rows[from].elapsed_s;
     return seconds > 0 ? (row.nodes - rows[from].nodes) / seconds : NaN;
   });
 }

@@ -14,16 +14,16 @@ const LOOKS = [{ colour: "--blue", dash: [] }, { colour: "--orange", dash: [6, 3
 const FACTS = [
   { name: "Status", text: (job) => outcome(job).word.replaceAll("_", " ") },
   { name: "Client", text: (job) => job.client },
-  { name: "n / nₑ / nᵢ / n_c", text: (job) => [job.n, job.ne, job.ni, job.nc].map(whole).join(" / ") },
+  { name: "n / nₑ / nᵢ / n_c", text: (job) => [job.variables, job.equalities, job.inequalities, job.pairs].map(whole).join(" / ") },
   { name: "Objective", text: (job) => (job.error || job.iterations === 0 ? "–" : real(job.objective)) },
   { name: "Largest violation", text: (job) => (job.error ? "–" : residual(violation(job))) },
   { name: "Iterations", text: (job) => whole(job.iterations), size: (job) => job.iterations },
   { name: "Factorizations", text: (job) => whole(job.factorizations), size: (job) => job.factorizations },
   { name: "Nodes", text: (job) => (job.nodes > 0 ? whole(job.nodes) : "–"), size: (job) => job.nodes },
   { name: "Gap", text: (job) => (job.nodes > 0 && Number.isFinite(job.gap) ? residual(job.gap) : "–") },
-  { name: "In the queue", text: (job) => duration(job.times.queue), size: (job) => job.times.queue },
-  { name: "Set-up", text: (job) => duration(job.times.setup), size: (job) => job.times.setup },
-  { name: "Solve", text: (job) => duration(job.times.solve), size: (job) => job.times.solve },
+  { name: "In the queue", text: (job) => duration(job.times.queue_s), size: (job) => job.times.queue_s },
+  { name: "Set-up", text: (job) => duration(job.times.setup_s), size: (job) => job.times.setup_s },
+  { name: "Solve", text: (job) => duration(job.times.solve_s), size: (job) => job.times.solve_s },
 ];
 
 function ratio(first, second) {
@@ -33,7 +33,7 @@ function ratio(first, second) {
 // What was answered was made exact after the last row.
 function withAnswer(job, rows) {
   if (job.state !== "finished" || job.error || rows.length === 0) return rows;
-  return [...rows, { elapsed: Math.max(rows.at(-1).elapsed, job.times.solve), worst: violation(job) }];
+  return [...rows, { elapsed_s: Math.max(rows.at(-1).elapsed_s, job.times.solve_s), worst: violation(job) }];
 }
 
 export class Comparison {
@@ -65,7 +65,7 @@ export class Comparison {
       this.#show(answers.map(({ job, options, trace }) => {
         const rows = new Trace();
         rows.replace(trace);
-        return { job: toJob(job), options: options ?? {}, rows: rows.rows.map((row) => ({ elapsed: row.elapsed, worst: violation(row) })) };
+        return { job: toJob(job), options: options ?? {}, rows: rows.rows.map((row) => ({ elapsed_s: row.elapsed_s, worst: violation(row) })) };
       }));
     } catch (error) {
       if (this.#closed || error.status === 401) return;
@@ -96,7 +96,7 @@ export class Comparison {
   }
 
   #links(both) {
-    return both.map(({ job }) => make("a", { href: `#/jobs/${job.id}` }, `${job.name || "job"} ${job.id.slice(0, 8)}`));
+    return both.map(({ job }) => make("a", { href: `#/jobs/${job.job_id}` }, `${job.problem_name || "job"} ${job.job_id.slice(0, 8)}`));
   }
 
   #facts(both) {
@@ -117,8 +117,8 @@ export class Comparison {
     const font = { size: 0.8 * parseFloat(getComputedStyle(document.documentElement).fontSize), family: getComputedStyle(document.body).fontFamily };
     const axis = (more) => ({ grid: { color: styleValue("--line"), borderColor: styleValue("--line") }, ...more, ticks: { color: ink, font, maxRotation: 0, ...more.ticks } });
     const datasets = both.map(({ job, rows }, at) => ({
-      label: `${job.name || "job"} ${job.id.slice(0, 8)}`,
-      data: withAnswer(job, rows).map(({ elapsed, worst }) => ({ x: elapsed, y: Math.max(LOWEST, worst) })),
+      label: `${job.problem_name || "job"} ${job.job_id.slice(0, 8)}`,
+      data: withAnswer(job, rows).map(({ elapsed_s, worst }) => ({ x: elapsed_s, y: Math.max(LOWEST, worst) })),
       borderColor: styleValue(LOOKS[at].colour), backgroundColor: styleValue(LOOKS[at].colour), borderDash: LOOKS[at].dash, borderWidth: 1.5, pointRadius: 0, pointStyle: "line",
     }));
     this.chart = new Chart(canvas, {

@@ -47,14 +47,14 @@ export function explain(job, options, rows, solution = null) {
 
 // A job tells whether its answer is proved; the tests of its point are in the answer alone.
 function kindOfAnswer(job, options, solution) {
-  if (job.state !== "finished" || job.levels.length > 0) return [];
+  if (job.state !== "finished" || job.scenario_levels.length > 0) return [];
   const untested = solution === null && job.status === "solved" && !job.proved;
   const facts = {
     ...job,
     bStationary: solution?.b_stationary,
     secondOrder: untested ? "minimum" : short(solution?.second_order, "SECOND_ORDER_"),
     feasible: judge(job, options).every(({ met }) => met),
-    pairs: job.nc,
+    pairs: job.pairs,
     budgetSpent: job.factorizations >= Number(options?.local_search_budget ?? 1000),
     starts: Number(options?.starts ?? 1),
     globalSearch: options?.global === true,
@@ -67,9 +67,9 @@ function kindOfAnswer(job, options, solution) {
 
 function underWay(job, options) {
   const lines = [STATES[job.state] ?? ""];
-  if (job.state === "queued") lines.push(`${whole(job.position)} before it; likely to wait ${duration(job.wait_s)} yet.`);
+  if (job.state === "queued") lines.push(`${whole(job.queue_position)} before it; likely to wait ${duration(job.estimated_wait_s)} yet.`);
   if (job.state !== "running" || job.kind === "session") return lines;
-  if (job.activity) lines.push(`Now: ${job.activity}.`);
+  if (job.activity.text) lines.push(`Now: ${job.activity.text}.`);
   if (options?.global === true && job.nodes === 0) lines.push("It looks for a first good point; then its tree begins, and with it a bound.");
   return lines;
 }
@@ -78,7 +78,7 @@ function underWay(job, options) {
 export function timeLimit(job, options) {
   const limit = Number(options?.time_limit_s ?? Infinity);
   if (job.state !== "running" || job.kind === "session" || !(limit < 1e8)) return null;
-  return { used: Math.min(limit, Math.max(0, seconds(job) - job.times.queue)), limit };
+  return { used: Math.min(limit, Math.max(0, seconds(job) - job.times.queue_s)), limit };
 }
 
 // The message has field, index and rule.
@@ -94,7 +94,7 @@ function unmet(job, options) {
   return [`Not met: ${texts.join("; ")}.`];
 }
 
-const PARTS = [["equality", "ne"], ["inequality", "ni"], ["left side of pair", "nc"], ["right side of pair", "nc"]];
+const PARTS = [["equality", "equalities"], ["inequality", "inequalities"], ["left side of pair", "pairs"], ["right side of pair", "pairs"]];
 const LEAST_SHARE = 1e-3;
 const MOST_ROWS = 8;
 
@@ -133,23 +133,23 @@ export function conflictingParts(conflict) {
 }
 
 // What is known of the optimum, where a tree has looked for it.
-function proof({ nodes, openNodes, state, status, proved, incumbent, bound, gap }) {
+function proof({ nodes, open_nodes, state, status, proved, incumbent, bound, gap }) {
   if (nodes === 0) return [];
   const count = `${whole(nodes)} ${nodes === 1 ? "node" : "nodes"}`;
   if (proved) return [status === "infeasible" ? `Proved infeasible: ${count}.` : `Proved optimal: gap ${residual(gap)}, ${count}.`];
   const best = Number.isFinite(incumbent) ? `The best point has objective ${real(incumbent)}` : "No feasible point is known";
   const least = Number.isFinite(bound) ? `no point has less than ${real(bound)}` : "nothing bounds the objective from below";
   const distance = Number.isFinite(gap) ? `; gap ${residual(gap)}` : "";
-  return [`Not proved${state === "finished" ? "" : " yet"}. ${best}, ${least}${distance}. ${count}, ${whole(openNodes)} open.`];
+  return [`Not proved${state === "finished" ? "" : " yet"}. ${best}, ${least}${distance}. ${count}, ${whole(open_nodes)} open.`];
 }
 
 // What took long, where something stands out.
 function slow(job, rows) {
   const lines = [];
   const total = seconds(job);
-  if (job.times.queue > 0.5 * total && job.times.queue > 0.01) {
-    lines.push(`Most of its time it waited: ${duration(job.times.queue)} of ${duration(total)} in the queue.`);
-  } else if (job.times.solve > 0) {
+  if (job.times.queue_s > 0.5 * total && job.times.queue_s > 0.01) {
+    lines.push(`Most of its time it waited: ${duration(job.times.queue_s)} of ${duration(total)} in the queue.`);
+  } else if (job.times.solve_s > 0) {
     const [name, longest] = partsOf(job.times).reduce((a, b) => (b[1] > a[1] ? b : a));
     if (longest > 0.5 * total) lines.push(`Most of its time went into ${name}: ${duration(longest)}, ${percent(longest / total)} of the whole.`);
   }

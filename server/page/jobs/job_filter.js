@@ -23,27 +23,27 @@ export const CHIPS = [
 /** What a column sorts by. "order" is the table's own: what runs first, then what waits, then the newest. */
 const KEYS = {
   status: (job) => 100 * RANKS[job.state] + (job.error ? 50 : STATUS_RANKS.indexOf(job.status)),
-  id: (job) => job.id,
-  name: (job) => job.name,
+  id: (job) => job.job_id,
+  name: (job) => job.problem_name,
   client: (job) => job.client,
-  size: (job) => job.n,
+  size: (job) => job.variables,
   kind: (job) => job.kind,
   priority: (job) => PRIORITY_RANKS[job.priority] ?? 3,
   iterations: (job) => job.iterations,
   violation,
   proof: (job) => (job.nodes === 0 ? -1 : job.proved ? 0 : Number.isFinite(job.gap) ? job.gap : Infinity),
   time: seconds,
-  queue: (job) => job.times.queue,
-  age: (job) => job.accepted,
+  queue: (job) => job.times.queue_s,
+  age: (job) => job.accepted_unix_s,
 };
 
-const newestFirst = (a, b) => b.accepted - a.accepted || (a.id < b.id ? -1 : 1);
+const newestFirst = (a, b) => b.accepted_unix_s - a.accepted_unix_s || (a.job_id < b.job_id ? -1 : 1);
 const activity = (a, b) => RANKS[a.state] - RANKS[b.state] || newestFirst(a, b);
 
 /** Every word of the text must occur in one of these. */
 function matches(job, words) {
   if (words.length === 0) return true;
-  const text = `${job.id} ${job.client} ${job.name} ${job.requestId} ${outcome(job).word} ${job.kind}`.toLowerCase();
+  const text = `${job.job_id} ${job.client} ${job.problem_name} ${job.request_id} ${outcome(job).word} ${job.kind}`.toLowerCase();
   return words.every((word) => text.includes(word));
 }
 

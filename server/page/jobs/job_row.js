@@ -66,28 +66,28 @@ export class JobRow {
     element.style.transform = `translateY(${top}px)`;
     element.setAttribute("aria-rowindex", index + 2);
     element.setAttribute("aria-selected", chosen ? "true" : "false");
-    element.dataset.job = job.id;
+    element.dataset.job = job.job_id;
     this.#showOutcome(job);
-    fill(this.link, job.id.slice(0, 8));
-    this.link.href = `#/jobs/${job.id}`;
-    this.link.title = job.id;
-    this.#text("name", job.name || "–", job.name);
+    fill(this.link, job.job_id.slice(0, 8));
+    this.link.href = `#/jobs/${job.job_id}`;
+    this.link.title = job.job_id;
+    this.#text("name", job.problem_name || "–", job.problem_name);
     this.#text("client", job.client, job.client);
-    const size = `${whole(job.n)} / ${whole(job.ne)} / ${whole(job.ni)} / ${whole(job.nc)}`;
+    const size = `${whole(job.variables)} / ${whole(job.equalities)} / ${whole(job.inequalities)} / ${whole(job.pairs)}`;
     this.#text("size", size, size);
     this.#text("kind", job.kind);
     this.#text("priority", job.priority);
     this.#text("iterations", job.state === "queued" ? "–" : whole(job.iterations));
     this.#showViolation(job);
     this.#showProof(job);
-    this.#text("queue", duration(job.times.queue));
+    this.#text("queue", duration(job.times.queue_s));
     this.tick();
   }
 
   /** What changes by itself as time goes by. */
   tick() {
     this.#text("time", duration(seconds(this.job)));
-    this.#text("age", age(Date.now() / 1000 - this.job.accepted));
+    this.#text("age", age(Date.now() / 1000 - this.job.accepted_unix_s));
   }
 
   hide() {
@@ -103,20 +103,20 @@ export class JobRow {
 
   #showOutcome(job) {
     const { word, tone, sign } = outcome(job);
-    const waits = job.state === "queued" && job.position >= 0;
-    const part = job.state === "running" && job.of > 0 ? ` · ${whole(job.done)}/${whole(job.of)}` : "";
-    fill(this.word, word.replaceAll("_", " ") + (waits ? ` · ${ordinal(job.position + 1)}` : part));
+    const waits = job.state === "queued" && job.queue_position >= 0;
+    const part = job.state === "running" && job.activity.total > 0 ? ` · ${whole(job.activity.done)}/${whole(job.activity.total)}` : "";
+    fill(this.word, word.replaceAll("_", " ") + (waits ? ` · ${ordinal(job.queue_position + 1)}` : part));
     fill(this.sign, sign);
     this.#cells.status.dataset.tone = tone;
-    this.#cells.status.title = waits ? `${jobs(job.position)} before it, likely to wait ${duration(job.wait_s)} yet` : plain(job.error?.message || job.activity || job.detail);
+    this.#cells.status.title = waits ? `${jobs(job.queue_position)} before it, likely to wait ${duration(job.estimated_wait_s)} yet` : plain(job.error?.message || job.activity.text || job.detail);
   }
 
-  #showProof({ nodes, openNodes, gap, incumbent, bound, proved }) {
+  #showProof({ nodes, open_nodes, gap, incumbent, bound, proved }) {
     const known = nodes > 0;
     const text = proved ? "✓" : Number.isFinite(gap) ? `${gapText(gap)} ·` : "no gap ·";
     const best = Number.isFinite(incumbent) ? real(incumbent) : "none yet";
     const least = Number.isFinite(bound) ? real(bound) : "none yet";
-    this.#text("proof", known ? `${text} ${brief(nodes)} ${nodes === 1 ? "node" : "nodes"}` : "", known ? `Incumbent ${best}, bound ${least}, gap ${Number.isFinite(gap) ? residual(gap) : "unknown"}; ${whole(nodes)} nodes, ${whole(openNodes)} open` : "");
+    this.#text("proof", known ? `${text} ${brief(nodes)} ${nodes === 1 ? "node" : "nodes"}` : "", known ? `Incumbent ${best}, bound ${least}, gap ${Number.isFinite(gap) ? residual(gap) : "unknown"}; ${whole(nodes)} nodes, ${whole(open_nodes)} open` : "");
   }
 
   #showViolation(job) {

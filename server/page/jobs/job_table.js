@@ -129,14 +129,14 @@ export class JobTable {
   }
 
   #select() {
-    const anchor = this.scroller.scrollTop > 0 ? this.#shown[this.#firstInSight()]?.id : undefined;
+    const anchor = this.scroller.scrollTop > 0 ? this.#shown[this.#firstInSight()]?.job_id : undefined;
     const offset = this.scroller.scrollTop % this.rowHeight;
     this.#shown = select(this.store.all(), this.filter.value, this.#chips, this.#sort);
     this.#countChips();
     this.body.style.height = `${this.#shown.length * this.rowHeight}px`;
     this.scroller.setAttribute("aria-rowcount", this.#shown.length + 1);
     if (anchor !== undefined) {
-      const at = this.#shown.findIndex((job) => job.id === anchor); // who reads on keeps the place
+      const at = this.#shown.findIndex((job) => job.job_id === anchor); // who reads on keeps the place
       if (at >= 0) this.scroller.scrollTop = at * this.rowHeight + offset;
     }
   }
@@ -174,8 +174,8 @@ export class JobTable {
     const used = new Set();
     for (let index = first; index < end; ++index) {
       const row = this.#rows[index % this.#rows.length];
-      const job = this.store.get(this.#shown[index].id) ?? this.#shown[index];
-      row.show(job, index, index * this.rowHeight, job.id === this.#chosen);
+      const job = this.store.get(this.#shown[index].job_id) ?? this.#shown[index];
+      row.show(job, index, index * this.rowHeight, job.job_id === this.#chosen);
       used.add(row);
     }
     for (const row of this.#rows) if (!used.has(row)) row.hide();
@@ -189,7 +189,7 @@ export class JobTable {
   }
 
   #pointToChosen() {
-    const row = this.#rows.find((candidate) => candidate.job !== null && candidate.job.id === this.#chosen);
+    const row = this.#rows.find((candidate) => candidate.job !== null && candidate.job.job_id === this.#chosen);
     if (row) this.scroller.setAttribute("aria-activedescendant", row.element.id);
     else this.scroller.removeAttribute("aria-activedescendant");
   }
@@ -209,7 +209,7 @@ export class JobTable {
 
   #key(event) {
     const last = this.#shown.length - 1;
-    const at = this.#shown.findIndex((job) => job.id === this.#chosen);
+    const at = this.#shown.findIndex((job) => job.job_id === this.#chosen);
     const page = Math.max(1, Math.floor(this.scroller.clientHeight / this.rowHeight) - 2);
     const moves = { ArrowDown: at + 1, ArrowUp: at < 0 ? 0 : at - 1, PageDown: at + page, PageUp: at - page, Home: 0, End: last };
     if (event.key === "Enter" && at >= 0) {
@@ -221,7 +221,7 @@ export class JobTable {
   }
 
   #moveTo(index) {
-    this.#chosen = this.#shown[index].id;
+    this.#chosen = this.#shown[index].job_id;
     const top = index * this.rowHeight;
     const sight = this.scroller.clientHeight - this.rowHeight; // the head covers one line
     if (top < this.scroller.scrollTop) this.scroller.scrollTop = top;

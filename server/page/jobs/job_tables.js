@@ -21,25 +21,25 @@ export function showFacts(place, job, trace) {
   const session = job.kind === "session";
   const facts = [
     ["Client", job.client],
-    ["Request id", job.requestId],
-    ["Trace id", job.traceId],
+    ["Request id", job.request_id],
+    ["Trace id", job.trace_id],
     ["Kind", job.kind],
     ["Priority", job.priority],
-    ["Accepted", clock(job.accepted)],
-    ["Finished", job.finished > 0 ? clock(job.finished) : ""],
+    ["Accepted", clock(job.accepted_unix_s)],
+    ["Finished", job.finished_unix_s > 0 ? clock(job.finished_unix_s) : ""],
     [session ? "Newest solve" : "Time so far", duration(seconds(job))],
-    ["Variables n", whole(job.n)],
-    ["Equalities nₑ", whole(job.ne)],
-    ["Inequalities nᵢ", whole(job.ni)],
-    ["Pairs n_c", whole(job.nc)],
+    ["Variables n", whole(job.variables)],
+    ["Equalities nₑ", whole(job.equalities)],
+    ["Inequalities nᵢ", whole(job.inequalities)],
+    ["Pairs n_c", whole(job.pairs)],
     ["Iterations", whole(job.iterations)],
     ["Factorizations", whole(job.factorizations)],
     ["Updates answered", session ? whole(job.updates) : ""],
     ["Objective", job.error || job.iterations === 0 ? "" : real(job.objective)],
-    ["KKT residual", trace.rows.length > 0 ? residual(trace.rows.at(-1).kkt) : ""],
+    ["KKT residual", trace.rows.length > 0 ? residual(trace.rows.at(-1).kkt_residual) : ""],
     ...treeFacts(job, trace),
-    ["Memory of the solver", job.memory > 0 ? bytes(job.memory) : ""],
-    ["Answer kept", job.resultBytes > 0 ? bytes(job.resultBytes) : ""],
+    ["Memory of the solver", job.memory_bytes > 0 ? bytes(job.memory_bytes) : ""],
+    ["Answer kept", job.result_bytes > 0 ? bytes(job.result_bytes) : ""],
   ];
   if (job.state === "finished") facts.find(([name]) => name === "Time so far")?.splice(0, 1, "Time");
   place.replaceChildren(
@@ -48,7 +48,7 @@ export function showFacts(place, job, trace) {
 }
 
 // Of option global, once there is a tree.
-function treeFacts({ nodes, openNodes, incumbent, bound, gap }, trace) {
+function treeFacts({ nodes, open_nodes, incumbent, bound, gap }, trace) {
   if (nodes === 0) return [];
   const speed = nodeRates(trace.rows).at(-1);
   return [
@@ -56,7 +56,7 @@ function treeFacts({ nodes, openNodes, incumbent, bound, gap }, trace) {
     ["Bound", Number.isNaN(bound) ? "none yet" : real(bound)],
     ["Gap", Number.isFinite(gap) ? residual(gap) : ""],
     ["Nodes", whole(nodes)],
-    ["Open nodes", whole(openNodes)],
+    ["Open nodes", whole(open_nodes)],
     ["Nodes a second", Number.isFinite(speed) ? rate(speed) : ""],
   ];
 }
@@ -131,10 +131,10 @@ export function showRows(place, rows) {
   const head = ["iteration", "time", "objective", "equality", "inequality", "complementarity", "KKT residual", "κ", "ρ", "step", "regularization", "factorizations", "repeated"];
   const tree = rows.some((row) => row.nodes > 0);
   if (tree) head.push("incumbent", "bound", "gap", "nodes", "open");
-  const treeCells = (row) => (row.nodes > 0 ? [real(row.incumbent), real(row.bound), residual(row.gap), whole(row.nodes), whole(row.openNodes)] : ["", "", "", "", ""]);
+  const treeCells = (row) => (row.nodes > 0 ? [real(row.incumbent), real(row.bound), residual(row.gap), whole(row.nodes), whole(row.open_nodes)] : ["", "", "", "", ""]);
   const lines = rows.map((row, at) => {
-    const cells = [duration(row.elapsed), real(row.objective), residual(row.equality), residual(row.inequality), residual(row.complementarity), residual(row.kkt),
-                   residual(row.kappa), residual(row.rho), real(row.step), residual(row.regularization), whole(row.factorizations), repeats[at] > 0 ? String(repeats[at]) : "", ...(tree ? treeCells(row) : [])];
+    const cells = [duration(row.elapsed_s), real(row.objective), residual(row.equality), residual(row.inequality), residual(row.complementarity), residual(row.kkt_residual),
+                   residual(row.kappa), residual(row.rho), real(row.step_length), residual(row.regularization), whole(row.factorizations), repeats[at] > 0 ? String(repeats[at]) : "", ...(tree ? treeCells(row) : [])];
     return make("tr", {}, make("th", { scope: "row" }, String(row.iteration)), ...cells.map((cell) => make("td", {}, cell)));
   });
   place.replaceChildren(table("Rows of progress", head, lines));

@@ -131,7 +131,7 @@ export class JobView {
   #draw() {
     const job = this.#job;
     if (job === null || this.#closed) return;
-    fill(this.parts.title, job.name || `Job ${job.id.slice(0, 8)}`);
+    fill(this.parts.title, job.problem_name || `Job ${job.job_id.slice(0, 8)}`);
     const { word, tone, sign } = outcome(job);
     fill(this.parts.status, `${sign} ${word.replaceAll("_", " ")}`);
     this.parts.status.dataset.tone = tone;
@@ -148,11 +148,11 @@ export class JobView {
   #rowsAndAnswer() {
     const rows = this.#trace.rows;
     const last = rows.at(-1);
-    const { state, error, equality, inequality, complementarity, objective, times, incumbent, bound, gap, nodes, openNodes } = this.#job;
+    const { state, error, equality, inequality, complementarity, objective, times, incumbent, bound, gap, nodes, open_nodes } = this.#job;
     if (state !== "finished" || error || last === undefined) return rows;
-    const elapsed = Math.max(last.elapsed, times.solve);
-    const tree = last.nodes > 0 ? { incumbent, bound, gap, nodes, openNodes } : {}; // of a small problem's tree there are no rows
-    return [...rows, { ...last, ...tree, elapsed, equality, inequality, complementarity, objective, kkt: NaN, kappa: NaN, answer: true }];
+    const elapsed_s = Math.max(last.elapsed_s, times.solve_s);
+    const tree = last.nodes > 0 ? { incumbent, bound, gap, nodes, open_nodes } : {}; // of a small problem's tree there are no rows
+    return [...rows, { ...last, ...tree, elapsed_s, equality, inequality, complementarity, objective, kkt_residual: NaN, kappa: NaN, answer: true }];
   }
 
   #tolerances() {
@@ -168,12 +168,12 @@ export class JobView {
       this.pairs ??= new PairsPlot(this.parts.pairs);
       const { state, complementarity } = this.#job;
       const note = state === "finished" ? `In the answer, made exact after it, largest |min(s, t)| is ${residual(complementarity)}.` : "";
-      this.pairs.show(frames, this.#job.nc, Number(this.#options.complementarity_tolerance ?? 1e-6), note);
+      this.pairs.show(frames, this.#job.pairs, Number(this.#options.complementarity_tolerance ?? 1e-6), note);
       return;
     }
     const limits = this.context.info()?.limits;
     const job = this.#job;
-    const why = job.nc === 0 ? "This problem has no complementarity pairs."
+    const why = job.pairs === 0 ? "This problem has no complementarity pairs."
       : Number(limits?.trace_pairs ?? 1) === 0 ? "This server keeps none (--trace-pairs)."
       : job.iterations > 0 ? "None were kept of this job." : "Nothing yet.";
     fill(this.parts.noPairs, why);
@@ -193,13 +193,13 @@ export class JobView {
     const { tone, title, lines } = explain(job, this.#options, this.#trace.rows, this.#solution);
     this.parts.why.dataset.tone = tone;
     this.parts.why.replaceChildren(make("strong", {}, title), ...lines.map((line) => make("p", {}, line)));
-    this.parts.levels.hidden = job.levels.length === 0;
-    if (job.levels.length > 0) showLevels(this.parts.levels, job.levels);
+    this.parts.levels.hidden = job.scenario_levels.length === 0;
+    if (job.scenario_levels.length > 0) showLevels(this.parts.levels, job.scenario_levels);
     showFacts(this.parts.facts, job, this.#trace);
     showViolations(this.parts.violations, job, this.#options);
     showOptions(this.parts.options, this.#options, this.context.info()?.options ?? []);
-    this.parts.timings.hidden = !(job.times.solve > 0);
-    this.parts.noTimings.hidden = job.times.solve > 0;
+    this.parts.timings.hidden = !(job.times.solve_s > 0);
+    this.parts.noTimings.hidden = job.times.solve_s > 0;
     showTimings(this.parts.timings, job.times);
     this.#drawLimit();
     if (this.parts.table.open) showRows(this.parts.rows, this.#trace.rows);
@@ -250,16 +250,16 @@ export class JobView {
   // With the newest of the same problem: those with its name, or of its size where it has none.
   #offerComparison() {
     const mine = this.#job;
-    const alike = [...this.context.jobs()].filter((job) => job.id !== mine.id && job.state === "finished" && job.name === mine.name && (mine.name !== "" || job.n === mine.n));
-    alike.sort((a, b) => b.accepted - a.accepted);
+    const alike = [...this.context.jobs()].filter((job) => job.job_id !== mine.job_id && job.state === "finished" && job.problem_name === mine.problem_name && (mine.problem_name !== "" || job.variables === mine.variables));
+    alike.sort((a, b) => b.accepted_unix_s - a.accepted_unix_s);
     const offered = alike.slice(0, MOST_TO_COMPARE);
-    const ids = offered.map(({ id }) => id).join();
+    const ids = offered.map(({ job_id }) => job_id).join();
     this.parts.compare.hidden = offered.length === 0;
     if (ids === this.#offered) return;
     this.#offered = ids;
     this.parts.compare.replaceChildren(
       make("option", { value: "" }, "Compare with …"),
-      ...offered.map((job) => make("option", { value: job.id }, `${job.id.slice(0, 8)} ${outcome(job).word.replaceAll("_", " ")}, ${duration(seconds(job))}, ${job.client}`)),
+      ...offered.map((job) => make("option", { value: job.job_id }, `${job.job_id.slice(0, 8)} ${outcome(job).word.replaceAll("_", " ")}, ${duration(seconds(job))}, ${job.client}`)),
     );
   }
 
@@ -283,7 +283,7 @@ export class JobView {
     try {
       const blob = await this.context.api.blob(`/api/jobs/${this.id}/${what}`);
       const url = URL.createObjectURL(blob);
-      make("a", { href: url, download: `${this.#job?.name || "job"}-${this.id}.${ending}` }).click();
+      make("a", { href: url, download: `${this.#job?.problem_name || "job"}-${this.id}.${ending}` }).click();
       setTimeout(() => URL.revokeObjectURL(url), 10000);
     } catch (error) {
       this.#say(`no download: ${error.message}`);

@@ -5,7 +5,7 @@ import { duration, real, whole } from "../base/format.js";
 
 /** A place in per cent for each value, with room at the ends; values that are not finite have none. */
 export function scaleOf(levels) {
-  const ends = levels.flatMap(({ objective, fresh }) => [objective, ...(fresh ? [fresh.mean - fresh.half, fresh.mean + fresh.half] : [])]);
+  const ends = levels.flatMap(({ objective, fresh }) => [objective, ...(fresh ? [fresh.mean - fresh.half_width, fresh.mean + fresh.half_width] : [])]);
   const known = ends.filter(Number.isFinite);
   const low = Math.min(...known);
   const span = Math.max(...known) - low || Math.max(1, Math.abs(low));
@@ -14,10 +14,10 @@ export function scaleOf(levels) {
 
 function interval({ objective, fresh, status }, place) {
   const line = make("div", { class: "interval", "aria-hidden": "true" });
-  if (fresh && Number.isFinite(fresh.half)) {
+  if (fresh && Number.isFinite(fresh.half_width)) {
     const bar = make("span", { class: "interval-bar" });
-    bar.style.left = `${place(fresh.mean - fresh.half)}%`;
-    bar.style.width = `${place(fresh.mean + fresh.half) - place(fresh.mean - fresh.half)}%`;
+    bar.style.left = `${place(fresh.mean - fresh.half_width)}%`;
+    bar.style.width = `${place(fresh.mean + fresh.half_width) - place(fresh.mean - fresh.half_width)}%`;
     line.append(bar);
   }
   if (status === "solved" || status === "solved_reduced") {
@@ -30,8 +30,8 @@ function interval({ objective, fresh, status }, place) {
 
 function freshCells(fresh) {
   if (!fresh) return ["", ""];
-  const half = Number.isFinite(fresh.half) ? ` ± ${real(fresh.half)}` : "";
-  return [`${real(fresh.mean)}${half}`, fresh.without > 0 ? `${whole(fresh.without)} of ${whole(fresh.scenarios)}` : "none"];
+  const half = Number.isFinite(fresh.half_width) ? ` ± ${real(fresh.half_width)}` : "";
+  return [`${real(fresh.mean)}${half}`, fresh.without_recourse > 0 ? `${whole(fresh.without_recourse)} of ${whole(fresh.scenarios)}` : "none"];
 }
 
 /** One row a level, its interval as a bar and its own value as a mark. */
