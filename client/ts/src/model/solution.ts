@@ -20,25 +20,24 @@ import { type SensitivityAnswer, sensitivityOf } from "./sensitivity.js";
 /** Why a solve ended. */
 export type Status = Words<typeof StatusNumber, "STATUS_">;
 
-/** Where a point comes from: this solve, or the solution that a session had before it. */
+/** The source of a point: this solve, or the session's previous solution. */
 export type PointOrigin = Words<typeof PointOriginNumber, "POINT_ORIGIN_">;
 
 /** Kinds of stationary points; each includes those before it. */
 export type Stationarity = Words<typeof StationarityNumber, "STATIONARITY_">;
 
 /**
- * What the curvature of Q says of a stationary point on its critical cone (rows with a multiplier stay at zero, other active
- * rows may grow): "saddle" is no local minimum, "minimum" is one, "necessary" says that not all of the cone, or not whether
- * the point is B-stationary, was decided.
+ * The second-order test of a stationary point on its critical cone: "saddle" is no local minimum, "minimum" is one,
+ * "convex" is one and Q is convex, "necessary" means that the cone or B-stationarity was not decided completely.
  */
 export type SecondOrder = Words<typeof SecondOrderNumber, "SECOND_ORDER_">;
 
-/** Seconds, by part. */
+/** Times of the parts of a solve, in seconds. */
 export interface Times extends TimesMessage {}
 
 /**
- * Parts of a problem that no point meets together, whatever the others are: indices from 0, ascending. A pair enters by up
- * to three parts: each of its sides being nonnegative, and one of them being zero.
+ * Parts of a problem that no point meets together, whatever the others are: indices from 0, ascending. A pair enters by
+ * up to three parts: each of its sides being nonnegative, and one of them being zero.
  */
 export interface Conflict extends Unpacked<ConflictMessage, Int32Array> {}
 
@@ -68,8 +67,8 @@ interface Converted extends Readonly<Tree> {
 }
 
 /**
- * The solution of a problem, solved or not, in the problem's units; its fields are those of the message `Solution`. At a
- * solution Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0.
+ * The solution of a problem, solved or not, in the problem's units; its fields are those of the message `Solution`. At
+ * a solution Qz + g + Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0, ν ≥ 0.
  */
 export interface Solution extends Converted, Omit<Unpacked<Message, Float64Array>, keyof Converted | Composite> {}
 
@@ -99,27 +98,27 @@ export class Solution {
     Object.assign(this, fields, converted);
   }
 
-  /** All tolerances are met, or 100 times them where no more was possible. */
+  /** Whether all tolerances are met, or 100 times the tolerances if no more was possible. */
   get solved(): boolean {
     return this.status === "solved" || this.status === "solved_reduced";
   }
 
-  /** What to try; empty where there is nothing to mend. */
+  /** What to try after this status; empty if solved. */
   get advice(): string {
     return this.status === "unknown" ? "" : statuses[this.status].advice;
   }
 
-  /** What kind of answer it is: proved optimal, a local minimum, only a stationary point, and so on. */
+  /** The kind of the solution: proved optimal, a local minimum, only a stationary point, and so on. */
   get kind(): SolutionKind {
     return kindOf(this.facts());
   }
 
-  /** The kind in a line: "proved optimal", "local minimum; no bound is known". */
+  /** The kind as text: "proved optimal", "local minimum; no bound is known". */
   get kindText(): string {
     return kindText(this.facts());
   }
 
-  /** What may give a better answer, and what that costs; empty where nothing does. */
+  /** What may lead to a better solution, and its cost; empty if nothing does. */
   get whatToTry(): string {
     return whatToTry(this.facts());
   }
@@ -139,7 +138,7 @@ export class Solution {
     };
   }
 
-  /** One line: how it ended, at what, how fast. */
+  /** One line with status, objective, work and kind. */
   toString(): string {
     const ms = (1000 * this.times.solveS).toPrecision(3);
     const { equality, inequality, complementarity } = this.violations;
