@@ -1,4 +1,4 @@
-// The contract's words as the page shows them; what they mean is in tables.js.
+// How the page shows states and errors.
 
 import { errorNames, errors, statuses } from "../shared/tables.js";
 
@@ -14,16 +14,16 @@ export function errorWords(code) {
 }
 
 export const STATES = {
-  running: "A worker has it.",
+  running: "A worker is processing it.",
   queued: "It waits for a worker.",
-  idle: "A session between updates: it holds no worker.",
+  idle: "A session between updates. It occupies no worker.",
   finished: "It has finished.",
 };
 
-// A sign for each, so that nothing is told by colour alone.
+// A sign for each, so that colour is not the only difference.
 const SIGNS = { good: "✓", soft: "◐", bad: "✕", running: "▶", queued: "…", idle: "‖", quiet: "–" };
 
-/** What stands in the column "status" of a job: its state until it has finished, then how it ended. */
+/** The status column of a job: its state until it has finished, then its status. */
 export function outcome(job) {
   if (job.state !== "finished") return { word: job.state, tone: job.state, sign: SIGNS[job.state] ?? SIGNS.quiet };
   if (job.error) {

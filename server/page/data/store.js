@@ -1,8 +1,8 @@
-// What the page knows of the server's jobs: bounded by what the server keeps, and by MOST_JOBS.
+// The jobs of the server: as many as it keeps, at most MAX_JOBS.
 
 import { short } from "../base/words.js";
 
-export const MOST_JOBS = 20000;
+export const MAX_JOBS = 20000;
 const SPARK_POINTS = 40;
 
 const VIOLATIONS = /** @type {const} */ (["equality", "inequality", "complementarity"]);
@@ -62,20 +62,20 @@ function toLevel(level) {
 
 export const violation = (job) => Math.max(job.equality, job.inequality, job.complementarity);
 
-/** Seconds since it came; of what runs or waits they go on between two messages. */
+/** Seconds since the job's acceptance; they advance between two messages while it runs or waits. */
 export function seconds(job) {
   const ages = (job.state === "running" || job.state === "queued") && job.kind !== "session";
   return job.times.total_s + (ages ? (performance.now() - job.received) / 1000 : 0);
 }
 
-/** All jobs by id. What has finished is forgotten oldest first, as the server does. */
+/** All jobs by id. Finished jobs are removed oldest first, as on the server. */
 export class Store {
   #jobs = new Map();
-  #finished = []; // ids in the order of finishing; those before #head are forgotten
+  #finished = []; // ids in the order of finishing; those before #head are removed
   #head = 0;
-  #most = MOST_JOBS;
+  #max = MAX_JOBS;
 
-  /** Grows with every change of any job. */
+  /** Increases with every change. */
   version = 0;
 
   get size() {
@@ -87,9 +87,9 @@ export class Store {
   all() {
     return this.#jobs.values();
   }
-  /** How many finished jobs are kept, as the server keeps them and this page can. */
+  /** Sets the number of finished jobs to keep. */
   keep(most) {
-    this.#most = Math.min(most, MOST_JOBS);
+    this.#max = Math.min(most, MAX_JOBS);
   }
 
   clear() {
@@ -103,15 +103,15 @@ export class Store {
   put(info, rows = []) {
     const job = toJob(info);
     const old = this.#jobs.get(job.job_id);
-    if (old?.state === "finished" && job.state !== "finished") return; // older news
+    if (old?.state === "finished" && job.state !== "finished") return; // outdated
     if (job.state !== "finished") job.spark = addToSpark(old?.spark ?? [], rows);
     this.#jobs.set(job.job_id, job);
     if (job.state === "finished" && old?.state !== "finished") this.#finished.push(job.job_id);
-    this.#forget();
+    this.#trim();
     ++this.version;
   }
 
-  /** Takes in finished jobs of before the stream began, newest first. What is known already is newer. */
+  /** Adds jobs from before the stream, newest first. Known jobs are newer and stay. */
   putHistory(infos) {
     const ids = [];
     for (const info of infos) {
@@ -124,7 +124,7 @@ export class Store {
     this.#finished = [...ids, ...this.#finished.slice(this.#head).filter((id) => this.#jobs.has(id))];
     this.#finished.sort((a, b) => finishedAt(a) - finishedAt(b));
     this.#head = 0;
-    this.#forget();
+    this.#trim();
     ++this.version;
   }
 
@@ -132,8 +132,8 @@ export class Store {
     if (this.#jobs.delete(id)) ++this.version;
   }
 
-  #forget() {
-    while (this.#finished.length - this.#head > this.#most) this.#jobs.delete(this.#finished[this.#head++]);
+  #trim() {
+    while (this.#finished.length - this.#head > this.#max) this.#jobs.delete(this.#finished[this.#head++]);
     if (this.#head > 1000 && this.#head > this.#finished.length / 2) {
       this.#finished = this.#finished.slice(this.#head);
       this.#head = 0;

@@ -1,4 +1,4 @@
-// Two jobs beside each other: how each ended and how fast, where their options differ, and how both converged.
+// Compares two jobs: results and times, different options, and convergence.
 
 import { loadCharts } from "../plots/convergence.js";
 import { make, styleValue } from "../base/dom.js";
@@ -10,7 +10,7 @@ import { outcome } from "../base/words.js";
 const LOWEST = 1e-12;
 const LOOKS = [{ colour: "--blue", dash: [] }, { colour: "--orange", dash: [6, 3] }];
 
-// `size`: a number of which the ratio tells something.
+// `size`: a number whose ratio is shown.
 const FACTS = [
   { name: "Status", text: (job) => outcome(job).word.replaceAll("_", " ") },
   { name: "Client", text: (job) => job.client },
@@ -30,8 +30,8 @@ function ratio(first, second) {
   return first > 0 && second > 0 ? `${Number((second / first).toPrecision(3))} ×` : "";
 }
 
-// What was answered was made exact after the last row.
-function withAnswer(job, rows) {
+// The solution was polished after the last row.
+function withSolution(job, rows) {
   if (job.state !== "finished" || job.error || rows.length === 0) return rows;
   return [...rows, { elapsed_s: Math.max(rows.at(-1).elapsed_s, job.times.solve_s), worst: violation(job) }];
 }
@@ -40,7 +40,7 @@ export class Comparison {
   #closed = false;
   chart = null;
 
-  /** `ids` of two jobs; `context` as of a JobView. */
+  /** `ids` of two jobs; `context` as for a JobView. */
   constructor(place, ids, context) {
     this.place = place;
     this.ids = ids;
@@ -55,7 +55,7 @@ export class Comparison {
   reload() {
     this.#load();
   }
-  /** Nothing here depends on what the server is. */
+  /** Does nothing: the comparison does not depend on the server's state. */
   update() {}
 
   async #load() {
@@ -69,7 +69,7 @@ export class Comparison {
       }));
     } catch (error) {
       if (this.#closed || error.status === 401) return;
-      const why = error.status === 404 ? "The server does not remember one of these jobs." : error.message;
+      const why = error.status === 404 ? "The server does not know one of these jobs." : error.message;
       this.place.replaceChildren(make("div", { class: "why", id: "why" }, make("p", {}, why)), make("a", { href: "#/" }, "All jobs"));
     }
   }
@@ -81,7 +81,7 @@ export class Comparison {
         "article",
         { class: "comparison" },
         make("div", { class: "job-top" }, make("a", { href: "#/", class: "back" }, make("span", { "aria-hidden": "true" }, "← "), "Jobs"), make("h2", { tabindex: "-1" }, "Two jobs")),
-        make("section", { class: "card" }, make("h3", {}, "How they went"), this.#facts(both)),
+        make("section", { class: "card" }, make("h3", {}, "Results"), this.#facts(both)),
         make("section", { class: "card plot-panel" }, make("h3", {}, "Largest violation over time"), make("div", { class: "chart tall" }, canvas)),
         make("section", { class: "card" }, make("h3", {}, "Options that differ"), this.#options(both)),
       ),
@@ -118,7 +118,7 @@ export class Comparison {
     const axis = (more) => ({ grid: { color: styleValue("--line"), borderColor: styleValue("--line") }, ...more, ticks: { color: ink, font, maxRotation: 0, ...more.ticks } });
     const datasets = both.map(({ job, rows }, at) => ({
       label: `${job.problem_name || "job"} ${job.job_id.slice(0, 8)}`,
-      data: withAnswer(job, rows).map(({ elapsed_s, worst }) => ({ x: elapsed_s, y: Math.max(LOWEST, worst) })),
+      data: withSolution(job, rows).map(({ elapsed_s, worst }) => ({ x: elapsed_s, y: Math.max(LOWEST, worst) })),
       borderColor: styleValue(LOOKS[at].colour), backgroundColor: styleValue(LOOKS[at].colour), borderDash: LOOKS[at].dash, borderWidth: 1.5, pointRadius: 0, pointStyle: "line",
     }));
     this.chart = new Chart(canvas, {

@@ -1,11 +1,11 @@
-// How a solve converged: residuals on a log scale, and objective with penalty below, along iterations or time. Where there
-// is a tree (option global), how incumbent and bound close over time.
+// The convergence of a solve: residuals on a log scale, and objective and penalty below, by iteration or time. With a
+// tree (option global), incumbent and bound over time.
 
 import { make, onceAFrame, styleValue } from "../base/dom.js";
 import { duration, rate, real, residual, whole } from "../base/format.js";
 import { nodeRates, repeated } from "../data/trace.js";
 
-const LOWEST = 1e-12; // on a log scale 0 has no place; what is below counts as it: the table has the numbers
+const LOWEST = 1e-12; // log scales have no 0: smaller values are drawn here, the table has the numbers
 
 const RESIDUALS = [
   { key: "equality", label: "equality violation", colour: "--blue", dash: [] },
@@ -31,7 +31,7 @@ export function loadCharts() {
   return library;
 }
 
-// Dashed lines at the tolerances, where they are in sight.
+// Dashed lines at the visible tolerances.
 const toleranceLines = {
   id: "toleranceLines",
   beforeDatasetsDraw(chart, _, { values, colour, font }) {
@@ -123,7 +123,7 @@ export class Convergence {
     const { ink, font } = this.look;
     const head = (items) => {
       const row = this.#rows[items[0]?.dataIndex];
-      return row ? `${row.answer ? "the answer" : `iteration ${row.iteration}`}, ${duration(row.elapsed_s)}` : "";
+      return row ? `${row.isSolution ? "the solution" : `iteration ${row.iteration}`}, ${duration(row.elapsed_s)}` : "";
     };
     return {
       animation: false,
@@ -222,7 +222,7 @@ export class Convergence {
     this.#drawProof();
   }
 
-  // κ = 0 means "no relaxation here"; a violation of 0 is the best there is.
+  // κ = 0 means no relaxation and is not drawn; a violation of 0 is drawn at the bottom.
   #onLogScale(key, row) {
     const value = row[key];
     if (!Number.isFinite(value) || (key === "kappa" && value === 0)) return NaN;

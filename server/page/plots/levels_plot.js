@@ -1,9 +1,9 @@
-// Levels of a scenario solve: what the plan costs in its own worlds, and the interval of what it costs in others, closing.
+// Levels of a problem with scenarios: the cost of the plan in its sample, and the interval of its out-of-sample cost.
 
 import { make } from "../base/dom.js";
 import { duration, real, whole } from "../base/format.js";
 
-/** A place in per cent for each value, with room at the ends; values that are not finite have none. */
+/** The position of each finite value in per cent, with room at the ends. */
 export function scaleOf(levels) {
   const ends = levels.flatMap(({ objective, fresh }) => [objective, ...(fresh ? [fresh.mean - fresh.half_width, fresh.mean + fresh.half_width] : [])]);
   const known = ends.filter(Number.isFinite);
@@ -34,10 +34,10 @@ function freshCells(fresh) {
   return [`${real(fresh.mean)}${half}`, fresh.without_recourse > 0 ? `${whole(fresh.without_recourse)} of ${whole(fresh.scenarios)}` : "none"];
 }
 
-/** One row a level, its interval as a bar and its own value as a mark. */
+/** One row per level, with its interval as a bar and its cost as a mark. */
 export function showLevels(place, levels) {
   const at = scaleOf(levels);
-  const head = ["worlds", "", "value", "in other worlds, 95 %", "without recourse", "factorizations", "time"];
+  const head = ["scenarios", "", "cost", "out of sample, 95 %", "without recourse", "factorizations", "time"];
   const rows = levels.map((level) => {
     const solved = level.status.startsWith("solved");
     const cells = [solved ? real(level.objective) : level.status.replaceAll("_", " "), ...freshCells(level.fresh), whole(level.factorizations), duration(level.seconds)];
@@ -47,7 +47,7 @@ export function showLevels(place, levels) {
     make(
       "table",
       { class: "numbers" },
-      make("caption", { class: "visually-hidden" }, "Levels of the scenario solve"),
+      make("caption", { class: "visually-hidden" }, "Levels of the problem with scenarios"),
       make("thead", {}, make("tr", {}, ...head.map((text) => make("th", { scope: "col" }, text)))),
       make("tbody", {}, ...rows),
     ),
