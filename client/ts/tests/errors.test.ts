@@ -302,9 +302,19 @@ test("an unknown job is a NotFoundError, an unfinished one a PreconditionError",
   await client.jobs.delete(jobId);
 });
 
+test("an unknown option is refused with similar names, or with all of them", async () => {
+  const unknown = (options: object) => client.solve(corner, { options });
+  await assert.rejects(unknown({ timeLimit: 1 }), { field: "options", value: "timeLimit", bound: "must be one of timeLimitS" });
+  await assert.rejects(unknown({ zzz: 1 }), { field: "options", bound: /^must be one of maxIterations, timeLimitS, / });
+});
+
 test("an unreachable server is an UnavailableError", async () => {
   using unreachable = connect("127.0.0.1:1");
-  await assert.rejects(unreachable.solve(corner), UnavailableError);
+  await assert.rejects(unreachable.solve(corner), (error) => {
+    assert.ok(error instanceof UnavailableError);
+    assert.match(error.message, /ECONNREFUSED 127\.0\.0\.1:1$/);
+    return true;
+  });
 });
 
 for (const address of ["", "localhost", "localhost:0", "localhost:65536", ":50051", "unix:"]) {

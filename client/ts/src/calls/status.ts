@@ -69,7 +69,8 @@ export function errorOfStatus(status: Status): MarbleError {
   const retry = read("google.rpc.RetryInfo", RetryInfo);
   const retryAfterMs = retry && milliseconds(retry.retryDelay);
   const hint = code === "unavailable" ? hintOf(status.message) : "";
-  const error = errorOf(code, status.message + hint, { ...place, retryAfterMs });
+  const message = status.message.replace(/\.? Resolution note: $/, ""); // grpc-js ends with it if the note is empty
+  const error = errorOf(code, message + hint, { ...place, retryAfterMs });
   if (status.code === statuses.UNAVAILABLE) losses.add(error);
   return error;
 }

@@ -28,10 +28,16 @@ export function optionsMessage(options: SolveOptions | undefined): Message | und
     retraction: choice("retraction", Retraction, "RETRACTION_", options.retraction),
   });
   for (const name of Object.keys(options)) {
-    if (!names.includes(name)) throw invalid("options", `must be one of ${names.join(", ")}`, { value: name });
+    if (!names.includes(name)) throw invalid("options", `must be one of ${alternatives(name)}`, { value: name });
     checkKind(name as keyof Message, message);
   }
   return message;
+}
+
+// Options with the same beginning, else all.
+function alternatives(name: string): string {
+  const alike = names.filter((one) => one.slice(0, 3) === name.slice(0, 3).toLowerCase());
+  return (alike.length > 0 ? alike : names).join(", ");
 }
 
 export function optionsOf(message: Message | undefined): SolveOptions {

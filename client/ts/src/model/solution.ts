@@ -11,7 +11,7 @@ import {
   Status as StatusNumber,
   type Times as TimesMessage,
 } from "../generated/marble/v1/solution.js";
-import { type SolutionFacts, type SolutionKind, kindOf, kindText, whatToTry } from "../shared/solution-kind.js";
+import { type SolutionFacts, type SolutionKind, counted, kindOf, kindText, whatToTry } from "../shared/solution-kind.js";
 import { statuses } from "../shared/tables.js";
 import { type SolveOptions, optionsOf } from "./options.js";
 import { type Tree, type Violations, treeOf, violationsOf } from "./progress.js";
@@ -143,11 +143,10 @@ export class Solution {
     const ms = (1000 * this.times.solveS).toPrecision(3);
     const { equality, inequality, complementarity } = this.violations;
     const worst = Math.max(equality, inequality, complementarity);
-    const tree = this.nodes > 0 ? `, ${this.nodes} node${this.nodes === 1 ? "" : "s"}` : "";
-    return (
-      `${this.status}: objective ${Number(this.objective.toPrecision(10))}, ${this.iterations} iterations, ` +
-      `${this.factorizations} factorizations, ${ms} ms, violation ${worst.toExponential(1)}${tree}; ${this.kindText}`
-    );
+    const tree = this.nodes > 0 ? `, ${counted(this.nodes, "node")}` : "";
+    const work = `${counted(this.iterations, "iteration")}, ${counted(this.factorizations, "factorization")}`;
+    const violation = `violation ${worst.toExponential(1)}`;
+    return `${this.status}: objective ${Number(this.objective.toPrecision(10))}, ${work}, ${ms} ms, ${violation}${tree}; ${this.kindText}`;
   }
 
   [inspect.custom](_depth: number, options: object): string {

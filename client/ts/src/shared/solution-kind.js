@@ -48,6 +48,11 @@ export function whatToTry(facts) {
   return filled(kinds[kindOf(facts)].advice, partsOf(facts));
 }
 
+/** "1 pair", "2 pairs". @param {number} count @param {string} noun */
+export function counted(count, noun) {
+  return `${count} ${noun}${count === 1 ? "" : "s"}`;
+}
+
 /** What the texts have in braces. @param {SolutionFacts} facts @returns {Record<string, string>} */
 function partsOf({ status, bStationary, objective, gap, pairs, factorizations, budgetSpent, starts, globalSearch }) {
   const bounded = Number.isFinite(gap);
@@ -65,8 +70,8 @@ function partsOf({ status, bStationary, objective, gap, pairs, factorizations, b
     proof: globalSearch ? phrases.proof_ended : tree,
     status: Object.entries(statuses).find(([name]) => name === status)?.[1].advice ?? "",
     more: `${2 * starts}`,
-    factorizations: `${factorizations} factorization${factorizations === 1 ? "" : "s"}`,
-    pairs: `${pairs} pair${pairs === 1 ? "" : "s"}`,
+    factorizations: counted(factorizations, "factorization"),
+    pairs: counted(pairs, "pair"),
     distance: distance(objective, gap),
   };
 }
