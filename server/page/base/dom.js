@@ -29,18 +29,18 @@ export const styleValue = (name) => getComputedStyle(document.documentElement).g
 
 /** A function that calls `draw` at most once a frame. */
 export function onceAFrame(draw) {
-  let asked = 0;
-  const ask = () => {
-    if (asked === 0) {
-      asked = requestAnimationFrame(() => {
-        asked = 0;
+  let frame = 0;
+  const request = () => {
+    if (frame === 0) {
+      frame = requestAnimationFrame(() => {
+        frame = 0;
         draw();
       });
     }
   };
-  ask.cancel = () => {
-    cancelAnimationFrame(asked);
-    asked = 0;
+  request.cancel = () => {
+    cancelAnimationFrame(frame);
+    frame = 0;
   };
-  return ask;
+  return request;
 }

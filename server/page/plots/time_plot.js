@@ -42,7 +42,7 @@ export class TimePlot {
   show(history) {
     this.#points = this.curves.map(({ value }) => this.#read(history, value));
     this.#describe();
-    this.#tellHover();
+    this.#showHover();
     this.draw();
   }
 
@@ -86,7 +86,7 @@ export class TimePlot {
 
   #point(x) {
     this.#hover = x === null ? null : SPAN_S * (1 - x / this.canvas.clientWidth);
-    this.#tellHover();
+    this.#showHover();
     this.draw();
   }
 
@@ -97,7 +97,7 @@ export class TimePlot {
     return points.reduce((best, point) => (distance(point) < distance(best) ? point : best));
   }
 
-  #tellHover() {
+  #showHover() {
     const near = this.#points.map((points) => this.#near(points));
     const seconds = near.find((point) => point !== null)?.[0];
     const values = near.map((point, at) => (point === null ? null : `${this.curves[at].words ?? ""} ${this.text(point[1])}`.trim())).filter((text) => text !== null);

@@ -1,4 +1,4 @@
-// What kind of answer a solution is, in words for its user, and what a better one costs. The texts are those of
+// The kind of a solution, in words, and what a better one costs. The texts are those of
 // contract.def, the rules those of marble/report/solution_kind.h; tests/answers/kinds.json has cases for all languages.
 // JavaScript, because the server's page uses this file as it is.
 import { kinds, phrases, statuses } from "./tables.js";
@@ -27,7 +27,7 @@ const byStatus = {
   unbounded: "proved_unbounded",
 };
 
-/** The kind of a solution. @param {SolutionFacts} facts @returns {SolutionKind} */
+/** Returns the kind of a solution. @param {SolutionFacts} facts @returns {SolutionKind} */
 export function kindOf({ status, proved, bStationary, secondOrder, pairs, feasible }) {
   if (["iteration_limit", "time_limit", "cancelled"].includes(status))
     return feasible ? "stopped_feasible" : "stopped_infeasible";

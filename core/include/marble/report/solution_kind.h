@@ -1,4 +1,4 @@
-// What kind of answer a solution is, in words for its user, and what a better one costs.
+// The kind of a solution, in words, and what a better one costs.
 #pragma once
 
 #include <cstdint>
