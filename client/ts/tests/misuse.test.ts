@@ -11,8 +11,8 @@ import {
   connect,
 } from "@marble/client";
 
-import { Server } from "../support/server.js";
-import { test } from "../support/test.js";
+import { Server } from "./support/server.js";
+import { test } from "./support/test.js";
 
 let server: Server;
 let client: Client;
