@@ -64,6 +64,8 @@ export class Overview {
   // The server counts the last minute, which includes the time before the page was opened.
   #showRate({ answered_last_minute: answered, solved_last_minute: solved }) {
     fill(byId("rate"), rate(this.history.growth("done")));
-    fill(byId("success"), answered > 0 ? `${percent(solved / answered)} of ${whole(answered)} solved, last minute` : "none finished in the last minute");
+    const success = byId("success");
+    fill(success, answered > 0 ? `${percent(solved / answered)} solved, last minute` : "none finished in the last minute");
+    success.title = `${whole(solved)} of ${whole(answered)} solves in the last minute`;
   }
 }

@@ -124,7 +124,8 @@ class Page(unittest.TestCase):
         self.browser.driver.get("about:blank")
         server.run("mpc", "hopper", "--ticks", 3)
         self.open(server)
-        self.browser.wait_text("#success", "100 % of 4 solved, last minute")
+        self.browser.wait_text("#success", "100 % solved, last minute")
+        self.assertEqual(self.browser.find("#success").get_attribute("title"), "4 of 4 solves in the last minute")
         self.count_of_jobs(1)
         self.assertEqual(self.browser.text("#job-count"), "1 job")
 
