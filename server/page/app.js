@@ -1,4 +1,4 @@
-// Wiring: the stream fills the store and the history, once a frame the views show them, the address says which view.
+// Wiring: the stream fills store and history, the views show them once a frame, the address selects the view.
 
 import { Api } from "./data/api.js";
 import { Comparison } from "./jobs/comparison.js";
@@ -11,11 +11,11 @@ import { History, toCounters } from "./data/history.js";
 import { JobTable } from "./jobs/job_table.js";
 import { JobView } from "./jobs/job_view.js";
 import { Overview } from "./overview.js";
-import { MOST_JOBS, Store } from "./data/store.js";
+import { MAX_JOBS, Store } from "./data/store.js";
 
 const PAGE_OF_JOBS = 1000;
-const SILENCE_S = 6; // the server speaks twice a second
-const HIDDEN_PAUSE_MS = 60000; // a browser has few connections for one server; a page nobody sees needs none
+const SILENCE_S = 6; // the server sends events twice a second
+const HIDDEN_PAUSE_MS = 60000; // a browser has few connections per server; a hidden page needs none
 
 class App {
   #api = new Api();
@@ -26,7 +26,7 @@ class App {
   #counters = null;
   #uptime_s = 0;
   #view = null;
-  #listing = 0; // grows with each listing; an older one stops
+  #listing = 0; // number of the newest listing; older ones stop
   #hiddenTimer = 0;
 
   constructor() {
@@ -42,7 +42,7 @@ class App {
     addEventListener("hashchange", () => this.#route());
     addEventListener("keydown", (event) => this.#key(event));
     document.addEventListener("visibilitychange", () => this.#visibility());
-    // A page that is left may be kept alive with its streams, and a browser has six connections for one server.
+    // The browser may keep a page with its streams after the user leaves it, and has only six connections per server.
     addEventListener("pagehide", () => this.#leave());
     addEventListener("pageshow", (event) => event.persisted && location.reload());
     byId("sign-out").addEventListener("click", () => this.#forgetToken());
@@ -68,12 +68,12 @@ class App {
     if (name === "reload") this.#list();
   }
 
-  // A new connection, maybe to a new server: everything of before is forgotten.
+  // Discards all data: the new connection may be to a restarted server.
   async #hello(info) {
     if (Number(info.uptime_s) < this.#uptime_s) this.#history.clear();
     this.#info = { ...info, options: this.#info?.options ?? [] };
     this.header.showInfo(info);
-    this.#store.keep(Number(info.limits?.history_jobs ?? MOST_JOBS));
+    this.#store.keep(Number(info.limits?.history_jobs ?? MAX_JOBS));
     this.#list();
     this.#view?.reload();
     try {
@@ -82,7 +82,7 @@ class App {
       this.#history.replace(history);
       this.#view?.update();
     } catch {
-      // The stream tells that the server is gone, and its next hello asks again.
+      // The stream reports the loss of the server; its next hello repeats this.
     }
   }
 
@@ -95,14 +95,14 @@ class App {
     this.showNow();
   }
 
-  // All jobs the server remembers, newest first, a page at a time.
+  // Lists all jobs of the server page by page, newest first.
   async #list() {
     const listing = ++this.#listing;
     this.#store.clear();
     this.table.update();
     try {
       let before = "";
-      for (let more = true, taken = 0; more && taken < MOST_JOBS; taken += PAGE_OF_JOBS) {
+      for (let more = true, taken = 0; more && taken < MAX_JOBS; taken += PAGE_OF_JOBS) {
         const page = await this.#api.get(`/api/jobs?limit=${PAGE_OF_JOBS}${before}`);
         if (listing !== this.#listing) return;
         const jobs = page.jobs ?? [];
@@ -111,9 +111,9 @@ class App {
         more = Boolean(page.more) && jobs.length > 0;
         before = `&before=${jobs.at(-1)?.job_id}`;
       }
-      this.#view?.update(); // it offers jobs to compare with
+      this.#view?.update(); // its list of jobs to compare
     } catch (error) {
-      if (error.status === 404 && listing === this.#listing) this.#list(); // forgotten between two pages
+      if (error.status === 404 && listing === this.#listing) this.#list(); // the job was removed between two pages
     }
   }
 
@@ -127,7 +127,7 @@ class App {
 
   async #refused(error) {
     if (error.status !== 401) return true;
-    const why = this.#api.hasToken ? "The server does not accept this token (any more)." : "";
+    const why = this.#api.hasToken ? "The server does not accept this token." : "";
     this.#api.setToken(await askForToken(why));
     this.header.showToken(true);
     return true;
@@ -174,8 +174,8 @@ class App {
   }
   #showNowhere(path) {
     byId("nowhere").replaceChildren(
-      make("h2", {}, "Nothing is here"),
-      make("p", {}, `This page has no view "${path}". Views are #/ with all jobs, #/clients, and #/jobs/ID of one job.`),
+      make("h2", {}, "Page not found"),
+      make("p", {}, `There is no view "${path}". The views are #/ (all jobs), #/clients, and #/jobs/ID (one job).`),
       make("p", {}, make("a", { href: "#/" }, "All jobs")),
     );
   }

@@ -1,4 +1,4 @@
-// The two questions the page asks.
+// The dialogs of the page.
 
 import { byId, fill } from "./base/dom.js";
 
@@ -12,7 +12,7 @@ function ask(dialog) {
 
 let asking = null;
 
-/** The token that was typed; asks again after Esc, since without one there is nothing to show. Asks once at a time. */
+/** Asks for a token until the user enters one; concurrent calls share one dialog. */
 export function askForToken(why) {
   asking ??= (async () => {
     const field = /** @type {HTMLInputElement} */ (byId("token"));
@@ -28,7 +28,7 @@ export function askForToken(why) {
   return asking;
 }
 
-/** True if it was confirmed. */
+/** Whether the user confirms. */
 export async function confirm(title, text, yes) {
   fill(byId("confirm-title"), title);
   fill(byId("confirm-text"), text);

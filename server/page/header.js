@@ -1,4 +1,4 @@
-// The bar on top: which server, in what state, how fresh, and who asks.
+// The bar at the top: server, its state, age of the data, and the caller.
 
 import { byId, fill, make } from "./base/dom.js";
 import { duration } from "./base/format.js";
@@ -9,7 +9,7 @@ export class Header {
   #connection = { phase: "connecting", lastFresh: null };
   #server = "serving";
 
-  /** `retry` is called when the user does not want to wait. */
+  /** `retry` connects at once. */
   constructor(retry) {
     fill(byId("host"), location.host);
     this.reason = make("span");
@@ -47,7 +47,7 @@ export class Header {
     byId("banner").hidden = !down;
     document.body.classList.toggle("stale", phase !== "live");
     if (phase === "retrying") {
-      const since = lastFresh === null ? "Nothing was received yet." : `What you see is as of ${new Date(lastFresh).toLocaleTimeString()}.`;
+      const since = lastFresh === null ? "No data yet." : `The data are from ${new Date(lastFresh).toLocaleTimeString()}.`;
       fill(this.reason, `Disconnected: ${reason}. ${since}`);
     }
     this.#count();

@@ -1,10 +1,10 @@
-// The cards on top: what the server does now.
+// The cards with the current state of the server.
 
 import { byId, fill, make } from "./base/dom.js";
 import { bytes, duration, percent, rate, whole } from "./base/format.js";
 import { TimePlot } from "./plots/time_plot.js";
 
-const MOST_CELLS = 64;
+const MAX_CELLS = 64;
 const PRIORITIES = ["realtime", "interactive", "batch"];
 
 export class Overview {
@@ -12,7 +12,7 @@ export class Overview {
   #plots;
   #workers = 0;
 
-  /** `history` of the counters, which others fill. */
+  /** `history` of the counters, filled by the caller. */
   constructor(history) {
     this.history = history;
     const latency = [{ words: "p50", colour: "--teal", value: (index) => history.value("p50_s", index) },
@@ -21,12 +21,12 @@ export class Overview {
       new TimePlot(byId("plot-busy"), { words: "Workers busy", text: rate, most: () => Math.max(1, this.#workers),
                                         curves: [{ colour: "--blue", value: (index) => history.growth("busy_s", index, 2) }] }),
       new TimePlot(byId("plot-queue"), { words: "Jobs waiting", text: whole, curves: [{ colour: "--orange", value: (index) => history.value("queued", index) }] }),
-      new TimePlot(byId("plot-rate"), { words: "Solves a second", text: rate, curves: [{ colour: "--green", value: (index) => history.growth("done", index) }] }),
-      new TimePlot(byId("plot-latency"), { words: "Time from acceptance to answer", text: duration, logarithmic: true, curves: latency }),
+      new TimePlot(byId("plot-rate"), { words: "Solves per second", text: rate, curves: [{ colour: "--green", value: (index) => history.growth("done", index) }] }),
+      new TimePlot(byId("plot-latency"), { words: "Time from acceptance to result", text: duration, logarithmic: true, curves: latency }),
     ];
   }
 
-  /** `counters` of now; `workers` of the server; its `limits`. */
+  /** Shows current counters, number of workers and limits. */
   show(counters, workers, limits) {
     this.#workers = workers;
     this.#showWorkers(counters.running, workers);
@@ -55,15 +55,17 @@ export class Overview {
     fill(byId("busy"), whole(busy));
     fill(byId("workers"), whole(workers));
     const cells = byId("worker-cells");
-    const count = Math.min(workers, MOST_CELLS);
+    const count = Math.min(workers, MAX_CELLS);
     if (cells.childElementCount !== count) cells.replaceChildren(...Array.from({ length: count }, () => make("span")));
     const lit = Math.round((count * Math.min(busy, workers)) / Math.max(1, workers));
     [...cells.children].forEach((cell, index) => cell.classList.toggle("on", index < lit));
   }
 
-  // The server counts the minute: it began before this page was opened.
+  // The server counts the last minute, which includes the time before the page was opened.
   #showRate({ answered_last_minute: answered, solved_last_minute: solved }) {
     fill(byId("rate"), rate(this.history.growth("done")));
-    fill(byId("success"), answered > 0 ? `${percent(solved / answered)} of ${whole(answered)} solved, last minute` : "none answered in the last minute");
+    const success = byId("success");
+    fill(success, answered > 0 ? `${percent(solved / answered)} solved, last minute` : "none finished in the last minute");
+    success.title = `${whole(solved)} of ${whole(answered)} solves in the last minute`;
   }
 }

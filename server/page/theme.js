@@ -1,4 +1,4 @@
-// Light, dark or the system's: set before the first paint, so no module.
+// Light, dark or the system's theme. Not a module, because it must run before the first paint.
 (() => {
   const KEY = "marble-theme";
   const root = document.documentElement;
@@ -24,7 +24,7 @@
       try {
         localStorage.setItem(KEY, choice.value);
       } catch {
-        // Without storage the choice holds until the page is closed.
+        // Without storage the choice lasts until the page is closed.
       }
     });
   });

@@ -1,4 +1,4 @@
-"""A real headless Chromium, as a person would use it."""
+"""A headless Chromium."""
 
 import json
 import tempfile
@@ -37,7 +37,7 @@ class Browser:
                      mobile=False)
 
     def scheme(self, name):
-        """light or dark, as the system would say."""
+        """Sets the system's scheme: light or dark."""
         self.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": name}])
 
     def open(self, url):
@@ -54,18 +54,18 @@ class Browser:
         return self.driver.find_elements(By.CSS_SELECTOR, selector)
 
     def text(self, selector):
-        """What is in the document there, seen or not; None if nothing is."""
+        """The text of an element, visible or not; None without the element."""
         return self.run("return document.querySelector(arguments[0])?.textContent", selector)
 
     def wait(self, script, *arguments):
-        """Until the script returns something true."""
+        """Waits until the script returns a true value."""
         return eventually(lambda: self.run(script, *arguments), script)
 
     def wait_text(self, selector, part):
         return eventually(lambda: part in (self.text(selector) or ""), lambda: f"{part!r} in {selector}: {self.text(selector)!r}")
 
     def rows(self):
-        """Cells of the lines in sight, by class."""
+        """Cells of the visible rows, by class."""
         return self.run("""
             return [...document.querySelectorAll('.job-row:not([hidden])')].map((row) => Object.fromEntries(
               [['job', row.dataset.job], ...[...row.children].map((cell) => [cell.classList[0], cell.textContent])]))""")
@@ -74,11 +74,11 @@ class Browser:
         self.driver.save_screenshot(str(path))
 
     def complaints(self):
-        """What the console said: errors, broken policies."""
+        """Errors and warnings of the console."""
         return [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
 
     def requested(self):
-        """Every address that was asked for since the last look."""
+        """Every URL requested since the last call."""
         urls = []
         for entry in self.driver.get_log("performance"):
             message = json.loads(entry["message"])["message"]

@@ -1,7 +1,7 @@
-"""The page in a real browser, against a real server that solves real problems.
+"""Tests of the page in a browser, with a server that solves problems.
 
 usage: page_test.py BINARIES SCREENSHOTS [AXE] [TEST ...]
-BINARIES holds marble-server and marble; SCREENSHOTS is where pictures go; AXE is axe.min.js, "-" if it could not be had.
+BINARIES holds marble-server and marble; SCREENSHOTS is where pictures go; AXE is axe.min.js, or "-" without it.
 """
 
 import csv
@@ -25,7 +25,7 @@ from server import Server, eventually, free_port
 
 BINARIES, SCREENSHOTS, AXE = sys.argv[1], Path(sys.argv[2]), sys.argv[3]
 
-# Whether a canvas shows more than a few colours.
+# Whether a canvas contains more than a few colours.
 DRAWN = """
     const canvas = document.querySelector(arguments[0]);
     if (!canvas || !canvas.width) return false;
@@ -42,7 +42,7 @@ def fetch(url, token=None):
 
 
 def metric(server, line):
-    """The value of the series that starts with this text."""
+    """The sum of the series that start with this text."""
     values = [float(text.rsplit(" ", 1)[1]) for text in fetch(server.http + "/metrics").splitlines()
               if text.startswith(line)]
     assert values, line
@@ -83,7 +83,7 @@ class Page(unittest.TestCase):
     def count_of_jobs(self, count):
         self.browser.wait_text("#job-count", "1 job" if count == 1 else f"{count} jobs")
 
-    def test_its_numbers_are_those_of_the_command_line_and_of_prometheus(self):
+    def test_numbers_agree_with_the_command_line_and_prometheus(self):
         server = self.start()
         rocket, tiny = server.example("rocket"), server.tiny()
         server.run("solve", "--quiet", rocket, tiny)
@@ -116,19 +116,20 @@ class Page(unittest.TestCase):
             self.assertEqual(row["size"].replace("\u202f", ""), " / ".join(map(str, sizes)))
         self.assertEqual(self.browser.complaints(), [])
 
-    def test_what_a_session_answered_before_the_page_was_opened_counts_in_the_last_minute(self):
+    def test_the_last_minute_includes_updates_from_before_the_page_was_opened(self):
         server = self.start()
         self.open(server)
         self.live()
-        self.browser.wait_text("#success", "none answered in the last minute")
+        self.browser.wait_text("#success", "none finished in the last minute")
         self.browser.driver.get("about:blank")
         server.run("mpc", "hopper", "--ticks", 3)
         self.open(server)
-        self.browser.wait_text("#success", "100 % of 4 solved, last minute")
+        self.browser.wait_text("#success", "100 % solved, last minute")
+        self.assertEqual(self.browser.find("#success").get_attribute("title"), "4 of 4 solves in the last minute")
         self.count_of_jobs(1)
         self.assertEqual(self.browser.text("#job-count"), "1 job")
 
-    def test_what_runs_is_seen_running_and_what_waits_waiting(self):
+    def test_running_and_waiting_jobs_are_shown_as_such(self):
         server = self.start("--workers", "1")
         self.open(server)
         self.live()
@@ -158,7 +159,7 @@ class Page(unittest.TestCase):
         self.browser.wait("return /s$/.test(document.querySelector('#p50').textContent) && /s$/.test(document.querySelector('#p99').textContent)")
         self.assertEqual(self.browser.complaints(), [])
 
-    def test_who_takes_the_workers_is_seen_by_client(self):
+    def test_the_use_of_the_workers_is_shown_by_client(self):
         server = self.start("--workers", "1")
         server.environment["MARBLE_CLIENT_NAME"] = "hog"
         server.submit(server.chain(1000), *Server.ENDLESS)
@@ -175,7 +176,7 @@ class Page(unittest.TestCase):
         self.assertRegex(self.browser.rows()[0]["status"], r"queued · 1st$")
         self.assertEqual(self.browser.complaints(), [])
 
-    def test_what_is_not_there_is_said_to_be_missing(self):
+    def test_unknown_views_and_jobs_are_reported(self):
         server = self.start()
         self.open(server, "/#/job/12")
         self.browser.wait_text("#nowhere", "/job/12")
@@ -183,10 +184,10 @@ class Page(unittest.TestCase):
         self.browser.find("#nowhere a").click()
         self.browser.wait("return !document.querySelector('#overview').hidden && document.querySelector('#nowhere').hidden")
         self.open(server, "/#/jobs/0123456789abcdef")
-        self.browser.wait_text("#why", "does not remember it")
+        self.browser.wait_text("#why", "does not know this job")
         self.assertFalse(self.browser.find("#job-status").is_displayed())
 
-    def test_an_infeasible_answer_names_the_rows_that_clash_and_can_be_had_as_a_file(self):
+    def test_an_infeasible_result_shows_conflicting_rows_and_can_be_downloaded(self):
         server = self.start()
         path = server.folder / "clash.json"
         path.write_text(json.dumps({
@@ -198,19 +199,19 @@ class Page(unittest.TestCase):
         self.open(server, f"/#/jobs/{job}")
         self.browser.wait_text("#job-status", "infeasible")
         for row in ("equality 0", "equality 1"):
-            self.browser.wait_text("#clash", row)
-        self.browser.wait_text("#clash", "Option explain=true shows here a smallest set of rows and pairs that conflict.")
+            self.browser.wait_text("#conflict", row)
+        self.browser.wait_text("#conflict", "With option explain=true, a smallest set of conflicting rows and pairs is shown here.")
         self.browser.find("#answer").click()
         file = eventually(lambda: next(self.browser.downloads.glob(f"*{job}.json"), None), "the answer")
-        told = fetch(f"{server.http}/api/jobs/{job}/result")
-        eventually(lambda: file.read_text() == told, "the whole answer")
-        self.assertEqual(len(json.loads(told)["solution"]["certificate"]), 4)
+        content = fetch(f"{server.http}/api/jobs/{job}/result")
+        eventually(lambda: file.read_text() == content, "the whole result")
+        self.assertEqual(len(json.loads(content)["solution"]["certificate"]), 4)
         self.assertEqual(self.browser.complaints(), [])
 
-    def test_of_an_infeasible_job_it_shows_the_parts_that_conflict_and_whether_they_are_minimal(self):
+    def test_an_infeasible_job_shows_its_conflict_and_whether_it_is_minimal(self):
         server = self.start()
         path = server.folder / "pair.json"
-        # z1 = z2 = 1 where pair 1 wants z1 z2 = 0; pair 0 is met by z0 = 0.
+        # z1 = z2 = 1 where pair 1 requires z1 z2 = 0; pair 0 holds with z0 = 0.
         path.write_text(json.dumps({
             "name": "pair", "n": 3, "g": [1, 1, 1], "A": {"rows": 2, "cols": 3, "i": [0, 1], "j": [1, 2], "v": [1, 1]},
             "b": [-1, -1], "L": {"rows": 2, "cols": 3, "i": [0, 1], "j": [0, 1], "v": [1, 1]}, "l": [0, 0],
@@ -219,18 +220,18 @@ class Page(unittest.TestCase):
         server.run("result", "--wait", job, check=False)
         self.open(server, f"/#/jobs/{job}")
         for text in ("equality 0", "equality 1", "complementarity of pair 1", "Minimal: without any one of them"):
-            self.browser.wait_text("#clash", text)
-        shown = self.browser.find("#clash").text
-        for text in ("pair 0", "Option explain", "multiplier"):
+            self.browser.wait_text("#conflict", text)
+        shown = self.browser.find("#conflict").text
+        for text in ("pair 0", "option explain", "multiplier"):
             self.assertNotIn(text, shown)
-        unexplained = server.submit(path)  # its certificate is empty: only the pairs are at fault
+        unexplained = server.submit(path)  # its certificate is empty: only pairs are in conflict
         server.run("result", "--wait", unexplained, check=False)
         self.open(server, f"/#/jobs/{unexplained}")
-        self.browser.wait_text("#clash", "Option explain=true shows here")
-        self.assertNotIn("multiplier", self.browser.find("#clash").text)
+        self.browser.wait_text("#conflict", "With option explain=true")
+        self.assertNotIn("multiplier", self.browser.find("#conflict").text)
         self.assertEqual(self.browser.complaints(), [])
 
-    def test_a_conflict_that_a_limit_ended_is_shown_as_not_minimal_and_a_long_one_in_part(self):
+    def test_an_incomplete_conflict_is_not_minimal_and_a_long_one_is_shortened(self):
         self.open(self.start())
         conflict = {"inequalities": list(range(102)), "right_sides": [7], "minimal": False, "detail": "time_limit_s came first"}
         rows, notes = self.browser.run("""
@@ -240,36 +241,36 @@ class Page(unittest.TestCase):
             return ["tbody tr", ".note"].map((kind) => [...place.querySelectorAll(kind)].map((line) => line.textContent));
           });""", conflict)
         self.assertEqual((len(rows), rows[0]), (100, "inequality 0C z + d ≥ 0"))
-        self.assertEqual(notes[1:], ["and 3 more; the answer as JSON has them all.",
-                                     "Not minimal: perhaps fewer of them conflict already.", "time_limit_s came first"])
+        self.assertEqual(notes[1:], ["and 3 more; the result as JSON has all of them.",
+                                     "Not minimal: fewer of them may conflict.", "time_limit_s came first"])
 
-    def test_it_says_what_kind_of_answer_a_job_has_and_what_to_try(self):
+    def test_a_job_shows_the_kind_of_its_solution_and_what_to_try(self):
         server = self.start()
         local = server.submit(server.tiny(), "--option", "small_budget=0")
         server.run("result", "--wait", local)
         self.open(server, f"/#/jobs/{local}")
-        self.browser.wait_text("#why", "The answer: local minimum; no bound is known.")
+        self.browser.wait_text("#why", "Kind: local minimum; no bound is known.")
         self.browser.wait_text("#why", "What to try: starts=8 searches 8 times")
-        server.run("solve", "--quiet", "--option", "small_budget=0", server.tiny("unkept"))  # its point is not kept
+        server.run("solve", "--quiet", "--option", "small_budget=0", server.tiny("unkept"))  # its result is not stored
         self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
-        self.browser.wait_text("#why", "It is not proved that no point is better.")
+        self.browser.wait_text("#why", "It is not proved that this is the optimum.")
         server.run("solve", "--quiet", server.tiny("proved"))
         self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
         self.browser.wait_text("#why", "Proved optimal: gap")
         self.assertEqual(self.browser.complaints(), [])
 
-    def test_kinds_of_answers_follow_the_table_of_cases_that_all_languages_have(self):
+    def test_kinds_of_answers_follow_the_table_of_cases_of_all_languages(self):
         self.open(self.start())
         table = json.loads((pathlib.Path(__file__).resolve().parent.parent / "answers/kinds.json").read_text(encoding="utf-8"))
-        told = self.browser.run("""
-          return import("/assets/jobs/answer.js").then(({ kindOf, kindText, whatToTry }) => arguments[0].map(({ facts }) => {
+        content = self.browser.run("""
+          return import("/assets/shared/solution-kind.js").then(({ kindOf, kindText, whatToTry }) => arguments[0].map(({ facts }) => {
             const words = { proved: false, objective: 0, gap: Infinity, starts: 1, ...facts, bStationary: facts.b_stationary,
               secondOrder: facts.second_order, budgetSpent: facts.budget_spent, globalSearch: facts.global_search };
             return [kindOf(words), kindText(words), whatToTry(words)];
           }));""", table)
-        self.assertEqual(told, [[case["kind"], case["text"], case["what_to_try"]] for case in table])
+        self.assertEqual(content, [[case["kind"], case["text"], case["what_to_try"]] for case in table])
 
-    def test_of_many_pairs_an_even_sample_is_shown(self):
+    def test_an_even_sample_of_many_pairs_is_shown(self):
         server = self.start("--trace-pairs", "16")
         server.run("solve", "--quiet", server.example("rocket"))
         [job] = server.jobs()
@@ -309,12 +310,12 @@ class Page(unittest.TestCase):
         self.browser.find("#download").click()
         name = f"marble-{job}.csv"
         path = eventually(lambda: next(self.browser.downloads.glob(f"*{job}*.csv"), None), name)
-        told = fetch(f"{server.http}/api/jobs/{job}/trace.csv")
-        eventually(lambda: path.read_text().replace("\r\n", "\n") == told.replace("\r\n", "\n"), "the whole download")
+        content = fetch(f"{server.http}/api/jobs/{job}/trace.csv")
+        eventually(lambda: path.read_text().replace("\r\n", "\n") == content.replace("\r\n", "\n"), "the whole download")
         self.browser.find("#bundle").click()
         bundle = eventually(lambda: next(self.browser.downloads.glob(f"*{job}.tar.zst"), None), "the bundle")
         eventually(lambda: "same" in server.run("replay", str(bundle), check=False), "the whole bundle, solved again")
-        rows = list(csv.DictReader(io.StringIO(told)))
+        rows = list(csv.DictReader(io.StringIO(content)))
         self.assertEqual(int(rows[-1]["iteration"]), server.jobs()[0]["iterations"])
         timings = self.browser.text("#timings")
         for part in ("queue", "set-up", "factorization", "line search", "polish"):
@@ -323,7 +324,7 @@ class Page(unittest.TestCase):
         self.browser.wait("return !document.querySelector('#overview').hidden")
         self.assertEqual(self.browser.complaints(), [])
 
-    def test_a_proof_shows_incumbent_and_bound_closing_and_its_nodes(self):
+    def test_a_proof_shows_incumbent_bound_and_nodes(self):
         server = self.start()
         limits = ["--option", "global=true", "--option", "node_limit=300", "--option", "gap_tolerance=0"]
         server.run("solve", "--quiet", *limits, server.example("qpec"), check=False)
@@ -331,8 +332,8 @@ class Page(unittest.TestCase):
         self.assertFalse(job["proved"])
         self.open(server, f"/#/jobs/{job['job_id']}")
         self.browser.wait(DRAWN, "#proof-plot")
-        told = self.browser.find("#proof-plot").get_attribute("aria-label").replace("\u202f", "")
-        numbers = [float(text) for text in re.findall(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?", told)]
+        content = self.browser.find("#proof-plot").get_attribute("aria-label").replace("\u202f", "")
+        numbers = [float(text) for text in re.findall(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?", content)]
         for shown, name in zip(numbers, ("incumbent", "bound", "gap", "nodes")):
             self.assertLessEqual(abs(shown - job[name]), 0.06 * abs(job[name]) if name == "gap" else 1e-6 * abs(job[name]), name)
         self.browser.wait_text("#why", "Not proved. The best point has objective")
@@ -354,7 +355,7 @@ class Page(unittest.TestCase):
         self.assertFalse(self.browser.find("#proof-plot").is_displayed())
         self.assertEqual(self.browser.complaints(), [])
 
-    def test_a_plan_for_many_worlds_shows_its_levels_and_the_interval_closing(self):
+    def test_a_problem_with_scenarios_shows_its_levels_and_intervals(self):
         server = self.start()
         shop, demand = server.folder / "shop.json", server.folder / "demand.json"
         shop.write_text(json.dumps({"name": "shop", "n": 2, "g": [1, -3],
@@ -363,8 +364,8 @@ class Page(unittest.TestCase):
                                     "R": {"rows": 1, "cols": 2, "i": [0, 0], "j": [0, 1], "v": [1, -1]}, "r": [0]}))
         demand.write_text(json.dumps({"seed": 7, "first_stage": [0], "quantities": [
             {"location": -5, "scale": 10, "effects": [{"part": "l"}]}]}))
-        told = server.run("scenarios", "--output", "json", "--first", "8", "--most", "256", "--sampler", demand, shop)
-        levels = [json.loads(line) for line in told.splitlines()][:-1]
+        content = server.run("scenarios", "--output", "json", "--first", "8", "--most", "256", "--sampler", demand, shop)
+        levels = [json.loads(line) for line in content.splitlines()][:-1]
         [job] = server.jobs()
         self.open(server, f"/#/jobs/{job['job_id']}")
         self.browser.wait_text("#job-status", "solved")
@@ -377,14 +378,14 @@ class Page(unittest.TestCase):
         widths = self.browser.driver.execute_script(
             "return [...document.querySelectorAll('.interval-bar')].map((bar) => parseFloat(bar.style.width))")
         self.assertEqual(len(widths), len(levels))
-        self.assertLess(widths[-2], 0.5 * widths[0], "the interval closes; after the last level few worlds are tried")
+        self.assertLess(widths[-2], 0.5 * widths[0], "the interval closes; after the last level few scenarios are sampled")
         server.run("solve", "--quiet", server.tiny())
         self.open(server, f"/#/jobs/{server.jobs()[0]['job_id']}")
         self.browser.wait(DRAWN, "#convergence")
         self.assertFalse(self.browser.find("#levels").is_displayed())
         self.assertEqual(self.browser.complaints(), [])
 
-    def test_a_running_job_grows_before_the_eyes(self):
+    def test_a_running_job_is_updated(self):
         server = self.start("--trace-pairs", "1000")
         job = server.submit(server.chain(1000), *Server.ENDLESS)
         self.open(server, f"/#/jobs/{job}")
@@ -395,7 +396,7 @@ class Page(unittest.TestCase):
         server.run("cancel", job)
         self.browser.wait_text("#job-status", "cancelled")
 
-    def test_why_a_job_failed_is_told_by_the_page_alone(self):
+    def test_the_page_explains_why_a_job_failed(self):
         server = self.start("--solve-bytes", "10000000")
         rocket = server.example("rocket")
         server.run("solve", "--quiet", server.example("hopper"), check=False)
@@ -410,9 +411,9 @@ class Page(unittest.TestCase):
         self.browser.wait_text("#why", "max_iterations")
         self.browser.wait_text("#options", "changed from")
         self.open(server, "/#/jobs/0123456789abcdef")
-        self.browser.wait_text("#why", "does not remember it")
+        self.browser.wait_text("#why", "does not know this job")
 
-    def test_characters_that_steer_how_text_is_shown_are_replaced(self):
+    def test_control_characters_are_replaced(self):
         server = self.start()
         server.run("solve", "--quiet", server.tiny("left\u202eright\u2066\u0007"))
         self.open(server)
@@ -425,7 +426,7 @@ class Page(unittest.TestCase):
         self.browser.wait("return document.body.innerText.includes('left?right??')")
         self.assertFalse(self.browser.driver.execute_script(held))
 
-    def test_a_job_is_ended_by_those_who_may(self):
+    def test_only_permitted_clients_can_cancel_a_job(self):
         tokens = Path(tempfile.mkdtemp()) / "tokens"
         lines, secrets = [], {}
         for name, roles in (("planner", "solve"), ("viewer", "observe"), ("boss", "admin")):
@@ -448,7 +449,7 @@ class Page(unittest.TestCase):
         self.open(server)
         enter("viewer")
         self.browser.wait_text("#caller", "viewer · observe")
-        self.assertFalse(self.browser.find("#cancel").is_displayed(), "who may look may not end")
+        self.assertFalse(self.browser.find("#cancel").is_displayed(), "observe does not permit to cancel")
         self.assertNotIn(secrets["viewer"], self.browser.run("return document.documentElement.outerHTML + location"))
         enter("boss")
         eventually(lambda: self.browser.find("#cancel").is_displayed(), "the button")
@@ -458,7 +459,7 @@ class Page(unittest.TestCase):
         self.browser.wait_text("#job-status", "cancelled")
         self.assertEqual(server.jobs()[0]["status"], "cancelled")
 
-    def test_it_says_that_it_is_disconnected_and_comes_back(self):
+    def test_a_lost_connection_is_shown_and_reopened(self):
         port = free_port()
         server = self.start(http_port=port)
         server.run("solve", "--quiet", server.tiny())
@@ -467,15 +468,15 @@ class Page(unittest.TestCase):
         self.assertEqual(server.stop(), 0)
         self.browser.wait("return !document.querySelector('#banner').hidden")
         self.browser.wait_text("#banner", "Disconnected")
-        self.browser.wait_text("#banner", "What you see is as of")
+        self.browser.wait_text("#banner", "The data are from")
         again = self.start(http_port=port)
         self.browser.wait("return document.querySelector('#banner').hidden")
         self.count_of_jobs(0)
         again.run("solve", "--quiet", again.tiny())
         self.count_of_jobs(1)
 
-    # Pages kept for going back kept their streams, and soon the browser had no connection left.
-    def test_coming_and_going_leaves_no_stream_open(self):
+    # Regression: pages in the back-forward cache kept their streams until the browser had no connection left.
+    def test_navigation_leaves_no_stream_open(self):
         server = self.start()
         job = server.submit(server.chain(1000), *Server.ENDLESS)
         for _ in range(6):
@@ -487,7 +488,7 @@ class Page(unittest.TestCase):
         self.browser.driver.back()
         self.browser.wait_text("#job-status", "running")
 
-    def test_a_draining_server_is_told(self):
+    def test_a_draining_server_is_shown(self):
         server = self.start("--drain-grace-s", "60")
         self.open(server)
         self.live()
@@ -496,7 +497,7 @@ class Page(unittest.TestCase):
         server.process.terminate()
         self.browser.wait_text("#state-text", "draining")
 
-    def test_it_asks_no_other_host_and_breaks_no_policy(self):
+    def test_no_other_host_is_contacted_and_the_policy_holds(self):
         server = self.start()
         job = server.submit(server.example("rocket"))
         server.run("result", "--wait", job)
@@ -506,11 +507,11 @@ class Page(unittest.TestCase):
         self.open(server, f"/#/jobs/{job}")
         self.browser.wait_text("#job-status", "solved")
         self.browser.wait("return document.querySelector('#convergence') !== null")
-        asked = [url for url in self.browser.requested() if url.startswith("http")]
-        self.assertGreater(len(asked), 5)
-        self.assertEqual([url for url in asked if not url.startswith(server.http + "/")], [])
+        requested = [url for url in self.browser.requested() if url.startswith("http")]
+        self.assertGreater(len(requested), 5)
+        self.assertEqual([url for url in requested if not url.startswith(server.http + "/")], [])
         self.assertEqual(self.browser.complaints(), [])
-        # The policy is in force: a script that is not the server's does not run.
+        # The policy is active: an inline script does not run.
         self.browser.run("const script = document.createElement('script'); script.textContent = 'window.foreign = 1'; document.head.append(script)")
         self.assertIsNone(self.browser.run("return window.foreign ?? null"))
         self.assertIn("Content Security Policy", " ".join(self.browser.complaints()))
@@ -541,7 +542,7 @@ class Page(unittest.TestCase):
         eventually(lambda: self.browser.rows()[0]["job"] != last, "the first line")
         self.assertLess(elements(), lines + 50)
 
-    def test_the_table_is_filtered_sorted_and_walked_by_keyboard(self):
+    def test_the_table_can_be_filtered_sorted_and_used_by_keyboard(self):
         server = self.start()
         rocket, tiny = server.example("rocket"), server.tiny()
         server.run("solve", "--quiet", tiny, rocket, tiny)
@@ -564,7 +565,7 @@ class Page(unittest.TestCase):
         self.browser.wait("return !document.querySelector('#overview').hidden")
         self.browser.wait_text("#job-count", "2 of 4 jobs")
 
-    def test_it_fits_a_telephone_and_a_wall(self):
+    def test_the_page_fits_small_and_large_screens(self):
         server = self.start()
         self.work(server)
         job = server.jobs()[0]["job_id"]
@@ -595,7 +596,7 @@ class Page(unittest.TestCase):
                 self.browser.screenshot(SCREENSHOTS / f"{name}-{view}.png")
 
     def work(self, server):
-        """A day of a laboratory in a few seconds."""
+        """Jobs of several clients, as in a laboratory."""
         rocket, gates, hopper, tiny = (server.example("rocket"), server.example("gates"), server.example("hopper"), server.tiny())
         for name in ("arm-planner", "drone-7"):
             server.environment["MARBLE_CLIENT_NAME"] = name
@@ -610,7 +611,7 @@ class Page(unittest.TestCase):
         server.run("solve", "--quiet", "--time-limit", "0.02", gates, check=False)
         server.run("solve", "--quiet", "--time-limit", "0.02", server.chain(6000), check=False)
 
-    def test_pictures_of_it(self):
+    def test_screenshots(self):
         server = self.start("--workers", "2", "--solve-bytes", "40000000")
         self.open(server)
         self.live()
@@ -641,7 +642,7 @@ class Page(unittest.TestCase):
         self.browser.wait_text("#options", "path")
         self.browser.screenshot(SCREENSHOTS / "job.png")
 
-    @unittest.skipIf(AXE == "-", "axe-core could not be had: it comes from npm")
+    @unittest.skipIf(AXE == "-", "axe-core is not available: it comes from npm")
     def test_axe_finds_no_serious_fault(self):
         server = self.start("--solve-bytes", "40000000")
         self.work(server)
@@ -655,7 +656,7 @@ class Page(unittest.TestCase):
                 if path == "/#/clients":
                     self.browser.wait("return document.querySelectorAll('.clients tbody tr').length > 0")
                 elif path == "/#/nothing":
-                    self.browser.wait_text("#nowhere", "Nothing is here")
+                    self.browser.wait_text("#nowhere", "Page not found")
                 elif "/with/" in path:
                     self.browser.wait("return document.querySelector('#comparison-plot') !== null")
                 elif path != "/":

@@ -1,4 +1,4 @@
-"""A real marble-server with its HTTP port, and the command line that gives it work."""
+"""A marble-server with its HTTP port, and the command line to send it jobs."""
 
 import json
 import math
@@ -13,7 +13,7 @@ PATIENCE_S = 30
 
 
 def eventually(condition, what):
-    """The first true value of `condition()`; fails when patience ends."""
+    """Waits for a true value of `condition()` and returns it; fails after PATIENCE_S."""
     end = time.monotonic() + PATIENCE_S
     while True:
         value = condition()
@@ -31,9 +31,9 @@ def free_port():
 
 
 class Server:
-    """Starts at once; `flags` come after --listen and --http on loopback."""
+    """A running server; `flags` follow --listen and --http on loopback."""
 
-    # With these a chain is followed at kappa = 1 in tiny steps of rho, smoothly: it goes on until it is stopped.
+    # Options that make the solve of a chain take a million iterations: kappa = 1 and tiny steps of rho.
     ENDLESS = [word for option in ("path=paper", "polish=false", "max_iterations=1000000", "kappa_initial=1",
                                    "rho_initial=1", "rho_factor=1.00001", "rho_max=1e12",
                                    "equality_tolerance=1e-14", "inequality_tolerance=1e-14",
@@ -56,7 +56,7 @@ class Server:
         self.environment["MARBLE_SERVER"] = self.address
 
     def run(self, *arguments, check=True, **keywords):
-        """`marble` with these arguments; what it printed."""
+        """Runs `marble` with these arguments and returns its output."""
         run = subprocess.run([self.marble, *map(str, arguments)], env=self.environment, capture_output=True, text=True,
                              timeout=120, **keywords)
         assert not check or run.returncode == 0, run.stderr
@@ -68,7 +68,7 @@ class Server:
                                                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
 
     def example(self, name, *arguments):
-        """The path of a generated problem."""
+        """The path of a problem of `marble example`."""
         path = self.folder / f"{name}.json"
         path.write_text(self.run("example", name, *arguments))
         return path
@@ -82,7 +82,7 @@ class Server:
         return path
 
     def chain(self, steps):
-        """Positions x driven by u and forces f that act only while x is at -0.5: 0 <= f complements x + 0.5 >= 0."""
+        """Positions x with controls u and forces f that act only at x = -0.5: 0 <= f complements x + 0.5 >= 0."""
         def matrix(rows, entries):
             return {"rows": rows, "cols": 3 * steps, **{key: [entry[at] for entry in entries] for at, key in enumerate("ijv")}}
         x = [3 * k for k in range(steps)]

@@ -1,4 +1,4 @@
-// A first solve: a point as near as possible to (1, 1, 3) of which one of the first two coordinates is zero.
+// Finds the point nearest to (1, 1, 3) that has one of its first two coordinates at zero.
 import { connect } from "@marble/client";
 
 const client = connect(); // MARBLE_SERVER, else 127.0.0.1:50051

@@ -1,7 +1,7 @@
-// Where things are in the hopper that `marble example hopper` makes: a body and a foot joined by a leg, that cross stairs.
+// The variables of the hopper of `marble example hopper`: a body and a foot, joined by a leg, cross stairs.
 import type { Problem } from "@marble/client";
 
-/** The hopper's file; the vectors are what a tick of a closed loop changes. */
+/** The hopper's problem file; a control step changes these vectors. */
 export interface Hopper extends Problem {
   g: number[];
   b: number[];
@@ -12,7 +12,7 @@ export interface Hopper extends Problem {
 export const variables = 26;
 const equalities = 13;
 
-/** Places of one step's variables. */
+/** Indices of one step's variables. */
 export const at = { bodyX: 0, bodyZ: 1, footX: 2, footZ: 3, forceX: 8, forceZ: 9, normalForce: 12 } as const;
 
 const trackingWeight = 20;
@@ -21,8 +21,8 @@ const forceRateWeight = 0.01;
 export const stepsOf = (problem: Hopper): number => problem.b.length / equalities;
 
 /**
- * What changes once the plan's first step has been followed: the state that the horizon begins with, the last force, and the
- * point to track. `nominal` is the problem as it was made, from rest.
+ * The problem of the next control step, after the plan's first step: it has a new initial state, last force and point
+ * to track. `nominal` is the original problem, which starts at rest.
  */
 export function advance(nominal: Hopper, now: Hopper, z: Float64Array): Hopper {
   const [b, g] = [now.b.slice(), now.g.slice()];
@@ -37,7 +37,7 @@ export function advance(nominal: Hopper, now: Hopper, z: Float64Array): Hopper {
   return { ...now, b, g, c0: constant(g) };
 }
 
-// Of the squares ½ w (x − r)², which g knows as −w r.
+// The constant of the squares ½ w (x − r)², whose linear terms −w r are in g.
 function constant(g: number[]): number {
   let sum = (g[at.forceX] ** 2 + g[at.forceZ] ** 2) / (2 * forceRateWeight);
   for (let k = 0; k < g.length; k += variables) sum += g[k] ** 2 / (2 * trackingWeight);

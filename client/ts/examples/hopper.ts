@@ -1,4 +1,4 @@
-// Solves the hopper's contact problem and draws the plan: its body's and foot's ways, the leg, and where the foot stands.
+// Solves the hopper's contact problem and draws the plan: the paths of body and foot, the leg, and the contacts.
 //
 //   marble example hopper > hopper.json && node build/examples/hopper.js hopper.json hopper.svg
 import { readFileSync, writeFileSync } from "node:fs";

@@ -1,4 +1,4 @@
-// A planner's loop over a session: plan, follow one step, and plan again from there, warm.
+// Model predictive control over a session: plan, follow the first step, and plan again with a warm start.
 //
 //   marble example hopper > hopper.json && node build/examples/mpc.js hopper.json 50
 import { readFileSync } from "node:fs";
@@ -8,7 +8,7 @@ import { connect, shiftByStage } from "@marble/client";
 import { type Hopper, advance, at, stepsOf } from "./hopper-model.js";
 
 const nominal = JSON.parse(readFileSync(process.argv[2], "utf8")) as Hopper;
-const ticks = Number(process.argv[3] ?? 50);
+const steps = Number(process.argv[3] ?? 50);
 const shift = shiftByStage(nominal, stepsOf(nominal));
 
 const client = connect();
@@ -16,13 +16,13 @@ const client = connect();
   await using session = await client.session(nominal);
   let problem = nominal;
   let plan = await session.update();
-  for (let tick = 0; tick <= ticks; ++tick) {
+  for (let step = 0; step <= steps; ++step) {
     const [x, ms] = [plan.z[at.bodyX], 1000 * plan.times.solveS];
     console.log(
-      `${String(tick).padStart(4)} ${plan.status.padEnd(16)} ${String(plan.factorizations).padStart(5)} factorizations ` +
+      `${String(step).padStart(4)} ${plan.status.padEnd(16)} ${String(plan.factorizations).padStart(5)} factorizations ` +
         `${ms.toFixed(2).padStart(8)} ms  x = ${x.toFixed(3)} m  objective ${plan.objective.toExponential(7)}`,
     );
-    if (tick === ticks) break;
+    if (step === steps) break;
     problem = advance(nominal, problem, plan.z);
     const { b, g, c0 } = problem;
     plan = await session.update({ b, g, c0 }, { shift });

@@ -1,4 +1,4 @@
-// Every iteration as it happens, of a problem file; Ctrl-C gives the solve up.
+// Solves a problem file and prints every iteration; Ctrl-C cancels the solve.
 //
 //   marble example rocket > rocket.json && node build/examples/progress.js rocket.json
 import { readFileSync } from "node:fs";
@@ -23,7 +23,7 @@ try {
   }
 } catch (error) {
   if (!(error instanceof CancelledError)) throw error;
-  console.log("given up");
+  console.log("cancelled");
 } finally {
   client.close();
 }

@@ -1,4 +1,4 @@
-// Is it the optimum? A problem file with a proof: incumbent and bound as they close in on each other.
+// Solves a problem file to proved optimality and prints how incumbent and bound converge.
 //
 //   marble example rocket > rocket.json && node build/examples/proof.js rocket.json 10
 import { readFileSync } from "node:fs";

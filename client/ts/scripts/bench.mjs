@@ -1,4 +1,4 @@
-// What a problem of 1 MB costs this side: checking and packing it, encoding it, and decoding an answer of that size.
+// Client-side costs of a problem of 1 MB: checking and packing, encoding, and decoding a solution of that size.
 import { SolveRequest, SolveResponse } from "../dist/generated/marble/v1/service.js";
 import { packDoubles } from "../dist/base/packed.js";
 import { Solution } from "../dist/model/solution.js";

@@ -1,7 +1,7 @@
 // Generates src/generated from the contract in proto/: one TypeScript module for each of its files.
 //
-// Packed numbers are read here as `bytes`: on the wire both are a length and the numbers' bytes, so that a vector crosses
-// as one copy between a typed array and the message, where a generated decoder would call a function for every number.
+// Packed numbers are generated as `bytes`: both are a length and the numbers' bytes on the wire, so that a vector needs
+// one copy between a typed array and the message. A generated decoder would call a function for every number.
 import { execFileSync } from "node:child_process";
 import { mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -10,10 +10,10 @@ import { fileURLToPath } from "node:url";
 
 const packed = /\brepeated (?:double|float|int32) (\w+ = \d+) \[packed = true\];/g;
 
-const here = join(dirname(fileURLToPath(import.meta.url)), "..");
-const contract = join(here, "../../proto");
-const output = join(here, "src/generated");
-const plugin = join(here, "node_modules/.bin/protoc-gen-ts_proto");
+const client = join(dirname(fileURLToPath(import.meta.url)), "..");
+const contract = join(client, "../../proto");
+const output = join(client, "src/generated");
+const plugin = join(client, "node_modules/.bin/protoc-gen-ts_proto");
 const options = [
   "env=both", // Uint8Array, not Buffer
   "esModuleInterop=true",

@@ -20,15 +20,13 @@ import { Connection } from "./connection/connection.js";
 import { ServerService } from "./generated/marble/v1/service.js";
 import type { Problem } from "./model/problem.js";
 import type { Solution } from "./model/solution.js";
-import type { NonlinearProblem } from "./nonlinear/functions.js";
-import { RealTime, type RealTimeSettings } from "./nonlinear/real-time.js";
 
 /**
- * A connection to a Marble server. Any number of calls at once; what fails rejects with a MarbleError. The connection is
- * made by the first call, and again by a later one if it broke.
+ * A client of a Marble server, for any number of concurrent calls. Errors are MarbleErrors. The first call opens the
+ * connection, and later calls open it again if it was lost.
  */
 export class Client implements Disposable {
-  /** Jobs by their ids. */
+  /** Calls for jobs. */
   readonly jobs: Jobs;
   private readonly connection: Connection;
 
@@ -42,47 +40,42 @@ export class Client implements Disposable {
     return this.connection.address;
   }
 
-  /** One problem, one answer. A solve that ends without being solved is an answer: see `solution.status`. */
+  /** Solves a problem. A solve that ends unsolved returns a solution, too: see `solution.status`. */
   async solve(problem: Problem, controls: SolveControls = {}): Promise<Solution> {
     return solve(this.connection, problem, controls);
   }
 
-  /** The same as events. The call begins with the loop, and leaving the loop gives it up. */
+  /** Solves a problem and yields events. The call begins with the loop; leaving the loop cancels it. */
   solveStream(problem: Problem, controls: StreamControls = {}): AsyncGenerator<SolveEvent, void, undefined> {
     return solveStream(this.connection, problem, controls);
   }
 
-  /** One plan for many worlds: min Σ π q(x, y_s) over one x and a recourse y_s in every sampled world. */
+  /** Solves a problem with scenarios: min Σ π q(x, y_s) over one x and a recourse y_s for every sampled scenario. */
   async scenarios(problem: Problem, controls: ScenarioControls): Promise<ScenarioAnswer> {
     return scenarios(this.connection, problem, controls);
   }
 
-  /** Problems that rows tie together: solved block by block at prices on the rows, last as one on the branch found. */
+  /**
+   * Solves problems coupled by rows: block by block with multipliers of the rows, finally as one on the branch found.
+   */
   async coupled(problem: CoupledProblem, controls: CoupledControls = {}): Promise<CoupledAnswer> {
     return coupled(this.connection, problem, controls);
   }
 
-  /** One long problem cut into pieces, solved as `coupled` does. */
+  /** Solves one long problem, cut into segments, by the method of `coupled`. */
   async pieces(problem: Problem, cut: Pieces, controls: PiecesControls = {}): Promise<PiecesAnswer> {
     return pieces(this.connection, problem, cut, controls);
   }
 
-  /** Sets a session up, and waits until it is ready. */
+  /** Opens a session and waits until it is ready. */
   async session(problem: Problem, controls: SessionControls = {}): Promise<Session> {
     return Session.open(this.connection, problem, controls);
   }
 
   /**
-   * A nonlinear plan in closed loop, over a session. Its patterns are those at problem.start, which is also the first plan.
-   * Rejects with an InvalidProblemError of "values.G", "derivatives.equalities", "shift.variables[0].count" and such.
-   */
-  async realTime(problem: NonlinearProblem, settings: RealTimeSettings = {}): Promise<RealTime> {
-    return RealTime.open(this.connection, problem, settings);
-  }
-
-  /**
-   * Many problems on one stream, answered in the order of finishing. A source faster than the server is slowed down; a
-   * problem that breaks a rule is answered with its error, told with the next answer, and the others go on.
+   * Solves many problems over one stream and yields results in the order of finishing. A source that is faster than the
+   * server is slowed down. The result of an invalid problem is its error, yielded with the next result; the others
+   * continue.
    */
   batch<Tag>(
     problems: AsyncIterable<BatchProblem<Tag>> | Iterable<BatchProblem<Tag>>,
@@ -91,32 +84,32 @@ export class Client implements Disposable {
     return batch(this.connection, problems, controls);
   }
 
-  /** Version, limits, workers, option schema and counters. */
+  /** Returns version, limits, workers, option schema and counters of the server. */
   async info(controls: CallControls = {}): Promise<ServerInfo> {
     return infoOf(await unary(this.connection, ServerService.getInfo, {}, controls));
   }
 
   /**
-   * Ends the connection once its calls have ended; later calls fail. Until then one to several servers keeps the process
-   * alive.
+   * Closes the connection when its calls have ended; later calls fail. An open connection to several servers keeps the
+   * process alive.
    */
   close(): void {
     this.connection.close();
   }
 
-  /** As `close`, at the end of a `using` block. */
+  /** Calls `close` at the end of a `using` block. */
   [Symbol.dispose](): void {
     this.close();
   }
 }
 
 /**
- * Checks address and options, and reads the PEM files; nothing is sent yet.
+ * Creates a client. Checks address and options and reads the PEM files, but does not connect yet.
  *
- * @param address host:port or unix:PATH; or several host:port with commas between, or dns:///host:port for every address
- *   that the name has: calls then take turns between those that say they are healthy, and of TLS the first name counts.
- *   Default: the environment's `MARBLE_SERVER`, else 127.0.0.1:50051.
- * @throws InvalidProblemError with the field "address" or that of the option.
+ * @param address host:port or unix:PATH; or several servers as host:port separated by commas, or dns:///host:port for
+ *   every address of the name: calls go in turn to the servers that report SERVING, and TLS checks certificates against
+ *   the first name. Default: `MARBLE_SERVER`, else 127.0.0.1:50051.
+ * @throws InvalidProblemError with the field "address" or the name of the option.
  */
 export function connect(address: string = defaultAddress(), options: ConnectOptions = {}): Client {
   return new Client(address, options);

@@ -18,6 +18,7 @@ export {
   UnavailableError,
 } from "./base/errors.js";
 export type { ErrorCode, ErrorDetails } from "./base/errors.js";
+export type { SolutionKind } from "./shared/solution-kind.js";
 export type { ArrayAnswer, ArrayControls, ArrayElement, ArrayReading, SubmittedArray } from "./calls/array.js";
 export type { BatchAnswer, BatchControls, BatchProblem } from "./calls/batch.js";
 export type { CallControls } from "./calls/calls.js";
@@ -65,7 +66,6 @@ export { Client, connect } from "./client.js";
 export type { ConnectOptions, Keepalive, TlsOptions } from "./connection/connect-options.js";
 export { BuiltProblem, ProblemBuilder } from "./model/builder.js";
 export type { Bounds, Expression, PairReport, Report, Term } from "./model/builder.js";
-export type { Conflict } from "./model/conflict.js";
 export type { CompressedColumns, DenseRows, Matrix, Triplets } from "./model/matrix.js";
 export type { SolveOptions } from "./model/options.js";
 export type { Problem, ProblemUpdate } from "./model/problem.js";
@@ -82,9 +82,4 @@ export type {
   SensitivityRequest,
 } from "./model/sensitivity.js";
 export { Solution } from "./model/solution.js";
-export type { PointOrigin, SecondOrder, Stationarity, Status, Times } from "./model/solution.js";
-export type { SolutionKind } from "./model/solution-kind.js";
-export type { CurvatureKind } from "./nonlinear/curvature.js";
-export type { Derivatives, Multipliers, NonlinearProblem, Values } from "./nonlinear/functions.js";
-export { RealTime } from "./nonlinear/real-time.js";
-export type { RealTimeSettings, RealTimeTick } from "./nonlinear/real-time.js";
+export type { Conflict, PointOrigin, SecondOrder, Stationarity, Status, Times } from "./model/solution.js";

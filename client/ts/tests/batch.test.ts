@@ -21,7 +21,7 @@ after(async () => {
   await server[Symbol.asyncDispose]();
 });
 
-test("every problem is answered once, under its tag", async () => {
+test("every problem has one result, with its tag", async () => {
   const problems = Array.from({ length: 50 }, (_, k) => ({ tag: `p${k}`, problem: { ...corner, c0: k } }));
   const objectives = new Map<string, number>();
   for await (const { tag, solution } of client.batch(problems)) {
@@ -32,7 +32,7 @@ test("every problem is answered once, under its tag", async () => {
   for (let k = 0; k < 50; ++k) assert.ok(Math.abs((objectives.get(`p${k}`) ?? NaN) - (k - 9)) < 1e-6);
 });
 
-test("a problem that breaks a rule is answered with its error, and the others go on", async () => {
+test("an invalid problem has its error as result, and the others continue", async () => {
   const problems: BatchProblem<number>[] = [
     { tag: 0, problem: { ...corner, g: [NaN, 0, 0] } },
     { tag: 1, problem: corner },
@@ -55,9 +55,9 @@ test("a source faster than the server is slowed down", async () => {
       await sleep(0);
     }
   }
-  // Nothing is answered but what the test itself ends, so that no speed of either side counts: the server takes two problems,
-  // some 30 MB more (1.8 MB each) are in HTTP/2's windows and the kernel's buffers. At each turn of the loop a source that
-  // nobody slows down would be asked again.
+  // Only the test ends solves, so that no side's speed matters: the server takes two problems, and about 30 MB more
+  // (1.8 MB each) are in HTTP/2's windows and the kernel's buffers. An unlimited source would be read at each turn of
+  // the loop.
   const running = async (): Promise<string | undefined> =>
     (await client.jobs.list({ states: ["running"] })).jobs[0]?.jobId;
   const answers = client.batch(endlessly(chain(10_000)));
@@ -74,7 +74,7 @@ test("a source faster than the server is slowed down", async () => {
   await eventually(async () => (await client.info()).counters.running === 0);
 });
 
-test("leaving the loop and an abort signal give all of it up", async () => {
+test("leaving the loop or aborting the signal cancels the whole batch", async () => {
   const problems = Array.from({ length: 8 }, (_, tag) => ({
     tag,
     problem: tag === 0 ? corner : long,
@@ -98,7 +98,7 @@ test("leaving the loop and an abort signal give all of it up", async () => {
   await eventually(async () => (await client.info()).counters.running === 0);
 });
 
-test("what the source throws reaches the caller", async () => {
+test("an error thrown by the source reaches the caller", async () => {
   function* broken(): Generator<BatchProblem<number>> {
     yield { tag: 1, problem: corner };
     throw new Error("no more of these");

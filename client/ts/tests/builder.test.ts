@@ -21,7 +21,7 @@ after(async () => {
 
 const near = (actual: number, expected: number): void => assert.ok(Math.abs(actual - expected) < 1e-6, `${actual}`);
 
-test("a two-sided row's dual tells which limit holds, in the caller's order", async () => {
+test("the sign of a two-sided row's dual shows which limit is active", async () => {
   const solveBetween = async (target: number): Promise<{ z: Float64Array; rowDuals: Float64Array }> => {
     const builder = new ProblemBuilder(2).square(1, { terms: [[0, 1]], constant: -target }).square(1, 1);
     builder.row([[1, 1]], { lower: 0, upper: 0 });
@@ -55,7 +55,7 @@ test("equalities and bounds have the same sign of dual as rows", async () => {
   near(objective, 2.5);
 });
 
-test("Qz + g is the sum of all duals times what they belong to", async () => {
+test("Qz + g is the sum of all duals times their rows", async () => {
   const builder = new ProblemBuilder(4, "balance");
   builder.quadratic(0, 0, 1).quadratic(0, 1, 0.5).quadratic(1, 1, 1).quadratic(2, 2, 1).quadratic(3, 3, 0.5);
   builder.linear(0, -3).linear(1, -1).linear(2, -2).linear(3, 1).constant(7);
@@ -92,7 +92,7 @@ test("Qz + g is the sum of all duals times what they belong to", async () => {
   near(pairs[0].right, z[1] + 0.5);
 });
 
-test("what was built stays as it was when the builder goes on", () => {
+test("a built problem does not change when the builder does", () => {
   const builder = new ProblemBuilder(1);
   builder.row([[0, 1]], { lower: 0 });
   const problem = builder.build();
@@ -101,7 +101,7 @@ test("what was built stays as it was when the builder goes on", () => {
   assert.deepEqual([problem.C.rows, problem.L.rows, problem.d.length], [1, 0, 1]);
 });
 
-test("a limit of 1e20 is none", () => {
+test("a limit of 1e20 counts as none", () => {
   for (const none of [Infinity, 1e20, 1e30]) {
     const builder = new ProblemBuilder(1);
     builder.row([[0, 1]], { lower: -none, upper: 2 });
@@ -112,7 +112,7 @@ test("a limit of 1e20 is none", () => {
   assert.throws(() => new ProblemBuilder(1).row([[0, 1]], { lower: 1e20 }), { field: "rows[0].lower" });
 });
 
-test("wrong pieces are errors that name row, term and rule", () => {
+test("invalid parts are errors that name row, term and rule", () => {
   const builder = new ProblemBuilder(2);
   builder.row([[0, 1]], { lower: 0 });
   const wrong: [() => unknown, object][] = [

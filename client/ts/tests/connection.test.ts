@@ -16,7 +16,7 @@ test("a client outlives a restart of its server", async () => {
   assert.deepEqual((await client.solve(corner)).z, before.z);
 });
 
-test("a call that finds no server is repeated until it is there", async () => {
+test("a call without a server is repeated until one is there", async () => {
   await using server = await Server.start();
   using client = connect(server.address);
   await client.info();
@@ -33,7 +33,7 @@ test("a call that finds no server is repeated until it is there", async () => {
   await restarted;
 });
 
-test("a call is tried again where nobody takes it, a deletion is not", async () => {
+test("a call that no server took is repeated, a deletion is not", async () => {
   let connections = 0;
   const hangingUp = createServer((socket) => {
     ++connections;
@@ -63,7 +63,7 @@ test("a call is tried again where nobody takes it, a deletion is not", async () 
   }
 });
 
-test("a submission whose answer got lost is sent again, and is one job", async () => {
+test("a submission whose response was lost is repeated and is one job", async () => {
   await using server = await Server.start();
   using near = connect(server.address);
   using relay = await Relay.to(server.address);
@@ -76,7 +76,7 @@ test("a submission whose answer got lost is sent again, and is one job", async (
   assert.ok((await near.jobs.result(jobId, { wait: true })).solved);
 });
 
-test("a streamed solve that has begun is not repeated when its server goes", async () => {
+test("a streamed solve that has begun is not repeated after a loss", async () => {
   await using server = await Server.start();
   using client = connect(server.address);
   let accepted = 0;
@@ -89,7 +89,7 @@ test("a streamed solve that has begun is not repeated when its server goes", asy
   assert.equal(accepted, 1);
 });
 
-test("a draining server answers what runs with its best iterate, and takes nothing new", async () => {
+test("a draining server returns the best iterate of running solves and accepts no new ones", async () => {
   await using server = await Server.start(["--drain-grace-s", "1"]);
   using client = connect(server.address);
   using impatient = connect(server.address, { waitMs: 0 });
@@ -108,7 +108,7 @@ test("a draining server answers what runs with its best iterate, and takes nothi
   await draining;
 });
 
-test("the address is the environment's where none is given", async () => {
+test("the default address is that of the environment", async () => {
   await using server = await Server.start();
   process.env["MARBLE_SERVER"] = server.address;
   try {
@@ -121,7 +121,7 @@ test("the address is the environment's where none is given", async () => {
   assert.equal(connect().address, "127.0.0.1:50051");
 });
 
-test("a client is its program and process where it has no other name", async () => {
+test("the default name of a client is its program and process", async () => {
   await using server = await Server.start();
   using nameless = connect(server.address);
   assert.equal((await nameless.info()).client, `connection.test-${process.pid}`);

@@ -49,7 +49,7 @@ const cell: CoupledProblem = {
   total: [4],
 };
 
-// Stage by stage three variables.
+// Three variables per stage.
 const long = chain(30);
 const stages = long.g.map((_, j) => Math.floor(j / 3));
 
@@ -58,7 +58,7 @@ const near = (actual: ArrayLike<number>, expected: number[]): void => {
   expected.forEach((value, j) => assert.ok(Math.abs(actual[j]! - value) < 1e-7, `${actual[j]} is not ${value}`));
 };
 
-test("blocks share what there is at one price", async () => {
+test("coupled blocks share a resource with one multiplier", async () => {
   const rows: Progress[] = [];
   const answer = await client.coupled(cell, { onProgress: (row) => rows.push(row) });
   assert.equal(answer.solution.status, "solved");
@@ -76,7 +76,7 @@ test("blocks share what there is at one price", async () => {
   assert.equal(job.problemName, "cell");
 });
 
-test("a block that no row sees and a start at the prices are taken", async () => {
+test("a block without coupling and initial multipliers are accepted", async () => {
   const apart = { blocks: [cell.blocks[0]!, { problem: arm(2) }], total: [1] };
   const answer = await client.coupled(apart, { prices: [2], options: { maxIterations: 50 } });
   near(
@@ -86,13 +86,13 @@ test("a block that no row sees and a start at the prices are taken", async () =>
   near(answer.prices, [2]);
 });
 
-test("without a joint solve the answer is the blocks' own", async () => {
+test("without the monolithic solve the solution is that of the blocks", async () => {
   const { coordination, solution } = await client.coupled(cell, { joint: false, tolerance: 1e-6 });
   assert.equal(coordination.status, "solved");
   assert.equal(solution.objective, coordination.blocksObjective);
 });
 
-test("the block that has no answer is named", async () => {
+test("the block that failed is named", async () => {
   const never = { ...arm(3, "elbow"), C: [[1, 0], [-1, 0]], d: [-1, 0] };
   const { solution, coordination } = await client.coupled({
     ...cell,
@@ -103,7 +103,7 @@ test("the block that has no answer is named", async () => {
   assert.match(coordination.detail, /block 1 \(elbow\)/);
 });
 
-test("a long problem in pieces is solved as the whole", async () => {
+test("a long problem in pieces has the solution of the whole problem", async () => {
   const whole = await client.solve(long);
   const { solution, coordination } = await client.pieces(long, { stages, pieces: 3, lookAhead: 2 });
   assert.equal(solution.status, "solved");
@@ -112,7 +112,7 @@ test("a long problem in pieces is solved as the whole", async () => {
   assert.ok(coordination.sweepObjective! >= solution.objective - 1e-9);
 });
 
-test("submitted ones answer later with the same bits, and another job has no such answer", async () => {
+test("submitted problems have the same bits later, other jobs have no coordination", async () => {
   const blocks = await client.jobs.submitCoupled(cell);
   const later = await client.jobs.coupled(blocks.jobId, cell.blocks, { wait: true });
   const now = await client.coupled(cell);
@@ -133,7 +133,7 @@ test("submitted ones answer later with the same bits, and another job has no suc
   await assert.rejects(client.jobs.pieces(plain.jobId, { wait: true }), PreconditionError);
 });
 
-test("what breaks a rule is named, here and there", async () => {
+test("invalid parts are named by the client and by the server", async () => {
   const rejects = async (call: Promise<unknown>, field: string, index?: number): Promise<void> =>
     assert.rejects(call, (error) => {
       assert.ok(error instanceof InvalidProblemError, String(error));

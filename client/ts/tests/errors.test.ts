@@ -44,7 +44,7 @@ interface Fault {
 
 const eye = { rows: 3, columns: 3, columnPointers: [0, 1, 2, 3], rowIndices: [0, 1, 2], values: [1, 1, 1] };
 
-// Each breaks one rule of a problem that is right otherwise.
+// Each violates one rule of an otherwise valid problem.
 const faults: Fault[] = [
   { what: "no gradient", problem: { ...corner, g: [] }, field: "g", value: "0 entries" },
   { what: "a NaN in g", problem: { ...corner, g: [0, NaN, 0] }, field: "g", index: 1, value: "NaN" },
@@ -146,7 +146,7 @@ for (const { what, problem, field, index, value } of faults) {
   });
 }
 
-test("a Q that is symmetric but for rounding is taken, here and by the server", async () => {
+test("a Q that is symmetric up to rounding is accepted by client and server", async () => {
   for (const q of [
     [4, 0, 1e-17, 0, 2, 0, 0, 0, 3],
     [4, 0, 0, 1e-17, 2, 0, -1e-17, 0, 3],
@@ -155,7 +155,7 @@ test("a Q that is symmetric but for rounding is taken, here and by the server", 
     assert.equal(answer.status, "solved");
     for (const value of answer.z) assert.ok(Math.abs(value - 1) < 1e-9);
   }
-  // The size of another variable is no excuse.
+  // The tolerance is independent of other variables' sizes.
   const q = [
     [4, 0, 1e-6],
     [0, 1e20, 0],
@@ -182,7 +182,7 @@ for (const [controls, field] of wrongControls) {
   });
 }
 
-test("the server's own checks come back as the same error, in the caller's terms", async () => {
+test("errors of the server's checks use the caller's names", async () => {
   await assert.rejects(client.solve(corner, { options: { equalityTolerance: 2 } }), (error) => {
     assert.ok(error instanceof InvalidProblemError);
     assert.equal(error.field, "options.equalityTolerance");
@@ -200,7 +200,7 @@ test("the server's own checks come back as the same error, in the caller's terms
   await assert.rejects(client.solve(corner, { requestId: "ä" }), { name: "InvalidProblemError", field: "requestId" });
 });
 
-test("a full queue is a RefusedError that says when to come again", async () => {
+test("a full queue is a RefusedError with a time to retry", async () => {
   const controller = new AbortController();
   const counters = async (): Promise<Counters> => (await client.info()).counters;
   const solve = (): Promise<unknown> => {
@@ -225,14 +225,14 @@ test("a full queue is a RefusedError that says when to come again", async () => 
   }
 });
 
-// A message of protobuf, of texts and messages.
+// A protobuf message with strings and messages.
 function message(...fields: [number: number, value: string | Uint8Array][]): Uint8Array {
   const writer = new BinaryWriter();
   for (const [number, value] of fields) writer.tag(number, 2).bytes(typeof value === "string" ? Buffer.from(value) : value);
   return writer.finish();
 }
 
-/** What a solve ends with that is refused with these details: the names of messages, and their bytes. */
+/** The error of a solve that is refused with these details: names of messages and their bytes. */
 async function refused(...details: [name: string, bytes: Uint8Array][]): Promise<MarbleError> {
   const metadata = new Metadata();
   const packed = details.map(([name, bytes]): [number, Uint8Array] => [
@@ -282,13 +282,13 @@ for (const [path, field, index] of places) {
   });
 }
 
-test("of a server that sends both, the structured detail is taken", async () => {
+test("the structured detail takes precedence over prose", async () => {
   const fault = message([1, "problem.gradient"], [3, "is this, or that"], [4, "must be, well, finite"]);
   const error = await refused(badRequest("b[1]"), ["marble.v1.Fault", fault]);
   assert.deepEqual([error.field, error.value, error.bound], ["g", "is this, or that", "must be, well, finite"]);
 });
 
-test("an error without details has its code and its words", async () => {
+test("an error without details has its code and message", async () => {
   const error = await refused();
   assert.equal(error.code, "invalid_argument");
   assert.equal(error.field, undefined);
@@ -302,9 +302,19 @@ test("an unknown job is a NotFoundError, an unfinished one a PreconditionError",
   await client.jobs.delete(jobId);
 });
 
-test("no server is an UnavailableError", async () => {
-  using nobody = connect("127.0.0.1:1");
-  await assert.rejects(nobody.solve(corner), UnavailableError);
+test("an unknown option is refused with similar names, or with all of them", async () => {
+  const unknown = (options: object) => client.solve(corner, { options });
+  await assert.rejects(unknown({ timeLimit: 1 }), { field: "options", value: "timeLimit", bound: "must be one of timeLimitS" });
+  await assert.rejects(unknown({ zzz: 1 }), { field: "options", bound: /^must be one of maxIterations, timeLimitS, / });
+});
+
+test("an unreachable server is an UnavailableError", async () => {
+  using unreachable = connect("127.0.0.1:1");
+  await assert.rejects(unreachable.solve(corner), (error) => {
+    assert.ok(error instanceof UnavailableError);
+    assert.match(error.message, /ECONNREFUSED 127\.0\.0\.1:1$/);
+    return true;
+  });
 });
 
 for (const address of ["", "localhost", "localhost:0", "localhost:65536", ":50051", "unix:"]) {

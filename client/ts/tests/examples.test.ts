@@ -25,14 +25,14 @@ test("first-solve prints the solution of its problem", async () => {
   assert.match(await run("first-solve"), /^solved: objective 2,.*\nz = Float64Array\(3\)/);
 });
 
-test("progress prints a row an iteration and the answer", async () => {
+test("progress prints one row per iteration and the solution", async () => {
   const lines = (await run("progress", server.file("rocket.json"))).trim().split("\n");
   assert.match(lines[0], /^job \S+, 0 before it$/);
   assert.ok(lines.length > 10);
   assert.match(lines.at(-1) ?? "", /^solved: /);
 });
 
-test("proof prints what closes in on the optimum, and what is proved", async () => {
+test("proof prints incumbent and bound, and what is proved", async () => {
   const lines = (await run("proof", server.file("rocket.json"), "2")).trim().split("\n");
   assert.match(lines.at(-1) ?? "", /^(solved|time_limit): -?[0-9.]+, (proved optimal|not proved, bound \S+, gap \S+)$/);
 });
@@ -49,7 +49,7 @@ test("mpc follows the same closed loop as marble mpc", async () => {
   objectives.forEach((value, k) => assert.ok(Math.abs(value - expected[k]) < 1e-6 * expected[k]));
 });
 
-test("hopper ends in a picture with a leg for every step, some of them on the ground", async () => {
+test("hopper draws a leg for every step, some of them on the ground", async () => {
   const picture = server.file("hopper.svg");
   assert.match(await run("hopper", server.file("hopper.json"), picture), /^solved: /);
   const svg = readFileSync(picture, "utf8");

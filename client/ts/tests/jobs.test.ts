@@ -20,7 +20,7 @@ after(async () => {
   await server[Symbol.asyncDispose]();
 });
 
-test("a submitted job outlives its client, and its answer waits", async () => {
+test("a submitted job and its result outlive the client", async () => {
   const submitter = connect(server.address, { name: "planner" });
   const { jobId } = await submitter.jobs.submit(corner, { requestId: "tick 7" });
   submitter.close();
@@ -29,7 +29,7 @@ test("a submitted job outlives its client, and its answer waits", async () => {
   assert.deepEqual(solution.z, (await client.solve(corner)).z);
 });
 
-test("a job is told with its sizes, options and convergence", async () => {
+test("a job has its sizes, options and convergence", async () => {
   const problem = example("rocket");
   const { jobId } = await client.jobs.submit(problem, { options: { starts: 2 }, requestId: "r-1", priority: "batch" });
   const solution = await client.jobs.result(jobId, { wait: true });
@@ -64,7 +64,7 @@ test("jobs are listed newest first, by state, in pages", async () => {
   });
 });
 
-test("a cancelled job's answer is its best iterate", async () => {
+test("a cancelled job returns its best iterate", async () => {
   const { jobId } = await client.jobs.submit(long, { options: endless });
   await eventually(async () => (await client.jobs.get(jobId)).job.iterations > 0);
   await client.jobs.cancel(jobId);
@@ -73,13 +73,13 @@ test("a cancelled job's answer is its best iterate", async () => {
   assert.equal(solution.z.length, long.g.length);
 });
 
-test("a deleted job is not found any more", async () => {
+test("a deleted job does not exist", async () => {
   const { jobId } = await client.jobs.submit(long, { options: endless });
   await client.jobs.delete(jobId);
   await assert.rejects(client.jobs.result(jobId), NotFoundError);
 });
 
-test("a signal ends the waiting for an answer, not the job", async () => {
+test("a signal ends the wait for a result, not the job", async () => {
   const { jobId } = await client.jobs.submit(long, { options: endless });
   const waiting = client.jobs.result(jobId, { wait: true, signal: AbortSignal.timeout(50) });
   await assert.rejects(waiting, CancelledError);
@@ -87,7 +87,7 @@ test("a signal ends the waiting for an answer, not the job", async () => {
   await client.jobs.delete(jobId);
 });
 
-test("watching one job tells its rows until it has finished", async () => {
+test("watching one job yields its rows until it has finished", async () => {
   const { jobId } = await client.jobs.submit(long, { options: endless });
   const events: JobEvent[] = [];
   let cancelled = false;
@@ -102,7 +102,7 @@ test("watching one job tells its rows until it has finished", async () => {
   assert.equal(events.at(-1)?.job.status, "cancelled");
 });
 
-test("watching all jobs goes on until the loop is left or the signal comes", async () => {
+test("watching all jobs continues until the loop is left or the signal aborts", async () => {
   const { jobId } = await client.jobs.submit(long, { options: endless });
   const ended = new Set<string>();
   let later = "";
@@ -114,7 +114,7 @@ test("watching all jobs goes on until the loop is left or the signal comes", asy
       if (ended.has(later)) return;
     }
   })();
-  await eventually(() => watching); // what ends before that is told to nobody
+  await eventually(() => watching); // events before that are lost
   later = (await client.jobs.submit(corner)).jobId; // behind the first, on the one worker
   await client.jobs.cancel(jobId);
   await seen;
@@ -124,7 +124,7 @@ test("watching all jobs goes on until the loop is left or the signal comes", asy
   }, CancelledError);
 });
 
-test("an array answers each of its elements once, and is gone on with", async () => {
+test("an array returns each result once, and reading can be resumed", async () => {
   const g = (k: number): number[] => Array.from(corner.g, (value) => value * (k + 1));
   const elements = Array.from({ length: 50 }, (_, k) => ({ update: { g: g(k) } }));
   const { jobId, elements: count } = await client.jobs.submitArray(elements, { base: corner, name: "fifty" });
@@ -148,7 +148,7 @@ test("an array answers each of its elements once, and is gone on with", async ()
   assert.deepEqual(job.array, { elements: 50, done: 50, solved: 50, failed: 0 });
 });
 
-test("what is wrong with an array is told with its element", async () => {
+test("an error in an array names its element", async () => {
   await assert.rejects(client.jobs.submitArray([{ problem: corner }, { update: {} }]), { field: "elements[1].problem" });
   await assert.rejects(client.jobs.submitArray([{ update: { g: [1] } }], { base: corner }), { field: "elements[0].g" });
   await assert.rejects(client.jobs.array("nowhere").next(), NotFoundError);

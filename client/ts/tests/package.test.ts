@@ -8,14 +8,14 @@ import { after, before } from "node:test";
 import { Server } from "./support/server.js";
 import { test } from "./support/test.js";
 
-// The README's blocks, in their order.
+// The code blocks of the README, in order.
 const blocks = [...readFileSync("README.md", "utf8").matchAll(/^```(\w+)\n(.*?)^```$/gms)].map(([, kind, text]) => ({
   kind,
   text,
 }));
 const quickStart = blocks.slice(0, 5);
 
-// A checkout's parts that the client is made from, under the name that the README gives it, and a project beside it.
+// A copy of the checkout as the README names it, and a project beside it.
 let work: string;
 
 before(() => {
@@ -50,7 +50,7 @@ test("the README's quick start does word for word what it says", async () => {
   assert.equal(shell(run, "project", { MARBLE_SERVER: server.address }), output);
 });
 
-test("the package holds compiled code, types, README and LICENSE, and nothing else", () => {
+test("the package contains compiled code, types, README and LICENSE, and nothing else", () => {
   const [{ files, size }] = JSON.parse(packed()) as [{ files: { path: string }[]; size: number }];
   const paths = files.map((file) => file.path);
   for (const path of ["LICENSE", "README.md", "package.json", "dist/index.js", "dist/index.d.ts"]) {

@@ -20,7 +20,7 @@ after(async () => {
   await server[Symbol.asyncDispose]();
 });
 
-// (x, y): bought for 1 each, sold for 3, no more than demand; storing costs x² / 20.
+// (x, y): x units bought for 1, y sold for 3 up to the demand; storage costs x² / 20.
 const shop = {
   Q: [
     [0.1, 0],
@@ -35,14 +35,14 @@ const shop = {
 const demands = [1, 9, 3, 7, 2, 8, 4, 6];
 const worlds = { entries: [{ part: "left_offset" as const }], values: demands.map((demand) => [demand]) };
 
-test("worlds as numbers give levels and then the plan for all of them", async () => {
-  const told: ScenarioLevel[] = [];
-  const answer = await client.scenarios(shop, { firstStage: [0], worlds, onLevel: (level) => told.push(level) });
+test("scenarios as a table give levels and then the plan for all of them", async () => {
+  const levels: ScenarioLevel[] = [];
+  const answer = await client.scenarios(shop, { firstStage: [0], worlds, onLevel: (level) => levels.push(level) });
   assert.deepEqual(
-    told.map((level) => level.scenarios),
+    levels.map((level) => level.scenarios),
     [1, 2, 4, 8],
   );
-  assert.deepEqual(answer.levels, told);
+  assert.deepEqual(answer.levels, levels);
   assert.equal(answer.end, "samples");
   assert.equal(answer.solution.status, "solved");
   assert.equal(answer.x.length, 1);
@@ -53,7 +53,7 @@ test("worlds as numbers give levels and then the plan for all of them", async ()
   assert.equal(job.scenarioLevels.length, 4);
 });
 
-test("worlds that the server draws are the same for the same seed", async () => {
+test("the server draws the same scenarios for the same seed", async () => {
   const quantities = [{ location: -5, scale: 10, effects: [{ entries: worlds.entries[0]!, gains: [1] }] }];
   const draw = (seed: number) =>
     client.scenarios(shop, { firstStage: [0], worlds: { seed, quantities }, mostScenarios: 16 });
@@ -62,14 +62,14 @@ test("worlds that the server draws are the same for the same seed", async () => 
   assert.notDeepEqual(other.solution.z, one.solution.z);
 });
 
-test("a submitted one answers later, and another job has no plan", async () => {
+test("a submitted job has the plan later, a job without scenarios has none", async () => {
   const { jobId } = await client.jobs.submitScenarios(shop, { firstStage: [0], worlds });
   assert.equal((await client.jobs.scenarios(jobId, { wait: true })).scenarios, 8);
   const plain = await client.jobs.submit(corner);
   await assert.rejects(client.jobs.scenarios(plain.jobId, { wait: true }), PreconditionError);
 });
 
-test("what breaks a rule is named", async () => {
+test("invalid parts are named", async () => {
   const rejects = (controls: object, field: string) =>
     assert.rejects(client.scenarios(shop, { firstStage: [0], worlds, ...controls }), (error) => {
       assert.ok(error instanceof InvalidProblemError, String(error));

@@ -17,7 +17,7 @@ const openssl = (...words: string[]): void => {
   execFileSync("openssl", words, { stdio: "ignore" });
 };
 
-// An authority, a server's certificate for localhost, and a client's.
+// A certificate authority, a server's certificate for localhost, and a client's certificate.
 before(() => {
   directory = mkdtempSync(join(tmpdir(), "marble-ts-tls-"));
   const key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"];
@@ -63,23 +63,23 @@ test("TLS: a client that trusts the authority is served, one that does not is no
   await using server = await serve();
   const ca = file("ca.pem");
   assert.equal(await clientName(server.address, { name: "tester", tls: { ca, serverName: "localhost" } }), "tester");
-  using stranger = connect(server.address, { tls: { serverName: "localhost" } });
-  await assert.rejects(stranger.solve(corner), unavailable(/MARBLE_TLS_CA names who vouches for the server$/));
+  using untrusting = connect(server.address, { tls: { serverName: "localhost" } });
+  await assert.rejects(untrusting.solve(corner), unavailable(/MARBLE_TLS_CA must name the authority that signed the server's certificate$/));
   using misled = connect(server.address, { tls: { ca, serverName: "another.example" } });
   await assert.rejects(misled.solve(corner), UnavailableError);
   using plain = connect(server.address);
   await assert.rejects(plain.solve(corner), unavailable(/; does the server want TLS \(tls, MARBLE_TLS_CA\)/));
 });
 
-test("a server without TLS is told of to a client with it", async () => {
+test("a client with TLS reports that the server has none", async () => {
   await using server = await Server.start();
   using client = connect(server.address, { tls: true });
   await assert.rejects(client.solve(corner), unavailable(/; does the server speak without TLS\?/));
-  using nobody = connect("127.0.0.1:1");
-  await assert.rejects(nobody.solve(corner), (error) => error instanceof UnavailableError && !error.message.includes("TLS"));
+  using unreachable = connect("127.0.0.1:1");
+  await assert.rejects(unreachable.solve(corner), (error) => error instanceof UnavailableError && !error.message.includes("TLS"));
 });
 
-test("TLS: of several servers all must have the first name", async () => {
+test("TLS: the certificates of all servers must have the first name", async () => {
   await using one = await serve();
   await using other = await serve();
   const [first, second] = [one, other].map((server) => server.address.split(":")[1]);
@@ -87,11 +87,11 @@ test("TLS: of several servers all must have the first name", async () => {
   assert.equal(await clientName(`localhost:${first},127.0.0.1:${second}`, { name: "tester", tls }), "tester");
   using misled = connect(`127.0.0.1:${first},localhost:${second}`, { tls });
   await assert.rejects(misled.solve(corner), UnavailableError);
-  using told = connect(`127.0.0.1:${first},127.0.0.1:${second}`, { tls: { ...tls, serverName: "localhost" } });
-  assert.ok((await told.solve(corner)).solved);
+  using both = connect(`127.0.0.1:${first},127.0.0.1:${second}`, { tls: { ...tls, serverName: "localhost" } });
+  assert.ok((await both.solve(corner)).solved);
 });
 
-test("a client's certificate is its name", async () => {
+test("the client's certificate determines its name", async () => {
   await using server = await serve("--tls-client-ca", file("ca.pem"));
   const tls = { ca: file("ca.pem"), certificate: file("client.pem"), key: file("client.key"), serverName: "localhost" };
   assert.equal(await clientName(server.address, { name: "somebody", tls }), "cert:planner");
@@ -113,7 +113,7 @@ test("TLS and token come from the environment", async () => {
   }
 });
 
-test("a token is asked for, known, and limited to its roles", async () => {
+test("a token is required, checked, and limited to its roles", async () => {
   const [solver, observer] = [newToken("planner:solve"), newToken("page:observe")];
   await using server = await Server.start(["--tokens", "{directory}/tokens"], { tokens: solver.line + observer.line });
   assert.equal(await clientName(server.address, { token: solver.secret }), "planner");
@@ -126,7 +126,7 @@ test("a token is asked for, known, and limited to its roles", async () => {
   await refused(observer.secret, "permission_denied");
 });
 
-test("bad credentials are errors of connect, and a token stays untold", () => {
+test("connect refuses invalid credentials and never quotes a token", () => {
   writeFileSync(file("text"), "no certificate");
   const wrong: [ConnectOptions, string][] = [
     [{ tls: { ca: file("nowhere") } }, "tls.ca"],

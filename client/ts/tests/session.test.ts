@@ -31,7 +31,7 @@ after(async () => {
   await server[Symbol.asyncDispose]();
 });
 
-test("an update without changes solves the problem as it was set up", async () => {
+test("an update without changes solves the problem of the set-up", async () => {
   await using session = await client.session(corner);
   assert.match(session.jobId, /\S/);
   assert.ok(session.memoryBytes > 0 && session.idleTimeoutS > 0);
@@ -40,7 +40,7 @@ test("an update without changes solves the problem as it was set up", async () =
   assert.equal(solution.jobId, session.jobId);
 });
 
-test("an update's numbers stay: vectors, constants, values and whole matrices", async () => {
+test("the data of an update stay: vectors, constants, values and whole matrices", async () => {
   await using session = await client.session(corner);
   const once = await session.update({ g: Float64Array.of(-2, -2, -2), c0: 3 });
   assert.ok(Math.abs(once.z[2] - 1) < 1e-6);
@@ -70,7 +70,7 @@ test("a warm start needs fewer factorizations than a cold one", async () => {
   assert.ok(warm.factorizations < cold.factorizations);
 });
 
-test("a shift moves the last solution one stage on", async () => {
+test("a shift moves the last solution by one stage", async () => {
   const problem = chain(20);
   assert.deepEqual(shiftByStage(problem, 20), {
     variables: [{ first: 0, count: 60, by: 3 }],
@@ -87,7 +87,7 @@ test("a shift moves the last solution one stage on", async () => {
   assert.ok(Math.abs(solution.objective - fresh.objective) < 1e-6);
 });
 
-test("two parts give the bits of one update of both", async () => {
+test("an update in two parts has the bits of one update", async () => {
   const problem = example("hopper", "--steps", "12");
   await using whole = await client.session(problem);
   await using parts = await client.session(problem);
@@ -115,7 +115,7 @@ test("stages that do not divide the problem are refused, as in every language", 
     assert.throws(() => shiftByStage(chain(20), value), { ...wrong, bound: "must be a whole number >= 1" });
 });
 
-test("updates that were sent together are answered in their order", async () => {
+test("concurrent updates are solved in their order", async () => {
   await using session = await client.session(corner);
   const order: number[] = [];
   const updates = [0, 1, 2, 3].map(async (k) => {
@@ -128,7 +128,7 @@ test("updates that were sent together are answered in their order", async () => 
   heights.forEach((height, k) => assert.ok(Math.abs(height - 0.25 * k) < 1e-6));
 });
 
-test("a wrong update names its field, is not sent, and the session goes on", async () => {
+test("an invalid update names its field, is not sent, and the session continues", async () => {
   await using session = await client.session(corner);
   await assert.rejects(session.update({ g: [1, 2] }), { name: "InvalidProblemError", field: "g", value: "2 entries" });
   await assert.rejects(session.update({ A: [[1, 0, 0]] }), { name: "InvalidProblemError", field: "A" });
@@ -142,7 +142,7 @@ test("a wrong update names its field, is not sent, and the session goes on", asy
   assert.ok((await session.update()).solved);
 });
 
-test("an update that misses its deadline has its best point, or a DeadlineError if it never began", async () => {
+test("an update that misses its deadline returns its best point, or a DeadlineError if it did not begin", async () => {
   await using session = await client.session(long, { options: endless });
   const late = session.update({}, { deadlineMs: 500 });
   const waits = session.update({}, { deadlineMs: 1 });
@@ -152,11 +152,11 @@ test("an update that misses its deadline has its best point, or a DeadlineError 
   assert.equal(solution.status, "iteration_limit");
 });
 
-test("with latestOnly an update that waits gives way to the next", async () => {
+test("with latestOnly a waiting update is replaced by the next", async () => {
   await using own = await Server.start(["--workers", "1"]);
   using planner = connect(own.address);
   await using session = await planner.session(corner, { latestOnly: true });
-  const { jobId } = await planner.jobs.submit(long, { options: endless, priority: "realtime" }); // steps aside for nobody
+  const { jobId } = await planner.jobs.submit(long, { options: endless, priority: "realtime" }); // is not preempted
   await eventually(async () => (await planner.info()).counters.running === 1);
   const updates = [1, 2, 3, 4].map((c0) => session.update({ c0 })); // the first waits for the worker, the second for the first
   await assert.rejects(updates[1], SupersededError);
@@ -165,7 +165,7 @@ test("with latestOnly an update that waits gives way to the next", async () => {
   assert.ok((await updates[0]).solved && (await updates[3]).solved);
 });
 
-test("progress is told with the number of its update", async () => {
+test("progress has the number of its update", async () => {
   const sequences: number[] = [];
   await using session = await client.session(corner, { onProgress: (_, sequence) => sequences.push(sequence) });
   await session.update();
@@ -173,7 +173,7 @@ test("progress is told with the number of its update", async () => {
   assert.deepEqual([...new Set(sequences)], [1, 2]);
 });
 
-test("close answers what is under way, and later updates are refused", async () => {
+test("close finishes sent updates, and later updates are refused", async () => {
   const session = await client.session(corner);
   const answers = [session.update(), session.update({ c0: 1 })];
   await session.close();
@@ -183,7 +183,7 @@ test("close answers what is under way, and later updates are refused", async () 
   await eventually(async () => (await client.info()).counters.sessions === 0);
 });
 
-test("an abort signal gives the whole session up", async () => {
+test("an abort signal cancels the whole session", async () => {
   const controller = new AbortController();
   const session = await client.session(long, { options: endless, signal: controller.signal });
   const answer = session.update();
@@ -193,7 +193,7 @@ test("an abort signal gives the whole session up", async () => {
   await eventually(async () => (await client.info()).counters.sessions === 0);
 });
 
-test("a set-up that breaks a rule of the server's rejects", async () => {
+test("a set-up that the server refuses rejects", async () => {
   await assert.rejects(client.session(corner, { options: { rhoMax: 0 } }), {
     name: "InvalidProblemError",
     field: "options.rhoMax",
@@ -209,7 +209,7 @@ test("a session that is idle for too long ends with AbortedError", async () => {
   await assert.rejects(session.update(), AbortedError);
 });
 
-test("a session whose server is gone ends with UnavailableError; a new one is open after its restart", async () => {
+test("a session whose server is lost ends with UnavailableError; a new one opens after the restart", async () => {
   await using own = await Server.start();
   using planner = connect(own.address);
   const session = await planner.session(long, { options: endless });

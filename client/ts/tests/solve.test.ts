@@ -85,7 +85,7 @@ for (const name of ["hopper", "rocket"]) {
   });
 }
 
-test("a solve that ends unsolved is an answer with its best iterate", async () => {
+test("a solve that ends unsolved returns its best iterate", async () => {
   const solution = await client.solve(example("hopper"), { options: { maxIterations: 3 } });
   assert.equal(solution.status, "iteration_limit");
   assert.equal(solution.solved, false);
@@ -94,7 +94,7 @@ test("a solve that ends unsolved is an answer with its best iterate", async () =
   assert.equal(solution.options.maxIterations, 3);
 });
 
-test("an infeasible problem is an answer with its proof", async () => {
+test("an infeasible problem returns its certificate", async () => {
   const solution = await client.solve({ g: [0], C: [[1], [-1]], d: [-2, 1] });
   assert.equal(solution.status, "infeasible");
   assert.equal(solution.certificate.length, 2);
@@ -104,7 +104,7 @@ test("an infeasible problem is an answer with its proof", async () => {
 const explain = { options: { explain: true } };
 
 test("option explain names the rows that conflict and leaves out the others", async () => {
-  // z0 ≥ 2 and z0 ≤ 1, between two rows that both can be met.
+  // z0 ≥ 2 and z0 ≤ 1, between two feasible rows.
   const rows = { C: [[0, 1], [1, 0], [0, -1], [-1, 0]], d: [3, -2, 4, 1] };
   const { status, conflict, factorizations } = await client.solve({ g: [0, 0], ...rows }, explain);
   assert.equal(status, "infeasible");
@@ -119,8 +119,8 @@ test("option explain names the rows that conflict and leaves out the others", as
   assert.ok(conflict.factorizations <= factorizations);
 });
 
-test("a conflict has the pairs without which there would be a point", async () => {
-  // Pair 1 wants z1 z2 = 0, the equalities z1 = z2 = 1; pair 0 can be met.
+test("a conflict contains the pairs that make the problem infeasible", async () => {
+  // Pair 1 requires z1 z2 = 0, the equalities z1 = z2 = 1; pair 0 is feasible.
   const pairs = { L: [[1, 0, 0], [0, 1, 0]], l: [0, 0], R: [[1, 0, 0], [0, 0, 1]], r: [0, 0] };
   const rows = { A: [[0, 1, 0], [0, 0, 1]], b: [-1, -1] };
   const { conflict } = await client.solve({ g: [0, 0, 0], ...rows, ...pairs }, explain);
@@ -131,7 +131,7 @@ test("a conflict has the pairs without which there would be a point", async () =
   assert.equal(conflict.minimal, true);
 });
 
-test("without a proof of infeasibility option explain has no conflict", async () => {
+test("without proved infeasibility option explain returns no conflict", async () => {
   const solution = await client.solve(corner, explain);
   assert.equal(solution.status, "solved");
   assert.equal(solution.conflict, undefined);
@@ -147,7 +147,7 @@ test("progress is called for every iteration, in order", async () => {
   assert.deepEqual(solution.z, (await client.solve(problem)).z);
 });
 
-test("what onProgress throws ends the call and reaches the caller", async () => {
+test("an error thrown by onProgress cancels the call and reaches the caller", async () => {
   const thrown = new Error("enough");
   const solving = client.solve(long, {
     options: endless,
@@ -159,7 +159,7 @@ test("what onProgress throws ends the call and reaches the caller", async () => 
   await eventually(async () => (await client.info()).counters.running === 0);
 });
 
-test("a stream tells accepted, started, progress and result, in this order", async () => {
+test("a stream yields accepted, started, progress and result, in this order", async () => {
   const events: SolveEvent[] = [];
   for await (const event of client.solveStream(corner)) events.push(event);
   const types = events.map((event) => event.type).filter((type, k, all) => type !== all[k - 1]);
@@ -185,7 +185,7 @@ test("an abort signal rejects with CancelledError and frees the worker", async (
   await eventually(async () => (await client.info()).counters.running === 0);
 });
 
-test("a signal that was aborted before sends nothing", async () => {
+test("with an aborted signal nothing is sent", async () => {
   const { counters } = await client.info();
   await assert.rejects(client.solve(corner, { signal: AbortSignal.abort() }), CancelledError);
   await assert.rejects(async () => {
@@ -199,14 +199,14 @@ test("a deadline ends the call with DeadlineError and frees the worker", async (
   await eventually(async () => (await client.info()).counters.running === 0);
 });
 
-test("a client's own deadline holds for calls without one", async () => {
+test("the client's deadline applies to calls without one", async () => {
   using impatient = connect(server.address, { deadlineMs: 200 });
   await assert.rejects(impatient.solve(long, { options: endless }), DeadlineError);
   const solution = await impatient.solve(long, { options: { ...endless, timeLimitS: 0.4 }, deadlineMs: 60_000 });
   assert.equal(solution.status, "time_limit");
 });
 
-test("arrays may change once a call has taken them", async () => {
+test("arrays may change after the call", async () => {
   const problem = chain(40);
   const expected = await client.solve(problem);
   const solving = client.solve(problem);
@@ -214,7 +214,7 @@ test("arrays may change once a call has taken them", async () => {
   assert.deepEqual((await solving).z, expected.z);
 });
 
-test("an initial point is started from, and the problem's x0 if there is none", async () => {
+test("a solve starts from the initial point, or from the problem's x0 without one", async () => {
   const options = { maxIterations: 0 };
   const start = [0.25, 0, 1];
   const given = await client.solve(corner, { options, initialPoint: start });
@@ -223,7 +223,7 @@ test("an initial point is started from, and the problem's x0 if there is none", 
   assert.notDeepEqual(given.z, (await client.solve(corner, { options })).z);
 });
 
-test("an answer is started from, and one that does not fit is refused by its name", async () => {
+test("a solve starts from a solution, and one of another size is refused by its name", async () => {
   const first = await client.solve(corner);
   const again = await client.solve(corner, { warmStart: first });
   assert.equal(again.factorizations, 1);
@@ -232,14 +232,14 @@ test("an answer is started from, and one that does not fit is refused by its nam
   await assert.rejects(client.solve(other, { warmStart: first }), { field: "warmStart.z" });
 });
 
-test("a solution reads well as text and in the console", async () => {
+test("a solution is readable as text and in the console", async () => {
   const solution = await client.solve(corner);
   assert.match(String(solution), /^solved: objective 2, \d+ iterations, \d+ factorizations, \S+ ms, violation \S+, 1 node; proved optimal$/);
   assert.match(inspect(solution), /^Solution solved: .*Float64Array\(3\)/s);
   assert.match(inspect(await client.solve(long, { options: { ...endless, maxIterations: 1 } })), /5994 more items/);
 });
 
-test("the server tells its version, limits and options", async () => {
+test("info returns version, limits and options of the server", async () => {
   const info = await client.info();
   assert.match(info.version, /^\d+\.\d+\.\d+/);
   assert.equal(info.workers, 1);

@@ -3,15 +3,27 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <iterator>
+#include <cstring>
+#include <string_view>
 
 #include "model/tolerances.h"
 
 namespace marble {
 namespace {
 
-constexpr const char* kSpent =
-    "The search for better branches has spent local_search_budget: a larger one lets it go on. ";
+struct Texts {
+  const char *name, *text, *advice;
+};
+
+constexpr Texts kKinds[] = {
+#define MARBLE_KIND(name, text, advice, means) {#name, text, advice},
+#include "marble/contract.def"
+};
+
+namespace phrase {
+#define MARBLE_PHRASE(name, text) constexpr const char* name = text;
+#include "marble/contract.def"
+}  // namespace phrase
 
 std::string fixed(double value, int digits) {
   char text[48];
@@ -28,48 +40,45 @@ std::string distance(const SolutionFacts& s) {
   return fixed(std::max(1.0, std::ceil(100.0 * percent)) / 100.0, 2) + " %";
 }
 
-std::string bound_text(const SolutionFacts& s) {
-  return std::isfinite(s.gap) ? "at most " + distance(s) + " from the optimum" : "no bound is known";
+std::string counted(std::int64_t count, const char* what) {
+  return std::to_string(count) + ' ' + what + (count == 1 ? "" : "s");
 }
 
-std::string stationary_text(const SolutionFacts& s) {
-  std::string text = "stationary point only: ";
-  if (s.b_stationary == false) {
-    text += "the objective falls along another branch";
-  } else if (s.b_stationary == true || s.pairs == 0) {
-    text += "its curvature was not decided";
-  } else {
-    text += "a better branch may lie next to it";
+// What a text has in braces.
+std::string part(std::string_view name, const SolutionFacts& s) {
+  const bool bounded = std::isfinite(s.gap);
+  if (name == "within") return bounded && s.gap > Options().gap_tolerance ? phrase::within : "";
+  if (name == "optimum" && s.pairs == 0 && !bounded) return phrase::optimum_if_convex;
+  if (name == "optimum" || name == "bound") return bounded ? phrase::bounded : phrase::not_bounded;
+  if (name == "reason" && s.b_stationary == false) return phrase::another_branch;
+  if (name == "reason")
+    return s.b_stationary == true || s.pairs == 0 ? phrase::curvature : phrase::next_branch;
+  if (name == "condition") return s.pairs == 0 ? phrase::if_not_convex : "";
+  if (name == "budget") return s.budget_spent ? phrase::budget_spent : "";
+  if (name == "starts") return s.starts > 1 ? phrase::more_starts : phrase::first_starts;
+  if (name == "proof" && s.global_search) return phrase::proof_ended;
+  if (name == "proof") return s.pairs == 0 ? "" : phrase::try_global;
+  if (name == "more") return std::to_string(2 * std::int64_t{s.starts});
+  if (name == "factorizations") return counted(s.factorizations, "factorization");
+  if (name == "pairs") return counted(s.pairs, "pair");
+  return name == "distance" ? distance(s) : advice(s.status);
+}
+
+std::string filled(std::string_view text, const SolutionFacts& s) {
+  std::string out;
+  for (auto open = text.find('{'); open != text.npos; open = text.find('{')) {
+    const auto close = text.find('}', open);
+    out.append(text.substr(0, open)).append(filled(part(text.substr(open + 1, close - open - 1), s), s));
+    text.remove_prefix(close + 1);
   }
-  return text + "; " + bound_text(s);
+  return out.append(text);
 }
 
-std::string starts_advice(const SolutionFacts& s) {
-  const std::string this_solve = " (this solve: " + std::to_string(s.factorizations) +
-                                 (s.factorizations == 1 ? " factorization)." : " factorizations).");
-  if (s.starts <= 1) return "starts=8 searches 8 times, for about 8 times the work" + this_solve;
-  return "starts=" + std::to_string(2 * std::int64_t{s.starts}) +
-         " searches twice as often, for about twice the work" + this_solve;
-}
-
-std::string global_advice(const SolutionFacts& s) {
-  if (s.global_search) return " The proof did not come to its end: detail says why.";
-  if (s.pairs == 0) return "";
-  return " global=true searches the branches of the " + std::to_string(s.pairs) +
-         (s.pairs == 1 ? " pair" : " pairs") +
-         " for the best one and proves it; that may take much longer, and time_limit_s ends it with a bound.";
-}
+const Texts& texts_of(SolutionKind kind) { return kKinds[static_cast<std::size_t>(kind)]; }
 
 }  // namespace
 
-const char* to_string(SolutionKind kind) {
-  constexpr const char* kNames[] = {
-      "proved_optimal",   "optimal",          "local_minimum",      "stationary_point",
-      "saddle_point",     "almost_solved",    "proved_infeasible",  "no_feasible_point",
-      "proved_unbounded", "stopped_feasible", "stopped_infeasible", "failed"};
-  static_assert(std::size(kNames) == static_cast<std::size_t>(SolutionKind::failed) + 1);
-  return kNames[static_cast<std::size_t>(kind)];
-}
+const char* to_string(SolutionKind kind) { return texts_of(kind).name; }
 
 SolutionFacts facts_of(const Solution& s, const Options& options) {
   return {.status = s.status,
@@ -116,54 +125,13 @@ SolutionKind kind_of(const SolutionFacts& s) {
 }
 
 std::string kind_text(const SolutionFacts& s) {
-  switch (kind_of(s)) {
-    case SolutionKind::proved_optimal:
-      return s.gap > Options().gap_tolerance && std::isfinite(s.gap)
-                 ? "proved optimal to within " + distance(s)
-                 : "proved optimal";
-    case SolutionKind::optimal:
-      return "optimal: Q is convex, and there are no pairs";
-    case SolutionKind::local_minimum: {
-      const std::string minimum = s.maximize ? "local maximum; " : "local minimum; ";
-      const bool is_qp = s.pairs == 0 && !std::isfinite(s.gap);
-      return minimum + (is_qp ? "the optimum where Q is convex" : bound_text(s));
-    }
-    case SolutionKind::stationary_point:
-      return stationary_text(s);
-    case SolutionKind::saddle_point:
-      return "saddle point: the objective falls along a direction of negative curvature";
-    case SolutionKind::almost_solved:
-      return "almost solved: the tolerances are met up to a factor of 100 only";
-    case SolutionKind::proved_infeasible:
-      return "proved infeasible: no point meets the constraints";
-    case SolutionKind::no_feasible_point:
-      return "no feasible point found; infeasibility is not proved";
-    case SolutionKind::proved_unbounded:
-      return "proved unbounded: the objective falls without end";
-    case SolutionKind::stopped_feasible:
-      return "stopped at a feasible point; " + bound_text(s);
-    case SolutionKind::stopped_infeasible:
-      return "stopped before a feasible point was found";
-    case SolutionKind::failed:
-      break;
-  }
-  return "failed: no acceptable step was found";
+  const SolutionKind kind = kind_of(s);
+  std::string text = filled(texts_of(kind).text, s);
+  if (s.maximize && kind == SolutionKind::local_minimum)
+    text.replace(0, std::strlen("local minimum"), "local maximum");
+  return text;
 }
 
-std::string what_to_try(const SolutionFacts& s) {
-  switch (kind_of(s)) {
-    case SolutionKind::proved_optimal:
-    case SolutionKind::optimal:
-      return "";
-    case SolutionKind::local_minimum:
-      return (s.pairs == 0 ? "Where Q is not convex: " : "") + starts_advice(s) + global_advice(s);
-    case SolutionKind::stationary_point:
-      return std::string(s.budget_spent ? kSpent : "") + starts_advice(s) + global_advice(s);
-    case SolutionKind::saddle_point:
-      return "Raise local_search_budget or time_limit_s: the descent from the saddle point was cut short.";
-    default:
-      return advice(s.status);
-  }
-}
+std::string what_to_try(const SolutionFacts& s) { return filled(texts_of(kind_of(s)).advice, s); }
 
 }  // namespace marble

@@ -1,9 +1,9 @@
 // Small helpers to build and fill elements.
 
-/** Text of others without the characters that steer how it is shown, such as those that set the direction of writing. */
+/** Replaces control characters in untrusted text, such as those that change the direction of writing. */
 export const plain = (text) => String(text).replace(/(?!\n)[\p{Cc}\p{Cf}\p{Zl}\p{Zp}]/gu, "?");
 
-/** A new element. `attributes` are set as they are; null and false ones are left out. Children: elements or text. */
+/** A new element. Attributes that are null or false are omitted. Children: elements or text. */
 export function make(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
@@ -16,7 +16,7 @@ export function make(tag, attributes = {}, ...children) {
   return element;
 }
 
-/** Sets text only where it changed: an unchanged node costs no layout. */
+/** Sets the text if it has changed, because unchanged nodes need no layout. */
 export function fill(element, text) {
   const shown = plain(text);
   if (element.textContent !== shown) element.textContent = shown;
@@ -24,23 +24,23 @@ export function fill(element, text) {
 
 export const byId = (id) => document.getElementById(id);
 
-/** A colour or length of the style sheet, as it is in the present theme. */
+/** A colour or length of the style sheet in the current theme. */
 export const styleValue = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-/** Calls `draw` once a frame at most, however often it is asked. */
+/** A function that calls `draw` at most once a frame. */
 export function onceAFrame(draw) {
-  let asked = 0;
-  const ask = () => {
-    if (asked === 0) {
-      asked = requestAnimationFrame(() => {
-        asked = 0;
+  let frame = 0;
+  const request = () => {
+    if (frame === 0) {
+      frame = requestAnimationFrame(() => {
+        frame = 0;
         draw();
       });
     }
   };
-  ask.cancel = () => {
-    cancelAnimationFrame(asked);
-    asked = 0;
+  request.cancel = () => {
+    cancelAnimationFrame(frame);
+    frame = 0;
   };
-  return ask;
+  return request;
 }

@@ -1,4 +1,4 @@
-// Numbers as people read them.
+// Formatting of numbers.
 
 const NONE = "–";
 
@@ -24,7 +24,7 @@ function longDuration(seconds) {
   return `${Math.floor(hours / 24)} d ${hours % 24} h`;
 }
 
-/** How long ago, roughly. */
+/** An approximate age. */
 export function age(seconds) {
   if (!Number.isFinite(seconds)) return NONE;
   if (seconds < 1) return "now";
@@ -45,7 +45,7 @@ export function bytes(count) {
   return `${unit === 0 ? count : three(count)} ${units[unit]}`;
 }
 
-/** A whole number, its thousands set apart by narrow spaces. */
+/** A whole number with narrow spaces between thousands. */
 export function whole(count) {
   if (!Number.isFinite(count)) return NONE;
   const digits = String(Math.round(count));
@@ -61,10 +61,10 @@ export function ordinal(number) {
 /** "1 job", "2 jobs". */
 export const jobs = (count) => `${whole(count)} ${count === 1 ? "job" : "jobs"}`;
 
-/** A rate a second. */
+/** A rate per second. */
 export const rate = (value) => (!Number.isFinite(value) ? NONE : value === 0 ? "0" : value < 0.095 ? value.toFixed(2) : three(value));
 
-/** A share in [0, 1]. */
+/** A fraction in [0, 1]. */
 export function percent(share) {
   if (!Number.isFinite(share)) return NONE;
   const value = 100 * share;
@@ -84,14 +84,14 @@ export function gapText(gap) {
   return gap < 1e-4 ? residual(gap) : `${Number((100 * gap).toPrecision(2))} %`;
 }
 
-/** A large count in few characters: "1204", "12.3k", "1.2M". */
+/** A short form of a large count: "1204", "12.3k", "1.2M". */
 export function brief(count) {
   if (!Number.isFinite(count)) return NONE;
   if (count < 9999.5) return String(Math.round(count));
   return count < 999500 ? `${three(count / 1e3)}k` : `${three(count / 1e6)}M`;
 }
 
-/** Any real number at reading precision. */
+/** A real number with a readable number of digits. */
 export function real(value) {
   if (!Number.isFinite(value)) return String(value);
   if (value === 0) return "0";

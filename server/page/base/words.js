@@ -1,6 +1,6 @@
-// The contract's words as the page shows them; what they mean is in tables.js.
+// How the page shows states and errors.
 
-import { ERRORS, STATUSES } from "./tables.js";
+import { errorNames, errors, statuses } from "../shared/tables.js";
 
 /** "STATUS_TIME_LIMIT" and "STATUS_" → "time_limit"; "" for the unspecified one. */
 export function short(name, prefix) {
@@ -9,20 +9,21 @@ export function short(name, prefix) {
 }
 
 export function errorWords(code) {
-  return ERRORS[code] ?? { name: `code_${code}`, means: "The job ended in an error.", advice: "" };
+  const name = errorNames[code];
+  return { name: name ?? `code_${code}`, ...(errors[name] ?? { means: "The job ended in an error.", advice: "" }) };
 }
 
 export const STATES = {
-  running: "A worker has it.",
+  running: "A worker is processing it.",
   queued: "It waits for a worker.",
-  idle: "A session between updates: it holds no worker.",
+  idle: "A session between updates. It occupies no worker.",
   finished: "It has finished.",
 };
 
-// A sign for each, so that nothing is told by colour alone.
+// A sign for each, so that colour is not the only difference.
 const SIGNS = { good: "✓", soft: "◐", bad: "✕", running: "▶", queued: "…", idle: "‖", quiet: "–" };
 
-/** What stands in the column "status" of a job: its state until it has finished, then how it ended. */
+/** The status column of a job: its state until it has finished, then its status. */
 export function outcome(job) {
   if (job.state !== "finished") return { word: job.state, tone: job.state, sign: SIGNS[job.state] ?? SIGNS.quiet };
   if (job.error) {
@@ -30,6 +31,6 @@ export function outcome(job) {
     const tone = name === "cancelled" ? "soft" : "bad";
     return { word: name, tone, sign: SIGNS[tone] };
   }
-  const tone = STATUSES[job.status]?.tone ?? "quiet";
+  const tone = statuses[job.status]?.tone ?? "quiet";
   return { word: job.status || "ended", tone, sign: SIGNS[tone] };
 }

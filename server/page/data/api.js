@@ -1,8 +1,8 @@
-// The server's HTTP API: JSON, errors as values of one class, events as an async sequence.
+// The server's HTTP API: JSON, errors as ApiError, events as an async iterator.
 
 const TOKEN_KEY = "marble-token";
 
-/** What the server answered instead of what was asked. `error` has code, field, index, value, bound, message. */
+/** An error of the server. `error` has code, field, index, value, bound, message. */
 export class ApiError extends Error {
   constructor(status, error) {
     super(error.message || `the server answered ${status}`);

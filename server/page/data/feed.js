@@ -1,11 +1,11 @@
-// A stream of events that comes back by itself: after a break, a silence or a server's restart.
+// A stream of events that reconnects after a lost connection, a timeout or a restart of the server.
 
 const FIRST_RETRY_S = 0.5;
 const LAST_RETRY_S = 15;
 
 /**
- * `on` holds what to do: event(name, data), phase({phase, retryAt, reason, lastFresh}), refused(ApiError) → true to go on.
- * Phases: connecting, live, retrying, stopped. `silence_s`: a stream that says nothing for so long counts as dead.
+ * Callbacks in `on`: event(name, data), phase({phase, retryAt, reason, lastFresh}), refused(ApiError) → true to retry.
+ * Phases: connecting, live, retrying, stopped. `silence_s`: a stream without data for this time counts as lost.
  */
 export class Feed {
   #abort = null;
@@ -27,7 +27,7 @@ export class Feed {
     this.#abort?.abort();
     this.#wake?.();
   }
-  /** Connects at once instead of waiting on. */
+  /** Connects at once. */
   retryNow() {
     this.#wake?.();
   }
@@ -38,12 +38,12 @@ export class Feed {
       if (this.#stopped || reason === null) break;
       await this.#pause(reason);
     }
-    this.#tell("stopped");
+    this.#report("stopped");
   }
 
-  // Reads until the end; why it ended, or null if it shall not be tried again.
+  // Reads until the end. Returns the reason for a retry, or null if there must be none.
   async #connect() {
-    this.#tell("connecting");
+    this.#report("connecting");
     this.#abort = new AbortController();
     let timer = 0;
     const listen = () => {
@@ -57,7 +57,7 @@ export class Feed {
         listen();
         this.#retries = 0;
         this.#lastFresh = Date.now();
-        this.#tell("live");
+        this.#report("live");
         if (data !== null) this.on.event(name, data);
         if (name === "end") return null;
       }
@@ -74,7 +74,7 @@ export class Feed {
   async #pause(reason) {
     const wait_s = Math.min(LAST_RETRY_S, FIRST_RETRY_S * 2 ** this.#retries);
     ++this.#retries;
-    this.#tell("retrying", { reason, retryAt: Date.now() + 1000 * wait_s });
+    this.#report("retrying", { reason, retryAt: Date.now() + 1000 * wait_s });
     await new Promise((resolve) => {
       const timer = setTimeout(resolve, 1000 * wait_s);
       this.#wake = () => {
@@ -85,7 +85,7 @@ export class Feed {
     this.#wake = null;
   }
 
-  #tell(phase, more = {}) {
+  #report(phase, more = {}) {
     this.on.phase?.({ phase, lastFresh: this.#lastFresh, ...more });
   }
 }

@@ -1,16 +1,13 @@
-// The server's counters over the last minutes, in rings of fixed size: what the server kept before this page was opened,
-// and what its stream told since.
-
-import { number } from "./store.js";
+// The server's counters over the last minutes, in ring buffers: from the server's history and from the stream.
 
 export const SPAN_S = 300;
-const POINTS = 640; // SPAN_S at two a second, and some
+const POINTS = 640; // SPAN_S with two per second, and some more
 const RATE_WINDOW_S = 5;
 const COLUMNS = ["time", "queued", "done", "busy_s", "cpu_s", "running", "p50_s", "p99_s"];
 
 /** Counters as numbers. */
 export function toCounters(message) {
-  const of = (value) => (value === null ? NaN : number(value)); // null: nothing was answered
+  const of = (value) => (value === null ? NaN : Number(value)); // null: no job has finished
   const counters = Object.fromEntries(Object.entries(message ?? {}).map(([name, value]) => [name, of(value)]));
   counters.done = (counters.answered_total ?? 0) + (counters.updates_total ?? 0);
   return counters;
@@ -24,17 +21,17 @@ export class History {
     this.#count = 0;
   }
 
-  /** `time` in seconds; what is not later than the newest point is left out. */
+  /** Adds counters at `time` in seconds, unless the newest point is as late. */
   put(time, counters) {
     this.#add({ time, queued: counters.queued, done: counters.done, busy_s: counters.busy_s_total, cpu_s: counters.cpu_s_total,
                 running: counters.running, p50_s: counters.p50_s, p99_s: counters.p99_s });
   }
-  /** What the server kept, in columns, before what this page has heard since. */
+  /** Puts the columns of the server's history before the points of this page. */
   replace({ time_s: time = [], ...columns }) {
-    const heard = Array.from({ length: this.length }, (_, index) => Object.fromEntries(COLUMNS.map((name) => [name, this.value(name, index)])));
+    const own = Array.from({ length: this.length }, (_, index) => Object.fromEntries(COLUMNS.map((name) => [name, this.value(name, index)])));
     this.clear();
     time.forEach((at, index) => this.#add({ ...Object.fromEntries(COLUMNS.map((name) => [name, columns[name]?.[index] ?? NaN])), time: at }));
-    for (const point of heard) this.#add(point);
+    for (const point of own) this.#add(point);
   }
 
   #add(point) {
@@ -43,7 +40,7 @@ export class History {
     for (const name of COLUMNS) this.#columns[name][at] = point[name] ?? NaN;
   }
 
-  /** Points kept; 0 is the oldest. */
+  /** The number of points; 0 is the oldest. */
   get length() {
     return Math.min(this.#count, POINTS);
   }
@@ -58,7 +55,7 @@ export class History {
     return index;
   }
 
-  /** What a counter grew a second over the last seconds before a point; NaN where that is not known. */
+  /** The growth of a counter per second, over the last seconds before a point; NaN if unknown. */
   growth(name, index = this.length - 1, window_s = RATE_WINDOW_S) {
     if (index < 1) return NaN;
     const first = this.#before(index, window_s);

@@ -1,101 +1,81 @@
-// What the page knows of the server's jobs: bounded by what the server keeps, and by MOST_JOBS.
+// The jobs of the server: as many as it keeps, at most MAX_JOBS.
 
 import { short } from "../base/words.js";
 
-export const MOST_JOBS = 20000;
+export const MAX_JOBS = 20000;
 const SPARK_POINTS = 40;
 
-/** A number of protobuf's JSON: 64-bit ones and NaN come as strings. */
-export const number = (value) => (value === undefined || value === null ? 0 : Number(value));
+const VIOLATIONS = /** @type {const} */ (["equality", "inequality", "complementarity"]);
+const TIMES = /** @type {const} */ (["queue_s", "setup_s", "factorization_s", "line_search_s", "polish_s", "tree_s", "solve_s", "total_s"]);
+const JOB_NUMBERS = /** @type {const} */ (["variables", "equalities", "inequalities", "pairs", "accepted_unix_s", "finished_unix_s", "queue_position",
+  "estimated_wait_s", "iterations", "factorizations", "objective", "updates", "memory_bytes", "result_bytes"]);
+const JOB_TEXTS = /** @type {const} */ (["job_id", "client", "request_id", "problem_name", "detail", "trace_id"]);
+const ROW_NUMBERS = /** @type {const} */ (["iteration", "objective", "kkt_residual", "kappa", "rho", "step_length", "regularization", "factorizations", "elapsed_s"]);
 
-const known = (value) => (value === undefined || value === null ? NaN : Number(value));
+/**
+ * These fields of a message as numbers. protobuf's JSON leaves out zeros, and has 64-bit numbers and NaN as strings.
+ * @template {string} Name @param {any} message @param {readonly Name[]} fields @returns {Record<Name, number>}
+ */
+export function numbers(message, fields, absent = 0) {
+  return Object.assign({}, ...fields.map((field) => ({ [field]: Number(message?.[field] ?? absent) })));
+}
 
-/** What a JobInfo or a row tells of the tree of option global; NaN where it is not known. */
-export const toTree = (message) => ({
-  incumbent: known(message.incumbent),
-  bound: known(message.bound),
-  gap: known(message.gap),
-  nodes: number(message.nodes),
-  openNodes: number(message.open_nodes),
-});
+/** @template {string} Name @param {any} message @param {readonly Name[]} fields @returns {Record<Name, string>} */
+function texts(message, fields) {
+  return Object.assign({}, ...fields.map((field) => ({ [field]: message[field] ?? "" })));
+}
 
-/** A JobInfo as one flat record; what a table shows and sorts by. */
+// The tree of option global; NaN where a number is unknown.
+const toTree = (message) => ({ ...numbers(message, ["incumbent", "bound", "gap"], NaN), ...numbers(message, ["nodes", "open_nodes"]) });
+
+/** A row of progress as one flat record, with the names of the message. */
+export const toRow = (message) => ({ ...numbers(message, ROW_NUMBERS), ...numbers(message.violations, VIOLATIONS), ...toTree(message) });
+
+/** A JobInfo as one flat record, with the names of the message; enumerations are words without their prefix. */
 export function toJob(info) {
-  const violations = info.violations ?? {};
   return {
-    id: info.job_id,
+    ...numbers(info, JOB_NUMBERS),
+    ...texts(info, JOB_TEXTS),
+    ...numbers(info.violations, VIOLATIONS),
+    ...toTree(info),
     kind: short(info.kind, "JOB_KIND_"),
     state: short(info.state, "JOB_STATE_"),
     priority: short(info.priority, "PRIORITY_"),
-    client: info.client ?? "",
-    requestId: info.request_id ?? "",
-    name: info.problem_name ?? "",
-    n: number(info.variables),
-    ne: number(info.equalities),
-    ni: number(info.inequalities),
-    nc: number(info.pairs),
-    accepted: number(info.accepted_unix_s),
-    finished: number(info.finished_unix_s),
-    position: number(info.queue_position),
-    wait_s: number(info.estimated_wait_s),
     status: short(info.status, "STATUS_"),
-    error: info.error && number(info.error.code) !== 0 ? info.error : null,
-    iterations: number(info.iterations),
-    factorizations: number(info.factorizations),
-    objective: number(info.objective),
-    equality: number(violations.equality),
-    inequality: number(violations.inequality),
-    complementarity: number(violations.complementarity),
-    ...toTree(info),
+    error: Number(info.error?.code ?? 0) !== 0 ? info.error : null,
     proved: info.proved === true,
-    levels: (info.scenario_levels ?? []).map(toLevel),
-    times: toTimes(info.times ?? {}),
-    updates: number(info.updates),
-    memory: number(info.memory_bytes),
-    resultBytes: number(info.result_bytes),
-    activity: info.activity?.text ?? "",
-    done: number(info.activity?.done),
-    of: number(info.activity?.total),
-    detail: info.detail ?? "",
-    traceId: info.trace_id ?? "",
-    told: performance.now(),
+    times: numbers(info.times, TIMES),
+    scenario_levels: (info.scenario_levels ?? []).map(toLevel),
+    activity: { text: info.activity?.text ?? "", ...numbers(info.activity, ["done", "total"]) },
+    received: performance.now(),
     spark: null,
   };
 }
 
-/** A level of a scenario solve. */
-function toLevel({ scenarios, status, objective, factorizations, seconds: took, fresh }) {
+function toLevel(level) {
   return {
-    scenarios: number(scenarios),
-    status: short(status, "STATUS_"),
-    objective: number(objective),
-    factorizations: number(factorizations),
-    seconds: number(took),
-    fresh: fresh ? { scenarios: number(fresh.scenarios), without: number(fresh.without_recourse), mean: number(fresh.mean), half: number(fresh.half_width) } : null,
+    ...numbers(level, ["scenarios", "objective", "factorizations", "seconds"]),
+    status: short(level.status, "STATUS_"),
+    fresh: level.fresh ? numbers(level.fresh, ["scenarios", "without_recourse", "mean", "half_width"]) : null,
   };
-}
-
-function toTimes(times) {
-  const parts = ["queue", "setup", "factorization", "line_search", "polish", "tree", "solve", "total"];
-  return Object.fromEntries(parts.map((part) => [part, number(times[`${part}_s`])]));
 }
 
 export const violation = (job) => Math.max(job.equality, job.inequality, job.complementarity);
 
-/** Seconds since it came; of what runs or waits they go on between two messages. */
+/** Seconds since the job's acceptance; they advance between two messages while it runs or waits. */
 export function seconds(job) {
   const ages = (job.state === "running" || job.state === "queued") && job.kind !== "session";
-  return job.times.total + (ages ? (performance.now() - job.told) / 1000 : 0);
+  return job.times.total_s + (ages ? (performance.now() - job.received) / 1000 : 0);
 }
 
-/** All jobs by id. What has finished is forgotten oldest first, as the server does. */
+/** All jobs by id. Finished jobs are removed oldest first, as on the server. */
 export class Store {
   #jobs = new Map();
-  #finished = []; // ids in the order of finishing; those before #head are forgotten
+  #finished = []; // ids in the order of finishing; those before #head are removed
   #head = 0;
-  #most = MOST_JOBS;
+  #max = MAX_JOBS;
 
-  /** Grows with every change of any job. */
+  /** Increases with every change. */
   version = 0;
 
   get size() {
@@ -107,9 +87,9 @@ export class Store {
   all() {
     return this.#jobs.values();
   }
-  /** How many finished jobs are kept, as the server keeps them and this page can. */
+  /** Sets the number of finished jobs to keep. */
   keep(most) {
-    this.#most = Math.min(most, MOST_JOBS);
+    this.#max = Math.min(most, MAX_JOBS);
   }
 
   clear() {
@@ -119,32 +99,32 @@ export class Store {
     ++this.version;
   }
 
-  /** Takes in what a stream told: the job as it is, and its newest rows. */
+  /** Updates a job with what a stream reports: its state and its newest rows. */
   put(info, rows = []) {
     const job = toJob(info);
-    const old = this.#jobs.get(job.id);
-    if (old?.state === "finished" && job.state !== "finished") return; // older news
+    const old = this.#jobs.get(job.job_id);
+    if (old?.state === "finished" && job.state !== "finished") return; // outdated
     if (job.state !== "finished") job.spark = addToSpark(old?.spark ?? [], rows);
-    this.#jobs.set(job.id, job);
-    if (job.state === "finished" && old?.state !== "finished") this.#finished.push(job.id);
-    this.#forget();
+    this.#jobs.set(job.job_id, job);
+    if (job.state === "finished" && old?.state !== "finished") this.#finished.push(job.job_id);
+    this.#trim();
     ++this.version;
   }
 
-  /** Takes in finished jobs of before the stream began, newest first. What is known already is newer. */
+  /** Adds jobs from before the stream, newest first. Known jobs are newer and stay. */
   putHistory(infos) {
     const ids = [];
     for (const info of infos) {
       if (this.#jobs.has(info.job_id)) continue;
       const job = toJob(info);
-      this.#jobs.set(job.id, job);
-      if (job.state === "finished") ids.push(job.id);
+      this.#jobs.set(job.job_id, job);
+      if (job.state === "finished") ids.push(job.job_id);
     }
-    const finishedAt = (id) => this.#jobs.get(id).finished;
+    const finishedAt = (id) => this.#jobs.get(id).finished_unix_s;
     this.#finished = [...ids, ...this.#finished.slice(this.#head).filter((id) => this.#jobs.has(id))];
     this.#finished.sort((a, b) => finishedAt(a) - finishedAt(b));
     this.#head = 0;
-    this.#forget();
+    this.#trim();
     ++this.version;
   }
 
@@ -152,8 +132,8 @@ export class Store {
     if (this.#jobs.delete(id)) ++this.version;
   }
 
-  #forget() {
-    while (this.#finished.length - this.#head > this.#most) this.#jobs.delete(this.#finished[this.#head++]);
+  #trim() {
+    while (this.#finished.length - this.#head > this.#max) this.#jobs.delete(this.#finished[this.#head++]);
     if (this.#head > 1000 && this.#head > this.#finished.length / 2) {
       this.#finished = this.#finished.slice(this.#head);
       this.#head = 0;
@@ -164,9 +144,7 @@ export class Store {
 // The logarithm of the largest violation of the newest rows, oldest first.
 function addToSpark(spark, rows) {
   for (const row of rows) {
-    const { equality, inequality, complementarity } = row.violations ?? {};
-    const largest = Math.max(number(equality), number(inequality), number(complementarity));
-    spark.push(Math.log10(Math.max(largest, 1e-16)));
+    spark.push(Math.log10(Math.max(violation(toRow(row)), 1e-16)));
   }
   if (spark.length > SPARK_POINTS) spark.splice(0, spark.length - SPARK_POINTS);
   return spark;

@@ -1,38 +1,17 @@
-// One job's iterations as the page keeps them: bounded, and thinned evenly where there are more.
+// The iterations of one job, of limited number: longer traces are thinned evenly.
 
-import { number, toTree } from "./store.js";
+import { numbers, toRow } from "./store.js";
 
-const MOST_ROWS = 1024;
-const MOST_FRAMES = 64;
-
-function toRow(message) {
-  const violations = message.violations ?? {};
-  return {
-    iteration: number(message.iteration),
-    outer: number(message.outer_iteration),
-    objective: number(message.objective),
-    equality: number(violations.equality),
-    inequality: number(violations.inequality),
-    complementarity: number(violations.complementarity),
-    kkt: number(message.kkt_residual),
-    kappa: number(message.kappa),
-    rho: number(message.rho),
-    step: number(message.step_length),
-    regularization: number(message.regularization),
-    factorizations: number(message.factorizations),
-    elapsed: number(message.elapsed_s),
-    ...toTree(message),
-  };
-}
+const MAX_ROWS = 1024;
+const MAX_FRAMES = 64;
 
 const toFrame = (message) => ({
-  iteration: number(message.iteration),
-  kappa: number(message.kappa),
+  ...numbers(message, ["iteration", "kappa"]),
   s: Float64Array.from(message.s ?? [], Number),
   t: Float64Array.from(message.t ?? [], Number),
 });
 
-/** A list that keeps every so manieth item, and the newest. */
+/** A list that keeps every k-th item, and the newest. */
 class Thinned {
   items = [];
   #every = 1;
@@ -60,8 +39,8 @@ class Thinned {
 }
 
 export class Trace {
-  #rows = new Thinned(MOST_ROWS);
-  #frames = new Thinned(MOST_FRAMES);
+  #rows = new Thinned(MAX_ROWS);
+  #frames = new Thinned(MAX_FRAMES);
 
   /** Oldest first. */
   get rows() {
@@ -72,7 +51,7 @@ export class Trace {
     return this.#frames.items;
   }
 
-  /** The whole trace as the server keeps it. */
+  /** Replaces everything by the trace of the server. */
   replace(message) {
     this.#rows.clear();
     this.#frames.clear();
@@ -80,7 +59,7 @@ export class Trace {
     for (const frame of message?.pairs ?? []) this.#frames.put(toFrame(frame));
   }
 
-  /** What came since. An iteration below the last one is another solve of the same session. */
+  /** Adds new rows. An iteration number below the last one begins another solve of a session. */
   add(rows = [], pairs = null) {
     for (const message of rows) {
       const row = toRow(message);
@@ -98,24 +77,25 @@ export class Trace {
 }
 
 /**
- * Nodes a second at each row of a tree: over the last tenth of the time so far, as rows come in bursts. NaN before.
+ * Nodes per second at each row, averaged over the last tenth of the time because rows come in bursts. NaN before the
+ * tree.
  */
 export function nodeRates(rows) {
   let from = 0;
   return rows.map((row, at) => {
     if (row.nodes === 0) {
-      from = at; // the tree begins after it
+      from = at; // the tree begins later
       return NaN;
     }
-    while (from + 1 < at && rows[from + 1].elapsed <= 0.9 * row.elapsed) ++from;
-    const seconds = row.elapsed - rows[from].elapsed;
+    while (from + 1 < at && rows[from + 1].elapsed_s <= 0.9 * row.elapsed_s) ++from;
+    const seconds = row.elapsed_s - rows[from].elapsed_s;
     return seconds > 0 ? (row.nodes - rows[from].nodes) / seconds : NaN;
   });
 }
 
 /**
  * Rows whose step took more than one factorization: regularization was raised and the factorization repeated. Rows of
- * a local search (kappa = 0) are whole solves of a branch and are left out.
+ * a local search (kappa = 0) are whole solves of a branch and do not count.
  */
 export function repeated(rows) {
   return rows.map((row, index) => {

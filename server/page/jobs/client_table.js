@@ -1,15 +1,15 @@
-// Who takes the workers: a line a client, the one that took most first.
+// The use of the workers by client, largest first.
 
 import { make } from "../base/dom.js";
 import { duration, percent, whole } from "../base/format.js";
 
 const HEAD = [
-  ["Client", "Its name; a click shows its jobs"],
-  ["Running", "Jobs, and updates of sessions, that run now"],
-  ["Waiting", "Those that wait now"],
-  ["Answered", "Those that were answered in these minutes"],
-  ["Worker time", "What workers have spent on them in these minutes"],
-  ["Share of the workers", "Of all the time that the workers had"],
+  ["Client", "Name of the client; a click shows its jobs"],
+  ["Running", "Running jobs and updates of sessions"],
+  ["Waiting", "Waiting jobs and updates"],
+  ["Finished", "Jobs and updates that finished in these minutes"],
+  ["Worker time", "Time that workers have spent on them in these minutes"],
+  ["Share of the workers", "Fraction of the total time of all workers"],
 ];
 
 export class ClientTable {
@@ -19,18 +19,18 @@ export class ClientTable {
     this.body = make("tbody");
     this.note = make("p", { class: "note" });
     const head = make("tr", {}, ...HEAD.map(([title, hint]) => make("th", { scope: "col", title: hint }, title)));
-    place.append(this.note, make("table", { class: "numbers clients" }, make("caption", { class: "visually-hidden" }, "Clients by what they took of the workers"), make("thead", {}, head), this.body));
-    this.note.textContent = "Nothing is known yet.";
+    place.append(this.note, make("table", { class: "numbers clients" }, make("caption", { class: "visually-hidden" }, "Clients by their use of the workers"), make("thead", {}, head), this.body));
+    this.note.textContent = "No data yet.";
     this.body.addEventListener("click", (event) => this.#click(event));
   }
 
-  /** Of the server's event, and of a server with so many workers that runs for so long. */
+  /** Shows an event of the server, with the server's number of workers and uptime. */
   show({ seconds, clients = [], others }, workers, uptime_s) {
     const span_s = Math.max(1, Math.min(Number(seconds), uptime_s));
     const span = uptime_s < Number(seconds) ? "since the server started" : "in the last five minutes";
     const all = [...clients, ...(others && (others.done > 0 || others.queued > 0 || others.running > 0) ? [others] : [])];
     this.note.textContent = all.length === 0
-      ? `Nobody has had a job ${span}.`
+      ? `No client has had a job ${span}.`
       : `Now, and ${span}.`;
     const focused = [...this.body.querySelectorAll("a")].find((link) => link === document.activeElement)?.dataset.client;
     this.body.replaceChildren(...all.map((share) => this.#row(share, span_s * Math.max(1, workers))));

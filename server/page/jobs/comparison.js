@@ -1,4 +1,4 @@
-// Two jobs beside each other: how each ended and how fast, where their options differ, and how both converged.
+// Compares two jobs: results and times, different options, and convergence.
 
 import { loadCharts } from "../plots/convergence.js";
 import { make, styleValue } from "../base/dom.js";
@@ -10,37 +10,37 @@ import { outcome } from "../base/words.js";
 const LOWEST = 1e-12;
 const LOOKS = [{ colour: "--blue", dash: [] }, { colour: "--orange", dash: [6, 3] }];
 
-// `size`: a number of which the ratio tells something.
+// `size`: a number whose ratio is shown.
 const FACTS = [
   { name: "Status", text: (job) => outcome(job).word.replaceAll("_", " ") },
   { name: "Client", text: (job) => job.client },
-  { name: "n / nₑ / nᵢ / n_c", text: (job) => [job.n, job.ne, job.ni, job.nc].map(whole).join(" / ") },
+  { name: "n / nₑ / nᵢ / n_c", text: (job) => [job.variables, job.equalities, job.inequalities, job.pairs].map(whole).join(" / ") },
   { name: "Objective", text: (job) => (job.error || job.iterations === 0 ? "–" : real(job.objective)) },
   { name: "Largest violation", text: (job) => (job.error ? "–" : residual(violation(job))) },
   { name: "Iterations", text: (job) => whole(job.iterations), size: (job) => job.iterations },
   { name: "Factorizations", text: (job) => whole(job.factorizations), size: (job) => job.factorizations },
   { name: "Nodes", text: (job) => (job.nodes > 0 ? whole(job.nodes) : "–"), size: (job) => job.nodes },
   { name: "Gap", text: (job) => (job.nodes > 0 && Number.isFinite(job.gap) ? residual(job.gap) : "–") },
-  { name: "In the queue", text: (job) => duration(job.times.queue), size: (job) => job.times.queue },
-  { name: "Set-up", text: (job) => duration(job.times.setup), size: (job) => job.times.setup },
-  { name: "Solve", text: (job) => duration(job.times.solve), size: (job) => job.times.solve },
+  { name: "In the queue", text: (job) => duration(job.times.queue_s), size: (job) => job.times.queue_s },
+  { name: "Set-up", text: (job) => duration(job.times.setup_s), size: (job) => job.times.setup_s },
+  { name: "Solve", text: (job) => duration(job.times.solve_s), size: (job) => job.times.solve_s },
 ];
 
 function ratio(first, second) {
   return first > 0 && second > 0 ? `${Number((second / first).toPrecision(3))} ×` : "";
 }
 
-// What was answered was made exact after the last row.
-function withAnswer(job, rows) {
+// The solution was polished after the last row.
+function withSolution(job, rows) {
   if (job.state !== "finished" || job.error || rows.length === 0) return rows;
-  return [...rows, { elapsed: Math.max(rows.at(-1).elapsed, job.times.solve), worst: violation(job) }];
+  return [...rows, { elapsed_s: Math.max(rows.at(-1).elapsed_s, job.times.solve_s), worst: violation(job) }];
 }
 
 export class Comparison {
   #closed = false;
   chart = null;
 
-  /** `ids` of two jobs; `context` as of a JobView. */
+  /** `ids` of two jobs; `context` as for a JobView. */
   constructor(place, ids, context) {
     this.place = place;
     this.ids = ids;
@@ -55,7 +55,7 @@ export class Comparison {
   reload() {
     this.#load();
   }
-  /** Nothing here depends on what the server is. */
+  /** Does nothing: the comparison does not depend on the server's state. */
   update() {}
 
   async #load() {
@@ -65,11 +65,11 @@ export class Comparison {
       this.#show(answers.map(({ job, options, trace }) => {
         const rows = new Trace();
         rows.replace(trace);
-        return { job: toJob(job), options: options ?? {}, rows: rows.rows.map((row) => ({ elapsed: row.elapsed, worst: violation(row) })) };
+        return { job: toJob(job), options: options ?? {}, rows: rows.rows.map((row) => ({ elapsed_s: row.elapsed_s, worst: violation(row) })) };
       }));
     } catch (error) {
       if (this.#closed || error.status === 401) return;
-      const why = error.status === 404 ? "The server does not remember one of these jobs." : error.message;
+      const why = error.status === 404 ? "The server does not know one of these jobs." : error.message;
       this.place.replaceChildren(make("div", { class: "why", id: "why" }, make("p", {}, why)), make("a", { href: "#/" }, "All jobs"));
     }
   }
@@ -81,7 +81,7 @@ export class Comparison {
         "article",
         { class: "comparison" },
         make("div", { class: "job-top" }, make("a", { href: "#/", class: "back" }, make("span", { "aria-hidden": "true" }, "← "), "Jobs"), make("h2", { tabindex: "-1" }, "Two jobs")),
-        make("section", { class: "card" }, make("h3", {}, "How they went"), this.#facts(both)),
+        make("section", { class: "card" }, make("h3", {}, "Results"), this.#facts(both)),
         make("section", { class: "card plot-panel" }, make("h3", {}, "Largest violation over time"), make("div", { class: "chart tall" }, canvas)),
         make("section", { class: "card" }, make("h3", {}, "Options that differ"), this.#options(both)),
       ),
@@ -96,7 +96,7 @@ export class Comparison {
   }
 
   #links(both) {
-    return both.map(({ job }) => make("a", { href: `#/jobs/${job.id}` }, `${job.name || "job"} ${job.id.slice(0, 8)}`));
+    return both.map(({ job }) => make("a", { href: `#/jobs/${job.job_id}` }, `${job.problem_name || "job"} ${job.job_id.slice(0, 8)}`));
   }
 
   #facts(both) {
@@ -117,8 +117,8 @@ export class Comparison {
     const font = { size: 0.8 * parseFloat(getComputedStyle(document.documentElement).fontSize), family: getComputedStyle(document.body).fontFamily };
     const axis = (more) => ({ grid: { color: styleValue("--line"), borderColor: styleValue("--line") }, ...more, ticks: { color: ink, font, maxRotation: 0, ...more.ticks } });
     const datasets = both.map(({ job, rows }, at) => ({
-      label: `${job.name || "job"} ${job.id.slice(0, 8)}`,
-      data: withAnswer(job, rows).map(({ elapsed, worst }) => ({ x: elapsed, y: Math.max(LOWEST, worst) })),
+      label: `${job.problem_name || "job"} ${job.job_id.slice(0, 8)}`,
+      data: withSolution(job, rows).map(({ elapsed_s, worst }) => ({ x: elapsed_s, y: Math.max(LOWEST, worst) })),
       borderColor: styleValue(LOOKS[at].colour), backgroundColor: styleValue(LOOKS[at].colour), borderDash: LOOKS[at].dash, borderWidth: 1.5, pointRadius: 0, pointStyle: "line",
     }));
     this.chart = new Chart(canvas, {

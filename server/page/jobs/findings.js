@@ -1,12 +1,12 @@
-// Why a job failed or was slow, in sentences, from what is known of it.
+// Explains in sentences why a job failed or was slow.
 
 import { duration, percent, real, residual, whole } from "../base/format.js";
 import { seconds } from "../data/store.js";
 import { partsOf } from "../plots/timings.js";
 import { repeated } from "../data/trace.js";
-import { STATUSES } from "../base/tables.js";
+import { statuses } from "../shared/tables.js";
 import { STATES, errorWords, short } from "../base/words.js";
-import { kindText, whatToTry } from "./answer.js";
+import { kindText, whatToTry } from "../shared/solution-kind.js";
 
 const VIOLATIONS = [
   ["equality", "equality_tolerance", "|A z + b|"],
@@ -22,22 +22,22 @@ export function judge(job, options) {
   });
 }
 
-/** The sentences on top of a job: {tone, title, lines}. `solution` is what the server has kept of its answer, if anything. */
+/** The summary of a job: {tone, title, lines}. `solution` is the stored solution, if the server has one. */
 export function explain(job, options, rows, solution = null) {
   const lines = [];
   if (job.error) {
     const { name, means, advice } = errorWords(job.error.code);
     lines.push(means, ...errorDetails(job.error));
     if (advice) lines.push(`What to try: ${advice}`);
-    return { tone: "bad", title: `No answer: ${name.replaceAll("_", " ")}`, lines };
+    return { tone: "bad", title: `Failed: ${name.replaceAll("_", " ")}`, lines };
   }
-  const known = STATUSES[job.status];
+  const known = statuses[job.status];
   if (job.state !== "finished") lines.push(...underWay(job, options));
   if (known) {
     lines.push(known.means);
-    if (job.detail) lines.push(`The solver says: ${job.detail}.`);
+    if (job.detail) lines.push(`Detail: ${job.detail}.`);
     if (known.tone !== "good" && job.state === "finished") lines.push(...unmet(job, options));
-    lines.push(...kindOfAnswer(job, options, solution));
+    lines.push(...kindOfSolution(job, options, solution));
   }
   lines.push(...proof(job));
   lines.push(...slow(job, rows));
@@ -45,73 +45,73 @@ export function explain(job, options, rows, solution = null) {
   return { tone: job.state === "finished" ? (known?.tone ?? "quiet") : job.state, title: word.replaceAll("_", " "), lines };
 }
 
-// A job tells whether its answer is proved; the tests of its point are in the answer alone.
-function kindOfAnswer(job, options, solution) {
-  if (job.state !== "finished" || job.levels.length > 0) return [];
+// A JobInfo contains only `proved`; stationarity and second-order tests are part of the solution.
+function kindOfSolution(job, options, solution) {
+  if (job.state !== "finished" || job.scenario_levels.length > 0) return [];
   const untested = solution === null && job.status === "solved" && !job.proved;
   const facts = {
     ...job,
     bStationary: solution?.b_stationary,
     secondOrder: untested ? "minimum" : short(solution?.second_order, "SECOND_ORDER_"),
     feasible: judge(job, options).every(({ met }) => met),
-    pairs: job.nc,
+    pairs: job.pairs,
     budgetSpent: job.factorizations >= Number(options?.local_search_budget ?? 1000),
     starts: Number(options?.starts ?? 1),
     globalSearch: options?.global === true,
   };
-  const said = job.proved && job.nodes > 0; // by the proof's own line
-  const kind = untested ? "It is not proved that no point is better." : `The answer: ${kindText(facts)}.`;
+  const shown = job.proved && job.nodes > 0; // by `proof`
+  const kind = untested ? "It is not proved that this is the optimum." : `Kind: ${kindText(facts)}.`;
   const advice = whatToTry(facts);
-  return [...(said ? [] : [kind]), ...(advice ? [`What to try: ${advice}`] : [])];
+  return [...(shown ? [] : [kind]), ...(advice ? [`What to try: ${advice}`] : [])];
 }
 
 function underWay(job, options) {
   const lines = [STATES[job.state] ?? ""];
-  if (job.state === "queued") lines.push(`${whole(job.position)} before it; likely to wait ${duration(job.wait_s)} yet.`);
+  if (job.state === "queued") lines.push(`${whole(job.queue_position)} before it; estimated wait ${duration(job.estimated_wait_s)}.`);
   if (job.state !== "running" || job.kind === "session") return lines;
-  if (job.activity) lines.push(`Now: ${job.activity}.`);
-  if (options?.global === true && job.nodes === 0) lines.push("It looks for a first good point; then its tree begins, and with it a bound.");
+  if (job.activity.text) lines.push(`Now: ${job.activity.text}.`);
+  if (options?.global === true && job.nodes === 0) lines.push("It searches for a first good point; then the tree begins, which yields a bound.");
   return lines;
 }
 
-/** How much of its time limit a running job has used: {used, limit} in seconds; null where there is none. */
+/** The used part of a running job's time limit, {used, limit} in seconds; null without a limit. */
 export function timeLimit(job, options) {
   const limit = Number(options?.time_limit_s ?? Infinity);
   if (job.state !== "running" || job.kind === "session" || !(limit < 1e8)) return null;
-  return { used: Math.min(limit, Math.max(0, seconds(job) - job.times.queue)), limit };
+  return { used: Math.min(limit, Math.max(0, seconds(job) - job.times.queue_s)), limit };
 }
 
-// The message has field, index and rule.
+// The message contains field, index and rule.
 function errorDetails(error) {
   const delay = (error.details ?? []).map((detail) => detail.retryDelay ?? detail.retry_delay).find(Boolean);
-  return delay ? [error.message, `The server proposes to try again after ${delay}.`] : [error.message];
+  return delay ? [error.message, `The server recommends a retry after ${delay}.`] : [error.message];
 }
 
 function unmet(job, options) {
   const broken = judge(job, options).filter(({ met, tolerance }) => !met && Number.isFinite(tolerance));
   if (broken.length === 0) return [];
-  const texts = broken.map(({ name, value, tolerance, meaning }) => `${name} ${meaning} = ${residual(value)}, asked for ${residual(tolerance)}`);
+  const texts = broken.map(({ name, value, tolerance, meaning }) => `${name} ${meaning} = ${residual(value)}, tolerance ${residual(tolerance)}`);
   return [`Not met: ${texts.join("; ")}.`];
 }
 
-const PARTS = [["equality", "ne"], ["inequality", "ni"], ["left side of pair", "nc"], ["right side of pair", "nc"]];
-const LEAST_SHARE = 1e-3;
-const MOST_ROWS = 8;
+const PARTS = [["equality", "equalities"], ["inequality", "inequalities"], ["left side of pair", "pairs"], ["right side of pair", "pairs"]];
+const MIN_SHARE = 1e-3;
+const MAX_ROWS = 8;
 
 /**
- * What an infeasible problem's certificate weighs most, as {row, multiplier}: multipliers of A z + b, C z + d, L z + l and
- * R z + r, one after the other.
+ * The rows with the largest multipliers in an infeasibility certificate, as {row, multiplier}. A certificate consists
+ * of the multipliers of A z + b, C z + d, L z + l and R z + r, in this order.
  */
-export function clashingRows(job, certificate) {
+export function conflictingRows(job, certificate) {
   const rows = [];
   let at = 0;
   for (const [name, count] of PARTS) {
     for (let row = 0; row < job[count]; ++row) rows.push({ row: `${name} ${row}`, multiplier: Number(certificate[at++] ?? 0) });
   }
   const largest = Math.max(0, ...rows.map(({ multiplier }) => Math.abs(multiplier)));
-  const weighing = rows.filter(({ multiplier }) => Math.abs(multiplier) > LEAST_SHARE * largest);
-  weighing.sort((a, b) => Math.abs(b.multiplier) - Math.abs(a.multiplier));
-  return { rows: weighing.slice(0, MOST_ROWS), more: Math.max(0, weighing.length - MOST_ROWS) };
+  const significant = rows.filter(({ multiplier }) => Math.abs(multiplier) > MIN_SHARE * largest);
+  significant.sort((a, b) => Math.abs(b.multiplier) - Math.abs(a.multiplier));
+  return { rows: significant.slice(0, MAX_ROWS), more: Math.max(0, significant.length - MAX_ROWS) };
 }
 
 const CONFLICT_PARTS = [
@@ -121,37 +121,37 @@ const CONFLICT_PARTS = [
   ["right side of pair", "right_sides", "R z + r ≥ 0"],
   ["complementarity of pair", "complementarities", "L z + l = 0 or R z + r = 0"],
 ];
-const MOST_PARTS = 100;
+const MAX_PARTS = 100;
 
 /**
- * What a conflict says: its parts as {part, needs}, how many more it has, and whether it is minimal. `conflict` is the
- * solution's, null where it has none.
+ * The parts of a solution's conflict as {part, needs}, the number of further parts, and whether it is minimal.
+ * `conflict` may be null.
  */
 export function conflictingParts(conflict) {
   const parts = CONFLICT_PARTS.flatMap(([name, field, needs]) => (conflict?.[field] ?? []).map((row) => ({ part: `${name} ${row}`, needs })));
-  return { parts: parts.slice(0, MOST_PARTS), more: Math.max(0, parts.length - MOST_PARTS), minimal: conflict?.minimal === true, detail: conflict?.detail ?? "" };
+  return { parts: parts.slice(0, MAX_PARTS), more: Math.max(0, parts.length - MAX_PARTS), minimal: conflict?.minimal === true, detail: conflict?.detail ?? "" };
 }
 
-// What is known of the optimum, where a tree has looked for it.
-function proof({ nodes, openNodes, state, status, proved, incumbent, bound, gap }) {
+// What the tree of option global has proved.
+function proof({ nodes, open_nodes, state, status, proved, incumbent, bound, gap }) {
   if (nodes === 0) return [];
   const count = `${whole(nodes)} ${nodes === 1 ? "node" : "nodes"}`;
   if (proved) return [status === "infeasible" ? `Proved infeasible: ${count}.` : `Proved optimal: gap ${residual(gap)}, ${count}.`];
   const best = Number.isFinite(incumbent) ? `The best point has objective ${real(incumbent)}` : "No feasible point is known";
-  const least = Number.isFinite(bound) ? `no point has less than ${real(bound)}` : "nothing bounds the objective from below";
+  const least = Number.isFinite(bound) ? `the lower bound is ${real(bound)}` : "no lower bound is known";
   const distance = Number.isFinite(gap) ? `; gap ${residual(gap)}` : "";
-  return [`Not proved${state === "finished" ? "" : " yet"}. ${best}, ${least}${distance}. ${count}, ${whole(openNodes)} open.`];
+  return [`Not proved${state === "finished" ? "" : " yet"}. ${best}, ${least}${distance}. ${count}, ${whole(open_nodes)} open.`];
 }
 
-// What took long, where something stands out.
+// The part that took most of the time, if any.
 function slow(job, rows) {
   const lines = [];
   const total = seconds(job);
-  if (job.times.queue > 0.5 * total && job.times.queue > 0.01) {
-    lines.push(`Most of its time it waited: ${duration(job.times.queue)} of ${duration(total)} in the queue.`);
-  } else if (job.times.solve > 0) {
+  if (job.times.queue_s > 0.5 * total && job.times.queue_s > 0.01) {
+    lines.push(`Most of the time it waited in the queue: ${duration(job.times.queue_s)} of ${duration(total)}.`);
+  } else if (job.times.solve_s > 0) {
     const [name, longest] = partsOf(job.times).reduce((a, b) => (b[1] > a[1] ? b : a));
-    if (longest > 0.5 * total) lines.push(`Most of its time went into ${name}: ${duration(longest)}, ${percent(longest / total)} of the whole.`);
+    if (longest > 0.5 * total) lines.push(`Most of the time was spent on ${name}: ${duration(longest)}, ${percent(longest / total)} of the total.`);
   }
   const again = repeated(rows).reduce((sum, count) => sum + count, 0);
   if (again > 0) lines.push(`${whole(again)} ${again === 1 ? "factorization was" : "factorizations were"} repeated because regularization had to be raised (marked in the plot).`);

@@ -1,14 +1,14 @@
-// Which jobs are shown, and in what order. Pure functions of the jobs.
+// Filtering and sorting of jobs, as pure functions.
 
-import { STATUSES } from "../base/tables.js";
+import { statuses } from "../shared/tables.js";
 import { outcome } from "../base/words.js";
 import { seconds, violation } from "../data/store.js";
 
 const RANKS = { running: 0, queued: 1, idle: 2, finished: 3 };
 const PRIORITY_RANKS = { realtime: 0, interactive: 1, batch: 2 };
-const STATUS_RANKS = Object.keys(STATUSES);
+const STATUS_RANKS = Object.keys(statuses);
 
-/** Chips by group; within a group any that is set will do, and no chip set means all. */
+/** Chips by group. A job must match one of the active chips of each group that has any. */
 export const CHIPS = [
   { group: "state", name: "running", holds: (job) => job.state === "running" },
   { group: "state", name: "queued", holds: (job) => job.state === "queued" },
@@ -20,34 +20,36 @@ export const CHIPS = [
   { group: "priority", name: "batch", holds: (job) => job.priority === "batch" },
 ];
 
-/** What a column sorts by. "order" is the table's own: what runs first, then what waits, then the newest. */
+/** Sort keys of the columns. The default order is running, waiting, then newest jobs. */
 const KEYS = {
   status: (job) => 100 * RANKS[job.state] + (job.error ? 50 : STATUS_RANKS.indexOf(job.status)),
-  id: (job) => job.id,
-  name: (job) => job.name,
+  id: (job) => job.job_id,
+  name: (job) => job.problem_name,
   client: (job) => job.client,
-  size: (job) => job.n,
+  size: (job) => job.variables,
   kind: (job) => job.kind,
   priority: (job) => PRIORITY_RANKS[job.priority] ?? 3,
   iterations: (job) => job.iterations,
   violation,
   proof: (job) => (job.nodes === 0 ? -1 : job.proved ? 0 : Number.isFinite(job.gap) ? job.gap : Infinity),
   time: seconds,
-  queue: (job) => job.times.queue,
-  age: (job) => job.accepted,
+  queue: (job) => job.times.queue_s,
+  age: (job) => job.accepted_unix_s,
 };
 
-const newestFirst = (a, b) => b.accepted - a.accepted || (a.id < b.id ? -1 : 1);
+const newestFirst = (a, b) => b.accepted_unix_s - a.accepted_unix_s || (a.job_id < b.job_id ? -1 : 1);
 const activity = (a, b) => RANKS[a.state] - RANKS[b.state] || newestFirst(a, b);
 
-/** Every word of the text must occur in one of these. */
+/** Whether every word of the filter occurs in one of these fields. */
 function matches(job, words) {
   if (words.length === 0) return true;
-  const text = `${job.id} ${job.client} ${job.name} ${job.requestId} ${outcome(job).word} ${job.kind}`.toLowerCase();
+  const text = `${job.job_id} ${job.client} ${job.problem_name} ${job.request_id} ${outcome(job).word} ${job.kind}`.toLowerCase();
   return words.every((word) => text.includes(word));
 }
 
-/** The jobs to show, in order. `chips` is a set of names; `sort` {column, down}, its column "" for the table's order. */
+/**
+ * Filters and sorts jobs. `chips` is a set of names; `sort` is {column, down}, with column "" for the default order.
+ */
 export function select(jobs, text, chips, sort) {
   const words = text.toLowerCase().split(/\s+/).filter((word) => word !== "");
   const on = CHIPS.filter((chip) => chips.has(chip.name));

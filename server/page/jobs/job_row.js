@@ -1,32 +1,32 @@
-// One line of the table of jobs. Lines are used again for other jobs as the table scrolls.
+// One row of the table of jobs. Rows are reused for other jobs as the table scrolls.
 
 import { fill, make, plain } from "../base/dom.js";
 import { age, brief, duration, gapText, jobs, ordinal, real, residual, whole } from "../base/format.js";
 import { seconds, violation } from "../data/store.js";
 import { outcome } from "../base/words.js";
 
-// Of the lines of violations: powers of ten, the same in all of them, so that they can be compared.
+// The range of the violation curves, in powers of ten; the same in all rows.
 const SPARK_LOW = -12;
 const SPARK_HIGH = 2;
-const TOLERANCE = -6; // the usual one
+const TOLERANCE = -6; // the default
 
 const SVG = "http://www.w3.org/2000/svg";
 
-/** `key` names the cell's class and what a click on its head sorts by. */
+/** `key` is the class of the cells and the key for sorting. */
 export const COLUMNS = [
-  { key: "status", title: "Status", hint: "What it does, or how it ended" },
-  { key: "id", title: "Job", hint: "The server's id of the job" },
+  { key: "status", title: "Status", hint: "State, or status after the end" },
+  { key: "id", title: "Job", hint: "Id of the job on the server" },
   { key: "name", title: "Problem", hint: "The problem's name" },
-  { key: "client", title: "Client", hint: "Who sent it" },
+  { key: "client", title: "Client", hint: "The client that sent the job" },
   { key: "size", title: "n / nₑ / nᵢ / n_c", hint: "Variables, equalities, inequalities and complementarity pairs" },
-  { key: "kind", title: "Kind", hint: "What it came by: solve, batch, submitted, session, scenarios, coupled or array" },
-  { key: "priority", title: "Priority", hint: "Whose turn it is when workers are busy" },
-  { key: "iterations", title: "Iter.", hint: "Newton iterations; of a session, of all its solves", numeric: true },
-  { key: "violation", title: "Violation", hint: "Largest violation, and its course while the job runs, from 1e-12 to 100; the line is at 1e-6", numeric: true },
-  { key: "proof", title: "Proof", hint: "The gap between incumbent and bound, or ✓ once it is proved, and nodes so far", numeric: true },
+  { key: "kind", title: "Kind", hint: "Kind of call: solve, batch, submitted, session, scenarios, coupled or array" },
+  { key: "priority", title: "Priority", hint: "Order in which busy workers take jobs" },
+  { key: "iterations", title: "Iter.", hint: "Newton iterations; for a session, of all its solves", numeric: true },
+  { key: "violation", title: "Violation", hint: "Largest violation, with its curve from 1e-12 to 100 while the job runs; the line is at 1e-6", numeric: true },
+  { key: "proof", title: "Proof", hint: "Gap between incumbent and bound, or ✓ if proved, and number of nodes", numeric: true },
   { key: "queue", title: "Queue", hint: "Time spent waiting", numeric: true },
-  { key: "time", title: "Time", hint: "From its acceptance to its answer", numeric: true },
-  { key: "age", title: "Age", hint: "Since it was accepted", numeric: true },
+  { key: "time", title: "Time", hint: "From acceptance to result", numeric: true },
+  { key: "age", title: "Age", hint: "Time since acceptance", numeric: true },
 ];
 
 const sparkHeight = (power) => (15 - (14 * (Math.min(SPARK_HIGH, Math.max(SPARK_LOW, power)) - SPARK_LOW)) / (SPARK_HIGH - SPARK_LOW)).toFixed(1);
@@ -66,28 +66,28 @@ export class JobRow {
     element.style.transform = `translateY(${top}px)`;
     element.setAttribute("aria-rowindex", index + 2);
     element.setAttribute("aria-selected", chosen ? "true" : "false");
-    element.dataset.job = job.id;
+    element.dataset.job = job.job_id;
     this.#showOutcome(job);
-    fill(this.link, job.id.slice(0, 8));
-    this.link.href = `#/jobs/${job.id}`;
-    this.link.title = job.id;
-    this.#text("name", job.name || "–", job.name);
+    fill(this.link, job.job_id.slice(0, 8));
+    this.link.href = `#/jobs/${job.job_id}`;
+    this.link.title = job.job_id;
+    this.#text("name", job.problem_name || "–", job.problem_name);
     this.#text("client", job.client, job.client);
-    const size = `${whole(job.n)} / ${whole(job.ne)} / ${whole(job.ni)} / ${whole(job.nc)}`;
+    const size = `${whole(job.variables)} / ${whole(job.equalities)} / ${whole(job.inequalities)} / ${whole(job.pairs)}`;
     this.#text("size", size, size);
     this.#text("kind", job.kind);
     this.#text("priority", job.priority);
     this.#text("iterations", job.state === "queued" ? "–" : whole(job.iterations));
     this.#showViolation(job);
     this.#showProof(job);
-    this.#text("queue", duration(job.times.queue));
+    this.#text("queue", duration(job.times.queue_s));
     this.tick();
   }
 
-  /** What changes by itself as time goes by. */
+  /** Updates the cells that change with time. */
   tick() {
     this.#text("time", duration(seconds(this.job)));
-    this.#text("age", age(Date.now() / 1000 - this.job.accepted));
+    this.#text("age", age(Date.now() / 1000 - this.job.accepted_unix_s));
   }
 
   hide() {
@@ -103,20 +103,20 @@ export class JobRow {
 
   #showOutcome(job) {
     const { word, tone, sign } = outcome(job);
-    const waits = job.state === "queued" && job.position >= 0;
-    const part = job.state === "running" && job.of > 0 ? ` · ${whole(job.done)}/${whole(job.of)}` : "";
-    fill(this.word, word.replaceAll("_", " ") + (waits ? ` · ${ordinal(job.position + 1)}` : part));
+    const waits = job.state === "queued" && job.queue_position >= 0;
+    const part = job.state === "running" && job.activity.total > 0 ? ` · ${whole(job.activity.done)}/${whole(job.activity.total)}` : "";
+    fill(this.word, word.replaceAll("_", " ") + (waits ? ` · ${ordinal(job.queue_position + 1)}` : part));
     fill(this.sign, sign);
     this.#cells.status.dataset.tone = tone;
-    this.#cells.status.title = waits ? `${jobs(job.position)} before it, likely to wait ${duration(job.wait_s)} yet` : plain(job.error?.message || job.activity || job.detail);
+    this.#cells.status.title = waits ? `${jobs(job.queue_position)} before it, estimated wait ${duration(job.estimated_wait_s)}` : plain(job.error?.message || job.activity.text || job.detail);
   }
 
-  #showProof({ nodes, openNodes, gap, incumbent, bound, proved }) {
+  #showProof({ nodes, open_nodes, gap, incumbent, bound, proved }) {
     const known = nodes > 0;
     const text = proved ? "✓" : Number.isFinite(gap) ? `${gapText(gap)} ·` : "no gap ·";
     const best = Number.isFinite(incumbent) ? real(incumbent) : "none yet";
     const least = Number.isFinite(bound) ? real(bound) : "none yet";
-    this.#text("proof", known ? `${text} ${brief(nodes)} ${nodes === 1 ? "node" : "nodes"}` : "", known ? `Incumbent ${best}, bound ${least}, gap ${Number.isFinite(gap) ? residual(gap) : "unknown"}; ${whole(nodes)} nodes, ${whole(openNodes)} open` : "");
+    this.#text("proof", known ? `${text} ${brief(nodes)} ${nodes === 1 ? "node" : "nodes"}` : "", known ? `Incumbent ${best}, bound ${least}, gap ${Number.isFinite(gap) ? residual(gap) : "unknown"}; ${whole(nodes)} nodes, ${whole(open_nodes)} open` : "");
   }
 
   #showViolation(job) {

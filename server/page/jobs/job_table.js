@@ -1,4 +1,4 @@
-// The table of all jobs. Only the lines in sight are in the document, whatever the number of jobs.
+// The table of all jobs. Only the visible rows are in the document.
 
 import { fill, make, onceAFrame } from "../base/dom.js";
 import { jobs, whole } from "../base/format.js";
@@ -6,20 +6,20 @@ import { CHIPS, select } from "./job_filter.js";
 import { COLUMNS, JobRow } from "./job_row.js";
 
 const EXTRA_ROWS = 4;
-const SELECT_EVERY_MS = 200; // filtering and sorting of all jobs; lines in sight change every frame
+const SELECT_EVERY_MS = 200; // filtering and sorting of all jobs; visible rows change every frame
 const TICK_MS = 1000;
 
 export class JobTable {
   #rows = [];
-  #chosen = null; // id of the line the keyboard is at
-  #shown = []; // jobs that pass the filter, in order
+  #chosen = null; // id of the row with the keyboard's focus
+  #shown = []; // filtered jobs, in order
   #sort = { column: "", down: false };
   #chips = new Set();
   #selectedAt = -Infinity;
   #selectedVersion = -1;
   #timer = 0;
 
-  /** Elements it fills: the table's place, the filter's input, the chips' place, the line of counts. `open(id)` opens a job. */
+  /** The elements for the table, the filter's input, the chips and the count. `open(id)` opens a job. */
   constructor({ place, filter, chips, count }, store, open) {
     this.store = store;
     this.open = open;
@@ -50,13 +50,13 @@ export class JobTable {
     place.append(this.scroller, this.empty);
   }
 
-  /** Shows what has this text. */
+  /** Filters by this text. */
   search(text) {
     this.filter.value = text;
     this.#changed();
   }
 
-  /** Back from a job: the keyboard is where it was. */
+  /** Focuses the table again after a job was closed. */
   focus() {
     this.scroller.focus({ preventScroll: true });
   }
@@ -96,7 +96,7 @@ export class JobTable {
     else this.#sort = down === numeric ? { column, down: !numeric } : { column: "", down: false };
     for (const cell of this.head.children) {
       const mine = cell.dataset.key === this.#sort.column;
-      // Age rises as the time of acceptance falls.
+      // The age increases with an earlier time of acceptance.
       const falling = (cell.dataset.key === "age") !== this.#sort.down;
       cell.setAttribute("aria-sort", !mine ? "none" : falling ? "descending" : "ascending");
     }
@@ -109,7 +109,7 @@ export class JobTable {
     this.update();
   }
 
-  // Chooses and sorts again where there is something new and the last time is long enough ago.
+  // Filters and sorts again after changes, at most every SELECT_EVERY_MS.
   #update() {
     const now = performance.now();
     const due = this.#selectedAt + SELECT_EVERY_MS;
@@ -129,14 +129,14 @@ export class JobTable {
   }
 
   #select() {
-    const anchor = this.scroller.scrollTop > 0 ? this.#shown[this.#firstInSight()]?.id : undefined;
+    const anchor = this.scroller.scrollTop > 0 ? this.#shown[this.#firstInSight()]?.job_id : undefined;
     const offset = this.scroller.scrollTop % this.rowHeight;
     this.#shown = select(this.store.all(), this.filter.value, this.#chips, this.#sort);
     this.#countChips();
     this.body.style.height = `${this.#shown.length * this.rowHeight}px`;
     this.scroller.setAttribute("aria-rowcount", this.#shown.length + 1);
     if (anchor !== undefined) {
-      const at = this.#shown.findIndex((job) => job.id === anchor); // who reads on keeps the place
+      const at = this.#shown.findIndex((job) => job.job_id === anchor); // keeps the visible jobs in place
       if (at >= 0) this.scroller.scrollTop = at * this.rowHeight + offset;
     }
   }
@@ -151,7 +151,7 @@ export class JobTable {
     const shown = this.#shown.length;
     fill(this.count, shown === all ? jobs(all) : `${whole(shown)} of ${jobs(all)}`);
     this.empty.hidden = shown > 0;
-    fill(this.empty, all > 0 ? "No job passes this filter." : "No jobs yet. They appear here as they come: try marble solve or marble submit.");
+    fill(this.empty, all > 0 ? "No job matches this filter." : "No jobs yet. Try marble solve or marble submit.");
   }
 
   #firstInSight() {
@@ -163,19 +163,19 @@ export class JobTable {
     if (this.rowHeight > 0) this.#changed();
   }
 
-  // Puts the jobs in sight into the lines there are.
+  // Shows the visible jobs in the rows.
   #draw() {
     if (!(this.rowHeight > 0)) return;
     const first = Math.max(0, this.#firstInSight() - EXTRA_ROWS);
     const most = Math.ceil(this.scroller.clientHeight / this.rowHeight) + 2 * EXTRA_ROWS;
     const end = Math.min(this.#shown.length, first + most);
     while (this.#rows.length < end - first) this.#addRow();
-    // A line keeps its job while it scrolls: job at index i is in line i modulo their number.
+    // A row keeps its job while the table scrolls: job i is in row i modulo the number of rows.
     const used = new Set();
     for (let index = first; index < end; ++index) {
       const row = this.#rows[index % this.#rows.length];
-      const job = this.store.get(this.#shown[index].id) ?? this.#shown[index];
-      row.show(job, index, index * this.rowHeight, job.id === this.#chosen);
+      const job = this.store.get(this.#shown[index].job_id) ?? this.#shown[index];
+      row.show(job, index, index * this.rowHeight, job.job_id === this.#chosen);
       used.add(row);
     }
     for (const row of this.#rows) if (!used.has(row)) row.hide();
@@ -189,7 +189,7 @@ export class JobTable {
   }
 
   #pointToChosen() {
-    const row = this.#rows.find((candidate) => candidate.job !== null && candidate.job.id === this.#chosen);
+    const row = this.#rows.find((candidate) => candidate.job !== null && candidate.job.job_id === this.#chosen);
     if (row) this.scroller.setAttribute("aria-activedescendant", row.element.id);
     else this.scroller.removeAttribute("aria-activedescendant");
   }
@@ -209,7 +209,7 @@ export class JobTable {
 
   #key(event) {
     const last = this.#shown.length - 1;
-    const at = this.#shown.findIndex((job) => job.id === this.#chosen);
+    const at = this.#shown.findIndex((job) => job.job_id === this.#chosen);
     const page = Math.max(1, Math.floor(this.scroller.clientHeight / this.rowHeight) - 2);
     const moves = { ArrowDown: at + 1, ArrowUp: at < 0 ? 0 : at - 1, PageDown: at + page, PageUp: at - page, Home: 0, End: last };
     if (event.key === "Enter" && at >= 0) {
@@ -221,9 +221,9 @@ export class JobTable {
   }
 
   #moveTo(index) {
-    this.#chosen = this.#shown[index].id;
+    this.#chosen = this.#shown[index].job_id;
     const top = index * this.rowHeight;
-    const sight = this.scroller.clientHeight - this.rowHeight; // the head covers one line
+    const sight = this.scroller.clientHeight - this.rowHeight; // the head covers one row
     if (top < this.scroller.scrollTop) this.scroller.scrollTop = top;
     if (top + this.rowHeight > this.scroller.scrollTop + sight) this.scroller.scrollTop = top + this.rowHeight - sight;
     this.#draw();

@@ -1,4 +1,4 @@
-// The tables of a job's page.
+// The tables of a job's view.
 
 import { make } from "../base/dom.js";
 import { judge } from "./findings.js";
@@ -16,30 +16,30 @@ const table = (caption, head, rows) =>
     make("tbody", {}, ...rows),
   );
 
-/** What and who. */
+/** General information about the job. */
 export function showFacts(place, job, trace) {
   const session = job.kind === "session";
   const facts = [
     ["Client", job.client],
-    ["Request id", job.requestId],
-    ["Trace id", job.traceId],
+    ["Request id", job.request_id],
+    ["Trace id", job.trace_id],
     ["Kind", job.kind],
     ["Priority", job.priority],
-    ["Accepted", clock(job.accepted)],
-    ["Finished", job.finished > 0 ? clock(job.finished) : ""],
+    ["Accepted", clock(job.accepted_unix_s)],
+    ["Finished", job.finished_unix_s > 0 ? clock(job.finished_unix_s) : ""],
     [session ? "Newest solve" : "Time so far", duration(seconds(job))],
-    ["Variables n", whole(job.n)],
-    ["Equalities nₑ", whole(job.ne)],
-    ["Inequalities nᵢ", whole(job.ni)],
-    ["Pairs n_c", whole(job.nc)],
+    ["Variables n", whole(job.variables)],
+    ["Equalities nₑ", whole(job.equalities)],
+    ["Inequalities nᵢ", whole(job.inequalities)],
+    ["Pairs n_c", whole(job.pairs)],
     ["Iterations", whole(job.iterations)],
     ["Factorizations", whole(job.factorizations)],
-    ["Updates answered", session ? whole(job.updates) : ""],
+    ["Updates finished", session ? whole(job.updates) : ""],
     ["Objective", job.error || job.iterations === 0 ? "" : real(job.objective)],
-    ["KKT residual", trace.rows.length > 0 ? residual(trace.rows.at(-1).kkt) : ""],
+    ["KKT residual", trace.rows.length > 0 ? residual(trace.rows.at(-1).kkt_residual) : ""],
     ...treeFacts(job, trace),
-    ["Memory of the solver", job.memory > 0 ? bytes(job.memory) : ""],
-    ["Answer kept", job.resultBytes > 0 ? bytes(job.resultBytes) : ""],
+    ["Memory of the solver", job.memory_bytes > 0 ? bytes(job.memory_bytes) : ""],
+    ["Stored result", job.result_bytes > 0 ? bytes(job.result_bytes) : ""],
   ];
   if (job.state === "finished") facts.find(([name]) => name === "Time so far")?.splice(0, 1, "Time");
   place.replaceChildren(
@@ -47,8 +47,8 @@ export function showFacts(place, job, trace) {
   );
 }
 
-// Of option global, once there is a tree.
-function treeFacts({ nodes, openNodes, incumbent, bound, gap }, trace) {
+// The tree of option global.
+function treeFacts({ nodes, open_nodes, incumbent, bound, gap }, trace) {
   if (nodes === 0) return [];
   const speed = nodeRates(trace.rows).at(-1);
   return [
@@ -56,56 +56,56 @@ function treeFacts({ nodes, openNodes, incumbent, bound, gap }, trace) {
     ["Bound", Number.isNaN(bound) ? "none yet" : real(bound)],
     ["Gap", Number.isFinite(gap) ? residual(gap) : ""],
     ["Nodes", whole(nodes)],
-    ["Open nodes", whole(openNodes)],
-    ["Nodes a second", Number.isFinite(speed) ? rate(speed) : ""],
+    ["Open nodes", whole(open_nodes)],
+    ["Nodes per second", Number.isFinite(speed) ? rate(speed) : ""],
   ];
 }
 
-/** Each violation against its tolerance. */
+/** Each violation with its tolerance. */
 export function showViolations(place, job, options) {
   const rows = judge(job, options).map(({ name, value, tolerance, met, meaning }) => {
-    const open = job.state === "running" && !met; // it goes on
-    const verdict = make("td", { class: met ? "met" : open ? "open" : "unmet" }, met ? "✓ met" : open ? "… not yet" : "✕ not met");
-    return make("tr", {}, make("th", { scope: "row", title: meaning }, name), make("td", {}, residual(value)), make("td", {}, residual(tolerance)), verdict);
+    const open = job.state === "running" && !met; // may still change
+    const result = make("td", { class: met ? "met" : open ? "open" : "unmet" }, met ? "✓ met" : open ? "… not yet" : "✕ not met");
+    return make("tr", {}, make("th", { scope: "row", title: meaning }, name), make("td", {}, residual(value)), make("td", {}, residual(tolerance)), result);
   });
   const known = (job.iterations > 0 || job.status !== "") && !job.error;
   const feasible = job.state !== "finished" && Number.isFinite(job.incumbent);
   place.replaceChildren(
-    ...(feasible ? [make("p", { class: "met" }, `✓ A point that meets all of them is known: objective ${real(job.incumbent)}.`), make("p", { class: "note" }, "The iterate at work now:")] : []),
-    known ? table("Violations of the newest iterate", ["of", "largest", "tolerance", "verdict"], rows) : make("p", { class: "empty" }, "None known."),
+    ...(feasible ? [make("p", { class: "met" }, `✓ A feasible point is known: objective ${real(job.incumbent)}.`), make("p", { class: "note" }, "Current iterate:")] : []),
+    known ? table("Violations of the newest iterate", ["of", "largest", "tolerance", "result"], rows) : make("p", { class: "empty" }, "Not known."),
   );
 }
 
-/** The parts of an infeasible problem that no point meets together. */
+/** The conflicting parts of an infeasible problem. */
 export function showConflict(place, { parts, more, minimal, detail }) {
   const lines = parts.map(({ part, needs }) => make("tr", {}, make("th", { scope: "row" }, part), make("td", {}, needs)));
   place.replaceChildren(
-    make("p", { class: "note" }, "No point meets these parts together, whatever the others are; counted from 0:"),
+    make("p", { class: "note" }, "No point meets all of these parts. Indices are from 0:"),
     table("Parts that conflict", ["part", "needs"], lines),
-    more > 0 ? make("p", { class: "note" }, `and ${whole(more)} more; the answer as JSON has them all.`) : make("span"),
-    make("p", { class: "note" }, minimal ? "Minimal: without any one of them the others have a point." : "Not minimal: perhaps fewer of them conflict already."),
+    more > 0 ? make("p", { class: "note" }, `and ${whole(more)} more; the result as JSON has all of them.`) : make("span"),
+    make("p", { class: "note" }, minimal ? "Minimal: without any one of them the others are feasible." : "Not minimal: fewer of them may conflict."),
     detail === "" ? make("span") : make("p", { class: "note" }, detail),
   );
 }
 
 /**
- * The rows that an infeasible problem's certificate weighs most, none where only its pairs are at fault. `explained`: the
- * job had option explain, which need not be advised.
+ * The rows with the largest multipliers in an infeasibility certificate; none if only pairs are in conflict. `explained`: the
+ * job had option explain, so the hint is not shown.
  */
-export function showClash(place, { rows, more }, explained) {
+export function showCertificate(place, { rows, more }, explained) {
   const lines = rows.map(({ row, multiplier }) => make("tr", {}, make("th", { scope: "row" }, row), make("td", {}, real(Number(multiplier.toPrecision(4))))));
   const weighed = [
-    make("p", { class: "note" }, "Rows that contradict each other, counted from 0, by their multipliers in the certificate:"),
-    table("Rows that clash", ["row", "multiplier"], lines),
-    more > 0 ? make("p", { class: "note" }, `and ${whole(more)} more; the answer as JSON has them all.`) : make("span"),
+    make("p", { class: "note" }, "Conflicting rows, from 0, with their multipliers in the certificate:"),
+    table("Conflicting rows", ["row", "multiplier"], lines),
+    more > 0 ? make("p", { class: "note" }, `and ${whole(more)} more; the result as JSON has all of them.`) : make("span"),
   ];
   place.replaceChildren(
     ...(rows.length > 0 ? weighed : []),
-    explained ? make("span") : make("p", { class: "note" }, "Option explain=true shows here a smallest set of rows and pairs that conflict."),
+    explained ? make("span") : make("p", { class: "note" }, "With option explain=true, a smallest set of conflicting rows and pairs is shown here."),
   );
 }
 
-/** Options in force, those first that are not the server's default. */
+/** Options of the job; those that differ from the server's defaults come first. */
 export function showOptions(place, options, schema) {
   const entries = schema.filter(({ name }) => options[name] !== undefined).map((option) => describe(option, options[option.name]));
   entries.sort((a, b) => Number(b.changed) - Number(a.changed));
@@ -131,10 +131,10 @@ export function showRows(place, rows) {
   const head = ["iteration", "time", "objective", "equality", "inequality", "complementarity", "KKT residual", "κ", "ρ", "step", "regularization", "factorizations", "repeated"];
   const tree = rows.some((row) => row.nodes > 0);
   if (tree) head.push("incumbent", "bound", "gap", "nodes", "open");
-  const treeCells = (row) => (row.nodes > 0 ? [real(row.incumbent), real(row.bound), residual(row.gap), whole(row.nodes), whole(row.openNodes)] : ["", "", "", "", ""]);
+  const treeCells = (row) => (row.nodes > 0 ? [real(row.incumbent), real(row.bound), residual(row.gap), whole(row.nodes), whole(row.open_nodes)] : ["", "", "", "", ""]);
   const lines = rows.map((row, at) => {
-    const cells = [duration(row.elapsed), real(row.objective), residual(row.equality), residual(row.inequality), residual(row.complementarity), residual(row.kkt),
-                   residual(row.kappa), residual(row.rho), real(row.step), residual(row.regularization), whole(row.factorizations), repeats[at] > 0 ? String(repeats[at]) : "", ...(tree ? treeCells(row) : [])];
+    const cells = [duration(row.elapsed_s), real(row.objective), residual(row.equality), residual(row.inequality), residual(row.complementarity), residual(row.kkt_residual),
+                   residual(row.kappa), residual(row.rho), real(row.step_length), residual(row.regularization), whole(row.factorizations), repeats[at] > 0 ? String(repeats[at]) : "", ...(tree ? treeCells(row) : [])];
     return make("tr", {}, make("th", { scope: "row" }, String(row.iteration)), ...cells.map((cell) => make("td", {}, cell)));
   });
   place.replaceChildren(table("Rows of progress", head, lines));

@@ -1,12 +1,12 @@
-// One job: what came of it and why, its convergence, its pairs, its options and times.
+// The view of one job: result, convergence, pairs, options and times.
 
 import { Convergence, loadCharts } from "../plots/convergence.js";
 import { confirm } from "../dialogs.js";
 import { fill, make, onceAFrame } from "../base/dom.js";
-import { clashingRows, conflictingParts, explain, timeLimit } from "./findings.js";
+import { conflictingParts, conflictingRows, explain, timeLimit } from "./findings.js";
 import { duration, residual } from "../base/format.js";
 import { Feed } from "../data/feed.js";
-import { showClash, showConflict, showFacts, showOptions, showRows, showViolations } from "./job_tables.js";
+import { showCertificate, showConflict, showFacts, showOptions, showRows, showViolations } from "./job_tables.js";
 import { buildJobPage } from "./job_page.js";
 import { showLevels } from "../plots/levels_plot.js";
 import { PairsPlot } from "../plots/pairs_plot.js";
@@ -16,8 +16,8 @@ import { Trace } from "../data/trace.js";
 import { outcome } from "../base/words.js";
 
 const TABLES_EVERY_MS = 500;
-const TICK_MS = 1000; // times go on where no row comes
-const MOST_TO_COMPARE = 30;
+const TICK_MS = 1000; // times advance without new rows
+const MAX_TO_COMPARE = 30;
 
 export class JobView {
   #job = null;
@@ -27,10 +27,10 @@ export class JobView {
   #closed = false;
   #tablesAt = -Infinity;
   #timer = 0;
-  #answerRead = false;
+  #resultRead = false;
   #solution = null;
   #offered = "";
-  pairs = null; // a PairsPlot, once there is a frame
+  pairs = null; // a PairsPlot after the first frame
 
   /** `context` has api, info() (GetInfoResponse or null), jobs() (all of them), forget(id). */
   constructor(place, id, context) {
@@ -59,7 +59,7 @@ export class JobView {
     this.pairs?.destroy();
   }
 
-  /** After a break of the connection: all anew. */
+  /** Loads everything again after a lost connection. */
   reload() {
     this.#feed?.stop();
     this.#feed = null;
@@ -99,7 +99,7 @@ export class JobView {
     const gone = error.status === 404;
     this.parts.page.classList.add("gone");
     fill(this.parts.title, gone ? "No such job" : "This job cannot be shown");
-    const why = gone ? "The server does not remember it: it was let go, or newer ones took its place in the history." : error.message;
+    const why = gone ? "The server does not know this job: it was deleted, or newer jobs have replaced it in the history." : error.message;
     this.parts.why.replaceChildren(make("p", {}, why));
     this.parts.why.dataset.tone = "quiet";
     this.parts.status.hidden = true;
@@ -116,7 +116,7 @@ export class JobView {
   #event(name, data) {
     if (name === "end") {
       this.#feed = null;
-      this.#load(); // the whole answer: times and thinned trace
+      this.#load(); // final times and trace
       return;
     }
     if (name !== "job") return;
@@ -131,28 +131,28 @@ export class JobView {
   #draw() {
     const job = this.#job;
     if (job === null || this.#closed) return;
-    fill(this.parts.title, job.name || `Job ${job.id.slice(0, 8)}`);
+    fill(this.parts.title, job.problem_name || `Job ${job.job_id.slice(0, 8)}`);
     const { word, tone, sign } = outcome(job);
     fill(this.parts.status, `${sign} ${word.replaceAll("_", " ")}`);
     this.parts.status.dataset.tone = tone;
     this.#drawPairs();
-    this.convergence?.show(this.#rowsAndAnswer(), this.#tolerances());
+    this.convergence?.show(this.#rowsAndSolution(), this.#tolerances());
     const empty = this.#trace.rows.length === 0;
     this.parts.convergence.hidden = empty;
     this.parts.noRows.hidden = !empty;
-    fill(this.parts.noRows, job.state === "finished" ? "No row of progress was kept of this job." : "No iteration yet.");
+    fill(this.parts.noRows, job.state === "finished" ? "No rows of progress were kept for this job." : "No iteration yet.");
     this.#drawTables();
   }
 
-  // What was answered was made exact after the last row: it is the curves' last point.
-  #rowsAndAnswer() {
+  // The solution was polished after the last row; it is the last point of the curves.
+  #rowsAndSolution() {
     const rows = this.#trace.rows;
     const last = rows.at(-1);
-    const { state, error, equality, inequality, complementarity, objective, times, incumbent, bound, gap, nodes, openNodes } = this.#job;
+    const { state, error, equality, inequality, complementarity, objective, times, incumbent, bound, gap, nodes, open_nodes } = this.#job;
     if (state !== "finished" || error || last === undefined) return rows;
-    const elapsed = Math.max(last.elapsed, times.solve);
-    const tree = last.nodes > 0 ? { incumbent, bound, gap, nodes, openNodes } : {}; // of a small problem's tree there are no rows
-    return [...rows, { ...last, ...tree, elapsed, equality, inequality, complementarity, objective, kkt: NaN, kappa: NaN, answer: true }];
+    const elapsed_s = Math.max(last.elapsed_s, times.solve_s);
+    const tree = last.nodes > 0 ? { incumbent, bound, gap, nodes, open_nodes } : {}; // the tree of a small problem has no rows
+    return [...rows, { ...last, ...tree, elapsed_s, equality, inequality, complementarity, objective, kkt_residual: NaN, kappa: NaN, isSolution: true }];
   }
 
   #tolerances() {
@@ -167,19 +167,19 @@ export class JobView {
     if (frames.length > 0) {
       this.pairs ??= new PairsPlot(this.parts.pairs);
       const { state, complementarity } = this.#job;
-      const note = state === "finished" ? `In the answer, made exact after it, largest |min(s, t)| is ${residual(complementarity)}.` : "";
-      this.pairs.show(frames, this.#job.nc, Number(this.#options.complementarity_tolerance ?? 1e-6), note);
+      const note = state === "finished" ? `In the solution, polished afterwards, the largest |min(s, t)| is ${residual(complementarity)}.` : "";
+      this.pairs.show(frames, this.#job.pairs, Number(this.#options.complementarity_tolerance ?? 1e-6), note);
       return;
     }
     const limits = this.context.info()?.limits;
     const job = this.#job;
-    const why = job.nc === 0 ? "This problem has no complementarity pairs."
-      : Number(limits?.trace_pairs ?? 1) === 0 ? "This server keeps none (--trace-pairs)."
-      : job.iterations > 0 ? "None were kept of this job." : "Nothing yet.";
+    const why = job.pairs === 0 ? "This problem has no complementarity pairs."
+      : Number(limits?.trace_pairs ?? 1) === 0 ? "This server stores none (--trace-pairs)."
+      : job.iterations > 0 ? "None were stored for this job." : "None yet.";
     fill(this.parts.noPairs, why);
   }
 
-  // Text changes a few times a second at most: nobody reads faster.
+  // Limits changes of text to a few per second.
   #drawTables() {
     const now = performance.now();
     const due = this.#tablesAt + TABLES_EVERY_MS;
@@ -193,27 +193,27 @@ export class JobView {
     const { tone, title, lines } = explain(job, this.#options, this.#trace.rows, this.#solution);
     this.parts.why.dataset.tone = tone;
     this.parts.why.replaceChildren(make("strong", {}, title), ...lines.map((line) => make("p", {}, line)));
-    this.parts.levels.hidden = job.levels.length === 0;
-    if (job.levels.length > 0) showLevels(this.parts.levels, job.levels);
+    this.parts.levels.hidden = job.scenario_levels.length === 0;
+    if (job.scenario_levels.length > 0) showLevels(this.parts.levels, job.scenario_levels);
     showFacts(this.parts.facts, job, this.#trace);
     showViolations(this.parts.violations, job, this.#options);
     showOptions(this.parts.options, this.#options, this.context.info()?.options ?? []);
-    this.parts.timings.hidden = !(job.times.solve > 0);
-    this.parts.noTimings.hidden = job.times.solve > 0;
+    this.parts.timings.hidden = !(job.times.solve_s > 0);
+    this.parts.noTimings.hidden = job.times.solve_s > 0;
     showTimings(this.parts.timings, job.times);
     this.#drawLimit();
     if (this.parts.table.open) showRows(this.parts.rows, this.#trace.rows);
     this.#allowCancel();
   }
 
-  // Its own client may end a job and have its problem, and admin any.
+  // A client may cancel and download its own jobs, the role admin all.
   #allowCancel() {
     const info = this.context.info();
     const may = info !== null && (info.client === this.#job.client || (info.roles ?? []).includes("admin"));
     this.parts.cancel.hidden = !may || this.#job.state === "finished";
     this.parts.bundle.hidden = !may || this.#job.kind !== "submitted";
     this.parts.answer.hidden = this.parts.bundle.hidden || this.#job.state !== "finished";
-    if (!this.parts.answer.hidden) this.#readAnswer();
+    if (!this.parts.answer.hidden) this.#readResult();
     this.#offerComparison();
   }
 
@@ -225,11 +225,11 @@ export class JobView {
     this.parts.limit.replaceChildren(make("progress", { max: limit.limit, value: limit.used, "aria-label": "Time limit used" }), make("span", { class: "note" }, text));
   }
 
-  // Once: the conflict, the certificate, and what kind of point it is, are in the answer alone.
-  async #readAnswer() {
-    const asked = this.#job.status === "infeasible" || (this.#job.status === "solved" && !this.#job.proved);
-    if (this.#answerRead || !asked) return;
-    this.#answerRead = true;
+  // Reads the result once: only it contains conflict, certificate and the tests of the point.
+  async #readResult() {
+    const wanted = this.#job.status === "infeasible" || (this.#job.status === "solved" && !this.#job.proved);
+    if (this.#resultRead || !wanted) return;
+    this.#resultRead = true;
     try {
       const { solution } = await this.context.api.get(`/api/jobs/${this.id}/result`);
       if (this.#job.status === "solved") {
@@ -239,42 +239,42 @@ export class JobView {
       }
       if (this.#closed) return;
       const conflict = conflictingParts(solution?.conflict);
-      if (conflict.parts.length > 0) showConflict(this.parts.clash, conflict);
-      else showClash(this.parts.clash, clashingRows(this.#job, solution?.certificate ?? []), this.#options?.explain === true);
-      this.parts.clash.hidden = false;
+      if (conflict.parts.length > 0) showConflict(this.parts.conflict, conflict);
+      else showCertificate(this.parts.conflict, conflictingRows(this.#job, solution?.certificate ?? []), this.#options?.explain === true);
+      this.parts.conflict.hidden = false;
     } catch {
-      // An answer that is not kept any more has no rows to show.
+      // The result is no longer stored.
     }
   }
 
-  // With the newest of the same problem: those with its name, or of its size where it has none.
+  // Offers the newest jobs of the same problem: with the same name, or of the same size without one.
   #offerComparison() {
     const mine = this.#job;
-    const alike = [...this.context.jobs()].filter((job) => job.id !== mine.id && job.state === "finished" && job.name === mine.name && (mine.name !== "" || job.n === mine.n));
-    alike.sort((a, b) => b.accepted - a.accepted);
-    const offered = alike.slice(0, MOST_TO_COMPARE);
-    const ids = offered.map(({ id }) => id).join();
+    const alike = [...this.context.jobs()].filter((job) => job.job_id !== mine.job_id && job.state === "finished" && job.problem_name === mine.problem_name && (mine.problem_name !== "" || job.variables === mine.variables));
+    alike.sort((a, b) => b.accepted_unix_s - a.accepted_unix_s);
+    const offered = alike.slice(0, MAX_TO_COMPARE);
+    const ids = offered.map(({ job_id }) => job_id).join();
     this.parts.compare.hidden = offered.length === 0;
     if (ids === this.#offered) return;
     this.#offered = ids;
     this.parts.compare.replaceChildren(
       make("option", { value: "" }, "Compare with …"),
-      ...offered.map((job) => make("option", { value: job.id }, `${job.id.slice(0, 8)} ${outcome(job).word.replaceAll("_", " ")}, ${duration(seconds(job))}, ${job.client}`)),
+      ...offered.map((job) => make("option", { value: job.job_id }, `${job.job_id.slice(0, 8)} ${outcome(job).word.replaceAll("_", " ")}, ${duration(seconds(job))}, ${job.client}`)),
     );
   }
 
   async #cancel() {
-    const sure = await confirm("End this job?", "A waiting job ends without an answer; a running one answers with its best iterate; a session's stream ends.", "End it");
+    const sure = await confirm("Cancel this job?", "A waiting job ends without a result. A running job returns its best iterate. The stream of a session ends.", "Cancel it");
     if (!sure) return;
     this.parts.cancel.disabled = true;
-    this.#say("telling the server …");
+    this.#say("cancelling …");
     try {
       const { job } = await this.context.api.post(`/api/jobs/${this.id}/cancel`);
       const ended = toJob(job).state === "finished";
-      this.#say(ended ? "it has ended" : "told to end; it does so within an iteration");
+      this.#say(ended ? "cancelled" : "cancelled; it ends within one iteration");
       if (ended) this.reload();
     } catch (error) {
-      this.#say(`not ended: ${error.message}`);
+      this.#say(`not cancelled: ${error.message}`);
     }
     this.parts.cancel.disabled = false;
   }
@@ -283,10 +283,10 @@ export class JobView {
     try {
       const blob = await this.context.api.blob(`/api/jobs/${this.id}/${what}`);
       const url = URL.createObjectURL(blob);
-      make("a", { href: url, download: `${this.#job?.name || "job"}-${this.id}.${ending}` }).click();
+      make("a", { href: url, download: `${this.#job?.problem_name || "job"}-${this.id}.${ending}` }).click();
       setTimeout(() => URL.revokeObjectURL(url), 10000);
     } catch (error) {
-      this.#say(`no download: ${error.message}`);
+      this.#say(`download failed: ${error.message}`);
     }
   }
 

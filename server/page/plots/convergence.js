@@ -1,17 +1,17 @@
-// How a solve converged: residuals on a log scale, and objective with penalty below, along iterations or time. Where there
-// is a tree (option global), how incumbent and bound close over time.
+// The convergence of a solve: residuals on a log scale, and objective and penalty below, by iteration or time. With a
+// tree (option global), incumbent and bound over time.
 
 import { make, onceAFrame, styleValue } from "../base/dom.js";
 import { duration, rate, real, residual, whole } from "../base/format.js";
 import { nodeRates, repeated } from "../data/trace.js";
 
-const LOWEST = 1e-12; // on a log scale 0 has no place; what is below counts as it: the table has the numbers
+const LOWEST = 1e-12; // log scales have no 0: smaller values are drawn here, the table has the numbers
 
 const RESIDUALS = [
   { key: "equality", label: "equality violation", colour: "--blue", dash: [] },
   { key: "inequality", label: "inequality violation", colour: "--orange", dash: [6, 3] },
   { key: "complementarity", label: "complementarity violation", colour: "--green", dash: [2, 2] },
-  { key: "kkt", label: "KKT residual", colour: "--purple", dash: [] , width: 2.2 },
+  { key: "kkt_residual", label: "KKT residual", colour: "--purple", dash: [] , width: 2.2 },
   { key: "kappa", label: "κ", colour: "--grey", dash: [8, 3, 2, 3] },
 ];
 
@@ -31,7 +31,7 @@ export function loadCharts() {
   return library;
 }
 
-// Dashed lines at the tolerances, where they are in sight.
+// Dashed lines at the visible tolerances.
 const toleranceLines = {
   id: "toleranceLines",
   beforeDatasetsDraw(chart, _, { values, colour, font }) {
@@ -123,7 +123,7 @@ export class Convergence {
     const { ink, font } = this.look;
     const head = (items) => {
       const row = this.#rows[items[0]?.dataIndex];
-      return row ? `${row.answer ? "the answer" : `iteration ${row.iteration}`}, ${duration(row.elapsed)}` : "";
+      return row ? `${row.isSolution ? "the solution" : `iteration ${row.iteration}`}, ${duration(row.elapsed_s)}` : "";
     };
     return {
       animation: false,
@@ -187,11 +187,11 @@ export class Convergence {
     this.proof.dataset.nodes = first < 0 ? 0 : rows.at(-1).nodes;
     if (first < 0) return;
     const rates = nodeRates(rows);
-    const points = (value) => rows.map((row, at) => ({ x: row.elapsed, y: Number.isFinite(value(row, at)) ? value(row, at) : NaN, value: value(row, at) }));
+    const points = (value) => rows.map((row, at) => ({ x: row.elapsed_s, y: Number.isFinite(value(row, at)) ? value(row, at) : NaN, value: value(row, at) }));
     incumbent.data = points((row) => row.incumbent);
     bound.data = points((row) => row.bound);
     speed.data = points((_, at) => rates[at]);
-    Object.assign(this.charts[2].options.scales.x, { min: rows[first].elapsed, max: rows.at(-1).elapsed });
+    Object.assign(this.charts[2].options.scales.x, { min: rows[first].elapsed_s, max: rows.at(-1).elapsed_s });
     const { incumbent: best, bound: least, gap, nodes } = rows.at(-1);
     this.proof.setAttribute("aria-label", `Incumbent ${real(best)}, bound ${real(least)}, gap ${residual(gap)} after ${whole(nodes)} nodes, ${rate(rates.at(-1))} a second.`);
     this.charts[2].update("none");
@@ -200,13 +200,13 @@ export class Convergence {
   #draw() {
     const rows = this.#rows;
     const [upper, lower] = this.charts;
-    const x = this.#alongTime ? (row) => row.elapsed : (row) => row.iteration;
+    const x = this.#alongTime ? (row) => row.elapsed_s : (row) => row.iteration;
     RESIDUALS.forEach(({ key }, at) => {
       upper.data.datasets[at].data = rows.map((row) => ({ x: x(row), y: this.#onLogScale(key, row), value: row[key] }));
     });
     const repeats = repeated(rows);
     upper.data.datasets.at(-1).data = rows.map((row, at) => ({
-      x: x(row), y: repeats[at] > 0 ? this.#onLogScale("kkt", row) : NaN, times: repeats[at], regularization: row.regularization,
+      x: x(row), y: repeats[at] > 0 ? this.#onLogScale("kkt_residual", row) : NaN, times: repeats[at], regularization: row.regularization,
     }));
     upper.options.plugins.toleranceLines.values = toleranceLabels(this.#tolerances);
     lower.data.datasets[0].data = rows.map((row) => ({ x: x(row), y: row.objective, value: row.objective }));
@@ -222,7 +222,7 @@ export class Convergence {
     this.#drawProof();
   }
 
-  // κ = 0 means "no relaxation here"; a violation of 0 is the best there is.
+  // κ = 0 means no relaxation and is not drawn; a violation of 0 is drawn at the bottom.
   #onLogScale(key, row) {
     const value = row[key];
     if (!Number.isFinite(value) || (key === "kappa" && value === 0)) return NaN;
@@ -234,7 +234,7 @@ export class Convergence {
     const times = repeats.reduce((sum, count) => sum + count, 0);
     const text = row
       ? `Convergence over ${this.#rows.length} rows. At iteration ${row.iteration}: equality ${residual(row.equality)}, inequality ${residual(row.inequality)}, ` +
-        `complementarity ${residual(row.complementarity)}, KKT residual ${residual(row.kkt)}, κ ${residual(row.kappa)}. Factorizations repeated: ${times}.`
+        `complementarity ${residual(row.complementarity)}, KKT residual ${residual(row.kkt_residual)}, κ ${residual(row.kappa)}. Factorizations repeated: ${times}.`
       : "Convergence: no rows yet.";
     this.upper.setAttribute("aria-label", text);
     this.upper.dataset.rows = this.#rows.length;

@@ -1,11 +1,11 @@
-// Levels of a scenario solve: what the plan costs in its own worlds, and the interval of what it costs in others, closing.
+// Levels of a problem with scenarios: the cost of the plan in its sample, and the interval of its out-of-sample cost.
 
 import { make } from "../base/dom.js";
 import { duration, real, whole } from "../base/format.js";
 
-/** A place in per cent for each value, with room at the ends; values that are not finite have none. */
+/** The position of each finite value in per cent, with room at the ends. */
 export function scaleOf(levels) {
-  const ends = levels.flatMap(({ objective, fresh }) => [objective, ...(fresh ? [fresh.mean - fresh.half, fresh.mean + fresh.half] : [])]);
+  const ends = levels.flatMap(({ objective, fresh }) => [objective, ...(fresh ? [fresh.mean - fresh.half_width, fresh.mean + fresh.half_width] : [])]);
   const known = ends.filter(Number.isFinite);
   const low = Math.min(...known);
   const span = Math.max(...known) - low || Math.max(1, Math.abs(low));
@@ -14,10 +14,10 @@ export function scaleOf(levels) {
 
 function interval({ objective, fresh, status }, place) {
   const line = make("div", { class: "interval", "aria-hidden": "true" });
-  if (fresh && Number.isFinite(fresh.half)) {
+  if (fresh && Number.isFinite(fresh.half_width)) {
     const bar = make("span", { class: "interval-bar" });
-    bar.style.left = `${place(fresh.mean - fresh.half)}%`;
-    bar.style.width = `${place(fresh.mean + fresh.half) - place(fresh.mean - fresh.half)}%`;
+    bar.style.left = `${place(fresh.mean - fresh.half_width)}%`;
+    bar.style.width = `${place(fresh.mean + fresh.half_width) - place(fresh.mean - fresh.half_width)}%`;
     line.append(bar);
   }
   if (status === "solved" || status === "solved_reduced") {
@@ -30,14 +30,14 @@ function interval({ objective, fresh, status }, place) {
 
 function freshCells(fresh) {
   if (!fresh) return ["", ""];
-  const half = Number.isFinite(fresh.half) ? ` ± ${real(fresh.half)}` : "";
-  return [`${real(fresh.mean)}${half}`, fresh.without > 0 ? `${whole(fresh.without)} of ${whole(fresh.scenarios)}` : "none"];
+  const half = Number.isFinite(fresh.half_width) ? ` ± ${real(fresh.half_width)}` : "";
+  return [`${real(fresh.mean)}${half}`, fresh.without_recourse > 0 ? `${whole(fresh.without_recourse)} of ${whole(fresh.scenarios)}` : "none"];
 }
 
-/** One row a level, its interval as a bar and its own value as a mark. */
+/** One row per level, with its interval as a bar and its cost as a mark. */
 export function showLevels(place, levels) {
   const at = scaleOf(levels);
-  const head = ["worlds", "", "value", "in other worlds, 95 %", "without recourse", "factorizations", "time"];
+  const head = ["scenarios", "", "cost", "out of sample, 95 %", "without recourse", "factorizations", "time"];
   const rows = levels.map((level) => {
     const solved = level.status.startsWith("solved");
     const cells = [solved ? real(level.objective) : level.status.replaceAll("_", " "), ...freshCells(level.fresh), whole(level.factorizations), duration(level.seconds)];
@@ -47,7 +47,7 @@ export function showLevels(place, levels) {
     make(
       "table",
       { class: "numbers" },
-      make("caption", { class: "visually-hidden" }, "Levels of the scenario solve"),
+      make("caption", { class: "visually-hidden" }, "Levels of the problem with scenarios"),
       make("thead", {}, make("tr", {}, ...head.map((text) => make("th", { scope: "col" }, text)))),
       make("tbody", {}, ...rows),
     ),

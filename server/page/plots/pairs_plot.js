@@ -1,11 +1,11 @@
-// The complementarity pairs as a picture: s against t, closing on the corner as κ falls.
+// Plots the complementarity pairs, s against t. They approach the axes as κ falls.
 
 import { fill, make, onceAFrame, styleValue } from "../base/dom.js";
 import { real, residual, whole } from "../base/format.js";
 
-const LEAST = 1e-12; // the smallest value that the log axes tell from 0
+const LEAST = 1e-12; // the smallest value on the log axes
 
-/** How the pairs of a frame stand, by the tolerance of complementarity. */
+/** Counts the pairs of a frame by their active side. */
 export function countPairs({ s, t }, tolerance) {
   const counts = { left: 0, right: 0, both: 0, open: 0, violated: 0, worst: 0 };
   for (let pair = 0; pair < s.length; ++pair) {
@@ -46,16 +46,16 @@ function polygon(path, corners) {
 
 export class PairsPlot {
   #note = "";
-  #pairs = 0; // of the problem: a frame has them all, or an even sample
+  #pairs = 0; // of the problem; a frame has all or an even sample
   #frames = [];
-  #chosen = null; // iteration; null follows the newest
+  #chosen = null; // iteration; null for the newest
   #tolerance = 1e-6;
   #logarithmic = true;
   #hover = null;
 
   constructor(parent) {
     this.canvas = make("canvas", { role: "img", id: "pairs-plot" });
-    this.slider = make("input", { type: "range", min: "0", max: "0", value: "0", id: "pairs-slider", "aria-label": "Iteration of the picture" });
+    this.slider = make("input", { type: "range", min: "0", max: "0", value: "0", id: "pairs-slider", "aria-label": "Iteration of the plot" });
     this.scale = make("button", { type: "button", class: "chip", "aria-pressed": "true" }, "log scale");
     this.live = make("button", { type: "button", class: "chip", "aria-pressed": "true" }, "newest");
     this.caption = make("p", { class: "note", id: "pairs-caption" });
@@ -81,7 +81,7 @@ export class PairsPlot {
     return make("canvas", { width: "28", height: "28", "data-sample": side, "aria-hidden": "true" });
   }
 
-  /** `pairs` of the problem; `note` is said of the newest frame. */
+  /** `pairs` is the number of pairs of the problem; `note` is appended to the caption of the newest frame. */
   show(frames, pairs, tolerance, note = "") {
     this.#frames = frames;
     this.#pairs = pairs;
@@ -104,7 +104,7 @@ export class PairsPlot {
     this.redraw();
   }
 
-  // The chosen frame, or the kept one nearest to it.
+  // The chosen frame, or the first one after it.
   #at() {
     const last = this.#frames.length - 1;
     if (this.#chosen === null) return last;
@@ -134,7 +134,7 @@ export class PairsPlot {
     const parts = Object.entries(LOOKS).filter(([side]) => counts[side] > 0).map(([side, { words }]) => `${whole(counts[side])} ${words}`);
     const kappa = frame.kappa > 0 ? `κ = ${residual(frame.kappa)}` : "local search";
     const shown = frame.s.length;
-    const sample = shown < this.#pairs ? ` ${whole(shown)} of ${whole(this.#pairs)} pairs are shown, evenly chosen.` : "";
+    const sample = shown < this.#pairs ? ` ${whole(shown)} of ${whole(this.#pairs)} pairs are shown, evenly sampled.` : "";
     const text = `Iteration ${frame.iteration}, ${kappa}: ${parts.join(", ")}; largest |min(s, t)| ${residual(counts.worst)}.${sample}`;
     fill(this.caption, frame === this.#frames.at(-1) ? `${text} ${this.#note}` : text);
     this.canvas.setAttribute("aria-label", `${frame.s.length} complementarity pairs, s against t. ${text}`);
@@ -167,7 +167,7 @@ export class PairsPlot {
     return context;
   }
 
-  // The same for all frames, so that the slider shows the points move and not the axes.
+  // The same axes for all frames, so that the slider moves only the points.
   #range() {
     let most = 1e-3;
     let least = 1;
@@ -273,7 +273,7 @@ export class PairsPlot {
     context.stroke();
   }
 
-  // Draws all; the pair nearest to the pointer, or null.
+  // Draws the pairs; returns the one nearest to the pointer, or null.
   #points(context, { s, t }) {
     let near = null;
     let nearest = (1.2 * this.unit) ** 2;

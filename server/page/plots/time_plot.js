@@ -1,5 +1,4 @@
-// A small plot of one quantity over the last minutes, or of a few on one scale: drawn on a canvas when there is something
-// new. A single one is an area.
+// A small plot of one or a few quantities over the last minutes, on a canvas. A single one is an area.
 
 import { make, fill, styleValue } from "../base/dom.js";
 import { whole } from "../base/format.js";
@@ -20,8 +19,8 @@ export class TimePlot {
   #hover = null; // seconds before now
 
   /**
-   * `words` names the quantity, `text` a value of it, `most` the top of the axis if it is fixed. `curves`: colour, value(index)
-   * of the history's points, and, where there are several, words.
+   * `words` is the name of the quantity, `text` formats a value, `most` is the upper limit of a fixed axis. `curves`:
+   * colour, value(index) for the points of the history, and words if there are several.
    */
   constructor(parent, { words, text, curves, most = null, logarithmic = false }) {
     this.words = words;
@@ -43,11 +42,11 @@ export class TimePlot {
   show(history) {
     this.#points = this.curves.map(({ value }) => this.#read(history, value));
     this.#describe();
-    this.#tellHover();
+    this.#showHover();
     this.draw();
   }
 
-  // One point a pixel is enough.
+  // One point per pixel.
   #read(history, value) {
     const points = [];
     const last = history.length - 1;
@@ -87,18 +86,18 @@ export class TimePlot {
 
   #point(x) {
     this.#hover = x === null ? null : SPAN_S * (1 - x / this.canvas.clientWidth);
-    this.#tellHover();
+    this.#showHover();
     this.draw();
   }
 
-  // The point of a curve that is nearest to the pointer; null if there is none.
+  // The point of a curve nearest to the pointer; null without points.
   #near(points) {
     if (this.#hover === null || points.length === 0) return null;
     const distance = (point) => Math.abs(point[0] - this.#hover);
     return points.reduce((best, point) => (distance(point) < distance(best) ? point : best));
   }
 
-  #tellHover() {
+  #showHover() {
     const near = this.#points.map((points) => this.#near(points));
     const seconds = near.find((point) => point !== null)?.[0];
     const values = near.map((point, at) => (point === null ? null : `${this.curves[at].words ?? ""} ${this.text(point[1])}`.trim())).filter((text) => text !== null);
@@ -150,11 +149,11 @@ export class TimePlot {
     let previous = null;
     for (const point of points) {
       const [x, y] = place(point);
-      const gap = previous === null || previous.before - point[0] > 5; // nothing was heard for so long
+      const gap = previous === null || previous.before - point[0] > 5; // no data for so long
       if (gap) {
         if (previous !== null) areas.lineTo(previous.x, height);
         line.moveTo(x, y);
-        line.lineTo(x + 0.5, y); // one that stays alone is seen, too
+        line.lineTo(x + 0.5, y); // makes a single point visible
         areas.moveTo(x, height);
       } else {
         line.lineTo(x, y);

@@ -1,24 +1,24 @@
-// Where a job's time went: its parts, as numbers that add up to the whole.
+// The times of a job's parts, which add up to its total time.
 
 import { make } from "../base/dom.js";
 import { duration, percent } from "../base/format.js";
 
-/** [name, seconds, colour] in the order of time; the rests are what no part accounts for. */
+/** [name, seconds, colour] in the order of time; the rests belong to no other part. */
 export function partsOf(times) {
-  const inside = times.factorization + times.line_search + times.polish + times.tree;
+  const inside = times.factorization_s + times.line_search_s + times.polish_s + times.tree_s;
   return [
-    ["queue", times.queue, "--grey"],
-    ["set-up", times.setup, "--purple"],
-    ["factorization", times.factorization, "--blue"],
-    ["line search", times.line_search, "--orange"],
-    ["polish and local search", times.polish, "--green"],
-    ...(times.tree > 0 ? [["tree of branch and bound", times.tree, "--ink"]] : []),
-    ["rest of the solve", Math.max(0, times.solve - inside), "--teal"],
-    ["stepped aside, and the rest", Math.max(0, times.total - times.queue - times.setup - times.solve), "--red"],
+    ["queue", times.queue_s, "--grey"],
+    ["set-up", times.setup_s, "--purple"],
+    ["factorization", times.factorization_s, "--blue"],
+    ["line search", times.line_search_s, "--orange"],
+    ["polish and local search", times.polish_s, "--green"],
+    ...(times.tree_s > 0 ? [["tree of branch and bound", times.tree_s, "--ink"]] : []),
+    ["rest of the solve", Math.max(0, times.solve_s - inside), "--teal"],
+    ["preempted, and the rest", Math.max(0, times.total_s - times.queue_s - times.setup_s - times.solve_s), "--red"],
   ];
 }
 
-/** The bar and its table. */
+/** Shows the parts as a bar and a table. */
 export function showTimings(place, times) {
   const parts = partsOf(times);
   const whole = parts.reduce((sum, part) => sum + part[1], 0);

@@ -1,16 +1,16 @@
-// What several calls take, and how it is checked.
+// Checks of parameters that several calls have.
 import { invalid } from "./errors.js";
 
-/** Longer ones never come: gRPC cannot count them. About 68 years. */
+/** Longer deadlines overflow gRPC's counter and count as none. About 68 years. */
 const longestMs = 2 ** 31 * 1000;
 
-/** A deadline: milliseconds > 0, or none. */
+/** A deadline in milliseconds > 0, or none. */
 export function checkDeadline(field: string, milliseconds: number | undefined): void {
   if (milliseconds === undefined || (typeof milliseconds === "number" && milliseconds > 0)) return;
   throw invalid(field, "must be > 0", { value: milliseconds });
 }
 
-/** The deadline, or undefined where none ever comes. */
+/** The deadline, or undefined if it never passes. */
 export function untilForever(milliseconds: number | undefined): number | undefined {
   return milliseconds !== undefined && milliseconds < longestMs ? milliseconds : undefined;
 }

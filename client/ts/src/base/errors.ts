@@ -1,24 +1,24 @@
-import type { errorNames } from "./tables.js";
+import type { errorNames } from "../shared/tables.js";
 
-/** What an error tells beyond its message. */
+/** Details of an error besides its message. */
 export interface ErrorDetails {
-  /** The part that is at fault, in the caller's terms: "A.values", "options.maxIterations". */
+  /** The invalid field, by the caller's names: "A.values", "options.maxIterations". */
   field?: string;
-  /** Its entry, from 0. */
+  /** The index of the invalid entry, from 0. */
   index?: number;
-  /** What stands there. */
+  /** The invalid value. */
   value?: string;
-  /** The rule that it breaks. */
+  /** The rule that the value violates. */
   bound?: string;
   /** After how many milliseconds another attempt may succeed. */
   retryAfterMs?: number;
   cause?: unknown;
 }
 
-/** What kind of error it is: gRPC's words, in lower case. */
+/** The kind of an error: the name of its gRPC code, in lower case. */
 export type ErrorCode = (typeof errorNames)[keyof typeof errorNames];
 
-/** Every error of this package. A solve that ends without being solved is not among them: it is an answer. */
+/** Base class of all errors of this package. A solve that ends unsolved returns a solution, not an error. */
 export class MarbleError extends Error {
   readonly code: ErrorCode;
   declare readonly field?: string;
@@ -36,24 +36,24 @@ export class MarbleError extends Error {
   }
 }
 
-/** What was given breaks a rule: a problem's part, an option, an address. `field`, `index`, `value`, `bound` say which. */
+/** Invalid input: a part of a problem, an option, an address. `field`, `index`, `value` and `bound` name it. */
 export class InvalidProblemError extends MarbleError {}
 
-/** A queue, a quota or a limit of the server is full; `retryAfterMs` where waiting helps. */
+/** A queue, a quota or a limit of the server is full; `retryAfterMs` is set if waiting helps. */
 export class RefusedError extends MarbleError {}
 
-/** The server is not reachable, is draining, or is no Marble server. */
+/** The server is unreachable or draining, or it is not a Marble server. */
 export class UnavailableError extends MarbleError {}
 
-/** The deadline passed before there was an answer. */
+/** The deadline passed before the result was there. */
 export class DeadlineError extends MarbleError {}
 
-/** The caller gave the call up; `cause` is its signal's reason. */
+/** The caller cancelled the call; `cause` is the signal's reason. */
 export class CancelledError extends MarbleError {}
 
-/** An update of a session that a newer one overtook, and took the numbers of. */
+/** A newer update of the session replaced this one and included its data. */
 export class SupersededError extends CancelledError {
-  /** The update that took its place. */
+  /** The number of the newer update. */
   readonly bySequence: number;
   constructor(bySequence: number) {
     super("cancelled", `update ${bySequence} took its place`);
@@ -61,19 +61,19 @@ export class SupersededError extends CancelledError {
   }
 }
 
-/** The server does not know who calls, or the caller may not do this. */
+/** The server does not know the client, or does not permit the call. */
 export class AccessError extends MarbleError {}
 
-/** Never heard of the job, no longer kept, or not the caller's to see. */
+/** The job does not exist, is no longer kept, or belongs to another client. */
 export class NotFoundError extends MarbleError {}
 
-/** It does not fit what came before: the answer of a job that has not finished, an update after a session's end. */
+/** The call does not fit the current state: the job has not finished, the session or the client is closed. */
 export class PreconditionError extends MarbleError {}
 
 /** The server ended a session that was idle for too long. */
 export class AbortedError extends MarbleError {}
 
-/** A bug of the server; the message carries the job id to look for in its log. */
+/** A bug of the server; the message contains the job id to look for in its log. */
 export class InternalError extends MarbleError {}
 
 const classes: Record<ErrorCode, typeof MarbleError> = {
@@ -90,12 +90,12 @@ const classes: Record<ErrorCode, typeof MarbleError> = {
   internal: InternalError,
 };
 
-/** The error of the class that belongs to its code. */
+/** An error of the class for `code`. */
 export function errorOf(code: ErrorCode, message: string, details: ErrorDetails = {}): MarbleError {
   return new classes[code](code, message, details);
 }
 
-/** "A.values[3] = NaN: must be finite". */
+/** An InvalidProblemError with a message such as "A.values[3] = NaN: must be finite". */
 export function invalid(field: string, bound: string, at: { index?: number; value?: unknown } = {}): MarbleError {
   const place = at.index === undefined ? field : `${field}[${at.index}]`;
   const value = at.value === undefined ? undefined : String(at.value);
@@ -103,7 +103,7 @@ export function invalid(field: string, bound: string, at: { index?: number; valu
   return errorOf("invalid_argument", message, { field, index: at.index, value, bound });
 }
 
-/** Does what may throw an InvalidProblemError of a part, whose field then is below `path`. */
+/** Runs `check` and puts `path` before the field of an InvalidProblemError that it throws. */
 export function within<Result>(path: string, check: () => Result): Result {
   try {
     return check();

@@ -1,9 +1,9 @@
-// Numbers as they stand in a message: little-endian, one after the other. See scripts/generate.mjs for why.
+// Packed numbers of messages, which are generated as bytes; scripts/generate.mjs has the reason.
 import { endianness } from "node:os";
 
 const foreign = endianness() === "BE";
 
-/** A copy: what the caller does to its array afterwards changes nothing. */
+/** Copies `values`, so that the caller may change them afterwards. */
 export function packDoubles(values: ArrayLike<number>): Uint8Array {
   const bytes = new Uint8Array(Float64Array.from(values).buffer);
   return foreign ? swap(bytes, 8) : bytes;
@@ -17,7 +17,7 @@ export function unpackFloats(bytes: Uint8Array): Float32Array {
   return new Float32Array(aligned(bytes, 4));
 }
 
-/** Varints, seven bits a byte; of numbers >= 0. */
+/** Packs numbers >= 0 as varints of seven bits per byte. */
 export function packIntegers(values: Int32Array): Uint8Array {
   const longest = 5;
   const bytes = new Uint8Array(longest * values.length);
@@ -46,7 +46,7 @@ export function unpackIntegers(bytes: Uint8Array): Int32Array {
   return Int32Array.from(values);
 }
 
-// A message's bytes start anywhere, a typed array's must not.
+// The bytes of a message may have any offset; a typed array needs an aligned one.
 function aligned(bytes: Uint8Array, size: number): ArrayBuffer {
   const copy = new Uint8Array(bytes); // slice() of a Buffer would be a view
   return (foreign ? swap(copy, size) : copy).buffer as ArrayBuffer;
@@ -55,4 +55,18 @@ function aligned(bytes: Uint8Array, size: number): ArrayBuffer {
 function swap(bytes: Uint8Array, size: number): Uint8Array {
   for (let first = 0; first < bytes.length; first += size) bytes.subarray(first, first + size).reverse();
   return bytes;
+}
+
+/** A message whose packed numbers are typed arrays. */
+export type Unpacked<Message, Numbers> = {
+  readonly [Name in keyof Message]: Message[Name] extends Uint8Array ? Numbers : Message[Name];
+};
+
+/** Unpacks all packed numbers of a message, which are of one type. */
+export function unpacked<Message extends object, Numbers>(
+  message: Message,
+  unpack: (bytes: Uint8Array) => Numbers,
+): Unpacked<Message, Numbers> {
+  const fields = Object.entries(message).map(([name, value]) => [name, value instanceof Uint8Array ? unpack(value) : value]);
+  return Object.fromEntries(fields) as Unpacked<Message, Numbers>;
 }

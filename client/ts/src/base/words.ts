@@ -1,6 +1,6 @@
-// Enumerations of the contract as words: STATUS_ITERATION_LIMIT is "iteration_limit" here. Nothing lists them again.
+// Enumerations of the contract as strings without prefix: STATUS_ITERATION_LIMIT is "iteration_limit".
 
-/** The words of an enumeration whose names start with `Prefix`. */
+/** The strings of an enumeration whose names start with `Prefix`. */
 export type Words<Enumeration, Prefix extends string> = keyof Enumeration extends infer Name
   ? Name extends `${Prefix}${infer Word}`
     ? Word extends "UNSPECIFIED"
@@ -13,7 +13,7 @@ interface Numbers {
   [number: number]: string;
 }
 
-/** The word of a value; undefined for the unspecified one and for those of a newer server. */
+/** The string of a value; undefined for the unspecified value and for values of a newer server. */
 export function word<Enumeration extends Numbers, Prefix extends string>(
   enumeration: Enumeration,
   prefix: Prefix,
@@ -24,14 +24,14 @@ export function word<Enumeration extends Numbers, Prefix extends string>(
   return name.slice(prefix.length).toLowerCase() as Words<Enumeration, Prefix>;
 }
 
-/** All words, in the order of their numbers. */
+/** All strings, in the order of their numbers. */
 export function words(enumeration: object, prefix: string): string[] {
   return Object.keys(enumeration)
     .filter((name) => name.startsWith(prefix) && name !== `${prefix}UNSPECIFIED`)
     .map((name) => name.slice(prefix.length).toLowerCase());
 }
 
-/** The value of a word, 0 for none; undefined if there is no such word. */
+/** The value of a string, 0 if none is given; undefined if the enumeration does not contain it. */
 export function valueOf(enumeration: object, prefix: string, chosen: string | undefined): number | undefined {
   if (chosen === undefined) return 0;
   if (!words(enumeration, prefix).includes(chosen)) return undefined;

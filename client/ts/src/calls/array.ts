@@ -10,43 +10,45 @@ import { Patience } from "./patience.js";
 import { type CommonControls, type RequestControls, expect, initialPoint, requestOf, solveRequest, warmStartOf } from "./solve.js";
 import { errorOfStatus, isLost } from "./status.js";
 
-/** One problem of an array: one of its own, or the base problem with new numbers. */
+/** One problem of an array: its own problem, or the base problem with new data. */
 export interface ArrayElement extends Omit<RequestControls, "priority" | "requestId"> {
   problem?: Problem;
-  /** New numbers for the base problem. */
+  /** New data for the base problem. */
   update?: ProblemUpdate;
 }
 
-/** What holds for an array as a whole. */
+/** Parameters of a whole array. */
 export interface ArrayControls extends CommonControls, CallControls {
-  /** The problem of which elements may be new numbers. */
+  /** The problem that elements with an `update` change. */
   base?: Problem;
   /** For the server's log and page. */
   name?: string;
 }
 
-/** An array that was taken in. */
+/** An accepted array. */
 export interface SubmittedArray {
   jobId: string;
   elements: number;
 }
 
-/** What came of one element: its solution, or why there is none. */
+/** The result of one element: its solution or its error. */
 export type ArrayAnswer = {
   /** Its position in the array, from 0. */
   index: number;
-  /** The number of its answer in the order in which elements ended, from 1; it stays. */
+  /** The number of the result in the order in which elements finished, from 1. It never changes. */
   sequence: number;
 } & ({ solution: Solution; error?: undefined } | { solution?: undefined; error: MarbleError });
 
-/** How to be told of an array's answers. */
+/** Parameters for reading an array's results. */
 export interface ArrayReading {
-  /** Only answers after this one: the largest `sequence` that was received before. */
+  /** Only results after this one: the largest `sequence` received before. */
   after?: number;
   signal?: AbortSignal;
 }
 
-/** All messages of one submission, however often they are sent. Throws where one breaks a rule. */
+/**
+ * All messages of one submission, which may be sent several times. Throws an InvalidProblemError for invalid elements.
+ */
 export function arrayMessages(
   elements: Iterable<ArrayElement>,
   requestId: string,
@@ -66,10 +68,10 @@ export function arrayMessages(
 
 function elementOf({ problem, update, ...controls }: ArrayElement, base: CheckedProblem | undefined): ElementMessage {
   if (problem !== undefined) {
-    if (update !== undefined) throw invalid("update", "must not come with a problem of its own");
+    if (update !== undefined) throw invalid("update", "must not be given together with a problem");
     return { solve: solveRequest(problem, controls), update: undefined };
   }
-  if (base === undefined) throw invalid("problem", "must be there where the array has no base");
+  if (base === undefined) throw invalid("problem", "must be given if the array has no base");
   const { shape } = base;
   const solve = {
     ...requestOf(undefined, controls),
@@ -80,7 +82,7 @@ function elementOf({ problem, update, ...controls }: ArrayElement, base: Checked
   return { solve, update: update && updateMessage(update, shape) };
 }
 
-/** Each answer once, whatever becomes of connections. */
+/** Yields each result once, also across lost connections. */
 export async function* arrayAnswers(
   connection: Connection,
   jobId: string,

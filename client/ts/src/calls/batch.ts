@@ -15,21 +15,21 @@ import { Patience } from "./patience.js";
 import { type Priority, type RequestControls, expect, solveRequest } from "./solve.js";
 import { cancelled, errorOfStatus, isLost } from "./status.js";
 
-/** One problem of many. */
+/** One problem of a batch. */
 export interface BatchProblem<Tag> extends Omit<RequestControls, "priority"> {
-  /** Comes back with the answer. */
+  /** Returned with the result. */
   tag: Tag;
   problem: Problem;
 }
 
-/** What came of one problem: its solution, or why there is none. */
+/** The result of one problem: its solution or its error. */
 export type BatchAnswer<Tag> =
   { tag: Tag; solution: Solution; error?: undefined } | { tag: Tag; solution?: undefined; error: MarbleError };
 
-/** What holds for a batch as a whole. */
+/** Parameters of a whole batch. */
 export interface BatchControls {
   priority?: Priority;
-  /** Gives all of it up. */
+  /** Cancels the whole batch. */
   signal?: AbortSignal;
 }
 
@@ -37,8 +37,8 @@ type Call = ClientDuplexStream<SolveBatchRequest, SolveBatchResponse>;
 type Source<Tag> = AsyncIterable<BatchProblem<Tag>> | Iterable<BatchProblem<Tag>>;
 
 /**
- * Answers in the order of finishing. The source is asked for the next problem when the server has taken the last one.
- * Where the server is lost or drains, the next one is sent what was not answered, and the batch goes on.
+ * Yields results in the order of finishing. Requests the next problem from the source when the server has taken the
+ * last one. If the server is lost or drains, the unsolved problems are sent to the next server.
  */
 export async function* batch<Tag>(
   connection: Connection,
@@ -61,7 +61,7 @@ export async function* batch<Tag>(
           yield answer;
         }
         await sent;
-        if (!sender.isDone) throw sender.refused ?? errorOf("internal", "the server has not answered all of the batch");
+        if (!sender.isDone) throw sender.refused ?? errorOf("internal", "the server ended the batch without all results");
         return yield* sender.faulty.splice(0);
       } catch (error) {
         if (sender.failure !== undefined) throw sender.failure.thrown;
@@ -84,11 +84,11 @@ interface Numbered<Tag> {
 }
 
 class Sender<Tag> {
-  /** Problems that break a rule, told before they were sent. */
+  /** Results of invalid problems, which are not sent. */
   readonly faulty: BatchAnswer<Tag>[] = [];
   /** What the source threw. */
   failure?: { thrown: unknown };
-  /** Why a server that drains did not take the last one. */
+  /** Why a draining server refused the last problem. */
   refused?: MarbleError;
   private readonly items: AsyncGenerator<BatchProblem<Tag>, void, undefined>;
   private next?: Promise<IteratorResult<BatchProblem<Tag>, void>>;
@@ -104,12 +104,12 @@ class Sender<Tag> {
     this.items = each(source);
   }
 
-  /** Everything is answered, and there is nothing more. */
+  /** The source is exhausted and every problem has its result. */
   get isDone(): boolean {
     return this.over && this.unanswered.size === 0;
   }
 
-  /** Sends what is not answered, then what the source has, until the call ends. */
+  /** Sends the unsolved problems, then those of the source, until the call ends. */
   async feed(call: Call): Promise<void> {
     this.call = call;
     this.refused = undefined;
@@ -129,7 +129,7 @@ class Sender<Tag> {
     }
     while (this.call === call) {
       const item = await this.peek();
-      if (this.call !== call) return; // the next call's
+      if (this.call !== call) return; // the next call sends it
       this.next = undefined;
       if (item.done) {
         this.over = true;
@@ -143,7 +143,7 @@ class Sender<Tag> {
     }
   }
 
-  /** Whether there is anything to send; where all is answered, whether the source has more, for which it waits. */
+  /** Whether there is anything to send. If every problem has its result, waits for the source's next one. */
   async hasMore(signal: AbortSignal | undefined): Promise<boolean> {
     if (this.unanswered.size > 0) return true;
     if (this.over) return false;
@@ -152,7 +152,7 @@ class Sender<Tag> {
     return !item.done;
   }
 
-  /** Undefined of what the next server is to answer. */
+  /** The result of a problem; undefined if the next server must solve it. */
   answer(number: number, outcome: SolveBatchResponse["outcome"]): BatchAnswer<Tag> | undefined {
     const { tag } = expect(this.unanswered.get(number));
     const { $case, value } = expect(outcome);
@@ -166,13 +166,13 @@ class Sender<Tag> {
     return { tag, solution: new Solution(value.jobId, expect(value.solution)) };
   }
 
-  /** The source is asked for nothing more. */
+  /** Stops reading the source. */
   stop(): void {
     if (this.call !== undefined) this.leave(this.call);
     if (!this.over) this.items.return().catch(() => undefined);
   }
 
-  // Its problem stays until a call has taken it. What the source throws is told by the batch.
+  // The next problem stays until a call takes it. The batch rethrows errors of the source.
   private peek(): Promise<IteratorResult<BatchProblem<Tag>, void>> {
     if (this.next === undefined) {
       this.next = this.items.next();
@@ -196,7 +196,7 @@ class Sender<Tag> {
     this.wake();
   }
 
-  // Done when the message is on its way: flow control holds it back while the server does not read.
+  // Resolves when the message was written: flow control delays it while the server does not read.
   private write(call: Call, tag: number, solve: SolveRequest): Promise<void> {
     return new Promise((resolve) => {
       this.wake = resolve;

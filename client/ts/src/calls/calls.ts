@@ -16,16 +16,16 @@ import { JobsService, ServerService, SolverService } from "../generated/marble/v
 import { Patience, repeated } from "./patience.js";
 import { cancelled, errorOfCall, isLost } from "./status.js";
 
-/** What may accompany any call. */
+/** Parameters of any call. */
 export interface CallControls {
-  /** Gives the call up: the promise is rejected with a CancelledError, and the server stops within one iteration. */
+  /** Cancels the call: the promise rejects with a CancelledError, and the server stops within one iteration. */
   signal?: AbortSignal;
-  /** Hard limit from now on, in milliseconds > 0: no answer comes back after it. Default: that of `connect`. */
+  /** Hard limit from now, in milliseconds > 0; no result arrives after it. Default: that of `connect`. */
   deadlineMs?: number;
 }
 
-// Only what is the same when it is asked twice: a solve is repeated at no harm, a stream of one only until its first
-// event, and a submission is one job by its request id. What sessions and batches were sent, they know themselves.
+// Calls that are safe to repeat: solves leave nothing behind, a stream repeats until its first event, and a submission
+// is one job by its request id. Sessions and batches repeat their own messages.
 const repeatable = new Set<string>(
   [
     ...[SolverService.solve, SolverService.solveStream, SolverService.solveScenarios, SolverService.solveCoupled],
@@ -37,7 +37,7 @@ const repeatable = new Set<string>(
 type Call =
   ClientUnaryCall | ClientReadableStream<unknown> | ClientWritableStream<unknown> | ClientDuplexStream<unknown, unknown>;
 
-/** One message there, one back. */
+/** A unary call. */
 export async function unary<Request, Response>(
   connection: Connection,
   method: MethodDefinition<Request, Response>,
@@ -75,7 +75,7 @@ async function unaryOnce<Request, Response>(
   });
 }
 
-/** Many messages there, one back; each is written when the one before is on its way. */
+/** A client-streaming call; each message is written when the previous one was sent. */
 export async function clientStream<Request, Response>(
   connection: Connection,
   method: MethodDefinition<Request, Response>,
@@ -96,7 +96,7 @@ export async function clientStream<Request, Response>(
         else resolve(response as Response);
       },
     );
-    call.on("error", () => undefined); // the callback's
+    call.on("error", () => undefined); // reported by the callback
     follow(call, place, signal);
     const source = requests[Symbol.iterator]();
     const next = (): void => {
@@ -108,7 +108,7 @@ export async function clientStream<Request, Response>(
   });
 }
 
-/** One message there, many back. The call begins with the iteration and ends with it. */
+/** A server-streaming call. It begins with the iteration and ends with it. */
 export async function* serverStream<Request, Response>(
   connection: Connection,
   method: MethodDefinition<Request, Response>,
@@ -148,7 +148,7 @@ export async function* serverStream<Request, Response>(
   }
 }
 
-/** A stream both ways, for whoever reads and writes it himself; it ends with the signal. */
+/** A bidirectional call, which the caller reads and writes; it ends with the signal. */
 export function duplex<Request, Response>(
   connection: Connection,
   method: MethodDefinition<Request, Response>,
@@ -166,12 +166,12 @@ export function duplex<Request, Response>(
   return call;
 }
 
-/** The messages of a stream, as fast as they are taken; the next is read when it is wanted. */
+/** The messages of a stream; the next is read when the caller requests it. */
 export async function* received<Response>(
   call: ClientReadableStream<Response>,
   signal?: AbortSignal,
 ): AsyncGenerator<Response, void, undefined> {
-  call.on("error", () => undefined); // told below; after an early end nobody waits for it
+  call.on("error", () => undefined); // thrown below; ignored if the caller has left the loop
   try {
     for await (const message of call) yield message as Response;
   } catch (error) {
@@ -179,7 +179,7 @@ export async function* received<Response>(
   }
 }
 
-/** When a call must be over, as Date.now() tells it; undefined if never. */
+/** When a call must end, in the time of Date.now(); undefined without a deadline. */
 export function deadlineOf(controls: CallControls, defaultDeadlineMs: number | undefined): number | undefined {
   checkDeadline("deadlineMs", controls.deadlineMs);
   const limit = untilForever(controls.deadlineMs ?? defaultDeadlineMs);
@@ -196,7 +196,7 @@ function checkSignal(signal: AbortSignal | undefined): void {
   if (signal.aborted) throw cancelled(signal);
 }
 
-// What begins with a call and ends with it.
+// Ties the signal and the reserved connection to the life of a call.
 function follow(call: Call, { release }: Place, signal: AbortSignal | undefined): void {
   const cancel = (): void => call.cancel();
   signal?.addEventListener("abort", cancel, { once: true });

@@ -14,87 +14,91 @@ import { Solution, type Status } from "../model/solution.js";
 import { type CallControls, serverStream } from "./calls.js";
 import { type CommonControls, expect, requestOf, solveRequest } from "./solve.js";
 
-/** One problem, and what the rows between blocks see of it. */
+/** One block of a coupled problem. */
 export interface CoupledBlock {
-  /** Of n_k variables. Its name is for people, in what is told of it; its x0 is not looked at. */
+  /** A problem with n_k variables. Its x0 is ignored; its name appears in messages. */
   problem: Problem;
-  /** E_k, m × n_k; absent where no row sees the block. */
+  /** E_k, m × n_k; absent if no coupling row contains the block. */
   coupling?: Matrix;
 }
 
-/** Problems that rows tie together: min Σ f_k(z_k), each z_k feasible for its own block, Σ E_k z_k = total. */
+/** Problems coupled by rows: min Σ f_k(z_k), each z_k feasible for its block, Σ E_k z_k = total. */
 export interface CoupledProblem {
   /** For logs and dashboards; at most 256 bytes. */
   name?: string;
   /** At least one. */
   blocks: CoupledBlock[];
-  /** m numbers. */
+  /** The right-hand side of the coupling rows, m entries. */
   total: ArrayLike<number>;
 }
 
-/** How one long problem is cut, whose x0 is not looked at. */
+/** The segments of a long problem, whose x0 is ignored. */
 export interface Pieces {
-  /** Of each variable its stage, from 0 on. */
+  /** The stage of each variable, from 0. */
   stages: ArrayLike<number>;
-  /** How many, of equal length, ≥ 1. */
+  /** The number of segments of equal length, ≥ 1. */
   pieces: number;
-  /** Stages that each looks ahead while they are first solved one after the other; default: a third of one, but ≥ 2. */
+  /** Overlap of the segments in the initial forward pass, in stages; default: a third of a segment, at least 2. */
   lookAhead?: number;
 }
 
-/** How blocks are brought to agree; all of it optional. `options` hold for every block's solves and the joint one. */
+/**
+ * Parameters of the coordination. All are optional. `options` apply to the blocks' solves and to the monolithic one.
+ */
 export interface PiecesControls extends CommonControls, CallControls {
-  /** First ρ > 0 of ½ρ|E_k(y − z)|², what holds a block where the last iteration was; default 1, of pieces 100. */
+  /** Initial ρ > 0 of the proximal term ½ρ|E_k(y − z)|² of each block; default 1, for pieces 100. */
   proximal?: number;
-  /** Iterations of the coordinator, ≥ 1; default 60. */
+  /** Maximum number of coordination iterations, ≥ 1; default 60. */
   maxIterations?: number;
-  /** After so many every pair keeps its side, ≥ 1, of pieces ≥ 0; default 15, of pieces 0. */
+  /** Iterations after which pairs keep their active side, ≥ 1, for pieces ≥ 0; default 15, for pieces 0. */
   freezeAfter?: number;
-  /** How often blocks that agree look for better branches, ≥ 0; default 3. */
+  /** Maximum number of branch searches after the blocks agree, ≥ 0; default 3. */
   searches?: number;
-  /** Pairs of frozen blocks that may be tried on their other side, ≥ 0; default 20. */
+  /** Maximum number of pairs to switch in frozen blocks, ≥ 0; default 20. */
   flips?: number;
-  /** Of the rows and of the last step, relative, in (0, 1); default 1e-9, of pieces 1e-8. */
+  /** Relative tolerance of the coupling rows and of the last step, in (0, 1); default 1e-9, for pieces 1e-8. */
   tolerance?: number;
-  /** Whether the branch is solved as one problem at the end, exactly; default true, and of pieces it must be. */
+  /** Whether the final branch is solved exactly as a monolithic problem; default true, required for pieces. */
   joint?: boolean;
-  /** Whether better branches are looked for before that; default true, of pieces false. */
+  /** Whether the monolithic problem searches for better branches; default true, for pieces false. */
   jointSearch?: boolean;
   /**
-   * Called for every iteration: `objective` of the blocks, in `violations.equality` that of the rows, in `kktResidual` the
-   * largest step of a price, `rho`, `factorizations`.
+   * Called for every iteration: `objective` of the blocks, violation of the coupling rows in `violations.equality`,
+   * largest step of a multiplier in `kktResidual`, `rho`, `factorizations`.
    */
   onProgress?: (row: Progress) => void;
-  /** Least time between two rows of progress, in seconds; 0, the default, tells every iteration. */
+  /** Minimum time between two rows of progress, in seconds; default 0: every iteration. */
   progressIntervalS?: number;
 }
 
-/** The same of blocks. */
+/** Parameters for coupled blocks. */
 export interface CoupledControls extends PiecesControls {
-  /** Of the rows, to begin with, m; default zeros. */
+  /** Initial multipliers of the coupling rows, m entries; default zeros. */
   prices?: ArrayLike<number>;
 }
 
-/** How the blocks came to agree, or did not. */
+/** The result of the coordination. */
 export interface Coordination extends Omit<CoupledOutcome, "status" | "prices"> {
-  /** "solved": they agree; "iteration_limit": not yet. Else that of the block which failed. */
+  /** "solved" if the blocks agree, "iteration_limit" if not yet; otherwise the status of the block that failed. */
   status: Status | "unknown";
 }
 
-/** The answer to blocks. */
+/** The solution of a coupled problem. */
 export interface CoupledAnswer {
-  /** Of each block. */
+  /** The variables of each block. */
   z: Float64Array[];
-  /** λ of the rows, m. */
+  /** Multipliers λ of the coupling rows, m entries. */
   prices: Float64Array;
-  /** Of the joint problem: the blocks' vectors one after the other, the prices the last equality multipliers. */
+  /**
+   * The solution of the monolithic problem: the blocks' vectors in order; `prices` are its last equality multipliers.
+   */
   solution: Solution;
   coordination: Coordination;
 }
 
-/** The answer to a problem in pieces. */
+/** The solution of a problem in pieces. */
 export interface PiecesAnswer {
-  /** Of the problem itself. */
+  /** The solution of the whole problem. */
   solution: Solution;
   coordination: Coordination;
 }
@@ -124,10 +128,10 @@ async function answer(connection: Connection, solve: SolveRequest, controls: Pie
     if (event?.$case === "progress" && controls.onProgress) event.value.rows.map(progressOf).forEach(controls.onProgress);
     if (event?.$case === "result") return event.value;
   }
-  throw errorOf("internal", "the server ended the call without an answer");
+  throw errorOf("internal", "the server ended the call without a result");
 }
 
-/** Throws an InvalidProblemError, and sends nothing then. */
+/** Throws an InvalidProblemError before anything is sent. */
 export function coupledRequest({ name, blocks, total }: CoupledProblem, controls: CoupledControls): SolveRequest {
   if (!Array.isArray(blocks) || blocks.length === 0) {
     throw invalid("coupled.blocks", "must be an array of at least one", { value: blocks });
@@ -150,7 +154,7 @@ function blockOf({ problem, coupling }: CoupledBlock, rows: number): BlockMessag
   return { problem: message, coupling: sparse(taken) };
 }
 
-/** The same of pieces. */
+/** The same for pieces. */
 export function piecesRequest(problem: Problem, cut: Pieces, controls: PiecesControls): SolveRequest {
   const request = solveRequest({ ...problem, x0: undefined }, controls);
   const stages = takeVector("coupled.pieces.stages", cut.stages, problem.g.length, "variables");
@@ -178,13 +182,13 @@ function settingsOf(controls: PiecesControls): Message {
   return { ...Message.fromPartial({}), ...settings };
 }
 
-/** Blocks as they were given: their sizes say whose numbers are whose. */
+/** Splits a solution by the sizes of the blocks. */
 export function coupledAnswerOf(response: SolveResponse, blocks: CoupledBlock[]): CoupledAnswer {
   const { solution, coordination, prices } = answerOf(response);
   let first = 0;
   const z = blocks.map(({ problem }) => solution.z.slice(first, (first += problem.g.length)));
   if (first !== solution.z.length) {
-    throw invalid("blocks", `must have ${solution.z.length} variables, as the answer has`, { value: first });
+    throw invalid("blocks", `must have ${solution.z.length} variables, as the solution has`, { value: first });
   }
   return { z, prices, solution, coordination };
 }
@@ -197,7 +201,7 @@ export function piecesAnswerOf(response: SolveResponse): PiecesAnswer {
 function answerOf(response: SolveResponse): PiecesAnswer & { prices: Float64Array } {
   const message = expect(response.solution);
   if (message.coupled === undefined) {
-    throw errorOf("failed_precondition", "coupled is not in this answer: its problem was solved alone");
+    throw errorOf("failed_precondition", "this solution has no coordination: its problem was solved alone");
   }
   const { prices, status, ...rest } = message.coupled;
   const coordination = { ...rest, status: word(StatusNumber, "STATUS_", status) ?? ("unknown" as const) };

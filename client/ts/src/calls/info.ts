@@ -17,21 +17,21 @@ export interface OptionSchema extends Omit<OptionSchemaMessage, "type"> {
   type?: Words<typeof OptionSchema_Type, "TYPE_">;
 }
 
-/** What one client may use. */
+/** What one client may use on the server. */
 export interface Quota extends Omit<QuotaMessage, "priority"> {
-  /** The highest. */
+  /** The highest priority that the client may use. */
   priority?: Priority;
 }
 
-/** Limits in force; requests beyond them are refused in words. */
+/** The limits of the server; it refuses requests beyond them. */
 export interface Limits extends Omit<LimitsMessage, "quota"> {
   quota: Quota;
 }
 
-/** Counters since the server's start (totals) and of now. */
+/** Current counters, and totals since the start of the server. */
 export interface Counters extends CountersMessage {}
 
-/** What the server is. */
+/** Version, limits, options and counters of a server. */
 export interface ServerInfo extends Omit<GetInfoResponse, "limits" | "options" | "counters"> {
   limits: Limits;
   options: OptionSchema[];

@@ -54,33 +54,33 @@ import {
 import { type Priority, type RequestControls, expect, solveRequest } from "./solve.js";
 import { errorOfStatus } from "./status.js";
 
-/** What a job came by. */
+/** The kind of call that created a job. */
 export type JobKind = Words<typeof KindNumber, "JOB_KIND_">;
 
-/** Where a job is in its life; "idle" is a session between updates. */
+/** The state of a job; "idle" is a session between updates. */
 export type JobState = Words<typeof StateNumber, "JOB_STATE_">;
 
 type WordFields = "scenarioLevels" | "kind" | "state" | "priority" | "status" | "error" | "violations" | "times";
 type TreeFields = "incumbent" | keyof Tree;
 
-/** What is known of one job, without its problem and its solution's vectors. */
+/** Information about one job, without its problem and the vectors of its solution. */
 export interface JobInfo extends Omit<JobInfoMessage, WordFields | TreeFields>, Tree {
   kind?: JobKind;
   state?: JobState;
   priority?: Priority;
-  /** How the solve ended; of a session, the newest one. */
+  /** Status of the solve; for a session, of its newest one. */
   status?: Status;
-  /** Why there is no answer. */
+  /** Why there is no solution. */
   error?: MarbleError;
   violations: Violations;
-  /** Of option global: objective of the best point so far; Infinity while there is none. */
+  /** With option global, the objective of the best point so far; Infinity if there is none. */
   incumbent: number;
   times: Times;
-  /** Of a scenario solve, so far. */
+  /** Levels of a problem with scenarios so far. */
   scenarioLevels: ScenarioLevel[];
 }
 
-/** The two sides of all pairs at one iteration. */
+/** Both sides of all pairs at one iteration. */
 export interface PairSides {
   iteration: number;
   kappa: number;
@@ -90,146 +90,148 @@ export interface PairSides {
   t: Float32Array;
 }
 
-/** What a job did, oldest first; of a long one every `stride`-th iteration and the newest. */
+/** The iterations of a job, oldest first. A long job has every `stride`-th iteration and the newest. */
 export interface Trace {
   rows: Progress[];
   stride: number;
   pairs: PairSides[];
 }
 
-/** One job with the options in force and its convergence. */
+/** One job with its options and its convergence. */
 export interface JobDetails {
   job: JobInfo;
   options: SolveOptions;
   trace: Trace;
 }
 
-/** A job that was taken in. */
+/** An accepted job. */
 export interface SubmittedJob extends SubmitResponse {}
 
-/** Which jobs to list; all if nothing is said. */
+/** Which jobs to list; default: all. */
 export interface JobQuery {
   states?: JobState[];
   client?: string;
   /** In [1, 10000]; default 100. */
   limit?: number;
-  /** To page on: only jobs older than this one. */
+  /** Lists only jobs older than this one, for the next page. */
   beforeJobId?: string;
 }
 
 /** Jobs, newest first. */
 export interface JobPage {
   jobs: JobInfo[];
-  /** Go on with `beforeJobId`. */
+  /** Whether there are further jobs, for `beforeJobId`. */
   more: boolean;
 }
 
-/** A job as it is now, and what it did since it was last told of. */
+/** The current state of a job, and its progress since the last event. */
 export interface JobEvent {
   job: JobInfo;
-  /** Of one job every row, of all jobs the newest of each. */
+  /** Every row if one job is watched; the newest row of each job if all are. */
   rows: Progress[];
-  /** In the first event of one job: what it did until now. */
+  /** The job's iterations so far, in the first event if one job is watched. */
   trace?: Trace;
-  /** Of one job with few enough pairs: its newest. */
+  /** The newest pairs if one job with few enough pairs is watched. */
   pairs?: PairSides;
-  /** What was not told so far, because the events were not taken fast enough. */
+  /** How many rows were dropped so far because the events were not read fast enough. */
   skipped: number;
 }
 
-/** What may accompany `jobs.result`. */
+/** Parameters of `jobs.result`. */
 export interface ResultControls extends CallControls {
-  /** Wait for the answer; else an unfinished job is a PreconditionError. */
+  /** Waits for the result; otherwise an unfinished job rejects with a PreconditionError. */
   wait?: boolean;
 }
 
-/** What may accompany `jobs.watch`. */
+/** Parameters of `jobs.watch`. */
 export interface WatchControls {
-  /** Least time between two events about one job's progress, in seconds; default 0. */
+  /** Minimum time between two events of one job, in seconds; default 0. */
   progressIntervalS?: number;
   signal?: AbortSignal;
 }
 
-/** Jobs by their ids. A NotFoundError is a job never heard of, no longer kept, or not the caller's to see. */
+/**
+ * Calls for jobs. A NotFoundError means that the job does not exist, is no longer kept, or belongs to another client.
+ */
 export class Jobs {
   /** @internal */
   constructor(private readonly connection: Connection) {}
 
   /**
-   * Queues a job that outlives this process. A deadline is that of the submission alone: until then, or without one for
-   * the client's `waitMs`, it waits for room where the queue or the client's share of it is full. The same submission
-   * made again with its requestId is the same job; without one it has a random one.
+   * Queues a job that outlives this process. If the queue or the client's share of it is full, waits for room until the
+   * deadline, or for the client's `waitMs` if there is none. The deadline applies only to the submission. Submissions
+   * with the same requestId are one job; the default is a random id.
    *
-   * @throws RefusedError where there is no room in time, a DeadlineError at the deadline.
+   * @throws RefusedError if there is no room in time; DeadlineError at the deadline.
    */
   async submit(problem: Problem, controls: RequestControls & CallControls = {}): Promise<SubmittedJob> {
     return this.send(solveRequest(problem, controls), controls);
   }
 
-  /** The same of one plan for many worlds. */
+  /** The same for a problem with scenarios. */
   async submitScenarios(problem: Problem, controls: ScenarioControls): Promise<SubmittedJob> {
     return this.send({ ...solveRequest(problem, controls), scenarios: messageOf(controls) }, controls);
   }
 
-  /** The same of problems that rows tie together. */
+  /** The same for problems that are coupled by rows. */
   async submitCoupled(problem: CoupledProblem, controls: CoupledControls = {}): Promise<SubmittedJob> {
     return this.send(coupledRequest(problem, controls), controls);
   }
 
-  /** The same of a long problem in pieces. */
+  /** The same for a long problem in pieces. */
   async submitPieces(problem: Problem, cut: Pieces, controls: PiecesControls = {}): Promise<SubmittedJob> {
     return this.send(piecesRequest(problem, cut, controls), controls);
   }
 
   /**
-   * Queues many problems as one job that outlives this process, for more than a batch may wait for. All are checked
-   * before the first is sent, and all are kept or none is; of the time it takes as `submit`. `array` tells the answers.
+   * Queues any number of problems as one job that outlives this process. All problems are checked before the first is
+   * sent, and the server accepts all or none. Deadline and waiting are those of `submit`. `array` returns the results.
    */
   async submitArray(elements: Iterable<ArrayElement>, controls: ArrayControls = {}): Promise<SubmittedArray> {
     const messages = arrayMessages(elements, controls.requestId ?? `submit-${randomUUID()}`, controls);
-    return this.whenThereIsRoom(controls, (limits) =>
+    return this.waitForRoom(controls, (limits) =>
       repeated(this.connection, limits, () => clientStream(this.connection, JobsService.submitArray, messages, limits)),
     );
   }
 
   /**
-   * The answers of an array, each once: those that are there, and each of the others as it comes. A connection that is
-   * lost meanwhile is made again. Throws what the array ended with, if that was before all elements had an answer.
+   * The results of an array, each once: first the finished elements, then the others as they finish. A lost connection
+   * is opened again. Throws the array's error if it ended before all elements had a result.
    */
   array(jobId: string, reading: ArrayReading = {}): AsyncGenerator<ArrayAnswer, void, undefined> {
     return arrayAnswers(this.connection, jobId, reading);
   }
 
-  /** The answer of a submitted job, or the error it ended with. */
+  /** The solution of a submitted job; rejects with the error of a job that failed. */
   async result(jobId: string, controls: ResultControls = {}): Promise<Solution> {
-    const answer = await this.answer(jobId, controls);
-    return new Solution(answer.jobId, expect(answer.solution));
+    const response = await this.response(jobId, controls);
+    return new Solution(response.jobId, expect(response.solution));
   }
 
-  /** The answer of a job that was submitted with scenarios; a PreconditionError of others. */
+  /** The solution of a job submitted with scenarios; rejects with a PreconditionError for other jobs. */
   async scenarios(jobId: string, controls: ResultControls = {}): Promise<ScenarioAnswer> {
-    return scenarioAnswerOf(await this.answer(jobId, controls));
+    return scenarioAnswerOf(await this.response(jobId, controls));
   }
 
-  /** The same of coupled problems, whose blocks' sizes say whose numbers are whose. */
+  /** The same for coupled problems; `blocks` determines which variables belong to which block. */
   async coupled(jobId: string, blocks: CoupledBlock[], controls: ResultControls = {}): Promise<CoupledAnswer> {
-    return coupledAnswerOf(await this.answer(jobId, controls), blocks);
+    return coupledAnswerOf(await this.response(jobId, controls), blocks);
   }
 
-  /** The same of a problem in pieces. */
+  /** The same for a problem in pieces. */
   async pieces(jobId: string, controls: ResultControls = {}): Promise<PiecesAnswer> {
-    return piecesAnswerOf(await this.answer(jobId, controls));
+    return piecesAnswerOf(await this.response(jobId, controls));
   }
 
   private async send(request: SolveRequest, controls: CallControls): Promise<SubmittedJob> {
     const named = { ...request, requestId: request.requestId || `submit-${randomUUID()}` };
-    return this.whenThereIsRoom(controls, ({ deadline, signal }) => {
+    return this.waitForRoom(controls, ({ deadline, signal }) => {
       const deadlineMs = deadline && Math.max(deadline - Date.now(), 1);
       return unary(this.connection, JobsService.submit, named, { signal, deadlineMs });
     });
   }
 
-  private async whenThereIsRoom<Result>(
+  private async waitForRoom<Result>(
     controls: CallControls,
     attempt: (limits: Limits) => Promise<Result>,
   ): Promise<Result> {
@@ -248,11 +250,11 @@ export class Jobs {
     }
   }
 
-  private async answer(jobId: string, controls: ResultControls): Promise<SolveResponse> {
+  private async response(jobId: string, controls: ResultControls): Promise<SolveResponse> {
     return unary(this.connection, JobsService.result, { jobId, wait: controls.wait ?? false }, controls);
   }
 
-  /** Lets a submitted job and its answer go; ends it if it has not finished. */
+  /** Deletes a submitted job and its result; cancels the job if it has not finished. */
   async delete(jobId: string, controls: CallControls = {}): Promise<void> {
     await unary(this.connection, JobsService.delete, { jobId }, controls);
   }
@@ -277,12 +279,12 @@ export class Jobs {
     };
   }
 
-  /** Ends a job: a waiting one at once, a running one within an iteration. Gives it as it is then. */
+  /** Cancels a job: at once if it waits, within one iteration if it runs. Returns its state. */
   async cancel(jobId: string, controls: CallControls = {}): Promise<JobInfo> {
     return infoOf(expect((await unary(this.connection, JobsService.cancel, { jobId }, controls)).job));
   }
 
-  /** Of one job what happens until it has finished; without an id of all jobs, for ever. Leaving the loop ends it. */
+  /** Events of one job until it has finished, or without an id, of all jobs. Leaving the loop ends the call. */
   async *watch(jobId = "", controls: WatchControls = {}): AsyncGenerator<JobEvent, void, undefined> {
     const request = { jobId, progressIntervalS: secondsOrZero("progressIntervalS", controls.progressIntervalS) };
     const { signal } = controls;
@@ -292,7 +294,7 @@ export class Jobs {
   }
 }
 
-// Of other limits a server's RetryInfo says nothing: the same request breaks them again.
+// For other limits the same request would be refused again, whatever the server's RetryInfo is.
 function willHaveRoom(error: unknown): error is RefusedError {
   const ofQueue = ["queueJobs", "queueBytes", "clientQueued", "clientBytes"];
   return error instanceof RefusedError && error.retryAfterMs !== undefined && ofQueue.includes(error.field ?? "");

@@ -6,23 +6,23 @@ import { cancelled, isLost } from "./status.js";
 
 const firstPauseMs = 100;
 const longestPauseMs = 1000;
-/** What a server may ask for: its guess of when there is room can be far off. */
-const longestWishMs = 5000;
+/** Bounds the pause that a server requests, because its estimate may be far off. */
+const longestRequestedMs = 5000;
 
-/** What bounds one call. */
+/** Limits of one call. */
 export interface Limits {
-  /** When it must be over, as Date.now() tells it. */
+  /** When it must end, in the time of Date.now(). */
   deadline?: number;
   signal?: AbortSignal;
 }
 
-/** What bounds its tries. */
+/** Limits of its attempts. */
 export interface Bounds extends Limits {
-  /** From the first failure on, in milliseconds; 0 leaves no second try. */
+  /** Total time from the first failure, in milliseconds; 0 permits no second attempt. */
   totalMs: number;
 }
 
-/** Pauses between tries: 0.1 s, then twice as long each time up to 1 s, all by up to a fifth shorter or longer. */
+/** Pauses between attempts: 0.1 s, doubling up to 1 s, each varied randomly by up to 20 %. */
 export class Patience {
   private pauseMs = firstPauseMs;
   private end?: number;
@@ -30,10 +30,10 @@ export class Patience {
   constructor(private readonly bounds: Bounds) {}
 
   /**
-   * Waits until it is worth another try, for the last time at the end of the total.
+   * Waits before the next attempt; the last one is at the end of the total time.
    *
-   * @param error why the last try failed; it may ask for a longer pause.
-   * @throws that error where nothing is left of the total; a DeadlineError, a CancelledError.
+   * @param error why the last attempt failed; it may request a longer pause.
+   * @throws `error` if the total time is over; a DeadlineError; a CancelledError.
    */
   async pause(error: Error & { retryAfterMs?: number }): Promise<void> {
     const { totalMs, deadline, signal } = this.bounds;
@@ -41,11 +41,11 @@ export class Patience {
     const left = this.end - performance.now();
     if (left <= 0) throw error;
     const own = this.pauseMs * (0.8 + 0.4 * Math.random());
-    const wish = Math.min(error.retryAfterMs ?? 0, longestWishMs);
+    const requested = Math.min(error.retryAfterMs ?? 0, longestRequestedMs);
     const untilDeadline = deadline === undefined ? Infinity : deadline - Date.now();
     this.pauseMs = Math.min(2 * this.pauseMs, longestPauseMs);
     try {
-      await sleep(Math.max(0, Math.min(Math.max(own, wish), left, untilDeadline)), undefined, { signal });
+      await sleep(Math.max(0, Math.min(Math.max(own, requested), left, untilDeadline)), undefined, { signal });
     } catch (thrown) {
       throw signal?.aborted ? cancelled(signal) : thrown;
     }
@@ -54,7 +54,7 @@ export class Patience {
   }
 }
 
-/** Tries again while the server is lost, for as long as the client waits; only what may be sent twice. */
+/** Repeats an attempt while the server is lost and the client's `waitMs` lasts. It must be safe to repeat. */
 export async function repeated<Result>(
   connection: Connection,
   limits: Limits,

@@ -22,92 +22,94 @@ import { Solution, type Status } from "../model/solution.js";
 import { type CallControls, serverStream } from "./calls.js";
 import { type RequestControls, expect, solveRequest } from "./solve.js";
 
-/** A part of a problem by its numbers alone; of a matrix the values of its entries, column by column. */
+/** A part of a problem's data; for a matrix, the values of its entries column by column. */
 export type ProblemPart = Words<typeof PartNumber, "PROBLEM_PART_">;
 
 /** Entries of one part of the base problem. */
 export interface ScenarioEntries {
   part: ProblemPart;
-  /** Which, ascending; absent means all of them. Of the Hessian, those of the upper triangle. */
+  /** Indices of the entries, ascending; default: all. For the Hessian, of the upper triangle. */
   positions?: ArrayLike<number>;
 }
 
-/** Worlds by what differs from the base problem. */
+/** Scenarios as a table of the data that differ from the base problem. */
 export interface ScenarioSamples {
-  /** The columns of the table. No entry twice. */
+  /** The columns of the table, without duplicates. */
   entries: ScenarioEntries[];
-  /** A row for each world: the numbers of all these entries. */
+  /** One row per scenario with the values of these entries. */
   values: ArrayLike<number>[];
-  /** Of the worlds, > 0; absent means that all weigh alike. */
+  /** Weights of the scenarios, > 0; default: equal. */
   weights?: ArrayLike<number>;
 }
 
-/** A random number that the server draws once for each world, and what it moves. */
+/** A random number that the server draws for each scenario, and the entries that depend on it. */
 export interface ScenarioQuantity {
-  /** "uniform" in [location, location + scale), "normal" with that mean and deviation, "lognormal" its exponential. */
+  /** "uniform" in [location, location + scale), "normal" with this mean and deviation, "lognormal" its exponential. */
   distribution?: Words<typeof DistributionNumber, "DISTRIBUTION_">;
   /** Default 0. */
   location?: number;
   /** Default 1. */
   scale?: number;
-  /** What is below becomes this. */
+  /** Lower limit; smaller numbers are raised to it. */
   least?: number;
-  /** What is above becomes this. */
+  /** Upper limit; larger numbers are lowered to it. */
   most?: number;
-  /** Entries that are the base problem's plus the number times their gains: one for each, or one for all. */
+  /** Entries to which the number times the gain is added. One gain per entry, or one for all. */
   effects: { entries: ScenarioEntries; gains: ArrayLike<number> }[];
 }
 
-/** Which variables are the plan, which worlds there are, and how many are looked at. */
+/** The variables of the first stage, the scenarios, and the sample sizes. */
 export interface ScenarioControls extends Omit<RequestControls, "initialPoint" | "warmStart">, CallControls {
-  /** Variables that are decided once, ascending; all others are decided anew in every world. */
+  /** Variables of the first stage, ascending. All others belong to the recourse and may differ between scenarios. */
   firstStage: ArrayLike<number>;
-  /** Worlds as a table; or quantities that the server draws, a function of the seed and the world's number alone. */
+  /**
+   * Scenarios as a table, or quantities that the server draws; they depend only on the seed and the scenario's number.
+   */
   worlds: ScenarioSamples | { seed?: number; quantities: ScenarioQuantity[] };
-  /** Rows and pairs of the plan alone that differ by world all the same. */
+  /** Rows and pairs with first-stage variables only whose data differ between scenarios. */
   own?: { equalities?: ArrayLike<number>; inequalities?: ArrayLike<number>; pairs?: ArrayLike<number> };
-  /** N of the first level; default 1. */
+  /** Initial sample size; default 1. */
   firstScenarios?: number;
-  /** By which N grows, > 1; default 2. */
+  /** Growth factor of the sample size, > 1; default 2. */
   growth?: number;
-  /** N of the last level; default 64. */
+  /** Maximum sample size; default 64. */
   mostScenarios?: number;
-  /** Ends when the 95 % interval of the cost in worlds not seen is this part of it; default 0: never. */
+  /** Ends when the 95 % interval of the out-of-sample cost is at most this fraction of the cost; default 0: never. */
   tolerance?: number;
-  /** But not before N is as large; default 8. */
+  /** Minimum sample size for this; default 8. */
   leastScenarios?: number;
-  /** And not while a larger share of fresh worlds has no recourse; default 0.05. */
+  /** Maximum fraction of out-of-sample scenarios without feasible recourse for this; default 0.05. */
   withoutRecourse?: number;
-  /** In how many fresh worlds at least a level's plan is tried; default 16. */
+  /** Minimum number of out-of-sample scenarios per level; default 16. */
   freshScenarios?: number;
-  /** Called for every level as it is there. */
+  /** Called after every level. */
   onLevel?: (level: ScenarioLevel) => void;
   /** Called for every iteration. */
   onProgress?: (row: Progress) => void;
-  /** Least time between two rows of progress, in seconds; 0, the default, tells every iteration. */
+  /** Minimum time between two rows of progress, in seconds; default 0: every iteration. */
   progressIntervalS?: number;
 }
 
-/** What a level came to. */
+/** The result of a level: the problem with one sample of scenarios. */
 export interface ScenarioLevel extends Omit<LevelMessage, "status" | "fresh"> {
   status: Status | "unknown";
-  /** Its plan in worlds that it has not seen: mean ± halfWidth is the 95 % interval. Absent where none were tried. */
+  /** The cost of its plan in out-of-sample scenarios: mean ± halfWidth is the 95 % interval. Absent without any. */
   fresh?: OutOfSample;
 }
 
-/** The newest plan that a level has proved good. */
+/** The plan of the newest solved level. */
 export interface ScenarioAnswer {
   end: Words<typeof EndNumber, "SCENARIO_END_"> | "unknown";
-  /** N of the level that it is of; 0 where none was solved. */
+  /** The sample size of that level; 0 if no level was solved. */
   scenarios: number;
   /** The plan, in the order of firstStage. */
   x: Float64Array;
-  /** Of each world the other variables. */
+  /** The other variables, for each scenario. */
   recourse: Float64Array[];
-  /** Worlds that have no plan even by themselves. */
+  /** Scenarios that are infeasible even alone. */
   infeasible: number[];
   levels: ScenarioLevel[];
-  /** Of the level's LCQP: status, objective, violations; z is the plan and then each world's recourse. */
+  /** The solution of the level's LCQP; z consists of x and the recourse of each scenario. */
   solution: Solution;
 }
 
@@ -127,28 +129,28 @@ export async function scenarios(
     if (event?.$case === "progress" && controls.onProgress) event.value.rows.map(progressOf).forEach(controls.onProgress);
     if (event?.$case === "result") return scenarioAnswerOf(event.value);
   }
-  throw errorOf("internal", "the server ended the call without an answer");
+  throw errorOf("internal", "the server ended the call without a result");
 }
 
 export function scenarioAnswerOf(response: SolveResponse): ScenarioAnswer {
   const message = expect(response.solution);
-  const outcome = message.scenarios;
-  if (outcome === undefined) {
-    throw errorOf("failed_precondition", "there are no scenarios in this answer: its problem was solved alone");
+  const { scenarios } = message;
+  if (scenarios === undefined) {
+    throw errorOf("failed_precondition", "this solution has no scenarios: its problem was solved alone");
   }
   const solution = new Solution(response.jobId, message);
-  const { scenarios: count, firstStage } = outcome;
+  const { scenarios: count, firstStage } = scenarios;
   const own = count > 0 ? (solution.z.length - firstStage) / count : 0;
   return {
-    end: word(EndNumber, "SCENARIO_END_", outcome.end) ?? "unknown",
+    end: word(EndNumber, "SCENARIO_END_", scenarios.end) ?? "unknown",
     scenarios: count,
     x: solution.z.slice(0, firstStage),
     recourse: Array.from({ length: count }, (_, s) => {
       const first = firstStage + s * own;
       return solution.z.slice(first, first + own);
     }),
-    infeasible: outcome.infeasible,
-    levels: outcome.levels.map(levelOf),
+    infeasible: scenarios.infeasible,
+    levels: scenarios.levels.map(levelOf),
     solution,
   };
 }

@@ -1,5 +1,5 @@
 import { packDoubles, unpackDoubles } from "../base/packed.js";
-import { matrices, matrixValues, vectors } from "../base/tables.js";
+import { matrices, matrixValues, vectors } from "../shared/tables.js";
 import { HessianForm, type Problem as ProblemMessage } from "../generated/marble/v1/problem.js";
 import type {
   ProblemUpdate as UpdateMessage,
@@ -8,17 +8,17 @@ import type {
 } from "../generated/marble/v1/session.js";
 import type { Csc } from "../model/matrix.js";
 
-/** What a session would have to be told to be set up again as it is now. */
+/** The set-up that would open the session again in its current state. */
 export class SessionMemory {
   private lastZ?: Float64Array;
 
-  /** @param hessian the pattern of Q, where there is one. */
+  /** @param hessian the pattern of Q, if there is one. */
   constructor(
     private setup: SessionSetup,
     private readonly hessian: Csc | undefined,
   ) {}
 
-  /** The server took the update in: its numbers, options and start hold from now on. */
+  /** Applies an update that the server has taken: its data, options and starting point. */
   take({ problem, options, initialPoint, ...start }: SessionUpdate): void {
     const before = this.setup;
     this.setup = { ...before, initialPoint: initialPoint ?? before.initialPoint };
@@ -28,20 +28,20 @@ export class SessionMemory {
       const scalingPasses = before.options?.scalingPasses; // stays
       this.setup.options = { ...options, ...before.options, ...given, scalingPasses };
     }
-    this.lastZ = moved(this.lastZ, start);
+    this.lastZ = shifted(this.lastZ, start);
     if (this.lastZ !== undefined && initialPoint !== undefined) this.lastZ = unpackDoubles(initialPoint.z);
   }
 
-  /** The next solve starts from an answer's z; from the session's own start where there is none any more. */
+  /** The next solve starts from this z, or from the session's starting point if it is undefined. */
   startFrom(z: Uint8Array | undefined): void {
     this.lastZ = z && unpackDoubles(z);
   }
 
-  /** The set-up that starts where the first of these updates would have, up to the one that is solved. */
+  /** The set-up whose starting point is that of the first solve among these updates. */
   setupFor(updates: Iterable<SessionUpdate>, epoch: number): SessionSetup {
     let z = this.lastZ;
     for (const update of updates) {
-      z = moved(z, update);
+      z = shifted(z, update);
       if (!update.prepare) break;
     }
     return { ...this.setup, initialPoint: z ? { z: packDoubles(z) } : this.setup.initialPoint, epoch };
@@ -60,7 +60,7 @@ export class SessionMemory {
     return now;
   }
 
-  // Of a full Q's update only the upper triangle counts; a set-up must have both alike.
+  // In an update of a full Q only the upper triangle counts; a set-up must be symmetric.
   private mirrored(form: HessianForm, packed: Uint8Array): Uint8Array {
     if (form === HessianForm.HESSIAN_FORM_UPPER_TRIANGLE || this.hessian === undefined) return packed;
     const { columns, columnPointers, rowIndices } = this.hessian;
@@ -77,12 +77,12 @@ export class SessionMemory {
   }
 }
 
-// Where a solve starts that would have started at z.
-function moved(z: Float64Array | undefined, start: Pick<SessionUpdate, "cold" | "shift">): Float64Array | undefined {
+// The starting point z, shifted; undefined for a cold start.
+function shifted(z: Float64Array | undefined, start: Pick<SessionUpdate, "cold" | "shift">): Float64Array | undefined {
   if (z === undefined || start.cold) return undefined;
   const result = z.slice();
   for (const { first, count, by } of start.shift?.variables ?? []) {
-    if (by > count || first + count > z.length) continue; // the server's to refuse
+    if (by > count || first + count > z.length) continue; // the server refuses it
     result.copyWithin(first, first + by, first + count);
   }
   return result;

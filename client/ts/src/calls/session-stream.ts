@@ -13,10 +13,10 @@ import type {
 import { duplex, received } from "./calls.js";
 import { lost } from "./status.js";
 
-/** What a session tells of its updates. */
+/** Events of a session's updates. */
 export type SessionEvent = Exclude<NonNullable<SessionResponse["event"]>, { $case: "ready" }>;
 
-/** A session as it is on one server: the next one after a loss has the next epoch. */
+/** A session on one server. After a loss the next stream has the next epoch. */
 export class SessionStream {
   private constructor(
     private readonly call: ClientDuplexStream<SessionRequest, SessionResponse>,
@@ -26,9 +26,9 @@ export class SessionStream {
   ) {}
 
   /**
-   * Sets one up, and waits until it is ready.
+   * Opens a session and waits until it is ready.
    *
-   * @param withinMs after which the server counts as lost; default: whenever it is ready.
+   * @param withinMs time after which the server counts as lost; default: unlimited.
    */
   static async open(
     connection: Connection,
@@ -48,10 +48,10 @@ export class SessionStream {
         return new SessionStream(call, responses, setup.epoch, event.value);
       }
       call.cancel();
-      throw errorOf("internal", "the server did not set the session up");
+      throw errorOf("internal", "the server did not open the session");
     } catch (error) {
       if (!late) throw error;
-      throw lost("the session was not set up in time", error);
+      throw lost("the session was not opened in time", error);
     } finally {
       clearTimeout(timer);
     }
@@ -61,21 +61,21 @@ export class SessionStream {
     this.call.write({ request: { $case: "update", value: { ...update, epoch: this.epoch } } });
   }
 
-  /** Nothing more is sent. */
+  /** Ends the session after its last update. */
   end(): void {
     this.call.end();
   }
 
-  /** Gives up what is not answered. */
+  /** Cancels all unfinished updates. */
   cancel(): void {
     this.call.cancel();
   }
 
-  /** Until the server has ended it; throws why, if that is an error. Of another epoch nothing is told. */
+  /** Events until the server ends the session; throws its error. Skips events of other epochs. */
   async *events(): AsyncGenerator<SessionEvent, void, undefined> {
     for await (const { event } of this.responses) {
       if (event === undefined || event.$case === "ready") continue;
-      // A server that does not know epochs says 0.
+      // Servers without epochs send 0.
       if ("epoch" in event.value && event.value.epoch !== this.ready.epoch) continue;
       yield event;
     }

@@ -6,26 +6,26 @@ import { type Problem, type ProblemUpdate, type Shape, checkProblem, updateMessa
 import { type SensitivityRequest, sensitivityMessage } from "../model/sensitivity.js";
 import { initialPoint } from "./solve.js";
 
-/** What may accompany one update; all of it optional. */
+/** Parameters of one update. All are optional. */
 export interface UpdateControls {
-  /** From here on; what is left out stays. `scalingPasses` is fixed by the set-up. */
+  /** Options from this update on; the others stay as they are. `scalingPasses` is fixed by the set-up. */
   options?: SolveOptions;
-  /** Start here instead of at the last solution. */
+  /** Starting point instead of the last solution. */
   initialPoint?: ArrayLike<number>;
-  /** Forget the last solution. */
+  /** Starts without the last solution. */
   cold?: boolean;
-  /** The last solution moves on before it is started from. */
+  /** Shifts the last solution before the solve starts from it. */
   shift?: Shift;
   /**
-   * No answer is wanted later than this after the update's arrival, in milliseconds > 0. A solve that has begun ends in
-   * time with status "time_limit" and its best point; an update that has not begun by then ends with a DeadlineError.
+   * Deadline from the arrival of the update, in milliseconds > 0. A solve that has begun ends in time with status
+   * "time_limit" and its best point; an update that has not begun by then rejects with a DeadlineError.
    */
   deadlineMs?: number;
-  /** Derivatives of this answer that are wanted with it: `solution.sensitivity`. */
+  /** Derivatives to compute with the solution, returned in `solution.sensitivity`. */
   sensitivity?: SensitivityRequest;
 }
 
-/** A stretch of a vector that moves on: of `count` entries from `first`, each takes the value `by` further on. */
+/** A block of a vector to shift: each of `count` entries from `first` gets the value that is `by` entries later. */
 export interface ShiftBlock {
   first: number;
   count: number;
@@ -44,8 +44,8 @@ export interface Shift {
 }
 
 /**
- * For a problem whose vectors all hold `stages` equal parts, one stage after the other.
- * @throws InvalidProblemError of field "stages" unless it is ≥ 1 and divides the size of every vector.
+ * Shifts by one stage. All vectors of the problem must consist of `stages` equal parts, one after the other.
+ * @throws InvalidProblemError with the field "stages" unless it is ≥ 1 and divides the size of every vector.
  */
 export function shiftByStage(problem: Problem, stages: number): Shift {
   const { shape } = checkProblem(problem);
@@ -64,7 +64,7 @@ export function shiftByStage(problem: Problem, stages: number): Shift {
   };
 }
 
-/** An update as it travels; throws an InvalidProblemError of a part that does not fit. */
+/** The message of an update; throws an InvalidProblemError if a part does not fit. */
 export function updateOf(sequence: number, update: ProblemUpdate, controls: UpdateControls, shape: Shape): SessionUpdate {
   checkDeadline("deadlineMs", controls.deadlineMs);
   return {

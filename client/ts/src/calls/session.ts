@@ -21,69 +21,71 @@ import { type RequestControls, type StreamControls, expect, initialPoint, priori
 import { cancelled, errorOfCall, errorOfStatus, isLost } from "./status.js";
 
 const reopenMs = 10_000;
-/** So that a last try is one. */
-const shortestTryMs = 1000;
+/** Minimum time for the last attempt. */
+const shortestAttemptMs = 1000;
 const longestTimerMs = 2 ** 31 - 1;
 
-/** What holds for a session as a whole; all of it optional. */
+/** Parameters of a whole session. All are optional. */
 export interface SessionControls
   extends Omit<RequestControls, "sensitivity">, Pick<StreamControls, "progressIntervalS" | "iterateEvery"> {
-  /** An update that still waits when the next one comes is not solved: it ends with a SupersededError. */
+  /** An update that is still waiting when the next one arrives is not solved: it rejects with a SupersededError. */
   latestOnly?: boolean;
   /** Called for every iteration of every solve, with the number of its update. */
   onProgress?: (row: Progress, sequence: number) => void;
-  /** Gives the whole session up. */
+  /** Cancels the whole session. */
   signal?: AbortSignal;
   /**
-   * Where the server is lost or drains, what is not answered yet, or else the next update, opens the session again: on
-   * another server where the address has several, with all numbers and options as they are by then, and from the last
-   * solution's z, moved on as the update says, without its multipliers. Default false: a loss is the session's end.
+   * If the server is lost or drains, open the session again, for unfinished updates or else for the next one; on
+   * another server if the address has several. The reopened session has all current data and options. It starts from
+   * the z of the last solution, shifted as the update specifies, without its multipliers. Default false: a loss ends
+   * the session.
    */
   reopen?: boolean;
-  /** How long that is tried, with the set-up, in milliseconds > 0; then an UnavailableError is its end. Default 10,000. */
+  /** Time limit of reopening, in milliseconds > 0; then the session ends with an UnavailableError. Default 10,000. */
   reopenMs?: number;
-  /** Called once for each time that it was reopened; what it throws ends the session. */
+  /** Called once for each reopening. If it throws, the session ends. */
   onReopen?: (reopening: Reopening) => void;
 }
 
-/** That a session goes on elsewhere, or there again. */
+/** One reopening of a session, on another server or on the same one. */
 export interface Reopening {
-  /** The session's number among those that were opened one for the other: 1 after the first loss, then 2 … */
+  /** The number of losses so far: 1 after the first one. */
   epoch: number;
-  /** The job of all its solves from here on. */
+  /** The job of all solves from now on. */
   jobId: string;
-  /** How the one before was lost. */
+  /** Why the previous session was lost. */
   cause: MarbleError;
 }
 
 interface Sent {
   message: SessionUpdate;
-  /** Of a first part there is none. */
+  /** Absent for the first part of an update. */
   waiting?: Waiting;
 }
 
 interface Waiting {
   resolve(solution: Solution): void;
   reject(error: MarbleError): void;
-  /** Until when it waits for a server, as performance.now() tells it. */
+  /** Until when it waits for a server, in the time of performance.now(). */
   until: number;
 }
 
 /**
- * One problem again and again with new numbers: set up once on the server, every solve starts from the last solution.
- * From `client.session()`. An error of an update is that update's alone, unless `isOpen` is false afterwards.
+ * One problem, solved repeatedly with new data. It is set up once on the server, and every solve starts from the last
+ * solution. Created by `client.session()`. An error of an update concerns only that update, unless `isOpen` is false
+ * afterwards.
  */
 export class Session implements AsyncDisposable {
   private ready: SessionReady;
-  // What has no outcome yet, in the order of sending.
+  // Updates without a result, in the order of sending.
   private readonly sent = new Map<number, Sent>();
   private readonly finished: Promise<void>;
-  private readonly given = new AbortController();
+  private readonly aborter = new AbortController();
   private refusedPart?: { sequence: number; error: MarbleError };
   private sequence = 0;
   private end?: MarbleError;
   private epoch = 0;
-  private restartsTold = 0;
+  private restartsSeen = 0;
   private wake: () => void = () => undefined;
   private lostCause?: MarbleError; // while there is no server
 
@@ -121,46 +123,46 @@ export class Session implements AsyncDisposable {
     return new Session(connection, shape, controls, memory, stream, stream.ready);
   }
 
-  /** One job for all its solves; another one once it was reopened. */
+  /** The job of all solves; it changes when the session is reopened. */
   get jobId(): string {
     return this.ready.jobId;
   }
 
-  /** As it is counted against the server's limits, in bytes. */
+  /** Memory that counts towards the server's limits, in bytes. */
   get memoryBytes(): number {
     return this.ready.memoryBytes;
   }
 
-  /** What scaling, ordering, analysis and allocation took, in seconds. */
+  /** Time for scaling, ordering, analysis and allocation, in seconds. */
   get setupS(): number {
     return this.ready.setupS;
   }
 
-  /** Without an update for this long, in seconds, the server ends it. */
+  /** The server ends the session after this time without an update, in seconds. */
   get idleTimeoutS(): number {
     return this.ready.idleTimeoutS;
   }
 
-  /** How often it was reopened. */
+  /** The number of reopenings. */
   get reopened(): number {
     return this.epoch;
   }
 
-  /** How often the server has begun it anew by itself, after many updates in a row that ran out of time. */
+  /** How often the server discarded the session's history, after many updates in a row that ran out of time. */
   get restarts(): number {
-    return this.restartsTold;
+    return this.restartsSeen;
   }
 
-  /** False once it was closed, given up, or ended by the server; of one that may be reopened, if that failed. */
+  /** False once the session was closed, cancelled or ended by the server, or once reopening has failed. */
   get isOpen(): boolean {
     return this.end === undefined;
   }
 
   /**
-   * Solves with new numbers, or as things are. Several may wait, here if not at the server; they are solved in their
-   * order. With `reopen` an update that a lost server has not answered is solved by the next one, and its deadline
-   * begins anew there; but it waits for that server no longer than `deadlineMs` from the call on: then it rejects with an
-   * UnavailableError, its numbers stay, and the session goes on.
+   * Solves with new data, or with the current data. Several updates may wait; they are solved in their order. With
+   * `reopen` the next server solves the unfinished updates of a lost one, and their deadlines start again there. An
+   * update waits for that server at most `deadlineMs` from the call: then it rejects with an UnavailableError, its data
+   * take effect with the next update, and the session continues.
    */
   async update(update: ProblemUpdate = {}, controls: UpdateControls = {}): Promise<Solution> {
     const message = updateOf(this.sequence + 1, update, controls, this.shape);
@@ -171,22 +173,22 @@ export class Session implements AsyncDisposable {
     });
   }
 
-  // As long as there is a server, it tells that the deadline has passed.
+  // Rejects an update whose deadline passes while the server is lost; otherwise the server reports the deadline.
   private timed(waiting: Waiting, deadlineMs: number | undefined): Waiting {
     if (deadlineMs === undefined || deadlineMs > longestTimerMs) return waiting;
-    // A millisecond more: a timer may fire a little early, and there is no second one.
-    const timer = setTimeout(() => this.lostCause && this.giveUpLate(this.lostCause), Math.ceil(deadlineMs) + 1);
-    const before =
-      <Told>(tell: (told: Told) => void) =>
-      (told: Told): void => {
+    // One millisecond later, because a timer may fire a little early.
+    const timer = setTimeout(() => this.lostCause && this.rejectLate(this.lostCause), Math.ceil(deadlineMs) + 1);
+    const untimed =
+      <Result>(settle: (result: Result) => void) =>
+      (result: Result): void => {
         clearTimeout(timer);
-        tell(told);
+        settle(result);
       };
-    return { ...waiting, resolve: before(waiting.resolve), reject: before(waiting.reject) };
+    return { ...waiting, resolve: untimed(waiting.resolve), reject: untimed(waiting.reject) };
   }
 
-  // Updates whose deadline has passed while there is no server: their numbers are for the next one.
-  private giveUpLate(cause: MarbleError): void {
+  // Rejects updates whose deadline has passed without a server. Their data take effect with the next update.
+  private rejectLate(cause: MarbleError): void {
     for (const [sequence, { message, waiting }] of this.sent) {
       if (waiting === undefined || performance.now() < waiting.until) continue;
       this.leaveToNext(sequence, message);
@@ -195,10 +197,10 @@ export class Session implements AsyncDisposable {
   }
 
   /**
-   * Sends the first part of an update ahead of what is not known yet: the next update is the second part, and its
-   * solution that of one update of both, to the last bit. The server takes the numbers in and factorizes for the branch
-   * that the solve will begin on; nothing is answered. What it refuses of a first part rejects the update that follows.
-   * @throws InvalidProblemError of a part that does not fit.
+   * Sends the first part of an update before all of its data are known. The next update is the second part; its
+   * solution has the bits of one update with both parts. The server scales the data and factorizes for the branch on
+   * which the solve will begin, and returns nothing. If it refuses the first part, the next update rejects.
+   * @throws InvalidProblemError if a part does not fit.
    */
   prepare(update: ProblemUpdate = {}, controls: Omit<UpdateControls, "deadlineMs" | "sensitivity"> = {}): void {
     const message = { ...updateOf(this.sequence + 1, update, controls, this.shape), prepare: true };
@@ -206,7 +208,7 @@ export class Session implements AsyncDisposable {
     this.send({ message });
   }
 
-  /** Ends the session once everything is answered, and waits for that. */
+  /** Ends the session after the updates sent so far, and waits until they have their results. */
   async close(): Promise<void> {
     if (this.end === undefined) {
       this.end = ended();
@@ -216,12 +218,7 @@ export class Session implements AsyncDisposable {
     await this.finished;
   }
 
-  /** Gives up what is not answered. */
-  abandon(): void {
-    this.given.abort();
-  }
-
-  /** As `close`, at the end of an `await using` block. */
+  /** Calls `close` at the end of an `await using` block. */
   async [Symbol.asyncDispose](): Promise<void> {
     await this.close();
   }
@@ -236,47 +233,47 @@ export class Session implements AsyncDisposable {
     return [...this.sent.values()].some(({ waiting }) => waiting !== undefined);
   }
 
-  // From server to server, until it is over.
+  // Reads events and reopens after losses, until the session ends.
   private async run(): Promise<void> {
     const { signal } = this.controls;
-    const giveUp = (): void => this.given.abort(signal?.reason);
-    signal?.addEventListener("abort", giveUp, { once: true });
-    this.given.signal.addEventListener("abort", () => (this.stream?.cancel(), this.wake()), { once: true });
+    const abort = (): void => this.aborter.abort(signal?.reason);
+    signal?.addEventListener("abort", abort, { once: true });
+    this.aborter.signal.addEventListener("abort", () => (this.stream?.cancel(), this.wake()), { once: true });
     try {
       for (let cause = await this.listen(); cause !== undefined; cause = await this.listen()) await this.reopen(cause);
       this.end ??= ended();
     } catch (error) {
       this.end = errorOfCall(error);
     }
-    signal?.removeEventListener("abort", giveUp);
+    signal?.removeEventListener("abort", abort);
     this.stream?.cancel();
     this.stream = undefined;
     for (const { waiting } of this.sent.values()) waiting?.reject(this.end);
     this.sent.clear();
   }
 
-  // Until the server ends the session. Gives why, if it is to be reopened; throws why, if not.
+  // Reads events until the server ends the session. Returns the cause of a loss if the session must be reopened.
   private async listen(): Promise<MarbleError | undefined> {
     try {
       for await (const event of this.stream?.events() ?? []) this.take(event);
       return undefined;
     } catch (error) {
-      if (this.given.signal.aborted) throw cancelled(this.given.signal);
+      if (this.aborter.signal.aborted) throw cancelled(this.aborter.signal);
       if (this.memory === undefined || !isLost(error)) throw error;
       this.stream = undefined;
       this.lostCause = error;
-      this.giveUpLate(error);
-      while (this.sent.size === 0 && this.end === undefined && !this.given.signal.aborted) {
+      this.rejectLate(error);
+      while (this.sent.size === 0 && this.end === undefined && !this.aborter.signal.aborted) {
         await new Promise<void>((wake) => (this.wake = wake));
       }
-      if (this.given.signal.aborted) throw cancelled(this.given.signal);
+      if (this.aborter.signal.aborted) throw cancelled(this.aborter.signal);
       return this.anyWaits || this.end === undefined ? error : undefined;
     }
   }
 
   private async reopen(cause: MarbleError): Promise<void> {
     const totalMs = this.controls.reopenMs ?? reopenMs;
-    const { signal } = this.given;
+    const { signal } = this.aborter;
     const end = performance.now() + totalMs;
     const patience = new Patience({ totalMs, signal });
     let stream: SessionStream | undefined;
@@ -284,16 +281,16 @@ export class Session implements AsyncDisposable {
       const unanswered = [...this.sent.values()].map(({ message }) => message);
       const setup = expect(this.memory).setupFor(unanswered, this.epoch + 1);
       try {
-        const withinMs = Math.max(shortestTryMs, end - performance.now());
+        const withinMs = Math.max(shortestAttemptMs, end - performance.now());
         stream = await SessionStream.open(this.connection, setup, signal, withinMs);
       } catch (error) {
-        // The place that it had may not have been given back yet.
+        // The server may not have released the lost session's resources yet.
         if (!isLost(error) && !(error instanceof RefusedError)) throw error;
         await patience.pause(error);
       }
     }
     this.epoch += 1;
-    this.restartsTold = 0;
+    this.restartsSeen = 0;
     this.ready = stream.ready;
     this.stream = stream;
     this.lostCause = undefined;
@@ -312,10 +309,10 @@ export class Session implements AsyncDisposable {
     const { sequence } = event.value;
     const sent = this.sent.get(sequence);
     const error = event.$case === "error" ? errorOfStatus(expect(event.value.status)) : undefined;
-    // A server that drains has not taken it; the next one will.
+    // A draining server has not taken the update; the next server will.
     if (sent === undefined || (this.memory !== undefined && isLost(error))) return;
     if (sent.waiting === undefined) {
-      // An answer to a first part is an older server's, and of no use.
+      // Older servers solve a first part as an update; this solution is ignored.
       if (error === undefined) return;
       this.sent.delete(sequence);
       this.refusedPart = { sequence, error };
@@ -334,13 +331,13 @@ export class Session implements AsyncDisposable {
     }
   }
 
-  // The one that took its place took its numbers along, and is not answered yet: as a first part would.
+  // Treats a superseded update as a first part of the next one, which includes its data and has no result yet.
   private leaveToNext(sequence: number, message: SessionUpdate): void {
     if (this.memory === undefined) this.sent.delete(sequence);
     else this.sent.set(sequence, { message: { ...message, prepare: true, deadlineS: 0, sensitivity: undefined } });
   }
 
-  // It has an outcome, with the first parts before it. Nothing of an invalid one was taken.
+  // Removes an update with its first parts. The server ignored the data of an invalid one.
   private settle(sequence: number, error: MarbleError | undefined): void {
     const invalid = error instanceof InvalidProblemError || error instanceof PreconditionError;
     for (const [number, { message, waiting }] of this.sent) {
@@ -354,9 +351,9 @@ export class Session implements AsyncDisposable {
   private answered({ solution, restarts }: SessionAnswer): Solution {
     const message = expect(solution);
     const answer = new Solution(this.jobId, message);
-    if (restarts > this.restartsTold) this.memory?.startFrom(undefined);
+    if (restarts > this.restartsSeen) this.memory?.startFrom(undefined);
     else if (answer.solved) this.memory?.startFrom(message.z);
-    this.restartsTold = restarts;
+    this.restartsSeen = restarts;
     return answer;
   }
 }

@@ -6,7 +6,7 @@ import type { Connection } from "../connection/connection.js";
 import { Priority as PriorityNumber } from "../generated/marble/v1/job.js";
 import type { Problem as ProblemMessage } from "../generated/marble/v1/problem.js";
 import { SolverService, type SolveRequest, type SolveStreamResponse } from "../generated/marble/v1/service.js";
-import type { WarmStart } from "../generated/marble/v1/solution.js";
+import { WarmStart } from "../generated/marble/v1/solution.js";
 import { takeVector } from "../model/matrix.js";
 import { type SolveOptions, optionsMessage } from "../model/options.js";
 import { type Problem, checkProblem } from "../model/problem.js";
@@ -15,50 +15,52 @@ import { type SensitivityRequest, sensitivityMessage } from "../model/sensitivit
 import { Solution } from "../model/solution.js";
 import { type CallControls, serverStream, unary } from "./calls.js";
 
-/** Whose turn it is when workers are busy: a control loop's, before one that somebody waits for, before all others. */
+/** The order in which busy workers take jobs: control loops first, then interactive jobs, then batches. */
 export type Priority = Words<typeof PriorityNumber, "PRIORITY_">;
 
-/** What any request may say. */
+/** Parameters of any request. */
 export interface CommonControls {
   options?: SolveOptions;
   /** Default: "realtime" of sessions, "batch" of batches, else "interactive". */
   priority?: Priority;
-  /** The client's own id of the request, for the server's log; at most 128 bytes of printable ASCII. */
+  /** The client's id of the request, for the server's log; at most 128 bytes of printable ASCII. */
   requestId?: string;
 }
 
-/** What a request may say beyond its problem; all of it optional. */
+/** Parameters of a request besides its problem. All are optional. */
 export interface RequestControls extends CommonControls {
-  /** n entries. Default: the problem's x0, else the solver's own choice. */
+  /** n entries. Default: the problem's x0, else the solver's choice. */
   initialPoint?: ArrayLike<number>;
-  /** An answer to this problem or one like it, of the same sizes: its branch is tried before anything else. */
+  /** A solution of this problem or of a similar one with the same sizes. The solver tries its branch first. */
   warmStart?: Solution;
-  /** Derivatives of the solution that are wanted with it: `solution.sensitivity`. */
+  /** Derivatives to compute with the solution, returned in `solution.sensitivity`. */
   sensitivity?: SensitivityRequest;
 }
 
-/** What may accompany a streamed solve. */
+/** Parameters of a streamed solve. */
 export interface StreamControls extends RequestControls, CallControls {
-  /** Least time between two rows of progress, in seconds; 0, the default, tells every iteration. */
+  /** Minimum time between two rows of progress, in seconds; default 0: every iteration. */
   progressIntervalS?: number;
-  /** Attach z to the row of every k-th iteration, if it is the newest when it is sent; 0, the default, never does. */
+  /** Attaches z to every k-th iteration's row if it is the newest when it is sent; default 0: never. */
   iterateEvery?: number;
 }
 
-/** What may accompany a solve. */
+/** Parameters of a solve. */
 export interface SolveControls extends StreamControls {
-  /** Called for every iteration, oldest first; what it throws gives the solve up. */
+  /** Called for every iteration, oldest first. If it throws, the solve is cancelled. */
   onProgress?: (row: Progress) => void;
 }
 
-/** What happens to a solve: accepted, queued (its place has changed), started, progress …, solved or not: result. */
+/**
+ * Events of a solve: accepted, queued (its position has changed), started, progress …, and last result, solved or not.
+ */
 export type SolveEvent =
   | { type: "accepted"; jobId: string; queuePosition: number; estimatedWaitS: number }
   | { type: "queued"; queuePosition: number; estimatedWaitS: number }
   | { type: "started"; queueS: number }
   /**
-   * The iterations since the last such event, how many were dropped so far because they were not taken fast enough, and
-   * in words what the solve is doing. One without iterations comes about twice a second while none ends.
+   * The iterations since the last such event, how many were dropped so far because they were not read fast enough, and
+   * the current activity as text. While no iteration ends, an event without rows comes about twice a second.
    */
   | { type: "progress"; rows: Progress[]; skipped: number; activity: string }
   | { type: "result"; solution: Solution };
@@ -66,14 +68,14 @@ export type SolveEvent =
 export async function solve(connection: Connection, problem: Problem, controls: SolveControls): Promise<Solution> {
   const { onProgress } = controls;
   if (onProgress === undefined) {
-    const answer = await unary(connection, SolverService.solve, solveRequest(problem, controls), controls);
-    return new Solution(answer.jobId, expect(answer.solution));
+    const response = await unary(connection, SolverService.solve, solveRequest(problem, controls), controls);
+    return new Solution(response.jobId, expect(response.solution));
   }
   for await (const event of solveStream(connection, problem, controls)) {
     if (event.type === "progress") event.rows.forEach(onProgress);
     if (event.type === "result") return event.solution;
   }
-  throw withoutAnswer();
+  throw withoutResult();
 }
 
 export async function* solveStream(
@@ -95,7 +97,7 @@ export async function* solveStream(
   }
 }
 
-/** Throws an InvalidProblemError, and sends nothing then. */
+/** Throws an InvalidProblemError before anything is sent. */
 export function solveRequest(problem: Problem, controls: RequestControls): SolveRequest {
   const { message, shape } = checkProblem(problem);
   return {
@@ -106,7 +108,7 @@ export function solveRequest(problem: Problem, controls: RequestControls): Solve
   };
 }
 
-/** The same without what depends on the problem's sizes. */
+/** The same without the parts that depend on the problem's sizes. */
 export function requestOf(problem: ProblemMessage | undefined, controls: CommonControls): SolveRequest {
   return {
     problem,
@@ -125,15 +127,14 @@ export function initialPoint(z: ArrayLike<number> | undefined, n: number): { z: 
   return z && { z: packDoubles(takeVector("initialPoint", z, n, "variables")) };
 }
 
-export function warmStartOf(answer: Solution): WarmStart {
-  return {
-    z: packDoubles(answer.z),
-    equalityMultipliers: packDoubles(answer.equalityMultipliers),
-    inequalityMultipliers: packDoubles(answer.inequalityMultipliers),
-    complementarityMultipliersL: packDoubles(answer.leftMultipliers),
-    complementarityMultipliersR: packDoubles(answer.rightMultipliers),
-    coldObjective: answer.coldObjective,
-  };
+/** The fields of a solution that the message has. */
+export function warmStartOf(solution: Solution): WarmStart {
+  const start = WarmStart.fromPartial({});
+  for (const name of Object.keys(start) as (keyof WarmStart)[]) {
+    const value = solution[name];
+    Object.assign(start, { [name]: typeof value === "number" ? value : packDoubles(value) });
+  }
+  return start;
 }
 
 export function priorityOf(priority: Priority | undefined): PriorityNumber {
@@ -142,14 +143,14 @@ export function priorityOf(priority: Priority | undefined): PriorityNumber {
   throw invalid("priority", `must be one of ${words(PriorityNumber, "PRIORITY_").join(", ")}`, { value: priority });
 }
 
-/** What the contract promises to be there. */
+/** Returns a part that the contract guarantees. */
 export function expect<T>(part: T | undefined): T {
-  if (part === undefined) throw withoutAnswer();
+  if (part === undefined) throw withoutResult();
   return part;
 }
 
-function withoutAnswer(): Error {
-  return errorOf("internal", "the server ended the call without an answer");
+function withoutResult(): Error {
+  return errorOf("internal", "the server ended the call without a result");
 }
 
 function eventOf({ event }: SolveStreamResponse, skipped: number): SolveEvent | undefined {
@@ -170,6 +171,6 @@ function eventOf({ event }: SolveStreamResponse, skipped: number): SolveEvent | 
     case "result":
       return { type: "result", solution: new Solution(event.value.jobId, expect(event.value.solution), skipped) };
     default:
-      return undefined; // of a newer server
+      return undefined; // an event of a newer server
   }
 }

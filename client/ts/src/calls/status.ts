@@ -1,14 +1,14 @@
-// gRPC's statuses and their details become errors here, and nowhere else.
+// Conversion of gRPC statuses and their details to errors.
 import { Metadata, type ServiceError, status as statuses } from "@grpc/grpc-js";
 
 import { type ErrorCode, MarbleError, errorOf, invalid } from "../base/errors.js";
-import { defaultAddress, errorNames, matrices, matrixValues, noServerHint, vectors } from "../base/tables.js";
+import { defaultAddress, errorNames, matrices, matrixValues, noServerHint, vectors } from "../shared/tables.js";
 import type { Duration } from "../generated/google/protobuf/duration.js";
 import { BadRequest, RetryInfo } from "../generated/google/rpc/error_details.js";
 import { Status } from "../generated/google/rpc/status.js";
 import { Fault } from "../generated/marble/v1/fault.js";
 
-/** The caller's names by the contract's, of a problem's parts and of an update's values. */
+/** The caller's names of a problem's parts and of an update's values, by those of the contract. */
 const parts: Record<string, string> = {
   constant: "c0",
   ...inverse(vectors),
@@ -20,22 +20,24 @@ function inverse(names: Record<string, string>, suffix = ""): Record<string, str
   return Object.fromEntries(Object.entries(names).map(([letter, field]) => [field, letter + suffix]));
 }
 
-/** Whether the server is gone, or leaves: another one, or itself after a restart, would take the same call. */
+/**
+ * Whether the server is lost or draining, so that another one, or the same one after a restart, would take the call.
+ */
 export function isLost(error: unknown): error is MarbleError {
   return error instanceof MarbleError && losses.has(error);
 }
 
-/** A loss that gRPC has not told of. */
+/** The loss of a server that gRPC did not report. */
 export function lost(message: string, cause: unknown): MarbleError {
   const error = errorOf("unavailable", message, { cause });
   losses.add(error);
   return error;
 }
 
-// "unavailable" is also what is no Marble server, and stays so.
+// A separate set, because "unavailable" also means that the server is not a Marble server.
 const losses = new WeakSet<MarbleError>();
 
-/** Of a failed call. What is already an error of this package stays as it is. */
+/** The error of a failed call; errors of this package are returned unchanged. */
 export function errorOfCall(thrown: unknown, signal?: AbortSignal): MarbleError {
   if (thrown instanceof MarbleError) return thrown;
   if (signal?.aborted) return cancelled(signal);
@@ -45,7 +47,7 @@ export function errorOfCall(thrown: unknown, signal?: AbortSignal): MarbleError 
   return errorOfStatus({ ...detailsIn(thrown.metadata), code: thrown.code, message: thrown.details });
 }
 
-/** Of a status that came as a message. */
+/** The error of a status in a message. */
 export function errorOfStatus(status: Status): MarbleError {
   const code = (errorNames as Partial<Record<number, ErrorCode>>)[status.code] ?? "internal";
   const read = <Detail>(name: string, type: { decode(bytes: Uint8Array): Detail }): Detail | undefined => {
@@ -67,12 +69,13 @@ export function errorOfStatus(status: Status): MarbleError {
   const retry = read("google.rpc.RetryInfo", RetryInfo);
   const retryAfterMs = retry && milliseconds(retry.retryDelay);
   const hint = code === "unavailable" ? hintOf(status.message) : "";
-  const error = errorOf(code, status.message + hint, { ...place, retryAfterMs });
+  const message = status.message.replace(/\.? Resolution note: $/, ""); // grpc-js ends with it if the note is empty
+  const error = errorOf(code, message + hint, { ...place, retryAfterMs });
   if (status.code === statuses.UNAVAILABLE) losses.add(error);
   return error;
 }
 
-// Of a connection that was not made: what grpc-js says, and what the reason may be.
+// Messages of grpc-js about failed connections, with the likely reason.
 const hints: [RegExp, string][] = [
   [
     /Failed to connect|ECONNRESET|EPIPE/,
@@ -81,7 +84,7 @@ const hints: [RegExp, string][] = [
   [/wrong version number/, "; does the server speak without TLS? This client uses it (tls, MARBLE_TLS_CA)"],
   [
     /self.signed certificate|unable to (?:verify|get)|certificate has expired/,
-    "; tls.ca or MARBLE_TLS_CA names who vouches for the server",
+    "; tls.ca or MARBLE_TLS_CA must name the authority that signed the server's certificate",
   ],
 ];
 
@@ -95,7 +98,7 @@ export function cancelled(signal: AbortSignal): MarbleError {
   return errorOf("cancelled", "cancelled by the caller", { cause: signal.reason as unknown });
 }
 
-// An intermediary's status has no details of ours, or none that can be read.
+// A status of a proxy has no details, or unreadable ones.
 function detailsIn(metadata: Metadata | undefined): Status {
   const bytes = metadata?.get("grpc-status-details-bin")[0];
   try {
@@ -110,24 +113,17 @@ function isServiceError(thrown: unknown): thrown is ServiceError {
   return thrown instanceof Error && typeof (thrown as Partial<ServiceError>).code === "number";
 }
 
-// Of a server that knows no Fault: "solve.problem.equality_matrix.values[3]" and prose.
+// Servers without the message Fault send "solve.problem.equality_matrix.values[3]" and prose.
 function violated(path: string, description: string): MarbleError {
   const [, name, index] = /^(.*?)(?:\[(\d+)\])?$/.exec(path) ?? [];
   return invalid(callersName(name), description, { index: index === undefined ? undefined : Number(index) });
 }
 
-// Where a solve starts.
-const starts: Record<string, string> = {
-  "initial_point.z": "initialPoint",
-  "warm_start.complementarity_multipliers_l": "warmStart.leftMultipliers",
-  "warm_start.complementarity_multipliers_r": "warmStart.rightMultipliers",
-};
-
 function callersName(path: string): string {
   const name = path.replace(/^(?:solve\.|setup\.|update\.)*(?:problem\.)?/, "");
   const [, block, part] = /^(coupled\.blocks\[\d+\]\.problem\.)(.+)$/.exec(name) ?? [];
   if (block !== undefined) return block + callersName(part);
-  if (name in starts) return starts[name];
+  if (name === "initial_point.z") return "initialPoint";
   const [head, ...rest] = name.replace(/_(\w)/g, (_, letter: string) => letter.toUpperCase()).split(".");
   return [parts[head] ?? head, ...rest].join(".");
 }

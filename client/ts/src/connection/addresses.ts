@@ -1,23 +1,25 @@
-// What may be given as an address, as a target of gRPC's.
+// Addresses as gRPC targets.
 import { experimental } from "@grpc/grpc-js";
 
 import { invalid } from "../base/errors.js";
-import { localAddress, longestUnixPath } from "../base/tables.js";
+import { localAddress, longestUnixPath } from "../shared/tables.js";
 
-/** Where a channel goes. */
+/** The target of a channel. */
 export interface Target {
-  /** As gRPC has it. */
+  /** gRPC's name of the target. */
   name: string;
-  /** Calls take turns between servers. */
+  /** Calls go in turn to several servers. */
   several: boolean;
 }
 
 const scheme = "marble";
 const dns = "dns:///";
 
-/** host:port or unix:PATH; several host:port with commas between; or dns:///host:port, for every address of the name. */
+/**
+ * Parses host:port, unix:PATH, several host:port separated by commas, or dns:///host:port (every address of the name).
+ */
 export function targetOf(address: string): Target {
-  if (address === localAddress) throw fault(address, "must name a server: this package has no solver of its own");
+  if (address === localAddress) throw fault(address, "must name a server: this package contains no solver");
   const parts = address.split(",").map((part) => part.trim());
   if (parts.length > 1) {
     parts.forEach(checkHostPort);
@@ -50,12 +52,12 @@ function checkHostPort(address: string): void {
   }
 }
 
-type Answer = Parameters<experimental.ResolverListener>[0];
+type Resolution = Parameters<experimental.ResolverListener>[0];
 
-// Several names as one: each has a resolver of gRPC's own, and what they have found counts as soon as all have answered.
+// Several names as one target: each has its own gRPC resolver; the result is complete once all resolvers have answered.
 class SeveralNames implements experimental.Resolver {
   private readonly resolvers: experimental.Resolver[];
-  private readonly answers: (Answer | undefined)[];
+  private readonly answers: (Resolution | undefined)[];
 
   constructor(
     target: experimental.GrpcUri,
@@ -78,8 +80,8 @@ class SeveralNames implements experimental.Resolver {
     for (const resolver of this.resolvers) resolver.destroy();
   }
 
-  // A name that is not found does not cost the others' servers, nor what it last had.
-  private take(k: number, answer: Answer): boolean {
+  // If a name cannot be resolved, its last addresses and those of the other names stay valid.
+  private take(k: number, answer: Resolution): boolean {
     if (answer.ok || !this.answers[k]?.ok) this.answers[k] = answer;
     const answers = this.answers.flatMap((one) => one ?? []);
     if (answers.length < this.answers.length) return true;
@@ -87,7 +89,7 @@ class SeveralNames implements experimental.Resolver {
     return this.listener(found.length > 0 ? experimental.statusOrFromValue(found) : answer, {}, null, "");
   }
 
-  // As which the servers' certificates must know them.
+  // The name that the servers' certificates must contain.
   static getDefaultAuthority(target: experimental.GrpcUri): string {
     return target.path.split(",")[0];
   }

@@ -1,4 +1,4 @@
-// As many connections as the calls at once want: a server takes so many on each, and gRPC keeps back further ones.
+// As many connections as concurrent calls need: a server limits the calls per connection, and gRPC holds back the rest.
 import type { Client } from "@grpc/grpc-js";
 
 interface Channel {
@@ -6,20 +6,20 @@ interface Channel {
   calls: number;
 }
 
-/** A place on a connection, for one call. */
+/** The right to make one call on a connection. */
 export interface Place {
   channel: Client;
-  /** The call has ended. To be called once. */
+  /** Must be called once, when the call has ended. */
   release(): void;
 }
 
-/** Connections to the same servers. A call takes the one with the fewest calls, and a new one where all are full. */
+/** Connections to the same servers. A call uses the one with the fewest calls, or a new one if all are full. */
 export class Channels {
   private readonly channels: Channel[] = [];
 
   /**
-   * @param make a client with a connection of its own.
-   * @param most calls at once on each, at least 1.
+   * @param make creates a client with its own connection.
+   * @param most the number of concurrent calls per connection, at least 1.
    */
   constructor(
     private readonly make: () => Client,
@@ -49,7 +49,8 @@ export class Channels {
     return channels.length === 0 ? undefined : channels.reduce((least, one) => (one.calls < least.calls ? one : least));
   }
 
-  // One that nobody needs any more is closed; the half, so that none comes and goes with every call.
+  // Closes an unused connection if another one is at most half full, so that connections do not open and close all the
+  // time.
   private release(channel: Channel): void {
     if (--channel.calls > 0) return;
     const others = this.channels.filter((one) => one !== channel);

@@ -2,64 +2,64 @@ import { readFileSync } from "node:fs";
 import { basename } from "node:path";
 
 import { invalid } from "../base/errors.js";
-import * as tables from "../base/tables.js";
+import * as tables from "../shared/tables.js";
 
-/** How a client reaches its server and says who it is; all of it optional. */
+/** How a client reaches its server and identifies itself. All fields are optional. */
 export interface ConnectOptions {
-  /** Sent with every call, in plaintext too. Default: the environment's `MARBLE_TOKEN`. Printable ASCII without spaces. */
+  /** Sent with every call, also without encryption. Printable ASCII without spaces. Default: `MARBLE_TOKEN`. */
   token?: string;
-  /** Encrypt; `true` with Node's own authorities. Default: on if one of the `MARBLE_TLS_` variables is set. */
+  /** Enables TLS; `true` trusts Node's certificate authorities. Default: enabled if a `MARBLE_TLS_` variable is set. */
   tls?: boolean | TlsOptions;
   /**
-   * What the client calls itself, for a server that does not know better; at most 64 printable characters. Default:
-   * `MARBLE_CLIENT_NAME`, else the program's name with its process id, so that two planners on one machine take turns.
+   * The client's name, for servers that do not authenticate clients; at most 64 printable characters. Default:
+   * `MARBLE_CLIENT_NAME`, else the program's name with its process id, so that two planners on one host take turns.
    */
   name?: string;
-  /** Hard limit of calls without one of their own, in milliseconds > 0; not of batches, sessions, watching. Default: none. */
+  /** Deadline of calls without their own, in milliseconds > 0; not of batches, sessions and watching. Default: none. */
   deadlineMs?: number;
   /**
-   * When a server that is gone without a word counts as lost: `default` after 45 s at most, `control_loop` after 13 s, the
-   * least that a server permits if it is not told otherwise, or times of one's own. Default: `default`.
+   * When a server that disappears without closing the connection counts as lost: `default` after at most 45 s,
+   * `control_loop` after 13 s, the least that a server permits by default, or custom times. Default: `default`.
    */
   keepalive?: "default" | "control_loop" | Keepalive;
   /**
-   * How long a call waits for a server that is lost, from the loss on, in milliseconds >= 0, within its own deadline:
-   * what may be sent twice is tried again every 0.1 to 1 s, a session's set-up and what a batch has no answer to as well.
-   * Default 10,000 once a server has answered, else 0, so that a wrong address is told at once.
+   * How long a call waits for a lost server, in milliseconds >= 0 from the loss, within its own deadline. Calls that
+   * are safe to repeat, the set-up of a session and the unsolved problems of a batch are tried again every 0.1 to 1 s.
+   * Default: 10,000 once a server was reached, else 0, so that a wrong address is reported at once.
    */
   waitMs?: number;
   /**
-   * Calls at once on one connection, in [1, 2^31); default 900. A session is one, as are a batch and all else that waits
-   * for an answer; with more there is another connection. To be some below the server's `--connection-streams`, 1024 by
-   * default: gRPC silently keeps further calls back.
+   * Concurrent calls per connection, in [1, 2^31); default 900. A session and a batch are one call each. The client
+   * opens another connection for more. Keep it below the server's `--connection-streams`, 1024 by default: gRPC
+   * silently holds back further calls.
    */
   connectionStreams?: number;
 }
 
-/** Pings while there are calls: a server that does not answer one is lost. */
+/** Pings while calls are active: a server that does not answer a ping is lost. */
 export interface Keepalive {
   /**
-   * Silence before a ping, in whole milliseconds in [500, 2^31). Not below half the server's `--keepalive-s`, which is
-   * 10,000 ms by default: it closes the connections of clients that ping more often.
+   * Idle time before a ping, in whole milliseconds in [500, 2^31). At least half of the server's `--keepalive-s`, by
+   * default 10,000 ms: it closes the connections of clients that ping more often.
    */
   timeMs: number;
-  /** How long an answer may take, in whole milliseconds in [1, 2^31). */
+  /** Timeout of a ping's answer, in whole milliseconds in [1, 2^31). */
   timeoutMs: number;
 }
 
-/** PEM files: read once, by `connect`. */
+/** PEM files, which `connect` reads once. */
 export interface TlsOptions {
-  /** Who may vouch for the server. Default: `MARBLE_TLS_CA`, else Node's own authorities. */
+  /** Trusted certificate authorities. Default: `MARBLE_TLS_CA`, else Node's. */
   ca?: string;
-  /** The client's own certificate, together with `key`. Default: `MARBLE_TLS_CERTIFICATE`. */
+  /** The client's certificate; requires `key`. Default: `MARBLE_TLS_CERTIFICATE`. */
   certificate?: string;
   /** The private key of `certificate`. Default: `MARBLE_TLS_KEY`. */
   key?: string;
-  /** The name in the server's certificate, where it is not the address's host. */
+  /** The name in the server's certificate, if it differs from the host of the address. */
   serverName?: string;
 }
 
-/** Files' contents instead of their names. */
+/** Contents of PEM files. */
 export interface Pems {
   ca?: Buffer;
   certificate?: Buffer;
@@ -67,11 +67,11 @@ export interface Pems {
   serverName?: string;
 }
 
-/** What was said, and the environment where nothing was. */
+/** The client's identity, from the options or else the environment. */
 export interface Identity {
   token?: string;
   name: string;
-  /** Absent for plaintext. */
+  /** Absent without TLS. */
   tls?: Pems;
 }
 
@@ -82,7 +82,7 @@ export function defaultAddress(): string {
 export function identityOf(options: ConnectOptions): Identity {
   const token = options.token ?? environment("MARBLE_TOKEN");
   if (token !== undefined && !/^[!-~]+$/.test(token)) {
-    throw invalid("token", "must be printable ASCII without spaces"); // and stays untold
+    throw invalid("token", "must be printable ASCII without spaces"); // not quoted: it is secret
   }
   const name = options.name ?? environment("MARBLE_CLIENT_NAME") ?? processName();
   if (!/^[ -~]+$/.test(name) || name.length > tables.longestClientName) {
@@ -96,7 +96,8 @@ export function checkStreams(streams = 900): number {
   throw invalid("connectionStreams", "must be a whole number in [1, 2^31)", { value: streams });
 }
 
-// Permitted are 10 s, by the server's clock; a late ping and a punctual one after it must not be nearer than that.
+// The server permits one ping per 10 s by its own clock, so the margin covers a delayed ping followed by a punctual
+// one.
 const keepalives: Record<string, Keepalive> = {
   default: { timeMs: 30_000, timeoutMs: 15_000 },
   control_loop: { timeMs: 11_000, timeoutMs: 2_000 },
@@ -139,7 +140,7 @@ function pemsOf(tls: boolean | TlsOptions | undefined): Pems | undefined {
   };
 }
 
-// What gRPC would otherwise find out at the first handshake, and tell as "unavailable".
+// gRPC would detect it only at the first handshake, and report "unavailable".
 function readPem(field: string, path: string | undefined): Buffer | undefined {
   if (path === undefined) return undefined;
   let content: Buffer;

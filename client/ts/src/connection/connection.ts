@@ -17,7 +17,7 @@ import { healthyRoundRobin } from "./health.js";
 
 const defaultWaitMs = 10_000;
 
-/** The way to a server, or to several, and who calls over it. */
+/** A connection to one or several servers, with the client's identity. */
 export class Connection {
   readonly address: string;
   private readonly channels: Channels;
@@ -45,12 +45,12 @@ export class Connection {
     );
   }
 
-  /** How long a call waits for a server that is lost, in milliseconds. */
+  /** How long a call waits for a lost server, in milliseconds. */
   get waitMs(): number {
     return this.givenWaitMs ?? (this.reached ? defaultWaitMs : 0);
   }
 
-  /** A place for one call; throws a PreconditionError of a client that was closed. */
+  /** Reserves a connection for one call; throws a PreconditionError if the client is closed. */
   take(): Place {
     if (this.closed) throw new PreconditionError("failed_precondition", "the client is closed");
     return this.channels.take();
@@ -61,16 +61,16 @@ export class Connection {
     this.channels.close();
   }
 
-  // Until a server was there once.
+  // Watches a new client until a server was reached once.
   private watched(client: Client): Client {
     const channel = client.getChannel();
-    const look = (): void => {
+    const check = (): void => {
       const state = channel.getConnectivityState(false);
       if (state === connectivityState.READY) this.reached = true;
       if (this.reached || state === connectivityState.SHUTDOWN) return;
-      channel.watchConnectivityState(state, Infinity, look);
+      channel.watchConnectivityState(state, Infinity, check);
     };
-    look();
+    check();
     return client;
   }
 
@@ -96,18 +96,18 @@ function channelOptions(pems: Pems | undefined, several: boolean, keepalive: Kee
   const options: ChannelOptions = {
     "grpc.service_config": JSON.stringify({ methodConfig: [], ...turns }),
     "grpc.service_config_disable_resolution": 1,
-    // Each client has connections of its own, or what one counts on a connection would not be all.
+    // Separate connections per client, so that the client counts all calls of a connection.
     "grpc.use_local_subchannel_pool": 1,
-    // The server has its limit; the client must not be the one that cannot read an answer.
+    // The server has limits of its own; the client accepts results of any size.
     "grpc.max_receive_message_length": -1,
     "grpc.max_send_message_length": -1,
-    // A server that is gone without a word is noticed in the sum of the two.
+    // A server that disappears without closing the connection is detected after the sum of the two.
     "grpc.keepalive_time_ms": keepalive.timeMs,
     "grpc.keepalive_timeout_ms": keepalive.timeoutMs,
-    // A server that was restarted is found again soon.
+    // Reconnect quickly to a restarted server.
     "grpc.initial_reconnect_backoff_ms": 100,
     "grpc.max_reconnect_backoff_ms": 1_000,
-    // http_proxy is set for browsers; a solver on loopback or in the same rack is not behind it.
+    // http_proxy is meant for browsers; a solver on the same host or in the same rack is not behind it.
     "grpc.enable_http_proxy": 0,
   };
   if (pems?.serverName !== undefined) {

@@ -1,5 +1,5 @@
-// Turns between servers that say they are healthy. What gRPC's other libraries do by "healthCheckConfig" is not in
-// grpc-js: each connection of a round_robin has its health watched here.
+// Round-robin load balancing over the servers that report SERVING. grpc-js lacks the "healthCheckConfig" of the other
+// gRPC libraries, so the health of each connection is watched here.
 import { Client, type ClientReadableStream, connectivityState, credentials, experimental, status } from "@grpc/grpc-js";
 import type { ServiceError } from "@grpc/grpc-js";
 
@@ -12,7 +12,7 @@ import {
 /** The load balancing policy's name in a service config. */
 export const healthyRoundRobin = "marble_healthy_round_robin";
 
-const tryAgainAfterMs = 1000;
+const retryAfterMs = 1000;
 
 class Watched extends experimental.BaseSubchannelWrapper {
   private stream?: ClientReadableStream<HealthCheckResponse>;
@@ -35,7 +35,7 @@ class Watched extends experimental.BaseSubchannelWrapper {
     if (now === connectivityState.READY) this.watch();
   };
 
-  // On the connection itself, so that it is this server's health and costs no other.
+  // Over the same connection, so that it is the health of this server and needs no further connection.
   private watch(): void {
     const { path, requestSerialize, responseDeserialize } = HealthService.watch;
     const overriding = { channelOverride: this.getChannel() };
@@ -58,7 +58,7 @@ class Watched extends experimental.BaseSubchannelWrapper {
 
   private watchAgain(): void {
     this.stop();
-    this.again = setTimeout(() => this.watch(), tryAgainAfterMs).unref();
+    this.again = setTimeout(() => this.watch(), retryAfterMs).unref();
   }
 
   private stop(): void {
@@ -69,7 +69,7 @@ class Watched extends experimental.BaseSubchannelWrapper {
   }
 }
 
-// Whoever wraps connections gives gRPC its own ones back.
+// gRPC expects its own connections from a picker, not the wrapped ones.
 class Unwrapping implements experimental.Picker {
   constructor(private readonly inner: experimental.Picker) {}
 

@@ -9,16 +9,16 @@ export type Term = readonly [index: number, factor: number];
 /** A variable by its index, or Σ factor · z[index] + constant. */
 export type Expression = number | { terms: readonly Term[]; constant?: number };
 
-// A limit of this size or more is none.
+// Limits of this size or more count as none.
 const infinite = 1e20;
 
-/** Default: none. A limit of 1e20 or more is none either. */
+/** Limits; default: none. A limit of 1e20 or more counts as none. */
 export interface Bounds {
   lower?: number;
   upper?: number;
 }
 
-/** What became of one pair 0 ≤ left ⊥ right ≥ 0. */
+/** The solution of one pair 0 ≤ left ⊥ right ≥ 0. */
 export interface PairReport {
   /** Values of the two sides. */
   left: number;
@@ -29,20 +29,20 @@ export interface PairReport {
 }
 
 /**
- * A solution in the builder's terms. A dual is the multiplier of what it belongs to, positive where the lower limit holds z
- * back, negative where the upper one does, so that Qz + g = Σ row dual · row + Σ bound dual · unit + Σ pair dual · side.
+ * A solution by the builder's rows, bounds and pairs. A dual is positive if the lower limit is active, negative if the
+ * upper one is, so that Qz + g = Σ row dual · row + Σ bound dual · unit + Σ pair dual · side.
  */
 export interface Report {
   z: Float64Array;
   objective: number;
-  /** One a row, in their order. */
+  /** One per row, in their order. */
   rowDuals: Float64Array;
-  /** One a variable; 0 without bounds. */
+  /** One per variable; 0 without bounds. */
   boundDuals: Float64Array;
   pairs: PairReport[];
 }
 
-// Where a two-sided row went: an equality, or up to two inequalities.
+// The rows of the problem for a two-sided row: an equality, or up to two inequalities.
 interface Place {
   equality?: number;
   lower?: number;
@@ -50,7 +50,7 @@ interface Place {
 }
 
 /**
- * A problem piece by piece: two-sided rows, bounds, and pairs by variable.
+ * Builds a problem from two-sided rows, bounds and pairs of variables.
  *
  * ```ts
  * const builder = new ProblemBuilder(2).linear(0, -1).linear(1, -2);
@@ -71,7 +71,7 @@ export class ProblemBuilder {
   private readonly bounds = new Map<number, Bounds>();
   private c0 = 0;
 
-  /** @param n how many variables, ≥ 1 */
+  /** @param n the number of variables, ≥ 1 */
   constructor(
     private readonly n: number,
     private readonly name = "",
@@ -117,7 +117,7 @@ export class ProblemBuilder {
     return this;
   }
 
-  /** lower ≤ Σ factor · z[index] ≤ upper; an equality where both are the same. Returns the row's place in `rowDuals`. */
+  /** Adds lower ≤ Σ factor · z[index] ≤ upper, an equality if both are equal. Returns the row's index in `rowDuals`. */
   row(terms: readonly Term[], limits: Bounds): number {
     const field = `rows[${this.rows.length}]`;
     this.checkTerms(field, terms);
@@ -125,7 +125,7 @@ export class ProblemBuilder {
     return this.rows.length - 1;
   }
 
-  /** lower ≤ z[i] ≤ upper; in place of what was said of z[i] before. */
+  /** Sets lower ≤ z[i] ≤ upper, in place of earlier bounds of z[i]. */
   bound(i: number, limits: Bounds): this {
     this.checkTerms("bounds", [[i, 1]]);
     limitsOf(`bounds[${i}]`, limits);
@@ -133,7 +133,7 @@ export class ProblemBuilder {
     return this;
   }
 
-  /** 0 ≤ left ⊥ right ≥ 0. Returns the pair's place in `report().pairs`. */
+  /** Adds 0 ≤ left ⊥ right ≥ 0. Returns the pair's index in `report().pairs`. */
   pair(left: Expression, right: Expression): number {
     const field = `pairs[${this.L.count}]`;
     const sides = [this.affine(`${field}.left`, left), this.affine(`${field}.right`, right)];
@@ -141,7 +141,7 @@ export class ProblemBuilder {
     return this.R.add(sides[1].terms, sides[1].constant);
   }
 
-  /** The problem as it stands. The builder can go on. */
+  /** Returns the current problem. The builder remains usable. */
   build(): BuiltProblem {
     const [A, C] = [this.A.copy(), this.C.copy()];
     const bounds = new Map<number, Place>();
@@ -192,7 +192,7 @@ export class ProblemBuilder {
   }
 }
 
-/** What a builder made: a problem, and the way back from its solution. */
+/** A problem from a builder, which converts solutions back. */
 export class BuiltProblem implements Problem {
   declare readonly name: string;
   declare readonly Q: Triplets;
@@ -216,7 +216,7 @@ export class BuiltProblem implements Problem {
     this.#bounds = bounds;
   }
 
-  /** The solution in the builder's terms. */
+  /** Converts a solution to the builder's rows, bounds and pairs. */
   report(solution: Solution): Report {
     const dual = ({ equality, lower, upper }: Place): number =>
       (equality === undefined ? 0 : -solution.equalityMultipliers[equality]) +
@@ -234,8 +234,8 @@ export class BuiltProblem implements Problem {
       pairs: left.map((value, k) => ({
         left: value,
         right: right[k],
-        leftDual: solution.leftMultipliers[k],
-        rightDual: solution.rightMultipliers[k],
+        leftDual: solution.complementarityMultipliersL[k],
+        rightDual: solution.complementarityMultipliersR[k],
       })),
     };
   }

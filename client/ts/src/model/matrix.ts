@@ -1,13 +1,10 @@
 import { invalid } from "../base/errors.js";
-import { symmetry } from "../base/tables.js";
+import { mostRows, symmetry } from "../shared/tables.js";
 
-/** The offsets of as many rows would not fit in a message. */
-const mostRows = 2 ** 28;
-
-/** Dense: one array a row, all of the same length. Zeros are left out of the pattern. */
+/** A dense matrix: one array per row, all of the same length. Zeros are not part of the pattern. */
 export type DenseRows = readonly ArrayLike<number>[];
 
-/** Entries at (i, j), counted from 0, in any order; equal places add up. The form of problem files. */
+/** Entries at (i, j) from 0, in any order; duplicates are added. The form of problem files. */
 export interface Triplets {
   rows: number;
   cols: number;
@@ -16,27 +13,27 @@ export interface Triplets {
   v: ArrayLike<number>;
 }
 
-/** Compressed columns (CSC): rows ascend strictly within a column. The form that travels. */
+/** Compressed columns (CSC), with strictly ascending rows in each column. The form of messages. */
 export interface CompressedColumns {
   rows: number;
   columns: number;
-  /** columns + 1 offsets into the two others, from 0 to the number of entries. */
+  /** columns + 1 offsets into the other two arrays, from 0 to the number of entries. */
   columnPointers: ArrayLike<number>;
   rowIndices: ArrayLike<number>;
   values: ArrayLike<number>;
 }
 
-/** A matrix as one likes. */
+/** A matrix in any of these forms. */
 export type Matrix = DenseRows | Triplets | CompressedColumns;
 
-/** A checked matrix with arrays of its own. */
+/** A checked matrix with its own arrays. */
 export interface Csc extends CompressedColumns {
   columnPointers: Int32Array;
   rowIndices: Int32Array;
   values: Float64Array;
 }
 
-/** Finite numbers, `size` of them; a copy. */
+/** Checks that `values` are `size` finite numbers, and copies them. */
 export function takeVector(field: string, values: ArrayLike<number>, size: number, rule: string): Float64Array {
   if (!isArray(values)) throw invalid(field, "must be an array of numbers", { value: values });
   if (values.length !== size) {
@@ -45,7 +42,7 @@ export function takeVector(field: string, values: ArrayLike<number>, size: numbe
   return takeNumbers(field, values);
 }
 
-/** Checks every entry, and compresses. `columns` is the number of variables. */
+/** Checks every entry and converts to compressed columns. `columns` is the number of variables. */
 export function takeMatrix(field: string, matrix: Matrix, columns: number): Csc {
   if (typeof matrix !== "object" || matrix === null) throw invalid(field, "must be a matrix", { value: matrix });
   if (isDense(matrix)) return fromDense(field, matrix, columns);
@@ -56,7 +53,9 @@ export function takeMatrix(field: string, matrix: Matrix, columns: number): Csc 
   return "columnPointers" in matrix ? fromColumns(field, matrix) : fromTriplets(field, matrix);
 }
 
-/** New values for the pattern of `of`, which is `origin`'s: values in its order, or a whole matrix with no entry elsewhere. */
+/**
+ * New values for the pattern of `of`, called `origin` in errors: values in its order, or a matrix within the pattern.
+ */
 export function takeValues(
   field: string,
   given: ArrayLike<number> | Matrix,
@@ -83,25 +82,25 @@ export function takeValues(
   return values;
 }
 
-/** Throws unless Q equals its transpose, up to rounding: the solver computes with the upper triangle. */
+/** Throws unless Q equals its transpose up to rounding; the solver uses the upper triangle. */
 export function checkSymmetric(field: string, q: Csc): void {
   const mirror = transpose(q);
   let sizes: Float64Array | undefined;
   for (let column = 0; column < q.columns; ++column) {
-    const differ = (row: number, here: number, there: number): void => {
-      if (here === there) return;
+    const differ = (row: number, value: number, mirrored: number): void => {
+      if (value === mirrored) return;
       sizes ??= largestEntries(q);
-      if (Math.abs(here - there) <= symmetry * Math.sqrt(sizes[row]) * Math.sqrt(sizes[column])) return;
+      if (Math.abs(value - mirrored) <= symmetry * Math.sqrt(sizes[row]) * Math.sqrt(sizes[column])) return;
       const [low, high] = [Math.min(row, column), Math.max(row, column)];
       throw invalid(field, `must be symmetric: entry (${low}, ${high}) differs from its mirror image`, {
-        value: `${here} and ${there}`,
+        value: `${value} and ${mirrored}`,
       });
     };
     merge(q, mirror, column, differ);
   }
 }
 
-// Of row and column i together.
+// The largest entry of row and column i, for each i.
 function largestEntries(q: Csc): Float64Array {
   const sizes = new Float64Array(q.columns);
   for (let column = 0; column < q.columns; ++column) {
@@ -112,7 +111,7 @@ function largestEntries(q: Csc): Float64Array {
   return sizes;
 }
 
-function merge(a: Csc, b: Csc, column: number, visit: (row: number, here: number, there: number) => void): void {
+function merge(a: Csc, b: Csc, column: number, visit: (row: number, value: number, mirrored: number) => void): void {
   let [i, j] = [a.columnPointers[column], b.columnPointers[column]];
   const [iEnd, jEnd] = [a.columnPointers[column + 1], b.columnPointers[column + 1]];
   while (i < iEnd || j < jEnd) {
@@ -173,7 +172,7 @@ function fromColumns(field: string, m: CompressedColumns): Csc {
   return { rows: m.rows, columns: m.columns, columnPointers: pointers, rowIndices, values };
 }
 
-// Two counting sorts, by row and then by column, keep the order of equal places, so that these add up as they were given.
+// Two counting sorts, by row and then by column, keep the order of duplicates, which are added in the given order.
 function compress(rows: number, columns: number, i: Int32Array, j: Int32Array, v: Float64Array): Csc {
   const order = sortedBy(j, columns, sortedBy(i, rows));
   const columnPointers = new Int32Array(columns + 1);
@@ -211,7 +210,7 @@ function sortedBy(keys: Int32Array, count: number, order?: Int32Array): Int32Arr
 
 function takeNumbers(field: string, values: ArrayLike<number>): Float64Array {
   if (!isArray(values)) throw invalid(field, "must be an array of numbers", { value: values });
-  // Each is read once: another thread may write to shared memory meanwhile.
+  // Reads each number once, because another thread may write to shared memory.
   const numbers = new Float64Array(values.length);
   for (let index = 0; index < numbers.length; ++index) {
     const value = values[index];
@@ -238,7 +237,7 @@ function takeIndices(field: string, values: ArrayLike<number>, size: number, bel
 }
 
 function takeCount(field: string, value: number): void {
-  if (!Number.isInteger(value) || value < 0 || value >= mostRows) {
+  if (!Number.isInteger(value) || value < 0 || value > mostRows) {
     throw invalid(field, "must be a whole number in [0, 2^28)", { value });
   }
 }

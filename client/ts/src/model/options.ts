@@ -3,21 +3,21 @@ import { type Words, valueOf, word, words } from "../base/words.js";
 import { SolveOptions as Message, Method, Path, Retraction } from "../generated/marble/v1/options.js";
 
 /**
- * Solver options; what is left out has the server's default. `client.info()` tells each one's default, range, unit and
- * meaning, as does `marble options`.
+ * Solver options; the default of each is the server's. `client.info()` and `marble options` list their defaults,
+ * ranges, units and meanings.
  */
 export interface SolveOptions extends Partial<Omit<Message, "path" | "method" | "retraction">> {
-  /** How the relaxation is followed to 0. */
+  /** How the relaxation is driven to 0. */
   path?: Words<typeof Path, "PATH_">;
-  /** By what: this solver, or a method of others to compare with. */
+  /** The algorithm: Marble's, or a reference method for comparison. */
   method?: Words<typeof Method, "METHOD_">;
-  /** How the sides of a pair are written by one variable. */
+  /** How one variable parametrizes both sides of a pair. */
   retraction?: Words<typeof Retraction, "RETRACTION_">;
 }
 
 const names = Object.keys(Message.fromPartial({}));
 
-/** Names and kinds are checked here; ranges are the server's to know. */
+/** Checks names and types. The server checks the ranges. */
 export function optionsMessage(options: SolveOptions | undefined): Message | undefined {
   if (options === undefined) return undefined;
   if (typeof options !== "object" || options === null) throw invalid("options", "must be an object", { value: options });
@@ -28,10 +28,16 @@ export function optionsMessage(options: SolveOptions | undefined): Message | und
     retraction: choice("retraction", Retraction, "RETRACTION_", options.retraction),
   });
   for (const name of Object.keys(options)) {
-    if (!names.includes(name)) throw invalid("options", `must be one of ${names.join(", ")}`, { value: name });
+    if (!names.includes(name)) throw invalid("options", `must be one of ${alternatives(name)}`, { value: name });
     checkKind(name as keyof Message, message);
   }
   return message;
+}
+
+// Options with the same beginning, else all.
+function alternatives(name: string): string {
+  const alike = names.filter((one) => one.slice(0, 3) === name.slice(0, 3).toLowerCase());
+  return (alike.length > 0 ? alike : names).join(", ");
 }
 
 export function optionsOf(message: Message | undefined): SolveOptions {
@@ -52,10 +58,10 @@ function choice(name: string, enumeration: object, prefix: string, chosen: strin
   return value === 0 ? undefined : value;
 }
 
-// A value of the wrong kind does not survive the way to the server.
+// A value of the wrong type changes when it is encoded.
 function checkKind(name: keyof Message, message: Message): void {
   const value = message[name];
-  const fault = (): Error => invalid(`options.${name}`, "is not a value of this option's kind", { value });
+  const fault = (): Error => invalid(`options.${name}`, "must be a value of this option's type", { value });
   let arrived: unknown;
   try {
     arrived = Message.decode(Message.encode(Message.fromPartial({ [name]: value })).finish())[name];

@@ -1,6 +1,6 @@
 import { invalid } from "../base/errors.js";
 import { packDoubles, packIntegers } from "../base/packed.js";
-import { matrices as matrixFields, matrixValues, offsets, vectors } from "../base/tables.js";
+import { matrices as matrixFields, matrixValues, offsets, vectors } from "../shared/tables.js";
 import { type Words, valueOf, words } from "../base/words.js";
 import { HessianForm, type Problem as Message, type SparseMatrix } from "../generated/marble/v1/problem.js";
 import type { ProblemUpdate as UpdateMessage } from "../generated/marble/v1/session.js";
@@ -13,22 +13,21 @@ import { type Csc, type Matrix, checkSymmetric, takeMatrix, takeValues, takeVect
  * min ½ zᵀQz + gᵀz + c0   s.t.   A z + b = 0,   C z + d ≥ 0,   0 ≤ L z + l  ⊥  R z + r ≥ 0
  * ```
  *
- * Every part but g may be left out. The JSON object of a problem file is one as it is. Arrays are copied by the call that
- * takes them.
+ * Only g is required. The JSON object of a problem file is a Problem. Calls copy the arrays.
  */
 export interface Problem {
   /** For logs and dashboards; at most 256 bytes. */
   name?: string;
-  /** n × n, symmetric. Left out: zero. */
+  /** n × n, symmetric; default zero. */
   Q?: Matrix;
-  /** "upper_triangle": Q has only the entries with row ≤ column. Default: "full". */
+  /** "upper_triangle" if Q contains only entries with row ≤ column; default "full". */
   hessianForm?: Words<typeof HessianForm, "HESSIAN_FORM_">;
   /** n ≥ 1 entries. */
   g: ArrayLike<number>;
-  /** Added to the objective; default 0. */
+  /** Constant of the objective; default 0. */
   c0?: number;
   A?: Matrix;
-  /** One entry a row of A; default zeros. So are the next ones. */
+  /** One entry per row of A; default zeros. The same applies to d, l and r. */
   b?: ArrayLike<number>;
   C?: Matrix;
   d?: ArrayLike<number>;
@@ -37,11 +36,11 @@ export interface Problem {
   /** As many rows as L. */
   R?: Matrix;
   r?: ArrayLike<number>;
-  /** n entries: where a solve starts if it is not told otherwise. */
+  /** n entries: the default starting point. */
   x0?: ArrayLike<number> | null;
 }
 
-/** New numbers for a problem whose sizes and patterns stay. What is left out stays too. */
+/** New data for a problem with the same sizes and patterns. Absent parts stay as they are. */
 export interface ProblemUpdate {
   c0?: number;
   g?: ArrayLike<number>;
@@ -49,7 +48,7 @@ export interface ProblemUpdate {
   d?: ArrayLike<number>;
   l?: ArrayLike<number>;
   r?: ArrayLike<number>;
-  /** A matrix without entries outside the old one's pattern; or its values alone, in the order of the compressed columns. */
+  /** A matrix within the pattern of the old one, or only its values in the order of compressed columns. */
   Q?: Matrix | ArrayLike<number>;
   A?: Matrix | ArrayLike<number>;
   C?: Matrix | ArrayLike<number>;
@@ -68,13 +67,13 @@ export interface Shape {
   matrices: Partial<Record<MatrixName, Csc>>;
 }
 
-/** A checked problem as it travels. */
+/** A checked problem as a message. */
 export interface CheckedProblem {
   message: Message;
   shape: Shape;
 }
 
-/** Throws an InvalidProblemError that names field and index. */
+/** Checks a problem; throws an InvalidProblemError that names field and index. */
 export function checkProblem(problem: Problem): CheckedProblem {
   if (typeof problem !== "object" || problem === null)
     throw invalid("problem", "must be an object", { value: problem });
@@ -106,7 +105,7 @@ export function checkProblem(problem: Problem): CheckedProblem {
   return { message, shape: { variables: n, equalities, inequalities, pairs, matrices } };
 }
 
-/** Throws an InvalidProblemError where something does not fit the set-up. */
+/** The message of an update; throws an InvalidProblemError if a part does not fit the set-up. */
 export function updateMessage(update: ProblemUpdate, shape: Shape): UpdateMessage {
   const vector = (name: keyof typeof vectors, size: number): Uint8Array => {
     const values = update[name];
@@ -163,7 +162,7 @@ function takeConstant(c0: number | undefined): number {
   return c0 ?? 0;
 }
 
-/** A checked matrix as it travels. */
+/** The message of a checked matrix. */
 export function sparse(matrix: Csc | undefined): SparseMatrix | undefined {
   return (
     matrix && {

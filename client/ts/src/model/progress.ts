@@ -1,18 +1,18 @@
 import { unpackDoubles } from "../base/packed.js";
 import type { Progress as Message, Violations as ViolationsMessage } from "../generated/marble/v1/progress.js";
 
-/** Largest violations in the problem's own units; 0 where there is no such constraint. */
+/** Largest violations in the problem's units; 0 if there are no such constraints. */
 export interface Violations extends ViolationsMessage {}
 
-/** What is told of the tree of option global; infinite where it is not known. */
+/** The branch-and-bound tree of option global; unknown numbers are infinite. */
 export interface Tree {
-  /** No feasible point has an objective below this; −Infinity where none is known, Infinity of a proved infeasible problem. */
+  /** Lower bound of the objective; −Infinity if none is known, Infinity if the problem is proved infeasible. */
   bound: number;
   /** (objective − bound) / max(1, |objective|), ≥ 0; Infinity without a feasible point or a bound. */
   gap: number;
-  /** Nodes that were bounded; 0 before a tree has begun. */
+  /** The number of bounded nodes; 0 without a tree. */
   nodes: number;
-  /** Nodes still to be bounded or branched. */
+  /** The number of open nodes. */
   openNodes: number;
 }
 
@@ -25,9 +25,9 @@ export function treeOf({ bound, gap, nodes, openNodes }: TreeMessage): Tree {
 /** The state of a solve after one iteration. */
 export interface Progress extends Omit<Message, "violations" | "z" | "incumbent" | keyof Tree>, Tree {
   violations: Violations;
-  /** Of option global: objective of the best point so far; Infinity while there is none. */
+  /** With option global, the objective of the best point so far; Infinity if there is none. */
   incumbent: number;
-  /** The iterate, n entries, where it was asked for and its turn came. */
+  /** The iterate, n entries, if this row has it: see `iterateEvery`. */
   z?: Float64Array;
 }
 

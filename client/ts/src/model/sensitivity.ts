@@ -1,103 +1,103 @@
 import { type MarbleError, errorOf, invalid } from "../base/errors.js";
 import { packDoubles, unpackDoubles, unpackIntegers } from "../base/packed.js";
-import { matrixValues, vectors } from "../base/tables.js";
+import { matrixValues, vectors } from "../shared/tables.js";
 import type { Fault } from "../generated/marble/v1/fault.js";
-import type {
+import {
   AnswerVectors,
-  ProblemNumbers,
-  SensitivityRequest as RequestMessage,
-  RowResponse as RowsMessage,
-  Sensitivity as Message,
+  type ProblemNumbers,
+  type SensitivityRequest as RequestMessage,
+  type RowResponse as RowsMessage,
+  type Sensitivity as Message,
 } from "../generated/marble/v1/sensitivity.js";
 import { type Matrix, takeMatrix, takeValues, takeVector } from "./matrix.js";
 import { type ProblemUpdate, type Shape, sparse } from "./problem.js";
 
-/** New numbers less the old ones, in the forms of an update; what is left out is zero. Of Q the upper triangle counts. */
+/** A change of the problem's data, in the form of an update; absent parts are zero. For Q the upper triangle counts. */
 export type Direction = Omit<ProblemUpdate, "c0">;
 
-/** Of a loss, its derivatives by the vectors of a solution, of their sizes; what is left out is zero. */
+/** The derivatives of a loss with respect to the vectors of a solution; absent parts are zero. */
 export type AnswerWeights = Partial<Record<AnswerPart, ArrayLike<number>>>;
 
-/** Rows E z whose response to a price is wanted: what solves that are coupled by such rows tell each other. */
+/** Rows E z whose response to multipliers is requested, for solvers of problems coupled by such rows. */
 export interface RowsRequest {
   /** m × n, m ≥ 1. */
   E: Matrix;
-  /** n numbers ≥ 0: a diagonal that was added to Q, without which the response is wanted. One factorization more. */
+  /** n numbers ≥ 0: a diagonal contained in Q that the response must exclude. Costs one factorization more. */
   proximal?: ArrayLike<number>;
-  /** n entries: the linear cost of `free` and `z`, in place of the problem's own. */
+  /** n entries: the linear cost for `free` and `z`, instead of the problem's. */
   g?: ArrayLike<number>;
-  /** `z` and `columns` are wanted too; default false. */
+  /** Whether to return `z` and `columns`; default false. */
   columns?: boolean;
 }
 
-/** What is asked of a solution's derivatives. All are of its branch: rows at zero stay there. */
+/** Requested derivatives of a solution on its branch, where active rows stay active. */
 export interface SensitivityRequest {
-  /** Forward: how the solution changes along each. */
+  /** Forward mode: the change of the solution along each direction. */
   directions?: readonly Direction[];
-  /** Adjoint: the gradient of each by all numbers of the problem. */
+  /** Adjoint mode: the gradient of each loss with respect to all data of the problem. */
   losses?: readonly AnswerWeights[];
   rows?: RowsRequest;
 }
 
 /** The change of a solution's vectors by one unit of a direction. */
 export interface AnswerChange extends Record<AnswerPart, Float64Array> {
-  /** The solution goes this way for small positive steps; always true where the sensitivity is smooth. */
+  /** Whether the active set stays constant for small positive steps; always true if the sensitivity is smooth. */
   holds: boolean;
 }
 
-/** The derivatives of a loss by the numbers of a problem; of a matrix by its entries in the order of compressed columns. */
+/**
+ * The gradient of a loss with respect to a problem's data; for matrices, to their entries in compressed-column order.
+ */
 export type ProblemGradient = Record<keyof typeof vectors | keyof typeof matrixValues, Float64Array>;
 
 /** With the cost μᵀE z added, the branch has E z = free − response μ and the point z − columns μ. */
 export interface RowResponse {
   /** E z at the solution, m entries. */
   values: Float64Array;
-  /** At μ = 0, without the proximal term and with the cost that was asked for, m entries. */
+  /** E z at μ = 0 without the proximal term and with the requested cost, m entries. */
   free: Float64Array;
   /** m rows of m entries; symmetric, positive semidefinite. */
   response: Float64Array[];
-  /** n entries, if columns were asked for; else empty. */
+  /** n entries if `columns` was requested; else empty. */
   z: Float64Array;
-  /** m columns of n entries, if they were asked for; else none. */
+  /** m columns of n entries if requested; else empty. */
   columns: Float64Array[];
 }
 
-/** The derivatives that were asked for. Its numbers are those of `sensitivity` in every other client, to the last bit. */
+/** The requested derivatives. All clients return the same bits. */
 export interface SensitivityAnswer {
-  /** Why there is nothing else here: the problem is not solved, or the solution is no isolated exact one of a branch. */
+  /**
+   * Why there are no derivatives: the problem is not solved, or the solution is not an isolated exact one of a branch.
+   */
   error?: MarbleError;
-  /** Rows of C at zero whose multiplier is zero too, to 1e-6 scaled: a small change may go either way. */
+  /** Active rows of C with a zero multiplier (to 1e-6, scaled): a small change may deactivate them. */
   weakInequalities: Int32Array;
-  /** Pairs with both sides at zero that may leave by either side. */
+  /** Pairs with both sides at zero, either of which may become positive. */
   biactivePairs: Int32Array;
-  /** Whether there are none of both. Else derivatives are the branch's, and `holds` says of which directions they are true. */
+  /**
+   * Whether there are no such rows and pairs. Else derivatives are the branch's; `holds` marks for which directions.
+   */
   smooth: boolean;
-  /** One a direction; undefined where the branch is flat along it, or its rows depend on each other and contradict. */
+  /** One per direction; undefined if the branch is flat along it, or if dependent rows contradict it. */
   changes: (AnswerChange | undefined)[];
-  /** One a loss; undefined where the multipliers it weighs are not unique, or the branch is flat. */
+  /** One per loss; undefined if its multipliers are not unique or the branch is flat. */
   gradients: (ProblemGradient | undefined)[];
-  /** If they were asked for. */
+  /** Present if requested. */
   rows?: RowResponse;
-  /** Why there are none: the branch is flat along one, or not convex without the proximal diagonal. */
+  /** Why `rows` is absent: the branch is flat along a row, or not convex without the proximal diagonal. */
   rowsError?: MarbleError;
-  /** 0 where the solve's last factor was the branch's; counted in the solution's too. */
+  /** 0 if the solve ended with the factor of the branch. Included in the solution's `factorizations`. */
   factorizations: number;
   /** Solves with a factor. */
   backSubstitutions: number;
 }
 
-const answerParts = {
-  z: "z",
-  equalityMultipliers: "equalityMultipliers",
-  inequalityMultipliers: "inequalityMultipliers",
-  leftMultipliers: "complementarityMultipliersL",
-  rightMultipliers: "complementarityMultipliersR",
-} as const;
+/** The vectors of a solution. */
+export type AnswerPart = keyof AnswerVectors;
 
-/** The vectors of a solution, by its names. */
-export type AnswerPart = keyof typeof answerParts;
+const answerParts = Object.keys(AnswerVectors.fromPartial({})) as AnswerPart[];
 
-/** Throws an InvalidProblemError where something does not fit the problem. */
+/** The message of a request; throws an InvalidProblemError if a part does not fit the problem. */
 export function sensitivityMessage(request: SensitivityRequest, shape: Shape): RequestMessage {
   const { directions = [], losses = [], rows } = request;
   const { variables: n, equalities, inequalities, pairs } = shape;
@@ -116,11 +116,17 @@ export function sensitivityMessage(request: SensitivityRequest, shape: Shape): R
     numbers[matrixValues[letter]] = packed("directions", directions, letter, pattern?.values.length ?? 0, take);
   }
   const weights = {} as AnswerVectors;
-  const ofAnswer = { z: n, equalityMultipliers: equalities, inequalityMultipliers: inequalities };
-  for (const part of keys(answerParts)) {
-    const size = { ...ofAnswer, leftMultipliers: pairs, rightMultipliers: pairs }[part];
+  const sizesOfAnswer: Record<AnswerPart, number> = {
+    z: n,
+    equalityMultipliers: equalities,
+    inequalityMultipliers: inequalities,
+    complementarityMultipliersL: pairs,
+    complementarityMultipliersR: pairs,
+  };
+  for (const part of answerParts) {
+    const size = sizesOfAnswer[part];
     const take = (values: ArrayLike<number>, field: string) => takeVector(field, values, size, "the problem");
-    weights[answerParts[part]] = packed("losses", losses, part, size, take);
+    weights[part] = packed("losses", losses, part, size, take);
   }
   const vector = (name: "proximal" | "g"): Uint8Array => {
     const values = rows?.[name];
@@ -138,7 +144,7 @@ export function sensitivityMessage(request: SensitivityRequest, shape: Shape): R
   };
 }
 
-/** Of a problem with `n` variables. */
+/** The derivatives in a message, for a problem with `n` variables. */
 export function sensitivityOf(message: Message, n: number): SensitivityAnswer {
   const weakInequalities = unpackIntegers(message.weakInequalities);
   const biactivePairs = unpackIntegers(message.biactivePairs);
@@ -157,7 +163,7 @@ export function sensitivityOf(message: Message, n: number): SensitivityAnswer {
   };
 }
 
-// Of each direction or loss that has such a part, one after the other, with zeros of the others; nothing if none has.
+// This part of all directions or losses in order, zero where absent; empty if none has it.
 function packed<Name extends string, Values>(
   kind: string,
   given: readonly Partial<Record<Name, Values>>[],
@@ -178,7 +184,8 @@ function changesOf({ changes }: Message): (AnswerChange | undefined)[] {
   if (changes?.vectors === undefined) return [];
   const { vectors: all, holds } = changes;
   const missing = new Set(unpackIntegers(changes.missing));
-  const parts = split(answerParts, all, holds.length);
+  const names = Object.fromEntries(answerParts.map((part) => [part, part])) as { [Part in AnswerPart]: Part };
+  const parts = split(names, all, holds.length);
   return parts.map((part, k) => (missing.has(k) ? undefined : { ...part, holds: holds[k] }));
 }
 
@@ -190,7 +197,7 @@ function gradientsOf({ gradients }: Message, n: number): (ProblemGradient | unde
   return parts.map((part, k) => (missing.has(k) ? undefined : part));
 }
 
-// Each of `count` has an equal share of every field, by the name that the table gives it.
+// Splits every field into `count` equal parts, named by the table.
 function split<Name extends string, Field extends string>(
   table: Record<Name, Field>,
   message: Record<Field, Uint8Array>,

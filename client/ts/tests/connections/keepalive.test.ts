@@ -1,4 +1,4 @@
-// Servers that are gone without a word.
+// Servers that disappear without closing their connections.
 import assert from "node:assert/strict";
 
 import { type ConnectOptions, type Session, UnavailableError, connect } from "@marble/client";
@@ -8,10 +8,10 @@ import { Relay } from "../support/relay.js";
 import { Server, eventually } from "../support/server.js";
 import { test } from "../support/test.js";
 
-// Half of the server's two seconds are permitted.
+// The server permits half of its two seconds.
 const often = { timeMs: 1100, timeoutMs: 2000 };
 
-test("a server that is gone without a word is noticed, and a session goes on at the next", async () => {
+test("a server that disappears silently is detected, and a session continues on the next", async () => {
   await using server = await Server.start(["--keepalive-s", "2"]);
   await using other = await Server.start(["--keepalive-s", "2"]);
   using relay = await Relay.to(server.address);
@@ -33,7 +33,7 @@ test("a server that is gone without a word is noticed, and a session goes on at 
   await Promise.all(sessions.map((one) => one.close()));
 });
 
-test("pings that the server permits leave a quiet session alone", async () => {
+test("permitted pings keep an idle session open", async () => {
   await using server = await Server.start(["--keepalive-s", "2"]);
   using relay = await Relay.to(server.address);
   relay.pass();
@@ -49,7 +49,7 @@ test("pings that the server permits leave a quiet session alone", async () => {
   assert.ok(session.isOpen);
 });
 
-test("what is no keepalive is an error of connect", () => {
+test("connect refuses an invalid keepalive", () => {
   for (const keepalive of ["control_loop", "default", { timeMs: 500, timeoutMs: 1 }] as const) {
     connect("127.0.0.1:1", { keepalive }).close();
   }

@@ -1,4 +1,4 @@
-// More calls at once than one connection takes.
+// More concurrent calls than one connection permits.
 import assert from "node:assert/strict";
 
 import { type Client, type Session, connect } from "@marble/client";
@@ -14,7 +14,7 @@ async function openAll(client: Client, count: number): Promise<Session[]> {
   return Promise.all(Array.from({ length: count }, () => client.session(corner)));
 }
 
-test("thousands of sessions work in one process, and solve and info beside them", async () => {
+test("thousands of sessions work in one process, with solve and info beside them", async () => {
   await using server = await Server.start(room);
   using client = connect(server.address);
   const sessions = await openAll(client, 5000);
@@ -26,7 +26,7 @@ test("thousands of sessions work in one process, and solve and info beside them"
   assert.equal((await client.info()).counters.sessions, 0);
 });
 
-test("no connection has more calls than it may, and one that nobody needs is closed", async () => {
+test("no connection exceeds its limit of calls, and unused connections are closed", async () => {
   await using server = await Server.start([...room, "--connection-streams", "5"]);
   using relay = await Relay.to(server.address);
   relay.pass();
@@ -41,7 +41,7 @@ test("no connection has more calls than it may, and one that nobody needs is clo
   assert.equal(relay.connections, 1);
 });
 
-test("what is no number of calls is an error of connect", () => {
+test("connect refuses an invalid number of calls", () => {
   for (const connectionStreams of [0, -1, 1.5, NaN, 2 ** 31]) {
     const field = { name: "InvalidProblemError", field: "connectionStreams" };
     assert.throws(() => connect("127.0.0.1:1", { connectionStreams }), field);

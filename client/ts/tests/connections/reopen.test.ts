@@ -23,28 +23,28 @@ const problem = chain(stages);
 const shift = shiftByStage(problem, stages);
 const costs = (by: number): number[] => problem.g.map((value, k) => (k % 3 === 0 ? value + by : value));
 
-/** For machines on which a start takes long. */
+/** Long waits for slow machines. */
 const patient = { reopen: true, reopenMs: 60_000 };
 
 function moveOn(z: Float64Array): Float64Array {
   return z.slice().copyWithin(0, 3);
 }
 
-test("the next update opens a lost session again, from the last z moved on, and says so once", async () => {
+test("the next update reopens a lost session from the shifted last z, and reports it once", async () => {
   await using server = await Server.start();
   using client = connect(server.address);
-  const told: Reopening[] = [];
-  await using session = await client.session(problem, { reopen: true, onReopen: (one) => told.push(one) });
+  const reopenings: Reopening[] = [];
+  await using session = await client.session(problem, { reopen: true, onReopen: (one) => reopenings.push(one) });
   const { jobId } = session;
   const before = await session.update({ g: costs(0.1) });
   await server.restart();
   const answer = await session.update({ c0: 3 }, { shift });
   assert.ok(answer.solved && session.isOpen);
   assert.equal(session.reopened, 1);
-  assert.deepEqual(told.map(({ epoch }) => epoch), [1]);
-  assert.ok(told[0].cause instanceof UnavailableError);
+  assert.deepEqual(reopenings.map(({ epoch }) => epoch), [1]);
+  assert.ok(reopenings[0].cause instanceof UnavailableError);
   assert.notEqual(session.jobId, jobId);
-  assert.deepEqual([told[0].jobId, answer.jobId], [session.jobId, session.jobId]);
+  assert.deepEqual([reopenings[0].jobId, answer.jobId], [session.jobId, session.jobId]);
 
   const start = { initialPoint: moveOn(before.z) };
   await using fresh = await client.session({ ...problem, g: costs(0.1), c0: 3 }, start);
@@ -54,10 +54,10 @@ test("the next update opens a lost session again, from the last z moved on, and 
   await session.update(); // and goes on warm, under its epoch
   await server.restart();
   assert.ok((await session.update()).solved);
-  assert.deepEqual(told.map(({ epoch }) => epoch), [1, 2]);
+  assert.deepEqual(reopenings.map(({ epoch }) => epoch), [1, 2]);
 });
 
-test("what a lost server has not answered is solved by the next one, in its order", async () => {
+test("unfinished updates of a lost server are solved by the next one, in their order", async () => {
   await using server = await Server.start();
   using client = connect(server.address);
   let begun = (): void => undefined;
@@ -79,13 +79,13 @@ test("what a lost server has not answered is solved by the next one, in its orde
   assert.ok(answers.every(({ jobId }) => jobId === session.jobId));
 });
 
-test("numbers, options and starts are as they are by then, and what was refused is not among them", async () => {
+test("a reopened session has the current data, options and start, without those of refused updates", async () => {
   await using server = await Server.start();
   using client = connect(server.address);
   const full = { ...corner, Q: [[2, 0.5, 0], [0.5, 2, 0], [0, 0, 2]] };
   await using session = await client.session(full, patient);
   await session.update({ g: [-2, -2, -2], d: [1.5] });
-  // Of Q, in the order of the compressed columns, the lower triangle is not read.
+  // In the values of Q (compressed columns) the lower triangle is ignored.
   await session.update({ Q: [3, 99, 1, 3, 1] }, { options: { maxIterations: 77 } });
   await session.update({ l: [0.25] }, { initialPoint: [1, 0, 0] });
   await assert.rejects(session.update({ c0: 1e9 }, { options: { rhoMax: 0 } }), InvalidProblemError);
@@ -97,7 +97,7 @@ test("numbers, options and starts are as they are by then, and what was refused 
   assert.equal(answer.options.maxIterations, 77);
 });
 
-test("what an overtaken update has left to the next one is not lost, nor taken before", async () => {
+test("the data of a superseded update take effect with the next one, not earlier", async () => {
   await using server = await Server.start(["--workers", "1"]);
   using client = connect(server.address);
   await using session = await client.session(corner, { ...patient, latestOnly: true });
@@ -111,14 +111,14 @@ test("what an overtaken update has left to the next one is not lost, nor taken b
   const outcomes = Promise.allSettled([running, newest]);
   await server.restart();
   const [first, second] = await outcomes;
-  // Both wait at the next server for a moment, where the older may be overtaken too.
+  // Both wait at the next server for a moment, where the older one may be superseded, too.
   if (first.status === "fulfilled") assert.ok(Math.abs(first.value.objective - 9) < 1e-6);
   else assert.ok(first.reason instanceof SupersededError);
   assert.ok(second.status === "fulfilled" && Math.abs(second.value.objective - 5.25) < 1e-6);
   assert.equal(session.reopened, 1);
 });
 
-test("a first part that a lost server has taken in goes to the next one with its second", async () => {
+test("a first part that a lost server has taken is sent to the next one with its second part", async () => {
   await using server = await Server.start();
   using client = connect(server.address);
   await using session = await client.session(problem, patient);
@@ -131,12 +131,12 @@ test("a first part that a lost server has taken in goes to the next one with its
   assert.deepEqual([answer.z, answer.iterations], [same.z, same.iterations]);
 });
 
-test("each opening has the next epoch, and what is told of another one counts for nothing", async () => {
+test("each opening has the next epoch, and results of other epochs are ignored", async () => {
   const epochs: number[][] = [];
   let calls = 0;
-  // A message whose last field is its epoch: the tenth of a request's, of 0 none.
+  // The epoch is the last field of a message: the tenth of a request, absent if 0.
   const epochOf = (request: Buffer): number => (request.at(-2) === 0x50 ? request[request.length - 1] : 0);
-  // An answer of one letter's detail, to update 1.
+  // The result of update 1, whose detail is one letter.
   const answer = (epoch: number, detail: number): Buffer =>
     Buffer.from([0x1a, 0x09, 0x08, 0x01, 0x12, 0x03, 0x12, 0x01, detail, 0x20, epoch]);
   const anywhere = await streamingStandIn("/marble.v1.Solver/Session", (call) => {
@@ -163,7 +163,7 @@ test("each opening has the next epoch, and what is told of another one counts fo
   }
 });
 
-/** A session, the server that has it, and another one. */
+/** A session, its server, and another server. */
 async function onOneOfTwo(
   servers: [Server, Server],
   client: Client,
@@ -175,7 +175,7 @@ async function onOneOfTwo(
   return [session, own, other];
 }
 
-test("a session moves from a server that drains, where what runs is answered first", async () => {
+test("a session leaves a draining server after the running update", async () => {
   await using one = await Server.start(["--drain-grace-s", "60"]);
   await using another = await Server.start();
   using client = connect(`${one.address},${another.address}`);
@@ -212,7 +212,7 @@ test("a session whose server does not come back in time ends with UnavailableErr
   await session.close();
 });
 
-test("closing a lost session asks no other server; what waits is answered first", async () => {
+test("closing a lost session opens none, unless updates wait for their results", async () => {
   await using server = await Server.start();
   using client = connect(server.address);
   const idle = await client.session(corner, patient);
@@ -227,7 +227,7 @@ test("closing a lost session asks no other server; what waits is answered first"
   assert.ok((await answer).solved);
 });
 
-test("a signal gives up the tries to reopen", async () => {
+test("a signal ends the attempts to reopen", async () => {
   await using server = await Server.start();
   using client = connect(server.address);
   const controller = new AbortController();
@@ -239,7 +239,7 @@ test("a signal gives up the tries to reopen", async () => {
   assert.equal(session.isOpen, false);
 });
 
-test("what onReopen throws ends the session", async () => {
+test("an error thrown by onReopen ends the session", async () => {
   await using server = await Server.start();
   using client = connect(server.address);
   const onReopen = (): void => {
@@ -252,7 +252,7 @@ test("what onReopen throws ends the session", async () => {
   await assert.rejects(client.session(corner, { reopen: true, reopenMs: 0 }), { field: "reopenMs" });
 });
 
-test("an update waits for a server no longer than its deadline; its numbers stay, and the session goes on", async () => {
+test("an update waits for a server until its deadline; its data stay, and the session continues", async () => {
   await using server = await Server.start();
   using client = connect(server.address);
   await using session = await client.session(corner, patient);

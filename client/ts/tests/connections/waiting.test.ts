@@ -1,4 +1,4 @@
-// Calls that wait for a lost server, and for room.
+// Calls that wait for a lost server or for room in its queue.
 import assert from "node:assert/strict";
 
 import {
@@ -15,14 +15,14 @@ import { corner, endless, long } from "../support/problems.js";
 import { Server, eventually } from "../support/server.js";
 import { test } from "../support/test.js";
 
-/** A client that its server has answered; patient, as a start takes long on some machines. */
+/** A client that has reached its server, with a long wait for slow machines. */
 async function known(address: string, options: ConnectOptions = { waitMs: 60_000 }): Promise<Client> {
   const client = connect(address, options);
   await client.info();
   return client;
 }
 
-test("calls wait for the restart of their server, ten seconds if nothing else is said", async () => {
+test("calls wait for the restart of their server, ten seconds by default", async () => {
   await using server = await Server.start();
   using client = await known(server.address, {});
   await server.kill();
@@ -35,7 +35,7 @@ test("calls wait for the restart of their server, ten seconds if nothing else is
   await (await session).close();
 });
 
-test("a solve that its server takes along is solved by the next one", async () => {
+test("a solve lost with its server is solved by the next one", async () => {
   await using server = await Server.start();
   using client = await known(server.address);
   const answer = client.solve(long, { options: { ...endless, timeLimitS: 1 } });
@@ -45,7 +45,7 @@ test("a solve that its server takes along is solved by the next one", async () =
   assert.equal((await answer).status, "time_limit");
 });
 
-test("the wait ends with the client's limit, the call's deadline and its signal", async () => {
+test("waiting ends at the client's limit, the call's deadline or its signal", async () => {
   await using server = await Server.start();
   using impatient = await known(server.address, { waitMs: 0 });
   using limited = await known(server.address, { waitMs: 300 });
@@ -71,7 +71,7 @@ test("the wait ends with the client's limit, the call's deadline and its signal"
 const many = (count: number): BatchProblem<number>[] =>
   Array.from({ length: count }, (_, tag) => ({ tag, problem: { ...corner, c0: tag } }));
 
-/** Reads a batch to its end: each of its problems must be answered once. */
+/** Reads a batch to its end: each of its problems must have one result. */
 async function answeredOnce(client: Client, count: number, after: number, then: () => Promise<unknown>): Promise<void> {
   const tags = new Set<number>();
   for await (const { tag, solution } of client.batch(many(count))) {
@@ -83,7 +83,7 @@ async function answeredOnce(client: Client, count: number, after: number, then: 
   assert.equal(tags.size, count);
 }
 
-test("a batch goes on after a restart, and sends again only what was not answered", async () => {
+test("a batch continues after a restart and repeats only unsolved problems", async () => {
   await using server = await Server.start(["--workers", "1", "--batch-window", "3"]);
   using client = await known(server.address);
   await answeredOnce(client, 40, 5, () => server.restart());
@@ -108,7 +108,7 @@ for (const how of ["kill", "drain"] as const) {
   });
 }
 
-test("a batch that has nothing to ask waits for its source, not for the server", async () => {
+test("a batch without unsolved problems waits for its source, not for the server", async () => {
   await using server = await Server.start();
   using client = await known(server.address, { waitMs: 500 });
   let more = (): void => undefined;

@@ -2,7 +2,7 @@ import type { Problem, Solution, SolveOptions, Triplets } from "@marble/client";
 
 import { marble } from "./server.js";
 
-/** A problem file's content: every matrix as triplets. */
+/** The content of a problem file: every matrix as triplets. */
 export interface FileProblem extends Problem {
   Q: Triplets;
   A: Triplets;
@@ -34,7 +34,7 @@ export const corner: Problem = {
   r: [0],
 };
 
-/** As `marble example` makes it. */
+/** A problem of `marble example`. */
 export function example(name: string, ...words: string[]): FileProblem {
   return JSON.parse(marble("example", name, ...words)) as FileProblem;
 }
@@ -82,8 +82,8 @@ export function chain(steps: number): FileProblem {
 }
 
 /**
- * Options with which the chain is followed for a million iterations: at kappa = 1, in tiny steps of rho. Each is one full Newton
- * step along a smooth path, whatever the machine.
+ * Options that make the solve of a chain take a million iterations: kappa = 1 and tiny steps of rho, each one full
+ * Newton step along a smooth path on any machine.
  */
 export const endless: SolveOptions = {
   path: "paper",
@@ -99,10 +99,10 @@ export const endless: SolveOptions = {
   stationarityTolerance: 1e-14,
 };
 
-/** What takes `endless` to solve. */
+/** A problem for `endless`. */
 export const long = chain(2000);
 
-/** The largest violation of a point, from the problem's own numbers. */
+/** The largest violation of a point, computed from the problem's data. */
 export function violation(problem: FileProblem, z: ArrayLike<number>): number {
   const equality = product(problem.A, problem.b, z).map(Math.abs);
   const inequality = product(problem.C, problem.d, z).map((value) => -value);
@@ -116,8 +116,8 @@ export function stationarity(problem: FileProblem, s: Solution): number {
   const sum = product(problem.Q, problem.g, s.z);
   addTransposed(sum, problem.A, s.equalityMultipliers, 1);
   addTransposed(sum, problem.C, s.inequalityMultipliers, -1);
-  addTransposed(sum, problem.L, s.leftMultipliers, -1);
-  addTransposed(sum, problem.R, s.rightMultipliers, -1);
+  addTransposed(sum, problem.L, s.complementarityMultipliersL, -1);
+  addTransposed(sum, problem.R, s.complementarityMultipliersR, -1);
   return Math.max(...sum.map(Math.abs));
 }
 

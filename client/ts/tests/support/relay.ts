@@ -1,21 +1,21 @@
 import { EventEmitter, once } from "node:events";
 import { type AddressInfo, type Socket, connect, createServer } from "node:net";
 
-/** More than a connection's beginning has, less than the requests whose answers get lost. */
+/** More bytes than the start of a connection, fewer than the requests whose responses are lost. */
 const requestBytes = 4000;
 
-/** A ping's head: 8 bytes, its type, no flags (an answer has one), no stream. */
+/** Header of a ping: 8 bytes, its type, no flags (an acknowledgement has one), no stream. */
 const ping = Buffer.from([0, 0, 8, 6, 0, 0, 0, 0, 0]);
 
-/** Between clients and a server: keeps back what the server says to a request, until it is told to pass it on. */
+/** A relay between clients and a server that holds back the responses to requests until `pass`. */
 export class Relay {
   private readonly ends = new Set<Socket>();
   private readonly changed = new EventEmitter();
   private loses = true;
   private stalled = false;
-  /** That there are now. */
+  /** Current connections. */
   connections = 0;
-  /** That clients have sent, of HTTP/2. */
+  /** HTTP/2 pings sent by clients. */
   pings = 0;
 
   private constructor(
@@ -38,17 +38,17 @@ export class Relay {
     return `127.0.0.1:${(this.listener.address() as AddressInfo).port}`;
   }
 
-  /** From now on nothing is kept back. */
+  /** Passes everything on from now. */
   pass(): void {
     this.loses = false;
   }
 
-  /** From now on everything gets lost, as if a cable were cut. */
+  /** Loses everything from now, like a cut cable. */
   stall(): void {
     this.stalled = true;
   }
 
-  /** Waits until something holds of the connections. */
+  /** Waits until a condition holds for the connections. */
   async until(holds: () => boolean): Promise<void> {
     while (!holds()) await once(this.changed, "change");
   }
@@ -57,15 +57,15 @@ export class Relay {
     const server = connect(this.server);
     this.count(1);
     client.on("close", () => this.count(-1));
-    let asked = 0;
+    let received = 0;
     client.on("data", (data) => {
-      asked += data.length;
+      received += data.length;
       if (data.includes(ping)) ++this.pings;
       this.changed.emit("change");
       if (!this.stalled) server.write(data);
     });
     server.on("data", (data) => {
-      if (!this.stalled && (!this.loses || asked <= requestBytes)) client.write(data);
+      if (!this.stalled && (!this.loses || received <= requestBytes)) client.write(data);
     });
     for (const [end, other] of [
       [client, server],
@@ -82,7 +82,7 @@ export class Relay {
     this.changed.emit("change");
   }
 
-  /** Ends the connections there are; those that come get their answers. */
+  /** Ends the current connections and passes everything on later ones. */
   cut(): void {
     this.pass();
     for (const end of this.ends) end.destroy();

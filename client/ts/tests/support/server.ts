@@ -26,7 +26,7 @@ export class Server {
     private readonly flags: string[],
   ) {}
 
-  /** Starts one and waits until it answers. `flags` come after --listen 127.0.0.1:0 and --http none. */
+  /** Starts a server and waits until it answers. `flags` follow --listen 127.0.0.1:0 and --http none. */
   static async start(flags: string[] = [], files: Record<string, string> = {}): Promise<Server> {
     const directory = mkdtempSync(join(tmpdir(), "marble-ts-"));
     for (const [name, content] of Object.entries(files)) writeFileSync(join(directory, name), content);
@@ -44,7 +44,7 @@ export class Server {
     this.process.kill(signal);
   }
 
-  /** Ends it without a word, as a crash would. */
+  /** Kills the server, like a crash. */
   async kill(): Promise<void> {
     if (this.process.exitCode !== null || this.process.signalCode !== null) return;
     const ended = new Promise((done) => this.process.once("exit", done));
@@ -53,7 +53,7 @@ export class Server {
     await ended;
   }
 
-  /** On the same address as before. */
+  /** Starts the server again at the same address. */
   async restart(): Promise<void> {
     await this.kill();
     rmSync(this.file("address"), { force: true });
@@ -75,7 +75,7 @@ async function launch(directory: string, listen: string, flags: string[]): Promi
   server.stderr.on("data", (text) => (log += String(text)));
   await eventually(() => existsSync(ready) || server.exitCode !== null);
   if (server.exitCode !== null) throw new Error(`marble-server did not start: ${log}`);
-  // Node 18 runs a file's last hook, which ends the server, when nothing else keeps the process alive.
+  // Node 18 runs a file's last hook, which stops the server, when nothing else keeps the process alive.
   server.unref();
   for (const pipe of [server.stdout, server.stderr]) (pipe as Socket).unref();
   return server;
@@ -83,18 +83,18 @@ async function launch(directory: string, listen: string, flags: string[]): Promi
 
 export type BytesCall = ServerDuplexStream<Buffer, Buffer>;
 
-/** What answers in a server's place. */
+/** A substitute for a server. */
 export interface StandIn {
   address: string;
   stop: () => void;
 }
 
-/** Something that knows one method, without health and all else of a marble-server; messages are their bytes. */
+/** A server with one method, without health service; messages are bytes. */
 export async function standIn(path: string, onCall: (answer: sendUnaryData<Buffer>) => void): Promise<StandIn> {
   return serve(path, false, (_call: ServerUnaryCall<Buffer, Buffer>, answer: sendUnaryData<Buffer>) => onCall(answer));
 }
 
-/** The same of a method whose messages stream both ways. */
+/** The same for a bidirectional method. */
 export async function streamingStandIn(path: string, onCall: (call: BytesCall) => void): Promise<StandIn> {
   return serve(path, true, onCall);
 }
@@ -110,12 +110,12 @@ async function serve(path: string, stream: boolean, method: UntypedHandleCall): 
   return { address: `127.0.0.1:${port}`, stop: () => server.forceShutdown() };
 }
 
-/** What `marble` prints. */
+/** The output of `marble`. */
 export function marble(...words: string[]): string {
   return execFileSync(join(binaries, "marble"), words, { encoding: "utf8", maxBuffer: 1 << 28 });
 }
 
-/** Waits until something holds; fails if that takes a minute. */
+/** Waits until a condition holds; fails after a minute. */
 export async function eventually(holds: () => boolean | Promise<boolean>): Promise<void> {
   for (let tries = 0; tries < 6000; ++tries) {
     if (await holds()) return;
@@ -124,7 +124,7 @@ export async function eventually(holds: () => boolean | Promise<boolean>): Promi
   throw new Error("did not happen within a minute");
 }
 
-/** A new token as `marble-server --new-token` makes it, and its line for --tokens. */
+/** A new token of `marble-server --new-token`, and its line for --tokens. */
 export function newToken(nameAndRoles: string): { secret: string; line: string } {
   const made = execFileSync(join(binaries, "marble-server"), ["--new-token", nameAndRoles], { encoding: "utf8" });
   const end = made.indexOf("\n");

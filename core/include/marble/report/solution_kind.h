@@ -1,4 +1,4 @@
-// What kind of answer a solution is, in words for its user, and what a better one costs.
+// The kind of a solution, in words, and what a better one costs.
 #pragma once
 
 #include <cstdint>
@@ -11,28 +11,19 @@
 
 namespace marble {
 
-/// What a solution is worth: by its status, its proof and the tests of its stationary point.
+/// What a solution is worth: by its status, its proof and the tests of its stationary point. Listed, with
+/// what they mean and their texts, in contract.def.
 enum class SolutionKind {
-  proved_optimal,      ///< within gap_tolerance of the bound
-  optimal,             ///< of a problem without pairs whose Q is known to be convex, by the tolerances
-  local_minimum,       ///< no better point is near; one may be elsewhere
-  stationary_point,    ///< solved, but not decided whether it is a local minimum
-  saddle_point,        ///< solved, and no local minimum
-  almost_solved,       ///< the reduced tolerances only
-  proved_infeasible,   ///< no point meets the constraints
-  no_feasible_point,   ///< none was found; there may be one
-  proved_unbounded,    ///< the objective falls without end
-  stopped_feasible,    ///< a limit or a cancel ended the solve; z meets the tolerances
-  stopped_infeasible,  ///< likewise; z does not meet the tolerances
-  failed,              ///< no acceptable step was found
+#define MARBLE_KIND(name, ...) name,
+#include "marble/contract.def"
 };
 
 /// "proved_optimal", "optimal", …
 [[nodiscard]] const char* to_string(SolutionKind kind);
 
-/// What the kind of a solution, its text and its advice follow from. The clients for Python and Node and the
-/// server's page have the same rules; tests/answers/kinds.json is the table of cases that holds them
-/// together.
+/// What the kind of a solution, its text and its advice follow from. Python's client has the same rules, and
+/// so has the Node client, whose rules the server's page uses; tests/answers/kinds.json has cases for all of
+/// them.
 struct SolutionFacts {
   Status status = Status::numerical_failure;
   bool proved = false;

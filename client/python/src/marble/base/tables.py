@@ -66,20 +66,66 @@ _ADVICE: Final = {
     "time_limit":
         "Check which part took the time. Then raise time_limit_s, lower local_search_budget, or use warm starts in a "
         "session.",
-    "cancelled":
-        "Send the request again if the cancellation was not intended.",
+    "cancelled": "Send the request again if the cancellation was not intended.",
     "infeasible":
         "The problem contradicts itself: check the signs and offsets of A, b, C, d, l and r. Option explain=true, or "
         "the command marble explain, returns a smallest set of conflicting rows and pairs.",
     "locally_infeasible":
         "If detail names ill-conditioned rows, remove one of them. Otherwise raise feasibility_budget, or start "
         "elsewhere (x0). If it happens from every start, check the data of the largest violation.",
-    "unbounded":
-        "A bound or a cost is missing: the nonzero entries of that direction show the variables.",
+    "unbounded": "A bound or a cost is missing: the nonzero entries of that direction show the variables.",
     "numerical_failure":
         "The cause is usually bad scaling: bring the data nearer to 1, avoid nearly equal rows, keep scaling_passes "
         "above 0, or try path = paper.",
 }
+KIND_TEXTS: Final = {
+    "proved_optimal": "proved optimal{within}",
+    "optimal": "optimal: Q is convex, and there are no pairs",
+    "local_minimum": "local minimum; {optimum}",
+    "stationary_point": "stationary point only: {reason}; {bound}",
+    "saddle_point": "saddle point: the objective falls along a direction of negative curvature",
+    "almost_solved": "almost solved: the tolerances are met up to a factor of 100 only",
+    "proved_infeasible": "proved infeasible: no point meets the constraints",
+    "no_feasible_point": "no feasible point found; infeasibility is not proved",
+    "proved_unbounded": "proved unbounded: the objective falls without end",
+    "stopped_feasible": "stopped at a feasible point; {bound}",
+    "stopped_infeasible": "stopped before a feasible point was found",
+    "failed": "failed: no acceptable step was found",
+}
+"""The kinds of solutions in a line, with numbers and parts in braces."""
+KIND_ADVICE: Final = {
+    "proved_optimal": "",
+    "optimal": "",
+    "local_minimum": "{condition}{starts}{proof}",
+    "stationary_point": "{budget}{starts}{proof}",
+    "saddle_point": "Raise local_search_budget or time_limit_s: the descent from the saddle point was cut short.",
+    "almost_solved": "{status}",
+    "proved_infeasible": "{status}",
+    "no_feasible_point": "{status}",
+    "proved_unbounded": "{status}",
+    "stopped_feasible": "{status}",
+    "stopped_infeasible": "{status}",
+    "failed": "{status}",
+}
+"""What to try after a solution of each kind."""
+PHRASES: Final = {
+    "within": " to within {distance}",
+    "bounded": "at most {distance} from the optimum",
+    "not_bounded": "no bound is known",
+    "optimum_if_convex": "the optimum where Q is convex",
+    "another_branch": "the objective falls along another branch",
+    "next_branch": "a better branch may lie next to it",
+    "curvature": "its curvature was not decided",
+    "if_not_convex": "Where Q is not convex: ",
+    "budget_spent": "The search for better branches has spent local_search_budget: a larger one lets it go on. ",
+    "first_starts": "starts=8 searches 8 times, for about 8 times the work (this solve: {factorizations}).",
+    "more_starts": "starts={more} searches twice as often, for about twice the work (this solve: {factorizations}).",
+    "try_global":
+        " global=true searches the branches of the {pairs} for the best one and proves it; that may take much longer,"
+        " and time_limit_s ends it with a bound.",
+    "proof_ended": " The proof did not come to its end: detail says why.",
+}
+"""Parts of these texts."""
 
 
 class Status(enum.Enum):
@@ -118,3 +164,37 @@ class Status(enum.Enum):
     def advice(self) -> str:
         """What to try; empty for SOLVED."""
         return _ADVICE.get(self.value, "")
+
+
+class SolutionKind(enum.Enum):
+    """The kind of a solution.
+
+    PROVED_OPTIMAL: No feasible point is better by more than gap_tolerance.
+    OPTIMAL: The optimum of a problem without pairs whose Q is known to be convex, within the tolerances.
+    LOCAL_MINIMUM: No point nearby is better. A point on another branch may be better; gap, where it is known,
+    bounds by how much.
+    STATIONARY_POINT: The solver did not decide whether it is a local minimum: the budget of the search was spent,
+    or Q is not convex.
+    SADDLE_POINT: The objective falls along a direction of negative curvature, and the descent was cut short.
+    ALMOST_SOLVED: The tolerances are met only up to a factor of 100.
+    PROVED_INFEASIBLE: No point meets the constraints.
+    NO_FEASIBLE_POINT: No feasible point was found. One may exist.
+    PROVED_UNBOUNDED: The objective falls without end.
+    STOPPED_FEASIBLE: A limit or a cancellation ended the solve at a point that meets the tolerances.
+    STOPPED_INFEASIBLE: A limit or a cancellation ended the solve before a point that meets the tolerances was
+    found.
+    FAILED: No acceptable step was found.
+    """
+
+    PROVED_OPTIMAL = "proved_optimal"
+    OPTIMAL = "optimal"
+    LOCAL_MINIMUM = "local_minimum"
+    STATIONARY_POINT = "stationary_point"
+    SADDLE_POINT = "saddle_point"
+    ALMOST_SOLVED = "almost_solved"
+    PROVED_INFEASIBLE = "proved_infeasible"
+    NO_FEASIBLE_POINT = "no_feasible_point"
+    PROVED_UNBOUNDED = "proved_unbounded"
+    STOPPED_FEASIBLE = "stopped_feasible"
+    STOPPED_INFEASIBLE = "stopped_infeasible"
+    FAILED = "failed"

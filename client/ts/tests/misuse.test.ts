@@ -11,13 +11,13 @@ import {
   connect,
 } from "@marble/client";
 
-import { Server } from "../support/server.js";
-import { test } from "../support/test.js";
+import { Server } from "./support/server.js";
+import { test } from "./support/test.js";
 
 let server: Server;
 let client: Client;
 
-// min (z0 - 1)^2 + (z1 - 1)^2 over the two half-axes.
+// min (z0 - 1)² + (z1 - 1)² on the two half-axes.
 const eye = [
   [2, 0],
   [0, 2],
@@ -44,7 +44,7 @@ const detached = (): Float64Array => {
   return array;
 };
 
-test("What is no array of numbers is refused: detached, of BigInt, of texts, with holes, not an array", async () => {
+test("Values other than arrays of numbers are refused: detached, of BigInt, of texts, with holes, not an array", async () => {
   const session = await client.session(pair);
   const wrong: unknown[] = [detached(), new BigInt64Array(2), ["1", "2"], [-2, , -2], { length: 2, 0: 1, 1: 1 }, null, 3];
   for (const g of [...wrong, new DataView(new ArrayBuffer(16)), [1n, 2n], [true, false], [Symbol("x"), 1]]) {
@@ -55,14 +55,14 @@ test("What is no array of numbers is refused: detached, of BigInt, of texts, wit
   await session.close();
 });
 
-test("Every typed array of numbers counts, shared memory too", async () => {
+test("Every typed array of numbers is accepted, also in shared memory", async () => {
   const shared = new Float64Array(new SharedArrayBuffer(16)).fill(-2);
   for (const g of [shared, Int8Array.of(-2, -2), Float32Array.of(-2, -2), Object.freeze([-2, -2])]) {
     assert.ok((await client.solve({ ...pair, g })).solved);
   }
 });
 
-test("A number is read once, so that what was checked is what is sent", async () => {
+test("Every number is read once, so that the checked values are sent", async () => {
   let reads = 0;
   const changing = new Proxy([-2, -2], {
     get: (of, key) => (key === "0" && reads++ > 0 ? NaN : (Reflect.get(of, key) as unknown)),
@@ -71,7 +71,7 @@ test("A number is read once, so that what was checked is what is sent", async ()
   assert.equal(reads, 1);
 });
 
-test("Sizes that no message can hold are refused before memory is taken", async () => {
+test("Sizes beyond a message's limits are refused before memory is allocated", async () => {
   for (const rows of [2 ** 31 - 1, 2 ** 28, 2 ** 40, -1, 1.5, NaN, "1"]) {
     const triplets = { rows, cols: 2, i: [], j: [], v: [] };
     const compressed = { rows, columns: 2, columnPointers: [0, 0, 0], rowIndices: [], values: [] };
@@ -92,7 +92,7 @@ test("Objects with another prototype, or none, neither pollute nor break", async
   assert.equal(({} as Record<string, unknown>)["polluted"], undefined);
 });
 
-test("A deadline that never comes is none, and one that is no number is refused", async () => {
+test("A deadline beyond gRPC's range is none, and an invalid one is refused", async () => {
   for (const deadlineMs of [Infinity, 1e300, 2 ** 53]) {
     assert.ok((await client.solve(pair, { deadlineMs })).solved);
     const session = await client.session(pair);
@@ -104,7 +104,7 @@ test("A deadline that never comes is none, and one that is no number is refused"
   }
 });
 
-test("A signal that is no AbortSignal is refused before the call begins", async () => {
+test("An invalid signal is refused before the call begins", async () => {
   for (const signal of ["x", {}, 5, { aborted: false }]) {
     const controls = { signal } as unknown as CallControls;
     await refused(() => client.solve(pair, controls), "signal");
@@ -113,7 +113,7 @@ test("A signal that is no AbortSignal is refused before the call begins", async 
   }
 });
 
-test("A closed client says so, and so does a closed session", async () => {
+test("Calls of a closed client and of a closed session are refused", async () => {
   const closing = connect(server.address);
   const session = await closing.session(pair);
   await session.close();
@@ -133,7 +133,7 @@ test("A closed client says so, and so does a closed session", async () => {
   for (const call of calls) await assert.rejects(call, PreconditionError);
 });
 
-test("Concurrent updates of a session are answered one by one, and a callback may solve", async () => {
+test("Concurrent updates of a session are solved one by one, and a callback may solve", async () => {
   const session = await client.session(pair);
   const answers = await Promise.all(Array.from({ length: 20 }, () => session.update({})));
   assert.ok(answers.every((answer) => answer.solved));

@@ -3,9 +3,9 @@ import assert from "node:assert/strict";
 
 import { type Client, connect } from "@marble/client";
 
-import { corner, endless, long } from "./support/problems.js";
-import { Server, type StandIn, eventually, standIn } from "./support/server.js";
-import { test } from "./support/test.js";
+import { corner, endless, long } from "../support/problems.js";
+import { Server, type StandIn, eventually, standIn } from "../support/server.js";
+import { test } from "../support/test.js";
 
 const list = (...servers: Server[]): string => servers.map((server) => server.address).join(",");
 
@@ -18,7 +18,7 @@ async function solveAll(client: Client, count: number): Promise<void> {
   for (let k = 0; k < count; ++k) assert.ok((await client.solve(corner)).solved);
 }
 
-/** Solves until each of the servers has had one. */
+/** Solves until each server had a solve. */
 async function solveUntilAllServe(client: Client, ...servers: Server[]): Promise<void> {
   const before = await Promise.all(servers.map(answered));
   await eventually(async () => {
@@ -28,7 +28,7 @@ async function solveUntilAllServe(client: Client, ...servers: Server[]): Promise
   });
 }
 
-test("calls take turns between servers, also at once", async () => {
+test("calls go in turn to the servers, also concurrent ones", async () => {
   await using one = await Server.start();
   await using other = await Server.start();
   using client = connect(list(one, other));
@@ -38,7 +38,7 @@ test("calls take turns between servers, also at once", async () => {
   assert.deepEqual([await answered(one), await answered(other)], [before[0] + 10, before[1] + 10]);
 });
 
-test("a server that is killed costs no solve, and has its turns again when it is back", async () => {
+test("no solve is lost with a killed server, which receives calls again after its restart", async () => {
   await using one = await Server.start();
   await using other = await Server.start();
   using client = connect(list(one, other));
@@ -49,7 +49,7 @@ test("a server that is killed costs no solve, and has its turns again when it is
   await solveUntilAllServe(client, one, other);
 });
 
-test("a draining server is left out of the turns, of submissions too", async () => {
+test("a draining server receives no calls and no submissions", async () => {
   await using draining = await Server.start(["--workers", "1", "--drain-grace-s", "3600"]);
   await using other = await Server.start();
   using client = connect(list(draining, other));
@@ -59,7 +59,7 @@ test("a draining server is left out of the turns, of submissions too", async () 
   const busy = itsOwn.solve(long, { options: endless, signal: gaveUp.signal }).catch(() => undefined);
   await eventually(async () => (await itsOwn.info()).counters.running === 1);
   draining.signal("SIGTERM");
-  // It is known within a moment; until then a submission may be refused.
+  // The client learns it within a moment; until then a submission may be refused.
   let inARow = 0;
   await eventually(async () => {
     inARow = await client.jobs.submit(corner).then(
@@ -75,7 +75,7 @@ test("a draining server is left out of the turns, of submissions too", async () 
   await busy;
 });
 
-/** Answers GetInfo with nothing in it, and has no health service. */
+/** A server with an empty GetInfo and no health service. */
 function withoutHealth(onCall: () => void): Promise<StandIn> {
   return standIn("/marble.v1.Server/GetInfo", (answer) => {
     onCall();
@@ -83,7 +83,7 @@ function withoutHealth(onCall: () => void): Promise<StandIn> {
   });
 }
 
-test("servers that do not tell of their health count as healthy", async () => {
+test("servers without a health service count as healthy", async () => {
   const calls = [0, 0];
   const servers = await Promise.all(calls.map((_, k) => withoutHealth(() => ++calls[k])));
   try {
@@ -97,7 +97,7 @@ test("servers that do not tell of their health count as healthy", async () => {
   }
 });
 
-test("a name stands for all its addresses, and one that is not found costs the others nothing", async () => {
+test("a name stands for all its addresses, and an unknown name does not affect the others", async () => {
   await using server = await Server.start();
   const port = server.address.split(":")[1];
   for (const address of [`dns:///localhost:${port}`, `localhost:${port}, ${server.address}`, `a..b:1,${server.address}`]) {
