@@ -1,4 +1,4 @@
-// What kind of answer a solution is, in words for its user, and what a better one costs.
+// The kind of a solution, in words for users, and the cost of a better one.
 #pragma once
 
 #include <cstdint>
@@ -11,28 +11,28 @@
 
 namespace marble {
 
-/// What a solution is worth: by its status, its proof and the tests of its stationary point.
+/// The kind of a solution, by its status, its proof and the tests of its stationary point.
 enum class SolutionKind {
   proved_optimal,      ///< within gap_tolerance of the bound
-  optimal,             ///< of a problem without pairs whose Q is known to be convex, by the tolerances
-  local_minimum,       ///< no better point is near; one may be elsewhere
-  stationary_point,    ///< solved, but not decided whether it is a local minimum
-  saddle_point,        ///< solved, and no local minimum
-  almost_solved,       ///< the reduced tolerances only
-  proved_infeasible,   ///< no point meets the constraints
+  optimal,             ///< of a problem without pairs whose Q is known to be convex, within the tolerances
+  local_minimum,       ///< no better point is near; there may be one elsewhere
+  stationary_point,    ///< solved, but whether it is a local minimum was not decided
+  saddle_point,        ///< solved, but not a local minimum
+  almost_solved,       ///< only the reduced tolerances are met
+  proved_infeasible,   ///< no point satisfies the constraints
   no_feasible_point,   ///< none was found; there may be one
-  proved_unbounded,    ///< the objective falls without end
-  stopped_feasible,    ///< a limit or a cancel ended the solve; z meets the tolerances
-  stopped_infeasible,  ///< likewise; z does not meet the tolerances
+  proved_unbounded,    ///< the objective falls without bound
+  stopped_feasible,    ///< a limit or a cancellation ended the solve; z is within the tolerances
+  stopped_infeasible,  ///< likewise; z is not within the tolerances
   failed,              ///< no acceptable step was found
 };
 
 /// "proved_optimal", "optimal", …
 [[nodiscard]] const char* to_string(SolutionKind kind);
 
-/// What the kind of a solution, its text and its advice follow from. The clients for Python and Node and the
-/// server's page have the same rules; tests/answers/kinds.json is the table of cases that holds them
-/// together.
+/// The facts that determine the kind of a solution, its text and its advice. The clients for Python and Node
+/// and the server's page have the same rules; the table of cases tests/answers/kinds.json keeps them the
+/// same.
 struct SolutionFacts {
   Status status = Status::numerical_failure;
   bool proved = false;
@@ -46,20 +46,20 @@ struct SolutionFacts {
   std::int64_t pairs = 0;
   std::int64_t factorizations = 0;
   bool budget_spent = false;   ///< the factorizations have reached the option local_search_budget
-  std::int32_t starts = 1;     ///< the option
-  bool global_search = false;  ///< the option global
+  std::int32_t starts = 1;     ///< the option of that name
+  bool global_search = false;  ///< the option of that name
   bool maximize = false;       ///< the user's objective is the negative of the problem's
 };
 
-/// `options` are those that it was solved by.
+/// `options` are those of the solve.
 [[nodiscard]] SolutionFacts facts_of(const Solution& solution, const Options& options);
 
 [[nodiscard]] SolutionKind kind_of(const SolutionFacts& facts);
 
-/// In one line: "proved optimal", "local minimum; no bound is known".
+/// Returns one line: "proved optimal", "local minimum; no bound is known".
 [[nodiscard]] std::string kind_text(const SolutionFacts& facts);
 
-/// What may give a better answer, and what that costs, in a few sentences; empty where nothing does.
+/// Returns a few sentences on what may give a better solution and what that costs; empty if nothing does.
 [[nodiscard]] std::string what_to_try(const SolutionFacts& facts);
 
 }  // namespace marble
