@@ -123,8 +123,7 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
       return answer;
     }
   }
-  const bool late =
-      run.interrupted().has_value();  // the cold start then makes no progress beyond the interrupted stage
+  const bool late = run.interrupted().has_value();  // the cold start then gets no further than `from`
   const std::optional<Ending> path_end = cold(run, initial_z, from);
   if (late) stage_ = from;
   if (!incumbent_.exists()) return finish_path(run, initial_z, *path_end);

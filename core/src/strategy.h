@@ -141,8 +141,7 @@ class Strategy {
   BranchSearch search_;
   Optimality optimality_;
   PathPoint path_point_;
-  std::optional<ExactSolution>
-      start_;  // the caller's feasible start: the solution of its branch, or the point itself
+  std::optional<ExactSolution> start_;  // the caller's feasible start: its branch's solution, or itself
   bool start_is_exact_ = false;
   Stage stage_ = Stage::beginning;        // at which the last run was interrupted
   std::unique_ptr<Reference> reference_;  // created when first needed

@@ -111,8 +111,7 @@ Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveCon
 // later phase, such as the tree.
 void WarmSolver::take_answer(Solution& solution) {
   const bool cut_off = solution.status == Status::time_limit || solution.status == Status::cancelled;
-  if (!cut_off)
-    solver_.forget_unfinished();  // with an iteration limit, every solve has the same number of iterations
+  if (!cut_off) solver_.forget_unfinished();  // max_iterations is the same for every solve
   const bool kept = cut_off && newest_ && solver_.take_better(*newest_, solution);
   if (kept) solution.detail = "the solution before it, which is feasible still; " + solution.detail;
   const bool is_start = is_solved(solution.status) ||

@@ -94,8 +94,7 @@ struct ProblemUpdate {
   std::span<const double> d = {};  ///< n_i
   std::span<const double> l = {};  ///< n_c
   std::span<const double> r = {};  ///< n_c
-  std::span<const double> Q =
-      {};  ///< values of all entries in their order; for a full Q, only the upper ones are used
+  std::span<const double> Q = {};  ///< values of all entries in their order; of a full Q, upper ones are used
   std::span<const double> A = {};  ///< values of all entries in their order
   std::span<const double> C = {};  ///< values of all entries in their order
   std::span<const double> L = {};  ///< values of all entries in their order

@@ -4,7 +4,7 @@
 //
 //   marble::SensitivityRequest request{.directions = {1, {.b = measured}}, .losses = {1, {.z = loss_by_z}}};
 //   auto answer = solver.solve({.sensitivity = &request});
-//   const marble::SensitivityAnswer& told = **answer->sensitivity;      // told.changes.z, told.gradients.b
+//   const marble::SensitivityAnswer& found = **answer->sensitivity;    // found.changes.z, found.gradients.b
 //
 // or later, for a solution from any source:
 //

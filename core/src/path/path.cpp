@@ -187,8 +187,7 @@ bool PathEngine::step(Run& run) {
       return newton_.factor(sub_, x_, regularization_.current(), clip);  // lines 7–10
     });
     if (!inertia_right && run.interrupted()) return false;
-    if (!inertia_right && clip)
-      run.nonconvex = true;  // with q ≥ 0, only a nonconvex Q makes the inertia wrong
+    if (!inertia_right && clip) run.nonconvex = true;  // with q ≥ 0, nothing else can cause it
     if (inertia_right && newton_.direction(sub_, x_, r_, d_, direction_images_)) {  // line 11
       step_length_ = run.timed(&Times::line_search_s, [&] { return search(); });    // line 12
       if (step_length_ > 0.0) break;

@@ -73,8 +73,7 @@ class QuadraticEngine {
   RowWeights weights_;
   Iterate x_, d_;  // λ of the step is −dν
   Images images_;
-  Vector slack_, slack_step_, product_,
-      rate_;  // w, dw, the predictor's dw∘dν, the contribution of the rows to the gradient
+  Vector slack_, slack_step_, product_, rate_;  // w, dw, predictor's dw∘dν, gradient of rows
   Vector center_;
   double softness_ = 0.0;  // 1/ρ of an elastic branch, else 0
   std::vector<std::uint8_t> shown_;

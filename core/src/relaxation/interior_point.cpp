@@ -207,8 +207,8 @@ bool InteriorPoint::contradicts(const Box& box, double largest) {
   return false;
 }
 
-// Computes the direction to w∘μ = κ with the current factor; if corrected, with the products of the last
-// direction.
+// Computes the direction to w∘μ = κ with the current factor; if corrected, with the products dw∘dμ of the
+// last direction.
 bool InteriorPoint::direction(double kappa, bool corrected) {
   for (Index row = 0; row < w_.size(); ++row) {
     if (is_fixed(row)) {

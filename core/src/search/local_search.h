@@ -66,8 +66,7 @@ class LocalSearch {
   WorkingSet before_, next_;
   std::vector<Candidate> candidates_, companions_;
   std::vector<std::pair<Candidate, Candidate>> failed_exchanges_;
-  Vector failed_multiplier_,
-      failed_slack_;  // of a pair when it last failed: it is not tried again with similar numbers
+  Vector failed_multiplier_, failed_slack_;  // at a pair's last failure: not retried if similar
   Reporter reporter_;
   int accepted_ = 0;
   int flip_failures_ = 0, exchange_failures_ = 0;  // consecutive; kept if a run is interrupted

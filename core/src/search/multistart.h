@@ -1,6 +1,6 @@
 // Searches for other local minima, for a nonconvex Q: softening and hardening a branch stays in its basin
 // there. A start takes a random point, the nearest feasible point on a branch near it, and a descent along
-// negative curvature. Then it tries the neighboring branches: the same from the minimum with one pair
+// negative curvature. Then it tries the neighbouring branches: the same from the minimum with one pair
 // switched, as long as the objective falls. A minimum in which an earlier start has ended is not searched
 // again.
 #pragma once
@@ -20,7 +20,7 @@ class Multistart {
   /// Works on `point`, which `kkt` factorizes; offers its minima to the incumbent. For one solve.
   Multistart(const ScaledProblem& problem, Kkt& kkt, BranchPoint& point, Incumbent& incumbent);
 
-  /// Runs the next start, up to the run's given count of factorizations: first the neighbors of the
+  /// Runs the next start, up to the run's given count of factorizations: first the neighbours of the
   /// incumbent's branch, then random points around it, the same in every run. Returns true if it improved the
   /// incumbent.
   bool next(Run& run, int last_factorization);
@@ -42,7 +42,7 @@ class Multistart {
   Images images_;
   WorkingSet set_;
   bool found_ = false;
-  std::vector<double> searched_;  // objectives of minima without a lower neighbor
+  std::vector<double> searched_;  // objectives of minima without a lower neighbour
   std::uint64_t number_ = 0;
 };
 

@@ -20,8 +20,7 @@ struct Clause {
     bool strong_s;  ///< whether s is its strong side
   };
   std::vector<Member> members;
-  Vector contradiction =
-      {};  ///< multipliers of the rows that prove that all weak sides at zero contradict each other
+  Vector contradiction = {};  ///< multipliers that prove that not all weak sides can be zero
   std::shared_ptr<const LeafMultipliers> record = {};  ///< the whole proof, if a caller requests it
 
   /// Returns the members whose strong side may still be at zero; empty if one has it already.

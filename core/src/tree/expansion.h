@@ -41,8 +41,7 @@ struct Expansion {
     interrupted,    ///< as if it had not begun
   };
   Outcome outcome = Outcome::interrupted;
-  double closed_bound =
-      0.0;  ///< the lowest bound of the closed nodes; +∞ if there are none or they are infeasible
+  double closed_bound = 0.0;  ///< lowest bound of the closed nodes; +∞ if none or infeasible
   std::vector<Node> children, closed;
   int bounded = 0;  ///< children that were bounded
   std::vector<PseudoCosts::Gain> gains;

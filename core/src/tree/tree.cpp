@@ -14,8 +14,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 bool is_after(const Node& a, const Node& b) {
   if (a.bound != b.bound) return a.bound > b.bound;
-  if (a.bound == -kInfinity && a.depth != b.depth)
-    return a.depth < b.depth;  // continues where the relaxation may be unbounded
+  if (a.bound == -kInfinity && a.depth != b.depth) return a.depth < b.depth;  // to where it may be unbounded
   return a.number > b.number;
 }
 

@@ -46,8 +46,7 @@ struct CoupledView {
 
 /// Options of a coupled solve.
 struct CoupledOptions {
-  Options options =
-      {};  ///< for every block's solves and the monolithic solve; the time limit covers all of them
+  Options options = {};  ///< of blocks and monolithic solve; the time limit covers all
   /// Initial ρ > 0 of ½ρ‖E_k(y_k − z_k)‖², which holds a block near its point of the last iteration. If the
   /// blocks diverge, ρ is raised tenfold, and the iteration resumes from the best one so far.
   double proximal = 1.0;

@@ -52,8 +52,8 @@ class LiftedBlock {
   [[nodiscard]] ProblemUpdate update();
 
   /// Converts a solution of problem() to a response to the coordinator. `proximal_response`: −dv/dλ of that
-  /// solution, m_k × m_k by columns; if empty because it is unknown or because `ends` ended it, ½/ρ is used
-  /// instead. The response is empty if the problem is not solved.
+  /// solution, m_k × m_k by columns; empty if unknown. ½/ρ is used instead if it is empty or if `ends` ends
+  /// the conversion. The response is empty if the problem is not solved.
   [[nodiscard]] BlockAnswer answer(Solution lifted, std::vector<double> proximal_response,
                                    const SetupControls& ends = {}) const;
 

@@ -8,8 +8,8 @@
 // Bollapragada, A. Berahas, "Retrospective Approximation for Stochastic Constrained Problems Using Sequential
 // Quadratic Programming").
 //
-//   marble::ScenarioProblem worlds{.base = problem.view(), .first_stage = plan, .sample = height};
-//   auto answer = marble::solve_scenarios(worlds, {.most_scenarios = 64});
+//   marble::ScenarioProblem scenarios{.base = problem.view(), .first_stage = plan, .sample = height};
+//   auto answer = marble::solve_scenarios(scenarios, {.most_scenarios = 64});
 #pragma once
 
 #include <cstdint>
@@ -95,9 +95,8 @@ struct ScenarioLevel {
   std::int32_t pairs = 0;                     ///< of its LCQP
   std::int64_t factorizations = 0;            ///< of its LCQP, all attempts
   double seconds = 0.0;                       ///< set-up and solve, wall time
-  bool warm = false;  ///< it kept the branch of the previous stage, extended to the new scenarios
-  bool searched =
-      false;  ///< it was also solved cold, because its start was infeasible and had to be repaired
+  bool warm = false;              ///< it kept the branch of the previous stage, extended to the new scenarios
+  bool searched = false;          ///< also solved cold, since feasibility of its start had to be restored
   std::int64_t memory_bytes = 0;  ///< of its numbers, its LCQP, its solver and solutions, by their estimates
   std::optional<OutOfSample> fresh = {};  ///< absent if no scenarios are left or none are requested
   std::span<const double> x = {};         ///< its plan; valid only during the call
@@ -118,7 +117,7 @@ struct ScenarioSettings {
   double without_recourse = 0.05;  ///< in [0, 1]: no end by `tolerance` while a larger share of the
                                    ///< out-of-sample scenarios has no recourse
   /// ≥ 0, for each stage: minimum number of out-of-sample scenarios; those that the next stage adds are tried
-  /// anyway. 0: the last stage's plan is not tried, and no scenarios beyond it are drawn.
+  /// anyway. 0: no scenarios beyond the last stage are drawn, and its plan is not tried.
   std::int64_t fresh_scenarios = 16;
   std::function<void(const ScenarioLevel&)> level = {};  ///< called after every stage
 };
@@ -129,10 +128,9 @@ struct ScenarioAnswer {
   /// Status of the last stage: solved if the plan is from it. Otherwise the status with which it ended, while
   /// x is from the previous stage, if there was one. time_limit and cancelled if they ended the solve.
   Status status = Status::numerical_failure;
-  std::string detail;  ///< one sentence
-  std::int64_t scenarios =
-      0;                  ///< sample size for which x was computed; 0: no stage was solved, and x is empty
-  std::vector<double> x;  ///< the plan, in the order of first_stage
+  std::string detail;                         ///< one sentence
+  std::int64_t scenarios = 0;                 ///< sample size of x; 0: no stage was solved, and x is empty
+  std::vector<double> x;                      ///< the plan, in the order of first_stage
   std::vector<std::vector<double>> recourse;  ///< y_s, in the order of the other variables
   double objective = 0.0;                     ///< Σ π_s q(x, y_s; ξ_s)
   Violations violations;                      ///< of the stage's LCQP, user units

@@ -19,9 +19,8 @@ enum class ProblemPart { c0, g, b, d, l, r, Q, A, C, L, R };
 
 /// Entries of one part of the base problem.
 struct ScenarioEntries {
-  ProblemPart part = ProblemPart::c0;  ///< the part
-  std::span<const Index> positions =
-      {};  ///< ascending; empty: all of them. For a full Q, only the upper ones are used
+  ProblemPart part = ProblemPart::c0;     ///< the part
+  std::span<const Index> positions = {};  ///< ascending; empty: all. For a full Q, only upper ones are used
 };
 
 /// The differences between scenarios. Borrows its arrays.
@@ -48,10 +47,9 @@ struct ScenarioQuantity {
   ScenarioDistribution distribution = ScenarioDistribution::uniform;  ///< distribution of the number
   double location = 0.0;                                              ///< finite; see ScenarioDistribution
   double scale = 1.0;                                                 ///< finite, >= 0
-  double least = -std::numeric_limits<double>::infinity();  ///< lower bound: smaller numbers become this
-  double most =
-      std::numeric_limits<double>::infinity();  ///< upper bound: larger numbers become this; >= least
-  std::vector<Effect> effects = {};             ///< they add up
+  double least = -std::numeric_limits<double>::infinity();            ///< lower bound: the number is clamped
+  double most = std::numeric_limits<double>::infinity();              ///< upper bound, likewise; >= least
+  std::vector<Effect> effects = {};                                   ///< they add up
 };
 
 /// An infinite set of scenarios: quantity q of scenario i is a function of the seed, i and q only. It uses
