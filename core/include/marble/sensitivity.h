@@ -9,9 +9,8 @@
 // or later, for a solution from any source:
 //
 //   auto sensitivity = marble::Sensitivity::create(problem, answer);
-//   auto change = sensitivity->along({.b = measured});            // forward: of the solution, by these
-//   numbers auto gradient = sensitivity->gradient({.z = loss_by_z});      // adjoint: of a loss, by all
-//   numbers
+//   auto change = sensitivity->along({.b = measured});        // forward: of the solution, by these numbers
+//   auto gradient = sensitivity->gradient({.z = loss_by_z});  // adjoint: of a loss, by all numbers
 #pragma once
 
 #include <cstdint>

@@ -71,8 +71,8 @@ class WarmSolver {
   /// The preparation phase of a solve: sets the new numbers and the start, and factorizes the branch with
   /// which the solve will begin. The following solve() brings the remaining numbers and returns, to the last
   /// bit, the solution of a single solve() with both, but sooner. It saves most if it only brings vectors
-  /// that leave the rows of the branch unchanged, such as b. Of `controls` only stop is used. Errors: as
-  /// solve(); nothing has changed then.
+  /// that leave the rows of the branch unchanged, such as b. Of `controls` only stop and pause are used.
+  /// Errors: as solve(); nothing has changed then.
   [[nodiscard]] Expected<void> prepare(const ProblemUpdate& update, const Restart& restart = {},
                                        const SolveControls& controls = {});
   /// The same for an update that was checked before.
