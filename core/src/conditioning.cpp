@@ -6,7 +6,7 @@
 
 namespace marble {
 
-// The path stops wherever κ has fallen so far since it last did.
+// The path stops whenever κ has fallen by this factor since the last stop.
 Expected<PathConditions> path_conditions(const Problem& problem, const Options& user_options,
                                          const SolveControls& controls) {
   if (auto valid = validate(user_options); !valid) return unexpected(valid.error());

@@ -1,4 +1,4 @@
-// What a strategy does for a start that is feasible: no answer is infeasible then, or above the start.
+// The strategy's guarantee for a feasible start: no solution is infeasible, or above the start.
 #include <cmath>
 #include <utility>
 
@@ -11,7 +11,8 @@
 
 namespace marble {
 
-// The branch of a feasible start, before anything else: whatever ends the run, there is an answer then.
+// Solves the branch of a feasible start before anything else, so that there is a solution however the run
+// ends.
 void Strategy::solve_start(Run& run, ConstVectorRef z) {
   if (problem_.pairs() == 0 || !options_.polish || options_.path != Path::fast) return;
   const bool ended = run.interrupted().has_value();
@@ -43,7 +44,7 @@ void Strategy::solve_start(Run& run, ConstVectorRef z) {
   run.add_incumbent(problem_.user_objective(start_->objective));
 }
 
-// A start's branch that is lower than what was found is searched around, and answered with.
+// If the start's branch is lower than the solution found, searches around it and returns the result.
 Strategy::Answer Strategy::not_above_start(Run& run, Answer answer, ConstVectorRef z, bool warm) {
   const Status status = answer.ending.status;
   if (status == Status::unbounded) return answer;
@@ -74,7 +75,7 @@ Strategy::Answer Strategy::not_above_start(Run& run, Answer answer, ConstVectorR
           &path_point_.x};
 }
 
-// A feasible solution to start from that was left, and is lower than what was found elsewhere.
+// The same for a feasible warm start that was abandoned and is lower than the solution found elsewhere.
 Strategy::Answer Strategy::not_above_warm_start(Run& run, Answer answer, ConstVectorRef z) {
   if (answer.ending.status == Status::unbounded) return answer;
   const auto judged = [this](ConstVectorRef point) {
@@ -88,16 +89,16 @@ Strategy::Answer Strategy::not_above_warm_start(Run& run, Answer answer, ConstVe
   if (!start_is_feasible) return answer;
   const auto [is_feasible, objective] = judged(answer.x->z());
   if (is_feasible && objective <= start + tuning::rounding * (1.0 + std::abs(start))) return answer;
-  path_point_.x.all = answer.x->all;  // the answer may be the incumbent, which the start's branch replaces
+  path_point_.x.all = answer.x->all;  // the solution may be the incumbent, which the start's branch replaces
   answer.x = &path_point_.x;
   const Vector kept = z;
   solve_start(run, kept);
   return start_ ? not_above_start(run, std::move(answer), kept, true) : answer;
 }
 
-// Where a problem is long, and a better branch is not a flip or two away from the path's: the branch of its
-// segments, solved one after the other. If that cannot be solved exactly, what they found is a start that is
-// feasible.
+// If a problem is long, and a better branch is more than a few switches away from the path's: solves the
+// segments one after the other and takes their branch. If that cannot be solved exactly, their point is a
+// feasible start.
 bool Strategy::start_in_segments(Run& run, PathBranch branch) {
   if (!may_have_segments(problem_) || options_.path != Path::fast || options_.local_search_budget == 0)
     return false;

@@ -1,5 +1,4 @@
-// What a strategy does where rows nearly depend on each other: small problems are solved by dense factors,
-// and the message names the rows.
+// The strategy for nearly dependent rows: dense factors solve small problems, and the message names the rows.
 #include <cmath>
 #include <optional>
 #include <string>
@@ -13,7 +12,8 @@
 
 namespace marble {
 
-// A convex QP whose interior point method has converged, while no choice of rows gives its point back.
+// Takes the point of the interior point method for a convex QP if the method has converged, but no choice of
+// rows reproduces its point.
 bool Strategy::take_interior(Run& run) {
   if (run.interrupted() || !(branch_.interior.kappa() > 0.0) ||
       !(branch_.interior.kappa() <= tuning::rounding) || !optimality_.convex(run) ||
@@ -24,8 +24,8 @@ bool Strategy::take_interior(Run& run) {
   return incumbent_.exists();
 }
 
-// Where the other engines have failed, or ended with a point that has not converged to rounding while rows
-// are nearly parallel. All other answers stay as they are.
+// Used if the other engines have failed, or if their point has not converged to rounding while rows are
+// nearly parallel. All other solutions stay unchanged.
 Strategy::Answer Strategy::solve_densely(Run& run, Answer answer) {
   const Status status = answer.ending.status;
   const bool by_path = answer.x == &path_point_.x;
@@ -51,8 +51,7 @@ Strategy::Answer Strategy::solve_densely(Run& run, Answer answer) {
   return answer;
 }
 
-// Whether its residual, or the signs of multipliers beside as large ones as its own, are not known to
-// rounding.
+// True if its residual is not known to rounding, or multipliers are so large that their signs are not.
 bool Strategy::incumbent_is_loose() const {
   const ExactSolution& best = incumbent_.best();
   return !best.converged || tuning::exactness * max_abs(best.x.all) > tuning::near;
@@ -68,7 +67,8 @@ std::optional<Strategy::Answer> Strategy::search_densely(Run& run, const Answer&
   return found;
 }
 
-// The branch of the answer, and the others of a small problem. The answer stays where that is the same point.
+// Solves the branch of the solution, and the other branches of a small problem. Keeps the solution if the
+// result is the same point.
 std::optional<Strategy::Answer> Strategy::solve_branch_densely(Run& run, const Answer& answer) {
   if (run.interrupted()) return std::nullopt;
   std::optional<ExactSolution> kept;

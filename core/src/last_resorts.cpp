@@ -1,5 +1,5 @@
-// What is left of a solve where no engine has an exact solution: descents from the path's end, proofs that
-// there is none, the feasibility phase and, of a small problem, its tree.
+// The last part of a solve for which no engine has an exact solution: descents from the path's final point,
+// proofs that there is no solution, the feasibility phase and, for a small problem, its tree.
 #include <cmath>
 #include <string>
 #include <utility>
@@ -12,14 +12,14 @@
 
 namespace marble {
 
-// What no engine has solved its tree may, of a small problem.
+// For a small problem, the tree may solve what no engine has solved.
 std::optional<Strategy::Answer> Strategy::find_by_small_tree(Run& run, TreeResult& tree) {
   if (run.interrupted() || !is_small(run)) return std::nullopt;
   tree = search_small_tree(run, path_point_.x.z(), optimality_.known_convex());
   if (tree.ray) return Answer{unbounded_along(*std::exchange(tree.ray, {})), &path_point_.x};
   if (!incumbent_.exists()) return std::nullopt;
   Answer answer = finish_cold(run, false);
-  // Of a point that is feasible to the tolerances only, the proof is not one of the optimum.
+  // If the point is feasible only to the tolerances, the proof does not prove its optimality.
   const bool exact = incumbent_.exists() && largest(incumbent_.best().violations) <= tuning::exactness;
   if (tree.proved && exact) {
     answer.b_stationary = true;
@@ -29,7 +29,7 @@ std::optional<Strategy::Answer> Strategy::find_by_small_tree(Run& run, TreeResul
   return answer;
 }
 
-// Where nothing exact was found: the path's point, unless a descent from it or a proof says more.
+// If no exact solution was found: returns the path's point, unless a descent from it or a proof gives more.
 Strategy::Answer Strategy::finish_path(Run& run, ConstVectorRef initial_z, Ending end) {
   Answer answer{std::move(end), &path_point_.x};
   const Status status = answer.ending.status;
@@ -69,7 +69,7 @@ Strategy::Answer Strategy::finish_path(Run& run, ConstVectorRef initial_z, Endin
   return answer;
 }
 
-// The last that is tried for a feasible branch. Nothing if that changes nothing but the counters.
+// The last attempt to find a feasible branch. Returns nothing if only the counters changed.
 std::optional<Strategy::Answer> Strategy::find_feasible(Run& run, ConstVectorRef z) {
   if (!options_.polish || options_.path != Path::fast || options_.feasibility_budget == 0 || start_ ||
       within_tolerances(path_point_.violations, options_) || problem_.pairs() == 0)
@@ -111,8 +111,8 @@ std::optional<Strategy::Answer> Strategy::find_feasible(Run& run, ConstVectorRef
   return finish_cold(run, true);
 }
 
-// Where a path ended without an exact solution of its branch, Q may have negative curvature there; where it
-// ended infeasible for that reason, the nearest feasible point is one to descend from.
+// If a path ended without an exact solution of its branch, Q may have negative curvature there. If the path
+// ended infeasible for that reason, the descent begins at the nearest feasible point.
 Optimality::Descended Strategy::descend_from_path(Run& run) {
   if (!options_.polish || options_.local_search_budget == 0 || optimality_.known_convex()) return {};
   const Run::Polishing polishing(run);
@@ -129,7 +129,7 @@ Optimality::Descended Strategy::descend_from_path(Run& run) {
   return optimality_.descend(run, branch_.point.x, branch_.point.set, Vector());
 }
 
-// Once a solve each.
+// Once per solve.
 std::optional<Ending> Strategy::prove(Run& run, Status status) {
   const auto z = path_point_.x.z();
   if (status == Status::unbounded) {
@@ -148,7 +148,7 @@ std::optional<Ending> Strategy::prove(Run& run, Status status) {
                 std::move(proof->multipliers)};
 }
 
-// The ray's origin becomes the point to answer with.
+// Makes the ray's origin the point of the solution.
 Ending Strategy::unbounded_along(UnboundedRay ray) {
   incumbent_.clear();
   path_point_.x.all.setZero();

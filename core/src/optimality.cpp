@@ -55,8 +55,8 @@ Optimality::Descended Optimality::descend(Run& run, const Iterate& x, const Work
   return descended;
 }
 
-// Strongly stationary points are B-stationary; of others, those with few biactive pairs are tried on each
-// branch.
+// Strongly stationary points are B-stationary. For other points with few biactive pairs, each branch is
+// solved.
 std::optional<bool> Optimality::decide_b_stationarity(Run& run) {
   const auto is_strong = [this] {
     images_.evaluate(problem_, incumbent_.best().x);
@@ -73,12 +73,13 @@ std::optional<bool> Optimality::decide_b_stationarity(Run& run) {
     if (ray_) return std::nullopt;
     if (incumbent_.best().objective >= before || run.interrupted()) break;
   }
-  const bool strong = is_strong();  // it may be another one now
+  const bool strong = is_strong();  // the incumbent may have changed
   if (all || strong) return true;
   return std::nullopt;
 }
 
-// Whether no branch that meets in the point has a better one; else goes there, or finds that it is unbounded.
+// True if no branch that meets in the point has a better solution; otherwise moves to it, or finds that the
+// branch is unbounded.
 bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive) {
   base_ = incumbent_.best().set;
   const double objective = incumbent_.best().objective;
@@ -97,7 +98,7 @@ bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive) 
     if (ray_) return false;
     if (incumbent_.best().objective < objective - tuning::exactness * (1.0 + std::abs(objective)))
       return false;
-    // Where Q is not convex the solution of another branch may be a stationary point elsewhere.
+    // If Q is not convex, the solution of another branch may be a stationary point elsewhere.
     const double moved = max_abs(x.z() - incumbent_.other().x.z());
     const bool here = moved <= tuning::near * (1.0 + max_abs(x.z()));
     decided = decided && outcome != Incumbent::Outcome::not_exact && (here || convexity_.decide(run));
@@ -105,15 +106,15 @@ bool Optimality::solves_its_branches(Run& run, std::span<const Index> biactive) 
   return decided;
 }
 
-// Costs a factorization only where rows of the exact solution's working set have no multiplier and Q is not
-// known to be convex: of Q itself, once for all solves with it, and with the active rows.
+// Takes a factorization only if rows of the exact solution's working set have no multiplier and Q is not
+// known to be convex: one of Q itself, once for all solves with it, and one with the active rows.
 CriticalCurvature Optimality::decide_second_order(Run& run) {
   const Iterate& x = incumbent_.best().x;
   const WorkingSet& set = incumbent_.best().set;
   CriticalCurvature curvature{SecondOrder::minimum, {}, set};
   if (!convexity_.known() && has_weakly_active_rows(problem_, x, set) && !convexity_.decide(run))
     curvature = critical_curvature(problem_, kkt_, x, set, run);
-  // Where the multipliers of a branch pull, its cone is not that of the others.
+  // If the branch has wrong-sign multipliers, its critical cone differs from those of the other branches.
   if (curvature.kind == SecondOrder::minimum && classify(images_, x) != Stationarity::strong &&
       !convexity_.decide(run))
     curvature.kind = SecondOrder::necessary;

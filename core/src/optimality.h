@@ -1,5 +1,5 @@
-// What is decided about the incumbent at the end: whether it solves every branch it belongs to, and whether
-// curvature makes it a local minimum. Where it does not, there is a way on to a better one.
+// The final decisions about the incumbent: whether it solves every branch that it belongs to, and whether its
+// curvature makes it a local minimum. If not, the search moves on to a better solution.
 #pragma once
 
 #include <optional>
@@ -18,28 +18,28 @@ class Optimality {
              Incumbent& incumbent);
 
   struct Verdict {
-    /// True if it solves every branch it belongs to; absent if that was not decided.
+    /// True if it solves every branch that it belongs to; absent if that was not decided.
     std::optional<bool> b_stationary;
-    /// By its curvature on its branches: `minimum` also where it was not decided whether it is B-stationary.
+    /// The result of the curvature test on its branches: `minimum` even if B-stationarity was not decided.
     SecondOrder second_order = SecondOrder::unknown;
-    std::optional<UnboundedRay> unbounded;  ///< what the way on from it led to
+    std::optional<UnboundedRay> unbounded;  ///< found on the way to a better solution
   };
-  /// Of the incumbent, which may be another one afterwards.
+  /// Judges the incumbent, and may replace it.
   [[nodiscard]] Verdict judge(Run& run);
 
   struct Descended {
-    bool from_saddle = false;  ///< where it began Q has negative curvature
+    bool from_saddle = false;  ///< Q has negative curvature at the first point
     std::optional<UnboundedRay> unbounded;
   };
-  /// From a point and the rows it holds at zero, along `first` if that is not empty, to a local minimum,
-  /// which is offered to the incumbent, or to the proof that there is none.
+  /// Descends from a point and the rows that it holds at zero, along `first` unless that is empty. Offers the
+  /// local minimum to the incumbent, or returns the proof that there is none.
   [[nodiscard]] Descended descend(Run& run, const Iterate& x, const WorkingSet& set, ConstVectorRef first);
 
-  /// Whether Q is known to be convex, without a factorization.
+  /// True if Q is known to be convex, without a factorization.
   [[nodiscard]] bool known_convex() { return convexity_.known(); }
-  /// The same by a factorization where that is not known.
+  /// Decides the same by a factorization if it is not known.
   [[nodiscard]] bool convex(Run& run) { return convexity_.decide(run); }
-  /// Q has new values.
+  /// Call this when Q has new values.
   void forget_convexity() { convexity_.forget(); }
 
  private:

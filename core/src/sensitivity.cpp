@@ -21,7 +21,7 @@ Expected<void> check_answer(const Solution& answer, const PartSizes& sizes) {
   return must_be_solved(answer.status);
 }
 
-// The scaled copy, and vectors of the branch and of a few directions.
+// The scaled copy, and the vectors of the branch and of a few directions.
 double bytes_without_factor(const Problem& problem) {
   const PartSizes sizes = PartSizes::of(problem);
   const auto entries = static_cast<double>(sizes.Q + sizes.A + sizes.C + sizes.L + sizes.R);

@@ -43,9 +43,9 @@ SolverSizes sizes_of(const Problem& problem) {
   return sizes;
 }
 
-// Flops that one factorization may have. No machine does more than tuning::flops_per_second of them on one
-// thread (about 10⁹ are usual), and what takes less than tuning::never_refused_s at that rate is not worth a
-// refusal: a time limit ends it.
+// The maximum number of flops of one factorization. No machine does more than tuning::flops_per_second of
+// them on one thread (about 10⁹ are usual). A factorization that takes less than tuning::never_refused_s at
+// that rate is not refused, since a time limit ends it.
 struct MostFlops {
   MostFlops(const Options& options, const SetupControls& controls)
       : by_time_limit(options.time_limit_s < controls.most_factorization_s),
@@ -74,7 +74,7 @@ Error ended(bool stopped) {
 
 bool bears(const Vector& start) { return max_abs(start) <= tuning::farthest_start; }
 
-// 0 · ∞ is not a number, nor is a sum with one.
+// 0 · ∞ is NaN, and so is any sum that contains it.
 bool all_finite(const std::vector<double>& values) {
   const auto size = static_cast<Eigen::Index>(values.size());
   return (Eigen::Map<const Vector>(values.data(), size).array() * 0.0).sum() == 0.0;
@@ -88,7 +88,7 @@ bool is_finite(const Solution& s) {
          std::isfinite(s.kkt_residual);
 }
 
-// Of data near the largest double even z = 0 may have a residual that overflows.
+// For data near the largest double, even z = 0 may have a residual that overflows.
 void clamp(double& value) {
   constexpr double kLargest = std::numeric_limits<double>::max();
   value = std::isnan(value) ? kLargest : std::clamp(value, -kLargest, kLargest);
@@ -110,7 +110,7 @@ void take_point(const ScaledProblem& problem, const Iterate& x, Images& images, 
   solution.kkt_residual = std::isnan(slackness) ? slackness : std::max(stationarity, slackness);
 }
 
-// In place of a point that has overflowed: z = 0, whatever the run has ended with.
+// Replaces a point that has overflowed by z = 0, whatever the status of the run.
 void take_zero(const ScaledProblem& problem, Images& images, Solution& solution) {
   Iterate zero(problem);
   take_point(problem, zero, images, solution);
@@ -122,8 +122,8 @@ void take_zero(const ScaledProblem& problem, Images& images, Solution& solution)
   solution.detail += "; its numbers overflowed: z is 0";
 }
 
-// Every number of it is finite. Not solved where the run calls solved what is not, and solved_reduced where
-// that is so in the scaled problem only.
+// Makes the solution, in which every number is finite. It is not solved if the run reports a point as solved
+// that is not, and solved_reduced if the point is solved only in the scaled problem.
 Solution answer(const ScaledProblem& problem, const Options& options, const Ending& ending, const Iterate& x,
                 const Run& run) {
   Images images(problem);
@@ -151,13 +151,13 @@ Solution answer(const ScaledProblem& problem, const Options& options, const Endi
   return solution;
 }
 
-// Other equations: there is nothing to go on with.
+// With other equations, an interrupted solve cannot be resumed.
 bool change_method(const Options& before, const Options& now) {
   return before.method != now.method || before.path != now.path || before.polish != now.polish ||
          before.global != now.global;
 }
 
-// What is known of the global optimum: by a certificate or a tree.
+// Sets what is known about the global optimum, from a certificate or a tree.
 void take_proof(const Strategy::Answer& found, Solution& solution) {
   const bool infeasible = solution.status == Status::infeasible;
   solution.proved = found.tree.proved || infeasible || solution.status == Status::unbounded;
@@ -168,8 +168,8 @@ void take_proof(const Strategy::Answer& found, Solution& solution) {
   solution.warm_nodes = found.tree.warm_nodes;
 }
 
-// By the factor that the solve has ended with, where that is the branch's. Further starts may leave another
-// one behind, as threads have it: then one is made, so that the counters are the same.
+// Uses the solve's last factor if it belongs to the branch. Further starts may leave a different one behind,
+// depending on the threads; the branch is then factorized again, so that the counters are the same.
 Expected<SensitivityAnswer> sensitivity_of(const Strategy::Answer& found, const SensitivityRequest& request,
                                            BranchDerivatives& derivatives, bool may_reuse_factor, Run& run) {
   if (auto solved = must_be_solved(found.ending.status); !solved) return unexpected(solved.error());
@@ -382,7 +382,7 @@ Expected<Solution> Solver::solve(const SolveControls& controls, bool resumes, bo
   if (controls.proof != nullptr) conclude(*controls.proof, state_->problem, solution);
   solution.times.setup_s = state_->setup_s;
   solution.cold_objective = found.stayed_warm ? controls.warm_start->cold_objective : solution.objective;
-  state_->kkt->attend({});  // what ends or pauses this solve may be gone by the next
+  state_->kkt->attend({});  // the stop token and the pause of this solve may not exist during the next one
   return solution;
 }
 
@@ -393,8 +393,8 @@ bool Solver::is_feasible(const Solution& solution) const {
   return within_tolerances(solution.violations, state_->options);
 }
 
-// Of a solve that ended early: the solution before it is the better answer where it is feasible with the
-// numbers of now, and its point is not, or higher.
+// For a solve that ended early: the previous solution is better if it is feasible with the current numbers,
+// and the point of this solve is infeasible or higher.
 bool Solver::take_better(const Solution& previous, Solution& solution) const {
   const ScaledProblem& problem = state_->problem;
   Iterate x(problem);
@@ -418,7 +418,7 @@ bool Solver::take_better(const Solution& previous, Solution& solution) const {
   return true;
 }
 
-// Made of this solver's own answer, which fits.
+// The warm start is this solver's own solution, so its sizes fit.
 void Solver::prepare(const Solution& warm_start, const SolveControls& controls) {
   Run run(state_->options, controls);
   state_->kkt->attend(run.interrupt());

@@ -34,7 +34,7 @@ Strategy::Answer Strategy::run(Run& run, ConstVectorRef initial_z, const std::op
   Answer local = run_locally(run, initial_z, warm_start, how.resumes ? last : Stage::beginning);
   if (start_) local = not_above_start(run, std::move(local), initial_z, warm_start.has_value());
   const bool goes_on =
-      how.resumes && ended_by_force(local.ending.status);  // the caller has the warm start still
+      how.resumes && ended_by_force(local.ending.status);  // the caller still has the warm start
   if (!start_ && warm_start && !local.stayed_warm && !goes_on)
     local = not_above_warm_start(run, std::move(local), warm_start->solution->z());
   local = solve_densely(run, std::move(local));
@@ -48,7 +48,8 @@ Strategy::Answer Strategy::run_reference(Run& run, ConstVectorRef initial_z) {
   return {reference_->run(run, initial_z), &reference_->iterate()};
 }
 
-// A tree over the pairs, from the local answer. What has been proved already, or was ended, stays as it is.
+// Runs a tree over the pairs, starting from the local solution. Proofs and interrupted solves are returned
+// unchanged.
 Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
   if (is_proof(local.ending.status) || ended_by_force(local.ending.status)) return local;
   if (tree_ == nullptr) tree_ = std::make_unique<Tree>(problem_, options_, branch_.point, incumbent_);
@@ -63,7 +64,7 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
     answer.tree = std::move(found);
     return answer;
   }
-  // The path's point may be within the tolerances where no branch near has an exact solution.
+  // The path's point may be within the tolerances although no branch near it has an exact solution.
   const bool path_stays = answer.x == &path_point_.x && answer.ending.status == Status::solved &&
                           found.end != TreeResult::End::none &&
                           (!incumbent_.exists() || path_point_.objective < incumbent_.best().objective);
@@ -71,7 +72,7 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
     answer.ending.status = found.limit;
     if (!path_stays && incumbent_.exists() && incumbent_.best().objective < before) take_incumbent(answer);
   } else if (path_stays) {
-    // It stays the answer.
+    // The path's point remains the solution.
   } else if (incumbent_.exists() && found.end != TreeResult::End::none) {
     const bool stayed_warm = answer.stayed_warm;
     answer = finish_exact(run);
@@ -86,7 +87,7 @@ Strategy::Answer Strategy::search_globally(Run& run, Answer local, bool warm) {
   return answer;
 }
 
-// A round of further starts. Without helpers, who need engines, for which a tree has not counted memory.
+// Runs a round of further starts without helpers: those need engines, whose memory a tree does not count.
 bool Strategy::start_for_tree(Run& run) {
   const Run::Searching searching(run);
   Run part = run.part(true);
@@ -96,7 +97,7 @@ bool Strategy::start_for_tree(Run& run) {
   return better;
 }
 
-// Where there is no time to judge it.
+// Used where there is no time to judge the incumbent.
 void Strategy::take_incumbent(Answer& answer) const {
   const ExactSolution& best = incumbent_.best();
   answer.x = &best.x;
@@ -112,7 +113,7 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
   if (from >= Stage::path) {
     judge_path_point();
   } else {
-    path_point_.violations.equality = std::numeric_limits<double>::infinity();  // none yet
+    path_point_.violations.equality = std::numeric_limits<double>::infinity();  // no point yet
   }
   looked_for_ = {};
   if (warm_start && from <= Stage::mending) {
@@ -122,7 +123,7 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
       return answer;
     }
   }
-  const bool late = run.interrupted().has_value();  // a cold start is no further than what came before it
+  const bool late = run.interrupted().has_value();  // the cold start then gets no further than `from`
   const std::optional<Ending> path_end = cold(run, initial_z, from);
   if (late) stage_ = from;
   if (!incumbent_.exists()) return finish_path(run, initial_z, *path_end);
@@ -136,10 +137,10 @@ Strategy::Answer Strategy::run_locally(Run& run, ConstVectorRef initial_z,
   return finish_path(run, initial_z, *path_end);
 }
 
-// The path down to a κ that shows the branch, an exact solution of it, and better branches. Where that branch
-// is infeasible, one that is not. If nothing exact comes of it, the rest of the path. Says how the path
-// ended, or nothing where an exact solution came before its end.
-// Begins at the stage at which the last run was interrupted, and tells its own.
+// Follows the path to a κ that shows the branch, solves it exactly and searches for better branches. If that
+// branch is infeasible, searches for a feasible one. If no exact solution is found, follows the rest of the
+// path. Returns how the path ended, or nothing if an exact solution was found before its end. Begins at the
+// stage at which the last run was interrupted, and records its own.
 std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage from) {
   const bool quadratic = problem_.pairs() == 0 && options_.polish && options_.path == Path::fast;
   if (quadratic && from <= Stage::quadratic) {
@@ -194,14 +195,14 @@ std::optional<Ending> Strategy::cold(Run& run, ConstVectorRef initial_z, Stage f
   if (options_.polish) {
     static_cast<void>(solve_path_branch(run, false));
   } else if (options_.path == Path::fast && !is_solved(end->status) && !is_proof(end->status)) {
-    // The fast path counts on a polish: where it fails without, a branch is better than no answer.
+    // The fast path relies on a polish. If it fails without one, a branch is better than no solution.
     if (solve_path_branch(run, true) == PathBranch::not_exact)
       static_cast<void>(search_.find(run, initial_z));
   }
   return end;
 }
 
-// The path to where it shows a branch, and that branch's exact solution.
+// Follows the path until it shows a branch, and solves that branch exactly.
 std::optional<Ending> Strategy::follow_to_branch(Run& run, PathBranch& branch) {
   std::optional<Ending> end;
   for (const double kappa : {tuning::branch_kappa, tuning::last_kappa}) {
@@ -213,7 +214,7 @@ std::optional<Ending> Strategy::follow_to_branch(Run& run, PathBranch& branch) {
   return end;
 }
 
-// With the numbers of now.
+// With the current numbers.
 void Strategy::judge_path_point() {
   Images images(problem_);
   images.evaluate(problem_, path_point_.x);
@@ -221,13 +222,13 @@ void Strategy::judge_path_point() {
   path_point_.objective = images.objective;
 }
 
-// A path that seems to end in a proof ends so only if there is one.
+// If the path seems to end in a proof, it ends so only if the proof is found.
 std::optional<Ending> Strategy::follow_path(Run& run, double kappa_end) {
   const PhaseScope phase(run.activity(), Phase::path);
   std::optional<Ending> end = path_.follow(run, kappa_end);
   const Iterate& x = end ? path_.iterate() : path_.best();
   const Violations& violations = end ? path_.violations_at() : path_.best_violations();
-  // A path that began again and was cut short may be worse than where the first one was.
+  // A path that was restarted and cut short may be worse than the point of the first one.
   const bool cut_short = end && ended_by_force(end->status);
   if (cut_short && largest(path_point_.violations) < largest(violations)) return end;
   path_point_.x.all = x.all;
@@ -255,7 +256,7 @@ Strategy::PathBranch Strategy::solve_path_branch(Run& run, bool exchanges_pairs)
   return path_is_lower(path_.feasible(), objective) ? PathBranch::path_is_lower : PathBranch::exact;
 }
 
-// A feasible path point that is clearly lower than its exact neighbour is the better answer.
+// A feasible path point that is clearly lower than the exact solution near it is the better solution.
 bool Strategy::path_is_lower(bool feasible, double objective) const {
   return feasible &&
          incumbent_.best().objective > objective + tuning::path_loss * std::max(1.0, std::abs(objective));
@@ -265,8 +266,8 @@ void Strategy::show_incumbent(const Run& run) const {
   if (incumbent_.exists()) run.add_incumbent(problem_.user_objective(incumbent_.best().objective));
 }
 
-// Where a solution is not unique, in z or in its multipliers, the path may end anywhere: of one that is far
-// out the nearest to 0 is taken.
+// If a solution is not unique, in z or in its multipliers, the path may end at any of them. A solution that
+// is far out is replaced by the one nearest to 0.
 void Strategy::bring_near(Run& run) {
   const ExactSolution& best = incumbent_.best();
   const double size = max_abs(best.x.all);
@@ -280,7 +281,7 @@ void Strategy::bring_near(Run& run) {
   if (near.objective <= best.objective + noise && max_abs(near.x.all) < 0.5 * size) incumbent_.replace(near);
 }
 
-// Text is made only at the end: what ends an engine need not end the run.
+// The text is made only here: the end of an engine need not be the end of the run.
 Strategy::Answer Strategy::finish_exact(Run& run) {
   const Run::Searching searching(run);
   show_incumbent(run);
@@ -301,9 +302,9 @@ bool Strategy::is_small(const Run& run) const {
          options_.local_search_budget > 0 && options_.small_budget > 0 && !options_.global;
 }
 
-// What a cold solve does beyond its answer: the global one where the problem is small, and the starts asked
-// for. Whatever is found is settled at once, so that what comes next does not depend on how much is still to
-// come: more starts never end worse.
+// The part of a cold solve after its first solution: global search if the problem is small, and the requested
+// starts. Each result is settled at once, so that later steps do not depend on how many starts remain: more
+// starts never end worse.
 Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   const Run::Searching searching(run);
   bring_near(run);
@@ -330,7 +331,7 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
       if (elsewhere->next(run, std::min(last, run.factorizations + options_.local_search_budget))) settle();
     }
   };
-  // Of a small problem a start is as many places as the budget has.
+  // For a small problem, one start covers as many starting points as the budget has factorizations.
   const auto start_small = [&] {
     start_elsewhere(options_.small_budget, run.factorizations + options_.small_budget);
   };
@@ -351,11 +352,11 @@ Strategy::Answer Strategy::finish_cold(Run& run, bool small_too) {
   return answer;
 }
 
-// What it proves, and its counts.
+// Returns what the tree proves, and its counters.
 TreeResult Strategy::search_small_tree(Run& run, ConstVectorRef z, bool known_convex) {
   Options few = options_;
   few.node_limit = options_.small_budget;
-  // As many digits of a small objective: a cost in other units is the same problem.
+  // A small objective needs as many digits: a cost in other units is the same problem.
   if (incumbent_.exists()) {
     const double size =
         std::max(1.0 / problem_.cost_scale, std::abs(problem_.user_objective(incumbent_.best().objective)));

@@ -1,12 +1,12 @@
-// Which engine runs when: from a point to the best exact solution of a branch that the budgets allow.
+// Which engine runs when: from a starting point to the best exact solution of a branch within the budgets.
 //
 //   path ──► exact solution of its branch ──► better branches: near it, or from where all is soft still
 //     └─ branch infeasible ──► interior point ──► branches near its end, exchanged until one is feasible
-//                                └─ none is ──► whatever finds one without regard to the objective
+//                                └─ none is ──► the feasibility phase, which ignores the objective
 //
-// Option method may name another way, of none of these engines.
+// Option method may select a published method instead of these engines.
 //
-// With a warm start the branch of the point given comes first, and often last.
+// With a warm start, the branch of the given point comes first, and often no other engine is needed.
 #pragma once
 
 #include <memory>
@@ -26,61 +26,61 @@ class Strategy {
  public:
   Strategy(const ScaledProblem& problem, Kkt& kkt, const Options& options);
 
-  /// A solution to start from (scaled), and the whole objective that a cold start reached before it.
+  /// A starting solution (scaled), and the objective of the last cold start before it.
   struct WarmStart {
     const Iterate* solution;
     double cold_objective;
   };
   struct Answer {
     Ending ending;
-    const Iterate* x;  ///< lent until the next run: exact where a branch was solved, else the path's
-    /// True if it is exact and solves every branch it belongs to; absent if that was not decided.
+    const Iterate* x;  ///< valid until the next run: exact if a branch was solved, otherwise the path's point
+    /// True if x is exact and solves every branch that it belongs to; absent if that was not decided.
     std::optional<bool> b_stationary = {};
-    /// What curvature says of it on its branches: `minimum` also where it was not decided whether it is
-    /// B-stationary.
+    /// The result of the curvature test on the branches of x: `minimum` even if B-stationarity was not
+    /// decided.
     SecondOrder second_order = SecondOrder::unknown;
-    bool stayed_warm = false;  ///< it needed no cold start
-    TreeResult tree = {};      ///< of option global
+    bool stayed_warm = false;  ///< no cold start was needed
+    TreeResult tree = {};      ///< with option global
   };
 
-  /// From z (scaled) to an end; if there is a solution to start from, from its branch first. With `resumes`
-  /// from where the last run was interrupted, if it was before it had an exact solution. With `keeps_start`,
-  /// where z is feasible, the branch of z is solved first and the answer is never above its solution;
-  /// nor is it above a feasible solution to start from.
+  /// Solves from z (scaled). With a warm start, its branch comes first. With `resumes`, the run continues
+  /// where the last one was interrupted, if that had no exact solution yet. With `keeps_start`, if z is
+  /// feasible, its branch is solved first, and the solution is never above that of this branch; nor is it
+  /// above a feasible warm start.
   struct How {
     bool resumes = false, keeps_start = false;
   };
   [[nodiscard]] Answer run(Run& run, ConstVectorRef initial_z, const std::optional<WarmStart>& warm_start,
                            How how);
-  /// Whether Q is known to be convex without another factorization.
+  /// True if Q is known to be convex without another factorization.
   [[nodiscard]] bool known_convex() { return optimality_.known_convex(); }
-  /// Whether a run may resume.
+  /// True if a run may resume.
   [[nodiscard]] bool is_unfinished() const { return stage_ != Stage::beginning; }
   void forget_unfinished() { stage_ = Stage::beginning; }
-  /// Makes ready what run() with this warm start begins with; vectors may still change before.
+  /// Prepares the beginning of run() with this warm start; vectors may still change before that run.
   void prepare(Run& run, const WarmStart& warm_start) {
     if (options_.method == Method::marble) search_.prepare(run, *warm_start.solution);
   }
-  /// Lent until the next run, which begins anew; with the factor that this one has ended with, if it is the
-  /// last.
+  /// Valid until the next run, which resets it. With the factor with which this run ended, if that is the
+  /// last one.
   [[nodiscard]] BranchPoint& point() { return branch_.point; }
-  /// Memory that a tree may take, with option global, and what it may keep of that for the next one.
+  /// Memory for a tree, with option global, and the part of it that may be kept for the next tree.
   void allow_tree(double bytes, double kept_bytes) {
     tree_bytes_ = bytes;
     kept_tree_bytes_ = kept_bytes;
   }
-  /// From now on what a tree has proved is kept for the next solve that is warm.
+  /// From now on, keeps the bounds that a tree proves for the next warm solve.
   void keep_tree() { keeps_tree_ = true; }
-  /// What a tree has kept moves on.
+  /// Shifts the kept tree.
   void shift_tree(const Shift& by) {
     if (tree_ != nullptr) tree_->shift(by);
   }
-  /// The scale factors have changed: nothing of earlier runs has the units of now.
+  /// Call this when the scale factors have changed: all data of earlier runs have other units.
   void forget_scaling() {
     stage_ = Stage::beginning;
     tree_.reset();
   }
-  /// The matrices have new values.
+  /// Call this when the matrices have new values.
   void forget_matrices() {
     branch_.point.forget_ahead();
     optimality_.forget_convexity();
@@ -88,14 +88,14 @@ class Strategy {
   }
 
  private:
-  // A point of the path, for solves without anything better.
+  // The path's point, for solves without a better one.
   struct PathPoint {
     explicit PathPoint(const ScaledProblem& problem) : x(problem) {}
     Iterate x;
     Violations violations;
     double objective = 0.0;  // scaled
   };
-  // What came of the branch that the path shows.
+  // The result of solving the branch that the path shows.
   enum class PathBranch { exact, path_is_lower, not_exact };
 
   [[nodiscard]] Answer run_reference(Run& run, ConstVectorRef initial_z);
@@ -141,16 +141,16 @@ class Strategy {
   BranchSearch search_;
   Optimality optimality_;
   PathPoint path_point_;
-  std::optional<ExactSolution> start_;  // the caller's, feasible: of its branch, or the point itself
+  std::optional<ExactSolution> start_;  // the caller's feasible start: its branch's solution, or itself
   bool start_is_exact_ = false;
   Stage stage_ = Stage::beginning;        // at which the last run was interrupted
-  std::unique_ptr<Reference> reference_;  // the same
-  std::unique_ptr<Tree> tree_;            // made when it is first needed
+  std::unique_ptr<Reference> reference_;  // created when first needed
+  std::unique_ptr<Tree> tree_;            // created when first needed
   double tree_bytes_ = 0.0, kept_tree_bytes_ = 0.0;
   bool keeps_tree_ = false;
   struct {
     bool infeasible, unbounded;
-  } looked_for_ = {};  // proofs, in this run
+  } looked_for_ = {};  // proofs attempted in this run
 };
 
 }  // namespace marble

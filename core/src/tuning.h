@@ -1,7 +1,7 @@
-// The numbers that were chosen, not derived: tuning.def names each once.
+// The numbers that were chosen, not derived; tuning.def defines each of them once.
 //
 // They are constants. In the build of the core that loadtest/suite/tune links (MARBLE_TUNABLE) they are
-// variables, so that a sweep can try others without compiling; nothing else is built so.
+// variables, so that a sweep can try other values without compiling. No other build does this.
 #pragma once
 
 #include <cstddef>

@@ -107,11 +107,11 @@ Expected<Solution> WarmSolver::solve(const CheckedUpdate& update, const SolveCon
   return solution;
 }
 
-// What the next solve starts from: a solution, or the feasible point of a solve that was cut off later than
-// that, as in a tree.
+// Keeps what the next solve starts from: a solution, or the feasible point of a solve that was cut off in a
+// later phase, such as the tree.
 void WarmSolver::take_answer(Solution& solution) {
   const bool cut_off = solution.status == Status::time_limit || solution.status == Status::cancelled;
-  if (!cut_off) solver_.forget_unfinished();  // of an iteration limit: each solve has as many
+  if (!cut_off) solver_.forget_unfinished();  // max_iterations is the same for every solve
   const bool kept = cut_off && newest_ && solver_.take_better(*newest_, solution);
   if (kept) solution.detail = "the solution before it, which is feasible still; " + solution.detail;
   const bool is_start = is_solved(solution.status) ||

@@ -1,5 +1,5 @@
-// How well conditioned the paper's KKT matrix is along the path: what its section IV.A compares retractions
-// by.
+// The condition number of the paper's KKT matrix along the path, by which its section IV.A compares
+// retractions.
 #pragma once
 
 #include <cstdint>
@@ -12,24 +12,24 @@
 
 namespace marble {
 
-/// One κ of a path, where its inner loop has ended.
+/// One κ of a path, at the end of its inner loop.
 struct PathCondition {
   double kappa = 0.0;      ///< κ there
-  double condition = 0.0;  ///< of ∇r in (13), whole and scaled as the path has it, in the 1-norm; estimated
-  std::int32_t iterations = 0;  ///< Newton steps up to there
+  double condition = 0.0;  ///< of the whole ∇r in (13), with the path's scaling, in the 1-norm; estimated
+  std::int32_t iterations = 0;  ///< Newton steps so far
 };
 
-/// A path, and what was seen along it.
+/// A path and its condition numbers.
 struct PathConditions {
-  std::vector<PathCondition> at;              ///< κ falling, each but the last at most 0.7 of the one before
+  std::vector<PathCondition> at;  ///< decreasing κ, each except the last at most 0.7 times the one before
   Status status = Status::numerical_failure;  ///< how the path ended
   std::string detail;                         ///< the same in words
   std::int32_t iterations = 0;                ///< Newton steps in all
 };
 
-/// Follows the path from z = 0 by these options, without anything after it, and looks at ∇r on the way. A
-/// condition is found by a factorization of the whole of ∇r: to study solvers, not to solve. Errors:
-/// invalid_argument of the options; resource_exhausted where there is no linear system; cancelled.
+/// Follows the path from z = 0 with these options, without any later phase, and estimates the condition of ∇r
+/// on the way. Each estimate takes a factorization of the whole ∇r: this is for studies, not for solves.
+/// Errors: invalid_argument of the options; resource_exhausted if there is no linear system; cancelled.
 [[nodiscard]] Expected<PathConditions> path_conditions(const Problem& problem, const Options& options,
                                                        const SolveControls& controls = {});
 

@@ -1,4 +1,4 @@
-// The constants of contract.def: what clients and servers both know.
+// The constants of contract.def, which clients and servers share.
 #pragma once
 
 namespace marble::contract {

@@ -1,5 +1,4 @@
-// Eigen's matrices and vectors as views, without copies, for those who have Eigen: nothing else includes
-// this.
+// Views of Eigen's matrices and vectors, without copies. No other header includes Eigen.
 //
 //   Eigen::SparseMatrix<double> A = …;  Eigen::VectorXd b = …;
 //   problem.A = marble::view(A), problem.b = marble::view(b);
@@ -17,11 +16,11 @@
 
 namespace marble {
 
-/// What a sparse matrix must be to be viewed: compressed columns, 32-bit indices.
+/// The sparse matrices that can be viewed: compressed columns, 32-bit indices.
 using EigenSparse = Eigen::SparseMatrix<double, Eigen::ColMajor, Index>;
 
-/// Views a matrix, which must outlive the view and be compressed (makeCompressed()); one that is not has a
-/// view that Problem::create refuses.
+/// Views a matrix, which must outlive the view and be compressed (makeCompressed()). Problem::create refuses
+/// the view of an uncompressed one.
 [[nodiscard]] inline SparseMatrixView view(const EigenSparse& matrix) {
   if (matrix.rows() == 0) return {};
   const auto columns = static_cast<std::size_t>(matrix.cols());
@@ -32,10 +31,10 @@ using EigenSparse = Eigen::SparseMatrix<double, Eigen::ColMajor, Index>;
           {matrix.innerIndexPtr(), entries},
           {matrix.valuePtr(), entries}};
 }
-/// A view of what is gone at the line's end: not to be had.
+/// Deleted: a temporary would not outlive the view.
 SparseMatrixView view(const EigenSparse&& matrix) = delete;
 
-/// A vector whose numbers lie in one piece: a VectorXd, a Map, a Ref, a segment; no expression such as a + b.
+/// A vector with contiguous numbers: a VectorXd, a Map, a Ref, a segment; not an expression such as a + b.
 template <class Vector>
 concept EigenVector =
     bool(Vector::IsVectorAtCompileTime) && std::is_same_v<typename Vector::Scalar, double> &&
@@ -47,7 +46,7 @@ template <EigenVector Vector>
   return {vector.derived().data(), static_cast<std::size_t>(vector.size())};
 }
 
-/// Maps a solution's vector for Eigen to read; it must outlive the map.
+/// Maps a solution's vector, which must outlive the map, for reading with Eigen.
 [[nodiscard]] inline Eigen::Map<const Eigen::VectorXd> map(std::span<const double> values) {
   return {values.data(), static_cast<Eigen::Index>(values.size())};
 }

@@ -1,4 +1,4 @@
-// Errors are values: what was wrong, where, and the bound it broke.
+// Errors as values: what was wrong, where, and the bound it violates.
 #pragma once
 
 #include <cstdint>
@@ -9,53 +9,54 @@
 
 namespace marble {
 
-/// What kind of fault it is; what a caller may branch on. Listed, with what they mean, in contract.def.
+/// The kind of an error, on which callers may branch. contract.def lists all kinds with their meanings.
 enum class ErrorCode {
 #define MARBLE_ERROR(name, ...) name,
 #include "marble/contract.def"
 };
 
-/// Lower-case name of a code, as in logs and command-line output: "invalid_argument".
+/// Returns the code's name in lower case, as in logs and command-line output: "invalid_argument".
 [[nodiscard]] const char* to_string(ErrorCode code);
 
-/// What was wrong, where, and the rule it broke.
+/// What was wrong, where, and the rule it violates.
 struct Error {
-  ErrorCode code = ErrorCode::internal;  ///< the kind of fault
+  ErrorCode code = ErrorCode::internal;  ///< the kind of error
   std::string field;                     ///< path of the offending field, e.g. "A.row_indices"; empty if none
   std::int64_t index = -1;  ///< position in that field, 0-based; -1 if the field as a whole is meant
   std::string value;        ///< the offending value as text, e.g. "nan"; may be empty
   std::string bound;        ///< the rule that was broken, e.g. "must be < 12 (rows)"
 
-  /// One line for people: "A.row_indices[3] = 12: must be in [0, 12)".
+  /// Returns one line for users: "A.row_indices[3] = 12: must be in [0, 12)".
   [[nodiscard]] std::string message() const;
 };
 
-/// A value, or the error why there is none: `if (answer) use(*answer); else tell(answer.error());`
+/// A value, or the error that explains why there is none: `if (answer) use(*answer); else
+/// report(answer.error());`
 template <class T>
 using Expected = tl::expected<T, Error>;
 using tl::unexpected;
 
-/// An error of no field: of a call, a connection, a file as a whole.
+/// Returns an error without a field: of a call, a connection, a whole file.
 [[nodiscard]] Error failure(ErrorCode code, std::string bound);
-/// An error of a field as a whole, with its value where that tells something.
+/// Returns an error of a whole field, with its value where that is informative.
 [[nodiscard]] Error failure(ErrorCode code, std::string field, std::string value, std::string bound);
-/// An error of a field as a whole.
+/// Returns an error of a whole field.
 [[nodiscard]] Error failure(ErrorCode code, std::string field, std::string bound);
-/// A field that breaks a documented rule.
+/// Returns the error of a field that violates a documented rule.
 [[nodiscard]] Error invalid(std::string field, std::string bound);
-/// A field that breaks a documented rule, with the value that does.
+/// Returns the error of a field that violates a documented rule, with the value that violates it.
 [[nodiscard]] Error invalid(std::string field, std::string value, std::string bound);
-/// Entry `index` of a field, 0-based, that breaks a documented rule.
+/// Returns the error of entry `index` (0-based) of a field that violates a documented rule.
 [[nodiscard]] Error invalid(std::string field, std::int64_t index, std::string value, std::string bound);
-/// The error as whoever holds the thing under the name `prefix` tells it: "A.values" of "problem" becomes
-/// "problem.A.values". One of no field stays as it is.
+/// Returns the error with its field inside `prefix`: "A.values" in "problem" becomes "problem.A.values". An
+/// error without a field stays as it is.
 [[nodiscard]] Error inside(std::string_view prefix, Error error);
-/// The error as one of `field`.
+/// Returns the error with the field `field`.
 [[nodiscard]] Error of_field(std::string field, Error error);
 
-/// resource_exhausted: there is no memory left.
+/// resource_exhausted: out of memory.
 [[nodiscard]] Error out_of_memory();
-/// What `work` returns, an Expected; or the error, where memory runs out in it.
+/// Returns the result of `work`, an Expected, or `error()` if it runs out of memory.
 template <class Work>
 [[nodiscard]] auto or_out_of_memory(const Work& work, Error (*error)() = out_of_memory) -> decltype(work()) {
   try {

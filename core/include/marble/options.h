@@ -1,4 +1,4 @@
-// Solver options: one table (options.def), from which everything else follows.
+// Solver options. The table options.def defines them; everything else is generated from it.
 #pragma once
 
 #include <cstdint>
@@ -10,41 +10,41 @@
 
 namespace marble {
 
-/// How the relaxation is followed to κ → 0.
+/// How the path of the relaxation is followed to κ → 0.
 enum class Path {
-  fast,   ///< ρ at its maximum, κ lowered superlinearly, merit on the residual: a few factorizations
+  fast,  ///< ρ at its maximum, κ lowered superlinearly, merit function on the residual: a few factorizations
   paper,  ///< Algorithm 1: ρ raised, κ lowered by kappa_factor, filter line search; scaled and polished
-  algorithm1,  ///< Algorithm 1 as printed and nothing else: its δ, its end, no scaling, no polish, no search
+  algorithm1,  ///< Algorithm 1 exactly as printed: its δ, its end, no scaling, no polish, no search
 };
 
-/// By what a solve is done.
+/// The method of a solve.
 enum class Method {
   marble,       ///< this solver: the path, exact branches, local search
-  penalty_scp,  ///< π sᵀt linearized, a QP a step, π raised: LCQPow's iteration
+  penalty_scp,  ///< π sᵀt linearized, one QP per step, π raised: LCQPow's iteration
   relaxation,   ///< s∘t ≤ τ by an interior point method, τ lowered: Scholtes
   l1_penalty,   ///< μ Σ min(s, t), exact once μ is above the multipliers
-  exterior,     ///< μ times the squared distance from the constraints: SUMT
+  exterior,     ///< μ times the squared distance to the constraints: SUMT
   alag,         ///< the same with estimates of the multipliers: the augmented Lagrangian
-  aladin_beta,  ///< ALADIN-β: the next one split, and brought together by a QP a step
-  l1_barrier,  ///< ℓ₁ penalty of s∘t = 0 and a barrier of all bounds; both change from problem to problem
+  aladin_beta,  ///< ALADIN-β: l1_barrier split into parts, which one QP per step brings together
+  l1_barrier,  ///< ℓ₁ penalty of s∘t = 0 and a barrier for all bounds; both change from problem to problem
   l1_barrier_stepwise,  ///< the same, and both change after every Newton step
-  plain_barrier,        ///< the barrier alone: an interior point method on s∘t = 0 as it is
+  plain_barrier,        ///< the barrier alone: an interior point method on s∘t = 0 itself
 };
 
-/// How a pair's sides s·t = κ are written by one variable.
+/// How one variable represents the two sides of a pair with s·t = κ.
 enum class Retraction {
   softplus,     ///< (4): slopes between 0 and 1
-  exponential,  ///< √κ·e^σ and √κ·e^−σ: slopes without bound
+  exponential,  ///< √κ·e^σ and √κ·e^−σ: unbounded slopes
 };
 
-/// All options, at their defaults unless set. Ranges are closed; validate() checks them.
+/// All options, with their default values. Ranges are closed; validate() checks them.
 struct Options {
 #define MARBLE_OPTION(type, name, default_value, low, high, unit, doc) type name = default_value;
 #include "marble/options.def"
 #undef MARBLE_OPTION
 };
 
-/// What kind of value an option has.
+/// The type of an option's value.
 enum class OptionType {
   real,     ///< double
   integer,  ///< std::int32_t
@@ -55,16 +55,16 @@ enum class OptionType {
 /// Description of one option, for schemas, help texts and conversions.
 struct OptionInfo {
   std::string_view name;                      ///< as in Options
-  OptionType type;                            ///< decides how the numbers below are read
+  OptionType type;                            ///< how to read the numbers below
   double default_value;                       ///< booleans as 0 or 1, choices as their position in `choices`
-  double low;                                 ///< least value
+  double low;                                 ///< smallest value
   double high;                                ///< largest value
   std::string_view unit;                      ///< "s" for seconds; empty for a pure number
-  std::string_view doc;                       ///< one line for people
+  std::string_view doc;                       ///< one line for users
   std::span<const std::string_view> choices;  ///< names of a choice's values; empty otherwise
 };
 
-/// All options in the order of options.def.
+/// Returns all options in the order of options.def.
 [[nodiscard]] std::span<const OptionInfo> option_table();
 
 /// Sets one option from a number (booleans 0/1, choices by position); checks type and range.
@@ -79,7 +79,8 @@ struct OptionInfo {
 /// Checks every option against its range.
 [[nodiscard]] Expected<void> validate(const Options& options);
 
-/// The same where option explain has no meaning, and must be off: in sessions, coupled and scenario solves.
+/// The same for solves in which option explain has no meaning and must be off: in sessions, coupled and
+/// scenario solves.
 [[nodiscard]] Expected<void> validate_without_explain(const Options& options);
 
 }  // namespace marble

@@ -1,4 +1,4 @@
-// The solver: set up once per sparsity pattern, solve as often as the vectors change.
+// The solver: set up once for each sparsity pattern, then solve as often as the numbers change.
 #pragma once
 
 #include <chrono>
@@ -21,51 +21,53 @@ namespace marble {
 
 struct Shift;
 
-/// Runs pieces of one solve that do not depend on each other.
+/// Runs independent tasks of one solve.
 class TaskRunner {
  public:
   virtual ~TaskRunner() = default;
-  /// Runs every task once, on whatever threads, and returns when all have ended. No task throws.
+  /// Runs every task once, on any threads, and returns when all have ended. No task throws.
   virtual void run(std::span<const std::function<void()>> tasks) = 0;
 };
 
-/// What may accompany one solve; all of it optional, and free of cost when unused.
+/// Optional controls of one solve. Unused ones cost nothing.
 struct SolveControls {
-  ProgressSink* progress = nullptr;  ///< told after every iteration
-  std::stop_token stop = {};         ///< looked at about once a millisecond
-  /// n or empty: where a cold start begins (user units). Where it is feasible its branch is solved first, and
-  /// the answer is never above that branch's solution, also of a solve that is stopped.
+  ProgressSink* progress = nullptr;  ///< called after every iteration
+  std::stop_token stop = {};         ///< checked about once per millisecond
+  /// n or empty: where a cold start begins (user units). If it is feasible, its branch is solved first, and
+  /// the solution is never above that branch's solution, even if the solve is stopped.
   std::span<const double> initial_z = {};
-  /// An answer to this problem or one like it, of the same sizes, z and multipliers: its branch is tried
-  /// first. Where its z is feasible for the numbers of now, the answer is not above it.
+  /// A solution of this problem or of a similar one with the same sizes, with z and multipliers: its branch
+  /// is tried first. If its z is feasible for the current numbers, the new solution is not above it.
   const Solution* warm_start = nullptr;
-  /// Derivatives of the answer by the problem's numbers, by the factor that the solve ends with.
+  /// Requests derivatives of the solution with respect to the problem's numbers, from the last factor of the
+  /// solve.
   const SensitivityRequest* sensitivity = nullptr;
-  /// For option starts > 1: further starts run on it, four at a time. Without one they run one after the
-  /// other; the answer is the same to the last bit.
+  /// With option starts > 1, further starts run on it, four at a time. Without a runner they run one after
+  /// the other. The solution is the same to the last bit.
   TaskRunner* runner = nullptr;
-  Pause* pause = nullptr;  ///< asked whether to step aside; must outlive the solve
-  /// When the time limit began to run, where the set-up is to count; else as the solve begins.
+  Pause* pause = nullptr;  ///< asked whether to yield to other work; must outlive the solve
+  /// When the time limit began, if it also covers the set-up; by default the beginning of the solve.
   std::optional<std::chrono::steady_clock::time_point> begun = {};
   ActivityMonitor* activity = nullptr;  ///< shows other threads what the solve is doing
-  /// Filled with what proves the answer's bound, or that there is none; must outlive the solve. Of a
-  /// session's solve its tree begins at the root then.
+  /// Receives the proof of the solution's bound, or the reason why there is none; must outlive the solve. The
+  /// tree of a session's solve then begins at the root.
   Proof* proof = nullptr;
 };
 
-/// Whether an answer may be a `warm_start` of a problem of these sizes: as many entries in z and each kind of
-/// multipliers, all finite. Errors name "warm_start.z", "warm_start.equality_multipliers" and such.
+/// Checks that a solution can be the `warm_start` of a problem of these sizes: z and each kind of multipliers
+/// must have the right number of entries, all finite. Errors name "warm_start.z",
+/// "warm_start.equality_multipliers", ….
 [[nodiscard]] Expected<void> check_warm_start(const Solution& start, const PartSizes& sizes);
 
-/// What a solver may take, and what ends its set-up.
+/// Limits of a solver's resources, and conditions that end its set-up.
 struct SetupControls {
-  std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max();  ///< of memory
-  /// Of one factorization, in seconds, as a machine faster than any would need for its flops: more means that
-  /// there is no hope. The time limit of the options, if it is less, takes its place.
+  std::int64_t most_bytes = std::numeric_limits<std::int64_t>::max();  ///< memory limit in bytes
+  /// Limit for one factorization, in seconds, on an assumed machine that is faster than any real one: a
+  /// problem whose flops need more is hopeless. The time limit of the options replaces it if that is less.
   double most_factorization_s = std::numeric_limits<double>::infinity();
-  std::stop_token stop = {};  ///< looked at about once a millisecond
-  Pause* pause = nullptr;     ///< as that of a solve
-  /// The moment that ends it; never, unless it is said.
+  std::stop_token stop = {};  ///< checked about once per millisecond
+  Pause* pause = nullptr;     ///< as in SolveControls
+  /// The time at which the set-up ends; by default never.
   std::chrono::steady_clock::time_point until = std::chrono::steady_clock::time_point::max();
 };
 
@@ -73,34 +75,37 @@ struct SetupControls {
 /// One thread at a time may use a Solver; different Solvers are independent.
 class Solver {
  public:
-  /// Scales, analyses and allocates. Options must be valid. A problem whose memory or flops, known from the
-  /// symbolic factorization before anything numeric is allocated, would be more than the controls allow is
-  /// refused with resource_exhausted, field "problem"; what ends early gives cancelled or deadline_exceeded.
+  /// Scales, analyses and allocates. Options must be valid. The symbolic factorization gives the memory and
+  /// the flops before anything numeric is allocated; a problem that needs more than the controls allow is
+  /// refused with resource_exhausted, field "problem". A set-up that ends early returns cancelled or
+  /// deadline_exceeded.
   [[nodiscard]] static Expected<Solver> create(const Problem& problem, const Options& options = {},
                                                const SetupControls& controls = {});
 
-  /// What was moved from may only be assigned to or destroyed.
+  /// A moved-from Solver may only be assigned to or destroyed.
   Solver(Solver&&) noexcept;
-  /// As the constructor.
+  /// As the move constructor.
   Solver& operator=(Solver&&) noexcept;
   ~Solver();
 
-  /// New numbers in the same pattern, for solves to come. Scaling, ordering and workspace stay; an update of
-  /// vectors allocates nothing. Errors name the field and the index; nothing has changed then.
+  /// Sets new numbers in the same pattern for the following solves. Scaling, ordering and workspace are kept;
+  /// an update of vectors allocates nothing. Errors name the field and the index; nothing has changed then.
   [[nodiscard]] Expected<void> update(const ProblemUpdate& update);
 
-  /// Other options for solves to come; scaling_passes keeps what it was set up with. Options must be valid.
+  /// Sets other options for the following solves; scaling_passes keeps its value from the set-up. Options
+  /// must be valid.
   [[nodiscard]] Expected<void> set_options(const Options& options);
 
-  /// What it takes, in bytes, by the estimate of create().
+  /// Returns the memory in use, in bytes, as estimated by create().
   [[nodiscard]] std::int64_t memory_bytes() const;
 
-  /// Runs to an end and says which. An error only if `initial_z`, `warm_start` or `sensitivity` have other
-  /// sizes than the problem or are not finite; of the last one fields begin with "sensitivity.".
+  /// Solves, and returns a solution with a status in every case. Returns an error only if `initial_z`,
+  /// `warm_start` or `sensitivity` do not have the problem's sizes or are not finite; fields of the last
+  /// begin with "sensitivity.".
   [[nodiscard]] Expected<Solution> solve(const SolveControls& controls = {});
 
  private:
-  friend class WarmSolver;  // which takes what was checked before, and moves the tree on with its answer
+  friend class WarmSolver;  // which passes checked data, and shifts the tree together with its solution
   struct State;
   explicit Solver(std::unique_ptr<State> state);
   [[nodiscard]] Expected<Solution> solve(const SolveControls& controls, bool resumes, bool keeps_start);
@@ -116,16 +121,16 @@ class Solver {
   std::unique_ptr<State> state_;
 };
 
-/// Sets up and solves: the time limit counts both. Where the stop token or the limit ends the set-up the
-/// answer is the initial point. `setup` gives the limits; its own ends are not looked at. `ready` is told of
-/// the solver before it begins. Errors: as Solver::create and Solver::solve name them.
+/// Sets up and solves; the time limit covers both. If the stop token or the limit ends the set-up, the
+/// solution is the initial point. `setup` supplies only the limits; its stop token and end time are ignored.
+/// `ready` is called with the solver before the solve begins. Errors: as Solver::create and Solver::solve.
 [[nodiscard]] Expected<Solution> solve_once(const Problem& problem, const Options& options = {},
                                             const SolveControls& controls = {},
                                             const SetupControls& setup = {},
                                             const std::function<void(const Solver&)>& ready = {});
 
-/// Validates, sets up and solves in one call, here, as solve_once does. (marble::solve of the client library
-/// goes to a server where MARBLE_SERVER names one.)
+/// Validates, sets up and solves in one call in this process, as solve_once does. (marble::solve of the
+/// client library uses a server if MARBLE_SERVER names one.)
 [[nodiscard]] Expected<Solution> solve_in_process(const ProblemView& problem, const Options& options = {},
                                                   const SolveControls& controls = {});
 

@@ -1,6 +1,6 @@
-// Numbers of twice the precision: the sum of two doubles, the second less than half a unit in the last place
-// of the first (Dekker, "A floating-point technique for extending the available precision", 1971). Of a
-// product or quotient the last two or three of 106 bits may be wrong.
+// Numbers with twice the precision: the sum of two doubles, the second less than half a unit in the last
+// place of the first (Dekker, "A floating-point technique for extending the available precision", 1971). In
+// products and quotients, the last two or three of 106 bits may be wrong.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,7 +16,7 @@ struct DoubleDouble {
 
   explicit operator double() const { return high; }
 
-  /// Of a and b with |a| ≥ |b|.
+  /// Returns a + b; requires |a| ≥ |b|.
   [[nodiscard]] static DoubleDouble of_sum(double a, double b) {
     DoubleDouble sum(a + b);
     sum.low = b - (sum.high - a);

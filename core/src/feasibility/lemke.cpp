@@ -13,13 +13,13 @@
 namespace marble {
 namespace {
 
-// What a row or column of the tableau stands for: an equality's value or a row of [C; L; R] by its number, or
-// a variable, or θ, by these.
+// What a row or column of the tableau stands for: a row of [C; L; R], by its number, or one of these: an
+// equality's value, a variable, or θ.
 enum : Index { kTheta = -3, kVariable, kEquality };
 
 using std::abs;
 
-// Twice as many digits.
+// Squared for twice as many digits.
 template <class Scalar>
 constexpr double tolerance(double of_doubles) {
   return std::is_same_v<Scalar, double> ? of_doubles : of_doubles * of_doubles;
@@ -36,7 +36,7 @@ bool Lemke<Scalar>::applies() const {
          rows * problem_.variables() <= most;
 }
 
-// All rows by z: equalities, then sides.
+// All rows as functions of z: equalities, then sides.
 template <class Scalar>
 void Lemke<Scalar>::fill() {
   const Index n = problem_.variables();
@@ -58,7 +58,7 @@ void Lemke<Scalar>::fill() {
   for (Index row = 0; row < n_s; ++row) basic_.push_back(row);
 }
 
-// A basic variable for a nonbasic one.
+// Exchanges a basic variable and a nonbasic one (pivot).
 template <class Scalar>
 void Lemke<Scalar>::exchange(Index row, Index column) {
   const Scalar pivot = tableau_(row, column);
@@ -73,7 +73,7 @@ void Lemke<Scalar>::exchange(Index row, Index column) {
   std::swap(basic_[static_cast<std::size_t>(row)], nonbasic_[static_cast<std::size_t>(column)]);
 }
 
-// The variable that a row depends on most; −1 if on none.
+// Returns the variable on which a row depends most; −1 if on none.
 template <class Scalar>
 Index Lemke<Scalar>::best_column(Index row) const {
   Index best = -1;
@@ -87,8 +87,8 @@ Index Lemke<Scalar>::best_column(Index row) const {
   return best;
 }
 
-// Makes nonbasic each equality and one side of each pair: at first the side that looks like a bound, later
-// any.
+// Makes each equality and one side of each pair nonbasic: in even-numbered attempts the side that looks like
+// a bound, in odd ones a random side.
 template <class Scalar>
 bool Lemke<Scalar>::choose_unknowns(const Run& run, int way) {
   fill();
@@ -125,8 +125,8 @@ bool Lemke<Scalar>::choose_unknowns(const Run& run, int way) {
   return std::ranges::all_of(late, [this](Index pair) { return make_room(pair); });
 }
 
-// For a pair both of whose sides depend on other unknowns alone: one of them takes the place of another
-// pair's, whose other side can.
+// Handles a pair whose two sides depend only on other unknowns: one of them takes the place of a side of
+// another pair, whose other side can become an unknown.
 template <class Scalar>
 bool Lemke<Scalar>::make_room(Index pair) {
   const Index n_e = problem_.equalities();
@@ -152,7 +152,7 @@ bool Lemke<Scalar>::make_room(Index pair) {
   return false;
 }
 
-// To w = M x + q + d θ, perturbed so that no two rows block at once.
+// Reduces the tableau to w = M x + q + d θ, perturbed so that no two rows block at once.
 template <class Scalar>
 void Lemke<Scalar>::reduce(int way, ConstVectorRef z) {
   std::vector<Index> rows, columns;
@@ -188,7 +188,8 @@ void Lemke<Scalar>::reduce(int way, ConstVectorRef z) {
   nonbasic_.swap(nonbasic);
 }
 
-// The first row to reach zero as a nonbasic variable grows; θ before others. −1 if none does.
+// Returns the first row that reaches zero as a nonbasic variable grows; θ comes before others. −1 if there is
+// none.
 template <class Scalar>
 Index Lemke<Scalar>::blocking_row(Index column) const {
   Index first = -1;
@@ -224,7 +225,7 @@ bool Lemke<Scalar>::follow(Run& run) {
   const Index pairs = problem_.pairs();
   const Index pivots = tuning::lemke_pivots * pairs;
   for (Index pivot = 0; pivot < pivots && !run.interrupted(); ++pivot) {
-    if (pivot % pairs == 0) ++run.factorizations;  // n pivots of a row each
+    if (pivot % pairs == 0) ++run.factorizations;  // n pivots of one row each
     const Index leaving = basic_[static_cast<std::size_t>(row)];
     exchange(row, column);
     if (leaving == kTheta) return true;
@@ -282,7 +283,7 @@ bool Lemke<Scalar>::solve_branch(const WorkingSet& set, ConstVectorRef z, Iterat
     }
     x.z()[j] = static_cast<double>(value);
   }
-  // What the objective gains where a row is left: its column's rates of all basic variables.
+  // The objective's gain when a row is released: its column contains the rates of all basic variables.
   Vector gradient(variables);
   multiply(problem_.Q, x.z(), gradient);
   gradient += problem_.g;

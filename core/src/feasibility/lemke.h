@@ -1,14 +1,14 @@
-// Lemke's method, "Bimatrix equilibrium points and mathematical programming" (1965): a branch of what is a
-// linear complementarity problem once the variables that no pair needs stay where they are.
+// Lemke's method, "Bimatrix equilibrium points and mathematical programming" (1965). It finds a branch of a
+// problem that becomes a linear complementarity problem when the variables that no pair needs are fixed.
 //
-// With one side of each pair as the unknowns x ≥ 0, which equalities and rows must allow, the other sides are
-// w = M x + q. An artificial θ, w = M x + q + d θ, is taken from where it alone makes all of them ≥ 0 along a
-// path of complementary points to zero. The path depends on d and on which sides are the unknowns, but on no
-// objective.
+// One side of each pair becomes an unknown x ≥ 0, if equalities and rows allow it; the other sides are w = M
+// x + q. An artificial θ, in w = M x + q + d θ, starts at the value that alone makes all of them ≥ 0, and is
+// driven to zero along a path of complementary points. The path depends on d and on the choice of unknowns,
+// but not on the objective.
 //
-// In doubles M may be a hundred thousand times worse conditioned than rounding allows elsewhere in this
-// library; in twice the precision (DoubleDouble) no M that doubles can hold is out of reach, at thirty times
-// the cost.
+// In doubles, M may be a hundred thousand times worse conditioned than rounding allows elsewhere in this
+// library. In twice the precision (DoubleDouble), every M that doubles can represent can be solved, at thirty
+// times the cost.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,14 +26,15 @@ class Lemke {
  public:
   explicit Lemke(const ScaledProblem& problem) : problem_(problem) {}
 
-  /// Whether the method is for this problem: pairs, no inequality that it would not see, a tableau not too
-  /// large.
+  /// True if the method applies: there are pairs, no inequalities (which it would ignore), and the tableau is
+  /// not too large.
   [[nodiscard]] bool applies() const;
-  /// Way number 0, 1, … to a branch from z (scaled), where free variables stay. False if it ended in a ray,
-  /// or the sides cannot be chosen so. Counts the factorizations that its pivots cost as much as.
+  /// Makes attempt number 0, 1, … (`way`) from z (scaled); free variables stay there. Returns false if it
+  /// ended in a ray, or if the sides cannot be chosen. Counts its pivots as the factorizations that cost as
+  /// much.
   [[nodiscard]] bool run(Run& run, int way, ConstVectorRef z, WorkingSet& set);
-  /// The point of a branch that its equalities and fixed sides determine, where free variables stay at z,
-  /// with the multipliers that keep it there. False if they contradict each other.
+  /// Computes the point of a branch that its equalities and fixed sides determine, with free variables at z,
+  /// and the multipliers that keep it there. Returns false if they contradict each other.
   [[nodiscard]] bool solve_branch(const WorkingSet& set, ConstVectorRef z, Iterate& x);
 
  private:
@@ -49,7 +50,7 @@ class Lemke {
   [[nodiscard]] Index blocking_row(Index column) const;
 
   const ScaledProblem& problem_;
-  Tableau tableau_;                      // basic variables by nonbasic ones, the last column constant
+  Tableau tableau_;  // basic variables as functions of the nonbasic ones; the last column is constant
   std::vector<Index> basic_, nonbasic_;  // what each row and column stands for
 };
 

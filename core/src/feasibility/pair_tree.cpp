@@ -8,7 +8,7 @@
 
 namespace marble {
 
-// No cost; [C; L; R] and, as the other side of every side, as many empty rows.
+// No cost; the rows are [C; L; R], followed by as many empty rows, the other sides of all sides.
 PairTree::PairTree(const ScaledProblem& p) : problem_(p) {
   const Index n = p.variables();
   relaxed_.Q.size = n;
@@ -42,7 +42,7 @@ Index PairTree::smaller_side(Index pair) const {
 
 void PairTree::fix(Index side) { engines_->point.set.fix(side, true, true); }
 
-// The open pair whose smaller side is largest; −1 if none is open.
+// Returns the open pair whose smaller side is largest; −1 if none is open.
 Index PairTree::worst_pair(double& apart) const {
   Index worst = -1;
   for (Index pair = 0; pair < problem_.pairs(); ++pair) {
@@ -91,7 +91,7 @@ void PairTree::record(Proof& proof, const FarkasProof& found) const {
   proof.radius = radius_;
 }
 
-// To the last fork's other child. False if there is none.
+// Goes to the other child of the last fork. Returns false if there is none.
 bool PairTree::back() {
   if (forks_.empty()) return false;
   engines_->point.restore(forks_.back().x, forks_.back().set);

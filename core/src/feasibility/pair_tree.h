@@ -1,9 +1,9 @@
-// A tree over the pairs, for when nothing else has found a feasible branch: in each node some pairs have a
-// side fixed at zero and both sides of the others are free.
+// A tree over the pairs, if no other method has found a feasible branch. In each node, some pairs have one
+// side fixed at zero, and both sides of the others are free.
 //
-// Depth first. A node is the elastic relaxation, from its parent's optimum; one that cannot be feasible is
-// cut, by a proof if its multipliers are one, and one that can be is divided at the pair that is farthest
-// from complementary. If all are cut by proofs there is no feasible point.
+// Depth first. A node is the elastic relaxation, started from its parent's optimum. A node that cannot be
+// feasible is cut, with a proof if its multipliers are one. Any other node is divided at the pair that is
+// farthest from complementary. If all leaves are cut by proofs, there is no feasible point.
 #pragma once
 
 #include <functional>
@@ -21,23 +21,24 @@ class PairTree {
   explicit PairTree(const ScaledProblem& problem);
 
   enum class End {
-    found,    ///< a branch that was accepted
-    refuted,  ///< every branch is proved to be infeasible
-    stopped,  ///< by its budget, or not every end was a proof
+    found,    ///< a branch was accepted
+    refuted,  ///< every branch is proved infeasible
+    stopped,  ///< by its budget, or because not every leaf has a proof
   };
-  /// Whether a branch whose relaxation is feasible in z, both scaled, is one to end with.
+  /// Decides whether a branch whose relaxation is feasible in z (both scaled) ends the search.
   using Accept = std::function<bool(ConstVectorRef z, const WorkingSet& branch)>;
   /// Searches from z (scaled), up to the run's given count of factorizations.
   [[nodiscard]] End run(Run& run, ConstVectorRef z, int last_factorization, const Accept& accept);
 
-  /// Whether its forks would not take too much memory.
+  /// True if its forks do not take too much memory.
   [[nodiscard]] bool applies() const;
   [[nodiscard]] int nodes() const { return nodes_; }  ///< of the last run()
-  /// Of a run that refuted: no z with |z|∞ up to this is feasible, user units, rounding paid for.
+  /// After a run that refuted all branches: no z with |z|∞ up to this is feasible, user units, rounding
+  /// included.
   [[nodiscard]] double radius() const { return radius_; }
 
  private:
-  // A node whose other child is still to be looked at.
+  // A node whose other child is still to be visited.
   struct Fork {
     Iterate x;
     WorkingSet set;
@@ -54,7 +55,7 @@ class PairTree {
   [[nodiscard]] bool back();
 
   const ScaledProblem& problem_;
-  ScaledProblem relaxed_;  // each side a pair of its own with 0: fixed, or free
+  ScaledProblem relaxed_;  // each side forms a pair with 0: fixed, or free
   std::unique_ptr<Kkt> kkt_;
   std::unique_ptr<BranchEngines> engines_;
   std::vector<Fork> forks_;

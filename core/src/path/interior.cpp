@@ -36,7 +36,7 @@ bool InteriorEngine::run(Run& run, ConstVectorRef initial_z, bool resumes) {
   return true;
 }
 
-// Slacks at least √κ, multipliers on the central path of their own.
+// Slacks are at least √κ; multipliers begin on their own central path.
 void InteriorEngine::start(ConstVectorRef initial_z) {
   x_.all.setZero();
   x_.z() = initial_z;
@@ -53,7 +53,7 @@ void InteriorEngine::evaluate() {
   primal_residual_ = std::max(max_abs(images_.equality), gap);
 }
 
-// Weights of the rows, and what they add to the right-hand side.
+// Computes the weights of the rows, and their contributions to the right-hand side.
 void InteriorEngine::weigh() {
   weights_.rho = tuning::interior_rho;
   weights_.delta = std::max(tuning::least_delta, tuning::interior_delta_factor * kappa_);
@@ -76,7 +76,7 @@ void InteriorEngine::weigh() {
   }
 }
 
-// One Newton step; its length, 0 if the factorization or the step is of no use.
+// Takes one Newton step; returns its length, 0 if the factorization or the step failed.
 double InteriorEngine::step(Run& run) {
   evaluate();
   report(run);

@@ -1,8 +1,8 @@
-// The second engine, for when the path ends infeasible: an interior point method.
+// The second engine, for problems whose path ends infeasible: an interior point method.
 //
-// It keeps s, t > 0 and follows s∘t = κ, linearised as t ds + s dt = κ − st, to κ → 0 with a proximal term 3κ
-// on z. Nothing softens that constraint, so that t cannot drift away along −κ log as it can on the path at
-// finite ρ. What it ends with need not be feasible either, but its branch is near one that is.
+// It keeps s, t > 0 and follows s∘t = κ, linearized as t ds + s dt = κ − st, to κ → 0 with a proximal term 3κ
+// on z. That constraint is never softened, so t cannot drift away along −κ log, as it can on the path at
+// finite ρ. The final point need not be feasible either, but its branch is near a feasible one.
 #pragma once
 
 #include "data/residual.h"
@@ -16,8 +16,8 @@ class InteriorEngine {
  public:
   InteriorEngine(const ScaledProblem& problem, Kkt& kkt);
 
-  /// Follows κ from z (scaled) to its end, or as far as it gets. False if it broke down at once or was
-  /// interrupted: the next one may then resume, from where this one was and with the numbers of then.
+  /// Follows κ from z (scaled) to its end, or as far as possible. Returns false if it broke down at once or
+  /// was interrupted: a later run may then resume at the same point, with the numbers current at that time.
   [[nodiscard]] bool run(Run& run, ConstVectorRef initial_z, bool resumes = false);
 
   [[nodiscard]] auto z() const { return x_.z(); }

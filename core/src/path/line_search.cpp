@@ -22,7 +22,7 @@ Measures measure(const Subproblem& sub, const Images& at, const Images& along, c
                  const Iterate& d, double alpha) {
   const double softness = 1.0 / sub.rho;
   Measures m{0.0, at.objective + alpha * (at.gradient.dot(d.z()) + 0.5 * alpha * along.gradient.dot(d.z()))};
-  // θ and the terms of φ that e = (λ − α)/ρ brings, for one constraint with value c(z) − h.
+  // Adds θ and the terms of φ from e = (λ − α)/ρ, for one constraint with value c(z) − h.
   const auto add_constraint = [&](double value, double estimate, double lambda) {
     const double e = softness * (lambda - estimate);
     m.theta += std::abs(value - e);
@@ -83,7 +83,7 @@ double FilterLineSearch::search(const Subproblem& sub, const Images& at, const I
     started_ = true;
   }
   const double descent = phi_slope(sub, at, x, d);
-  // Differences below this are rounding: near a solution neither measure can be seen to fall.
+  // Differences below this are rounding: near a solution, no decrease of either measure is visible.
   const double noise = tuning::roundoff * std::abs(current.phi);
   const double theta_noise = tuning::roundoff * static_cast<double>(x.all.size());
   for (double alpha = 1.0; alpha >= tuning::exactness; alpha *= 0.5) {
@@ -109,7 +109,7 @@ double residual_norm(const Subproblem& sub, const Images& at, const Images& alon
                      const Iterate& d, double alpha) {
   const double softness = 1.0 / sub.rho;
   double norm = (at.stationarity + alpha * along.stationarity).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
-  const auto take = [&norm](double value) {  // unlike std::max, a NaN wins and stays
+  const auto take = [&norm](double value) {  // unlike std::max, keeps a NaN
     const double size = std::abs(value);
     if (size > norm || std::isnan(size)) norm = size;
   };

@@ -37,7 +37,7 @@ bool Newton::factor(const Subproblem& sub, const Iterate& x, double delta, bool 
 
 bool Newton::direction(const Subproblem& sub, const Iterate& x, const Iterate& r, Iterate& d,
                        Images& images) {
-  // W e + (a, −b)·r₃/π of one pair, for e = (e_L, e_R).
+  // Computes W e + (a, −b)·r₃/π of one pair, for e = (e_L, e_R).
   const auto weight_s = weights_.rows.s();
   const auto weight_t = weights_.rows.t();
   const auto pair_image = [&](Eigen::Index i, double e_L, double e_R, double& out_L, double& out_R) {

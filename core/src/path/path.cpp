@@ -27,7 +27,7 @@ PathEngine::PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& op
       direction_images_(problem),
       reporter_(problem) {}
 
-// Algorithm 1; start() is lines 1–2. Line numbers are the paper's.
+// Algorithm 1; start() is lines 1–2. Line numbers are those of the paper.
 std::optional<Ending> PathEngine::follow(Run& run, double kappa_end) {
   const bool to_its_end = kappa_end <= options_.kappa_min;
   lost_ = false;
@@ -114,7 +114,8 @@ void PathEngine::evaluate() {
   violations_ = violations(problem_, images_);
 }
 
-// By violations alone. What the inner loop leaves of the residual may be more than a solved point has.
+// The end depends on violations only. The residual after the inner loop may be larger than that of a solved
+// point.
 Ending PathEngine::end_as_printed() {
   if (solved_afresh()) return {Status::solved, {}, {}};
   return {Status::solved_reduced, "Algorithm 1 looks at violations alone; " + describe(violations_), {}};
@@ -125,13 +126,14 @@ bool PathEngine::feasible() const {
          within_tolerances(scaled_violations(problem_.layout, images_), options_);
 }
 
-// Multiplier times slack of an inequality is κ by (12), which no violation shows.
+// The product of multiplier and slack of an inequality is κ by (12), which no violation shows.
 bool PathEngine::solved() const {
   return residual_norm_ <= options_.stationarity_tolerance && feasible() &&
          (problem_.inequalities() == 0 || sub_.kappa <= options_.stationarity_tolerance);
 }
 
-// Images::advance gathers rounding, most of it after large steps: no point is called solved on its word.
+// Images::advance accumulates rounding errors, most of them after large steps. A point is therefore
+// reevaluated before it counts as solved.
 bool PathEngine::solved_afresh() {
   images_.evaluate(problem_, x_);
   evaluate();
@@ -144,12 +146,12 @@ void PathEngine::begin_subproblem(Run& run) {
   inner_steps_ = 0;
   schedule_.advance(sub_, x_);
   filter_.reset();
-  images_.evaluate(problem_, x_);  // sheds the rounding that Images::advance gathered
+  images_.evaluate(problem_, x_);  // removes the rounding errors that Images::advance has accumulated
   evaluate();
   ++run.outer_iterations;
 }
 
-// The fast path lowers κ boldly; too many steps at one κ say that it was too bold.
+// The fast path lowers κ aggressively; too many steps at one κ show that it was lowered too far.
 bool PathEngine::lost(bool last_resort) {
   const int patience = last_resort ? tuning::path_last_resort * tuning::patience : tuning::patience;
   return ++inner_steps_ > patience && options_.path == Path::fast;
@@ -165,7 +167,7 @@ bool PathEngine::retreat() {
   return true;
 }
 
-// Where it was stays in best_, for resume().
+// The interrupted point stays in best_, for resume().
 Ending PathEngine::give_best(Status reason) {
   x_.all.swap(best_.all);
   images_.evaluate(problem_, x_);
@@ -185,7 +187,7 @@ bool PathEngine::step(Run& run) {
       return newton_.factor(sub_, x_, regularization_.current(), clip);  // lines 7–10
     });
     if (!inertia_right && run.interrupted()) return false;
-    if (!inertia_right && clip) run.nonconvex = true;  // with q ≥ 0 nothing else can spoil it
+    if (!inertia_right && clip) run.nonconvex = true;  // with q ≥ 0, nothing else can cause it
     if (inertia_right && newton_.direction(sub_, x_, r_, d_, direction_images_)) {  // line 11
       step_length_ = run.timed(&Times::line_search_s, [&] { return search(); });    // line 12
       if (step_length_ > 0.0) break;

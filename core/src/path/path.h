@@ -1,4 +1,4 @@
-// The path-following engine: Algorithm 1 of the paper, and a faster schedule on the same equations.
+// The path-following engine: Algorithm 1 of the paper, and a faster schedule for the same equations.
 #pragma once
 
 #include "path/line_search.h"
@@ -12,38 +12,38 @@ namespace marble {
 
 class PathEngine {
  public:
-  /// Allocates everything that run() needs.
+  /// Allocates everything that follow() needs.
   PathEngine(const ScaledProblem& problem, Kkt& kkt, const Options& options);
 
   /// Begins a new path at z (scaled).
   void start(ConstVectorRef initial_z);
-  /// After a follow() that was interrupted: goes on from where that was, with the numbers of now.
+  /// Continues an interrupted follow() from its point, with the current numbers.
   void resume();
 
-  /// Follows the path and says why it ended; nothing if it is worth a polish now and may be followed further
-  /// after: when the inner loop at κ ≤ kappa_end has ended, or the path got lost before.
+  /// Follows the path and returns why it ended. Returns nothing if a polish is worth trying and the path may
+  /// be followed further: when the inner loop at κ ≤ kappa_end has ended, or the path stalled before.
   [[nodiscard]] std::optional<Ending> follow(Run& run, double kappa_end);
 
-  /// From z, a few steps each at rising ρ < rho_end and one fixed κ: a point at which everything is soft
-  /// still, and each pair leans to the side that costs less.
+  /// Takes a few steps each at increasing ρ < rho_end and one fixed κ, from z. At the resulting point
+  /// everything is still soft, and each pair is biased to the side that costs less.
   void lean(Run& run, ConstVectorRef initial_z, double rho_end);
 
-  /// Whether the last follow() broke off because it took too many steps at one κ.
+  /// True if the last follow() ended because it took too many steps at one κ (stalled).
   [[nodiscard]] bool is_lost() const { return lost_; }
-  /// The iterate follow() ended with, or the best one where it was interrupted.
+  /// The last iterate of follow(), or the best one if it was interrupted.
   [[nodiscard]] const Iterate& iterate() const { return x_; }
-  /// Its violations (user units) and its objective (scaled).
+  /// Its violations (user units); objective() is its objective (scaled).
   [[nodiscard]] const Violations& violations_at() const { return violations_; }
-  /// Whether it is within the tolerances, in the user's units and in the scaled ones: where the user's are
-  /// large, so that a number far from zero is below every tolerance, only the latter tell.
+  /// True if it is within the tolerances in the user's units and in the scaled ones. If the user's units are
+  /// large, so that numbers far from zero are within every tolerance, only the scaled units are informative.
   [[nodiscard]] bool feasible() const;
-  /// The least violated of those it has passed since start(), the one with the lowest objective of those
-  /// within the tolerances. Not after an interruption: iterate() is it then.
+  /// The least violated iterate since start() or, among those within the tolerances, the one with the lowest
+  /// objective. Not after an interruption, when it is iterate().
   [[nodiscard]] const Iterate& best() const { return best_; }
   [[nodiscard]] const Violations& best_violations() const { return best_violations_; }
   [[nodiscard]] double best_objective() const { return best_objective_; }
   [[nodiscard]] double objective() const { return images_.objective; }
-  /// κ, ρ and the estimates at hand, and δ of the last step.
+  /// The current κ, ρ and estimates; regularization() is δ of the last step.
   [[nodiscard]] const Subproblem& subproblem() const { return sub_; }
   [[nodiscard]] double regularization() const { return regularization_.current(); }
 
@@ -73,8 +73,8 @@ class PathEngine {
   FilterLineSearch filter_;
   StallDetector stall_;
   Iterate x_, r_, d_, best_;
-  Iterate inner_solution_;             // where the last inner loop ended, to come back to
-  double inner_solution_kappa_ = 0.0;  // its κ; 0 while there is none
+  Iterate inner_solution_;             // the point of the last inner loop, to return to
+  double inner_solution_kappa_ = 0.0;  // its κ; 0 if there is none
   int inner_steps_ = 0;
   bool leaning_ = false;  // the estimates stay 0
   bool lost_ = false;

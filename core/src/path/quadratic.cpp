@@ -47,7 +47,8 @@ void QuadraticEngine::start_elastic(ConstVectorRef initial_z, const WorkingSet& 
   begin(initial_z, branch);
 }
 
-// ν as large as the constraints are violated: multipliers grow with that, and from below it steps are short.
+// Sets ν as large as the violation of the constraints: multipliers grow with it, and steps are short if ν
+// starts below them.
 void QuadraticEngine::begin(ConstVectorRef initial_z, const WorkingSet& branch) {
   set_ = branch;
   shown_.clear();
@@ -81,9 +82,9 @@ double QuadraticEngine::free_rows() const {
   return std::max<double>(1.0, problem_.inequalities() + problem_.pairs());
 }
 
-// Newton on (Qz + g + Aᵀy + Jᵀλ, Az + b, Jz + c − w, w∘ν − κ + product) over the rows [C; L; R]; dν is
-// eliminated by the last two. A fixed side has w = 0 and dλ = ρ times what its step leaves of it. With a
-// softness ε they are Az + b − εy and Jz + c + εν − w.
+// Newton's method on (Qz + g + Aᵀy + Jᵀλ, Az + b, Jz + c − w, w∘ν − κ + product) over the rows [C; L; R]; the
+// last two eliminate dν. A fixed side has w = 0 and dλ = ρ times its residual after the step. With a softness
+// ε, the rows are Az + b − εy and Jz + c + εν − w.
 bool QuadraticEngine::direction(double kappa, bool correct) {
   rate_.setZero();
   set_.for_each_free_row([&](Index row) {
@@ -113,8 +114,8 @@ double QuadraticEngine::longest_step() const {
   return length;
 }
 
-// Near the end weights of 1/κ leave nothing of a flat direction but rounding, and the inertia may seem wrong.
-// A larger proximal term then still vanishes with the step, and steps are short there.
+// Near the end, weights of 1/κ leave only rounding in a flat direction, and the inertia may seem wrong. The
+// effect of a larger proximal term still vanishes with the step, since steps are short there.
 bool QuadraticEngine::factor(Run& run) {
   while (true) {
     ++run.factorizations;

@@ -1,11 +1,11 @@
-// For problems without pairs and for single branches, which are convex QPs if anything: a primal-dual
-// interior point method.
+// A primal-dual interior point method for problems without pairs and for single branches, if they are convex
+// QPs.
 //
-// Mehrotra's predictor and corrector (SIAM J. Optim. 2, 1992): one factorization and two solves a step. With
-// w = Cz + d > 0 and ν > 0 it follows w∘ν = κ to κ → 0; equalities, fixed sides of pairs and z by proximal
-// terms, which vanish where it ends. The rows that will hold at zero show long before that.
+// Mehrotra's predictor and corrector (SIAM J. Optim. 2, 1992): one factorization and two solves per step.
+// With w = Cz + d > 0 and ν > 0 it follows w∘ν = κ to κ → 0. Equalities, fixed sides of pairs and z have
+// proximal terms, which vanish at the end. The rows that will be at zero are visible long before that.
 //
-// Of an elastic branch the same: its rows are w = Cz + d + ν/ρ, and its terms in ρ and δ stay.
+// It also solves elastic branches: their rows are w = Cz + d + ν/ρ, and their terms in ρ and δ stay.
 #pragma once
 
 #include "data/residual.h"
@@ -20,32 +20,32 @@ namespace marble {
 class QuadraticEngine {
  public:
   QuadraticEngine(const ScaledProblem& problem, Kkt& kkt) : QuadraticEngine(problem, kkt, problem) {}
-  /// With the kkt of another problem whose rows are the same, but not which of them are pairs.
+  /// Uses the kkt of another problem with the same rows, which may differ in which of them are pairs.
   QuadraticEngine(const ScaledProblem& problem, Kkt& kkt, const ScaledProblem& of_kkt);
 
-  /// On this branch: of `branch` only which sides it fixes counts.
+  /// Starts on this branch; only the fixed sides of `branch` are used.
   void start(ConstVectorRef initial_z, const WorkingSet& branch);
-  /// After a step() that was interrupted: goes on from there, on its branch, with the numbers of now.
+  /// Continues after an interrupted step() on its branch, with the current numbers.
   void resume();
-  /// On the elastic version of this branch: every violation of a row costs ½ρ·violation², and every distance
-  /// from `center` ½δ·distance².
+  /// Starts on the elastic version of this branch: every violation of a row costs ½ρ·violation², and the
+  /// distance to `center` ½δ·distance².
   void start_elastic(ConstVectorRef initial_z, const WorkingSet& branch, double rho, double delta,
                      ConstVectorRef center);
-  /// One step. False if it broke down, was too short again and again, or was interrupted: Q has negative
-  /// curvature, or there is no solution.
+  /// Takes one step. Returns false if it broke down, was too short several times in a row, or was
+  /// interrupted. A breakdown means that Q has negative curvature, or that there is no solution.
   [[nodiscard]] bool step(Run& run);
 
   /// (z, y, λ = −ν).
   [[nodiscard]] const Iterate& iterate() const { return x_; }
-  /// The branch, with the rows that hold at zero, w < ν.
+  /// The branch with the rows that are at zero: w < ν.
   [[nodiscard]] const WorkingSet& set() const { return set_; }
-  /// Whether these rows have settled, the same after two steps, and are others than when it was last so.
+  /// True if these rows have settled, the same after two steps, and differ from those of the last time.
   [[nodiscard]] bool shows_new_rows();
   [[nodiscard]] double kappa() const { return kappa_; }
 
-  /// Steps up to the run's given count of factorizations, and at the latest to κ ≈ 0. Whenever the rows have
-  /// settled, and at the end, solve(budget) is asked whether it could solve the branch with iterate() and
-  /// set(). True if it could.
+  /// Takes steps up to the run's given count of factorizations, or until κ ≈ 0. Whenever the rows have
+  /// settled, and at the end, it calls solve(budget), which tries to solve the branch from iterate() and
+  /// set(). Returns true if that succeeded.
   template <class Solve>
   [[nodiscard]] bool find_rows(Run& run, int last_factorization, Solve&& solve) {
     for (bool at_end = false; !at_end;) {
@@ -63,7 +63,7 @@ class QuadraticEngine {
   [[nodiscard]] bool factor(Run& run);
   [[nodiscard]] bool direction(double kappa, bool correct);
   [[nodiscard]] double longest_step() const;
-  [[nodiscard]] double free_rows() const;  // and 1 where there is none
+  [[nodiscard]] double free_rows() const;  // 1 if there are none
   void read_rows();
   void report(Run& run);
 
@@ -73,12 +73,12 @@ class QuadraticEngine {
   RowWeights weights_;
   Iterate x_, d_;  // λ of the step is −dν
   Images images_;
-  Vector slack_, slack_step_, product_, rate_;  // w, dw, the predictor's dw∘dν, what rows add to the gradient
+  Vector slack_, slack_step_, product_, rate_;  // w, dw, predictor's dw∘dν, gradient of rows
   Vector center_;
   double softness_ = 0.0;  // 1/ρ of an elastic branch, else 0
   std::vector<std::uint8_t> shown_;
   double kappa_ = 0.0, step_length_ = 0.0;
-  int short_steps_ = 0;  // in a row
+  int short_steps_ = 0;  // consecutive
   bool settled_ = false;
   Reporter reporter_;
 };

@@ -38,13 +38,13 @@ void Cholesky::append(ConstVectorRef row, double pivot) {
   ++size_;
 }
 
-// The rows behind it move up, which leaves an entry above the diagonal in each; a rotation of two columns
-// takes it away.
+// The rows after it move up, which leaves one entry above the diagonal in each; a rotation of two columns
+// removes it.
 void Cholesky::remove(Eigen::Index i) {
   const Eigen::Index last = size_ - 1;
   for (Eigen::Index column = 0; column < size_; ++column) {
     double* const entries = factor_.col(column).data();
-    const Eigen::Index from = std::max(i, column > 0 ? column - 1 : 0);  // the first that moves up
+    const Eigen::Index from = std::max(i, column > 0 ? column - 1 : 0);  // the first one that moves up
     std::copy(entries + from + 1, entries + size_, entries + from);
   }
   for (Eigen::Index column = i; column < last; ++column) {

@@ -1,4 +1,5 @@
-// L Lᵀ of a symmetric positive definite matrix that rows enter and leave one at a time.
+// The factorization L Lᵀ of a symmetric positive definite matrix whose rows are added and removed one at a
+// time.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -13,23 +14,24 @@ class Cholesky {
   [[nodiscard]] Eigen::Index size() const { return size_; }
   void clear() { size_ = 0; }
 
-  /// Of a whole matrix, its lower triangle. False, and empty, if it is not positive definite.
+  /// Factorizes a whole matrix, given by its lower triangle. Returns false, and is empty, if it is not
+  /// positive definite.
   [[nodiscard]] bool factorize(const Eigen::MatrixXd& matrix);
   /// x ← L⁻¹x, x ← L⁻ᵀx.
   void solve_lower(VectorRef x) const;
   void solve_upper(VectorRef x) const;
-  /// A row at the end: L⁻¹ of its entries, and the root of what is left of its diagonal.
+  /// Adds a row at the end: L⁻¹ of its entries, and the square root of what remains of its diagonal.
   void append(ConstVectorRef row, double pivot);
-  /// Takes row i out.
+  /// Removes row i.
   void remove(Eigen::Index i);
 
-  /// Copies another one's, without the room it has beyond.
+  /// Copies another factor, without its spare capacity.
   void take(const Cholesky& other);
 
  private:
   void reserve(Eigen::Index size);
 
-  Eigen::MatrixXd factor_;  // lower triangle; larger than it need be
+  Eigen::MatrixXd factor_;  // lower triangle; larger than necessary
   Eigen::Index size_ = 0;
 };
 

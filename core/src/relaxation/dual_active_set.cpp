@@ -67,7 +67,8 @@ bool DualActiveSet::refactor() {
   return true;
 }
 
-// Multipliers that keep the rows held at zero; all others 0. Rows whose sign is wrong leave, the worst first.
+// Computes the multipliers that keep the held rows at zero; all others are 0. Rows with a wrong sign are
+// removed, the worst first.
 bool DualActiveSet::solve_held() {
   const double wrong = -tuning::rounding * (1.0 + max_abs(mu_));
   while (true) {
@@ -124,7 +125,7 @@ Index DualActiveSet::most_violated() const {
   return result;
 }
 
-// How the multipliers held move with that of `row`, which moves by `sign`.
+// Computes how the held multipliers move when that of `row` moves by `sign`.
 bool DualActiveSet::direction(Index row, double sign) {
   const double* const column = gram_(row);
   if (column == nullptr) return false;
@@ -168,7 +169,7 @@ DualActiveSet::Taken DualActiveSet::take(Index row, double enough, int most_step
       length = until;
       leaving = i;
     }
-    if (!std::isfinite(length) && std::abs(v) <= tuning::near) {  // a contradiction of rounding
+    if (!std::isfinite(length) && std::abs(v) <= tuning::near) {  // a contradiction due to rounding
       kind_[row] = RowKind::ignored;
       return Taken::held;
     }
@@ -193,7 +194,7 @@ DualActiveSet::Taken DualActiveSet::take(Index row, double enough, int most_step
   }
 }
 
-// The rows that are violated most, beside the one that is taken in first.
+// Chooses the most violated rows, besides the one that is added first.
 void DualActiveSet::choose_candidates(Index first) {
   candidates_.clear();
   if (most_candidates_ < 2) return;
@@ -207,7 +208,7 @@ void DualActiveSet::choose_candidates(Index first) {
   }
 }
 
-// Their slacks alone; −1 if none is violated any more.
+// Updates only their slacks; returns −1 if none is violated any more.
 Index DualActiveSet::next_candidate() {
   Index worst = -1;
   for (const Index row : candidates_) {

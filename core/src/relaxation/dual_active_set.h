@@ -1,11 +1,11 @@
 // The dual active set method in the space of the rows: min ½μᵀGμ + v₀ᵀμ over μ ≥ 0, free where a row is
 // fixed.
 //
-// From multipliers of the right signs it takes the most violated row in and, where a multiplier reaches zero
-// on the way, lets that row go: the objective only rises, and it may stop as soon as that is enough. A child
-// of a node is one more row to take in. (Goldfarb and Idnani, "A numerically stable dual method for solving
-// strictly convex quadratic programs", 1983; in the space of the rows as by Arnström, Bemporad and Axehill,
-// "A dual active-set solver for embedded quadratic programming using recursive LDLᵀ updates", 2022.)
+// From multipliers of the right signs it adds the most violated row. If a multiplier reaches zero on the way,
+// it removes that row. The objective only rises, so the method may stop as soon as it is high enough. A child
+// of a node adds one more row. (Goldfarb and Idnani, "A numerically stable dual method for solving strictly
+// convex quadratic programs", 1983; in the space of the rows as by Arnström, Bemporad and Axehill, "A dual
+// active-set solver for embedded quadratic programming using recursive LDLᵀ updates", 2022.)
 #pragma once
 
 #include <cstdint>
@@ -23,41 +23,42 @@ class DualActiveSet {
   enum class RowKind : std::uint8_t { inequality, fixed, ignored };
   enum class End {
     optimal,     ///< no row is violated
-    cutoff,      ///< the objective has risen by what was asked for
-    infeasible,  ///< ray() raises it without bound, so it seems
+    cutoff,      ///< the objective has risen by the requested amount
+    infeasible,  ///< ray() seems to raise it without bound
     stopped,     ///< after too many steps, or interrupted
   };
 
-  /// Begins anew: multipliers and slacks of a point that is optimal for its center, to which all moves refer.
+  /// Resets to the multipliers and slacks of a point that is optimal for its center, to which all later moves
+  /// refer.
   void start(ConstVectorRef multipliers, ConstVectorRef slacks);
-  /// Replaces the center by another one for the multipliers at hand.
+  /// Replaces the center by another one for the current multipliers.
   [[nodiscard]] bool recenter(ConstVectorRef slacks);
-  /// The rows held, whatever their multipliers are now; those of a wrong sign leave.
+  /// Holds these rows, whatever their multipliers are now; those with a wrong sign are removed.
   [[nodiscard]] bool hold(const std::vector<Index>& rows);
   void set_kind(Index row, RowKind kind) { kind_[row] = kind; }
   [[nodiscard]] RowKind kind(Index row) const { return kind_[row]; }
 
-  /// From now on so many rows are taken in, each while it is violated, before the slacks of all are evaluated
-  /// again; 1 takes the most violated of all each time.
+  /// From now on adds this many rows, each while it is violated, before the slacks of all rows are evaluated
+  /// again; 1 adds the most violated of all rows each time.
   void consider(int candidates) { most_candidates_ = candidates; }
   [[nodiscard]] End run(double enough, int most_steps, const Interrupt& interrupt);
-  /// How far the objective has risen since start(), recenter() or hold().
+  /// Returns the increase of the objective since start(), recenter() or hold().
   [[nodiscard]] double gain() const { return gain_; }
   [[nodiscard]] std::int64_t steps() const { return steps_; }
-  /// infeasible: the row that cannot be taken in.
+  /// After infeasible: the row that cannot be added.
   [[nodiscard]] Index blocked() const { return blocked_; }
   [[nodiscard]] const Vector& ray() const { return ray_; }
 
   [[nodiscard]] const Vector& multipliers() const { return mu_; }
-  [[nodiscard]] const Vector& slacks() const { return v_; }  ///< 0 for rows held
+  [[nodiscard]] const Vector& slacks() const { return v_; }  ///< 0 for held rows
   [[nodiscard]] const Vector& center_multipliers() const { return mu_center_; }
   [[nodiscard]] const Vector& center_slacks() const { return v_center_; }
   [[nodiscard]] const std::vector<Index>& held() const { return held_; }
   [[nodiscard]] bool is_held(Index row) const { return place_[row] >= 0; }
-  /// How far the objective would rise in the first step towards `row` = 0.
+  /// Returns the increase of the objective in the first step towards `row` = 0.
   [[nodiscard]] double first_gain(Index row);
 
-  /// All of it, to come back to.
+  /// The whole state, for save() and restore().
   struct State {
     std::vector<Index> held;
     std::vector<RowKind> kind;
@@ -88,12 +89,12 @@ class DualActiveSet {
   std::vector<RowKind> kind_;
   int most_candidates_ = 1;
   std::vector<Index> candidates_;
-  std::vector<Index> held_, place_;  // rows in the factor's order; where each row is in it, or −1
+  std::vector<Index> held_, place_;  // rows in the factor's order; the position of each row in it, or −1
   Vector mu_, v_, mu_center_, v_center_;
   Cholesky factor_;
   Eigen::MatrixXd matrix_;
-  // Of the row that is being taken in: L⁻¹ of its column, how the multipliers held move, what is left of its
-  // diagonal.
+  // For the row that is being added: L⁻¹ of its column, the rates of the held multipliers, what remains of
+  // its diagonal.
   Vector column_, rates_;
   double pivot_ = 0.0;
   bool dependent_ = false;

@@ -11,7 +11,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Σ a z of a row over a box, at its least or at its most: the finite terms, and which one is not.
+// The minimum or maximum of Σ a z of a row over a box: the sum of the finite terms, and the number of
+// infinite ones.
 struct RowActivity {
   double sum = 0.0, size = 0.0;
   int infinite = 0;
@@ -24,7 +25,7 @@ struct RowActivity {
       ++infinite;
     }
   }
-  // Of the other terms; infinite if one of them is.
+  // Returns the sum of the other terms; infinite if one of them is.
   [[nodiscard]] double without(double term) const {
     if (std::isfinite(term)) return infinite > 0 ? kInfinity : sum - term;
     return infinite > 1 ? kInfinity : sum;
@@ -43,8 +44,8 @@ Box::Box(const ScaledProblem& p, double far, int passes) {
   radius = far / p.variable_scale.array();
 }
 
-// A row Σ a z + o ≥ 0 bounds each term from below by what the others are at most; = 0 from above too. Widened
-// by the rounding of its sums.
+// A row Σ a z + o ≥ 0 bounds each term from below by the maximum of the others; a row = 0 also from above.
+// The bounds are widened by the rounding of their sums.
 void Box::tighten(const RowMatrix& matrix, const Vector& offset, bool equality) {
   for (Index row = 0; row < matrix.rows; ++row) {
     RowActivity least, most;
@@ -98,7 +99,7 @@ void DualBound::add_rows(ConstVectorRef y, ConstVectorRef mu) {
   add(problem_.rows, problem_.offset, mu, -1.0);
 }
 
-// The value with what r costs at the worst point of the box.
+// Returns the value, minus what r costs at the worst point of the box.
 double DualBound::settle(const Box& box, double relative) {
   paid_ = value_.error(tuning::bound_roundoff);
   double negligible = 0.0;
@@ -114,7 +115,7 @@ double DualBound::settle(const Box& box, double relative) {
     };
     paid_ -= std::min(least(entry.value() - error), least(entry.value() + error));
   }
-  // The sum above has its own rounding.
+  // The sum above has its own rounding error.
   const double bound =
       value_.value() - paid_ - tuning::bound_roundoff * (1.0 + problem_.variables()) * std::abs(paid_);
   return std::isfinite(bound) ? bound : -kInfinity;

@@ -1,12 +1,12 @@
-// Bounds that are true: what multipliers prove of a convex relaxation, rounding paid for.
+// Rigorous bounds: what multipliers prove about a convex relaxation, with an allowance for rounding.
 //
-// For a convex Q, any point z̄ and any multipliers with the right signs every feasible z has
+// For a convex Q, any point z̄ and any multipliers with the right signs, every feasible z satisfies
 //
 //   f(z) ≥ −½ z̄ᵀQz̄ + bᵀy − oᵀμ + rᵀz,   r = Q z̄ + g + Aᵀy − Jᵀμ,
 //
-// with rows A z + b = 0 and J z + o ≥ 0 (= 0 where μ may be negative). What is left of r is paid for at the
-// worst z: within the bounds of z that the rows imply; where there are none r must be 0 to 1e-9 of the
-// largest sum it is made of, and is paid for up to a stated radius.
+// with rows A z + b = 0 and J z + o ≥ 0 (= 0 where μ may be negative). The term with r is charged at the
+// worst z within the bounds of z that the rows imply. Where they imply none, r must be 0 to 1e-9 of the
+// largest sum from which it is made, and is charged up to a stated radius.
 #pragma once
 
 #include <algorithm>
@@ -18,22 +18,21 @@
 
 namespace marble {
 
-/// Where z lies, scaled.
+/// Bounds of z, scaled.
 struct Box {
-  /// What the rows imply, each with the bounds of its other variables, in so many passes; and |z|∞ ≤ far
-  /// (user units) where they do not.
+  /// Computes the bounds that the rows imply, each with the bounds of its other variables, in this number of
+  /// passes; |z|∞ ≤ far (user units) where they imply none.
   Box(const ScaledProblem& problem, double far, int passes = tuning::box_passes);
-  Vector lower, upper;  ///< ±∞ where rows do not say
-  Vector radius;        ///< for the others
-  /// Whether rows bound every variable: what holds in it holds everywhere.
+  Vector lower, upper;  ///< ±∞ where rows imply none
+  Vector radius;        ///< for those variables
+  /// True if rows bound every variable, so that bounds in the box hold everywhere.
   [[nodiscard]] bool is_bounded() const { return lower.allFinite() && upper.allFinite(); }
 
  private:
   void tighten(const RowMatrix& matrix, const Vector& offset, bool equality);
 };
 
-/// `multipliers` with the signs that a relaxation asks for: 0 for what is negative of a row that is not
-/// fixed.
+/// Gives multipliers the signs that a relaxation requires: negative ones of rows that are not fixed become 0.
 template <class IsFixed>
 void take_signs(const Vector& multipliers, const IsFixed& is_fixed, Vector& signed_multipliers) {
   signed_multipliers = multipliers;
@@ -46,12 +45,13 @@ class DualBound {
  public:
   explicit DualBound(const ScaledProblem& problem);
 
-  /// Of the objective (scaled, without constant) over the box. Multipliers must have the right signs.
+  /// Returns a bound of the objective (scaled, without constant) over the box. Multipliers must have the
+  /// right signs.
   [[nodiscard]] double of_objective(const Box& box, ConstVectorRef z, ConstVectorRef y, ConstVectorRef mu);
-  /// How much of that bound was lost on r.
+  /// Returns how much of that bound was lost on r.
   [[nodiscard]] double paid() const { return paid_; }
-  /// Whether the multipliers contradict the rows: with Q = 0 and g = 0 their bound is above 0 (Farkas). Where
-  /// nothing bounds z, r is no more than rounding: what is 1e-10 of the gap is a solution at 1e10.
+  /// True if the multipliers contradict the rows: with Q = 0 and g = 0 their bound is above 0 (Farkas). Where
+  /// nothing bounds z, r must be rounding: an r of 1e-10 of the gap means a solution at 1e10.
   [[nodiscard]] bool contradicts(const Box& box, ConstVectorRef y, ConstVectorRef mu);
 
  private:

@@ -40,7 +40,8 @@ bool ProximalSystem::solve(VectorRef x, VectorRef y) {
     if (!kkt_.solve_once(rest_x_, rest_y_)) return false;
     x_ += rest_x_;
     y_ += rest_y_;
-    // Each takes about as much away as the last one: what the next would correct is rounding.
+    // Each sweep removes about as large a part of the error as the last one: after this, the next correction
+    // would be rounding.
     if (sweep > 0 && max_abs(rest_x_) <= tuning::exactness * max_abs(x_) &&
         max_abs(rest_y_) <= tuning::exactness * max_abs(y_))
       break;

@@ -1,6 +1,6 @@
-// The convex relaxations of all nodes seen from their rows: G = J K⁻¹ Jᵀ, what a unit multiplier of one row
-// does to the slacks of all. K, the root's system with Q, the equalities and the proximal term, is the same
-// for every node, so that a column is solved for once a tree, when its row first becomes active.
+// The convex relaxations of all nodes in terms of their rows: G = J K⁻¹ Jᵀ, the effect of a unit multiplier
+// of one row on the slacks of all. K, the root's system with Q, the equalities and the proximal term, is the
+// same for every node. A column is therefore computed once per tree, when its row first becomes active.
 #pragma once
 
 #include <memory>
@@ -11,18 +11,18 @@
 
 namespace marble {
 
-/// K = [Q + δI, Aᵀ; A, 0] by the factor of a Kkt that has a small −1/ρ in its corner: repeated on the
-/// residual of K itself, which leaves no trace of ρ. Dependent equalities do no harm.
+/// Solves with K = [Q + δI, Aᵀ; A, 0] by the factor of a Kkt that has a small −1/ρ in its corner. Repeated
+/// steps on the residual of K itself remove the effect of ρ. Equalities may be dependent.
 class ProximalSystem {
  public:
   ProximalSystem(const ScaledProblem& problem, Kkt& kkt);
 
   [[nodiscard]] bool factor(double rho, double delta);
   [[nodiscard]] Kkt& kkt() { return kkt_; }
-  /// For (x, y) in place of the right-hand side. False if interrupted.
+  /// Replaces the right-hand side (x, y) by the solution. Returns false if interrupted.
   [[nodiscard]] bool solve(VectorRef x, VectorRef y);
-  /// Moves (z, y) to the minimum of the Lagrangian for these multipliers of the rows, ½δ|Δz|² included. False
-  /// if interrupted.
+  /// Moves (z, y) to the minimum of the Lagrangian for these multipliers of the rows, including ½δ|Δz|².
+  /// Returns false if interrupted.
   [[nodiscard]] bool minimize(ConstVectorRef multipliers, Vector& z, Vector& y);
 
  private:
@@ -32,22 +32,23 @@ class ProximalSystem {
   Vector x_, y_, rest_x_, rest_y_, image_, right_x_, right_y_;
 };
 
-/// What the engines of a tree share; each fills it by its own system, which makes the same bits.
+/// The columns that the engines of a tree share. Each engine fills them with its own system, which gives the
+/// same bits.
 class Gram {
  public:
   explicit Gram(const ScaledProblem& problem) : problem_(problem), columns_(problem.layout.size()) {}
 
-  /// Memory if every column is needed.
+  /// Returns the memory if every column is needed.
   [[nodiscard]] static double most_bytes(const ScaledProblem& problem) {
     const double rows = problem.layout.size();
     return rows * rows * sizeof(double);
   }
 
-  /// Memory of those there are.
+  /// Returns the memory of the existing columns.
   [[nodiscard]] double bytes();
-  /// Null where it is not there yet.
+  /// Returns a column, or null if it does not exist yet.
   [[nodiscard]] const double* find(Index row);
-  /// Solves for it. Null if that is interrupted.
+  /// Computes a column. Returns null if interrupted.
   [[nodiscard]] const double* fill(Index row, ProximalSystem& system);
 
  private:
@@ -56,7 +57,7 @@ class Gram {
   std::vector<std::unique_ptr<double[]>> columns_;
 };
 
-/// One engine's way to it, which asks for a lock once a column.
+/// One engine's access to the columns, which takes the lock once per column.
 class GramColumns {
  public:
   GramColumns(const ScaledProblem& problem, Gram& gram, ProximalSystem& system)

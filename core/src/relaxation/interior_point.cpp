@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// How far along `change` all of these numbers stay positive.
+// Returns how far along `change` all of these numbers stay positive.
 double longest_step(const Vector& values, const Vector& change, const std::vector<std::uint8_t>& ignored) {
   double length = 1.0;
   for (Index i = 0; i < values.size(); ++i) {
@@ -88,8 +88,8 @@ void InteriorPoint::restore(const State& state) {
   bound_ = state.bound;
 }
 
-// The least squares of all rows, moved until slacks and multipliers are positive (Mehrotra, "On the
-// implementation of a primal-dual interior point method", 1992).
+// Starts at the least-squares solution of all rows, shifted until slacks and multipliers are positive
+// (Mehrotra, "On the implementation of a primal-dual interior point method", 1992).
 bool InteriorPoint::begin() {
   z_.setZero();
   y_.setZero();
@@ -121,7 +121,7 @@ bool InteriorPoint::begin() {
     least = std::min(least, rows_[row]);
     most = std::max(most, rows_[row]);
   }
-  // Multipliers are −rows_ there.
+  // The multipliers are −rows_ at this point.
   const double primal = std::max(0.0, -1.5 * least) + tuning::tree_interior_least;
   const double dual = std::max(0.0, 1.5 * most) + tuning::tree_interior_least;
   double product = 0.0, sum_w = 0.0, sum_mu = 0.0;
@@ -172,7 +172,7 @@ double InteriorPoint::violation() const {
   return worst;
 }
 
-// What is known at this iterate; an end if that is enough.
+// Evaluates the bound at this iterate; returns an end if that is sufficient.
 std::optional<InteriorPoint::End> InteriorPoint::examine(const Box& box, double cutoff) {
   const double proved = dual_bound_.of_objective(box, z_, y_, mu_);
   note(z_, y_, mu_, proved);
@@ -186,8 +186,8 @@ std::optional<InteriorPoint::End> InteriorPoint::examine(const Box& box, double 
   return std::nullopt;
 }
 
-// The multipliers grow along a ray for which Aᵀy − Jᵀμ is nothing. What is left of it, r, goes with the
-// factor at hand: where (Q + δI + JᵀWJ) dz + Aᵀdy = −r, y + dy and μ − W J dz leave −(Q + δI) dz.
+// The multipliers grow along a ray for which Aᵀy − Jᵀμ is zero. Its residual r is removed with the current
+// factor: if (Q + δI + JᵀWJ) dz + Aᵀdy = −r, then y + dy and μ − W J dz leave −(Q + δI) dz.
 bool InteriorPoint::contradicts(const Box& box, double largest) {
   ray_y_ = y_ / largest;
   ray_mu_ = mu_ / largest;
@@ -207,7 +207,8 @@ bool InteriorPoint::contradicts(const Box& box, double largest) {
   return false;
 }
 
-// Towards w∘μ = κ, from the factor at hand; with what the last direction leaves of the products.
+// Computes the direction to w∘μ = κ with the current factor; if corrected, with the products dw∘dμ of the
+// last direction.
 bool InteriorPoint::direction(double kappa, bool corrected) {
   for (Index row = 0; row < w_.size(); ++row) {
     if (is_fixed(row)) {
@@ -227,7 +228,7 @@ bool InteriorPoint::direction(double kappa, bool corrected) {
   return true;
 }
 
-// False if there is none.
+// Returns false if there is no step.
 bool InteriorPoint::step() {
   const double kappa = mean_product(w_, mu_);
   weights_.delta = std::clamp(tuning::elastic_delta * kappa, tuning::rounding, tuning::elastic_delta);
@@ -265,7 +266,7 @@ InteriorPoint::End InteriorPoint::solve(const Box& box, double cutoff, const Int
   for (int iteration = 0; iteration < tuning::engine_budget && !end; ++iteration) {
     evaluate();
     end = examine(box, cutoff);
-    // Small factors have no look of their own.
+    // Small factors do not check the interrupt themselves.
     if (!end && (interrupt.requested() || !step()))
       end = interrupt.requested() ? End::interrupted : End::undecided;
   }
@@ -273,9 +274,9 @@ InteriorPoint::End InteriorPoint::solve(const Box& box, double cutoff, const Int
   return end.value_or(End::undecided);
 }
 
-// At the optimum z' with a price on the slacks, S in sum, f(z') + S(z') ≤ f(z) + S(z): such that S(z) is the
-// rise. No two prices are the same, else an interior point method ends amid slacks of which only the sum is
-// given.
+// At the optimum z' with a price on the slacks, S in sum, f(z') + S(z') ≤ f(z) + S(z): the prices make S(z)
+// the rise. All prices differ, because otherwise an interior point method ends between slacks of which only
+// the sum is determined.
 std::vector<Index> InteriorPoint::zero_together(const std::vector<Index>& rows, double rise,
                                                 const Interrupt& interrupt) {
   const auto weight = [](std::size_t k) { return 1.0 + std::fmod(0.618 * static_cast<double>(k), 1.0); };
@@ -293,7 +294,7 @@ std::vector<Index> InteriorPoint::zero_together(const std::vector<Index>& rows, 
   bool going = begin();
   for (int iteration = 0; iteration < tuning::engine_budget && going; ++iteration) {
     evaluate();
-    // The slack of a zero row with such a multiplier is far below it.
+    // The slack of a zero row with such a multiplier is far smaller than it.
     if (violation() <= tuning::tree_interior_gap && mean_product(w_, mu_) <= 0.1 * price * price) {
       std::ranges::copy_if(rows, std::back_inserter(zero), [this](Index row) { return w_[row] < mu_[row]; });
       break;
@@ -304,7 +305,7 @@ std::vector<Index> InteriorPoint::zero_together(const std::vector<Index>& rows, 
   return zero;
 }
 
-// Rows whose multiplier outweighs their slack are active.
+// Rows whose multiplier exceeds their slack are active.
 void InteriorPoint::finish() {
   held_.clear();
   for (Index row = 0; row < w_.size(); ++row) {

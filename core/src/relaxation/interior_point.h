@@ -1,11 +1,11 @@
-// The convex relaxation of a node by an interior point method: for problems whose factor is sparse, where
-// many rows are active.
+// An interior point method for the convex relaxation of a node, for problems with a sparse factor and many
+// active rows.
 //
 // Mehrotra's predictor and corrector, with a proximal term on z and on the multipliers of the equalities, so
-// that the system is regular whatever the rows are. (Schwan, Jiang, Kuhn and Jones, "PIQP: a proximal
-// interior-point quadratic programming solver", 2023.) A fixed side is an equality. The bound that the
-// multipliers prove is looked at in each iteration, and ends it as soon as it reaches the cutoff; that of an
-// infeasible node grows without end.
+// that the system is regular for any rows. (Schwan, Jiang, Kuhn and Jones, "PIQP: a proximal interior-point
+// quadratic programming solver", 2023.) A fixed side is an equality. Each iteration evaluates the bound that
+// the multipliers prove, and the method ends as soon as it reaches the cutoff; the bound of an infeasible
+// node grows without limit.
 #pragma once
 
 #include <memory>
@@ -18,19 +18,19 @@ namespace marble {
 
 class InteriorPoint final : public NodeEngine {
  public:
-  /// `kkt` of its own, of this problem.
+  /// `kkt` is its own and belongs to this problem.
   InteriorPoint(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt);
 
   void attend(const Interrupt& interrupt) override { kkt_->attend(interrupt); }
   [[nodiscard]] bool prepare(Run& run) override;
   [[nodiscard]] bool is_convex(Run& run) override;
   [[nodiscard]] bool start(ConstVectorRef z) override;
-  /// From nothing: what the parent held is of no use here.
+  /// Starts from scratch: this method cannot use the rows that the parent held.
   [[nodiscard]] bool start(const Center& center, const std::vector<Index>& held,
                            double parent_bound) override;
   void fix(Index row) override { fixed_[static_cast<std::size_t>(row)] = 1; }
   [[nodiscard]] End solve(const Box& box, double cutoff, const Interrupt& interrupt) override;
-  /// By a small price on their sum.
+  /// Uses a small price on the sum of the slacks.
   [[nodiscard]] std::vector<Index> zero_together(const std::vector<Index>& rows, double rise,
                                                  const Interrupt& interrupt) override;
 
@@ -78,8 +78,8 @@ class InteriorPoint final : public NodeEngine {
   DualBound dual_bound_;
   RowWeights weights_;
   std::vector<std::uint8_t> fixed_;  // by row
-  Vector z_, y_, w_, mu_;            // w: slacks > 0, nothing of fixed rows
-  Vector linear_;                    // of the objective
+  Vector z_, y_, w_, mu_;            // w: slacks > 0; unused for fixed rows
+  Vector linear_;                    // linear part of the objective
   Vector equality_, rows_, gradient_, stationarity_;
   Vector dz_, dy_, dw_, dmu_, complement_, trial_w_, trial_mu_, ray_y_, ray_mu_, signed_;
   double objective_ = 0.0, bound_ = 0.0;

@@ -1,5 +1,6 @@
-// What solves the convex relaxation of a node: some pairs with one side fixed at zero, of the others both
-// sides ≥ 0. It solves one node after the other and says what its multipliers prove.
+// The interface of engines that solve the convex relaxation of a node: some pairs have one side fixed at
+// zero, and both sides of the others are ≥ 0. An engine solves one node after the other and returns what its
+// multipliers prove.
 #pragma once
 
 #include <limits>
@@ -19,69 +20,69 @@ class NodeEngine {
   NodeEngine& operator=(const NodeEngine&) = delete;
   virtual ~NodeEngine() = default;
 
-  /// Where the multipliers and slacks of all nodes are counted from.
+  /// The reference point of the multipliers and slacks of all nodes.
   struct Center {
     Vector z, y, multipliers, slacks;
   };
   enum class End {
-    optimal,      ///< solved, as exactly as bound() tells
-    cutoff,       ///< bound() is no less than the cutoff
+    optimal,      ///< solved, as exactly as bound() shows
+    cutoff,       ///< bound() is not below the cutoff
     infeasible,   ///< its multipliers contradict its rows
-    undecided,    ///< neither; bound() is true all the same
+    undecided,    ///< none of these; bound() still holds
     interrupted,  ///< bound() is that of its parent
   };
 
-  /// From now on this may interrupt it.
+  /// Sets the interrupt, from now on.
   virtual void attend(const Interrupt& interrupt) = 0;
-  /// Takes the problem's values. False if Q is not convex, or interrupted.
+  /// Loads the problem's values. Returns false if Q is not convex, or if interrupted.
   [[nodiscard]] virtual bool prepare(Run& run) = 0;
-  /// Whether Q is convex to rounding; prepares too.
+  /// True if Q is convex to rounding; also prepares the engine.
   [[nodiscard]] virtual bool is_convex(Run& run) = 0;
-  /// Nothing fixed, no row held, around z.
+  /// Starts around z with nothing fixed and no row held.
   [[nodiscard]] virtual bool start(ConstVectorRef z) = 0;
-  /// No row fixed; these held, around a center.
+  /// Starts around a center with nothing fixed and these rows held.
   [[nodiscard]] virtual bool start(const Center& center, const std::vector<Index>& held,
                                    double parent_bound) = 0;
-  /// A side of a pair is zero from now on.
+  /// Fixes a side of a pair at zero.
   virtual void fix(Index row) = 0;
-  /// Solves what is fixed now. `cutoff` and bounds are scaled objectives.
+  /// Solves the relaxation with the current fixings. `cutoff` and bounds are scaled objectives.
   [[nodiscard]] virtual End solve(const Box& box, double cutoff, const Interrupt& interrupt) = 0;
 
-  /// Of these rows, none of them fixed, those that are zero together at some point of what was solved last,
-  /// where the objective is higher by no more than `rise`. May be none wherever telling costs more than it
-  /// saves; then nothing else is known of them.
+  /// Returns those of these rows, none of them fixed, that are zero together at some point of the last solved
+  /// relaxation whose objective is higher by at most `rise`. Returns none if finding them costs more than it
+  /// saves; nothing else is then known about them.
   [[nodiscard]] virtual std::vector<Index> zero_together(const std::vector<Index>& /*rows*/, double /*rise*/,
                                                          const Interrupt& /*interrupt*/) {
     return {};
   }
 
   [[nodiscard]] virtual double bound() const = 0;
-  /// The one of the last solve().
+  /// The center of the last solve().
   [[nodiscard]] virtual Center center() const = 0;
   [[nodiscard]] virtual const Vector& z() const = 0;
   [[nodiscard]] virtual const Vector& y() const = 0;
   [[nodiscard]] virtual const Vector& multipliers() const = 0;
-  [[nodiscard]] virtual const Vector& slacks() const = 0;  ///< 0 for rows held
+  [[nodiscard]] virtual const Vector& slacks() const = 0;  ///< 0 for held rows
   [[nodiscard]] virtual const std::vector<Index>& held() const = 0;
   [[nodiscard]] virtual bool is_held(Index row) const = 0;
-  /// After infeasible: the multipliers that contradict its rows.
+  /// After infeasible: the multipliers that contradict the rows.
   [[nodiscard]] virtual const Vector& ray() const = 0;
-  /// The same with the signs they must have and the y that belongs to them: all of that proof.
+  /// The same with the required signs and with the corresponding y: the whole proof.
   [[nodiscard]] virtual LeafMultipliers contradiction() const = 0;
-  /// K with its factor, until the next solve(). Null if interrupted.
+  /// Returns K with its factor, valid until the next solve(). Null if interrupted.
   [[nodiscard]] virtual ProximalSystem* proximal_system(Run& run) = 0;
-  /// So far.
+  /// Returns the factorizations so far.
   [[nodiscard]] virtual std::int64_t factorizations() const = 0;
-  /// Of its factors.
+  /// Returns the memory of its factors.
   [[nodiscard]] virtual double bytes() = 0;
 
-  /// All of it, to come back to.
+  /// Saves the whole state, for restore().
   virtual void save() = 0;
   virtual void restore() = 0;
 
-  /// From now on the best bound of each solve() is kept with what proves it: later steps may prove less.
+  /// From now on keeps the best bound of each solve() with its proof, since later steps may prove less.
   void keep_best(bool keep) { keeps_best_ = keep; }
-  /// Of the last solve(); a bound of −∞ where it proved none, or another state was restored since.
+  /// Of the last solve(); its bound is −∞ if none was proved, or if another state was restored since.
   [[nodiscard]] const LeafMultipliers& best() const { return best_; }
 
  protected:

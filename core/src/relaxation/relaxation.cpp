@@ -62,7 +62,7 @@ bool Relaxation::start(const Center& center, const std::vector<Index>& held, dou
   return set_.hold(held);
 }
 
-// The minimum around the center for the multipliers at hand.
+// Computes the minimum around the center for the current multipliers.
 bool Relaxation::find_point() {
   z_ = z_center_;
   y_ = y_center_;
@@ -94,15 +94,15 @@ bool Relaxation::contradicts(const Box& box) {
   return row_proof_.contradicts(box, signed_);
 }
 
-// Of the dense matrices, that of the rows held and two factors of it with room to grow.
+// Includes the dense matrices: that of the held rows, and two factors of it with spare capacity.
 double Relaxation::bytes() {
   const double held = std::min<double>(problem_.variables(), problem_.layout.size());
   return kkt_->bytes() + 4.0 * held * held * sizeof(double);
 }
 
-// Along what is flat, or nearly so, a proximal step is short: it goes on to the minimum there, or to the
-// first row that blocks. One that has just reached a row held, which the last center was not on, does not:
-// it would leave that row again.
+// Along flat or nearly flat directions a proximal step is short. It is therefore extended to the minimum
+// there, or to the first row that blocks. A step that has just reached a held row, on which the last center
+// was not, is not extended: it would leave that row again.
 void Relaxation::lengthen_step() {
   step_ = z_ - z_center_;
   multiply(problem_.Q, step_, image_);

@@ -1,9 +1,10 @@
-// The convex relaxation of a node: some pairs with one side fixed at zero, of the others both sides ≥ 0. One
-// engine solves one after the other, each from a parent's rows, and says what its multipliers prove.
+// The convex relaxation of a node: some pairs have one side fixed at zero, and both sides of the others are ≥
+// 0. One engine solves one node after the other, each from its parent's rows, and returns what its
+// multipliers prove.
 //
-// The proximal point method around a center: K = [Q + δI, Aᵀ; A, 0] is the same for all and regular, whatever
-// Q is. What δ distorts is no part of any bound: it says only how near the point comes to the optimum in one
-// pass.
+// It is the proximal point method around a center: K = [Q + δI, Aᵀ; A, 0] is the same for all nodes and
+// regular for any Q. The effect of δ is not part of any bound: it only determines how close to the optimum
+// the point comes in one pass.
 #pragma once
 
 #include <memory>
@@ -17,26 +18,26 @@ namespace marble {
 
 class Relaxation final : public NodeEngine {
  public:
-  /// `kkt` of its own, of this problem.
+  /// `kkt` is its own and belongs to this problem.
   Relaxation(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram);
 
   void attend(const Interrupt& interrupt) override { kkt_->attend(interrupt); }
-  /// Factorizes K. False if Q is not convex, or interrupted.
+  /// Factorizes K. Returns false if Q is not convex, or if interrupted.
   [[nodiscard]] bool prepare(Run& run) override;
-  /// Whether Q is convex to rounding; takes a factorization of its own before that of K.
+  /// True if Q is convex to rounding; takes a separate factorization before that of K.
   [[nodiscard]] bool is_convex(Run& run) override;
-  /// Nothing fixed, no row held, around z.
+  /// Starts around z with nothing fixed and no row held.
   [[nodiscard]] bool start(ConstVectorRef z) override;
-  /// No row fixed; these held, around a center.
+  /// Starts around a center with nothing fixed and these rows held.
   [[nodiscard]] bool start(const Center& center, const std::vector<Index>& held,
                            double parent_bound) override;
-  /// A side of a pair is zero from now on.
+  /// Fixes a side of a pair at zero.
   void fix(Index row) override { set_.set_kind(row, DualActiveSet::RowKind::fixed); }
-  /// Solves what is fixed now. `cutoff` and bounds are scaled objectives.
+  /// Solves the relaxation with the current fixings. `cutoff` and bounds are scaled objectives.
   [[nodiscard]] End solve(const Box& box, double cutoff, const Interrupt& interrupt) override;
 
   [[nodiscard]] double bound() const override { return bound_; }
-  /// The one of the last solve().
+  /// The center of the last solve().
   [[nodiscard]] Center center() const override {
     return {z_center_, y_center_, set_.center_multipliers(), set_.center_slacks()};
   }

@@ -32,8 +32,8 @@ double RowProof::bound(const Box& box, ConstVectorRef z, const Vector& multiplie
   return best;
 }
 
-// The optimum that holds the rows with a multiplier, by the method of multipliers: proximal steps with one
-// factor.
+// Computes the optimum that holds the rows with a multiplier, by the method of multipliers: proximal steps
+// with one factor.
 bool RowProof::hold(ConstVectorRef z, const Vector& multipliers) {
   held_multipliers_ = multipliers;
   weights_.rho = tuning::exact_rho;
@@ -64,8 +64,8 @@ bool RowProof::hold(ConstVectorRef z, const Vector& multipliers) {
   return true;
 }
 
-// y for which Aᵀy − Jᵀμ is what the minimum along the ray leaves, −(Q + δI)x, and nothing where the rows
-// contradict each other.
+// Computes the y for which Aᵀy − Jᵀμ is the residual at the minimum along the ray, −(Q + δI)x, which is zero
+// if the rows contradict each other.
 bool RowProof::contradicts(const Box& box, const Vector& multipliers) {
   const double size = max_abs(multipliers);
   if (!(size > 0.0) || !std::isfinite(size)) return false;

@@ -1,8 +1,9 @@
-// What multipliers of the rows alone prove: with the z and the y that belong to them, found with K's factor.
+// What multipliers of the rows prove by themselves: the corresponding z and y are found with K's factor.
 //
-// So multipliers that were found for other numbers of the same pattern still prove a bound of these, whatever
-// has changed; where z is free along something flat they must be adapted first. (Marcucci and Tedrake, "Warm
-// start of mixed-integer programs for model predictive control of hybrid systems", 2020.)
+// Multipliers that were found for other numbers of the same pattern therefore still prove a bound for the
+// current ones, whatever has changed; if z is free along a flat direction, they must first be adapted.
+// (Marcucci and Tedrake, "Warm start of mixed-integer programs for model predictive control of hybrid
+// systems", 2020.)
 #pragma once
 
 #include <limits>
@@ -18,10 +19,11 @@ class RowProof {
  public:
   RowProof(const ScaledProblem& problem, ProximalSystem& system);
 
-  /// Of the objective; from z on, no further than to `enough`. Multipliers must have the right signs.
+  /// Returns a bound of the objective, starting from z; stops once it reaches `enough`. Multipliers must have
+  /// the right signs.
   [[nodiscard]] double bound(const Box& box, ConstVectorRef z, const Vector& multipliers, double enough);
-  /// Makes them those of the optimum that holds the same rows at zero, but for rows of a wrong sign, and
-  /// gives the bound of these. Takes K's factor away.
+  /// Changes the multipliers to those of the optimum that holds the same rows at zero, without rows of a
+  /// wrong sign, and returns their bound. Destroys K's factor.
   template <class IsFixed>
   [[nodiscard]] double adapt(const Box& box, ConstVectorRef z, const IsFixed& is_fixed, Vector& multipliers,
                              double enough) {
@@ -35,9 +37,9 @@ class RowProof {
     return best;
   }
   [[nodiscard]] std::int64_t factorizations() const { return factorizations_; }
-  /// Whether they contradict the rows.
+  /// True if the multipliers contradict the rows.
   [[nodiscard]] bool contradicts(const Box& box, const Vector& multipliers);
-  /// After it did: what contradicts them.
+  /// After contradicts() returned true: the proof.
   [[nodiscard]] LeafMultipliers contradiction() const { return {true, {}, y_, ray_}; }
 
  private:

@@ -12,8 +12,8 @@ namespace {
 
 double smallest(ConstVectorRef values) { return values.size() == 0 ? 0.0 : values.minCoeff(); }
 
-// Visits the product of d with each row from `first` to before `end`, and the rounding that an entry of d of
-// the largest size (1) may hide.
+// Visits the product of d with each row from `first` to before `end`, and the rounding error that a largest
+// entry of d (1) may hide.
 template <class Visit>
 bool all_rows(const RowMatrix& matrix, Index first, Index end, ConstVectorRef d, Visit&& visit) {
   for (Index row = first; row < end; ++row) {
@@ -28,7 +28,7 @@ bool all_rows(const RowMatrix& matrix, Index first, Index end, ConstVectorRef d,
   return true;
 }
 
-// −1 if dᵀQd is negative by more than rounding, 0 if Qd is 0 to rounding, else 1. |d|∞ = 1.
+// Returns −1 if dᵀQd is negative by more than rounding, 0 if Qd is 0 to rounding, else 1. Requires |d|∞ = 1.
 int curvature(const SymmetricMatrix& Q, ConstVectorRef d) {
   std::vector<CarefulSum> image(static_cast<std::size_t>(Q.size));
   Vector size = Vector::Zero(Q.size);
@@ -52,7 +52,7 @@ int curvature(const SymmetricMatrix& Q, ConstVectorRef d) {
   return 0;
 }
 
-// The multipliers in the order of a certificate, of size 1.
+// The multipliers in the order of a certificate, normalized to size 1.
 struct Multipliers {
   Multipliers(const Iterate& x, double size) : y(x.y() / size), rows(-x.lambda() / size) {}
   Vector y;
@@ -102,10 +102,10 @@ std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, con
   const double point = max_abs(x.z().cwiseProduct(p.variable_scale));
   if (!(proof.radius >= tuning::proof_farther * point)) return std::nullopt;
   proof.multipliers.reserve(static_cast<std::size_t>(m.y.size() + m.rows.size()));
-  bool lost = false;  // by underflow
+  bool lost = false;  // to underflow
   const auto append = [&](const Vector& multipliers, const Vector& row_scale) {
     for (Eigen::Index i = 0; i < multipliers.size(); ++i) {
-      const double value = multipliers[i] * row_scale[i] / gap.value() + 0.0;  // no −0
+      const double value = multipliers[i] * row_scale[i] / gap.value() + 0.0;  // avoids −0
       lost = lost || !std::isfinite(value) ||
              (multipliers[i] != 0.0 && std::abs(value) < std::numeric_limits<double>::min());
       proof.multipliers.push_back(value);

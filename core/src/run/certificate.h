@@ -1,4 +1,4 @@
-// Proofs that there is no solution, evaluated with the rounding they have.
+// Proofs that there is no solution, evaluated with their rounding errors.
 #pragma once
 
 #include <cstdint>
@@ -12,26 +12,27 @@ namespace marble {
 
 /// Multipliers (y, ν, ξ, η) of the user's rows, stacked, that contradict the relaxation without
 /// complementarity (Farkas): ν, ξ, η ≥ 0, bᵀy − dᵀν − lᵀξ − rᵀη = 1 and r = Aᵀy − Cᵀν − Lᵀξ − Rᵀη = 0 to
-/// rounding. A feasible z has 1 + rᵀz ≤ 0, so that what rounding leaves of r can only matter far away.
+/// rounding. A feasible z has 1 + rᵀz ≤ 0, so that the rounding error left in r matters only far away.
 struct FarkasProof {
   std::vector<double> multipliers;
-  double radius = 0.0;  ///< no z with |z|∞ ≤ radius is feasible: 1 / ‖r‖₁, user units, rounding paid for
+  double radius = 0.0;  ///< no z with |z|∞ ≤ radius is feasible: 1 / ‖r‖₁, user units, rounding included
 };
 
-/// The iterate's multipliers, normalised, if they are such a proof: every entry of r is no more than rounding
-/// of the products it is the sum of, and the gap is more. Nothing else is called a proof: of z = −10²⁰⁰, in
-/// which nothing cancels, no multiplier is one.
-/// Rows of `zero` are sides that a branch holds at zero: their multipliers may have any sign.
+/// Returns the iterate's normalized multipliers if they are such a proof: every entry of r is at most the
+/// rounding error of the products in its sum, and the gap is larger than its own. Nothing else counts as a
+/// proof: for z = −10²⁰⁰, in which nothing cancels, no multiplier is one. Rows of `zero` are sides that a
+/// branch holds at zero; their multipliers may have any sign.
 [[nodiscard]] std::optional<FarkasProof> infeasibility_certificate(const ScaledProblem& p, const Iterate& x,
                                                                    std::span<const std::uint8_t> zero = {});
 
-/// The direction d (scaled), unscaled with largest entry 1, if the objective falls along it without bound
-/// from every feasible point of a branch that it stays in: Ad = 0, Cd ≥ 0, min(Ld, Rd) = 0 to rounding of the
-/// products, and dᵀQd < 0, or Qd = 0 to rounding and gᵀd < 0, by more than rounding.
+/// Returns the direction d (scaled), unscaled with largest entry 1, if the objective falls along it without
+/// bound from every feasible point of a branch in which d stays: Ad = 0, Cd ≥ 0, min(Ld, Rd) = 0 to rounding
+/// of the products, and dᵀQd < 0, or Qd = 0 to rounding and gᵀd < 0, by more than rounding.
 [[nodiscard]] std::optional<std::vector<double>> unbounded_direction(const ScaledProblem& p,
                                                                      ConstVectorRef d);
 
-/// Whether the iterate's multipliers, or its z, come near a proof (to 10⁻⁶): one is worth looking for.
+/// True if the iterate's multipliers, or its z, are close to a proof (to 10⁻⁶), so that it is worth looking
+/// for one.
 [[nodiscard]] bool seems_infeasible(const ScaledProblem& p, const Iterate& x);
 [[nodiscard]] bool seems_unbounded(const ScaledProblem& p, const Iterate& x);
 

@@ -1,4 +1,4 @@
-// The memory that the solvers of one coupled problem may take together.
+// The memory that the solvers of one coupled problem share.
 #pragma once
 
 #include <atomic>
@@ -15,9 +15,9 @@ class MemoryBudget {
  public:
   explicit MemoryBudget(std::int64_t bytes) : left_(bytes) {}
 
-  /// What make(bytes) returns, an Expected of something with memory_bytes(), which stay taken. Threads that
-  /// make at once have a part of what is left each; what does not fit into its part is made once more, alone,
-  /// with all that is left.
+  /// Returns the result of make(bytes), an Expected of an object with memory_bytes(), which are then taken
+  /// from the budget. Threads that call it at once each get a part of the remaining memory. If the object
+  /// does not fit into its part, it is made once more, exclusively, with all remaining memory.
   template <class Make>
   auto make(const Make& make) -> decltype(make(std::int64_t{})) {
     {

@@ -1,12 +1,12 @@
-// Random numbers that are the same on every machine and for every order of asking: splitmix64 (Steele, Lea
-// and Flood 2014).
+// Random numbers that are the same on every machine and in every order of calls: splitmix64 (Steele, Lea and
+// Flood 2014).
 #pragma once
 
 #include <cstdint>
 
 namespace marble {
 
-/// Number b of stream a, in [0, 1).
+/// Returns number b of stream a, in [0, 1).
 [[nodiscard]] inline double noise(std::uint64_t a, std::uint64_t b) {
   std::uint64_t bits = (a * 0x9e3779b97f4a7c15U + b + 1) * 0x9e3779b97f4a7c15U;
   bits = (bits ^ (bits >> 30U)) * 0xbf58476d1ce4e5b9U;

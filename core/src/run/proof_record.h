@@ -1,4 +1,4 @@
-// What a solve keeps of its proofs, if its caller asks for them: leaves, in the user's units.
+// Records the proofs of a solve if its caller requests them: leaves, in the user's units.
 #pragma once
 
 #include <limits>
@@ -9,27 +9,27 @@
 
 namespace marble {
 
-/// Multipliers of one leaf, scaled, of the rows of A and of [C; L; R], and the point they bound the objective
-/// at.
+/// Multipliers of one leaf, scaled, of the rows of A and of [C; L; R], and the point at which they bound the
+/// objective.
 struct LeafMultipliers {
   bool contradiction = false;
   Vector z, y, rows;
-  double bound = -std::numeric_limits<double>::infinity();  ///< scaled, where it is no contradiction
+  double bound = -std::numeric_limits<double>::infinity();  ///< scaled; unused for a contradiction
 };
 
-/// Leaves of another tree, or of another try, replace those there are.
+/// Removes all leaves, before those of another tree or another attempt.
 void clear_leaves(Proof& proof);
-/// Memory that it takes.
+/// Returns the memory of a leaf.
 [[nodiscard]] std::int64_t bytes_of(const ProofLeaf& leaf);
-/// In the user's units; no side is at zero yet.
+/// Returns the leaf in the user's units, with no side fixed at zero yet.
 [[nodiscard]] ProofLeaf leaf_of(const ScaledProblem& problem, const LeafMultipliers& multipliers);
-/// Beyond most_bytes it drops them all.
+/// Drops all leaves if they exceed most_bytes.
 void add_leaf(Proof& proof, std::vector<Index> s_zero, std::vector<Index> t_zero, ProofLeaf leaf);
-/// The same of multipliers (y, ν, ξ, η) of a contradiction in the user's units.
+/// Adds a contradiction by its multipliers (y, ν, ξ, η) in the user's units.
 void add_contradiction(Proof& proof, const ScaledProblem& problem, std::vector<Index> s_zero,
                        std::vector<Index> t_zero, const std::vector<double>& multipliers);
 
-/// At the end of a solve: what its leaves claim, by its solution.
+/// Sets, at the end of a solve, what the leaves claim, according to its solution.
 void conclude(Proof& proof, const ScaledProblem& problem, const Solution& solution);
 
 }  // namespace marble

@@ -1,4 +1,4 @@
-// Turns an engine's state into the progress a sink is told: once an iteration, in the user's units.
+// Converts an engine's state to progress for a sink: once per iteration, in the user's units.
 #pragma once
 
 #include "data/scaling.h"
@@ -12,9 +12,9 @@ class Reporter {
   explicit Reporter(const ScaledProblem& problem)
       : problem_(problem), z_(problem.variables()), sides_(2 * problem.pairs()) {}
 
-  /// Adds a point (scaled) with its objective (scaled) and violations, the run's counters and its clock to
-  /// `progress` and tells it, unless this iteration was told already: an engine that goes on begins where the
-  /// last row was.
+  /// Completes `progress` with a point (scaled), its objective (scaled) and violations, the run's counters
+  /// and its clock, and reports it, unless this iteration was already reported: an engine that resumes begins
+  /// at the last row.
   void tell(Run& run, ConstVectorRef z, double objective, const Violations& violations, Progress progress) {
     if (run.sink() == nullptr || run.iterations == run.told_iteration) return;
     run.told_iteration = run.iterations;

@@ -1,4 +1,4 @@
-// One run of the solver: its clock, its counters, and the two ways it talks to the outside.
+// One run of the solver: its clock, its counters, its progress reports and its stop conditions.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,8 @@
 
 namespace marble {
 
-/// What ends a solve: its stop token, or its time limit from `begun` on, else from now on.
+/// Returns the stop conditions of a solve: its stop token, and its time limit from `begun` on, or from now
+/// on.
 [[nodiscard]] inline Interrupt interrupt_of(const SolveControls& controls, const Options& options) {
   const auto begun = controls.begun.value_or(Interrupt::now(controls.pause));
   return Interrupt(controls.stop, after(begun, options.time_limit_s), controls.pause);
@@ -23,19 +24,19 @@ class Run {
 
   Run(const Options& options, const SolveControls& controls)
       : Run(options, controls, interrupt_of(controls, options)) {}
-  /// What ends it is an interrupt of another run.
+  /// Uses the interrupt of another run.
   Run(const Options& options, const SolveControls& controls, Interrupt interrupt)
       : options_(options), controls_(controls), start_(interrupt.now()), interrupt_(std::move(interrupt)) {}
 
   std::int32_t iterations = 0;
   std::int32_t outer_iterations = 0;
   std::int32_t factorizations = 0;
-  bool nonconvex = false;            // a factorization showed that Q has negative curvature where it matters
-  std::int32_t told_iteration = -1;  // the last one a sink was told of
+  bool nonconvex = false;  // a factorization showed that Q has negative curvature in a relevant direction
+  std::int32_t told_iteration = -1;  // the last reported iteration
   Times times;
 
-  /// Counts the time of a scope as polishing, or as another part, but for what is counted elsewhere; the
-  /// outermost one counts.
+  /// Adds the time of a scope to polishing, or to another part, without times that are counted elsewhere.
+  /// Nested scopes count only once.
   class Polishing {
    public:
     explicit Polishing(Run& run, double Times::*into = &Times::polish_s)
@@ -51,14 +52,14 @@ class Run {
     Polishing& operator=(const Polishing&) = delete;
     ~Polishing() {
       if (!outermost_) return;
-      // Searches that went on at once may have factored for longer than the scope lasted.
+      // Concurrent searches may have spent more time on factorizations than the scope lasted.
       const double rest = seconds(run_.now() - begun_) - (counted_s() - counted_s_);
       run_.times.*into_ += std::max(0.0, rest);
       run_.polishing_ = false;
     }
 
    private:
-    // A soft start takes steps of the path too.
+    // A soft start also takes steps of the path.
     [[nodiscard]] double counted_s() const { return run_.times.factorization_s + run_.times.line_search_s; }
 
     PhaseScope phase_;
@@ -69,8 +70,8 @@ class Run {
     double counted_s_;
   };
 
-  /// What a scope takes for iterations is told like any, but not counted against max_iterations: searches
-  /// have budgets of their own, in factorizations. The outermost one counts.
+  /// Iterations of a scope are reported as usual, but do not count against max_iterations: searches have
+  /// their own budgets, in factorizations. Nested scopes count only once.
   class Searching {
    public:
     explicit Searching(Run& run) : run_(run), outermost_(!run.searching_), begun_(run.iterations) {
@@ -92,17 +93,18 @@ class Run {
 
   [[nodiscard]] ProgressSink* sink() const { return silent_ ? nullptr : controls_.progress; }
   [[nodiscard]] ActivityMonitor* activity() const { return silent_ ? nullptr : controls_.activity; }
-  /// Of a feasible point, user units.
+  /// Adds the objective of a feasible point, user units.
   void add_incumbent(double objective) const {
     if (activity() != nullptr) activity()->add_incumbent(objective);
   }
   void set_done(Phase phase, std::int64_t done, std::int64_t total = 0) const {
     if (activity() != nullptr) activity()->set_done(phase, done, total);
   }
-  /// Where what is proved is to be kept; null if nobody asks for it.
+  /// Returns where to record proofs; null if none are requested.
   [[nodiscard]] Proof* proof() const { return controls_.proof; }
   [[nodiscard]] TaskRunner* runner() const { return silent_ ? nullptr : controls_.runner; }
-  /// For a solve that is part of this one, whose activity is shown, and which ends with it.
+  /// Returns the controls of a solve that is part of this one: its activity is shown, and it ends with this
+  /// one.
   [[nodiscard]] SolveControls controls_beside() const {
     return {.stop = controls_.stop,
             .pause = controls_.pause,
@@ -110,8 +112,8 @@ class Run {
             .activity = activity()};
   }
 
-  /// A run of its own for one search, which counts from here; a silent one tells no
-  /// progress and has no helpers.
+  /// Returns a separate run for one search, which counts from here. A silent one reports no progress and has
+  /// no helpers.
   [[nodiscard]] Run part(bool silent) const {
     Run result = *this;
     result.silent_ = silent;
@@ -120,7 +122,7 @@ class Run {
     result.times = {};
     return result;
   }
-  /// Takes over what a part has counted.
+  /// Adds the counters of a part.
   void add_part(const Run& part) {
     iterations += part.iterations - part.begun_iterations_;
     factorizations += part.factorizations - part.begun_factorizations_;
@@ -131,7 +133,7 @@ class Run {
   [[nodiscard]] Clock::time_point now() const { return interrupt_.now(); }
   [[nodiscard]] double elapsed_s() const { return seconds(now() - start_); }
 
-  /// Why the run must end now for reasons that have nothing to do with the iterate.
+  /// Returns why the run must end now, for reasons other than the iterate.
   [[nodiscard]] std::optional<Status> interrupted() const {
     if (interrupt_.stop_requested()) return Status::cancelled;
     if (!searching_ && iterations - searched_iterations_ >= options_.max_iterations)
@@ -139,7 +141,7 @@ class Run {
     if (interrupt_.requested()) return Status::time_limit;
     return std::nullopt;
   }
-  /// What of that may come in the middle of an iteration.
+  /// Returns the conditions that also apply in the middle of an iteration.
   [[nodiscard]] const Interrupt& interrupt() const { return interrupt_; }
 
   /// Adds the time of one call to a part of `times`.

@@ -7,7 +7,7 @@
 
 namespace marble {
 
-/// All of them, on the runner; one after the other where there is none.
+/// Runs all tasks on the runner, or one after the other if there is none.
 inline void run_tasks(TaskRunner* runner, std::span<const std::function<void()>> tasks) {
   if (runner != nullptr) return runner->run(tasks);
   for (const auto& task : tasks) task();

@@ -1,4 +1,4 @@
-// When to stop, and the word for it.
+// When to stop, and with which status.
 #pragma once
 
 #include <limits>
@@ -12,11 +12,11 @@
 
 namespace marble {
 
-/// That there is no answer.
+/// True for a proof that there is no solution.
 [[nodiscard]] inline bool is_proof(Status status) {
   return status == Status::infeasible || status == Status::unbounded;
 }
-/// By a limit or a stop.
+/// True if a limit or a stop ended the run.
 [[nodiscard]] inline bool ended_by_force(Status status) {
   return status == Status::cancelled || status == Status::time_limit || status == Status::iteration_limit;
 }
@@ -27,13 +27,13 @@ struct Ending {
   std::vector<double> certificate;
 };
 
-/// The largest of the three.
+/// Returns the largest of the three violations.
 [[nodiscard]] double largest(const Violations& violations);
 
-/// Watches how the violation falls from one outer iteration to the next.
+/// Observes the decrease of the violation between outer iterations.
 class StallDetector {
  public:
-  /// True once `violation` has made no progress for tuning::patience outer iterations.
+  /// True if `violation` has made no progress for tuning::patience outer iterations.
   [[nodiscard]] bool stalled(double violation);
 
  private:
@@ -41,12 +41,12 @@ class StallDetector {
   int since_best_ = 0;
 };
 
-/// The word for a path that cannot go on at x: infeasible or unbounded, which are still to be proved, solved
-/// to reduced accuracy, locally infeasible when `stalled`, else numerical failure.
+/// Returns the status of a path that cannot continue from x: infeasible or unbounded (still to be proved),
+/// solved to reduced accuracy, locally infeasible if `stalled`, else numerical failure.
 [[nodiscard]] Ending explain_end(const ScaledProblem& p, const Options& options, const Iterate& x,
                                  const Violations& violations, double residual_norm, bool stalled);
 
-/// "violations: equality 1e-9, …": what every detail ends with.
+/// Returns "violations: equality 1e-9, …", the end of every detail.
 [[nodiscard]] std::string describe(const Violations& violations);
 
 }  // namespace marble

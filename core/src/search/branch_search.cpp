@@ -10,7 +10,7 @@
 namespace marble {
 namespace {
 
-// How a local search begins, by where it comes from.
+// The plans of local searches, by their starting point.
 SearchPlan near_exact(int patience) {
   return {.rho_first = tuning::exact_rho, .from_exact = true, .first_patience = patience};
 }
@@ -56,7 +56,8 @@ BranchSearch::BranchSearch(const ScaledProblem& problem, Kkt& kkt, const Options
       homotopy_(PenaltyHomotopy::applies(problem.pairs()) ? std::make_unique<PenaltyHomotopy>(problem, kkt)
                                                           : nullptr) {}
 
-// Few pairs that pull: better branches are a flip or two away. Many: they are found where all is soft still.
+// With few wrong-sign multipliers, better branches are a switch or two away. With many, they are found from a
+// soft start.
 bool BranchSearch::improve(Run& run, ConstVectorRef initial_z) {
   const Run::Polishing polishing(run);
   const Run::Searching searching(run);
@@ -119,8 +120,8 @@ void BranchSearch::from_soft_start(Run& run, ConstVectorRef initial_z, int last_
     static_cast<void>(incumbent_.solve_branch(run, "soft start, local search", tuning::engine_budget));
 }
 
-// Where a soft start came first, another way down: what it ends at is another basin, often a better one. It
-// may take no more than all before it.
+// After a soft start, a second way to a branch: it ends in another basin, often a better one. It may take at
+// most as many factorizations as everything before it.
 void BranchSearch::from_penalties(Run& run, ConstVectorRef initial_z) {
   if (homotopy_ == nullptr || run.nonconvex || run.interrupted() || options_.local_search_budget == 0) return;
   const Run::Polishing polishing(run);
@@ -128,7 +129,7 @@ void BranchSearch::from_penalties(Run& run, ConstVectorRef initial_z) {
   Run part = run.part(true);
   const int most = std::min(run.factorizations, options_.local_search_budget);
   const bool ended = homotopy_->run(part, initial_z, part.factorizations + most);
-  part.iterations = run.iterations;  // steps of its QPs are none of the solve's: nobody is told of them
+  part.iterations = run.iterations;  // steps of its QPs are not iterations of the solve and are not reported
   run.add_part(part);
   if (!ended) return;
   point_.start_from_point(homotopy_->z());
@@ -143,7 +144,8 @@ void BranchSearch::repeat_soft_start(Run& run, bool after_soft_start) {
   if (after_soft_start) further_ = repeat(run, 1, tuning::cheap_search);
 }
 
-// Further starts one by one, from number `first` on, while they gain. The number of the next.
+// Runs further starts one by one, from number `first` on, as long as they gain. Returns the number of the
+// next start.
 int BranchSearch::repeat(Run& run, int first, int most_factorizations) {
   const Run::Polishing polishing(run);
   const Run::Searching searching(run);
@@ -176,8 +178,9 @@ void BranchSearch::prepare(Run& run, const Iterate& solution) {
   point_.factor_ahead(run, tuning::exact_rho, tuning::exact_delta);
 }
 
-// A branch that stays feasible after a small change is near the best one. Else it is mended; and a cold start
-// has its say where that fails, or where answers have become clearly worse than a cold start's was.
+// A branch that stays feasible after a small change is near the best one. Otherwise feasibility is restored
+// near it. A cold start follows if that fails, or if the solution is clearly worse than that of the last cold
+// start.
 bool BranchSearch::start_from(Run& run, const Iterate& solution, double cold_objective, Stage& stage) {
   using Outcome = Incumbent::Outcome;
   const Run::Polishing polishing(run);

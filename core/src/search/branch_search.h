@@ -1,5 +1,5 @@
-// The ways of a solve to better branches than the path's, and to one where the path's is infeasible: local
-// searches from the incumbent, from a soft start, from an interior point and from a last answer.
+// Searches for branches better than the path's, or for a feasible one if the path's is infeasible: local
+// searches from the incumbent, a soft start, an interior point and a previous solution.
 #pragma once
 
 #include <functional>
@@ -14,55 +14,58 @@
 
 namespace marble {
 
-/// Where a solve was interrupted before it had an exact solution: the next one may go on there.
+/// The stage at which a solve was interrupted before it had an exact solution; the next solve may resume
+/// there.
 enum class Stage {
-  beginning,        ///< it was not, or there is nothing to go on with
-  mending,          ///< in the local search from the solution it started from
+  beginning,        ///< not interrupted, or nothing to resume
+  mending,          ///< restoring feasibility by a local search from the starting solution
   quadratic,        ///< in the interior point method of a problem without pairs
   path,             ///< on the path
-  interior_point,   ///< behind it, in the interior point method
-  interior_search,  ///< in the local search from there
+  interior_point,   ///< after the path, in the interior point method
+  interior_search,  ///< in the local search from the interior point
   soft_search,      ///< in the local search from a soft start
-  end_of_path,      ///< on the rest of the path, when nothing else is left
+  end_of_path,      ///< on the rest of the path, after all other engines
 };
 
 class BranchSearch {
  public:
-  /// Leans the path where it needs a soft start.
+  /// Biases the path when it needs a soft start.
   BranchSearch(const ScaledProblem& problem, Kkt& kkt, const Options& options, PathEngine& path,
                BranchEngines& branch, Incumbent& incumbent);
 
-  /// A solve begins: the next further start is its second.
+  /// Call this at the beginning of a solve, so that its next further start is number two.
   void count_from_first() { further_ = 1; }
-  /// Better branches than the incumbent's. True if that took a soft start, which borrowed the path.
+  /// Searches for branches better than the incumbent's. Returns true if that took a soft start, which uses
+  /// the path.
   bool improve(Run& run, ConstVectorRef initial_z);
-  /// A feasible branch by way of an interior point, or one from a soft start. True as above. Where it is
-  /// interrupted it changes `stage`, at which it also begins: a later one goes on there.
+  /// Searches for a feasible branch from an interior point or a soft start. Returns true as above. It begins
+  /// at `stage`; if it is interrupted, it sets `stage`, at which a later call resumes.
   bool find(Run& run, ConstVectorRef initial_z, Stage& stage);
-  /// From the beginning, and for good.
+  /// The same from the beginning, without resuming.
   bool find(Run& run, ConstVectorRef initial_z) {
     Stage stage = Stage::beginning;
     return find(run, initial_z, stage);
   }
-  /// Further starts where a soft start came first and was cheap: a few, while they gain.
+  /// Runs a few further starts, as long as they gain, if a soft start came first and was cheap.
   void repeat_soft_start(Run& run, bool after_soft_start);
-  /// A search from the end of a penalty homotopy, where that applies, for at most as many factorizations as
-  /// the run has taken so far, and further starts where it brought a better branch.
+  /// Searches from the end of a penalty homotopy, if that applies, with at most as many factorizations as the
+  /// run has taken so far. Further starts follow if this gave a better branch.
   void from_penalties(Run& run, ConstVectorRef initial_z);
-  /// Those asked for, from the incumbent, in rounds. `settle` is called after each that replaces it.
+  /// Runs the requested further starts from the incumbent, in rounds. Calls `settle` after each that replaces
+  /// it.
   void start_further(Run& run, const std::function<void()>& settle);
-  /// One round of them, asked for or not. True if it replaced the incumbent.
+  /// Runs one round of further starts. Returns true if it replaced the incumbent.
   [[nodiscard]] bool start_round(Run& run, int count, const std::function<void()>& settle);
-  /// From the branch of a solution of this problem or one like it. False where no feasible branch is near, or
-  /// where there is one but a cold start, which has reached `cold_objective`, should have its say too. Stage
-  /// as of find(), `mending` or `beginning`.
+  /// Starts from the branch of a solution of this problem or of a similar one. Returns false if no feasible
+  /// branch is near, or if a cold start, which once reached `cold_objective`, should follow all the same.
+  /// `stage` as in find(): `mending` or `beginning`.
   [[nodiscard]] bool start_from(Run& run, const Iterate& solution, double cold_objective, Stage& stage);
-  /// The same, from the beginning and for good.
+  /// The same from the beginning, without resuming.
   [[nodiscard]] bool start_from(Run& run, const Iterate& solution, double cold_objective) {
     Stage stage = Stage::beginning;
     return start_from(run, solution, cold_objective, stage);
   }
-  /// What start_from() of the same solution begins with, once some numbers of the problem are new.
+  /// Prepares start_from() of the same solution, before the last numbers of the problem are set.
   void prepare(Run& run, const Iterate& solution);
 
  private:
@@ -78,8 +81,8 @@ class BranchSearch {
   InteriorEngine interior_;
   LocalSearch search_;
   FurtherStarts further_starts_;
-  std::unique_ptr<PenaltyHomotopy> homotopy_;  // where it applies
-  int further_ = 1;                            // starts of this solve, the first one included
+  std::unique_ptr<PenaltyHomotopy> homotopy_;  // if it applies
+  int further_ = 1;                            // starts of this solve, including the first one
 };
 
 }  // namespace marble

@@ -5,7 +5,8 @@
 
 namespace marble {
 
-/// ½|z − target|² in place of the objective, with target 0: −target is its g. Scaled, but for units.
+/// Returns the problem with the objective ½|z − target|² and target 0; −target is its g. Scaled, except for
+/// its units.
 [[nodiscard]] inline ScaledProblem distance_problem(const ScaledProblem& p) {
   ScaledProblem distance = p;
   distance.Q = {};
@@ -20,7 +21,7 @@ namespace marble {
   return distance;
 }
 
-/// A scaled problem without an objective, in the user's units.
+/// Returns a scaled problem without an objective in the user's units.
 [[nodiscard]] inline ScaledProblem in_user_units(ScaledProblem p) {
   const auto unscale = [&p](RowMatrix& matrix, Vector& offset, Vector& scale) {
     for (Index row = 0; row < matrix.rows; ++row) {

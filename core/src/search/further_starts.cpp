@@ -42,7 +42,8 @@ void FurtherStarts::make(Attempt& attempt) {
   whole_->set_done(Phase::starts, ++made_, options_.starts);
 }
 
-// For all searches that go on at once but one, with the problem's present values. False if one is refused.
+// Makes an engine for every concurrent search except one, with the problem's current values. Returns false if
+// one is refused.
 bool FurtherStarts::make_engines(Run& run, std::size_t count) {
   while (engines_.size() < count) {
     std::unique_ptr<Kkt> kkt = make_kkt(problem_, run.interrupt());

@@ -1,7 +1,7 @@
 // Further starts: searches that each soften the best branch so far and harden it again, softer each time.
 //
-// They come in rounds. Those of a round all begin at the branch that the round before has left and do not
-// know of each other, so that they may run at once: which threads run them, and when, changes nothing.
+// They come in rounds. All starts of a round begin at the branch that the previous round has left and do not
+// exchange information, so they may run at once: which threads run them, and when, changes nothing.
 #pragma once
 
 #include <atomic>
@@ -22,25 +22,25 @@ class FurtherStarts {
   FurtherStarts(const ScaledProblem& problem, const Options& options, BranchEngines& branch,
                 LocalSearch& search);
 
-  /// Starts number `first` to `first` + `count` - 1, at most tuning::further_round of them, each from the
-  /// incumbent. In their order each that found a better one replaces it, and `settle` is called, if there is
-  /// one, which may improve it: what comes of some starts is never worse than what comes of the first of
-  /// them. True if it was replaced.
+  /// Runs starts number `first` to `first` + `count` - 1, at most tuning::further_round of them, each from
+  /// the incumbent. In their order, each that found a better one replaces it; then `settle` is called, if
+  /// given, which may improve the incumbent. More starts never give a worse result than the first of them.
+  /// Returns true if the incumbent was replaced.
   bool round(Run& run, const SearchPlan& plan, int first, int count, Incumbent& incumbent,
              const std::function<void()>& settle = {});
 
-  /// Memory of the engines that a round needs besides those it was made with.
+  /// Returns the memory of the engines that a round needs in addition to the given ones.
   [[nodiscard]] static double extra_bytes(const Options& options, double engine_bytes);
 
  private:
-  // What one search needs for itself.
+  // The engines of one search.
   struct Engine {
     Engine(const ScaledProblem& problem, std::unique_ptr<Kkt> own_kkt);
     std::unique_ptr<Kkt> kkt;
     BranchEngines branch;
     LocalSearch search;
   };
-  // One search of a round: what it begins with, and what comes of it.
+  // One search of a round: its start and its result.
   struct Attempt {
     explicit Attempt(const ScaledProblem& problem) : found(problem) {}
     BranchEngines* branch = nullptr;
@@ -58,12 +58,12 @@ class FurtherStarts {
   const Options& options_;
   BranchEngines& branch_;
   LocalSearch& search_;
-  std::vector<std::unique_ptr<Engine>> engines_;  // made when they are first needed
+  std::vector<std::unique_ptr<Engine>> engines_;  // made when first needed
   std::vector<Attempt> attempts_;
   std::vector<std::function<void()>> tasks_;  // each makes one attempt
   Reporter reporter_;
-  const Run* whole_ = nullptr;  // of the round, while one goes on
-  std::atomic<int> made_ = 0;   // starts before it, and those of it that are done
+  const Run* whole_ = nullptr;  // the run of the current round
+  std::atomic<int> made_ = 0;   // starts before the round, plus the completed ones in it
 };
 
 }  // namespace marble

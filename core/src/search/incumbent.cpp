@@ -33,7 +33,7 @@ Incumbent::Outcome Incumbent::solve_branch(Run& run, const char* origin, int bud
   return Outcome::kept;
 }
 
-// The rows are tried as soon as they have settled, for a few factorizations, and in earnest at the end.
+// Tries the rows with a few factorizations as soon as they have settled, and with the full budget at the end.
 bool Incumbent::solve_branch(Run& run, QuadraticEngine& engine) {
   return engine.find_rows(run, run.factorizations + tuning::engine_budget, [&](int budget) {
     const Run::Polishing polishing(run);

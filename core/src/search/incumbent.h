@@ -1,4 +1,4 @@
-// The best exact solution of a branch that the stages of a solve have found so far.
+// The best exact solution of a branch so far, over all stages of a solve.
 #pragma once
 
 #include "branch/exact_branch.h"
@@ -7,7 +7,7 @@
 
 namespace marble {
 
-/// An exact solution of a branch that is feasible.
+/// An exact solution of a feasible branch.
 struct ExactSolution {
   explicit ExactSolution(const ScaledProblem& problem) : x(problem), set(problem) {}
   Iterate x;
@@ -15,10 +15,10 @@ struct ExactSolution {
   double objective = 0.0;   ///< scaled
   Violations violations;    ///< user units
   const char* origin = "";  ///< the engines that found it
-  bool converged = true;    ///< false where the residual could not be lowered to rounding
+  bool converged = true;    ///< false if the residual could not be lowered to rounding
 };
 
-/// Solves the branch at hand exactly. False if that fails or the solution is not feasible.
+/// Solves the current branch exactly. Returns false if that fails or the solution is not feasible.
 [[nodiscard]] bool solve_exactly(const ScaledProblem& problem, const Options& options, ExactBranch& branch,
                                  Run& run, int budget, ExactSolution& solution);
 
@@ -26,24 +26,26 @@ class Incumbent {
  public:
   Incumbent(const ScaledProblem& problem, const Options& options, ExactBranch& branch);
 
-  /// What came of a branch that was solved.
+  /// The result of solving a branch.
   enum class Outcome {
     kept,       ///< the best so far: it replaces the incumbent
     no_better,  ///< exact, but not lower by more than rounding
-    not_exact,  ///< it could not be solved, or is not feasible
+    not_exact,  ///< not solved, or not feasible
   };
-  /// Solves the branch at hand exactly and keeps what is better than the best so far.
+  /// Solves the current branch exactly and keeps the solution if it is better than the best so far.
   [[nodiscard]] Outcome solve_branch(Run& run, const char* origin, int budget);
-  /// Solves a branch exactly, by the rows that an interior point method, begun on it, shows. True if it is
-  /// kept. The engine may be the branch engines' own: they begin it anew only in the last try.
+  /// Solves a branch exactly with the rows that an interior point method, already started on it, finds.
+  /// Returns true if the solution is kept. The engine may be that of the branch engines: they restart it only
+  /// in the last attempt.
   [[nodiscard]] bool solve_branch(Run& run, QuadraticEngine& engine);
-  /// Keeps a point with its images, exact for the rows it holds at zero, if it is feasible and lower at all.
+  /// Keeps a point with its images, exact for the rows that it holds at zero, if it is feasible and has a
+  /// lower objective.
   void offer(const Iterate& x, const Images& images, const WorkingSet& set, const char* origin);
-  /// Whether z is not so far out that its rounding alone is beyond the tolerance of pairs.
+  /// False if z is so far out that its rounding alone exceeds the tolerance of pairs.
   [[nodiscard]] bool doubles_hold(ConstVectorRef z) const;
-  /// Replaces it, by a swap.
+  /// Replaces the incumbent, by a swap.
   void replace(ExactSolution& better);
-  /// All of it, lest bounds depend on solves before this one.
+  /// Clears all numbers, so that bounds do not depend on earlier solves.
   void clear() {
     exists_ = false;
     best_.x.all.setZero();
@@ -51,9 +53,9 @@ class Incumbent {
   }
 
   [[nodiscard]] bool exists() const { return exists_; }
-  /// While it exists; its objective falls whenever it is replaced.
+  /// Requires exists(). Its objective falls with every replacement.
   [[nodiscard]] const ExactSolution& best() const { return best_; }
-  /// Of the last branch that solve_branch() solved and the incumbent of that moment, the one not kept.
+  /// Of the last branch that solve_branch() solved and the incumbent at that time, the one that was not kept.
   [[nodiscard]] const ExactSolution& other() const { return other_; }
 
  private:

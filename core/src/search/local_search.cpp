@@ -27,7 +27,7 @@ bool LocalSearch::run(Run& run, const SearchPlan& plan, int last_factorization) 
   accepted_ = 0;
   lost_ = false;
   if (plan.resumes) {
-    // The anchor stays.
+    // The anchor is kept.
   } else if (plan.from_exact) {
     elastic_.anchor_here();
   } else {
@@ -87,7 +87,8 @@ void LocalSearch::sort_candidates() {
   });
 }
 
-// Pairs whose fixed side pulls, by how hard it pulls against how far its other side is from zero.
+// Lists pairs whose fixed side has a wrong-sign multiplier, ordered by that multiplier relative to the
+// distance of the other side from zero.
 void LocalSearch::rank_flips() {
   candidates_.clear();
   for (Index pair = 0; pair < problem_.pairs(); ++pair) {
@@ -102,7 +103,7 @@ void LocalSearch::rank_flips() {
   sort_candidates();
 }
 
-// First improvement, and on from there through the same list until a whole list has nothing.
+// Takes the first improvement and continues through the same list, until a whole list gives none.
 void LocalSearch::search_flips(Run& run, int patience, int last_factorization) {
   for (bool any = true; any;) {
     any = false;
@@ -131,7 +132,7 @@ void LocalSearch::search_flips(Run& run, int patience, int last_factorization) {
   }
 }
 
-// Makes the moves that Parametric has just followed, or takes them back if its word was wrong.
+// Makes the moves that Parametric has just followed, or undoes them if its prediction was wrong.
 bool LocalSearch::take(Run& run, std::span<const Index> pairs) {
   before_ = next_ = elastic_.point().set;
   const double rho = elastic_.rho();
@@ -161,7 +162,7 @@ void LocalSearch::report(Run& run) {
                  {.rho = elastic_.rho(), .step_length = 1.0});
 }
 
-// Pairs that pull hardest, their other side not at zero.
+// Lists pairs with the largest wrong-sign multipliers whose other side is not at zero.
 void LocalSearch::rank_exchanges() {
   candidates_.clear();
   for (Index pair = 0; pair < problem_.pairs(); ++pair) {
@@ -173,8 +174,8 @@ void LocalSearch::rank_exchanges() {
   if (candidates_.size() > tuning::exchange_candidates) candidates_.resize(tuning::exchange_candidates);
 }
 
-// Pairs that begin to pull as `pair` changes sides: those it takes the place of. Nearest to their corner
-// first.
+// Lists the pairs whose multiplier gets the wrong sign as `pair` changes sides, which can take its place.
+// Those nearest to their corner come first.
 void LocalSearch::find_companions(Index pair) {
   companions_.clear();
   if (!parametric_.probe(parametric_.fixed_row(pair), parametric_.free_row(pair))) return;
@@ -209,8 +210,8 @@ void LocalSearch::search_exchanges(Run& run, int patience, int last_factorizatio
   if (!run.interrupted()) exchange_failures_ = 0;
 }
 
-// A pair and one that takes its place, both flipped: the companion leaves its corner first, so that little
-// else has to change on the way.
+// Exchanges a pair and its companion, which both switch. The companion leaves its corner first, so that
+// little else has to change on the way.
 bool LocalSearch::exchange_some(Run& run, int patience, int last_factorization) {
   rank_exchanges();
   for (const Candidate& candidate : candidates_) {

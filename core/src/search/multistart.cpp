@@ -27,8 +27,8 @@ bool Multistart::prepare(Run& run) {
   return true;
 }
 
-// From the nearest feasible point to `target`, of this branch or of the one that `target` is nearest to, to a
-// local minimum. True if that is lower than the start's best so far, which it replaces.
+// Moves from the feasible point nearest to `target`, on this branch or on the one nearest to `target`, to a
+// local minimum. Returns true if it is lower than the start's best so far, which it replaces.
 bool Multistart::minimize(Run& run, ConstVectorRef target, const WorkingSet* branch, int last) {
   nearest_.g = -target;
   BranchPoint& point = nearest_engines_->point;
@@ -51,7 +51,7 @@ bool Multistart::minimize(Run& run, ConstVectorRef target, const WorkingSet* bra
   return true;
 }
 
-// One that an earlier start has ended in, by its objective.
+// True if an earlier start ended in the same minimum, by its objective.
 bool Multistart::is_searched() const {
   const double objective = images_.objective;
   return std::ranges::any_of(searched_, [objective](double other) {
@@ -59,7 +59,7 @@ bool Multistart::is_searched() const {
   });
 }
 
-// One pair flipped after the other, until none of them leads lower.
+// Switches one pair after the other, until none of them gives a lower minimum.
 void Multistart::search_neighbours(Run& run, int last) {
   const Index pairs = problem_.pairs();
   Index pair = 0;

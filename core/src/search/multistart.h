@@ -1,7 +1,8 @@
-// Local minima elsewhere, for where Q is not convex: what makes a branch elastic and hardens it again stays
-// in its basin there. A start is a random point, the nearest feasible one on a branch near it, a descent
-// along negative curvature, and then the neighbouring branches: the same from the minimum with one pair
-// flipped, for as long as that is lower. A minimum that an earlier start has ended in is not searched again.
+// Searches for other local minima, for a nonconvex Q: softening and hardening a branch stays in its basin
+// there. A start takes a random point, the nearest feasible point on a branch near it, and a descent along
+// negative curvature. Then it tries the neighbouring branches: the same from the minimum with one pair
+// switched, as long as the objective falls. A minimum in which an earlier start has ended is not searched
+// again.
 #pragma once
 
 #include <cstdint>
@@ -16,11 +17,12 @@ namespace marble {
 
 class Multistart {
  public:
-  /// Works on `point`, which `kkt` factorizes; offers what it finds to the incumbent. For one solve.
+  /// Works on `point`, which `kkt` factorizes; offers its minima to the incumbent. For one solve.
   Multistart(const ScaledProblem& problem, Kkt& kkt, BranchPoint& point, Incumbent& incumbent);
 
-  /// The next start, up to the run's given count of factorizations: first the neighbours of the incumbent's
-  /// branch, then random points around it, always the same ones. True if the incumbent is a better one.
+  /// Runs the next start, up to the run's given count of factorizations: first the neighbours of the
+  /// incumbent's branch, then random points around it, the same in every run. Returns true if it improved the
+  /// incumbent.
   bool next(Run& run, int last_factorization);
 
  private:
@@ -32,15 +34,15 @@ class Multistart {
 
   const ScaledProblem& problem_;
   Incumbent& incumbent_;
-  ScaledProblem nearest_;  // the same rows; its cost is the distance from a point
+  ScaledProblem nearest_;  // the same rows; its cost is the distance to a point
   std::unique_ptr<Kkt> nearest_kkt_;
   std::unique_ptr<BranchEngines> nearest_engines_;
   Descent descent_;
-  Iterate x_;  // the start's best minimum, where found_
+  Iterate x_;  // the start's best minimum, if found_
   Images images_;
   WorkingSet set_;
   bool found_ = false;
-  std::vector<double> searched_;  // objectives of minima that none of their neighbours is lower than
+  std::vector<double> searched_;  // objectives of minima without a lower neighbour
   std::uint64_t number_ = 0;
 };
 

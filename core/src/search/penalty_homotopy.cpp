@@ -26,7 +26,7 @@ PenaltyHomotopy::PenaltyHomotopy(const ScaledProblem& problem, Kkt& kkt)
       rows_(problem.layout.size()),
       rates_(problem.layout.size()) {}
 
-// Of the engines' vectors about half are gone, with the pairs.
+// Without the pairs, the engines need about half of their vectors.
 double PenaltyHomotopy::bytes(double entries, double iterate) {
   return entries * (sizeof(double) + 2.0 * sizeof(Index)) +
          0.5 * tuning::memory_iterates * iterate * sizeof(double);
@@ -34,7 +34,7 @@ double PenaltyHomotopy::bytes(double entries, double iterate) {
 
 bool PenaltyHomotopy::applies(Index pairs) { return pairs >= tuning::homotopy_pairs; }
 
-// The gradient of f + π sᵀt at z, less Qz.
+// Sets the gradient of f + π sᵀt at z, without Qz.
 void PenaltyHomotopy::linearize() {
   const RowLayout& layout = problem_.layout;
   multiply(problem_.rows, z_, rows_);
@@ -46,7 +46,8 @@ void PenaltyHomotopy::linearize() {
   add_transposed(problem_.rows, rates_, relaxed_.g);
 }
 
-// To the minimum of f + π sᵀt on the way to the QP's. By how much the linearization said that it would fall.
+// Moves to the minimum of f + π sᵀt on the way to the QP's minimum. Returns the decrease that the
+// linearization predicted.
 double PenaltyHomotopy::step() {
   const RowLayout& layout = problem_.layout;
   step_ = point_.x.z() - z_;
@@ -61,7 +62,7 @@ double PenaltyHomotopy::step() {
   return -slope;
 }
 
-// sᵀt at z, as it was linearized.
+// Returns sᵀt at z, where it was linearized.
 double PenaltyHomotopy::products() const {
   return problem_.layout.s_part(rows_).dot(problem_.layout.t_part(rows_));
 }
@@ -93,8 +94,8 @@ bool PenaltyHomotopy::solve_from_inside(Run& run, int last) {
   return false;
 }
 
-// Where the first penalty leaves most of sᵀt the pairs are no matter of cost, and the way is long and in
-// vain.
+// If the first penalty leaves most of sᵀt, the pairs are not a matter of cost, and the homotopy would be long
+// and without success.
 bool PenaltyHomotopy::run(Run& run, ConstVectorRef initial_z, int last) {
   relaxed_ = problem_;
   relaxed_.layout = no_rows_.layout;

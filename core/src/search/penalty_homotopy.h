@@ -1,9 +1,10 @@
-// The products of the pairs as a cost that grows: a homotopy from the relaxation without complementarity.
+// The products of the pairs as a growing cost: a homotopy from the relaxation without complementarity.
 //
-// With all sides of pairs ≥ 0 and no more, z goes to the minimum of f + π sᵀt along the step to the minimum
-// of f + π times what sᵀt is to first order, while the penalty π rises (sequential convex programming;
-// LCQPow, Hall, Nurkanović, Messerer and Diehl 2022). From QP to QP only the gradient changes: each begins
-// with the rows that the last one held. Where these are far off, an interior point method finds them.
+// The only constraints on pairs are that all sides are ≥ 0. z moves to the minimum of f + π sᵀt along the
+// step to the minimum of f + π times the linearization of sᵀt, while the penalty π rises (sequential convex
+// programming; LCQPow, Hall, Nurkanović, Messerer and Diehl 2022). Only the gradient changes from QP to QP:
+// each begins with the rows that the last one held. If these are far off, an interior point method finds
+// them.
 #pragma once
 
 #include "branch/semismooth_newton.h"
@@ -15,16 +16,18 @@ class PenaltyHomotopy {
  public:
   PenaltyHomotopy(const ScaledProblem& problem, Kkt& kkt);
 
-  /// From a point, with the run's count of factorizations up to `last`. False if it has not come to a point
-  /// whose pairs are nearly complementary; soon, where the first penalty changes little.
+  /// Runs the homotopy from a point, with the run's count of factorizations up to `last`. Returns false if it
+  /// did not reach a point whose pairs are nearly complementary; it ends soon if the first penalty changes
+  /// little.
   [[nodiscard]] bool run(Run& run, ConstVectorRef initial_z, int last);
   [[nodiscard]] const Vector& z() const { return z_; }
-  /// Where the last run ended.
+  /// The penalty at which the last run ended.
   [[nodiscard]] double penalty() const { return penalty_; }
 
-  /// Memory of one, for a problem with so many entries and an iterate of this length.
+  /// Returns the memory of a homotopy for a problem with this number of entries and an iterate of this
+  /// length.
   [[nodiscard]] static double bytes(double entries, double iterate);
-  /// Whether problems with so many pairs are worth one.
+  /// True if a homotopy is worthwhile for this number of pairs.
   [[nodiscard]] static bool applies(Index pairs);
 
  private:

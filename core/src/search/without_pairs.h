@@ -5,7 +5,7 @@
 
 namespace marble {
 
-/// The problem where each side of a pair is an inequality.
+/// Returns the problem in which each side of a pair is an inequality.
 [[nodiscard]] inline ScaledProblem without_pairs(ScaledProblem problem) {
   problem.layout = {.inequalities = problem.layout.size(), .pairs = 0};
   return problem;

@@ -1,10 +1,10 @@
-// Clauses: sets of pairs that cannot all have their weak side at zero, so that one of them has its strong one
-// there.
+// Clauses: sets of pairs whose weak sides cannot all be zero, so that one pair must have its strong side at
+// zero.
 //
-// Fixing the weak side of a pair gains nothing, so that branching pair by pair leads nowhere; branching on a
-// whole clause leaves no child without a gain. (Sums of switches that must be 1 bring them forth: a gate must
-// be passed at some step. As the sets of Beale and Forrest, "Global optimization using special ordered sets",
-// 1976, but found by the rows that contradict each other.)
+// Fixing the weak side of a pair gains nothing, so branching on single pairs leads nowhere. Branching on a
+// whole clause leaves no child without a gain. (Clauses come from sums of switches that must be 1: a gate
+// must be passed at some step. They are like the sets of Beale and Forrest, "Global optimization using
+// special ordered sets", 1976, but found from the rows that contradict each other.)
 #pragma once
 
 #include <vector>
@@ -20,10 +20,10 @@ struct Clause {
     bool strong_s;  ///< whether s is its strong side
   };
   std::vector<Member> members;
-  Vector contradiction = {};  ///< multipliers of the rows: all weak sides at zero contradict each other
-  std::shared_ptr<const LeafMultipliers> record = {};  ///< the whole of it, if a caller asks for it
+  Vector contradiction = {};  ///< multipliers that prove that not all weak sides can be zero
+  std::shared_ptr<const LeafMultipliers> record = {};  ///< the whole proof, if a caller requests it
 
-  /// Those that may still have their strong side at zero; empty if one has already.
+  /// Returns the members whose strong side may still be at zero; empty if one has it already.
   [[nodiscard]] std::vector<Member> open(const Fixings& fixings) const {
     std::vector<Member> result;
     for (const Member& member : members) {

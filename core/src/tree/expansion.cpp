@@ -13,7 +13,8 @@ namespace {
 using End = NodeEngine::End;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Some steps of the active set, each of all rows by those held, against an interior point method's factors.
+// Compares some steps of the active set, each with all rows times the held ones, to the factorizations of an
+// interior point method.
 std::unique_ptr<NodeEngine> make_engine(const ScaledProblem& problem, std::unique_ptr<Kkt> kkt, Gram& gram) {
   const double rows = problem.layout.size();
   if (rows >= tuning::tree_interior_rows && kkt->flops() < tuning::tree_interior_pays * rows * rows)
@@ -100,7 +101,7 @@ std::shared_ptr<const LeafMultipliers> Expander::contradiction() const {
   return std::make_shared<const LeafMultipliers>(relaxation_->contradiction());
 }
 
-// A node's bound may be its parent's, where its own multipliers prove less.
+// The proof of a node may be that of its parent, if its own multipliers prove less.
 std::shared_ptr<const LeafMultipliers> Expander::record(const Fixings& fixings) const {
   LeafMultipliers own{false, relaxation_->z(), relaxation_->y(), {}};
   const auto fixed = [&](Index row) { return is_fixed(problem_.layout, fixings, row); };
@@ -123,8 +124,8 @@ void Expander::fix(const Fixings& fixings) {
   }
 }
 
-// One child a member that may take its strong side, the others before it on their weak one: the most
-// promising first.
+// Makes one child for each member that may take its strong side, with the members before it on their weak
+// side. The most promising child comes first.
 void Expander::expand_clause(Expansion& e, const ClauseChoice& choice, const Interrupt& interrupt) {
   for (const Clause::Member& member : choice.open) {
     relaxation_->restore();
@@ -139,8 +140,8 @@ void Expander::expand_clause(Expansion& e, const ClauseChoice& choice, const Int
   closed_.back().record = choice.clause->record;
 }
 
-// The pair with the best score among those whose sides are both away from zero; if there is none, one whose
-// smaller side is largest, or −1 where all are fixed.
+// Returns the pair with the best score among those whose sides are both away from zero. If there are none,
+// one whose smaller side is largest, or −1 if all pairs are fixed.
 Expander::Choice Expander::choose(const Expansion& e) const {
   const Vector& v = relaxation_->slacks();
   Index best = -1, largest = -1;
@@ -164,8 +165,8 @@ Expander::Choice Expander::choose(const Expansion& e) const {
                          e.costs->gain(best, false, v[problem_.layout.t(best)]))};
 }
 
-// The clause that promises the largest gain in its worst child, by that gain; none if it is not above what a
-// pair promises.
+// Returns the clause with the largest expected gain in its worst child; none if that gain is not above that
+// of a single pair.
 Expander::ClauseChoice Expander::choose_clause(const Expansion& e, double gain) const {
   const Vector& v = relaxation_->slacks();
   const auto expected = [&](const Clause::Member& member) {
@@ -184,7 +185,7 @@ Expander::ClauseChoice Expander::choose_clause(const Expansion& e, double gain) 
   return best;
 }
 
-// False if interrupted.
+// Returns false if interrupted.
 bool Expander::bound_child(Expansion& e, Index pair, bool s, const Interrupt& interrupt) {
   const Index row = s ? problem_.layout.s(pair) : problem_.layout.t(pair);
   const double amount = relaxation_->slacks()[row];
@@ -219,8 +220,8 @@ bool Expander::probe(Fixings& fixings, const Box& box, double cutoff, double& cl
   }
 }
 
-// Sides that are zero together where the objective is hardly higher than at its least cannot be closed: they
-// gain nothing. (Gleixner, Berthold, Müller and Weltge, "Three enhancements for optimization-based bound
+// Sides that are zero together where the objective is hardly above its minimum cannot be closed: fixing them
+// gains nothing. (Gleixner, Berthold, Müller and Weltge, "Three enhancements for optimization-based bound
 // tightening", 2017.)
 void Expander::skip_idle(const Fixings& fixings, double rise, const Interrupt& interrupt) {
   const RowLayout& rows = problem_.layout;
@@ -238,12 +239,12 @@ void Expander::skip_idle(const Fixings& fixings, double rise, const Interrupt& i
         probed_.push_back({rows.pair_of(row), s, relaxation_->slacks()[row], 0.0});
       }
       std::erase_if(open, [this](Index row) { return idle_[static_cast<std::size_t>(row)] != 0; });
-    } while (zero.size() > 1 && open.size() > 1);  // it costs as much as to try one
+    } while (zero.size() > 1 && open.size() > 1);  // it costs as much as trying one side
   }
 }
 
-// One round of it: how many it fixed, or nothing where a pair is left with neither side. What is fixed is
-// solved for after some of them.
+// Runs one round of probing. Returns the number of fixed pairs, or nothing if neither side of a pair is
+// possible. The relaxation is solved again after every few of them.
 std::optional<int> Expander::probe_all(Fixings& fixings, const Box& box, double cutoff, double& closed_bound,
                                        const Interrupt& interrupt) {
   const RowLayout& rows = problem_.layout;
@@ -299,12 +300,12 @@ bool Expander::is_feasible(Fixings fixings, const std::vector<Clause::Member>& w
   return false;
 }
 
-// Members that contradict each other until none can be left out, by halves. (Chinneck and Dravnieks,
-// "Locating minimal infeasible constraint sets in linear programs", 1991.)
+// Removes members from a contradictory set, by halves, until no member can be left out. (Chinneck and
+// Dravnieks, "Locating minimal infeasible constraint sets in linear programs", 1991.)
 std::vector<Clause::Member> Expander::shrink(const Fixings& fixings, std::vector<Clause::Member> members,
                                              const NodeEngine::Center& center, const Box& box,
                                              const Interrupt& interrupt) {
-  std::size_t kept = 0;  // the first of them are needed
+  std::size_t kept = 0;  // this many at the front are needed
   std::size_t step = std::max<std::size_t>(1, members.size() / 2);
   while (kept < members.size()) {
     step = std::min(step, members.size() - kept);
@@ -325,7 +326,7 @@ std::vector<Clause::Member> Expander::shrink(const Fixings& fixings, std::vector
 
 std::vector<Clause> Expander::find_clauses(const Fixings& fixings, const NodeEngine::Center& center,
                                            const Box& box, const Interrupt& interrupt) {
-  // The strong side is the one that gains more; a side that was not probed, or gave no number, gains nothing.
+  // The strong side is the one that gains more. A side that was not probed, or gave no number, gains nothing.
   std::vector<double> balance(fixings.size(), 0.0);
   for (const PseudoCosts::Gain& gain : probed_)
     balance[static_cast<std::size_t>(gain.pair)] += gain.s ? gain.gain : -gain.gain;

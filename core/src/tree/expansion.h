@@ -1,5 +1,6 @@
-// One node's work: its relaxation is solved again from the rows its parent held, a pair is chosen, and both
-// children are bounded. Expansions of one round know nothing of each other, so that they may run at once.
+// The work of one node: its relaxation is solved again from the rows that its parent held, a pair is chosen,
+// and both children are bounded. The expansions of a round do not exchange information, so they may run at
+// once.
 #pragma once
 
 #include <optional>
@@ -11,37 +12,38 @@
 
 namespace marble {
 
-/// What a node's relaxation suggests as an answer: a branch, by the smaller sides, and where to start on it.
+/// A candidate solution from a node's relaxation: a branch, given by the smaller sides, and a starting point
+/// on it.
 struct Suggestion {
   Vector z, y, multipliers;
   std::vector<Index> held;
 };
 
 struct Expansion {
-  /// What it is about: set by the tree.
+  /// Inputs, which the tree sets.
   Node node;
   const NodeEngine::Center* center = nullptr;
   const Box* box = nullptr;
   const PseudoCosts* costs = nullptr;
   const std::vector<Clause>* clauses = nullptr;
   std::int64_t most_children = 2;
-  double cutoff = 0.0;   ///< scaled objective: what is not below it is closed
-  bool suggest = false;  ///< whether its point is to be tried even if it is not complementary
-  bool keep = false;     ///< whether nodes keep their multipliers, and what is closed is told
-  bool record = false;   ///< whether they keep all of their proofs
+  double cutoff = 0.0;   ///< scaled objective: nodes that are not below it are closed
+  bool suggest = false;  ///< whether its point is tried as a solution even if it is not complementary
+  bool keep = false;     ///< whether nodes keep their multipliers, and closed nodes are returned
+  bool record = false;   ///< whether they keep their whole proofs
 
-  /// What has come of it.
+  /// Results.
   enum class Outcome {
-    branched,       ///< children, of which some may be closed
+    branched,       ///< it has children, some of which may be closed
     closed,         ///< by its own bound, or infeasible
-    complementary,  ///< its point is a suggestion that may end it
+    complementary,  ///< its point is a suggestion that may close it
     leaf,           ///< no pair is left to branch on
-    interrupted,    ///< as if it had not been begun
+    interrupted,    ///< as if it had not begun
   };
   Outcome outcome = Outcome::interrupted;
-  double closed_bound = 0.0;  ///< the least of what was closed; +∞ if nothing or infeasible
+  double closed_bound = 0.0;  ///< lowest bound of the closed nodes; +∞ if none or infeasible
   std::vector<Node> children, closed;
-  int bounded = 0;  ///< children whose bound was found
+  int bounded = 0;  ///< children that were bounded
   std::vector<PseudoCosts::Gain> gains;
   std::int64_t factorizations = 0;
   std::optional<Suggestion> suggestion;
@@ -55,35 +57,35 @@ class Expander {
   [[nodiscard]] NodeEngine& relaxation() { return *relaxation_; }
   void expand(Expansion& expansion, const Interrupt& interrupt);
 
-  /// Of what the relaxation has solved.
+  /// Returns the suggestion of the relaxation solved last.
   [[nodiscard]] Suggestion suggestion() const;
-  /// Fixes sides that both children of no pair can do without: of each pair whose one side cannot be zero
-  /// below the cutoff, the other one. False where neither can: nothing is left. Rounds of it, as long as they
-  /// fix enough.
+  /// Tries both sides of each pair. If one side cannot be zero below the cutoff, the other one is fixed.
+  /// Returns false if neither can: no solution is left. Repeats this in rounds, as long as they fix enough.
   [[nodiscard]] bool probe(Fixings& fixings, const Box& box, double cutoff, double& closed_bound,
                            const Interrupt& interrupt);
-  /// What probe() has learned of each side that it could not fix.
+  /// The gains that probe() found for each side that it could not fix.
   [[nodiscard]] const std::vector<PseudoCosts::Gain>& probed() const { return probed_; }
-  /// Nodes that probe() or the last expansion have closed, with what proves it.
+  /// Returns the nodes that probe() or the last expansion closed, with their proofs.
   [[nodiscard]] std::vector<Node> take_closed() { return std::exchange(closed_, {}); }
-  /// From now on nodes keep their multipliers and, where there is a box to bound them in, all of their
-  /// proofs: what `inherited` proves of all that is solved until the next call, or their own.
+  /// From now on nodes keep their multipliers and, if a box is given to bound them in, their whole proofs.
+  /// Until the next call, the proof of a node is `inherited` or its own.
   void keep(bool keep, const Box* record, std::shared_ptr<const LeafMultipliers> inherited) {
     keep_ = keep;
     record_ = record;
     relaxation_->keep_best(record != nullptr);
     inherited_ = std::move(inherited);
   }
-  /// A node of what was solved last.
+  /// Returns a node for the relaxation solved last.
   [[nodiscard]] Node node(const Fixings& fixings, NodeEngine::End end) const;
-  /// Clauses among the pairs that are not fixed, by what probe() has learned, each of pairs of its own.
+  /// Finds clauses among the pairs that are not fixed, by the gains that probe() found; each pair is in at
+  /// most one.
   [[nodiscard]] std::vector<Clause> find_clauses(const Fixings& fixings, const NodeEngine::Center& center,
                                                  const Box& box, const Interrupt& interrupt);
 
  private:
   struct Choice {
     Index pair = -1;
-    double gain = 0.0;  // of the lesser side
+    double gain = 0.0;  // of the side that gains less
   };
   void expand_node(Expansion& expansion, const Interrupt& interrupt);
   [[nodiscard]] Choice choose(const Expansion& expansion) const;
@@ -112,11 +114,11 @@ class Expander {
   const ScaledProblem& problem_;
   std::unique_ptr<NodeEngine> relaxation_;
   std::vector<PseudoCosts::Gain> probed_;
-  std::vector<std::uint8_t> idle_;  // by row, of a round of probing: not to be tried
+  std::vector<std::uint8_t> idle_;  // by row, for a round of probing: not tried
   Fixings fixings_;
   std::vector<Index> held_;
   std::vector<Node> closed_;
-  Vector contradiction_;  // of what is_feasible() last refuted
+  Vector contradiction_;  // of the nodes that is_feasible() last refuted
   std::shared_ptr<const LeafMultipliers> contradiction_record_, inherited_;
   bool keep_ = false;
   const Box* record_ = nullptr;

@@ -5,7 +5,7 @@
 namespace marble {
 namespace {
 
-// Where the entry in each place comes from.
+// Returns the position from which each entry comes.
 std::vector<Index> sources(std::span<const ShiftBlock> blocks, Index size) {
   std::vector<double> places(static_cast<std::size_t>(size));
   std::iota(places.begin(), places.end(), 0.0);
@@ -30,13 +30,14 @@ void KeptTree::add(const RowLayout& layout, Node leaf) {
   }
 }
 
-// Leaves that cover all branches still do: whatever sides the pairs in place have at zero, with the answer's
-// for those without a place they are a branch that a leaf covers. So a pair may take one place only.
+// The shifted leaves still cover all branches: any choice of sides for the remaining pairs, completed by the
+// solution's sides for pairs without a place, is a branch that some leaf covers. A pair may therefore take
+// only one place.
 void KeptTree::shift(const RowLayout& layout, const Shift& by) {
   if (leaves_.empty()) return;
   const std::vector<Index> inequalities = sources(by.inequalities, layout.inequalities);
   const std::vector<Index> pairs = sources(by.pairs, layout.pairs);
-  std::vector<Index> place(pairs.size(), -1);  // that a pair takes: the first of those it could
+  std::vector<Index> place(pairs.size(), -1);  // the place that a pair takes: the first possible one
   for (Index pair = layout.pairs - 1; pair >= 0; --pair) place[static_cast<std::size_t>(pairs[pair])] = pair;
   std::vector<Node> old = replace(most_bytes_);
   Fixings sides, moved(pairs.size());

@@ -1,6 +1,6 @@
-// What a tree has proved, for the next one over the same pairs with other numbers: its leaves, which cover
-// all branches together, each with the multipliers that bound it or contradict its rows. (Marcucci and
-// Tedrake, "Warm start of mixed-integer programs for model predictive control of hybrid systems", 2020.)
+// The leaves of a tree, for the next tree over the same pairs with other numbers. Together they cover all
+// branches, each with the multipliers that bound it or contradict its rows. (Marcucci and Tedrake, "Warm
+// start of mixed-integer programs for model predictive control of hybrid systems", 2020.)
 #pragma once
 
 #include <utility>
@@ -16,15 +16,15 @@ class KeptTree {
   [[nodiscard]] bool empty() const { return leaves_.empty(); }
   [[nodiscard]] double bytes() const { return bytes_; }
 
-  /// All of it, which leaves nothing; from now on so much memory is for what is added.
+  /// Returns all leaves and keeps none; from now on, added leaves may take this much memory.
   [[nodiscard]] std::vector<Node> replace(double most_bytes);
-  /// Once something did not fit nothing is kept.
+  /// Adds a leaf. If one does not fit into memory, no leaves are kept.
   void add(const RowLayout& layout, Node leaf);
-  /// The sides that an answer has at zero, by pair.
+  /// Sets the sides that a solution has at zero, by pair.
   void set_answer(Fixings sides) { answer_ = std::move(sides); }
 
-  /// Moves on as the shift says. A pair that no other takes the place of is left open. Of one that has no
-  /// place any more, the branches that have the answer's side at zero are enough.
+  /// Shifts the leaves. A pair whose place no other takes is left open. For a pair that has no place any
+  /// more, only leaves with the solution's side at zero are kept.
   void shift(const RowLayout& layout, const Shift& shift);
 
  private:

@@ -1,5 +1,5 @@
-// A node of the tree: which sides of pairs it fixes at zero, what is known of its bound, and the rows that
-// its parent's optimum held, or, where the tree is kept, the multipliers that prove its bound.
+// A node of the tree: the sides of pairs that it fixes at zero, its bound, and the rows that its parent's
+// optimum held or, if the tree is kept, the multipliers that prove its bound.
 #pragma once
 
 #include <cmath>
@@ -13,7 +13,7 @@
 
 namespace marble {
 
-/// Of one pair; both where s = t = 0 is all that is left.
+/// The fixed sides of one pair; both if only s = t = 0 is left.
 enum class Sides : std::uint8_t { relaxed = 0, s_zero = 1, t_zero = 2, both_zero = 3 };
 
 [[nodiscard]] inline bool has(Sides sides, Sides side) {
@@ -34,18 +34,18 @@ using Fixings = std::vector<Sides>;
                                            layout.is_s(row) ? Sides::s_zero : Sides::t_zero);
 }
 
-/// Two bits a pair and one a row: a tree may hold millions.
+/// Two bits per pair and one per row, since a tree may hold millions of nodes.
 class Node {
  public:
   /// What its multipliers prove.
   enum class Proof : std::uint8_t { none, bound, contradiction };
 
   double bound = 0.0;       ///< scaled objective
-  std::int64_t number = 0;  ///< in the order of making
+  std::int64_t number = 0;  ///< order of creation
   std::int32_t depth = 0;
-  bool exhausted = false;  ///< its point is complementary, and was tried as an answer
+  bool exhausted = false;  ///< its point is complementary and was tried as a solution
   Proof proof = Proof::none;
-  std::shared_ptr<const LeafMultipliers> record;  ///< all of the proof, if a caller asks for it
+  std::shared_ptr<const LeafMultipliers> record;  ///< the whole proof, if a caller requests it
 
   Node() = default;
   Node(const RowLayout& layout, const Fixings& fixings, const std::vector<Index>& held)
@@ -68,8 +68,8 @@ class Node {
     }
   }
 
-  /// Keeps the multipliers of rows, but for those that are nothing beside the largest; rows that have one are
-  /// held from now on.
+  /// Keeps the multipliers of the rows, except those that are negligible beside the largest one; rows with a
+  /// multiplier are held from now on.
   void keep(const RowLayout& layout, const Vector& multipliers, Proof what) {
     const std::size_t rows = 2 * static_cast<std::size_t>(layout.pairs);
     const double least = tuning::exactness * max_abs(multipliers);
@@ -81,7 +81,7 @@ class Node {
     multipliers_.shrink_to_fit();
     proof = what;
   }
-  /// Those of all rows, 0 where none was kept.
+  /// Returns the multipliers of all rows, 0 where none was kept.
   [[nodiscard]] Vector multipliers(const RowLayout& layout) const {
     Vector all = Vector::Zero(layout.size());
     std::size_t next = 0;
@@ -92,7 +92,7 @@ class Node {
     return all;
   }
 
-  /// Memory of one, of a problem with such rows, and with the multipliers of so many.
+  /// Returns the memory of a node of a problem with these rows, and with this number of multipliers.
   [[nodiscard]] static double bytes(const RowLayout& layout, double multipliers) {
     return sizeof(Node) + 16.0 + (2.0 * layout.pairs + layout.size() + 7.0) / 8.0 +
            sizeof(double) * multipliers;
@@ -108,7 +108,7 @@ class Node {
   [[nodiscard]] bool get(std::size_t bit) const { return (bits_[bit / 8] >> bit % 8 & 1U) != 0; }
 
   std::vector<std::uint8_t> bits_;
-  std::vector<double> multipliers_;  // of the rows held, in their order
+  std::vector<double> multipliers_;  // of the held rows, in their order
 };
 
 }  // namespace marble

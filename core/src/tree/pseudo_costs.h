@@ -1,4 +1,4 @@
-// Which pair to branch on: by what fixing its sides has gained before. (Benichou et al., "Experiments in
+// Selects the pair to branch on by the gains of earlier fixings. (Benichou et al., "Experiments in
 // mixed-integer linear programming", 1971.)
 #pragma once
 
@@ -15,7 +15,7 @@ class PseudoCosts {
  public:
   explicit PseudoCosts(Index pairs) : sides_(2 * static_cast<std::size_t>(pairs)) {}
 
-  /// What fixing a side that was `amount` away from zero has raised the bound by.
+  /// The increase of the bound when a side that was `amount` away from zero was fixed.
   struct Gain {
     Index pair = -1;  ///< −1: none
     bool s = false;
@@ -30,13 +30,13 @@ class PseudoCosts {
     all_.count += 1.0;
   }
 
-  /// The higher the better, of a pair whose sides are s and t.
+  /// Returns the score of a pair whose sides are s and t; higher is better.
   [[nodiscard]] double score(Index pair, double s, double t) const {
     return std::max(expected(pair, true) * s, tuning::tree_least_gain) *
            std::max(expected(pair, false) * t, tuning::tree_least_gain);
   }
 
-  /// What fixing a side that is `amount` away from zero may raise the bound by.
+  /// Returns the expected increase of the bound if a side that is `amount` away from zero is fixed.
   [[nodiscard]] double gain(Index pair, bool s, double amount) const { return expected(pair, s) * amount; }
 
  private:

@@ -90,7 +90,7 @@ TreeResult Tree::explore(Run& run, ConstVectorRef z, bool known_convex, const Ro
   return result(ray_ ? TreeResult::End::unbounded : TreeResult::End::exhausted);
 }
 
-// Memory, and engines. An end if there is none, or if Q is not convex.
+// Determines memory and engines. Returns a result if a tree is impossible, or if Q is not convex.
 std::optional<TreeResult> Tree::prepare(Run& run, bool known_convex, const Room& room) {
   double numbers =
       room.kept_bytes > 0.0 ? std::min<double>(problem_.variables(), problem_.layout.size()) : 0.0;
@@ -123,8 +123,8 @@ std::optional<TreeResult> Tree::prepare(Run& run, bool known_convex, const Room&
   return std::nullopt;
 }
 
-// Those there are have the problem's values and K's factor. Those for helpers do what the first has done:
-// counted once, as without helpers.
+// Existing engines have the problem's values and K's factor. Engines for helpers repeat the work of the first
+// one, which is counted once, as without helpers.
 bool Tree::make_expanders(Run& run, std::size_t count, double most_bytes) {
   while (expanders_.size() < count) {
     KktCost least;
@@ -145,7 +145,7 @@ void Tree::forget_matrices() {
   convex_.reset();
 }
 
-// What is kept is within its memory: the leaves first, then engines and columns.
+// Limits the kept data to their memory: the leaves first, then engines and columns.
 void Tree::settle(const Room& room) {
   keep(std::exchange(open_, {}));
   Fixings sides(static_cast<std::size_t>(problem_.pairs()), Sides::t_zero);
@@ -160,7 +160,7 @@ void Tree::settle(const Room& room) {
   gram_.reset();
 }
 
-// Around the incumbent, or around z, and bounded by what there is without an engine.
+// Makes the root around the incumbent, or around z, and bounds it with what is available without an engine.
 Node Tree::make_root(ConstVectorRef z) {
   from_ = incumbent_.exists() ? Vector(incumbent_.best().x.z()) : Vector(z);
   radius_ = tuning::tree_radius * (1.0 + max_abs(from_.cwiseProduct(problem_.variable_scale)));
@@ -173,7 +173,7 @@ Node Tree::make_root(ConstVectorRef z) {
   return root;
 }
 
-// From what is kept, or from the root. An end, if that is all.
+// Begins from the kept leaves, or from the root. Returns a result if that is already the end.
 std::optional<TreeResult::End> Tree::begin(Run& run, Node root, std::vector<Node> leaves, const Room& room) {
   if (incumbent_.exists()) tried_.insert(branch_hash(incumbent_.best().set));
   expanders_[0]->keep(keeps_, proof_ != nullptr ? &*box_ : nullptr, root.record);
@@ -194,7 +194,7 @@ std::optional<TreeResult::End> Tree::begin(Run& run, Node root, std::vector<Node
   return end;
 }
 
-// Where there is an incumbent, what it fixes for good comes first.
+// With an incumbent, probing comes first and fixes sides for good.
 std::optional<TreeResult::End> Tree::begin_at_root(Run& run, Node root) {
   Expander& expander = *expanders_[0];
   NodeEngine& relaxation = expander.relaxation();
@@ -227,8 +227,8 @@ std::optional<TreeResult::End> Tree::begin_at_root(Run& run, Node root) {
   return std::nullopt;
 }
 
-// The leaves of the last tree, with what their multipliers prove of the numbers there are now. False if that
-// is too little: the root is as good a beginning.
+// Continues from the leaves of the last tree, with what their multipliers prove for the current numbers.
+// Returns false if that is too little: beginning at the root is then as good.
 bool Tree::go_on_from(Run& run, ConstVectorRef from, std::vector<Node> leaves) {
   NodeEngine& engine = expanders_[0]->relaxation();
   center_ = engine.center();
@@ -260,7 +260,8 @@ bool Tree::go_on_from(Run& run, ConstVectorRef from, std::vector<Node> leaves) {
   return true;
 }
 
-// By its own multipliers, as they are or adapted to the numbers, or by those of the answers at hand.
+// Closes a leaf by its own multipliers, unchanged or adapted to the current numbers, or by those of the
+// current solutions.
 bool Tree::still_closed(Node& leaf, ConstVectorRef from, RowProof& proof, bool adapted) {
   Fixings fixings;
   std::vector<Index> held;
@@ -282,8 +283,8 @@ bool Tree::still_closed(Node& leaf, ConstVectorRef from, RowProof& proof, bool a
   return leaf.bound >= cutoff();
 }
 
-// To what the multipliers of the exact solutions at hand prove of it: of the one that a solution is the
-// answer to, all; what an engine has left of stationarity there is not paid for again.
+// Raises a bound to what the multipliers of the current exact solutions prove. For the node that such a
+// solution solves, this avoids paying again for the stationarity residual that an engine has left.
 void Tree::raise_by_solutions(Node& node, const Fixings& fixings) const {
   if (incumbent_.exists()) raise(node, fixings, {&incumbent_.best().x, &incumbent_.other().x});
 }
@@ -325,13 +326,13 @@ void Tree::push(Node node) {
   std::push_heap(open_.begin(), open_.end(), is_after);
 }
 
-// No open node can have a better answer.
+// No open node can have a better solution.
 void Tree::close_all() {
   closed_bound_ = std::min(closed_bound_, open_.front().bound);
   keep(std::exchange(open_, {}));
 }
 
-// The least bounds; where room runs out, or as long as there is no answer, the deepest nodes.
+// Chooses the lowest bounds; if memory runs out, or as long as there is no solution, the deepest nodes.
 void Tree::choose_nodes(std::size_t count) {
   const bool dive =
       !incumbent_.exists() || static_cast<double>(open_.size()) + 2.0 * tuning::tree_round > most_nodes_;
@@ -358,7 +359,7 @@ void Tree::choose_nodes(std::size_t count) {
   if (dive) std::make_heap(open_.begin(), open_.end(), is_after);
 }
 
-// False if memory or a stop ends the tree.
+// Returns false if memory or a stop ends the tree.
 bool Tree::round(Run& run) {
   if (static_cast<double>(open_.size()) > most_nodes_) return false;
   const std::int64_t left = (options_.node_limit - nodes_) / 2;
@@ -424,7 +425,7 @@ void Tree::take(Run& run, Expansion& e) {
     case Outcome::closed:
       break;
     case Outcome::leaf:
-      // Nothing is left to branch on: the answer it suggests is its own, or could not be had.
+      // Nothing is left to branch on: its suggestion is its solution, or could not be solved.
       close(e.node, e.node.bound);
       break;
     case Outcome::complementary:
@@ -437,8 +438,8 @@ void Tree::take(Run& run, Expansion& e) {
   }
 }
 
-// Counted in rounds, so that helpers change nothing: what gains is tried again soon, what does not after
-// twice as many of them.
+// Counted in rounds, so that helpers change nothing. After a gain it is repeated soon, otherwise after twice
+// as many rounds as before.
 void Tree::try_to_improve(Run& run) {
   if (!improve_ || !incumbent_.exists() || open_.empty() || run.interrupted() || --until_improving_ > 0)
     return;
@@ -451,8 +452,8 @@ void Tree::try_to_improve(Run& run) {
   until_improving_ = between_improving_;
 }
 
-// The branch of the sides that are fixed and of the smaller ones of the other pairs, solved exactly, or,
-// where it has no solution, proved to be unbounded. True if it has one: it is at the point then.
+// Solves the branch of the fixed sides and of the smaller sides of the other pairs exactly or, if it has no
+// solution, tries to prove it unbounded. Returns true if it has a solution, which is then in point_.
 bool Tree::try_as_answer(Run& run, const Suggestion& suggestion, const Fixings& fixings, bool leaf) {
   Iterate x(problem_);
   x.z() = suggestion.z;
@@ -473,7 +474,7 @@ bool Tree::try_as_answer(Run& run, const Suggestion& suggestion, const Fixings& 
   if (!tried_.insert(branch_hash(set)).second && !leaf) return false;
   point_.restore(x, set);
   auto outcome = incumbent_.solve_branch(run, "tree", tuning::engine_budget);
-  if (leaf && outcome == Incumbent::Outcome::not_exact) {  // a relaxation's point may be far out
+  if (leaf && outcome == Incumbent::Outcome::not_exact) {  // the point of a relaxation may be far out
     Iterate near(problem_);
     near.z() = from_;
     point_.restore(near, set);

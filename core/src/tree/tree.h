@@ -1,8 +1,8 @@
 // Branch and bound on the pairs: the global optimum of a convex LCQP, or a bound on it.
 //
-// A node fixes one side of some pairs at zero and relaxes the others to s, t ≥ 0; its bound is what the
-// multipliers of that convex QP prove. No big M, and so no bounds asked of anybody. Nodes are expanded in
-// rounds, always as many and in the same order, so that the answer does not depend on who runs them.
+// A node fixes one side of some pairs at zero and relaxes the others to s, t ≥ 0. Its bound is what the
+// multipliers of that convex QP prove. There is no big M, so users need not give bounds. Nodes are expanded
+// in rounds, always the same number in the same order, so that the solution does not depend on the threads.
 #pragma once
 
 #include <functional>
@@ -22,16 +22,16 @@
 
 namespace marble {
 
-/// What a tree has found out, in the user's units.
+/// The result of a tree, in the user's units.
 struct TreeResult {
-  /// How it ended.
+  /// How the tree ended.
   enum class End {
-    none,        ///< there was none: `remark` says why
-    exhausted,   ///< no node is open: the incumbent is within the tolerance, or the bound says how far it is
-                 ///< not
+    none,        ///< there was no tree: `remark` says why
+    exhausted,   ///< no node is open: the incumbent is within the tolerance, or the bound shows how far it is
+                 ///< from it
     infeasible,  ///< no node is open, and each contradicts itself
-    unbounded,   ///< `ray` says along what
-    limit,       ///< nodes are open: `limit` says which
+    unbounded,   ///< along `ray`
+    limit,       ///< nodes are open: `limit` says which limit was reached
   };
   End end = End::none;
   Status limit = Status::solved;
@@ -42,32 +42,32 @@ struct TreeResult {
   std::int64_t nodes = 0, open_nodes = 0, warm_nodes = 0;
   std::string remark;
 
-  /// The gap of another answer than the tree had, and a bound that is not above it.
+  /// Sets the gap of a solution other than the tree's, and a bound that is not above its objective.
   void measure(double objective);
-  /// The answer is lower than the tree's: one that is feasible to the tolerances only.
+  /// Call this if the solution is lower than the tree's because it is feasible to the tolerances only.
   void answer_is(double objective, const Options& options);
 };
 
 class Tree {
  public:
-  /// Tries answers on `point`, and with the factorizations of the incumbent's engine.
+  /// Tries solutions on `point`, with the factorizations of the incumbent's engine.
   Tree(const ScaledProblem& problem, const Options& options, BranchPoint& point, Incumbent& incumbent);
 
-  /// What a search may take and leave behind.
+  /// Limits of a search's memory and what it keeps.
   struct Room {
-    double most_bytes;  ///< of memory
-    double kept_bytes;  ///< what remains of that for the next search: 0 if there is none
-    bool from_kept;     ///< whether it begins with what the last one has left
+    double most_bytes;  ///< memory
+    double kept_bytes;  ///< the part of it that remains for the next search: 0 if there is none
+    bool from_kept;     ///< whether the search begins with the leaves that the last one kept
   };
-  /// Looks for a better incumbent than the one there is. True if it was replaced.
+  /// Searches for an incumbent better than the current one. Returns true if it was replaced.
   using Improve = std::function<bool(Run& run)>;
-  /// Searches from the incumbent, if there is one, else from near z. `improve`, if there is one, is called
-  /// now and then, as long as it gains or nodes are many.
+  /// Searches from the incumbent, or from near z if there is none. `improve`, if given, is called now and
+  /// then, as long as it gains or there are many nodes.
   [[nodiscard]] TreeResult search(Run& run, ConstVectorRef z, bool known_convex, const Room& room,
                                   Improve improve = {});
-  /// What is kept moves on.
+  /// Shifts the kept leaves.
   void shift(const Shift& by) { kept_.shift(problem_.layout, by); }
-  /// The matrices have new values.
+  /// Call this when the matrices have new values.
   void forget_matrices();
 
  private:
@@ -112,22 +112,22 @@ class Tree {
   std::vector<std::unique_ptr<Expander>> expanders_;
   std::optional<Box> box_;
   double radius_ = 0.0;
-  Vector from_;  // where it begins
+  Vector from_;  // the starting point
   NodeEngine::Center center_;
   PseudoCosts costs_;
   std::vector<Clause> clauses_;
-  std::vector<Node> open_;  // a heap: the least bound first
+  std::vector<Node> open_;  // a heap: the lowest bound first
   std::vector<Expansion> expansions_;
   std::size_t chosen_ = 0;
   double closed_bound_ = 0.0, told_bound_ = 0.0;
   std::int64_t nodes_ = 0, made_ = 0, rounds_ = 0, warm_nodes_ = 0, warm_closed_ = 0;
   Improve improve_;
-  std::int64_t until_improving_ = 0, between_improving_ = 0;  // rounds
+  std::int64_t until_improving_ = 0, between_improving_ = 0;  // in rounds
   double most_nodes_ = 0.0;
-  bool engine_fits_ = true;  // the last one that was to be made: within its memory
+  bool engine_fits_ = true;  // whether the last engine fitted into its memory
   KeptTree kept_;
   bool keeps_ = false;
-  marble::Proof* proof_ = nullptr;  // what is to be recorded in
+  marble::Proof* proof_ = nullptr;  // where proofs are recorded
   std::optional<bool> convex_;
   std::unordered_set<std::size_t> tried_;  // branches, by their hash
   std::optional<UnboundedRay> ray_;

@@ -1,4 +1,4 @@
-// What a tree tells: its bound and gap, as it goes on and at its end.
+// The reports of a tree: its bound and gap, during the search and at its end.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -41,8 +41,8 @@ double Tree::cutoff() const {
   return (least - problem_.c0) * problem_.cost_scale;
 }
 
-// Of all feasible points: open nodes, closed ones and, as these are not below their cutoff, the incumbent. In
-// the user's units, where that rounds.
+// The bound for all feasible points: of open nodes, of closed ones and, since these are not below their
+// cutoff, the incumbent. In the user's units, with the rounding of the conversion.
 double Tree::bound() const {
   double least = closed_bound_;
   if (!open_.empty()) least = std::min(least, open_.front().bound);
@@ -98,7 +98,7 @@ TreeResult Tree::stopped(Run& run) const {
   return result;
 }
 
-// A node that has no proof of its own, as the root of a tree that was stopped, proves nothing.
+// A node without a proof of its own, such as the root of a stopped tree, proves nothing.
 void Tree::record(const Node& leaf) const {
   Fixings fixings;
   std::vector<Index> held, s_zero, t_zero;

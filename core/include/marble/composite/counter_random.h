@@ -1,5 +1,5 @@
-// Random numbers by number: sample i is a function of the seed and of i alone, the same bits on every
-// machine, however many others are drawn, in whatever order. For samples that are nested.
+// Counter-based random numbers: sample i depends only on the seed and on i. It has the same bits on every
+// machine, regardless of how many others are drawn and in which order. For nested samples.
 #pragma once
 
 #include <array>
@@ -9,7 +9,7 @@
 namespace marble {
 
 /// Philox4x32-10 (J. Salmon, M. Moraes, R. Dror, D. Shaw, "Parallel Random Numbers: As Easy as 1, 2, 3", SC
-/// 2011): ten rounds that mix a counter of four words by a key of two.
+/// 2011): ten rounds mix a counter of four words with a key of two.
 [[nodiscard]] constexpr std::array<std::uint32_t, 4> philox(std::array<std::uint32_t, 4> counter,
                                                             std::array<std::uint32_t, 2> key) {
   for (int round = 0; round < 10; ++round) {
@@ -22,13 +22,13 @@ namespace marble {
   return counter;
 }
 
-/// A sequence of samples, each of as many numbers as it takes.
+/// A sequence of samples, each with as many numbers as needed.
 class CounterRandom {
  public:
-  /// Of this seed: the same numbers everywhere.
+  /// Sets the seed, which determines all numbers.
   explicit constexpr CounterRandom(std::uint64_t seed) : key_{low(seed), high(seed)} {}
 
-  /// Uniform in [0, 1), a multiple of 2⁻⁵³: number `number` of sample `sample`.
+  /// Returns number `number` of sample `sample`: uniform in [0, 1), a multiple of 2⁻⁵³.
   [[nodiscard]] constexpr double uniform(std::uint64_t sample, std::uint32_t number = 0) const {
     const auto words = philox({low(sample), high(sample), number / 2, 0}, key_);
     const std::size_t first = number % 2 == 0 ? 0 : 2;

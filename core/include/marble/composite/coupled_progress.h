@@ -1,4 +1,4 @@
-// An iteration of a coupled solve as a row of progress, as every other solve tells them.
+// Converts iterations of coupled solves to and from rows of progress, as other solves report them.
 #pragma once
 
 #include "marble/composite/coupled.h"
@@ -6,10 +6,10 @@
 
 namespace marble {
 
-/// What an iteration's row of progress says, at a time in seconds since the solve began; `frozen` is not in
-/// it.
+/// Returns an iteration as a row of progress at a time in seconds since the solve began; `frozen` is not
+/// included.
 [[nodiscard]] Progress row_of(const CoupledIteration& iteration, double elapsed_s);
-/// The way back.
+/// Converts a row back.
 [[nodiscard]] CoupledIteration coupled_iteration_of(const Progress& row);
 
 }  // namespace marble

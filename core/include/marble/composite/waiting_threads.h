@@ -1,4 +1,4 @@
-// Tasks that wait for others, each on a thread of its own.
+// Runs tasks that wait for others, each on its own thread.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +14,8 @@
 
 namespace marble {
 
-/// Threads that wait, for servers or for whoever has the blocks of a coupled solve: one a task, at most 64.
-/// Where no more threads are to be had those that there are do it.
+/// Threads for tasks that wait for servers or for the owners of the blocks of a coupled solve: one per task,
+/// at most 64. If no more threads can be started, the existing ones run all tasks.
 class WaitingThreads final : public TaskRunner {
  public:
   void run(std::span<const std::function<void()>> tasks) override {
@@ -27,7 +27,7 @@ class WaitingThreads final : public TaskRunner {
     std::vector<std::jthread> others;
     try {
       for (std::size_t i = 1; i < std::min(tasks.size(), kMostThreads); ++i) others.emplace_back(work);
-    } catch (const std::system_error&) {  // those that there are do it
+    } catch (const std::system_error&) {  // the existing threads run all tasks
     }
     work();
   }

@@ -1,4 +1,4 @@
-// For which other options an option counts.
+// The conditions under which an option has an effect.
 #pragma once
 
 #include <string>
@@ -8,11 +8,11 @@
 
 namespace marble {
 
-/// The condition under which an option changes anything, as its doc begins: "path = paper or algorithm1",
-/// "polish = true, path = fast or paper". Empty for an option that counts always.
+/// Returns the condition on other options under which an option has an effect, as its doc begins: "path =
+/// paper or algorithm1", "polish = true, path = fast or paper". Empty for an option that always has one.
 [[nodiscard]] std::string_view option_scope(std::string_view name);
 
-/// Whether the condition of an option holds for these options.
+/// True if these options satisfy the condition of an option.
 [[nodiscard]] bool option_counts(const Options& options, std::string_view name);
 
 }  // namespace marble

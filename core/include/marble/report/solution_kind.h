@@ -1,4 +1,4 @@
-// The kind of a solution, in words, and what a better one costs.
+// The kind of a solution, in words for users, and the cost of a better one.
 #pragma once
 
 #include <cstdint>
@@ -11,8 +11,8 @@
 
 namespace marble {
 
-/// What a solution is worth: by its status, its proof and the tests of its stationary point. Listed, with
-/// what they mean and their texts, in contract.def.
+/// The kind of a solution, by its status, its proof and the tests of its stationary point. Listed, with the
+/// meanings and texts, in contract.def.
 enum class SolutionKind {
 #define MARBLE_KIND(name, ...) name,
 #include "marble/contract.def"
@@ -21,9 +21,9 @@ enum class SolutionKind {
 /// "proved_optimal", "optimal", …
 [[nodiscard]] const char* to_string(SolutionKind kind);
 
-/// What the kind of a solution, its text and its advice follow from. Python's client has the same rules, and
-/// so has the Node client, whose rules the server's page uses; tests/answers/kinds.json has cases for all of
-/// them.
+/// The facts that determine the kind of a solution, its text and its advice. The clients for Python and Node
+/// and the server's page have the same rules; the table of cases tests/answers/kinds.json keeps them the
+/// same.
 struct SolutionFacts {
   Status status = Status::numerical_failure;
   bool proved = false;
@@ -37,20 +37,20 @@ struct SolutionFacts {
   std::int64_t pairs = 0;
   std::int64_t factorizations = 0;
   bool budget_spent = false;   ///< the factorizations have reached the option local_search_budget
-  std::int32_t starts = 1;     ///< the option
-  bool global_search = false;  ///< the option global
+  std::int32_t starts = 1;     ///< the option of that name
+  bool global_search = false;  ///< the option of that name
   bool maximize = false;       ///< the user's objective is the negative of the problem's
 };
 
-/// `options` are those that it was solved by.
+/// `options` are those of the solve.
 [[nodiscard]] SolutionFacts facts_of(const Solution& solution, const Options& options);
 
 [[nodiscard]] SolutionKind kind_of(const SolutionFacts& facts);
 
-/// In one line: "proved optimal", "local minimum; no bound is known".
+/// Returns one line: "proved optimal", "local minimum; no bound is known".
 [[nodiscard]] std::string kind_text(const SolutionFacts& facts);
 
-/// What may give a better answer, and what that costs, in a few sentences; empty where nothing does.
+/// Returns a few sentences on what may give a better solution and what that costs; empty if nothing does.
 [[nodiscard]] std::string what_to_try(const SolutionFacts& facts);
 
 }  // namespace marble
