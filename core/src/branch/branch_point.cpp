@@ -117,9 +117,7 @@ bool BranchPoint::sharpen(double tolerance) {
     if (!std::isfinite(error) || !(max_abs(x.z()) <= tuning::runaway)) return false;
     if (error <= tolerance) return converged_ = true;
     const bool is_exact = error <= tuning::exactness;
-    if (error > (is_exact ? 0.5 : tuning::exact_slowest) * last)
-      return is_exact;  // no further accuracy
-                        // possible
+    if (error > (is_exact ? 0.5 : tuning::exact_slowest) * last) return is_exact;  // as exact as possible
     last = error;
     add_transposed(problem_.rows, step.lambda(), gradient);
     step.z() = -gradient;

@@ -97,8 +97,7 @@ class Coordinator {
   bool rows_hold_ = false;
   bool blocked_ = false;                        // no price changes the remaining violation of the rows
   std::vector<Pair> unblocked_;                 // pairs that were switched for this reason
-  std::optional<State> before_, first_before_;  // states before the last and before the first of these
-                                                // switches
+  std::optional<State> before_, first_before_;  // states before the last and the first of these
   std::int32_t iterations_ = 0;
   std::int64_t factorizations_ = 0;
 };

@@ -18,8 +18,7 @@
 namespace marble {
 namespace {
 
-constexpr Index kLastStage = std::numeric_limits<Index>::max() - 1;  // the number of stages must be an Index
-                                                                     // too
+constexpr Index kLastStage = std::numeric_limits<Index>::max() - 1;  // their number must be an Index too
 
 class Cutter {
  public:
@@ -257,8 +256,7 @@ Expected<Pieces> cut(const Problem& problem, std::span<const Index> piece_of_var
 CoupledStart Pieces::start(const Solution& whole) const {
   CoupledStart start;
   start.prices.assign(total.size(), 0.0);
-  std::vector<std::vector<Index>> home(blocks.size());  // of each variable of a piece: its index in the whole
-                                                        // problem
+  std::vector<std::vector<Index>> home(blocks.size());  // by piece: each variable's index in the whole
   for (std::size_t k = 0; k < blocks.size(); ++k) home[k].assign(blocks[k].g.size(), -1);
   for (std::size_t j = 0; j < variables.size(); ++j)
     home[at(variables[j].piece)][at(variables[j].index)] = static_cast<Index>(j);

@@ -23,8 +23,7 @@ class Iterate {
   auto sigma() { return all.segment(n_, n_c_); }                               ///< σ, n_c   | r₃ −h′(σ)ᵀλ
   auto v() { return all.segment(n_ + n_c_, n_i_); }                            ///< v, n_i   | r₂ λ_w + p(−v)
   auto y() { return all.segment(n_ + n_c_ + n_i_, n_e_); }                     ///< n_e      | r_e equalities
-  auto lambda() { return all.segment(n_ + n_c_ + n_i_ + n_e_, n_i_ + 2 * n_c_); }  ///< of [C; L; R], all
-                                                                                   ///< three:
+  auto lambda() { return all.segment(n_ + n_c_ + n_i_ + n_e_, n_i_ + 2 * n_c_); }  ///< of [C; L; R], all three:
   auto lambda_w() { return all.segment(n_ + n_c_ + n_i_ + n_e_, n_i_); }       ///< ≤ 0, n_i | r₄ inequalities
   auto lambda_L() { return all.segment(all.size() - 2 * n_c_, n_c_); }         ///< n_c      | r₅ of L z + l
   auto lambda_R() { return all.segment(all.size() - n_c_, n_c_); }             ///< n_c      | r₅ of R z + r

@@ -261,8 +261,7 @@ Expected<SparseMatrix> compress(Index rows, Index columns, const Triplets& entri
     order[static_cast<std::size_t>(ends[static_cast<std::size_t>(entries.columns[k])]++)] =
         static_cast<Index>(k);
   const auto by_rows = [&](Index a, Index b) { return entries.rows[a] < entries.rows[b]; };
-  for (Index column = 0, begin = 0; column < columns; ++column) {  // each column begins where the previous
-                                                                   // one ends
+  for (Index column = 0, begin = 0; column < columns; ++column) {  // each begins where the previous ends
     const Index end = ends[static_cast<std::size_t>(column)];
     if (!std::is_sorted(order.begin() + begin, order.begin() + end, by_rows))
       std::stable_sort(order.begin() + begin, order.begin() + end, by_rows);
