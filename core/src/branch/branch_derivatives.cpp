@@ -40,7 +40,7 @@ bool is_finite(std::size_t number, std::size_t size, const Numbers& of) {
                      [](double value) { return std::isfinite(value); });
 }
 
-// Removes the diagonal of Q from the problem and from the Kkt for the lifetime of this object.
+// Subtracts a diagonal matrix from Q, in the problem and in the Kkt, for the lifetime of this object.
 class WithoutDiagonal {
  public:
   WithoutDiagonal(ScaledProblem& problem, BranchPoint& point, BranchSystemMemory& memory)

@@ -59,7 +59,7 @@ class BranchDerivatives {
   BranchSystemMemory memory_;
   Vector x_z_, x_y_, x_lambda_;  // the solution, in the user's units
   std::vector<Index> weak_inequalities_, biactive_pairs_;
-  std::vector<Index> weak_rows_;  // weak rows of both kinds, by their number in [C; L; R]
+  std::vector<Index> weak_rows_;  // rows of both that are weakly active, by number in [C; L; R]
 };
 
 }  // namespace marble

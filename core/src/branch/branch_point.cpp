@@ -131,7 +131,7 @@ bool BranchPoint::sharpen(double tolerance) {
   return true;
 }
 
-// Computes the residual of the rows that are held at zero with the current factor, up to a part 1/ρ of it.
+// Removes the change of the held rows with the current factor, except for a part 1/ρ of it.
 bool BranchPoint::project(VectorRef direction) {
   auto& [step, step_images, gradient] = workspace;
   step_images.evaluate_rows(problem_, direction);

@@ -10,8 +10,8 @@
 namespace marble {
 namespace {
 
-// Returns log₂ of each number's size, rounded to half a unit, which is all that units need. NaN for a zero,
-// and for the rounding error of a sum of numbers as large as the largest.
+// Returns log₂ of each number's size to half a unit, which is all that units need. NaN for a zero, and for
+// the rounding error of a sum of numbers as large as the largest.
 template <class Values>
 std::vector<double> log_sizes(const Values& values) {
   double largest = 0.0;

@@ -87,7 +87,7 @@ void subtract_product(const Eigen::MatrixXd& s, ConstVectorRef x, VectorRef y) {
   dsymv_("U", &n, &minus, s.data(), &n, x.data(), &one, &plus, y.data(), &one);
 }
 
-// Copies large matrices by columns, because the copy touches their memory for the first time.
+// Copies large matrices by columns, so that the copy can be interrupted: it touches their memory first.
 template <class From>
 bool fill(Eigen::MatrixXd& to, const From& from, const Interrupt& interrupt) {
   if (to.size() <= tuning::entries_between_looks) {

@@ -38,8 +38,8 @@ struct Work {
   bool has_ended = false;
 };
 
-// Abandoned orderings run to their end. The semaphore limits their number, so that repeated interrupted calls
-// do not accumulate threads. Waiting for it can be interrupted.
+// Abandoned orderings run to their end. The semaphore limits the number of orderings on their own threads, so
+// that repeated interrupted calls do not accumulate them. Waiting for it can be interrupted.
 std::counting_semaphore<>& places() {
   static std::counting_semaphore<> all(
       std::max(4, 2 * static_cast<int>(std::thread::hardware_concurrency())));

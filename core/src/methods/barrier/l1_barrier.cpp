@@ -89,8 +89,8 @@ void L1Barrier::evaluate() {
   }
 }
 
-// Computes the weights of the rows, and the part of the eliminated rows in the right-hand side. For these, dp
-// = (p/π_p)(μ/p − ρ + κ + dκ), and dn likewise, so dκ = W(t ds + s dt) + pull.
+// Computes the weights of the rows, and the part of the eliminated rows in the right-hand side. For these,
+// dp = (p/π_p)(μ/p − ρ + κ + dκ), and dn likewise, so dκ = W(t ds + s dt) + pull.
 void L1Barrier::weigh() {
   weights_.rho = tuning::interior_rho;
   weights_.delta = std::max(tuning::exact_delta, delta_);
